@@ -1,0 +1,140 @@
+// Elementary functions that give the same bits on every machine.
+//
+// A run must be the same bytes everywhere, and libm's results differ in the last bit between C libraries, their
+// versions, and processors with and without fused multiply-add. These use only +, -, *, / and sqrt, which IEEE 754
+// defines exactly. Errors are below 2 ulp of 1, those of atan and log below 3 ulp, over the stated ranges
+// (tests/core/elementary_test.cpp).
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace imud::elementary {
+
+// The four even functions of an angle x that rotations need; as power series in x^2, so that nothing is singular or
+// lost near zero.
+struct EvenSeries {
+  double sinc;     // sin(x)/x
+  double cos;      // cos(x)
+  double versine;  // (1 - cos x)/x^2
+  double cubic;    // (x - sin x)/x^3
+};
+
+namespace detail {
+template <int Offset, int Terms>
+constexpr std::array<double, Terms + 1> series_ratios() {
+  std::array<double, Terms + 1> ratios = {};
+  for (std::size_t k = 1; k <= Terms; ++k)
+    ratios[k] = 1.0 / static_cast<double>((2 * k + Offset) * (2 * k + Offset - 1));
+  return ratios;
+}
+
+// 1, 1/3, 1/5, ...: as a polynomial in x^2 it is atanh(x)/x, in -x^2 it is atan(x)/x.
+template <std::size_t Terms>
+constexpr std::array<double, Terms> make_odd_reciprocals() {
+  std::array<double, Terms> odd = {};
+  for (std::size_t k = 0; k < Terms; ++k) odd[k] = 1.0 / static_cast<double>(2 * k + 1);
+  return odd;
+}
+template <std::size_t Terms>
+inline constexpr std::array<double, Terms> odd_reciprocals = make_odd_reciprocals<Terms>();
+
+// c[0] + c[1] x + c[2] x^2 + ... by Estrin's scheme (pairs, pairs of pairs, ...), which waits for fewer results than
+// Horner's.
+template <std::size_t N>
+constexpr double polynomial(const std::array<double, N>& c, double x) {
+  if constexpr (N == 1) {
+    return c[0];
+  } else {
+    std::array<double, (N + 1) / 2> pairs = {};
+    for (std::size_t i = 0; i < N / 2; ++i) pairs[i] = c[2 * i] + c[2 * i + 1] * x;
+    if constexpr (N % 2 == 1) pairs.back() = c.back();
+    return polynomial(pairs, x * x);
+  }
+}
+
+// Sum over k of (-1)^k z^k Offset!/(2k + Offset)!, by Horner's rule.
+template <int Offset, int Terms>
+constexpr double alternating_series(double z) {
+  constexpr auto ratios = series_ratios<Offset, Terms>();
+  double sum = 1.0;
+  for (std::size_t k = Terms; k >= 1; --k) sum = 1.0 - z * ratios[k] * sum;
+  return sum;
+}
+
+template <int Terms>
+constexpr EvenSeries even_series(double z) {
+  return {alternating_series<1, Terms>(z), alternating_series<0, Terms>(z), alternating_series<2, Terms>(z) / 2.0,
+          alternating_series<3, Terms>(z) / 6.0};
+}
+}  // namespace detail
+
+// atan(x)/x for x^2 = `z`, x in [0, 1].
+inline double atan_over_x(double z) {
+  if (z < 1e-4) return detail::polynomial(detail::odd_reciprocals<5>, -z);
+  // atan x = 2 atan(x/(1 + sqrt(1 + x^2))): three halvings bring x below tan(pi/32).
+  double factor = 1.0;
+  while (z > 0.01) {
+    const double d = 1.0 + std::sqrt(1.0 + z);
+    z = z / (d * d);
+    factor *= 2.0 / d;
+  }
+  return factor * detail::polynomial(detail::odd_reciprocals<10>, -z);
+}
+
+// Natural logarithm of x, finite and above 0 (subnormals excluded).
+inline double log(double x) {
+  auto bits = std::bit_cast<std::uint64_t>(x);
+  int exponent = static_cast<int>(bits >> 52U) - 1022;
+  bits = (bits & 0x000F'FFFF'FFFF'FFFFULL) | 0x3FE0'0000'0000'0000ULL;
+  double m = std::bit_cast<double>(bits);  // in [0.5, 1)
+  if (m < 0.70710678118654752) {
+    m *= 2.0;
+    --exponent;
+  }
+  const double s = (m - 1.0) / (m + 1.0);  // log m = 2 atanh s, |s| < 0.172
+  const double z = s * s;
+  const double sum = detail::polynomial(detail::odd_reciprocals<12>, z);
+  constexpr double ln2_high = 0x1.62e42fee00000p-1;  // 33 bits: times an exponent it is exact
+  constexpr double ln2_low = 0x1.a39ef35793c76p-33;
+  return exponent * ln2_high + (2.0 * s * sum + exponent * ln2_low);
+}
+
+struct SinCos {
+  double sin;
+  double cos;
+};
+
+// Sine and cosine of x, |x| <= 1e5 rad; beyond, the angle loses digits as x does.
+inline SinCos sincos(double x) {
+  // Cody and Waite: x = quadrant * pi/2 + r, pi/2 in three parts of 33 bits.
+  constexpr double two_over_pi = 0x1.45f306dc9c883p-1;
+  constexpr double high = 0x1.921fb54400000p+0;
+  constexpr double middle = 0x1.0b4611a600000p-34;
+  constexpr double low = 0x1.3198a2e037073p-69;
+  const double quadrant = std::floor(x * two_over_pi + 0.5);
+  const double r = ((x - quadrant * high) - quadrant * middle) - quadrant * low;
+  const double z = r * r;
+  const double s = r * detail::alternating_series<1, 9>(z);
+  const double c = detail::alternating_series<0, 9>(z);
+  switch (static_cast<std::int64_t>(quadrant) & 3) {
+    case 0: return {s, c};
+    case 1: return {c, -s};
+    case 2: return {-s, -c};
+    default: return {-c, s};
+  }
+}
+
+// `z` is x^2, x as for sincos().
+inline EvenSeries even_series(double z) {
+  if (z < 1e-3) return detail::even_series<4>(z);
+  if (z < 1.0) return detail::even_series<9>(z);
+  const double x = std::sqrt(z);
+  const auto [sin, cos] = sincos(x);
+  return {sin / x, cos, (1.0 - cos) / z, (1.0 - sin / x) / z};
+}
+
+}  // namespace imud::elementary

@@ -1,0 +1,219 @@
+#include "core/imu.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/attitude.hpp"
+
+namespace imud {
+
+GaussMarkov::GaussMarkov(const TriadErrors& errors, Quantity quantity)
+    : transition_(errors.walk_transition),
+      sqrt_cov_(errors.walk_sqrt_cov),
+      bound_(errors.walk_bound),
+      quantity_(quantity),
+      off_(errors.walk_sqrt_cov.isZero(0.0)),
+      diagonal_(errors.walk_transition.isDiagonal(0.0) && errors.walk_sqrt_cov.isDiagonal(0.0)) {}
+
+const Vector3& GaussMarkov::step(const Normals& normals, std::uint64_t k) noexcept {
+  if (off_) return x_;
+  const Vector3 n = normals(quantity_, Process::gauss_markov, k);
+  if (diagonal_)
+    x_ = transition_.diagonal().cwiseProduct(x_) + sqrt_cov_.diagonal().cwiseProduct(n);
+  else
+    x_ = transition_ * x_ + sqrt_cov_ * n;
+  for (int i = 0; i < 3; ++i)
+    if (bound_[i] > 0.0) x_[i] = std::clamp(x_[i], -bound_[i], bound_[i]);
+  return x_;
+}
+
+void GaussMarkov::seek(const Normals& normals, std::uint64_t k) noexcept {
+  x_.setZero();
+  if (off_) return;
+  const bool white = transition_.isZero(0.0);
+  for (std::uint64_t j = white && k > 0 ? k - 1 : 0; j < k; ++j) step(normals, j);
+}
+
+Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
+    : model_(model),
+      normals_(seed, stream),
+      gyro_(model.gyro, Quantity::rate),
+      accelerometer_(model.accelerometer, Quantity::specific_force) {}
+
+void Imu::seek(std::uint64_t k) noexcept {
+  counter_ = k;
+  gyro_.walk.seek(normals_, k);
+  accelerometer_.walk.seek(normals_, k);
+}
+
+void Imu::follow(const Timeline& timeline, TruthTime until) noexcept {
+  if (in_run_ && until > reached_.time && until <= timeline.newest()) accumulate(timeline, timeline.at(until));
+}
+
+// Takes the sums from reached_ to `end`, truth by truth, as the motion is smooth only between two of them.
+void Imu::accumulate(const Timeline& timeline, const State& end) noexcept {
+  if (reached_.basis != State::Basis::interpolated) {
+    // What was extrapolated at the last sample may be known by now: the difference goes into these increments.
+    const State known = timeline.at(reached_.time);
+    angle_sum_B_ += log(reached_.q_NB.conjugate() * known.q_NB);
+    velocity_sum_B_ += known.q_NB.conjugate() * (known.dv_N - reached_.dv_N);
+    reached_ = known;
+  }
+  if (model_.delta_angle == DeltaAngle::rotation_vector && model_.delta_velocity == DeltaVelocity::end_frame) {
+    reached_ = end;  // differences of last_ and now, which need no sums
+    return;
+  }
+  for (TruthTime next = timeline.next_truth(reached_.time); next < end.time; next = timeline.next_truth(next))
+    add_piece(timeline.at(next));
+  add_piece(end);
+}
+
+// Adds the integrals from reached_ to `end` by the corrected trapezoidal rule, which needs no more than is known at
+// the two ends and is exact to the third order:  integral of g = h/2 (g1 + g2) + h^2/12 (g1' - g2').
+//
+// Of the specific force f only its given integral V is used. By parts, in moving axes:
+//   integral of f = u2 + integral of omega x u,   u = C_BN (V - V1),   u' = f - omega x u,   u1 = 0;
+// so the sums agree with V whatever the rule's error, which touches only the second, small term.
+void Imu::add_piece(const State& end) noexcept {
+  const State& begin = reached_;
+  const double h = seconds(end.time - begin.time);
+  const Vector3 u2 = end.q_NB.conjugate() * (end.dv_N - begin.dv_N);
+  if (end.basis == State::Basis::held) {  // the motion stopped somewhere on the way; f is constant
+    angle_sum_B_ += log(begin.q_NB.conjugate() * end.q_NB);
+    velocity_sum_B_ += model_.delta_velocity == DeltaVelocity::integral ? Vector3(h * end.specific_force_B) : u2;
+    reached_ = end;
+    return;
+  }
+  const auto integral = [h](const Vector3& g1, const Vector3& g2, const Vector3& g1_dot, const Vector3& g2_dot) {
+    return Vector3((0.5 * h) * (g1 + g2) + (h * h / 12.0) * (g1_dot - g2_dot));
+  };
+  const Vector3& omega1 = begin.omega_BN_B;
+  const Vector3& omega2 = end.omega_BN_B;
+  const Vector3& omega1_dot = begin.omegaDot_BN_B;
+  const Vector3& omega2_dot = end.omegaDot_BN_B;
+  if (model_.delta_angle == DeltaAngle::integral) angle_sum_B_ += integral(omega1, omega2, omega1_dot, omega2_dot);
+  velocity_sum_B_ += u2;
+  if (model_.delta_velocity == DeltaVelocity::integral) {
+    const Vector3 g2 = omega2.cross(u2);
+    velocity_sum_B_ += integral(Vector3::Zero(), g2, omega1.cross(begin.specific_force_B),
+                                omega2_dot.cross(u2) + omega2.cross(end.specific_force_B - g2));
+    const Vector3& r = model_.r_SB_B;
+    const Vector3 v1 = omega1.cross(r);
+    const Vector3 v2 = omega2.cross(r);
+    centripetal_sum_B_ +=
+        integral(omega1.cross(v1), omega2.cross(v2), omega1_dot.cross(v1) + omega1.cross(omega1_dot.cross(r)),
+                 omega2_dot.cross(v2) + omega2.cross(omega2_dot.cross(r)));
+  }
+  reached_ = end;
+}
+
+Vector3 Imu::true_delta_angle_B(const State& now) const noexcept {
+  if (model_.delta_angle == DeltaAngle::integral) return angle_sum_B_;
+  return log(last_.q_NB.conjugate() * now.q_NB);
+}
+
+Vector3 Imu::true_delta_velocity_B(const State& now) const noexcept {
+  const Vector3& r = model_.r_SB_B;
+  switch (model_.delta_velocity) {
+    case DeltaVelocity::memo:
+      return velocity_sum_B_ + (now.omega_BN_B - last_.omega_BN_B).cross(r);
+    case DeltaVelocity::end_frame:
+      return now.q_NB.conjugate() * (now.dv_N - last_.dv_N - last_.q_NB * last_.omega_BN_B.cross(r)) +
+             now.omega_BN_B.cross(r);
+    case DeltaVelocity::integral:
+    default:
+      return velocity_sum_B_ + (now.omega_BN_B - last_.omega_BN_B).cross(r) + centripetal_sum_B_;
+  }
+}
+
+Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
+  const State now = timeline.at(time);
+  Sample out;
+  out.time = stamp;
+  out.counter = counter_;
+  out.temperature_c = model_.temperature_c;
+
+  Vector3 rate = model_.dcm_PB * now.omega_BN_B;  // Eq. 1
+  const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
+                                   now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
+  Vector3 specific_force = model_.dcm_PB * specific_force_B;                                   // Eq. 9
+  Vector3 delta_angle = Vector3::Zero();
+  Vector3 delta_velocity = Vector3::Zero();
+  double dt = 0.0;
+  if (in_run_) {
+    dt = seconds(time - last_time_);
+    accumulate(timeline, now);
+    delta_angle = model_.dcm_PB * true_delta_angle_B(now);        // Eq. 4
+    delta_velocity = model_.dcm_PB * true_delta_velocity_B(now);  // Eq. 14
+  } else {
+    reached_ = now;
+    in_run_ = true;
+  }
+  last_ = now;
+  last_time_ = time;
+  angle_sum_B_.setZero();
+  velocity_sum_B_.setZero();
+  centripetal_sum_B_.setZero();
+
+  const std::uint32_t gyro_saturated = gyro_.apply(normals_, counter_, dt, rate, delta_angle);
+  const std::uint32_t accelerometer_saturated =
+      accelerometer_.apply(normals_, counter_, dt, specific_force, delta_velocity);
+  out.rate = rate;
+  out.specific_force = specific_force;
+  out.delta_angle = delta_angle;
+  out.delta_velocity = delta_velocity;
+  out.status =
+      gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
+  if (now.basis != State::Basis::interpolated) out.status |= status::truth_extrapolated;
+  if (now.basis == State::Basis::held) out.status |= status::truth_stale;
+  ++counter_;
+  return out;
+}
+
+namespace {
+// As floor, round and ceil, without a library call; magnitude >= 0.
+double round_magnitude(double magnitude, Rounding rounding) noexcept {
+  if (!(magnitude < 0x1p52)) return magnitude;  // a whole number already
+  const auto whole = static_cast<double>(static_cast<std::int64_t>(magnitude));
+  switch (rounding) {
+    case Rounding::nearest:
+      return magnitude - whole >= 0.5 ? whole + 1.0 : whole;
+    case Rounding::away_from_zero:
+      return magnitude > whole ? whole + 1.0 : whole;
+    case Rounding::toward_zero:
+    default:
+      return whole;
+  }
+}
+}  // namespace
+
+std::uint32_t Imu::Triad::apply(const Normals& normals, std::uint64_t k, double dt, Vector3& value,
+                                Vector3& increment) noexcept {
+  const Vector3 error = errors.bias + walk.step(normals, k);
+  value = errors.scale_factor.cwiseProduct(value) + error;
+  increment = errors.scale_factor.cwiseProduct(increment) + dt * error;  // Eq. 17, 18
+  std::uint32_t saturated = 0;
+  for (int i = 0; i < 3; ++i) {
+    double m = value[i];
+    if (errors.lsb > 0.0) {
+      const double carried = errors.carry ? remainder[i] : 0.0;
+      m += carried;
+      const double rounded =
+          std::copysign(errors.lsb * round_magnitude(std::abs(m / errors.lsb), errors.rounding), m);
+      // The increment loses what the rounding took from this sample, and gains back what was carried into it.
+      increment[i] -= dt * (m - rounded - carried);
+      remainder[i] = m - rounded;
+      m = rounded;
+    }
+    const double limited = std::clamp(m, -errors.max, errors.max);
+    if (limited != m) {
+      saturated |= 1U << static_cast<unsigned>(i);
+      increment[i] = limited * dt;  // Eq. 22, 23
+    }
+    value[i] = limited;
+  }
+  return saturated;
+}
+
+}  // namespace imud

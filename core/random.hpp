@@ -1,0 +1,42 @@
+// Random numbers: counter-based, so that any number of any stream can be had alone, in any order, on any machine.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "core/vector.hpp"
+
+namespace imud {
+
+// What a stream is for; a number once given is never given again, so that a new process shifts nobody's numbers.
+enum class Quantity : std::uint32_t { rate = 0, specific_force = 1 };
+enum class Process : std::uint32_t { gauss_markov = 0 };
+
+// The standard normal deviate whose distribution function is p in (0, 1): Wichura's AS241 (PPND16), relative error
+// below 1e-15. (M. J. Wichura, Algorithm AS 241, Applied Statistics 37(3), 1988.)
+double inverse_normal_cdf(double p) noexcept;
+
+// 32 bits that tell one imu's streams from another's.
+std::uint32_t stream_id(std::string_view imu_name) noexcept;
+
+// The uniform deviate that 64 random bits give: (k + 1/2)/2^52 of their upper 52. Exact, never 0 or 1, symmetric.
+constexpr double uniform(std::uint64_t bits) noexcept {
+  return (static_cast<double>(static_cast<std::int64_t>(bits >> 12U)) + 0.5) * 0x1p-52;
+}
+
+// All the normal deviates of one imu. Philox4x64-10 with the seed as key and {sample, quantity and process, imu, 0} as
+// counter; its first three words give one normal each, independent of every other. (Salmon et al., "Parallel random
+// numbers: as easy as 1, 2, 3", SC 2011.)
+class Normals {
+ public:
+  Normals(std::uint64_t seed, std::uint32_t stream) noexcept : seed_(seed), stream_(stream) {}
+
+  // N(0, 1) on each of the three axes, for sample `k`.
+  Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
+
+ private:
+  std::uint64_t seed_;
+  std::uint32_t stream_;
+};
+
+}  // namespace imud

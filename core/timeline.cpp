@@ -1,0 +1,241 @@
+#include "core/timeline.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/attitude.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr Nanoseconds near = std::chrono::seconds(1);
+constexpr TruthTime never{std::numeric_limits<std::int64_t>::max()};
+
+// Cubic Hermite basis on [0, 1] and its first derivative: for the slope at 0, the value at 1 and the slope at 1. (The
+// value at 0 is the origin of every curve here.)
+struct Hermite {
+  double slope0, value1, slope1;
+
+  static Hermite value(double s) {
+    const double s2 = s * s;
+    const double s3 = s2 * s;
+    return {s - 2.0 * s2 + s3, 3.0 * s2 - 2.0 * s3, s3 - s2};
+  }
+  static Hermite derivative(double s) {
+    const double s2 = s * s;
+    return {1.0 - 4.0 * s + 3.0 * s2, 6.0 * (s - s2), 3.0 * s2 - 2.0 * s};
+  }
+  Vector3 operator()(const Vector3& at0, const Vector3& delta, const Vector3& at1) const {
+    return slope0 * at0 + value1 * delta + slope1 * at1;
+  }
+};
+
+}  // namespace
+
+Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity) {}
+
+Admission Timeline::judge(const Truth& truth) const noexcept {
+  if (count_ == 0 || truth.new_run) return Admission::new_run;
+  const Nanoseconds ahead = truth.time - newest();
+  if (ahead > limits_.max_gap) return Admission::time_jump;
+  if (ahead.count() > 0) return Admission::accepted;
+  if (ahead.count() == 0) return Admission::duplicate;
+  for (std::size_t i = 0; i + 1 < count_; ++i)
+    if (knot(i).state.time == truth.time) return Admission::duplicate;
+  const auto newer = static_cast<std::int32_t>(truth.sequence - newest_sequence_);
+  if (newer < 0) return Admission::reordered;
+  if (newer > 0) return Admission::time_back;
+  return ahead >= -near ? Admission::reordered : Admission::time_back;  // no sequence to go by
+}
+
+Admission Timeline::push(const Truth& truth) noexcept {
+  Admission admission = judge(truth);
+  if (admission != Admission::accepted && admission != Admission::new_run) {
+    const bool follows = refused_in_row_ > 0 && truth.time > last_refused_ &&
+                         truth.time - last_refused_ <= limits_.max_gap;
+    refused_in_row_ = follows ? refused_in_row_ + 1 : 1;
+    last_refused_ = truth.time;
+    const bool far = std::chrono::abs(truth.time - newest()) > near;
+    if (refused_in_row_ < (far ? limits_.restart_after_far : limits_.restart_after_near)) return admission;
+    admission = Admission::new_run;
+  }
+  refused_in_row_ = 0;
+  if (admission == Admission::new_run)
+    begin_run(truth);
+  else
+    append(truth);
+  newest_sequence_ = truth.sequence;
+  return admission;
+}
+
+void Timeline::begin_run(const Truth& truth) noexcept {
+  first_ = 0;
+  count_ = 0;
+  run_start_ = truth.time;
+  append(truth);
+}
+
+void Timeline::append(const Truth& truth) noexcept {
+  const Knot* previous = count_ > 0 ? &knot(count_ - 1) : nullptr;
+  if (count_ == capacity)
+    first_ = (first_ + 1) % capacity;
+  else
+    ++count_;
+  Knot& k = knots_[(first_ + count_ - 1) % capacity];
+  k = Knot{};
+  k.state.time = truth.time;
+  k.state.q_NB = truth.q_NB.normalized();
+  k.state.omega_BN_B = truth.omega_BN_B;
+  k.has_angular_acceleration = truth.has_angular_acceleration;
+  if (truth.has_angular_acceleration) k.state.omegaDot_BN_B = truth.omegaDot_BN_B;
+  k.accumulated_dv = truth.accumulated_dv;
+  k.accumulated_dv_B = truth.accumulated_dv_B;
+  k.has_specific_force = truth.has_specific_force;
+  if (truth.has_specific_force) k.state.specific_force_B = truth.specific_force_B;
+  k.specific_force_N = k.state.q_NB * k.state.specific_force_B;
+  const Vector3 given_N = k.state.q_NB * k.accumulated_dv_B;  // if inertial
+  if (previous == nullptr) {
+    dv_origin_N_ = given_N;
+    return;
+  }
+  const Knot& before = *previous;
+
+  // Attitude.
+  k.h_s = seconds(k.state.time - before.state.time);
+  k.phi = log(before.state.q_NB.conjugate() * k.state.q_NB);
+  k.phi_slope = inverse_right_jacobian(k.phi, k.state.omega_BN_B);
+  if (before.has_angular_acceleration && k.has_angular_acceleration) {
+    k.omegaDot_begin = before.state.omegaDot_BN_B;
+    k.omegaDot_end = k.state.omegaDot_BN_B;
+  } else {
+    // The second derivative of the curve at its begin, and of the same curve seen from its end.
+    const Vector3& omega0 = before.state.omega_BN_B;
+    const Vector3& omega1 = k.state.omega_BN_B;
+    const Vector3 chord = (6.0 / k.h_s) * k.phi;
+    const Vector3 omega0_seen_back = inverse_right_jacobian(-k.phi, omega0);
+    k.omegaDot_begin = (chord - 4.0 * omega0 - 2.0 * k.phi_slope) / k.h_s;
+    k.omegaDot_end = (4.0 * omega1 + 2.0 * omega0_seen_back - chord) / k.h_s;
+    if (!k.has_angular_acceleration) k.state.omegaDot_BN_B = k.omegaDot_end;
+  }
+
+  // Accumulated velocity.
+  const AccumulatedDv kind =
+      k.accumulated_dv == before.accumulated_dv ? k.accumulated_dv : AccumulatedDv::none;
+  const bool has_force = before.has_specific_force && k.has_specific_force;
+  switch (kind) {
+    case AccumulatedDv::inertial:
+      k.state.dv_N = given_N - dv_origin_N_;
+      break;
+    case AccumulatedDv::body_sum:
+      k.state.dv_N = before.state.dv_N + k.state.q_NB * (k.accumulated_dv_B - before.accumulated_dv_B);
+      break;
+    case AccumulatedDv::none: {
+      Vector3 sum = Vector3::Zero();
+      if (has_force) {
+        // Gauss-Legendre, three points: exact to the fifth order along the curve.
+        constexpr double offset = 0.38729833462074169;  // sqrt(3/5)/2
+        constexpr std::array<double, 3> nodes = {0.5 - offset, 0.5, 0.5 + offset};
+        constexpr std::array<double, 3> weights = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+        for (std::size_t i = 0; i < 3; ++i) {
+          const double s = nodes[i];
+          const Vector3 phi = Hermite::value(s)(k.h_s * before.state.omega_BN_B, k.phi, k.h_s * k.phi_slope);
+          const Vector3 force_B = (1.0 - s) * before.state.specific_force_B + s * k.state.specific_force_B;
+          sum += weights[i] * ((before.state.q_NB * exp(phi)) * force_B);
+        }
+      }
+      k.state.dv_N = before.state.dv_N + k.h_s * sum;
+      dv_origin_N_ = given_N - k.state.dv_N;  // should accumulated velocity begin here
+      break;
+    }
+  }
+  k.linear_dv = !has_force;
+  if (!k.has_specific_force) k.state.specific_force_B = k.state.q_NB.conjugate() * (k.state.dv_N - before.state.dv_N) / k.h_s;
+}
+
+std::size_t Timeline::segment_end(TruthTime time) const noexcept {
+  // Mostly one of the newest: back from there with doubled steps, then by halves.
+  std::size_t high = count_ - 1;
+  std::size_t step = 1;
+  while (high > step && time <= knot(high - step).state.time) {
+    high -= step;
+    step *= 2;
+  }
+  std::size_t low = high > step ? high - step + 1 : 1;
+  while (low < high) {
+    const std::size_t middle = (low + high) / 2;
+    if (knot(middle).state.time < time)
+      low = middle + 1;
+    else
+      high = middle;
+  }
+  return low;
+}
+
+State Timeline::at(TruthTime time) const noexcept {
+  if (time > newest()) return extrapolate(time);
+  if (count_ == 1 || time <= knot(0).state.time) return knot(0).state;
+  const std::size_t end = segment_end(time);
+  const Knot& k = knot(end);
+  if (time == k.state.time) return k.state;
+  const Knot& begin = knot(end - 1);
+  State state = interpolate(begin, k, seconds(time - begin.state.time) / k.h_s);
+  state.time = time;
+  return state;
+}
+
+State Timeline::interpolate(const Knot& begin, const Knot& end, double s) noexcept {
+  const Hermite value = Hermite::value(s);
+  const Hermite derivative = Hermite::derivative(s);
+  const double h = end.h_s;
+  const double inverse_h = 1.0 / h;
+  const Vector3 phi = value(h * begin.state.omega_BN_B, end.phi, h * end.phi_slope);
+  const Vector3 phi_dot = derivative(begin.state.omega_BN_B, inverse_h * end.phi, end.phi_slope);
+  State state;
+  state.q_NB = begin.state.q_NB * exp(phi);
+  state.omega_BN_B = right_jacobian(phi, phi_dot);
+  state.omegaDot_BN_B = (1.0 - s) * end.omegaDot_begin + s * end.omegaDot_end;
+  const Vector3 dv = end.state.dv_N - begin.state.dv_N;
+  Vector3 force_N = inverse_h * dv;
+  if (end.linear_dv) {
+    state.dv_N = begin.state.dv_N + s * dv;
+  } else {
+    state.dv_N = begin.state.dv_N + value(h * begin.specific_force_N, dv, h * end.specific_force_N);
+    force_N = derivative(begin.specific_force_N, force_N, end.specific_force_N);
+  }
+  state.specific_force_B = state.q_NB.conjugate() * force_N;
+  return state;
+}
+
+State Timeline::extrapolate(TruthTime time) const noexcept {
+  const Knot& last = knot(count_ - 1);
+  State state = last.state;
+  state.time = time;
+  const Nanoseconds ahead = time - last.state.time;
+  const double dt = seconds(std::min(ahead, limits_.extrapolate));
+  const Vector3 phi = dt * state.omega_BN_B + (0.5 * dt * dt) * state.omegaDot_BN_B;
+  const Vector3 phi_dot = state.omega_BN_B + dt * state.omegaDot_BN_B;
+  state.dv_N += dt * (last.state.q_NB * right_jacobian(-phi, state.specific_force_B));
+  state.q_NB = last.state.q_NB * exp(phi);
+  state.omega_BN_B = right_jacobian(phi, phi_dot);
+  if (ahead <= limits_.extrapolate) {
+    state.basis = State::Basis::extrapolated;
+    return state;
+  }
+  state.basis = State::Basis::held;
+  state.omega_BN_B.setZero();
+  state.omegaDot_BN_B.setZero();
+  state.dv_N += seconds(ahead - limits_.extrapolate) * (state.q_NB * state.specific_force_B);
+  return state;
+}
+
+TruthTime Timeline::next_truth(TruthTime time) const noexcept {
+  if (count_ == 0 || time >= newest()) return never;
+  if (time < knot(0).state.time) return knot(0).state.time;
+  const std::size_t end = segment_end(time);
+  // segment_end() counts an instant at a truth to the segment before it.
+  return knot(end).state.time > time ? knot(end).state.time : knot(end + 1).state.time;
+}
+
+}  // namespace imud

@@ -1,0 +1,119 @@
+// Timeline: the last few truths in order, and what was true at any instant between them.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/truth.hpp"
+
+namespace imud {
+
+// The vehicle at one instant.
+struct State {
+  enum class Basis : std::uint8_t {
+    interpolated,  // between two truths, or at one
+    extrapolated,  // after the newest truth
+    held,          // so long after it that motion is frozen: attitude constant, rate zero, specific force constant
+  };
+  TruthTime time;
+  Basis basis = Basis::interpolated;
+  Quaternion q_NB = Quaternion::Identity();
+  Vector3 omega_BN_B = Vector3::Zero();        // rad/s
+  Vector3 omegaDot_BN_B = Vector3::Zero();     // rad/s^2
+  Vector3 specific_force_B = Vector3::Zero();  // m/s^2, of B's origin
+  Vector3 dv_N = Vector3::Zero();              // m/s, accumulated specific force of B's origin, in inertial axes
+};
+
+// What the timeline made of a truth.
+enum class Admission : std::uint8_t {
+  accepted,
+  new_run,    // accepted, and the timeline begins anew with it
+  duplicate,  // this instant is there already
+  reordered,  // older than the newest: it was overtaken on its way
+  time_back,  // sent later than the newest, but its time is earlier
+  time_jump,  // further ahead of the newest than `max_gap`
+};
+
+// Between two truths the attitude is q_0 * exp(phi), phi being the cubic Hermite curve on the rotation vector whose
+// end slopes are the truths' rates (the second through the inverse right Jacobian); the accumulated velocity is the
+// cubic Hermite curve whose end slopes are the specific forces in inertial axes. So attitude, rate and increments
+// agree with one another at any truth rate, and sums of increments telescope to the truth's own. Between two truths
+// the vehicle turns by less than 180 deg.
+//
+// Where the truth carries no accumulated velocity, the specific force (linear in body axes) is integrated along the
+// attitude curve; where it carries no specific force, the accumulated velocity is linear; with neither, both are 0.
+// Angular acceleration is linear between the truths' own, or between the curve's where they give none.
+//
+// All memory is taken by the constructor. One thread.
+class Timeline {
+ public:
+  struct Limits {
+    // After the newest truth: constant angular acceleration and specific force for so long, then held.
+    Nanoseconds extrapolate = std::chrono::milliseconds(100);
+    // A truth further ahead than this is refused as time_jump (but see `restart_after`). Above 0.
+    Nanoseconds max_gap = std::chrono::seconds(60);
+    // So many truths in a row that are refused as duplicate, reordered, time_back or time_jump, each later than the
+    // one before, are a simulator that was restarted: the last of them begins a new run. The network alone may
+    // repeat or delay a burst, but not by more than a second.
+    int restart_after_near = 20;  // within 1 s of the newest
+    int restart_after_far = 3;
+  };
+
+  explicit Timeline(const Limits& limits);
+  Timeline() : Timeline(Limits{}) {}
+
+  // `truth` must pass is_finite() and is_in_range(). A truth with `new_run` always begins anew.
+  Admission push(const Truth& truth) noexcept;
+
+  bool empty() const noexcept { return count_ == 0; }
+  // Of the run's newest truth and of its very first; only if not empty().
+  TruthTime newest() const noexcept { return knot(count_ - 1).state.time; }
+  TruthTime run_start() const noexcept { return run_start_; }
+
+  // The state at `time`. Not before the oldest truth kept (the state there), however late (held). Not if empty().
+  State at(TruthTime time) const noexcept;
+
+  // The first truth after `time`, or TruthTime max if there is none: what at() gives is smooth up to there.
+  TruthTime next_truth(TruthTime time) const noexcept;
+
+  static constexpr std::size_t capacity = 1024;  // truths kept
+
+ private:
+  struct Knot {
+    State state;                     // at this truth
+    AccumulatedDv accumulated_dv = AccumulatedDv::none;
+    Vector3 accumulated_dv_B = Vector3::Zero();
+    bool has_specific_force = false;
+    bool has_angular_acceleration = false;
+    Vector3 specific_force_N = Vector3::Zero();
+    // The curve from the truth before to this one; h_s = 0 for the first of a run.
+    double h_s = 0;
+    Vector3 phi = Vector3::Zero();        // rad, whole rotation vector
+    Vector3 phi_slope = Vector3::Zero();  // rad/s, of the curve at this end
+    Vector3 omegaDot_begin = Vector3::Zero();
+    Vector3 omegaDot_end = Vector3::Zero();
+    bool linear_dv = false;
+  };
+
+  const Knot& knot(std::size_t i) const noexcept { return knots_[(first_ + i) % capacity]; }
+  Admission judge(const Truth& truth) const noexcept;
+  void begin_run(const Truth& truth) noexcept;
+  void append(const Truth& truth) noexcept;
+  std::size_t segment_end(TruthTime time) const noexcept;
+  static State interpolate(const Knot& begin, const Knot& end, double s) noexcept;
+  State extrapolate(TruthTime time) const noexcept;
+
+  Limits limits_;
+  std::vector<Knot> knots_;  // ring
+  std::size_t first_ = 0;
+  std::size_t count_ = 0;
+  TruthTime run_start_;
+  std::uint32_t newest_sequence_ = 0;
+  Vector3 dv_origin_N_ = Vector3::Zero();  // what an inertial accumulated velocity counts from
+  int refused_in_row_ = 0;
+  TruthTime last_refused_;
+};
+
+}  // namespace imud

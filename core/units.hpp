@@ -1,0 +1,12 @@
+// Units: the factors from the units of configurations, data sheets and simulators to SI, and nowhere else.
+#pragma once
+
+namespace imud::units {
+
+inline constexpr double pi = 3.141592653589793;
+inline constexpr double degree = pi / 180.0;      // rad
+inline constexpr double foot = 0.3048;            // m, exact
+inline constexpr double standard_gravity = 9.80665;  // m/s^2, exact
+inline constexpr double earth_rate = 7.292115e-5;    // rad/s, WGS 84
+
+}  // namespace imud::units
