@@ -1,0 +1,31 @@
+// Measurement CSV: one measurement as a row of text, the form that `protocol = "csv"` sends and imu-decode prints.
+//
+// rad/s, m/s^2, rad, m/s, degrees Celsius, ns; doubles in their shortest form that reads back as the same double; a
+// field that the measurement does not carry is empty.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string_view>
+
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+// The header row, with its LF.
+inline constexpr std::string_view measurement_csv_header =
+    "time_ns,counter,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,dtheta_x,dtheta_y,dtheta_z,dvel_x,dvel_y,dvel_z,"
+    "temperature,status\n";
+
+// Longer than any row: 15 commas, LF, 13 doubles of at most 24 characters, integers of 20, 20 and 10.
+inline constexpr std::size_t measurement_csv_row_max = 384;
+
+// Writes a row with its LF; returns its length.
+std::size_t write_measurement_csv(const Measurement& measurement,
+                                  std::span<char, measurement_csv_row_max> row) noexcept;
+
+// Reads a row without its end of line. False, and `measurement` is unspecified, if it is none: other than 16 columns,
+// text that is no number, NaN or infinity, a vector with some components empty.
+bool read_measurement_csv(std::string_view row, Measurement& measurement) noexcept;
+
+}  // namespace imud

@@ -1,0 +1,108 @@
+// Protocol: what one product says on the wire. A Device speaks it, a Decoder understands it.
+#pragma once
+
+#include <cfloat>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "core/frame.hpp"
+#include "core/sample.hpp"
+#include "protocols/settings.hpp"
+
+namespace imud {
+
+enum class Link : std::uint8_t { bytes, can };  // bytes: serial lines, ptys, UDP, files
+
+// One emulated product: a pure state machine from samples, and bytes of the host, to frames. It knows no clock and
+// no port, and allocates nothing after it is made. One thread.
+class Device {
+ public:
+  virtual ~Device() = default;
+  // Appends the frames of one sample (none, one or several) to `out`.
+  virtual void sample(const Sample& sample, FrameBuffer& out) noexcept = 0;
+  // Takes what the host sent, in pieces of any length; appends answers to `replies`. Default: deaf.
+  virtual void receive(const Frame& from_host, FrameBuffer& replies) noexcept;
+};
+
+// What a Decoder found. `fields` tells which quantities the protocol carried; the others are zero in `sample`.
+struct Measurement {
+  enum Field : std::uint32_t {
+    time = 1, counter = 2, rate = 4, specific_force = 8, delta_angle = 16, delta_velocity = 32, temperature = 64,
+    status = 128, all = 255,
+  };
+  Sample sample;
+  std::uint32_t fields = 0;
+};
+
+// Receives the decoder's measurements, in order.
+class MeasurementSink {
+ public:
+  virtual void on_measurement(const Measurement& measurement) = 0;
+
+ protected:
+  ~MeasurementSink() = default;
+};
+
+// Counts of what was not a measurement.
+struct DecodeErrors {
+  std::uint64_t checksum = 0;    // framed, but the checksum was wrong
+  std::uint64_t malformed = 0;   // framed, checksum right or absent, but the content cannot be
+  std::uint64_t incomplete = 0;  // sets of several frames with a part missing
+  std::uint64_t skipped_bytes = 0;  // bytes that belonged to no good frame
+};
+
+// Fed whatever the port gives, in pieces of any length (byte links) or frame by frame (CAN); any bytes are
+// harmless. Allocates nothing after it is made.
+class Decoder {
+ public:
+  virtual ~Decoder() = default;
+  virtual void feed(const Frame& frame, MeasurementSink& sink) = 0;
+  // No more input will come: whatever is still held back is decided.
+  virtual void finish(MeasurementSink& sink);
+  const DecodeErrors& errors() const noexcept { return errors_; }
+
+ protected:
+  DecodeErrors errors_;
+};
+
+// One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) holds every entry to what it
+// says of itself here, with the settings as they are initially.
+struct Protocol {
+  std::string_view name;      // keyword in the configuration: the file's stem with '-' for '_'
+  std::string_view summary;   // one line
+  Link link;
+  std::string_view document;  // the document and revision followed
+  std::span<const Setting> settings;
+
+  std::uint32_t fields = Measurement::all;  // what every measurement carries
+
+  // The LSB of each quantity, SI: decode(encode(x)) is within half of it; 0 where bits are kept.
+  struct Resolution {
+    double time_s = 0, rate = 0, specific_force = 0, delta_angle = 0, delta_velocity = 0, temperature_c = 0;
+  } resolution = {};
+  // The magnitudes, SI, up to which the resolution holds. Beyond, a value saturates or loses digits: what comes back
+  // has its sign and at least this magnitude, less one LSB.
+  struct Range {
+    double rate = DBL_MAX, specific_force = DBL_MAX, delta_angle = DBL_MAX, delta_velocity = DBL_MAX,
+           temperature_c = DBL_MAX;
+  } range = {};
+  std::int64_t time_period_ns = 0;   // after which the time on the wire begins anew; 0: never
+  unsigned counter_bits = 64;        // this many low bits of the counter come back
+  std::uint32_t status_bits = ~0U;   // these bits of Sample::status come back
+
+  bool has_checksum = false;  // every one-bit error of a frame is refused
+  unsigned burst_bits = 0;    // so is every burst of errors up to this long, bits counted from the LSB of each byte
+
+  // Both throw std::invalid_argument that says what would be right, for settings that exclude one another.
+  std::unique_ptr<Device> (*make)(const Settings& settings);
+  std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings);
+};
+
+// The table, made by the build from the files in protocols/devices, sorted by name.
+std::span<const Protocol* const> protocols() noexcept;
+// nullptr if there is none of that name.
+const Protocol* find_protocol(std::string_view name) noexcept;
+
+}  // namespace imud

@@ -1,0 +1,53 @@
+// Settings: the options that one protocol or truth format offers beside what all of them have.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+namespace imud {
+
+using SettingValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
+
+// One setting that a table entry declares. `initial` decides the type; a number stays within [min, max] (equal: any
+// finite number); a text is one of `choices` (empty: any).
+struct Setting {
+  std::string_view key;
+  std::string_view help;  // one line, with the unit
+  std::variant<bool, std::int64_t, double, std::string_view, std::span<const std::string_view>> initial;
+  double min = 0;
+  double max = 0;
+  std::span<const std::string_view> choices = {};
+};
+
+// Values for declared settings; `declared` must outlive them. Reading an undeclared key or another type is a
+// programming error and throws std::logic_error.
+class Settings {
+ public:
+  explicit Settings(std::span<const Setting> declared = {});
+
+  // Sets a declared key. Throws std::invalid_argument that says what would be right: an unknown key, another type
+  // (an integer is taken where a double is wanted), a number out of range, a text that is not among the choices.
+  void set(std::string_view key, SettingValue value);
+  // As set(), from "true", "12", "0x7F", "1.5", "text" or "a,b,c".
+  void set_text(std::string_view key, std::string_view text);
+
+  bool flag(std::string_view key) const;
+  std::int64_t integer(std::string_view key) const;
+  double real(std::string_view key) const;
+  const std::string& text(std::string_view key) const;
+  const std::vector<std::string>& list(std::string_view key) const;
+
+ private:
+  template <class T>
+  const T& get(std::string_view key) const;
+  std::size_t find(std::string_view key) const;  // declared_.size() if there is none
+  std::span<const Setting> declared_;
+  std::vector<SettingValue> values_;  // as declared_
+};
+
+}  // namespace imud

@@ -1,0 +1,128 @@
+// Truth as rows of text: a header row, then a row per state, the columns by name in any order.
+//
+// `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required. `r_BN_N_x..z` (m),
+// `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific force, m/s^2) and
+// `TotalAccumDV_BN_B_x..z` (m/s) count as given if all three columns are there. Others are ignored, and so are lines
+// that begin with '#'. The names are those of Basilisk's SCStatesMsgPayload.
+#include <cmath>
+
+#include "core/attitude.hpp"
+#include "protocols/columns.hpp"
+
+namespace imud {
+
+namespace {
+
+// clang-format off
+enum Column : std::size_t {
+  time_ns = 0, sigma_BN = 1, omega_BN_B = 4, r_BN_N = 7, v_BN_N = 10, omegaDot_BN_B = 13, specific_force_B = 16,
+  accumulated_dv_B = 19,
+};
+
+constexpr std::string_view names[] = {
+    "time_ns",
+    "sigma_BN_1", "sigma_BN_2", "sigma_BN_3",
+    "omega_BN_B_x", "omega_BN_B_y", "omega_BN_B_z",
+    "r_BN_N_x", "r_BN_N_y", "r_BN_N_z",
+    "v_BN_N_x", "v_BN_N_y", "v_BN_N_z",
+    "omegaDot_BN_B_x", "omegaDot_BN_B_y", "omegaDot_BN_B_z",
+    "nonConservativeAccelpntB_B_x", "nonConservativeAccelpntB_B_y", "nonConservativeAccelpntB_B_z",
+    "TotalAccumDV_BN_B_x", "TotalAccumDV_BN_B_y", "TotalAccumDV_BN_B_z",
+};
+// clang-format on
+constexpr std::size_t required_columns = 7;
+
+constexpr std::string_view accumulations[] = {"inertial", "body_sum", "none"};
+
+AccumulatedDv accumulation(std::string_view word) {
+  if (word == "inertial") return AccumulatedDv::inertial;
+  return word == "body_sum" ? AccumulatedDv::body_sum : AccumulatedDv::none;
+}
+
+class CsvTruthDecoder final : public ColumnTruthDecoder {
+ public:
+  explicit CsvTruthDecoder(const Settings& settings)
+      : ColumnTruthDecoder(names, [](std::string_view given, std::string_view wanted) { return given == wanted; }),
+        accumulation_(accumulation(settings.text("accumulated_dv"))) {
+    configure(settings, "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z");
+  }
+
+ private:
+  Kind kind(std::string_view& row) const noexcept override {
+    if (row.front() == '#') return Kind::remark;
+    if (row.find(names[time_ns]) == std::string_view::npos) return Kind::state;
+    for (std::string_view rest = row; rest.data() != nullptr;)
+      if (trim(take_field(rest)) == names[time_ns]) return Kind::header;
+    return Kind::state;
+  }
+
+  bool enough() const noexcept override { return columns().has(time_ns, required_columns); }
+
+  // Nanoseconds in 64 bits; a float text such as 5e7 is taken as well.
+  TruthResult read_time(TruthTime& time) const noexcept {
+    if (const auto integer = parse_integer(columns().field(time_ns))) {
+      time.ns = *integer;
+      return TruthResult::ok;
+    }
+    double real = 0;
+    const auto result = columns().read(time_ns, real);
+    if (result != TruthResult::ok) return result;
+    if (!std::isfinite(real)) return TruthResult::not_finite;
+    if (std::abs(real) > 0x1p62) return TruthResult::out_of_range;
+    time.ns = std::llround(real);
+    return TruthResult::ok;
+  }
+
+  TruthResult convert(Truth& truth) const noexcept override {
+    Vector3 sigma;
+    truth.has_angular_acceleration = columns().has(omegaDot_BN_B, 3);
+    truth.has_specific_force = columns().has(specific_force_B, 3);
+    if (columns().has(accumulated_dv_B, 3)) truth.accumulated_dv = accumulation_;
+    struct {
+      bool given;
+      Column column;
+      Vector3& vector;
+    } const groups[] = {{true, sigma_BN, sigma},
+                        {true, omega_BN_B, truth.omega_BN_B},
+                        {columns().has(r_BN_N, 3), r_BN_N, truth.r_BN_N},
+                        {columns().has(v_BN_N, 3), v_BN_N, truth.v_BN_N},
+                        {truth.has_angular_acceleration, omegaDot_BN_B, truth.omegaDot_BN_B},
+                        {truth.has_specific_force, specific_force_B, truth.specific_force_B},
+                        {truth.accumulated_dv != AccumulatedDv::none, accumulated_dv_B, truth.accumulated_dv_B}};
+    auto result = read_time(truth.time);
+    for (const auto& group : groups)
+      if (result == TruthResult::ok && group.given) result = columns().read(group.column, group.vector);
+    if (result != TruthResult::ok) return result;
+    if (!sigma.allFinite()) return TruthResult::not_finite;
+    if (!std::isfinite(sigma.squaredNorm())) return TruthResult::out_of_range;
+    truth.q_NB = quaternion_from_mrp(sigma);
+    return TruthResult::ok;
+  }
+
+  AccumulatedDv accumulation_;
+};
+
+constexpr Setting settings[] = {
+    {.key = "accumulated_dv",
+     .help =
+         "how TotalAccumDV_BN_B was summed up: in inertial space, each step in its own body axes, or not to be used",
+     .initial = std::string_view("inertial"),
+     .choices = accumulations},
+    columns_setting,
+};
+
+}  // namespace
+
+extern const TruthFormat csv_truth_format;
+constexpr TruthFormat csv_truth_format = {
+    .name = "csv",
+    .summary = "rows of text, columns by the names of Basilisk's spacecraft states",
+    .document = "protocols/truth_formats/csv.cpp; Basilisk SCStatesMsgPayload",
+    .text = true,
+    .settings = settings,
+    .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
+      return std::make_unique<CsvTruthDecoder>(chosen);
+    },
+};
+
+}  // namespace imud

@@ -1,0 +1,161 @@
+// imud's own truth datagram, version 1; its layout is in protocols/native_truth.hpp.
+#include <cmath>
+
+#include "core/attitude.hpp"
+#include "protocols/crc32c.hpp"
+#include "protocols/native_truth.hpp"
+#include "protocols/truth_format.hpp"
+#include "protocols/wire.hpp"
+
+namespace imud {
+
+namespace {
+
+using namespace boost::endian;
+namespace flag = native_truth_flag;
+
+constexpr std::uint8_t truth_magic[4] = {'I', 'M', 'U', 'T'};
+constexpr std::uint8_t acknowledgement_magic[4] = {'I', 'M', 'U', 'A'};
+constexpr std::uint16_t version = 1;
+
+struct TruthWire {
+  std::uint8_t magic[4];
+  little_uint16_buf_t version;
+  little_uint16_buf_t flags;
+  little_uint32_buf_t stream;
+  little_uint32_buf_t sequence;
+  little_int64_buf_t time_ns;
+  little_float64_buf_t r_BN_N[3];
+  little_float64_buf_t v_BN_N[3];
+  little_float64_buf_t sigma_BN[3];
+  little_float64_buf_t omega_BN_B[3];
+  little_float64_buf_t omegaDot_BN_B[3];
+  little_float64_buf_t specific_force_B[3];
+  little_float64_buf_t accumulated_dv_B[3];
+  little_uint32_buf_t reserved;
+  little_uint32_buf_t crc;
+  std::uint8_t reserved_end[8];
+};
+static_assert(sizeof(TruthWire) == native_truth_size);
+constexpr std::size_t crc_offset = offsetof(TruthWire, crc);
+
+struct AcknowledgementWire {
+  std::uint8_t magic[4];
+  little_uint16_buf_t version;
+  little_uint16_buf_t reserved;
+  little_uint32_buf_t stream;
+  little_uint32_buf_t sequence;
+  little_int64_buf_t time_ns;
+  little_uint64_buf_t samples;
+};
+static_assert(sizeof(AcknowledgementWire) == native_acknowledgement_size);
+
+std::uint16_t flags_of(const Truth& truth) noexcept {
+  unsigned flags = 0;
+  if (truth.has_angular_acceleration) flags |= flag::angular_acceleration;
+  if (truth.has_specific_force) flags |= flag::specific_force;
+  if (truth.accumulated_dv == AccumulatedDv::inertial) flags |= flag::accumulated_dv_inertial;
+  if (truth.accumulated_dv == AccumulatedDv::body_sum) flags |= flag::accumulated_dv_body_sum;
+  if (truth.acknowledge) flags |= flag::acknowledge;
+  if (truth.new_run) flags |= flag::new_run;
+  return static_cast<std::uint16_t>(flags);
+}
+
+class NativeTruthDecoder final : public TruthDecoder {
+ public:
+  TruthResult decode(std::span<const std::byte> record, Truth& truth) override {
+    if (record.size() < sizeof(TruthWire)) return TruthResult::too_short;
+    if (record.size() > sizeof(TruthWire)) return TruthResult::too_long;
+    const auto wire = read_wire<TruthWire>(record);
+    if (std::memcmp(wire.magic, truth_magic, sizeof truth_magic) != 0) return TruthResult::not_this_kind;
+    if (wire.version.value() != version) return TruthResult::bad_version;
+    if (wire.crc.value() != crc32c(record.first(crc_offset))) return TruthResult::bad_checksum;
+
+    const std::uint16_t flags = wire.flags.value();
+    const auto given = [flags](std::uint16_t bit) { return (flags & bit) != 0; };
+    truth = {};
+    truth.time.ns = wire.time_ns.value();
+    truth.stream = wire.stream.value();
+    truth.sequence = wire.sequence.value();
+    truth.acknowledge = given(flag::acknowledge);
+    truth.new_run = given(flag::new_run);
+    truth.r_BN_N = get_vector(wire.r_BN_N);
+    truth.v_BN_N = get_vector(wire.v_BN_N);
+    truth.omega_BN_B = get_vector(wire.omega_BN_B);
+    truth.has_angular_acceleration = given(flag::angular_acceleration);
+    if (truth.has_angular_acceleration) truth.omegaDot_BN_B = get_vector(wire.omegaDot_BN_B);
+    truth.has_specific_force = given(flag::specific_force);
+    if (truth.has_specific_force) truth.specific_force_B = get_vector(wire.specific_force_B);
+    const bool inertial = given(flag::accumulated_dv_inertial);
+    const bool body_sum = given(flag::accumulated_dv_body_sum);
+    if (inertial) truth.accumulated_dv = AccumulatedDv::inertial;
+    if (body_sum) truth.accumulated_dv = AccumulatedDv::body_sum;
+    if (inertial || body_sum) truth.accumulated_dv_B = get_vector(wire.accumulated_dv_B);
+
+    const Vector3 sigma_BN = get_vector(wire.sigma_BN);
+    if (!sigma_BN.allFinite() || !is_finite(truth)) return TruthResult::not_finite;
+    if (!std::isfinite(sigma_BN.squaredNorm()) || (inertial && body_sum)) return TruthResult::out_of_range;
+    truth.q_NB = quaternion_from_mrp(sigma_BN);
+    return is_in_range(truth) ? TruthResult::ok : TruthResult::out_of_range;
+  }
+
+  void acknowledge(const Truth& truth, TruthTime reached, std::uint64_t samples, FrameBuffer& out) noexcept override {
+    const std::span<std::byte> room = out.room(sizeof(AcknowledgementWire));
+    if (room.empty()) return;
+    AcknowledgementWire wire;
+    std::memcpy(wire.magic, acknowledgement_magic, sizeof acknowledgement_magic);
+    wire.version = version;
+    wire.reserved = 0;
+    wire.stream = truth.stream;
+    wire.sequence = truth.sequence;
+    wire.time_ns = reached.ns;
+    wire.samples = samples;
+    write_wire(wire, room);
+    out.push(sizeof(AcknowledgementWire));
+  }
+};
+
+}  // namespace
+
+std::size_t encode_native_truth(const Truth& truth, std::span<std::byte, native_truth_size> datagram) noexcept {
+  TruthWire wire = {};
+  std::memcpy(wire.magic, truth_magic, sizeof truth_magic);
+  wire.version = version;
+  wire.flags = flags_of(truth);
+  wire.stream = truth.stream;
+  wire.sequence = truth.sequence;
+  wire.time_ns = truth.time.ns;
+  put_vector(truth.r_BN_N, wire.r_BN_N);
+  put_vector(truth.v_BN_N, wire.v_BN_N);
+  put_vector(mrp_from_quaternion(truth.q_NB), wire.sigma_BN);
+  put_vector(truth.omega_BN_B, wire.omega_BN_B);
+  put_vector(truth.omegaDot_BN_B, wire.omegaDot_BN_B);
+  put_vector(truth.specific_force_B, wire.specific_force_B);
+  put_vector(truth.accumulated_dv_B, wire.accumulated_dv_B);
+  write_wire(wire, datagram);
+  const little_uint32_buf_t crc{crc32c(datagram.first(crc_offset))};
+  std::memcpy(datagram.data() + crc_offset, &crc, sizeof crc);
+  return native_truth_size;
+}
+
+bool decode_native_acknowledgement(std::span<const std::byte> datagram,
+                                   NativeAcknowledgement& acknowledgement) noexcept {
+  if (datagram.size() != sizeof(AcknowledgementWire)) return false;
+  const auto wire = read_wire<AcknowledgementWire>(datagram);
+  if (std::memcmp(wire.magic, acknowledgement_magic, sizeof acknowledgement_magic) != 0) return false;
+  if (wire.version.value() != version) return false;
+  acknowledgement = {wire.stream.value(), wire.sequence.value(), {wire.time_ns.value()}, wire.samples.value()};
+  return true;
+}
+
+extern const TruthFormat native_truth_format;
+constexpr TruthFormat native_truth_format = {
+    .name = "native",
+    .summary = "imud's own datagram of 208 bytes, with CRC-32C and an acknowledgement for lockstep",
+    .document = "protocols/native_truth.hpp, version 1",
+    .text = false,
+    .settings = {},
+    .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<NativeTruthDecoder>(); },
+};
+
+}  // namespace imud

@@ -1,0 +1,55 @@
+// Wire layouts as structs: a layout is a struct of bytes and Boost.Endian buffers (alignment 1, no padding), which
+// encoder and decoder share, so that the struct is the table of the document.
+#pragma once
+
+#include <algorithm>
+#include <boost/endian/buffers.hpp>
+#include <cfloat>
+#include <cstddef>
+#include <cstring>
+#include <span>
+#include <type_traits>
+
+#include "core/vector.hpp"
+
+namespace imud {
+
+template <class T>
+concept WireLayout = std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> && alignof(T) == 1;
+
+// `bytes` holds at least sizeof(T).
+template <WireLayout T>
+T read_wire(std::span<const std::byte> bytes) noexcept {
+  T wire;
+  std::memcpy(&wire, bytes.data(), sizeof(T));
+  return wire;
+}
+
+template <WireLayout T>
+void write_wire(const T& wire, std::span<std::byte> bytes) noexcept {
+  std::memcpy(bytes.data(), &wire, sizeof(T));
+}
+
+// A double as the nearest float, the largest one where it is beyond.
+inline float to_float(double value) noexcept {
+  return static_cast<float>(std::clamp(value, -double{FLT_MAX}, double{FLT_MAX}));
+}
+
+// Three numbers in wire order x, y, z; Buffer is a floating-point Boost.Endian buffer.
+template <class Buffer>
+void put_vector(const Vector3& vector, Buffer (&wire)[3]) noexcept {
+  for (int i = 0; i < 3; ++i) {
+    if constexpr (sizeof(Buffer) == sizeof(float)) {
+      wire[i] = to_float(vector[i]);
+    } else {
+      wire[i] = vector[i];
+    }
+  }
+}
+
+template <class Buffer>
+Vector3 get_vector(const Buffer (&wire)[3]) noexcept {
+  return {wire[0].value(), wire[1].value(), wire[2].value()};
+}
+
+}  // namespace imud
