@@ -1,0 +1,34 @@
+// ByteWriter: hands whole frames to a non-blocking byte stream, none torn.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+
+#include "core/frame.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// Shared by the ports that are byte streams. When the kernel takes a part of a frame, the rest is kept and goes first
+// at the next call; until it is gone, later frames are dropped whole. One thread.
+class ByteWriter {
+ public:
+  // Longest frame; a longer one is dropped, because its rest could not be kept.
+  static constexpr std::size_t max_frame = FrameBuffer::max_bytes;
+
+  // Writes the rest, then `frames`, in one writev if the kernel takes it all. Every frame is counted once: as sent
+  // when its last byte is taken, as dropped when the kernel takes none of it. Returns 0 ("full" is no failure), or
+  // the errno of the write that failed. `frames` may be empty: then only the rest is tried.
+  int write(int fd, std::span<const Frame> frames, PortCounters& counters) noexcept;
+
+  // The reader is gone: the rest will not be sent, its frame counts as dropped.
+  void forget(PortCounters& counters) noexcept;
+
+ private:
+  std::array<std::byte, max_frame> rest_;
+  std::size_t rest_begin_ = 0;
+  std::size_t rest_end_ = 0;
+};
+
+}  // namespace imud

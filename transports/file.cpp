@@ -1,0 +1,155 @@
+// Bytes to and from files, pipes and the standard streams.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <vector>
+
+#include "transports/byte_writer.hpp"
+#include "transports/file_descriptor.hpp"
+#include "transports/host_clock.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+constexpr std::size_t buffer_size = 128 * 1024;
+
+bool is_regular(int fd) noexcept {
+  struct stat status {};
+  return ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
+}
+
+// Writes. Frames for a regular file are gathered first; a pipe gets them at once, without ever waiting for its
+// reader.
+class FileWriter final : public Port {
+ public:
+  explicit FileWriter(const PortSpec& spec) {
+    const bool standard = spec.address == "-" || spec.address == "/dev/stdout";
+    if (standard && is_regular(STDOUT_FILENO)) {
+      // Not opened anew: that would truncate what the shell appends to.
+      file_.reset(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0));
+    } else {
+      const std::string path = standard ? "/dev/stdout" : spec.address;
+      file_.reset(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC | O_NOCTTY, 0666));
+    }
+    if (!file_)
+      throw spec.error(fmt::format("cannot write it: {}{}", std::strerror(errno),
+                                   errno == ENXIO ? "; a pipe needs its reader first" : ""));
+    regular_ = is_regular(file_.get());
+    if (!regular_) {
+      // A pipe whose reader leaves must not end the process; a handler that someone chose stays.
+      const auto before = std::signal(SIGPIPE, SIG_IGN);
+      if (before != SIG_DFL) std::signal(SIGPIPE, before);
+    }
+  }
+  ~FileWriter() override { flush(); }
+
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames) {
+      if (frame.bytes.size() > ByteWriter::max_frame) {
+        ++counters_.dropped;
+        continue;
+      }
+      if (frame.bytes.size() > buffer_.size() - used_ || held_count_ == held_.size()) flush();
+      std::copy(frame.bytes.begin(), frame.bytes.end(), buffer_.begin() + static_cast<std::ptrdiff_t>(used_));
+      held_[held_count_++].bytes = {buffer_.data() + used_, frame.bytes.size()};
+      used_ += frame.bytes.size();
+    }
+    if (!regular_) flush();
+  }
+
+  std::optional<Received> receive() noexcept override { return std::nullopt; }
+
+  void flush() noexcept override {
+    const int error = writer_.write(file_.get(), {held_.data(), held_count_}, counters_);
+    held_count_ = 0;
+    used_ = 0;
+    if (error == 0) {
+      state_ = PortState::ready;
+    } else if (error == EPIPE) {
+      state_ = PortState::no_reader;  // what is in the pipe stays there for the next one
+    } else {
+      if (state_ != PortState::lost) ++counters_.lost_count;
+      state_ = PortState::lost;
+    }
+  }
+
+  int descriptor() const noexcept override { return regular_ ? -1 : file_.get(); }
+
+ private:
+  FileDescriptor file_;
+  bool regular_ = false;
+  ByteWriter writer_;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);
+  std::vector<Frame> held_ = std::vector<Frame>(buffer_size / 32);
+  std::size_t used_ = 0;
+  std::size_t held_count_ = 0;
+};
+
+class FileReader final : public Port {
+ public:
+  explicit FileReader(const PortSpec& spec) {
+    const std::string path = spec.address == "-" ? "/dev/stdin" : spec.address;
+    // Non-blocking, so that a fifo opens without its writer.
+    file_.reset(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+    if (!file_) throw spec.error(fmt::format("cannot read it: {}", std::strerror(errno)));
+    struct stat status {};
+    if (::fstat(file_.get(), &status) == 0 && S_ISDIR(status.st_mode))
+      throw spec.error("is a directory; right would be a file or a pipe");
+  }
+
+  void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
+
+  std::optional<Received> receive() noexcept override {
+    // A fifo that no writer has opened yet reads as ended, but does not poll as hung up.
+    pollfd ready{file_.get(), POLLIN, 0};
+    if (at_end_ || ::poll(&ready, 1, 0) <= 0) return std::nullopt;
+    const ssize_t size = ::read(file_.get(), buffer_.data(), buffer_.size());
+    if (size > 0) {
+      ++counters_.received;
+      return Received{{{buffer_.data(), static_cast<std::size_t>(size)}}, host_now()};
+    }
+    if (size < 0 && (errno == EAGAIN || errno == EINTR)) return std::nullopt;
+    if (size < 0) warning_ = ::strerrordesc_np(errno);
+    at_end_ = true;
+    return std::nullopt;
+  }
+
+  bool at_end() const noexcept override { return at_end_; }
+  std::string_view end_warning() const noexcept override { return warning_; }
+  int descriptor() const noexcept override { return file_.get(); }
+
+ private:
+  FileDescriptor file_;
+  bool at_end_ = false;
+  std::string_view warning_;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);
+};
+
+void check(const PortSpec& spec, Role) { spec.allow_only(""); }
+
+std::unique_ptr<Port> open(const PortSpec& spec, Role role) {
+  if (role == Role::device) return std::make_unique<FileWriter>(spec);
+  return std::make_unique<FileReader>(spec);
+}
+
+}  // namespace
+
+extern const Transport file_transport;
+constexpr Transport file_transport = {
+    .name = "file",
+    .summary = "bytes to a file or pipe, or from one; - is standard output or input",
+    .syntax = "file:PATH",
+    .document = "open(2), pipe(7)",
+    .carries_can = false,
+    .check = check,
+    .open = open,
+};
+
+}  // namespace imud

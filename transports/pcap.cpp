@@ -1,0 +1,118 @@
+// The UDP datagrams of a capture file, read by libpcap.
+#include <fmt/format.h>
+#include <pcap/pcap.h>
+
+#include <array>
+#include <cstring>
+
+#include "transports/port.hpp"
+#include "transports/udp_packet.hpp"
+
+namespace imud {
+namespace {
+
+class PcapPort final : public Port {
+ public:
+  explicit PcapPort(const PortSpec& spec)
+      : port_(static_cast<std::uint16_t>(spec.integer("port", 1, 65535).value_or(0))) {
+    std::array<char, PCAP_ERRBUF_SIZE> error{};
+    capture_.reset(
+        ::pcap_open_offline_with_tstamp_precision(spec.address.c_str(), PCAP_TSTAMP_PRECISION_NANO, error.data()));
+    if (!capture_)
+      throw spec.error(
+          fmt::format("{}; right would be a pcap or pcapng file, as tcpdump -w and Wireshark write", error.data()));
+    link_type_ = ::pcap_datalink(capture_.get());
+    if (!knows_link_type(link_type_)) {
+      const char* name = ::pcap_datalink_val_to_description_or_dlt(link_type_);
+      throw spec.error(
+          fmt::format("captured on link type {} ({}); right would be Ethernet, Linux cooked, raw IP or "
+                      "loopback",
+                      link_type_, name));
+    }
+  }
+
+  void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
+
+  std::optional<Received> receive() noexcept override {
+    while (!at_end_) {
+      pcap_pkthdr* record = nullptr;
+      const unsigned char* bytes = nullptr;
+      const int result = ::pcap_next_ex(capture_.get(), &record, &bytes);
+      if (result != 1) {
+        end(result);
+        break;
+      }
+      ++records_;
+      const UdpPacket packet = udp_packet(link_type_, std::as_bytes(std::span(bytes, record->caplen)), port_);
+      switch (packet.outcome) {
+        case UdpPacket::Outcome::truncated:
+          ++counters_.truncated;
+          break;
+        case UdpPacket::Outcome::not_ours:
+          ++counters_.not_ours;
+          break;
+        case UdpPacket::Outcome::whole:
+          ++counters_.received;
+          return Received{{packet.payload}, stamp(*record)};
+      }
+    }
+    return std::nullopt;
+  }
+
+  bool at_end() const noexcept override { return at_end_; }
+  std::string_view end_warning() const noexcept override { return {warning_.data(), warning_size_}; }
+
+ private:
+  // With nanosecond precision tv_usec holds ns. A stamp that is no time does not overflow, it wraps.
+  static HostTime stamp(const pcap_pkthdr& record) noexcept {
+    const auto s = static_cast<std::uint64_t>(record.ts.tv_sec);
+    const auto ns = static_cast<std::uint64_t>(record.ts.tv_usec);
+    return {static_cast<std::int64_t>(s * 1'000'000'000U + ns)};
+  }
+
+  void end(int result) noexcept {
+    at_end_ = true;
+    if (result == PCAP_ERROR_BREAK) return;
+    const char* what = ::pcap_geterr(capture_.get());
+    const bool cut_short = std::strstr(what, "truncated") != nullptr;
+    const auto written =
+        cut_short
+            ? fmt::format_to_n(warning_.data(), warning_.size(), "cut short after record {}", records_)
+            : fmt::format_to_n(warning_.data(), warning_.size(), "unreadable after record {}: {}", records_, what);
+    warning_size_ = std::min(written.size, warning_.size());
+  }
+
+  struct Close {
+    void operator()(pcap_t* capture) const noexcept { ::pcap_close(capture); }
+  };
+  const std::uint16_t port_;  // 0: any
+  std::unique_ptr<pcap_t, Close> capture_;
+  int link_type_ = 0;
+  bool at_end_ = false;
+  std::uint64_t records_ = 0;
+  std::array<char, 400> warning_;
+  std::size_t warning_size_ = 0;
+};
+
+void check(const PortSpec& spec, Role role) {
+  spec.allow_only("port");
+  spec.integer("port", 1, 65'535);
+  if (role == Role::device) throw spec.error("a capture is only read; right would be file: or udp: to send to");
+}
+
+std::unique_ptr<Port> open(const PortSpec& spec, Role) { return std::make_unique<PcapPort>(spec); }
+
+}  // namespace
+
+extern const Transport pcap_transport;
+constexpr Transport pcap_transport = {
+    .name = "pcap",
+    .summary = "the UDP datagrams of a capture file (pcap, pcapng), of one destination port or all",
+    .syntax = "pcap:PATH?port=9810",
+    .document = "libpcap 1.10",
+    .carries_can = false,
+    .check = check,
+    .open = open,
+};
+
+}  // namespace imud

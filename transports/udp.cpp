@@ -1,0 +1,140 @@
+// A frame is a datagram. udp(7), ip(7), ipv6(7).
+#include <fmt/format.h>
+#include <netdb.h>
+#include <sys/socket.h>
+
+#include <cerrno>
+#include <cstring>
+#include <vector>
+
+#include "transports/file_descriptor.hpp"
+#include "transports/host_clock.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+constexpr std::size_t max_datagram = 65507;  // 65535 - IPv4 header - UDP header
+
+struct Peer {
+  sockaddr_storage address{};
+  socklen_t size = 0;
+  const sockaddr* get() const noexcept { return reinterpret_cast<const sockaddr*>(&address); }
+};
+
+Peer resolve(const PortSpec& spec) {
+  const UdpAddress udp = UdpAddress::parse(spec.address);
+  addrinfo hints{};
+  hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
+  hints.ai_socktype = SOCK_DGRAM;
+  addrinfo* found = nullptr;
+  const int error = ::getaddrinfo(udp.address.c_str(), std::to_string(udp.port).c_str(), &hints, &found);
+  if (error != 0) throw spec.error(::gai_strerror(error));
+  Peer peer;
+  std::memcpy(&peer.address, found->ai_addr, found->ai_addrlen);
+  peer.size = found->ai_addrlen;
+  ::freeaddrinfo(found);
+  return peer;
+}
+
+class UdpPort final : public Port {
+ public:
+  UdpPort(const PortSpec& spec, Role role) : connected_(role == Role::device), buffer_(max_datagram + 1) {
+    const Peer named = resolve(spec);
+    socket_.reset(::socket(named.address.ss_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    if (!socket_) throw spec.error(fmt::format("no socket: {}", std::strerror(errno)));
+
+    // Room for a second of truth at 1 kHz while the receiver is held up; beyond rmem_max only for root.
+    const int receive_buffer = 4 << 20;
+    if (::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUFFORCE, &receive_buffer, sizeof receive_buffer) != 0)
+      ::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+
+    if (connected_) {
+      if (::connect(socket_.get(), named.get(), named.size) != 0)
+        throw spec.error(fmt::format("cannot send there: {}; is the network up?", std::strerror(errno)));
+    } else if (::bind(socket_.get(), named.get(), named.size) != 0) {
+      const int error = errno;
+      throw spec.error(fmt::format("cannot receive there: {}{}", std::strerror(error),
+                                   error == EADDRINUSE ? "; another process does"
+                                   : error == EADDRNOTAVAIL
+                                       ? "; right would be an address of this machine, or 0.0.0.0 or [::] for all"
+                                   : error == EACCES ? "; ports below 1024 are root's"
+                                                     : ""));
+    }
+  }
+
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames) {
+      if (sent(frame)) {
+        ++counters_.sent;
+        state_ = PortState::ready;
+      } else {
+        ++counters_.dropped;
+      }
+    }
+  }
+
+  std::optional<Received> receive() noexcept override {
+    // One attempt more: the first may only report the fate of a datagram sent before.
+    for (int attempt = 0; attempt < 2; ++attempt) {
+      Peer from;
+      from.size = sizeof from.address;
+      const ssize_t size = ::recvfrom(socket_.get(), buffer_.data(), buffer_.size(), MSG_DONTWAIT,
+                                      reinterpret_cast<sockaddr*>(&from.address), &from.size);
+      if (size >= 0) {
+        if (!connected_) peer_ = from;
+        ++counters_.received;
+        return Received{{{buffer_.data(), static_cast<std::size_t>(size)}}, host_now()};
+      }
+      if (errno == EAGAIN) break;
+    }
+    return std::nullopt;
+  }
+
+  int descriptor() const noexcept override { return socket_.get(); }
+
+ private:
+  bool sent(const Frame& frame) noexcept {
+    if (!connected_ && peer_.size == 0) return false;
+    // A socket reports what became of an earlier datagram (ECONNREFUSED, EHOSTUNREACH) by failing once: try again.
+    for (int attempt = 0; attempt < 2; ++attempt) {
+      const ssize_t size =
+          ::sendto(socket_.get(), frame.bytes.data(), frame.bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
+                   connected_ ? nullptr : peer_.get(), connected_ ? 0 : peer_.size);
+      if (size >= 0) return true;
+      if (errno == EAGAIN || errno == ENOBUFS || errno == EMSGSIZE) return false;
+    }
+    if (state_ != PortState::lost) ++counters_.lost_count;
+    state_ = PortState::lost;
+    return false;
+  }
+
+  const bool connected_;  // to the address named; otherwise bound to it
+  FileDescriptor socket_;
+  Peer peer_;  // of a listener: who sent last
+  std::vector<std::byte> buffer_;
+};
+
+void check(const PortSpec& spec, Role) {
+  spec.allow_only("");
+  static_cast<void>(UdpAddress::parse(spec.address));
+}
+
+std::unique_ptr<Port> open(const PortSpec& spec, Role role) {
+  return std::make_unique<UdpPort>(spec, role);
+}
+
+}  // namespace
+
+extern const Transport udp_transport;
+constexpr Transport udp_transport = {
+    .name = "udp",
+    .summary = "a datagram per frame; a listener binds the address, a device sends to it",
+    .syntax = "udp:127.0.0.1:9810",
+    .document = "RFC 768",
+    .carries_can = false,
+    .check = check,
+    .open = open,
+};
+
+}  // namespace imud
