@@ -1,0 +1,137 @@
+#include "emulator/command_line.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/line_load.hpp"
+#include "emulator/run.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+namespace {
+
+struct Arguments {
+  std::string config;
+  std::string capture;
+  bool fast = false;
+  std::vector<std::string> overrides;
+  RunOptions run;
+};
+
+// "x.pcap" or "x.csv" as people type it, or a whole port. UDP port and format are the configuration's.
+std::string capture_port(const std::string& capture) {
+  if (capture.starts_with("pcap:") || capture.starts_with("file:")) return capture;
+  const std::string path = capture.substr(0, capture.find('?'));
+  const bool text = path.ends_with(".csv") || path.ends_with(".txt");
+  return fmt::format("{}:{}", text ? "file" : "pcap", capture);
+}
+
+std::string clock_word(ClockMode clock) {
+  return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
+}
+
+int check(const Arguments& arguments) {
+  const Config config = load_config(arguments.config, arguments.overrides);
+  fmt::print("{}: good\n", arguments.config);
+  fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
+  fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
+  for (const ImuConfig& imu : config.imus) {
+    const LineLoad load = line_load(imu);
+    fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port, load.text());
+    if (load.percent > 70.0 && imu.protocol->link == Link::can)
+      fmt::print("{:<8} warning: above 70 % a CAN bus delays frames of low priority\n", "");
+  }
+  return 0;
+}
+
+template <class Table>
+void list_table(const char* title, const Table& table) {
+  fmt::print("{}\n", title);
+  for (const auto* entry : table) fmt::print("  {:<12} {} [{}]\n", entry->name, entry->summary, entry->document);
+}
+
+int list() {
+  list_table("protocols", protocols());
+  list_table("truth formats", truth_formats());
+  fmt::print("transports\n");
+  for (const Transport* transport : transports())
+    fmt::print("  {:<12} {}; {} [{}]\n", transport->name, transport->summary, transport->syntax, transport->document);
+  return 0;
+}
+
+int replay(const Arguments& arguments) {
+  Config config = load_config(arguments.config, arguments.overrides, capture_port(arguments.capture));
+  if (arguments.fast) config.clock = ClockMode::fast;
+  return run(config, arguments.run);
+}
+
+}  // namespace
+
+int command_line(int argc, const char* const* argv) {
+  spdlog::set_default_logger(spdlog::stderr_color_mt("imud"));
+  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
+
+  CLI::App app("Hardware-in-the-loop IMU emulator: truth in by UDP, IMU packets out on a serial line or a CAN bus.");
+  app.name("imud");
+  app.set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
+  app.require_subcommand(1);
+  Arguments arguments;
+
+  const auto with_config = [&](CLI::App* command) {
+    command->add_option("CONFIG", arguments.config, "Configuration, TOML")->required();
+    command->add_option("--set", arguments.overrides, "Override a key, such as imu.0.rate_hz=400; repeatable")
+        ->type_name("KEY=VALUE")
+        ->take_all()
+        ->expected(1);
+    command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
+  };
+  const auto with_run = [&](CLI::App* command) {
+    with_config(command);
+    command->add_option("--for", arguments.run.duration_s, "End after so many seconds")
+        ->type_name("SECONDS")
+        ->check(CLI::PositiveNumber);
+    command->add_option("--summary", arguments.run.summary_file, "Write the closing summary as JSON, too")
+        ->type_name("FILE");
+  };
+  auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
+  with_run(run_command);
+  auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, and end with it");
+  with_run(replay_command);
+  replay_command->add_option("CAPTURE", arguments.capture, "X.pcap, X.pcap?port=N, or X.csv")->required();
+  replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
+  auto* check_command = app.add_subcommand("check", "Say what is wrong with a configuration, or what it would do");
+  with_config(check_command);
+  auto* list_command = app.add_subcommand("list", "Show protocols, truth formats and transports");
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  try {
+    if (list_command->parsed()) return list();
+    if (check_command->parsed()) return check(arguments);
+    if (replay_command->parsed()) return replay(arguments);
+    return run(load_config(arguments.config, arguments.overrides), arguments.run);
+  } catch (const ConfigError& error) {
+    fmt::print(stderr, "{}\n", error.what());
+    fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");
+    return 2;
+  } catch (const PortError& error) {
+    fmt::print(stderr, "{}: {}\n", arguments.config, error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "imud: {}\n", error.what());
+    return 1;
+  }
+}
+
+}  // namespace imud

@@ -1,0 +1,60 @@
+// Config: what the user wants, read from TOML, checked as a whole.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/imu.hpp"
+#include "core/timeline.hpp"
+#include "protocols/protocol.hpp"
+#include "protocols/truth_format.hpp"
+
+namespace imud {
+
+// Who says "now": the host's clock, each truth that arrives, or a capture as fast as it can be read.
+enum class ClockMode : std::uint8_t { realtime, lockstep, fast };
+
+struct TruthConfig {
+  std::string port;  // empty only if the command line gives a capture
+  const TruthFormat* format = nullptr;
+  Settings settings;
+  std::optional<std::uint32_t> stream;  // take only this one; otherwise the first that comes
+  Timeline::Limits limits;
+  Nanoseconds delay{0};  // how far behind the truth's own time the sensors sample (realtime, live)
+};
+
+struct ImuConfig {
+  std::string name;
+  double rate_hz = 0;
+  const Protocol* protocol = nullptr;
+  Settings settings;
+  std::string port;
+  ImuModel model;
+};
+
+struct Config {
+  std::uint64_t seed = 1;
+  ClockMode clock = ClockMode::realtime;
+  TruthConfig truth;
+  std::vector<ImuConfig> imus;
+};
+
+// All that is wrong with a configuration, a line each: "file:line: key: what is wrong; what would be right".
+struct ConfigError : std::runtime_error {
+  explicit ConfigError(std::vector<std::string> all);
+  std::vector<std::string> faults;
+};
+
+// Reads `path`, then sets each override "imu.0.rate_hz=400" (the value as in TOML; a bare word is text). `capture`
+// takes the place of truth.port if not empty. Throws ConfigError with every fault.
+Config load_config(const std::string& path, std::span<const std::string> overrides = {},
+                   const std::string& capture = {});
+
+// Only the capture's transports ("pcap:", "file:") end; with these the truth is read ahead of the clock.
+bool is_capture(const std::string& truth_port);
+
+}  // namespace imud

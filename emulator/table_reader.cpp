@@ -1,0 +1,188 @@
+#include "emulator/table_reader.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numeric>
+
+namespace imud {
+
+void Faults::add(std::uint32_t line, std::string_view key, std::string_view what) {
+  all_.push_back(line > 0 ? fmt::format("{}:{}: {}: {}", file_, line, key, what)
+                          : fmt::format("{}: {}: {}", file_, key, what));
+}
+
+const toml::node* TableReader::node(std::string_view key) {
+  known_.emplace(key);
+  return table_ == nullptr ? nullptr : table_->get(key);
+}
+
+std::uint32_t TableReader::line_of(std::string_view key) const {
+  const toml::node* found = table_ == nullptr ? nullptr : table_->get(key);
+  return found == nullptr ? line_ : found->source().begin.line;
+}
+
+void TableReader::fault(std::string_view key, std::string_view what) {
+  faults_.add(line_of(key), path_ + std::string(key), what);
+}
+
+void TableReader::require(std::string_view key, std::string_view what_it_is) {
+  known_.emplace(key);
+  if (!has(key)) fault(key, fmt::format("missing; give {}", what_it_is));
+}
+
+std::optional<double> TableReader::number(const toml::node& node) {
+  const std::optional<double> value = node.value<double>();
+  if (!value || !node.is_number() || !std::isfinite(*value)) return std::nullopt;
+  return value;
+}
+
+double TableReader::real(std::string_view key, double fallback, double min, double max) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  const std::optional<double> value = number(*found);
+  if (value && *value >= min && *value <= max) return *value;
+  fault(key, fmt::format("{}; give a number from {} to {}", value ? fmt::format("{} is out of range", *value) : "not a finite number",
+                         min, max));
+  return fallback;
+}
+
+std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t fallback, std::uint64_t max) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  if (const auto* integer = found->as_integer(); integer != nullptr && integer->get() >= 0 &&
+                                                 static_cast<std::uint64_t>(integer->get()) <= max)
+    return static_cast<std::uint64_t>(integer->get());
+  if (const auto* text = found->as_string()) {  // TOML's integers end at 2^63 - 1
+    std::uint64_t value = 0;
+    const char* end = text->get().data() + text->get().size();
+    const auto [stop, error] = std::from_chars(text->get().data(), end, value);
+    if (error == std::errc{} && stop == end && value <= max) return value;
+  }
+  fault(key, fmt::format("give a whole number from 0 to {}{}", max,
+                         max > 0x7FFF'FFFF'FFFF'FFFFULL ? " (in quotes above 9223372036854775807)" : ""));
+  return fallback;
+}
+
+bool TableReader::flag(std::string_view key, bool fallback) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  if (const auto* value = found->as_boolean()) return value->get();
+  fault(key, "give true or false");
+  return fallback;
+}
+
+std::string TableReader::text(std::string_view key, std::string fallback) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  if (const auto* value = found->as_string()) return value->get();
+  fault(key, "give text in quotes");
+  return fallback;
+}
+
+std::size_t TableReader::choice(std::string_view key, std::initializer_list<std::string_view> words,
+                                std::size_t fallback) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  if (const auto* value = found->as_string()) {
+    const auto* at = std::find(words.begin(), words.end(), value->get());
+    if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
+  }
+  fault(key, fmt::format("give one of \"{}\"", fmt::join(words, "\", \"")));
+  return fallback;
+}
+
+Vector3 TableReader::vector3(std::string_view key, const Vector3& fallback) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  const toml::array* array = found->as_array();
+  if (array != nullptr && array->size() == 3) {
+    Vector3 v;
+    bool good = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto value = number((*array)[i]);
+      good = good && value.has_value();
+      v[static_cast<Eigen::Index>(i)] = value.value_or(0.0);
+    }
+    if (good) return v;
+  }
+  fault(key, "give three finite numbers, [x, y, z]");
+  return fallback;
+}
+
+Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool diagonal) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  const std::string_view shape =
+      diagonal ? "give three finite numbers (the diagonal), or three rows of three: [[..], [..], [..]]"
+               : "give three rows of three finite numbers: [[..], [..], [..]]";
+  const toml::array* rows = found->as_array();
+  if (rows != nullptr && rows->size() == 3) {
+    Matrix3 m = Matrix3::Zero();
+    bool good = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      if (const toml::array* numbers = (*rows)[i].as_array(); numbers != nullptr && numbers->size() == 3) {
+        for (std::size_t j = 0; j < 3; ++j) {
+          const auto value = number((*numbers)[j]);
+          good = good && value.has_value();
+          m(row, static_cast<Eigen::Index>(j)) = value.value_or(0.0);
+        }
+      } else if (const auto value = number((*rows)[i]); value && diagonal) {
+        m(row, row) = *value;
+      } else {
+        good = false;
+      }
+    }
+    const bool mixed = (*rows)[0].is_array() != (*rows)[1].is_array() || (*rows)[1].is_array() != (*rows)[2].is_array();
+    if (good && !mixed) return m;
+  }
+  fault(key, shape);
+  return fallback;
+}
+
+TableReader TableReader::child(std::string_view key) {
+  const toml::node* found = node(key);
+  if (found != nullptr && !found->is_table()) fault(key, fmt::format("give a table, [{}{}]", path_, key));
+  return {found == nullptr ? nullptr : found->as_table(), fmt::format("{}{}.", path_, key), line_of(key), faults_};
+}
+
+void TableReader::finish() {
+  if (table_ == nullptr) return;
+  for (const auto& [key, value] : *table_) {
+    if (known_.contains(key.str())) continue;
+    const std::string meant = nearest(key.str(), {known_.begin(), known_.end()});
+    const std::string hint = meant.empty() ? fmt::format("known here: {}", fmt::join(known_, ", "))
+                                           : fmt::format("did you mean \"{}\"?", meant);
+    faults_.add(key.source().begin.line, path_ + std::string(key.str()), fmt::format("unknown key; {}", hint));
+  }
+}
+
+std::string nearest(std::string_view word, const std::vector<std::string>& words) {
+  std::string best;
+  std::size_t best_distance = 1 + word.size() / 3;
+  for (const std::string& candidate : words) {
+    if (!word.empty() && candidate.starts_with(word)) return candidate;
+    std::vector<std::size_t> row(candidate.size() + 1);  // Levenshtein
+    std::iota(row.begin(), row.end(), std::size_t{0});
+    for (std::size_t i = 1; i <= word.size(); ++i) {
+      std::size_t diagonal = row[0];
+      row[0] = i;
+      for (std::size_t j = 1; j <= candidate.size(); ++j) {
+        const std::size_t substitute = diagonal + (word[i - 1] == candidate[j - 1] ? 0U : 1U);
+        diagonal = row[j];
+        row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitute});
+      }
+    }
+    if (row.back() <= best_distance) {
+      best_distance = row.back();
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+}  // namespace imud

@@ -1,0 +1,128 @@
+#include "emulator/truth_intake.hpp"
+
+#include <fmt/format.h>
+
+namespace imud {
+
+std::string_view cause(Refusal refusal) noexcept {
+  switch (refusal) {
+    case Refusal::too_short: return cause(TruthResult::too_short);
+    case Refusal::too_long: return cause(TruthResult::too_long);
+    case Refusal::not_this_kind: return cause(TruthResult::not_this_kind);
+    case Refusal::bad_version: return cause(TruthResult::bad_version);
+    case Refusal::bad_checksum: return cause(TruthResult::bad_checksum);
+    case Refusal::bad_number: return cause(TruthResult::bad_number);
+    case Refusal::not_finite: return cause(TruthResult::not_finite);
+    case Refusal::out_of_range: return cause(TruthResult::out_of_range);
+    case Refusal::no_columns: return cause(TruthResult::no_columns);
+    case Refusal::duplicate: return "duplicate";
+    case Refusal::reordered: return "reordered";
+    case Refusal::time_back: return "time_back";
+    case Refusal::time_jump: return "time_jump";
+    case Refusal::other_stream: return "stream";
+    case Refusal::count: break;
+  }
+  return "";
+}
+
+namespace {
+
+Refusal refusal(TruthResult result) noexcept {
+  switch (result) {
+    case TruthResult::too_short: return Refusal::too_short;
+    case TruthResult::too_long: return Refusal::too_long;
+    case TruthResult::bad_version: return Refusal::bad_version;
+    case TruthResult::bad_checksum: return Refusal::bad_checksum;
+    case TruthResult::bad_number: return Refusal::bad_number;
+    case TruthResult::not_finite: return Refusal::not_finite;
+    case TruthResult::out_of_range: return Refusal::out_of_range;
+    case TruthResult::no_columns: return Refusal::no_columns;
+    case TruthResult::not_this_kind:
+    default: return Refusal::not_this_kind;
+  }
+}
+
+void increment(TruthCounters::Counter& counter) noexcept { counter.fetch_add(1, std::memory_order_relaxed); }
+
+}  // namespace
+
+TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline)
+    : timeline_(timeline),
+      port_(open_port(config.port, Role::listener)),
+      decoder_(config.format->make(config.settings)),
+      stream_(config.stream),
+      lines_(config.port.starts_with("file:")) {}
+
+bool TruthIntake::next_record(std::span<const std::byte>& record) noexcept {
+  while (true) {
+    if (splitting_) {
+      if (const auto line = splitter_.next()) {
+        record = *line;
+        return true;
+      }
+      splitting_ = false;
+    }
+    const auto received = port_->receive();
+    if (!received) return false;
+    arrival_ = received->time;
+    if (!lines_) {
+      record = received->frame.bytes;
+      return true;
+    }
+    splitter_.feed(received->frame.bytes);
+    splitting_ = true;
+  }
+}
+
+TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {
+  increment(counters_.refused[static_cast<std::size_t>(refusal)]);
+  return Outcome::ignored;
+}
+
+TruthIntake::Outcome TruthIntake::take() noexcept {
+  answer_due_ = false;
+  std::span<const std::byte> record;
+  if (!next_record(record)) {
+    const bool last_is_cut = splitter_.rest() > 0 || !port_->end_warning().empty();
+    counters_.truncated.store(port_->counters().truncated + splitter_.too_long() + (last_is_cut ? 1U : 0U),
+                              std::memory_order_relaxed);
+    return Outcome::nothing;
+  }
+  increment(counters_.received);
+  const TruthResult result = decoder_->decode(record, truth_);
+  if (result == TruthResult::no_state) {
+    increment(counters_.no_state);
+    return Outcome::ignored;
+  }
+  if (result != TruthResult::ok) return refuse(refusal(result));
+  if (!stream_) stream_ = truth_.stream;
+  if (truth_.stream != *stream_) return refuse(Refusal::other_stream);
+
+  answer_due_ = truth_.acknowledge;
+  switch (timeline_.push(truth_)) {
+    case Admission::accepted: increment(counters_.accepted); return Outcome::accepted;
+    case Admission::new_run:
+      increment(counters_.accepted);
+      increment(counters_.runs);
+      return Outcome::new_run;
+    case Admission::duplicate: return refuse(Refusal::duplicate);
+    case Admission::reordered: return refuse(Refusal::reordered);
+    case Admission::time_back: return refuse(Refusal::time_back);
+    case Admission::time_jump: break;
+  }
+  return refuse(Refusal::time_jump);
+}
+
+void TruthIntake::answer(TruthTime reached, std::uint64_t samples) noexcept {
+  answer_.clear();
+  decoder_->acknowledge(truth_, reached, samples, answer_);
+  port_->send(answer_.frames());
+}
+
+std::string TruthIntake::end_warning() const {
+  if (splitter_.rest() > 0)
+    return fmt::format("cut short: {} bytes after the last whole line", splitter_.rest());
+  return std::string(port_->end_warning());
+}
+
+}  // namespace imud
