@@ -1,0 +1,292 @@
+// imu-truth: sends truth over UDP: analytic motions, or the datagrams of a capture.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/motion.hpp"
+#include "tools/duration_text.hpp"
+#include "tools/datagram_sender.hpp"
+#include "tools/number_check.hpp"
+#include "tools/stop_signal.hpp"
+#include "tools/text_output.hpp"
+#include "tools/truth_csv.hpp"
+#include "tools/truth_source.hpp"
+#include "transports/host_clock.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+constexpr int failed = 1;
+constexpr int wrong_command_line = 2;
+
+struct Options {
+  std::string what;  // a motion, "capture" or "list"
+  std::string capture;
+  std::string to = "udp:127.0.0.1:9810";
+  std::string csv_path;
+  std::string format = "native";
+  MotionTruths::Options motion;
+  DatagramSender::Options sender;
+  bool fast = false;
+  bool lockstep = false;
+  bool no_new_run = false;
+};
+
+constexpr struct {
+  const char* option;
+  double MotionParameters::*parameter;
+  const char* help;
+} motion_options[] = {
+    {"--rate-rad-per-s", &MotionParameters::rate_rad_per_s, "angular rate, rad/s"},
+    {"--half-angle-rad", &MotionParameters::half_angle_rad, "half-angle of the cone, rad"},
+    {"--frequency-hz", &MotionParameters::frequency_hz, "of the coning, Hz"},
+    {"--acceleration-m-per-s2", &MotionParameters::acceleration_m_per_s2, "m/s^2"},
+    {"--jerk-m-per-s3", &MotionParameters::jerk_m_per_s3, "m/s^3"},
+    {"--gravity-m-per-s2", &MotionParameters::gravity_m_per_s2, "along +z of N (down), m/s^2"},
+};
+
+std::string known_motions() {
+  std::string text = "Motions:\n";
+  for (const Motion& motion : motions()) text += fmt::format("  {:<12} {}\n", motion.name, motion.summary);
+  return text + "  capture FILE the UDP datagrams of a capture, byte for byte: FILE.pcap, FILE.pcap?port=9810\n";
+}
+
+// Whether the motion depends on the parameter at all.
+bool uses(const Motion& motion, double MotionParameters::*parameter) {
+  const TruthTime time{700'000'000};
+  MotionParameters other;
+  other.*parameter = 1.5 * other.*parameter + 0.1;
+  return truth_csv_row(motion.at(time, {})) != truth_csv_row(motion.at(time, other));
+}
+
+void refuse_unused(const CLI::App& app, std::string_view why, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (app.get_option(name)->count() > 0) throw std::invalid_argument(fmt::format("{}: {}", name, why));
+}
+
+// What CLI11 cannot see: options that make no sense together.
+void check(const CLI::App& app, Options& options) {
+  const bool is_capture = options.what == "capture";
+  if (is_capture) {
+    if (options.capture.empty())
+      throw std::invalid_argument("capture: which? right would be capture FILE.pcap?port=N");
+    refuse_unused(app, "a capture is sent as it is",
+                  {"--rate", "--start", "--stream", "--format", "--no-new-run", "--lockstep", "--csv"});
+    for (const auto& entry : motion_options) refuse_unused(app, "a capture is sent as it is", {entry.option});
+  } else {
+    options.motion.motion = find_motion(options.what);
+    if (options.motion.motion == nullptr)
+      throw std::invalid_argument(fmt::format("there is no motion '{}'\n{}", options.what, known_motions()));
+    if (!options.capture.empty())
+      throw std::invalid_argument(options.capture + ": only 'capture' is followed by a file");
+    for (const auto& entry : motion_options)
+      if (app.get_option(entry.option)->count() > 0 && !uses(*options.motion.motion, entry.parameter))
+        throw std::invalid_argument(
+            fmt::format("{}: {} has none: {}", entry.option, options.what, options.motion.motion->summary));
+  }
+  if (!options.csv_path.empty())
+    refuse_unused(app, "not with --csv, which sends nothing",
+                  {"--to", "--fast", "--lockstep", "--format", "--stream", "--no-new-run", "--drop", "--duplicate",
+                   "--reorder", "--jitter", "--corrupt"});
+  if (options.lockstep) {
+    refuse_unused(app, "not in lockstep, where the next datagram waits for the answer to this one", {"--reorder"});
+    if (options.format != "native") throw std::invalid_argument("--lockstep: only native datagrams are answered");
+  } else {
+    refuse_unused(app, "only with --lockstep", {"--resend"});
+  }
+  if (options.format == "csv") refuse_unused(app, "only native datagrams have it", {"--stream", "--no-new-run"});
+  if (options.fast) refuse_unused(app, "not with --fast, which has no pace", {"--jitter"});
+  if (!is_capture && !options.motion.for_s && ((options.fast && !options.lockstep) || !options.csv_path.empty()))
+    throw std::invalid_argument("--for: how long? A motion has no end, and without pace nothing slows it");
+
+  options.motion.acknowledge = options.lockstep;
+  options.motion.new_run = !options.no_new_run;
+}
+
+int write_csv(const Options& options, bool& running) {
+  TextOutput csv(options.csv_path);
+  running = true;
+  csv.write(truth_csv_header);
+  MotionTruths truths(options.motion);
+  std::uint64_t rows = 0;
+  while (!stop_wished() && csv.is_open()) {
+    const auto truth = truths.next();
+    if (!truth) break;
+    csv.write(truth_csv_row(*truth));
+    ++rows;
+  }
+  csv.flush();
+  if (!csv.is_open() && csv.error() != EPIPE)
+    throw std::runtime_error(fmt::format("{}: {}", options.csv_path, std::strerror(csv.error())));
+  fmt::print(stderr, "{:<12} {} truths\n", "written", rows);
+  return 0;
+}
+
+// What lockstep has seen.
+struct Answers {
+  std::uint64_t count = 0;
+  NativeAcknowledgement last;
+};
+
+void print_report(const DatagramSender& sender, const Answers& answers, bool lockstep, double elapsed_s) {
+  const auto line = [](std::string_view subject, const std::string& what) {
+    fmt::print(stderr, "{:<12} {}\n", subject, what);
+  };
+  const DatagramSender::Counters& counters = sender.counters();
+  const double hz = counters.sent > 1 ? static_cast<double>(counters.sent - 1) / elapsed_s : 0;
+  line("sent", fmt::format("{} datagrams, {} bytes in {:.3f} s ({:.3f} per second)", counters.sent, counters.bytes,
+                           elapsed_s, hz));
+  if (sender.lateness().count() > 0) line("pace", percentiles_text(sender.lateness()) + " late");
+  if (lockstep) {
+    line("acknowledged", fmt::format("{}, {} sent again; round trip {}", answers.count, counters.resent,
+                                     percentiles_text(sender.round_trip())));
+    line("receiver", fmt::format("reached {:.9f} s, {} samples emitted", seconds(answers.last.time - TruthTime{}),
+                                 answers.last.samples));
+  }
+  if (counters.dropped + counters.duplicated + counters.reordered + counters.corrupted > 0)
+    line("faults", fmt::format("{} dropped, {} sent twice, {} swapped with the next, {} corrupted", counters.dropped,
+                               counters.duplicated, counters.reordered, counters.corrupted));
+  if (counters.refused > 0) line("refused", fmt::format("{} by the network", counters.refused));
+}
+
+int send(const Options& options, bool& running) {
+  const PortSpec to = PortSpec::parse(options.to);
+  if (to.scheme != "udp") throw std::invalid_argument("--to " + options.to + ": right would be udp:ADDR:PORT");
+  const auto port = open_port(options.to, Role::device);
+  std::unique_ptr<Port> capture;
+  std::unique_ptr<TruthSource> source;
+  if (options.motion.motion == nullptr) {
+    const bool is_port = options.capture.starts_with("pcap:");
+    capture = open_port(is_port ? options.capture : "pcap:" + options.capture, Role::listener);
+    source = capture_source(*capture, options.motion.for_s);
+  } else {
+    source = options.format == "csv" ? csv_source(options.motion) : native_source(options.motion);
+  }
+
+  running = true;
+  DatagramSender sender(*port, options.sender);
+  Answers answers;
+  std::string failure;
+  const HostTime start = host_now();
+  std::uint64_t datagrams = 0;
+  while (!stop_wished() && failure.empty()) {
+    const auto datagram = source->next();
+    if (!datagram) break;
+    ++datagrams;
+    const auto due = options.fast ? std::nullopt : std::optional(start + datagram->offset);
+    if (!options.lockstep) {
+      sender.send(datagram->bytes, due);
+    } else if (const auto answer = sender.send_and_wait(datagram->bytes, due, datagram->stream, datagram->sequence)) {
+      ++answers.count;
+      answers.last = *answer;
+    } else if (!stop_wished()) {
+      failure =
+          fmt::format("no answer to sequence {} from {}, asked {} times; is imud there, with clock = \"lockstep\"?",
+                      datagram->sequence, options.to, options.sender.resend_at_most + 1);
+    }
+  }
+  sender.finish();
+
+  print_report(sender, answers, options.lockstep, seconds(host_now() - start));
+  if (!source->warning().empty()) fmt::print(stderr, "{:<12} {}\n", "capture", source->warning());
+  if (!failure.empty()) throw std::runtime_error(failure);
+  if (datagrams == 0 && !stop_wished())
+    throw std::runtime_error(fmt::format("{}: no datagram in it{}", options.capture,
+                                         capture->counters().not_ours > 0 ? " for that port" : ""));
+  return 0;
+}
+
+void define(CLI::App& app, Options& options) {
+  app.set_version_flag("--version", "imu-truth " IMUD_VERSION);
+  app.add_option("MOTION", options.what, "which motion, 'capture', or 'list'; see below")->required()->type_name("");
+  app.add_option("FILE", options.capture, "the capture")->type_name("");
+  const auto add = [&app](const char* name, auto& value, const char* unit, const char* help) {
+    return app.add_option(name, value, help)->type_name(unit);
+  };
+  add("--to", options.to, "PORT", "where to, udp:ADDR:PORT")->capture_default_str();
+  add("--rate", options.motion.rate_hz, "HZ", "truths per second")
+      ->check(number_check(Grid::min_rate_hz, Grid::max_rate_hz))
+      ->capture_default_str();
+  add("--for", options.motion.for_s, "SECONDS",
+      "of the motion or capture, the truth at its end included; without it, until interrupted")
+      ->check(number_check(0, 1e9));
+  add("--start", options.motion.start_s, "SECONDS", "simulation time, and the motion's own, of the first truth")
+      ->check(number_check(-1e9, 1e9))
+      ->capture_default_str();
+  add("--stream", options.motion.stream, "N", "which vehicle")->capture_default_str();
+  add("--format", options.format, "native|csv", "csv: a row per datagram, the header row first")
+      ->check(CLI::IsMember({"native", "csv"}).description(""))
+      ->capture_default_str();
+  add("--csv", options.csv_path, "FILE", "writes truth CSV to it and sends nothing; - is standard output");
+  app.add_flag("--no-new-run", options.no_new_run, "the first datagram does not say that a new run begins");
+  app.add_flag("--fast", options.fast, "without pace; may outrun the receiver, except with --lockstep");
+  app.add_flag("--lockstep", options.lockstep, "waits for the acknowledgement of each datagram before the next one");
+  add("--resend", options.sender.resend_at_most, "N",
+      "lockstep: how often to send again what is not answered within 200 ms")
+      ->capture_default_str();
+
+  for (const auto& entry : motion_options)
+    add(entry.option, options.motion.parameters.*entry.parameter, "X", entry.help)
+        ->check(number_check(-1e6, 1e6))
+        ->capture_default_str()
+        ->group("What the motion is like");
+
+  DatagramFaults::Rates& faults = options.sender.faults;
+  constexpr auto fault_group = "Faults, to try a receiver with";
+  const auto add_fault = [&](const char* name, double& percent, const char* help) {
+    add(name, percent, "PERCENT", help)->check(number_check(0, 100))->group(fault_group);
+  };
+  add_fault("--drop", faults.drop_percent, "are not sent");
+  add_fault("--duplicate", faults.duplicate_percent, "are sent twice");
+  add_fault("--reorder", faults.reorder_percent, "leave after the next one");
+  add_fault("--corrupt", faults.corrupt_percent, "have one bit flipped, any of them");
+  add("--jitter", faults.jitter_ms, "MS", "each leaves late by chance, up to this, in order")
+      ->check(number_check(0, 60'000))
+      ->group(fault_group);
+  add("--seed", faults.seed, "N", "the same seed, the same faults")->capture_default_str()->group(fault_group);
+  app.footer(
+      fmt::format("\n{}\nExit codes: 0 done, 1 failed while running or not answered, 2 the command line is wrong.\n"
+                  "Example: imu-truth coning --half-angle-rad 0.1 --to udp:127.0.0.1:9810 --rate 100 --for 10",
+                  known_motions()));
+}
+
+int main(int argc, char** argv) {
+  CLI::App app("Sends truth over UDP: motions whose derivatives are known in closed form, or a capture.",
+               "imu-truth");
+  Options options;
+  define(app, options);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : wrong_command_line;
+  }
+  if (options.what == "list") {
+    std::fputs(known_motions().c_str(), stdout);
+    return 0;
+  }
+
+  catch_stop_signals();
+  bool running = false;
+  try {
+    check(app, options);
+    return options.csv_path.empty() ? send(options, running) : write_csv(options, running);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "imu-truth: {}\n", error.what());
+    return running ? failed : wrong_command_line;
+  }
+}
+
+}  // namespace
+}  // namespace imud
+
+int main(int argc, char** argv) { return imud::main(argc, argv); }

@@ -1,0 +1,23 @@
+#include "tools/stop_signal.hpp"
+
+#include <atomic>
+#include <csignal>
+
+namespace imud {
+
+namespace {
+std::atomic<bool> wished = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
+}  // namespace
+
+void catch_stop_signals() {
+  struct sigaction action = {};
+  action.sa_handler = [](int) { wished = true; };  // without SA_RESTART: poll, sleep and write return
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+bool stop_wished() noexcept { return wished; }
+
+}  // namespace imud

@@ -1,0 +1,107 @@
+#include "tools/stream_report.hpp"
+
+#include <fmt/format.h>
+
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "tools/duration_text.hpp"
+
+namespace imud {
+
+namespace {
+
+// Where the device's time stamps say it they do, otherwise arrivals.
+std::optional<double> duration_s(const StreamStatistics& statistics) {
+  for (const auto* rate : {&statistics.device(), &statistics.arrival()})
+    if (rate->steps > 0) return seconds(rate->time);
+  return std::nullopt;
+}
+
+std::string plural(std::uint64_t count, std::string_view noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+std::string rates(const StreamStatistics& statistics) {
+  std::string text;
+  if (const auto hz = statistics.device().hz()) text += fmt::format("{:.3f} Hz (device clock)", *hz);
+  if (const auto hz = statistics.arrival().hz())
+    text += fmt::format("{}{:.3f} Hz (arrival)", text.empty() ? "" : ", ", *hz);
+  return text.empty() ? "unknown: too few samples with a time" : text;
+}
+
+nlohmann::json number_or_null(std::optional<double> number) {
+  return number ? nlohmann::json(*number) : nlohmann::json(nullptr);
+}
+
+}  // namespace
+
+std::string StreamReport::text() const {
+  std::string text;
+  const auto line = [&text](std::string_view subject, std::string_view what) {
+    fmt::format_to(std::back_inserter(text), "{:<10} {}\n", subject, what);
+  };
+  const auto duration = duration_s(statistics);
+  line("samples", fmt::format("{}{}", statistics.samples(), duration ? fmt::format(" in {:.3f} s", *duration) : ""));
+  line("rate", rates(statistics));
+  if (statistics.jitter().count() > 0)
+    line("jitter", percentiles_text(statistics.jitter()) + " (arrival against a fitted line)");
+  if (statistics.can_see_gaps())
+    line("gaps", fmt::format("{} ({} missing)", statistics.gaps(), plural(statistics.missing(), "sample")));
+  else
+    line("gaps", "unknown: neither counter nor time to tell");
+  line("checksum", fmt::format("{}, {} malformed, {} incomplete, {} skipped",
+                               protocol.has_checksum ? plural(errors.checksum, "failure") : "none in this protocol",
+                               errors.malformed, errors.incomplete, plural(errors.skipped_bytes, "byte")));
+
+  if (statistics.repeated() + statistics.back() > 0)
+    line("order", fmt::format("{} repeated, {} back (a restart, or disorder)",
+                              plural(statistics.repeated(), "sample"), statistics.back()));
+  if (statistics.time_jumps() > 0)
+    line("clock", plural(statistics.time_jumps(), "jump") + " of the device's time stamps");
+  if (counters.lost_count > 0) line("device", fmt::format("lost {}", plural(counters.lost_count, "time")));
+  if (counters.truncated > 0) line("capture", fmt::format("{} cut short", plural(counters.truncated, "record")));
+  if (!warning.empty()) line("warning", warning);
+  return text;
+}
+
+std::string StreamReport::json() const {
+  nlohmann::ordered_json report;
+  report["protocol"] = protocol.name;
+  report["port"] = port;
+  report["ended_by"] = ended_by;
+  report["samples"] = statistics.samples();
+  report["duration_s"] = number_or_null(duration_s(statistics));
+  report["rate_hz"]["device"] = number_or_null(statistics.device().hz());
+  report["rate_hz"]["arrival"] = number_or_null(statistics.arrival().hz());
+  const DurationHistogram& jitter = statistics.jitter();
+  if (jitter.count() > 0) {
+    report["jitter_us"] = {{"p50", jitter.percentile(50) * 1e6},
+                           {"p99", jitter.percentile(99) * 1e6},
+                           {"p999", jitter.percentile(99.9) * 1e6},
+                           {"max", jitter.max() * 1e6}};
+  } else {
+    report["jitter_us"] = nullptr;
+  }
+  if (statistics.can_see_gaps()) {
+    report["gaps"] = statistics.gaps();
+    report["missing"] = statistics.missing();
+  } else {
+    report["gaps"] = nullptr;
+    report["missing"] = nullptr;
+  }
+  report["time_jumps"] = statistics.time_jumps();
+  report["repeated"] = statistics.repeated();
+  report["back"] = statistics.back();
+  report["errors"] = {{"checksum", errors.checksum},
+                      {"malformed", errors.malformed},
+                      {"incomplete", errors.incomplete},
+                      {"skipped_bytes", errors.skipped_bytes}};
+  report["device_lost"] = counters.lost_count;
+  report["truncated_records"] = counters.truncated;
+  report["warning"] = warning;
+  return report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace imud

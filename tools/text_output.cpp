@@ -1,0 +1,60 @@
+#include "tools/text_output.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <cstring>
+#include <stdexcept>
+
+#include "tools/stop_signal.hpp"
+
+namespace imud {
+
+namespace {
+constexpr std::size_t hold_at_most = 64 * 1024;
+}
+
+TextOutput::TextOutput(const std::string& path)
+    : file_(path == "-" ? ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)
+                        : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+  if (!file_) throw std::runtime_error(fmt::format("{}: cannot write it: {}", path, std::strerror(errno)));
+  held_.reserve(hold_at_most + PIPE_BUF);
+}
+
+void TextOutput::write(std::string_view text) {
+  held_ += text;
+  if (held_.size() >= hold_at_most) flush();
+}
+
+bool TextOutput::is_writable() const noexcept {
+  pollfd out{file_.get(), POLLOUT, 0};
+  return ::poll(&out, 1, 1000) > 0;
+}
+
+void TextOutput::flush() {
+  std::string_view rest = held_;
+  while (!rest.empty() && error_ == 0) {
+    // Of PIPE_BUF bytes poll() knows whether they will block.
+    const std::size_t piece = stop_wished() ? std::min<std::size_t>(rest.size(), PIPE_BUF) : rest.size();
+    if (stop_wished() && !is_writable()) {
+      error_ = EPIPE;
+      break;
+    }
+    const ssize_t size = ::write(file_.get(), rest.data(), piece);
+    if (size >= 0) {
+      rest.remove_prefix(static_cast<std::size_t>(size));
+    } else if (errno == EAGAIN) {
+      pollfd out{file_.get(), POLLOUT, 0};
+      ::poll(&out, 1, 1000);
+    } else if (errno != EINTR) {
+      error_ = errno;
+    }
+  }
+  held_.clear();
+}
+
+}  // namespace imud
