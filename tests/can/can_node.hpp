@@ -1,0 +1,144 @@
+// The rest of a CAN bus: its interfaces, other nodes, and a controller that is made of a pseudo-terminal.
+#pragma once
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <linux/can.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <termios.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "transports/file_descriptor.hpp"
+
+namespace imud {
+
+inline bool run_command(const std::string& command) {
+  return std::system(("PATH=$PATH:/usr/sbin:/sbin; " + command + " 2>/dev/null").c_str()) == 0;
+}
+inline bool ip(const std::string& arguments) { return run_command("ip " + arguments); }
+
+// Another node on the bus.
+class Node {
+ public:
+  explicit Node(const std::string& interface) {
+    socket_.reset(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW));
+    const int on = 1, room = 4 << 20;
+    ::setsockopt(socket_.get(), SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
+    ::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUFFORCE, &room, sizeof room);
+    sockaddr_can address{};
+    address.can_family = AF_CAN;
+    address.can_ifindex = static_cast<int>(::if_nametoindex(interface.c_str()));
+    EXPECT_NE(address.can_ifindex, 0) << interface;
+    EXPECT_EQ(::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0) << interface;
+  }
+  struct Heard {
+    canfd_frame frame;
+    bool fd;
+  };
+  // The next frame; nullopt when none comes for a while.
+  std::optional<Heard> hear() const {
+    pollfd ready{socket_.get(), POLLIN, 0};
+    Heard heard{};
+    if (::poll(&ready, 1, 200) != 1) return std::nullopt;
+    const ssize_t size = ::read(socket_.get(), &heard.frame, sizeof heard.frame);
+    if (size < 0) return std::nullopt;
+    heard.fd = size == CANFD_MTU;
+    return heard;
+  }
+  std::vector<Heard> hear_all() const {
+    std::vector<Heard> all;
+    while (const auto heard = hear()) all.push_back(*heard);
+    return all;
+  }
+  void say(const canfd_frame& frame, bool fd) const {
+    const auto size = static_cast<ssize_t>(fd ? CANFD_MTU : CAN_MTU);
+    EXPECT_EQ(::write(socket_.get(), &frame, static_cast<std::size_t>(size)), size);
+  }
+  void say(canid_t id, std::initializer_list<std::uint8_t> data) const {
+    canfd_frame frame{};
+    frame.can_id = id;
+    frame.len = static_cast<std::uint8_t>(data.size());
+    std::copy(data.begin(), data.end(), frame.data);
+    say(frame, false);
+  }
+
+ private:
+  FileDescriptor socket_;
+};
+
+// A controller on a serial line, as far as its driver (slcan) can tell: the line's other end is a thread here.
+class LineController {
+ public:
+  LineController() {
+    master_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    EXPECT_TRUE(master_ && ::grantpt(master_.get()) == 0 && ::unlockpt(master_.get()) == 0);
+    char slave[64];
+    ::ptsname_r(master_.get(), slave, sizeof slave);
+    line_.reset(::open(slave, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    termios raw{};
+    ::tcgetattr(line_.get(), &raw);
+    ::cfmakeraw(&raw);
+    ::tcsetattr(line_.get(), TCSANOW, &raw);
+    const int slcan = 17;
+    EXPECT_EQ(::ioctl(line_.get(), TIOCSETD, &slcan), 0);
+    ifreq request{};
+    EXPECT_EQ(::ioctl(line_.get(), SIOCGIFNAME, request.ifr_name), 0);
+    name = request.ifr_name;
+    answering_ = std::thread([this] { answer(); });
+  }
+  ~LineController() {
+    ending_ = true;
+    answering_.join();
+  }
+  void say(std::string_view command) const {
+    EXPECT_EQ(::write(master_.get(), command.data(), command.size()), static_cast<ssize_t>(command.size()));
+  }
+  // Frames that have come over the line once it is quiet.
+  unsigned frames() const {
+    for (unsigned before = frames_ + 1; before != frames_;
+         std::this_thread::sleep_for(std::chrono::milliseconds(200)))
+      before = frames_;
+    return frames_;
+  }
+
+  std::string name;
+  std::atomic<bool> reading = true;
+
+ private:
+  void answer() {
+    char first = 0;
+    while (!ending_) {
+      pollfd ready{master_.get(), POLLIN, 0};
+      char byte = 0;
+      if (!reading || ::poll(&ready, 1, 10) != 1 || ::read(master_.get(), &byte, 1) != 1) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        continue;
+      }
+      if (first == 0) first = byte;
+      if (byte != '\r') continue;
+      frames_ += first == 't';
+      say("\r");
+      first = 0;
+    }
+  }
+
+  FileDescriptor master_, line_;
+  std::atomic<bool> ending_ = false;
+  std::atomic<unsigned> frames_ = 0;
+  std::thread answering_;
+};
+
+}  // namespace imud

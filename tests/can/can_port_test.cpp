@@ -1,0 +1,423 @@
+// Runs in tools/with-vcan: vcan0 exists, and the right to make, change and remove interfaces.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <linux/can/error.h>
+#include <poll.h>
+
+#include <chrono>
+#include <iterator>
+#include <optional>
+#include <thread>
+
+#include "tests/can/can_node.hpp"
+#include "tests/transports/port_error.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+// The frames of one sample.
+class Sample {
+ public:
+  Sample& add(CanHeader header, std::size_t size, std::uint8_t first = 1) {
+    const auto room = buffer_.room(size);
+    for (std::size_t i = 0; i < size; ++i) room[i] = static_cast<std::byte>(first + i);
+    buffer_.push(size, header);
+    return *this;
+  }
+  operator std::span<const Frame>() const { return buffer_.frames(); }
+
+ private:
+  FrameBuffer buffer_;
+};
+
+// `count` classic frames whose identifiers tell their place and whose data tell the sample.
+void send_sample(Port& port, std::uint8_t number, std::uint32_t count = 1) {
+  Sample sample;
+  for (std::uint32_t i = 0; i < count; ++i) sample.add({.id = 0x100 + i}, 8, number);
+  port.send(sample);
+}
+
+std::uint64_t decided(const Port& port) { return port.counters().sent + port.counters().dropped; }
+
+// What the port receives next; a vcan hands a frame over a little later.
+std::optional<Port::Received> hear(Port& port) {
+  for (int i = 0; i < 20; ++i) {
+    pollfd ready{port.descriptor(), POLLIN, 0};
+    if (::poll(&ready, 1, 100) == 1)
+      if (const auto received = port.receive()) return received;
+  }
+  return std::nullopt;
+}
+
+void wait_until_back(Port& port) {
+  for (int i = 0; i < 1000 && port.state() == PortState::lost; ++i) {
+    send_sample(port, 0);
+    std::this_thread::sleep_for(10ms);
+  }
+  ASSERT_EQ(port.state(), PortState::ready);
+}
+
+class Can : public ::testing::Test {
+ protected:
+  // An interface of the test's own, to be taken down and removed.
+  static constexpr const char* own = "imudcan";
+  void SetUp() override {
+    ASSERT_NE(::if_nametoindex("vcan0"), 0U) << "run it in tools/with-vcan";
+    ip(fmt::format("link del {}", own));
+    make_own();
+  }
+  void TearDown() override { ip(fmt::format("link del {}", own)); }
+  static void make_own(int mtu = 72) {
+    ASSERT_TRUE(ip(fmt::format("link add {} type vcan", own)));
+    ASSERT_TRUE(ip(fmt::format("link set {} mtu {} up", own, mtu)));
+  }
+  static std::unique_ptr<Port> open(const std::string& interface) {
+    return open_port("can:" + interface, Role::device);
+  }
+};
+
+TEST_F(Can, EveryKindOfFrameInOneSample) {
+  const Node node("vcan0");
+  const auto port = open("vcan0");
+  Sample sample;
+  sample.add({.id = 0x7FF}, 8)
+      .add({.id = 0x1FFFFFFF, .extended = true}, 0)
+      .add({.id = 0x123, .extended = true}, 3)
+      .add({.id = 0x055, .remote = true}, 0)
+      .add({.id = 0x201, .fd = true}, 64)
+      .add({.id = 0x18FF0000, .extended = true, .fd = true, .bit_rate_switch = true}, 12);
+  port->send(sample);
+  EXPECT_EQ(port->counters().sent, 6U);
+  EXPECT_EQ(port->counters().dropped, 0U);
+
+  const auto heard = node.hear_all();
+  ASSERT_EQ(heard.size(), 6U);
+  const canid_t ids[] = {0x7FF, 0x1FFFFFFF | CAN_EFF_FLAG, 0x123 | CAN_EFF_FLAG, 0x055 | CAN_RTR_FLAG,
+                         0x201, 0x18FF0000 | CAN_EFF_FLAG};
+  const unsigned sizes[] = {8, 0, 3, 0, 64, 12};
+  for (std::size_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(heard[i].frame.can_id, ids[i]) << i;
+    EXPECT_EQ(heard[i].frame.len, sizes[i]) << i;
+    EXPECT_EQ(heard[i].fd, i >= 4) << i;
+    for (std::uint8_t k = 0; k < sizes[i]; ++k) EXPECT_EQ(heard[i].frame.data[k], k + 1) << i;
+  }
+  EXPECT_EQ(heard[4].frame.flags & CANFD_BRS, 0);
+  EXPECT_EQ(heard[5].frame.flags & CANFD_BRS, CANFD_BRS);
+  EXPECT_EQ(port->receive(), std::nullopt) << "own frames are not received";
+}
+
+TEST_F(Can, FdLengthIsPaddedWithZerosToTheNextThatADlcStandsFor) {
+  const Node node("vcan0");
+  const auto port = open("vcan0");
+  for (unsigned size = 0; size <= 64; ++size) {
+    Sample sample;
+    port->send(sample.add({.id = 1, .fd = true}, size, 0x80));
+    const auto heard = node.hear();
+    ASSERT_TRUE(heard.has_value()) << size;
+    unsigned legal = size;
+    while (legal > 8 && legal != 12 && legal != 16 && legal != 20 && legal != 24 && legal != 32 && legal != 48 &&
+           legal != 64)
+      ++legal;
+    EXPECT_EQ(heard->frame.len, legal) << size;
+    for (unsigned k = 0; k < legal; ++k) EXPECT_EQ(heard->frame.data[k], k < size ? 0x80 + k : 0) << size;
+  }
+}
+
+TEST_F(Can, WhatTheInterfaceCannotCarryIsDroppedAlone) {
+  const Node node("vcan0");
+  const auto port = open("vcan0");
+  Sample sample;
+  sample.add({.id = 1}, 8)
+      .add({.id = 2}, 9)
+      .add({.id = 3, .fd = true}, 65)
+      .add({.id = 0x800}, 1)
+      .add({.id = 0x20000000, .extended = true}, 1)
+      .add({.id = 4, .fd = true, .remote = true}, 0)
+      .add({.id = 5, .error = true}, 8)
+      .add({.id = 6}, 8);
+  port->send(sample);
+  EXPECT_EQ(port->counters().sent, 2U);
+  EXPECT_EQ(port->counters().dropped, 6U);
+  const auto heard = node.hear_all();
+  ASSERT_EQ(heard.size(), 2U);
+  EXPECT_EQ(heard[0].frame.can_id, 1U);
+  EXPECT_EQ(heard[1].frame.can_id, 6U);
+}
+
+TEST_F(Can, FdFramesNeedTheInterfacesMtu) {
+  ASSERT_TRUE(ip(fmt::format("link set {} down", own)));
+  ASSERT_TRUE(ip(fmt::format("link set {} mtu 16 up", own)));
+  const auto port = open(own);
+  Sample sample;
+  sample.add({.id = 1, .fd = true}, 8);
+  port->send(sample);
+  EXPECT_EQ(port->counters().dropped, 1U);
+  EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_TRUE(mentions(error_of(fmt::format("can:{}?mtu=72", own)), "mtu 72"));
+
+  ASSERT_TRUE(ip(fmt::format("link set {} down", own)));
+  send_sample(*port, 1);
+  ASSERT_TRUE(ip(fmt::format("link set {} mtu 72 up", own)));
+  port->send(sample);
+  EXPECT_EQ(port->counters().sent, 1U);
+  EXPECT_EQ(port->state(), PortState::ready);
+
+  const auto classic_only = open_port(fmt::format("can:{}?mtu=16", own), Role::device);
+  classic_only->send(sample);
+  EXPECT_EQ(classic_only->counters().dropped, 1U);
+}
+
+TEST_F(Can, ReceivesWhatOthersSay) {
+  const Node node("vcan0");
+  const auto port = open("vcan0");
+  EXPECT_EQ(port->receive(), std::nullopt);
+  node.say(0x080, {7});
+  node.say(0x18EA80F9 | CAN_EFF_FLAG, {1, 2, 3});
+  node.say(0x701 | CAN_RTR_FLAG, {});
+  canfd_frame fd{};
+  fd.can_id = 0x123;
+  fd.len = 64;
+  fd.flags = CANFD_BRS;
+  fd.data[63] = 0xEE;
+  node.say(fd, true);
+  node.say(CAN_ERR_FLAG | CAN_ERR_CRTL, {0, CAN_ERR_CRTL_TX_WARNING, 0, 0, 0, 0, 96, 0});
+
+  auto received = hear(*port);
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->frame.can.id, 0x080U);
+  EXPECT_FALSE(received->frame.can.extended || received->frame.can.fd || received->frame.can.remote);
+  ASSERT_EQ(received->frame.bytes.size(), 1U);
+  EXPECT_EQ(received->frame.bytes[0], std::byte{7});
+  received = hear(*port);
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->frame.can.id, 0x18EA80F9U);
+  EXPECT_TRUE(received->frame.can.extended);
+  EXPECT_EQ(received->frame.bytes.size(), 3U);
+  received = hear(*port);
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->frame.can.id, 0x701U);
+  EXPECT_TRUE(received->frame.can.remote);
+  received = hear(*port);
+  ASSERT_TRUE(received.has_value());
+  EXPECT_TRUE(received->frame.can.fd && received->frame.can.bit_rate_switch);
+  ASSERT_EQ(received->frame.bytes.size(), 64U);
+  EXPECT_EQ(received->frame.bytes[63], std::byte{0xEE});
+  received = hear(*port);
+  ASSERT_TRUE(received.has_value());
+  EXPECT_TRUE(received->frame.can.error);
+  EXPECT_EQ(received->frame.can.id, canid_t{CAN_ERR_CRTL});
+  EXPECT_EQ(received->frame.bytes.size(), 8U);
+  EXPECT_EQ(port->receive(), std::nullopt);
+  EXPECT_EQ(port->counters().received, 5U);
+  EXPECT_EQ(port->state(), PortState::ready);
+}
+
+TEST_F(Can, BusOffIsALossUntilTheControllerRestarts) {
+  const Node node("vcan0");
+  const auto port = open("vcan0");
+  node.say(CAN_ERR_FLAG | CAN_ERR_BUSOFF, {0, 0, 0, 0, 0, 0, 0, 0});
+  node.say(CAN_ERR_FLAG | CAN_ERR_CRTL, {0, 0, 0, 0, 0, 0, 0, 0});
+  EXPECT_TRUE(hear(*port).has_value());
+  EXPECT_EQ(port->state(), PortState::lost);
+  EXPECT_TRUE(hear(*port).has_value());
+  send_sample(*port, 1, 3);
+  EXPECT_EQ(port->state(), PortState::lost);
+  EXPECT_EQ(port->counters().dropped, 3U);
+  EXPECT_EQ(port->counters().lost_count, 1U);
+  node.say(CAN_ERR_FLAG | CAN_ERR_RESTARTED, {0, 0, 0, 0, 0, 0, 0, 0});
+  EXPECT_TRUE(hear(*port).has_value());
+  EXPECT_EQ(port->state(), PortState::ready);
+  send_sample(*port, 2, 3);
+  EXPECT_EQ(port->counters().sent, 3U);
+}
+
+TEST_F(Can, RealDriverWithAFullQueueAndInBusOff) {
+  LineController controller;
+  ASSERT_TRUE(ip(fmt::format("link set {} txqueuelen 10 up type can bitrate 500000", controller.name)));
+  const auto port = open(controller.name);
+  for (std::uint8_t i = 0; i < 10; ++i) send_sample(*port, i, 3), std::this_thread::sleep_for(5ms);
+  EXPECT_EQ(controller.frames(), port->counters().sent);
+
+  controller.reading = false;
+  for (std::uint8_t i = 0; i < 200; ++i) send_sample(*port, i, 5);
+  EXPECT_GT(port->counters().dropped, 0U);
+  EXPECT_EQ(port->state(), PortState::ready);
+  controller.reading = true;
+  EXPECT_EQ(controller.frames(), port->counters().sent);
+  const std::uint64_t dropped = port->counters().dropped;
+  send_sample(*port, 1, 3);
+  EXPECT_EQ(controller.frames(), port->counters().sent);
+  EXPECT_EQ(port->counters().dropped, dropped);
+
+  controller.say("sb000256\r");
+  auto received = hear(*port);
+  ASSERT_TRUE(received.has_value());
+  EXPECT_TRUE(received->frame.can.error && (received->frame.can.id & CAN_ERR_BUSOFF) != 0);
+  EXPECT_EQ(port->state(), PortState::lost);
+  for (std::uint8_t i = 0; i < 10; ++i) send_sample(*port, i, 3);
+  EXPECT_EQ(port->counters().dropped, dropped + 30);
+
+  ASSERT_TRUE(ip(fmt::format("link set {} down", controller.name)));
+  ASSERT_TRUE(ip(fmt::format("link set {} up", controller.name)));
+  send_sample(*port, 1, 3);
+  EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_EQ(port->counters().dropped, dropped + 30);
+  EXPECT_EQ(controller.frames(), port->counters().sent);
+}
+
+// A pair of interfaces that carries only what the first one's queue lets through, with room for ten frames in it.
+TEST_F(Can, FullQueueDropsTheEndOfASampleAndNeverMixesTwo) {
+  ip("link del imudfar");
+  ASSERT_TRUE(ip("link add imudnear type vxcan peer name imudfar"));
+  ASSERT_TRUE(ip("link set imudnear up") && ip("link set imudfar up"));
+  ASSERT_TRUE(run_command("tc qdisc add dev imudnear root netem rate 500kbit limit 10"));
+  const Node node("imudfar");
+  const auto port = open("imudnear");
+  constexpr std::uint32_t frames = 7;
+  constexpr std::uint8_t samples = 200;
+  for (std::uint8_t i = 0; i < samples; ++i) {
+    send_sample(*port, i, frames);
+    std::this_thread::sleep_for(1ms);
+  }
+  EXPECT_EQ(decided(*port), samples * frames);
+  EXPECT_GT(port->counters().dropped, 0U);
+  EXPECT_GT(port->counters().sent, 100U);
+  EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_EQ(port->counters().lost_count, 0U);
+
+  const auto heard = node.hear_all();
+  EXPECT_EQ(heard.size(), port->counters().sent);
+  int sample = -1;
+  std::size_t torn = 0;
+  for (std::uint32_t place = 0; const auto& [frame, fd] : heard) {
+    if (frame.data[0] != sample) {
+      torn += place != 0 && place != frames;
+      place = 0;
+      EXPECT_GT(frame.data[0], sample);
+    }
+    sample = frame.data[0];
+    EXPECT_EQ(frame.can_id, 0x100 + place++);
+  }
+  EXPECT_GT(torn, 0U) << "the queue never ended within a sample: the test proves nothing";
+
+  ASSERT_TRUE(run_command("tc qdisc del dev imudnear root"));
+  const std::uint64_t dropped = port->counters().dropped;
+  send_sample(*port, 0, frames);
+  EXPECT_EQ(port->counters().dropped, dropped);
+  EXPECT_EQ(node.hear_all().size(), frames);
+  ip("link del imudnear");
+}
+
+TEST_F(Can, DownAndUp) {
+  const Node node(own);
+  const auto port = open(own);
+  send_sample(*port, 1, 3);
+  for (std::uint64_t time = 1; time <= 2; ++time) {
+    ASSERT_TRUE(ip(fmt::format("link set {} down", own)));
+    for (int i = 0; i < 10; ++i) send_sample(*port, 2, 3);
+    EXPECT_EQ(port->state(), PortState::lost);
+    EXPECT_EQ(port->counters().lost_count, time);
+    EXPECT_EQ(port->counters().dropped, 30 * time);
+    EXPECT_EQ(port->receive(), std::nullopt);
+    ASSERT_TRUE(ip(fmt::format("link set {} up", own)));
+    send_sample(*port, 3, 3);
+    EXPECT_EQ(port->state(), PortState::ready);
+    EXPECT_EQ(port->counters().dropped, 30 * time) << "the first sample that can go does go";
+  }
+  EXPECT_EQ(port->counters().sent, 9U);
+  // The node's own socket reports the interface down before it goes on.
+  std::size_t heard = 0;
+  for (int i = 0; i < 20; ++i) heard += node.hear().has_value();
+  EXPECT_EQ(heard, 9U);
+}
+
+TEST_F(Can, DownAndUpUnnoticedLosesNothing) {
+  const auto port = open(own);
+  ASSERT_TRUE(ip(fmt::format("link set {} down", own)) && ip(fmt::format("link set {} up", own)));
+  const Node node(own);
+  send_sample(*port, 1, 3);
+  EXPECT_EQ(port->counters().sent, 3U);
+  EXPECT_EQ(node.hear_all().size(), 3U);
+  ASSERT_TRUE(ip(fmt::format("link set {} down", own)) && ip(fmt::format("link set {} up", own)));
+  const Node other(own);
+  other.say(0x123, {1});
+  EXPECT_TRUE(hear(*port).has_value());
+  EXPECT_EQ(port->state(), PortState::ready);
+}
+
+TEST_F(Can, FramesFromBeforeDoNotMakeItUp) {
+  const Node node(own);
+  const auto port = open(own);
+  node.say(0x123, {1});
+  pollfd ready{port->descriptor(), POLLIN, 0};
+  ASSERT_EQ(::poll(&ready, 1, 5000), 1);
+  ASSERT_TRUE(ip(fmt::format("link set {} down", own)));
+  EXPECT_TRUE(port->receive().has_value());
+  EXPECT_EQ(port->state(), PortState::lost);
+  send_sample(*port, 1);
+  EXPECT_EQ(port->counters().lost_count, 1U);
+}
+
+TEST_F(Can, OpenedWhileDownComesUp) {
+  ASSERT_TRUE(ip(fmt::format("link set {} down", own)));
+  const auto port = open(own);
+  EXPECT_EQ(port->state(), PortState::lost);
+  send_sample(*port, 1);
+  ASSERT_TRUE(ip(fmt::format("link set {} up", own)));
+  send_sample(*port, 2);
+  EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_EQ(port->counters().sent, 1U);
+  EXPECT_EQ(port->counters().dropped, 1U);
+}
+
+TEST_F(Can, RemovedAndMadeAgain) {
+  const auto port = open(own);
+  for (std::uint64_t time = 1; time <= 2; ++time) {
+    const std::uint64_t sent = port->counters().sent;
+    ASSERT_TRUE(ip(fmt::format("link del {}", own)));
+    for (int i = 0; i < 10; ++i) send_sample(*port, 1, 3);
+    EXPECT_EQ(port->state(), PortState::lost);
+    EXPECT_EQ(port->counters().lost_count, time);
+    EXPECT_EQ(port->counters().sent, sent);
+    EXPECT_EQ(port->descriptor(), -1);
+    make_own();
+    wait_until_back(*port);
+    EXPECT_GE(port->descriptor(), 0);
+    const Node node(own);
+    send_sample(*port, 2, 3);
+    EXPECT_EQ(node.hear_all().size(), 3U);
+    node.say(0x321, {1});
+    ASSERT_TRUE(hear(*port).has_value());
+  }
+}
+
+TEST_F(Can, ReceivingNoticesTheRemovalAndTheReturn) {
+  const auto port = open(own);
+  ASSERT_TRUE(ip(fmt::format("link del {}", own)));
+  EXPECT_EQ(port->receive(), std::nullopt);
+  EXPECT_EQ(port->state(), PortState::lost);
+  make_own();
+  for (int i = 0; i < 1000 && port->state() == PortState::lost; ++i) {
+    EXPECT_EQ(port->receive(), std::nullopt);
+    std::this_thread::sleep_for(10ms);
+  }
+  ASSERT_EQ(port->state(), PortState::ready);
+  const Node node(own);
+  node.say(0x321, {1});
+  EXPECT_TRUE(hear(*port).has_value());
+}
+
+TEST_F(Can, SaysWhyItCannotBeOpened) {
+  EXPECT_TRUE(mentions(error_of("can:nosuchcan"), "no such interface"));
+  EXPECT_TRUE(mentions(error_of("can:lo"), "is it a CAN interface?"));
+  EXPECT_TRUE(mentions(error_of("can:namelongerthan15"), "so long a name"));
+  EXPECT_TRUE(mentions(error_of("can:vcan0?bitrate=0"), "from 5000 to 1000000"));
+  EXPECT_TRUE(mentions(error_of("can:vcan0?data_bitrate=1"), "data_bitrate=1"));
+  EXPECT_TRUE(mentions(error_of("can:vcan0?mtu=73"), "any 16 72"));
+  EXPECT_EQ(error_of("can:vcan0?bitrate=500000&data_bitrate=2000000&mtu=72"), "");
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,87 @@
+// The whole line on a real SocketCAN interface: imud to vcan0 to imu-decode and candump. Runs inside tools/with-vcan.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "tests/emulator/run_test.hpp"
+
+namespace imud {
+namespace {
+
+class CanRunTest : public RunTest {
+ protected:
+  static void ip(const std::string& arguments) {
+    ASSERT_EQ(std::system(("ip link set vcan0 " + arguments).c_str()), 0) << arguments;
+  }
+};
+
+const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
+
+TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
+  const std::string ideal = config("fast", "udp:127.0.0.1:5140", "jsbsim", 50, "csv", "file:" + path("ideal.csv"));
+  ASSERT_EQ(run_program("imud", {"replay", ideal, flight, "--for", "2"}).exit_code, 0);
+  const auto expected = rows(read_file(path("ideal.csv")));
+  ASSERT_EQ(expected.size(), 101U);
+  for (const bool fd : {false, true}) {
+    const std::string kind = fd ? "true" : "false";
+    const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 50, "native-can", "can:vcan0");
+    Program decode("imu-decode");
+    decode.start({"native-can", "can:vcan0", "--count", "101", "--set", "fd=" + kind});
+    Program candump("/usr/bin/candump");
+    candump.start({"-L", "-n", fd ? "101" : "707", "vcan0"});
+    // Both listen once they have their sockets, which nothing tells from outside: imud starts well after them.
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    const ProgramResult run = run_program(
+        "imud", {"replay", c, flight, "--for", "2", "--set", "imu.0.device.fd=" + kind, "--summary", path("summary.json")});
+    ASSERT_EQ(run.exit_code, 0) << run.errors;
+    EXPECT_EQ(summary()["imus"][0]["samples"], 101);
+    EXPECT_EQ(summary()["imus"][0]["frames"], fd ? 101 : 707);
+    EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
+    ASSERT_EQ(decode.wait(), 0) << decode.errors();
+    ASSERT_EQ(candump.wait(), 0);
+
+    const auto all = rows(decode.output());
+    ASSERT_EQ(all.size(), expected.size());
+    // Half an LSB of protocols/devices/native_can.cpp, or the rounding of a float.
+    const auto tolerance = [&](std::size_t field, double value) {
+      const int power = field < 5 ? -23 : field < 8 ? -18 : field < 11 ? -28 : -21;
+      return fd ? std::abs(value) * std::ldexp(1.0, -24) : std::ldexp(1.0, power);
+    };
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      EXPECT_EQ(all[k][0], expected[k][0]);
+      for (std::size_t field = 2; field < 14; ++field) {
+        const double value = std::stod(expected[k][field]);
+        EXPECT_NEAR(std::stod(all[k][field]), value, tolerance(field, value)) << k << " " << field;
+      }
+    }
+    const auto frames = lines_of(candump.output());
+    ASSERT_EQ(frames.size(), fd ? 101U : 707U);
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const std::string id = fd ? " 100##" : fmt::format(" {:03X}#", 0x100 + i % 7);
+      EXPECT_NE(frames[i].find(id), std::string::npos) << frames[i];
+    }
+  }
+}
+
+TEST_F(CanRunTest, AnInterfaceThatGoesDownAndComesBack) {
+  const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 100, "native-can", "can:vcan0");
+  Program imud("imud");
+  imud.start({"replay", c, flight, "--summary", path("summary.json")});
+  ASSERT_TRUE(eventually([] { return run_program("/usr/bin/candump", {"-n", "7", "-T", "200", "vcan0"}).output.size() > 100; }));
+  ip("down");
+  EXPECT_TRUE(imud.wait_for_errors("is lost"));
+  ip("up");
+  EXPECT_TRUE(imud.wait_for_errors("takes frames"));
+  const ProgramResult decoded = run_program("imu-decode", {"native-can", "can:vcan0", "--count", "20"});
+  EXPECT_EQ(decoded.exit_code, 0);
+  EXPECT_EQ(rows(decoded.output).size(), 20U);
+  EXPECT_EQ(imud.stop(), 0);
+  const auto imu = summary()["imus"][0];
+  EXPECT_GT(imu["dropped"], 0);
+  EXPECT_EQ(imu["frames"].get<std::uint64_t>() + imu["dropped"].get<std::uint64_t>(),
+            7 * imu["samples"].get<std::uint64_t>());
+}
+
+}  // namespace
+}  // namespace imud

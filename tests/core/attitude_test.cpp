@@ -1,0 +1,204 @@
+#include "core/attitude.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace imud {
+namespace {
+
+constexpr double pi = 3.14159265358979324;
+
+// Random rotation vectors with angles from 0 to `to`.
+class Rotations {
+ public:
+  explicit Rotations(double to) : angle_(0.0, to) {}
+  Vector3 next() {
+    Vector3 axis;
+    do axis = {unit_(random_), unit_(random_), unit_(random_)};
+    while (axis.norm() > 1.0 || axis.norm() < 0.1);
+    return angle_(random_) * axis.normalized();
+  }
+
+ private:
+  std::mt19937_64 random_{1};
+  std::uniform_real_distribution<double> unit_{-1.0, 1.0};
+  std::uniform_real_distribution<double> angle_;
+};
+
+Quaternion by_eigen(const Vector3& phi) {
+  const double angle = phi.norm();
+  return Quaternion(Eigen::AngleAxisd(angle, angle > 0.0 ? Vector3(phi / angle) : Vector3::UnitX()));
+}
+
+double distance(const Quaternion& a, const Quaternion& b) {
+  return std::min((a.coeffs() - b.coeffs()).norm(), (a.coeffs() + b.coeffs()).norm());
+}
+
+TEST(Attitude, SkewIsTheCrossProduct) {
+  const Vector3 a(1, -2, 3), b(0.5, 4, -1);
+  EXPECT_EQ(skew(a) * b, a.cross(b));
+}
+
+TEST(Attitude, ExpIsTheRotationHoweverLong) {
+  for (const double to : {1e-9, 0.05, 1.0, 2.0 * pi, 100.0, 1e5}) {
+    Rotations rotations(to);
+    for (int i = 0; i < 2'000; ++i) {
+      const Vector3 phi = rotations.next();
+      const Quaternion q = exp(phi);
+      ASSERT_LT(distance(q, by_eigen(phi)), 4e-16 * (2.0 + phi.norm())) << phi;
+      ASSERT_NEAR(q.norm(), 1.0, 2e-15) << phi;
+    }
+  }
+  for (const double angle : {1e8, 1e12, 1e17}) EXPECT_NEAR(exp({0.0, angle, 0.0}).norm(), 1.0, 1e-3) << angle;
+}
+
+TEST(Attitude, LogUndoesExp) {
+  Rotations rotations(pi - 1e-9);
+  for (int i = 0; i < 20'000; ++i) {
+    const Vector3 phi = rotations.next();
+    ASSERT_LT((log(exp(phi)) - phi).norm(), 3e-15) << phi;
+    const Quaternion q = exp(phi);
+    ASSERT_LT((log({-q.w(), -q.x(), -q.y(), -q.z()}) - phi).norm(), 3e-15) << "the other sign: " << phi;
+  }
+  EXPECT_NEAR(log({0.0, 0.6, 0.8, 0.0}).norm(), pi, 1e-15);
+}
+
+TEST(Attitude, NoDeadZoneNearZero) {
+  for (double angle = 1e-300; angle < 0.1; angle *= 3.7) {
+    const Vector3 phi = angle * Vector3(0.6, 0.0, -0.8);
+    EXPECT_LT((log(exp(phi)) - phi).norm(), 1e-15 * angle) << angle;
+    EXPECT_LT((rotation_vector_from_mrp(0.25 * phi) - phi).norm(), (1e-15 + angle * angle / 12.0) * angle) << angle;
+  }
+  EXPECT_EQ(log(Quaternion::Identity()).norm(), 0.0);
+  EXPECT_EQ(exp(Vector3::Zero()).w(), 1.0);
+}
+
+// Memo Eq. 3 as it must be; typeset, it gives 2.5 here.
+TEST(Attitude, RotationVectorOfAnMrp) {
+  EXPECT_NEAR(rotation_vector_from_mrp({0.1, 0.0, 0.0}).x(), 4.0 * std::atan(0.1), 1e-16);
+  EXPECT_NEAR(rotation_vector_from_mrp({0.1, 0.0, 0.0}).x(), 0.3987, 5e-5);
+  const Vector3 sigma(0.3, -0.5, 0.2);
+  EXPECT_LT((rotation_vector_from_mrp(sigma) - sigma.normalized() * 4.0 * std::atan(sigma.norm())).norm(), 1e-15);
+  EXPECT_LT((rotation_vector_from_mrp(mrp_shadow(sigma)) - rotation_vector_from_mrp(sigma)).norm(), 1e-15);
+}
+
+TEST(Attitude, MrpQuaternionAndMatrixAreTheSameAttitude) {
+  Rotations rotations(pi);
+  for (int i = 0; i < 5'000; ++i) {
+    const Vector3 phi = rotations.next();
+    const Vector3 sigma = phi.normalized() * std::tan(0.25 * phi.norm());
+    const Quaternion q_NB = by_eigen(phi);
+    const Matrix3 dcm_BN = q_NB.toRotationMatrix().transpose();
+    ASSERT_LT(distance(quaternion_from_mrp(sigma), q_NB), 1e-15);
+    ASSERT_LT((mrp_from_quaternion(q_NB) - sigma).norm(), 1e-15);
+    ASSERT_LT((dcm_from_mrp(sigma) - dcm_BN).norm(), 3e-15);
+    ASSERT_LT((mrp_from_dcm(dcm_BN) - sigma).norm(), 4e-15);
+    // The shadow set is the same attitude.
+    const Vector3 shadow = mrp_shadow(sigma);
+    ASSERT_LT(distance(quaternion_from_mrp(shadow), q_NB), 1e-15);
+    ASSERT_LT((dcm_from_mrp(shadow) - dcm_BN).norm(), 1e-14);
+    ASSERT_LT((mrp_short(shadow) - sigma).norm(), 1e-15);
+  }
+}
+
+// Memo Eq. 2: N to B1 and then `subtract` is N to B2.
+TEST(Attitude, MrpSubtractionIsTheRotationBetween) {
+  Rotations rotations(2.0 * pi - 1e-3);
+  for (int i = 0; i < 20'000; ++i) {
+    const Quaternion q1 = exp(rotations.next());
+    const Quaternion q2 = exp(rotations.next());
+    const Vector3 difference = mrp_subtract(mrp_from_quaternion(q2), mrp_from_quaternion(q1));
+    ASSERT_LE(difference.norm(), 1.0 + 1e-15);
+    ASSERT_LT(distance(quaternion_from_mrp(difference), q1.conjugate() * q2), 2e-14);
+  }
+}
+
+TEST(Attitude, MrpSubtractionKeepsSmallSteps) {
+  const Vector3 sigma1(0.62, -0.35, 0.55);
+  for (const double angle : {1e-14, 1e-12, 1e-9, 1e-6}) {
+    const Vector3 step = angle * Vector3(0.6, 0.0, 0.8);
+    const Vector3 sigma2 = mrp_from_quaternion(quaternion_from_mrp(sigma1) * exp(step));
+    // Rounding of the two sets themselves leaves about 4e-16 rad.
+    EXPECT_LT((rotation_vector_from_mrp(mrp_subtract(sigma2, sigma1)) - step).norm(), 1e-15) << angle;
+    EXPECT_LT((rotation_vector_from_mrp(mrp_subtract(mrp_shadow(sigma2), sigma1)) - step).norm(), 3e-15) << angle;
+  }
+}
+
+TEST(Attitude, MrpSubtractionNear360Degrees) {
+  // Of MRPs at +-90 degrees and more about one axis the denominator vanishes where they add up to 360 degrees.
+  for (const double gap : {0.0, 1e-12, 1e-6, 0.1}) {
+    const Vector3 s2(0.0, 0.0, std::tan(0.25 * (pi - 0.5 * gap)));
+    const Vector3 s1 = -s2;
+    const Vector3 phi = rotation_vector_from_mrp(mrp_subtract(s2, s1));
+    EXPECT_NEAR(phi.z(), -gap, 4e-15) << gap;
+  }
+}
+
+// Memo Eq. 36, 37.
+TEST(Attitude, MrpRateIsTheDerivative) {
+  const Vector3 sigma(0.3, -0.2, 0.4), omega(0.7, -1.1, 0.4);
+  const double h = 1e-4;
+  const auto at = [&](double t) { return mrp_from_quaternion(quaternion_from_mrp(sigma) * exp(t * omega)); };
+  const Vector3 difference = (8.0 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12.0 * h);
+  EXPECT_LT((mrp_rate(sigma, omega) - difference).norm(), 1e-11);
+}
+
+TEST(Attitude, RightJacobianIsTheRateOfARotationVector) {
+  for (const double to : {1e-3, 0.5, 3.0, 20.0}) {
+    Rotations rotations(to);
+    for (int i = 0; i < 200; ++i) {
+      const Vector3 phi = rotations.next();
+      const Vector3 phi_dot(0.3, -0.8, 0.5);
+      const double h = 1e-3;
+      const auto back_and_forth = [&](double t) { return log(exp(phi).conjugate() * exp(phi + t * phi_dot)); };
+      const Vector3 difference = (8.0 * (back_and_forth(h) - back_and_forth(-h)) -
+                                  (back_and_forth(2 * h) - back_and_forth(-2 * h))) / (12.0 * h);
+      ASSERT_LT((right_jacobian(phi, phi_dot) - difference).norm(), 2e-11) << phi;
+    }
+  }
+}
+
+TEST(Attitude, RightJacobianIsTheMeanOfARotation) {
+  const Vector3 v(1.0, -2.0, 0.5);
+  for (const Vector3& phi : {Vector3(0.01, 0.02, -0.01), Vector3(1.0, -0.5, 2.0), Vector3(-9.0, 4.0, 7.0)}) {
+    Vector3 sum = Vector3::Zero();
+    constexpr int n = 20'000;
+    for (int i = 0; i < n; ++i) sum += exp(((i + 0.5) / n) * phi) * v;
+    EXPECT_LT((right_jacobian(-phi, v) - sum / n).norm(), 1e-7);
+  }
+}
+
+TEST(Attitude, InverseRightJacobianIsTheInverse) {
+  for (const double to : {1e-8, 1e-3, 1.0, 6.0}) {
+    Rotations rotations(to);
+    for (int i = 0; i < 2'000; ++i) {
+      const Vector3 phi = rotations.next();
+      const Vector3 omega(0.3, -0.8, 0.5);
+      ASSERT_LT((right_jacobian(phi, inverse_right_jacobian(phi, omega)) - omega).norm(), 1e-14) << phi;
+    }
+  }
+}
+
+TEST(Attitude, YawPitchRollAreTheThreeTurns) {
+  const double yaw = 0.7854, pitch = 1.0, roll = 0.1;
+  // Each turns the axes, hence the components the other way.
+  const Matrix3 expected = (Eigen::AngleAxisd(-roll, Vector3::UnitX()) * Eigen::AngleAxisd(-pitch, Vector3::UnitY()) *
+                            Eigen::AngleAxisd(-yaw, Vector3::UnitZ())).toRotationMatrix();
+  EXPECT_LT((dcm_from_yaw_pitch_roll(yaw, pitch, roll) - expected).norm(), 1e-15);
+  EXPECT_EQ(dcm_from_yaw_pitch_roll(0, 0, 0), Matrix3::Identity());
+  // Nose up: what was forward is now partly down the platform's z.
+  EXPECT_NEAR((dcm_from_yaw_pitch_roll(0, pi / 2, 0) * Vector3::UnitX() - Vector3::UnitZ()).norm(), 0.0, 1e-15);
+}
+
+TEST(Attitude, RotationDefect) {
+  EXPECT_LT(rotation_defect(dcm_from_yaw_pitch_roll(2.0, -1.0, 3.0)), 1e-15);
+  EXPECT_NEAR(rotation_defect(Matrix3(1.01 * Matrix3::Identity())), 0.0201, 1e-12);
+  Matrix3 mirror = Matrix3::Identity();
+  mirror(2, 2) = -1.0;
+  EXPECT_EQ(rotation_defect(mirror), 2.0);
+}
+
+}  // namespace
+}  // namespace imud

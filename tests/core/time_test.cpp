@@ -1,0 +1,98 @@
+#include "core/time.hpp"
+
+#include <gtest/gtest.h>
+
+#include <concepts>
+#include <cstdint>
+#include <random>
+
+namespace imud {
+namespace {
+
+template <class A, class B>
+concept Addable = requires(A a, B b) { a + b; };
+template <class A, class B>
+concept Subtractable = requires(A a, B b) { a - b; };
+template <class A, class B>
+concept Comparable = requires(A a, B b) { a < b; } || requires(A a, B b) { a == b; };
+
+// What must not compile.
+static_assert(!Addable<TruthTime, TruthTime>);
+static_assert(!Addable<HostTime, HostTime>);
+static_assert(!Addable<DeviceTime, DeviceTime>);
+static_assert(!Addable<TruthTime, HostTime>);
+static_assert(!Addable<HostTime, DeviceTime>);
+static_assert(!Addable<DeviceTime, TruthTime>);
+static_assert(!Subtractable<TruthTime, HostTime>);
+static_assert(!Subtractable<HostTime, DeviceTime>);
+static_assert(!Subtractable<DeviceTime, TruthTime>);
+static_assert(!Comparable<TruthTime, HostTime>);
+static_assert(!Comparable<HostTime, DeviceTime>);
+static_assert(!Comparable<DeviceTime, TruthTime>);
+static_assert(!std::convertible_to<TruthTime, HostTime> && !std::constructible_from<HostTime, TruthTime>);
+static_assert(!std::assignable_from<DeviceTime&, TruthTime>);
+static_assert(!std::convertible_to<TruthTime, std::int64_t> && !std::convertible_to<std::int64_t, TruthTime>);
+
+// And what must, so that the lines above fail for the right reason.
+static_assert(Addable<TruthTime, Nanoseconds> && Subtractable<TruthTime, Nanoseconds>);
+static_assert(Subtractable<TruthTime, TruthTime> && Comparable<TruthTime, TruthTime>);
+static_assert(std::same_as<decltype(HostTime{} - HostTime{}), Nanoseconds>);
+
+using namespace std::chrono_literals;
+
+TEST(Instant, Arithmetic) {
+  const TruthTime t{1'000};
+  EXPECT_EQ((t + 5us).ns, 6'000);
+  EXPECT_EQ((t - 5us).ns, -4'000);
+  EXPECT_EQ((t + 5us) - t, 5us);
+  EXPECT_LT(t - 1ns, t);
+  EXPECT_EQ(t + 0ns, t);
+  EXPECT_DOUBLE_EQ(seconds(2500ms), 2.5);
+}
+
+__extension__ using Wide = unsigned __int128;
+
+// k/rate to the nearest ns, half up.
+std::uint64_t exact_offset(std::uint64_t k, std::uint64_t rate_uhz) {
+  const Wide twice = 2 * Wide{k} * 1'000'000'000'000'000U + rate_uhz;
+  return static_cast<std::uint64_t>(twice / (2 * Wide{rate_uhz}));
+}
+
+class GridAtRate : public ::testing::TestWithParam<double> {};
+
+TEST_P(GridAtRate, IsExactForBillionsOfSamples) {
+  const auto rate_uhz = static_cast<std::uint64_t>(GetParam() * 1e6 + 0.5);
+  const Grid grid(GetParam());
+  const auto check = [&](std::uint64_t k) {
+    ASSERT_EQ(static_cast<std::uint64_t>(grid.offset(k).count()), exact_offset(k, rate_uhz)) << k;
+  };
+  for (std::uint64_t k = 0; k < 100'000; ++k) check(k);
+  for (std::uint64_t k = 0; k <= 1'000'000'000; k += 9'973) check(k);
+  std::mt19937_64 random(1);
+  for (int i = 0; i < 100'000; ++i) check(random() % 9'999'999'999'999U);
+  check(9'999'999'999'999U);
+}
+
+TEST_P(GridAtRate, NeverDriftsFromThePeriod) {
+  const Grid grid(GetParam());
+  const double period_ns = 1e9 / GetParam();
+  for (std::uint64_t k = 999'990'000; k < 1'000'000'000; ++k) {
+    const auto step = static_cast<double>((grid.offset(k + 1) - grid.offset(k)).count());
+    ASSERT_NEAR(step, period_ns, 1.0 + period_ns * 1e-6 / GetParam()) << k;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Rates, GridAtRate,
+                         ::testing::Values(Grid::min_rate_hz, 0.333333, 1.0, 7.0, 59.94, 100.0, 333.333333, 400.0, 819.2,
+                                           999.999999, 1024.0, 3333.0, 4250.0, 9999.999999, Grid::max_rate_hz));
+
+TEST(Grid, IsUsableAtCompileTime) {
+  static_assert(Grid(200.0).offset(0) == 0ns);
+  static_assert(Grid(200.0).offset(3) == 15ms);
+  static_assert(Grid(3.0).offset(1) == 333'333'333ns);
+  static_assert(Grid(3.0).offset(2) == 666'666'667ns);
+  static_assert(Grid(10'000.0).offset(9'999'999'999'999U) == 999'999'999'999'900us);
+}
+
+}  // namespace
+}  // namespace imud

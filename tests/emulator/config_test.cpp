@@ -1,0 +1,317 @@
+#include "emulator/config.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+#include "emulator/line_load.hpp"
+
+namespace imud {
+namespace {
+
+constexpr const char* good = R"(seed = 7
+clock = "realtime"
+[truth]
+port = "udp:127.0.0.1:9810"
+[[imu]]
+rate_hz = 200
+protocol = "native"
+port = "pty:imu1"
+gyro.max_rad_per_s = 10
+accelerometer.max_m_per_s2 = 200
+)";
+
+class ConfigTest : public testing::Test {
+ protected:
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  Config load(const std::string& text, const std::vector<std::string>& overrides = {}, const std::string& capture = {}) {
+    std::ofstream(path_) << text;
+    return load_config(path_, overrides, capture);
+  }
+  std::vector<std::string> faults(const std::string& text, const std::vector<std::string>& overrides = {}) {
+    try {
+      load(text, overrides);
+    } catch (const ConfigError& error) {
+      return error.faults;
+    }
+    return {};
+  }
+  // The only fault of `text`, without the path in front.
+  std::string fault(const std::string& text, const std::vector<std::string>& overrides = {}) {
+    const auto all = faults(text, overrides);
+    if (all.size() != 1) return fmt::format("{} faults", all.size());
+    return all[0].substr(path_.size() + 1);
+  }
+
+  std::string path_ = testing::TempDir() + "config_test_" +
+                      testing::UnitTest::GetInstance()->current_test_info()->name() + ".toml";
+};
+
+TEST_F(ConfigTest, DefaultsAreTheContracts) {
+  const Config c = load(good);
+  EXPECT_EQ(c.seed, 7U);
+  EXPECT_EQ(c.clock, ClockMode::realtime);
+  EXPECT_EQ(c.truth.port, "udp:127.0.0.1:9810");
+  EXPECT_EQ(c.truth.format->name, "native");
+  ASSERT_EQ(c.imus.size(), 1U);
+  EXPECT_EQ(c.imus[0].name, "imu1");
+  EXPECT_EQ(c.imus[0].rate_hz, 200.0);
+  const ImuModel& m = c.imus[0].model;
+  EXPECT_EQ(m.r_SB_B, Vector3::Zero());
+  EXPECT_EQ(m.dcm_PB, Matrix3::Identity());
+  EXPECT_EQ(m.gyro.max, 10.0);
+  EXPECT_EQ(m.accelerometer.max, 200.0);
+  EXPECT_EQ(m.gyro.scale_factor, Vector3::Ones());
+  EXPECT_EQ(m.gyro.lsb, 0.0);
+  EXPECT_EQ(m.gyro.rounding, Rounding::toward_zero);
+  EXPECT_FALSE(m.gyro.carry);
+  EXPECT_EQ(m.gyro.walk_transition, Matrix3::Identity());
+  EXPECT_EQ(m.gyro.walk_sqrt_cov, Matrix3::Zero());
+  EXPECT_EQ(m.delta_angle, DeltaAngle::rotation_vector);
+  EXPECT_EQ(m.delta_velocity, DeltaVelocity::integral);
+}
+
+TEST_F(ConfigTest, EveryKeyArrives) {
+  const Config c = load(R"(
+seed = "18446744073709551615"
+clock = "lockstep"
+[truth]
+port = "udp:127.0.0.1:9810"
+format = "csv"
+accumulated_dv = "body_sum"
+columns = ["time_ns", "sigma_BN_1", "sigma_BN_2", "sigma_BN_3", "omega_BN_B_x", "omega_BN_B_y", "omega_BN_B_z"]
+stream = 3
+delay_ms = 12.5
+extrapolate_ms = 50
+max_gap_ms = 2000
+[[imu]]
+name = "nose"
+rate_hz = 262.5
+protocol = "native-can"
+port = "can:vcan0?bitrate=1000000"
+temperature_c = 40
+[imu.device]
+can_id = 0x200
+fd = true
+[imu.mounting]
+position_m = [1, 2, 3]
+dcm_PB = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+[imu.gyro]
+bias_rad_per_s = [0.1, 0.2, 0.3]
+scale_factor = [1.1, 1.2, 1.3]
+max_rad_per_s = 5
+lsb_rad_per_s = 0.01
+rounding = "nearest"
+carry = true
+walk_transition = [0.5, 0.6, 0.7]
+walk_sqrt_cov = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+walk_bound = [1, 0, 2]
+[imu.accelerometer]
+bias_m_per_s2 = [4, 5, 6]
+max_m_per_s2 = 50
+lsb_m_per_s2 = 0.02
+rounding = "away_from_zero"
+[imu.increments]
+delta_angle = "integral"
+delta_velocity = "memo"
+)");
+  EXPECT_EQ(c.seed, ~std::uint64_t{0});
+  EXPECT_EQ(c.clock, ClockMode::lockstep);
+  EXPECT_EQ(c.truth.format->name, "csv");
+  EXPECT_EQ(c.truth.settings.text("accumulated_dv"), "body_sum");
+  EXPECT_EQ(c.truth.settings.list("columns").size(), 7U);
+  EXPECT_EQ(c.truth.stream, 3U);
+  EXPECT_EQ(c.truth.delay.count(), 12'500'000);
+  EXPECT_EQ(c.truth.limits.extrapolate.count(), 50'000'000);
+  EXPECT_EQ(c.truth.limits.max_gap.count(), 2'000'000'000);
+  const ImuConfig& imu = c.imus.at(0);
+  EXPECT_EQ(imu.name, "nose");
+  EXPECT_EQ(imu.settings.integer("can_id"), 0x200);
+  EXPECT_TRUE(imu.settings.flag("fd"));
+  EXPECT_EQ(imu.model.temperature_c, 40.0);
+  EXPECT_EQ(imu.model.r_SB_B, Vector3(1, 2, 3));
+  EXPECT_EQ(imu.model.dcm_PB(0, 1), 1.0);
+  EXPECT_EQ(imu.model.gyro.bias, Vector3(0.1, 0.2, 0.3));
+  EXPECT_EQ(imu.model.gyro.scale_factor, Vector3(1.1, 1.2, 1.3));
+  EXPECT_EQ(imu.model.gyro.rounding, Rounding::nearest);
+  EXPECT_TRUE(imu.model.gyro.carry);
+  EXPECT_EQ(imu.model.gyro.walk_transition, Matrix3(Vector3(0.5, 0.6, 0.7).asDiagonal()));
+  EXPECT_EQ(imu.model.gyro.walk_sqrt_cov(1, 2), 6.0);
+  EXPECT_EQ(imu.model.gyro.walk_bound, Vector3(1, 0, 2));
+  EXPECT_EQ(imu.model.accelerometer.rounding, Rounding::away_from_zero);
+  EXPECT_EQ(imu.model.delta_angle, DeltaAngle::integral);
+  EXPECT_EQ(imu.model.delta_velocity, DeltaVelocity::memo);
+}
+
+TEST_F(ConfigTest, YawPitchRollIsThreeTwoOne) {
+  const Config c = load(good, {"imu.0.mounting.yaw_pitch_roll_deg=[90, 0, 0]"});
+  // The platform is turned by +90 deg about z: the body's x axis is the platform's -y.
+  EXPECT_TRUE((c.imus[0].model.dcm_PB * Vector3::UnitX()).isApprox(-Vector3::UnitY(), 1e-15));
+  const Config all = load(good, {"imu.0.mounting.yaw_pitch_roll_deg=[10, 20, 30]"});
+  EXPECT_TRUE(all.imus[0].model.dcm_PB.isApprox(
+      dcm_from_yaw_pitch_roll(10 * units::degree, 20 * units::degree, 30 * units::degree), 1e-15));
+}
+
+TEST_F(ConfigTest, EachFaultSaysLineKeyAndRemedy) {
+  const auto with = [](const std::string& line) { return good + line + "\n"; };
+  EXPECT_EQ(fault(with("[imu.gyr]")), "11: imu.0.gyr: unknown key; did you mean \"gyro\"?");
+  EXPECT_EQ(fault(with("rate = 5")), "11: imu.0.rate: unknown key; did you mean \"rate_hz\"?");
+  EXPECT_EQ(fault(with("gyro.walk_bound = [1, 2]")),
+            "11: imu.0.gyro.walk_bound: give three finite numbers, [x, y, z]");
+  EXPECT_EQ(fault(with("gyro.walk_bound = [1, 2, nan]")),
+            "11: imu.0.gyro.walk_bound: give three finite numbers, [x, y, z]");
+  EXPECT_EQ(fault(with("gyro.carry = 1")), "11: imu.0.gyro.carry: give true or false");
+  EXPECT_EQ(fault(with("gyro.lsb_rad_per_s = -1")),
+            "11: imu.0.gyro.lsb_rad_per_s: -1 is out of range; give a number from 0 to 1000000000");
+  EXPECT_EQ(fault(with("gyro.rounding = \"up\"")),
+            "11: imu.0.gyro.rounding: give one of \"toward_zero\", \"nearest\", \"away_from_zero\"");
+  EXPECT_EQ(fault(with("gyro.walk_transition = [[1, 0, 0], [0, 1, 0], 1]")),
+            "11: imu.0.gyro.walk_transition: give three finite numbers (the diagonal), or three rows of three: "
+            "[[..], [..], [..]]");
+  EXPECT_NE(fault(with("mounting.dcm_PB = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]")).find("11: imu.0.mounting.dcm_PB: no rotation"),
+            std::string::npos);
+  EXPECT_NE(fault(with("mounting.dcm_PB = [[1, 0, 0], [0, 1, 0.001], [0, 0, 1]]")).find("off by 0.001"),
+            std::string::npos);
+  EXPECT_NE(fault(with("mounting = { yaw_pitch_roll_deg = [1, 2, 3], dcm_PB = [[1, 0, 0], [0, 1, 0], [0, 0, 1]] }"))
+                .find("not both"),
+            std::string::npos);
+  EXPECT_NE(fault(with("seed = 1\nseed = 2")).find("12: TOML: "), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.rate_hz=0"}).find("imu.0.rate_hz: 0 is out of range"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.rate_hz=1e5"}).find("out of range; give a number from 0.001 to 10000"),
+            std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.protocol=nativ"}).find("there is no \"nativ\"; did you mean \"native\"?"),
+            std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.port=tty:x"}).find("there is no \"tty\""), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.port=nonsense"}).find("imu.0.port: "), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.port=can:vcan0"}).find("native speaks on byte links"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.protocol=native-can"}).find("native-can speaks on a CAN bus"), std::string::npos);
+  EXPECT_NE(fault(good, {"clock=fast"}).find("clock: \"fast\" reads a capture"), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.port=pty:x"}).find("truth.port: truth comes by"), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.port=file:x.csv"}).find("truth.port: native truth is binary"), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.format=xplane"}).find("truth.format: there is no \"xplane\""), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.device.can_id=3"}).find("imu.0.device.can_id: unknown key"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.7.rate_hz=3"}).find("\"7\" is no index below 1"), std::string::npos);
+  EXPECT_NE(fault(good, {"rate_hz"}).find("give KEY=VALUE"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.port=serial:/dev/ttyUSB0?baud=921600&speed=3"}).find("imu.0.port: "),
+            std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.port=serial:/dev/ttyUSB0?parity=maybe"}).find("imu.0.port: "), std::string::npos);
+}
+
+TEST_F(ConfigTest, AllFaultsInOneGo) {
+  const auto all = faults(R"(seed = -1
+clock = "now"
+colour = "red"
+[truth]
+[[imu]]
+rate_hz = "fast"
+[[imu]]
+name = "imu1"
+rate_hz = 100
+protocol = "native"
+port = "pty:a"
+gyro.max_rad_per_s = inf
+accelerometer.max_m_per_s2 = 1
+)");
+  // seed, clock, colour, truth.port; imu.0: rate_hz, protocol, port, two max; imu.1: name, max.
+  EXPECT_EQ(all.size(), 11U) << fmt::format("{}", fmt::join(all, "\n"));
+}
+
+TEST_F(ConfigTest, ARateThatTheLineCannotCarryIsAFault) {
+  const std::string line = "imu.0.port=serial:/dev/ttyUSB0?baud=115200";
+  EXPECT_NE(fault(good, {line}).find("imu.0.rate_hz: "), std::string::npos);  // 200 Hz of 124 bytes: 248 kbit/s
+  EXPECT_TRUE(faults(good, {line, "imu.0.rate_hz=92"}).empty());
+  EXPECT_FALSE(faults(good, {line, "imu.0.rate_hz=93"}).empty());
+  EXPECT_TRUE(faults(good, {"imu.0.port=pty:imu1?baud=921600", "imu.0.rate_hz=743"}).empty());
+  EXPECT_FALSE(faults(good, {"imu.0.port=pty:imu1?baud=921600", "imu.0.rate_hz=744"}).empty());
+}
+
+TEST_F(ConfigTest, ImusThatDisturbOneAnotherAreAFault) {
+  const std::string two = std::string(good) + R"([[imu]]
+rate_hz = 200
+protocol = "native-can"
+port = "can:vcan0"
+gyro.max_rad_per_s = 10
+accelerometer.max_m_per_s2 = 200
+[[imu]]
+rate_hz = 200
+protocol = "native-can"
+port = "can:vcan0"
+device.can_id = 0x106
+gyro.max_rad_per_s = 10
+accelerometer.max_m_per_s2 = 200
+)";
+  EXPECT_NE(fault(two).find("imu.2.device: the same CAN identifier 0x106 on the same bus as imu.1"),
+            std::string::npos);
+  EXPECT_TRUE(faults(two, {"imu.2.device.can_id=0x107"}).empty());
+  EXPECT_TRUE(faults(two, {"imu.2.port=can:vcan1"}).empty());
+  EXPECT_NE(fault(two, {"imu.2.device.can_id=0x107", "imu.1.name=imu1"}).find("imu.1.name: the same as imu.0"),
+            std::string::npos);
+  EXPECT_NE(fault(std::string(good) + R"([[imu]]
+rate_hz = 100
+protocol = "csv"
+port = "pty:imu1?baud=4000000"
+gyro.max_rad_per_s = 10
+accelerometer.max_m_per_s2 = 200
+)")
+                .find("imu.1.port: the same as imu.0"),
+            std::string::npos);
+}
+
+TEST_F(ConfigTest, OverridesAddTablesAndTakeBareWords) {
+  const Config c = load(good, {"clock=lockstep", "imu.0.gyro.carry=true", "imu.0.increments.delta_velocity=end_frame",
+                               "seed=0x10", "imu.0.port=\"pty:other\""});
+  EXPECT_EQ(c.clock, ClockMode::lockstep);
+  EXPECT_TRUE(c.imus[0].model.gyro.carry);
+  EXPECT_EQ(c.imus[0].model.delta_velocity, DeltaVelocity::end_frame);
+  EXPECT_EQ(c.seed, 16U);
+  EXPECT_EQ(c.imus[0].port, "pty:other");
+}
+
+TEST_F(ConfigTest, ACaptureTakesTheTruthPortsPlace) {
+  EXPECT_EQ(load(good, {}, "pcap:x.pcap").truth.port, "pcap:x.pcap?port=9810");
+  EXPECT_EQ(load(good, {}, "pcap:x.pcap?port=5140").truth.port, "pcap:x.pcap?port=5140");
+  EXPECT_EQ(load(good, {"truth.port=pcap:y.pcap?port=77"}, "pcap:x.pcap").truth.port, "pcap:x.pcap?port=77");
+  EXPECT_EQ(load(good, {"truth.format=csv"}, "file:x.csv").truth.port, "file:x.csv");
+}
+
+TEST_F(ConfigTest, AMissingFileIsAFault) {
+  try {
+    load_config("/nonexistent/x.toml");
+    FAIL();
+  } catch (const ConfigError& error) {
+    EXPECT_NE(error.faults.at(0).find("/nonexistent/x.toml"), std::string::npos);
+  }
+}
+
+// Frame lengths of ISO 11898-1 as known from other tools: 8 data bytes are at most 135 (11-bit identifier) and 160
+// (29-bit) bits with interframe space; none, 55 and 80.
+TEST(LineLoadTest, ClassicCanBits) {
+  const CanHeader standard{};
+  const CanHeader extended{.extended = true};
+  EXPECT_EQ(can_bits(standard, 0).nominal, 55.0);
+  EXPECT_EQ(can_bits(standard, 6).nominal, 115.0);
+  EXPECT_EQ(can_bits(standard, 7).nominal, 125.0);
+  EXPECT_EQ(can_bits(standard, 8).nominal, 135.0);
+  EXPECT_EQ(can_bits(extended, 0).nominal, 80.0);
+  EXPECT_EQ(can_bits(extended, 7).nominal, 150.0);
+  EXPECT_EQ(can_bits(extended, 8).nominal, 160.0);
+}
+
+TEST_F(ConfigTest, CanLoadIsOfTheWorstCase) {
+  const std::vector<std::string> can = {"imu.0.protocol=native-can", "imu.0.port=can:vcan0?bitrate=1000000"};
+  const LineLoad load = line_load(this->load(good, can).imus[0]);
+  EXPECT_EQ(load.frames_per_sample, 7U);
+  EXPECT_EQ(load.bytes_per_sample, 56U);
+  EXPECT_NEAR(load.percent, 100.0 * 7 * 135 * 200 / 1e6, 1e-9);
+  auto overloaded = can;
+  overloaded.emplace_back("imu.0.rate_hz=1059");  // 7 * 135 * 1059 > 1e6
+  EXPECT_FALSE(faults(good, overloaded).empty());
+}
+
+}  // namespace
+}  // namespace imud

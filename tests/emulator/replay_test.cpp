@@ -1,0 +1,171 @@
+// imud replay: the golden regression, determinism, captures that are cut short.
+#include <gtest/gtest.h>
+
+#include "tests/emulator/run_test.hpp"
+
+namespace imud {
+namespace {
+
+const std::string golden = IMUD_TEST_DATA "/golden/jsbsim_c172_10s";
+const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
+
+class ReplayTest : public RunTest {};
+
+TEST_F(ReplayTest, GoldenFlightByteForByte) {
+  const ProgramResult result =
+      run_program("imud", {"replay", golden + ".toml", flight, "--set", "imu.0.port=file:" + path("native"), "--set",
+                           "imu.1.port=file:" + path("csv"), "--summary", path("summary.json")});
+  ASSERT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_TRUE(read_file(path("native")) == read_file(golden + "_every_effect.native"));
+  EXPECT_TRUE(read_file(path("csv")) == read_file(golden + "_ideal.csv"));
+  const auto s = summary();
+  EXPECT_EQ(s["truth"]["received"], 2002);
+  EXPECT_EQ(s["truth"]["accepted"], 2001);
+  EXPECT_EQ(s["truth"]["no_state"], 1);
+  EXPECT_TRUE(s["truth"]["refused"].empty());
+  EXPECT_EQ(s["imus"][0]["name"], "every-effect");
+  EXPECT_EQ(s["imus"][0]["samples"], 2001);
+  EXPECT_EQ(s["imus"][0]["frames"], 2001);
+  EXPECT_EQ(s["imus"][0]["dropped"], 0);
+  EXPECT_EQ(s["imus"][1]["samples"], 601);
+  EXPECT_TRUE(s["imus"][0]["lateness_us"].contains("p999"));
+}
+
+TEST_F(ReplayTest, AThousandHertzWithoutAGap) {
+  const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 1000, "native", "file:" + path("out"));
+  ASSERT_EQ(run_program("imud", {"replay", c, flight}).exit_code, 0);
+  const ProgramResult decoded = run_program("imu-decode", {"native", "file:" + path("out")});
+  ASSERT_EQ(decoded.exit_code, 0);
+  const auto all = rows(decoded.output);
+  ASSERT_EQ(all.size(), 10001U);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    EXPECT_EQ(all[k][0], std::to_string(10'000'000'000 + k * 1'000'000));
+    EXPECT_EQ(all[k][1], std::to_string(k));
+  }
+}
+
+TEST_F(ReplayTest, ThePaceChangesNoByte) {
+  const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 400, "native", "file:" + path("paced"));
+  ASSERT_EQ(run_program("imud", {"replay", c, flight, "--for", "1.5", "--summary", path("summary.json")}).exit_code, 0);
+  EXPECT_EQ(summary()["imus"][0]["samples"], 601);
+  EXPECT_GE(summary()["duration_s"], 1.5);
+  ASSERT_EQ(run_program("imud", {"replay", c, flight, "--fast", "--for", "1.5", "--set",
+                                 "imu.0.port=file:" + path("fast")})
+                .exit_code,
+            0);
+  EXPECT_EQ(read_file(path("paced")).size(), 601U * 124U);
+  EXPECT_TRUE(read_file(path("paced")) == read_file(path("fast")));
+}
+
+TEST_F(ReplayTest, ALateListenerNamesTheColumns) {
+  // The capture without its first datagram, the label row, as a text file.
+  const std::string c =
+      config("fast", "udp:127.0.0.1:5140", "jsbsim", 100, "csv", "file:" + path("out"));
+  const std::string labels =
+      "Time,lat-geod-rad,long-gc-rad,geod-alt-ft,ecef-x-ft,ecef-y-ft,ecef-z-ft,ecef-x-fps,ecef-y-fps,ecef-z-fps,"
+      "eci-x-ft,eci-y-ft,eci-z-ft,eci-x-fps,eci-y-fps,eci-z-fps,epa-rad,phi-rad,theta-rad,psi-rad,p-rad_sec,"
+      "q-rad_sec,r-rad_sec,pi-rad_sec,qi-rad_sec,ri-rad_sec,a-pilot-x-ft_sec2,a-pilot-y-ft_sec2,"
+      "a-pilot-z-ft_sec2,uidot-ft_sec2,vidot-ft_sec2,widot-ft_sec2,gravity-ft_sec2";
+  const std::string pcap = read_file(flight);
+  std::string rows_text;
+  std::uint32_t length = 0;
+  for (std::size_t at = 24; at < pcap.size(); at += 16 + length) {
+    std::memcpy(&length, pcap.data() + at + 8, 4);
+    if (at > 24) rows_text += pcap.substr(at + 16 + 42, length - 42);  // after Ethernet, IP and UDP headers
+  }
+  write("rows.csv", rows_text);
+  ASSERT_EQ(run_program("imud", {"replay", c, flight}).exit_code, 0);
+  const std::string expected = read_file(path("out"));
+
+  const ProgramResult nameless = run_program("imud", {"replay", c, path("rows.csv"), "--summary", path("summary.json")});
+  EXPECT_EQ(nameless.exit_code, 0);
+  EXPECT_EQ(summary()["truth"]["refused"]["columns"], 2001);
+  EXPECT_NE(nameless.errors.find("truth refused: columns"), std::string::npos);
+
+  std::string list = "[\"";
+  for (const char letter : labels) list += letter == ',' ? std::string("\",\"") : std::string(1, letter);
+  ASSERT_EQ(run_program("imud", {"replay", c, path("rows.csv"), "--set", "truth.columns=" + list + "\"]"}).exit_code,
+            0);
+  EXPECT_TRUE(read_file(path("out")) == expected);
+}
+
+TEST_F(ReplayTest, AMeasuredRunIsTheSameTwiceAndAnotherSeedDiffers) {
+  const auto with = [&](const std::string& seed, const std::string& out) {
+    EXPECT_EQ(run_program("imud", {"replay", golden + ".toml", flight, "--set", "seed=" + seed, "--set",
+                                   "imu.0.port=file:" + path(out), "--set", "imu.1.port=file:/dev/null"})
+                  .exit_code,
+              0);
+    return read_file(path(out));
+  };
+  const std::string once = with("5", "a");
+  EXPECT_TRUE(once == with("5", "b"));
+  EXPECT_FALSE(once == with("6", "c"));
+}
+
+TEST_F(ReplayTest, ACaptureCutShortIsReadToTheLastWholeRecord) {
+  const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 200, "csv", "file:" + path("out"));
+  const std::string whole = read_file(flight);
+  write("cut.pcap", whole.substr(0, whole.size() - 300));
+  const ProgramResult result =
+      run_program("imud", {"replay", c, path("cut.pcap"), "--summary", path("summary.json")});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(summary()["truth"]["accepted"], 2000);
+  EXPECT_EQ(summary()["truth"]["truncated"], 1);
+  EXPECT_EQ(summary()["imus"][0]["samples"], 2000);
+  EXPECT_NE(result.errors.find("cut short"), std::string::npos) << result.errors;
+}
+
+TEST_F(ReplayTest, ACsvCutShortIsReadToTheLastWholeRow) {
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--rate", "100", "--for", "2"}).exit_code, 0);
+  const std::string whole = read_file(path("truth.csv"));
+  ASSERT_EQ(lines_of(whole).size(), 202U);
+  const std::string c = config("fast", "file:" + path("cut.csv"), "csv", 100, "csv", "file:" + path("out"));
+  for (const std::size_t missing : {std::size_t{1}, std::size_t{2}, std::size_t{40}}) {
+    write("cut.csv", whole.substr(0, whole.size() - missing));
+    const ProgramResult result = run_program("imud", {"run", c, "--summary", path("summary.json")});
+    EXPECT_EQ(result.exit_code, 0);
+    EXPECT_EQ(summary()["truth"]["accepted"], 200) << missing;
+    EXPECT_EQ(summary()["truth"]["truncated"], 1);
+    EXPECT_TRUE(summary()["truth"]["refused"].empty());
+    EXPECT_NE(result.errors.find("cut short"), std::string::npos) << result.errors;
+  }
+}
+
+TEST_F(ReplayTest, WhatIsWrongIsSaidWithExitCodeTwo) {
+  const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 100, "csv", "file:" + path("out"));
+  EXPECT_EQ(run_program("imud", {"replay", c, path("nothing.pcap")}).exit_code, 2);
+  EXPECT_EQ(run_program("imud", {"replay", c, c}).exit_code, 2);  // no capture
+  EXPECT_EQ(run_program("imud", {"replay", c}).exit_code, 2);
+  EXPECT_EQ(run_program("imud", {"run", path("nothing.toml")}).exit_code, 2);
+  EXPECT_EQ(run_program("imud", {"run", c}).exit_code, 2);  // fast without a capture
+  EXPECT_EQ(run_program("imud", {"fly", c}).exit_code, 2);
+  EXPECT_EQ(run_program("imud", {"replay", c, flight, "--for", "-1"}).exit_code, 2);
+  EXPECT_EQ(run_program("imud", {}).exit_code, 2);
+  EXPECT_EQ(run_program("imud", {"--help"}).exit_code, 0);
+  EXPECT_EQ(run_program("imud", {"run", "--help"}).exit_code, 0);
+  const ProgramResult version = run_program("imud", {"--version"});
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_EQ(version.output, "imud " IMUD_VERSION "\n");
+}
+
+TEST_F(ReplayTest, CheckSaysLoadOrFaults) {
+  const std::string c =
+      config("realtime", "udp:127.0.0.1:5140", "jsbsim", 200, "native", "serial:/dev/ttyUSB0?baud=921600");
+  const ProgramResult good = run_program("imud", {"check", c});
+  EXPECT_EQ(good.exit_code, 0);
+  EXPECT_NE(good.output.find("124 bytes"), std::string::npos) << good.output;
+  EXPECT_NE(good.output.find("26.9 %"), std::string::npos) << good.output;  // 124 * 10 * 200 / 921600
+  const ProgramResult bad = run_program("imud", {"check", c, "--set", "imu.0.rate_hz=2000"});
+  EXPECT_EQ(bad.exit_code, 2);
+  EXPECT_NE(bad.errors.find("269.1 %"), std::string::npos) << bad.errors;
+}
+
+TEST_F(ReplayTest, ListShowsEveryEntry) {
+  const ProgramResult result = run_program("imud", {"list"});
+  EXPECT_EQ(result.exit_code, 0);
+  for (const std::string word : {"native", "native-can", "csv", "jsbsim", "udp", "pcap", "file", "pty", "serial", "can"})
+    EXPECT_NE(result.output.find("\n  " + word + " "), std::string::npos) << word;
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,164 @@
+// Truth as CSV: columns by name, every cause, and times.
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "core/attitude.hpp"
+#include "protocols/columns.hpp"
+#include "protocols/truth_format.hpp"
+
+namespace imud {
+namespace {
+
+const std::string required = "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z";
+
+Settings settings_of(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
+  Settings settings(find_truth_format("csv")->settings);
+  for (const auto& [key, value] : values) settings.set(key, value);
+  return settings;
+}
+
+class CsvTruth : public testing::Test {
+ protected:
+  TruthResult decode(std::string_view text) { return decoder_->decode(std::as_bytes(std::span(text)), truth_); }
+  void make(const Settings& settings) { decoder_ = find_truth_format("csv")->make(settings); }
+
+  std::unique_ptr<TruthDecoder> decoder_ = find_truth_format("csv")->make(settings_of());
+  Truth truth_;
+};
+
+TEST_F(CsvTruth, ColumnsInAnyOrderAndOthersBetween) {
+  // Values of row 1 of the reference vectors (Basilisk imuSensor), two of its columns and one more among them.
+  ASSERT_EQ(decode("gravity,omega_BN_B_z,omega_BN_B_y,omega_BN_B_x,sigma_BN_3,sigma_BN_2,sigma_BN_1,time_ns,"
+                   "TotalAccumDVBdy_x,r_BN_N_x,r_BN_N_y,r_BN_N_z,v_BN_N_x,v_BN_N_y,v_BN_N_z,"
+                   "omegaDot_BN_B_x,omegaDot_BN_B_y,omegaDot_BN_B_z,nonConservativeAccelpntB_B_x,"
+                   "nonConservativeAccelpntB_B_y,nonConservativeAccelpntB_B_z,"
+                   "TotalAccumDV_BN_B_x,TotalAccumDV_BN_B_y,TotalAccumDV_BN_B_z\r\n"),
+            TruthResult::no_state);
+  ASSERT_EQ(decode("text,0.23903614609429373,-0.23495882141378868,0.060497856381300862,0.55069832646691375,"
+                   "-0.35548949692287335,0.62513809065609693,50000000,,"
+                   "6778136.9894980472,270.79989925530771,270.80065997848953,"
+                   "-0.41955628616426793,5415.9954313369726,5416.0263118895782,"
+                   "0.20987138812993258,0.022310636213174546,0.41256445508051376,"
+                   "0.51299084776695647,-0.2996963012543527,0.183845735063106,"
+                   "0.025274470327054058,-0.015132058264159191,0.0069714232669666962\r\n"),
+            TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 50000000);
+  EXPECT_EQ(truth_.omega_BN_B, Vector3(0.060497856381300862, -0.23495882141378868, 0.23903614609429373));
+  EXPECT_EQ(truth_.q_NB.coeffs(),
+            quaternion_from_mrp({0.62513809065609693, -0.35548949692287335, 0.55069832646691375}).coeffs());
+  EXPECT_EQ(truth_.r_BN_N, Vector3(6778136.9894980472, 270.79989925530771, 270.80065997848953));
+  EXPECT_EQ(truth_.v_BN_N, Vector3(-0.41955628616426793, 5415.9954313369726, 5416.0263118895782));
+  EXPECT_TRUE(truth_.has_angular_acceleration && truth_.has_specific_force);
+  EXPECT_EQ(truth_.omegaDot_BN_B, Vector3(0.20987138812993258, 0.022310636213174546, 0.41256445508051376));
+  EXPECT_EQ(truth_.specific_force_B, Vector3(0.51299084776695647, -0.2996963012543527, 0.183845735063106));
+  EXPECT_EQ(truth_.accumulated_dv, AccumulatedDv::inertial);
+  EXPECT_EQ(truth_.accumulated_dv_B, Vector3(0.025274470327054058, -0.015132058264159191, 0.0069714232669666962));
+}
+
+TEST_F(CsvTruth, AccumulatedDvIsWhatTheSettingSays) {
+  for (const auto& [word, kind] : {std::pair{"inertial", AccumulatedDv::inertial},
+                                   {"body_sum", AccumulatedDv::body_sum},
+                                   {"none", AccumulatedDv::none}}) {
+    make(settings_of({{"accumulated_dv", std::string(word)}}));
+    ASSERT_EQ(decode(required + ",TotalAccumDV_BN_B_x,TotalAccumDV_BN_B_y,TotalAccumDV_BN_B_z"),
+              TruthResult::no_state);
+    ASSERT_EQ(decode("0,0,0,0,0,0,0,1,2,3"), TruthResult::ok);
+    EXPECT_EQ(truth_.accumulated_dv, kind);
+    EXPECT_EQ(truth_.accumulated_dv_B, kind == AccumulatedDv::none ? Vector3(0, 0, 0) : Vector3(1, 2, 3));
+  }
+  EXPECT_THROW(settings_of({{"accumulated_dv", std::string("sometimes")}}), std::invalid_argument);
+}
+
+TEST_F(CsvTruth, AGroupCountsOnlyIfItIsWhole) {
+  const auto decode_with = [this](const std::string& columns, const std::string& values) {
+    return decode(required + columns) == TruthResult::no_state ? decode("0,0,0,0,0,0,0" + values)
+                                                               : TruthResult::no_columns;
+  };
+  ASSERT_EQ(decode_with("", ""), TruthResult::ok);
+  EXPECT_FALSE(truth_.has_angular_acceleration || truth_.has_specific_force);
+  EXPECT_EQ(truth_.accumulated_dv, AccumulatedDv::none);
+  ASSERT_EQ(decode_with(",omegaDot_BN_B_x,omegaDot_BN_B_z,r_BN_N_x,nonConservativeAccelpntB_B_y,TotalAccumDV_BN_B_z",
+                        ",1,2,3,4,5"),
+            TruthResult::ok);
+  EXPECT_FALSE(truth_.has_angular_acceleration || truth_.has_specific_force);
+  EXPECT_EQ(truth_.accumulated_dv, AccumulatedDv::none);
+  EXPECT_TRUE(truth_.r_BN_N.isZero() && truth_.omegaDot_BN_B.isZero() && truth_.specific_force_B.isZero());
+}
+
+TEST_F(CsvTruth, RowsWithoutTheirColumns) {
+  EXPECT_EQ(decode("0,0,0,0,0,0,0"), TruthResult::no_columns);
+  EXPECT_EQ(decode("time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y"), TruthResult::no_columns);
+  EXPECT_EQ(decode("0,0,0,0,0,0"), TruthResult::no_columns);
+  EXPECT_EQ(decode(required.substr(8)), TruthResult::no_columns);
+  EXPECT_EQ(decode(required), TruthResult::no_state);
+  EXPECT_EQ(decode("0,0,0,0,0,0,0"), TruthResult::ok);
+}
+
+TEST_F(CsvTruth, ConfiguredColumnsNeedNoHeaderAndYieldToOne) {
+  const std::vector<std::string> names = {"omega_BN_B_x", "omega_BN_B_y", "omega_BN_B_z", " sigma_BN_1",
+                                          "sigma_BN_2",   "sigma_BN_3",   "time_ns"};
+  make(settings_of({{"columns", names}}));
+  ASSERT_EQ(decode("1,2,3,0,0,0,7"), TruthResult::ok);
+  EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
+  EXPECT_EQ(truth_.time.ns, 7);
+  ASSERT_EQ(decode(required), TruthResult::no_state);
+  ASSERT_EQ(decode("7,0,0,0,1,2,3"), TruthResult::ok);
+  EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
+  EXPECT_THROW(make(settings_of({{"columns", std::vector<std::string>(names.begin() + 1, names.end())}})),
+               std::invalid_argument);
+  EXPECT_THROW(make(settings_of({{"columns", std::vector<std::string>(Columns::max_columns + 1, "time_ns")}})),
+               std::invalid_argument);
+}
+
+TEST_F(CsvTruth, EveryCause) {
+  ASSERT_EQ(decode(required + "\n"), TruthResult::no_state);
+  for (const std::string_view remark : {"", "\n", " \r\n", "# a comment"})
+    EXPECT_EQ(decode(remark), TruthResult::no_state);
+  EXPECT_EQ(decode("0,0,0,0,0,0"), TruthResult::too_short);
+  EXPECT_EQ(decode("0"), TruthResult::too_short);
+  EXPECT_EQ(decode("0,0,0,0,0,0,0,0"), TruthResult::too_long);
+  EXPECT_EQ(decode("0,0,0,0,0,0,0,"), TruthResult::too_long);
+  for (const std::string_view bad : {"x,0,0,0,0,0,0", ",0,0,0,0,0,0", "0,,0,0,0,0,0", "0,0,0,0,0,0,1.0.0",
+                                     "0,0,0,0,0,0,0x10", "0,0 0,0,0,0,0,0", "0,0,0,0,0,1e999,0", "0,0,0,0,0,0,+-1"})
+    EXPECT_EQ(decode(bad), TruthResult::bad_number) << bad;
+  for (const std::string_view bad : {"nan,0,0,0,0,0,0", "0,0,inf,0,0,0,0", "0,0,0,0,0,0,-nan", "-inf,0,0,0,0,0,0"})
+    EXPECT_EQ(decode(bad), TruthResult::not_finite) << bad;
+  for (const std::string_view bad : {"0,0,0,0,2e5,0,0", "0,1e200,0,0,0,0,0", "1e19,0,0,0,0,0,0",
+                                     "9223372036854775807,0,0,0,0,0,0", "99999999999999999999,0,0,0,0,0,0"})
+    EXPECT_EQ(decode(bad), TruthResult::out_of_range) << bad;
+  EXPECT_EQ(decode("\t0 , 0,0, +0.5,0,0, 1e-3 \r\n"), TruthResult::ok);
+}
+
+TEST_F(CsvTruth, TimesAreIntegersOrFloats) {
+  ASSERT_EQ(decode(required), TruthResult::no_state);
+  for (const auto& [text, ns] : {std::pair<std::string, std::int64_t>{"50000000", 50000000},
+                                 {"5e7", 50000000},
+                                 {"-1.5e3", -1500},
+                                 {"1700000000123456789", 1700000000123456789},
+                                 {"0.6", 1},
+                                 {"+7", 7}}) {
+    ASSERT_EQ(decode(text + ",0,0,0,0,0,0"), TruthResult::ok) << text;
+    EXPECT_EQ(truth_.time.ns, ns) << text;
+  }
+}
+
+TEST_F(CsvTruth, OfTwoColumnsWithOneNameTheFirstCounts) {
+  ASSERT_EQ(decode(required + ",omega_BN_B_z,time_ns"), TruthResult::no_state);
+  ASSERT_EQ(decode("1,0,0,0,0,0,2,3,4"), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 1);
+  EXPECT_EQ(truth_.omega_BN_B.z(), 2);
+}
+
+TEST_F(CsvTruth, ANewHeaderReplacesTheOld) {
+  ASSERT_EQ(decode(required), TruthResult::no_state);
+  ASSERT_EQ(decode("omega_BN_B_x,omega_BN_B_y,omega_BN_B_z,sigma_BN_1,sigma_BN_2,sigma_BN_3,time_ns"),
+            TruthResult::no_state);
+  ASSERT_EQ(decode("1,2,3,0,0,0,9"), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 9);
+  EXPECT_EQ(decode("time_ns,sigma_BN_1"), TruthResult::no_columns);
+  EXPECT_EQ(decode("1,2,3,0,0,0,9"), TruthResult::no_columns);
+}
+
+}  // namespace
+}  // namespace imud

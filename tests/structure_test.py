@@ -1,0 +1,56 @@
+#!/usr/bin/env python3
+"""Fails on any #include, or other mention, that goes against who may know whom."""
+import pathlib
+import re
+import sys
+
+# folder: (project folders it may include, system headers it must not)
+RULES = {
+    "core": ({"core"}, r"boost/(?!histogram)|sys/|unistd|fcntl|poll\.h|thread|mutex|chrono.*clock|CLI|toml|spdlog|pcap|libserial"),
+    "protocols": ({"core", "protocols"}, r"boost/asio|sys/|unistd|fcntl|poll\.h|thread|mutex|CLI|toml|spdlog|pcap|libserial"),
+    "transports": ({"core", "transports"}, r"boost/|thread|mutex|CLI|toml|spdlog|Eigen"),
+    "emulator": ({"core", "protocols", "transports", "emulator"}, r"pcap|libserial|linux/can"),
+    "tools": ({"core", "protocols", "transports", "tools"}, r"pcap|libserial|linux/can|toml"),
+}
+CLOCKS = re.compile(r"(steady|system|high_resolution)_clock|clock_gettime|\btime\(NULL\)|\btime\(nullptr\)")
+ENTRY_FOLDERS = {"protocols/devices": "protocol", "protocols/truth_formats": "truth_format"}
+TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "core", "emulator", "protocols", "tests",
+             "tools", "transports", "build"}
+
+root = pathlib.Path(sys.argv[1])
+faults = []
+checked = 0
+
+for folder, (allowed, forbidden) in RULES.items():
+    for path in sorted((root / folder).rglob("*.[ch]pp")):
+        checked += 1
+        name = path.relative_to(root)
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            include = re.match(r'\s*#\s*include\s*([<"])([^>"]+)[>"]', line)
+            if include and include[1] == '"' and include[2].split("/")[0] not in allowed:
+                faults.append(f"{name}:{number}: {folder} may not include {include[2]}")
+            if include and include[1] == "<" and re.search(forbidden, include[2]):
+                faults.append(f"{name}:{number}: {folder} must not know <{include[2]}>")
+            if folder in ("core", "protocols") and CLOCKS.search(line):
+                faults.append(f"{name}:{number}: {folder} reads no clock")
+        if path.suffix == ".hpp" and "#pragma once" not in path.read_text():
+            faults.append(f"{name}: no #pragma once")
+
+for folder, suffix in ENTRY_FOLDERS.items():
+    for path in sorted((root / folder).glob("*.cpp")):
+        checked += 1
+        keyword = path.stem.replace("_", "-")
+        text = path.read_text()
+        entry = text.rfind(f" {path.stem}_{suffix} = {{")
+        if entry < 0:
+            faults.append(f"{folder}/{path.name}: ends in no table entry {path.stem}_{suffix}")
+        elif f'"{keyword}"' not in text[entry:]:
+            faults.append(f"{folder}/{path.name}: its entry is not named \"{keyword}\" as the file")
+
+for path in root.iterdir():
+    if not path.name.startswith(".") and path.name not in TOP_LEVEL:
+        faults.append(f"{path.name}: does not belong at the top level")
+
+print("\n".join(faults))
+print(f"{checked} files checked, {len(faults)} faults")
+sys.exit(1 if faults or checked < 30 else 0)

@@ -1,0 +1,236 @@
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/tools/loopback_socket.hpp"
+#include "tests/tools/run_program.hpp"
+#include "tests/tools/sample_stream.hpp"
+#include "tests/transports/capture_builder.hpp"
+#include "tests/transports/scratch_folder.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+bool contains(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
+
+std::string file_with(const ScratchFolder& folder, const std::string& content) {
+  capture::write_file(folder / "input", content);
+  return "file:" + (folder / "input");
+}
+
+void send_to(const std::string& spec, std::string_view protocol, std::span<const Sample> samples) {
+  const auto port = open_port(spec, Role::device);
+  Line line(protocol_named(protocol));
+  for (const Sample& sample : samples) port->send(line.encode(sample));
+}
+
+std::string free_udp_port() { return LoopbackSocket().spec(); }
+
+TEST(ImuDecode, DecodesAFile) {
+  const ScratchFolder folder;
+  const auto samples = steady_samples(12001, 200);
+  const auto result = run_program("imu-decode", {"native", file_with(folder, bytes_of("native", samples))});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.output, csv_of(samples));
+  EXPECT_EQ(result.errors,
+            "samples    12001 in 60.000 s\n"
+            "rate       200.000 Hz (device clock)\n"
+            "gaps       0 (0 samples missing)\n"
+            "checksum   0 failures, 0 malformed, 0 incomplete, 0 bytes skipped\n");
+}
+
+TEST(ImuDecode, ReportsGapsAndChecksumFailures) {
+  const ScratchFolder folder;
+  auto frames = frames_of("native", steady_samples(1000, 100));
+  frames[100][50] = static_cast<char>(frames[100][50] ^ 1);
+  frames[200].clear();
+  frames[201].clear();
+  std::string bytes = "noise";
+  for (const std::string& frame : frames) bytes += frame;
+  const auto result =
+      run_program("imu-decode", {"native", file_with(folder, bytes), "--json", folder / "report.json", "--quiet"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.output, "");
+  EXPECT_TRUE(contains(result.errors, "gaps       2 (3 samples missing)\n")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "checksum   1 failure, 0 malformed, 0 incomplete, 129 bytes skipped\n"));
+
+  const auto report = nlohmann::json::parse(read_file(folder / "report.json"));
+  EXPECT_EQ(report["samples"], 997);
+  EXPECT_EQ(report["gaps"], 2);
+  EXPECT_EQ(report["missing"], 3);
+  EXPECT_EQ(report["errors"]["checksum"], 1);
+  EXPECT_EQ(report["errors"]["skipped_bytes"], 129);
+  EXPECT_DOUBLE_EQ(report["duration_s"], 9.99);
+  EXPECT_TRUE(report["rate_hz"]["arrival"].is_null());
+  EXPECT_TRUE(report["jitter_us"].is_null());
+  EXPECT_EQ(report["ended_by"], "end of input");
+  EXPECT_EQ(report["protocol"], "native");
+}
+
+TEST(ImuDecode, EmptyFieldsStayEmptyAndAreNotJudged) {
+  const std::string header(measurement_csv_header);
+  const std::string rows = ",,1,2,3,,,,,,,,,,,\n,,4,5,6,,,,,,,,,,,\n";
+  const auto result = run_program("imu-decode", {"csv", "file:-"}, header + rows);
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.output, header + rows);
+  EXPECT_TRUE(contains(result.errors, "samples    2")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "gaps       unknown")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "checksum   none in this protocol, 0 malformed")) << result.errors;
+}
+
+TEST(ImuDecode, EndsAfterCount) {
+  const ScratchFolder folder;
+  const auto samples = steady_samples(100, 100);
+  const auto result = run_program(
+      "imu-decode", {"native", file_with(folder, bytes_of("native", samples)), "--count", "7", "--json", "-"});
+  EXPECT_EQ(result.exit_code, 0);
+  const std::string csv = csv_of(std::span(samples).first(7));
+  ASSERT_TRUE(result.output.starts_with(csv));
+  EXPECT_EQ(nlohmann::json::parse(result.output.substr(csv.size()))["ended_by"], "count");
+}
+
+TEST(ImuDecode, ARowIsThereAtOnceAndASignalEndsIt) {
+  const ScratchFolder folder;
+  for (const int signal : {SIGINT, SIGTERM}) {
+    const std::string spec = free_udp_port();
+    const auto samples = steady_samples(50, 100);
+    Program decode("imu-decode");
+    decode.start({"native", spec, "--json", folder / "report.json"});
+    ASSERT_TRUE(decode.wait_for_output("status\n"));  // it listens
+    send_to(spec, "native", samples);
+    EXPECT_TRUE(decode.wait_for_output("\n490000000,49,"));
+    EXPECT_TRUE(decode.is_running());
+    EXPECT_EQ(decode.stop(signal), 0);
+    EXPECT_EQ(decode.output(), csv_of(samples));
+    EXPECT_TRUE(contains(decode.errors(), "(arrival against a fitted line)")) << decode.errors();
+    const auto report = nlohmann::json::parse(read_file(folder / "report.json"));
+    EXPECT_EQ(report["ended_by"], "signal");
+    EXPECT_GT(report["rate_hz"]["arrival"], 0);
+    EXPECT_GE(report["jitter_us"]["max"], report["jitter_us"]["p50"]);
+  }
+}
+
+TEST(ImuDecode, EndsAfterItsTime) {
+  const auto result = run_program("imu-decode", {"native", free_udp_port(), "--for", "0.2"});
+  EXPECT_EQ(result.exit_code, 1);  // nothing came
+  EXPECT_TRUE(contains(result.errors, "not one sample was decoded")) << result.errors;
+  EXPECT_EQ(result.output, measurement_csv_header);
+}
+
+TEST(ImuDecode, WaitsWithoutTurningInCircles) {
+  const ScratchFolder folder;
+  ASSERT_EQ(::mkfifo((folder / "fifo").c_str(), 0600), 0);
+  Program decode("imu-decode");
+  decode.start({"native", "file:" + (folder / "fifo"), "--quiet"});
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  // utime and stime, in ticks of 10 ms, of a process that has had half a second.
+  const std::string stat = read_file("/proc/" + std::to_string(decode.pid()) + "/stat");
+  std::istringstream fields(stat.substr(stat.rfind(')') + 1));
+  std::string skipped;
+  for (int i = 0; i < 11; ++i) fields >> skipped;
+  long user = -1, system = -1;
+  fields >> user >> system;
+  EXPECT_LT(user + system, 20);
+  EXPECT_GE(user, 0);
+
+  const auto samples = steady_samples(10, 100);
+  std::ofstream(folder / "fifo", std::ios::binary) << bytes_of("native", samples);
+  EXPECT_EQ(decode.wait(), 0);
+  EXPECT_TRUE(contains(decode.errors(), "samples    10")) << decode.errors();
+}
+
+TEST(ImuDecode, ClosedOutputEndsItWell) {
+  const ScratchFolder folder;
+  Program decode("imu-decode");
+  decode.start({"native", file_with(folder, bytes_of("native", steady_samples(100'000, 1000))), "--json",
+                folder / "report.json"});
+  EXPECT_TRUE(decode.wait_for_output("\n0,0,"));
+  decode.close_output();
+  EXPECT_EQ(decode.wait(), 0);
+  EXPECT_TRUE(contains(decode.errors(), "samples    ")) << decode.errors();
+}
+
+TEST(ImuDecode, PtyEndsWithItsDevice) {
+  const ScratchFolder folder;
+  const auto samples = steady_samples(20, 100);
+  auto device = open_port("pty:" + (folder / "imu"), Role::device);
+  Program decode("imu-decode");
+  decode.start({"native", "pty:" + (folder / "imu")});
+  ASSERT_TRUE(decode.wait_for_output("status\n"));
+  Line line(protocol_named("native"));
+  for (const Sample& sample : samples) device->send(line.encode(sample));
+  EXPECT_TRUE(decode.wait_for_output("\n190000000,19,"));
+  device.reset();
+  EXPECT_EQ(decode.wait(), 0);
+  EXPECT_EQ(decode.output(), csv_of(samples));
+}
+
+// A capture has arrival times of its own: one datagram in fifty is 2 ms late.
+TEST(ImuDecode, CaptureHasJitter) {
+  const ScratchFolder folder;
+  const capture::Format format;
+  std::string bytes = capture::file_header(format, 1);
+  const auto frames = frames_of("native", steady_samples(1000, 100));
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const std::int64_t ns =
+        1'700'000'000'000'000'000 + static_cast<std::int64_t>(k) * 10'000'000 + (k % 50 == 25 ? 2'000'000 : 0);
+    bytes +=
+        capture::file_record(format, {ns, capture::ethernet(0x0800, capture::ipv4(capture::udp(frames[k], 7777)))});
+  }
+  capture::write_file(folder / "imu.pcap", bytes);
+  const auto result = run_program("imu-decode", {"native", "pcap:" + (folder / "imu.pcap") + "?port=7777", "--quiet",
+                                                 "--json", folder / "report.json"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_TRUE(contains(result.errors, "rate       100.000 Hz (device clock), 100.000 Hz (arrival)\n"))
+      << result.errors;
+  const auto report = nlohmann::json::parse(read_file(folder / "report.json"));
+  EXPECT_NEAR(report["jitter_us"]["p50"], 40, 4);
+  EXPECT_NEAR(report["jitter_us"]["max"], 1960, 10);
+}
+
+TEST(ImuDecode, WrongCommandLineIsSaid) {
+  const ScratchFolder folder;
+  const std::string file = file_with(folder, "");
+  const struct {
+    std::vector<std::string> arguments;
+    std::string_view says;
+  } cases[] = {
+      {{}, "PROTOCOL"},
+      {{"native"}, "PORT"},
+      {{"nativ", file}, "there is no protocol 'nativ'\nProtocols:\n  csv "},
+      {{"native", "nonsense"}, "no scheme"},
+      {{"native", "floppy:a"}, "there is no transport 'floppy'"},
+      {{"native", "can:can0"}, "native is spoken on byte links; can: carries CAN frames"},
+      {{"native-can", file}, "native-can is spoken on CAN; file: carries bytes"},
+      {{"native", "file:/does/not/exist"}, "cannot read it"},
+      {{"native", file, "--json", "/does/not/exist"}, "cannot write it"},
+      {{"native", file, "--set", "fd=true"}, "fd"},
+      {{"native", file, "--set", "fd"}, "right would be --set KEY=VALUE"},
+      {{"native-can", "can:can0", "--set", "can_id=maybe"}, "can_id"},
+      {{"native", file, "--for", "nan"}, "--for"},
+      {{"native", file, "--count", "0"}, "--count"},
+      {{"native", file, "--colour"}, "--colour"},
+  };
+  for (const auto& [arguments, says] : cases) {
+    const auto result = run_program("imu-decode", arguments);
+    EXPECT_EQ(result.exit_code, 2) << says;
+    EXPECT_TRUE(contains(result.errors, says)) << result.errors << "\nlacks: " << says;
+    EXPECT_EQ(result.output, "");
+  }
+}
+
+TEST(ImuDecode, HelpAndVersion) {
+  const auto help = run_program("imu-decode", {"--help"});
+  EXPECT_EQ(help.exit_code, 0);
+  for (const Protocol* protocol : protocols()) EXPECT_TRUE(contains(help.output, protocol->name));
+  for (const Transport* transport : transports()) EXPECT_TRUE(contains(help.output, transport->syntax));
+  const auto version = run_program("imu-decode", {"--version"});
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_TRUE(version.output.starts_with("imu-decode ")) << version.output;
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,382 @@
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "core/motion.hpp"
+#include "protocols/truth_format.hpp"
+#include "tests/tools/loopback_socket.hpp"
+#include "tests/tools/run_program.hpp"
+#include "tests/transports/capture_builder.hpp"
+#include "tests/transports/scratch_folder.hpp"
+
+namespace imud {
+namespace {
+
+using Datagrams = std::vector<std::vector<std::byte>>;
+
+bool contains(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
+
+std::unique_ptr<TruthDecoder> decoder_of(std::string_view format) {
+  const TruthFormat* found = find_truth_format(format);
+  return found->make(Settings(found->settings));
+}
+
+std::string text_of(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+// The truths in `records`, all of which must be good or carry no state.
+template <class Records>
+std::vector<Truth> truths_in(const Records& records, std::string_view format) {
+  const auto decoder = decoder_of(format);
+  std::vector<Truth> truths;
+  for (const auto& record : records) {
+    Truth truth;
+    const TruthResult result = decoder->decode(std::as_bytes(std::span(record)), truth);
+    if (result == TruthResult::ok)
+      truths.push_back(truth);
+    else
+      EXPECT_EQ(result, TruthResult::no_state);
+  }
+  return truths;
+}
+
+// The same to the last bit, but for the attitude, whose MRPs round.
+void expect_same(const Truth& is, const Truth& wanted) {
+  EXPECT_EQ(is.time, wanted.time);
+  EXPECT_EQ(is.r_BN_N, wanted.r_BN_N);
+  EXPECT_EQ(is.v_BN_N, wanted.v_BN_N);
+  EXPECT_LT((is.q_NB.coeffs() * (is.q_NB.dot(wanted.q_NB) < 0 ? -1.0 : 1.0) - wanted.q_NB.coeffs()).norm(), 1e-15);
+  EXPECT_EQ(is.omega_BN_B, wanted.omega_BN_B);
+  EXPECT_EQ(is.omegaDot_BN_B, wanted.omegaDot_BN_B);
+  EXPECT_EQ(is.specific_force_B, wanted.specific_force_B);
+  EXPECT_EQ(is.accumulated_dv, AccumulatedDv::inertial);
+  EXPECT_EQ(is.accumulated_dv_B, wanted.accumulated_dv_B);
+}
+
+std::vector<std::uint32_t> sequences_of(const Datagrams& datagrams) {
+  std::vector<std::uint32_t> sequences;
+  for (const auto& datagram : datagrams) {
+    std::uint32_t sequence = 0;
+    std::memcpy(&sequence, datagram.data() + 12, sizeof sequence);
+    sequences.push_back(sequence);
+  }
+  return sequences;
+}
+
+TEST(ImuTruth, SendsEveryMotion) {
+  for (const Motion& motion : motions()) {
+    LoopbackSocket receiver;
+    const auto result = run_program("imu-truth", {std::string(motion.name), "--to", receiver.spec(), "--rate", "300",
+                                                  "--for", "0.5", "--start", "-2", "--stream", "7"});
+    EXPECT_EQ(result.exit_code, 0);
+    const auto truths = truths_in(receiver.receive_all(), "native");
+    ASSERT_EQ(truths.size(), 151U);
+    for (std::size_t k = 0; k < truths.size(); ++k) {
+      const TruthTime time = TruthTime{-2'000'000'000} + Grid(300).offset(k);
+      expect_same(truths[k], motion.at(time, {}));
+      EXPECT_EQ(truths[k].sequence, k);
+      EXPECT_EQ(truths[k].stream, 7U);
+      EXPECT_EQ(truths[k].new_run, k == 0);
+      EXPECT_FALSE(truths[k].acknowledge);
+    }
+    EXPECT_TRUE(contains(result.errors, "sent         151 datagrams, 31408 bytes in ")) << result.errors;
+    EXPECT_TRUE(contains(result.errors, "pace         p50 ")) << result.errors;
+  }
+}
+
+TEST(ImuTruth, TakesMotionParameters) {
+  LoopbackSocket receiver;
+  const auto result =
+      run_program("imu-truth", {"coning", "--half-angle-rad", "0.1", "--frequency-hz", "3", "--gravity-m-per-s2", "0",
+                                "--to", receiver.spec(), "--for", "0.1", "--fast", "--no-new-run"});
+  EXPECT_EQ(result.exit_code, 0);
+  MotionParameters parameters;
+  parameters.half_angle_rad = 0.1;
+  parameters.frequency_hz = 3;
+  parameters.gravity_m_per_s2 = 0;
+  const auto truths = truths_in(receiver.receive_all(), "native");
+  ASSERT_EQ(truths.size(), 11U);
+  for (const Truth& truth : truths) {
+    expect_same(truth, find_motion("coning")->at(truth.time, parameters));
+    EXPECT_FALSE(truth.new_run);
+  }
+  EXPECT_FALSE(contains(result.errors, "pace")) << result.errors;
+}
+
+TEST(ImuTruth, PaceIsThatOfTheRate) {
+  LoopbackSocket receiver;
+  const auto start = std::chrono::steady_clock::now();
+  const auto result = run_program("imu-truth", {"rest", "--to", receiver.spec(), "--rate", "10", "--for", "0.5"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(500));
+  EXPECT_EQ(receiver.receive_all().size(), 6U);
+}
+
+TEST(ImuTruth, SendsRows) {
+  LoopbackSocket receiver;
+  const auto result =
+      run_program("imu-truth", {"spiral", "--format", "csv", "--to", receiver.spec(), "--for", "0.2", "--fast"});
+  EXPECT_EQ(result.exit_code, 0);
+  const auto datagrams = receiver.receive_all();
+  ASSERT_EQ(datagrams.size(), 22U);
+  EXPECT_TRUE(text_of(datagrams[0]).starts_with("time_ns,r_BN_N_x,"));
+  const auto truths = truths_in(datagrams, "csv");
+  ASSERT_EQ(truths.size(), 21U);
+  for (const Truth& truth : truths) expect_same(truth, find_motion("spiral")->at(truth.time, {}));
+}
+
+TEST(ImuTruth, WritesCsv) {
+  const ScratchFolder folder;
+  const auto result = run_program(
+      "imu-truth", {"boost", "--csv", folder / "truth.csv", "--rate", "50", "--for", "2", "--start", "1"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.output, "");
+  const auto truths = truths_in(lines_of(read_file(folder / "truth.csv")), "csv");
+  ASSERT_EQ(truths.size(), 101U);
+  EXPECT_EQ(truths.front().time.ns, 1'000'000'000);
+  EXPECT_EQ(truths.back().time.ns, 3'000'000'000);
+  for (const Truth& truth : truths) expect_same(truth, find_motion("boost")->at(truth.time, {}));
+
+  const auto to_stdout =
+      run_program("imu-truth", {"boost", "--csv", "-", "--rate", "50", "--for", "2", "--start", "1"});
+  EXPECT_EQ(to_stdout.output, read_file(folder / "truth.csv"));
+}
+
+TEST(ImuTruth, FaultsAreTheSameForTheSameSeed) {
+  const auto run = [](const std::string& seed) {
+    LoopbackSocket receiver;
+    const auto result = run_program(
+        "imu-truth", {"turntable", "--to", receiver.spec(), "--rate", "1000", "--for", "1.999", "--fast", "--drop",
+                      "10", "--duplicate", "5", "--reorder", "4", "--corrupt", "3", "--seed", seed});
+    EXPECT_EQ(result.exit_code, 0);
+    return std::pair(receiver.receive_all(), result.errors);
+  };
+  const auto [datagrams, report] = run("5");
+  EXPECT_EQ(run("5").first, datagrams);
+  EXPECT_NE(run("6").first, datagrams);
+
+  unsigned dropped = 0, duplicated = 0, swapped = 0, corrupted = 0;
+  const std::size_t faults = report.find("faults");
+  ASSERT_NE(faults, std::string::npos) << report;
+  ASSERT_EQ(
+      std::sscanf(report.c_str() + faults, "faults %u dropped, %u sent twice, %u swapped with the next, %u corrupted",
+                  &dropped, &duplicated, &swapped, &corrupted),
+      4);
+  EXPECT_EQ(datagrams.size(), 2000 - dropped + duplicated);
+  // Binomial: five standard deviations.
+  EXPECT_NEAR(dropped, 200, 68);
+  EXPECT_NEAR(duplicated, 90, 49);
+  EXPECT_NEAR(swapped, 72, 44);
+  EXPECT_NEAR(corrupted, 54, 38);
+
+  const auto decoder = decoder_of("native");
+  unsigned refused = 0, back = 0;
+  std::int64_t before = -1;
+  for (const auto& datagram : datagrams) {
+    Truth truth;
+    if (decoder->decode(datagram, truth) != TruthResult::ok) {
+      ++refused;
+      continue;
+    }
+    if (truth.time.ns < before) ++back;
+    before = truth.time.ns;
+  }
+  EXPECT_GT(refused, 0U);
+  EXPECT_GT(back, 0U);
+}
+
+// One fault does not change which datagrams another one strikes.
+TEST(ImuTruth, FaultsAreIndependent) {
+  const auto sequences = [](const std::vector<std::string>& more) {
+    LoopbackSocket receiver;
+    std::vector<std::string> arguments = {"rest", "--to", receiver.spec(), "--for", "3", "--fast", "--drop", "20"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    EXPECT_EQ(run_program("imu-truth", arguments).exit_code, 0);
+    auto all = sequences_of(receiver.receive_all());
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    return all;
+  };
+  const auto alone = sequences({});
+  EXPECT_LT(alone.size(), 301U);
+  EXPECT_EQ(sequences({"--duplicate", "30", "--reorder", "30"}), alone);
+}
+
+TEST(ImuTruth, ReorderedDatagramsAreNotLost) {
+  LoopbackSocket receiver;
+  const auto result =
+      run_program("imu-truth", {"rest", "--to", receiver.spec(), "--for", "1", "--fast", "--reorder", "100"});
+  EXPECT_EQ(result.exit_code, 0);
+  auto sequences = sequences_of(receiver.receive_all());
+  ASSERT_EQ(sequences.size(), 101U);
+  EXPECT_EQ(sequences[0], 1U);
+  EXPECT_EQ(sequences[1], 0U);
+  std::sort(sequences.begin(), sequences.end());
+  for (std::uint32_t k = 0; k < 101; ++k) EXPECT_EQ(sequences[k], k);
+}
+
+// Answers as imud does; every `silent_every`th datagram gets none the first time.
+std::vector<Truth> answer_all(LoopbackSocket& receiver, Program& sender, std::size_t silent_every = 0) {
+  const auto decoder = decoder_of("native");
+  const auto frames = std::make_unique<FrameBuffer>();
+  std::vector<Truth> truths;
+  std::size_t received = 0;
+  while (sender.is_running()) {
+    const auto datagram = receiver.receive(20);
+    Truth truth;
+    if (!datagram || decoder->decode(*datagram, truth) != TruthResult::ok) continue;
+    if (silent_every != 0 && ++received % silent_every == 0) continue;
+    if (truths.empty() || truths.back().sequence != truth.sequence) truths.push_back(truth);
+    frames->clear();
+    decoder->acknowledge(truth, truth.time, 2 * truths.size(), *frames);
+    // A stranger's answer, then the right one.
+    Truth other = truth;
+    ++other.stream;
+    decoder->acknowledge(other, truth.time, 0, *frames);
+    receiver.answer(frames->frames()[1].bytes);
+    receiver.answer(frames->frames()[0].bytes);
+  }
+  return truths;
+}
+
+TEST(ImuTruth, LockstepWaitsForEveryAnswer) {
+  LoopbackSocket receiver;
+  Program sender("imu-truth");
+  sender.start({"turntable", "--to", receiver.spec(), "--for", "5", "--fast", "--lockstep", "--duplicate", "10",
+                "--corrupt", "1", "--drop", "1"});
+  const auto truths = answer_all(receiver, sender, 100);
+  EXPECT_EQ(sender.wait(), 0);
+  ASSERT_EQ(truths.size(), 501U);
+  for (std::size_t k = 0; k < truths.size(); ++k) {
+    EXPECT_EQ(truths[k].sequence, k);
+    EXPECT_TRUE(truths[k].acknowledge);
+  }
+  EXPECT_TRUE(contains(sender.errors(), "acknowledged 501, ")) << sender.errors();
+  EXPECT_FALSE(contains(sender.errors(), "acknowledged 501, 0 sent again")) << sender.errors();
+  EXPECT_TRUE(contains(sender.errors(), "receiver     reached 5.000000000 s, 1002 samples emitted"));
+}
+
+TEST(ImuTruth, LockstepFailsWithoutAnswer) {
+  LoopbackSocket silent;
+  const auto result =
+      run_program("imu-truth", {"rest", "--to", silent.spec(), "--for", "1", "--lockstep", "--resend", "2"});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(contains(result.errors, "no answer to sequence 0 from udp:127.0.0.1:")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "asked 3 times")) << result.errors;
+  EXPECT_EQ(silent.receive_all().size(), 3U);
+
+  const std::string nobody = LoopbackSocket().spec();
+  EXPECT_EQ(run_program("imu-truth", {"rest", "--to", nobody, "--lockstep", "--resend", "1"}).exit_code, 1);
+}
+
+std::string capture_file(const ScratchFolder& folder) {
+  const capture::Format format;
+  std::string bytes = capture::file_header(format, 1);
+  std::int64_t ns = 1'600'000'000'000'000'000;
+  for (const auto& [payload, port] :
+       {std::pair("first", 9810U), {"other", 9811U}, {"second", 9810U}, {"", 9810U}, {"last", 9810U}}) {
+    bytes +=
+        capture::file_record(format, {ns, capture::ethernet(0x0800, capture::ipv4(capture::udp(payload, port)))});
+    ns += 50'000'000;
+  }
+  capture::write_file(folder / "truth.pcap", bytes);
+  return folder / "truth.pcap";
+}
+
+TEST(ImuTruth, ResendsACaptureByteForByte) {
+  const ScratchFolder folder;
+  const std::string file = capture_file(folder);
+  for (const std::string& name : {file + "?port=9810", "pcap:" + file + "?port=9810"}) {
+    LoopbackSocket receiver;
+    const auto start = std::chrono::steady_clock::now();
+    const auto result = run_program("imu-truth", {"capture", name, "--to", receiver.spec()});
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(200));
+    std::vector<std::string> texts;
+    for (const auto& datagram : receiver.receive_all()) texts.push_back(text_of(datagram));
+    EXPECT_EQ(texts, (std::vector<std::string>{"first", "second", "", "last"}));
+  }
+  LoopbackSocket receiver;
+  EXPECT_EQ(run_program("imu-truth", {"capture", file, "--to", receiver.spec(), "--fast"}).exit_code, 0);
+  EXPECT_EQ(receiver.receive_all().size(), 5U);
+  EXPECT_EQ(run_program("imu-truth", {"capture", file, "--to", receiver.spec(), "--fast", "--for", "0.12"}).exit_code,
+            0);
+  EXPECT_EQ(receiver.receive_all().size(), 3U);
+
+  const auto none = run_program("imu-truth", {"capture", file + "?port=1", "--to", receiver.spec()});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_TRUE(contains(none.errors, "no datagram in it for that port")) << none.errors;
+}
+
+TEST(ImuTruth, ASignalEndsIt) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    LoopbackSocket receiver;
+    Program sender("imu-truth");
+    sender.start({"rest", "--to", receiver.spec(), "--rate", "50"});
+    ASSERT_TRUE(receiver.receive(60'000).has_value());
+    ASSERT_TRUE(receiver.receive(60'000).has_value());
+    EXPECT_EQ(sender.stop(signal), 0);
+    EXPECT_TRUE(contains(sender.errors(), "sent  ")) << sender.errors();
+  }
+}
+
+TEST(ImuTruth, WrongCommandLineIsSaid) {
+  const ScratchFolder folder;
+  const std::string file = capture_file(folder);
+  const struct {
+    std::vector<std::string> arguments;
+    std::string_view says;
+  } cases[] = {
+      {{}, "MOTION"},
+      {{"dance"}, "there is no motion 'dance'\nMotions:\n  rest "},
+      {{"rest", "file"}, "only 'capture' is followed by a file"},
+      {{"rest", "--rate-rad-per-s", "1"}, "--rate-rad-per-s: rest has none"},
+      {{"coning", "--jerk-m-per-s3", "1"}, "--jerk-m-per-s3: coning has none"},
+      {{"rest", "--fast"}, "--for: how long?"},
+      {{"rest", "--csv", folder / "x.csv"}, "--for: how long?"},
+      {{"rest", "--csv", "/does/not/exist", "--for", "1"}, "cannot write it"},
+      {{"rest", "--csv", folder / "x.csv", "--for", "1", "--to", "udp:127.0.0.1:1"}, "--to: not with --csv"},
+      {{"rest", "--to", "file:x"}, "right would be udp:ADDR:PORT"},
+      {{"rest", "--to", "udp:localhost"}, "ADDR:PORT"},
+      {{"rest", "--rate", "0"}, "--rate"},
+      {{"rest", "--drop", "101"}, "--drop"},
+      {{"rest", "--drop", "nan"}, "--drop"},
+      {{"rest", "--lockstep", "--reorder", "1"}, "--reorder: not in lockstep"},
+      {{"rest", "--lockstep", "--format", "csv"}, "only native datagrams are answered"},
+      {{"rest", "--resend", "3"}, "--resend: only with --lockstep"},
+      {{"rest", "--format", "csv", "--stream", "3"}, "--stream: only native datagrams"},
+      {{"rest", "--format", "xml"}, "--format"},
+      {{"capture"}, "capture: which?"},
+      {{"capture", file, "--rate", "10"}, "--rate: a capture is sent as it is"},
+      {{"capture", file, "--jerk-m-per-s3", "10"}, "--jerk-m-per-s3: a capture is sent as it is"},
+      {{"capture", "/does/not/exist.pcap"}, "/does/not/exist.pcap"},
+  };
+  for (const auto& [arguments, says] : cases) {
+    const auto result = run_program("imu-truth", arguments);
+    EXPECT_EQ(result.exit_code, 2) << says;
+    EXPECT_TRUE(contains(result.errors, says)) << result.errors << "\nlacks: " << says;
+  }
+}
+
+TEST(ImuTruth, HelpListAndVersion) {
+  const auto list = run_program("imu-truth", {"list"});
+  const auto help = run_program("imu-truth", {"--help"});
+  EXPECT_EQ(list.exit_code, 0);
+  EXPECT_EQ(help.exit_code, 0);
+  for (const Motion& motion : motions()) {
+    EXPECT_TRUE(contains(list.output, motion.summary));
+    EXPECT_TRUE(contains(help.output, motion.summary));
+  }
+  EXPECT_TRUE(run_program("imu-truth", {"--version"}).output.starts_with("imu-truth "));
+}
+
+TEST(ImuTruth, AMotionThatLeavesTheModelIsSaid) {
+  const auto result = run_program(
+      "imu-truth", {"boost", "--acceleration-m-per-s2", "1e6", "--start", "1e8", "--for", "1", "--csv", "/dev/null"});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(contains(result.errors, "leaves what truth may be")) << result.errors;
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,143 @@
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+
+#include "tests/transports/numbered_frames.hpp"
+#include "tests/transports/port_error.hpp"
+#include "transports/file_descriptor.hpp"
+#include "transports/host_clock.hpp"
+
+namespace imud {
+namespace {
+
+// A UDP port that nobody has bound just now.
+int free_port(int family = AF_INET) {
+  const FileDescriptor probe(::socket(family, SOCK_DGRAM, 0));
+  sockaddr_in6 address{};
+  address.sin6_family = static_cast<sa_family_t>(family);
+  socklen_t size = family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6);
+  EXPECT_EQ(::bind(probe.get(), reinterpret_cast<const sockaddr*>(&address), size), 0);
+  ::getsockname(probe.get(), reinterpret_cast<sockaddr*>(&address), &size);
+  return ntohs(address.sin6_port);
+}
+
+std::string local_spec() { return fmt::format("udp:127.0.0.1:{}", free_port()); }
+
+Frame frame_of(std::string_view text) { return {std::as_bytes(std::span(text))}; }
+
+std::string text_of(const Port::Received& received) {
+  return {reinterpret_cast<const char*>(received.frame.bytes.data()), received.frame.bytes.size()};
+}
+
+TEST(Udp, AFrameIsADatagram) {
+  for (const std::string& spec : {local_spec(), fmt::format("udp:[::1]:{}", free_port(AF_INET6))}) {
+    const auto listener = open_port(spec, Role::listener);
+    const auto device = open_port(spec, Role::device);
+    EXPECT_EQ(listener->receive(), std::nullopt);
+    NumberedFrames frames;
+    NumberedReader reader;
+    const HostTime before = host_now();
+    device->send(frames.next(20));
+    for (int i = 0; i < 20; ++i) {
+      const auto received = listener->receive();
+      ASSERT_TRUE(received.has_value());
+      EXPECT_LE(before, received->time);
+      EXPECT_LE(received->time, host_now());
+      reader.feed(received->frame.bytes);
+      EXPECT_EQ(reader.unfinished(), 0U);
+    }
+    EXPECT_EQ(listener->receive(), std::nullopt);
+    EXPECT_EQ(reader.numbers.size(), 20U);
+    EXPECT_EQ(reader.broken, 0U);
+    EXPECT_EQ(device->counters().sent, 20U);
+    EXPECT_EQ(listener->counters().received, 20U);
+    EXPECT_FALSE(listener->at_end());
+  }
+}
+
+TEST(Udp, ListenerAnswersWhoSentLast) {
+  const std::string spec = local_spec();
+  const auto listener = open_port(spec, Role::listener);
+  const auto first = open_port(spec, Role::device);
+  const auto second = open_port(spec, Role::device);
+  listener->send({{frame_of("to nobody")}});
+  EXPECT_EQ(listener->counters().dropped, 1U);
+
+  first->send({{frame_of("one")}});
+  second->send({{frame_of("two")}});
+  ASSERT_EQ(text_of(listener->receive().value()), "one");
+  listener->send({{frame_of("to one")}});
+  ASSERT_EQ(text_of(listener->receive().value()), "two");
+  listener->send({{frame_of("to two")}});
+  EXPECT_EQ(text_of(first->receive().value()), "to one");
+  EXPECT_EQ(first->receive(), std::nullopt);
+  EXPECT_EQ(text_of(second->receive().value()), "to two");
+  EXPECT_EQ(listener->counters().sent, 2U);
+}
+
+TEST(Udp, EmptyDatagramIsNotNothing) {
+  const std::string spec = local_spec();
+  const auto listener = open_port(spec, Role::listener);
+  const auto device = open_port(spec, Role::device);
+  device->send({{frame_of(""), frame_of("x")}});
+  const auto received = listener->receive();
+  ASSERT_TRUE(received.has_value());
+  EXPECT_EQ(received->frame.bytes.size(), 0U);
+  EXPECT_EQ(text_of(listener->receive().value()), "x");
+}
+
+TEST(Udp, LongestDatagramArrivesWholeAndALongerOneIsDropped) {
+  const std::string spec = local_spec();
+  const auto listener = open_port(spec, Role::listener);
+  const auto device = open_port(spec, Role::device);
+  const std::string longest(65507, 'l'), longer(65508, 'x');
+  device->send({{frame_of(longer), frame_of(longest)}});
+  EXPECT_EQ(text_of(listener->receive().value()), longest);
+  EXPECT_EQ(listener->receive(), std::nullopt);
+  EXPECT_EQ(device->counters().sent, 1U);
+  EXPECT_EQ(device->counters().dropped, 1U);
+  EXPECT_EQ(device->state(), PortState::ready);
+}
+
+TEST(Udp, RefusalOfEarlierFramesLosesNoLaterOnes) {
+  const std::string spec = local_spec();
+  const auto device = open_port(spec, Role::device);
+  NumberedFrames frames;
+  for (int i = 0; i < 50; ++i) device->send(frames.next(2));
+  EXPECT_EQ(device->counters().sent, 100U);
+  EXPECT_EQ(device->counters().dropped, 0U);
+  EXPECT_EQ(device->receive(), std::nullopt);
+  device->send(frames.next(1));
+
+  const auto listener = open_port(spec, Role::listener);
+  device->send(frames.next(3));
+  std::size_t arrived = 0;
+  while (listener->receive()) ++arrived;
+  EXPECT_EQ(arrived, 3U);
+}
+
+TEST(Udp, RefusalIsNotTakenForWhatCameBack) {
+  const std::string spec = local_spec();
+  const auto device = open_port(spec, Role::device);
+  {
+    const auto listener = open_port(spec, Role::listener);
+    device->send({{frame_of("a")}});
+    ASSERT_TRUE(listener->receive().has_value());
+    listener->send({{frame_of("answer")}});
+  }
+  device->send({{frame_of("b")}});  // refused: the error waits before the answer
+  EXPECT_EQ(text_of(device->receive().value()), "answer");
+}
+
+TEST(Udp, SaysWhyItCannotBeOpened) {
+  const std::string spec = local_spec();
+  const auto listener = open_port(spec, Role::listener);
+  EXPECT_TRUE(mentions(error_of(spec, Role::listener), spec.substr(4)));
+  EXPECT_TRUE(mentions(error_of(spec, Role::listener), "another process"));
+  EXPECT_TRUE(mentions(error_of("udp:192.0.2.1:9810", Role::listener), "an address of this machine"));
+  EXPECT_TRUE(mentions(error_of("udp:localhost:9810"), "numeric"));
+}
+
+}  // namespace
+}  // namespace imud
