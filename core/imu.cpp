@@ -30,9 +30,8 @@ const Vector3& GaussMarkov::step(const Normals& normals, std::uint64_t k) noexce
 
 void GaussMarkov::seek(const Normals& normals, std::uint64_t k) noexcept {
   x_.setZero();
-  if (off_) return;
-  const bool white = transition_.isZero(0.0);
-  for (std::uint64_t j = white && k > 0 ? k - 1 : 0; j < k; ++j) step(normals, j);
+  if (off_ || transition_.isZero(0.0)) return;  // white noise has no memory
+  for (std::uint64_t j = 0; j < k; ++j) step(normals, j);
 }
 
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)

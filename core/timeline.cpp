@@ -151,7 +151,8 @@ void Timeline::append(const Truth& truth) noexcept {
     }
   }
   k.linear_dv = !has_force;
-  if (!k.has_specific_force) k.state.specific_force_B = k.state.q_NB.conjugate() * (k.state.dv_N - before.state.dv_N) / k.h_s;
+  if (!k.has_specific_force)
+    k.state.specific_force_B = k.state.q_NB.conjugate() * (k.state.dv_N - before.state.dv_N) / k.h_s;
 }
 
 std::size_t Timeline::segment_end(TruthTime time) const noexcept {

@@ -125,9 +125,10 @@ class PtyDevice final : public Port {
     if (!look_for_reader()) return;
     flush();
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    for (int ms = 0; ms < 50; ++ms) {
-      int unread = 0;
-      if (!slave || ::ioctl(slave.get(), FIONREAD, &unread) != 0 || unread == 0) return;
+    for (int ms = 0; slave && ms < 50; ++ms) {
+      // poll(), unlike FIONREAD, also sees what is still on its way from the master.
+      pollfd unread{slave.get(), POLLIN, 0};
+      if (::poll(&unread, 1, 0) <= 0) return;
       ::poll(nullptr, 0, 1);
     }
   }

@@ -72,8 +72,8 @@ enum class Push : std::uint8_t { free, counted };
 
 // One iteration is one sample. Truths come in batches of `truths`, the samples due with them follow; as the reference
 // module is fed, if truth_step is sensor_step.
-void steps(benchmark::State& state, const ImuModel& model, Nanoseconds truth_step, Nanoseconds sensor_step, int truths,
-           Push push) {
+void steps(benchmark::State& state, const ImuModel& model, Nanoseconds truth_step, Nanoseconds sensor_step,
+           int truths, Push push) {
   Truths stream(truth_step);
   Timeline timeline;
   Imu imu(model, 1, 1);
@@ -110,9 +110,9 @@ void between_truths(benchmark::State& state, const ImuModel& model) {
 // Four truths in a sample's step.
 void over_truths(benchmark::State& state, const ImuModel& model) { steps(state, model, 5_ms, 20_ms, 8, Push::free); }
 
-#define STEP(how, coupling, velocity, angle)                                                                     \
-  BENCHMARK_CAPTURE(how, coupling/velocity/angle,                                                                \
-                    every_effect(Coupling::coupling, DeltaVelocity::velocity, DeltaAngle::angle))                \
+#define STEP(how, coupling, velocity, angle)                                                      \
+  BENCHMARK_CAPTURE(how, coupling / velocity / angle,                                             \
+                    every_effect(Coupling::coupling, DeltaVelocity::velocity, DeltaAngle::angle)) \
       ->UseManualTime()
 STEP(at_truth, diagonal, end_frame, rotation_vector);
 STEP(at_truth, diagonal, memo, rotation_vector);
@@ -179,5 +179,3 @@ BENCHMARK_CAPTURE(timeline_push, inertial, AccumulatedDv::inertial);
 BENCHMARK_CAPTURE(timeline_push, none, AccumulatedDv::none);
 
 }  // namespace
-
-BENCHMARK_MAIN();

@@ -33,7 +33,7 @@ TEST(Allocations, NoneAfterTheConstructors) {
         const Motion& motion = *find_motion("coning");
         const std::uint64_t before = allocations();
         for (std::int64_t ms = 0; ms < 3000; ++ms) {  // more than the timeline keeps
-          if (ms % 500 > 400) continue;                // and gaps to extrapolate over
+          if (ms % 500 > 400) continue;               // and gaps to extrapolate over
           Truth truth = motion.at({ms * 1'000'000}, {});
           truth.accumulated_dv = kind;
           truth.new_run = ms == 2000;

@@ -153,8 +153,9 @@ TEST(Attitude, RightJacobianIsTheRateOfARotationVector) {
       const Vector3 phi_dot(0.3, -0.8, 0.5);
       const double h = 1e-3;
       const auto back_and_forth = [&](double t) { return log(exp(phi).conjugate() * exp(phi + t * phi_dot)); };
-      const Vector3 difference = (8.0 * (back_and_forth(h) - back_and_forth(-h)) -
-                                  (back_and_forth(2 * h) - back_and_forth(-2 * h))) / (12.0 * h);
+      const Vector3 difference =
+          (8.0 * (back_and_forth(h) - back_and_forth(-h)) - (back_and_forth(2 * h) - back_and_forth(-2 * h))) /
+          (12.0 * h);
       ASSERT_LT((right_jacobian(phi, phi_dot) - difference).norm(), 2e-11) << phi;
     }
   }
@@ -185,7 +186,8 @@ TEST(Attitude, YawPitchRollAreTheThreeTurns) {
   const double yaw = 0.7854, pitch = 1.0, roll = 0.1;
   // Each turns the axes, hence the components the other way.
   const Matrix3 expected = (Eigen::AngleAxisd(-roll, Vector3::UnitX()) * Eigen::AngleAxisd(-pitch, Vector3::UnitY()) *
-                            Eigen::AngleAxisd(-yaw, Vector3::UnitZ())).toRotationMatrix();
+                            Eigen::AngleAxisd(-yaw, Vector3::UnitZ()))
+                               .toRotationMatrix();
   EXPECT_LT((dcm_from_yaw_pitch_roll(yaw, pitch, roll) - expected).norm(), 1e-15);
   EXPECT_EQ(dcm_from_yaw_pitch_roll(0, 0, 0), Matrix3::Identity());
   // Nose up: what was forward is now partly down the platform's z.

@@ -1,6 +1,6 @@
 // A motion given by its rate and specific force in body axes, as a truth source for tests: attitude and accumulated
-// velocity are integrated so finely (fourth order, 1 ms) that they are exact to about 1e-14 for motions of a few rad/s.
-// It shares no code with the model: std::sin, Eigen's AngleAxis.
+// velocity are integrated so finely (fourth order, 1 ms) that they are exact to about 1e-14 for motions of a few
+// rad/s. It shares no code with the model: std::sin, Eigen's AngleAxis.
 #pragma once
 
 #include <cmath>
@@ -27,7 +27,8 @@ inline BodyMotion smooth_motion() {
             return Vector3(0.21 * std::cos(0.7 * t), 0.10 * std::sin(0.5 * t + 0.2), 0.44 * std::cos(1.1 * t + 0.3));
           },
           [](double t) {
-            return Vector3(0.50 + 0.20 * std::sin(1.3 * t), -0.30 * std::cos(0.9 * t), 0.10 + 0.80 * std::sin(2.1 * t));
+            return Vector3(0.50 + 0.20 * std::sin(1.3 * t), -0.30 * std::cos(0.9 * t),
+                           0.10 + 0.80 * std::sin(2.1 * t));
           }};
 }
 

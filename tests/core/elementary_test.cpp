@@ -45,12 +45,20 @@ long double cubic(double x) {
 TEST(Elementary, EvenSeriesWithinTwoUlpOfOne) {
   for (const double to : {0.04, 0.6, 3.2, 50.0}) {  // each branch
     SCOPED_TRACE(to);
-    EXPECT_LT(worst(0, to, 100'000, [](double x) { return even_series(x * x).sinc; }, sinc, absolute), 2.0);
-    EXPECT_LT(worst(0, to, 100'000, [](double x) { return even_series(x * x).versine; }, versine, absolute), 2.0);
-    EXPECT_LT(worst(0, to, 100'000, [](double x) { return even_series(x * x).cubic; }, cubic, absolute), 2.0);
+    EXPECT_LT(worst(
+                  0, to, 100'000, [](double x) { return even_series(x * x).sinc; }, sinc, absolute),
+              2.0);
+    EXPECT_LT(worst(
+                  0, to, 100'000, [](double x) { return even_series(x * x).versine; }, versine, absolute),
+              2.0);
+    EXPECT_LT(worst(
+                  0, to, 100'000, [](double x) { return even_series(x * x).cubic; }, cubic, absolute),
+              2.0);
     // x^2 as it is given here is rounded, of which the cosine makes up to x/4 ulp of 1.
     const auto cosine = [](double x) { return std::cos(static_cast<long double>(x)); };
-    EXPECT_LT(worst(0, to, 100'000, [](double x) { return even_series(x * x).cos; }, cosine, absolute), 2.0 + to / 4);
+    EXPECT_LT(worst(
+                  0, to, 100'000, [](double x) { return even_series(x * x).cos; }, cosine, absolute),
+              2.0 + to / 4);
   }
 }
 
@@ -71,16 +79,25 @@ TEST(Elementary, EvenSeriesAtZeroAndWithoutLimit) {
 TEST(Elementary, AtanWithinThreeUlp) {
   const auto exact = [](double x) { return x == 0.0 ? 1.0L : std::atan(static_cast<long double>(x)) / x; };
   for (const double to : {0.009, 0.012, 0.11, 1.0})
-    EXPECT_LT(worst(0, to, 100'000, [](double x) { return atan_over_x(x * x); }, exact, absolute), 3.0) << to;
+    EXPECT_LT(worst(
+                  0, to, 100'000, [](double x) { return atan_over_x(x * x); }, exact, absolute),
+              3.0)
+        << to;
   EXPECT_EQ(atan_over_x(0.0), 1.0);
 }
 
 TEST(Elementary, LogWithinThreeUlp) {
   const auto exact = [](double x) { return std::log(static_cast<long double>(x)); };
   // Near 1, too, where the logarithm is near 0.
-  EXPECT_LT(worst(0.5, 1.0 - 1e-16, 200'000, [](double x) { return log(x); }, exact, relative), 3.0);
-  EXPECT_LT(worst(1.0 + 3e-16, 2.0, 200'000, [](double x) { return log(x); }, exact, relative), 3.0);
-  EXPECT_LT(worst(1.0 + 3e-16, 1.0 + 1e-6, 100'000, [](double x) { return log(x); }, exact, relative), 3.0);
+  EXPECT_LT(worst(
+                0.5, 1.0 - 1e-16, 200'000, [](double x) { return log(x); }, exact, relative),
+            3.0);
+  EXPECT_LT(worst(
+                1.0 + 3e-16, 2.0, 200'000, [](double x) { return log(x); }, exact, relative),
+            3.0);
+  EXPECT_LT(worst(
+                1.0 + 3e-16, 1.0 + 1e-6, 100'000, [](double x) { return log(x); }, exact, relative),
+            3.0);
   for (double x = std::numeric_limits<double>::min(); x < 1e308; x *= 1.37)
     EXPECT_NEAR(log(x), static_cast<double>(exact(x)), 3.0 * ulp_of_1 * std::abs(std::log(x))) << x;
   EXPECT_EQ(log(1.0), 0.0);
@@ -91,8 +108,12 @@ TEST(Elementary, SinCosWithinTwoUlpOfOne) {
   const auto cosine = [](double x) { return std::cos(static_cast<long double>(x)); };
   for (const double to : {1e-6, 1.0, 10.0, 1e3, 1e5}) {
     SCOPED_TRACE(to);
-    EXPECT_LT(worst(-to, to, 200'000, [](double x) { return sincos(x).sin; }, sine, absolute), 2.0);
-    EXPECT_LT(worst(-to, to, 200'000, [](double x) { return sincos(x).cos; }, cosine, absolute), 2.0);
+    EXPECT_LT(worst(
+                  -to, to, 200'000, [](double x) { return sincos(x).sin; }, sine, absolute),
+              2.0);
+    EXPECT_LT(worst(
+                  -to, to, 200'000, [](double x) { return sincos(x).cos; }, cosine, absolute),
+              2.0);
   }
   // At multiples of pi/2, where one of the two is 0 but for the rounding of the angle itself.
   for (int k = -60'000; k <= 60'000; k += 7) {

@@ -31,7 +31,10 @@ TriadErrors coupled_walk() {
 
 TEST(GaussMarkov, FollowsItsRecursion) {
   const Normals normals(5, 6);
-  for (const TriadErrors& errors : {walk(0.97, 1e-3), walk(1.0, 1e-3, 4e-3), walk(0.0, 1e-3), coupled_walk()}) {
+  TriadErrors mixing = walk(0.9, 1e-3);
+  mixing.walk_transition(1, 0) = 0.3;
+  for (const TriadErrors& errors :
+       {walk(0.97, 1e-3), walk(1.0, 1e-3, 4e-3), walk(0.0, 1e-3), mixing, coupled_walk()}) {
     GaussMarkov process(errors, Quantity::specific_force);
     Vector3 x = Vector3::Zero();
     bool bound_met = false;
@@ -86,7 +89,9 @@ TEST(GaussMarkov, SeekOfWhiteNoiseIsImmediate) {
   GaussMarkov process(walk(0.0, 1e-3), Quantity::rate);
   process.seek(normals, 1'000'000'000'000'000'000U);  // step by step it would take a thousand years
   EXPECT_LT((process.step(normals, 1'000'000'000'000'000'000U) -
-             1e-3 * normals(Quantity::rate, Process::gauss_markov, 1'000'000'000'000'000'000U)).norm(), 1e-18);
+             1e-3 * normals(Quantity::rate, Process::gauss_markov, 1'000'000'000'000'000'000U))
+                .norm(),
+            1e-18);
 }
 
 // The unbounded walk's variance grows by P^2 a step: over 2000 walks of 200 steps, chi-square with 6000 degrees of
@@ -104,10 +109,11 @@ TEST(GaussMarkov, UnboundedWalkGrowsWithTheRoot) {
   EXPECT_NEAR(square / (steps * 1e-6), 1.0, 4.9 / std::sqrt(3000.0));
 }
 
-// --- The rows of noise_stats.csv ------------------------------------------------------------------------------------
+// --- The rows of noise_stats.csv
+// ------------------------------------------------------------------------------------
 
-// Mean square, mean product of successive values and fraction at the bound, batch by batch, of all three axes. Batches
-// are many times longer than the processes remember, so their scatter gives the standard errors.
+// Mean square, mean product of successive values and fraction at the bound, batch by batch, of all three axes.
+// Batches are many times longer than the processes remember, so their scatter gives the standard errors.
 struct Statistics {
   std::vector<double> square, product, at_bound;
 
@@ -162,14 +168,16 @@ TEST(NoiseStatistics, AreThoseOfTheReferenceModule) {
   const testing::VectorTable table("noise_stats");
   int compared = 0;
   for (std::size_t row = 0; row < table.rows(); ++row)
-    for (const Channel& channel : {Channel{"AngVel", Quantity::rate, "gyro"}, Channel{"Accel", Quantity::specific_force, "accel"}}) {
+    for (const Channel& channel :
+         {Channel{"AngVel", Quantity::rate, "gyro"}, Channel{"Accel", Quantity::specific_force, "accel"}}) {
       if (table.text(row, "channel") != channel.name + "_x") continue;
       const std::string& config = table.text(row, "config");
       SCOPED_TRACE(config + " " + channel.name);
       const double a = table.number(row, "A_" + channel.suffix + "_diag");
       const double bound = table.number(row, "bound_" + channel.suffix);
       // The module scales its noise with the truth; here a scale factor acts on the truth alone.
-      const double p = table.number(row, "P_" + channel.suffix + "_diag") * table.number(row, channel.suffix == "gyro" ? "gyroScale" : "accelScale");
+      const double p = table.number(row, "P_" + channel.suffix + "_diag") *
+                       table.number(row, channel.suffix == "gyro" ? "gyroScale" : "accelScale");
       // In steps, of the square: a walk between bounds 2B apart forgets as a string of that length comes to rest.
       const double memory = a < 1.0 ? 1.0 / (1.0 - a) : 0.2 * (bound / p) * (bound / p);
       const auto batch = static_cast<std::uint64_t>(std::max(2'000.0, 20.0 * memory));
@@ -178,7 +186,8 @@ TEST(NoiseStatistics, AreThoseOfTheReferenceModule) {
       double variance = 0, lag1 = 0;  // of the module: three axes, rows apart
       for (const char axis : {'x', 'y', 'z'}) {
         std::size_t other = row;
-        while (table.text(other, "config") != config || table.text(other, "channel") != channel.name + "_" + axis) ++other;
+        while (table.text(other, "config") != config || table.text(other, "channel") != channel.name + "_" + axis)
+          ++other;
         variance += std::pow(table.number(other, "std"), 2) / 3.0;
         lag1 += table.number(other, "lag1_autocorr") / 3.0;
       }

@@ -16,9 +16,9 @@ using namespace std::chrono_literals;
 using testing::drive;
 using testing::instants;
 
-constexpr double a = 0.02;                       // half-angle, rad
+constexpr double a = 0.02;                              // half-angle, rad
 constexpr double W = 2.0 * 3.14159265358979324 * 10.0;  // 10 Hz
-constexpr Nanoseconds duration = 10s;            // 100 turns
+constexpr Nanoseconds duration = 10s;                   // 100 turns
 constexpr double T = 10.0;
 
 Truth coning_truth(TruthTime t) { return find_motion("coning")->at(t, {}); }
@@ -67,8 +67,8 @@ TEST_P(Coning, RawSumDrifts) {
   const Rates& rates = GetParam();
   const double WT = W / rates.sensor_hz;
   const double expected = a * a * W / 2.0 * (1.0 - std::sin(WT) / WT);
-  const double raw =
-      drift(delta_angles(DeltaAngle::integral, rates.truth_hz, rates.sensor_hz), 1, [](const Vector3* v) { return v[0]; });
+  const double raw = drift(delta_angles(DeltaAngle::integral, rates.truth_hz, rates.sensor_hz), 1,
+                           [](const Vector3* v) { return v[0]; });
   const double tolerance = rates.truth_hz <= 100.0 ? 1e-2 : rates.truth_hz <= 200.0 ? 6e-3 : 2e-4;
   EXPECT_NEAR(std::abs(raw) / expected, 1.0, tolerance);
   if (rates.sensor_hz == 100.0) {
@@ -89,13 +89,12 @@ INSTANTIATE_TEST_SUITE_P(Rates, Coning,
                          ::testing::Values(Rates{100, 100}, Rates{200, 200}, Rates{200, 100}, Rates{1000, 100},
                                            Rates{1000, 50}, Rates{1000, 1000}, Rates{200, 1000}));
 
-// The algorithms that navigators use on the integrals, over T = 10 ms, with their known residues: a^2 W (WT)^4/960 for
-// two samples, a^2 W (WT)^6/204120 for three. (R. B. Miller, J. Guidance 6(4), 1983; M. B. Ignagni, 19(2), 1996.)
+// The algorithms that navigators use on the integrals, over T = 10 ms, with their known residues: a^2 W (WT)^4/960
+// for two samples, a^2 W (WT)^6/204120 for three. (R. B. Miller, J. Guidance 6(4), 1983; M. B. Ignagni, 19(2), 1996.)
 TEST(ConingAlgorithm, TwoSamples) {
   const std::vector<Vector3> angles = delta_angles(DeltaAngle::integral, 1000, 200);
-  const double residue = drift(angles, 2, [](const Vector3* v) {
-    return Vector3(v[0] + v[1] + 2.0 / 3.0 * v[0].cross(v[1]));
-  });
+  const double residue =
+      drift(angles, 2, [](const Vector3* v) { return Vector3(v[0] + v[1] + 2.0 / 3.0 * v[0].cross(v[1])); });
   EXPECT_NEAR(std::abs(residue), 4.04e-6, 0.02e-6);
 }
 
@@ -107,7 +106,8 @@ TEST(ConingAlgorithm, ThreeSamples) {
   EXPECT_NEAR(std::abs(residue), 7.57e-9, 0.05e-9);
 }
 
-// --- Sculling: rocking about x by A sin Wt with a force B sin Wt along y, in phase ------------------------------------
+// --- Sculling: rocking about x by A sin Wt with a force B sin Wt along y, in phase
+// ------------------------------------
 
 constexpr double A = 0.02, B = 3.0;
 

@@ -92,7 +92,8 @@ class DeltaVelocities : public ::testing::TestWithParam<Rates> {
     model.r_SB_B = r_SB_B;
     model.dcm_PB = dcm_from_yaw_pitch_roll(0.5, -0.3, 2.0);
     model.delta_velocity = kind;
-    const std::vector<Sample> samples = drive(model, [](TruthTime t) { return lively().truth(t); }, truths, sensor);
+    const std::vector<Sample> samples = drive(
+        model, [](TruthTime t) { return lively().truth(t); }, truths, sensor);
     ASSERT_GT(samples.size(), 10U);
     double worst = 0;
     for (std::size_t i = 1; i < samples.size(); ++i)
@@ -112,7 +113,8 @@ TEST_P(DeltaVelocities, EndFrame) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Rates, DeltaVelocities,
-                         ::testing::Values(Rates{"equal", 100, 100, 1e-7}, Rates{"many_truths_in_a_step", 1000, 20, 1e-9},
+                         ::testing::Values(Rates{"equal", 100, 100, 1e-7},
+                                           Rates{"many_truths_in_a_step", 1000, 20, 1e-9},
                                            Rates{"many_steps_between_truths", 50, 1000, 9e-5},
                                            Rates{"truth_much_faster", 1000, 100, 1e-10},
                                            Rates{"incommensurate", 333.333, 77.7, 3.2e-7},
@@ -173,7 +175,8 @@ TEST(DeltaVelocity, ConstantForceOnATurningBody) {
     // Turned back from the end, the force came from the left of where it is now.
     EXPECT_LT(worst(DeltaVelocity::end_frame, f / omega * Vector3(std::sin(x), std::cos(x) - 1.0, 0.0)), 1e-14);
     const double y = omega * h;  // the same in each truth step
-    EXPECT_LT(worst(DeltaVelocity::memo, f / omega * (0.05 / h) * Vector3(std::sin(y), std::cos(y) - 1.0, 0.0)), 1e-14);
+    EXPECT_LT(worst(DeltaVelocity::memo, f / omega * (0.05 / h) * Vector3(std::sin(y), std::cos(y) - 1.0, 0.0)),
+              1e-14);
   }
 }
 

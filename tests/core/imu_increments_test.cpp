@@ -92,7 +92,9 @@ TEST_P(Sums, EndFrameVelocitiesTelescope) {
     q_NB = q_NB * exp(model.dcm_PB.transpose() * sample.delta_angle);
     sum_N += q_NB * (model.dcm_PB.transpose() * sample.delta_velocity);
   }
-  const auto lever_N = [&](double t) { return Vector3(smooth().q_NB(t) * smooth().omega_BN_B(t).cross(model.r_SB_B)); };
+  const auto lever_N = [&](double t) {
+    return Vector3(smooth().q_NB(t) * smooth().omega_BN_B(t).cross(model.r_SB_B));
+  };
   EXPECT_LT((sum_N - (smooth().dv_N(T) + lever_N(T) - lever_N(0.0))).norm(), 1e-11);
 }
 
@@ -115,7 +117,8 @@ TEST_P(Sums, IntegralOfTheForceOnALeverArm) {
   const ImuModel model = model_of(DeltaAngle::rotation_vector, DeltaVelocity::integral);
   Vector3 sum = Vector3::Zero();
   for (const Sample& sample : samples(model, smooth_truth)) sum += model.dcm_PB.transpose() * sample.delta_velocity;
-  Vector3 exact = testing::smooth_force_integral(T) + (smooth().omega_BN_B(T) - smooth().omega_BN_B(0)).cross(model.r_SB_B);
+  Vector3 exact =
+      testing::smooth_force_integral(T) + (smooth().omega_BN_B(T) - smooth().omega_BN_B(0)).cross(model.r_SB_B);
   constexpr int n = 1000;  // Simpson
   for (int i = 0; i <= 2 * n; ++i) {
     const Vector3 omega = smooth().omega_BN_B(T * i / (2 * n));
@@ -141,20 +144,22 @@ TEST_P(Sums, NavigatedVelocity) {
   EXPECT_LT((sum_N - smooth().dv_N(T)).norm(), 1e-12 + 0.1 * step * step + 1e-2 * std::pow(h, 4));
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Rates, Sums,
-    ::testing::Values(Rates{"equal", 100, 100}, Rates{"equal_slow", 20, 20}, Rates{"truth_faster", 1000, 100},
-                      Rates{"truth_much_faster", 1000, 7}, Rates{"truth_slower", 100, 1000},
-                      Rates{"truth_much_slower", 10, 1000}, Rates{"two_to_three", 200, 300},
-                      Rates{"incommensurate", 333.333, 77.7}, Rates{"incommensurate_slow", 23.976, 819.2},
-                      Rates{"jitter", 100, 100, true}, Rates{"jitter_fast_truth", 1000, 59.94, true},
-                      Rates{"jitter_slow_truth", 50, 400, true}),
-    [](const auto& test) { return test.param.name; });
+INSTANTIATE_TEST_SUITE_P(Rates, Sums,
+                         ::testing::Values(Rates{"equal", 100, 100}, Rates{"equal_slow", 20, 20},
+                                           Rates{"truth_faster", 1000, 100}, Rates{"truth_much_faster", 1000, 7},
+                                           Rates{"truth_slower", 100, 1000}, Rates{"truth_much_slower", 10, 1000},
+                                           Rates{"two_to_three", 200, 300}, Rates{"incommensurate", 333.333, 77.7},
+                                           Rates{"incommensurate_slow", 23.976, 819.2},
+                                           Rates{"jitter", 100, 100, true},
+                                           Rates{"jitter_fast_truth", 1000, 59.94, true},
+                                           Rates{"jitter_slow_truth", 50, 400, true}),
+                         [](const auto& test) { return test.param.name; });
 
-// --- Truth that comes late ------------------------------------------------------------------------------------------
+// --- Truth that comes late
+// ------------------------------------------------------------------------------------------
 
-// Truths arrive `delay` after their time, and not at all for a while: samples are extrapolated, held, and put right by
-// those that come after them.
+// Truths arrive `delay` after their time, and not at all for a while: samples are extrapolated, held, and put right
+// by those that come after them.
 class LateTruth : public ::testing::TestWithParam<Nanoseconds> {
  protected:
   std::vector<Sample> samples(const ImuModel& model) const {
@@ -187,7 +192,9 @@ TEST_P(LateTruth, SumsTelescopeAgain) {
     q_NB = q_NB * exp(model.dcm_PB.transpose() * sample.delta_angle);
     sum_N += q_NB * (model.dcm_PB.transpose() * sample.delta_velocity);
   }
-  const auto lever_N = [&](double t) { return Vector3(smooth().q_NB(t) * smooth().omega_BN_B(t).cross(model.r_SB_B)); };
+  const auto lever_N = [&](double t) {
+    return Vector3(smooth().q_NB(t) * smooth().omega_BN_B(t).cross(model.r_SB_B));
+  };
   EXPECT_LT(angle_between(q_NB, smooth().q_NB(2.0)), 1e-12);
   EXPECT_LT((sum_N - (smooth().dv_N(2.0) + lever_N(2.0) - lever_N(0.0))).norm(), 1e-11);
 }
@@ -219,9 +226,11 @@ TEST_P(LateTruth, IsFlagged) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Delays, LateTruth, ::testing::Values(0ns, Nanoseconds(4ms), Nanoseconds(25ms), Nanoseconds(60ms)));
+INSTANTIATE_TEST_SUITE_P(Delays, LateTruth,
+                         ::testing::Values(0ns, Nanoseconds(4ms), Nanoseconds(25ms), Nanoseconds(60ms)));
 
-// --- follow() -------------------------------------------------------------------------------------------------------
+// --- follow()
+// -------------------------------------------------------------------------------------------------------
 
 TEST(Follow, ChangesNothing) {
   for (const auto angle : {DeltaAngle::rotation_vector, DeltaAngle::integral})
@@ -262,7 +271,8 @@ TEST(Follow, ReachesBeyondTheTimeline) {
   EXPECT_GT((model.dcm_PB.transpose() * first_step(false).delta_angle - exact).norm(), 1e-3);
 }
 
-// --- Edges of a run -------------------------------------------------------------------------------------------------
+// --- Edges of a run
+// -------------------------------------------------------------------------------------------------
 
 TEST(Run, StepsBeforeTheOldestTruthHaveTheirLength) {
   ImuModel model;

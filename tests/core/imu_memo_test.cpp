@@ -1,5 +1,6 @@
-// The memo's own test (its section 4): the motion of the sensor is formulated about the centre of mass C, which wanders
-// in the body, where the model knows of the body frame's origin alone. All vectors in N unless named otherwise.
+// The memo's own test (its section 4): the motion of the sensor is formulated about the centre of mass C, which
+// wanders in the body, where the model knows of the body frame's origin alone. All vectors in N unless named
+// otherwise.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -57,18 +58,19 @@ struct Motion {
   Matrix3 dcm_BN() const { return dcm_BN_of(sigma); }
   Vector3 sigma_dot() const {  // Eq. 36, 37
     const Vector3 w = dcm_BN() * omega;
-    const Matrix3 B = (1.0 - sigma.squaredNorm()) * Matrix3::Identity() + 2.0 * skew(sigma) + 2.0 * sigma * sigma.transpose();
+    const Matrix3 B =
+        (1.0 - sigma.squaredNorm()) * Matrix3::Identity() + 2.0 * skew(sigma) + 2.0 * sigma * sigma.transpose();
     return 0.25 * B * w;
   }
 
   Motion next(const Accelerations& to, double dt) const {
     Motion n = *this;
     n.a = to;
-    n.v_B += 0.5 * dt * (a.origin + to.origin);                                   // Eq. 33
-    n.v_C += 0.5 * dt * (a.centre + to.centre);                                   // and the same for C
-    n.c_dot += 0.5 * dt * ((a.centre - a.origin) + (to.centre - to.origin));      // Eq. 39
+    n.v_B += 0.5 * dt * (a.origin + to.origin);                               // Eq. 33
+    n.v_C += 0.5 * dt * (a.centre + to.centre);                               // and the same for C
+    n.c_dot += 0.5 * dt * ((a.centre - a.origin) + (to.centre - to.origin));  // Eq. 39
     n.c += 0.5 * dt * (c_dot + n.c_dot);
-    n.omega += 0.5 * dt * (a.angular + to.angular);                               // Eq. 35
+    n.omega += 0.5 * dt * (a.angular + to.angular);                                           // Eq. 35
     for (int i = 0; i < 20; ++i) n.sigma = sigma + 0.5 * dt * (sigma_dot() + n.sigma_dot());  // Eq. 38, implicit
     return n;
   }
@@ -102,7 +104,8 @@ class Memo : public ::testing::TestWithParam<Run> {
       motion = motion.next(GetParam().program(GetParam().dt * (i + 1)), GetParam().dt);
     }
     dcm_PB_ = (Eigen::AngleAxisd(-roll, Vector3::UnitX()) * Eigen::AngleAxisd(-pitch, Vector3::UnitY()) *
-               Eigen::AngleAxisd(-yaw, Vector3::UnitZ())).toRotationMatrix();
+               Eigen::AngleAxisd(-yaw, Vector3::UnitZ()))
+                  .toRotationMatrix();
   }
 
   std::vector<Sample> samples(DeltaVelocity delta_velocity, AccumulatedDv kind) const {
@@ -125,7 +128,8 @@ class Memo : public ::testing::TestWithParam<Run> {
       truth.omegaDot_BN_B = m.dcm_BN() * m.a.angular;
       truth.specific_force_B = m.dcm_BN() * m.a.origin;  // no gravity
       truth.accumulated_dv = kind;
-      truth.accumulated_dv_B = kind == AccumulatedDv::body_sum ? body_sum : Vector3(m.dcm_BN() * (m.v_B - motions_[0].v_B));
+      truth.accumulated_dv_B =
+          kind == AccumulatedDv::body_sum ? body_sum : Vector3(m.dcm_BN() * (m.v_B - motions_[0].v_B));
       timeline.push(truth);
       result.push_back(imu.sample(timeline, truth.time, {}));
     }
@@ -195,7 +199,8 @@ TEST_P(Memo, DefinitionsDiffer) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Motions, Memo,
-                         ::testing::Values(Run{constant, 0.01}, Run{varying, 0.01}, Run{varying, 0.001}, Run{varying, 0.1}));
+                         ::testing::Values(Run{constant, 0.01}, Run{varying, 0.01}, Run{varying, 0.001},
+                                           Run{varying, 0.1}));
 
 }  // namespace
 }  // namespace imud

@@ -26,7 +26,8 @@ struct Case {
 class EveryMotion : public ::testing::TestWithParam<Case> {
  protected:
   Truth at(double t) const {
-    return find_motion(GetParam().name)->at({static_cast<std::int64_t>(std::llround(t * 1e9))}, GetParam().parameters);
+    return find_motion(GetParam().name)
+        ->at({static_cast<std::int64_t>(std::llround(t * 1e9))}, GetParam().parameters);
   }
   // Central difference of fourth order, with a step that is a whole number of ns.
   template <class Quantity>
@@ -52,7 +53,8 @@ TEST_P(EveryMotion, SaysAllThatATruthCanSay) {
 TEST_P(EveryMotion, VelocityIsTheDerivativeOfPosition) {
   for (const double t : times)
     EXPECT_LT((derivative([&](double s) { return at(s).r_BN_N; }, t, step()) - at(t).v_BN_N).norm(),
-              1e-9 * (1.0 + at(t).v_BN_N.norm()) + 1e-12 * at(t).r_BN_N.norm()) << t;
+              1e-9 * (1.0 + at(t).v_BN_N.norm()) + 1e-12 * at(t).r_BN_N.norm())
+        << t;
 }
 
 // With gravity along N's z added to the specific force.
@@ -60,15 +62,19 @@ TEST_P(EveryMotion, AccelerationIsTheForceAndGravity) {
   const Vector3 gravity_N(0.0, 0.0, GetParam().parameters.gravity_m_per_s2);
   for (const double t : times)
     EXPECT_LT((derivative([&](double s) { return at(s).v_BN_N; }, t, step()) -
-               (at(t).q_NB * at(t).specific_force_B + gravity_N)).norm(),
-              1e-8 + 1e-11 * at(t).v_BN_N.norm()) << t;
+               (at(t).q_NB * at(t).specific_force_B + gravity_N))
+                  .norm(),
+              1e-8 + 1e-11 * at(t).v_BN_N.norm())
+        << t;
 }
 
 TEST_P(EveryMotion, AccumulatedVelocityIsTheIntegralOfTheForce) {
   for (const double t : times)
     EXPECT_LT((derivative([&](double s) { return Vector3(at(s).q_NB * at(s).accumulated_dv_B); }, t, step()) -
-               at(t).q_NB * at(t).specific_force_B).norm(),
-              1e-8 + 1e-11 * at(t).accumulated_dv_B.norm()) << t;
+               at(t).q_NB * at(t).specific_force_B)
+                  .norm(),
+              1e-8 + 1e-11 * at(t).accumulated_dv_B.norm())
+        << t;
 }
 
 TEST_P(EveryMotion, RateIsTheDerivativeOfAttitude) {
@@ -76,7 +82,8 @@ TEST_P(EveryMotion, RateIsTheDerivativeOfAttitude) {
     const Truth now = at(t);
     const auto turned = [&](double s) { return log(now.q_NB.conjugate() * at(s).q_NB); };
     EXPECT_LT((derivative(turned, t, step()) - now.omega_BN_B).norm(), 1e-9) << t;
-    EXPECT_LT((derivative([&](double s) { return at(s).omega_BN_B; }, t, step()) - now.omegaDot_BN_B).norm(), 2e-7) << t;
+    EXPECT_LT((derivative([&](double s) { return at(s).omega_BN_B; }, t, step()) - now.omegaDot_BN_B).norm(), 2e-7)
+        << t;
   }
 }
 
@@ -114,13 +121,13 @@ MotionParameters with(double rate, double acceleration, double jerk, double grav
   return parameters;
 }
 
-INSTANTIATE_TEST_SUITE_P(Motions, EveryMotion,
-                         ::testing::Values(Case{"rest", {}}, Case{"turntable", {}}, Case{"turntable", with(-3.0, 0, 0, 9.8)},
-                                           Case{"spiral", {}}, Case{"spiral", with(0.0, 1.5, 0, 9.8)},
-                                           Case{"spiral", with(1e-6, 1.5, 0, 9.8)}, Case{"spiral", with(-0.7, 3.0, 0, 0.0)},
-                                           Case{"boost", {}}, Case{"boost", with(0.0, 20.0, 1.0, 9.8)},
-                                           Case{"boost", with(1e-7, 20.0, 1.0, 9.8)},
-                                           Case{"boost", with(-0.05, 20.0, 1.0, 0.0)}));
+INSTANTIATE_TEST_SUITE_P(
+    Motions, EveryMotion,
+    ::testing::Values(Case{"rest", {}}, Case{"turntable", {}}, Case{"turntable", with(-3.0, 0, 0, 9.8)},
+                      Case{"spiral", {}}, Case{"spiral", with(0.0, 1.5, 0, 9.8)},
+                      Case{"spiral", with(1e-6, 1.5, 0, 9.8)}, Case{"spiral", with(-0.7, 3.0, 0, 0.0)},
+                      Case{"boost", {}}, Case{"boost", with(0.0, 20.0, 1.0, 9.8)},
+                      Case{"boost", with(1e-7, 20.0, 1.0, 9.8)}, Case{"boost", with(-0.05, 20.0, 1.0, 0.0)}));
 
 // The cone's rates change so fast that its own frequency is what differences can follow.
 MotionParameters slow_cone() {
@@ -165,11 +172,20 @@ TEST(Motions, Coning) {
   const Quaternion q(std::cos(a / 2), std::sin(a / 2) * std::cos(W * t), std::sin(a / 2) * std::sin(W * t), 0.0);
   EXPECT_LT(testing::angle_between(truth.q_NB, q), 1e-15);
   EXPECT_LT((truth.omega_BN_B - Vector3(-W * std::sin(a) * std::sin(W * t), W * std::sin(a) * std::cos(W * t),
-                                        -2.0 * W * std::sin(a / 2) * std::sin(a / 2))).norm(), 1e-13);
+                                        -2.0 * W * std::sin(a / 2) * std::sin(a / 2)))
+                .norm(),
+            1e-13);
   EXPECT_LT((truth.q_NB * truth.specific_force_B - Vector3(0, 0, -9.80665)).norm(), 1e-14);
-  // After a day it is as exact as its time: a whole number of turns.
-  const Truth day = find_motion("coning")->at({86'400'000'000'000}, {}), start = find_motion("coning")->at({}, {});
-  EXPECT_LT(testing::angle_between(day.q_NB, start.q_NB), 1e-10);
+}
+
+// A whole number of turns later it is where it was, to the last digit.
+TEST(Motions, ConingKeepsItsPhase) {
+  MotionParameters parameters;
+  parameters.half_angle_rad = 0.5;
+  const Truth start = find_motion("coning")->at({}, parameters);
+  const Truth days_later = find_motion("coning")->at({100 * 86'400'000'000'000}, parameters);
+  EXPECT_LT(testing::angle_between(days_later.q_NB, start.q_NB), 1e-15);
+  EXPECT_EQ(days_later.omega_BN_B, start.omega_BN_B);
 }
 
 TEST(Motions, Spiral) {
@@ -188,6 +204,20 @@ TEST(Motions, BoostWithoutPitchIsAPolynomial) {
   EXPECT_NEAR(truth.v_BN_N.z(), 98.0665, 1e-12);
   EXPECT_NEAR(truth.r_BN_N.z(), 490.3325, 1e-12);
   EXPECT_NEAR(truth.specific_force_B.x(), 7.0, 1e-14);
+}
+
+// Where sines and cosines cancel: up = j t^3 (x/12 - x^3/180 + x^5/6720 - ...) for x = w t.
+TEST(Motions, BoostWithLittlePitchKeepsItsDigits) {
+  MotionParameters parameters;
+  parameters.acceleration_m_per_s2 = 0.0;
+  parameters.jerk_m_per_s3 = 100.0;
+  parameters.gravity_m_per_s2 = 0.0;
+  for (const double x : {1e-9, 1e-4, 1e-3, 1e-2}) {
+    parameters.rate_rad_per_s = x;
+    const Truth truth = find_motion("boost")->at({1'000'000'000}, parameters);
+    EXPECT_NEAR(-truth.r_BN_N.z() / (100.0 * x * (1.0 / 12.0 - x * x / 180.0 + x * x * x * x / 6720.0)), 1.0, 1e-13)
+        << x;
+  }
 }
 
 // Nose up is toward N's -z.

@@ -1,9 +1,8 @@
 #include "core/random.hpp"
 
-#include <gtest/gtest.h>
-
 #include <Random123/philox.h>
 #include <Random123/threefry.h>
+#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
@@ -27,8 +26,9 @@ TEST(Random123, KnownAnswers) {
   EXPECT_EQ(philox32({{0x243f6a88, 0x85a308d3, 0x13198a2e, 0x03707344}}, {{0xa4093822, 0x299f31d0}}),
             (Words{{0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1}}));
   const auto long_words = r123::Philox4x64{}({{0, 0, 0, 0}}, {{0, 0}});
-  EXPECT_EQ(long_words, (r123::Philox4x64::ctr_type{
-                            {0x16554d9eca36314c, 0xdb20fe9d672d0fdc, 0xd7e772cee186176b, 0x7e68b68aec7ba23b}}));
+  EXPECT_EQ(
+      long_words,
+      (r123::Philox4x64::ctr_type{{0x16554d9eca36314c, 0xdb20fe9d672d0fdc, 0xd7e772cee186176b, 0x7e68b68aec7ba23b}}));
 }
 
 TEST(InverseNormalCdf, KnownAnswersOfAs241) {
@@ -74,7 +74,8 @@ TEST(Normals, AreThePhiloxWordsThroughTheInverse) {
   const auto words = r123::Philox4x64{}({{k, 1, stream, 0}}, {{seed, 0}});
   const Vector3 normals = Normals(seed, stream)(Quantity::specific_force, Process::gauss_markov, k);
   for (std::size_t i = 0; i < 3; ++i)
-    EXPECT_EQ(normals[static_cast<int>(i)], inverse_normal_cdf((static_cast<double>(words[i] >> 12U) + 0.5) * 0x1p-52));
+    EXPECT_EQ(normals[static_cast<int>(i)],
+              inverse_normal_cdf((static_cast<double>(words[i] >> 12U) + 0.5) * 0x1p-52));
 }
 
 TEST(Normals, StreamIdIsFnv1a) {
@@ -136,7 +137,8 @@ TEST_F(NormalSeries, AxesQuantitiesImusAndSeedsAreUncorrelated) {
   for (std::size_t i = 0; i < all.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
       for (const std::size_t lag : {0U, 1U})
-        EXPECT_LT(std::abs(testing::correlation(all[i], all[j], lag)), 4.9 / std::sqrt(double{count})) << i << " " << j;
+        EXPECT_LT(std::abs(testing::correlation(all[i], all[j], lag)), 4.9 / std::sqrt(double{count}))
+            << i << " " << j;
 }
 
 // Chi-square over pairs of successive numbers and over pairs of axes, 16 x 16 cells of equal probability: 255 degrees
@@ -146,7 +148,8 @@ TEST_F(NormalSeries, PairsFillThePlane) {
   const auto cell = [](double v) { return std::min(15, static_cast<int>(8.0 * std::erfc(-v / std::sqrt(2.0)))); };
   const auto chi_square = [&](const std::vector<double>& a, const std::vector<double>& b, std::size_t lag) {
     std::vector<double> cells(256, 0.0);
-    for (std::size_t i = lag; i < a.size(); i += lag + 1) ++cells[static_cast<std::size_t>(16 * cell(a[i]) + cell(b[i - lag]))];
+    for (std::size_t i = lag; i < a.size(); i += lag + 1)
+      ++cells[static_cast<std::size_t>(16 * cell(a[i]) + cell(b[i - lag]))];
     double total = 0.0, sum = 0.0;
     for (const double c : cells) total += c;
     for (const double c : cells) sum += (c - total / 256) * (c - total / 256) / (total / 256);

@@ -41,13 +41,14 @@ inline double kolmogorov_distance(std::vector<double> x) {
   double largest = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {
     const double p = 0.5 * std::erfc(-x[i] / std::sqrt(2.0));
-    largest = std::max({largest, std::abs(p - static_cast<double>(i) / n), std::abs(p - static_cast<double>(i + 1) / n)});
+    largest =
+        std::max({largest, std::abs(p - static_cast<double>(i) / n), std::abs(p - static_cast<double>(i + 1) / n)});
   }
   return largest;
 }
 
-// A mean and its standard error, from the scatter of `batches` batches: right for correlated series too, if a batch is
-// much longer than the correlation.
+// A mean and its standard error, from the scatter of `batches` batches: right for correlated series too, if a batch
+// is much longer than the correlation.
 struct BatchMean {
   double mean = 0, standard_error = 0;
 

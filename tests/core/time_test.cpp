@@ -10,11 +10,18 @@ namespace imud {
 namespace {
 
 template <class A, class B>
-concept Addable = requires(A a, B b) { a + b; };
+concept Addable = requires(A a, B b) {
+  a + b;
+};
 template <class A, class B>
-concept Subtractable = requires(A a, B b) { a - b; };
+concept Subtractable = requires(A a, B b) {
+  a - b;
+};
 template <class A, class B>
-concept Comparable = requires(A a, B b) { a < b; } || requires(A a, B b) { a == b; };
+concept Comparable = requires(A a, B b) {
+  a < b;
+}
+|| requires(A a, B b) { a == b; };
 
 // What must not compile.
 static_assert(!Addable<TruthTime, TruthTime>);
@@ -83,8 +90,9 @@ TEST_P(GridAtRate, NeverDriftsFromThePeriod) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Rates, GridAtRate,
-                         ::testing::Values(Grid::min_rate_hz, 0.333333, 1.0, 7.0, 59.94, 100.0, 333.333333, 400.0, 819.2,
-                                           999.999999, 1024.0, 3333.0, 4250.0, 9999.999999, Grid::max_rate_hz));
+                         ::testing::Values(Grid::min_rate_hz, 0.333333, 1.0, 7.0, 59.94, 100.0, 333.333333, 400.0,
+                                           819.2, 999.999999, 1024.0, 3333.0, 4250.0, 9999.999999,
+                                           Grid::max_rate_hz));
 
 TEST(Grid, IsUsableAtCompileTime) {
   static_assert(Grid(200.0).offset(0) == 0ns);

@@ -1,4 +1,5 @@
-// What was true between two truths, before the first and after the last. (Which truths are taken: admission_test.cpp.)
+// What was true between two truths, before the first and after the last. (Which truths are taken:
+// admission_test.cpp.)
 #include "core/timeline.hpp"
 
 #include <gtest/gtest.h>
@@ -96,8 +97,8 @@ TEST(Timeline, TruthsAreExact) {
   }
 }
 
-// Attitude and rate, velocity and specific force are one motion, at truths as well as between them, whatever the truths'
-// own quality: here 100 ms apart.
+// Attitude and rate, velocity and specific force are one motion, at truths as well as between them, whatever the
+// truths' own quality: here 100 ms apart.
 TEST(Timeline, RateAndForceAreTheDerivatives) {
   const Timeline timeline = timeline_of(100ms, 5s);
   const auto h = 1ms;
@@ -106,7 +107,8 @@ TEST(Timeline, RateAndForceAreTheDerivatives) {
     const State now = state(0);
     const auto turned = [&](int n) { return log(now.q_NB.conjugate() * state(n).q_NB); };
     const Vector3 rate = (8.0 * (turned(1) - turned(-1)) - (turned(2) - turned(-2))) / 0.012;
-    const Vector3 acceleration_N = (8.0 * (state(1).dv_N - state(-1).dv_N) - (state(2).dv_N - state(-2).dv_N)) / 0.012;
+    const Vector3 acceleration_N =
+        (8.0 * (state(1).dv_N - state(-1).dv_N) - (state(2).dv_N - state(-2).dv_N)) / 0.012;
     // Where a truth lies within the stencil the third derivative has a jump, which the stencil feels.
     ASSERT_LT((rate - now.omega_BN_B).norm(), 3e-7) << t.ns;
     ASSERT_LT((acceleration_N - now.q_NB * now.specific_force_B).norm(), 3e-7) << t.ns;
@@ -144,6 +146,20 @@ TEST(Timeline, SignOfTheQuaternionAndMrpShadowDoNotMatter) {
   }
 }
 
+// As it comes from a simulator that integrates it, or from fewer digits.
+TEST(Timeline, QuaternionsAreMadeUnit) {
+  const Timeline expected = timeline_of(50ms, 1s);
+  const Timeline timeline = timeline_of(50ms, 1s, [](Truth& truth) {
+    truth.q_NB.coeffs() *= truth.sequence % 2 == 0 ? 1.0 + 9e-7 : 1.0 - 9e-7;
+    ASSERT_TRUE(is_in_range(truth));
+  });
+  for (TruthTime t = {}; t < at_ms(1000); t = t + 3ms) {
+    ASSERT_NEAR(timeline.at(t).q_NB.norm(), 1.0, 1e-15);
+    ASSERT_LT(angle_between(expected.at(t).q_NB, timeline.at(t).q_NB), 2e-15) << t.ns;
+    ASSERT_LT((expected.at(t).dv_N - timeline.at(t).dv_N).norm(), 1e-14) << t.ns;
+  }
+}
+
 TEST(Timeline, AngularAccelerationOfTheCurveWhereNoneIsGiven) {
   const auto without = [](Truth& truth) {
     truth.has_angular_acceleration = false;
@@ -154,8 +170,11 @@ TEST(Timeline, AngularAccelerationOfTheCurveWhereNoneIsGiven) {
   // At truths as well, where a lever arm makes specific force of it.
   const Timeline timeline = timeline_of(10ms, 9s, without);
   for (std::int64_t k = 1; k < 900; ++k)
-    ASSERT_LT((timeline.at(at_ms(10 * k)).omegaDot_BN_B -
-               testing::smooth_motion().omega_dot(0.01 * static_cast<double>(k))).norm(), 2e-5) << k;
+    ASSERT_LT(
+        (timeline.at(at_ms(10 * k)).omegaDot_BN_B - testing::smooth_motion().omega_dot(0.01 * static_cast<double>(k)))
+            .norm(),
+        2e-5)
+        << k;
 }
 
 TEST(Timeline, IntegratesTheForceWhereNoVelocityIsGiven) {
@@ -165,7 +184,8 @@ TEST(Timeline, IntegratesTheForceWhereNoVelocityIsGiven) {
   const Errors at_100ms = errors_of(timeline_of(100ms, 20s, without), 100ms, 0s, 20s);
   EXPECT_LT(at_100ms.dv, 1e-2);
   EXPECT_LT(at_100ms.force, 1e-2);
-  // A force that is constant in body axes is integrated along the turning attitude as exactly as the attitude is known.
+  // A force that is constant in body axes is integrated along the turning attitude as exactly as the attitude is
+  // known.
   const auto constant = [](Truth& truth) {
     truth.accumulated_dv = AccumulatedDv::none;
     truth.specific_force_B = {1.0, 2.0, -3.0};
@@ -183,7 +203,8 @@ TEST(Timeline, LinearVelocityWhereNoForceIsGiven) {
   EXPECT_LT(errors.dv, 3e-3);  // 2.2e-3 was measured
   EXPECT_GT(errors.dv, 3e-4);
   for (std::int64_t k = 1; k < 200; ++k) {
-    const Vector3 slope_N = (smooth().dv_N(0.1 * static_cast<double>(k)) - smooth().dv_N(0.1 * static_cast<double>(k - 1))) / 0.1;
+    const Vector3 slope_N =
+        (smooth().dv_N(0.1 * static_cast<double>(k)) - smooth().dv_N(0.1 * static_cast<double>(k - 1))) / 0.1;
     for (const std::int64_t ms : {100 * k, 100 * k - 30}) {
       const State state = timeline.at(at_ms(ms));
       ASSERT_LT((state.q_NB * state.specific_force_B - slope_N).norm(), 1e-12);
@@ -221,9 +242,8 @@ TEST(Timeline, BodySumIsTheSameVelocity) {
 
 TEST(Timeline, VelocityCountsFromTheFirstTruthOfTheRun) {
   const Vector3 offset_N(4000.0, -300.0, 20.0);
-  const Timeline timeline = timeline_of(50ms, 5s, [&](Truth& truth) {
-    truth.accumulated_dv_B += truth.q_NB.conjugate() * offset_N;
-  });
+  const Timeline timeline =
+      timeline_of(50ms, 5s, [&](Truth& truth) { truth.accumulated_dv_B += truth.q_NB.conjugate() * offset_N; });
   EXPECT_LT(errors_of(timeline, 50ms, 0s, 5s).dv, 3e-7);
 }
 
@@ -252,7 +272,8 @@ TEST(Timeline, KindMayChangeInMidStream) {
 }
 
 TEST(Timeline, OwnForceOfATruthCountsAtItsInstant) {
-  const Timeline timeline = timeline_of(50ms, 2s, [](Truth& truth) { truth.has_specific_force = truth.sequence % 2 == 1; });
+  const Timeline timeline =
+      timeline_of(50ms, 2s, [](Truth& truth) { truth.has_specific_force = truth.sequence % 2 == 1; });
   for (std::int64_t k = 1; k < 40; k += 2)
     EXPECT_EQ(timeline.at(at_ms(50 * k)).specific_force_B, smooth().truth(at_ms(50 * k)).specific_force_B) << k;
 }

@@ -30,7 +30,9 @@ class VectorTable {
   }
 
   std::size_t rows() const { return rows_.size(); }
-  const std::string& text(std::size_t row, const std::string& column) const { return rows_[row][columns_.at(column)]; }
+  const std::string& text(std::size_t row, const std::string& column) const {
+    return rows_[row][columns_.at(column)];
+  }
 
   double number(std::size_t row, const std::string& column) const {
     const std::string& field = text(row, column);

@@ -2,6 +2,8 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 
+#include <array>
+#include <cstdio>
 #include <fstream>
 #include <numeric>
 
@@ -34,6 +36,28 @@ TEST_F(Pty, LinkIsMadeAndRemoved) {
     EXPECT_TRUE(fs::is_character_file(link));
   }
   EXPECT_FALSE(fs::exists(fs::symlink_status(link)));
+}
+
+TEST_F(Pty, ClosingLeavesTheReaderAMomentForTheLastFrames) {
+  // The reader is another process that only begins to read; without the moment it loses frames in most rounds.
+  for (int round = 0; round < 20; ++round) {
+    auto port = device();
+    FILE* client = ::popen(("exec 3<'" + link + "'; echo ready; cat <&3 2>/dev/null | wc -c").c_str(), "r");
+    ASSERT_NE(client, nullptr);
+    std::array<char, 64> line{};
+    ASSERT_STREQ(::fgets(line.data(), line.size(), client), "ready\n");
+    std::uint64_t sent = 0;
+    for (int i = 0; i < 10; ++i) {
+      const auto some = frames.next(2);
+      for (const Frame& frame : some) sent += frame.bytes.size();
+      port->send(some);
+    }
+    EXPECT_EQ(port->counters().dropped, 0U);
+    port.reset();
+    ASSERT_NE(::fgets(line.data(), line.size(), client), nullptr);
+    EXPECT_EQ(std::stoul(line.data()), sent) << round;
+    ::pclose(client);
+  }
 }
 
 TEST_F(Pty, LinkOfACrashedRunIsReplaced) {
