@@ -80,6 +80,9 @@ class Imu {
   // more truths than the timeline keeps lie between two samples.
   void follow(const Timeline& timeline, TruthTime until) noexcept;
 
+  // How far the truth is taken in: nothing before is needed any more. Only in a run.
+  TruthTime reached() const noexcept { return reached_.time; }
+
   // The sample at `time`, which is after the sample before; `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
 

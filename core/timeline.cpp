@@ -37,8 +37,12 @@ struct Hermite {
 Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity) {}
 
 Admission Timeline::judge(const Truth& truth) const noexcept {
-  if (count_ == 0 || truth.new_run) return Admission::new_run;
+  if (count_ == 0) return Admission::new_run;
   const Nanoseconds ahead = truth.time - newest();
+  // The run's first truth once more, as a network or a sender without an answer repeats it; or a simulator that was
+  // started again, when so much time has passed since.
+  const bool repeated = truth.time == run_start_ && truth.sequence == run_start_sequence_ && ahead >= -near;
+  if (truth.new_run && !repeated) return Admission::new_run;
   if (ahead > limits_.max_gap) return Admission::time_jump;
   if (ahead.count() > 0) return Admission::accepted;
   if (ahead.count() == 0) return Admission::duplicate;
@@ -74,6 +78,7 @@ void Timeline::begin_run(const Truth& truth) noexcept {
   first_ = 0;
   count_ = 0;
   run_start_ = truth.time;
+  run_start_sequence_ = truth.sequence;
   append(truth);
 }
 
@@ -110,13 +115,17 @@ void Timeline::append(const Truth& truth) noexcept {
     k.omegaDot_begin = before.state.omegaDot_BN_B;
     k.omegaDot_end = k.state.omegaDot_BN_B;
   } else {
-    // The second derivative of the curve at its begin, and of the same curve seen from its end.
-    const Vector3& omega0 = before.state.omega_BN_B;
-    const Vector3& omega1 = k.state.omega_BN_B;
-    const Vector3 chord = (6.0 / k.h_s) * k.phi;
-    const Vector3 omega0_seen_back = inverse_right_jacobian(-k.phi, omega0);
-    k.omegaDot_begin = (chord - 4.0 * omega0 - 2.0 * k.phi_slope) / k.h_s;
-    k.omegaDot_end = (4.0 * omega1 + 2.0 * omega0_seen_back - chord) / k.h_s;
+    // Not the curve's second derivative: that multiplies by 6/h what attitude and rate disagree by, and simulators that
+    // step the attitude by the old or the new rate (JSBSim) have them disagree by half a step's change of rate.
+    // Linear through the middles of this interval and the one before instead, where the rates' differences belong.
+    constexpr double meaningful_s = 1e-5;
+    k.rate_slope = k.h_s < meaningful_s ? before.rate_slope
+                                        : Vector3((k.state.omega_BN_B - before.state.omega_BN_B) / k.h_s);
+    Vector3 half_change = Vector3::Zero();
+    if (before.h_s >= meaningful_s && k.h_s >= meaningful_s)
+      half_change = (k.rate_slope - before.rate_slope) * (k.h_s / (before.h_s + k.h_s));
+    k.omegaDot_begin = k.rate_slope - half_change;
+    k.omegaDot_end = k.rate_slope + half_change;
     if (!k.has_angular_acceleration) k.state.omegaDot_BN_B = k.omegaDot_end;
   }
 

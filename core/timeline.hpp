@@ -44,7 +44,7 @@ enum class Admission : std::uint8_t {
 //
 // Where the truth carries no accumulated velocity, the specific force (linear in body axes) is integrated along the
 // attitude curve; where it carries no specific force, the accumulated velocity is linear; with neither, both are 0.
-// Angular acceleration is linear between the truths' own, or between the curve's where they give none.
+// Angular acceleration is linear between the truths' own; where they give none, it follows from their rates.
 //
 // All memory is taken by the constructor. One thread.
 class Timeline {
@@ -64,8 +64,12 @@ class Timeline {
   explicit Timeline(const Limits& limits);
   Timeline() : Timeline(Limits{}) {}
 
-  // `truth` must pass is_finite() and is_in_range(). A truth with `new_run` always begins anew.
+  // `truth` must pass is_finite() and is_in_range(). A truth with `new_run` begins anew, unless it repeats the run's
+  // first one (its time and sequence) within a second of it.
   Admission push(const Truth& truth) noexcept;
+
+  // Whether the next truth would push out one that at(`time`) still needs.
+  bool is_full_for(TruthTime time) const noexcept { return count_ == capacity && knot(1).state.time > time; }
 
   bool empty() const noexcept { return count_ == 0; }
   // Of the run's newest truth and of its very first; only if not empty().
@@ -92,6 +96,7 @@ class Timeline {
     double h_s = 0;
     Vector3 phi = Vector3::Zero();        // rad, whole rotation vector
     Vector3 phi_slope = Vector3::Zero();  // rad/s, of the curve at this end
+    Vector3 rate_slope = Vector3::Zero();  // rad/s^2, mean; only where the truths give no angular acceleration
     Vector3 omegaDot_begin = Vector3::Zero();
     Vector3 omegaDot_end = Vector3::Zero();
     bool linear_dv = false;
@@ -110,6 +115,7 @@ class Timeline {
   std::size_t first_ = 0;
   std::size_t count_ = 0;
   TruthTime run_start_;
+  std::uint32_t run_start_sequence_ = 0;
   std::uint32_t newest_sequence_ = 0;
   Vector3 dv_origin_N_ = Vector3::Zero();  // what an inertial accumulated velocity counts from
   int refused_in_row_ = 0;

@@ -95,13 +95,13 @@ void run_capture(Session& session, bool paced, std::optional<Nanoseconds> limit,
     const TruthIntake::Outcome outcome = intake.take();
     if (outcome == TruthIntake::Outcome::nothing) {
       if (intake.at_end()) break;
-      wait_for_input(intake.descriptor(), host_now() + patience);  // a file that is still being written: a fifo
+      if (intake.descriptor() >= 0) wait_for_input(intake.descriptor(), host_now() + patience);  // a fifo
       continue;
     }
     if (outcome == TruthIntake::Outcome::ignored) continue;
     const Timeline& timeline = session.timeline();
     if (outcome == TruthIntake::Outcome::new_run) {
-      session.begin_run();
+      session.begin_run(timeline.run_start());
       map.anchor(timeline.run_start(), host_now());
     }
     TruthTime until = timeline.newest();
@@ -123,9 +123,9 @@ void run_lockstep(Session& session, const std::atomic<bool>& stop) {
       wait_for_input(intake.descriptor(), host_now() + patience);
       continue;
     }
-    if (outcome == TruthIntake::Outcome::new_run) session.begin_run();
+    if (outcome == TruthIntake::Outcome::new_run) session.begin_run(session.timeline().run_start());
     if (outcome != TruthIntake::Outcome::ignored) {
-      session.advance(session.timeline().newest(), nullptr);
+      if (!session.advance(session.timeline().newest(), nullptr)) break;
       session.follow();
     }
     if (intake.answer_due()) intake.answer(session.timeline().newest(), session.samples_in_run());
@@ -133,32 +133,55 @@ void run_lockstep(Session& session, const std::atomic<bool>& stop) {
   session.flush();
 }
 
-void run_realtime(Session& session, Nanoseconds delay, const std::atomic<bool>& stop) {
+void run_realtime(Session& session, Nanoseconds delay, Nanoseconds extrapolate, const std::atomic<bool>& stop) {
   ask_for_exact_timers();
   constexpr int most = 64;  // truths between two looks at the clock, so that a flood delays no sample for long
+  constexpr Nanoseconds jump = std::chrono::seconds(1);
   HostMap map;
   MeasuringPace pace(map);
   TruthIntake& intake = session.intake();
+  const Timeline& timeline = session.timeline();
   while (!stop.load(std::memory_order_relaxed)) {
-    for (int i = 0; i < most; ++i) {
+    bool more = true;  // truth waits
+    bool room = true;
+    bool accepted = false;
+    for (int i = 0; i < most && more && (room = session.has_room_for_truth()); ++i) {
       const TruthIntake::Outcome outcome = intake.take();
-      if (outcome == TruthIntake::Outcome::nothing) break;
+      more = outcome != TruthIntake::Outcome::nothing;
       if (outcome == TruthIntake::Outcome::new_run) {
-        session.begin_run();
-        map.anchor(session.timeline().run_start(), intake.arrival() + delay);
+        session.begin_run(timeline.run_start());
+        map.anchor(timeline.run_start(), intake.arrival() + delay);
       }
-      if (outcome != TruthIntake::Outcome::ignored) session.follow();
-      if (intake.answer_due()) intake.answer(session.timeline().newest(), session.samples_in_run());
+      if (outcome == TruthIntake::Outcome::accepted) {
+        accepted = true;
+        session.follow();
+      }
+      if (intake.answer_due()) intake.answer(timeline.newest(), session.samples_in_run());
     }
-    HostTime wake = host_now() + patience;
-    if (session.in_run()) {
-      session.advance(map.truth(host_now()), &pace);
-      session.flush();
-      wake = std::min(wake, map.host(session.next_due()));
-    } else {
+    if (accepted && !more) {
+      // A simulator that paused, runs slow, or jumped: its motion would be held, or stretched, from here on.
+      const HostTime now = host_now();
+      const Nanoseconds ahead = timeline.newest() - map.truth(now + delay);
+      if (ahead < -(delay + extrapolate) || ahead > jump) {
+        intake.count_resumed();
+        session.begin_run(timeline.newest());
+        map.anchor(timeline.newest(), now + delay);
+      }
+    }
+    if (!session.in_run()) {
       session.serve_hosts();
+      wait_for_input(intake.descriptor(), host_now() + patience);
+      continue;
     }
-    wait_for_input(intake.descriptor(), wake);
+    // While truth waits, no sample is extrapolated: after a hold-up it is all there.
+    const TruthTime now = map.truth(host_now());
+    if (!session.advance(more ? std::min(now, timeline.newest()) : now, &pace)) break;
+    session.flush();
+    const HostTime wake = std::min(host_now() + patience, map.host(session.next_due()));
+    if (!room)
+      sleep_until(wake);
+    else if (!more)
+      wait_for_input(intake.descriptor(), wake);
   }
   session.flush();
 }

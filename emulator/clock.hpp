@@ -18,6 +18,8 @@ void run_capture(Session& session, bool paced, std::optional<Nanoseconds> limit,
 void run_lockstep(Session& session, const std::atomic<bool>& stop);
 
 // Truth by UDP, samples at absolute instants of the host clock: the run's first truth is at its arrival plus `delay`.
-void run_realtime(Session& session, Nanoseconds delay, const std::atomic<bool>& stop);
+// When a truth comes so late that motion is held (`extrapolate`), or more than a second early, the truth's clock has
+// left the host's: a new run begins with it.
+void run_realtime(Session& session, Nanoseconds delay, Nanoseconds extrapolate, const std::atomic<bool>& stop);
 
 }  // namespace imud

@@ -97,7 +97,11 @@ int command_line(int argc, const char* const* argv) {
     with_config(command);
     command->add_option("--for", arguments.run.duration_s, "End after so many seconds")
         ->type_name("SECONDS")
-        ->check(CLI::PositiveNumber);
+        ->check([](const std::string& text) {
+          double value = 0;
+          const bool good = CLI::detail::lexical_cast(text, value) && value >= 1e-3 && value <= 1e9;
+          return good ? std::string() : "give seconds from 0.001 to 1e9";
+        });
     command->add_option("--summary", arguments.run.summary_file, "Write the closing summary as JSON, too")
         ->type_name("FILE");
   };

@@ -175,13 +175,17 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
 
 // The capture, with the UDP port of the port that it takes the place of if it names none of its own.
 std::string in_place_of(const std::string& port, const std::string& capture) {
-  if (!capture.starts_with("pcap:") || capture.find("port=") != std::string::npos) return capture;
+  const std::size_t asks = capture.find('?');
+  if (!capture.starts_with("pcap:") || (asks != std::string::npos && capture.find("port=", asks) != std::string::npos))
+    return capture;
   std::string number;
   if (port.starts_with("udp:")) number = port.substr(port.rfind(':') + 1);
-  if (const std::size_t at = port.find("port="); at != std::string::npos) number = port.substr(at + 5);
+  const std::size_t options = port.find('?');
+  if (const std::size_t at = port.find("port=", options); options != std::string::npos && at != std::string::npos)
+    number = port.substr(at + 5);
   number = number.substr(0, number.find_first_not_of("0123456789"));
   if (number.empty()) return capture;
-  return capture + (capture.find('?') == std::string::npos ? "?port=" : "&port=") + number;
+  return capture + (asks == std::string::npos ? "?port=" : "&port=") + number;
 }
 
 TruthConfig read_truth(TableReader table, const std::string& capture) {
@@ -209,7 +213,7 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   const auto milliseconds = [&](std::string_view key, Nanoseconds fallback, double min, double max) {
     return Nanoseconds{static_cast<std::int64_t>(1e6 * table.real(key, 1e3 * seconds(fallback), min, max) + 0.5)};
   };
-  truth.delay = milliseconds("delay_ms", truth.delay, 0.0, 10'000.0);
+  truth.delay = milliseconds("delay_ms", truth.delay, 0.0, 1000.0);
   truth.limits.extrapolate = milliseconds("extrapolate_ms", truth.limits.extrapolate, 0.0, 10'000.0);
   truth.limits.max_gap = milliseconds("max_gap_ms", truth.limits.max_gap, 1.0, 3.6e6);
   table.finish();

@@ -40,12 +40,15 @@ class Monitor {
     for (std::size_t i = 0; i < truth.refused.size(); ++i)
       if (!named_[i] && truth.refused[i] > 0) {
         named_[i] = true;
-        spdlog::warn("truth refused: {} (counted; said once)", cause(static_cast<Refusal>(i)));
+        const auto refusal = static_cast<Refusal>(i);
+        spdlog::warn("truth refused: {}: {} (counted; said once)", cause(refusal), remedy(refusal));
       }
     if (const std::uint64_t runs = truth.runs; runs > runs_) {
-      if (runs > 1) spdlog::info("the simulator started again: run {}", runs);
+      if (runs > 1) spdlog::info("the truth's time began anew: run {}", runs);
       runs_ = runs;
     }
+    if (truth.resumed > 0 && !std::exchange(resumed_named_, true))
+      spdlog::warn("the truth paused, runs slow or jumped: a new run begins (counted; said once)");
     for (std::size_t i = 0; i < states_.size(); ++i) {
       const PortState state = session_.imu_counters(i).port_state;
       if (std::exchange(states_[i], state) == state) continue;
@@ -73,6 +76,7 @@ class Monitor {
   std::vector<PortState> states_;  // as last said
   std::array<bool, static_cast<std::size_t>(Refusal::count)> named_ = {};
   std::uint64_t runs_ = 0;
+  bool resumed_named_ = false;
 };
 
 void drive(Session& session, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
@@ -83,15 +87,14 @@ void drive(Session& session, const Config& config, const RunOptions& options, co
   } else if (config.clock == ClockMode::lockstep) {
     run_lockstep(session, stop);
   } else {
-    run_realtime(session, config.truth.delay, stop);
+    run_realtime(session, config.truth.delay, config.truth.limits.extrapolate, stop);
   }
 }
 
 bool writes_to_stdout(const Config& config) {
   for (const ImuConfig& imu : config.imus)
-    if (imu.port.starts_with("file:/dev/stdout") || imu.port.starts_with("file:/dev/fd/1") ||
-        imu.port.starts_with("file:/proc/self/fd/1"))
-      return true;
+    for (const char* name : {"file:-", "file:/dev/stdout", "file:/dev/fd/1", "file:/proc/self/fd/1"})
+      if (imu.port == name) return true;
   return false;
 }
 
@@ -145,6 +148,10 @@ int run(const Config& config, const RunOptions& options) {
     summary_file << json(summary);
     summary_file.flush();
     if (!summary_file) throw std::runtime_error(fmt::format("{}: cannot be written", options.summary_file));
+  }
+  if (summary.truth.accepted == 0 && is_capture(config.truth.port) && !stop) {
+    spdlog::error("{}: no truth in it for the format {}", config.truth.port, config.truth.format->name);
+    return 1;
   }
   return 0;
 }

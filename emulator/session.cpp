@@ -6,6 +6,10 @@
 
 namespace imud {
 
+namespace {
+void count_one(std::atomic<std::uint64_t>& counter) noexcept { counter.fetch_add(1, std::memory_order_relaxed); }
+}  // namespace
+
 Session::Unit::Unit(const ImuConfig& config, std::uint64_t seed)
     : name(config.name),
       imu(config.model, seed, stream_id(config.name)),
@@ -22,8 +26,16 @@ Session::Session(const Config& config, const std::atomic<bool>& stop)
   }
 }
 
-void Session::begin_run() noexcept {
-  start_ = timeline_.run_start();
+Session::~Session() {
+  flush();
+  for (int ms = 0; ms < 50; ++ms) {
+    if (std::all_of(units_.begin(), units_.end(), [](const auto& unit) { return unit->port->is_read(); })) return;
+    ::poll(nullptr, 0, 1);
+  }
+}
+
+void Session::begin_run(TruthTime start) noexcept {
+  start_ = start;
   in_run_ = true;
   samples_in_run_ = 0;
   truths_since_follow_ = 0;
@@ -46,7 +58,7 @@ TruthTime Session::next_due() const noexcept {
 
 bool Session::advance(TruthTime limit, Pace* pace) noexcept {
   if (!in_run_) return true;
-  while (true) {
+  while (!stop_.load(std::memory_order_relaxed)) {
     Unit& unit = next_unit();
     const TruthTime due = unit.due(start_);
     if (due > limit) return true;
@@ -56,12 +68,15 @@ bool Session::advance(TruthTime limit, Pace* pace) noexcept {
     emit(unit, due);
     if (pace != nullptr) unit.counters.lateness.add(seconds(lateness));
   }
+  return false;
 }
 
 void Session::emit(Unit& unit, TruthTime due) noexcept {
   const Sample sample = unit.imu.sample(timeline_, due, DeviceTime{due.ns});
   unit.frames.clear();
   unit.device->sample(sample, unit.frames);
+  if ((sample.status & status::truth_extrapolated) != 0) count_one(unit.counters.extrapolated);
+  if ((sample.status & status::truth_stale) != 0) count_one(unit.counters.held);
   hand_over(unit);
   ++unit.index;
   ++samples_in_run_;
@@ -86,7 +101,7 @@ void Session::wait_for_reader(Unit& unit) const noexcept {
   if (!unit.waits_for_reader) return;
   constexpr int patience_ms = 2000;
   constexpr int step_ms = 10;  // between looks at `stop`
-  for (int waited_ms = 0;; waited_ms += step_ms) {
+  for (int waited_ms = 0; !stop_.load(std::memory_order_relaxed); waited_ms += step_ms) {
     pollfd room{unit.port->descriptor(), POLLOUT, 0};
     if (room.fd < 0) return;
     const bool ready = ::poll(&room, 1, unit.reader_stalls ? 0 : step_ms) != 0;
@@ -96,7 +111,7 @@ void Session::wait_for_reader(Unit& unit) const noexcept {
       unit.reader_stalls = false;
       return;
     }
-    if (unit.reader_stalls || stop_.load(std::memory_order_relaxed)) return;
+    if (unit.reader_stalls) return;
     unit.reader_stalls = waited_ms >= patience_ms;
   }
 }
@@ -121,9 +136,23 @@ void Session::serve_hosts() noexcept {
 
 void Session::follow() noexcept {
   constexpr std::size_t often_enough = Timeline::capacity / 2;
-  if (++truths_since_follow_ < often_enough) return;
+  if (++truths_since_follow_ >= often_enough) take_in_truth();
+}
+
+void Session::take_in_truth() noexcept {
   truths_since_follow_ = 0;
   for (const auto& unit : units_) unit->imu.follow(timeline_, std::min(timeline_.newest(), unit->due(start_)));
+}
+
+bool Session::has_room_for_truth() noexcept {
+  const auto is_full = [this] {
+    return std::any_of(units_.begin(), units_.end(), [this](const auto& unit) {
+      return timeline_.is_full_for(unit->index == 0 ? start_ : unit->imu.reached());
+    });
+  };
+  if (!in_run_ || !is_full()) return true;
+  take_in_truth();
+  return !is_full();
 }
 
 void Session::flush() noexcept {

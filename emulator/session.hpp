@@ -21,6 +21,8 @@ struct ImuCounters {
   std::atomic<std::uint64_t> samples = 0;
   std::atomic<std::uint64_t> frames = 0;   // that the port took whole
   std::atomic<std::uint64_t> dropped = 0;  // that it did not
+  std::atomic<std::uint64_t> extrapolated = 0;  // samples after the newest truth, held ones included
+  std::atomic<std::uint64_t> held = 0;          // of these, with motion frozen
   std::atomic<PortState> port_state = PortState::ready;
   DurationHistogram lateness;
 };
@@ -39,19 +41,23 @@ class Session {
  public:
   // Opens every port. Throws PortError. `stop` ends every wait.
   Session(const Config& config, const std::atomic<bool>& stop);
+  // Gives readers up to 50 ms for what they have not read yet.
+  ~Session();
 
   TruthIntake& intake() noexcept { return intake_; }
   const TruthIntake& intake() const noexcept { return intake_; }
   const Timeline& timeline() const noexcept { return timeline_; }
 
-  // The timeline has begun anew: the sample grids start at its first truth.
-  void begin_run() noexcept;
+  // A run begins: the sample grids start at `start`, the timeline's first truth or, after a pause, its newest.
+  void begin_run(TruthTime start) noexcept;
   // Emits every sample due up to `limit`, in the order of their instants, each when `pace` lets it. Without a pace each
   // leaves at once, or, as no instant is missed by that, when a slow reader of a byte link has made room for it, for
-  // which it has 2 s. False if `pace` said stop.
+  // which it has 2 s. False if it is time to stop.
   bool advance(TruthTime limit, Pace* pace) noexcept;
   // A truth was accepted: lets imus that sample seldom take it in.
   void follow() noexcept;
+  // False while the timeline has no place for another truth before samples are emitted.
+  bool has_room_for_truth() noexcept;
   // The instant of the next sample; only in a run.
   TruthTime next_due() const noexcept;
   // Lets the devices hear what their hosts sent.
@@ -86,6 +92,7 @@ class Session {
   void wait_for_reader(Unit& unit) const noexcept;
   void serve_host(Unit& unit) noexcept;
   static void hand_over(Unit& unit) noexcept;
+  void take_in_truth() noexcept;
   static void publish(Unit& unit) noexcept;
   Unit& next_unit() noexcept;
 

@@ -15,6 +15,7 @@ Summary summarize(const Session& session, double duration_s) {
   summary.truth.accepted = truth.accepted;
   summary.truth.no_state = truth.no_state;
   summary.truth.runs = truth.runs;
+  summary.truth.resumed = truth.resumed;
   summary.truth.truncated = truth.truncated;
   summary.truth.warning = session.intake().end_warning();
   for (std::size_t i = 0; i < truth.refused.size(); ++i)
@@ -27,6 +28,8 @@ Summary summarize(const Session& session, double duration_s) {
     imu.samples = counters.samples;
     imu.frames = counters.frames;
     imu.dropped = counters.dropped;
+    imu.extrapolated = counters.extrapolated;
+    imu.held = counters.held;
     imu.p50_us = 1e6 * counters.lateness.percentile(50);
     imu.p99_us = 1e6 * counters.lateness.percentile(99);
     imu.p999_us = 1e6 * counters.lateness.percentile(99.9);
@@ -42,12 +45,14 @@ std::string text(const Summary& s) {
   for (const auto& [cause, n] : s.truth.refused) refused.push_back(fmt::format("{} {}", n, cause));
   out += fmt::format("truth    {} received, {} accepted, {} without state, refused: {}\n", s.truth.received,
                      s.truth.accepted, s.truth.no_state, refused.empty() ? "none" : fmt::format("{}", fmt::join(refused, ", ")));
-  if (s.truth.runs > 1) out += fmt::format("         {} runs: the simulator started again\n", s.truth.runs);
+  if (s.truth.runs > 1) out += fmt::format("         {} runs: its time began anew\n", s.truth.runs);
+  if (s.truth.resumed > 0) out += fmt::format("         {} times it paused, ran slow or jumped\n", s.truth.resumed);
   if (!s.truth.warning.empty() || s.truth.truncated > 0)
     out += fmt::format("         {} record{} cut short: {}\n", s.truth.truncated, s.truth.truncated == 1 ? "" : "s",
                        s.truth.warning.empty() ? "left out" : s.truth.warning);
   for (const Summary::Imu& imu : s.imus) {
     out += fmt::format("{:<8} {} samples, {} frames sent, {} dropped", imu.name, imu.samples, imu.frames, imu.dropped);
+    if (imu.extrapolated > 0) out += fmt::format(", {} extrapolated, {} held", imu.extrapolated, imu.held);
     if (imu.max_us > 0.0)
       out += fmt::format("; late by p50 {:.1f} us, p99 {:.1f} us, p99.9 {:.1f} us, max {:.1f} us", imu.p50_us,
                          imu.p99_us, imu.p999_us, imu.max_us);
@@ -59,7 +64,8 @@ std::string text(const Summary& s) {
 std::string json(const Summary& s) {
   nlohmann::ordered_json truth = {{"received", s.truth.received},   {"accepted", s.truth.accepted},
                                   {"refused", nlohmann::ordered_json::object()}, {"no_state", s.truth.no_state},
-                                  {"runs", s.truth.runs},           {"truncated", s.truth.truncated}};
+                                  {"runs", s.truth.runs},           {"resumed", s.truth.resumed},
+                                  {"truncated", s.truth.truncated}};
   for (const auto& [cause, n] : s.truth.refused) truth["refused"][cause] = n;
   if (!s.truth.warning.empty()) truth["warning"] = s.truth.warning;
   nlohmann::ordered_json imus = nlohmann::ordered_json::array();
@@ -68,6 +74,8 @@ std::string json(const Summary& s) {
                     {"samples", imu.samples},
                     {"frames", imu.frames},
                     {"dropped", imu.dropped},
+                    {"extrapolated", imu.extrapolated},
+                    {"held", imu.held},
                     {"lateness_us",
                      {{"p50", imu.p50_us}, {"p99", imu.p99_us}, {"p999", imu.p999_us}, {"max", imu.max_us}}}});
   return nlohmann::ordered_json{{"duration_s", s.duration_s}, {"truth", truth}, {"imus", imus}}.dump(2) + "\n";

@@ -25,6 +25,27 @@ std::string_view cause(Refusal refusal) noexcept {
   return "";
 }
 
+std::string_view remedy(Refusal refusal) noexcept {
+  switch (refusal) {
+    case Refusal::too_short:
+    case Refusal::too_long:
+    case Refusal::not_this_kind:
+    case Refusal::bad_version: return "another format? see truth.format and imud list";
+    case Refusal::no_columns: return "no header row has named every required column; name them in truth.columns";
+    case Refusal::bad_checksum: return "damaged on its way, or another CRC than CRC-32C";
+    case Refusal::bad_number: return "not a number where one is wanted";
+    case Refusal::not_finite: return "NaN or infinity: the simulation has diverged";
+    case Refusal::out_of_range: return "no vehicle does that: check units";
+    case Refusal::duplicate: return "that instant is there already";
+    case Refusal::reordered: return "overtaken on its way";
+    case Refusal::time_back: return "the sender's clock ran back; a sender that starts again says so by the new-run flag";
+    case Refusal::time_jump: return "further ahead than truth.max_gap_ms";
+    case Refusal::other_stream: return "another vehicle; see truth.stream";
+    case Refusal::count: break;
+  }
+  return "";
+}
+
 namespace {
 
 Refusal refusal(TruthResult result) noexcept {
@@ -54,7 +75,8 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline)
       lines_(config.port.starts_with("file:")) {}
 
 bool TruthIntake::next_record(std::span<const std::byte>& record) noexcept {
-  while (true) {
+  constexpr int most = 256;  // chunks without a record, before the caller may look at other things
+  for (int i = 0; i < most; ++i) {
     if (splitting_) {
       if (const auto line = splitter_.next()) {
         record = *line;
@@ -72,6 +94,7 @@ bool TruthIntake::next_record(std::span<const std::byte>& record) noexcept {
     splitter_.feed(received->frame.bytes);
     splitting_ = true;
   }
+  return false;
 }
 
 TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {

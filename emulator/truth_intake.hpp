@@ -22,6 +22,8 @@ enum class Refusal : std::uint8_t {
   duplicate, reordered, time_back, time_jump, other_stream, count
 };
 std::string_view cause(Refusal refusal) noexcept;
+// What would be right, for the log.
+std::string_view remedy(Refusal refusal) noexcept;
 
 // Written by the thread that samples, read by any.
 struct TruthCounters {
@@ -30,6 +32,7 @@ struct TruthCounters {
   Counter no_state = 0;   // headers, blank lines
   Counter accepted = 0;
   Counter runs = 0;       // times that the timeline began anew, the first included
+  Counter resumed = 0;    // realtime: times that the truth's clock had left the host's, by a pause or a jump
   Counter truncated = 0;  // records of a capture that are cut short
   std::array<Counter, static_cast<std::size_t>(Refusal::count)> refused = {};
 };
@@ -60,6 +63,7 @@ class TruthIntake {
   // Arrival of the newest record.
   HostTime arrival() const noexcept { return arrival_; }
   const TruthCounters& counters() const noexcept { return counters_; }
+  void count_resumed() noexcept { counters_.resumed.fetch_add(1, std::memory_order_relaxed); }
   // How the capture ended, if not well; empty otherwise.
   std::string end_warning() const;
 

@@ -46,6 +46,10 @@ void Columns::clear() noexcept {
 }
 
 bool Columns::add(std::string_view name) noexcept {
+  // Spreadsheets write a byte order mark, and quotes.
+  if (name.starts_with("\xEF\xBB\xBF")) name.remove_prefix(3);
+  name = trim(name);
+  if (name.size() >= 2 && name.front() == '"' && name.back() == '"') name = name.substr(1, name.size() - 2);
   if (count_ == max_columns) {
     clear();
     return false;

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstring>
+#include <filesystem>
 
 #include "transports/port.hpp"
 #include "transports/udp_packet.hpp"
@@ -15,6 +16,10 @@ class PcapPort final : public Port {
  public:
   explicit PcapPort(const PortSpec& spec)
       : port_(static_cast<std::uint16_t>(spec.integer("port", 1, 65535).value_or(0))) {
+    // libpcap waits for what a pipe does not give.
+    std::error_code unknown;
+    if (std::filesystem::exists(spec.address, unknown) && !std::filesystem::is_regular_file(spec.address, unknown))
+      throw spec.error("is no regular file; right would be a capture that is complete");
     std::array<char, PCAP_ERRBUF_SIZE> error{};
     capture_.reset(
         ::pcap_open_offline_with_tstamp_precision(spec.address.c_str(), PCAP_TSTAMP_PRECISION_NANO, error.data()));
@@ -34,7 +39,8 @@ class PcapPort final : public Port {
   void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
 
   std::optional<Received> receive() noexcept override {
-    while (!at_end_) {
+    constexpr int most = 1024;  // packets that are not ours, before the caller may look at other things
+    for (int i = 0; i < most && !at_end_; ++i) {
       pcap_pkthdr* record = nullptr;
       const unsigned char* bytes = nullptr;
       const int result = ::pcap_next_ex(capture_.get(), &record, &bytes);

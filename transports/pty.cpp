@@ -64,7 +64,6 @@ class PtyDevice final : public Port {
   }
 
   ~PtyDevice() override {
-    drain();
     std::error_code error;
     if (std::filesystem::read_symlink(link_, error) == slave_) std::filesystem::remove(link_, error);
   }
@@ -87,6 +86,15 @@ class PtyDevice final : public Port {
   }
 
   void flush() noexcept override { send({}); }
+
+  bool is_read() noexcept override {
+    if (!look_for_reader()) return true;
+    flush();
+    const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    // poll(), unlike FIONREAD, also sees what is still on its way from the master.
+    pollfd unread{slave.get(), POLLIN, 0};
+    return !slave || ::poll(&unread, 1, 0) <= 0;
+  }
 
   // Without a reader poll() would return at once for ever.
   int descriptor() const noexcept override { return state_ == PortState::ready ? master_.get() : -1; }
@@ -117,19 +125,6 @@ class PtyDevice final : public Port {
       std::error_code ignored;
       fs::remove(fresh, ignored);
       throw spec.error(fmt::format("cannot make the link: {}", error.message()));
-    }
-  }
-
-  // Closing the master takes away what the reader has not read yet: it gets a moment for that.
-  void drain() noexcept {
-    if (!look_for_reader()) return;
-    flush();
-    const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    for (int ms = 0; slave && ms < 50; ++ms) {
-      // poll(), unlike FIONREAD, also sees what is still on its way from the master.
-      pollfd unread{slave.get(), POLLIN, 0};
-      if (::poll(&unread, 1, 0) <= 0) return;
-      ::poll(nullptr, 0, 1);
     }
   }
 

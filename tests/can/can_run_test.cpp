@@ -64,6 +64,24 @@ TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
   }
 }
 
+TEST_F(CanRunTest, AFullQueueDropsFramesAndTheRunGoesOn) {
+  const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 200, "native-can", "can:vcan0");
+  // 7 frames of 16 bytes at 200 Hz are 179 kbit/s; the queue passes 40 and holds 10 frames.
+  ASSERT_EQ(std::system("tc qdisc add dev vcan0 root netem rate 40kbit limit 10"), 0);
+  Program imud("imud");
+  imud.start({"replay", c, flight, "--summary", path("summary.json")});
+  std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+  EXPECT_EQ(std::system("tc qdisc del dev vcan0 root"), 0);
+  const ProgramResult decoded = run_program("imu-decode", {"native-can", "can:vcan0", "--count", "50"});
+  EXPECT_EQ(decoded.exit_code, 0);
+  EXPECT_NE(decoded.errors.find("gaps       0 "), std::string::npos) << decoded.errors;
+  EXPECT_EQ(imud.stop(), 0);
+  const auto imu = summary()["imus"][0];
+  EXPECT_GT(imu["dropped"], 0);
+  EXPECT_EQ(imu["frames"].get<std::uint64_t>() + imu["dropped"].get<std::uint64_t>(),
+            7 * imu["samples"].get<std::uint64_t>());
+}
+
 TEST_F(CanRunTest, AnInterfaceThatGoesDownAndComesBack) {
   const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 100, "native-can", "can:vcan0");
   Program imud("imud");

@@ -158,6 +158,8 @@ TEST(Range, EndsOfTimeDoNotOverflow) {
   last.new_run = true;
   EXPECT_EQ(timeline.push(last), Admission::new_run);
   EXPECT_EQ(timeline.push(first), Admission::time_back);
+  EXPECT_EQ(timeline.push(last), Admission::duplicate);  // the run's first once more
+  ++last.sequence;
   EXPECT_EQ(timeline.push(last), Admission::new_run);
 }
 

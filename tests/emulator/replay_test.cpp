@@ -1,5 +1,8 @@
 // imud replay: the golden regression, determinism, captures that are cut short.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cstring>
 
 #include "tests/emulator/run_test.hpp"
 
@@ -78,7 +81,7 @@ TEST_F(ReplayTest, ALateListenerNamesTheColumns) {
   const std::string expected = read_file(path("out"));
 
   const ProgramResult nameless = run_program("imud", {"replay", c, path("rows.csv"), "--summary", path("summary.json")});
-  EXPECT_EQ(nameless.exit_code, 0);
+  EXPECT_EQ(nameless.exit_code, 1);  // nothing came of it
   EXPECT_EQ(summary()["truth"]["refused"]["columns"], 2001);
   EXPECT_NE(nameless.errors.find("truth refused: columns"), std::string::npos);
 
@@ -139,7 +142,11 @@ TEST_F(ReplayTest, WhatIsWrongIsSaidWithExitCodeTwo) {
   EXPECT_EQ(run_program("imud", {"run", path("nothing.toml")}).exit_code, 2);
   EXPECT_EQ(run_program("imud", {"run", c}).exit_code, 2);  // fast without a capture
   EXPECT_EQ(run_program("imud", {"fly", c}).exit_code, 2);
-  EXPECT_EQ(run_program("imud", {"replay", c, flight, "--for", "-1"}).exit_code, 2);
+  for (const std::string bad : {"-1", "0", "nan", "inf", "1e300", "x"})
+    EXPECT_EQ(run_program("imud", {"replay", c, flight, "--for", bad}).exit_code, 2) << bad;
+  EXPECT_EQ(run_program("imud", {"replay", c, flight + "?port=9"}).exit_code, 1);  // nothing for that port
+  ASSERT_EQ(::mkfifo(path("fifo").c_str(), 0600), 0);
+  EXPECT_EQ(run_program("imud", {"replay", c, "pcap:" + path("fifo")}).exit_code, 2);
   EXPECT_EQ(run_program("imud", {}).exit_code, 2);
   EXPECT_EQ(run_program("imud", {"--help"}).exit_code, 0);
   EXPECT_EQ(run_program("imud", {"run", "--help"}).exit_code, 0);
@@ -158,6 +165,23 @@ TEST_F(ReplayTest, CheckSaysLoadOrFaults) {
   const ProgramResult bad = run_program("imud", {"check", c, "--set", "imu.0.rate_hz=2000"});
   EXPECT_EQ(bad.exit_code, 2);
   EXPECT_NE(bad.errors.find("269.1 %"), std::string::npos) << bad.errors;
+}
+
+TEST_F(ReplayTest, DataOnStandardOutputIsDataAlone) {
+  const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 20, "csv", "file:-");
+  const ProgramResult result = run_program("imud", {"replay", c, flight});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(lines_of(result.output).size(), 202U);
+  EXPECT_EQ(rows(result.output).back().size(), 16U);
+  EXPECT_NE(result.errors.find("received"), std::string::npos);
+}
+
+TEST_F(ReplayTest, SigtermIsHeardWhileInputIsSkipped) {
+  const std::string c = config("fast", "file:/dev/zero", "csv", 20, "csv", "file:" + path("out"));
+  Program imud("imud");
+  imud.start({"run", c});
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  EXPECT_EQ(imud.stop(), 0);
 }
 
 TEST_F(ReplayTest, ListShowsEveryEntry) {
