@@ -18,7 +18,8 @@ GaussMarkov::GaussMarkov(const TriadErrors& errors, Quantity quantity)
 
 const Vector3& GaussMarkov::step(const Normals& normals, std::uint64_t k) noexcept {
   if (off_) return x_;
-  const Vector3 n = normals(quantity_, Process::gauss_markov, k);
+  if (!block_.holds(k)) block_ = normals.block(quantity_, Process::gauss_markov, k);
+  const Vector3 n = block_.normals(k);
   if (diagonal_)
     x_ = transition_.diagonal().cwiseProduct(x_) + sqrt_cov_.diagonal().cwiseProduct(n);
   else

@@ -52,7 +52,8 @@ struct ImuModel {
 class GaussMarkov {
  public:
   GaussMarkov(const TriadErrors& errors, Quantity quantity);
-  // The error of sample k, given that of sample k - 1 was the last one asked for (or seek(k) was called).
+  // The error of sample k, given that of sample k - 1 was the last one asked for (or seek(k) was called). `normals` is
+  // always the same.
   const Vector3& step(const Normals& normals, std::uint64_t k) noexcept;
   // Makes step(k) give what it gives in the sequence from 0. Time grows with k unless A is 0.
   void seek(const Normals& normals, std::uint64_t k) noexcept;
@@ -64,6 +65,7 @@ class GaussMarkov {
   Quantity quantity_;
   bool off_;
   bool diagonal_;
+  Normals::Block block_;
   Vector3 x_ = Vector3::Zero();
 };
 

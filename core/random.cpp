@@ -69,11 +69,26 @@ std::uint32_t stream_id(std::string_view imu_name) noexcept {
   return hash;
 }
 
-Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept {
-  const std::uint64_t purpose = static_cast<std::uint64_t>(process) << 32U | static_cast<std::uint64_t>(quantity);
-  const auto words = r123::Philox4x64{}({{k, purpose, stream_, 0}}, {{seed_, 0}});
-  return {inverse_normal_cdf(uniform(words[0])), inverse_normal_cdf(uniform(words[1])),
-          inverse_normal_cdf(uniform(words[2]))};
+Normals::Block Normals::block(Quantity quantity, Process process, std::uint64_t k) const noexcept {
+  const auto low = [](std::uint64_t x) { return static_cast<std::uint32_t>(x); };
+  const auto high = [](std::uint64_t x) { return static_cast<std::uint32_t>(x >> 32U); };
+  const r123::Philox4x32::key_type key = {{low(seed_), high(seed_)}};
+  const std::uint32_t purpose = static_cast<std::uint32_t>(process) << 8U | static_cast<std::uint32_t>(quantity) << 4U;
+  Block block;
+  block.number = k / 2;
+  for (std::uint32_t axis = 0; axis < 3; ++axis) {
+    const auto words =
+        r123::Philox4x32{}({{low(block.number), high(block.number), purpose | axis, stream_}}, key);
+    block.bits[0][axis] = std::uint64_t{words[1]} << 32U | words[0];
+    block.bits[1][axis] = std::uint64_t{words[3]} << 32U | words[2];
+  }
+  return block;
+}
+
+Vector3 Normals::Block::normals(std::uint64_t k) const noexcept {
+  const std::array<std::uint64_t, 3>& half = bits[k % 2];
+  return {inverse_normal_cdf(uniform(half[0])), inverse_normal_cdf(uniform(half[1])),
+          inverse_normal_cdf(uniform(half[2]))};
 }
 
 }  // namespace imud

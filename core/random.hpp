@@ -1,6 +1,7 @@
 // Random numbers: counter-based, so that any number of any stream can be had alone, in any order, on any machine.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string_view>
 
@@ -24,15 +25,28 @@ constexpr double uniform(std::uint64_t bits) noexcept {
   return (static_cast<double>(static_cast<std::int64_t>(bits >> 12U)) + 0.5) * 0x1p-52;
 }
 
-// All the normal deviates of one imu. Philox4x64-10 with the seed as key and {sample, quantity and process, imu, 0} as
-// counter; its first three words give one normal each, independent of every other. (Salmon et al., "Parallel random
-// numbers: as easy as 1, 2, 3", SC 2011.)
+// All the normal deviates of one imu, one stream per quantity, axis and process: Philox4x32-10 with the seed as key and
+// {k/2, k/2, process/quantity/axis, imu} as counter. Of its four words the first two give the normal of an even k, the
+// last two that of the odd one after it; each is independent of every other. (Salmon et al., "Parallel random numbers:
+// as easy as 1, 2, 3", SC 2011.)
 class Normals {
  public:
   Normals(std::uint64_t seed, std::uint32_t stream) noexcept : seed_(seed), stream_(stream) {}
 
+  // The words of the two samples 2 * number and 2 * number + 1, three axes each.
+  struct Block {
+    std::uint64_t number = ~std::uint64_t{0};
+    std::array<std::array<std::uint64_t, 3>, 2> bits = {};
+    bool holds(std::uint64_t k) const noexcept { return number == k / 2; }
+    // N(0, 1) on each axis for sample k, which it holds.
+    Vector3 normals(std::uint64_t k) const noexcept;
+  };
+  Block block(Quantity quantity, Process process, std::uint64_t k) const noexcept;
+
   // N(0, 1) on each of the three axes, for sample `k`.
-  Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
+  Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept {
+    return block(quantity, process, k).normals(k);
+  }
 
  private:
   std::uint64_t seed_;

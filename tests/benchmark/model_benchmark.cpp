@@ -110,8 +110,9 @@ void between_truths(benchmark::State& state, const ImuModel& model) {
 // Four truths in a sample's step.
 void over_truths(benchmark::State& state, const ImuModel& model) { steps(state, model, 5_ms, 20_ms, 8, Push::free); }
 
-#define STEP(how, coupling, velocity, angle)                                                                    \
-  BENCHMARK_CAPTURE(how, coupling every_effect(Coupling::coupling, DeltaVelocity::velocity, DeltaAngle::angle)) \
+#define STEP(how, coupling, velocity, angle)                                                      \
+  BENCHMARK_CAPTURE(how, coupling##_##velocity##_##angle,                                         \
+                    every_effect(Coupling::coupling, DeltaVelocity::velocity, DeltaAngle::angle)) \
       ->UseManualTime()
 STEP(at_truth, diagonal, end_frame, rotation_vector);
 STEP(at_truth, diagonal, memo, rotation_vector);
