@@ -7,7 +7,7 @@
 
 #include "core/imu.hpp"
 #include "core/motion.hpp"
-#include "tests/core/allocations.hpp"
+#include "tests/support/allocations.hpp"
 
 namespace {
 

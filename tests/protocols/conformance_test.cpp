@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "tests/protocols/allocation_count.hpp"
+#include "tests/support/allocations.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"
 
@@ -190,13 +190,13 @@ TEST_P(Conformance, AllocatesNothingOnceMade) {
   const std::vector<std::byte> garbage = random_bytes(100'000, random_);
   const auto replies = std::make_unique<FrameBuffer>();
   Recording recording(10'000);
-  const std::uint64_t before = allocation_count();
+  const std::uint64_t before = allocations();
   for (const Sample& sample : samples)
     for (const Frame& frame : line_.encode(sample)) line_.decoder->feed(frame, recording);
   line_.decoder->feed({garbage}, recording);
   line_.device->receive({garbage}, *replies);
   line_.decoder->finish(recording);
-  EXPECT_EQ(allocation_count() - before, 0U);
+  EXPECT_EQ(allocations() - before, 0U);
   EXPECT_GE(recording.measurements.size(), samples.size());
 }
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "protocols/truth_format.hpp"
-#include "tests/protocols/allocation_count.hpp"
+#include "tests/support/allocations.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"
 
@@ -56,9 +56,9 @@ TEST_P(TruthFormats, AnyBytesAreHarmless) {
         std::ranges::copy(std::as_bytes(std::span(pieces[random() % std::size(pieces)])), std::back_inserter(record));
     }
     Truth truth;
-    const std::uint64_t before = allocation_count();
+    const std::uint64_t before = allocations();
     const TruthResult result = decoder->decode(record, truth);
-    ASSERT_EQ(allocation_count(), before);
+    ASSERT_EQ(allocations(), before);
     ASSERT_EQ(cause(result).empty(), result == TruthResult::ok);
     ASSERT_TRUE(result != TruthResult::ok || (is_finite(truth) && is_in_range(truth)));
   }

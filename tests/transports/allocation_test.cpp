@@ -1,27 +1,13 @@
 // Nothing is allocated in send() and receive(), not even by a device that is lost and comes back.
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <chrono>
-#include <cstdlib>
-#include <new>
 #include <thread>
 
+#include "tests/support/allocations.hpp"
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/port.hpp"
-
-namespace {
-std::atomic<unsigned> allocations = 0;
-}
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace imud {
 namespace {
@@ -30,13 +16,13 @@ using namespace std::chrono_literals;
 
 void use(Port& port) {
   NumberedFrames frames;
-  const unsigned before = allocations;
+  const std::uint64_t before = allocations();
   for (int i = 0; i < 500; ++i) {
     port.send(frames.next(5));
     port.receive();
     port.flush();
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(allocations(), before);
 }
 
 TEST(Allocation, NoneWhileInUse) {
@@ -64,12 +50,12 @@ TEST(Allocation, NoneByASerialDeviceThatIsLostAndComesBack) {
   use(*port);
   EXPECT_EQ(port->state(), PortState::lost);
   device.plug_in();
-  const unsigned before = allocations;
+  const std::uint64_t before = allocations();
   for (int i = 0; i < 300 && port->state() == PortState::lost; ++i) {
     port->send({});
     std::this_thread::sleep_for(10ms);
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(allocations(), before);
   EXPECT_EQ(port->state(), PortState::ready);
 }
 

@@ -1,4 +1,4 @@
-#include "tests/protocols/allocation_count.hpp"
+#include "tests/support/allocations.hpp"
 
 #include <atomic>
 #include <cstddef>
@@ -30,6 +30,6 @@ void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std
 
 namespace imud {
 
-std::uint64_t allocation_count() noexcept { return count; }
+std::uint64_t allocations() noexcept { return count; }
 
 }  // namespace imud
