@@ -1,0 +1,237 @@
+// LockstepClient: sends imud the truth of a step and waits until imud has emitted every sample up to it.
+//
+// A file to copy into a simulator: C++17, the standard library and POSIX sockets. imud's licence (MIT) holds for it.
+//
+//   imud_lockstep::LockstepClient imud("127.0.0.1", 9810);  // for: imud run imu.toml --set clock=lockstep
+//   for (std::int64_t step = 0; step <= 200; ++step) {
+//     imud_lockstep::Truth truth;
+//     truth.simulation_time_ns = step * 10'000'000;
+//     truth.sigma_BN = vehicle.sigma_BN();
+//     truth.omega_BN_B = vehicle.omega_BN_B();
+//     truth.specific_force_B = vehicle.specific_force_B();
+//     const imud_lockstep::Answer answer = imud.step(truth);
+//     if (!answer.accepted) throw std::runtime_error("imud refused the truth; its log says why");
+//     vehicle.integrate(0.01);
+//   }
+//
+// Frames: N inertial, B the vehicle's body. x_BN_N: of B relative to N, in N components. The datagram's layout,
+// version 1, is that of imud's protocols/native_truth.hpp.
+#pragma once
+
+#include <fcntl.h>
+#include <netdb.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+
+namespace imud_lockstep {
+
+using Vector3 = std::array<double, 3>;
+
+// Motion of the vehicle at an instant.
+struct Truth {
+  std::int64_t simulation_time_ns = 0;
+  Vector3 r_BN_N{};                         // m; position of B's origin
+  Vector3 v_BN_N{};                         // m/s
+  Vector3 sigma_BN{};                       // attitude as modified Rodrigues parameters e tan(angle/4), of any norm
+  Vector3 omega_BN_B{};                     // rad/s
+  std::optional<Vector3> omegaDot_BN_B;     // rad/s^2
+  std::optional<Vector3> specific_force_B;  // m/s^2; of B's origin, without gravitation: at rest it points up
+  // m/s; integral of the specific force since the start. At most one of the two.
+  std::optional<Vector3> accumulated_dv_inertial_B;  // accumulated in N, given in the B axes of the instant
+  std::optional<Vector3> accumulated_dv_body_sum_B;  // sum of increments, each in the B axes at the end of its step
+};
+
+struct Answer {
+  std::uint32_t stream = 0;
+  std::uint32_t sequence = 0;
+  std::int64_t simulation_time_ns = 0;  // that imud has reached
+  std::uint64_t samples = 0;            // of all its imus together, in this run
+  // The time reached is the truth's. Otherwise imud refused the truth and emitted nothing: its time is before that of
+  // the one before, or too far ahead of it (truth.max_gap_ms). One of the same time is a repetition: it changes
+  // nothing.
+  bool accepted = false;
+};
+
+struct Options {
+  std::chrono::milliseconds timeout{200};  // of an attempt
+  unsigned attempts = 50;                  // imud may start later than the simulator, or have much to emit
+  std::uint32_t stream = 0;                // which vehicle; an imud takes one
+  // By the clock if not given: to imud the same first truth with the same sequence is a repetition, no new run.
+  std::optional<std::uint32_t> first_sequence;
+};
+
+using Datagram = std::array<unsigned char, 208>;
+
+// CRC-32C (Castagnoli).
+inline std::uint32_t crc32c(const unsigned char* bytes, std::size_t size) noexcept {
+  std::uint32_t crc = 0xFFFFFFFFU;
+  for (std::size_t i = 0; i < size; ++i) {
+    crc ^= bytes[i];
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? 0x82F63B78U : 0U);
+  }
+  return ~crc;
+}
+
+// The datagram of `truth`, which asks for an answer. Throws std::invalid_argument for what imud would not answer: a
+// number that is not finite, two accumulated velocities.
+inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t sequence, bool new_run) {
+  Datagram datagram{};
+  const auto put = [&datagram](std::size_t offset, std::size_t size, std::uint64_t value) {
+    for (std::size_t i = 0; i < size; ++i)
+      datagram[offset + i] = static_cast<unsigned char>((value >> (8 * i)) & 0xFFU);
+  };
+  const auto put_vector = [&put](std::size_t offset, const Vector3& vector, const char* name) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (!std::isfinite(vector[i]))
+        throw std::invalid_argument(std::string(name) + " is not finite: has the simulation diverged?");
+      std::uint64_t bits = 0;
+      static_assert(sizeof bits == sizeof vector[i]);
+      std::memcpy(&bits, &vector[i], sizeof bits);
+      put(offset + 8 * i, 8, bits);
+    }
+  };
+  constexpr unsigned acknowledge = 16;
+  unsigned flags = acknowledge | (new_run ? 32U : 0U);
+  const auto put_given = [&](unsigned flag, std::size_t offset, const std::optional<Vector3>& vector,
+                             const char* name) {
+    if (!vector) return;
+    flags |= flag;
+    put_vector(offset, *vector, name);
+  };
+  if (truth.accumulated_dv_inertial_B && truth.accumulated_dv_body_sum_B)
+    throw std::invalid_argument(
+        "accumulated_dv_inertial_B and accumulated_dv_body_sum_B: only one of them can be given");
+
+  std::memcpy(datagram.data(), "IMUT", 4);
+  put(4, 2, 1);
+  put(8, 4, stream);
+  put(12, 4, sequence);
+  put(16, 8, static_cast<std::uint64_t>(truth.simulation_time_ns));
+  put_vector(24, truth.r_BN_N, "r_BN_N");
+  put_vector(48, truth.v_BN_N, "v_BN_N");
+  put_vector(72, truth.sigma_BN, "sigma_BN");
+  put_vector(96, truth.omega_BN_B, "omega_BN_B");
+  put_given(1, 120, truth.omegaDot_BN_B, "omegaDot_BN_B");
+  put_given(2, 144, truth.specific_force_B, "specific_force_B");
+  put_given(4, 168, truth.accumulated_dv_inertial_B, "accumulated_dv_inertial_B");
+  put_given(8, 168, truth.accumulated_dv_body_sum_B, "accumulated_dv_body_sum_B");
+  put(6, 2, flags);
+  put(196, 4, crc32c(datagram.data(), 196));
+  return datagram;
+}
+
+// One run of one vehicle: the first truth says that a new run begins. For one thread at a time.
+class LockstepClient {
+ public:
+  // `address`: numeric, IPv4 or IPv6, as in imud's truth.port. Throws std::invalid_argument if it is none, and
+  // std::system_error if nothing can be sent there; whether imud is there shows in step().
+  LockstepClient(const std::string& address, std::uint16_t port, const Options& options = {})
+      : options_(options),
+        name_("udp:" + (address.find(':') == std::string::npos ? address : "[" + address + "]") + ":" +
+              std::to_string(port)),
+        sequence_(options.first_sequence ? *options.first_sequence
+                                         : static_cast<std::uint32_t>(Clock::now().time_since_epoch().count())) {
+    addrinfo hints{};
+    hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
+    hints.ai_socktype = SOCK_DGRAM;
+    addrinfo* found = nullptr;
+    if (const int error = ::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found); error != 0)
+      throw std::invalid_argument(name_ + ": " + ::gai_strerror(error) + "; right would be the like of 127.0.0.1");
+    socket_.descriptor = ::socket(found->ai_family, SOCK_DGRAM, 0);
+    // Connected, it hears nobody else, and of a port that nobody has open.
+    const bool connected =
+        socket_.descriptor >= 0 && ::connect(socket_.descriptor, found->ai_addr, found->ai_addrlen) == 0;
+    const int error = errno;
+    ::freeaddrinfo(found);
+    if (!connected) throw std::system_error(error, std::generic_category(), name_ + ": cannot send there");
+    ::fcntl(socket_.descriptor, F_SETFD, FD_CLOEXEC);
+  }
+
+  // Sends `truth` and waits for its answer; sends the same datagram again when none comes in time. That does no harm:
+  // imud answers a repeated truth again and emits nothing twice.
+  // Throws std::runtime_error if no attempt is answered, and std::invalid_argument as encode() does.
+  Answer step(const Truth& truth) {
+    const std::uint32_t sequence = sequence_++;
+    const Datagram datagram = encode(truth, options_.stream, sequence, first_);
+    int error = 0;
+    for (unsigned attempt = 0; attempt < options_.attempts; ++attempt) {
+      error = send(datagram);
+      if (std::optional<Answer> answer = wait(sequence, error)) {
+        answer->accepted = answer->simulation_time_ns == truth.simulation_time_ns;
+        first_ = false;
+        return *answer;
+      }
+    }
+    throw std::runtime_error(
+        "no answer from " + name_ + " to the truth of " + std::to_string(truth.simulation_time_ns) + " ns, sent " +
+        std::to_string(options_.attempts) + " times, " + std::to_string(options_.timeout.count()) + " ms each" +
+        (error == 0 ? "" : " (" + std::generic_category().message(error) + ")") +
+        "; right would be an imud that runs with clock = \"lockstep\" and truth.port = \"" + name_ +
+        "\"; if it does, its log names the truths that it refuses unanswered");
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  struct Socket {
+    Socket() = default;
+    ~Socket() {
+      if (descriptor >= 0) ::close(descriptor);
+    }
+    Socket(const Socket&) = delete;
+    Socket& operator=(const Socket&) = delete;
+    int descriptor = -1;
+  };
+
+  // Returns 0 or errno, which passes: then silence follows.
+  int send(const Datagram& datagram) const noexcept {
+    // Once more: the first may only tell what became of a datagram sent before.
+    for (int i = 0; i < 2; ++i)
+      if (::send(socket_.descriptor, datagram.data(), datagram.size(), 0) >= 0) return 0;
+    return errno;
+  }
+
+  // Passes over all but the answer to `sequence`.
+  std::optional<Answer> wait(std::uint32_t sequence, int& error) const {
+    const Clock::time_point until = Clock::now() + options_.timeout;
+    for (Clock::time_point now = Clock::now(); now < until; now = Clock::now()) {
+      const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - now);
+      pollfd ready{socket_.descriptor, POLLIN, 0};
+      if (::poll(&ready, 1, static_cast<int>(std::min(left, std::chrono::milliseconds(1000)).count())) <= 0) continue;
+      std::array<unsigned char, 64> bytes;
+      const ssize_t size = ::recv(socket_.descriptor, bytes.data(), bytes.size(), MSG_DONTWAIT);
+      if (size < 0) error = errno;
+      if (size != 32 || std::memcmp(bytes.data(), "IMUA\1\0", 6) != 0) continue;
+      const auto get = [&bytes](std::size_t offset, std::size_t length) {
+        std::uint64_t value = 0;
+        for (std::size_t i = 0; i < length; ++i) value |= std::uint64_t{bytes[offset + i]} << (8 * i);
+        return value;
+      };
+      if (get(8, 4) != options_.stream || get(12, 4) != sequence) continue;
+      return Answer{options_.stream, sequence, static_cast<std::int64_t>(get(16, 8)), get(24, 8), false};
+    }
+    return std::nullopt;
+  }
+
+  const Options options_;
+  const std::string name_;  // as in imud's configuration
+  std::uint32_t sequence_;  // of the next truth
+  bool first_ = true;       // none was answered yet
+  Socket socket_;
+};
+
+}  // namespace imud_lockstep

@@ -1,0 +1,233 @@
+#!/usr/bin/env python3
+"""LockstepClient: sends imud the truth of a step and waits until imud has emitted every sample up to it.
+
+A file to copy into a simulator: Python 3.9 and its standard library. imud's licence (MIT) holds for it.
+
+    with LockstepClient("127.0.0.1", 9810) as imud:  # for: imud run imu.toml --set clock=lockstep
+        for step in range(201):
+            answer = imud.step(Truth(
+                simulation_time_ns=step * 10_000_000,
+                sigma_BN=vehicle.sigma_BN,
+                omega_BN_B=vehicle.omega_BN_B,
+                specific_force_B=vehicle.specific_force_B,
+            ))
+            if not answer.accepted:
+                raise RuntimeError("imud refused the truth; its log says why")
+            vehicle.integrate(0.01)
+
+Frames: N inertial, B the vehicle's body. x_BN_N: of B relative to N, in N components. The datagram's layout, version
+1, is that of imud's protocols/native_truth.hpp. Run as a program, it is a turntable: see --help.
+"""
+import argparse
+import math
+import socket
+import struct
+import sys
+import time
+from dataclasses import dataclass
+from typing import NamedTuple, Optional, Sequence, Tuple
+
+Vector3 = Sequence[float]
+
+
+@dataclass
+class Truth:
+    """Motion of the vehicle at an instant."""
+
+    simulation_time_ns: int
+    r_BN_N: Vector3 = (0.0, 0.0, 0.0)  # m; position of B's origin
+    v_BN_N: Vector3 = (0.0, 0.0, 0.0)  # m/s
+    sigma_BN: Vector3 = (0.0, 0.0, 0.0)  # attitude as modified Rodrigues parameters e tan(angle/4), of any norm
+    omega_BN_B: Vector3 = (0.0, 0.0, 0.0)  # rad/s
+    omegaDot_BN_B: Optional[Vector3] = None  # rad/s^2
+    specific_force_B: Optional[Vector3] = None  # m/s^2; of B's origin, without gravitation: at rest it points up
+    # m/s; integral of the specific force since the start. At most one of the two.
+    accumulated_dv_inertial_B: Optional[Vector3] = None  # accumulated in N, given in the B axes of the instant
+    accumulated_dv_body_sum_B: Optional[Vector3] = None  # sum of increments, each in the B axes at its step's end
+
+
+class Answer(NamedTuple):
+    stream: int
+    sequence: int
+    simulation_time_ns: int  # that imud has reached
+    samples: int  # of all its imus together, in this run
+    # The time reached is the truth's. Otherwise imud refused the truth and emitted nothing: its time is before that
+    # of the one before, or too far ahead of it (truth.max_gap_ms). One of the same time is a repetition: it changes
+    # nothing.
+    accepted: bool
+
+
+def _crc32c_of_byte(crc: int) -> int:
+    for _ in range(8):
+        crc = crc >> 1 ^ (0x82F63B78 if crc & 1 else 0)
+    return crc
+
+
+_CRC32C_TABLE = [_crc32c_of_byte(byte) for byte in range(256)]
+
+
+def crc32c(data: bytes) -> int:
+    """CRC-32C (Castagnoli)."""
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc = crc >> 8 ^ _CRC32C_TABLE[(crc ^ byte) & 0xFF]
+    return crc ^ 0xFFFFFFFF
+
+
+def encode(truth: Truth, stream: int, sequence: int, new_run: bool) -> bytes:
+    """The datagram of `truth`, which asks for an answer.
+
+    Raises ValueError for what imud would not answer: a number that is not finite, two accumulated velocities.
+    """
+    if truth.accumulated_dv_inertial_B is not None and truth.accumulated_dv_body_sum_B is not None:
+        raise ValueError("accumulated_dv_inertial_B and accumulated_dv_body_sum_B: only one of them can be given")
+    acknowledge = 16
+    flags = acknowledge | (32 if new_run else 0)
+    datagram = bytearray(208)
+    for offset, flag, name in (
+        (24, 0, "r_BN_N"),
+        (48, 0, "v_BN_N"),
+        (72, 0, "sigma_BN"),
+        (96, 0, "omega_BN_B"),
+        (120, 1, "omegaDot_BN_B"),
+        (144, 2, "specific_force_B"),
+        (168, 4, "accumulated_dv_inertial_B"),
+        (168, 8, "accumulated_dv_body_sum_B"),
+    ):
+        vector = getattr(truth, name)
+        if vector is None:
+            continue
+        if not all(math.isfinite(number) for number in vector):
+            raise ValueError(f"{name} is not finite: has the simulation diverged?")
+        flags |= flag
+        struct.pack_into("<3d", datagram, offset, *vector)
+    struct.pack_into("<4sHHIIq", datagram, 0, b"IMUT", 1, flags, stream, sequence, truth.simulation_time_ns)
+    struct.pack_into("<I", datagram, 196, crc32c(datagram[:196]))
+    return bytes(datagram)
+
+
+class LockstepClient:
+    """One run of one vehicle: the first truth says that a new run begins. For one thread at a time."""
+
+    def __init__(
+        self,
+        address: str,  # numeric, IPv4 or IPv6, as in imud's truth.port
+        port: int,
+        *,
+        timeout: float = 0.2,  # s; of an attempt
+        attempts: int = 50,  # imud may start later than the simulator, or have much to emit
+        stream: int = 0,  # which vehicle; an imud takes one
+        # By the clock if not given: to imud the same first truth with the same sequence is a repetition, no new run.
+        first_sequence: Optional[int] = None,
+    ):
+        self._timeout = timeout
+        self._attempts = attempts
+        self._stream = stream
+        self._sequence = (time.monotonic_ns() if first_sequence is None else first_sequence) & 0xFFFFFFFF
+        self._first = True  # no truth was answered yet
+        self._error: Optional[OSError] = None  # of the newest attempt
+        self._name = f"udp:[{address}]:{port}" if ":" in address else f"udp:{address}:{port}"
+        try:
+            family, kind, _, _, peer = socket.getaddrinfo(
+                address, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST
+            )[0]
+        except socket.gaierror as error:
+            raise ValueError(f"{self._name}: {error.strerror}; right would be the like of 127.0.0.1") from error
+        self._socket = socket.socket(family, kind)
+        try:
+            self._socket.connect(peer)  # hears nobody else, and of a port that nobody has open
+        except OSError:
+            self._socket.close()
+            raise
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def __enter__(self) -> "LockstepClient":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def step(self, truth: Truth) -> Answer:
+        """Sends `truth` and waits for its answer; sends the same datagram again when none comes in time.
+
+        That does no harm: imud answers a repeated truth again and emits nothing twice. Raises RuntimeError if no
+        attempt is answered, and ValueError as encode() does.
+        """
+        sequence = self._sequence
+        self._sequence = (sequence + 1) & 0xFFFFFFFF
+        datagram = encode(truth, self._stream, sequence, self._first)
+        for _ in range(self._attempts):
+            self._error = None
+            self._send(datagram)
+            answer = self._wait(sequence)
+            if answer is not None:
+                self._first = False
+                reached_ns, samples = answer
+                return Answer(self._stream, sequence, reached_ns, samples, reached_ns == truth.simulation_time_ns)
+        reason = f" ({self._error.strerror})" if self._error else ""
+        raise RuntimeError(
+            f"no answer from {self._name} to the truth of {truth.simulation_time_ns} ns, sent {self._attempts} "
+            f"times, {self._timeout * 1000:g} ms each{reason}; right would be an imud that runs with "
+            f'clock = "lockstep" and truth.port = "{self._name}"; if it does, its log names the truths that it '
+            "refuses unanswered"
+        )
+
+    def _send(self, datagram: bytes) -> None:
+        self._socket.settimeout(None)
+        for _ in range(2):  # the first may only tell what became of a datagram sent before
+            try:
+                self._socket.send(datagram)
+                return
+            except OSError as error:
+                last = error
+        self._error = last  # it passes: silence follows
+
+    def _wait(self, sequence: int) -> Optional[Tuple[int, int]]:
+        """Passes over all but the answer to `sequence`; the time reached, ns, and the samples."""
+        until = time.monotonic() + self._timeout
+        while (left := until - time.monotonic()) > 0:
+            self._socket.settimeout(left)
+            try:
+                answer = self._socket.recv(64)
+            except socket.timeout:
+                break
+            except OSError as error:
+                self._error = error
+                continue
+            if len(answer) != 32:
+                continue
+            magic, version, _, stream, answered, reached_ns, samples = struct.unpack("<4sHHIIqQ", answer)
+            if (magic, version, stream, answered) == (b"IMUA", 1, self._stream, sequence):
+                return reached_ns, samples
+        return None
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Turns imud about the z axis of a level table, in lockstep.")
+    parser.add_argument("address", nargs="?", default="127.0.0.1", help="of imud's truth.port (%(default)s)")
+    parser.add_argument("port", nargs="?", type=int, default=9810, help="(%(default)s)")
+    parser.add_argument("--rate-rad-per-s", type=float, default=0.5, help="of the table (%(default)s)")
+    parser.add_argument("--for", dest="duration_s", type=float, default=2, help="simulated seconds (%(default)s)")
+    options = parser.parse_args()
+    try:
+        with LockstepClient(options.address, options.port) as imud:
+            for step in range(int(options.duration_s * 100) + 1):
+                angle = math.remainder(options.rate_rad_per_s * step / 100, 2 * math.pi)
+                answer = imud.step(Truth(
+                    simulation_time_ns=step * 10_000_000,
+                    sigma_BN=(0, 0, math.tan(angle / 4)),
+                    omega_BN_B=(0, 0, options.rate_rad_per_s),
+                    specific_force_B=(0, 0, -9.80665),  # z down
+                ))
+                if step % 100 == 0:
+                    print(f"{answer.simulation_time_ns / 1e9:g} s: {answer.samples} samples")
+    except (OSError, RuntimeError, ValueError) as error:
+        print(f"lockstep_client.py: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
