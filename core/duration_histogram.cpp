@@ -14,22 +14,47 @@ constexpr unsigned buckets = 1000;
 DurationHistogram::DurationHistogram()
     : histogram_(boost::histogram::make_histogram_with(Storage(), Axis(buckets, shortest, longest))) {}
 
-void DurationHistogram::add(double seconds) {
+DurationHistogram::DurationHistogram(const DurationHistogram& other)
+    : histogram_(other.histogram_), count_(other.count()), max_(other.max()) {}
+
+DurationHistogram& DurationHistogram::operator=(const DurationHistogram& other) {
+  histogram_ = other.histogram_;
+  count_.store(other.count(), std::memory_order_relaxed);
+  max_.store(other.max(), std::memory_order_relaxed);
+  return *this;
+}
+
+void DurationHistogram::add(double seconds) noexcept {
   histogram_(seconds);
-  ++count_;
-  max_ = std::max(max_, seconds);
+  count_.store(count() + 1, std::memory_order_relaxed);
+  if (seconds > max()) max_.store(seconds, std::memory_order_relaxed);
+}
+
+DurationHistogram DurationHistogram::since(const DurationHistogram& before) const {
+  DurationHistogram rest(*this);
+  std::uint64_t count = 0;
+  double highest = 0;
+  for (auto&& bucket : boost::histogram::indexed(rest.histogram_, boost::histogram::coverage::all)) {
+    const std::uint64_t n = *bucket - before.histogram_.at(bucket.index());
+    rest.histogram_.at(bucket.index()) = n;
+    count += n;
+    if (n > 0 && bucket.index() >= 0) highest = bucket.bin().upper();
+  }
+  rest.count_ = count;
+  rest.max_ = max() > before.max() ? max() : std::min(highest, max());
+  return rest;
 }
 
 double DurationHistogram::percentile(double percent) const {
-  const double rank = percent / 100.0 * static_cast<double>(count_);
+  const double rank = percent / 100.0 * static_cast<double>(count());
   double reached = 0;
   for (auto&& bucket : boost::histogram::indexed(histogram_, boost::histogram::coverage::all)) {
-    reached += static_cast<double>(*bucket);
+    reached += static_cast<double>(std::uint64_t{*bucket});
     if (reached < rank || reached == 0) continue;
     if (bucket.index() < 0) return 0;
-    return std::min(max_, std::sqrt(bucket.bin().lower() * bucket.bin().upper()));
+    return std::min(max(), std::sqrt(bucket.bin().lower() * bucket.bin().upper()));
   }
-  return max_;
+  return max();
 }
 
 }  // namespace imud

@@ -53,8 +53,10 @@ void Imu::follow(const Timeline& timeline, TruthTime until) noexcept {
 
 // Takes the sums from reached_ to `end`, truth by truth, as the motion is smooth only between two of them.
 void Imu::accumulate(const Timeline& timeline, const State& end) noexcept {
-  if (reached_.basis != State::Basis::interpolated) {
-    // What was extrapolated at the last sample may be known by now: the difference goes into these increments.
+  if (reached_.basis != State::Basis::interpolated || timeline.revision() != revision_) {
+    // What was extrapolated at the last sample, or interpolated across a truth that was late, may be known by now: the
+    // difference goes into these increments.
+    revision_ = timeline.revision();
     const State known = timeline.at(reached_.time);
     angle_sum_B_ += log(reached_.q_NB.conjugate() * known.q_NB);
     velocity_sum_B_ += known.q_NB.conjugate() * (known.dv_N - reached_.dv_N);
@@ -79,7 +81,8 @@ void Imu::add_piece(const State& end) noexcept {
   const State& begin = reached_;
   const double h = seconds(end.time - begin.time);
   const Vector3 u2 = end.q_NB.conjugate() * (end.dv_N - begin.dv_N);
-  if (end.basis == State::Basis::held) {  // the motion stopped somewhere on the way; f is constant
+  if (begin.basis == State::Basis::held || end.basis == State::Basis::held) {
+    // The motion began or stopped somewhere on the way; f is constant.
     angle_sum_B_ += log(begin.q_NB.conjugate() * end.q_NB);
     velocity_sum_B_ += model_.delta_velocity == DeltaVelocity::integral ? Vector3(h * end.specific_force_B) : u2;
     reached_ = end;
@@ -148,6 +151,7 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
     delta_velocity = model_.dcm_PB * true_delta_velocity_B(now);  // Eq. 14
   } else {
     reached_ = now;
+    revision_ = timeline.revision();
     in_run_ = true;
   }
   last_ = now;

@@ -117,6 +117,7 @@ class Imu {
   State last_;                // at the last sample, as it was output
   TruthTime last_time_;       // which is not last_'s if that truth is kept no longer
   State reached_;             // how far the sums below go
+  std::uint32_t revision_ = 0;  // of the timeline that said so
   Vector3 angle_sum_B_;       // integral of the rate since last_
   Vector3 velocity_sum_B_;    // of the specific force of B's origin, by model_.delta_velocity
   Vector3 centripetal_sum_B_; // of omega x (omega x r)

@@ -14,6 +14,7 @@ inline constexpr std::uint32_t gyro_saturated_x = 1U << 0;  // y and z: the next
 inline constexpr std::uint32_t accelerometer_saturated_x = 1U << 3;
 inline constexpr std::uint32_t truth_extrapolated = 1U << 6;  // no truth for this instant (yet)
 inline constexpr std::uint32_t truth_stale = 1U << 7;         // none for so long that motion is held
+inline constexpr std::uint32_t not_valid = 1U << 8;           // so the sensor itself says that this is no measurement
 }  // namespace status
 
 struct Sample {

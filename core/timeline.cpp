@@ -11,7 +11,6 @@ namespace imud {
 namespace {
 
 constexpr Nanoseconds near = std::chrono::seconds(1);
-constexpr TruthTime never{std::numeric_limits<std::int64_t>::max()};
 
 // Cubic Hermite basis on [0, 1] and its first derivative: for the slope at 0, the value at 1 and the slope at 1. (The
 // value at 0 is the origin of every curve here.)
@@ -54,8 +53,12 @@ Admission Timeline::judge(const Truth& truth) const noexcept {
   return ahead >= -near ? Admission::reordered : Admission::time_back;  // no sequence to go by
 }
 
-Admission Timeline::push(const Truth& truth) noexcept {
+Admission Timeline::push(const Truth& truth, TruthTime settled) noexcept {
   Admission admission = judge(truth);
+  if (admission == Admission::reordered && truth.time > std::max(settled, knot(count_ < capacity ? 0 : 1).state.time)) {
+    insert(truth);
+    return Admission::inserted;
+  }
   if (admission != Admission::accepted && admission != Admission::new_run) {
     const bool follows = refused_in_row_ > 0 && truth.time > last_refused_ &&
                          truth.time - last_refused_ <= limits_.max_gap;
@@ -82,13 +85,48 @@ void Timeline::begin_run(const Truth& truth) noexcept {
   append(truth);
 }
 
-void Timeline::append(const Truth& truth) noexcept {
-  const Knot* previous = count_ > 0 ? &knot(count_ - 1) : nullptr;
-  if (count_ == capacity)
+void Timeline::forget_past() noexcept {
+  Knot& newest = knot(count_ - 1);
+  newest.h_s = 0;
+  newest.rate_slope.setZero();
+  first_ = (first_ + count_ - 1) % capacity;
+  count_ = 1;
+  run_start_ = newest.state.time;
+  run_start_sequence_ = newest_sequence_;
+}
+
+// Room for a knot that becomes number i, later ones moving up; the oldest is pushed out of a full ring. i > 0 then.
+Timeline::Knot& Timeline::make_room(std::size_t i) noexcept {
+  if (count_ == capacity) {
     first_ = (first_ + 1) % capacity;
-  else
+    --i;
+  } else {
     ++count_;
-  Knot& k = knots_[(first_ + count_ - 1) % capacity];
+  }
+  for (std::size_t j = count_ - 1; j > i; --j) knot(j) = knot(j - 1);
+  return knot(i);
+}
+
+void Timeline::append(const Truth& truth) noexcept {
+  Knot& k = make_room(count_);
+  place(truth, k);
+  if (count_ > 1)
+    link(knot(count_ - 2), k);
+  else
+    k.dv_origin_N = k.state.q_NB * k.accumulated_dv_B;
+}
+
+void Timeline::insert(const Truth& truth) noexcept {
+  ++revision_;
+  std::size_t i = count_ - 1;
+  while (knot(i - 1).state.time > truth.time) --i;
+  const std::size_t later = count_ - i;
+  place(truth, make_room(i));
+  for (i = count_ - 1 - later; i < count_; ++i) link(knot(i - 1), knot(i));
+}
+
+// What the truth alone says.
+void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k = Knot{};
   k.state.time = truth.time;
   k.state.q_NB = truth.q_NB.normalized();
@@ -100,12 +138,12 @@ void Timeline::append(const Truth& truth) noexcept {
   k.has_specific_force = truth.has_specific_force;
   if (truth.has_specific_force) k.state.specific_force_B = truth.specific_force_B;
   k.specific_force_N = k.state.q_NB * k.state.specific_force_B;
+}
+
+// What follows from the truth before.
+void Timeline::link(const Knot& before, Knot& k) noexcept {
   const Vector3 given_N = k.state.q_NB * k.accumulated_dv_B;  // if inertial
-  if (previous == nullptr) {
-    dv_origin_N_ = given_N;
-    return;
-  }
-  const Knot& before = *previous;
+  k.dv_origin_N = before.dv_origin_N;
 
   // Attitude.
   k.h_s = seconds(k.state.time - before.state.time);
@@ -135,7 +173,7 @@ void Timeline::append(const Truth& truth) noexcept {
   const bool has_force = before.has_specific_force && k.has_specific_force;
   switch (kind) {
     case AccumulatedDv::inertial:
-      k.state.dv_N = given_N - dv_origin_N_;
+      k.state.dv_N = given_N - k.dv_origin_N;
       break;
     case AccumulatedDv::body_sum:
       k.state.dv_N = before.state.dv_N + k.state.q_NB * (k.accumulated_dv_B - before.accumulated_dv_B);
@@ -155,7 +193,7 @@ void Timeline::append(const Truth& truth) noexcept {
         }
       }
       k.state.dv_N = before.state.dv_N + k.h_s * sum;
-      dv_origin_N_ = given_N - k.state.dv_N;  // should accumulated velocity begin here
+      k.dv_origin_N = given_N - k.state.dv_N;  // should accumulated velocity begin here
       break;
     }
   }
@@ -185,7 +223,7 @@ std::size_t Timeline::segment_end(TruthTime time) const noexcept {
 
 State Timeline::at(TruthTime time) const noexcept {
   if (time > newest()) return extrapolate(time);
-  if (count_ == 1 || time <= knot(0).state.time) return knot(0).state;
+  if (time <= knot(0).state.time) return time < run_start_ && is_whole() ? before_run(time) : knot(0).state;
   const std::size_t end = segment_end(time);
   const Knot& k = knot(end);
   if (time == k.state.time) return k.state;
@@ -237,6 +275,17 @@ State Timeline::extrapolate(TruthTime time) const noexcept {
   state.omega_BN_B.setZero();
   state.omegaDot_BN_B.setZero();
   state.dv_N += seconds(ahead - limits_.extrapolate) * (state.q_NB * state.specific_force_B);
+  return state;
+}
+
+// As if it had waited there.
+State Timeline::before_run(TruthTime time) const noexcept {
+  State state = knot(0).state;
+  state.dv_N -= seconds(state.time - time) * (state.q_NB * state.specific_force_B);
+  state.time = time;
+  state.basis = State::Basis::held;
+  state.omega_BN_B.setZero();
+  state.omegaDot_BN_B.setZero();
   return state;
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/truth.hpp"
@@ -15,7 +16,8 @@ struct State {
   enum class Basis : std::uint8_t {
     interpolated,  // between two truths, or at one
     extrapolated,  // after the newest truth
-    held,          // so long after it that motion is frozen: attitude constant, rate zero, specific force constant
+    held,          // so long after it, or before a run's first, that motion is frozen: attitude constant, rate zero,
+                   // specific force constant
   };
   TruthTime time;
   Basis basis = Basis::interpolated;
@@ -29,9 +31,10 @@ struct State {
 // What the timeline made of a truth.
 enum class Admission : std::uint8_t {
   accepted,
+  inserted,   // accepted: it was overtaken on its way, but nobody has looked yet at where it belongs
   new_run,    // accepted, and the timeline begins anew with it
   duplicate,  // this instant is there already
-  reordered,  // older than the newest: it was overtaken on its way
+  reordered,  // older than the newest: it was overtaken on its way, and is too late
   time_back,  // sent later than the newest, but its time is earlier
   time_jump,  // further ahead of the newest than `max_gap`
 };
@@ -65,8 +68,12 @@ class Timeline {
   Timeline() : Timeline(Limits{}) {}
 
   // `truth` must pass is_finite() and is_in_range(). A truth with `new_run` begins anew, unless it repeats the run's
-  // first one (its time and sequence) within a second of it.
-  Admission push(const Truth& truth) noexcept;
+  // first one (its time and sequence) within a second of it. `settled`: what was true up to then is in use already and
+  // does not change any more; a truth that was overtaken is taken in if it is later.
+  Admission push(const Truth& truth, TruthTime settled = never) noexcept;
+
+  // Forgets all but the newest truth: the simulator's time has leapt, and a run begins with it.
+  void forget_past() noexcept;
 
   // Whether the next truth would push out one that at(`time`) still needs.
   bool is_full_for(TruthTime time) const noexcept { return count_ == capacity && knot(1).state.time > time; }
@@ -75,13 +82,17 @@ class Timeline {
   // Of the run's newest truth and of its very first; only if not empty().
   TruthTime newest() const noexcept { return knot(count_ - 1).state.time; }
   TruthTime run_start() const noexcept { return run_start_; }
+  // Changes when what at() gives between the oldest and the newest truth does.
+  std::uint32_t revision() const noexcept { return revision_; }
 
-  // The state at `time`. Not before the oldest truth kept (the state there), however late (held). Not if empty().
+  // The state at `time`, however late or early: held where there is no truth. What was forgotten for want of room is
+  // the state at the oldest truth kept. Not if empty().
   State at(TruthTime time) const noexcept;
 
-  // The first truth after `time`, or TruthTime max if there is none: what at() gives is smooth up to there.
+  // The first truth after `time`, or `never` if there is none: what at() gives is smooth up to there.
   TruthTime next_truth(TruthTime time) const noexcept;
 
+  static constexpr TruthTime never{std::numeric_limits<std::int64_t>::max()};
   static constexpr std::size_t capacity = 1024;  // truths kept
 
  private:
@@ -100,15 +111,23 @@ class Timeline {
     Vector3 omegaDot_begin = Vector3::Zero();
     Vector3 omegaDot_end = Vector3::Zero();
     bool linear_dv = false;
+    Vector3 dv_origin_N = Vector3::Zero();  // what an inertial accumulated velocity counts from
   };
 
   const Knot& knot(std::size_t i) const noexcept { return knots_[(first_ + i) % capacity]; }
+  Knot& knot(std::size_t i) noexcept { return knots_[(first_ + i) % capacity]; }
+  bool is_whole() const noexcept { return knot(0).state.time == run_start_; }
   Admission judge(const Truth& truth) const noexcept;
   void begin_run(const Truth& truth) noexcept;
   void append(const Truth& truth) noexcept;
+  void insert(const Truth& truth) noexcept;
+  Knot& make_room(std::size_t i) noexcept;
+  static void place(const Truth& truth, Knot& knot) noexcept;
+  static void link(const Knot& before, Knot& knot) noexcept;
   std::size_t segment_end(TruthTime time) const noexcept;
   static State interpolate(const Knot& begin, const Knot& end, double s) noexcept;
   State extrapolate(TruthTime time) const noexcept;
+  State before_run(TruthTime time) const noexcept;
 
   Limits limits_;
   std::vector<Knot> knots_;  // ring
@@ -117,7 +136,7 @@ class Timeline {
   TruthTime run_start_;
   std::uint32_t run_start_sequence_ = 0;
   std::uint32_t newest_sequence_ = 0;
-  Vector3 dv_origin_N_ = Vector3::Zero();  // what an inertial accumulated velocity counts from
+  std::uint32_t revision_ = 0;
   int refused_in_row_ = 0;
   TruthTime last_refused_;
 };

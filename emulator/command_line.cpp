@@ -104,6 +104,11 @@ int command_line(int argc, const char* const* argv) {
         });
     command->add_option("--summary", arguments.run.summary_file, "Write the closing summary as JSON, too")
         ->type_name("FILE");
+    command->add_option("--log-every", arguments.run.monitor.log_every_s, "Log the figures so often; 0: never (10)")
+        ->type_name("SECONDS")
+        ->check(CLI::Range(0.0, 1e9));
+    command->add_option("--quality", arguments.run.monitor.quality_file, "Write the figures each second as a line of JSON")
+        ->type_name("FILE");
   };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
   with_run(run_command);

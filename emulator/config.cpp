@@ -5,6 +5,7 @@
 
 #include <map>
 #include <set>
+#include <thread>
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
@@ -134,6 +135,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
 
   table.require("rate_hz", "the sensor's output rate");
   imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
+  const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
+  const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
+  imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
 
   table.require("protocol", "one that `imud list` shows");
   const std::string protocol = table.text("protocol", "");
@@ -211,13 +215,35 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   if (table.has("stream"))
     truth.stream = static_cast<std::uint32_t>(table.unsigned_integer("stream", 0, 0xFFFF'FFFFU));
   const auto milliseconds = [&](std::string_view key, Nanoseconds fallback, double min, double max) {
-    return Nanoseconds{static_cast<std::int64_t>(1e6 * table.real(key, 1e3 * seconds(fallback), min, max) + 0.5)};
+    return nanoseconds(1e-3 * table.real(key, 1e3 * seconds(fallback), min, max));
   };
-  truth.delay = milliseconds("delay_ms", truth.delay, 0.0, 1000.0);
+  const double percent = table.real("auto_delay_percent", 99.0, 50.0, 100.0);
+  if (table.is_text("delay_ms")) {
+    if (table.text("delay_ms", "") != "auto") table.fault("delay_ms", "give milliseconds from 0 to 1000, or \"auto\"");
+    truth.clock.automatic_percent = percent;
+  } else {
+    truth.clock.delay = milliseconds("delay_ms", truth.clock.delay, 0.0, 1000.0);
+    if (table.has("auto_delay_percent")) table.fault("auto_delay_percent", "needs delay_ms = \"auto\"");
+  }
+  constexpr WhenStopped reactions[] = {WhenStopped::hold, WhenStopped::flag, WhenStopped::silence};
+  truth.when_stopped = reactions[table.choice("when_stopped", {"hold", "flag", "silence"}, 0)];
   truth.limits.extrapolate = milliseconds("extrapolate_ms", truth.limits.extrapolate, 0.0, 10'000.0);
   truth.limits.max_gap = milliseconds("max_gap_ms", truth.limits.max_gap, 1.0, 3.6e6);
   table.finish();
   return truth;
+}
+
+RealtimeConfig read_realtime(TableReader table) {
+  RealtimeConfig realtime;
+  realtime.priority = static_cast<int>(table.unsigned_integer("priority", static_cast<unsigned>(realtime.priority), 99));
+  if (table.has("cpu")) {
+    const unsigned cpus = std::max(1U, std::thread::hardware_concurrency());
+    realtime.cpu = static_cast<unsigned>(table.unsigned_integer("cpu", 0, cpus - 1));
+  }
+  realtime.lock_memory = table.flag("lock_memory", realtime.lock_memory);
+  realtime.spin = nanoseconds(1e-6 * table.real("spin_us", 0.0, 0.0, 1000.0));
+  table.finish();
+  return realtime;
 }
 
 // Two imus that would disturb one another.
@@ -306,6 +332,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   constexpr ClockMode clocks[] = {ClockMode::realtime, ClockMode::lockstep, ClockMode::fast};
   config.clock = clocks[table.choice("clock", {"realtime", "lockstep", "fast"}, 0)];
   config.truth = read_truth(table.child("truth"), capture);
+  config.realtime = read_realtime(table.child("realtime"));
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
     table.fault("clock", "\"fast\" reads a capture; give truth.port \"pcap:...\" or \"file:...\", or \"lockstep\"");
 

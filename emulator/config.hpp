@@ -10,6 +10,7 @@
 
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
+#include "emulator/truth_clock.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 
@@ -18,18 +19,35 @@ namespace imud {
 // Who says "now": the host's clock, each truth that arrives, or a capture as fast as it can be read.
 enum class ClockMode : std::uint8_t { realtime, lockstep, fast };
 
+// What a sensor does when motion is held for want of truth.
+enum class WhenStopped : std::uint8_t {
+  hold,     // goes on: rate zero, specific force constant; status bits 6 and 7
+  flag,     // likewise, and says that it is not valid (status bit 8, or the protocol's own)
+  silence,  // sends nothing
+};
+
 struct TruthConfig {
   std::string port;  // empty only if the command line gives a capture
   const TruthFormat* format = nullptr;
   Settings settings;
   std::optional<std::uint32_t> stream;  // take only this one; otherwise the first that comes
   Timeline::Limits limits;
-  Nanoseconds delay{0};  // how far behind the truth's own time the sensors sample (realtime, live)
+  TruthClock::Options clock;  // realtime, live
+  WhenStopped when_stopped = WhenStopped::hold;
+};
+
+// The thread that samples, where the clock is the host's.
+struct RealtimeConfig {
+  int priority = 70;  // SCHED_FIFO; 0: as any thread
+  std::optional<unsigned> cpu;
+  bool lock_memory = true;
+  Nanoseconds spin{0};
 };
 
 struct ImuConfig {
   std::string name;
   double rate_hz = 0;
+  Grid grid{1.0};  // of its instants: the rate with the clock's error, and the phase
   const Protocol* protocol = nullptr;
   Settings settings;
   std::string port;
@@ -40,6 +58,7 @@ struct Config {
   std::uint64_t seed = 1;
   ClockMode clock = ClockMode::realtime;
   TruthConfig truth;
+  RealtimeConfig realtime;
   std::vector<ImuConfig> imus;
 };
 

@@ -16,9 +16,7 @@
 #include <thread>
 
 #include "emulator/clock.hpp"
-#include "emulator/session.hpp"
-#include "emulator/summary.hpp"
-#include "transports/host_clock.hpp"
+#include "emulator/realtime_thread.hpp"
 
 namespace imud {
 
@@ -26,68 +24,36 @@ namespace {
 
 namespace asio = boost::asio;
 
-// Says once what the thread that samples may not say itself.
-class Monitor {
+// Calls `look` ten times a second.
+class Ticker {
  public:
-  Monitor(asio::io_context& io, const Session& session, const Config& config)
-      : timer_(io), session_(session), config_(config), states_(config.imus.size(), PortState::ready) {
-    look();
-  }
-
-  // Also once more at the end.
-  void report() {
-    const TruthCounters& truth = session_.intake().counters();
-    for (std::size_t i = 0; i < truth.refused.size(); ++i)
-      if (!named_[i] && truth.refused[i] > 0) {
-        named_[i] = true;
-        const auto refusal = static_cast<Refusal>(i);
-        spdlog::warn("truth refused: {}: {} (counted; said once)", cause(refusal), remedy(refusal));
-      }
-    if (const std::uint64_t runs = truth.runs; runs > runs_) {
-      if (runs > 1) spdlog::info("the truth's time began anew: run {}", runs);
-      runs_ = runs;
-    }
-    if (truth.resumed > 0 && !std::exchange(resumed_named_, true))
-      spdlog::warn("the truth paused, runs slow or jumped: a new run begins (counted; said once)");
-    for (std::size_t i = 0; i < states_.size(); ++i) {
-      const PortState state = session_.imu_counters(i).port_state;
-      if (std::exchange(states_[i], state) == state) continue;
-      const ImuConfig& imu = config_.imus[i];
-      switch (state) {
-        case PortState::ready: spdlog::info("{}: {} takes frames", imu.name, imu.port); break;
-        case PortState::no_reader: spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port); break;
-        case PortState::lost: spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port); break;
-      }
-    }
-  }
+  Ticker(asio::io_context& io, Monitor& monitor) : timer_(io), monitor_(monitor) { tick(); }
 
  private:
-  void look() {
-    report();
+  void tick() {
+    monitor_.look();
     timer_.expires_after(std::chrono::milliseconds(100));
     timer_.async_wait([this](const boost::system::error_code& error) {
-      if (!error) look();
+      if (!error) tick();
     });
   }
-
   asio::steady_timer timer_;
-  const Session& session_;
-  const Config& config_;
-  std::vector<PortState> states_;  // as last said
-  std::array<bool, static_cast<std::size_t>(Refusal::count)> named_ = {};
-  std::uint64_t runs_ = 0;
-  bool resumed_named_ = false;
+  Monitor& monitor_;
 };
 
 void drive(Session& session, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
+  MonotonicHost host;
+  const bool realtime = config.clock == ClockMode::realtime;
+  if (realtime)
+    for (const std::string& shortfall : make_thread_realtime(config.realtime)) spdlog::warn("{}", shortfall);
   if (is_capture(config.truth.port)) {
     std::optional<Nanoseconds> limit;
-    if (options.duration_s) limit = Nanoseconds{static_cast<std::int64_t>(*options.duration_s * 1e9 + 0.5)};
-    run_capture(session, config.clock == ClockMode::realtime, limit, stop);
+    if (options.duration_s) limit = nanoseconds(*options.duration_s);
+    run_capture(session, host, realtime, config.realtime.spin, limit, stop);
   } else if (config.clock == ClockMode::lockstep) {
-    run_lockstep(session, stop);
+    run_lockstep(session, host, stop);
   } else {
-    run_realtime(session, config.truth.delay, config.truth.limits.extrapolate, stop);
+    run_realtime(session, host, {config.truth.clock, config.truth.limits.extrapolate, config.realtime.spin}, stop);
   }
 }
 
@@ -114,17 +80,22 @@ int run(const Config& config, const RunOptions& options) {
     if (!summary_file) throw std::runtime_error(fmt::format("{}: cannot be written", options.summary_file));
   }
 
+  std::optional<RealtimeProcess> process;
+  if (config.clock == ClockMode::realtime) {
+    process.emplace(config.realtime);
+    for (const std::string& shortfall : process->shortfalls()) spdlog::warn("{}", shortfall);
+  }
   Session session(config, stop);
-  Monitor monitor(io, session, config);
+  Monitor monitor(session, config, options.monitor);
+  Ticker ticker(io, monitor);
   asio::steady_timer end(io);
   if (options.duration_s && !is_capture(config.truth.port)) {
-    end.expires_after(std::chrono::nanoseconds(static_cast<std::int64_t>(*options.duration_s * 1e9)));
+    end.expires_after(nanoseconds(*options.duration_s));
     end.async_wait([&](const boost::system::error_code& error) {
       if (!error) stop = true;
     });
   }
 
-  const HostTime begin = host_now();
   std::exception_ptr failure;
   std::thread worker([&] {
     try {
@@ -138,14 +109,13 @@ int run(const Config& config, const RunOptions& options) {
   worker.join();
   if (failure) std::rethrow_exception(failure);
 
-  monitor.report();
-  const Summary summary = summarize(session, seconds(host_now() - begin));
+  const Summary summary = monitor.finish();
   if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
   const std::string printed = text(summary);
   std::fputs(printed.c_str(), writes_to_stdout(config) ? stderr : stdout);
   std::fflush(stdout);
   if (summary_file.is_open()) {
-    summary_file << json(summary);
+    summary_file << json(summary, JsonLayout::indented);
     summary_file.flush();
     if (!summary_file) throw std::runtime_error(fmt::format("{}: cannot be written", options.summary_file));
   }

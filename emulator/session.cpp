@@ -7,23 +7,37 @@
 namespace imud {
 
 namespace {
+
 void count_one(std::atomic<std::uint64_t>& counter) noexcept { counter.fetch_add(1, std::memory_order_relaxed); }
+
+std::vector<Grid> grids(const Config& config) {
+  std::vector<Grid> all;
+  for (const ImuConfig& imu : config.imus) all.push_back(imu.grid);
+  return all;
+}
+
 }  // namespace
 
-Session::Unit::Unit(const ImuConfig& config, std::uint64_t seed)
+Session::Unit::Unit(const ImuConfig& config, std::uint64_t seed, std::unique_ptr<Port> opened)
     : name(config.name),
       imu(config.model, seed, stream_id(config.name)),
-      grid(config.rate_hz),
+      period(config.grid.period()),
       device(config.protocol->make(config.settings)),
-      port(open_port(config.port, Role::device)),
+      port(std::move(opened)),
       waits_for_reader(config.protocol->link == Link::bytes) {}
 
-Session::Session(const Config& config, const std::atomic<bool>& stop)
-    : stop_(stop), timeline_(config.truth.limits), intake_(config.truth, timeline_) {
+Session::Session(const Config& config, const std::atomic<bool>& stop, const OpenPort& open)
+    : stop_(stop),
+      when_stopped_(config.truth.when_stopped),
+      timeline_(config.truth.limits),
+      intake_(config.truth, timeline_, open(config.truth.port, Role::listener)),
+      schedule_(grids(config)) {
   for (const ImuConfig& imu : config.imus) {
-    units_.push_back(std::make_unique<Unit>(imu, config.seed));
+    units_.push_back(std::make_unique<Unit>(imu, config.seed, open(imu.port, Role::device)));
     publish(*units_.back());
   }
+  prepared_.reserve(units_.size());
+  inputs_.reserve(units_.size() + 1);
 }
 
 Session::~Session() {
@@ -34,54 +48,59 @@ Session::~Session() {
   }
 }
 
-void Session::begin_run(TruthTime start) noexcept {
-  start_ = start;
+void Session::begin_run() noexcept {
   in_run_ = true;
   samples_in_run_ = 0;
   truths_since_follow_ = 0;
+  settled_ = timeline_.run_start();
   for (const auto& unit : units_) {
-    unit->index = 0;
     unit->imu.begin_run();
+    unit->has_sampled = false;
   }
 }
 
-Session::Unit& Session::next_unit() noexcept {
-  return **std::min_element(units_.begin(), units_.end(),
-                            [this](const auto& a, const auto& b) { return a->due(start_) < b->due(start_); });
-}
+void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
+  Unit& unit = *units_[schedule_.next().imu];
+  schedule_.advance();
+  Sample sample = unit.imu.sample(timeline_, time, stamp);
+  unit.has_sampled = true;
+  settled_ = std::max(settled_, time);
 
-TruthTime Session::next_due() const noexcept {
-  TruthTime due = units_.front()->due(start_);
-  for (const auto& unit : units_) due = std::min(due, unit->due(start_));
-  return due;
-}
-
-bool Session::advance(TruthTime limit, Pace* pace) noexcept {
-  if (!in_run_) return true;
-  while (!stop_.load(std::memory_order_relaxed)) {
-    Unit& unit = next_unit();
-    const TruthTime due = unit.due(start_);
-    if (due > limit) return true;
-    Nanoseconds lateness{0};
-    if (pace != nullptr && !pace->wait(due, lateness)) return false;
-    if (pace == nullptr) wait_for_reader(unit);
-    emit(unit, due);
-    if (pace != nullptr) unit.counters.lateness.add(seconds(lateness));
-  }
-  return false;
-}
-
-void Session::emit(Unit& unit, TruthTime due) noexcept {
-  const Sample sample = unit.imu.sample(timeline_, due, DeviceTime{due.ns});
-  unit.frames.clear();
-  unit.device->sample(sample, unit.frames);
+  const bool held = (sample.status & status::truth_stale) != 0;
+  const bool stopped = held && time > timeline_.newest();  // not before a run's first truth
+  if (std::exchange(stopped_, stopped) != stopped) count_one(stopped ? quality_.stops : quality_.returns);
   if ((sample.status & status::truth_extrapolated) != 0) count_one(unit.counters.extrapolated);
-  if ((sample.status & status::truth_stale) != 0) count_one(unit.counters.held);
-  hand_over(unit);
-  ++unit.index;
-  ++samples_in_run_;
-  serve_host(unit);
-  publish(unit);
+  if (held) count_one(unit.counters.held);
+
+  unit.frames.clear();
+  if (stopped && when_stopped_ == WhenStopped::silence) {
+    count_one(unit.counters.silent);
+  } else {
+    if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
+    unit.device->sample(sample, unit.frames);
+  }
+  prepared_.push_back(&unit);
+}
+
+void Session::fire() noexcept {
+  for (Unit* unit : prepared_) hand_over(*unit);
+  finish();
+}
+
+void Session::note_times(Unit& unit, Nanoseconds lateness, Nanoseconds write) noexcept {
+  unit.counters.lateness.add(seconds(lateness));
+  unit.counters.write.add(seconds(write));
+  if (lateness >= unit.period) count_one(unit.counters.missed);
+}
+
+void Session::finish() noexcept {
+  samples_in_run_ += prepared_.size();
+  for (Unit* unit : prepared_) {
+    count_one(unit->counters.samples);
+    serve_host(*unit);
+    publish(*unit);
+  }
+  prepared_.clear();
 }
 
 void Session::hand_over(Unit& unit) noexcept {
@@ -91,14 +110,18 @@ void Session::hand_over(Unit& unit) noexcept {
 }
 
 void Session::publish(Unit& unit) noexcept {
-  unit.counters.samples.store(unit.imu.next(), std::memory_order_relaxed);
-  unit.counters.frames.store(unit.port->counters().sent, std::memory_order_relaxed);
-  unit.counters.dropped.store(unit.port->counters().dropped, std::memory_order_relaxed);
+  const PortCounters& port = unit.port->counters();
+  unit.counters.frames.store(port.sent, std::memory_order_relaxed);
+  unit.counters.dropped.store(port.dropped, std::memory_order_relaxed);
   unit.counters.port_state.store(unit.port->state(), std::memory_order_relaxed);
 }
 
+void Session::wait_for_readers() noexcept {
+  for (Unit* unit : prepared_)
+    if (unit->waits_for_reader) wait_for_reader(*unit);
+}
+
 void Session::wait_for_reader(Unit& unit) const noexcept {
-  if (!unit.waits_for_reader) return;
   constexpr int patience_ms = 2000;
   constexpr int step_ms = 10;  // between looks at `stop`
   for (int waited_ms = 0; !stop_.load(std::memory_order_relaxed); waited_ms += step_ms) {
@@ -121,9 +144,11 @@ void Session::serve_host(Unit& unit) noexcept {
   for (int i = 0; i < most; ++i) {
     const auto received = unit.port->receive();
     if (!received) return;
-    unit.frames.clear();
-    unit.device->receive(received->frame, unit.frames);
-    hand_over(unit);
+    replies_.clear();
+    unit.device->receive(received->frame, replies_);
+    if (replies_.frames().empty()) continue;
+    unit.port->send(replies_.frames());
+    unit.handed += replies_.frames().size();
   }
 }
 
@@ -134,29 +159,53 @@ void Session::serve_hosts() noexcept {
   }
 }
 
-void Session::follow() noexcept {
+std::span<pollfd> Session::inputs() noexcept {
+  inputs_.clear();
+  inputs_.push_back({intake_.descriptor(), POLLIN, 0});
+  for (const auto& unit : units_) inputs_.push_back({unit->port->descriptor(), POLLIN, 0});
+  return inputs_;
+}
+
+bool Session::serve_inputs() noexcept {
+  bool good = true;
+  for (std::size_t i = 0; i < inputs_.size(); ++i) {
+    const short seen = inputs_[i].revents;
+    if (seen != 0 && (seen & POLLIN) == 0) good = false;
+    if (seen == 0 || i == 0) continue;
+    serve_host(*units_[i - 1]);
+    publish(*units_[i - 1]);
+  }
+  return good;
+}
+
+void Session::follow(TruthTime until) noexcept {
   constexpr std::size_t often_enough = Timeline::capacity / 2;
-  if (++truths_since_follow_ >= often_enough) take_in_truth();
-}
-
-void Session::take_in_truth() noexcept {
+  if (++truths_since_follow_ < often_enough) return;
   truths_since_follow_ = 0;
-  for (const auto& unit : units_) unit->imu.follow(timeline_, std::min(timeline_.newest(), unit->due(start_)));
+  take_in(until);
 }
 
-bool Session::has_room_for_truth() noexcept {
-  const auto is_full = [this] {
-    return std::any_of(units_.begin(), units_.end(), [this](const auto& unit) {
-      return timeline_.is_full_for(unit->index == 0 ? start_ : unit->imu.reached());
+void Session::take_in(TruthTime until) noexcept {
+  until = std::min(until, timeline_.newest());
+  settled_ = std::max(settled_, until);
+  for (const auto& unit : units_) unit->imu.follow(timeline_, until);
+}
+
+bool Session::has_room_for_truth(TruthTime until) noexcept {
+  const auto is_full = [&] {
+    return std::any_of(units_.begin(), units_.end(), [&](const auto& unit) {
+      return timeline_.is_full_for(unit->has_sampled ? unit->imu.reached() : until);
     });
   };
   if (!in_run_ || !is_full()) return true;
-  take_in_truth();
+  take_in(until);
   return !is_full();
 }
 
 void Session::flush() noexcept {
   for (const auto& unit : units_) {
+    const PortCounters& counters = unit->port->counters();
+    if (counters.sent + counters.dropped == unit->handed) continue;
     unit->port->flush();
     publish(*unit);
   }

@@ -1,109 +1,158 @@
 // Session: truth in, samples out: the one path that every clock drives.
 #pragma once
 
+#include <poll.h>
+
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/duration_histogram.hpp"
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
+#include "emulator/schedule.hpp"
 #include "emulator/truth_intake.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
 
-// What one imu has done. Written by the thread that samples, read by any (lateness: only when that has ended).
+// What one imu has done. Written by the thread that samples, read by any.
 struct ImuCounters {
-  std::atomic<std::uint64_t> samples = 0;
-  std::atomic<std::uint64_t> frames = 0;   // that the port took whole
-  std::atomic<std::uint64_t> dropped = 0;  // that it did not
-  std::atomic<std::uint64_t> extrapolated = 0;  // samples after the newest truth, held ones included
-  std::atomic<std::uint64_t> held = 0;          // of these, with motion frozen
+  using Counter = std::atomic<std::uint64_t>;
+  Counter samples = 0;
+  Counter frames = 0;        // that the port took whole
+  Counter dropped = 0;       // that it did not
+  Counter extrapolated = 0;  // samples after the newest truth, held ones included
+  Counter held = 0;          // of these, with motion frozen
+  Counter silent = 0;        // of these, that were not sent (truth.when_stopped)
+  Counter missed = 0;        // samples that left a whole period late, or later
   std::atomic<PortState> port_state = PortState::ready;
-  DurationHistogram lateness;
+  DurationHistogram lateness;  // from a sample's instant to the beginning of its write
+  DurationHistogram write;     // how long that took
 };
 
-// Host time of the samples' instants; how a clock paces the session.
-class Pace {
- public:
-  // Waits until the instant `due` has come. False: stop now. Returns how late it is.
-  virtual bool wait(TruthTime due, Nanoseconds& lateness) noexcept = 0;
-
- protected:
-  ~Pace() = default;
+// How the truth stands to the host's clock; realtime only. Written and read likewise.
+struct TruthQuality {
+  std::atomic<bool> known = false;
+  std::atomic<double> rate = 1;      // simulation seconds in a host second, estimated
+  std::atomic<double> offset_s = 0;  // by which the simulation has fallen behind the host's clock in this run
+  std::atomic<double> delay_s = 0;   // how far behind the truth's line the sensors sample
+  std::atomic<std::uint64_t> stops = 0;    // times that truth was missing for so long that motion was held
+  std::atomic<std::uint64_t> returns = 0;  // times that it came back
+  std::atomic<std::uint64_t> resumed = 0;  // times that a run began as the truth had paused or jumped
+  DurationHistogram jitter;  // how late truths come, against the least late ones
+  DurationHistogram age;     // of the newest truth, at the samples' instants
 };
 
 class Session {
  public:
+  using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, Role)>;
   // Opens every port. Throws PortError. `stop` ends every wait.
-  Session(const Config& config, const std::atomic<bool>& stop);
+  Session(const Config& config, const std::atomic<bool>& stop, const OpenPort& open = open_port);
   // Gives readers up to 50 ms for what they have not read yet.
   ~Session();
 
   TruthIntake& intake() noexcept { return intake_; }
   const TruthIntake& intake() const noexcept { return intake_; }
+  Timeline& timeline() noexcept { return timeline_; }
   const Timeline& timeline() const noexcept { return timeline_; }
 
-  // A run begins: the sample grids start at `start`, the timeline's first truth or, after a pause, its newest.
-  void begin_run(TruthTime start) noexcept;
-  // Emits every sample due up to `limit`, in the order of their instants, each when `pace` lets it. Without a pace each
-  // leaves at once, or, as no instant is missed by that, when a slow reader of a byte link has made room for it, for
-  // which it has 2 s. False if it is time to stop.
-  bool advance(TruthTime limit, Pace* pace) noexcept;
-  // A truth was accepted: lets imus that sample seldom take it in.
-  void follow() noexcept;
-  // False while the timeline has no place for another truth before samples are emitted.
-  bool has_room_for_truth() noexcept;
-  // The instant of the next sample; only in a run.
-  TruthTime next_due() const noexcept;
-  // Lets the devices hear what their hosts sent.
-  void serve_hosts() noexcept;
-  void flush() noexcept;
-
-  std::uint64_t samples_in_run() const noexcept { return samples_in_run_; }
+  // A run begins: the next samples have no increments.
+  void begin_run() noexcept;
   bool in_run() const noexcept { return in_run_; }
+  std::uint64_t samples_in_run() const noexcept { return samples_in_run_; }
+
+  // When each imu samples, since the grids' start.
+  Schedule& schedule() noexcept { return schedule_; }
+
+  // Makes the frames of the schedule's next sample, which is that of the truth at `time`, and goes on to the one after.
+  // `time` does not fall within a run.
+  void prepare(TruthTime time, DeviceTime stamp) noexcept;
+  // Hands the frames of the samples prepared, in their order, to their ports, and lets their devices hear their hosts.
+  // `now` gives host time and `due` is the samples' instant, if lateness matters.
+  void fire() noexcept;
+  template <class Now>
+  void fire(HostTime due, Now&& now) noexcept {
+    for (Unit* unit : prepared_) {
+      const HostTime begin = now();
+      hand_over(*unit);
+      note_times(*unit, begin - due, now() - begin);
+    }
+    finish();
+  }
+  // Waits until the reader of a byte link has made room for the sample prepared, for which it has 2 s. Never dropping
+  // anything is right where no instant is missed by waiting.
+  void wait_for_readers() noexcept;
+
+  // A truth was accepted: lets imus that sample seldom take in what was true up to `until`, which none of them has to
+  // sample before any more.
+  void follow(TruthTime until) noexcept;
+  // False while the timeline has no place for another truth; the imus' next samples are at `until` or later.
+  bool has_room_for_truth(TruthTime until) noexcept;
+  // What was true up to then is in use already.
+  TruthTime settled() const noexcept { return settled_; }
+
+  // What can be waited for now, for poll(): truth, first, and what the hosts send.
+  std::span<pollfd> inputs() noexcept;
+  // Lets the devices hear their hosts where poll() has seen something in inputs(). False if it was only errors there,
+  // which stay: do not wait on them again at once.
+  bool serve_inputs() noexcept;
+  // Lets all devices hear their hosts, and lost ports look whether their device is back.
+  void serve_hosts() noexcept;
+  // Hands on what ports hold back.
+  void flush() noexcept;
 
   std::size_t imu_count() const noexcept { return units_.size(); }
   const std::string& imu_name(std::size_t i) const { return units_[i]->name; }
   const ImuCounters& imu_counters(std::size_t i) const { return units_[i]->counters; }
+  TruthQuality& quality() noexcept { return quality_; }
+  const TruthQuality& quality() const noexcept { return quality_; }
 
  private:
   struct Unit {
-    Unit(const ImuConfig& config, std::uint64_t seed);
-    TruthTime due(TruthTime start) const { return start + grid.offset(index); }
+    Unit(const ImuConfig& config, std::uint64_t seed, std::unique_ptr<Port> opened);
     std::string name;
     Imu imu;
-    Grid grid;
+    Nanoseconds period;
     std::unique_ptr<Device> device;
     std::unique_ptr<Port> port;
     bool waits_for_reader;
     bool reader_stalls = false;
+    bool has_sampled = false;  // in this run
     std::uint64_t handed = 0;  // frames given to the port
-    std::uint64_t index = 0;  // of the next sample in this run
-    FrameBuffer frames;
+    FrameBuffer frames;        // of the sample prepared
     ImuCounters counters;
   };
 
-  void emit(Unit& unit, TruthTime due) noexcept;
+  void hand_over(Unit& unit) noexcept;
+  void note_times(Unit& unit, Nanoseconds lateness, Nanoseconds write) noexcept;
+  void finish() noexcept;
+  void take_in(TruthTime until) noexcept;
   void wait_for_reader(Unit& unit) const noexcept;
   void serve_host(Unit& unit) noexcept;
-  static void hand_over(Unit& unit) noexcept;
-  void take_in_truth() noexcept;
   static void publish(Unit& unit) noexcept;
-  Unit& next_unit() noexcept;
 
   const std::atomic<bool>& stop_;
+  const WhenStopped when_stopped_;
   Timeline timeline_;
   TruthIntake intake_;
   std::vector<std::unique_ptr<Unit>> units_;
-  TruthTime start_;
+  Schedule schedule_;
+  std::vector<Unit*> prepared_;  // in order; room for all
+  FrameBuffer replies_;
+  std::vector<pollfd> inputs_;
   bool in_run_ = false;
+  bool stopped_ = false;
+  TruthTime settled_;
   std::uint64_t samples_in_run_ = 0;
   std::size_t truths_since_follow_ = 0;
+  TruthQuality quality_;
 };
 
 }  // namespace imud

@@ -38,6 +38,7 @@ class TableReader {
       : table_(table), path_(std::move(path)), line_(line), faults_(faults) {}
 
   bool has(std::string_view key) const { return table_ != nullptr && table_->contains(key); }
+  bool is_text(std::string_view key) const { return has(key) && table_->get(key)->is_string(); }
   const toml::node* node(std::string_view key);  // raw; counts as known
 
   double real(std::string_view key, double fallback, double min, double max);

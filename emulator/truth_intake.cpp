@@ -67,9 +67,9 @@ void increment(TruthCounters::Counter& counter) noexcept { counter.fetch_add(1, 
 
 }  // namespace
 
-TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline)
+TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port)
     : timeline_(timeline),
-      port_(open_port(config.port, Role::listener)),
+      port_(std::move(port)),
       decoder_(config.format->make(config.settings)),
       stream_(config.stream),
       lines_(config.port.starts_with("file:")) {}
@@ -102,7 +102,20 @@ TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {
   return Outcome::ignored;
 }
 
-TruthIntake::Outcome TruthIntake::take() noexcept {
+// By the sequence numbers; a format without has 0 in all.
+void TruthIntake::count_lost(Admission admission) noexcept {
+  constexpr std::uint32_t believable = 100'000;
+  const std::uint32_t step = truth_.sequence - newest_sequence_;
+  if (admission == Admission::inserted) {
+    if (counters_.lost > 0) counters_.lost.fetch_sub(1, std::memory_order_relaxed);
+    return;
+  }
+  if (admission == Admission::accepted && step > 1 && step < believable)
+    counters_.lost.fetch_add(step - 1, std::memory_order_relaxed);
+  newest_sequence_ = truth_.sequence;
+}
+
+TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
   answer_due_ = false;
   std::span<const std::byte> record;
   if (!next_record(record)) {
@@ -122,12 +135,22 @@ TruthIntake::Outcome TruthIntake::take() noexcept {
   if (truth_.stream != *stream_) return refuse(Refusal::other_stream);
 
   answer_due_ = truth_.acknowledge;
-  switch (timeline_.push(truth_)) {
-    case Admission::accepted: increment(counters_.accepted); return Outcome::accepted;
+  const Admission admission = timeline_.push(truth_, settled);
+  switch (admission) {
+    case Admission::accepted:
+    case Admission::inserted:
     case Admission::new_run:
+      if (counters_.accepted == 0) counters_.first_ns.store(arrival_.ns, std::memory_order_relaxed);
+      counters_.newest_ns.store(arrival_.ns, std::memory_order_relaxed);
       increment(counters_.accepted);
-      increment(counters_.runs);
-      return Outcome::new_run;
+      count_lost(admission);
+      break;
+    default: break;
+  }
+  switch (admission) {
+    case Admission::accepted: return Outcome::accepted;
+    case Admission::inserted: increment(counters_.inserted); return Outcome::inserted;
+    case Admission::new_run: increment(counters_.runs); return Outcome::new_run;
     case Admission::duplicate: return refuse(Refusal::duplicate);
     case Admission::reordered: return refuse(Refusal::reordered);
     case Admission::time_back: return refuse(Refusal::time_back);

@@ -31,28 +31,31 @@ struct TruthCounters {
   Counter received = 0;   // records
   Counter no_state = 0;   // headers, blank lines
   Counter accepted = 0;
+  Counter inserted = 0;   // of these, overtaken on their way, but still in time
+  Counter lost = 0;       // that the sender's sequence numbers say are missing
   Counter runs = 0;       // times that the timeline began anew, the first included
-  Counter resumed = 0;    // realtime: times that the truth's clock had left the host's, by a pause or a jump
+  std::atomic<std::int64_t> first_ns = 0;  // arrival of the first truth accepted, and of the newest
+  std::atomic<std::int64_t> newest_ns = 0;
   Counter truncated = 0;  // records of a capture that are cut short
   std::array<Counter, static_cast<std::size_t>(Refusal::count)> refused = {};
 };
 
 class TruthIntake {
  public:
-  // Opens the truth port. Throws PortError.
-  TruthIntake(const TruthConfig& config, Timeline& timeline);
+  TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port);
 
   enum class Outcome : std::uint8_t {
     nothing,   // no record is there (at_end() tells whether one will ever be)
     ignored,   // a record without state, or one that was refused
-    accepted,
+    accepted,  // it is the newest now
+    inserted,  // accepted, though another has overtaken it
     new_run,   // accepted, and the timeline has begun anew with it
   };
-  // Takes one record, if there is one. Never waits.
-  Outcome take() noexcept;
+  // Takes one record, if there is one. Never waits. `settled`: see Timeline::push().
+  Outcome take(TruthTime settled = Timeline::never) noexcept;
 
-  // The newest record's truth, after `accepted` and `new_run`; and whether its sender waits for an answer, which
-  // holds for refused repetitions too.
+  // The last record's truth, unless it was ignored; and whether its sender waits for an answer, which holds for refused
+  // repetitions too.
   const Truth& truth() const noexcept { return truth_; }
   bool answer_due() const noexcept { return answer_due_; }
   // Answers it: the time reached and the samples emitted so far in the run.
@@ -60,15 +63,15 @@ class TruthIntake {
 
   bool at_end() const noexcept { return port_->at_end(); }
   int descriptor() const noexcept { return port_->descriptor(); }
-  // Arrival of the newest record.
+  // Arrival of the last record.
   HostTime arrival() const noexcept { return arrival_; }
   const TruthCounters& counters() const noexcept { return counters_; }
-  void count_resumed() noexcept { counters_.resumed.fetch_add(1, std::memory_order_relaxed); }
   // How the capture ended, if not well; empty otherwise.
   std::string end_warning() const;
 
  private:
   bool next_record(std::span<const std::byte>& record) noexcept;
+  void count_lost(Admission admission) noexcept;
   Outcome refuse(Refusal refusal) noexcept;
 
   Timeline& timeline_;
@@ -79,6 +82,7 @@ class TruthIntake {
   LineSplitter splitter_;
   bool splitting_ = false;
   Truth truth_;
+  std::uint32_t newest_sequence_ = 0;
   bool answer_due_ = false;
   HostTime arrival_;
   FrameBuffer answer_;

@@ -12,8 +12,6 @@ namespace imud {
 
 namespace {
 
-Nanoseconds nanoseconds(double s) { return Nanoseconds(std::llround(s * 1e9)); }
-
 class NativeSource final : public TruthSource {
  public:
   explicit NativeSource(const MotionTruths::Options& options) : truths_(options) {}

@@ -51,6 +51,37 @@ TEST(Admission, ReorderedWasSentBefore) {
   EXPECT_EQ(timeline.push(truth_at(-5s, 3)), Admission::reordered);
 }
 
+TEST(Admission, OvertakenButInTimeIsInserted) {
+  Timeline timeline;
+  for (const std::uint32_t k : {0U, 1U, 3U, 6U}) timeline.push(truth_at(k * 10ms, k));
+  const auto settled = [](Nanoseconds t) { return TruthTime{} + t; };
+  EXPECT_EQ(timeline.revision(), 0U);
+  EXPECT_EQ(timeline.push(truth_at(20ms, 2), settled(20ms)), Admission::reordered) << "in use already";
+  EXPECT_EQ(timeline.push(truth_at(20ms, 2), settled(20ms - 1ns)), Admission::inserted);
+  EXPECT_EQ(timeline.push(truth_at(20ms, 2), settled(0ms)), Admission::duplicate);
+  EXPECT_EQ(timeline.push(truth_at(50ms, 5), settled(0ms)), Admission::inserted);
+  EXPECT_EQ(timeline.push(truth_at(40ms, 4), settled(0ms)), Admission::inserted);
+  EXPECT_EQ(timeline.push(truth_at(-10ms, 0), settled(-1s)), Admission::reordered) << "before the run";
+  EXPECT_EQ(timeline.revision(), 3U);
+  for (int k = 0; k < 6; ++k) EXPECT_EQ(timeline.next_truth(TruthTime{} + k * 10ms), TruthTime{} + (k + 1) * 10ms);
+  EXPECT_EQ(timeline.newest().ns, 60'000'000);
+  EXPECT_EQ(timeline.push(truth_at(70ms, 7)), Admission::accepted);
+}
+
+TEST(Admission, InsertedIntoAFullTimeline) {
+  Timeline timeline;
+  const auto capacity = static_cast<std::uint32_t>(Timeline::capacity);
+  for (std::uint32_t k = 0; k < capacity + 10; ++k)
+    if (k != capacity) timeline.push(truth_at(k * 10ms, k));
+  const TruthTime oldest = TruthTime{} + 9 * 10ms;
+  EXPECT_EQ(timeline.at({}).time, oldest);
+  EXPECT_EQ(timeline.push(truth_at(capacity * 10ms, capacity), {}), Admission::inserted);
+  EXPECT_EQ(timeline.at({}).time, oldest + 10ms) << "the oldest made room";
+  EXPECT_EQ(timeline.push(truth_at(95ms, 9), {}), Admission::reordered) << "no room before the oldest";
+  for (std::uint32_t k = 10; k + 1 < capacity + 10; ++k)
+    ASSERT_EQ(timeline.next_truth(TruthTime{} + k * 10ms), TruthTime{} + (k + 1) * 10ms) << k;
+}
+
 TEST(Admission, TimeBackWasSentLater) {
   Timeline timeline = second_of_truths();
   EXPECT_EQ(timeline.push(truth_at(995ms, 101)), Admission::time_back);
@@ -103,7 +134,18 @@ TEST(Restart, ByTheFlagAtOnce) {
   EXPECT_EQ(timeline.run_start().ns, 500'000'000);
   EXPECT_EQ(timeline.newest().ns, 500'000'000);
   EXPECT_EQ(timeline.push(truth_at(510ms, 1)), Admission::accepted);
-  EXPECT_EQ(timeline.at({}).time.ns, 500'000'000) << "nothing is left of the run before";
+  EXPECT_EQ(timeline.at({}).basis, State::Basis::held) << "nothing is left of the run before";
+}
+
+TEST(Restart, ForgettingThePastBeginsARunWithTheNewest) {
+  Timeline timeline = second_of_truths();
+  timeline.forget_past();
+  EXPECT_EQ(timeline.run_start().ns, 1'000'000'000);
+  EXPECT_EQ(timeline.newest().ns, 1'000'000'000);
+  EXPECT_EQ(timeline.at(TruthTime{} + 500ms).basis, State::Basis::held);
+  EXPECT_EQ(timeline.push(truth_at(995ms, 99), {}), Admission::reordered) << "of the run before";
+  EXPECT_EQ(timeline.push(truth_at(1010ms, 101)), Admission::accepted);
+  EXPECT_EQ(timeline.at(TruthTime{} + 1005ms).basis, State::Basis::interpolated);
 }
 
 TEST(Restart, FarAwayAfterThreeInARow) {

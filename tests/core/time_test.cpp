@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <concepts>
 #include <cstdint>
 #include <random>
@@ -100,6 +101,26 @@ TEST(Grid, IsUsableAtCompileTime) {
   static_assert(Grid(3.0).offset(1) == 333'333'333ns);
   static_assert(Grid(3.0).offset(2) == 666'666'667ns);
   static_assert(Grid(10'000.0).offset(9'999'999'999'999U) == 999'999'999'999'900us);
+}
+
+TEST(Grid, APhaseShiftsEveryInstant) {
+  static_assert(Grid(200.0, 0.0, 1'250us).offset(0) == 1'250us);
+  static_assert(Grid(200.0, 0.0, 1'250us).offset(3) == 16'250us);
+}
+
+// instant k / (rate (1 + error)), to the nearest ns, in integers of another arrangement.
+TEST(Grid, AClockErrorIsExactForBillionsOfSamples) {
+  for (const double ppm : {0.001, -0.001, 1.0, -2.5, 50.0, -99.999, 12'345.678, 1e5, -1e5}) {
+    const Grid grid(1000.0, ppm);
+    const auto rate_in_1e12ths = static_cast<std::uint64_t>(std::llround(1e12 + ppm * 1e6));
+    for (std::uint64_t k = 0; k <= 1'000'000'000'000; k = k * 3 + 1) {
+      const Wide twice = 2 * Wide{k} * 1'000'000U * 1'000'000'000'000U + rate_in_1e12ths;
+      ASSERT_EQ(Wide(static_cast<std::uint64_t>(grid.offset(k).count())), twice / (2 * Wide{rate_in_1e12ths})) << ppm;
+      ASSERT_EQ(grid.nominal_offset(k), Nanoseconds(static_cast<std::int64_t>(k) * 1'000'000)) << ppm;
+    }
+  }
+  static_assert(Grid(1000.0, 1e5).period() == 909'091ns);
+  static_assert(Grid(1000.0, -1e5).period() == 1'111'111ns);
 }
 
 }  // namespace

@@ -298,12 +298,46 @@ TEST(Timeline, OwnForceOfATruthCountsAtItsInstant) {
     EXPECT_EQ(timeline.at(at_ms(50 * k)).specific_force_B, smooth().truth(at_ms(50 * k)).specific_force_B) << k;
 }
 
-TEST(Timeline, BeforeTheOldestIsTheOldest) {
+TEST(Timeline, BeforeTheRunIsAsIfItHadWaitedThere) {
   const Timeline timeline = timeline_of(10ms, 1s);
   const State state = timeline.at(TruthTime{-5'000'000'000});
-  EXPECT_EQ(state.time.ns, 0);
-  EXPECT_EQ(state.omega_BN_B, smooth().omega_BN_B(0.0));
+  const State first = timeline.at({});
+  EXPECT_EQ(state.time.ns, -5'000'000'000);
+  EXPECT_EQ(state.basis, State::Basis::held);
+  EXPECT_EQ(state.q_NB.coeffs(), first.q_NB.coeffs());
+  EXPECT_EQ(state.omega_BN_B, Vector3::Zero());
+  EXPECT_EQ(state.specific_force_B, first.specific_force_B);
+  EXPECT_LT((state.dv_N + 5.0 * (first.q_NB * first.specific_force_B)).norm(), 1e-12);
   EXPECT_EQ(timeline.next_truth(TruthTime{-5'000'000'000}).ns, 0);
+}
+
+TEST(Timeline, AnInsertedTruthIsAsIfItHadComeInOrder) {
+  const auto kinds = {AccumulatedDv::inertial, AccumulatedDv::body_sum, AccumulatedDv::none};
+  for (const AccumulatedDv kind : kinds)
+    for (const bool has_force : {true, false}) {
+      const auto change = [&](Truth& truth) {
+        truth.accumulated_dv = kind;
+        truth.has_specific_force = has_force;
+        truth.has_angular_acceleration = false;
+      };
+      const Timeline in_order = timeline_of(10ms, 200ms, change);
+      Timeline overtaken;
+      for (const std::int64_t k : {0, 1, 2, 4, 5, 8, 9, 7, 3, 10, 6, 12, 11, 13, 14, 15, 16, 17, 18, 19, 20}) {
+        Truth truth = smooth().truth(at_ms(10 * k));
+        truth.sequence = static_cast<std::uint32_t>(k);
+        change(truth);
+        overtaken.push(truth, {});
+      }
+      for (Nanoseconds t{0}; t <= 230ms; t += 1ms + 1us) {
+        const State a = in_order.at(TruthTime{} + t), b = overtaken.at(TruthTime{} + t);
+        ASSERT_EQ(a.q_NB.coeffs(), b.q_NB.coeffs()) << t.count();
+        ASSERT_EQ(a.omega_BN_B, b.omega_BN_B) << t.count();
+        ASSERT_EQ(a.omegaDot_BN_B, b.omegaDot_BN_B) << t.count();
+        ASSERT_EQ(a.specific_force_B, b.specific_force_B) << t.count();
+        ASSERT_EQ(a.dv_N, b.dv_N) << t.count();
+        ASSERT_EQ(a.basis, b.basis) << t.count();
+      }
+    }
 }
 
 TEST(Timeline, KeepsTheNewestThousand) {

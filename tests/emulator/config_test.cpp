@@ -126,7 +126,7 @@ delta_velocity = "memo"
   EXPECT_EQ(c.truth.settings.text("accumulated_dv"), "body_sum");
   EXPECT_EQ(c.truth.settings.list("columns").size(), 7U);
   EXPECT_EQ(c.truth.stream, 3U);
-  EXPECT_EQ(c.truth.delay.count(), 12'500'000);
+  EXPECT_EQ(c.truth.clock.delay.count(), 12'500'000);
   EXPECT_EQ(c.truth.limits.extrapolate.count(), 50'000'000);
   EXPECT_EQ(c.truth.limits.max_gap.count(), 2'000'000'000);
   const ImuConfig& imu = c.imus.at(0);

@@ -171,22 +171,7 @@ TEST(StreamStatistics, AJumpOfTheDeviceClockIsNoJitter) {
   EXPECT_LT(statistics.jitter().max(), 1e-6);
 }
 
-TEST(DurationHistogram, Percentiles) {
-  DurationHistogram histogram;
-  EXPECT_EQ(histogram.percentile(50), 0.0);
-  for (int i = 1; i <= 1000; ++i) histogram.add(1e-6 * i);
-  EXPECT_NEAR(histogram.percentile(50), 500e-6, 12e-6);
-  EXPECT_NEAR(histogram.percentile(99), 990e-6, 24e-6);
-  EXPECT_EQ(histogram.percentile(100), 1000e-6);
-  EXPECT_EQ(histogram.max(), 1000e-6);
-  histogram.add(0);
-  histogram.add(1e6);
-  EXPECT_EQ(histogram.percentile(0.01), 0.0);
-  EXPECT_EQ(histogram.percentile(100), 1e6);
-  EXPECT_EQ(histogram.count(), 1002U);
-}
-
-TEST(DurationHistogram, DurationsAreReadable) {
+TEST(DurationText, DurationsAreReadable) {
   EXPECT_EQ(duration_text(0), "0 us");
   EXPECT_EQ(duration_text(12.34e-6), "12.3 us");
   EXPECT_EQ(duration_text(999.6e-6), "1 ms");

@@ -1,0 +1,64 @@
+#include "core/duration_histogram.hpp"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace imud {
+namespace {
+
+TEST(DurationHistogram, Percentiles) {
+  DurationHistogram histogram;
+  EXPECT_EQ(histogram.percentile(50), 0.0);
+  for (int i = 1; i <= 1000; ++i) histogram.add(1e-6 * i);
+  EXPECT_NEAR(histogram.percentile(50), 500e-6, 12e-6);
+  EXPECT_NEAR(histogram.percentile(99), 990e-6, 24e-6);
+  EXPECT_EQ(histogram.percentile(100), 1000e-6);
+  EXPECT_EQ(histogram.max(), 1000e-6);
+  histogram.add(0);
+  histogram.add(1e6);
+  EXPECT_EQ(histogram.percentile(0.01), 0.0);
+  EXPECT_EQ(histogram.percentile(100), 1e6);
+  EXPECT_EQ(histogram.count(), 1002U);
+}
+
+TEST(DurationHistogram, SinceAnEarlierCopy) {
+  DurationHistogram histogram;
+  for (int i = 1; i <= 1000; ++i) histogram.add(1e-3);
+  histogram.add(5.0);
+  const DurationHistogram before = histogram;
+  EXPECT_EQ(histogram.since(before).count(), 0U);
+  EXPECT_EQ(histogram.since(before).max(), 0.0);
+  for (int i = 1; i <= 100; ++i) histogram.add(1e-6 * i);
+  const DurationHistogram rest = histogram.since(before);
+  EXPECT_EQ(rest.count(), 100U);
+  EXPECT_NEAR(rest.percentile(50), 50e-6, 1.2e-6);
+  EXPECT_NEAR(rest.max(), 100e-6, 2.4e-6);
+  histogram.add(7.0);
+  EXPECT_EQ(histogram.since(before).max(), 7.0);
+  DurationHistogram assigned;
+  assigned = histogram;
+  EXPECT_EQ(assigned.count(), 1102U);
+  EXPECT_EQ(assigned.max(), 7.0);
+  EXPECT_EQ(assigned.percentile(50), histogram.percentile(50));
+}
+
+TEST(DurationHistogram, IsCopiedWhileAnotherThreadAdds) {
+  DurationHistogram histogram;
+  constexpr std::uint64_t n = 200'000;
+  std::thread adder([&] {
+    for (std::uint64_t i = 0; i < n; ++i) histogram.add(1e-6 * static_cast<double>(1 + i % 1000));
+  });
+  DurationHistogram before;
+  std::uint64_t sum = 0;
+  while (sum < n) {
+    const DurationHistogram now = histogram;
+    sum += now.since(before).count();
+    before = now;
+  }
+  adder.join();
+  EXPECT_EQ(sum, n);
+}
+
+}  // namespace
+}  // namespace imud

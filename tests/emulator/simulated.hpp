@@ -1,0 +1,141 @@
+// A host, a network and sensor ports without a clock: whatever happens there happens at the instant said.
+#pragma once
+
+#include <atomic>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "emulator/clock.hpp"
+#include "protocols/native_truth.hpp"
+
+namespace imud::testing {
+
+struct Arrival {
+  HostTime time;
+  std::vector<std::byte> bytes;
+};
+
+class SimulatedHost final : public Host {
+ public:
+  HostTime now() noexcept override { return now_; }
+  HostTime sleep_until(HostTime time, Nanoseconds) noexcept override {
+    go_to(time);
+    return now_;
+  }
+  bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept override {
+    const bool comes = inputs[0].fd >= 0 && !arrivals.empty() && arrivals.front().time <= time;
+    go_to(comes ? std::max(now_, arrivals.front().time) : time);
+    inputs[0].revents = comes ? POLLIN : 0;
+    return comes;
+  }
+  // Frozen from then until then.
+  void freeze(HostTime from, HostTime until) { freezes_.push_back({from, until}); }
+  void spend(Nanoseconds time) noexcept { go_to(now_ + time); }
+
+  std::deque<Arrival> arrivals;  // of truth, in order
+  HostTime end;
+  std::atomic<bool> stop = false;
+
+ private:
+  void go_to(HostTime time) noexcept {
+    now_ = std::max(now_, time);
+    for (const auto& [from, until] : freezes_)
+      if (now_ >= from && now_ < until) now_ = until;
+    if (now_ >= end) stop = true;
+  }
+  HostTime now_{1'000'000'000'000};
+  std::vector<std::pair<HostTime, HostTime>> freezes_;
+};
+
+class SimulatedTruth final : public Port {
+ public:
+  explicit SimulatedTruth(SimulatedHost& host) : host_(host) {}
+  static constexpr Nanoseconds cost{2'000};  // of receiving
+  void send(std::span<const Frame>) noexcept override {}
+  std::optional<Received> receive() noexcept override {
+    host_.spend(cost);
+    if (host_.arrivals.empty() || host_.arrivals.front().time > host_.now()) return std::nullopt;
+    newest_ = std::move(host_.arrivals.front());
+    host_.arrivals.pop_front();
+    return Received{{newest_.bytes}, host_.now()};
+  }
+  int descriptor() const noexcept override { return 1000; }
+
+ private:
+  SimulatedHost& host_;
+  Arrival newest_;
+};
+
+// What left, decoded from the native protocol.
+struct Left {
+  HostTime time;
+  Sample sample;
+};
+
+class SimulatedSensor final : public Port, private MeasurementSink {
+ public:
+  SimulatedSensor(SimulatedHost& host, std::vector<Left>& left)
+      : host_(host), left_(left), decoder_(find_protocol("native")->make_decoder(Settings())) {}
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames) decoder_->feed(frame, *this);
+    counters_.sent += frames.size();
+  }
+  std::optional<Received> receive() noexcept override { return std::nullopt; }
+
+ private:
+  void on_measurement(const Measurement& measurement) override { left_.push_back({host_.now(), measurement.sample}); }
+  SimulatedHost& host_;
+  std::vector<Left>& left_;
+  std::unique_ptr<Decoder> decoder_;
+};
+
+// `imud run` in real time, of a configuration whose ports are simulated. Truth port "udp:...", imu ports "file:NAME".
+class SimulatedRun {
+ public:
+  explicit SimulatedRun(const Config& config) : config_(config) {}
+
+  SimulatedHost& host() { return host_; }
+  // Since the simulation's beginning.
+  HostTime at(double s) const { return begin_ + nanoseconds(s); }
+  double since_begin(HostTime time) const { return seconds(time - begin_); }
+
+  // A truth that arrives at `arrival_s`; in any order.
+  void truth(double arrival_s, const Truth& truth) {
+    std::vector<std::byte> bytes(native_truth_size);
+    encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));
+    arrivals_.emplace(at(arrival_s), std::move(bytes));
+  }
+  void garbage(double arrival_s) { arrivals_.emplace(at(arrival_s), std::vector<std::byte>(100)); }
+
+  void run(double until_s) {
+    for (auto& [time, bytes] : arrivals_) host_.arrivals.push_back({time, std::move(bytes)});
+    host_.end = at(until_s);
+    left_.resize(config_.imus.size());
+    std::size_t next = 0;
+    session_ = std::make_unique<Session>(config_, host_.stop, [&](std::string_view, Role role) {
+      return role == Role::listener ? std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_))
+                                    : std::make_unique<SimulatedSensor>(host_, left_[next++]);
+    });
+    run_realtime(*session_, host_, {config_.truth.clock, config_.truth.limits.extrapolate, config_.realtime.spin},
+                 host_.stop);
+  }
+
+  const std::vector<Left>& left(std::size_t imu = 0) const { return left_[imu]; }
+  const ImuCounters& counters(std::size_t imu = 0) const { return session_->imu_counters(imu); }
+  const TruthCounters& truth_counters() const { return session_->intake().counters(); }
+  const TruthQuality& quality() const { return session_->quality(); }
+
+ private:
+  Config config_;
+  SimulatedHost host_;
+  HostTime begin_ = host_.now();
+  std::multimap<HostTime, std::vector<std::byte>> arrivals_;
+  std::vector<std::vector<Left>> left_;
+  std::unique_ptr<Session> session_;
+};
+
+}  // namespace imud::testing
