@@ -96,7 +96,9 @@ void run_lockstep(Session& session, Host& host, const std::atomic<bool>& stop) {
       if (!emit(session, newest, stop, fire)) break;
       session.follow(newest);
     }
-    if (intake.answer_due()) intake.answer(newest, session.samples_in_run());
+    if (!intake.answer_due()) continue;
+    session.flush();  // whoever has the answer has the samples
+    intake.answer(newest, session.samples_in_run());
   }
   session.flush();
 }

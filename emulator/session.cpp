@@ -83,7 +83,10 @@ void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
 }
 
 void Session::fire() noexcept {
-  for (Unit* unit : prepared_) hand_over(*unit);
+  for (Unit* unit : prepared_) {
+    hand_over(*unit);
+    serve_host(*unit);
+  }
   finish();
 }
 
@@ -97,7 +100,6 @@ void Session::finish() noexcept {
   samples_in_run_ += prepared_.size();
   for (Unit* unit : prepared_) {
     count_one(unit->counters.samples);
-    serve_host(*unit);
     publish(*unit);
   }
   prepared_.clear();

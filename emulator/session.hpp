@@ -74,8 +74,8 @@ class Session {
   // Makes the frames of the schedule's next sample, which is that of the truth at `time`, and goes on to the one after.
   // `time` does not fall within a run.
   void prepare(TruthTime time, DeviceTime stamp) noexcept;
-  // Hands the frames of the samples prepared, in their order, to their ports, and lets their devices hear their hosts.
-  // `now` gives host time and `due` is the samples' instant, if lateness matters.
+  // Hands the frames of the samples prepared, in their order, to their ports. `now` gives host time and `due` is the
+  // samples' instant, if lateness matters; otherwise their devices hear their hosts, too.
   void fire() noexcept;
   template <class Now>
   void fire(HostTime due, Now&& now) noexcept {

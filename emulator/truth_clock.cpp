@@ -24,11 +24,12 @@ TruthClock::TruthClock(const Options& options) noexcept
     : options_(options),
       delay_s_(options.automatic_percent > 0 ? first_automatic_delay_s : seconds(options.delay)) {}
 
-HostTime TruthClock::begin(TruthTime truth, HostTime arrival) noexcept {
+HostTime TruthClock::begin(TruthTime truth, HostTime arrival, double rate) noexcept {
   truth_origin_ = truth;
   host_origin_ = arrival;
   first_ = count_ = 0;
-  slope_ = 1 / rate_;
+  rate_ = rate;
+  slope_ = 1 / rate;
   intercept_s_ = 0;
   offset_s_ = 0;
   lateness_s_ = 0;

@@ -24,9 +24,9 @@ class TruthClock {
   };
   explicit TruthClock(const Options& options) noexcept;
 
-  // A run begins: `truth`, which came at `arrival`, is what the sensors sample when the delay has passed since. The rate
-  // is taken over from the run before until this one has shown its own. Returns when that is.
-  HostTime begin(TruthTime truth, HostTime arrival) noexcept;
+  // A run begins: `truth`, which came at `arrival`, is what the sensors sample when the delay has passed since. Returns
+  // when that is. The simulator's rate is `rate` until the run has shown its own.
+  HostTime begin(TruthTime truth, HostTime arrival, double rate) noexcept;
   // Another truth of the run came, the newest of all, and is looked at `now`.
   void observe(TruthTime truth, HostTime arrival, HostTime now) noexcept;
 
@@ -37,6 +37,8 @@ class TruthClock {
 
   // Truth seconds per host second, as estimated: 0.1 to 10.
   double rate() const noexcept { return measured_rate_; }
+  // The one that is gone by: exactly 1 where the estimate does not tell it from 1.
+  double used_rate() const noexcept { return rate_; }
   // By how much the simulator's time has fallen behind the host's since begin(), s.
   double offset_s() const noexcept { return offset_s_; }
   // s of truth time. Automatic: at each arrival, how much would have been just enough for the sensors to interpolate all

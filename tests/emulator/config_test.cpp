@@ -74,6 +74,29 @@ TEST_F(ConfigTest, DefaultsAreTheContracts) {
   EXPECT_EQ(m.gyro.walk_sqrt_cov, Matrix3::Zero());
   EXPECT_EQ(m.delta_angle, DeltaAngle::rotation_vector);
   EXPECT_EQ(m.delta_velocity, DeltaVelocity::integral);
+  EXPECT_EQ(c.truth.clock.delay.count(), 0);
+  EXPECT_EQ(c.truth.clock.automatic_percent, 0.0);
+  EXPECT_EQ(c.truth.when_stopped, WhenStopped::hold);
+  EXPECT_GT(c.realtime.priority, 0);
+  EXPECT_FALSE(c.realtime.cpu.has_value());
+  EXPECT_TRUE(c.realtime.lock_memory);
+  EXPECT_EQ(c.realtime.spin.count(), 0);
+  EXPECT_EQ(c.imus[0].grid.offset(200).count(), 1'000'000'000);
+}
+
+TEST_F(ConfigTest, TimingKeysArrive) {
+  const Config c = load(good, {"truth.delay_ms=auto", "truth.auto_delay_percent=95", "truth.when_stopped=silence",
+                               "realtime.priority=80", "realtime.cpu=0", "realtime.lock_memory=false",
+                               "realtime.spin_us=62.5", "imu.0.clock_error_ppm=-50", "imu.0.phase_us=125.5"});
+  EXPECT_EQ(c.truth.clock.automatic_percent, 95.0);
+  EXPECT_EQ(c.truth.when_stopped, WhenStopped::silence);
+  EXPECT_EQ(c.realtime.priority, 80);
+  EXPECT_EQ(c.realtime.cpu, 0U);
+  EXPECT_FALSE(c.realtime.lock_memory);
+  EXPECT_EQ(c.realtime.spin.count(), 62'500);
+  EXPECT_EQ(c.imus[0].grid.nominal_offset(200).count(), 1'000'125'500);
+  EXPECT_EQ(c.imus[0].grid.offset(200).count(), 1'000'050'003 + 125'500);  // 1 s / (1 - 5e-5)
+  EXPECT_EQ(load(good, {"truth.delay_ms=auto"}).truth.clock.automatic_percent, 99.0);
 }
 
 TEST_F(ConfigTest, EveryKeyArrives) {
@@ -196,6 +219,17 @@ TEST_F(ConfigTest, EachFaultSaysLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"truth.format=xplane"}).find("truth.format: there is no \"xplane\""), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.device.can_id=3"}).find("imu.0.device.can_id: unknown key"), std::string::npos);
   EXPECT_NE(fault(good, {"imu.7.rate_hz=3"}).find("\"7\" is no index below 1"), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.delay_ms=soon"}).find("truth.delay_ms: give milliseconds from 0 to 1000, or \"auto\""),
+            std::string::npos);
+  EXPECT_NE(fault(good, {"truth.delay_ms=-1"}).find("truth.delay_ms: -1 is out of range"), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.auto_delay_percent=90"}).find("needs delay_ms = \"auto\""), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.when_stopped=stop"}).find("give one of \"hold\", \"flag\", \"silence\""),
+            std::string::npos);
+  EXPECT_NE(fault(good, {"realtime.priority=100"}).find("realtime.priority: "), std::string::npos);
+  EXPECT_NE(fault(good, {"realtime.cpu=4096"}).find("realtime.cpu: "), std::string::npos);
+  EXPECT_NE(fault(good, {"realtime.spin_us=1e6"}).find("realtime.spin_us: "), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.clock_error_ppm=2e5"}).find("imu.0.clock_error_ppm: "), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.phase_us=-1"}).find("imu.0.phase_us: "), std::string::npos);
   EXPECT_NE(fault(good, {"rate_hz"}).find("give KEY=VALUE"), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.port=serial:/dev/ttyUSB0?baud=921600&speed=3"}).find("imu.0.port: "),
             std::string::npos);

@@ -1,0 +1,102 @@
+// The thread that samples allocates nothing, takes no lock and logs nothing, whatever comes in.
+#include <fcntl.h>
+#include <poll.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
+
+#include <memory>
+#include <mutex>
+#include <sstream>
+#include <thread>
+
+#include "emulator/clock.hpp"
+#include "tests/emulator/live_test.hpp"
+#include "tests/support/allocations.hpp"
+#include "tests/support/locks.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(Locks, AreCountedOnThreadsThatSaySo) {
+  std::mutex mutex;
+  const std::uint64_t before = locks_taken();
+  { const std::lock_guard lock(mutex); }
+  EXPECT_EQ(locks_taken() - before, 0U);
+  std::thread([&] {
+    count_locks_of_this_thread();
+    const std::lock_guard lock(mutex);
+  }).join();
+  EXPECT_EQ(locks_taken() - before, 1U);
+  std::thread([&] {
+    count_locks_of_this_thread();
+    std::ostringstream log;
+    spdlog::logger("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)).info("a word, which takes a lock");
+  }).join();
+  EXPECT_GT(locks_taken() - before, 1U);
+}
+
+// Samples of four imus to a pty with a reader, one without, a file and a socket, at 1 kHz; truth at 500 Hz with bad
+// datagrams among it, repeated ones, and pauses beyond which motion is held.
+TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
+  std::string text = "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\nextrapolate_ms = 20\n";
+  const std::array<std::string, 4> ports = {"pty:" + path("read"), "pty:" + path("unread"), "file:" + path("out"),
+                                            "udp:127.0.0.1:9"};
+  const std::array<std::string, 4> protocols = {"native", "csv", "csv", "native"};
+  for (std::size_t i = 0; i < ports.size(); ++i)
+    text += fmt::format("[[imu]]\nname = \"i{}\"\nrate_hz = 1000\nprotocol = \"{}\"\nport = \"{}\"\n"
+                        "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n",
+                        i, protocols[i], ports[i]);
+  const Config config = load_config(write("config.toml", text));
+  std::atomic<bool> stop = false;
+  Session session(config, stop);
+  const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  ASSERT_TRUE(reader);
+
+  std::ostringstream log;
+  const auto logger = spdlog::default_logger();
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
+  std::thread sampler([&] {
+    count_locks_of_this_thread();
+    MonotonicHost host;
+    run_realtime(session, host, {config.truth.clock, config.truth.limits.extrapolate, 0ns}, stop);
+  });
+
+  std::array<std::byte, 4096> buffer;
+  const auto play = [&](std::uint32_t from, std::uint32_t until) {
+    for (std::uint32_t k = from; k < until; ++k) {
+      const Simulator::Datagram good = Simulator::encode(Simulator::truth(2 * k, k, k % 10 == 0));
+      simulator_.send(good);
+      if (k % 7 == 0) simulator_.send(good);
+      if (k % 11 == 0) simulator_.send(std::span(good).first(100));
+      std::this_thread::sleep_for(k % 100 == 99 ? 60ms : 2ms);
+      while (::read(reader.get(), buffer.data(), buffer.size()) > 0) {}
+      while (simulator_.answer(0)) {}
+    }
+  };
+  play(0, 150);
+  const std::uint64_t allocated = allocations(), locked = locks_taken();
+  const std::uint64_t samples = session.imu_counters(0).samples;
+  play(150, 700);
+  const std::uint64_t allocated_after = allocations(), locked_after = locks_taken();
+  stop = true;
+  sampler.join();
+  spdlog::set_default_logger(logger);
+
+  EXPECT_EQ(allocated_after - allocated, 0U);
+  EXPECT_EQ(locked_after - locked, 0U);
+  EXPECT_EQ(log.str(), "");
+  // It was busy with all of that.
+  EXPECT_GT(session.imu_counters(0).samples - samples, 500U);
+  EXPECT_GT(session.imu_counters(0).frames, 500U);
+  EXPECT_GT(session.imu_counters(1).dropped, 500U);
+  EXPECT_GT(session.imu_counters(2).frames, 500U);
+  EXPECT_GT(session.intake().counters().refused[static_cast<std::size_t>(Refusal::duplicate)], 20U);
+  EXPECT_GT(session.intake().counters().refused[static_cast<std::size_t>(Refusal::too_short)], 20U);
+  EXPECT_GT(session.quality().stops, 1U);
+  EXPECT_GT(session.quality().returns, 1U);
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,125 @@
+// imud run and the misfortunes of its ports.
+#include <fcntl.h>
+#include <termios.h>
+
+#include <functional>
+
+#include "tests/emulator/live_test.hpp"
+
+namespace imud {
+namespace {
+
+// Reads a tty until `stop` returns true; all bytes.
+std::string read_until(int descriptor, const std::function<bool()>& stop) {
+  std::string bytes;
+  std::array<char, 4096> buffer;
+  while (!stop()) {
+    pollfd ready{descriptor, POLLIN, 0};
+    if (::poll(&ready, 1, 10) <= 0) continue;
+    const ssize_t size = ::read(descriptor, buffer.data(), buffer.size());
+    if (size > 0) bytes.append(buffer.data(), static_cast<std::size_t>(size));
+    if (size <= 0) break;
+  }
+  return bytes;
+}
+
+FileDescriptor open_raw(const std::string& path) {
+  FileDescriptor tty(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  termios settings{};
+  ::tcgetattr(tty.get(), &settings);
+  ::cfmakeraw(&settings);
+  ::tcsetattr(tty.get(), TCSANOW, &settings);
+  return tty;
+}
+
+TEST_F(LiveTest, AReaderThatComesLateStopsAndReturnsSeesWholeFrames) {
+  const std::string c = config("realtime", simulator_.port(), "native", 1000, "native", "pty:" + path("imu"));
+  Program imud("imud");
+  start(imud, c);
+  ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+  Program truth("imu-truth");
+  truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "60"});
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // nobody reads
+
+  std::string bytes;
+  std::uint64_t frames = 0;
+  {
+    const FileDescriptor reader = open_raw(path("imu"));
+    bytes = read_until(reader.get(), [&, n = 0]() mutable { return ++n > 100; });
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));  // the reader is busy: 62 kB do not fit
+    bytes += read_until(reader.get(), [&, n = 0]() mutable { return ++n > 300; });
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(imud.stop(), 0);
+  truth.kill();
+  write("bytes", bytes);
+  const ProgramResult decoded = run_program("imu-decode", {"native", "file:" + path("bytes")});
+  EXPECT_EQ(decoded.exit_code, 0);
+  EXPECT_NE(decoded.errors.find("checksum   0 failures, 0 malformed"), std::string::npos) << decoded.errors;
+  const auto all = rows(decoded.output);
+  frames = all.size();
+  ASSERT_GT(frames, 0U);
+  // Nothing stale from before the reader came, frames lost while it was busy, and every frame sent or dropped.
+  EXPECT_GT(std::stoul(all[0][1]), 100U);
+  const auto s = summary();
+  EXPECT_EQ(s["imus"][0]["frames"].get<std::uint64_t>() + s["imus"][0]["dropped"].get<std::uint64_t>(),
+            s["imus"][0]["samples"].get<std::uint64_t>());
+  std::uint64_t missing = 0;
+  for (std::size_t i = 1; i < all.size(); ++i) {
+    const auto step = std::stoul(all[i][1]) - std::stoul(all[i - 1][1]);
+    ASSERT_GE(step, 1U);
+    missing += step - 1;
+  }
+  EXPECT_GT(missing, 0U);
+}
+
+// A serial device made of a pty behind a link, so that it can be unplugged and come back.
+class SerialDevice {
+ public:
+  explicit SerialDevice(std::string link) : link_(std::move(link)) {
+    master_ = FileDescriptor(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    if (::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0) throw std::runtime_error("no pty");
+    std::array<char, 64> name{};
+    ::ptsname_r(master_.get(), name.data(), name.size());
+    std::filesystem::create_symlink(name.data(), link_);
+  }
+  ~SerialDevice() { std::filesystem::remove(link_); }
+  int get() const { return master_.get(); }
+
+ private:
+  std::string link_;
+  FileDescriptor master_;
+};
+
+TEST_F(LiveTest, ASerialDeviceThatIsUnpluggedAndReturns) {
+  auto device = std::make_unique<SerialDevice>(path("tty"));
+  const std::string c =
+      config("realtime", simulator_.port(), "native", 200, "native", "serial:" + path("tty") + "?baud=921600");
+  Program imud("imud");
+  start(imud, c);
+  Program truth("imu-truth");
+  ASSERT_TRUE(eventually([&] {  // until it listens
+    simulator_.send(Simulator::encode(Simulator::truth(0, 0, false)));
+    return !read_until(device->get(), [n = 0]() mutable { return ++n > 5; }).empty();
+  }));
+  truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "60"});
+  EXPECT_FALSE(read_until(device->get(), [n = 0]() mutable { return ++n > 50; }).empty());
+  device.reset();
+  ASSERT_TRUE(imud.wait_for_errors("is lost"));
+  device = std::make_unique<SerialDevice>(path("tty"));
+  ASSERT_TRUE(imud.wait_for_errors("takes frames"));
+  const std::string bytes = read_until(device->get(), [n = 0]() mutable { return ++n > 100; });
+  EXPECT_EQ(imud.stop(), 0);
+  truth.kill();
+  write("bytes", bytes.substr(0, bytes.size() / 124 * 124));
+  const ProgramResult decoded = run_program("imu-decode", {"native", "file:" + path("bytes")});
+  EXPECT_NE(decoded.errors.find("checksum   0 failures, 0 malformed"), std::string::npos) << decoded.errors;
+  EXPECT_NE(decoded.errors.find("0 bytes skipped"), std::string::npos) << decoded.errors;  // begins with a whole frame
+  const auto s = summary();
+  EXPECT_GT(s["imus"][0]["dropped"], 0);
+  EXPECT_EQ(s["imus"][0]["frames"].get<std::uint64_t>() + s["imus"][0]["dropped"].get<std::uint64_t>(),
+            s["imus"][0]["samples"].get<std::uint64_t>());
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,177 @@
+// The real-time loop when truth stops, pauses, jumps or begins anew, when the host stands still, and with many imus; on
+// a simulated clock.
+#include "tests/emulator/realtime_test.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::Left;
+using testing::RealtimeTest;
+using testing::SimulatedRun;
+using testing::Swing;
+
+TruthTime at_s(double s) { return TruthTime{} + nanoseconds(s); }
+
+class RealtimeRun : public RealtimeTest {
+ protected:
+  // Truths from `from_s` to `until_s` of simulation time, each 10 ms, arriving at 0.1 s + that + `late_s`.
+  static void send(SimulatedRun& run, double from_s, double until_s, double late_s = 0, bool new_run = false) {
+    for (int k = static_cast<int>(std::lround(from_s * 100)); k <= std::lround(until_s * 100); ++k) {
+      Truth truth = Swing::truth(at_s(0.01 * k));
+      truth.new_run = std::exchange(new_run, false);
+      run.truth(0.1 + 0.01 * k + late_s, truth);
+    }
+  }
+  // Those that left within that time.
+  static std::vector<Left> within(const SimulatedRun& run, double from_s, double until_s) {
+    std::vector<Left> some;
+    for (const Left& left : run.left())
+      if (left.time >= run.at(from_s) && left.time < run.at(until_s)) some.push_back(left);
+    return some;
+  }
+  static constexpr std::uint32_t held = status::truth_stale | status::truth_extrapolated;
+};
+
+// Truth is missing from 2 s to 3 s of the simulation, which goes on meanwhile.
+TEST_F(RealtimeRun, WhenTruthStopsMotionIsHeldAndTheSumsReturn) {
+  SimulatedRun run(config(1000, "extrapolate_ms = 100"));
+  send(run, 0, 2);
+  send(run, 3, 5);
+  run.run(5.1);
+  expect_grid(run.left(), Grid(1000), run.at(0.1), 20us);
+  EXPECT_EQ(run.quality().stops, 1U);
+  EXPECT_EQ(run.quality().returns, 1U);
+  EXPECT_EQ(run.quality().resumed, 0U);
+  EXPECT_NEAR(static_cast<double>(run.counters().held), 900, 2);
+  EXPECT_EQ(run.counters().silent, 0U);
+  const std::vector<Left> some = within(run, 2.25, 3.05);
+  ASSERT_GT(some.size(), 700U);
+  for (const Left& left : some) {
+    ASSERT_EQ(left.sample.status & 0x1FFU, held);
+    ASSERT_EQ(left.sample.rate.norm(), 0.0);
+    ASSERT_EQ(left.sample.delta_angle.norm(), 0.0);
+    ASSERT_EQ(left.sample.specific_force, some.front().sample.specific_force);
+    ASSERT_NEAR(left.sample.delta_velocity.z(), 1e-3 * Swing::lift, 1e-9);
+  }
+  const auto all = navigate(run.left(), 0);
+  for (const auto& r : all)
+    if (run.since_begin(r.host) > 3.2) {
+      ASSERT_NEAR(r.angle, Swing::angle(r.time_s), Swing::angle_error(0.012));
+      ASSERT_NEAR(r.time_s, run.since_begin(r.host) - 0.1, 1e-3);
+    }
+}
+
+TEST_F(RealtimeRun, WhenTruthStopsTheSampleSaysSoOrIsNotSent) {
+  for (const std::string reaction : {"flag", "silence"}) {
+    SimulatedRun run(config(1000, "extrapolate_ms = 100\nwhen_stopped = \"" + reaction + "\""));
+    send(run, 0, 2);
+    send(run, 3, 5);
+    run.run(5.1);
+    const std::vector<Left> some = within(run, 2.25, 3.05);
+    EXPECT_EQ(run.quality().stops, 1U);
+    EXPECT_EQ(run.quality().returns, 1U);
+    if (reaction == "flag") {
+      ASSERT_GT(some.size(), 700U);
+      for (const Left& left : some) ASSERT_EQ(left.sample.status & 0x1FFU, held | status::not_valid);
+      expect_grid(run.left(), Grid(1000), run.at(0.1), 20us);
+    } else {
+      EXPECT_TRUE(some.empty());
+      EXPECT_NEAR(static_cast<double>(run.counters().silent), 900, 2);
+      EXPECT_EQ(run.counters().samples, run.left().size() + run.counters().silent);
+      // The counter runs on, so that a host sees how much it has missed; the instants stay on the grid.
+      for (const Left& left : run.left())
+        ASSERT_EQ((left.time - run.at(0.1)) / 1ms, static_cast<std::int64_t>(left.sample.counter));
+    }
+    for (const Left& left : within(run, 3.2, 5.1)) ASSERT_EQ(left.sample.status & status::not_valid, 0U);
+  }
+}
+
+// The simulator's user pressed pause for 3 s: its time goes on where it was.
+TEST_F(RealtimeRun, AfterAPauseANewRunBegins) {
+  SimulatedRun run(config(1000, "delay_ms = 20"));
+  send(run, 0, 2);
+  send(run, 2.01, 6, 3);
+  run.run(9.1);
+  expect_grid(run.left(), Grid(1000), run.at(0.12), 20us);
+  EXPECT_EQ(run.quality().resumed, 1U);
+  EXPECT_EQ(run.truth_counters().runs, 1U) << "its time never went back";
+  for (const Left& left : within(run, 5.4, 9.1)) {
+    ASSERT_EQ(left.sample.status, 0U);
+    ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 3.12)).omega_BN_B.z(), 1e-3);
+  }
+}
+
+TEST_F(RealtimeRun, AJumpAheadBeginsANewRun) {
+  SimulatedRun run(config(1000, "delay_ms = 20\nmax_gap_ms = 60000"));
+  send(run, 0, 2);
+  send(run, 12, 14, -9.99);
+  run.run(4);
+  expect_grid(run.left(), Grid(1000), run.at(0.12), 20us);
+  EXPECT_EQ(run.quality().resumed, 1U);
+  for (const Left& left : within(run, 2.2, 4)) {
+    ASSERT_EQ(left.sample.status, 0U);
+    ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) + 9.87)).omega_BN_B.z(), 1e-3);
+  }
+}
+
+// With the flag, and without, when twenty in a row say so.
+TEST_F(RealtimeRun, ASimulatorThatBeginsAnewBeginsANewRun) {
+  for (const bool flag : {true, false}) {
+    SimulatedRun run(config(1000, "delay_ms = 20"));
+    send(run, 10, 12);
+    send(run, 0, 3, 12.5, flag);
+    run.run(15.5);
+    expect_grid(run.left(), Grid(1000), run.at(10.12), 20us);
+    EXPECT_EQ(run.truth_counters().runs, 2U) << flag;
+    EXPECT_EQ(run.quality().resumed, 0U);
+    for (const Left& left : within(run, 13, 15.5)) {
+      ASSERT_EQ(left.sample.status, 0U);
+      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 12.62)).omega_BN_B.z(), 1e-3);
+    }
+  }
+}
+
+// Samples that were due while nothing ran leave at once afterwards; none is left out, and what had arrived is in them.
+TEST_F(RealtimeRun, AHoldUpOfTheHostMissesNoSample) {
+  SimulatedRun run(config(1000, "delay_ms = 20"));
+  send(run, 0, 3);
+  run.host().freeze(run.at(1.5), run.at(1.8));
+  run.run(3.1);
+  for (std::size_t k = 0; k < run.left().size(); ++k) ASSERT_EQ(run.left()[k].sample.counter, k);
+  EXPECT_EQ(run.counters().extrapolated, 0U);
+  EXPECT_NEAR(static_cast<double>(run.counters().missed), 299, 2);
+  EXPECT_NEAR(run.counters().lateness.max(), 0.3, 0.01);
+  for (const auto& r : navigate(run.left(), 0)) {
+    ASSERT_NEAR(r.angle, Swing::angle(r.time_s), Swing::angle_between(0.01) + 1e-9);
+    ASSERT_NEAR(r.time_s, 1e-3 * static_cast<double>(r.sample.counter), 1e-6);
+  }
+}
+
+TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
+  std::string text = "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\ndelay_ms = 20\n";
+  const auto rate = [](std::size_t i) { return i % 4 == 0 ? 1000.0 : i % 4 == 1 ? 409.6 : i % 4 == 2 ? 2000.0 : 0.5; };
+  const auto error = [](std::size_t i) { return i % 3 == 0 ? 0.0 : 100.0 * (static_cast<double>(i) - 8); };
+  for (std::size_t i = 0; i < 16; ++i)
+    text += fmt::format("[[imu]]\nname = \"i{0}\"\nport = \"file:{0}\"\nprotocol = \"native\"\nrate_hz = {1}\n"
+                        "clock_error_ppm = {2}\nphase_us = {3}\ngyro.max_rad_per_s = 100\n"
+                        "accelerometer.max_m_per_s2 = 1000\n",
+                        i, rate(i), error(i), 37.5 * static_cast<double>(i));
+  SimulatedRun run(load_config(write("config.toml", text)));
+  send(run, 0, 10);
+  run.run(10.1);
+  for (std::size_t i = 0; i < 16; ++i) {
+    const Grid grid(rate(i), error(i), nanoseconds(37.5e-6 * static_cast<double>(i)));
+    expect_grid(run.left(i), grid, run.at(0.12), 20us);
+    EXPECT_NEAR(static_cast<double>(run.left(i).size()), 9.98 * rate(i) * (1 + 1e-6 * error(i)), 2);
+    EXPECT_EQ(run.counters(i).extrapolated, 0U);
+    EXPECT_EQ(run.counters(i).missed, 0U);
+  }
+  // All sample the same motion, each at its own instants.
+  for (const std::size_t i : {0U, 5U, 15U})
+    for (const Left& left : run.left(i))
+      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 0.12)).omega_BN_B.z(), 1e-3) << i;
+}
+
+}  // namespace
+}  // namespace imud

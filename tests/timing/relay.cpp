@@ -1,0 +1,136 @@
+#include "tests/timing/relay.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+#include "protocols/native_truth.hpp"
+#include "tests/tools/run_program.hpp"
+#include "transports/host_clock.hpp"
+
+namespace imud::timing {
+
+namespace {
+
+constexpr std::size_t frame_size = 112;  // about that of a native measurement
+
+// One recv, one write.
+class Relay {
+ public:
+  explicit Relay(const std::string& link) {
+    FileDescriptor master(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC));
+    if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0) throw std::runtime_error("no pty");
+    termios raw{};
+    ::tcgetattr(master.get(), &raw);
+    ::cfmakeraw(&raw);
+    ::tcsetattr(master.get(), TCSANOW, &raw);
+    std::array<char, 64> slave{};
+    ::ptsname_r(master.get(), slave.data(), slave.size());
+    std::filesystem::create_symlink(slave.data(), link);
+    const FileDescriptor socket = bound_socket(port_);
+    child_ = ::fork();
+    if (child_ != 0) return;
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    std::array<std::byte, 2048> buffer{};
+    while (::recv(socket.get(), buffer.data(), buffer.size(), 0) > 0)
+      if (::write(master.get(), buffer.data(), frame_size) < 0) break;
+    ::_exit(0);
+  }
+  ~Relay() {
+    ::kill(child_, SIGKILL);
+    ::waitpid(child_, nullptr, 0);
+  }
+  Relay(const Relay&) = delete;
+  Relay& operator=(const Relay&) = delete;
+  int port() const { return port_; }
+
+ private:
+  int port_ = 0;
+  pid_t child_ = 0;
+};
+
+FileDescriptor open_link(const std::string& link) {
+  for (int ms = 0; ms < 5000; ++ms) {
+    FileDescriptor fd(::open(link.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    if (fd) {
+      termios raw{};
+      ::tcgetattr(fd.get(), &raw);
+      ::cfmakeraw(&raw);
+      ::tcsetattr(fd.get(), TCSANOW, &raw);
+      return fd;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  throw std::runtime_error(link + " did not appear");
+}
+
+// One path from truth to bytes, seen from both its ends.
+class Path {
+ public:
+  Path(int port, const std::string& link) : socket_(truth_socket(port)), pty_(open_link(link)) {}
+
+  // us.
+  double step() {
+    Truth truth = tumbling(TruthTime{} + k_ * std::chrono::milliseconds(1));
+    truth.sequence = k_++;
+    std::array<std::byte, native_truth_size> datagram;
+    encode_native_truth(truth, datagram);
+    const HostTime begin = host_now();
+    if (::send(socket_.get(), datagram.data(), datagram.size(), 0) < 0) throw std::runtime_error("nobody takes truth");
+    std::array<std::byte, 4096> bytes;
+    pollfd ready{pty_.get(), POLLIN, 0};
+    if (::poll(&ready, 1, 5000) <= 0) throw std::runtime_error("no measurement came");
+    const ssize_t size = ::read(pty_.get(), bytes.data(), bytes.size());
+    const HostTime end = host_now();
+    if (size < static_cast<ssize_t>(frame_size))  // the rest follows
+      while (::poll(&ready, 1, 2) > 0 && ::read(pty_.get(), bytes.data(), bytes.size()) > 0) {}
+    return 1e6 * seconds(end - begin);
+  }
+
+ private:
+  FileDescriptor socket_;
+  FileDescriptor pty_;
+  std::uint32_t k_ = 0;
+};
+
+}  // namespace
+
+Latencies measure_latency(const Folder& folder, int steps) {
+  const int imud_port = free_udp_port();
+  std::ofstream(folder / "lockstep.toml")
+      << config(imud_port, "", 1, "rate_hz = 1000\nport = \"pty:" + (folder / "lockstep") + "\"") << "\n";
+  const Relay relay(folder / "relay");
+  Program imud("imud");
+  imud.start({"run", folder / "lockstep.toml", "--set", "clock=lockstep"});
+  Path through_relay(relay.port(), folder / "relay");
+  Path through_imud(imud_port, folder / "lockstep");
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until imud has seen that the pty is open
+
+  Latencies all;
+  constexpr int block = 1000;
+  for (int done = 0; done < steps; done += block) {
+    for (int k = 0; k < block; ++k) {
+      all.relay.push_back(through_relay.step());
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+    for (int k = 0; k < block; ++k) {
+      all.imud.push_back(through_imud.step());
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+  }
+  if (imud.stop() != 0) throw std::runtime_error("imud failed: " + imud.errors());
+  return all;
+}
+
+}  // namespace imud::timing
