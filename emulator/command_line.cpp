@@ -12,6 +12,7 @@
 #include "emulator/config.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/run.hpp"
+#include "emulator/selftest.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -85,13 +86,16 @@ int command_line(int argc, const char* const* argv) {
   app.require_subcommand(1);
   Arguments arguments;
 
-  const auto with_config = [&](CLI::App* command) {
-    command->add_option("CONFIG", arguments.config, "Configuration, TOML")->required();
+  const auto with_set = [&](CLI::App* command) {
     command->add_option("--set", arguments.overrides, "Override a key, such as imu.0.rate_hz=400; repeatable")
         ->type_name("KEY=VALUE")
         ->take_all()
         ->expected(1);
     command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
+  };
+  const auto with_config = [&](CLI::App* command) {
+    command->add_option("CONFIG", arguments.config, "Configuration, TOML")->required();
+    with_set(command);
   };
   const auto with_run = [&](CLI::App* command) {
     with_config(command);
@@ -118,6 +122,16 @@ int command_line(int argc, const char* const* argv) {
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
   auto* check_command = app.add_subcommand("check", "Say what is wrong with a configuration, or what it would do");
   with_config(check_command);
+  auto* selftest_command = app.add_subcommand("selftest", "Measure what timing this machine allows");
+  bool timing = false;
+  double measure_s = 2;
+  selftest_command->add_flag("--timing", timing, "Wake-ups, writes to the ports (frames are sent), and what to improve")
+      ->required();
+  selftest_command->add_option("CONFIG", arguments.config, "Configuration, TOML; without it one imu at 1 kHz to a pty");
+  with_set(selftest_command);
+  selftest_command->add_option("--for", measure_s, "Each measurement lasts so long (2)")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.1, 3600.0));
   auto* list_command = app.add_subcommand("list", "Show protocols, truth formats and transports");
 
   try {
@@ -128,6 +142,11 @@ int command_line(int argc, const char* const* argv) {
   try {
     if (list_command->parsed()) return list();
     if (check_command->parsed()) return check(arguments);
+    if (selftest_command->parsed()) {
+      const Config config =
+          arguments.config.empty() ? selftest_config() : load_config(arguments.config, arguments.overrides);
+      return selftest_timing(config, {measure_s});
+    }
     if (replay_command->parsed()) return replay(arguments);
     return run(load_config(arguments.config, arguments.overrides), arguments.run);
   } catch (const ConfigError& error) {

@@ -9,12 +9,7 @@
 
 namespace imud {
 
-namespace {
-
-// The frames of one sample in the middle of a stream (a first one may carry more, such as a header row).
-std::unique_ptr<FrameBuffer> one_sample(const ImuConfig& imu) {
-  auto frames = std::make_unique<FrameBuffer>();
-  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+Sample ordinary_sample() {
   Sample sample;
   sample.time = DeviceTime{1'234'567'891'234};
   sample.counter = 1'234'567;
@@ -22,6 +17,16 @@ std::unique_ptr<FrameBuffer> one_sample(const ImuConfig& imu) {
   sample.specific_force = {0.123456789012345, -1.23456789012345, -9.80665012345678};
   sample.delta_angle = 1e-3 * sample.rate;
   sample.delta_velocity = 1e-3 * sample.specific_force;
+  return sample;
+}
+
+namespace {
+
+// The frames of one sample in the middle of a stream (a first one may carry more, such as a header row).
+std::unique_ptr<FrameBuffer> one_sample(const ImuConfig& imu) {
+  auto frames = std::make_unique<FrameBuffer>();
+  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  const Sample sample = ordinary_sample();
   device->sample(sample, *frames);
   frames->clear();
   device->sample(sample, *frames);

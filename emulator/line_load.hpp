@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/frame.hpp"
+#include "core/sample.hpp"
 #include "emulator/config.hpp"
 
 namespace imud {
@@ -19,7 +20,10 @@ struct LineLoad {
   std::string text() const;          // one line for people
 };
 
-// From a sample of ordinary magnitude, encoded by the imu's own protocol. The imu's protocol and port are valid.
+// Of ordinary magnitude, every digit used.
+Sample ordinary_sample();
+
+// From an ordinary sample, encoded by the imu's own protocol. The imu's protocol and port are valid.
 LineLoad line_load(const ImuConfig& imu);
 
 // The identifiers of one sample's frames.

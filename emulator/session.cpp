@@ -118,6 +118,11 @@ void Session::publish(Unit& unit) noexcept {
   unit.counters.port_state.store(unit.port->state(), std::memory_order_relaxed);
 }
 
+bool Session::holds_back(const Unit& unit) noexcept {
+  const PortCounters& counters = unit.port->counters();
+  return counters.sent + counters.dropped != unit.handed;
+}
+
 void Session::wait_for_readers() noexcept {
   for (Unit* unit : prepared_)
     if (unit->waits_for_reader) wait_for_reader(*unit);
@@ -130,9 +135,8 @@ void Session::wait_for_reader(Unit& unit) const noexcept {
     pollfd room{unit.port->descriptor(), POLLOUT, 0};
     if (room.fd < 0) return;
     const bool ready = ::poll(&room, 1, unit.reader_stalls ? 0 : step_ms) != 0;
-    if (ready) unit.port->flush();
-    const PortCounters& counters = unit.port->counters();
-    if (ready && counters.sent + counters.dropped == unit.handed) {
+    if (ready && holds_back(unit)) unit.port->flush();
+    if (ready && !holds_back(unit)) {
       unit.reader_stalls = false;
       return;
     }
@@ -206,8 +210,7 @@ bool Session::has_room_for_truth(TruthTime until) noexcept {
 
 void Session::flush() noexcept {
   for (const auto& unit : units_) {
-    const PortCounters& counters = unit->port->counters();
-    if (counters.sent + counters.dropped == unit->handed) continue;
+    if (!holds_back(*unit)) continue;
     unit->port->flush();
     publish(*unit);
   }

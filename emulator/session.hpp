@@ -134,6 +134,7 @@ class Session {
   void note_times(Unit& unit, Nanoseconds lateness, Nanoseconds write) noexcept;
   void finish() noexcept;
   void take_in(TruthTime until) noexcept;
+  static bool holds_back(const Unit& unit) noexcept;  // the port, of what it was handed
   void wait_for_reader(Unit& unit) const noexcept;
   void serve_host(Unit& unit) noexcept;
   static void publish(Unit& unit) noexcept;

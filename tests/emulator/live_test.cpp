@@ -117,6 +117,39 @@ TEST_F(LiveTest, AfterAPauseOfTheSimulatorTheSensorMovesAgain) {
   EXPECT_EQ(std::stod(all[all.size() - 10][4]), 0.5);  // turning again
 }
 
+TEST_F(LiveTest, TheFiguresAreWrittenEachSecondAndLogged) {
+  const std::string c = config("realtime", simulator_.port(), "native", 200, "native", "pty:" + path("imu") + "?baud=921600");
+  Program imud("imud");
+  start(imud, c, {"--quality", path("quality.jsonl"), "--log-every", "1"});
+  ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+  EXPECT_EQ(run_program("imu-truth", {"turntable", "--to", simulator_.port(), "--for", "3.5", "--drop", "5"}).exit_code, 0);
+  EXPECT_EQ(imud.stop(), 0);
+  const nlohmann::json whole = summary();
+  std::uint64_t samples = 0, accepted = 0;
+  const std::vector<std::string> lines = lines_of(read_file(path("quality.jsonl")));
+  ASSERT_GE(lines.size(), 3U);
+  for (const std::string& text : lines) {
+    const nlohmann::json line = nlohmann::json::parse(text);
+    const nlohmann::json &truth = line["truth"], &imu = line["imus"][0];
+    samples += imu["samples"].get<std::uint64_t>();
+    accepted += truth["accepted"].get<std::uint64_t>();
+    for (const char* key : {"rate_hz", "lost", "inserted", "runs", "resumed", "refused"}) EXPECT_TRUE(truth.contains(key)) << key;
+    for (const char* key : {"frames", "dropped", "extrapolated", "held", "silent", "missed", "line_load_percent"})
+      EXPECT_TRUE(imu.contains(key)) << key;
+    for (const char* histogram : {"lateness_us", "write_us"})
+      for (const char* key : {"p50", "p99", "p999", "max"}) EXPECT_TRUE(imu[histogram].contains(key)) << key;
+  }
+  EXPECT_EQ(whole["imus"][0]["samples"], samples);
+  EXPECT_EQ(whole["truth"]["accepted"], accepted);
+  EXPECT_GT(whole["truth"]["lost"], 0);
+  EXPECT_NEAR(whole["truth"]["rate_hz"].get<double>(), 95, 20);
+  EXPECT_NEAR(whole["truth"]["clock_rate"].get<double>(), 1, 0.1);
+  for (const char* key : {"offset_us", "delay_us", "jitter_us", "age_us", "stops", "returns"})
+    EXPECT_TRUE(whole["truth"].contains(key)) << key;
+  EXPECT_NE(imud.errors().find(" Hz, lost "), std::string::npos) << imud.errors();
+  EXPECT_NE(imud.errors().find("late p50 "), std::string::npos) << imud.errors();
+}
+
 TEST_F(LiveTest, SigtermEndsRemovesTheLinkAndPrintsTheSummary) {
   for (const std::string clock : {"realtime", "lockstep"}) {
     for (const double rate_hz : {0.1, 1000.0}) {

@@ -1,0 +1,199 @@
+#include "emulator/selftest.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <thread>
+
+#include "core/duration_histogram.hpp"
+#include "emulator/host.hpp"
+#include "emulator/line_load.hpp"
+#include "emulator/machine.hpp"
+#include "emulator/realtime_thread.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr double us = 1e6;  // in a second
+
+void print_row(const std::string& what, const DurationHistogram& h) {
+  fmt::print("  {:<34} p50 {:8.1f}  p99 {:8.1f}  p99.9 {:8.1f}  max {:8.1f}\n", what, us * h.percentile(50),
+             us * h.percentile(99), us * h.percentile(99.9), us * h.max());
+  std::fflush(stdout);
+}
+
+// Calls `act` on a grid of that rate, in a thread of that kind; how late each call was.
+template <class Act>
+DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double duration_s, Act&& act) {
+  DurationHistogram late;
+  std::thread thread([&] {
+    make_thread_realtime(realtime);
+    MonotonicHost host;
+    const Grid grid(rate_hz);
+    const HostTime start = host.now() + std::chrono::milliseconds(10);
+    for (std::uint64_t k = 0; seconds(grid.offset(k)) < duration_s; ++k) {
+      const HostTime due = start + grid.offset(k);
+      late.add(std::max(0.0, seconds(host.sleep_until(due, realtime.spin) - due)));
+      act(host);
+    }
+  });
+  thread.join();
+  return late;
+}
+
+// A folder for private ports, and who reads them.
+class Bench {
+ public:
+  Bench() {
+    std::string name = std::filesystem::temp_directory_path() / "imud_selftest_XXXXXX";
+    if (::mkdtemp(name.data()) == nullptr) throw PortError("no temporary folder");
+    folder_ = name;
+  }
+  ~Bench() {
+    reader_ = {};
+    std::filesystem::remove_all(folder_);
+  }
+  Bench(const Bench&) = delete;
+  Bench& operator=(const Bench&) = delete;
+
+  // The port, or one of its kind beside it.
+  std::unique_ptr<Port> open(const std::string& port) {
+    const PortSpec spec = PortSpec::parse(port);
+    if (spec.scheme != "pty" && spec.scheme != "file") return open_port(port, Role::device);
+    const std::string path = folder_ + "/" + spec.scheme;
+    const std::size_t options = port.find('?');
+    auto opened = open_port(spec.scheme + ":" + path + (options == std::string::npos ? "" : port.substr(options)), Role::device);
+    if (spec.scheme == "pty") read(path);
+    return opened;
+  }
+
+ private:
+  void read(const std::string& path) {
+    reader_ = std::jthread([path](const std::stop_token& stop) {
+      const FileDescriptor tty(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+      termios raw{};
+      ::tcgetattr(tty.get(), &raw);
+      ::cfmakeraw(&raw);
+      ::tcsetattr(tty.get(), TCSANOW, &raw);
+      std::array<char, 4096> buffer;
+      while (!stop.stop_requested()) {
+        pollfd ready{tty.get(), POLLIN, 0};
+        if (::poll(&ready, 1, 20) > 0 && ::read(tty.get(), buffer.data(), buffer.size()) <= 0)
+          std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+    });
+  }
+  std::string folder_;
+  std::jthread reader_;
+};
+
+DurationHistogram measure_writes(const RealtimeConfig& realtime, const ImuConfig& imu, double duration_s,
+                                 PortCounters& counters) {
+  Bench bench;
+  const std::unique_ptr<Port> port = bench.open(imu.port);
+  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  FrameBuffer frames;
+  Sample sample = ordinary_sample();
+  DurationHistogram took;
+  loop(realtime, imu.rate_hz, duration_s, [&](Host& host) {
+    frames.clear();
+    ++sample.counter;
+    device->sample(sample, frames);
+    const HostTime begin = host.now();
+    port->send(frames.frames());
+    took.add(std::max(0.0, seconds(host.now() - begin)));
+    while (port->receive()) {}
+  });
+  counters = port->counters();
+  return took;
+}
+
+}  // namespace
+
+Config selftest_config() {
+  Config config;
+  ImuConfig& imu = config.imus.emplace_back();
+  imu.name = "imu";
+  imu.rate_hz = 1000;
+  imu.grid = Grid(imu.rate_hz);
+  imu.protocol = find_protocol("native");
+  imu.settings = Settings();
+  imu.port = "pty:imu";
+  return config;
+}
+
+int selftest_timing(const Config& config, const SelftestOptions& options) {
+  double rate_hz = 0;
+  std::vector<std::string> serial;
+  for (const ImuConfig& imu : config.imus) {
+    rate_hz = std::max(rate_hz, imu.rate_hz);
+    const PortSpec spec = PortSpec::parse(imu.port);
+    if (spec.scheme == "serial") serial.push_back(spec.address);
+  }
+  const RealtimeProcess process(config.realtime);
+  std::vector<std::string> advice = process.shortfalls();
+  std::thread([&] {
+    for (const std::string& shortfall : make_thread_realtime(config.realtime)) advice.push_back(shortfall);
+  }).join();
+  const Machine machine = look_at_machine("", config.realtime.spin.count() > 0, serial);
+  advice.insert(advice.end(), machine.advice.begin(), machine.advice.end());
+
+  fmt::print("the machine\n");
+  for (const std::string& fact : machine.facts) fmt::print("  {}\n", fact);
+
+  const auto nothing = [](Host&) {};
+  RealtimeConfig kind = config.realtime;
+  fmt::print("how late a bare loop wakes, {} Hz, {} s each, us\n", rate_hz, options.measure_s);
+  kind.priority = 0;
+  kind.spin = {};
+  print_row("as any thread", loop(kind, rate_hz, options.measure_s, nothing));
+  kind.priority = std::max(1, config.realtime.priority);
+  const DurationHistogram plain = loop(kind, rate_hz, options.measure_s, nothing);
+  print_row(fmt::format("priority {}", kind.priority), plain);
+  kind.spin = config.realtime.spin.count() > 0 ? config.realtime.spin : Nanoseconds(std::chrono::microseconds(100));
+  const DurationHistogram spun = loop(kind, rate_hz, options.measure_s, nothing);
+  print_row(fmt::format("priority {}, spin_us = {:g}", kind.priority, us * seconds(kind.spin)), spun);
+
+  fmt::print("how long a write takes, us\n");
+  double all_p50 = 0, all_p999 = 0;  // of all that write at the same instant
+  for (const ImuConfig& imu : config.imus) {
+    PortCounters counters;
+    const DurationHistogram took = measure_writes(config.realtime, imu, options.measure_s, counters);
+    print_row(fmt::format("{} to {}", imu.name, imu.port), took);
+    if (counters.dropped > 0)
+      advice.push_back(fmt::format("{}: {} of {} frames were not taken by {}: is somebody there, and the line fast enough?",
+                                   imu.name, counters.dropped, counters.dropped + counters.sent, imu.port));
+    all_p50 += took.percentile(50);
+    all_p999 += took.percentile(99.9);
+  }
+
+  const DurationHistogram& wakes = config.realtime.spin.count() > 0 ? spun : plain;
+  const auto row = [&](const DurationHistogram& h) {
+    return fmt::format("p50 {:.1f}, p99 {:.1f}, p99.9 {:.1f} us late", us * h.percentile(50), us * h.percentile(99),
+                       us * h.percentile(99.9));
+  };
+  const double busy_s = wakes.percentile(99.9) + all_p999;
+  const double best_hz = std::min(Grid::max_rate_hz, 1 / std::max(busy_s, 1e-6));
+  fmt::print("to expect\n  samples begin to leave with {}; with spin_us = {:g}: {}\n", row(plain),
+             us * seconds(kind.spin), row(spun));
+  if (config.imus.size() > 1)
+    fmt::print("  the last of {} imus at one instant {:.1f} us after the first; phase_us sets them apart\n", config.imus.size(),
+               us * all_p50);
+  fmt::print("  up to {:.0f} Hz, 99.9 % of them are gone before the next is due; {} Hz is {}\n", best_hz, rate_hz,
+             rate_hz <= best_hz ? "within that" : "beyond that");
+  fmt::print("to improve\n");
+  if (advice.empty()) fmt::print("  nothing left to do\n");
+  for (const std::string& line : advice) fmt::print("  - {}\n", line);
+  return 0;
+}
+
+}  // namespace imud
