@@ -46,7 +46,7 @@ DurationHistogram DurationHistogram::since(const DurationHistogram& before) cons
 }
 
 double DurationHistogram::percentile(double percent) const {
-  const double rank = percent / 100.0 * static_cast<double>(count());
+  const double rank = percent * static_cast<double>(count()) / 100.0;  // in this order: exact where it can be
   double reached = 0;
   for (auto&& bucket : boost::histogram::indexed(histogram_, boost::histogram::coverage::all)) {
     reached += static_cast<double>(std::uint64_t{*bucket});

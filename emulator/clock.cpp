@@ -51,7 +51,9 @@ void run_capture(Session& session, Host& host, bool paced, Nanoseconds spin, std
       else
         host.sleep_until(due, spin);
     }
-    if (now >= due) session.fire(due, [&] { return host.now(); });
+    if (now < due) return;
+    session.fire(due, [&] { return host.now(); });
+    session.serve_hosts();
   };
   while (!stop.load(std::memory_order_relaxed)) {
     const TruthIntake::Outcome outcome = intake.take();

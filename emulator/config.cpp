@@ -277,6 +277,24 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const toml::array* 
   }
 }
 
+// Whether these bits of Sample::status come through the imu's protocol.
+bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
+  struct Sink final : MeasurementSink {
+    void on_measurement(const Measurement& measurement) override {
+      if ((measurement.fields & Measurement::status) != 0) seen |= measurement.sample.status;
+    }
+    std::uint32_t seen = 0;
+  } sink;
+  Sample sample = ordinary_sample();
+  sample.status = bits;
+  const auto frames = std::make_unique<FrameBuffer>();
+  imu.protocol->make(imu.settings)->sample(sample, *frames);
+  const std::unique_ptr<Decoder> decoder = imu.protocol->make_decoder(imu.settings);
+  for (const Frame& frame : frames->frames()) decoder->feed(frame, sink);
+  decoder->finish(sink);
+  return (sink.seen & bits) == bits;
+}
+
 // Sets "imu.0.rate_hz=400".
 void override_key(toml::table& root, const std::string& assignment, Faults& faults) {
   const auto fault = [&](std::string_view what) { faults.add(0, fmt::format("--set {}", assignment), what); };
@@ -345,6 +363,13 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       const toml::table& imu = *(*array)[i].as_table();
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults);
       config.imus.push_back(read_imu(reader, i));
+      const ImuConfig& read = config.imus.back();
+      if (config.truth.when_stopped == WhenStopped::flag && read.protocol != nullptr &&
+          !carries_status(read, status::not_valid))
+        faults.add(imu.source().begin.line, fmt::format("imu.{}.protocol", i),
+                   fmt::format("{} cannot say that a sample is not valid, as truth.when_stopped = \"flag\" wants; give "
+                               "\"hold\" or \"silence\"",
+                               read.protocol->name));
     }
     check_imus_together(config.imus, array, faults);
   }

@@ -50,11 +50,6 @@ RealtimeProcess::RealtimeProcess(const RealtimeConfig& config) {
   ::pthread_setattr_default_np(&attributes);
   ::pthread_attr_destroy(&attributes);
 
-  if (config.lock_memory && !lock_memory())
-    shortfalls_.push_back(fmt::format(
-        "memory is not locked ({}): a page that was swapped out delays a sample; permit it by `{}` or `ulimit -l "
-        "unlimited`, or set realtime.lock_memory = false",
-        std::strerror(errno), permit("cap_sys_nice,cap_ipc_lock=ep")));
   if (config.priority > 0) {  // root's, and a mere refinement: silent where it is not permitted
     cpu_dma_latency_.reset(::open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
     const std::int32_t microseconds = 0;
@@ -65,6 +60,13 @@ RealtimeProcess::RealtimeProcess(const RealtimeConfig& config) {
 
 std::vector<std::string> make_thread_realtime(const RealtimeConfig& config) {
   std::vector<std::string> shortfalls;
+  if (config.lock_memory && !lock_memory()) {
+    const int error = errno;
+    shortfalls.push_back(fmt::format(
+        "memory is not locked ({}): a page that was swapped out delays a sample; permit it by `{}` or `ulimit -l "
+        "unlimited`, or set realtime.lock_memory = false",
+        std::strerror(error), permit("cap_sys_nice,cap_ipc_lock=ep")));
+  }
   if (config.cpu) {
     cpu_set_t set;
     CPU_ZERO(&set);

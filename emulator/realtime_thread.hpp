@@ -9,20 +9,18 @@
 
 namespace imud {
 
-// For the whole process, before the thread is made: memory is locked and stacks are of bounded size, so that locking
-// touches them; processors are kept from deep sleep as long as this lives.
+// For the whole process, before the thread is made: stacks are of bounded size, as locking touches all of them;
+// processors are kept from deep sleep as long as this lives.
 class RealtimeProcess {
  public:
   explicit RealtimeProcess(const RealtimeConfig& config);
-  // What was not permitted, a line each, with what would permit it.
-  const std::vector<std::string>& shortfalls() const noexcept { return shortfalls_; }
 
  private:
-  std::vector<std::string> shortfalls_;
   FileDescriptor cpu_dma_latency_;
 };
 
-// For the calling thread: SCHED_FIFO and its processor. What was not permitted, likewise.
+// For the calling thread, when all that it will need is there: memory is locked, its own stack too; SCHED_FIFO and its
+// processor. Returns what was not permitted, a line each, with what would permit it.
 std::vector<std::string> make_thread_realtime(const RealtimeConfig& config);
 
 }  // namespace imud

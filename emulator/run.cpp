@@ -83,7 +83,6 @@ int run(const Config& config, const RunOptions& options) {
   std::optional<RealtimeProcess> process;
   if (config.clock == ClockMode::realtime) {
     process.emplace(config.realtime);
-    for (const std::string& shortfall : process->shortfalls()) spdlog::warn("{}", shortfall);
   }
   Session session(config, stop);
   Monitor monitor(session, config, options.monitor);

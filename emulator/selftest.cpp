@@ -31,12 +31,13 @@ void print_row(const std::string& what, const DurationHistogram& h) {
   std::fflush(stdout);
 }
 
-// Calls `act` on a grid of that rate, in a thread of that kind; how late each call was.
+// Calls `act` on a grid of that rate, in a thread of that kind; how late each call was. Adds what was not permitted.
 template <class Act>
-DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double duration_s, Act&& act) {
+DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double duration_s, std::vector<std::string>& shortfalls,
+                       Act&& act) {
   DurationHistogram late;
   std::thread thread([&] {
-    make_thread_realtime(realtime);
+    shortfalls = make_thread_realtime(realtime);
     MonotonicHost host;
     const Grid grid(rate_hz);
     const HostTime start = host.now() + std::chrono::milliseconds(10);
@@ -104,7 +105,8 @@ DurationHistogram measure_writes(const RealtimeConfig& realtime, const ImuConfig
   FrameBuffer frames;
   Sample sample = ordinary_sample();
   DurationHistogram took;
-  loop(realtime, imu.rate_hz, duration_s, [&](Host& host) {
+  std::vector<std::string> shortfalls;  // said already
+  loop(realtime, imu.rate_hz, duration_s, shortfalls, [&](Host& host) {
     frames.clear();
     ++sample.counter;
     device->sample(sample, frames);
@@ -140,28 +142,28 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
     if (spec.scheme == "serial") serial.push_back(spec.address);
   }
   const RealtimeProcess process(config.realtime);
-  std::vector<std::string> advice = process.shortfalls();
-  std::thread([&] {
-    for (const std::string& shortfall : make_thread_realtime(config.realtime)) advice.push_back(shortfall);
-  }).join();
   const Machine machine = look_at_machine("", config.realtime.spin.count() > 0, serial);
-  advice.insert(advice.end(), machine.advice.begin(), machine.advice.end());
-
   fmt::print("the machine\n");
   for (const std::string& fact : machine.facts) fmt::print("  {}\n", fact);
 
   const auto nothing = [](Host&) {};
   RealtimeConfig kind = config.realtime;
   fmt::print("how late a bare loop wakes, {} Hz, {} s each, us\n", rate_hz, options.measure_s);
+  std::vector<std::string> advice;
   kind.priority = 0;
   kind.spin = {};
-  print_row("as any thread", loop(kind, rate_hz, options.measure_s, nothing));
-  kind.priority = std::max(1, config.realtime.priority);
-  const DurationHistogram plain = loop(kind, rate_hz, options.measure_s, nothing);
-  print_row(fmt::format("priority {}", kind.priority), plain);
+  DurationHistogram plain = loop(kind, rate_hz, options.measure_s, advice, nothing);
+  print_row("as any thread", plain);
+  kind.priority = config.realtime.priority;
+  const std::string as = kind.priority > 0 ? fmt::format("priority {}", kind.priority) : "as any thread";
+  if (kind.priority > 0) {
+    plain = loop(kind, rate_hz, options.measure_s, advice, nothing);
+    print_row(as + (advice.empty() ? "" : " (if permitted: see below)"), plain);
+  }
   kind.spin = config.realtime.spin.count() > 0 ? config.realtime.spin : Nanoseconds(std::chrono::microseconds(100));
-  const DurationHistogram spun = loop(kind, rate_hz, options.measure_s, nothing);
-  print_row(fmt::format("priority {}, spin_us = {:g}", kind.priority, us * seconds(kind.spin)), spun);
+  const DurationHistogram spun = loop(kind, rate_hz, options.measure_s, advice, nothing);
+  print_row(fmt::format("{}, spin_us = {:g}", as, us * seconds(kind.spin)), spun);
+  advice.insert(advice.end(), machine.advice.begin(), machine.advice.end());
 
   fmt::print("how long a write takes, us\n");
   double all_p50 = 0, all_p999 = 0;  // of all that write at the same instant

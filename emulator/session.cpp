@@ -67,15 +67,14 @@ void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
   settled_ = std::max(settled_, time);
 
   const bool held = (sample.status & status::truth_stale) != 0;
-  const bool stopped = held && time > timeline_.newest();  // not before a run's first truth
+  // Until there is motion again; a run that begins with its truth still to come does not begin by a stop.
+  const bool stopped = held && (stopped_ || time > timeline_.newest());
   if (std::exchange(stopped_, stopped) != stopped) count_one(stopped ? quality_.stops : quality_.returns);
-  if ((sample.status & status::truth_extrapolated) != 0) count_one(unit.counters.extrapolated);
-  if (held) count_one(unit.counters.held);
+  unit.status = sample.status;
+  unit.silent = stopped && when_stopped_ == WhenStopped::silence;
 
   unit.frames.clear();
-  if (stopped && when_stopped_ == WhenStopped::silence) {
-    count_one(unit.counters.silent);
-  } else {
+  if (!unit.silent) {
     if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
     unit.device->sample(sample, unit.frames);
   }
@@ -100,6 +99,9 @@ void Session::finish() noexcept {
   samples_in_run_ += prepared_.size();
   for (Unit* unit : prepared_) {
     count_one(unit->counters.samples);
+    if ((unit->status & status::truth_extrapolated) != 0) count_one(unit->counters.extrapolated);
+    if ((unit->status & status::truth_stale) != 0) count_one(unit->counters.held);
+    if (unit->silent) count_one(unit->counters.silent);
     publish(*unit);
   }
   prepared_.clear();
@@ -145,17 +147,18 @@ void Session::wait_for_reader(Unit& unit) const noexcept {
   }
 }
 
-void Session::serve_host(Unit& unit) noexcept {
+bool Session::serve_host(Unit& unit) noexcept {
   constexpr int most = 16;  // a flood from the host does not delay samples
   for (int i = 0; i < most; ++i) {
     const auto received = unit.port->receive();
-    if (!received) return;
+    if (!received) return i > 0;
     replies_.clear();
     unit.device->receive(received->frame, replies_);
     if (replies_.frames().empty()) continue;
     unit.port->send(replies_.frames());
     unit.handed += replies_.frames().size();
   }
+  return true;
 }
 
 void Session::serve_hosts() noexcept {
@@ -168,7 +171,8 @@ void Session::serve_hosts() noexcept {
 std::span<pollfd> Session::inputs() noexcept {
   inputs_.clear();
   inputs_.push_back({intake_.descriptor(), POLLIN, 0});
-  for (const auto& unit : units_) inputs_.push_back({unit->port->descriptor(), POLLIN, 0});
+  for (const auto& unit : units_)
+    inputs_.push_back({unit->port->hears() ? unit->port->descriptor() : -1, POLLIN, 0});
   return inputs_;
 }
 
@@ -178,7 +182,7 @@ bool Session::serve_inputs() noexcept {
     const short seen = inputs_[i].revents;
     if (seen != 0 && (seen & POLLIN) == 0) good = false;
     if (seen == 0 || i == 0) continue;
-    serve_host(*units_[i - 1]);
+    if (!serve_host(*units_[i - 1])) good = false;
     publish(*units_[i - 1]);
   }
   return good;

@@ -100,8 +100,8 @@ class Session {
 
   // What can be waited for now, for poll(): truth, first, and what the hosts send.
   std::span<pollfd> inputs() noexcept;
-  // Lets the devices hear their hosts where poll() has seen something in inputs(). False if it was only errors there,
-  // which stay: do not wait on them again at once.
+  // Lets the devices hear their hosts where poll() has seen something in inputs(). False if there was something that
+  // stays, such as an error: do not wait for it again at once.
   bool serve_inputs() noexcept;
   // Lets all devices hear their hosts, and lost ports look whether their device is back.
   void serve_hosts() noexcept;
@@ -126,7 +126,9 @@ class Session {
     bool reader_stalls = false;
     bool has_sampled = false;  // in this run
     std::uint64_t handed = 0;  // frames given to the port
-    FrameBuffer frames;        // of the sample prepared
+    FrameBuffer frames;        // of the sample prepared, and its
+    std::uint32_t status = 0;
+    bool silent = false;
     ImuCounters counters;
   };
 
@@ -136,7 +138,7 @@ class Session {
   void take_in(TruthTime until) noexcept;
   static bool holds_back(const Unit& unit) noexcept;  // the port, of what it was handed
   void wait_for_reader(Unit& unit) const noexcept;
-  void serve_host(Unit& unit) noexcept;
+  bool serve_host(Unit& unit) noexcept;  // false if it said nothing
   static void publish(Unit& unit) noexcept;
 
   const std::atomic<bool>& stop_;

@@ -28,7 +28,7 @@ HostTime TruthClock::begin(TruthTime truth, HostTime arrival, double rate) noexc
   truth_origin_ = truth;
   host_origin_ = arrival;
   first_ = count_ = 0;
-  rate_ = rate;
+  rate_ = measured_rate_ = rate;
   slope_ = 1 / rate;
   intercept_s_ = 0;
   offset_s_ = 0;

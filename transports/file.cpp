@@ -65,6 +65,7 @@ class FileWriter final : public Port {
   }
 
   std::optional<Received> receive() noexcept override { return std::nullopt; }
+  bool hears() const noexcept override { return false; }  // though a terminal may have something to say
 
   void flush() noexcept override {
     const int error = writer_.write(file_.get(), {held_.data(), held_count_}, counters_);

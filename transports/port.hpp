@@ -62,6 +62,8 @@ class Port {
   virtual void flush() noexcept {}
   // False while it is known that the other end has not read all that was sent: closing a pty takes that away.
   virtual bool is_read() noexcept { return true; }
+  // False if receive() never returns anything: do not wait for it.
+  virtual bool hears() const noexcept { return true; }
   // For poll(); -1 if there is nothing to wait for: a capture, a regular file, a lost device, a pty that nobody has open. send() and
   // receive() look whether it is back, so one of them must be called now and then. Changes when it is reopened.
   virtual int descriptor() const noexcept { return -1; }

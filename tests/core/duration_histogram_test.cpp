@@ -60,5 +60,14 @@ TEST(DurationHistogram, IsCopiedWhileAnotherThreadAdds) {
   EXPECT_EQ(sum, n);
 }
 
+// 99.9 % of whole thousands, which no product of doubles may exceed.
+TEST(DurationHistogram, OneInAThousandIsBeyondTheLastPercentile) {
+  for (int n = 1000; n <= 20'000; n += 1000) {
+    DurationHistogram histogram;
+    for (int i = 0; i < n; ++i) histogram.add(i < n / 1000 ? 1.0 : 1e-6);
+    EXPECT_LT(histogram.percentile(99.9), 2e-6) << n;
+  }
+}
+
 }  // namespace
 }  // namespace imud

@@ -225,6 +225,13 @@ TEST_F(ConfigTest, EachFaultSaysLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"truth.auto_delay_percent=90"}).find("needs delay_ms = \"auto\""), std::string::npos);
   EXPECT_NE(fault(good, {"truth.when_stopped=stop"}).find("give one of \"hold\", \"flag\", \"silence\""),
             std::string::npos);
+  EXPECT_NE(fault(good, {"truth.when_stopped=flag", "imu.0.protocol=native-can", "imu.0.port=can:vcan0"})
+                .find("imu.0.protocol: native-can cannot say that a sample is not valid"),
+            std::string::npos);
+  EXPECT_TRUE(faults(good, {"truth.when_stopped=flag", "imu.0.protocol=native-can", "imu.0.port=can:vcan0",
+                            "imu.0.device.fd=true"})
+                  .empty());
+  EXPECT_TRUE(faults(good, {"truth.when_stopped=flag", "imu.0.protocol=csv"}).empty());
   EXPECT_NE(fault(good, {"realtime.priority=100"}).find("realtime.priority: "), std::string::npos);
   EXPECT_NE(fault(good, {"realtime.cpu=4096"}).find("realtime.cpu: "), std::string::npos);
   EXPECT_NE(fault(good, {"realtime.spin_us=1e6"}).find("realtime.spin_us: "), std::string::npos);

@@ -73,6 +73,25 @@ TEST_F(LiveTest, AReaderThatComesLateStopsAndReturnsSeesWholeFrames) {
   EXPECT_GT(missing, 0U);
 }
 
+// What a host says is taken from the pty in every clock: more than a pty holds goes through.
+TEST_F(LiveTest, AHostIsHeardWhileACaptureIsReplayed) {
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "3"}).exit_code, 0);
+  const std::string c = config("realtime", simulator_.port(), "csv", 1000, "native", "pty:" + path("imu"));
+  Program imud("imud");
+  imud.start({"replay", c, path("truth.csv")});
+  ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+  const FileDescriptor host = open_raw(path("imu"));
+  const std::string words(1000, 'x');
+  std::array<char, 4096> ignored;
+  std::size_t said = 0;
+  while (imud.is_running() && said < 80'000) {
+    if (const ssize_t size = ::write(host.get(), words.data(), words.size()); size > 0) said += static_cast<std::size_t>(size);
+    while (::read(host.get(), ignored.data(), ignored.size()) > 0) {}
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_GE(said, 80'000U);
+}
+
 // A serial device made of a pty behind a link, so that it can be unplugged and come back.
 class SerialDevice {
  public:

@@ -148,6 +148,90 @@ TEST_F(RealtimeRun, AHoldUpOfTheHostMissesNoSample) {
   }
 }
 
+// While the estimate of the simulator's clock is still being approached.
+TEST_F(RealtimeRun, AfterAHoldUpTheSampledTimeGoesOnEvenly) {
+  struct Case {
+    double rate, jitter_s, held_up_s, imu_hz;
+  };
+  for (const Case& c : {Case{0.9, 0, 0.3, 1000}, Case{0.9, 0, 0.02, 4000}, Case{1.1, 0, 0.3, 1000},
+                        Case{1, 0.005, 0.3, 1000}, Case{1, 0.005, 0.05, 200}}) {
+    SimulatedRun run(config(c.imu_hz, "delay_ms = 40"));
+    std::mt19937_64 random(5);
+    std::uniform_real_distribution<double> jitter(0, std::max(c.jitter_s, 1e-9));
+    for (int k = 0; k <= 300; ++k)
+      run.truth(0.1 + 0.01 * k / c.rate + (k == 0 ? 0 : jitter(random)), Swing::truth(at_s(0.01 * k)));
+    run.host().freeze(run.at(1.1), run.at(1.1 + c.held_up_s));
+    run.run(2.7);
+    double before_s = 0;
+    ASSERT_GT(run.left().size(), static_cast<std::size_t>(2.5 * c.imu_hz));
+    for (const auto& r : navigate(run.left(), 0)) {
+      ASSERT_EQ(r.sample.status, 0U) << r.time_s;
+      if (r.time_s > 0.5) {
+        ASSERT_NEAR((r.time_s - before_s) * c.imu_hz / c.rate, 1, 0.16) << r.time_s;
+      }
+      before_s = r.time_s;
+    }
+  }
+}
+
+// More truths between two samples than the timeline keeps.
+TEST_F(RealtimeRun, ASlowSensorTakesInFastTruth) {
+  for (const auto& [imu_hz, truth_hz] : {std::pair{0.5, 1000.0}, {0.1, 200.0}, {1.0, 2000.0}}) {
+    SimulatedRun run(config(imu_hz, "delay_ms = 50"));
+    for (int k = 0; k <= 8 / imu_hz * truth_hz; ++k) {
+      Truth truth = Swing::truth(at_s(k / truth_hz));
+      truth.sequence = static_cast<std::uint32_t>(k);
+      run.truth(0.1 + k / truth_hz, truth);
+    }
+    run.run(0.1 + 8 / imu_hz);
+    ASSERT_EQ(run.left().size(), 8U);
+    EXPECT_EQ(run.counters().extrapolated, 0U);
+    EXPECT_EQ(run.truth_counters().lost, 0U);
+    for (const auto& r : navigate(run.left(), 0)) EXPECT_NEAR(r.angle, Swing::angle(r.time_s), 1e-9) << imu_hz;
+  }
+}
+
+// Rates of truth, and of its lateness, that look like a pause and are none.
+TEST_F(RealtimeRun, LateTruthIsNoPause) {
+  struct Case {
+    double truth_hz, jitter_s;
+    const char* keys;
+  };
+  for (const Case& c : {Case{100, 0, "extrapolate_ms = 0"}, Case{100, 0.03, "extrapolate_ms = 0"}, Case{5, 0.2, ""},
+                        Case{2, 0.2, ""}, Case{1, 0, ""}}) {
+    SimulatedRun run(config(200, c.keys));
+    std::mt19937_64 random(9);
+    std::uniform_real_distribution<double> jitter(0, c.jitter_s + 1e-9);
+    for (int k = 0; k <= 60 * c.truth_hz; ++k) {
+      Truth truth = Swing::truth(at_s(k / c.truth_hz));
+      truth.sequence = static_cast<std::uint32_t>(k);
+      run.truth(0.1 + k / c.truth_hz + jitter(random), truth);
+    }
+    run.run(60);
+    EXPECT_EQ(run.quality().resumed, 0U) << c.truth_hz << " Hz, " << c.jitter_s << " s " << c.keys;
+  }
+}
+
+// Between the return of truth and the moment, one delay later, at which the sensor reaches it.
+TEST_F(RealtimeRun, AStoppedSensorIsStoppedUntilItMovesAgain) {
+  for (const std::string reaction : {"flag", "silence"}) {
+    SimulatedRun run(config(1000, "delay_ms = 500\nwhen_stopped = \"" + reaction + "\""));
+    send(run, 0, 2);
+    send(run, 2.01, 6, 3);
+    run.run(9.1);
+    EXPECT_EQ(run.quality().resumed, 1U);
+    EXPECT_EQ(run.quality().stops, 1U);
+    EXPECT_EQ(run.quality().returns, 1U);
+    std::size_t flagged = 0;
+    for (const Left& left : within(run, 1, 9.1)) {
+      const bool is_held = (left.sample.status & status::truth_stale) != 0;
+      ASSERT_EQ((left.sample.status & status::not_valid) != 0, is_held) << run.since_begin(left.time);
+      flagged += is_held;
+    }
+    EXPECT_EQ(flagged > 2900, reaction == "flag");
+  }
+}
+
 TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
   std::string text = "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\ndelay_ms = 20\n";
   const auto rate = [](std::size_t i) { return i % 4 == 0 ? 1000.0 : i % 4 == 1 ? 409.6 : i % 4 == 2 ? 2000.0 : 0.5; };

@@ -74,7 +74,7 @@ class DatagramTimes {
   std::jthread thread_;
 };
 
-// The configuration of `imus` imus; keys of the first table and of each imu (with "{}" for its number).
+// The configuration of `imus` imus; keys of the first table and of each imu ("{0}": its number; "{1}": 62.5 times that).
 std::string config(int truth_port, const std::string& realtime, int imus, const std::string& imu);
 
 struct Run {
