@@ -21,9 +21,9 @@ struct Instant {
   friend constexpr Nanoseconds operator-(Instant a, Instant b) { return Nanoseconds{a.ns - b.ns}; }
 };
 
-using TruthTime = Instant<struct TruthClock>;    // the simulator's own time
-using HostTime = Instant<struct HostClock>;      // CLOCK_MONOTONIC, or a capture's time stamps
-using DeviceTime = Instant<struct DeviceClock>;  // what the emulated sensor believes
+using TruthTime = Instant<struct OfTruth>;     // the simulator's own time
+using HostTime = Instant<struct OfHost>;      // CLOCK_MONOTONIC, or a capture's time stamps
+using DeviceTime = Instant<struct OfDevice>;  // what the emulated sensor believes
 
 constexpr double seconds(Nanoseconds d) { return static_cast<double>(d.count()) * 1e-9; }
 // To the nearest; within +-292 years.

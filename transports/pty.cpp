@@ -69,7 +69,10 @@ class PtyDevice final : public Port {
   }
 
   void send(std::span<const Frame> frames) noexcept override {
-    if (look_for_reader())
+    // A reader that has left is noticed a little later, and what it did not read taken back then.
+    constexpr Nanoseconds often_enough = std::chrono::milliseconds(5);
+    const HostTime now = host_now();
+    if ((state_ == PortState::ready && now - looked_ < often_enough) || look_for_reader())
       writer_.write(master_.get(), frames, counters_);
     else
       counters_.dropped += frames.size();
@@ -134,6 +137,7 @@ class PtyDevice final : public Port {
     const bool present = (master.revents & POLLHUP) == 0;
     if (!present && state_ == PortState::ready) discard_unread();
     state_ = present ? PortState::ready : PortState::no_reader;
+    looked_ = host_now();
     return present;
   }
 
@@ -148,6 +152,7 @@ class PtyDevice final : public Port {
   const std::string link_;
   std::string slave_;
   FileDescriptor master_;
+  HostTime looked_;  // for a reader
   ByteWriter writer_;
   std::array<std::byte, 4096> buffer_;
 };

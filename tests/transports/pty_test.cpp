@@ -218,6 +218,7 @@ TEST_F(Pty, WhatAReaderSaidBeforeItLeftIsHeard) {
   port->send(frames.next(1));
   ASSERT_EQ(::write(client.get(), "stop", 4), 4);
   client.reset();
+  ::poll(nullptr, 0, 10);  // send() looks for a reader every 5 ms
   port->send(frames.next(1));
   EXPECT_EQ(port->state(), PortState::no_reader);
   const auto received = port->receive();
