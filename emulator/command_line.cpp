@@ -1,6 +1,7 @@
 #include "emulator/command_line.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -22,6 +23,7 @@ namespace {
 struct Arguments {
   std::string config;
   std::string capture;
+  std::string name;
   bool fast = false;
   std::vector<std::string> overrides;
   RunOptions run;
@@ -59,7 +61,37 @@ void list_table(const char* title, const Table& table) {
   for (const auto* entry : table) fmt::print("  {:<12} {} [{}]\n", entry->name, entry->summary, entry->document);
 }
 
-int list() {
+// The keys of [imu.device] or [truth] that an entry has beside the common ones.
+template <class Entry>
+void list_settings(const Entry& entry) {
+  fmt::print("{}: {}\n", entry.name, entry.summary);
+  if (entry.settings.empty()) fmt::print("  no settings of its own\n");
+  for (const Setting& setting : entry.settings) {
+    std::string initial = std::visit(
+        [](const auto& value) -> std::string {
+          using Value = std::decay_t<decltype(value)>;
+          if constexpr (std::is_same_v<Value, std::string_view>) return fmt::format("\"{}\"", value);
+          else if constexpr (std::is_same_v<Value, std::span<const std::string_view>>) return "[]";
+          else return fmt::format("{}", value);
+        },
+        setting.initial);
+    if (!setting.choices.empty()) initial += fmt::format("; one of {}", fmt::join(setting.choices, ", "));
+    fmt::print("  {:<24} {} ({})\n", setting.key, setting.help, initial);
+  }
+}
+
+int list(const std::string& name) {
+  if (!name.empty()) {
+    const Protocol* protocol = find_protocol(name);
+    const TruthFormat* format = find_truth_format(name);
+    if (protocol == nullptr && format == nullptr) {
+      fmt::print(stderr, "there is no protocol and no truth format \"{}\"; see imud list\n", name);
+      return 2;
+    }
+    if (protocol != nullptr) list_settings(*protocol);
+    if (format != nullptr) list_settings(*format);
+    return 0;
+  }
   list_table("protocols", protocols());
   list_table("truth formats", truth_formats());
   fmt::print("transports\n");
@@ -132,7 +164,8 @@ int command_line(int argc, const char* const* argv) {
   selftest_command->add_option("--for", measure_s, "Each measurement lasts so long (2)")
       ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0));
-  auto* list_command = app.add_subcommand("list", "Show protocols, truth formats and transports");
+  auto* list_command = app.add_subcommand("list", "Show protocols, truth formats and transports; of one of these its settings");
+  list_command->add_option("NAME", arguments.name, "A protocol or truth format");
 
   try {
     app.parse(argc, argv);
@@ -140,7 +173,7 @@ int command_line(int argc, const char* const* argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
-    if (list_command->parsed()) return list();
+    if (list_command->parsed()) return list(arguments.name);
     if (check_command->parsed()) return check(arguments);
     if (selftest_command->parsed()) {
       const Config config =

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <array>
 #include <map>
+#include <optional>
 #include <set>
 #include <thread>
 
@@ -89,11 +91,15 @@ const Transport* read_port(TableReader& table, std::string_view key, const std::
   }
 }
 
-TriadErrors read_triad(TableReader table, std::string_view unit) {
+// `product`: what holds where nothing is said; nullptr: the range must be.
+TriadErrors read_triad(TableReader table, std::string_view unit, const TriadErrors* product) {
   constexpr double huge = 1e9;
   const auto key = [&](std::string_view stem) { return fmt::format("{}_{}", stem, unit); };
   TriadErrors e;
-  table.require(key("max"), "the largest value that the sensor can measure");
+  if (product != nullptr)
+    e = *product;
+  else
+    table.require(key("max"), "the largest value that the sensor can measure");
   e.max = table.real(key("max"), e.max, 1e-12, huge);
   e.bias = table.vector3(key("bias"), e.bias);
   e.scale_factor = table.vector3("scale_factor", e.scale_factor);
@@ -128,31 +134,65 @@ void read_mounting(TableReader table, ImuModel& model) {
   table.finish();
 }
 
+// The port of a device whose UART is set so: that is what a serial port is opened with, and a pty begins with.
+std::string with_line(TableReader& table, const std::string& port, const LineSettings& line) {
+  const PortSpec spec = PortSpec::parse(port);
+  if (spec.scheme != "serial" && spec.scheme != "pty") return port;
+  for (const char* key : {"baud", "parity", "stop", "bits"})
+    if (spec.text(key))
+      table.fault("port", fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line holds", key));
+  std::string options = fmt::format("baud={}", line.baud);
+  if (spec.scheme == "serial") {
+    constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
+    options += fmt::format("&parity={}&stop={}", parities[static_cast<std::size_t>(line.parity)], line.stop_bits);
+  }
+  return port + (port.find('?') == std::string::npos ? "?" : "&") + options;
+}
+
 ImuConfig read_imu(TableReader& table, std::size_t index) {
   ImuConfig imu;
   imu.name = table.text("name", fmt::format("imu{}", index + 1));
   if (imu.name.empty()) table.fault("name", "give a name that is not empty");
 
-  table.require("rate_hz", "the sensor's output rate");
-  imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
-  const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
-  const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
-  imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
-
   table.require("protocol", "one that `imud list` shows");
   const std::string protocol = table.text("protocol", "");
   imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
+  std::optional<Product> product;
+  LineSettings line;
   if (imu.protocol != nullptr) {
     TableReader device = table.child("device");
     imu.settings = read_settings(device, imu.protocol->settings);
     device.finish();
+    try {
+      if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
+      line = imu.protocol->make(imu.settings)->line();
+    } catch (const std::invalid_argument& error) {
+      table.fault("device", error.what());
+      imu.settings = Settings(imu.protocol->settings);
+      if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
+    }
   } else {
     table.node("device");
   }
 
+  if (product) {
+    imu.rate_hz = table.real("rate_hz", product->rate_hz, Grid::min_rate_hz, Grid::max_rate_hz);
+    if (imu.rate_hz != product->rate_hz)
+      table.fault("rate_hz", fmt::format("{} samples at {} Hz inside; how often it sends is set in [imu.device], leave "
+                                         "this away",
+                                         imu.protocol->name, product->rate_hz));
+  } else {
+    table.require("rate_hz", "the sensor's output rate");
+    imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
+  }
+  const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
+  const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
+  imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
+
   table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
   const Transport* transport = read_port(table, "port", imu.port, Role::device);
+  if (transport != nullptr && line.baud != 0) imu.port = with_line(table, imu.port, line);
   if (transport != nullptr && imu.protocol != nullptr) {
     if (transport->carries_can != (imu.protocol->link == Link::can))
       table.fault("port", fmt::format("{} speaks on {}; give {}", imu.protocol->name,
@@ -165,8 +205,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
 
   imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);
   read_mounting(table.child("mounting"), imu.model);
-  imu.model.gyro = read_triad(table.child("gyro"), "rad_per_s");
-  imu.model.accelerometer = read_triad(table.child("accelerometer"), "m_per_s2");
+  imu.model.gyro = read_triad(table.child("gyro"), "rad_per_s", product ? &product->gyro : nullptr);
+  imu.model.accelerometer =
+      read_triad(table.child("accelerometer"), "m_per_s2", product ? &product->accelerometer : nullptr);
   TableReader increments = table.child("increments");
   constexpr DeltaAngle angles[] = {DeltaAngle::rotation_vector, DeltaAngle::integral};
   constexpr DeltaVelocity velocities[] = {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame};
@@ -285,6 +326,7 @@ bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
     }
     std::uint32_t seen = 0;
   } sink;
+  if (imu.protocol->product != nullptr) return (imu.protocol->status_bits & bits) == bits;
   Sample sample = ordinary_sample();
   sample.status = bits;
   const auto frames = std::make_unique<FrameBuffer>();

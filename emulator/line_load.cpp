@@ -61,7 +61,36 @@ CanBits can_bits(const CanHeader& header, std::size_t bytes) {
   return bits;
 }
 
+namespace {
+
+// A product sends less often than it samples: what it sends in its second second.
+LineLoad product_load(const ImuConfig& imu) {
+  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  const auto frames = std::make_unique<FrameBuffer>();
+  const Grid grid(imu.rate_hz);
+  Sample sample = ordinary_sample();
+  LineLoad load;
+  std::size_t bytes = 0;
+  for (std::uint64_t k = 0; grid.nominal_offset(k) < std::chrono::seconds(2); ++k) {
+    sample.time = DeviceTime{} + grid.nominal_offset(k);
+    sample.counter = k;
+    frames->clear();
+    device->sample(sample, *frames);
+    if (grid.nominal_offset(k) < std::chrono::seconds(1)) continue;
+    for (const Frame& frame : frames->frames()) bytes += frame.bytes.size();
+    load.frames_per_s += static_cast<double>(frames->frames().size());
+  }
+  const LineSettings line = device->line();
+  load.bits_per_s = static_cast<double>(bytes) * line.bits_per_character();
+  load.line_bits_per_s = line.baud;
+  if (line.baud != 0) load.percent = 100.0 * load.bits_per_s / line.baud;
+  return load;
+}
+
+}  // namespace
+
 LineLoad line_load(const ImuConfig& imu) {
+  if (imu.protocol->product != nullptr) return product_load(imu);
   const PortSpec spec = PortSpec::parse(imu.port);
   const auto buffer = one_sample(imu);
   LineLoad load;
@@ -96,8 +125,10 @@ LineLoad line_load(const ImuConfig& imu) {
 }
 
 std::string LineLoad::text() const {
-  std::string line = fmt::format("{} frame{} of {} bytes together per sample, {:.0f} bit/s", frames_per_sample,
-                                 frames_per_sample == 1 ? "" : "s", bytes_per_sample, bits_per_s);
+  std::string line = frames_per_s > 0
+                         ? fmt::format("{:.0f} frames/s, {:.0f} bit/s", frames_per_s, bits_per_s)
+                         : fmt::format("{} frame{} of {} bytes together per sample, {:.0f} bit/s", frames_per_sample,
+                                       frames_per_sample == 1 ? "" : "s", bytes_per_sample, bits_per_s);
   if (line_bits_per_s > 0.0) line += fmt::format(", {:.1f} % of the line's {:.0f} bit/s", percent, line_bits_per_s);
   return line;
 }

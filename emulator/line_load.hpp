@@ -14,6 +14,7 @@ namespace imud {
 struct LineLoad {
   std::size_t frames_per_sample = 0;
   std::size_t bytes_per_sample = 0;  // data bytes on CAN
+  double frames_per_s = 0;           // of a product, instead of these two
   double bits_per_s = 0;             // on the wire, with start, parity and stop bits, or with worst-case stuff bits
   double line_bits_per_s = 0;        // what the port is configured for; 0: it has no rate
   double percent = 0;                // 0 if the line has no rate

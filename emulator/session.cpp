@@ -24,7 +24,8 @@ Session::Unit::Unit(const ImuConfig& config, std::uint64_t seed, std::unique_ptr
       period(config.grid.period()),
       device(config.protocol->make(config.settings)),
       port(std::move(opened)),
-      waits_for_reader(config.protocol->link == Link::bytes) {}
+      waits_for_reader(config.protocol->link == Link::bytes),
+      line(device->line()) {}
 
 Session::Session(const Config& config, const std::atomic<bool>& stop, const OpenPort& open)
     : stop_(stop),
@@ -113,6 +114,14 @@ void Session::hand_over(Unit& unit) noexcept {
   unit.handed += unit.frames.frames().size();
 }
 
+// A device answers at the old rate, then it is at the new one.
+void Session::follow_line(Unit& unit) noexcept {
+  const LineSettings line = unit.device->line();
+  if (line == unit.line) return;
+  unit.line = line;
+  unit.port->set_line(line);
+}
+
 void Session::publish(Unit& unit) noexcept {
   const PortCounters& port = unit.port->counters();
   unit.counters.frames.store(port.sent, std::memory_order_relaxed);
@@ -154,9 +163,11 @@ bool Session::serve_host(Unit& unit) noexcept {
     if (!received) return i > 0;
     replies_.clear();
     unit.device->receive(received->frame, replies_);
-    if (replies_.frames().empty()) continue;
-    unit.port->send(replies_.frames());
-    unit.handed += replies_.frames().size();
+    if (!replies_.frames().empty()) {
+      unit.port->send(replies_.frames());
+      unit.handed += replies_.frames().size();
+    }
+    follow_line(unit);
   }
   return true;
 }

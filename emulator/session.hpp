@@ -126,6 +126,7 @@ class Session {
     bool reader_stalls = false;
     bool has_sampled = false;  // in this run
     std::uint64_t handed = 0;  // frames given to the port
+    LineSettings line;         // of the device, as the port knows it
     FrameBuffer frames;        // of the sample prepared, and its
     std::uint32_t status = 0;
     bool silent = false;
@@ -136,6 +137,7 @@ class Session {
   void note_times(Unit& unit, Nanoseconds lateness, Nanoseconds write) noexcept;
   void finish() noexcept;
   void take_in(TruthTime until) noexcept;
+  static void follow_line(Unit& unit) noexcept;
   static bool holds_back(const Unit& unit) noexcept;  // the port, of what it was handed
   void wait_for_reader(Unit& unit) const noexcept;
   bool serve_host(Unit& unit) noexcept;  // false if it said nothing

@@ -8,6 +8,8 @@
 #include <string_view>
 
 #include "core/frame.hpp"
+#include "core/imu.hpp"
+#include "core/line.hpp"
 #include "core/sample.hpp"
 #include "protocols/settings.hpp"
 
@@ -24,6 +26,8 @@ class Device {
   virtual void sample(const Sample& sample, FrameBuffer& out) noexcept = 0;
   // Takes what the host sent, in pieces of any length; appends answers to `replies`. Default: deaf.
   virtual void receive(const Frame& from_host, FrameBuffer& replies) noexcept;
+  // Of its own UART; a change holds for what is sent after it. Default: it has none.
+  virtual LineSettings line() const noexcept;
 };
 
 // What a Decoder found. `fields` tells which quantities the protocol carried; the others are zero in `sample`.
@@ -67,6 +71,12 @@ class Decoder {
   DecodeErrors errors_;
 };
 
+// What a product is, out of the box: what its configuration need not say.
+struct Product {
+  double rate_hz = 0;  // at which it samples inside, whatever it sends
+  TriadErrors gyro, accelerometer;
+};
+
 // One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) holds every entry to what it
 // says of itself here, with the settings as they are initially.
 struct Protocol {
@@ -90,10 +100,16 @@ struct Protocol {
   } range = {};
   std::int64_t time_period_ns = 0;   // after which the time on the wire begins anew; 0: never
   unsigned counter_bits = 64;        // this many low bits of the counter come back
+  bool sends_some_samples = false;   // of many that it counts: steps of the counter are some multiple
   std::uint32_t status_bits = ~0U;   // these bits of Sample::status come back
 
   bool has_checksum = false;  // every one-bit error of a frame is refused
   unsigned burst_bits = 0;    // so is every burst of errors up to this long, bits counted from the LSB of each byte
+
+  // nullptr: no product, the configuration says all. Throws as make.
+  Product (*product)(const Settings& settings) = nullptr;
+  // Settings, "key=value,...", with which each sample gives a frame at once: for the conformance test.
+  std::string_view trial = "";
 
   // Both throw std::invalid_argument that says what would be right, for settings that exclude one another.
   std::unique_ptr<Device> (*make)(const Settings& settings);

@@ -28,6 +28,7 @@ std::optional<double> StreamStatistics::Rate::hz() const {
 
 StreamStatistics::StreamStatistics(const Protocol& protocol)
     : counter_mask_(low_bits(protocol.counter_bits)),
+      counts_unsent_(protocol.sends_some_samples),
       time_period_ns_(protocol.time_period_ns),
       time_resolution_ns_(protocol.resolution.time_s * 1e9) {
   window_.reserve(2 * half_window);
@@ -85,6 +86,7 @@ bool StreamStatistics::goes_back(const Entry& entry, const Entry& before) const 
 
 void StreamStatistics::settle() {
   const double period_ns = median_step();
+  if (counts_unsent_) counter_step_ = median_counter_step();
   for (std::size_t i = std::max<std::size_t>(judged_, 1); i < window_.size(); ++i)
     judge(window_[i], window_[i - 1], period_ns);
   for (std::size_t begin = 0; begin < window_.size();) {
@@ -109,6 +111,17 @@ double StreamStatistics::median_step() const {
   return median > 2 * time_resolution_ns_ ? median : 0;
 }
 
+double StreamStatistics::median_counter_step() const {
+  std::vector<std::uint64_t> steps;
+  for (std::size_t i = 1; i < window_.size(); ++i)
+    if (carried(Measurement::counter, window_[i], window_[i - 1]))
+      steps.push_back((window_[i].counter - window_[i - 1].counter) & counter_mask_);
+  if (steps.empty()) return 1;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return std::max(1.0, static_cast<double>(*middle));
+}
+
 void StreamStatistics::judge(Entry& entry, const Entry& before, double period_ns) {
   const bool has_counter = carried(Measurement::counter, entry, before);
   const bool has_time = carried(Measurement::time, entry, before);
@@ -120,6 +133,7 @@ void StreamStatistics::judge(Entry& entry, const Entry& before, double period_ns
     steps = static_cast<double>((entry.counter - before.counter) & counter_mask_);
     const double turn = static_cast<double>(counter_mask_) + 1;
     steps += turn * std::max(0.0, std::round((steps_by_time - steps) / turn));
+    steps = std::round(steps / counter_step_);
   } else if (has_time && step_ns == 0 && period_ns > 0) {
     steps = 0;
   }

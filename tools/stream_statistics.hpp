@@ -67,11 +67,14 @@ class StreamStatistics {
   bool goes_back(const Entry& entry, const Entry& before) const noexcept;
   void settle();
   double median_step() const;
+  double median_counter_step() const;
   void judge(Entry& entry, const Entry& before, double period_ns);
   double x(const Entry& entry, bool by_time) const noexcept;
   void fit(std::size_t begin, std::size_t end, bool by_time);
 
   const std::uint64_t counter_mask_;
+  const bool counts_unsent_;     // samples, too
+  double counter_step_ = 1;      // from one that is sent to the next: the median
   const std::int64_t time_period_ns_;
   const double time_resolution_ns_;
 

@@ -22,6 +22,8 @@ class ByteWriter {
   // the errno of the write that failed. `frames` may be empty: then only the rest is tried.
   int write(int fd, std::span<const Frame> frames, PortCounters& counters) noexcept;
 
+  bool is_idle() const noexcept { return rest_begin_ == rest_end_; }
+
   // The reader is gone: the rest will not be sent, its frame counts as dropped.
   void forget(PortCounters& counters) noexcept;
 

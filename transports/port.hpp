@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "core/frame.hpp"
+#include "core/line.hpp"
 #include "core/time.hpp"
 #include "transports/port_spec.hpp"
 
@@ -57,6 +58,10 @@ class Port {
   virtual bool at_end() const noexcept { return false; }
   // A word on how a capture ended if it did not end well ("cut short in record 12"); empty otherwise.
   virtual std::string_view end_warning() const noexcept { return {}; }
+
+  // The device's UART is set otherwise: holds for what is sent from now on. Frames are dropped until what was sent
+  // before is out.
+  virtual void set_line(const LineSettings&) noexcept {}
 
   // Pushes out what send() holds back: a file's buffer, the rest of a frame taken in part. Never waits either.
   virtual void flush() noexcept {}

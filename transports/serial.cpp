@@ -89,7 +89,7 @@ class SerialPort final : public Port {
   }
 
   void send(std::span<const Frame> frames) noexcept override {
-    if (!line_ && !reopen()) {
+    if ((!line_ && !reopen()) || !settle()) {
       counters_.dropped += frames.size();
       return;
     }
@@ -112,7 +112,35 @@ class SerialPort final : public Port {
   }
   int descriptor() const noexcept override { return line_.get(); }
 
+  void set_line(const LineSettings& line) noexcept override {
+    wanted_ = line;
+    settle();
+  }
+
  private:
+  // Takes up a change of the line when the last byte is out. False until then.
+  bool settle() noexcept {
+    if (!wanted_) return true;
+    if (!line_) return false;
+    int unsent = 0;
+    if (!writer_.is_idle() || ::ioctl(line_.get(), TIOCOUTQ, &unsent) != 0 || unsent > 0) return false;
+    configured_.c_cflag &= ~static_cast<tcflag_t>(PARENB | PARODD | CSTOPB);
+    if (wanted_->parity != Parity::none) configured_.c_cflag |= PARENB;
+    if (wanted_->parity == Parity::odd) configured_.c_cflag |= PARODD;
+    if (wanted_->stop_bits == 2) configured_.c_cflag |= CSTOPB;
+    baud_ = wanted_->baud;
+    wanted_.reset();
+    if (!set_speed(line_.get())) lose();
+    return true;
+  }
+
+  bool set_speed(int fd) const noexcept {
+    termios line = configured_;
+    const auto standard = standard_rate(baud_);
+    if (standard) ::cfsetspeed(&line, static_cast<speed_t>(*standard));
+    return ::tcsetattr(fd, TCSANOW, &line) == 0 && (standard || set_line_speed(fd, baud_));
+  }
+
   // LibSerial sets the line up once; what it made is kept and set again whenever the device comes back, because
   // LibSerial cannot let go of a device that is gone: version 1.0 then ends the process from its destructor.
   void configure() {
@@ -137,8 +165,7 @@ class SerialPort final : public Port {
   }
 
   bool set_up(int fd) const noexcept {
-    if (::ioctl(fd, TIOCEXCL) != 0 || ::tcsetattr(fd, TCSANOW, &configured_) != 0) return false;
-    if (!standard_rate(settings_.baud) && !set_line_speed(fd, settings_.baud)) return false;
+    if (::ioctl(fd, TIOCEXCL) != 0 || !set_speed(fd)) return false;
     const int flags = ::fcntl(fd, F_GETFL);
     if (flags < 0 || ::fcntl(fd, F_SETFL, flags | O_NONBLOCK) != 0) return false;
 
@@ -171,8 +198,10 @@ class SerialPort final : public Port {
   }
 
   const std::string path_;
-  const Settings settings_;
-  termios configured_{};
+  const Settings settings_;  // as opened
+  termios configured_{};     // as it is to be
+  unsigned baud_ = settings_.baud;
+  std::optional<LineSettings> wanted_;  // as soon as what was sent is out
   FileDescriptor line_;  // closed while the device is lost
   BackOff back_off_;
   ByteWriter writer_;

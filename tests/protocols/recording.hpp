@@ -31,10 +31,22 @@ class Recording final : public MeasurementSink {
   std::vector<Measurement> measurements;
 };
 
+// Those with which each sample gives a frame at once.
+inline Settings trial_settings(const Protocol& protocol) {
+  Settings settings(protocol.settings);
+  for (std::string_view rest = protocol.trial; !rest.empty();) {
+    const std::string_view one = rest.substr(0, rest.find(','));
+    rest.remove_prefix(std::min(rest.size(), one.size() + 1));
+    const std::size_t equals = one.find('=');
+    settings.set_text(one.substr(0, equals), one.substr(equals + 1));
+  }
+  return settings;
+}
+
 // A device and its decoder, with the same settings.
 class Line {
  public:
-  explicit Line(const Protocol& protocol) : Line(protocol, Settings(protocol.settings)) {}
+  explicit Line(const Protocol& protocol) : Line(protocol, trial_settings(protocol)) {}
   Line(const Protocol& protocol, const Settings& settings)
       : device(protocol.make(settings)), decoder(protocol.make_decoder(settings)) {}
 
@@ -93,7 +105,7 @@ inline std::vector<Sample> random_samples(std::size_t count, const Protocol& pro
   std::vector<Sample> samples(count);
   std::int64_t time = 0;
   for (Sample& sample : samples) {
-    time += 1 + static_cast<std::int64_t>(random() % 100'000'000);
+    time += 500'000 + static_cast<std::int64_t>(random() % 100'000'000);  // a line needs time for a frame
     sample.time.ns = time;
     sample.counter = random();
     sample.rate = vector(protocol.range.rate);

@@ -76,6 +76,20 @@ TEST(StreamStatistics, MissingSamplesAreCountedByCounterOrTime) {
   }
 }
 
+// A product that samples at 2000 Hz inside and sends 500 of them.
+TEST(StreamStatistics, ACounterOfUnsentSamples) {
+  Protocol protocol = protocol_like(8);
+  protocol.sends_some_samples = true;
+  std::vector<Sample> samples = steady_samples(1000, 500);
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i].counter = 4 * i;
+  EXPECT_EQ(statistics_of(samples, protocol, only_counter).gaps(), 0U);
+  erase(samples, 300, 3);
+  erase(samples, 600, 1);
+  const auto statistics = statistics_of(samples, protocol, only_counter);
+  EXPECT_EQ(statistics.gaps(), 2U);
+  EXPECT_EQ(statistics.missing(), 4U);
+}
+
 TEST(StreamStatistics, CounterTurns) {
   const auto samples = steady_samples(2000, 100);
   for (const unsigned bits : {8U, 16U, 32U, 64U})

@@ -1,0 +1,537 @@
+// Sensonor STIM300: Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are named below.
+//
+// A Normal Mode datagram (Table 5-20), big-endian, two's complement; what is not in brackets is always there:
+//
+// | bytes  | field                                                                                  |
+// |--------|----------------------------------------------------------------------------------------|
+// | 1      | identifier (Table 5-21)                                                                |
+// | 9, 1   | gyro x, y, z, 24 bits each; status (Table 5-23)                                        |
+// | [9, 1] | accelerometer                                                                          |
+// | [9, 1] | inclinometer                                                                           |
+// | [6, 1] | temperature of x, y, z, 16 bits each, 2^-8 deg C; status: for each of the three above  |
+// | [3, 1] | PPS, or the AUX of older units; status                                                 |
+// | 1      | counter of the internal samples, 2000 a second                                         |
+// | 2      | latency, us                                                                            |
+// | 4      | CRC-32 with the polynomial 0x04C11DB7 from 0xFFFFFFFF, of these and zeros up to a multiple of 4 bytes |
+// | [2]    | CR LF                                                                                  |
+//
+// What the datasheet leaves open follows captures of real units: rates end at 480 deg/s, with overload (UBC-Rocket,
+// Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README). The low-pass filters are
+// configured and reported, but not modelled, nor is what they delay; nothing is connected to PPS and external trigger.
+#include "protocols/stim300.hpp"
+
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+#include "core/units.hpp"
+#include "protocols/command_reader.hpp"
+#include "protocols/frame_search.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+namespace {
+
+using namespace stim300;
+
+constexpr double internal_hz = 2000;
+constexpr std::uint16_t latency_us = 506;
+constexpr std::size_t longest = 65;
+namespace status_bit {
+constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10;
+}
+
+// Table 5-21; with AUX that of earlier revisions (a real unit's 0xAF: see the test).
+constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
+  if (content > 7 && !has_aux) return 0xF0 + (content & 7U);
+  return ((content & 7U) > 4 ? 0xA0 : 0x90) + content;
+}
+constexpr std::size_t datagram_size(unsigned content) noexcept {  // without CR LF
+  const std::size_t clusters = 1 + (content & 1U) + (content >> 1 & 1U);
+  return 1 + 10 * clusters + ((content & 4U) != 0 ? 7 * clusters : 0) + ((content & 8U) != 0 ? 4 : 0) + 3 + 4;
+}
+static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0xAF && identifier(0b1100, true) == 0x9C);
+static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
+
+// Section 5.5.7.
+std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
+  boost::crc_optimal<32, 0x04C11DB7, 0xFFFFFFFF, 0, false, false> crc;
+  crc.process_bytes(bytes.data(), bytes.size());
+  for (std::size_t n = bytes.size(); n % 4 != 0; ++n) crc.process_byte(0);
+  return crc.checksum();
+}
+
+// Writes one into a FrameBuffer.
+class Datagram {
+ public:
+  explicit Datagram(FrameBuffer& out) noexcept : out_(out), room_(out.room(longest)) {}
+  void put(std::uint64_t number, unsigned bytes) noexcept {
+    if (room_.size() < size_ + bytes) return;
+    for (unsigned i = bytes; i-- > 0;) room_[size_++] = static_cast<std::byte>(number >> (8 * i));
+  }
+  // To the nearest, up to the ends of two's complement.
+  void put_number(double number, unsigned bytes) noexcept {
+    const double end = std::ldexp(1.0, static_cast<int>(8 * bytes - 1));
+    put(static_cast<std::uint64_t>(std::llround(std::clamp(number, -end, end - 1))), bytes);
+  }
+  void put_halves(unsigned high, unsigned low) noexcept { put(high << 4 | low, 1); }
+  // How many characters it is.
+  std::size_t finish(bool cr_lf) noexcept {
+    put(crc_of(room_.first(size_)), 4);
+    if (cr_lf) put(0x0D0A, 2);
+    if (!room_.empty()) out_.push(size_);
+    return size_;
+  }
+
+ private:
+  FrameBuffer& out_;
+  std::span<std::byte> room_;
+  std::size_t size_ = 0;
+};
+
+class Stim300Device final : public Device {
+ public:
+  Stim300Device(const Configuration& configuration, bool starts_up) noexcept {
+    memory_.stored = configuration;
+    reset();
+    if (starts_up) return;
+    since_reset_ = valid;
+    specials_ = 0;
+    memory_.errors = {};
+  }
+
+  void sample(const Sample& sample, FrameBuffer& out) noexcept override {
+    now_ = sample.time;
+    measure(sample);
+    if (++since_reset_ <= first_datagram || in_utility_) return;
+    const bool starts = initialising_ && specials_ != 0;
+    if (!starts && !is_slot(sample.counter)) return;
+    if (now_ < busy_until_ && busy_until_ - now_ < std::chrono::seconds(1)) {
+      if (!starts) memory_.set_error(68);  // "UART unable to transmit": this one is lost
+      return;
+    }
+    initialising_ = starts;
+    const std::size_t characters = specials_ != 0 ? send_special(out) : send_measurement(sample.counter & 0xFFU, out);
+    for (Axes& axes : axes_) axes.begin();
+    // All of Table 5-12 follows from 80 us before the first bit (section 7.3) and a bit-rate that is 1 % low (Table 5-2).
+    const LineSettings line = memory_.active.line();
+    busy_until_ = now_ + nanoseconds(80e-6 + 1.01 * static_cast<double>(characters * line.bits_per_character()) / line.baud);
+  }
+
+  // Section 8: nothing is echoed, and what is not right is not answered.
+  void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
+    reader_.feed(from_host.bytes, now_, [&](std::string_view line) {
+      if (in_utility_) {
+        in_utility_ = obey(memory_, line, replies);
+        return;
+      }
+      constexpr std::array<std::pair<std::string_view, Special>, 5> requests = {
+          {{"N", of_part}, {"I", of_serial}, {"C", of_configuration}, {"T", of_trim}, {"E", of_errors}}};
+      for (const auto& [word, special] : requests)
+        if (line == word) specials_ = special;  // the last one asked for
+      if (line == "R") reset();
+      if (line != "UTILITYMODE") return;
+      in_utility_ = true;
+      greet(replies);
+    });
+  }
+
+  LineSettings line() const noexcept override { return memory_.active.line(); }
+
+ private:
+  // The special datagrams, in the order of the start.
+  enum Special : unsigned { of_part = 1, of_serial = 2, of_configuration = 4, of_trim = 8, of_errors = 16 };
+  // Internal samples after a reset (Table 5-2: 0.2 s at most, 0.7 s nominal).
+  static constexpr std::uint64_t first_datagram = 200, valid = 1400;
+
+  // A cluster since the last transmission; deg or g, s.
+  struct Axes {
+    Vector3 now = Vector3::Zero(), sum = Vector3::Zero(), integral = Vector3::Zero();
+    std::uint64_t samples = 0;
+    unsigned status = 0;
+    void add(const Vector3& value, const Vector3& step, unsigned bits) noexcept {
+      now = value;
+      sum += step;
+      integral += step;
+      ++samples;
+      status |= bits;
+    }
+    void begin() noexcept {
+      sum.setZero();
+      samples = 0;
+      status = 0;
+    }
+  };
+
+  bool is_slot(std::uint64_t counter) const noexcept {
+    const unsigned rate = memory_.active.sample_rate;
+    return rate != external_trigger && counter % (2000 / sample_rates[rate]) == 0;
+  }
+
+  void reset() noexcept {
+    memory_.load();
+    memory_.errors = {};
+    memory_.set_error(16);  // "Start-up phase active"
+    in_utility_ = false;
+    initialising_ = true;
+    since_reset_ = 0;
+    specials_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
+    axes_ = {};
+  }
+
+  void measure(const Sample& sample) noexcept {
+    if (since_reset_ == valid) memory_.errors = {};
+    const bool outside = sample.temperature_c < -40 || sample.temperature_c > 85;  // Table 5-1
+    status_ = (since_reset_ < valid ? status_bit::start_up : 0U) | (outside ? status_bit::outside : 0U) |
+              ((sample.status & status::not_valid) != 0 ? status_bit::integrity : 0U);
+    temperature_c_ = sample.temperature_c;
+    const auto add = [&](Cluster cluster, const Vector3& value, const Vector3& step, unsigned overloaded) {
+      constexpr double dt = 1 / internal_hz;
+      axes_[cluster].add(value + memory_.trim[cluster], step + dt * memory_.trim[cluster],
+                         status_ | (overloaded != 0 ? status_bit::overload | overloaded : 0U));
+      for (unsigned i = 0; i < 3; ++i)  // Table 5-19: gyro, accelerometer, inclinometer from bit 101 on
+        if ((overloaded >> i & 1U) != 0) memory_.set_error(101 + 3 * static_cast<unsigned>(cluster) + i);
+    };
+    add(gyro, sample.rate / units::degree, sample.delta_angle / units::degree, sample.status & 7U);
+    const Vector3 f = sample.specific_force / units::standard_gravity;
+    add(accelerometer, f, sample.delta_velocity / units::standard_gravity,
+        sample.status / status::accelerometer_saturated_x & 7U);
+    constexpr double limit = 1.7;
+    unsigned tilted = 0;
+    for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) > limit ? 1U << i : 0U;
+    const Vector3 level = f.cwiseMax(-limit).cwiseMin(limit);
+    add(inclinometer, level, level / internal_hz, tilted);
+  }
+
+  std::size_t send_measurement(std::uint64_t counter, FrameBuffer& out) noexcept {
+    const Configuration& c = memory_.active;
+    Datagram datagram(out);
+    datagram.put(identifier(c.content, c.has_aux), 1);
+    for (const Cluster cluster : clusters) {
+      if (!c.has(cluster)) continue;
+      const Axes& axes = axes_[cluster];
+      const unsigned unit = c.units[cluster] % delayed;
+      const bool in_m = cluster != gyro && (unit == increment || unit == integrated_m_per_s);
+      const double scale = (in_m ? units::standard_gravity : 1.0) / lsb(c, cluster, unit);
+      for (int i = 0; i < 3; ++i) {
+        switch (unit) {
+          case value: datagram.put_number(scale * axes.now[i], 3); break;
+          case increment: datagram.put_number(scale * axes.sum[i], 3); break;
+          case average:
+            datagram.put_number(scale * internal_hz * axes.sum[i] / static_cast<double>(axes.samples), 3);
+            break;
+          default:  // wraps
+            datagram.put(static_cast<std::uint64_t>(std::llround(std::remainder(scale * axes.integral[i], 0x1p24))), 3);
+            break;
+        }
+      }
+      datagram.put(axes.status, 1);
+    }
+    for (const Cluster cluster : clusters) {
+      if (!c.has_temperature() || !c.has(cluster)) continue;
+      for (int i = 0; i < 3; ++i) datagram.put_number(temperature_c_ * 256, 2);
+      datagram.put(status_, 1);
+    }
+    if (c.has_pps()) datagram.put((c.has_aux ? 0 : 0x7FFFFF00U) | status_, 4);  // 0 V; as long ago as can be said
+    datagram.put(counter, 1);
+    datagram.put(latency_us, 2);
+    return datagram.finish(c.cr_lf);
+  }
+
+  // Tables 5-13 to 5-18.
+  std::size_t send_special(FrameBuffer& out) noexcept {
+    const unsigned special = specials_ & (~specials_ + 1);  // the first
+    specials_ &= ~special;
+    const Configuration& c = memory_.active;
+    Datagram datagram(out);
+    switch (special) {
+      case of_part: {
+        datagram.put(c.cr_lf ? 0xB3 : 0xB1, 1);
+        // "ddddd-ddddddd-ddd"; the last four digits are split.
+        const auto digit = [](std::size_t at) { return static_cast<unsigned>(part_number[at] - '0'); };
+        datagram.put_halves(0, digit(0));
+        datagram.put_halves(digit(1), digit(2));
+        datagram.put_halves(digit(3), digit(4));
+        datagram.put('-', 1);
+        for (const std::size_t at : {6U, 8U, 10U}) datagram.put_halves(digit(at), digit(at + 1));
+        datagram.put('-', 1);
+        datagram.put_halves(digit(14), digit(15));
+        datagram.put_halves(digit(16), 0);
+        datagram.put_halves(0, digit(12));
+        datagram.put(0, 3);
+        datagram.put(static_cast<unsigned char>(part_revision), 1);
+        break;
+      }
+      case of_serial:
+        datagram.put(c.cr_lf ? 0xB7 : 0xB5, 1);
+        datagram.put(static_cast<unsigned char>(serial_number[0]), 1);
+        for (std::size_t at = 1; at < serial_number.size(); at += 2)
+          datagram.put_halves(serial_number[at] & 15U, serial_number[at + 1] & 15U);
+        datagram.put(0, 7);
+        break;
+      case of_configuration:
+        datagram.put(c.cr_lf ? 0xBD : 0xBC, 1);
+        datagram.put(static_cast<unsigned char>(part_revision), 1);
+        datagram.put(firmware_revision, 1);
+        datagram.put(c.sample_rate << 5 | (c.has_pps() ? 16U : 0U) | (c.content & 4U) << 1 | (c.content & 3U) << 1 |
+                         (c.cr_lf ? 1U : 0U), 1);
+        datagram.put(c.bit_rate << 4 | (c.stop_bits - 1) << 3 | static_cast<unsigned>(c.parity) << 1 |
+                         (c.line_termination ? 1U : 0U), 1);
+        for (const Cluster cluster : clusters) {
+          datagram.put(0x70U | c.units[cluster], 1);
+          datagram.put_halves(c.filters[cluster][0], c.filters[cluster][1]);
+          datagram.put_halves(c.filters[cluster][2], cluster == inclinometer ? c.pps_unit : 0);
+        }
+        datagram.put((c.has_aux ? 0U : 8U) | c.pps_filter, 1);
+        datagram.put(0, 2);  // 400 deg/s
+        datagram.put_halves(c.accelerometer_range, c.accelerometer_range);
+        datagram.put_halves(c.accelerometer_range, 0);
+        datagram.put(0, 2);  // 1.7 g
+        datagram.put((c.tov_3v3 ? 8U : 0U) | (c.tov_toggles ? 4U : 0U) | (c.bias_trim_at_start ? 2U : 0U), 1);
+        break;
+      case of_trim:
+        datagram.put(c.cr_lf ? 0xD2 : 0xD1, 1);
+        for (const Cluster cluster : clusters)
+          for (int i = 0; i < 3; ++i) datagram.put_number(memory_.trim[cluster][i] / lsb(c, cluster, value), 3);
+        datagram.put(memory_.trim_reference, 4);
+        datagram.put(memory_.saves_left, 2);
+        datagram.put(0, 2);
+        break;
+      default:
+        datagram.put(c.cr_lf ? 0xBF : 0xBE, 1);
+        for (const std::uint8_t byte : memory_.errors) datagram.put(byte, 1);
+        memory_.errors = {};
+        break;
+    }
+    return datagram.finish(c.cr_lf);
+  }
+
+  Memory memory_;
+  bool in_utility_ = false;
+  bool initialising_ = true;
+  std::uint64_t since_reset_ = 0;  // internal samples
+  unsigned specials_ = 0;          // to be sent
+  DeviceTime now_, busy_until_;
+  std::array<Axes, 3> axes_;  // of the clusters
+  unsigned status_ = 0;       // bits of all
+  double temperature_c_ = 0;
+  CommandReader<100> reader_;
+};
+
+// Understands every datagram; learns the units, which only the configuration datagram tells, from that.
+class Stim300Decoder final : public Decoder {
+ public:
+  explicit Stim300Decoder(const Configuration& configuration) : c_(configuration) {}
+
+  void feed(const Frame& frame, MeasurementSink& sink) override {
+    errors_.skipped_bytes +=
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
+  }
+  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
+
+ private:
+  using Search = FrameSearch<longest>;
+  static constexpr std::size_t none = 0;
+
+  static std::optional<unsigned> content_of(unsigned id) noexcept {
+    for (unsigned content = 0; content < 16; ++content)
+      if (identifier(content, false) == id || identifier(content, true) == id) return content;
+    return std::nullopt;
+  }
+
+  // Without CR LF; `none` if no datagram begins so.
+  static std::size_t size_of(unsigned id) noexcept {
+    switch (id) {
+      case 0xB1: case 0xB3: case 0xB5: case 0xB7: return 20;
+      case 0xBC: case 0xBD: return 26;
+      case 0xD1: case 0xD2: return 40;
+      case 0xBE: case 0xBF: return 21;
+      default: break;
+    }
+    const auto content = content_of(id);
+    return content ? datagram_size(*content) : none;
+  }
+
+  static std::uint64_t get(std::span<const std::byte>& bytes, unsigned count) noexcept {
+    std::uint64_t number = 0;
+    for (unsigned i = 0; i < count; ++i) number = number << 8 | std::to_integer<std::uint64_t>(bytes[i]);
+    bytes = bytes.subspan(count);
+    return number;
+  }
+  static double get_number(std::span<const std::byte>& bytes, unsigned count) noexcept {
+    const unsigned shift = 64 - 8 * count;
+    return static_cast<double>(static_cast<std::int64_t>(get(bytes, count) << shift) >> shift);
+  }
+
+  std::size_t judge(std::span<const std::byte> held, MeasurementSink& sink) {
+    const auto id = std::to_integer<unsigned>(held[0]);
+    const std::size_t size = size_of(id);
+    if (size == none) return Search::reject;
+    if (held.size() < size) return Search::need_more;
+    std::span<const std::byte> rest = held.subspan(size - 4, 4);
+    if (get(rest, 4) != crc_of(held.first(size - 4))) {
+      ++errors_.checksum;
+      return Search::reject;
+    }
+    const bool special = size == 20 || size == 26 || size == 40 || size == 21;
+    // Its end, where there is one: what the datagram itself says, or the last that did.
+    if (special) c_.cr_lf = id == 0xB3 || id == 0xB7 || id == 0xBD || id == 0xD2 || id == 0xBF;
+    if (c_.cr_lf && held.size() < size + 2) return Search::need_more;
+    if (size == 26) learn(held);
+    if (!special) measure(held.subspan(1, size - 5), id, sink);
+    return c_.cr_lf ? size + 2 : size;
+  }
+
+  void learn(std::span<const std::byte> held) noexcept {
+    const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(held[i]); };
+    c_.units = {at(5) & 15U, at(8) & 15U, at(11) & 15U};
+    c_.accelerometer_range = at(17) >> 4;
+  }
+
+  void measure(std::span<const std::byte> rest, unsigned id, MeasurementSink& sink) {
+    c_.content = content_of(id).value_or(0);
+    Measurement measurement;
+    Sample& sample = measurement.sample;
+    measurement.fields = Measurement::counter | Measurement::status;
+    unsigned all = 0;
+    for (const Cluster cluster : clusters) {
+      if (!c_.has(cluster)) continue;
+      const unsigned unit = c_.units[cluster] % delayed;
+      Vector3 axes;
+      for (int i = 0; i < 3; ++i) axes[i] = get_number(rest, 3) * lsb(c_, cluster, unit);
+      const auto bits = static_cast<unsigned>(get(rest, 1));
+      all |= bits;
+      if (cluster == inclinometer) continue;
+      const unsigned overloaded = (bits & status_bit::overload) != 0 ? bits & 7U : 0;
+      const bool plain = unit == value || unit == average;
+      if (cluster == gyro) {
+        sample.status |= overloaded;
+        if (plain) sample.rate = axes * units::degree;
+        if (unit == increment) sample.delta_angle = axes * units::degree;
+        measurement.fields |= plain ? Measurement::rate : unit == increment ? Measurement::delta_angle : 0U;
+      } else {
+        sample.status |= overloaded * status::accelerometer_saturated_x;
+        if (plain) sample.specific_force = axes * units::standard_gravity;
+        if (unit == increment) sample.delta_velocity = axes;
+        measurement.fields |= plain ? Measurement::specific_force : unit == increment ? Measurement::delta_velocity : 0U;
+      }
+    }
+    if ((all & status_bit::integrity) != 0) sample.status |= status::not_valid;
+    if (c_.has_temperature()) {
+      sample.temperature_c = get_number(rest, 2) / 256;
+      measurement.fields |= Measurement::temperature;
+    }
+    // The counter is the third byte from the end.
+    rest = rest.last(3);
+    sample.counter = get(rest, 1);
+    sink.on_measurement(measurement);
+  }
+
+  Configuration c_;
+  Search search_;
+};
+
+constexpr std::array<std::string_view, 5> gyro_units = {"rate", "increment", "average", "integrated"};
+constexpr std::array<std::string_view, 5> force_units = {"acceleration", "increment", "average", "integrated_g_s",
+                                                         "integrated_m_per_s"};
+constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
+constexpr Setting declared[] = {
+    {.key = "sample_rate", .help = "datagrams a second: 125, 250, 500, 1000 or 2000", .initial = std::int64_t{1000},
+     .min = 125, .max = 2000},
+    {.key = "acceleration", .help = "is in the datagram", .initial = true},
+    {.key = "inclination", .help = "is in the datagram", .initial = true},
+    {.key = "temperature", .help = "is in the datagram", .initial = true},
+    {.key = "pps", .help = "is in the datagram", .initial = false},
+    {.key = "aux_input", .help = "an older unit: AUX in PPS's place", .initial = false},
+    {.key = "cr_lf", .help = "after each datagram", .initial = false},
+    {.key = "gyro_unit", .help = "of output", .initial = std::string_view("rate"),
+     .choices = std::span(gyro_units).first(4)},
+    {.key = "accelerometer_unit", .help = "of output", .initial = std::string_view("acceleration"), .choices = force_units},
+    {.key = "inclinometer_unit", .help = "of output", .initial = std::string_view("acceleration"), .choices = force_units},
+    {.key = "accelerometer_range_g", .help = "5, 10, 30 or 80", .initial = std::int64_t{10}, .min = 5, .max = 80},
+    {.key = "bit_rate", .help = "bit/s: 374400, 460800, 921600 or 1843200", .initial = std::int64_t{921600},
+     .min = 374400, .max = 1843200},
+    {.key = "parity", .help = "of the line", .initial = std::string_view("none"), .choices = parities},
+    {.key = "stop_bits", .help = "of the line", .initial = std::int64_t{1}, .min = 1, .max = 2},
+    {.key = "start_up", .help = "begins as after power-on: special datagrams, then 0.7 s not valid", .initial = true},
+};
+
+template <std::size_t N>
+unsigned index_of(const std::array<unsigned, N>& known, std::int64_t wanted, const char* what) {
+  const auto at = std::find(known.begin(), known.end(), static_cast<unsigned>(wanted));
+  if (at == known.end()) throw std::invalid_argument(what);
+  return static_cast<unsigned>(at - known.begin());
+}
+
+unsigned word_of(std::span<const std::string_view> words, const std::string& word) {
+  return static_cast<unsigned>(std::find(words.begin(), words.end(), word) - words.begin());
+}
+
+Configuration configuration(const Settings& settings) {
+  Configuration c;
+  c.sample_rate = index_of(sample_rates, settings.integer("sample_rate"), "sample_rate: give 125, 250, 500, 1000 or 2000");
+  c.content = (settings.flag("acceleration") ? 1U : 0U) | (settings.flag("inclination") ? 2U : 0U) |
+              (settings.flag("temperature") ? 4U : 0U) | (settings.flag("pps") ? 8U : 0U);
+  c.has_aux = settings.flag("aux_input");
+  c.cr_lf = settings.flag("cr_lf");
+  c.units = {word_of(gyro_units, settings.text("gyro_unit")), word_of(force_units, settings.text("accelerometer_unit")),
+             word_of(force_units, settings.text("inclinometer_unit"))};
+  const std::int64_t range = settings.integer("accelerometer_range_g");
+  c.accelerometer_range = 15;
+  for (const auto& [code, g] : accelerometer_ranges_g)
+    if (g == range) c.accelerometer_range = code;
+  if (c.accelerometer_range == 15) throw std::invalid_argument("accelerometer_range_g: give 5, 10, 30 or 80");
+  c.bit_rate = index_of(bit_rates, settings.integer("bit_rate"), "bit_rate: give 374400, 460800, 921600 or 1843200");
+  c.parity = static_cast<Parity>(word_of(parities, settings.text("parity")));
+  c.stop_bits = static_cast<unsigned>(settings.integer("stop_bits"));
+  return c;
+}
+
+// Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5).
+Product product(const Settings& settings) {
+  const auto white = [](double per_root_hour) { return per_root_hour / 60 * std::sqrt(internal_hz); };
+  Product product;
+  product.rate_hz = internal_hz;
+  product.gyro.max = 480 * units::degree;
+  product.gyro.walk_transition.setZero();
+  product.gyro.walk_sqrt_cov = white(0.15 * units::degree) * Matrix3::Identity();
+  product.accelerometer.max = range_g(configuration(settings).accelerometer_range) * units::standard_gravity;
+  product.accelerometer.walk_transition.setZero();
+  product.accelerometer.walk_sqrt_cov = white(0.06) * Matrix3::Identity();
+  return product;
+}
+
+}  // namespace
+
+extern const Protocol stim300_protocol;
+constexpr Protocol stim300_protocol = {
+    .name = "stim300",
+    .summary = "Sensonor STIM300: Normal Mode with every datagram, start-up, Utility Mode",
+    .link = Link::bytes,
+    .document = "Sensonor TS1524 rev. 31, February 2024",
+    .settings = declared,
+    .fields = Measurement::counter | Measurement::rate | Measurement::specific_force | Measurement::temperature |
+              Measurement::status,
+    .resolution = {.rate = 0x1p-14 * units::degree, .specific_force = 0x1p-19 * units::standard_gravity,
+                   .temperature_c = 0x1p-8},
+    .range = {.rate = (0x1p23 - 1) * 0x1p-14 * units::degree,
+              .specific_force = (0x1p23 - 1) * 0x1p-19 * units::standard_gravity, .temperature_c = 127.99},
+    .counter_bits = 8,
+    .sends_some_samples = true,
+    .status_bits = 0x3F | status::not_valid,
+    .has_checksum = true,
+    .burst_bits = 32,
+    .product = product,
+    .trial = "sample_rate=2000,bit_rate=1843200,start_up=false",
+    .make = [](const Settings& settings) -> std::unique_ptr<Device> {
+      return std::make_unique<Stim300Device>(configuration(settings), settings.flag("start_up"));
+    },
+    .make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
+      return std::make_unique<Stim300Decoder>(configuration(settings));
+    },
+};
+
+}  // namespace imud

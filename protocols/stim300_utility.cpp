@@ -1,0 +1,335 @@
+// Section 10: lines of text for machines, with a CRC-8. The answers' form is that of its figures, also where these leave
+// out the status (iconf, sconf, ibto, irf): their CRCs are right for what they show.
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <optional>
+#include <span>
+
+#include "protocols/stim300.hpp"
+
+namespace imud::stim300 {
+
+namespace {
+
+unsigned crc8(std::string_view text) noexcept {
+  boost::crc_optimal<8, 0x07, 0xFF, 0, false, false> crc;
+  crc.process_bytes(text.data(), text.size());
+  return crc.checksum();
+}
+
+template <class Number>
+std::optional<Number> number_in(std::string_view text) noexcept {
+  Number number{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return number;
+}
+
+// "#", words with a comma after each, the CRC in decimals, CR (section 10.2.2).
+class Answer {
+ public:
+  Answer(FrameBuffer& out, std::string_view name) noexcept : out_(out) {
+    text_[size_++] = '#';
+    word(name);
+  }
+  Answer& word(std::string_view text) noexcept {
+    for (const char c : text) put(c);
+    put(',');
+    return *this;
+  }
+  Answer& letter(char c) noexcept { return word({&c, 1}); }
+  Answer& number(std::uint64_t value) noexcept {
+    std::array<char, 20> text;
+    return word({text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr});
+  }
+  Answer& number(double value, int decimals) noexcept {
+    std::array<char, 32> text;
+    const auto end = std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::fixed, decimals);
+    return word({text.data(), end.ptr});
+  }
+  void send() noexcept {
+    number(std::uint64_t{crc8({text_.data(), size_})});
+    text_[size_ - 1] = '\r';
+    const std::span<std::byte> room = out_.room(size_);
+    if (room.empty()) return;
+    std::memcpy(room.data(), text_.data(), size_);
+    out_.push(size_);
+  }
+
+ private:
+  void put(char c) noexcept {
+    if (size_ < text_.size()) text_[size_++] = c;
+  }
+  FrameBuffer& out_;
+  std::array<char, 192> text_;
+  std::size_t size_ = 0;
+};
+
+enum Code : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_parameter, reduced = 8 };
+
+// One command. What it returns goes into the answer's status; 0 and `reduced`: answered already.
+class Command {
+ public:
+  Command(Memory& memory, std::string_view name, std::span<const std::string_view> parameters, FrameBuffer& out) noexcept
+      : memory_(memory), c_(memory.active), name_(name), parameters_(parameters), out_(out) {}
+
+  unsigned obey() noexcept {
+    if (const auto code = choice()) return *code;
+    if (const auto code = filter()) return *code;
+    if (const auto code = fact()) return *code;
+    if (name_ == "it" || name_ == "st") return transmission();
+    if (name_ == "iconf" || name_ == "sconf") return system();
+    if (name_ == "ibto") return count(0) ? bad_count : trims(Answer(out_, name_));
+    if (name_ == "sbto") return set_trim();
+    if (name_ == "sdbto") return adjust_trims();
+    if (name_ == "ie") {
+      if (count(0)) return bad_count;
+      Answer answer = ok();
+      for (const std::uint8_t byte : memory_.errors) answer.number(std::uint64_t{byte});
+      memory_.errors = {};
+      return sent(answer);
+    }
+    if (name_ == "srf") {
+      const auto reference = parameters_.size() == 1 ? number_in<std::uint32_t>(parameters_[0]) : std::nullopt;
+      if (count(1)) return bad_count;
+      if (!reference) return bad_parameter;
+      memory_.trim_reference = *reference;
+      return sent(ok().number(std::uint64_t{*reference}));
+    }
+    if (name_ == "sfs") {
+      if (count(1)) return bad_count;
+      if (parameters_[0] != "0" && parameters_[0] != "1") return bad_parameter;
+      const unsigned range = c_.accelerometer_range;  // is the hardware's
+      c_ = Configuration();
+      c_.accelerometer_range = range;
+      if (parameters_[0] == "1") memory_.save();
+      return sent(ok().word(parameters_[0]));
+    }
+    if (name_ == "save") {
+      if (count(0)) return bad_count;
+      const bool exceeded = memory_.saves_left == 0;
+      memory_.save();
+      return sent(Answer(out_, name_).number(std::uint64_t{exceeded ? 6U : 0U}).number(std::uint64_t{memory_.saves_left}));
+    }
+    if (name_ == "xn") return count(0) ? bad_count : sent(ok());
+    return unknown;
+  }
+
+ private:
+  Answer ok() noexcept { return std::move(Answer(out_, name_).word("0")); }
+  static unsigned sent(Answer& answer) noexcept {
+    answer.send();
+    return 0;
+  }
+  static unsigned sent(Answer&& answer) noexcept { return sent(answer); }
+  bool count(std::size_t wanted) const noexcept { return parameters_.size() != wanted; }  // true if wrong
+  static std::optional<unsigned> index(std::string_view parameter, std::string_view letters) noexcept {
+    const std::size_t at = letters.find(parameter);
+    if (parameter.size() != 1 || parameter == " " || at == std::string_view::npos) return std::nullopt;
+    return static_cast<unsigned>(at);
+  }
+  static constexpr std::string_view axes = "xyz", capitals = "XYZ";
+
+  // Numbers that "i..." tells and "s..." sets, each a letter of a list.
+  std::optional<unsigned> choice() noexcept {
+    struct Choice {
+      std::string_view name, letters;
+      unsigned* number;
+    };
+    const std::array<Choice, 7> choices = {{{"m", "012345", &c_.sample_rate},
+                                            {"d", "01234567lmnpqrst", &c_.content},
+                                            {"gu", "0123    89ab", &c_.units[gyro]},
+                                            {"au", "01234", &c_.units[accelerometer]},
+                                            {"iu", "01234", &c_.units[inclinometer]},
+                                            {"pu", "0123", &c_.pps_unit},
+                                            {"pf", "01234", &c_.pps_filter}}};
+    for (const Choice& choice : choices) {
+      if (name_.substr(1) != choice.name || (name_[0] != 'i' && name_[0] != 's')) continue;
+      if (name_[0] == 's') {
+        if (count(1)) return bad_count;
+        const auto at = index(parameters_[0], choice.letters);
+        if (!at) return bad_parameter;
+        *choice.number = *at;
+      } else if (count(0)) {
+        return bad_count;
+      }
+      return sent(ok().letter(choice.letters[*choice.number]));
+    }
+    return std::nullopt;
+  }
+
+  // The low-pass filters, an axis each.
+  std::optional<unsigned> filter() noexcept {
+    constexpr std::array<std::string_view, 3> names = {"gf", "af", "if"};
+    for (const Cluster cluster : clusters) {
+      if (name_.substr(1) != names[cluster] || (name_[0] != 'i' && name_[0] != 's')) continue;
+      std::array<unsigned, 3>& filters = c_.filters[cluster];
+      if (name_[0] == 'i') {
+        if (count(0)) return bad_count;
+        Answer answer = ok();
+        for (const unsigned filter : filters) answer.number(std::uint64_t{filter});
+        return sent(answer);
+      }
+      if (count(2)) return bad_count;
+      const auto axis = index(parameters_[0], axes);
+      const auto at = index(parameters_[1], "01234");
+      if (!axis || !at) return bad_parameter;
+      filters[*axis] = *at;
+      return sent(ok().letter(capitals[*axis]).word(parameters_[1]));
+    }
+    return std::nullopt;
+  }
+
+  // What is only told.
+  std::optional<unsigned> fact() noexcept {
+    const auto tell = [&](auto&&... words) -> unsigned {
+      if (count(0)) return bad_count;
+      Answer answer = ok();
+      (answer.word(words), ...);
+      return sent(answer);
+    };
+    if (name_ == "in") return tell("STIM300");
+    if (name_ == "isn") return tell(serial_number);
+    if (name_ == "ix") return tell(part_number, std::string_view(&part_revision, 1));
+    if (name_ == "ifw") return tell("SWD12404 REV 0");
+    if (name_ == "ihw") return tell("M5728 REV 11");
+    if (name_ == "iax") return tell("XYZ", "XYZ", "XYZ");
+    if (name_ == "isv") return count(0) ? bad_count : sent(ok().number(std::uint64_t{memory_.saves_left}));
+    if (name_ == "irf")
+      return count(0) ? bad_count : sent(Answer(out_, name_).number(std::uint64_t{memory_.trim_reference}));
+    if (name_ == "irng") {
+      if (count(0)) return bad_count;
+      Answer answer = ok();
+      answer.word("400").word("400").word("400");
+      for (int i = 0; i < 3; ++i) answer.number(std::uint64_t{range_g(c_.accelerometer_range)});
+      return sent(answer.word("1.7").word("1.7").word("1.7").word("NA"));
+    }
+    return std::nullopt;
+  }
+
+  unsigned transmission() noexcept {
+    constexpr std::string_view parities = "neo", shown = "NEO";
+    const bool sets = name_[0] == 's';
+    if (count(sets ? 6 : 0)) return bad_count;
+    if (sets) {
+      const auto rate = number_in<unsigned>(parameters_[0]);
+      const auto known = std::find(bit_rates.begin(), bit_rates.end(), rate.value_or(0));
+      const auto stop = index(parameters_[1], "12"), parity = index(parameters_[2], parities);
+      const auto termination = index(parameters_[3], "01"), cr_lf = index(parameters_[4], "01");
+      if (known == bit_rates.end() || !stop || !parity || !termination || !cr_lf) return bad_parameter;
+      c_.bit_rate = static_cast<unsigned>(known - bit_rates.begin());
+      c_.stop_bits = *stop + 1;
+      c_.parity = static_cast<Parity>(*parity);
+      c_.line_termination = *termination != 0;
+      c_.cr_lf = *cr_lf != 0;
+    }
+    Answer answer = ok();
+    answer.number(std::uint64_t{bit_rates[c_.bit_rate]}).number(std::uint64_t{c_.stop_bits});
+    answer.letter(shown[static_cast<std::size_t>(c_.parity)]);
+    answer.word(c_.line_termination ? "1" : "0").word(c_.cr_lf ? "1" : "0");
+    return sent(sets ? answer.word("0") : answer);
+  }
+
+  unsigned system() noexcept {
+    const bool sets = name_[0] == 's';
+    if (count(sets ? 2 : 1)) return bad_count;
+    const auto which = index(parameters_[0], "vtb");
+    if (!which) return bad_parameter;
+    bool& setting = *which == 0 ? c_.tov_3v3 : *which == 1 ? c_.tov_toggles : c_.bias_trim_at_start;
+    const std::string_view letters = *which == 0 ? "53" : "01";
+    if (sets) {
+      const auto at = index(parameters_[1], letters);
+      if (!at) return bad_parameter;
+      setting = *at != 0;
+    }
+    return sent(Answer(out_, name_).letter("VTB"[*which]).letter(letters[setting ? 1 : 0]));
+  }
+
+  unsigned trims(Answer&& answer) noexcept {
+    for (const Cluster cluster : clusters)
+      for (int i = 0; i < 3; ++i) answer.number(memory_.trim[cluster][i], 5 + static_cast<int>(cluster));
+    return sent(answer);
+  }
+
+  // Limits: figure 10-10 for the accelerometers; the others are the memory's own, of which none is stated.
+  static constexpr std::array<double, 3> limits = {10.0, 0.1, 0.1};
+
+  unsigned set_trim() noexcept {
+    if (parameters_.empty() || parameters_.size() > 3) return bad_count;
+    const auto offset = number_in<double>(parameters_[0]);
+    const auto cluster = parameters_.size() > 1 ? index(parameters_[1], "gai") : std::optional<unsigned>(3);
+    const auto axis = parameters_.size() > 2 ? index(parameters_[2], axes) : std::optional<unsigned>(3);
+    if (!offset || !std::isfinite(*offset) || !cluster || !axis) return bad_parameter;
+    for (const Cluster one : clusters)
+      for (unsigned i = 0; i < 3; ++i)
+        if ((*cluster == 3 || *cluster == one) && (*axis == 3 || *axis == i)) {
+          if (std::abs(*offset) > limits[one]) return bad_parameter;
+        }
+    for (const Cluster one : clusters)
+      for (unsigned i = 0; i < 3; ++i)
+        if ((*cluster == 3 || *cluster == one) && (*axis == 3 || *axis == i)) memory_.trim[one][i] = *offset;
+    return trims(ok());
+  }
+
+  unsigned adjust_trims() noexcept {
+    if (count(9)) return bad_count;
+    std::array<double, 9> by;
+    for (std::size_t i = 0; i < by.size(); ++i) {
+      const auto number = number_in<double>(parameters_[i]);
+      if (!number || !std::isfinite(*number)) return bad_parameter;
+      by[i] = *number;
+    }
+    bool was_reduced = false;
+    for (const Cluster cluster : clusters)
+      for (unsigned i = 0; i < 3; ++i) {
+        double& trim = memory_.trim[cluster][i];
+        const double wanted = trim + by[3 * cluster + i];
+        trim = std::clamp(wanted, -limits[cluster], limits[cluster]);
+        was_reduced = was_reduced || trim != wanted;
+      }
+    return trims(std::move(Answer(out_, name_).word(was_reduced ? "8" : "0")));
+  }
+
+  Memory& memory_;
+  Configuration& c_;
+  std::string_view name_;
+  std::span<const std::string_view> parameters_;
+  FrameBuffer& out_;
+};
+
+}  // namespace
+
+void greet(FrameBuffer& replies) noexcept { Answer(replies, "UTILITYMODE").send(); }
+
+bool obey(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept {
+  const auto refuse = [&](std::string_view name, unsigned code) {
+    Answer(replies, name).number(std::uint64_t{code}).send();
+    return true;
+  };
+  if (!line.starts_with('$')) return refuse("", no_command);
+  const std::size_t last = line.rfind(',');
+  if (last == std::string_view::npos) return refuse("", bad_crc);
+  const auto crc = number_in<unsigned>(line.substr(last + 1));
+  if (!crc || *crc != crc8(line.substr(0, last + 1))) return refuse("", bad_crc);
+  // The command and its parameters; blanks may stand before each of these.
+  std::array<std::string_view, 16> words;
+  std::size_t count = 0;
+  for (std::size_t begin = 1; begin <= last && count < words.size();) {
+    const std::size_t comma = line.find(',', begin);
+    std::string_view word = line.substr(begin, comma - begin);
+    if (count > 0) word.remove_prefix(std::min(word.find_first_not_of(" \t"), word.size()));
+    words[count++] = word;
+    begin = comma + 1;
+  }
+  const std::string_view name = words[0];
+  if (name.empty()) return refuse("", unknown);
+  const unsigned code = Command(memory, name, std::span(words).subspan(1, count - 1), replies).obey();
+  if (code == unknown) return refuse("", unknown);
+  if (code != 0) return refuse(name, code);
+  return name != "xn";
+}
+
+}  // namespace imud::stim300
