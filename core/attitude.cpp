@@ -51,6 +51,12 @@ Matrix3 dcm_from_yaw_pitch_roll(double yaw, double pitch, double roll) {
   return m;
 }
 
+Vector3 yaw_pitch_roll_from_dcm(const Matrix3& m) {
+  const double cos_pitch = std::sqrt(m(0, 0) * m(0, 0) + m(0, 1) * m(0, 1));
+  return {elementary::atan2(m(0, 1), m(0, 0)), elementary::atan2(-m(0, 2), cos_pitch),
+          elementary::atan2(m(1, 2), m(2, 2))};
+}
+
 double rotation_defect(const Matrix3& m) {
   if (m.determinant() < 0.0) return 2.0;
   return (m * m.transpose() - Matrix3::Identity()).cwiseAbs().maxCoeff();

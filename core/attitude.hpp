@@ -87,6 +87,9 @@ Vector3 inverse_right_jacobian(const Vector3& phi, const Vector3& omega);
 // dcm_PB from 3-2-1 Euler angles, rad: M1(roll) M2(pitch) M3(yaw).
 Matrix3 dcm_from_yaw_pitch_roll(double yaw, double pitch, double roll);
 
+// And back: yaw and roll from -pi to pi, pitch from -pi/2 to pi/2.
+Vector3 yaw_pitch_roll_from_dcm(const Matrix3& dcm_PB);
+
 // How far m is from a rotation: the largest element of |m m^T - I|, or 2 if det(m) < 0.
 double rotation_defect(const Matrix3& m);
 

@@ -85,6 +85,19 @@ inline double atan_over_x(double z) {
   return factor * detail::polynomial(detail::odd_reciprocals<10>, -z);
 }
 
+// The angle from the x axis to (x, y), rad, from -pi to pi; 0 at the origin.
+inline double atan2(double y, double x) {
+  constexpr double pi = 3.141592653589793;
+  const double across = std::abs(x);
+  const double up = std::abs(y);
+  if (across + up == 0.0) return 0.0;
+  const double t = up <= across ? up / across : across / up;
+  double angle = t * atan_over_x(t * t);
+  if (up > across) angle = 0.5 * pi - angle;
+  if (x < 0.0) angle = pi - angle;
+  return y < 0.0 ? -angle : angle;
+}
+
 // Natural logarithm of x, finite and above 0 (subnormals excluded).
 inline double log(double x) {
   auto bits = std::bit_cast<std::uint64_t>(x);

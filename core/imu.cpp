@@ -37,6 +37,7 @@ void GaussMarkov::seek(const Normals& normals, std::uint64_t k) noexcept {
 
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
     : model_(model),
+      q_BP_(Quaternion(model.dcm_PB.transpose()).normalized()),
       normals_(seed, stream),
       gyro_(model.gyro, Quantity::rate),
       accelerometer_(model.accelerometer, Quantity::specific_force) {}
@@ -167,6 +168,7 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
   out.specific_force = specific_force;
   out.delta_angle = delta_angle;
   out.delta_velocity = delta_velocity;
+  out.q_NP = now.q_NB * q_BP_;
   out.status =
       gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
   if (now.basis != State::Basis::interpolated) out.status |= status::truth_extrapolated;

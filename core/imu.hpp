@@ -109,6 +109,7 @@ class Imu {
   Vector3 true_delta_velocity_B(const State& now) const noexcept;
 
   ImuModel model_;
+  Quaternion q_BP_;
   Normals normals_;
   Triad gyro_;
   Triad accelerometer_;

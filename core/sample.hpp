@@ -25,6 +25,7 @@ struct Sample {
   Vector3 delta_angle = Vector3::Zero();     // rad, over the step that ends at `time`; 0 in the first sample of a run
   Vector3 delta_velocity = Vector3::Zero();  // m/s, likewise
   double temperature_c = 25.0;               // degrees Celsius
+  Quaternion q_NP = Quaternion::Identity();  // true attitude of the platform, for devices that give an attitude
   std::uint32_t status = 0;
 };
 

@@ -71,7 +71,8 @@ void list_settings(const Entry& entry) {
         [](const auto& value) -> std::string {
           using Value = std::decay_t<decltype(value)>;
           if constexpr (std::is_same_v<Value, std::string_view>) return fmt::format("\"{}\"", value);
-          else if constexpr (std::is_same_v<Value, std::span<const std::string_view>>) return "[]";
+          else if constexpr (std::is_same_v<Value, std::span<const std::string_view>>)
+            return fmt::format("[{}]", fmt::join(value, ", "));
           else return fmt::format("{}", value);
         },
         setting.initial);

@@ -145,6 +145,15 @@ TEST(Attitude, MrpRateIsTheDerivative) {
   EXPECT_LT((mrp_rate(sigma, omega) - difference).norm(), 1e-11);
 }
 
+TEST(Attitude, YawPitchRollAreFoundAgain) {
+  for (double yaw = -3.1; yaw < 3.14; yaw += 0.31)
+    for (double pitch = -1.55; pitch < 1.57; pitch += 0.155)
+      for (double roll = -3.1; roll < 3.14; roll += 0.31) {
+        const Vector3 found = yaw_pitch_roll_from_dcm(dcm_from_yaw_pitch_roll(yaw, pitch, roll));
+        ASSERT_LT((found - Vector3(yaw, pitch, roll)).cwiseAbs().maxCoeff(), 1e-13);
+      }
+}
+
 TEST(Attitude, RightJacobianIsTheRateOfARotationVector) {
   for (const double to : {1e-3, 0.5, 3.0, 20.0}) {
     Rotations rotations(to);

@@ -86,6 +86,17 @@ TEST(Elementary, AtanWithinThreeUlp) {
   EXPECT_EQ(atan_over_x(0.0), 1.0);
 }
 
+TEST(Elementary, Atan2IsTheAngleAllRound) {
+  for (int i = -720; i <= 720; ++i) {
+    const double angle = i * 3.141592653589793 / 720;
+    const double x = std::cos(angle), y = std::sin(angle);
+    EXPECT_NEAR(elementary::atan2(y, x), std::atan2(y, x), 4 * ulp_of_1) << angle;
+    EXPECT_NEAR(elementary::atan2(1e-200 * y, 1e-200 * x), std::atan2(y, x), 4 * ulp_of_1) << angle;
+  }
+  EXPECT_EQ(elementary::atan2(0, 0), 0.0);
+  EXPECT_EQ(elementary::atan2(0, -1), std::atan2(0.0, -1.0));
+}
+
 TEST(Elementary, LogWithinThreeUlp) {
   const auto exact = [](double x) { return std::log(static_cast<long double>(x)); };
   // Near 1, too, where the logarithm is near 0.

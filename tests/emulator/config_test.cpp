@@ -194,6 +194,20 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
   EXPECT_TRUE(faults(bare, {"truth.when_stopped=flag"}).empty());
 }
 
+TEST_F(ConfigTest, AMipDeviceIsItsDefaults) {
+  const std::string bare = "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"mip\"\nport = \"pty:imu1\"\n";
+  const ImuConfig imu = load(bare).imus[0];
+  EXPECT_EQ(imu.rate_hz, 1000.0);
+  EXPECT_EQ(imu.port, "pty:imu1?baud=115200");
+  EXPECT_LT(line_load(imu).percent, 100.0);
+  EXPECT_DOUBLE_EQ(imu.model.gyro.max, 300 * units::degree);
+  EXPECT_DOUBLE_EQ(load(bare, {"imu.0.device.model=3dm-cv7-ahrs"}).imus[0].model.gyro.max, 500 * units::degree);
+  EXPECT_NE(fault(bare, {"imu.0.device.sensor_rate_hz=1000"}).find("% of the line's 115200 bit/s"), std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.device.sensor_rate_hz=300"}).find("sensor_rate_hz: give a divisor of 1000"), std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.device.sensor_fields=[\"rat\"]"}).find("there is no \"rat\"; known: acceleration rate"),
+            std::string::npos);
+}
+
 TEST_F(ConfigTest, YawPitchRollIsThreeTwoOne) {
   const Config c = load(good, {"imu.0.mounting.yaw_pitch_roll_deg=[90, 0, 0]"});
   // The platform is turned by +90 deg about z: the body's x axis is the platform's -y.

@@ -1,0 +1,276 @@
+// MIP against packets of real devices and of MicroStrain's own library.
+#include <gtest/gtest.h>
+
+#include <boost/endian/conversion.hpp>
+#include <bit>
+#include <cstring>
+#include <set>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+#include "tests/protocols/recording.hpp"
+#include "tests/protocols/table_names.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+using Bytes = std::vector<std::uint8_t>;
+
+Bytes hex(std::string_view text) {
+  Bytes bytes;
+  for (std::size_t i = 0; i + 1 < text.size(); i += 2)
+    bytes.push_back(static_cast<std::uint8_t>(std::stoul(std::string(text.substr(i, 2)), nullptr, 16)));
+  return bytes;
+}
+
+// With header and checksum, which is computed here on its own.
+Bytes packet(std::uint8_t set, const Bytes& fields) {
+  Bytes all = {0x75, 0x65, set, static_cast<std::uint8_t>(fields.size())};
+  all.insert(all.end(), fields.begin(), fields.end());
+  unsigned a = 0, b = 0;
+  for (const std::uint8_t byte : all) b += a += byte;
+  all.push_back(static_cast<std::uint8_t>(a));
+  all.push_back(static_cast<std::uint8_t>(b));
+  return all;
+}
+Bytes command(std::uint8_t set, std::uint8_t descriptor, Bytes data = {}) {
+  data.insert(data.begin(), {static_cast<std::uint8_t>(data.size() + 2), descriptor});
+  return packet(set, data);
+}
+
+class Unit {
+ public:
+  explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
+    const Protocol& protocol = *find_protocol("mip");
+    Settings settings(protocol.settings);
+    for (const auto& [key, value] : values) settings.set(key, value);
+    device = protocol.make(settings);
+  }
+  std::vector<Bytes> run(int samples) {
+    std::vector<Bytes> all;
+    for (int k = 0; k < samples; ++k) {
+      sample.counter = static_cast<std::uint64_t>(count_);
+      sample.time = DeviceTime{} + count_++ * 1ms;
+      frames_->clear();
+      device->sample(sample, *frames_);
+      for (const Frame& frame : frames_->frames()) all.push_back(bytes_of(frame));
+    }
+    return all;
+  }
+  std::vector<Bytes> say(const Bytes& bytes) {
+    frames_->clear();
+    device->receive({std::as_bytes(std::span(bytes))}, *frames_);
+    std::vector<Bytes> all;
+    for (const Frame& frame : frames_->frames()) all.push_back(bytes_of(frame));
+    return all;
+  }
+  // The code that the only command of the packet is answered with.
+  int code(const Bytes& bytes) {
+    const auto answers = say(bytes);
+    if (answers.empty() || answers[0].size() < 8 || answers[0][5] != 0xF1 || answers[0][6] != bytes[5]) return -1;
+    return answers[0][7];
+  }
+
+  Sample sample;
+  std::unique_ptr<Device> device;
+
+ private:
+  static Bytes bytes_of(const Frame& frame) {
+    Bytes bytes(frame.bytes.size());
+    std::memcpy(bytes.data(), frame.bytes.data(), bytes.size());
+    return bytes;
+  }
+  int count_ = 0;
+  std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
+};
+
+// The data of a field of a packet; empty if it has none such.
+Bytes field(const Bytes& packet, std::uint8_t descriptor) {
+  for (std::size_t at = 4; at + 2 < packet.size() - 2; at += packet[at])
+    if (packet[at + 1] == descriptor) return {packet.begin() + static_cast<std::ptrdiff_t>(at) + 2, packet.begin() + static_cast<std::ptrdiff_t>(at + packet[at])};
+  return {};
+}
+float number(const Bytes& data, std::size_t i) {
+  std::uint32_t bits = 0;
+  std::memcpy(&bits, data.data() + 4 * i, 4);
+  return std::bit_cast<float>(boost::endian::big_to_native(bits));
+}
+
+// mip_sdk e5a847d, test/data/mip_data.bin: a device's, offsets 10 and 84, of which the third field is no measurement.
+TEST(Mip, DecodesARealDevicesPackets) {
+  const auto decoder = find_protocol("mip")->make_decoder(Settings(find_protocol("mip")->settings));
+  Recording recording;
+  for (const char* text :
+       {"756580300ad500000041d8bae0400ad600000000007a12000e043c8eaf72bbda6818bf7c52e80e05bb469ccf39a34c8bbb8be12fd771",
+        "7565800e0e063d7affd63e919fe83e79ffd6eac9",
+        "756580300ad500000041d934f2400ad600000000007a12000e043c8d232abbf0c43cbf7c5ef40e05bb5b4572ba08e007bb9e054eeaed"}) {
+    const Bytes bytes = hex(text);
+    decoder->feed({std::as_bytes(std::span(bytes))}, recording);
+  }
+  ASSERT_EQ(recording.measurements.size(), 2U);
+  EXPECT_EQ(decoder->errors().checksum + decoder->errors().malformed + decoder->errors().skipped_bytes, 0U);
+  const Measurement& m = recording.measurements[0];
+  EXPECT_EQ(m.fields, Measurement::time | Measurement::specific_force | Measurement::rate);
+  EXPECT_EQ(m.sample.time.ns, 282'809'000'000);
+  EXPECT_TRUE(m.sample.rate.isApprox(Vector3(-0.0030305867549031973, 0.0003114681167062372, -0.004268787335604429), 1e-15));
+  EXPECT_TRUE(m.sample.specific_force.isApprox(
+      units::standard_gravity * Vector3(0.01741764321923256, -0.006665240973234177, -0.9856400489807129), 1e-15));
+}
+
+// The same packet, made: 80:{D5, 04, 05} of the values above; D6 by hand.
+TEST(Mip, EncodesThemToTheSameBytes) {
+  Unit unit({{"sensor_rate_hz", std::int64_t{1000}},
+             {"sensor_fields", std::vector<std::string>{"reference_time", "reference_delta", "acceleration", "rate"}},
+             {"filter_fields", std::vector<std::string>{}}});
+  FrameBuffer out;
+  Sample s;
+  s.rate = Vector3(-0.0030305867549031973, 0.0003114681167062372, -0.004268787335604429);
+  s.specific_force = units::standard_gravity * Vector3(0.01741764321923256, -0.006665240973234177, -0.9856400489807129);
+  for (const std::int64_t ns : {282'801'000'000, 282'809'000'000}) {
+    s.time.ns = ns;
+    out.clear();
+    unit.device->sample(s, out);
+  }
+  const Bytes wanted =
+      hex("756580300ad500000041d8bae0400ad600000000007a12000e043c8eaf72bbda6818bf7c52e80e05bb469ccf39a34c8bbb8be12fd771");
+  ASSERT_EQ(out.frames().size(), 1U);
+  EXPECT_EQ(std::memcmp(out.frames()[0].bytes.data(), wanted.data(), wanted.size()), 0);
+}
+
+// mip_sdk e5a847d, test/data/packet_example_cpp_check.txt.
+TEST(Mip, TakesTheLibrarysOwnCommands) {
+  Unit unit;
+  unit.run(10);
+  EXPECT_EQ(unit.code(hex("75650c0e0e0f018003d5000a04000a05000a91ce")), 0) << "message format";
+  const auto stream = unit.run(100);
+  ASSERT_GE(stream.size(), 10U);
+  EXPECT_EQ(field(stream[0], 0xD5).size(), 8U);
+  EXPECT_TRUE(field(stream[0], 0x07).empty());
+  const auto polled = unit.say(hex("75650c08080d008003d504056446"));
+  EXPECT_TRUE(polled.size() == 1 || polled.size() == 2) << "poll";
+  const auto answers = unit.say(hex("7565011a0201080901010001c200080901010001c200080901010001c2007a91"));
+  ASSERT_EQ(answers.size(), 1U) << "ping and three changes of speed in one packet";
+  EXPECT_EQ(answers[0], packet(0x01, {4, 0xF1, 0x01, 0, 4, 0xF1, 0x09, 0, 4, 0xF1, 0x09, 0, 4, 0xF1, 0x09, 0}));
+}
+
+TEST(Mip, SaysWhoItIsAndWhatItCan) {
+  Unit unit({{"model", std::string("3dm-cv7-ahrs")}});
+  const auto info = unit.say(command(0x01, 0x03));
+  ASSERT_EQ(info.size(), 1U);
+  const Bytes text = field(info[0], 0x81);
+  ASSERT_EQ(text.size(), 82U);
+  EXPECT_EQ(std::string(text.begin() + 2, text.begin() + 18), "3DM-CV7-AHRS    ");
+  // Everything in the list is answered, and nothing else.
+  const Bytes list = field(unit.say(command(0x01, 0x04))[0], 0x82);
+  std::set<unsigned> known;
+  for (std::size_t i = 0; i < list.size(); i += 2) known.insert(list[i] * 256U + list[i + 1]);
+  for (const unsigned set : {0x01U, 0x0CU, 0x0DU})
+    for (unsigned descriptor = 1; descriptor < 0x80; ++descriptor) {
+      if (set == 1 && descriptor == 0x7E) continue;
+      const int code = unit.code(command(static_cast<std::uint8_t>(set), static_cast<std::uint8_t>(descriptor), {2, 0x80}));
+      EXPECT_EQ(code == 1, !known.contains(set * 256 + descriptor)) << set << ' ' << descriptor;
+    }
+  // Every field in it can be streamed.
+  for (const unsigned pair : known) {
+    if (pair < 0x8000) continue;
+    Unit one;
+    ASSERT_EQ(one.code(command(0x0C, 0x0F, {1, static_cast<std::uint8_t>(pair / 256), 1, static_cast<std::uint8_t>(pair), 0, 1})), 0);
+    bool seen = false;
+    for (const Bytes& sent : one.run(4)) seen = seen || (sent[2] == pair / 256 && !field(sent, static_cast<std::uint8_t>(pair)).empty());
+    EXPECT_TRUE(seen) << pair;
+  }
+}
+
+TEST(Mip, IdleResumeAndStreamControl) {
+  Unit unit;
+  EXPECT_FALSE(unit.run(100).empty());
+  EXPECT_EQ(unit.code(command(0x01, 0x02)), 0);
+  EXPECT_TRUE(unit.run(1000).empty());
+  EXPECT_EQ(unit.code(command(0x01, 0x01)), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 0x80, 0})), 0);
+  EXPECT_EQ(unit.code(command(0x01, 0x06)), 0);
+  for (const Bytes& sent : unit.run(1000)) EXPECT_EQ(sent[2], 0x82);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x11, {2, 0x80}))[0], 0x85), (Bytes{0x80, 0}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {5, 0x80})), 0);
+  EXPECT_EQ(unit.run(1000).size(), 110U);
+}
+
+TEST(Mip, RatesAndFormatsAreReadSavedAndLoaded) {
+  Unit unit;
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x06))[0], 0x83), (Bytes{0x03, 0xE8}));
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x0E, {0x82}))[0], 0x8E), (Bytes{0x82, 0x01, 0xF4}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x08, {1, 2, 0x05, 0, 4, 0x04, 0, 8})), 0);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x0F, {2, 0x80}))[0], 0x8F), (Bytes{0x80, 2, 0x05, 0, 4, 0x04, 0, 8}));
+  int rates = 0, forces = 0;
+  for (const Bytes& sent : unit.run(1000)) {
+    rates += !field(sent, 0x05).empty() && sent[2] == 0x80;
+    forces += !field(sent, 0x04).empty();
+  }
+  EXPECT_EQ(rates, 250);
+  EXPECT_EQ(forces, 125);
+  EXPECT_EQ(unit.code(command(0x0C, 0x08, {3})), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x08, {5})), 0);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 7);
+  EXPECT_EQ(unit.code(command(0x0C, 0x30, {4})), 0);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
+  // Wrong: an unknown field, no decimation, too short, too long, another function.
+  for (const Bytes& data : {Bytes{1, 1, 0x33, 0, 1}, {1, 1, 0x05, 0, 0}, {1, 2, 0x05, 0, 1}, {1, 1, 0x05, 0, 1, 9}, {9}, {}})
+    EXPECT_EQ(unit.code(command(0x0C, 0x08, data)), 3);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
+}
+
+TEST(Mip, TheLineFollowsTheAnswer) {
+  Unit unit;
+  EXPECT_EQ(unit.device->line().baud, 115200U);
+  EXPECT_EQ(unit.code(command(0x0C, 0x40, {1, 0, 0x0E, 0x10, 0})), 0);  // 921600
+  EXPECT_EQ(unit.device->line().baud, 921600U);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x40, {2}))[0], 0x87), (Bytes{0, 0x0E, 0x10, 0}));
+  EXPECT_EQ(unit.code(command(0x01, 0x09, {1, 1, 0, 0, 0, 7})), 3) << "no such speed";
+  EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
+  EXPECT_EQ(unit.device->line().baud, 115200U) << "was not saved";
+}
+
+TEST(Mip, AttitudeAndIncrementsAreTheModels) {
+  Unit unit({{"sensor_rate_hz", std::int64_t{250}},
+             {"sensor_fields", std::vector<std::string>{"quaternion", "euler", "delta_angle", "delta_velocity", "temperature", "overrange"}},
+             {"filter_fields", std::vector<std::string>{"filter_quaternion", "filter_euler", "filter_status"}},
+             {"filter_rate_hz", std::int64_t{250}}});
+  unit.sample.q_NP = Quaternion(dcm_from_yaw_pitch_roll(1.0, -0.5, 2.0).transpose());
+  unit.sample.delta_angle = {1e-3, 2e-3, -3e-3};
+  unit.sample.delta_velocity = {0.01, -0.02, 0.0980665};
+  unit.sample.temperature_c = 31.5;
+  unit.sample.status = status::gyro_saturated_x << 2 | status::accelerometer_saturated_x << 1;
+  unit.run(4);
+  const auto sent = unit.run(4);
+  ASSERT_EQ(sent.size(), 2U);
+  for (const auto& [packet, descriptor] : {std::pair{sent[0], 0x0C}, {sent[1], 0x05}}) {
+    const Bytes euler = field(packet, static_cast<std::uint8_t>(descriptor));
+    EXPECT_FLOAT_EQ(number(euler, 0), 2.0F);
+    EXPECT_FLOAT_EQ(number(euler, 1), -0.5F);
+    EXPECT_FLOAT_EQ(number(euler, 2), 1.0F);
+  }
+  const Bytes q = field(sent[0], 0x0A);
+  const Quaternion quaternion(number(q, 0), number(q, 1), number(q, 2), number(q, 3));
+  EXPECT_TRUE((quaternion * Vector3::UnitX()).isApprox(unit.sample.q_NP * Vector3::UnitX(), 1e-6)) << "v_ned = q v_veh q*";
+  EXPECT_FLOAT_EQ(number(field(sent[0], 0x07), 2), -4 * 3e-3F);
+  EXPECT_FLOAT_EQ(number(field(sent[0], 0x08), 2), 0.04F);
+  EXPECT_FLOAT_EQ(number(field(sent[0], 0x14), 2), 31.5F);
+  EXPECT_EQ(field(sent[0], 0x18), (Bytes{0, 0x42}));
+  EXPECT_EQ(field(sent[1], 0x10), (Bytes{0, 2, 0, 1, 0, 0}));
+}
+
+TEST(Mip, ACommandCutOffIsForgotten) {
+  Unit unit;
+  const Bytes ping = command(0x01, 0x01);
+  EXPECT_TRUE(unit.say({ping.begin(), ping.begin() + 4}).empty());
+  unit.run(600);
+  EXPECT_EQ(unit.code(ping), 0);
+  Bytes bad = ping;
+  bad.back() ^= 1;
+  EXPECT_TRUE(unit.say(bad).empty());
+  EXPECT_EQ(unit.code(ping), 0);
+}
+
+}  // namespace
+}  // namespace imud
