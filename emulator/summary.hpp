@@ -11,7 +11,15 @@
 
 namespace imud {
 
+// Of a live run in real time: TruthQuality.
+struct ClockSummary {
+  double rate = 1, offset_s = 0, delay_s = 0;
+  std::uint64_t stops = 0, returns = 0, resumed = 0;
+  DurationHistogram jitter, age;
+};
+
 struct Summary {
+  using Clock = ClockSummary;
   double duration_s = 0;  // host time
   struct Truth {
     std::uint64_t received = 0, accepted = 0, no_state = 0, runs = 0, truncated = 0, inserted = 0, lost = 0;
@@ -19,11 +27,6 @@ struct Summary {
     double rate_hz = 0;   // truths accepted in a second, by their arrivals
     std::string warning;  // how a capture ended, if not well
   } truth;
-  struct Clock {  // realtime, live: TruthQuality
-    double rate = 1, offset_s = 0, delay_s = 0;
-    std::uint64_t stops = 0, returns = 0, resumed = 0;
-    DurationHistogram jitter, age;
-  };
   std::optional<Clock> clock;
   struct Imu {
     std::string name;

@@ -108,7 +108,7 @@ struct Protocol {
 
   // nullptr: no product, the configuration says all. Throws as make.
   Product (*product)(const Settings& settings) = nullptr;
-  // Settings, "key=value,...", with which each sample gives a frame at once: for the conformance test.
+  // Settings, "key=value key=value ...", with which each sample gives a frame at once: for the conformance test.
   std::string_view trial = "";
 
   // Both throw std::invalid_argument that says what would be right, for settings that exclude one another.

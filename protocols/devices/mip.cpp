@@ -702,7 +702,7 @@ constexpr Protocol mip_protocol = {
     .has_checksum = true,
     .burst_bits = 8,
     .product = product,
-    .trial = "sensor_rate_hz=1000,filter_fields=",
+    .trial = "sensor_rate_hz=1000 filter_fields=",
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<MipDevice>(model_of(settings), configuration(settings));
     },

@@ -269,7 +269,7 @@ class Stim300Device final : public Device {
         datagram.put(c.cr_lf ? 0xB7 : 0xB5, 1);
         datagram.put(static_cast<unsigned char>(serial_number[0]), 1);
         for (std::size_t at = 1; at < serial_number.size(); at += 2)
-          datagram.put_halves(serial_number[at] & 15U, serial_number[at + 1] & 15U);
+          datagram.put_halves(static_cast<unsigned>(serial_number[at] - '0'), static_cast<unsigned>(serial_number[at + 1] - '0'));
         datagram.put(0, 7);
         break;
       case of_configuration:
@@ -525,7 +525,7 @@ constexpr Protocol stim300_protocol = {
     .has_checksum = true,
     .burst_bits = 32,
     .product = product,
-    .trial = "sample_rate=2000,bit_rate=1843200,start_up=false",
+    .trial = "sample_rate=2000 bit_rate=1843200 start_up=false",
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<Stim300Device>(configuration(settings), settings.flag("start_up"));
     },

@@ -208,6 +208,17 @@ TEST_F(ConfigTest, AMipDeviceIsItsDefaults) {
             std::string::npos);
 }
 
+TEST_F(ConfigTest, AVectorNavIsItsDefaults) {
+  const std::string bare = "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:imu1\"\n";
+  EXPECT_EQ(load(bare).imus[0].rate_hz, 800.0);
+  EXPECT_EQ(load(bare, {"imu.0.device.model=vn-300"}).imus[0].rate_hz, 400.0);
+  EXPECT_EQ(load(bare, {"imu.0.device.binary_1=\"1,2,01,0121\"", "imu.0.device.baud=921600"}).imus[0].port,
+            "pty:imu1?baud=921600");
+  EXPECT_NE(fault(bare, {"imu.0.device.binary_1=\"1,2,01\""}).find("binary_1: give mode, divisor, groups"), std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.device.async_hz=33"}).find("async_hz: give 1, 2, 4, 5"), std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.device.binary_1=\"1,1,01,7FFF\""}).find("% of the line's 115200 bit/s"), std::string::npos);
+}
+
 TEST_F(ConfigTest, YawPitchRollIsThreeTwoOne) {
   const Config c = load(good, {"imu.0.mounting.yaw_pitch_roll_deg=[90, 0, 0]"});
   // The platform is turned by +90 deg about z: the body's x axis is the platform's -y.

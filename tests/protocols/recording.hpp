@@ -35,7 +35,7 @@ class Recording final : public MeasurementSink {
 inline Settings trial_settings(const Protocol& protocol) {
   Settings settings(protocol.settings);
   for (std::string_view rest = protocol.trial; !rest.empty();) {
-    const std::string_view one = rest.substr(0, rest.find(','));
+    const std::string_view one = rest.substr(0, rest.find(' '));
     rest.remove_prefix(std::min(rest.size(), one.size() + 1));
     const std::size_t equals = one.find('=');
     settings.set_text(one.substr(0, equals), one.substr(equals + 1));

@@ -1,0 +1,266 @@
+// VectorNav against what its clients send and expect.
+#include <gtest/gtest.h>
+
+#include <boost/crc.hpp>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+#include "tests/protocols/recording.hpp"
+#include "tests/protocols/table_names.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+unsigned crc16(std::string_view text) {
+  boost::crc_optimal<16, 0x1021, 0, 0, false, false> crc;
+  crc.process_bytes(text.data(), text.size());
+  return crc.checksum();
+}
+std::string hex_digits(unsigned number, int digits) {
+  char text[16];
+  std::snprintf(text, sizeof text, "%0*X", digits, number);
+  return text;
+}
+std::string with_xor(std::string_view body) {
+  unsigned sum = 0;
+  for (const char c : body) sum ^= static_cast<unsigned char>(c);
+  return "$" + std::string(body) + "*" + hex_digits(sum, 2) + "\r\n";
+}
+std::string with_crc(std::string_view body) { return "$" + std::string(body) + "*" + hex_digits(crc16(body), 4) + "\r\n"; }
+
+class Unit {
+ public:
+  explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
+    const Protocol& protocol = *find_protocol("vectornav");
+    Settings settings(protocol.settings);
+    for (const auto& [key, value] : values) settings.set(key, value);
+    device = protocol.make(settings);
+    period_ = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / protocol.product(settings).rate_hz));
+    sample.specific_force = {0, 0, -9.80665};
+  }
+  std::vector<std::string> run(int samples) {
+    std::vector<std::string> all;
+    for (int k = 0; k < samples; ++k) {
+      sample.counter = static_cast<std::uint64_t>(count_);
+      sample.time = DeviceTime{} + count_++ * period_;
+      frames_->clear();
+      device->sample(sample, *frames_);
+      take(all);
+    }
+    return all;
+  }
+  std::string say(std::string_view line) {
+    frames_->clear();
+    device->receive({std::as_bytes(std::span(line))}, *frames_);
+    std::vector<std::string> all;
+    take(all);
+    std::string text;
+    for (const std::string& one : all) text += one;
+    return text;
+  }
+  std::string ask(std::string_view body) { return say(with_xor(body)); }
+
+  Sample sample;
+  std::unique_ptr<Device> device;
+
+ private:
+  void take(std::vector<std::string>& all) const {
+    for (const Frame& frame : frames_->frames()) {
+      std::string text(frame.bytes.size(), '\0');
+      std::memcpy(text.data(), frame.bytes.data(), text.size());
+      all.push_back(std::move(text));
+    }
+  }
+  int count_ = 0;
+  Nanoseconds period_;
+  std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
+};
+
+float real_at(const std::string& frame, std::size_t at) {
+  float number = 0;
+  std::memcpy(&number, frame.data() + at, sizeof number);
+  return number;
+}
+
+// tstellanova/vectornav_vn300 f2569cd, test/test_decoder.c.
+TEST(VectorNav, TheChecksumOfTheseTestsIsTheirs) {
+  EXPECT_EQ(crc16("ROCK"), 0x08FFU);
+  EXPECT_EQ(crc16("12345678"), 0x9015U);
+}
+
+// Lines as vnproglib, the SDK and ArduPilot sent them.
+TEST(VectorNav, AnswersInTheFormThatTheHostUsed) {
+  Unit unit;
+  EXPECT_EQ(unit.say("$VNRRG,01*72\r\n"), with_xor("VNRRG,01,VN-100S-CR"));
+  EXPECT_EQ(unit.say("$VNRRG,01*E15F\r\n"), with_crc("VNRRG,01,VN-100S-CR"));
+  EXPECT_EQ(unit.say("$VNASY,0*4F\r\n"), "$VNASY,0*4F\r\n");
+  EXPECT_EQ(unit.say("$VNWRG,06,0*6C\r\n"), "$VNWRG,06,0*6C\r\n");
+  EXPECT_EQ(unit.say("$VNWRG,75,3,20,1,529*4A\r\n"), "$VNWRG,75,3,20,1,529*4A\r\n");
+  EXPECT_EQ(unit.say("$VNWRG,75,3,400,01,0321*D84E\r\n"), "$VNWRG,75,3,400,01,0321*D84E\r\n");
+  EXPECT_EQ(unit.say("$VNWRG,75,3,16,01,0721*D415\r\n"), "$VNWRG,75,3,16,01,0721*D415\r\n");
+  EXPECT_EQ(unit.ask("VNRRG,75"), with_xor("VNRRG,75,3,16,01,0721"));
+  EXPECT_EQ(unit.say("$VNRRG,5*XX\r\n"), with_xor("VNRRG,5,115200"));
+}
+
+TEST(VectorNav, ErrorsHaveTheirCodes) {
+  Unit unit;
+  const auto error = [](unsigned code) { return with_xor("VNERR," + hex_digits(code, 2)); };
+  EXPECT_EQ(unit.say("$VNRRG,01*73\r\n"), error(3));
+  EXPECT_EQ(unit.say("$VNRRG,01\r\n"), error(3));
+  EXPECT_EQ(unit.say("$VNRRG,01*E15E\r\n"), with_crc("VNERR,03"));
+  EXPECT_EQ(unit.ask("VNXYZ"), error(4));
+  EXPECT_EQ(unit.ask("VN"), error(4));
+  EXPECT_EQ(unit.ask("VNRRGG,1"), error(4));
+  EXPECT_EQ(unit.ask("VNRRG"), error(5));
+  EXPECT_EQ(unit.ask("VNWRG,7"), error(5));
+  EXPECT_EQ(unit.ask("VNWRG,35,1,1"), error(5));
+  EXPECT_EQ(unit.ask("VNWRG,75,3,16,03,0001"), error(5));
+  EXPECT_EQ(unit.ask("VNWRG,35,1,1,1,1,1"), error(6));
+  EXPECT_EQ(unit.ask("VNWRG,75,3,16,01,0001,0001"), error(6));
+  EXPECT_EQ(unit.ask("VNWRG,7,41"), error(7));
+  EXPECT_EQ(unit.ask("VNWRG,5,115201"), error(7));
+  EXPECT_EQ(unit.ask("VNWRG,35,1,x,1,1"), error(7));
+  EXPECT_EQ(unit.ask("VNWRG,75,3,0,01,0001"), error(7));
+  EXPECT_EQ(unit.ask("VNWRG,75,3,16,02,0400"), error(7)) << "no such field";
+  EXPECT_EQ(unit.ask("VNASY,2"), error(7));
+  EXPECT_EQ(unit.ask("VNRRG,99"), error(8));
+  EXPECT_EQ(unit.ask("VNWRG,99,1"), error(8));
+  EXPECT_EQ(unit.ask("VNWRG,1,VN-1"), error(9));
+}
+
+TEST(VectorNav, StreamsOutOfTheBox) {
+  Unit unit;
+  unit.sample.rate = {0.5, -0.25, 0.125};
+  unit.sample.q_NP = Quaternion(dcm_from_yaw_pitch_roll(-2.0, 0.1, 3.0).transpose());
+  const auto sent = unit.run(800);
+  ASSERT_EQ(sent.size(), 40U);
+  EXPECT_EQ(sent[0], with_xor("VNYMR,-114.592,+005.730,+171.887,+00.0000,+00.0000,+00.0000,+00.000,+00.000,-09.807,"
+                              "+00.500000,-00.250000,+00.125000"));
+  const auto decoder = find_protocol("vectornav")->make_decoder(Settings(find_protocol("vectornav")->settings));
+  Recording recording;
+  for (const std::string& one : sent) decoder->feed({std::as_bytes(std::span(one))}, recording);
+  ASSERT_EQ(recording.measurements.size(), 40U);
+  EXPECT_EQ(recording.measurements[3].sample.rate, unit.sample.rate);
+  EXPECT_NEAR(recording.measurements[3].sample.specific_force.z(), -9.80665, 5e-4);
+  EXPECT_EQ(decoder->errors().skipped_bytes, 0U);
+}
+
+TEST(VectorNav, EveryMessageHasItsName) {
+  for (const auto& [type, begin] : {std::pair{"1", "$VNYPR,"}, {"2", "$VNQTN,"}, {"8", "$VNQMR,"}, {"10", "$VNMAG,"},
+                                    {"11", "$VNACC,"}, {"12", "$VNGYR,"}, {"13", "$VNMAR,"}, {"14", "$VNYMR,"},
+                                    {"16", "$VNYBA,"}, {"17", "$VNYIA,"}, {"19", "$VNIMU,"}, {"30", "$VNDTV,"}}) {
+    Unit unit;
+    EXPECT_EQ(unit.ask("VNWRG,06," + std::string(type)), with_xor("VNWRG,06," + std::string(type)));
+    EXPECT_EQ(unit.ask("VNWRG,07,200"), with_xor("VNWRG,07,200"));
+    const auto sent = unit.run(800);
+    ASSERT_EQ(sent.size(), 200U) << type;
+    EXPECT_EQ(sent[0].substr(0, 7), begin);
+    const std::size_t star = sent[0].find('*');
+    EXPECT_EQ(sent[0], with_xor(sent[0].substr(1, star - 1)));
+  }
+}
+
+// ArduPilot's dialogue for a VN-100, each answer compared in its first two words by it.
+TEST(VectorNav, ArduPilotsDialogue) {
+  Unit unit;
+  for (const char* body : {"VNASY,0", "VNWRG,06,0,1", "VNWRG,06,0,2", "VNWRG,75,3,16,01,0721", "VNWRG,76,3,16,11,0001,0106"})
+    EXPECT_EQ(unit.ask(body), with_xor(body));
+  EXPECT_TRUE(unit.run(800).empty());
+  EXPECT_EQ(unit.ask("VNASY,1"), with_xor("VNASY,1"));
+  unit.sample.rate = {0, 0, 0.5};
+  unit.sample.temperature_c = 31;
+  const auto sent = unit.run(800);
+  ASSERT_EQ(sent.size(), 100U);
+  // Common: TimeStartup, AngularRate, Accel, Imu, MagPres: 8 + 12 + 12 + 24 + 20 bytes.
+  EXPECT_EQ(sent[0].substr(0, 4), std::string("\xFA\x01\x21\x07", 4));
+  EXPECT_EQ(sent[0].size(), 4U + 76 + 2);
+  EXPECT_EQ(crc16(std::string_view(sent[0]).substr(1)), 0U);
+  EXPECT_EQ(real_at(sent[0], 4 + 8 + 8), 0.5F);
+  EXPECT_EQ(real_at(sent[0], 4 + 20 + 8), -9.80665F);
+  EXPECT_EQ(real_at(sent[0], 4 + 56 + 12), 31.0F);
+  // Common TimeStartup; Attitude YawPitchRoll, Quaternion, YprU.
+  EXPECT_EQ(sent[1].substr(0, 6), std::string("\xFA\x11\x01\x00\x06\x01", 6));
+  EXPECT_EQ(sent[1].size(), 6U + 8 + 12 + 16 + 12 + 2);
+}
+
+// The size of each field is vnproglib's; each alone makes a frame whose checksum is right.
+TEST(VectorNav, EveryFieldHasItsSize) {
+  const std::array<std::vector<int>, 7> sizes = {{{8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8},
+                                                  {8, 8, 8, 2, 8, 8, 8, 4, 4, 1},
+                                                  {2, 12, 12, 12, 4, 4, 16, 12, 12, 12, 12, 2, 40},
+                                                  {8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28},
+                                                  {2, 12, 16, 36, 12, 12, 12, 12, 12, 12, 28, 24, 12},
+                                                  {2, 24, 24, 12, 12, 12, 12, 12, 12, 4, 4, 68, 64},
+                                                  {8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28}}};
+  for (unsigned group = 0; group < 7; ++group)
+    for (unsigned bit = 0; bit < sizes[group].size(); ++bit) {
+      Unit unit({{"async_type", std::int64_t{0}}});
+      const std::string body = "VNWRG,75,1,8," + hex_digits(1U << group, 2) + "," + hex_digits(1U << bit, 4);
+      ASSERT_EQ(unit.ask(body), with_xor(body));
+      const auto sent = unit.run(80);
+      ASSERT_EQ(sent.size(), 10U);
+      EXPECT_EQ(sent[0].size(), 4U + static_cast<std::size_t>(sizes[group][bit]) + 2);
+      EXPECT_EQ(crc16(std::string_view(sent[0]).substr(1)), 0U);
+      EXPECT_EQ(unit.ask("VNBOM,1").size(), sent[0].size()) << "polled";
+    }
+}
+
+TEST(VectorNav, IncrementsAreThoseSinceTheLastOne) {
+  Unit unit({{"async_type", std::int64_t{30}}, {"async_hz", std::int64_t{100}}, {"binary_1", std::string("1,4,01,0800")}});
+  unit.sample.delta_angle = {1e-3, 0, -2e-3};
+  unit.sample.delta_velocity = {0, 0.01, 0};
+  unit.run(8);
+  const auto sent = unit.run(8);  // a message at its first sample, binary frames at the first and the fifth
+  ASSERT_EQ(sent.size(), 3U);
+  EXPECT_EQ(sent[0].substr(0, 7), "$VNDTV,");
+  EXPECT_FLOAT_EQ(real_at(sent[2], 4), 4 / 800.0F);
+  EXPECT_FLOAT_EQ(real_at(sent[2], 8), static_cast<float>(4e-3 / units::degree));
+  EXPECT_FLOAT_EQ(real_at(sent[2], 4 + 20), 0.04F);
+}
+
+TEST(VectorNav, SettingsSurviveAResetOnceWritten) {
+  Unit unit;
+  unit.ask("VNWRG,07,10");
+  unit.ask("VNWRG,05,921600");
+  EXPECT_EQ(unit.device->line().baud, 921600U);
+  unit.ask("VNWNV");
+  unit.ask("VNWRG,07,20");
+  EXPECT_EQ(unit.ask("VNRST"), with_xor("VNRST"));
+  EXPECT_EQ(unit.ask("VNRRG,7"), with_xor("VNRRG,7,10"));
+  EXPECT_EQ(unit.device->line().baud, 921600U);
+  EXPECT_EQ(unit.ask("VNRFS"), with_xor("VNRFS"));
+  EXPECT_EQ(unit.ask("VNRRG,7"), with_xor("VNRRG,7,40"));
+  EXPECT_EQ(unit.device->line().baud, 115200U);
+  const std::string echo = "VNWRG,35,1,0,1,1";
+  EXPECT_EQ(unit.ask(echo), with_xor(echo));
+  EXPECT_EQ(unit.ask("VNRRG,35"), with_xor("VNRRG,35,1,0,1,1"));
+}
+
+TEST(VectorNav, AVn300SamplesAt400Hz) {
+  Unit unit({{"model", std::string("vn-300")}});
+  EXPECT_EQ(find_protocol("vectornav")->product([] {
+              Settings settings(find_protocol("vectornav")->settings);
+              settings.set("model", std::string("vn-300"));
+              return settings;
+            }()).rate_hz,
+            400.0);
+  EXPECT_EQ(unit.run(400).size(), 40U);
+  EXPECT_EQ(unit.ask("VNRRG,1"), with_xor("VNRRG,1,VN-300S-CR"));
+}
+
+TEST(VectorNav, ACommandCutOffIsForgotten) {
+  Unit unit;
+  EXPECT_EQ(unit.say("$VNRRG,0"), "");
+  EXPECT_EQ(unit.say("$VNRRG,01*72\r\n"), with_xor("VNRRG,01,VN-100S-CR")) << "another begins";
+  EXPECT_EQ(unit.say("$VNWRG,07,"), "");
+  unit.run(1000);
+  EXPECT_EQ(unit.ask("VNRRG,7"), with_xor("VNRRG,7,40"));
+}
+
+}  // namespace
+}  // namespace imud
