@@ -92,7 +92,7 @@ class Message {
   Message(FrameBuffer& out, Form form) noexcept : out_(out), form_(form) { text_[size_++] = '$'; }
   Message& put(std::string_view text) noexcept {
     for (const char c : text)
-      if (size_ < text_.size() - 8) text_[size_++] = c;
+      if (size_ < text_.size() - 16) text_[size_++] = c;
     return *this;
   }
   Message& put(double number, const char* format) noexcept {  // after a comma
@@ -107,7 +107,7 @@ class Message {
   void send() noexcept {
     const std::string_view body(text_.data() + 1, size_ - 1);
     const unsigned sum = form_ == Form::two_digits ? xor_of(body) : crc16(body);
-    size_ += static_cast<std::size_t>(std::snprintf(text_.data() + size_, 8, form_ == Form::two_digits ? "*%02X\r\n" : "*%04X\r", sum));
+    size_ += static_cast<std::size_t>(std::snprintf(text_.data() + size_, 16, form_ == Form::two_digits ? "*%02X\r\n" : "*%04X\r", sum));
     if (form_ == Form::four_digits) text_[size_++] = '\n';
     const std::span<std::byte> room = out_.room(size_);
     if (room.empty()) return;
@@ -430,7 +430,7 @@ class VectorNavDevice final : public Device {
     const std::size_t star = line.rfind('*');
     Form form = Form::two_digits;
     const auto refuse = [&](unsigned error) {
-      std::array<char, 12> text;
+      std::array<char, 24> text;
       std::snprintf(text.data(), text.size(), "VNERR,%02X", error);
       Message(replies, form).put(text.data()).send();
     };
