@@ -116,6 +116,20 @@ inline double log(double x) {
   return exponent * ln2_high + (2.0 * s * sum + exponent * ln2_low);
 }
 
+// e^x; 0 below -708, and what 709 gives above it.
+inline double exp(double x) {
+  if (!(x > -708.0)) return 0.0;
+  if (x > 709.0) x = 709.0;
+  constexpr double ln2_high = 0x1.62e42fee00000p-1;
+  constexpr double ln2_low = 0x1.a39ef35793c76p-33;
+  constexpr double log2_e = 0x1.71547652b82fep+0;
+  const double exponent = std::floor(x * log2_e + 0.5);
+  const double r = (x - exponent * ln2_high) - exponent * ln2_low;  // |r| < 0.347
+  double sum = 1.0;
+  for (int k = 14; k >= 1; --k) sum = 1.0 + r * sum / k;
+  return sum * std::bit_cast<double>(static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent) + 1023) << 52U);
+}
+
 struct SinCos {
   double sin;
   double cos;

@@ -8,6 +8,14 @@
 
 namespace imud {
 
+TriadErrors TriadErrors::white(double density, double rate_hz, double max) {
+  TriadErrors errors;
+  errors.walk_transition.setZero();
+  errors.walk_sqrt_cov = density * std::sqrt(rate_hz) * Matrix3::Identity();
+  errors.max = max;
+  return errors;
+}
+
 GaussMarkov::GaussMarkov(const TriadErrors& errors, Quantity quantity)
     : transition_(errors.walk_transition),
       sqrt_cov_(errors.walk_sqrt_cov),
@@ -40,12 +48,15 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       q_BP_(Quaternion(model.dcm_PB.transpose()).normalized()),
       normals_(seed, stream),
       gyro_(model.gyro, Quantity::rate),
-      accelerometer_(model.accelerometer, Quantity::specific_force) {}
+      accelerometer_(model.accelerometer, Quantity::specific_force),
+      earth_(model.earth),
+      magnetometer_(model.magnetometer, Quantity::magnetic_field) {}
 
 void Imu::seek(std::uint64_t k) noexcept {
   counter_ = k;
   gyro_.walk.seek(normals_, k);
   accelerometer_.walk.seek(normals_, k);
+  magnetometer_.walk.seek(normals_, k);
 }
 
 void Imu::follow(const Timeline& timeline, TruthTime until) noexcept {
@@ -168,13 +179,30 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
   out.specific_force = specific_force;
   out.delta_angle = delta_angle;
   out.delta_velocity = delta_velocity;
-  out.q_NP = now.q_NB * q_BP_;
+  out.q_LP = now.q_NB * q_BP_;
+  if (earth_.is_on()) sense_earth(timeline, now, out);
   out.status =
       gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
   if (now.basis != State::Basis::interpolated) out.status |= status::truth_extrapolated;
   if (now.basis == State::Basis::held) out.status |= status::truth_stale;
   ++counter_;
   return out;
+}
+
+void Imu::sense_earth(const Timeline& timeline, const State& now, Sample& out) noexcept {
+  Position position = timeline.position(now.time);
+  position.r_N += now.q_NB * model_.r_SB_B;
+  position.v_N += now.q_NB * now.omega_BN_B.cross(model_.r_SB_B);
+  out.place = earth_.place(now.time, position);
+  if (!out.place.is_known) return;
+  out.q_LP = earth_.q_LN(now.time, out.place) * out.q_LP;
+  out.magnetic_field = out.q_LP.conjugate() * earth_.magnetic_field_L(out.place);
+  Vector3 increment = Vector3::Zero();
+  magnetometer_.apply(normals_, counter_, 0.0, out.magnetic_field, increment);
+  out.pressure = earth_.pressure(out.place) + model_.barometer.bias;
+  if (model_.barometer.noise > 0)
+    out.pressure += model_.barometer.noise * normals_(Quantity::pressure, Process::gauss_markov, counter_).x();
+  out.pressure = std::max(out.pressure, 0.0);
 }
 
 namespace {

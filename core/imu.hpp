@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/earth.hpp"
 #include "core/random.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
@@ -11,7 +12,7 @@ namespace imud {
 
 enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };  // nearest: half away from zero
 
-// Errors of a triad: three gyros in rad/s, or three accelerometers in m/s^2. In the order in which they act:
+// Errors of a triad: three gyros in rad/s, accelerometers in m/s^2, or magnetometers in T. In the order in which they act:
 //   m = scale_factor * truth + bias + x,   x <- clamp(A x + P n, +-bound)     (memo Eq. 15, 16, and its section 2)
 //   m <- lsb * round(m / lsb)                                                 (Eq. 19)
 //   m <- max(-max, min(m, max))                                               (Eq. 20, 21)
@@ -25,6 +26,15 @@ struct TriadErrors {
   Rounding rounding = Rounding::toward_zero;
   bool carry = false;                             // the remainder of the rounding goes into the next sample
   double max = 1e6;                               // above 0
+
+  // White noise of this density, unit/sqrt(Hz), at `rate_hz`, and nothing else.
+  static TriadErrors white(double density, double rate_hz, double max);
+};
+
+// pressure = truth + bias + noise n.
+struct BarometerErrors {
+  double bias = 0;   // Pa
+  double noise = 0;  // Pa, standard deviation of one sample
 };
 
 enum class DeltaAngle : std::uint8_t {
@@ -46,6 +56,9 @@ struct ImuModel {
   DeltaAngle delta_angle = DeltaAngle::rotation_vector;
   DeltaVelocity delta_velocity = DeltaVelocity::integral;
   double temperature_c = 25.0;
+  EarthModel earth;
+  TriadErrors magnetometer;
+  BarometerErrors barometer;
 };
 
 // x <- clamp(A x + P n).
@@ -105,6 +118,7 @@ class Imu {
 
   void accumulate(const Timeline& timeline, const State& end) noexcept;
   void add_piece(const State& end) noexcept;
+  void sense_earth(const Timeline& timeline, const State& now, Sample& out) noexcept;
   Vector3 true_delta_angle_B(const State& now) const noexcept;
   Vector3 true_delta_velocity_B(const State& now) const noexcept;
 
@@ -113,6 +127,8 @@ class Imu {
   Normals normals_;
   Triad gyro_;
   Triad accelerometer_;
+  Earth earth_;
+  Triad magnetometer_;
   std::uint64_t counter_ = 0;
   bool in_run_ = false;
   State last_;                // at the last sample, as it was output

@@ -10,7 +10,7 @@
 namespace imud {
 
 // What a stream is for; a number once given is never given again, so that a new process shifts nobody's numbers.
-enum class Quantity : std::uint32_t { rate = 0, specific_force = 1 };
+enum class Quantity : std::uint32_t { rate = 0, specific_force = 1, magnetic_field = 2, pressure = 3 };
 enum class Process : std::uint32_t { gauss_markov = 0 };
 
 // The standard normal deviate whose distribution function is p in (0, 1): Wichura's AS241 (PPND16), relative error

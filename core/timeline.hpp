@@ -28,6 +28,13 @@ struct State {
   Vector3 dv_N = Vector3::Zero();              // m/s, accumulated specific force of B's origin, in inertial axes
 };
 
+// Where a point is, and how fast.
+struct Position {
+  bool is_known = false;
+  Vector3 r_N = Vector3::Zero();  // m
+  Vector3 v_N = Vector3::Zero();  // m/s
+};
+
 // What the timeline made of a truth.
 enum class Admission : std::uint8_t {
   accepted,
@@ -89,6 +96,10 @@ class Timeline {
   // the state at the oldest truth kept. Not if empty().
   State at(TruthTime time) const noexcept;
 
+  // Of B's origin at `time`: between two truths that know it the cubic Hermite curve on position and velocity; after the
+  // newest with its velocity, until motion is held. Not if empty().
+  Position position(TruthTime time) const noexcept;
+
   // The first truth after `time`, or `never` if there is none: what at() gives is smooth up to there.
   TruthTime next_truth(TruthTime time) const noexcept;
 
@@ -98,6 +109,7 @@ class Timeline {
  private:
   struct Knot {
     State state;                     // at this truth
+    Position position;
     AccumulatedDv accumulated_dv = AccumulatedDv::none;
     Vector3 accumulated_dv_B = Vector3::Zero();
     bool has_specific_force = false;

@@ -208,6 +208,12 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   imu.model.gyro = read_triad(table.child("gyro"), "rad_per_s", product ? &product->gyro : nullptr);
   imu.model.accelerometer =
       read_triad(table.child("accelerometer"), "m_per_s2", product ? &product->accelerometer : nullptr);
+  imu.model.magnetometer = read_triad(table.child("magnetometer"), "t", product ? &product->magnetometer : &imu.model.magnetometer);
+  if (product) imu.model.barometer = product->barometer;
+  TableReader barometer = table.child("barometer");
+  imu.model.barometer.bias = barometer.real("bias_pa", imu.model.barometer.bias, -1e6, 1e6);
+  imu.model.barometer.noise = barometer.real("noise_pa", imu.model.barometer.noise, 0.0, 1e6);
+  barometer.finish();
   TableReader increments = table.child("increments");
   constexpr DeltaAngle angles[] = {DeltaAngle::rotation_vector, DeltaAngle::integral};
   constexpr DeltaVelocity velocities[] = {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame};
@@ -216,6 +222,30 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   increments.finish();
   table.finish();
   return imu;
+}
+
+EarthModel read_earth(TableReader table) {
+  EarthModel earth;
+  constexpr EarthModel::Frame frames[] = {EarthModel::Frame::none, EarthModel::Frame::local, EarthModel::Frame::inertial};
+  earth.frame = frames[table.choice("frame", {"none", "local", "inertial"}, 0)];
+  constexpr std::int64_t in_2025 = 1'735'689'600;
+  const std::int64_t start = table.utc_s("start", in_2025, 2017, 2100);
+  earth.start_gps_ns = gps_ns_from_unix(start);
+  if (earth.frame == EarthModel::Frame::local) {
+    table.require("latitude_deg", "where N's origin is");
+    table.require("longitude_deg", "where N's origin is");
+  }
+  earth.latitude = units::degree * table.real("latitude_deg", 0.0, -90.0, 90.0);
+  earth.longitude = units::degree * table.real("longitude_deg", 0.0, -180.0, 360.0);
+  earth.height = table.real("height_m", 0.0, -1e4, 1e8);
+  earth.angle = units::degree * table.real("angle_deg", earth_rotation_angle(start) / units::degree, -360.0, 360.0);
+  const auto only_for = [&](std::string_view key, EarthModel::Frame frame, std::string_view name) {
+    if (table.has(key) && earth.frame != frame) table.fault(key, fmt::format("needs frame = \"{}\"", name));
+  };
+  for (const char* key : {"latitude_deg", "longitude_deg", "height_m"}) only_for(key, EarthModel::Frame::local, "local");
+  only_for("angle_deg", EarthModel::Frame::inertial, "inertial");
+  table.finish();
+  return earth;
 }
 
 // The capture, with the UDP port of the port that it takes the place of if it names none of its own.
@@ -396,6 +426,8 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
     table.fault("clock", "\"fast\" reads a capture; give truth.port \"pcap:...\" or \"file:...\", or \"lockstep\"");
 
+  const EarthModel earth = read_earth(table.child("earth"));
+
   const toml::node* imus = table.node("imu");
   const toml::array* array = imus == nullptr ? nullptr : imus->as_array();
   if (array == nullptr || array->empty() || !array->is_array_of_tables()) {
@@ -405,6 +437,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       const toml::table& imu = *(*array)[i].as_table();
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults);
       config.imus.push_back(read_imu(reader, i));
+      config.imus.back().model.earth = earth;
       const ImuConfig& read = config.imus.back();
       if (config.truth.when_stopped == WhenStopped::flag && read.protocol != nullptr &&
           !carries_status(read, status::not_valid))

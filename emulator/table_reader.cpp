@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 #include <numeric>
 
@@ -65,6 +66,21 @@ std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t 
   fault(key, fmt::format("give a whole number from 0 to {}{}", max,
                          max > 0x7FFF'FFFF'FFFF'FFFFULL ? " (in quotes above 9223372036854775807)" : ""));
   return fallback;
+}
+
+std::int64_t TableReader::utc_s(std::string_view key, std::int64_t fallback, int first_year, int last_year) {
+  const toml::node* found = node(key);
+  if (found == nullptr) return fallback;
+  const auto* at = found->as_date_time();
+  if (at == nullptr || at->get().date.year < first_year || at->get().date.year > last_year) {
+    fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes", first_year, last_year));
+    return fallback;
+  }
+  const toml::date_time& given = at->get();
+  const std::chrono::sys_days day = std::chrono::year(given.date.year) / given.date.month / given.date.day;
+  const std::int64_t s = std::chrono::duration_cast<std::chrono::seconds>(day.time_since_epoch()).count() +
+                         given.time.hour * 3600 + given.time.minute * 60 + given.time.second;
+  return s - (given.offset ? given.offset->minutes * 60 : 0);
 }
 
 bool TableReader::flag(std::string_view key, bool fallback) {

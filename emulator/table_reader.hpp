@@ -45,6 +45,8 @@ class TableReader {
   std::uint64_t unsigned_integer(std::string_view key, std::uint64_t fallback, std::uint64_t max);
   bool flag(std::string_view key, bool fallback);
   std::string text(std::string_view key, std::string fallback);
+  // A date and time, such as 2025-01-01T00:00:00Z (without an offset: UTC), as whole seconds since 1970.
+  std::int64_t utc_s(std::string_view key, std::int64_t fallback, int first_year, int last_year);
   // One of `words`; its index.
   std::size_t choice(std::string_view key, std::initializer_list<std::string_view> words, std::size_t fallback);
   Vector3 vector3(std::string_view key, const Vector3& fallback);

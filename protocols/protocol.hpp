@@ -74,7 +74,8 @@ class Decoder {
 // What a product is, out of the box: what its configuration need not say.
 struct Product {
   double rate_hz = 0;  // at which it samples inside, whatever it sends
-  TriadErrors gyro, accelerometer;
+  TriadErrors gyro, accelerometer, magnetometer;
+  BarometerErrors barometer;
 };
 
 // One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) holds every entry to what it

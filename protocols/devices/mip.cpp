@@ -247,7 +247,7 @@ class MipDevice final : public Device {
     packet.begin(descriptor);
     const std::uint64_t time_ns = static_cast<std::uint64_t>(sample_.time.ns);
     const double time_s = 1e-9 * static_cast<double>(sample_.time.ns);
-    const Quaternion& q = sample_.q_NP;
+    const Quaternion& q = sample_.q_LP;
     const auto put_quaternion = [&] {  // v_P = q* v_N q
       for (const double part : {q.w(), q.x(), q.y(), q.z()}) packet.put(to_float(part));
     };

@@ -257,11 +257,11 @@ class VectorNavDevice final : public Device {
   static constexpr std::size_t of_ascii = 3;
 
   Vector3 ypr_deg() const noexcept {
-    return yaw_pitch_roll_from_dcm(sample_.q_NP.conjugate().toRotationMatrix()) / units::degree;
+    return yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix()) / units::degree;
   }
   // The true acceleration without gravity is not known here: that of the specific force, and of a vertical of 9.8.
   Vector3 linear_acceleration_N() const noexcept {
-    return sample_.q_NP * sample_.specific_force + Vector3(0, 0, units::standard_gravity);
+    return sample_.q_LP * sample_.specific_force + Vector3(0, 0, units::standard_gravity);
   }
   Form async_form() const noexcept {  // register 30, parameter 5
     return Words(text_of(30))[4] == "3" ? Form::four_digits : Form::two_digits;
@@ -278,7 +278,7 @@ class VectorNavDevice final : public Device {
   // What a measurement register or a message says, without its name. False if there is none of that kind.
   bool put_measurement(unsigned type, Message& message) noexcept {
     const Vector3 none = Vector3::Zero();
-    const Quaternion& q = sample_.q_NP;
+    const Quaternion& q = sample_.q_LP;
     const auto put_q = [&] {
       for (const double part : {q.x(), q.y(), q.z(), q.w()}) message.put(part, quaternion);
     };
@@ -377,7 +377,7 @@ class VectorNavDevice final : public Device {
   }
 
   void put_field(unsigned group, unsigned bit, const Sums& sums, Frame8& frame) const noexcept {
-    const Quaternion& q = sample_.q_NP;
+    const Quaternion& q = sample_.q_LP;
     const auto put_time = [&] { frame.put(static_cast<std::uint64_t>((sample_.time - start_).count())); };
     const auto put_q = [&] {
       for (const double part : {q.x(), q.y(), q.z(), q.w()}) frame.put(to_float(part));

@@ -76,6 +76,7 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
   TruthResult convert(Truth& truth) const noexcept override {
     Vector3 sigma;
     truth.has_angular_acceleration = columns().has(omegaDot_BN_B, 3);
+    truth.has_position = columns().has(r_BN_N, 3) && columns().has(v_BN_N, 3);
     truth.has_specific_force = columns().has(specific_force_B, 3);
     if (columns().has(accumulated_dv_B, 3)) truth.accumulated_dv = accumulation_;
     struct {

@@ -94,6 +94,7 @@ class JsbsimTruthDecoder final : public ColumnTruthDecoder {
     }
     const bool inertial = columns().has(inertial_rate, 3);
     truth.has_angular_acceleration = columns().has(angular_acceleration, 3);
+    truth.has_position = columns().has(position_ft, 3) && columns().has(velocity_fps, 3);
     truth.has_specific_force = columns().has(specific_force_ft, 3);
     struct {
       bool given;

@@ -114,6 +114,17 @@ TEST(Elementary, LogWithinThreeUlp) {
   EXPECT_EQ(log(1.0), 0.0);
 }
 
+TEST(Elementary, ExpWithinThreeUlp) {
+  const auto exact = [](double x) { return std::exp(static_cast<long double>(x)); };
+  for (double x = -700.0; x < 700.0; x += 0.0371) {
+    const auto wanted = static_cast<double>(exact(x));
+    EXPECT_NEAR(exp(x), wanted, 3.0 * ulp_of_1 * wanted) << x;
+  }
+  EXPECT_EQ(exp(0.0), 1.0);
+  EXPECT_EQ(exp(-1e9), 0.0);
+  EXPECT_TRUE(std::isfinite(exp(1e9)));
+}
+
 TEST(Elementary, SinCosWithinTwoUlpOfOne) {
   const auto sine = [](double x) { return std::sin(static_cast<long double>(x)); };
   const auto cosine = [](double x) { return std::cos(static_cast<long double>(x)); };

@@ -402,5 +402,30 @@ TEST_F(ConfigTest, CanLoadIsOfTheWorstCase) {
   EXPECT_FALSE(faults(good, overloaded).empty());
 }
 
+TEST_F(ConfigTest, EarthIsOffUntilItIsSaidHowNStandsToIt) {
+  EXPECT_EQ(load(good).imus[0].model.earth.frame, EarthModel::Frame::none);
+  const std::string local = std::string(good) +
+                            "magnetometer.bias_t = [1e-6, 0, 0]\nbarometer = { bias_pa = 12, noise_pa = 3 }\n"
+                            "[earth]\nframe = \"local\"\nlatitude_deg = 47\nlongitude_deg = -11\nheight_m = 500\n"
+                            "start = 2026-02-03T04:05:06+01:00\n";
+  const ImuModel m = load(local).imus[0].model;
+  EXPECT_EQ(m.earth.frame, EarthModel::Frame::local);
+  EXPECT_DOUBLE_EQ(m.earth.longitude, -11 * units::degree);
+  EXPECT_EQ(m.earth.height, 500);
+  EXPECT_EQ(m.earth.start_gps_ns, gps_ns_from_unix(1'770'087'906)) << "2026-02-03T03:05:06Z";
+  EXPECT_EQ(m.magnetometer.bias.x(), 1e-6);
+  EXPECT_EQ(m.barometer.bias, 12);
+  EXPECT_EQ(m.barometer.noise, 3);
+
+  const std::string inertial = std::string(good) + "[earth]\nframe = \"inertial\"\nstart = 2025-06-01T12:00:00Z\n";
+  EXPECT_EQ(load(inertial).imus[0].model.earth.angle, earth_rotation_angle(1'748'779'200)) << "of the start";
+  EXPECT_DOUBLE_EQ(load(inertial + "angle_deg = 30\n").imus[0].model.earth.angle, 30 * units::degree);
+
+  EXPECT_NE(fault(inertial + "height_m = 3\n").find("needs frame = \"local\""), std::string::npos);
+  EXPECT_NE(fault(local + "angle_deg = 3\n").find("needs frame = \"inertial\""), std::string::npos);
+  EXPECT_NE(fault(std::string(good) + "[earth]\nstart = \"2025\"\n").find("2025-01-01T00:00:00Z"), std::string::npos);
+  EXPECT_EQ(faults(std::string(good) + "[earth]\nframe = \"local\"\n").size(), 2U) << "latitude and longitude";
+}
+
 }  // namespace
 }  // namespace imud

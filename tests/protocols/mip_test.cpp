@@ -236,7 +236,7 @@ TEST(Mip, AttitudeAndIncrementsAreTheModels) {
              {"sensor_fields", std::vector<std::string>{"quaternion", "euler", "delta_angle", "delta_velocity", "temperature", "overrange"}},
              {"filter_fields", std::vector<std::string>{"filter_quaternion", "filter_euler", "filter_status"}},
              {"filter_rate_hz", std::int64_t{250}}});
-  unit.sample.q_NP = Quaternion(dcm_from_yaw_pitch_roll(1.0, -0.5, 2.0).transpose());
+  unit.sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(1.0, -0.5, 2.0).transpose());
   unit.sample.delta_angle = {1e-3, 2e-3, -3e-3};
   unit.sample.delta_velocity = {0.01, -0.02, 0.0980665};
   unit.sample.temperature_c = 31.5;
@@ -252,7 +252,7 @@ TEST(Mip, AttitudeAndIncrementsAreTheModels) {
   }
   const Bytes q = field(sent[0], 0x0A);
   const Quaternion quaternion(number(q, 0), number(q, 1), number(q, 2), number(q, 3));
-  EXPECT_TRUE((quaternion * Vector3::UnitX()).isApprox(unit.sample.q_NP * Vector3::UnitX(), 1e-6)) << "v_ned = q v_veh q*";
+  EXPECT_TRUE((quaternion * Vector3::UnitX()).isApprox(unit.sample.q_LP * Vector3::UnitX(), 1e-6)) << "v_ned = q v_veh q*";
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x07), 2), -4 * 3e-3F);
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x08), 2), 0.04F);
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x14), 2), 31.5F);

@@ -136,7 +136,7 @@ TEST(VectorNav, ErrorsHaveTheirCodes) {
 TEST(VectorNav, StreamsOutOfTheBox) {
   Unit unit;
   unit.sample.rate = {0.5, -0.25, 0.125};
-  unit.sample.q_NP = Quaternion(dcm_from_yaw_pitch_roll(-2.0, 0.1, 3.0).transpose());
+  unit.sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(-2.0, 0.1, 3.0).transpose());
   const auto sent = unit.run(800);
   ASSERT_EQ(sent.size(), 40U);
   EXPECT_EQ(sent[0], with_xor("VNYMR,-114.592,+005.730,+171.887,+00.0000,+00.0000,+00.0000,+00.000,+00.000,-09.807,"

@@ -1,0 +1,154 @@
+#include "core/earth.hpp"
+
+#include <array>
+#include <cmath>
+
+#include "core/elementary.hpp"
+#include "core/units.hpp"
+
+namespace imud {
+
+namespace {
+
+// WGS 84 (NGA.STND.0036).
+constexpr double a = 6'378'137.0, f = 1.0 / 298.257223563;
+constexpr double b = a * (1.0 - f), e2 = f * (2.0 - f), second_e2 = e2 / ((1.0 - f) * (1.0 - f));
+
+constexpr std::int64_t gps_began = 315'964'800, leap_seconds = 18;  // of UTC, s
+
+Matrix3 dcm_EL(double latitude, double longitude) {
+  const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
+  const auto [sin_lon, cos_lon] = elementary::sincos(longitude);
+  Matrix3 m;  // north, east, down
+  m << -sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon,  //
+      -sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon,    //
+      cos_lat, 0.0, -sin_lat;
+  return m;
+}
+
+Vector3 from_geodetic(double latitude, double longitude, double height) {
+  const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
+  const auto [sin_lon, cos_lon] = elementary::sincos(longitude);
+  const double n = a / std::sqrt(1.0 - e2 * sin_lat * sin_lat);
+  return {(n + height) * cos_lat * cos_lon, (n + height) * cos_lat * sin_lon, ((1.0 - e2) * n + height) * sin_lat};
+}
+
+// Bowring's iteration on the reduced latitude, from the outside in (Bowring, Survey Review 23, 1976).
+void to_geodetic(const Vector3& r, Place& place) {
+  const double p = std::sqrt(r.x() * r.x() + r.y() * r.y());
+  double sin_beta = r.z(), cos_beta = (1.0 - f) * p, sin = 0, cos = 1;
+  for (int i = 0; i < 4; ++i) {
+    const double norm = std::sqrt(sin_beta * sin_beta + cos_beta * cos_beta);
+    sin_beta /= norm;
+    cos_beta /= norm;
+    sin = r.z() + second_e2 * b * sin_beta * sin_beta * sin_beta;
+    cos = p - e2 * a * cos_beta * cos_beta * cos_beta;
+    sin_beta = (1.0 - f) * sin;
+    cos_beta = cos;
+  }
+  const double norm = std::sqrt(sin * sin + cos * cos);
+  sin /= norm;
+  cos /= norm;
+  place.latitude = elementary::atan2(sin, cos);
+  place.longitude = elementary::atan2(r.y(), r.x());
+  place.height = p * cos + r.z() * sin - a * std::sqrt(1.0 - e2 * sin * sin);
+}
+
+}  // namespace
+
+std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept {
+  return (utc_s - gps_began + leap_seconds) * 1'000'000'000;
+}
+
+double earth_rotation_angle(std::int64_t utc_s) noexcept {
+  const double days = static_cast<double>(utc_s - 946'728'000) / 86'400.0;  // since 2000-01-01 12:00
+  const double turns = 0.7790572732640 + 0.00273781191135448 * days + (days - std::floor(days));
+  return 2.0 * units::pi * (turns - std::floor(turns));
+}
+
+double geopotential_altitude(double height_m) noexcept {
+  constexpr double r0 = 6'356'766.0;
+  return r0 * height_m / (r0 + height_m);
+}
+
+double standard_pressure(double geopotential_m) noexcept {
+  struct Layer {
+    double base_m, temperature_k, lapse_k_per_m;
+  };
+  constexpr std::array<Layer, 8> layers = {{{0, 288.15, -6.5e-3},
+                                            {11'000, 216.65, 0},
+                                            {20'000, 216.65, 1e-3},
+                                            {32'000, 228.65, 2.8e-3},
+                                            {47'000, 270.65, 0},
+                                            {51'000, 270.65, -2.8e-3},
+                                            {71'000, 214.65, -2e-3},
+                                            {84'852, 186.946, 0}}};
+  constexpr double k = 9.80665 * 28.9644e-3 / 8.31432;  // K/m
+  double log_ratio = 0;
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    const Layer& layer = layers[i];
+    const bool is_last = i + 1 == layers.size() || geopotential_m < layers[i + 1].base_m;
+    const double top = is_last ? geopotential_m : layers[i + 1].base_m;
+    const double rise = top - layer.base_m;
+    if (layer.lapse_k_per_m == 0)
+      log_ratio -= k * rise / layer.temperature_k;
+    else
+      log_ratio -= k / layer.lapse_k_per_m * elementary::log(1.0 + layer.lapse_k_per_m * rise / layer.temperature_k);
+    if (is_last) break;
+  }
+  return 101'325.0 * elementary::exp(log_ratio);
+}
+
+Earth::Earth(const EarthModel& model)
+    : model_(model),
+      q_EN_local_(Quaternion(dcm_EL(model.latitude, model.longitude)).normalized()),
+      origin_E_(from_geodetic(model.latitude, model.longitude, model.height)) {
+  // IAGA, IGRF-14: g11, h11, g10 in nT, and their change in a year.
+  const Vector3 in_2025 = {-1410.3, 4545.5, -29350.0}, yearly = {10.0, -21.5, 12.6};
+  constexpr double year_s = 31'556'952.0, in_2025_s = 1'419'724'818.0;  // GPS time at 2025-01-01
+  const double years = (1e-9 * static_cast<double>(model.start_gps_ns) - in_2025_s) / year_s;
+  dipole_ = 1e-9 * (in_2025 + years * yearly);
+}
+
+Quaternion Earth::q_NE(TruthTime time) const noexcept {
+  const double t = seconds(time - TruthTime{});
+  const double turns = (model_.angle + units::earth_rate * t) / (2.0 * units::pi);
+  const auto [sin, cos] = elementary::sincos(units::pi * (turns - std::floor(turns)));
+  return {cos, 0.0, 0.0, sin};
+}
+
+Place Earth::place(TruthTime time, const Position& position) const noexcept {
+  Place place;
+  if (!is_on() || !position.is_known) return place;
+  if (model_.frame == EarthModel::Frame::local) {
+    place.r_E = origin_E_ + q_EN_local_ * position.r_N;
+    place.v_L = q_EN_local_ * position.v_N;
+  } else {
+    const Quaternion q_EN = q_NE(time).conjugate();
+    place.r_E = q_EN * position.r_N;
+    place.v_L = q_EN * position.v_N - Vector3(0, 0, units::earth_rate).cross(place.r_E);
+  }
+  constexpr double deepest = 6'256'000.0;
+  if (!(place.r_E.squaredNorm() > deepest * deepest)) return Place{};
+  place.is_known = true;
+  place.gps_ns = model_.start_gps_ns + (time - TruthTime{}).count();
+  to_geodetic(place.r_E, place);
+  place.v_L = dcm_EL(place.latitude, place.longitude).transpose() * place.v_L;
+  return place;
+}
+
+Quaternion Earth::q_LN(TruthTime time, const Place& place) const noexcept {
+  const Quaternion q_LE(dcm_EL(place.latitude, place.longitude).transpose());
+  return q_LE * (model_.frame == EarthModel::Frame::local ? q_EN_local_ : q_NE(time).conjugate());
+}
+
+Vector3 Earth::magnetic_field_L(const Place& place) const noexcept {
+  constexpr double reference = 6'371'200.0;  // m
+  const double r = place.r_E.norm();
+  const Vector3 up = place.r_E / r;
+  const double ratio = reference / r;
+  const Vector3 field_E = ratio * ratio * ratio * (3.0 * dipole_.dot(up) * up - dipole_);
+  return dcm_EL(place.latitude, place.longitude).transpose() * field_E;
+}
+
+}  // namespace imud

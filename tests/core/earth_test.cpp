@@ -1,0 +1,208 @@
+// Earth: places, magnetic field and pressure against published figures.
+#include "core/earth.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/attitude.hpp"
+#include "core/imu.hpp"
+#include "core/units.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr double degree = units::degree;
+constexpr std::int64_t start_2025 = 1'735'689'600;  // UTC, s since 1970
+
+EarthModel local(double latitude_deg, double longitude_deg, double height) {
+  EarthModel model;
+  model.frame = EarthModel::Frame::local;
+  model.latitude = latitude_deg * degree;
+  model.longitude = longitude_deg * degree;
+  model.height = height;
+  model.start_gps_ns = gps_ns_from_unix(start_2025);
+  return model;
+}
+EarthModel inertial(double angle = 0) {
+  EarthModel model;
+  model.frame = EarthModel::Frame::inertial;
+  model.angle = angle;
+  model.start_gps_ns = gps_ns_from_unix(start_2025);
+  return model;
+}
+
+// GPS week 2347 began on 2024-12-29; IERS Conventions 2010, Eq. 5.15: 280.46 deg at 2000-01-01 12:00 UT1.
+TEST(Earth, Times) {
+  EXPECT_EQ(gps_ns_from_unix(start_2025), (2347 * 604'800LL + 3 * 86'400 + 18) * 1'000'000'000);
+  EXPECT_NEAR(earth_rotation_angle(946'728'000) / degree, 280.46061837, 1e-8);
+  EXPECT_NEAR(earth_rotation_angle(946'728'000 + 86'400) / degree, 280.46061837 + 0.98561228809, 1e-8);
+  const double sidereal_day_s = 86'164.0989;
+  EXPECT_NEAR(units::earth_rate * sidereal_day_s, 2 * units::pi, 1e-6);
+}
+
+// The ellipsoid's own axes, and 45 deg (a sqrt(1/2)/sqrt(1 - e2/2), with (1 - e2) in z).
+TEST(Earth, GeodeticAndCartesian) {
+  const Position there = {true, Vector3::Zero(), Vector3::Zero()};
+  EXPECT_TRUE(Earth(local(0, 90, 0)).place({}, there).r_E.isApprox(Vector3(0, 6'378'137.0, 0), 1e-15));
+  EXPECT_TRUE(Earth(local(90, 0, 0)).place({}, there).r_E.isApprox(Vector3(0, 0, 6'356'752.314245), 1e-12));
+  EXPECT_LT((Earth(local(45, 0, 0)).place({}, there).r_E - Vector3(4'517'590.87884893, 0, 4'487'348.40886592)).norm(), 1e-6);
+  for (const double height : {-400.0, 0.0, 10'000.0, 400e3, 36'000e3})
+    for (double latitude = -90; latitude <= 90; latitude += 7.5)
+      for (double longitude = -180; longitude < 180; longitude += 45) {
+        const Place place = Earth(local(latitude, longitude, height)).place({}, there);
+        ASSERT_TRUE(place.is_known);
+        EXPECT_NEAR(place.latitude, latitude * degree, 1e-12) << latitude << ' ' << height;
+        const double off = std::remainder(place.longitude - longitude * degree, 2 * units::pi);
+        EXPECT_NEAR(std::abs(latitude) < 90 ? off : 0, 0, 1e-12);
+        EXPECT_NEAR(place.height, height, 1e-7);
+      }
+}
+
+TEST(Earth, NothingIsKnownWithoutFrameOrPosition) {
+  EXPECT_FALSE(Earth(EarthModel{}).is_on());
+  EXPECT_FALSE(Earth(EarthModel{}).place({}, {true, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_FALSE(Earth(inertial()).place({}, {false, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_FALSE(Earth(inertial()).place({}, {true, Vector3::Zero(), Vector3::Zero()}).is_known) << "in the Earth's centre";
+  EXPECT_TRUE(Earth(inertial()).place({}, {true, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+}
+
+// Something that stands on the equator of an Earth that turns.
+TEST(Earth, AnInertialFrameTurnsUnderneath) {
+  const Earth earth(inertial(0.3));
+  const TruthTime time{1'000'000'000'000};
+  const double angle = 0.3 + 1000 * units::earth_rate;
+  const Vector3 r(6'378'137.0 * std::cos(angle + 0.5), 6'378'137.0 * std::sin(angle + 0.5), 0);
+  const Place place = earth.place(time, {true, r, Vector3(0, 0, units::earth_rate).cross(r)});
+  EXPECT_NEAR(place.longitude, 0.5, 1e-12);
+  EXPECT_NEAR(place.height, 0, 1e-6);
+  EXPECT_LT(place.v_L.norm(), 1e-9);
+  EXPECT_EQ(place.gps_ns, gps_ns_from_unix(start_2025) + time.ns);
+  // North is N's z; down points to the centre.
+  const Quaternion q = earth.q_LN(time, place);
+  EXPECT_LT((q * Vector3::UnitZ() - Vector3::UnitX()).norm(), 1e-12);
+  EXPECT_LT((q * Vector3(-r.normalized()) - Vector3::UnitZ()).norm(), 1e-12);
+  // What flies east in N at 100 m/s above that.
+  const Vector3 east(-std::sin(angle + 0.5), std::cos(angle + 0.5), 0);
+  const Vector3 v = earth.place(time, {true, r, Vector3(0, 0, units::earth_rate).cross(r) + 100 * east}).v_L;
+  EXPECT_LT((v - Vector3(0, 100, 0)).norm(), 1e-9);
+}
+
+TEST(Earth, ALocalFrameIsTheGroundsOwn) {
+  const Earth earth(local(47, 11, 500));
+  const Place place = earth.place({}, {true, {1000, 0, -200}, {30, -4, 5}});
+  EXPECT_NEAR((place.latitude - 47 * degree) * 6'367'000, 1000, 3);
+  EXPECT_NEAR(place.height, 700 + 1000.0 * 1000.0 / 2 / 6'370'000, 0.01) << "the ground falls away";
+  EXPECT_LT((place.v_L - Vector3(30, -4, 5)).norm(), 0.01);
+  EXPECT_LT(earth.q_LN({}, place).angularDistance(Quaternion::Identity()), 2e-4);
+}
+
+// The first degree of the series itself, in spherical coordinates (IAGA, IGRF-14: g10 = -29350.0, g11 = -1410.3,
+// h11 = 4545.5 nT in 2025; yearly +12.6, +10.0, -21.5):
+//   X = (a/r)^3 ((g11 cos lon + h11 sin lon) cos colat - g10 sin colat), Y = (a/r)^3 (g11 sin lon - h11 cos lon),
+//   Z = -2 (a/r)^3 (g10 cos colat + (g11 cos lon + h11 sin lon) sin colat), on the sphere.
+TEST(Earth, TheFieldIsTheFirstDegreeOfIgrf14) {
+  for (const double years : {0.0, 4.0}) {
+    EarthModel model = inertial();
+    model.start_gps_ns += static_cast<std::int64_t>(years * 31'556'952e9);
+    const Earth earth(model);
+    const double g10 = -29350.0 + 12.6 * years, g11 = -1410.3 + 10 * years, h11 = 4545.5 - 21.5 * years;
+    for (const double colatitude : {0.2, 1.0, 1.6, 2.9})
+      for (const double longitude : {-2.0, 0.0, 0.7, 3.0}) {
+        const double r = 6'871'200.0, c = std::pow(6'371'200.0 / r, 3);
+        const Vector3 up(std::sin(colatitude) * std::cos(longitude), std::sin(colatitude) * std::sin(longitude), std::cos(colatitude));
+        const Place place = earth.place({}, {true, r * up, Vector3::Zero()});
+        const double along = g11 * std::cos(longitude) + h11 * std::sin(longitude);
+        const double x = c * (along * std::cos(colatitude) - g10 * std::sin(colatitude));
+        const double y = c * (g11 * std::sin(longitude) - h11 * std::cos(longitude));
+        const double z = -2 * c * (g10 * std::cos(colatitude) + along * std::sin(colatitude));
+        // Down to the centre and down to the ellipsoid differ by up to 0.2 deg.
+        const double tilt = place.latitude - (units::pi / 2 - colatitude);
+        const Vector3 wanted(x * std::cos(tilt) + z * std::sin(tilt), y, z * std::cos(tilt) - x * std::sin(tilt));
+        EXPECT_LT((1e9 * earth.magnetic_field_L(place) - wanted).norm(), 1e-3) << colatitude << ' ' << longitude;
+      }
+  }
+}
+
+// U.S. Standard Atmosphere 1976, Table I, by geopotential altitude: Pa, five digits.
+TEST(Earth, ThePressureIsTheStandardAtmospheres) {
+  for (const auto& [height, pressure] : {std::pair{-1000.0, 113'930.0}, {0.0, 101'325.0}, {5000.0, 54'020.0}, {11'000.0, 22'632.0},
+                                         {15'000.0, 12'045.0}, {20'000.0, 5474.9}, {32'000.0, 868.02}, {47'000.0, 110.91},
+                                         {51'000.0, 66.939}, {71'000.0, 3.9564}, {84'852.0, 0.37338}})
+    EXPECT_NEAR(standard_pressure(height) / pressure, 1, 5e-5) << height;
+  EXPECT_NEAR(geopotential_altitude(80'000), 79'006, 0.5) << "Table I";
+  EXPECT_GE(standard_pressure(1e9), 0);
+}
+
+TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
+  Timeline timeline;
+  const auto at = [](double t) {  // a circle of 8 s
+    return Position{true, Vector3(std::cos(t * units::pi / 4), std::sin(t * units::pi / 4), 0) * 1000,
+                    Vector3(-std::sin(t * units::pi / 4), std::cos(t * units::pi / 4), 0) * (1000 * units::pi / 4)};
+  };
+  for (int k = 0; k <= 20; ++k) {
+    Truth truth;
+    truth.time.ns = k * 100'000'000LL;
+    const Position p = at(0.1 * k);
+    truth.has_position = true;
+    truth.r_BN_N = p.r_N;
+    truth.v_BN_N = p.v_N;
+    timeline.push(truth);
+  }
+  for (double t = 0.05; t < 2; t += 0.013) {
+    const Position p = timeline.position(TruthTime{} + nanoseconds(t));
+    ASSERT_TRUE(p.is_known);
+    EXPECT_LT((p.r_N - at(t).r_N).norm(), 1e-4);  // h^4/384 of the fourth derivative: 1e-4
+    EXPECT_LT((p.v_N - at(t).v_N).norm(), 1e-2);
+  }
+  const Position after = timeline.position(TruthTime{2'050'000'000});
+  EXPECT_LT((after.r_N - at(2).r_N - 0.05 * at(2).v_N).norm(), 1e-9);
+  EXPECT_TRUE(timeline.position(TruthTime{3'000'000'000}).v_N.isZero(0.0)) << "held";
+}
+
+// A sensor turned about the vertical, away from B's origin, and its errors.
+TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
+  ImuModel model;
+  model.earth = local(47, 11, 500);
+  model.r_SB_B = {0, 0, -100};
+  model.dcm_PB = dcm_from_yaw_pitch_roll(units::pi / 2, 0, 0);
+  model.barometer.bias = 7;
+  Timeline timeline;
+  Truth truth;
+  truth.has_position = true;
+  timeline.push(truth);
+  const auto sense = [&](std::uint64_t k) {
+    Imu imu(model, 1, 1);
+    imu.seek(k);
+    return imu.sample(timeline, {}, {});
+  };
+  const Sample sample = sense(0);
+  ASSERT_TRUE(sample.place.is_known);
+  EXPECT_NEAR(sample.place.height, 600, 1e-6);
+  EXPECT_NEAR(sample.pressure, standard_pressure(geopotential_altitude(600)) + 7, 1e-6);
+  const Earth earth(model.earth);
+  const Vector3 field_L = earth.magnetic_field_L(sample.place);
+  EXPECT_LT((sample.magnetic_field - Vector3(field_L.y(), -field_L.x(), field_L.z())).norm(), 1e-12);
+  EXPECT_LT((sample.q_LP * Vector3::UnitX() - Vector3::UnitY()).norm(), 1e-9) << "the sensor looks east";
+
+  // Noise: its standard deviation, 5 sigma of 4000 samples (false alarm below 1e-6 for each), and its place in the sequence.
+  model.magnetometer = TriadErrors::white(1e-8, 100, 1e-3);
+  model.barometer.noise = 3;
+  constexpr int n = 4000;
+  double magnetic = 0, pressure = 0;
+  for (int k = 0; k < n; ++k) {
+    const Sample noisy = sense(static_cast<std::uint64_t>(k));
+    magnetic += (noisy.magnetic_field - sample.magnetic_field).squaredNorm() / 3;
+    pressure += (noisy.pressure - sample.pressure) * (noisy.pressure - sample.pressure);
+  }
+  const double bound = 5 * std::sqrt(2.0 / n);
+  EXPECT_NEAR(magnetic / n / 1e-14, 1, bound);
+  EXPECT_NEAR(pressure / n / 9, 1, bound);
+  model.earth.frame = EarthModel::Frame::none;
+  EXPECT_TRUE(sense(0).magnetic_field.isZero(0.0));
+  EXPECT_EQ(sense(0).pressure, 0);
+}
+
+}  // namespace
+}  // namespace imud
