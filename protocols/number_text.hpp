@@ -1,0 +1,25 @@
+// Numbers in the text that hosts send.
+#pragma once
+
+#include <charconv>
+#include <concepts>
+#include <optional>
+#include <string_view>
+
+namespace imud {
+
+// The number that the whole of `text` is; nullopt if it is none, or none of that type's range. No plus, no blanks.
+template <class Number>
+std::optional<Number> number_in(std::string_view text, int radix = 10) noexcept {
+  Number number{};
+  const char* const end = text.data() + text.size();
+  std::from_chars_result result{};
+  if constexpr (std::integral<Number>)
+    result = std::from_chars(text.data(), end, number, radix);
+  else
+    result = std::from_chars(text.data(), end, number);
+  if (result.ec != std::errc() || result.ptr != end) return std::nullopt;
+  return number;
+}
+
+}  // namespace imud
