@@ -16,16 +16,6 @@ constexpr double b = a * (1.0 - f), e2 = f * (2.0 - f), second_e2 = e2 / ((1.0 -
 
 constexpr std::int64_t gps_began = 315'964'800, leap_seconds = 18;  // of UTC, s
 
-Matrix3 dcm_EL(double latitude, double longitude) {
-  const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
-  const auto [sin_lon, cos_lon] = elementary::sincos(longitude);
-  Matrix3 m;  // north, east, down
-  m << -sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon,  //
-      -sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon,    //
-      cos_lat, 0.0, -sin_lat;
-  return m;
-}
-
 Vector3 from_geodetic(double latitude, double longitude, double height) {
   const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
   const auto [sin_lon, cos_lon] = elementary::sincos(longitude);
@@ -55,6 +45,16 @@ void to_geodetic(const Vector3& r, Place& place) {
 }
 
 }  // namespace
+
+Matrix3 dcm_EL(double latitude, double longitude) noexcept {
+  const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
+  const auto [sin_lon, cos_lon] = elementary::sincos(longitude);
+  Matrix3 m;  // north, east, down
+  m << -sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon,  //
+      -sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon,    //
+      cos_lat, 0.0, -sin_lat;
+  return m;
+}
 
 std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept {
   return (utc_s - gps_began + leap_seconds) * 1'000'000'000;

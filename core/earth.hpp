@@ -30,6 +30,9 @@ double earth_rotation_angle(std::int64_t utc_s) noexcept;
 double standard_pressure(double geopotential_m) noexcept;
 double geopotential_altitude(double height_m) noexcept;  // Eq. 18, with r_0 = 6 356 766 m
 
+// North, east and down at a geodetic latitude and longitude, rad, as columns in E.
+Matrix3 dcm_EL(double latitude, double longitude) noexcept;
+
 class Earth {
  public:
   explicit Earth(const EarthModel& model);

@@ -1,91 +1,16 @@
 // VectorNav against what its clients send and expect.
 #include <gtest/gtest.h>
 
-#include <boost/crc.hpp>
-#include <bit>
-#include <cmath>
-#include <cstring>
-
 #include "core/attitude.hpp"
 #include "core/units.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"
+#include "tests/protocols/vectornav_unit.hpp"
 
 namespace imud {
 namespace {
 
-using namespace std::chrono_literals;
-
-unsigned crc16(std::string_view text) {
-  boost::crc_optimal<16, 0x1021, 0, 0, false, false> crc;
-  crc.process_bytes(text.data(), text.size());
-  return crc.checksum();
-}
-std::string hex_digits(unsigned number, int digits) {
-  char text[16];
-  std::snprintf(text, sizeof text, "%0*X", digits, number);
-  return text;
-}
-std::string with_xor(std::string_view body) {
-  unsigned sum = 0;
-  for (const char c : body) sum ^= static_cast<unsigned char>(c);
-  return "$" + std::string(body) + "*" + hex_digits(sum, 2) + "\r\n";
-}
-std::string with_crc(std::string_view body) { return "$" + std::string(body) + "*" + hex_digits(crc16(body), 4) + "\r\n"; }
-
-class Unit {
- public:
-  explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
-    const Protocol& protocol = *find_protocol("vectornav");
-    Settings settings(protocol.settings);
-    for (const auto& [key, value] : values) settings.set(key, value);
-    device = protocol.make(settings);
-    period_ = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / protocol.product(settings).rate_hz));
-    sample.specific_force = {0, 0, -9.80665};
-  }
-  std::vector<std::string> run(int samples) {
-    std::vector<std::string> all;
-    for (int k = 0; k < samples; ++k) {
-      sample.counter = static_cast<std::uint64_t>(count_);
-      sample.time = DeviceTime{} + count_++ * period_;
-      frames_->clear();
-      device->sample(sample, *frames_);
-      take(all);
-    }
-    return all;
-  }
-  std::string say(std::string_view line) {
-    frames_->clear();
-    device->receive({std::as_bytes(std::span(line))}, *frames_);
-    std::vector<std::string> all;
-    take(all);
-    std::string text;
-    for (const std::string& one : all) text += one;
-    return text;
-  }
-  std::string ask(std::string_view body) { return say(with_xor(body)); }
-
-  Sample sample;
-  std::unique_ptr<Device> device;
-
- private:
-  void take(std::vector<std::string>& all) const {
-    for (const Frame& frame : frames_->frames()) {
-      std::string text(frame.bytes.size(), '\0');
-      std::memcpy(text.data(), frame.bytes.data(), text.size());
-      all.push_back(std::move(text));
-    }
-  }
-  int count_ = 0;
-  Nanoseconds period_;
-  std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
-};
-
-float real_at(const std::string& frame, std::size_t at) {
-  float number = 0;
-  std::memcpy(&number, frame.data() + at, sizeof number);
-  return number;
-}
+using namespace vectornav_test;
 
 // tstellanova/vectornav_vn300 f2569cd, test/test_decoder.c.
 TEST(VectorNav, TheChecksumOfTheseTestsIsTheirs) {

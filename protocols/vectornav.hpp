@@ -1,0 +1,161 @@
+// VectorNav VN-100, VN-200, VN-300: what is shared by the device (devices/vectornav.cpp), its registers
+// (vectornav_registers.cpp), what its messages and fields say (vectornav_fields.cpp) and its decoder. Layouts and sizes are those of
+// VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav 6824e8b) and of ArduPilot's driver
+// (AP_ExternalAHRS_VectorNav.cpp).
+//
+// ASCII: '$', body, '*', checksum of the body, CR LF: two hexadecimal digits of its XOR, or four of its CRC-16 (0x1021 from
+// 0), or "XX" for none; the answer has the form that the host used. Binary: 0xFA, groups, a mask of 16 bits for each group,
+// little-endian; the fields in order of groups and bits; the CRC-16 of all after 0xFA, big-endian.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "core/frame.hpp"
+#include "core/sample.hpp"
+#include "protocols/frame_writer.hpp"
+#include "protocols/number_text.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud::vectornav {
+
+enum Error : unsigned { none = 0, bad_checksum = 3, bad_command, too_few, too_many, bad_parameter, bad_register, unauthorised };
+inline constexpr std::size_t longest = 1024;  // of a frame
+inline constexpr std::array<std::uint32_t, 9> bauds = {9600, 19200, 38400, 57600, 115200, 128000, 230400, 460800, 921600};
+
+// Bytes of each field (vnproglib, Packet::BinaryGroupLengths).
+enum Group : unsigned { common, time_group, imu, gnss1, attitude, ins, gnss2, groups };
+inline constexpr std::array<std::array<std::uint8_t, 15>, groups> field_sizes = {{
+    {8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8},
+    {8, 8, 8, 2, 8, 8, 8, 4, 4, 1},
+    {2, 12, 12, 12, 4, 4, 16, 12, 12, 12, 12, 2, 40},
+    {8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28},
+    {2, 12, 16, 36, 12, 12, 12, 12, 12, 12, 28, 24, 12},
+    {2, 24, 24, 12, 12, 12, 12, 12, 12, 4, 4, 68, 64},
+    {8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28},
+}};
+
+unsigned xor_of(std::string_view text) noexcept;
+unsigned crc16(std::span<const std::byte> bytes) noexcept;
+unsigned crc16(std::string_view text) noexcept;
+// Whether `sum`, what stands after the '*', is that of `body`.
+bool is_checksum_of(std::string_view body, std::string_view sum) noexcept;
+
+// The words between commas; `count` is beyond words.size() if there are more.
+struct Words {
+  explicit Words(std::string_view text) noexcept;
+  std::string_view operator[](std::size_t i) const noexcept { return words[i]; }
+  std::array<std::string_view, 20> words;
+  std::size_t count = 0;
+};
+// As hosts write numbers, with a plus or without; nullopt if it is no finite number.
+std::optional<double> real_in(std::string_view text) noexcept;
+
+// A message of text: body, then checksum in the form asked for.
+enum class Form : std::uint8_t { two_digits, four_digits };
+class Message {
+ public:
+  Message(FrameBuffer& out, Form form) noexcept : out_(out), form_(form) { text_[size_++] = '$'; }
+  Message& put(std::string_view text) noexcept;
+  Message& put(double number, const char* format) noexcept;  // after a comma
+  Message& put(const Vector3& vector, const char* format) noexcept;
+  void send() noexcept;
+
+ private:
+  FrameBuffer& out_;
+  Form form_;
+  std::array<char, 300> text_;
+  std::size_t size_ = 0;
+};
+
+struct Model {
+  std::string_view keyword, name;
+  double internal_hz;
+  unsigned receivers;  // GNSS
+};
+inline constexpr Model models[] = {
+    {"vn-100", "VN-100S-CR", 800, 0}, {"vn-200", "VN-200S-CR", 800, 1}, {"vn-300", "VN-300S-CR", 400, 2}};
+
+// --- Registers ---
+
+struct BinaryOutput {
+  unsigned mode = 0, divisor = 1;
+  std::array<std::uint16_t, groups> masks = {};
+
+  unsigned group_bits() const noexcept;
+  // "3,16,01,0721": mode, divisor, groups and their masks in hexadecimal digits.
+  static std::optional<BinaryOutput> parse(std::string_view text, Error& error) noexcept;
+};
+
+// A register that is kept as it was written.
+struct Register {
+  unsigned id;
+  unsigned count;  // of its parameters
+  std::string_view initial;
+};
+extern const std::array<Register, 20> kept;
+
+struct Configuration {
+  static constexpr std::size_t register_size = 160;
+  using Text = std::array<char, register_size>;
+
+  std::uint32_t baud = 115200;
+  unsigned async_type = 14, async_hz = 40;
+  std::array<BinaryOutput, 3> binary = {};
+  std::array<Text, 3> binary_text = {};
+  std::array<Text, 20> registers = {};
+
+  Configuration() noexcept;
+  static void store(Text& place, std::string_view text) noexcept;
+  // Of one that is kept; empty if there is none of that number.
+  std::string_view text_of(unsigned id) const noexcept;
+  // "1,2,3,...": the numbers from a kept register's parameter `first` on.
+  double number_of(unsigned id, std::size_t parameter) const noexcept;
+  Matrix3 matrix_of(unsigned id) const noexcept;
+  Vector3 vector_of(unsigned id, std::size_t first) const noexcept;
+};
+
+// Sets register `rest` ("06,14"), of the configuration alone.
+Error write_register(Configuration& configuration, const Model& model, std::string_view rest) noexcept;
+// Puts what register `id` says after its number; false if there is none. Not those of measurements.
+bool put_register(const Configuration& configuration, const Model& model, unsigned id, Message& message) noexcept;
+
+// --- Measurements ---
+
+// Increments since an output was sent last.
+struct Sums {
+  double dt = 0;  // s
+  Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
+  void add(const Sample& sample, double step_s) noexcept {
+    dt += step_s;
+    delta_angle += sample.delta_angle;
+    delta_velocity += sample.delta_velocity;
+  }
+};
+
+// What messages and fields are made of.
+struct Reading {
+  const Model& model;
+  const Sample& sample;  // compensated, in the host's reference frame
+  const Sample& raw;     // as sensed
+  Nanoseconds since_start;
+};
+
+// The message's name: empty if the model has none of that type.
+std::string_view name_of(unsigned type, const Model& model) noexcept;
+// The type whose message says what a measurement register says; 0: it is none.
+unsigned type_of_register(unsigned id) noexcept;
+void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;
+// A field that the device does not know is left out: the caller fills it with zeros.
+void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums& sums,
+               FrameWriter<boost::endian::order::little>& frame) noexcept;
+
+// Of binary frames, and of the messages of text that have rates or accelerations.
+std::unique_ptr<Decoder> make_decoder();
+
+}  // namespace imud::vectornav

@@ -1,0 +1,245 @@
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+
+#include "core/attitude.hpp"
+#include "protocols/vectornav.hpp"
+
+namespace imud::vectornav {
+
+unsigned xor_of(std::string_view text) noexcept {
+  unsigned sum = 0;
+  for (const char c : text) sum ^= static_cast<unsigned char>(c);
+  return sum;
+}
+
+unsigned crc16(std::span<const std::byte> bytes) noexcept {
+  boost::crc_optimal<16, 0x1021, 0, 0, false, false> crc;
+  crc.process_bytes(bytes.data(), bytes.size());
+  return crc.checksum();
+}
+unsigned crc16(std::string_view text) noexcept { return crc16(std::as_bytes(std::span(text))); }
+
+bool is_checksum_of(std::string_view body, std::string_view sum) noexcept {
+  const auto given = number_in<unsigned>(sum, 16);
+  return given && ((sum.size() == 2 && *given == xor_of(body)) || (sum.size() == 4 && *given == crc16(body)));
+}
+
+Words::Words(std::string_view text) noexcept {
+  while (count < words.size()) {
+    const std::size_t comma = text.find(',');
+    words[count++] = text.substr(0, comma);
+    if (comma == std::string_view::npos) return;
+    text.remove_prefix(comma + 1);
+  }
+  ++count;
+}
+
+std::optional<double> real_in(std::string_view text) noexcept {
+  if (text.starts_with('+')) text.remove_prefix(1);
+  const auto number = number_in<double>(text);
+  return number && std::isfinite(*number) ? number : std::nullopt;
+}
+
+Message& Message::put(std::string_view text) noexcept {
+  for (const char c : text)
+    if (size_ < text_.size() - 16) text_[size_++] = c;
+  return *this;
+}
+Message& Message::put(double number, const char* format) noexcept {
+  std::array<char, 40> digits;
+  const int size = std::snprintf(digits.data(), digits.size(), format, number);
+  return put(",").put({digits.data(), static_cast<std::size_t>(std::clamp(size, 0, 39))});
+}
+Message& Message::put(const Vector3& vector, const char* format) noexcept {
+  for (int i = 0; i < 3; ++i) put(vector[i], format);
+  return *this;
+}
+void Message::send() noexcept {
+  const std::string_view body(text_.data() + 1, size_ - 1);
+  const bool is_short = form_ == Form::two_digits;
+  const unsigned sum = is_short ? xor_of(body) : crc16(body);
+  size_ += static_cast<std::size_t>(std::snprintf(text_.data() + size_, 16, is_short ? "*%02X\r\n" : "*%04X\r\n", sum));
+  const std::span<std::byte> room = out_.room(size_);
+  if (room.empty()) return;
+  std::memcpy(room.data(), text_.data(), size_);
+  out_.push(size_);
+}
+
+unsigned BinaryOutput::group_bits() const noexcept {
+  unsigned bits = 0;
+  for (unsigned g = 0; g < groups; ++g) bits |= masks[g] != 0 ? 1U << g : 0U;
+  return bits;
+}
+
+std::optional<BinaryOutput> BinaryOutput::parse(std::string_view text, Error& error) noexcept {
+  const Words words(text);
+  error = too_few;
+  if (words.count < 3) return std::nullopt;
+  BinaryOutput output;
+  const auto mode = number_in<unsigned>(words[0]), divisor = number_in<unsigned>(words[1]);
+  const auto bits = number_in<unsigned>(words[2], 16);
+  error = bad_parameter;
+  if (!mode || *mode > 3 || !divisor || *divisor == 0 || *divisor > 0xFFFF || !bits || *bits > 0x7F) return std::nullopt;
+  const auto wanted = 3 + static_cast<std::size_t>(std::popcount(*bits));
+  error = words.count < wanted ? too_few : too_many;
+  if (words.count != wanted) return std::nullopt;
+  error = bad_parameter;
+  output.mode = *mode;
+  output.divisor = *divisor;
+  std::size_t at = 3, size = 2 + 2 * (wanted - 3) + 2;
+  for (unsigned g = 0; g < groups; ++g) {
+    if ((*bits >> g & 1U) == 0) continue;
+    const auto mask = number_in<std::uint16_t>(words[at++], 16);
+    if (!mask) return std::nullopt;
+    for (unsigned bit = 0; bit < 16; ++bit) {
+      if ((*mask >> bit & 1U) == 0) continue;
+      if (bit > 14 || field_sizes[g][bit] == 0) return std::nullopt;
+      size += field_sizes[g][bit];
+    }
+    output.masks[g] = *mask;
+  }
+  if (size > longest) return std::nullopt;
+  error = none;
+  return output;
+}
+
+namespace {
+constexpr std::string_view no_calibration =
+    "+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+00.00000";
+}
+
+const std::array<Register, 20> kept = {{
+    {0, 1, ""},
+    {21, 6, "+1.00000,+0.00000,+1.80000,+00.0000,+00.0000,-09.7937"},
+    {23, 12, no_calibration},
+    {25, 12, no_calibration},
+    {26, 9, "+1.00000,+0.00000,+0.00000,+0.00000,+1.00000,+0.00000,+0.00000,+0.00000,+1.00000"},
+    {30, 7, "0,0,0,0,1,0,1"},
+    {32, 9, "3,0,0,0,0,0,1,0,100000000"},
+    {33, 3, "0,0,0"},
+    {35, 4, "1,1,1,1"},
+    {36, 9, "+04.00,+04.00,+04.00,+05.00,+05.00,+05.00,+05.50,+05.50,+05.50"},
+    {38, 9, "+05.00,+05.00,+05.00,+03.00,+03.00,+03.00,+04.00,+04.00,+04.00"},
+    {44, 3, "1,3,5"},
+    {51, 3, "1,+0.10,+0.01"},
+    {55, 5, "0,0,5,0,0"},
+    {57, 3, "+00.000,+00.000,+00.000"},
+    {67, 4, "0,1,1,0"},
+    {82, 5, "0,0,0,0,0"},
+    {83, 8, "0,0,0,0,+0.00000,+0.00000000,+0.00000000,+0.000"},
+    {84, 12, no_calibration},
+    {85, 10, "0,4,4,0,0,0,3,3,0,0"},
+}};
+
+Configuration::Configuration() noexcept {
+  for (std::size_t i = 0; i < kept.size(); ++i) store(registers[i], kept[i].initial);
+  for (Text& text : binary_text) store(text, "0,0,00");
+}
+
+void Configuration::store(Text& place, std::string_view text) noexcept {
+  place = {};
+  std::memcpy(place.data(), text.data(), std::min(text.size(), register_size - 1));
+}
+
+std::string_view Configuration::text_of(unsigned id) const noexcept {
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    if (kept[i].id == id) return registers[i].data();
+  return "";
+}
+
+double Configuration::number_of(unsigned id, std::size_t parameter) const noexcept {
+  const Words words(text_of(id));
+  return parameter < words.count ? real_in(words[parameter]).value_or(0) : 0;
+}
+Vector3 Configuration::vector_of(unsigned id, std::size_t first) const noexcept {
+  return {number_of(id, first), number_of(id, first + 1), number_of(id, first + 2)};
+}
+Matrix3 Configuration::matrix_of(unsigned id) const noexcept {
+  Matrix3 m;
+  for (int row = 0; row < 3; ++row) m.row(row) = vector_of(id, 3 * static_cast<std::size_t>(row)).transpose();
+  return m;
+}
+
+namespace {
+
+Error write_number(Configuration& c, const Model& model, unsigned id, const Words& words) noexcept {
+  if (words.count > 2) return too_many;
+  const auto number = number_in<unsigned>(words[0]);
+  const auto port = words.count == 2 ? number_in<unsigned>(words[1]) : std::optional<unsigned>(1);
+  if (!number || !port || *port < 1 || *port > 2) return bad_parameter;
+  constexpr std::array<unsigned, 11> rates = {1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200};
+  if (id == 5 && std::find(bauds.begin(), bauds.end(), *number) == bauds.end()) return bad_parameter;
+  if (id == 6 && *number != 0 && name_of(*number, model).empty()) return bad_parameter;
+  if (id == 7 && std::find(rates.begin(), rates.end(), *number) == rates.end()) return bad_parameter;
+  if (*port == 2) return none;  // the other connector
+  if (id == 5) c.baud = *number;
+  if (id == 6) c.async_type = *number;
+  if (id == 7) c.async_hz = *number;
+  return none;
+}
+
+Error write_binary(Configuration& c, std::size_t which, std::string_view value) noexcept {
+  Error error{};
+  const auto output = BinaryOutput::parse(value, error);
+  if (!output) return error;
+  c.binary[which] = *output;
+  Configuration::store(c.binary_text[which], value);
+  return none;
+}
+
+}  // namespace
+
+Error write_register(Configuration& c, const Model& model, std::string_view rest) noexcept {
+  const std::size_t comma = rest.find(',');
+  const auto id = number_in<unsigned>(rest.substr(0, comma));
+  if (!id) return bad_parameter;
+  if ((*id >= 1 && *id <= 4) || type_of_register(*id) != 0) return unauthorised;
+  const bool has_value = comma != std::string_view::npos;
+  const std::string_view value = has_value ? rest.substr(comma + 1) : std::string_view();
+  const Words words(value);
+  if ((*id >= 5 && *id <= 7) || (*id >= 75 && *id <= 77)) {
+    if (!has_value) return too_few;
+    return *id <= 7 ? write_number(c, model, *id, words) : write_binary(c, *id - 75, value);
+  }
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    if (kept[i].id != *id) continue;
+    if (!has_value || words.count < kept[i].count) return too_few;
+    if (words.count > kept[i].count) return too_many;
+    if (value.size() >= Configuration::register_size) return bad_parameter;
+    for (std::size_t k = 0; *id != 0 && k < words.count; ++k)
+      if (!real_in(words[k])) return bad_parameter;
+    Configuration::Text before = c.registers[i];
+    Configuration::store(c.registers[i], value);
+    constexpr double tolerance = 1e-3;
+    if (*id != 26 || rotation_defect(c.matrix_of(26)) < tolerance) return none;
+    c.registers[i] = before;
+    return bad_parameter;  // the reference frame is no rotation
+  }
+  return bad_register;
+}
+
+bool put_register(const Configuration& c, const Model& model, unsigned id, Message& message) noexcept {
+  const auto text = [&](std::string_view value) { message.put(",").put(value); };
+  switch (id) {
+    case 1: text(model.name); return true;
+    case 2: text("7"); return true;
+    case 3: text("0100012345"); return true;
+    case 4: text("2.1.0.0"); return true;
+    case 5: message.put(c.baud, "%.0f"); return true;
+    case 6: message.put(c.async_type, "%.0f"); return true;
+    case 7: message.put(c.async_hz, "%.0f"); return true;
+    case 75: case 76: case 77: text(c.binary_text[id - 75].data()); return true;
+    default: break;
+  }
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    if (kept[i].id == id) {
+      text(c.registers[i].data());
+      return true;
+    }
+  return false;
+}
+
+}  // namespace imud::vectornav
