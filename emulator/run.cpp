@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <exception>
 #include <fstream>
+#include <functional>
 #include <thread>
 
 #include "emulator/clock.hpp"
@@ -85,6 +86,16 @@ int run(const Config& config, const RunOptions& options) {
     process.emplace(config.realtime);
   }
   Session session(config, stop);
+  asio::signal_set power(io, SIGUSR1);
+  const std::function<void()> wait_for_power = [&] {
+    power.async_wait([&](const boost::system::error_code& error, int) {
+      if (error) return;
+      spdlog::info("SIGUSR1: power off and on for every imu");
+      session.restart_devices();
+      wait_for_power();
+    });
+  };
+  wait_for_power();
   Monitor monitor(session, config, options.monitor);
   Ticker ticker(io, monitor);
   asio::steady_timer end(io);

@@ -61,6 +61,7 @@ void Session::begin_run() noexcept {
 }
 
 void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
+  if (restart_.load(std::memory_order_relaxed) && prepared_.empty()) restart_now();
   Unit& unit = *units_[schedule_.next().imu];
   schedule_.advance();
   Sample sample = unit.imu.sample(timeline_, time, stamp);
@@ -112,6 +113,14 @@ void Session::hand_over(Unit& unit) noexcept {
   if (unit.frames.frames().empty()) return;
   unit.port->send(unit.frames.frames());
   unit.handed += unit.frames.frames().size();
+}
+
+void Session::restart_now() noexcept {
+  restart_.store(false, std::memory_order_relaxed);
+  for (const auto& unit : units_) {
+    unit->device->restart();
+    follow_line(*unit);
+  }
 }
 
 // A device answers at the old rate, then it is at the new one.

@@ -68,6 +68,9 @@ class Session {
   bool in_run() const noexcept { return in_run_; }
   std::uint64_t samples_in_run() const noexcept { return samples_in_run_; }
 
+  // Power goes off and on for all devices before the next sample. By any thread.
+  void restart_devices() noexcept { restart_.store(true, std::memory_order_relaxed); }
+
   // When each imu samples, since the grids' start.
   Schedule& schedule() noexcept { return schedule_; }
 
@@ -137,6 +140,7 @@ class Session {
   void note_times(Unit& unit, Nanoseconds lateness, Nanoseconds write) noexcept;
   void finish() noexcept;
   void take_in(TruthTime until) noexcept;
+  void restart_now() noexcept;
   static void follow_line(Unit& unit) noexcept;
   static bool holds_back(const Unit& unit) noexcept;  // the port, of what it was handed
   void wait_for_reader(Unit& unit) const noexcept;
@@ -152,6 +156,7 @@ class Session {
   std::vector<Unit*> prepared_;  // in order; room for all
   FrameBuffer replies_;
   std::vector<pollfd> inputs_;
+  std::atomic<bool> restart_ = false;
   bool in_run_ = false;
   bool stopped_ = false;
   TruthTime settled_;

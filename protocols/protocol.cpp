@@ -3,6 +3,7 @@
 namespace imud {
 
 void Device::receive(const Frame&, FrameBuffer&) noexcept {}
+void Device::restart() noexcept {}
 LineSettings Device::line() const noexcept { return {}; }
 
 void Decoder::finish(MeasurementSink&) {}

@@ -26,6 +26,8 @@ class Device {
   virtual void sample(const Sample& sample, FrameBuffer& out) noexcept = 0;
   // Takes what the host sent, in pieces of any length; appends answers to `replies`. Default: deaf.
   virtual void receive(const Frame& from_host, FrameBuffer& replies) noexcept;
+  // Power was off for a moment: what it keeps without power is kept. Default: there is nothing to forget.
+  virtual void restart() noexcept;
   // Of its own UART; a change holds for what is sent after it. Default: it has none.
   virtual LineSettings line() const noexcept;
 };

@@ -235,6 +235,10 @@ class MipDevice final : public Device {
     });
   }
 
+  void restart() noexcept override {
+    active_ = stored_;
+    idle_ = false;
+  }
   LineSettings line() const noexcept override { return {active_.baud}; }
 
  private:
@@ -375,10 +379,7 @@ class MipDevice final : public Device {
         return baud(function, reader, answer, 0x89, true);
       }
       case 0x72: return ok;
-      case 0x7E:
-        active_ = stored_;
-        idle_ = false;
-        return ok;
+      case 0x7E: restart(); return ok;
       default: return unknown_command;
     }
   }

@@ -139,6 +139,7 @@ class Stim300Device final : public Device {
     });
   }
 
+  void restart() noexcept override { reset(); }
   LineSettings line() const noexcept override { return memory_.active.line(); }
 
  private:

@@ -44,6 +44,7 @@ class VectorNavDevice final : public Device {
     });
   }
 
+  void restart() noexcept override { reset(); }
   LineSettings line() const noexcept override { return {active_.baud}; }
 
  private:

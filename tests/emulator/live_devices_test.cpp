@@ -1,0 +1,126 @@
+// Products behind a pty: clients that leave and come back, and power that does.
+#include <fcntl.h>
+#include <signal.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include "tests/emulator/live_test.hpp"
+
+namespace imud {
+namespace {
+
+class DeviceTest : public LiveTest {
+ protected:
+  // Runs `imu` (the keys of [[imu]] but its port) in lockstep.
+  void begin(const std::string& imu) {
+    start(imud_, write("config.toml", fmt::format("clock = \"lockstep\"\n[truth]\nport = \"{}\"\n[[imu]]\nport = \"pty:{}\"\n{}\n",
+                                                  simulator_.port(), path("imu"), imu)));
+    ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+    ASSERT_TRUE(step());
+  }
+  // A truth, 10 ms after the one before, and its samples.
+  bool step() {
+    const bool done = simulator_.exchange(Simulator::truth(10 * sequence_, sequence_, true)).has_value();
+    ++sequence_;
+    return done;
+  }
+  FileDescriptor open_client() const {
+    FileDescriptor tty(::open(path("imu").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    termios settings{};
+    ::tcgetattr(tty.get(), &settings);
+    ::cfmakeraw(&settings);
+    ::tcsetattr(tty.get(), TCSANOW, &settings);
+    return tty;
+  }
+  static void say(const FileDescriptor& client, std::string_view text) {
+    ASSERT_EQ(::write(client.get(), text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  }
+  // What arrives while so many truths go by.
+  std::string listen(const FileDescriptor& client, int truths) {
+    std::string bytes;
+    std::array<char, 4096> buffer;
+    for (int i = 0; i < truths; ++i) {
+      if (!step()) return "no answer";
+      for (ssize_t size = 1; size > 0;) {
+        size = ::read(client.get(), buffer.data(), buffer.size());
+        if (size > 0) bytes.append(buffer.data(), static_cast<std::size_t>(size));
+      }
+    }
+    return bytes;
+  }
+  static std::size_t count(std::string_view bytes, std::string_view word) {
+    std::size_t n = 0;
+    for (std::size_t at = bytes.find(word); at != std::string_view::npos; at = bytes.find(word, at + 1)) ++n;
+    return n;
+  }
+
+  Program imud_{"imud"};
+  std::uint32_t sequence_ = 0;
+};
+
+TEST_F(DeviceTest, AClientThatReturnsFindsTheDeviceAsItLeftIt) {
+  begin("protocol = \"vectornav\"");
+  {
+    const FileDescriptor client = open_client();
+    EXPECT_GT(count(listen(client, 100), "$VNYMR,"), 30U) << "out of the box";
+    say(client, "$VNWRG,06,0*6C\r\n$VNWRG,75,3,20,1,529*4A\r\n");
+    const std::string bytes = listen(client, 20);
+    EXPECT_EQ(count(bytes, "$VNWRG,06,0*6C\r\n"), 1U);
+    EXPECT_GT(count(bytes, std::string("\xFA\x01\x29\x05", 4)), 3U);
+  }
+  listen(FileDescriptor(), 20);  // nobody is there
+  const FileDescriptor client = open_client();
+  const std::string bytes = listen(client, 100);
+  EXPECT_NEAR(static_cast<double>(count(bytes, std::string("\xFA\x01\x29\x05", 4))), 40, 2);
+  EXPECT_EQ(count(bytes, "$VN"), 0U);
+  imud_.stop();
+}
+
+TEST_F(DeviceTest, PowerOffAndOnShowsAVectorNavsStoredSettings) {
+  begin("protocol = \"vectornav\"");
+  const FileDescriptor client = open_client();
+  say(client, "$VNWRG,06,1*6D\r\n$VNWNV*57\r\n$VNWRG,06,0*6C\r\n");
+  listen(client, 2);
+  EXPECT_EQ(count(listen(client, 50), "$VN"), 0U);
+  imud_.kill(SIGUSR1);
+  ASSERT_TRUE(imud_.wait_for_errors("power off and on"));
+  EXPECT_GT(count(listen(client, 100), "$VNYPR,"), 30U);
+  imud_.stop();
+}
+
+// Part number, serial number, configuration; then measurements that say that it starts.
+TEST_F(DeviceTest, PowerOffAndOnShowsAStim300sStart) {
+  begin("protocol = \"stim300\"");
+  const FileDescriptor client = open_client();
+  listen(client, 120);  // more than a second
+  const std::string part_number = "\xB1\x08\x41\x67";
+  EXPECT_EQ(count(listen(client, 50), part_number), 0U);
+  imud_.kill(SIGUSR1);
+  ASSERT_TRUE(imud_.wait_for_errors("power off and on"));
+  const std::string bytes = listen(client, 50);
+  const std::size_t part = bytes.find(part_number), serial = bytes.find("\xB5N"), configuration = bytes.find("\xBC");
+  ASSERT_NE(configuration, std::string::npos);
+  EXPECT_LT(part, serial);
+  EXPECT_LT(serial, configuration);
+  const std::size_t measurement = bytes.find('\xA7', configuration + 26);
+  ASSERT_LT(measurement + 59, bytes.size());
+  EXPECT_EQ(bytes[measurement + 10] & 0x40, 0x40) << "start-up";
+  imud_.stop();
+}
+
+TEST_F(DeviceTest, PowerOffAndOnEndsAMipDevicesIdle) {
+  begin("protocol = \"mip\"");
+  const FileDescriptor client = open_client();
+  const std::string packet("\x75\x65\x80", 3);
+  EXPECT_GT(count(listen(client, 50), packet), 30U);
+  say(client, std::string("\x75\x65\x01\x02\x02\x02\xE1\xC7", 8));
+  listen(client, 2);
+  EXPECT_EQ(count(listen(client, 50), packet), 0U);
+  imud_.kill(SIGUSR1);
+  ASSERT_TRUE(imud_.wait_for_errors("power off and on"));
+  EXPECT_GT(count(listen(client, 50), packet), 30U);
+  imud_.stop();
+}
+
+}  // namespace
+}  // namespace imud
