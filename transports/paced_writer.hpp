@@ -1,0 +1,65 @@
+// PacedWriter: lets go of characters when a UART at the line's speed would have received them.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "core/frame.hpp"
+#include "core/line.hpp"
+#include "core/time.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// A queue of whole frames, first in, first out. A frame begins when it is queued, or when the one before is out; character
+// i of it is received (i + 1) * bits_per_character / baud later. Received characters are let go of as a 16550 hands them
+// over: 14 together, or those up to the end of all that is queued. One thread; no clock of its own.
+class PacedWriter {
+ public:
+  static constexpr std::size_t max_characters = FrameBuffer::max_bytes;
+  static constexpr std::size_t max_frames = 512;
+  static constexpr std::size_t fifo = 14;  // trigger level of a 16550A's receive FIFO: PC16550D data sheet, FCR bits 6-7
+
+  // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted.
+  void queue(std::span<const Frame> frames, const LineSettings& line, HostTime now, PortCounters& counters) noexcept;
+
+  // The next characters to write, one after the other in memory and of one line; empty if none are received by `now`.
+  std::span<const std::byte> ready(HostTime now) noexcept;
+  // The first `count` of them are written; a frame counts as sent with its last one. If there were more the kernel is
+  // full: due() is then a millisecond later.
+  void written(std::size_t count, HostTime now, PortCounters& counters) noexcept;
+
+  // When ready() has something next; nullopt if nothing is queued.
+  std::optional<HostTime> due() const noexcept;
+  bool is_idle() const noexcept { return frames_ == 0; }
+  std::size_t queued() const noexcept { return count_; }  // characters
+  // Of the next character to be written; there is one.
+  const LineSettings& line() const noexcept { return queue_[first_frame_].line; }
+  // What is queued will not be sent, its frames count as dropped.
+  void forget(PortCounters& counters) noexcept;
+
+ private:
+  struct Queued {
+    HostTime begin;
+    LineSettings line;
+    std::size_t size = 0;  // at least 1
+    HostTime received(std::size_t characters) const noexcept;   // when so many are
+    std::size_t received_by(HostTime now) const noexcept;       // how many
+  };
+  const Queued& frame(std::size_t i) const noexcept { return queue_[(first_frame_ + i) % max_frames]; }
+  void let_go(HostTime now) noexcept;
+
+  std::array<std::byte, max_characters> characters_;  // a ring, likewise
+  std::size_t first_ = 0, count_ = 0;
+  std::array<Queued, max_frames> queue_;
+  std::size_t first_frame_ = 0, frames_ = 0;
+  std::size_t of_first_ = 0;  // characters of the first frame that are written
+  std::size_t free_ = 0;      // characters that are let go of, but not written
+  HostTime idle_at_;          // all that was queued is out
+  HostTime retry_;            // if free_ is not 0
+};
+
+}  // namespace imud
