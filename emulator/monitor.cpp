@@ -10,7 +10,11 @@
 namespace imud {
 
 Monitor::Monitor(const Session& session, const Config& config, const Options& options)
-    : session_(session), config_(config), options_(options), states_(config.imus.size(), PortState::ready) {
+    : session_(session),
+      config_(config),
+      options_(options),
+      states_(config.imus.size(), PortState::ready),
+      wrong_speeds_(config.imus.size()) {
   for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
   if (!options.quality_file.empty()) {
     quality_.open(options.quality_file);
@@ -76,13 +80,20 @@ void Monitor::say_truth() {
 }
 
 void Monitor::say_ports() {
+  constexpr int often = 10;  // a client may look for the right speed for ever
   for (std::size_t i = 0; i < states_.size(); ++i) {
     const PortState state = session_.imu_counters(i).port_state;
+    if (state == PortState::wrong_speed && wrong_speeds_[i] == often) continue;
     if (std::exchange(states_[i], state) == state) continue;
     const ImuConfig& imu = config_.imus[i];
+    const Port::Speeds speeds = session_.imu_counters(i).speeds;
     switch (state) {
       case PortState::ready: spdlog::info("{}: {} takes frames", imu.name, imu.port); break;
       case PortState::no_reader: spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port); break;
+      case PortState::wrong_speed:
+        spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu.name, imu.port, speeds.line,
+                     speeds.client, ++wrong_speeds_[i] == often ? " (said for the last time)" : "");
+        break;
       case PortState::lost: spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port); break;
     }
   }

@@ -39,6 +39,7 @@ class Monitor {
   std::ofstream quality_;
   Summary last_quality_, last_log_;  // what was said then
   std::vector<PortState> states_;    // as last said, likewise the following
+  std::vector<int> wrong_speeds_;    // how often said
   std::array<bool, static_cast<std::size_t>(Refusal::count)> named_ = {};
   std::uint64_t runs_ = 0, stops_ = 0, returns_ = 0, resumed_ = 0;
 };

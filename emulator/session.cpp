@@ -135,7 +135,8 @@ void Session::publish(Unit& unit) noexcept {
   const PortCounters& port = unit.port->counters();
   unit.counters.frames.store(port.sent, std::memory_order_relaxed);
   unit.counters.dropped.store(port.dropped, std::memory_order_relaxed);
-  unit.counters.port_state.store(unit.port->state(), std::memory_order_relaxed);
+  unit.counters.speeds.store(unit.port->speeds(), std::memory_order_relaxed);
+  unit.counters.port_state.store(unit.port->state(), std::memory_order_release);
 }
 
 bool Session::holds_back(const Unit& unit) noexcept {

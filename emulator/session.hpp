@@ -33,6 +33,7 @@ struct ImuCounters {
   Counter silent = 0;        // of these, that were not sent (truth.when_stopped)
   Counter missed = 0;        // samples that left a whole period late, or later
   std::atomic<PortState> port_state = PortState::ready;
+  std::atomic<Port::Speeds> speeds = Port::Speeds{};
   DurationHistogram lateness;  // from a sample's instant to the beginning of its write
   DurationHistogram write;     // how long that took
 };

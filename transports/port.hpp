@@ -24,8 +24,9 @@ enum class Role : std::uint8_t {
 // What send() may see; a lost device is a state, never an exit.
 enum class PortState : std::uint8_t {
   ready,
-  no_reader,  // nobody has the other end open: frames are discarded
-  lost,       // unplugged, removed, or down: reopened by itself with back-off
+  no_reader,    // nobody has the other end open: frames are discarded
+  wrong_speed,  // the client of a pty has set another speed than the line's: both sides read garbage, frames count as sent
+  lost,         // unplugged, removed, or down: reopened by itself with back-off
 };
 
 struct PortCounters {
@@ -63,8 +64,11 @@ class Port {
   // before is out.
   virtual void set_line(const LineSettings&) noexcept {}
 
-  // Pushes out what send() holds back: a file's buffer, the rest of a frame taken in part. Never waits either.
+  // Pushes out what send() holds back: a file's buffer, the rest of a frame taken in part, what a paced line has received
+  // by now. Never waits either.
   virtual void flush() noexcept {}
+  // When flush() will have something to do next; nullopt if that is no matter of time.
+  virtual std::optional<HostTime> due() const noexcept { return std::nullopt; }
   // False while it is known that the other end has not read all that was sent: closing a pty takes that away.
   virtual bool is_read() noexcept { return true; }
   // False if receive() never returns anything: do not wait for it.
@@ -73,11 +77,18 @@ class Port {
   // receive() look whether it is back, so one of them must be called now and then. Changes when it is reopened.
   virtual int descriptor() const noexcept { return -1; }
 
+  // What both ends of a pty are set to, in bit/s, as last seen; 0: not known.
+  struct Speeds {
+    unsigned line = 0, client = 0;
+  };
+
   PortState state() const noexcept { return state_; }
+  Speeds speeds() const noexcept { return speeds_; }
   const PortCounters& counters() const noexcept { return counters_; }
 
  protected:
   PortState state_ = PortState::ready;
+  Speeds speeds_;
   PortCounters counters_;
 };
 

@@ -11,18 +11,31 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <tuple>
 
 #include "transports/byte_writer.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
+#include "transports/paced_writer.hpp"
 #include "transports/port.hpp"
 #include "transports/termios2.hpp"
+#include "transports/uart_wire.hpp"
 
 namespace imud {
 namespace {
 
 constexpr std::string_view slaves = "/dev/pts/";
+
+// The line that the spec asks for; baud 0 if it says none.
+LineSettings line_of(const PortSpec& spec) {
+  LineSettings line;
+  line.baud = static_cast<unsigned>(spec.integer("baud", 50, 4'000'000).value_or(0));
+  const std::string parity = spec.one_of("parity", "none even odd");
+  line.parity = parity == "even" ? Parity::even : parity == "odd" ? Parity::odd : Parity::none;
+  line.stop_bits = static_cast<unsigned>(spec.integer("stop", 1, 2).value_or(1));
+  return line;
+}
 
 bool make_raw(int fd) noexcept {
   termios line{};
@@ -43,7 +56,9 @@ bool is_served(const std::string& link) noexcept {
 // The other end of the pair is a client that comes and goes.
 class PtyDevice final : public Port {
  public:
-  explicit PtyDevice(const PortSpec& spec) : link_(spec.address) {
+  explicit PtyDevice(const PortSpec& spec)
+      : link_(spec.address), line_(line_of(spec)), any_speed_(spec.one_of("speed", "line any") == "any") {
+    if (spec.one_of("pace", "none line") == "line") paced_.emplace();
     const auto failed = [&](std::string_view what) {
       return spec.error(fmt::format("{}: {}", what, std::strerror(errno)));
     };
@@ -56,8 +71,7 @@ class PtyDevice final : public Port {
     // Opened once and closed: from now on poll() tells whether somebody has it open.
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!slave || !make_raw(slave.get())) throw failed(slave_);
-    if (const auto baud = spec.integer("baud", 50, 4'000'000))
-      if (!set_line_speed(slave.get(), static_cast<unsigned>(*baud))) throw failed("baud");
+    if (line_.baud != 0 && !set_line_speed(slave.get(), line_.baud)) throw failed("baud");
 
     make_link(spec);
     state_ = PortState::no_reader;
@@ -69,30 +83,44 @@ class PtyDevice final : public Port {
   }
 
   void send(std::span<const Frame> frames) noexcept override {
-    // A reader that has left is noticed a little later, and what it did not read taken back then.
-    constexpr Nanoseconds often_enough = std::chrono::milliseconds(5);
-    const HostTime now = host_now();
-    if ((state_ == PortState::ready && now - looked_ < often_enough) || look_for_reader())
-      writer_.write(master_.get(), frames, counters_);
-    else
+    if (!has_reader()) {
       counters_.dropped += frames.size();
+    } else if (paced_) {
+      write_received();
+      paced_->queue(frames, line_, host_now(), counters_);
+    } else if (state_ == PortState::wrong_speed) {
+      write_garbage(frames);
+    } else {
+      writer_.write(master_.get(), frames, counters_);
+    }
   }
 
   std::optional<Received> receive() noexcept override {
-    const ssize_t size = ::read(master_.get(), buffer_.data(), buffer_.size());
-    if (size > 0) {
+    while (true) {
+      const ssize_t size = ::read(master_.get(), buffer_.data(), buffer_.size());
+      if (size <= 0) break;
+      const auto bytes = heard(std::span(buffer_).first(static_cast<std::size_t>(size)));
+      if (bytes.empty()) continue;
       ++counters_.received;
-      return Received{{{buffer_.data(), static_cast<std::size_t>(size)}}, host_now()};
+      return Received{{bytes}, host_now()};
     }
     look_for_reader();
     return std::nullopt;
   }
 
-  void flush() noexcept override { send({}); }
+  void set_line(const LineSettings& line) noexcept override {
+    if (line.baud != 0) line_ = line;
+  }
+
+  void flush() noexcept override {
+    if (!paced_ || due() <= host_now()) send({});
+  }
+  std::optional<HostTime> due() const noexcept override { return paced_ ? paced_->due() : std::nullopt; }
 
   bool is_read() noexcept override {
     if (!look_for_reader()) return true;
     flush();
+    if (paced_ && !paced_->is_idle()) return false;
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     // poll(), unlike FIONREAD, also sees what is still on its way from the master.
     pollfd unread{slave.get(), POLLIN, 0};
@@ -100,7 +128,7 @@ class PtyDevice final : public Port {
   }
 
   // Without a reader poll() would return at once for ever.
-  int descriptor() const noexcept override { return state_ == PortState::ready ? master_.get() : -1; }
+  int descriptor() const noexcept override { return state_ == PortState::no_reader ? -1 : master_.get(); }
 
  private:
   void make_link(const PortSpec& spec) const {
@@ -131,30 +159,107 @@ class PtyDevice final : public Port {
     }
   }
 
+  // A reader that has left is noticed a little later, and what it did not read taken back then.
+  bool has_reader() noexcept {
+    constexpr Nanoseconds often_enough = std::chrono::milliseconds(5);
+    if (state_ == PortState::no_reader || host_now() - looked_ >= often_enough) return look_for_reader();
+    state_ = state_with_reader();
+    return true;
+  }
+
   bool look_for_reader() noexcept {
     pollfd master{master_.get(), 0, 0};
     ::poll(&master, 1, 0);
     const bool present = (master.revents & POLLHUP) == 0;
-    if (!present && state_ == PortState::ready) discard_unread();
-    state_ = present ? PortState::ready : PortState::no_reader;
+    if (!present && state_ != PortState::no_reader) discard_unread();
+    state_ = present ? state_with_reader() : PortState::no_reader;
     looked_ = host_now();
     return present;
+  }
+
+  // By the speed that the client has set, 0 being none at all. The master's settings are the slave's.
+  PortState state_with_reader() noexcept {
+    speeds_ = {line_now().baud, line_speed(master_.get()).value_or(0)};
+    const bool checked = !any_speed_ && speeds_.line != 0 && speeds_.client != 0;
+    return checked && !understand(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed : PortState::ready;
+  }
+
+  // What is still on its way is so at the line as it was then.
+  const LineSettings& line_now() const noexcept { return paced_ && !paced_->is_idle() ? paced_->line() : line_; }
+
+  void write_received() noexcept {
+    const HostTime now = host_now();
+    for (auto bytes = paced_->ready(now); !bytes.empty(); bytes = paced_->ready(now)) {
+      state_ = state_with_reader();
+      std::size_t count = bytes.size();
+      if (state_ == PortState::wrong_speed) {
+        const auto garbage = garbled(bytes, count == paced_->queued());
+        static_cast<void>(::write(master_.get(), garbage.data(), garbage.size()));
+      } else {
+        count = static_cast<std::size_t>(std::max<ssize_t>(::write(master_.get(), bytes.data(), count), 0));
+      }
+      paced_->written(count, now, counters_);
+      if (count < bytes.size()) break;
+    }
+  }
+
+  // What the kernel does not take of garbage is lost.
+  void write_garbage(std::span<const Frame> frames) noexcept {
+    writer_.write(master_.get(), {}, counters_);
+    for (const Frame& frame : frames) {
+      const auto garbage = garbled(frame.bytes, &frame == &frames.back());
+      const bool taken = writer_.is_idle() && ::write(master_.get(), garbage.data(), garbage.size()) >= 0;
+      ++(taken ? counters_.sent : counters_.dropped);
+    }
+  }
+
+  // What the client receives at its own speed. `last`: the line is idle afterwards.
+  std::span<const std::byte> garbled(std::span<const std::byte> bytes, bool last) noexcept {
+    to_client_.set(line_now(), speeds_.client);
+    return through(to_client_, bytes, last, garbage_);
+  }
+
+  // What the device receives at the line's speed.
+  std::span<const std::byte> heard(std::span<const std::byte> bytes) noexcept {
+    if (state_with_reader() != PortState::wrong_speed) return bytes;
+    LineSettings client = line_now();
+    client.baud = speeds_.client;
+    from_client_.set(client, speeds_.line);
+    return through(from_client_, bytes, true, heard_);
+  }
+
+  static std::span<const std::byte> through(UartWire& wire, std::span<const std::byte> bytes, bool last,
+                                            std::span<std::byte> received) noexcept {
+    std::size_t count = wire.carry(bytes, received.first(received.size() - 1));
+    if (last)
+      if (const auto rest = wire.idle()) received[count++] = *rest;
+    return received.first(count);
   }
 
   // What the last reader left unread would wait for the next one; only the slave can flush all of it. What the reader
   // sent to us stays.
   void discard_unread() noexcept {
     writer_.forget(counters_);
+    if (paced_) paced_->forget(counters_);
+    to_client_.idle();
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (slave) ::tcflush(slave.get(), TCIFLUSH);
   }
 
+  static constexpr std::size_t most_read = 4096;
+
   const std::string link_;
+  LineSettings line_;  // of the device; baud 0: not known
+  const bool any_speed_;
   std::string slave_;
   FileDescriptor master_;
   HostTime looked_;  // for a reader
   ByteWriter writer_;
-  std::array<std::byte, 4096> buffer_;
+  std::optional<PacedWriter> paced_;
+  UartWire to_client_, from_client_;
+  std::array<std::byte, most_read> buffer_;
+  std::array<std::byte, UartWire::most * most_read + 1> heard_;
+  std::array<std::byte, UartWire::most * ByteWriter::max_frame + 1> garbage_;
 };
 
 // The client's end.
@@ -193,9 +298,12 @@ class PtyListener final : public Port {
   std::array<std::byte, 4096> buffer_;
 };
 
-void check(const PortSpec& spec, Role) {
-  spec.allow_only("baud");
-  spec.integer("baud", 50, 4'000'000);
+void check(const PortSpec& spec, Role role) {
+  spec.allow_only(role == Role::device ? "baud parity stop speed pace" : "baud");
+  const LineSettings line = line_of(spec);
+  spec.one_of("speed", "line any");
+  if (spec.one_of("pace", "none line") == "line" && line.baud == 0)
+    throw spec.error("a line without speed has no pace; give baud, such as baud=115200");
 }
 
 std::unique_ptr<Port> open(const PortSpec& spec, Role role) {
@@ -209,7 +317,7 @@ extern const Transport pty_transport;
 constexpr Transport pty_transport = {
     .name = "pty",
     .summary = "a serial line without hardware: a pseudo-terminal behind the link of that name",
-    .syntax = "pty:LINK?baud=115200",
+    .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any",
     .document = "pty(7)",
     .carries_can = false,
     .check = check,

@@ -8,6 +8,7 @@
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/port.hpp"
+#include "transports/termios2.hpp"
 
 namespace imud {
 namespace {
@@ -39,6 +40,14 @@ TEST(Allocation, NoneWhileInUse) {
     use(*pty);
   }
   use(*pty);
+
+  for (const unsigned client_baud : {115'200U, 9600U}) {
+    const auto paced = open_port("pty:" + folder / "paced" + "?baud=115200&pace=line", Role::device);
+    const FileDescriptor client = open_terminal(folder / "paced");
+    ASSERT_TRUE(set_line_speed(client.get(), client_baud));
+    use(*paced);
+    EXPECT_GT(paced->counters().dropped, 0U);
+  }
 }
 
 TEST(Allocation, NoneByASerialDeviceThatIsLostAndComesBack) {

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <random>
 #include <vector>
 
@@ -84,7 +86,8 @@ TEST(UartWire, ALineThatStaysLowIsOneZero) {
 
 TEST(UartWire, ACharacterUnderWayGoesOnInTheNextPiece) {
   std::mt19937 random(2);
-  for (const auto& [sender, receiver] : {std::pair{115'200U, 9600U}, {9600U, 115'200U}, {115'200U, 57'600U}, {1000U, 1300U}}) {
+  using Speeds = std::pair<unsigned, unsigned>;
+  for (const auto& [sender, receiver] : {Speeds{115'200, 9600}, {9600, 115'200}, {115'200, 57'600}, {1000, 1300}}) {
     const Bytes sent = random_bytes(3000, random);
     const Bytes whole = received({sender}, receiver, sent);
     EXPECT_NE(whole, sent);
