@@ -43,10 +43,12 @@ void run_capture(Session& session, Host& host, bool paced, Nanoseconds spin, std
     }
     const HostTime due = start + (instant - timeline.run_start());
     HostTime now = host.now();
-    if (now < due) session.flush();
     for (; now < due && !stop.load(std::memory_order_relaxed); now = host.now()) {
+      session.flush();
       if (due - now > patience) session.serve_hosts();
-      if (due - now > patience + spin)
+      if (const auto line_due = session.due(); line_due && *line_due < std::min(due - spin, now + patience))
+        host.sleep_until(*line_due);
+      else if (due - now > patience + spin)
         host.sleep_until(now + patience);
       else
         host.sleep_until(due, spin);

@@ -102,9 +102,9 @@ int list(const std::string& name) {
 }
 
 int replay(const Arguments& arguments) {
-  Config config = load_config(arguments.config, arguments.overrides, capture_port(arguments.capture));
-  if (arguments.fast) config.clock = ClockMode::fast;
-  return run(config, arguments.run);
+  std::vector<std::string> overrides = arguments.overrides;
+  if (arguments.fast) overrides.emplace_back("clock=fast");
+  return run(load_config(arguments.config, overrides, capture_port(arguments.capture)), arguments.run);
 }
 
 }  // namespace

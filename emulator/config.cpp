@@ -142,11 +142,24 @@ std::string with_line(TableReader& table, const std::string& port, const LineSet
     if (spec.text(key))
       table.fault("port", fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line holds", key));
   std::string options = fmt::format("baud={}", line.baud);
-  if (spec.scheme == "serial") {
+  if (spec.scheme == "serial" || line.parity != Parity::none || line.stop_bits != 1) {
     constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
     options += fmt::format("&parity={}&stop={}", parities[static_cast<std::size_t>(line.parity)], line.stop_bits);
   }
   return port + (port.find('?') == std::string::npos ? "?" : "&") + options;
+}
+
+// The port of a line whose characters take their time, if they shall; a serial line's do anyway.
+std::string with_pace(TableReader& table, const std::string& port, bool paced, bool has_speed) {
+  const PortSpec spec = PortSpec::parse(port);
+  if (spec.text("pace")) table.fault("port", "pace is a key of [[imu]]; give it there");
+  if (!paced || spec.text("pace") || spec.scheme == "serial") return port;
+  if (spec.scheme != "pty")
+    table.fault("pace", fmt::format("\"line\" is for a pty; {}: has no characters that take their time, give \"none\"",
+                                    spec.scheme));
+  else if (!has_speed && !spec.text("baud"))
+    table.fault("pace", "\"line\" needs the line's speed; give it in port, for example \"pty:imu1?baud=115200\"");
+  return port + (port.find('?') == std::string::npos ? "?" : "&") + "pace=line";
 }
 
 ImuConfig read_imu(TableReader& table, std::size_t index) {
@@ -192,6 +205,8 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
   const Transport* transport = read_port(table, "port", imu.port, Role::device);
+  imu.paced = table.choice("pace", {"none", "line"}, 0) == 1;
+  if (transport != nullptr) imu.port = with_pace(table, imu.port, imu.paced, line.baud != 0);
   if (transport != nullptr && line.baud != 0) imu.port = with_line(table, imu.port, line);
   if (transport != nullptr && imu.protocol != nullptr) {
     if (transport->carries_can != (imu.protocol->link == Link::can))
@@ -439,6 +454,9 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
       const ImuConfig& read = config.imus.back();
+      if (read.paced && config.clock != ClockMode::realtime)
+        faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),
+                   "\"line\" needs clock = \"realtime\": in the other clocks no time passes; give \"none\"");
       if (config.truth.when_stopped == WhenStopped::flag && read.protocol != nullptr &&
           !carries_status(read, status::not_valid))
         faults.add(imu.source().begin.line, fmt::format("imu.{}.protocol", i),

@@ -51,6 +51,7 @@ struct ImuConfig {
   const Protocol* protocol = nullptr;
   Settings settings;
   std::string port;
+  bool paced = false;  // characters take their time on the port's line
   ImuModel model;
 };
 

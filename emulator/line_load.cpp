@@ -110,11 +110,9 @@ LineLoad line_load(const ImuConfig& imu) {
     load.line_bits_per_s = nominal;
   } else {
     for (const Frame& frame : buffer->frames()) load.bytes_per_sample += frame.bytes.size();
-    double bits_per_byte = 10.0;
-    if (spec.scheme == "serial")
-      bits_per_byte = 1.0 + static_cast<double>(spec.integer("bits", 5, 8).value_or(8)) +
-                      (spec.text("parity").value_or("none") == "none" ? 0.0 : 1.0) +
-                      static_cast<double>(spec.integer("stop", 1, 2).value_or(1));
+    const double bits_per_byte = 1.0 + static_cast<double>(spec.integer("bits", 5, 8).value_or(8)) +
+                                 (spec.text("parity").value_or("none") == "none" ? 0.0 : 1.0) +
+                                 static_cast<double>(spec.integer("stop", 1, 2).value_or(1));
     const std::int64_t unset = spec.scheme == "serial" ? 115'200 : 0;
     load.line_bits_per_s = static_cast<double>(spec.integer("baud", 1, any).value_or(unset));
     load.bits_per_s = static_cast<double>(load.bytes_per_sample) * bits_per_byte * imu.rate_hz;

@@ -152,10 +152,11 @@ class RealtimeLoop {
     quality_.known.store(true, std::memory_order_relaxed);
   }
 
-  // Until `time`, for truth, and for what the hosts send.
+  // Until `time`, for truth, for what the hosts send, and for the pace of the lines.
   void wait(HostTime time) noexcept {
     constexpr Nanoseconds pause = 1ms;
     session_.flush();
+    time = std::min(time, session_.due().value_or(time));
     const std::span<pollfd> inputs = session_.inputs();
     const bool flood = more_ && has_room_;
     if (more_) inputs[0].fd = -1;  // not to be woken by what there is no time or no place for

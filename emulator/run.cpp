@@ -56,6 +56,7 @@ void drive(Session& session, const Config& config, const RunOptions& options, co
   } else {
     run_realtime(session, host, {config.truth.clock, config.truth.limits.extrapolate, config.realtime.spin}, stop);
   }
+  session.see_off();
 }
 
 bool writes_to_stdout(const Config& config) {

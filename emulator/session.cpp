@@ -41,10 +41,12 @@ Session::Session(const Config& config, const std::atomic<bool>& stop, const Open
   inputs_.reserve(units_.size() + 1);
 }
 
-Session::~Session() {
+void Session::see_off() noexcept {
   flush();
   for (int ms = 0; ms < 50; ++ms) {
-    if (std::all_of(units_.begin(), units_.end(), [](const auto& unit) { return unit->port->is_read(); })) return;
+    const bool read = std::all_of(units_.begin(), units_.end(), [](const auto& unit) { return unit->port->is_read(); });
+    for (const auto& unit : units_) publish(*unit);
+    if (read) return;
     ::poll(nullptr, 0, 1);
   }
 }
@@ -239,6 +241,13 @@ void Session::flush() noexcept {
     unit->port->flush();
     publish(*unit);
   }
+}
+
+std::optional<HostTime> Session::due() const noexcept {
+  std::optional<HostTime> first;
+  for (const auto& unit : units_)
+    if (const auto due = unit->port->due(); due && (!first || *due < *first)) first = due;
+  return first;
 }
 
 }  // namespace imud

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -56,8 +57,6 @@ class Session {
   using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, Role)>;
   // Opens every port. Throws PortError. `stop` ends every wait.
   Session(const Config& config, const std::atomic<bool>& stop, const OpenPort& open = open_port);
-  // Gives readers up to 50 ms for what they have not read yet.
-  ~Session();
 
   TruthIntake& intake() noexcept { return intake_; }
   const TruthIntake& intake() const noexcept { return intake_; }
@@ -111,6 +110,10 @@ class Session {
   void serve_hosts() noexcept;
   // Hands on what ports hold back.
   void flush() noexcept;
+  // At the end: gives lines and readers up to 50 ms for what is not out, or not read, yet.
+  void see_off() noexcept;
+  // When flush() will have something to do next, if that is a matter of time: the pace of a line.
+  std::optional<HostTime> due() const noexcept;
 
   std::size_t imu_count() const noexcept { return units_.size(); }
   const std::string& imu_name(std::size_t i) const { return units_[i]->name; }

@@ -317,6 +317,36 @@ TEST_F(ConfigTest, ARateThatTheLineCannotCarryIsAFault) {
   EXPECT_FALSE(faults(good, {line, "imu.0.rate_hz=93"}).empty());
   EXPECT_TRUE(faults(good, {"imu.0.port=pty:imu1?baud=921600", "imu.0.rate_hz=743"}).empty());
   EXPECT_FALSE(faults(good, {"imu.0.port=pty:imu1?baud=921600", "imu.0.rate_hz=744"}).empty());
+  // Twelve bits for each of 124 characters: 619.4 Hz.
+  const std::string slow = "imu.0.port=pty:imu1?baud=921600&parity=odd&stop=2";
+  EXPECT_TRUE(faults(good, {slow, "imu.0.rate_hz=619", "imu.0.pace=line"}).empty());
+  EXPECT_NE(fault(good, {slow, "imu.0.rate_hz=620", "imu.0.pace=line"}).find("100.1 % of the line's 921600 bit/s"),
+            std::string::npos);
+}
+
+TEST_F(ConfigTest, ThePaceIsThatOfALine) {
+  const std::string product = "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"stim300\"\nport = \"pty:imu1\"\n";
+  EXPECT_FALSE(load(good).imus[0].paced);
+  EXPECT_EQ(load(good, {"imu.0.pace=none"}).imus[0].port, "pty:imu1");
+  EXPECT_TRUE(load(product, {"imu.0.pace=line"}).imus[0].paced);
+  EXPECT_EQ(load(product, {"imu.0.pace=line"}).imus[0].port, "pty:imu1?pace=line&baud=921600");
+  EXPECT_EQ(load(product, {"imu.0.device.parity=odd"}).imus[0].port, "pty:imu1?baud=921600&parity=odd&stop=1");
+  EXPECT_EQ(load(good, {"imu.0.pace=line", "imu.0.port=pty:imu1?baud=921600"}).imus[0].port,
+            "pty:imu1?baud=921600&pace=line");
+  const std::string serial = "serial:/dev/ttyUSB0?baud=921600";
+  EXPECT_EQ(load(good, {"imu.0.pace=line", "imu.0.port=" + serial}).imus[0].port, serial) << "it does so by itself";
+
+  const auto refused = [&](const std::string& port) { return fault(good, {"imu.0.pace=line", "imu.0.port=" + port}); };
+  EXPECT_NE(refused("pty:imu1").find("imu.0.pace: \"line\" needs the line's speed; give it in port"), std::string::npos);
+  EXPECT_NE(refused("udp:127.0.0.1:9").find("imu.0.pace: \"line\" is for a pty"), std::string::npos);
+  EXPECT_NE(refused("file:out").find("imu.0.pace: \"line\" is for a pty"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.pace=line", "imu.0.protocol=native-can", "imu.0.port=can:vcan0"}).find("is for a pty"),
+            std::string::npos);
+  EXPECT_NE(refused("pty:imu1?baud=921600&pace=line").find("imu.0.port: pace is a key of [[imu]]"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.pace=fast"}).find("imu.0.pace: "), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.pace=line", "imu.0.port=pty:imu1?baud=921600", "clock=lockstep"})
+                .find("imu.0.pace: \"line\" needs clock = \"realtime\""),
+            std::string::npos);
 }
 
 TEST_F(ConfigTest, ImusThatDisturbOneAnotherAreAFault) {

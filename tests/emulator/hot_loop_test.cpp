@@ -13,6 +13,7 @@
 #include "tests/emulator/live_test.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/locks.hpp"
+#include "transports/termios2.hpp"
 
 namespace imud {
 namespace {
@@ -37,22 +38,27 @@ TEST(Locks, AreCountedOnThreadsThatSaySo) {
   EXPECT_GT(locks_taken() - before, 1U);
 }
 
-// Samples of four imus to a pty with a reader, one without, a file and a socket, at 1 kHz; truth at 500 Hz with bad
-// datagrams among it, repeated ones, and pauses beyond which motion is held.
+// Samples of six imus to a pty with a reader, one without, a file, a socket, and paced ptys whose readers have set the right
+// and a wrong speed, at 1 kHz; truth at 500 Hz with bad datagrams among it, repeated ones, and pauses beyond which motion is
+// held.
 TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::string text = "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\nextrapolate_ms = 20\n";
-  const std::array<std::string, 4> ports = {"pty:" + path("read"), "pty:" + path("unread"), "file:" + path("out"),
-                                            "udp:127.0.0.1:9"};
-  const std::array<std::string, 4> protocols = {"native", "csv", "csv", "native"};
+  const std::array<std::string, 6> ports = {"pty:" + path("read"), "pty:" + path("unread"), "file:" + path("out"),
+                                            "udp:127.0.0.1:9", "pty:" + path("paced") + "?baud=2000000",
+                                            "pty:" + path("wrong") + "?baud=2000000"};
+  const std::array<std::string, 6> protocols = {"native", "csv", "csv", "native", "native", "native"};
   for (std::size_t i = 0; i < ports.size(); ++i)
     text += fmt::format("[[imu]]\nname = \"i{}\"\nrate_hz = 1000\nprotocol = \"{}\"\nport = \"{}\"\n"
-                        "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n",
-                        i, protocols[i], ports[i]);
+                        "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\npace = \"{}\"\n",
+                        i, protocols[i], ports[i], i < 4 ? "none" : "line");
   const Config config = load_config(write("config.toml", text));
   std::atomic<bool> stop = false;
   Session session(config, stop);
   const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   ASSERT_TRUE(reader);
+  const FileDescriptor paced(::open(path("paced").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  const FileDescriptor wrong(::open(path("wrong").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+  ASSERT_TRUE(set_line_speed(wrong.get(), 921'600));
 
   std::ostringstream log;
   const auto logger = spdlog::default_logger();
@@ -71,7 +77,8 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
       if (k % 7 == 0) simulator_.send(good);
       if (k % 11 == 0) simulator_.send(std::span(good).first(100));
       std::this_thread::sleep_for(k % 100 == 99 ? 60ms : 2ms);
-      while (::read(reader.get(), buffer.data(), buffer.size()) > 0) {}
+      for (const FileDescriptor* descriptor : {&reader, &paced, &wrong})
+        while (::read(descriptor->get(), buffer.data(), buffer.size()) > 0) {}
       while (simulator_.answer(0)) {}
     }
   };
@@ -92,6 +99,10 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   EXPECT_GT(session.imu_counters(0).frames, 500U);
   EXPECT_GT(session.imu_counters(1).dropped, 500U);
   EXPECT_GT(session.imu_counters(2).frames, 500U);
+  EXPECT_GT(session.imu_counters(4).frames, 500U);
+  EXPECT_GT(session.imu_counters(5).frames, 500U);
+  EXPECT_EQ(session.imu_counters(4).port_state, PortState::ready);
+  EXPECT_EQ(session.imu_counters(5).port_state, PortState::wrong_speed);
   EXPECT_GT(session.intake().counters().refused[static_cast<std::size_t>(Refusal::duplicate)], 20U);
   EXPECT_GT(session.intake().counters().refused[static_cast<std::size_t>(Refusal::too_short)], 20U);
   EXPECT_GT(session.quality().stops, 1U);

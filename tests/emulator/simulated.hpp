@@ -99,6 +99,8 @@ class SimulatedRun {
   explicit SimulatedRun(const Config& config) : config_(config) {}
 
   SimulatedHost& host() { return host_; }
+  // Instead of a SimulatedSensor.
+  std::function<std::unique_ptr<Port>(SimulatedHost&)> make_sensor;
   // Since the simulation's beginning.
   HostTime at(double s) const { return begin_ + nanoseconds(s); }
   double since_begin(HostTime time) const { return seconds(time - begin_); }
@@ -117,8 +119,8 @@ class SimulatedRun {
     left_.resize(config_.imus.size());
     std::size_t next = 0;
     session_ = std::make_unique<Session>(config_, host_.stop, [&](std::string_view, Role role) {
-      return role == Role::listener ? std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_))
-                                    : std::make_unique<SimulatedSensor>(host_, left_[next++]);
+      if (role == Role::listener) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
+      return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
     });
     run_realtime(*session_, host_, {config_.truth.clock, config_.truth.limits.extrapolate, config_.realtime.spin},
                  host_.stop);

@@ -1,0 +1,139 @@
+// imud run with a pty as a serial line, and clients that set its speed.
+#include <fcntl.h>
+
+#include "tests/emulator/live_test.hpp"
+#include "tests/transports/terminal.hpp"
+#include "transports/host_clock.hpp"
+#include "transports/termios2.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+class LiveLine : public LiveTest {
+ protected:
+  std::string product(const std::string& protocol, const std::string& pace) const {
+    const std::string truth = fmt::format("truth.port = \"{}\"\n", simulator_.port());
+    return write("config.toml", truth + fmt::format("[[imu]]\nprotocol = \"{}\"\nport = \"pty:{}\"\npace = \"{}\"\n",
+                                                    protocol, path("imu"), pace));
+  }
+  // Reads until `text` is among it, for up to 10 s.
+  static bool hears(int client, const std::string& text) {
+    std::string all;
+    const HostTime until = host_now() + 10s;
+    while (all.find(text) == std::string::npos && host_now() < until) all += read_for(client, 1ms);
+    return all.find(text) != std::string::npos;
+  }
+  static std::string read_for(int client, Nanoseconds time) {
+    std::string all;
+    const HostTime until = host_now() + time;
+    do
+      for (const std::byte byte : read_some(client, 4096, 1)) all += static_cast<char>(byte);
+    while (host_now() < until);
+    return all;
+  }
+  static std::size_t count(const std::string& text, std::string_view word) {
+    std::size_t times = 0;
+    for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++times;
+    return times;
+  }
+  static void say(int client, const std::string& body) {
+    unsigned sum = 0;
+    for (const char c : body) sum ^= static_cast<unsigned char>(c);
+    const std::string words = fmt::format("${}*{:02X}\r\n", body, sum);
+    EXPECT_EQ(::write(client, words.data(), words.size()), static_cast<ssize_t>(words.size()));
+  }
+};
+
+TEST_F(LiveLine, AChangeOfSpeedIsAnsweredAtTheOldOneAndThenHolds) {
+  for (const std::string pace : {"none", "line"}) {
+    Program imud("imud");
+    start(imud, product("vectornav", pace));
+    ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+    const FileDescriptor client = open_terminal(path("imu"));
+    EXPECT_EQ(line_speed(client.get()), 115'200U);
+    Program truth("imu-truth");
+    truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "60"});
+    ASSERT_TRUE(hears(client.get(), "$VNYMR,"));
+
+    say(client.get(), "VNWRG,05,921600");
+    ASSERT_TRUE(hears(client.get(), "$VNWRG,05,921600*"));
+    read_for(client.get(), 5ms);  // its end
+    const std::string garbage = read_for(client.get(), 300ms);
+    EXPECT_FALSE(garbage.empty());
+    EXPECT_EQ(garbage.find("VN"), std::string::npos);
+    EXPECT_TRUE(imud.wait_for_errors("the line has 921600 baud and the client 115200: both read garbage")) << imud.errors();
+
+    ASSERT_TRUE(set_line_speed(client.get(), 921'600));
+    EXPECT_TRUE(hears(client.get(), "$VNYMR,"));
+    say(client.get(), "VNRRG,05");
+    EXPECT_TRUE(hears(client.get(), "$VNRRG,05,921600*"));
+    EXPECT_TRUE(eventually([&] {
+      read_for(client.get(), 1ms);
+      const std::string log = imud.errors();
+      const std::size_t good = log.rfind("takes frames");
+      return good != std::string::npos && good > log.rfind("garbage");
+    })) << imud.errors();
+
+    // What is said at another speed is not understood.
+    ASSERT_TRUE(set_line_speed(client.get(), 9600));
+    read_for(client.get(), 50ms);  // what came before
+    say(client.get(), "VNWRG,05,9600");
+    EXPECT_EQ(read_for(client.get(), 200ms).find("VN"), std::string::npos);
+    EXPECT_TRUE(imud.wait_for_errors("the line has 921600 baud and the client 9600"));
+    ASSERT_TRUE(set_line_speed(client.get(), 921'600));
+    EXPECT_TRUE(hears(client.get(), "$VNYMR,"));
+    truth.kill();
+    EXPECT_EQ(imud.stop(), 0);
+  }
+}
+
+TEST_F(LiveLine, AClientThatGoesOnChangingItsSpeedIsReportedNowAndThen) {
+  Program imud("imud");
+  start(imud, product("vectornav", "none"));
+  ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+  const FileDescriptor client = open_terminal(path("imu"));
+  for (int i = 0; i < 15; ++i) {
+    ASSERT_TRUE(set_line_speed(client.get(), 9600));
+    std::this_thread::sleep_for(130ms);
+    ASSERT_TRUE(set_line_speed(client.get(), 115'200));
+    std::this_thread::sleep_for(130ms);
+  }
+  EXPECT_EQ(imud.stop(), 0);
+  EXPECT_GE(count(imud.errors(), "garbage"), 3U);
+  EXPECT_LE(count(imud.errors(), "garbage"), 10U);
+}
+
+// 124 characters of ten bits at 90 Hz: 96.9 % of the line.
+TEST_F(LiveLine, NothingIsEarlyAndNothingIsLostBelowItsLoad) {
+  const std::string c =
+      config("realtime", simulator_.port(), "native", 90, "native", "pty:" + path("imu") + "?baud=115200");
+  Program imud("imud");
+  start(imud, c, {"--set", "imu.0.pace=line"});
+  ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+  const FileDescriptor client = open_terminal(path("imu"));
+  Program truth("imu-truth");
+  const HostTime begin = host_now();
+  truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "2"});
+  std::string bytes;
+  while (truth.is_running()) {
+    bytes += read_for(client.get(), 1ms);
+    ASSERT_GE(seconds(host_now() - begin), static_cast<double>(bytes.size()) * 10 / 115'200);
+  }
+  imud.kill();
+  while (imud.is_running()) bytes += read_for(client.get(), 1ms);  // what was on its way
+  EXPECT_EQ(imud.wait(), 0);
+  write("bytes", bytes);
+  const ProgramResult decoded = run_program("imu-decode", {"native", "file:" + path("bytes")});
+  EXPECT_NE(decoded.errors.find("checksum   0 failures, 0 malformed"), std::string::npos) << decoded.errors;
+  EXPECT_NE(decoded.errors.find("0 bytes skipped"), std::string::npos) << decoded.errors;
+  const auto s = summary();
+  EXPECT_GT(s["imus"][0]["samples"], 100);
+  EXPECT_EQ(s["imus"][0]["dropped"], 0);
+  EXPECT_EQ(s["imus"][0]["frames"], s["imus"][0]["samples"]);
+  EXPECT_EQ(rows(decoded.output).size(), s["imus"][0]["samples"].get<std::size_t>());
+}
+
+}  // namespace
+}  // namespace imud
