@@ -1,9 +1,12 @@
-// What the STIM300 keeps, shared by its datagrams (devices/stim300.cpp) and its Utility Mode (stim300_utility.cpp).
+// What the STIM300 keeps, shared by its datagrams (devices/stim300.cpp) and the modes in which it is configured.
 // Sensonor STIM300 Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are named here.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 #include "core/frame.hpp"
@@ -22,7 +25,30 @@ inline constexpr unsigned delayed = 8;  // is added; gyro only
 
 inline constexpr std::array<unsigned, 5> sample_rates = {125, 250, 500, 1000, 2000};
 inline constexpr std::array<unsigned, 4> bit_rates = {374400, 460800, 921600, 1843200};
-inline constexpr unsigned external_trigger = 5;
+inline constexpr unsigned external_trigger = 5, user_defined = 15;
+
+// The bit-rate of UARTs nearest to one within 1500 to 5184000 bit/s (Equation 13).
+constexpr unsigned nearest_bit_rate(unsigned wanted) noexcept {
+  constexpr unsigned clock = 82'944'000;
+  const unsigned n = clock / wanted;
+  const unsigned above = (clock + n / 2) / n, below = (clock + n / 2) / (n + 1);
+  return above - wanted < wanted - below ? above : below;
+}
+
+// Of an axis of the gyros, from what is measured as acceleration (section 7.5.2.2.6). Sources: 0 none, 1 accelerometers,
+// 2 inclinometers.
+struct GCompensation {
+  unsigned bias_source = 0;
+  bool bias_filter = false;
+  unsigned scale_source = 0;
+  bool scale_filter = false;
+  bool operator==(const GCompensation&) const = default;
+};
+// Table 9-22.
+inline constexpr std::array<GCompensation, 13> standard_g_compensations = {
+    {{0, false, 0, false}, {0, false, 1, false}, {0, false, 1, true}, {1, false, 0, false}, {1, true, 0, false},
+     {2, false, 0, false}, {2, true, 0, false}, {1, false, 1, false}, {1, true, 1, false}, {2, false, 1, false},
+     {2, true, 1, false}, {1, true, 1, true}, {2, true, 2, true}}};
 
 // Table 5-16, by its numbers.
 struct Configuration {
@@ -30,7 +56,8 @@ struct Configuration {
   unsigned content = 7;      // beside the rate; bit 0: acceleration, 1: inclination, 2: temperature, 3: PPS or AUX
   bool has_aux = false;      // an older unit: an AUX input in PPS's place, in the datagram and on the connector
   bool cr_lf = false;
-  unsigned bit_rate = 2;  // of bit_rates
+  unsigned bit_rate = 2;  // of bit_rates, or user_defined:
+  unsigned user_bit_rate = 0;
   Parity parity = Parity::none;
   unsigned stop_bits = 1;
   bool line_termination = true;
@@ -38,14 +65,25 @@ struct Configuration {
   unsigned pps_unit = 3;
   std::array<std::array<unsigned, 3>, 3> filters = {{{4, 4, 4}, {4, 4, 4}, {4, 4, 4}}};  // 4: 262 Hz
   unsigned pps_filter = 4;
+  std::array<GCompensation, 3> g_compensation = {};  // of the axes
+  double g_filter_hz = 0.01;
   unsigned accelerometer_range = 0;  // 0: 10 g, 3: 5 g, 4: 30 g, 6: 80 g
   bool tov_3v3 = false, tov_toggles = false, bias_trim_at_start = false;
 
   bool has(Cluster cluster) const noexcept { return cluster == gyro || (content >> (cluster - 1) & 1U) != 0; }
   bool has_temperature() const noexcept { return (content & 4U) != 0; }
   bool has_pps() const noexcept { return (content & 8U) != 0; }
-  LineSettings line() const noexcept { return {bit_rates[bit_rate], parity, stop_bits}; }
+  LineSettings line() const noexcept {
+    return {bit_rate == user_defined ? user_bit_rate : bit_rates[bit_rate], parity, stop_bits};
+  }
+  void set_bit_rate(unsigned wanted) noexcept {  // 1500 to 5184000
+    const auto known = std::find(bit_rates.begin(), bit_rates.end(), wanted);
+    bit_rate = known == bit_rates.end() ? user_defined : static_cast<unsigned>(known - bit_rates.begin());
+    user_bit_rate = bit_rate == user_defined ? nearest_bit_rate(wanted) : 0;
+  }
+  bool operator==(const Configuration&) const = default;
 };
+inline constexpr unsigned least_bit_rate = 1500, greatest_bit_rate = 5'184'000;
 
 inline constexpr std::array<std::pair<unsigned, unsigned>, 4> accelerometer_ranges_g = {{{0, 10}, {3, 5}, {4, 30}, {6, 80}}};
 constexpr unsigned range_g(unsigned code) noexcept {
@@ -65,21 +103,50 @@ constexpr double lsb(const Configuration& c, Cluster cluster, unsigned unit) noe
   return (cluster == accelerometer ? acceleration : 0x1p-22) / (plain ? 1 : 8);
 }
 
+// Without CR LF.
+constexpr std::size_t datagram_size(unsigned content) noexcept {
+  const std::size_t clusters_in_it = 1 + (content & 1U) + (content >> 1 & 1U);
+  return 1 + 10 * clusters_in_it + ((content & 4U) != 0 ? 7 * clusters_in_it : 0) + ((content & 8U) != 0 ? 4 : 0) + 3 + 4;
+}
+static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
+
+// Whether the line carries the datagrams (Equation 12, which gives Table 5-12).
+constexpr bool can_transmit(const Configuration& c) noexcept {
+  if (c.sample_rate == external_trigger) return true;
+  const LineSettings line = c.line();
+  const std::size_t characters = datagram_size(c.content) + (c.cr_lf ? 2 : 0);
+  return 11 * characters * line.bits_per_character() * sample_rates[c.sample_rate] <= 10 * std::size_t{line.baud};
+}
+
 // All that a unit keeps beside its measurements.
 struct Memory {
   Configuration active, stored;  // stored: in flash, taken at reset
+  Configuration factory;
   std::array<Vector3, 3> trim = {Vector3::Zero(), Vector3::Zero(), Vector3::Zero()};  // bias offsets: deg/s, g, g
   std::array<Vector3, 3> stored_trim = trim;
   std::uint32_t trim_reference = 0, stored_trim_reference = 0;
-  std::uint16_t saves_left = 10'000;
+  static constexpr std::uint16_t saves = 10'000;
+  std::uint16_t saves_left = saves;
   std::array<std::uint8_t, 16> errors = {};  // accumulated, bytes 1 to 16 of Table 5-18
 
   void set_error(unsigned bit) noexcept { errors[15 - bit / 8] |= static_cast<std::uint8_t>(1U << bit % 8); }
-  void save() noexcept {
+  // Up to its limit (Tables 5-3 to 5-8). False if that was less than wanted.
+  bool set_trim(Cluster cluster, unsigned axis, double wanted) noexcept {
+    const unsigned range = range_g(active.accelerometer_range);
+    const double limit = cluster == gyro ? 1 : cluster == inclinometer ? 0.02 : range == 5 ? 0.1 : range / 100.0;
+    return (trim[cluster][axis] = std::clamp(wanted, -limit, limit)) == wanted;
+  }
+  bool is_saved() const noexcept {
+    return active == stored && trim == stored_trim && trim_reference == stored_trim_reference;
+  }
+  // False if there had been all the saves that flash is made for.
+  bool save() noexcept {
     stored = active;
     stored_trim = trim;
     stored_trim_reference = trim_reference;
-    if (saves_left > 0) --saves_left;
+    if (saves_left == 0) return false;
+    --saves_left;
+    return true;
   }
   void load() noexcept {
     active = stored;
@@ -92,6 +159,15 @@ inline constexpr std::string_view part_number = "84167-4400003-321";
 inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;
 inline constexpr std::string_view serial_number = "N25582405002002";
+
+// All of a text as a number.
+template <class Number>
+std::optional<Number> number_in(std::string_view text) noexcept {
+  Number number{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return number;
+}
 
 // Utility Mode: the word that one comes in by, and a line of the host, without its end. Append the answer. False if
 // Utility Mode is left.

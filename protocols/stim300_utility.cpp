@@ -20,14 +20,6 @@ unsigned crc8(std::string_view text) noexcept {
   return crc.checksum();
 }
 
-template <class Number>
-std::optional<Number> number_in(std::string_view text) noexcept {
-  Number number{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return number;
-}
-
 // "#", words with a comma after each, the CRC in decimals, CR (section 10.2.2).
 class Answer {
  public:
@@ -68,7 +60,7 @@ class Answer {
   std::size_t size_ = 0;
 };
 
-enum Code : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_parameter, reduced = 8 };
+enum Code : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_parameter, too_many_saves, reduced = 8 };
 
 // One command. What it returns goes into the answer's status; 0 and `reduced`: answered already.
 class Command {
@@ -80,6 +72,7 @@ class Command {
     if (const auto code = choice()) return *code;
     if (const auto code = filter()) return *code;
     if (const auto code = fact()) return *code;
+    if (name_ == "ig" || name_ == "sg") return g_compensation();
     if (name_ == "it" || name_ == "st") return transmission();
     if (name_ == "iconf" || name_ == "sconf") return system();
     if (name_ == "ibto") return count(0) ? bad_count : trims(Answer(out_, name_));
@@ -102,17 +95,14 @@ class Command {
     if (name_ == "sfs") {
       if (count(1)) return bad_count;
       if (parameters_[0] != "0" && parameters_[0] != "1") return bad_parameter;
-      const unsigned range = c_.accelerometer_range;  // is the hardware's
-      c_ = Configuration();
-      c_.accelerometer_range = range;
+      c_ = memory_.factory;
       if (parameters_[0] == "1") memory_.save();
       return sent(ok().word(parameters_[0]));
     }
     if (name_ == "save") {
       if (count(0)) return bad_count;
-      const bool exceeded = memory_.saves_left == 0;
-      memory_.save();
-      return sent(Answer(out_, name_).number(std::uint64_t{exceeded ? 6U : 0U}).number(std::uint64_t{memory_.saves_left}));
+      const unsigned code = memory_.save() ? 0U : unsigned{too_many_saves};
+      return sent(Answer(out_, name_).number(std::uint64_t{code}).number(std::uint64_t{memory_.saves_left}));
     }
     if (name_ == "xn") return count(0) ? bad_count : sent(ok());
     return unknown;
@@ -210,24 +200,45 @@ class Command {
     return std::nullopt;
   }
 
+  unsigned g_compensation() noexcept {
+    const bool sets = name_[0] == 's';
+    if (count(sets ? 6 : 1)) return bad_count;
+    const auto axis = index(parameters_[0], axes);
+    if (!axis) return bad_parameter;
+    GCompensation& g = c_.g_compensation[*axis];
+    if (sets) {
+      const auto scale_source = index(parameters_[1], "012"), scale_filter = index(parameters_[2], "01");
+      const auto bias_source = index(parameters_[3], "012"), bias_filter = index(parameters_[4], "01");
+      const auto filter_hz = number_in<double>(parameters_[5]);
+      if (!scale_source || !scale_filter || !bias_source || !bias_filter) return bad_parameter;
+      if (!filter_hz || !(*filter_hz >= 0.001 && *filter_hz <= 5)) return bad_parameter;
+      g = {*bias_source, *bias_filter != 0, *scale_source, *scale_filter != 0};
+      c_.g_filter_hz = *filter_hz;
+    }
+    Answer answer = ok();
+    answer.letter(capitals[*axis]).number(std::uint64_t{g.scale_source}).number(std::uint64_t{g.scale_filter});
+    answer.number(std::uint64_t{g.bias_source}).number(std::uint64_t{g.bias_filter});
+    return sent(answer.number(c_.g_filter_hz, 3));
+  }
+
   unsigned transmission() noexcept {
     constexpr std::string_view parities = "neo", shown = "NEO";
     const bool sets = name_[0] == 's';
     if (count(sets ? 6 : 0)) return bad_count;
     if (sets) {
       const auto rate = number_in<unsigned>(parameters_[0]);
-      const auto known = std::find(bit_rates.begin(), bit_rates.end(), rate.value_or(0));
       const auto stop = index(parameters_[1], "12"), parity = index(parameters_[2], parities);
       const auto termination = index(parameters_[3], "01"), cr_lf = index(parameters_[4], "01");
-      if (known == bit_rates.end() || !stop || !parity || !termination || !cr_lf) return bad_parameter;
-      c_.bit_rate = static_cast<unsigned>(known - bit_rates.begin());
+      if (!rate || *rate < least_bit_rate || *rate > greatest_bit_rate) return bad_parameter;
+      if (!stop || !parity || !termination || !cr_lf) return bad_parameter;
+      c_.set_bit_rate(*rate);
       c_.stop_bits = *stop + 1;
       c_.parity = static_cast<Parity>(*parity);
       c_.line_termination = *termination != 0;
       c_.cr_lf = *cr_lf != 0;
     }
     Answer answer = ok();
-    answer.number(std::uint64_t{bit_rates[c_.bit_rate]}).number(std::uint64_t{c_.stop_bits});
+    answer.number(std::uint64_t{c_.line().baud}).number(std::uint64_t{c_.stop_bits});
     answer.letter(shown[static_cast<std::size_t>(c_.parity)]);
     answer.word(c_.line_termination ? "1" : "0").word(c_.cr_lf ? "1" : "0");
     return sent(sets ? answer.word("0") : answer);
@@ -248,14 +259,14 @@ class Command {
     return sent(Answer(out_, name_).letter("VTB"[*which]).letter(letters[setting ? 1 : 0]));
   }
 
+  unsigned trims(bool as_wanted) noexcept {
+    return trims(std::move(Answer(out_, name_).number(std::uint64_t{as_wanted ? 0U : unsigned{reduced}})));
+  }
   unsigned trims(Answer&& answer) noexcept {
     for (const Cluster cluster : clusters)
       for (int i = 0; i < 3; ++i) answer.number(memory_.trim[cluster][i], 5 + static_cast<int>(cluster));
     return sent(answer);
   }
-
-  // Limits: figure 10-10 for the accelerometers; the others are the memory's own, of which none is stated.
-  static constexpr std::array<double, 3> limits = {10.0, 0.1, 0.1};
 
   unsigned set_trim() noexcept {
     if (parameters_.empty() || parameters_.size() > 3) return bad_count;
@@ -263,15 +274,12 @@ class Command {
     const auto cluster = parameters_.size() > 1 ? index(parameters_[1], "gai") : std::optional<unsigned>(3);
     const auto axis = parameters_.size() > 2 ? index(parameters_[2], axes) : std::optional<unsigned>(3);
     if (!offset || !std::isfinite(*offset) || !cluster || !axis) return bad_parameter;
+    bool as_wanted = true;
     for (const Cluster one : clusters)
       for (unsigned i = 0; i < 3; ++i)
-        if ((*cluster == 3 || *cluster == one) && (*axis == 3 || *axis == i)) {
-          if (std::abs(*offset) > limits[one]) return bad_parameter;
-        }
-    for (const Cluster one : clusters)
-      for (unsigned i = 0; i < 3; ++i)
-        if ((*cluster == 3 || *cluster == one) && (*axis == 3 || *axis == i)) memory_.trim[one][i] = *offset;
-    return trims(ok());
+        if ((*cluster == 3 || *cluster == one) && (*axis == 3 || *axis == i))
+          as_wanted = memory_.set_trim(one, i, *offset) && as_wanted;
+    return trims(as_wanted);
   }
 
   unsigned adjust_trims() noexcept {
@@ -282,15 +290,11 @@ class Command {
       if (!number || !std::isfinite(*number)) return bad_parameter;
       by[i] = *number;
     }
-    bool was_reduced = false;
+    bool as_wanted = true;
     for (const Cluster cluster : clusters)
-      for (unsigned i = 0; i < 3; ++i) {
-        double& trim = memory_.trim[cluster][i];
-        const double wanted = trim + by[3 * cluster + i];
-        trim = std::clamp(wanted, -limits[cluster], limits[cluster]);
-        was_reduced = was_reduced || trim != wanted;
-      }
-    return trims(std::move(Answer(out_, name_).word(was_reduced ? "8" : "0")));
+      for (unsigned i = 0; i < 3; ++i)
+        as_wanted = memory_.set_trim(cluster, i, memory_.trim[cluster][i] + by[3 * cluster + i]) && as_wanted;
+    return trims(as_wanted);
   }
 
   Memory& memory_;

@@ -18,18 +18,14 @@
 // What the datasheet leaves open follows captures of real units: rates end at 480 deg/s, with overload (UBC-Rocket,
 // Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README). The low-pass filters are
 // configured and reported, but not modelled, nor is what they delay; nothing is connected to PPS and external trigger.
-#include "protocols/stim300.hpp"
-
+// The g-compensation takes away an error that the modelled gyros do not have, so that it is kept and reported alone.
 #include <algorithm>
-#include <boost/crc.hpp>
 #include <cmath>
-#include <optional>
 #include <stdexcept>
 
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
-#include "protocols/frame_search.hpp"
-#include "protocols/protocol.hpp"
+#include "protocols/stim300_datagram.hpp"
 
 namespace imud {
 
@@ -39,63 +35,10 @@ using namespace stim300;
 
 constexpr double internal_hz = 2000;
 constexpr std::uint16_t latency_us = 506;
-constexpr std::size_t longest = 65;
-namespace status_bit {
-constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10;
-}
-
-// Table 5-21; with AUX that of earlier revisions (a real unit's 0xAF: see the test).
-constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
-  if (content > 7 && !has_aux) return 0xF0 + (content & 7U);
-  return ((content & 7U) > 4 ? 0xA0 : 0x90) + content;
-}
-constexpr std::size_t datagram_size(unsigned content) noexcept {  // without CR LF
-  const std::size_t clusters = 1 + (content & 1U) + (content >> 1 & 1U);
-  return 1 + 10 * clusters + ((content & 4U) != 0 ? 7 * clusters : 0) + ((content & 8U) != 0 ? 4 : 0) + 3 + 4;
-}
-static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0xAF && identifier(0b1100, true) == 0x9C);
-static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
-
-// Section 5.5.7.
-std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
-  boost::crc_optimal<32, 0x04C11DB7, 0xFFFFFFFF, 0, false, false> crc;
-  crc.process_bytes(bytes.data(), bytes.size());
-  for (std::size_t n = bytes.size(); n % 4 != 0; ++n) crc.process_byte(0);
-  return crc.checksum();
-}
-
-// Writes one into a FrameBuffer.
-class Datagram {
- public:
-  explicit Datagram(FrameBuffer& out) noexcept : out_(out), room_(out.room(longest)) {}
-  void put(std::uint64_t number, unsigned bytes) noexcept {
-    if (room_.size() < size_ + bytes) return;
-    for (unsigned i = bytes; i-- > 0;) room_[size_++] = static_cast<std::byte>(number >> (8 * i));
-  }
-  // To the nearest, up to the ends of two's complement.
-  void put_number(double number, unsigned bytes) noexcept {
-    const double end = std::ldexp(1.0, static_cast<int>(8 * bytes - 1));
-    put(static_cast<std::uint64_t>(std::llround(std::clamp(number, -end, end - 1))), bytes);
-  }
-  void put_halves(unsigned high, unsigned low) noexcept { put(high << 4 | low, 1); }
-  // How many characters it is.
-  std::size_t finish(bool cr_lf) noexcept {
-    put(crc_of(room_.first(size_)), 4);
-    if (cr_lf) put(0x0D0A, 2);
-    if (!room_.empty()) out_.push(size_);
-    return size_;
-  }
-
- private:
-  FrameBuffer& out_;
-  std::span<std::byte> room_;
-  std::size_t size_ = 0;
-};
-
 class Stim300Device final : public Device {
  public:
   Stim300Device(const Configuration& configuration, bool starts_up) noexcept {
-    memory_.stored = configuration;
+    memory_.stored = memory_.factory = configuration;
     reset();
     if (starts_up) return;
     since_reset_ = valid;
@@ -143,8 +86,6 @@ class Stim300Device final : public Device {
   LineSettings line() const noexcept override { return memory_.active.line(); }
 
  private:
-  // The special datagrams, in the order of the start.
-  enum Special : unsigned { of_part = 1, of_serial = 2, of_configuration = 4, of_trim = 8, of_errors = 16 };
   // Internal samples after a reset (Table 5-2: 0.2 s at most, 0.7 s nominal).
   static constexpr std::uint64_t first_datagram = 200, valid = 1400;
 
@@ -242,72 +183,10 @@ class Stim300Device final : public Device {
     return datagram.finish(c.cr_lf);
   }
 
-  // Tables 5-13 to 5-18.
   std::size_t send_special(FrameBuffer& out) noexcept {
-    const unsigned special = specials_ & (~specials_ + 1);  // the first
-    specials_ &= ~special;
-    const Configuration& c = memory_.active;
-    Datagram datagram(out);
-    switch (special) {
-      case of_part: {
-        datagram.put(c.cr_lf ? 0xB3 : 0xB1, 1);
-        // "ddddd-ddddddd-ddd"; the last four digits are split.
-        const auto digit = [](std::size_t at) { return static_cast<unsigned>(part_number[at] - '0'); };
-        datagram.put_halves(0, digit(0));
-        datagram.put_halves(digit(1), digit(2));
-        datagram.put_halves(digit(3), digit(4));
-        datagram.put('-', 1);
-        for (const std::size_t at : {6U, 8U, 10U}) datagram.put_halves(digit(at), digit(at + 1));
-        datagram.put('-', 1);
-        datagram.put_halves(digit(14), digit(15));
-        datagram.put_halves(digit(16), 0);
-        datagram.put_halves(0, digit(12));
-        datagram.put(0, 3);
-        datagram.put(static_cast<unsigned char>(part_revision), 1);
-        break;
-      }
-      case of_serial:
-        datagram.put(c.cr_lf ? 0xB7 : 0xB5, 1);
-        datagram.put(static_cast<unsigned char>(serial_number[0]), 1);
-        for (std::size_t at = 1; at < serial_number.size(); at += 2)
-          datagram.put_halves(static_cast<unsigned>(serial_number[at] - '0'), static_cast<unsigned>(serial_number[at + 1] - '0'));
-        datagram.put(0, 7);
-        break;
-      case of_configuration:
-        datagram.put(c.cr_lf ? 0xBD : 0xBC, 1);
-        datagram.put(static_cast<unsigned char>(part_revision), 1);
-        datagram.put(firmware_revision, 1);
-        datagram.put(c.sample_rate << 5 | (c.has_pps() ? 16U : 0U) | (c.content & 4U) << 1 | (c.content & 3U) << 1 |
-                         (c.cr_lf ? 1U : 0U), 1);
-        datagram.put(c.bit_rate << 4 | (c.stop_bits - 1) << 3 | static_cast<unsigned>(c.parity) << 1 |
-                         (c.line_termination ? 1U : 0U), 1);
-        for (const Cluster cluster : clusters) {
-          datagram.put(0x70U | c.units[cluster], 1);
-          datagram.put_halves(c.filters[cluster][0], c.filters[cluster][1]);
-          datagram.put_halves(c.filters[cluster][2], cluster == inclinometer ? c.pps_unit : 0);
-        }
-        datagram.put((c.has_aux ? 0U : 8U) | c.pps_filter, 1);
-        datagram.put(0, 2);  // 400 deg/s
-        datagram.put_halves(c.accelerometer_range, c.accelerometer_range);
-        datagram.put_halves(c.accelerometer_range, 0);
-        datagram.put(0, 2);  // 1.7 g
-        datagram.put((c.tov_3v3 ? 8U : 0U) | (c.tov_toggles ? 4U : 0U) | (c.bias_trim_at_start ? 2U : 0U), 1);
-        break;
-      case of_trim:
-        datagram.put(c.cr_lf ? 0xD2 : 0xD1, 1);
-        for (const Cluster cluster : clusters)
-          for (int i = 0; i < 3; ++i) datagram.put_number(memory_.trim[cluster][i] / lsb(c, cluster, value), 3);
-        datagram.put(memory_.trim_reference, 4);
-        datagram.put(memory_.saves_left, 2);
-        datagram.put(0, 2);
-        break;
-      default:
-        datagram.put(c.cr_lf ? 0xBF : 0xBE, 1);
-        for (const std::uint8_t byte : memory_.errors) datagram.put(byte, 1);
-        memory_.errors = {};
-        break;
-    }
-    return datagram.finish(c.cr_lf);
+    const auto first = static_cast<Special>(specials_ & (~specials_ + 1));
+    specials_ &= ~first;
+    return write_special(first, memory_, out);
   }
 
   Memory memory_;
@@ -320,119 +199,6 @@ class Stim300Device final : public Device {
   unsigned status_ = 0;       // bits of all
   double temperature_c_ = 0;
   CommandReader<100> reader_;
-};
-
-// Understands every datagram; learns the units, which only the configuration datagram tells, from that.
-class Stim300Decoder final : public Decoder {
- public:
-  explicit Stim300Decoder(const Configuration& configuration) : c_(configuration) {}
-
-  void feed(const Frame& frame, MeasurementSink& sink) override {
-    errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
-  }
-  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
-
- private:
-  using Search = FrameSearch<longest>;
-  static constexpr std::size_t none = 0;
-
-  static std::optional<unsigned> content_of(unsigned id) noexcept {
-    for (unsigned content = 0; content < 16; ++content)
-      if (identifier(content, false) == id || identifier(content, true) == id) return content;
-    return std::nullopt;
-  }
-
-  // Without CR LF; `none` if no datagram begins so.
-  static std::size_t size_of(unsigned id) noexcept {
-    switch (id) {
-      case 0xB1: case 0xB3: case 0xB5: case 0xB7: return 20;
-      case 0xBC: case 0xBD: return 26;
-      case 0xD1: case 0xD2: return 40;
-      case 0xBE: case 0xBF: return 21;
-      default: break;
-    }
-    const auto content = content_of(id);
-    return content ? datagram_size(*content) : none;
-  }
-
-  static std::uint64_t get(std::span<const std::byte>& bytes, unsigned count) noexcept {
-    std::uint64_t number = 0;
-    for (unsigned i = 0; i < count; ++i) number = number << 8 | std::to_integer<std::uint64_t>(bytes[i]);
-    bytes = bytes.subspan(count);
-    return number;
-  }
-  static double get_number(std::span<const std::byte>& bytes, unsigned count) noexcept {
-    const unsigned shift = 64 - 8 * count;
-    return static_cast<double>(static_cast<std::int64_t>(get(bytes, count) << shift) >> shift);
-  }
-
-  std::size_t judge(std::span<const std::byte> held, MeasurementSink& sink) {
-    const auto id = std::to_integer<unsigned>(held[0]);
-    const std::size_t size = size_of(id);
-    if (size == none) return Search::reject;
-    if (held.size() < size) return Search::need_more;
-    std::span<const std::byte> rest = held.subspan(size - 4, 4);
-    if (get(rest, 4) != crc_of(held.first(size - 4))) {
-      ++errors_.checksum;
-      return Search::reject;
-    }
-    const bool special = size == 20 || size == 26 || size == 40 || size == 21;
-    // Its end, where there is one: what the datagram itself says, or the last that did.
-    if (special) c_.cr_lf = id == 0xB3 || id == 0xB7 || id == 0xBD || id == 0xD2 || id == 0xBF;
-    if (c_.cr_lf && held.size() < size + 2) return Search::need_more;
-    if (size == 26) learn(held);
-    if (!special) measure(held.subspan(1, size - 5), id, sink);
-    return c_.cr_lf ? size + 2 : size;
-  }
-
-  void learn(std::span<const std::byte> held) noexcept {
-    const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(held[i]); };
-    c_.units = {at(5) & 15U, at(8) & 15U, at(11) & 15U};
-    c_.accelerometer_range = at(17) >> 4;
-  }
-
-  void measure(std::span<const std::byte> rest, unsigned id, MeasurementSink& sink) {
-    c_.content = content_of(id).value_or(0);
-    Measurement measurement;
-    Sample& sample = measurement.sample;
-    measurement.fields = Measurement::counter | Measurement::status;
-    unsigned all = 0;
-    for (const Cluster cluster : clusters) {
-      if (!c_.has(cluster)) continue;
-      const unsigned unit = c_.units[cluster] % delayed;
-      Vector3 axes;
-      for (int i = 0; i < 3; ++i) axes[i] = get_number(rest, 3) * lsb(c_, cluster, unit);
-      const auto bits = static_cast<unsigned>(get(rest, 1));
-      all |= bits;
-      if (cluster == inclinometer) continue;
-      const unsigned overloaded = (bits & status_bit::overload) != 0 ? bits & 7U : 0;
-      const bool plain = unit == value || unit == average;
-      if (cluster == gyro) {
-        sample.status |= overloaded;
-        if (plain) sample.rate = axes * units::degree;
-        if (unit == increment) sample.delta_angle = axes * units::degree;
-        measurement.fields |= plain ? Measurement::rate : unit == increment ? Measurement::delta_angle : 0U;
-      } else {
-        sample.status |= overloaded * status::accelerometer_saturated_x;
-        if (plain) sample.specific_force = axes * units::standard_gravity;
-        if (unit == increment) sample.delta_velocity = axes;
-        measurement.fields |= plain ? Measurement::specific_force : unit == increment ? Measurement::delta_velocity : 0U;
-      }
-    }
-    if ((all & status_bit::integrity) != 0) sample.status |= status::not_valid;
-    if (c_.has_temperature()) {
-      sample.temperature_c = get_number(rest, 2) / 256;
-      measurement.fields |= Measurement::temperature;
-    }
-    // The counter is the third byte from the end.
-    rest = rest.last(3);
-    sample.counter = get(rest, 1);
-    sink.on_measurement(measurement);
-  }
-
-  Configuration c_;
-  Search search_;
 };
 
 constexpr std::array<std::string_view, 5> gyro_units = {"rate", "increment", "average", "integrated"};
@@ -531,7 +297,7 @@ constexpr Protocol stim300_protocol = {
       return std::make_unique<Stim300Device>(configuration(settings), settings.flag("start_up"));
     },
     .make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
-      return std::make_unique<Stim300Decoder>(configuration(settings));
+      return stim300::make_decoder(configuration(settings));
     },
 };
 

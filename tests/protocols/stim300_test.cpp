@@ -325,13 +325,23 @@ TEST(Stim300, UtilityModeAnswersAsTheDatasheetShows) {
   EXPECT_EQ(unit.say("$sbto,0,165"),
             "#sbto,0,0.00000,0.00000,0.00000,0.000000,0.000000,0.000000,0.0000000,0.0000000,0.0000000,177\r");
   EXPECT_EQ(unit.say("$sbto,3.4e-03,g,y,128").substr(0, 24), "#sbto,0,0.00000,0.00340,");
+  EXPECT_EQ(unit.say("$sg,x,1,1,2,0,0.5,243"), "#sg,0,X,1,1,2,0,0.500,79\r");
+  EXPECT_EQ(unit.say("$ig,x,167"), "#ig,0,X,1,1,2,0,0.500,150\r");
+  EXPECT_EQ(unit.ask("ig,y"), "#ig,0,Y,0,0,0,0,0.500") << "one filter for all axes";
+  EXPECT_EQ(unit.ask("sg,y,1,1,2,0,0.0009"), "#sg,5");
+  EXPECT_EQ(unit.ask("sg,y,1,1,3,0,0.5"), "#sg,5");
   EXPECT_EQ(unit.say("$sfs,1,70"), "#sfs,0,1,115\r");
+  EXPECT_EQ(unit.ask("ig,x"), "#ig,0,X,0,0,0,0,0.010");
   EXPECT_EQ(unit.ask("sgu, b"), "#sgu,0,b");
   EXPECT_EQ(unit.ask("sgu,4"), "#sgu,5");
   EXPECT_EQ(unit.ask("sgu, "), "#sgu,5");
   EXPECT_EQ(unit.ask("st,921600,2,n,1,0,0"), "#st,0,921600,2,N,1,0,0");
   EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::none, 2}));
-  EXPECT_EQ(unit.ask("st,115200,2,n,1,0,0"), "#st,5");
+  EXPECT_EQ(unit.ask("st,115200,2,n,1,0,0"), "#st,0,115200,2,N,1,0,0");
+  EXPECT_EQ(unit.ask("st,500000,2,n,1,0,0"), "#st,0,499663,2,N,1,0,0") << "82944000/166 (section 9.12.1)";
+  EXPECT_EQ(unit.device->line(), (LineSettings{499663, Parity::none, 2}));
+  EXPECT_EQ(unit.ask("st,1499,2,n,1,0,0"), "#st,5");
+  EXPECT_EQ(unit.ask("st,5184001,2,n,1,0,0"), "#st,5");
   EXPECT_EQ(unit.say("$xn,150"), "#xn,0,125\r");
   EXPECT_EQ(unit.say("$xn,150"), "") << "back in Normal Mode";
   EXPECT_FALSE(unit.run(10).empty());
@@ -352,6 +362,39 @@ TEST(Stim300, WhatIsNotSavedIsGoneAfterAReset) {
   EXPECT_EQ(unit.device->line(), (LineSettings{460800, Parity::even, 1}));
   unit.run(2000);
   EXPECT_EQ(first(unit.run(10).back()), 0xA7U);
+}
+
+// Tables 5-3 to 5-8, and figure 10-10 for the answer.
+TEST(Stim300, BiasTrimOffsetsEndAtTheirLimits) {
+  for (const auto& [range, limit] : {std::pair{"5", "0.100000"}, {"10", "0.100000"}, {"30", "0.300000"}, {"80", "0.800000"}}) {
+    Unit unit(std::string("start_up=false,accelerometer_range_g=") + range);
+    unit.say("UTILITYMODE");
+    const std::string l = limit;
+    const std::string ends = "1.00000,1.00000,1.00000," + l + ',' + l + ',' + l + ",0.0200000,0.0200000,0.0200000";
+    EXPECT_EQ(unit.ask("sbto,3"), "#sbto,8," + ends);
+    EXPECT_EQ(unit.ask("sdbto,0,0,0,0,0,0,0,0,1e9"), "#sdbto,8," + ends);
+    EXPECT_EQ(unit.ask("sdbto,-2,-2,-2,-2,-2,-2,-2,-2,-0.01").substr(0, 20), "#sdbto,8,-1.00000,-1");
+    EXPECT_EQ(unit.ask("sdbto,1.5,0,0,0,0,0,0,0,0").substr(0, 17), "#sdbto,0,0.50000,");
+  }
+}
+
+// Bits 0 to 3 of byte 7 of the configuration datagram (Table 5-16), from $sg.
+TEST(Stim300, TheConfigurationNamesTheGCompensation) {
+  const auto code = [](const char* parameters, const char* axes) {
+    Unit unit;
+    unit.say("UTILITYMODE");
+    for (; *axes != 0; ++axes) unit.ask(std::string("sg,") + *axes + ',' + parameters);
+    unit.ask("xn");
+    unit.say("C");
+    return std::to_integer<unsigned>(unit.run(2).at(0).at(7)) & 15U;
+  };
+  EXPECT_EQ(code("0,0,0,0,3", "xyz"), 0U);
+  EXPECT_EQ(code("1,0,0,0,0.01", "xyz"), 1U) << "scale from the accelerometers";
+  EXPECT_EQ(code("1,1,2,1,0.01", "xyz"), 15U);
+  EXPECT_EQ(code("1,0,2,1,0.01", "xyz"), 10U);
+  EXPECT_EQ(code("2,1,2,1,0.01", "xyz"), 12U);
+  EXPECT_EQ(code("2,1,2,1,0.02", "xyz"), 15U) << "not the standard filter";
+  EXPECT_EQ(code("1,0,0,0,0.01", "xy"), 15U) << "not on all axes";
 }
 
 TEST(Stim300, ACommandCutOffIsForgotten) {

@@ -1,0 +1,75 @@
+// Datagrams of the STIM300: what encoder and decoder share.
+#pragma once
+
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "core/frame.hpp"
+#include "protocols/protocol.hpp"
+#include "protocols/stim300.hpp"
+
+namespace imud::stim300 {
+
+inline constexpr std::size_t longest_datagram = 65;
+
+// Table 5-23.
+namespace status_bit {
+inline constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10;
+}
+
+// Table 5-21; with AUX that of earlier revisions (a real unit's 0xAF: see the test).
+constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
+  if (content > 7 && !has_aux) return 0xF0 + (content & 7U);
+  return ((content & 7U) > 4 ? 0xA0 : 0x90) + content;
+}
+static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0xAF && identifier(0b1100, true) == 0x9C);
+
+// Section 5.5.7.
+inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
+  boost::crc_optimal<32, 0x04C11DB7, 0xFFFFFFFF, 0, false, false> crc;
+  crc.process_bytes(bytes.data(), bytes.size());
+  for (std::size_t n = bytes.size(); n % 4 != 0; ++n) crc.process_byte(0);
+  return crc.checksum();
+}
+
+// Writes one into a FrameBuffer.
+class Datagram {
+ public:
+  explicit Datagram(FrameBuffer& out) noexcept : out_(out), room_(out.room(longest_datagram)) {}
+  void put(std::uint64_t number, unsigned bytes) noexcept {
+    if (room_.size() < size_ + bytes) return;
+    for (unsigned i = bytes; i-- > 0;) room_[size_++] = static_cast<std::byte>(number >> (8 * i));
+  }
+  // To the nearest, up to the ends of two's complement.
+  void put_number(double number, unsigned bytes) noexcept {
+    const double end = std::ldexp(1.0, static_cast<int>(8 * bytes - 1));
+    put(static_cast<std::uint64_t>(std::llround(std::clamp(number, -end, end - 1))), bytes);
+  }
+  void put_halves(unsigned high, unsigned low) noexcept { put(high << 4 | low, 1); }
+  // How many characters it is.
+  std::size_t finish(bool cr_lf) noexcept {
+    put(crc_of(room_.first(size_)), 4);
+    if (cr_lf) put(0x0D0A, 2);
+    if (!room_.empty()) out_.push(size_);
+    return size_;
+  }
+
+ private:
+  FrameBuffer& out_;
+  std::span<std::byte> room_;
+  std::size_t size_ = 0;
+};
+
+// The special datagrams, in the order of the start (section 7.5.1); each is a bit.
+enum Special : unsigned { of_part = 1, of_serial = 2, of_configuration = 4, of_trim = 8, of_errors = 16 };
+// How many characters it is. That of the errors clears them.
+std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noexcept;
+
+// Understands every datagram; learns the units, which only the configuration datagram tells, from that.
+std::unique_ptr<Decoder> make_decoder(const Configuration& configuration);
+
+}  // namespace imud::stim300

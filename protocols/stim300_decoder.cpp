@@ -1,0 +1,129 @@
+#include <optional>
+
+#include "core/units.hpp"
+#include "protocols/frame_search.hpp"
+#include "protocols/stim300_datagram.hpp"
+
+namespace imud::stim300 {
+
+namespace {
+
+class DatagramDecoder final : public Decoder {
+ public:
+  explicit DatagramDecoder(const Configuration& configuration) : c_(configuration) {}
+
+  void feed(const Frame& frame, MeasurementSink& sink) override {
+    errors_.skipped_bytes +=
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
+  }
+  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
+
+ private:
+  using Search = FrameSearch<longest_datagram>;
+  static constexpr std::size_t none = 0;
+
+  static std::optional<unsigned> content_of(unsigned id) noexcept {
+    for (unsigned content = 0; content < 16; ++content)
+      if (identifier(content, false) == id || identifier(content, true) == id) return content;
+    return std::nullopt;
+  }
+
+  // Without CR LF; `none` if no datagram begins so.
+  static std::size_t size_of(unsigned id) noexcept {
+    switch (id) {
+      case 0xB1: case 0xB3: case 0xB5: case 0xB7: return 20;
+      case 0xBC: case 0xBD: return 26;
+      case 0xD1: case 0xD2: return 40;
+      case 0xBE: case 0xBF: return 21;
+      default: break;
+    }
+    const auto content = content_of(id);
+    return content ? datagram_size(*content) : none;
+  }
+
+  static std::uint64_t get(std::span<const std::byte>& bytes, unsigned count) noexcept {
+    std::uint64_t number = 0;
+    for (unsigned i = 0; i < count; ++i) number = number << 8 | std::to_integer<std::uint64_t>(bytes[i]);
+    bytes = bytes.subspan(count);
+    return number;
+  }
+  static double get_number(std::span<const std::byte>& bytes, unsigned count) noexcept {
+    const unsigned shift = 64 - 8 * count;
+    return static_cast<double>(static_cast<std::int64_t>(get(bytes, count) << shift) >> shift);
+  }
+
+  std::size_t judge(std::span<const std::byte> held, MeasurementSink& sink) {
+    const auto id = std::to_integer<unsigned>(held[0]);
+    const std::size_t size = size_of(id);
+    if (size == none) return Search::reject;
+    if (held.size() < size) return Search::need_more;
+    std::span<const std::byte> rest = held.subspan(size - 4, 4);
+    if (get(rest, 4) != crc_of(held.first(size - 4))) {
+      ++errors_.checksum;
+      return Search::reject;
+    }
+    const bool special = size == 20 || size == 26 || size == 40 || size == 21;
+    // Its end, where there is one: what the datagram itself says, or the last that did.
+    if (special) c_.cr_lf = id == 0xB3 || id == 0xB7 || id == 0xBD || id == 0xD2 || id == 0xBF;
+    if (c_.cr_lf && held.size() < size + 2) return Search::need_more;
+    if (size == 26) learn(held);
+    if (!special) measure(held.subspan(1, size - 5), id, sink);
+    return c_.cr_lf ? size + 2 : size;
+  }
+
+  void learn(std::span<const std::byte> held) noexcept {
+    const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(held[i]); };
+    c_.units = {at(5) & 15U, at(8) & 15U, at(11) & 15U};
+    c_.accelerometer_range = at(17) >> 4;
+  }
+
+  void measure(std::span<const std::byte> rest, unsigned id, MeasurementSink& sink) {
+    c_.content = content_of(id).value_or(0);
+    Measurement measurement;
+    Sample& sample = measurement.sample;
+    measurement.fields = Measurement::counter | Measurement::status;
+    unsigned all = 0;
+    for (const Cluster cluster : clusters) {
+      if (!c_.has(cluster)) continue;
+      const unsigned unit = c_.units[cluster] % delayed;
+      Vector3 axes;
+      for (int i = 0; i < 3; ++i) axes[i] = get_number(rest, 3) * lsb(c_, cluster, unit);
+      const auto bits = static_cast<unsigned>(get(rest, 1));
+      all |= bits;
+      if (cluster == inclinometer) continue;
+      const unsigned overloaded = (bits & status_bit::overload) != 0 ? bits & 7U : 0;
+      const bool plain = unit == value || unit == average;
+      if (cluster == gyro) {
+        sample.status |= overloaded;
+        if (plain) sample.rate = axes * units::degree;
+        if (unit == increment) sample.delta_angle = axes * units::degree;
+        measurement.fields |= plain ? Measurement::rate : unit == increment ? Measurement::delta_angle : 0U;
+      } else {
+        sample.status |= overloaded * status::accelerometer_saturated_x;
+        if (plain) sample.specific_force = axes * units::standard_gravity;
+        if (unit == increment) sample.delta_velocity = axes;
+        measurement.fields |= plain ? Measurement::specific_force : unit == increment ? Measurement::delta_velocity : 0U;
+      }
+    }
+    if ((all & status_bit::integrity) != 0) sample.status |= status::not_valid;
+    if (c_.has_temperature()) {
+      sample.temperature_c = get_number(rest, 2) / 256;
+      measurement.fields |= Measurement::temperature;
+    }
+    // The counter is the third byte from the end.
+    rest = rest.last(3);
+    sample.counter = get(rest, 1);
+    sink.on_measurement(measurement);
+  }
+
+  Configuration c_;
+  Search search_;
+};
+
+}  // namespace
+
+std::unique_ptr<Decoder> make_decoder(const Configuration& configuration) {
+  return std::make_unique<DatagramDecoder>(configuration);
+}
+
+}  // namespace imud::stim300
