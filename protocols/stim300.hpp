@@ -81,6 +81,12 @@ struct Configuration {
     bit_rate = known == bit_rates.end() ? user_defined : static_cast<unsigned>(known - bit_rates.begin());
     user_bit_rate = bit_rate == user_defined ? nearest_bit_rate(wanted) : 0;
   }
+  void set_line(const Configuration& from) noexcept {
+    bit_rate = from.bit_rate;
+    user_bit_rate = from.user_bit_rate;
+    parity = from.parity;
+    stop_bits = from.stop_bits;
+  }
   bool operator==(const Configuration&) const = default;
 };
 inline constexpr unsigned least_bit_rate = 1500, greatest_bit_rate = 5'184'000;
@@ -130,6 +136,7 @@ struct Memory {
   std::array<std::uint8_t, 16> errors = {};  // accumulated, bytes 1 to 16 of Table 5-18
 
   void set_error(unsigned bit) noexcept { errors[15 - bit / 8] |= static_cast<std::uint8_t>(1U << bit % 8); }
+  bool has_error(unsigned bit) const noexcept { return (errors[15 - bit / 8] >> bit % 8 & 1U) != 0; }
   // Up to its limit (Tables 5-3 to 5-8). False if that was less than wanted.
   bool set_trim(Cluster cluster, unsigned axis, double wanted) noexcept {
     const unsigned range = range_g(active.accelerometer_range);
@@ -155,6 +162,7 @@ struct Memory {
   }
 };
 
+inline constexpr std::string_view product_name = "STIM300", firmware = "SWD12404 REV 0", hardware = "M5728 REV 11";
 inline constexpr std::string_view part_number = "84167-4400003-321";
 inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;

@@ -42,7 +42,8 @@ std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noe
       datagram.put(c.cr_lf ? 0xB7 : 0xB5, 1);
       datagram.put(static_cast<unsigned char>(serial_number[0]), 1);
       for (std::size_t at = 1; at < serial_number.size(); at += 2)
-        datagram.put_halves(static_cast<unsigned>(serial_number[at] - '0'), static_cast<unsigned>(serial_number[at + 1] - '0'));
+        datagram.put_halves(static_cast<unsigned>(serial_number[at] - '0'),
+                            static_cast<unsigned>(serial_number[at + 1] - '0'));
       datagram.put(0, 7);
       break;
     case of_configuration:

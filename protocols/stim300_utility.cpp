@@ -181,11 +181,11 @@ class Command {
       (answer.word(words), ...);
       return sent(answer);
     };
-    if (name_ == "in") return tell("STIM300");
+    if (name_ == "in") return tell(product_name);
     if (name_ == "isn") return tell(serial_number);
     if (name_ == "ix") return tell(part_number, std::string_view(&part_revision, 1));
-    if (name_ == "ifw") return tell("SWD12404 REV 0");
-    if (name_ == "ihw") return tell("M5728 REV 11");
+    if (name_ == "ifw") return tell(firmware);
+    if (name_ == "ihw") return tell(hardware);
     if (name_ == "iax") return tell("XYZ", "XYZ", "XYZ");
     if (name_ == "isv") return count(0) ? bad_count : sent(ok().number(std::uint64_t{memory_.saves_left}));
     if (name_ == "irf")

@@ -16,9 +16,13 @@
 // | [2]    | CR LF                                                                                  |
 //
 // What the datasheet leaves open follows captures of real units: rates end at 480 deg/s, with overload (UBC-Rocket,
-// Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README). The low-pass filters are
-// configured and reported, but not modelled, nor is what they delay; nothing is connected to PPS and external trigger.
-// The g-compensation takes away an error that the modelled gyros do not have, so that it is kept and reported alone.
+// Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README); nothing is connected to PPS and
+// external trigger.
+//
+// Configured and reported, but without effect: the low-pass filters and what they delay (group delays of Tables 5-3 to 5-9).
+// Hence the gyros' units "delayed", too: on a unit they hold the gyros back by the 4 ms by which the accelerometers come
+// later (section 7.5.2.2.1); here both come together already. The g-compensation (section 7.5.2.2.6) takes away an error
+// that the modelled gyros do not have.
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -26,6 +30,7 @@
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
 #include "protocols/stim300_datagram.hpp"
+#include "protocols/stim300_service.hpp"
 
 namespace imud {
 
@@ -48,44 +53,34 @@ class Stim300Device final : public Device {
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     now_ = sample.time;
+    counter_ = sample.counter & 0xFFU;
     measure(sample);
-    if (++since_reset_ <= first_datagram || in_utility_) return;
+    service_.pass_sample();
+    leave_service();
+    if (++since_reset_ <= first_datagram) return;
     const bool starts = initialising_ && specials_ != 0;
-    if (!starts && !is_slot(sample.counter)) return;
-    if (now_ < busy_until_ && busy_until_ - now_ < std::chrono::seconds(1)) {
-      if (!starts) memory_.set_error(68);  // "UART unable to transmit": this one is lost
-      return;
-    }
-    initialising_ = starts;
-    const std::size_t characters = specials_ != 0 ? send_special(out) : send_measurement(sample.counter & 0xFFU, out);
-    for (Axes& axes : axes_) axes.begin();
-    // All of Table 5-12 follows from 80 us before the first bit (section 7.3) and a bit-rate that is 1 % low (Table 5-2).
-    const LineSettings line = memory_.active.line();
-    busy_until_ = now_ + nanoseconds(80e-6 + 1.01 * static_cast<double>(characters * line.bits_per_character()) / line.baud);
+    if (starts || is_slot(sample.counter)) transmit(starts, out);
   }
 
   // Section 8: nothing is echoed, and what is not right is not answered.
   void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
-    reader_.feed(from_host.bytes, now_, [&](std::string_view line) {
-      if (in_utility_) {
-        in_utility_ = obey(memory_, line, replies);
-        return;
+    for (std::span<const std::byte> bytes = from_host.bytes; !bytes.empty();) {
+      std::size_t taken = 1;
+      if (mode_ == Mode::service) {
+        taken = service_.take(bytes, memory_, reading(), replies);
+        leave_service();
+      } else {
+        reader_.feed(bytes.first(1), now_, [&](std::string_view line) { obey_line(line, replies); });
       }
-      constexpr std::array<std::pair<std::string_view, Special>, 5> requests = {
-          {{"N", of_part}, {"I", of_serial}, {"C", of_configuration}, {"T", of_trim}, {"E", of_errors}}};
-      for (const auto& [word, special] : requests)
-        if (line == word) specials_ = special;  // the last one asked for
-      if (line == "R") reset();
-      if (line != "UTILITYMODE") return;
-      in_utility_ = true;
-      greet(replies);
-    });
+      bytes = bytes.subspan(taken);
+    }
   }
 
   void restart() noexcept override { reset(); }
   LineSettings line() const noexcept override { return memory_.active.line(); }
 
  private:
+  enum class Mode { normal, utility, service };
   // Internal samples after a reset (Table 5-2: 0.2 s at most, 0.7 s nominal).
   static constexpr std::uint64_t first_datagram = 200, valid = 1400;
 
@@ -93,9 +88,10 @@ class Stim300Device final : public Device {
   struct Axes {
     Vector3 now = Vector3::Zero(), sum = Vector3::Zero(), integral = Vector3::Zero();
     std::uint64_t samples = 0;
-    unsigned status = 0;
+    unsigned status = 0, status_now = 0;
     void add(const Vector3& value, const Vector3& step, unsigned bits) noexcept {
       now = value;
+      status_now = bits;
       sum += step;
       integral += step;
       ++samples;
@@ -108,6 +104,32 @@ class Stim300Device final : public Device {
     }
   };
 
+  void obey_line(std::string_view line, FrameBuffer& replies) noexcept {
+    if (mode_ == Mode::utility) {
+      if (!obey(memory_, line, replies)) mode_ = Mode::normal;
+      return;
+    }
+    constexpr std::array<std::pair<std::string_view, Special>, 5> requests = {
+        {{"N", of_part}, {"I", of_serial}, {"C", of_configuration}, {"T", of_trim}, {"E", of_errors}}};
+    for (const auto& [word, special] : requests)
+      if (line == word) specials_ = special;  // the last one asked for
+    if (line == "R") reset();
+    if (line == "UTILITYMODE") {
+      mode_ = Mode::utility;
+      greet(replies);
+    }
+    if (line == "SERVICEMODE") {
+      mode_ = Mode::service;
+      service_.enter(memory_, replies);
+    }
+  }
+
+  void leave_service() noexcept {
+    if (mode_ != Mode::service || service_.exit() == Service::Exit::none) return;
+    mode_ = Mode::normal;
+    if (service_.exit() == Service::Exit::to_init) reset();
+  }
+
   bool is_slot(std::uint64_t counter) const noexcept {
     const unsigned rate = memory_.active.sample_rate;
     return rate != external_trigger && counter % (2000 / sample_rates[rate]) == 0;
@@ -117,7 +139,7 @@ class Stim300Device final : public Device {
     memory_.load();
     memory_.errors = {};
     memory_.set_error(16);  // "Start-up phase active"
-    in_utility_ = false;
+    mode_ = Mode::normal;
     initialising_ = true;
     since_reset_ = 0;
     specials_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
@@ -148,7 +170,25 @@ class Stim300Device final : public Device {
     add(inclinometer, level, level / internal_hz, tilted);
   }
 
-  std::size_t send_measurement(std::uint64_t counter, FrameBuffer& out) noexcept {
+  // What is measured goes on in every mode; what is not sent in its slot is lost.
+  void transmit(bool starts, FrameBuffer& out) noexcept {
+    if (mode_ == Mode::normal) send(starts, out);
+    for (Axes& axes : axes_) axes.begin();
+  }
+
+  void send(bool starts, FrameBuffer& out) noexcept {
+    if (now_ < busy_until_ && busy_until_ - now_ < std::chrono::seconds(1)) {
+      if (!starts) memory_.set_error(68);  // "UART unable to transmit"
+      return;
+    }
+    const std::size_t characters = specials_ != 0 ? send_special(out) : send_measurement(out);
+    initialising_ = starts && specials_ != 0;
+    // All of Table 5-12 follows from 80 us before the first bit (section 7.3) and a bit-rate that is 1 % low (Table 5-2).
+    const LineSettings line = memory_.active.line();
+    busy_until_ = now_ + nanoseconds(80e-6 + 1.01 * static_cast<double>(characters * line.bits_per_character()) / line.baud);
+  }
+
+  std::size_t send_measurement(FrameBuffer& out) noexcept {
     const Configuration& c = memory_.active;
     Datagram datagram(out);
     datagram.put(identifier(c.content, c.has_aux), 1);
@@ -177,10 +217,23 @@ class Stim300Device final : public Device {
       for (int i = 0; i < 3; ++i) datagram.put_number(temperature_c_ * 256, 2);
       datagram.put(status_, 1);
     }
-    if (c.has_pps()) datagram.put((c.has_aux ? 0 : 0x7FFFFF00U) | status_, 4);  // 0 V; as long ago as can be said
-    datagram.put(counter, 1);
+    if (c.has_pps()) datagram.put(pps() << 8 | status_, 4);
+    datagram.put(counter_, 1);
     datagram.put(latency_us, 2);
     return datagram.finish(c.cr_lf);
+  }
+
+  // AUX: 0 V. Without an edge of PPS: as long ago as can be said.
+  std::uint32_t pps() const noexcept { return memory_.active.has_aux ? 0 : 0x7FFFFFU; }
+
+  Reading reading() const noexcept {
+    Reading all{.values = {}, .status = {}, .temperature_c = temperature_c_, .temperature_status = status_, .pps = pps(),
+                .pps_status = status_, .counter = counter_, .latency_us = latency_us};
+    for (const Cluster cluster : clusters) {
+      all.values[cluster] = axes_[cluster].now;
+      all.status[cluster] = axes_[cluster].status_now;
+    }
+    return all;
   }
 
   std::size_t send_special(FrameBuffer& out) noexcept {
@@ -190,13 +243,15 @@ class Stim300Device final : public Device {
   }
 
   Memory memory_;
-  bool in_utility_ = false;
+  Mode mode_ = Mode::normal;
+  Service service_;
   bool initialising_ = true;
   std::uint64_t since_reset_ = 0;  // internal samples
   unsigned specials_ = 0;          // to be sent
   DeviceTime now_, busy_until_;
   std::array<Axes, 3> axes_;  // of the clusters
   unsigned status_ = 0;       // bits of all
+  unsigned counter_ = 0;
   double temperature_c_ = 0;
   CommandReader<100> reader_;
 };
@@ -276,7 +331,7 @@ Product product(const Settings& settings) {
 extern const Protocol stim300_protocol;
 constexpr Protocol stim300_protocol = {
     .name = "stim300",
-    .summary = "Sensonor STIM300: Normal Mode with every datagram, start-up, Utility Mode",
+    .summary = "Sensonor STIM300: Normal Mode with every datagram, start-up, Utility and Service Mode",
     .link = Link::bytes,
     .document = "Sensonor TS1524 rev. 31, February 2024",
     .settings = declared,

@@ -56,8 +56,10 @@ const std::vector<Host>& hosts() {
        {"N", "I", "C", "T", "E", "R", "SERVICEMODE", "UTILITYMODE", "$sm,4,", "$sgu,b,", "$sau,1,", "$sd,t,", "$ie,",
         "$st,921600,2,n,1,0,0,", "$saf,z,4,", "$sconf,v,5,", "$ibto,", "$sbto,3.4e-03,g,y,", "$save,", "$sfs,1,", "$xn,",
         "$sdbto,1e308,-1,0,0.1,0.1,0.1,1,1,1,", "$srf,4294967295,", "$irng,", "$ix,", "$ig,x,",
-        "$sg,y,1,1,2,0,0.5,", "$st,1500,1,o,1,1,0,"},
-       stim300("$xn,"), stim300("UTILITYMODE"), "#UTILITYMODE,234"},
+        "$sg,y,1,1,2,0,0.5,", "$st,1500,1,o,1,1,0,", "SERVICEMODE\ri", "SERVICEMODE\rc", "a", "b 0.001,g,x", "b 7,r", "d t,1",
+        "f 2,a,x", "g 8,0.3", "g 0,0,1,2,1,1,0", "h v,3", "i e", "i g", "m 5", "r 0", "s", "Y", "N", "t f,500000,2,1", "t 3,1,0",
+        "u g,8", "x n", "x I", "z s", "? g", "\b\b\b"},
+       stim300("$xn,") + "N\rx N\r", stim300("UTILITYMODE"), "#UTILITYMODE,234"},
       {"mip", mip,
        {bytes({1, 2, 1}), bytes({1, 2, 2}), bytes({1, 2, 3}), bytes({1, 2, 4}), bytes({1, 2, 6}), bytes({1, 8, 9, 1, 1, 0, 1, 194, 0}),
         bytes({1, 2, 0x7E}), bytes({12, 2, 6}), bytes({12, 14, 15, 1, 128, 3, 0xD5, 0, 10, 4, 0, 10, 5, 0, 10}),
@@ -133,7 +135,7 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
     const unsigned baud = device->line().baud;
     ASSERT_TRUE(baud >= 1500 && baud <= 5'184'000) << baud;
     if (n % 1000 != 999) continue;
-    live(3000);  // what was cut off is forgotten
+    live(7000);  // what was cut off is forgotten, a hold time has gone by
     answers.clear();
     hear(host.revive);
     hear(host.last);

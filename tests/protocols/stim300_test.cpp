@@ -1,94 +1,17 @@
 // The STIM300 against its datasheet, TS1524 rev. 31, and against datagrams of real units.
 #include <gtest/gtest.h>
 
-#include <boost/crc.hpp>
 #include <cmath>
 
 #include "core/units.hpp"
-#include "tests/protocols/recording.hpp"
-#include "tests/protocols/table_names.hpp"
+#include "tests/protocols/stim300_unit.hpp"
 
 namespace imud {
 namespace {
 
-using namespace std::chrono_literals;
-
-std::vector<std::byte> hex(std::string_view text) {
-  std::vector<std::byte> bytes;
-  for (std::size_t i = 0; i + 1 < text.size(); i += 2)
-    bytes.push_back(static_cast<std::byte>(std::stoul(std::string(text.substr(i, 2)), nullptr, 16)));
-  return bytes;
-}
-
-// A unit, sampled at its 2000 Hz, with a host.
-class Unit {
- public:
-  explicit Unit(std::string_view settings = "start_up=false") {
-    const Protocol& protocol = *find_protocol("stim300");
-    Settings all(protocol.settings);
-    while (!settings.empty()) {
-      const std::string_view one = settings.substr(0, settings.find(','));
-      settings.remove_prefix(std::min(settings.size(), one.size() + 1));
-      all.set_text(one.substr(0, one.find('=')), one.substr(one.find('=') + 1));
-    }
-    device = protocol.make(all);
-    decoder = protocol.make_decoder(all);
-  }
-
-  // The datagrams of so many samples.
-  std::vector<std::vector<std::byte>> run(int samples) {
-    std::vector<std::vector<std::byte>> all;
-    for (int k = 0; k < samples; ++k) {
-      sample.counter = static_cast<std::uint64_t>(count_);
-      sample.time = DeviceTime{} + count_++ * 500us;
-      frames_->clear();
-      device->sample(sample, *frames_);
-      for (const Frame& frame : frames_->frames()) all.emplace_back(frame.bytes.begin(), frame.bytes.end());
-    }
-    return all;
-  }
-  // What is answered at once.
-  std::string say(std::string_view line) {
-    frames_->clear();
-    const std::string text = std::string(line) + "\r";
-    device->receive({std::as_bytes(std::span(text))}, *frames_);
-    std::string answer;
-    for (const Frame& frame : frames_->frames())
-      for (const std::byte byte : frame.bytes) answer += static_cast<char>(byte);
-    return answer;
-  }
-  // In Utility Mode, with its checksum; the answer without its own, which must be right.
-  std::string ask(const std::string& words) {
-    const auto crc = [](const std::string& text) {
-      boost::crc_optimal<8, 0x07, 0xFF, 0, false, false> sum;
-      sum.process_bytes(text.data(), text.size());
-      return std::to_string(sum.checksum());
-    };
-    const std::string answer = say("$" + words + "," + crc("$" + words + ","));
-    const std::size_t comma = answer.rfind(',');
-    if (comma == std::string::npos || answer.substr(comma + 1) != crc(answer.substr(0, comma + 1)) + "\r") return "bad " + answer;
-    return answer.substr(0, comma);
-  }
-  Recording decode(const std::vector<std::vector<std::byte>>& datagrams) const {
-    Recording recording;
-    for (const auto& datagram : datagrams) decoder->feed({datagram}, recording);
-    return recording;
-  }
-
-  Sample sample;
-  std::unique_ptr<Device> device;
-  std::unique_ptr<Decoder> decoder;
-
- private:
-  int count_ = 0;
-  std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
-};
-
-unsigned first(const std::vector<std::byte>& datagram) { return std::to_integer<unsigned>(datagram[0]); }
-
 // A real unit's, 10 g, without CR LF: geirhovland/stim300, README (its CRC is printed there).
 TEST(Stim300, DecodesARealUnitsDatagram) {
-  Unit unit;
+  Stim300Unit unit;
   const Recording recording = unit.decode(
       {hex("af000124fffad600035b00ffe7a6ffdd36081c5200ff7e70feba0c3ffa1d0023a023c023a0002319230a231c00239523b6239500ffef0200"
            "e101fac64942c6")});
@@ -105,7 +28,7 @@ TEST(Stim300, DecodesARealUnitsDatagram) {
 
 // A real unit's with CR LF and every error: UBC-Rocket/Whistler-Blackcomb-v2 d438366, imu_uart_data_2.txt.
 TEST(Stim300, DecodesARealUnitsErrors) {
-  Unit unit("cr_lf=true");
+  Stim300Unit unit("cr_lf=true");
   const auto bytes = hex("93780000780000880000ff00b5d8ff871700367eef7fffff4f1ff6800000ff0101fa2f7d41270d0a");
   const Recording recording = unit.decode({bytes, bytes});
   ASSERT_EQ(recording.measurements.size(), 2U);
@@ -126,7 +49,7 @@ TEST(Stim300, EveryDatagramHasItsIdentifierAndSize) {
   for (unsigned content = 0; content < 32; ++content) {
     const auto flag = [&](unsigned bit) { return (content >> bit & 1U) != 0 ? "true" : "false"; };
     for (const bool cr_lf : {false, true}) {
-      Unit unit(std::string("start_up=false,sample_rate=500,acceleration=") + flag(0) + ",inclination=" + flag(1) +
+      Stim300Unit unit(std::string("start_up=false,sample_rate=500,acceleration=") + flag(0) + ",inclination=" + flag(1) +
                 ",temperature=" + flag(2) + ",pps=" + flag(3) + ",aux_input=" + flag(4) +
                 ",cr_lf=" + (cr_lf ? "true" : "false"));
       unit.sample.rate = {0.1, -0.2, 0.3};
@@ -147,7 +70,7 @@ TEST(Stim300, EveryUnitIsWhatTheModelSays) {
   for (const int range : {5, 10, 30, 80}) {
     const double force_lsb = (range == 5 ? 0x1p-20 : range == 10 ? 0x1p-19 : range == 30 ? 0x1p-18 : 0x1p-16);
     for (const bool increments : {false, true}) {
-      Unit unit("start_up=false,sample_rate=250,accelerometer_range_g=" + std::to_string(range) +
+      Stim300Unit unit("start_up=false,sample_rate=250,accelerometer_range_g=" + std::to_string(range) +
                 (increments ? ",gyro_unit=increment,accelerometer_unit=increment" : ",gyro_unit=average,accelerometer_unit=average"));
       unit.sample.rate = {0.5, -1.5, 3};
       unit.sample.specific_force = {-2, 9.8, 25};
@@ -172,7 +95,7 @@ TEST(Stim300, EveryUnitIsWhatTheModelSays) {
 
 // Section 7.5.2.2.5: in [-4, 4) deg, without an error.
 TEST(Stim300, AnIntegratedAngleWraps) {
-  Unit unit("start_up=false,sample_rate=2000,bit_rate=1843200,acceleration=false,inclination=false,temperature=false,gyro_unit=integrated");
+  Stim300Unit unit("start_up=false,sample_rate=2000,bit_rate=1843200,acceleration=false,inclination=false,temperature=false,gyro_unit=integrated");
   unit.sample.delta_angle = {0.1 * units::degree, -0.1 * units::degree, 0};
   double angle = 0;
   for (const auto& datagram : unit.run(300)) {
@@ -187,7 +110,7 @@ TEST(Stim300, AnIntegratedAngleWraps) {
 
 // Section 7.5.1 and Table 5-2: three special datagrams, from 0.2 s at most after the reset on; valid after 0.7 s.
 TEST(Stim300, StartsUpAsAfterPowerOn) {
-  Unit unit("");
+  Stim300Unit unit("");
   const auto check = [&] {
     EXPECT_TRUE(unit.run(200).empty());
     const auto datagrams = unit.run(200);
@@ -206,7 +129,7 @@ TEST(Stim300, StartsUpAsAfterPowerOn) {
 }
 
 TEST(Stim300, SaysWhoItIsAsTheDatasheetPacksIt) {
-  Unit unit;
+  Stim300Unit unit;
   for (const char* command : {"N", "I", "C", "E", "T"}) {
     unit.run(1);
     EXPECT_EQ(unit.say(command), "") << "nothing is echoed";
@@ -247,7 +170,7 @@ TEST(Stim300, ALineTooSlowLosesSamples) {
     const auto flag = [&](unsigned bit) { return (content >> bit & 1U) != 0 ? "true" : "false"; };
     for (std::size_t i = 0; i < bit_rates.size(); ++i) {
       for (const int rate : {500, 1000, 2000}) {
-        Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[i]) + ",sample_rate=" + std::to_string(rate) +
+        Stim300Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[i]) + ",sample_rate=" + std::to_string(rate) +
                   ",acceleration=" + flag(0) + ",inclination=" + flag(1) + ",temperature=" + flag(2) + ",pps=" + flag(3));
         const auto arrived = static_cast<int>(unit.run(2000).size());
         EXPECT_EQ(arrived == rate, rate <= table[content][i]) << content << ' ' << bit_rates[i] << ' ' << rate;
@@ -261,7 +184,7 @@ TEST(Stim300, ALineTooSlowLosesSamples) {
 }
 
 TEST(Stim300, StatusSaysWhatIsTheMatter) {
-  Unit unit;
+  Stim300Unit unit;
   const auto status = [&](std::size_t at) {
     unit.run(2);
     return std::to_integer<unsigned>(unit.run(2).at(0)[at]);
@@ -290,115 +213,8 @@ TEST(Stim300, StatusSaysWhatIsTheMatter) {
   EXPECT_EQ(std::to_integer<unsigned>(after[0][10]), 0x11U);
 }
 
-// The examples of section 10, whose CRCs are right there.
-TEST(Stim300, UtilityModeAnswersAsTheDatasheetShows) {
-  Unit unit;
-  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
-  EXPECT_TRUE(unit.run(100).empty()) << "no measurements meanwhile";
-  EXPECT_EQ(unit.say("$isn,28"), "#isn,0,N25582405002002,252\r");
-  EXPECT_EQ(unit.say("ibto,160"), "#,1,180\r");
-  EXPECT_EQ(unit.say("$sbto,0.00123,12"), "#,2,139\r");
-  EXPECT_EQ(unit.say("$dbto,0.00123,0"), "#,3,158\r");
-  EXPECT_EQ(unit.say("$sbto,0.0123,g,y,0,2"), "#sbto,4,136\r");
-  EXPECT_EQ(unit.ask("sbto,0.0123,s,y"), "#sbto,5");
-  EXPECT_EQ(unit.say("$iaf,192"), "#iaf,0,4,4,4,51\r");
-  EXPECT_EQ(unit.say("$iax,65"), "#iax,0,XYZ,XYZ,XYZ,212\r");
-  EXPECT_EQ(unit.say("$iconf,t,211"), "#iconf,T,0,43\r");
-  EXPECT_EQ(unit.say("$ifw,148"), "#ifw,0,SWD12404 REV 0,208\r");
-  EXPECT_EQ(unit.say("$ihw,184"), "#ihw,0,M5728 REV 11,215\r");
-  EXPECT_EQ(unit.say("$in,95"), "#in,0,STIM300,247\r");
-  EXPECT_EQ(unit.say("$irng,74"), "#irng,0,400,400,400,10,10,10,1.7,1.7,1.7,NA,61\r");
-  EXPECT_EQ(unit.say("$ix,118"), "#ix,0,84167-4400003-321,K,174\r");
-  EXPECT_EQ(unit.say("$sau,1,27"), "#sau,0,1,150\r");
-  EXPECT_EQ(unit.say("$iau,168"), "#iau,0,1,31\r");
-  EXPECT_EQ(unit.say("$sconf,v,5,222"), "#sconf,V,5,77\r");
-  EXPECT_EQ(unit.say("$sd,1,148"), "#sd,0,1,242\r");
-  EXPECT_EQ(unit.say("$sgf,x,3,214"), "#sgf,0,X,3,125\r");
-  EXPECT_EQ(unit.say("$sgu,2,111"), "#sgu,0,2,101\r");
-  EXPECT_EQ(unit.say("$sif,y,0,217"), "#sif,0,Y,0,132\r");
-  EXPECT_EQ(unit.say("$siu,0,23"), "#siu,0,0,105\r");
-  EXPECT_EQ(unit.say("$sm,4,115"), "#sm,0,4,213\r");
-  EXPECT_EQ(unit.say("$im,96"), "#im,0,4,85\r");
-  EXPECT_EQ(unit.say("$spf,4,87"), "#spf,0,4,62\r");
-  EXPECT_EQ(unit.say("$srf,43638,122"), "#srf,0,43638,69\r");
-  EXPECT_EQ(unit.say("$irf,223"), "#irf,43638,44\r");
-  EXPECT_EQ(unit.say("$sbto,0,165"),
-            "#sbto,0,0.00000,0.00000,0.00000,0.000000,0.000000,0.000000,0.0000000,0.0000000,0.0000000,177\r");
-  EXPECT_EQ(unit.say("$sbto,3.4e-03,g,y,128").substr(0, 24), "#sbto,0,0.00000,0.00340,");
-  EXPECT_EQ(unit.say("$sg,x,1,1,2,0,0.5,243"), "#sg,0,X,1,1,2,0,0.500,79\r");
-  EXPECT_EQ(unit.say("$ig,x,167"), "#ig,0,X,1,1,2,0,0.500,150\r");
-  EXPECT_EQ(unit.ask("ig,y"), "#ig,0,Y,0,0,0,0,0.500") << "one filter for all axes";
-  EXPECT_EQ(unit.ask("sg,y,1,1,2,0,0.0009"), "#sg,5");
-  EXPECT_EQ(unit.ask("sg,y,1,1,3,0,0.5"), "#sg,5");
-  EXPECT_EQ(unit.say("$sfs,1,70"), "#sfs,0,1,115\r");
-  EXPECT_EQ(unit.ask("ig,x"), "#ig,0,X,0,0,0,0,0.010");
-  EXPECT_EQ(unit.ask("sgu, b"), "#sgu,0,b");
-  EXPECT_EQ(unit.ask("sgu,4"), "#sgu,5");
-  EXPECT_EQ(unit.ask("sgu, "), "#sgu,5");
-  EXPECT_EQ(unit.ask("st,921600,2,n,1,0,0"), "#st,0,921600,2,N,1,0,0");
-  EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::none, 2}));
-  EXPECT_EQ(unit.ask("st,115200,2,n,1,0,0"), "#st,0,115200,2,N,1,0,0");
-  EXPECT_EQ(unit.ask("st,500000,2,n,1,0,0"), "#st,0,499663,2,N,1,0,0") << "82944000/166 (section 9.12.1)";
-  EXPECT_EQ(unit.device->line(), (LineSettings{499663, Parity::none, 2}));
-  EXPECT_EQ(unit.ask("st,1499,2,n,1,0,0"), "#st,5");
-  EXPECT_EQ(unit.ask("st,5184001,2,n,1,0,0"), "#st,5");
-  EXPECT_EQ(unit.say("$xn,150"), "#xn,0,125\r");
-  EXPECT_EQ(unit.say("$xn,150"), "") << "back in Normal Mode";
-  EXPECT_FALSE(unit.run(10).empty());
-}
-
-TEST(Stim300, WhatIsNotSavedIsGoneAfterAReset) {
-  Unit unit;
-  unit.say("UTILITYMODE");
-  EXPECT_EQ(unit.ask("st,460800,1,e,1,1,0"), "#st,0,460800,1,E,1,1,0");
-  EXPECT_EQ(unit.ask("save"), "#save,0,9999");
-  EXPECT_EQ(unit.ask("sd,0"), "#sd,0,0");
-  EXPECT_EQ(unit.ask("sbto,0.5,g,x").substr(0, 15), "#sbto,0,0.50000");
-  EXPECT_EQ(unit.ask("xn"), "#xn,0");
-  const auto datagrams = unit.run(100);
-  EXPECT_EQ(first(datagrams.back()), 0x90U);
-  EXPECT_NEAR(unit.decode(datagrams).measurements.back().sample.rate.x(), 0.5 * units::degree, 1e-6);
-  unit.say("R");
-  EXPECT_EQ(unit.device->line(), (LineSettings{460800, Parity::even, 1}));
-  unit.run(2000);
-  EXPECT_EQ(first(unit.run(10).back()), 0xA7U);
-}
-
-// Tables 5-3 to 5-8, and figure 10-10 for the answer.
-TEST(Stim300, BiasTrimOffsetsEndAtTheirLimits) {
-  for (const auto& [range, limit] : {std::pair{"5", "0.100000"}, {"10", "0.100000"}, {"30", "0.300000"}, {"80", "0.800000"}}) {
-    Unit unit(std::string("start_up=false,accelerometer_range_g=") + range);
-    unit.say("UTILITYMODE");
-    const std::string l = limit;
-    const std::string ends = "1.00000,1.00000,1.00000," + l + ',' + l + ',' + l + ",0.0200000,0.0200000,0.0200000";
-    EXPECT_EQ(unit.ask("sbto,3"), "#sbto,8," + ends);
-    EXPECT_EQ(unit.ask("sdbto,0,0,0,0,0,0,0,0,1e9"), "#sdbto,8," + ends);
-    EXPECT_EQ(unit.ask("sdbto,-2,-2,-2,-2,-2,-2,-2,-2,-0.01").substr(0, 20), "#sdbto,8,-1.00000,-1");
-    EXPECT_EQ(unit.ask("sdbto,1.5,0,0,0,0,0,0,0,0").substr(0, 17), "#sdbto,0,0.50000,");
-  }
-}
-
-// Bits 0 to 3 of byte 7 of the configuration datagram (Table 5-16), from $sg.
-TEST(Stim300, TheConfigurationNamesTheGCompensation) {
-  const auto code = [](const char* parameters, const char* axes) {
-    Unit unit;
-    unit.say("UTILITYMODE");
-    for (; *axes != 0; ++axes) unit.ask(std::string("sg,") + *axes + ',' + parameters);
-    unit.ask("xn");
-    unit.say("C");
-    return std::to_integer<unsigned>(unit.run(2).at(0).at(7)) & 15U;
-  };
-  EXPECT_EQ(code("0,0,0,0,3", "xyz"), 0U);
-  EXPECT_EQ(code("1,0,0,0,0.01", "xyz"), 1U) << "scale from the accelerometers";
-  EXPECT_EQ(code("1,1,2,1,0.01", "xyz"), 15U);
-  EXPECT_EQ(code("1,0,2,1,0.01", "xyz"), 10U);
-  EXPECT_EQ(code("2,1,2,1,0.01", "xyz"), 12U);
-  EXPECT_EQ(code("2,1,2,1,0.02", "xyz"), 15U) << "not the standard filter";
-  EXPECT_EQ(code("1,0,0,0,0.01", "xy"), 15U) << "not on all axes";
-}
-
 TEST(Stim300, ACommandCutOffIsForgotten) {
-  Unit unit;
+  Stim300Unit unit;
   FrameBuffer replies;
   const std::string half = "UTILITY";
   unit.device->receive({std::as_bytes(std::span(half))}, replies);

@@ -1,0 +1,83 @@
+// What Service Mode of the STIM300 says of a unit.
+#pragma once
+
+#include <cmath>
+
+#include "protocols/stim300_service.hpp"
+
+namespace imud::stim300 {
+
+inline constexpr std::array<std::string_view, 3> cluster_names = {"GYRO", "ACCELEROMETER", "INCLINOMETER"};
+inline constexpr std::string_view axis_names = "XYZ";
+
+// One frame of text in lines that end with CR; nothing at all if there is no room for it.
+class ServiceText {
+ public:
+  explicit ServiceText(FrameBuffer& out) noexcept : out_(out), room_(out.room(longest)) {}
+  ~ServiceText() {
+    if (size_ > 0) out_.push(size_);
+  }
+  ServiceText(const ServiceText&) = delete;
+  ServiceText& operator=(const ServiceText&) = delete;
+
+  struct Fixed {
+    double value;
+    int decimals;
+  };
+  template <class... Parts>
+  void add(const Parts&... parts) noexcept {
+    (put(parts), ...);
+  }
+  template <class... Parts>
+  void line(const Parts&... parts) noexcept {
+    add(parts..., '\r');
+  }
+
+ private:
+  static constexpr std::size_t longest = 6000;
+
+  void put(char c) noexcept {
+    if (size_ < room_.size()) room_[size_++] = static_cast<std::byte>(c);
+  }
+  void put(std::string_view text) noexcept {
+    for (const char c : text) put(c);
+  }
+  void put(unsigned number) noexcept {
+    std::array<char, 20> text;
+    put(std::string_view(text.data(), std::to_chars(text.data(), text.data() + text.size(), number).ptr));
+  }
+  void put(Fixed number) noexcept {
+    std::array<char, 32> text;
+    const auto end = std::to_chars(text.data(), text.data() + text.size(), std::clamp(number.value, -1e9, 1e9),
+                                   std::chars_format::fixed, number.decimals);
+    put(std::string_view(text.data(), end.ptr));
+  }
+
+  FrameBuffer& out_;
+  std::span<std::byte> room_;
+  std::size_t size_ = 0;
+};
+
+// All that command i lists, or its part of that letter (Table 9-35): false if there is none. 'e' clears the errors.
+void say_information(ServiceText& text, const Memory& memory) noexcept;
+bool say_part(ServiceText& text, Memory& memory, char part) noexcept;
+
+// What commands answer; `only`: the axis, 3 for all.
+void say_unit(ServiceText& text, const Configuration& c, Cluster cluster) noexcept;
+void say_pps_unit(ServiceText& text, const Configuration& c) noexcept;
+void say_sample_rate(ServiceText& text, const Configuration& c) noexcept;
+void say_filters(ServiceText& text, const Configuration& c, Cluster cluster, unsigned only = 3) noexcept;
+void say_pps_filter(ServiceText& text, const Configuration& c) noexcept;
+void say_g_compensation(ServiceText& text, const Configuration& c, std::string_view warning = "") noexcept;
+void say_trims(ServiceText& text, const Memory& memory, Cluster cluster, unsigned only = 3) noexcept;
+void say_reference(ServiceText& text, const Memory& memory) noexcept;
+void say_datagram(ServiceText& text, const Configuration& c) noexcept;
+void say_transmission(ServiceText& text, const LineSettings& line) noexcept;
+void say_line_termination(ServiceText& text, const Configuration& c) noexcept;
+void say_system(ServiceText& text, const Configuration& c, char which) noexcept;  // of "vtb"
+
+void say_reading(ServiceText& text, const Reading& reading) noexcept;
+// Every check, with the errors accumulated.
+void say_diagnostic(ServiceText& text, const Memory& memory) noexcept;
+
+}  // namespace imud::stim300

@@ -1,0 +1,90 @@
+// A STIM300 with a host, for tests.
+#pragma once
+
+#include <boost/crc.hpp>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocols/protocol.hpp"
+#include "tests/protocols/recording.hpp"
+#include "tests/protocols/table_names.hpp"
+
+namespace imud {
+
+inline std::vector<std::byte> hex(std::string_view text) {
+  std::vector<std::byte> bytes;
+  for (std::size_t i = 0; i + 1 < text.size(); i += 2)
+    bytes.push_back(static_cast<std::byte>(std::stoul(std::string(text.substr(i, 2)), nullptr, 16)));
+  return bytes;
+}
+
+// A unit, sampled at its 2000 Hz, with a host.
+class Stim300Unit {
+ public:
+  explicit Stim300Unit(std::string_view settings = "start_up=false") {
+    const Protocol& protocol = *find_protocol("stim300");
+    Settings all(protocol.settings);
+    while (!settings.empty()) {
+      const std::string_view one = settings.substr(0, settings.find(','));
+      settings.remove_prefix(std::min(settings.size(), one.size() + 1));
+      all.set_text(one.substr(0, one.find('=')), one.substr(one.find('=') + 1));
+    }
+    device = protocol.make(all);
+    decoder = protocol.make_decoder(all);
+  }
+
+  // The datagrams of so many samples.
+  std::vector<std::vector<std::byte>> run(int samples) {
+    std::vector<std::vector<std::byte>> all;
+    for (int k = 0; k < samples; ++k) {
+      sample.counter = static_cast<std::uint64_t>(count_);
+      sample.time = DeviceTime{} + count_++ * std::chrono::microseconds(500);
+      frames_->clear();
+      device->sample(sample, *frames_);
+      for (const Frame& frame : frames_->frames()) all.emplace_back(frame.bytes.begin(), frame.bytes.end());
+    }
+    return all;
+  }
+  // What is answered at once.
+  std::string say(std::string_view line) {
+    frames_->clear();
+    const std::string text = std::string(line) + "\r";
+    device->receive({std::as_bytes(std::span(text))}, *frames_);
+    std::string answer;
+    for (const Frame& frame : frames_->frames())
+      for (const std::byte byte : frame.bytes) answer += static_cast<char>(byte);
+    return answer;
+  }
+  // In Utility Mode, with its checksum; the answer without its own, which must be right.
+  std::string ask(const std::string& words) {
+    const auto crc = [](const std::string& text) {
+      boost::crc_optimal<8, 0x07, 0xFF, 0, false, false> sum;
+      sum.process_bytes(text.data(), text.size());
+      return std::to_string(sum.checksum());
+    };
+    const std::string answer = say("$" + words + "," + crc("$" + words + ","));
+    const std::size_t comma = answer.rfind(',');
+    if (comma == std::string::npos || answer.substr(comma + 1) != crc(answer.substr(0, comma + 1)) + "\r")
+      return "bad " + answer;
+    return answer.substr(0, comma);
+  }
+  Recording decode(const std::vector<std::vector<std::byte>>& datagrams) const {
+    Recording recording;
+    for (const auto& datagram : datagrams) decoder->feed({datagram}, recording);
+    return recording;
+  }
+
+  Sample sample;
+  std::unique_ptr<Device> device;
+  std::unique_ptr<Decoder> decoder;
+
+ private:
+  int count_ = 0;
+  std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
+};
+
+inline unsigned first(const std::vector<std::byte>& datagram) { return std::to_integer<unsigned>(datagram[0]); }
+
+}  // namespace imud
