@@ -4,6 +4,7 @@
 #include <cfloat>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -30,6 +31,16 @@ class Device {
   virtual void restart() noexcept;
   // Of its own UART; a change holds for what is sent after it. Default: it has none.
   virtual LineSettings line() const noexcept;
+
+  // An edge on its trigger input, or its pulse-per-second input, that counts as one. `time`: after the last sample and not
+  // after the next one, before which it is told; in order. Default: not connected.
+  virtual void trigger(DeviceTime time) noexcept;
+  virtual void pps(DeviceTime time) noexcept;
+  // What its output pin (time of validity, data ready) does because of the last sample. Default: nothing.
+  struct Pulse {
+    DeviceTime begin, end;
+  };
+  virtual std::optional<Pulse> pulse() const noexcept;
 };
 
 // What a Decoder found. `fields` tells which quantities the protocol carried; the others are zero in `sample`.

@@ -23,6 +23,7 @@ inline constexpr std::array<Cluster, 3> clusters = {gyro, accelerometer, inclino
 enum Unit : unsigned { value, increment, average, integrated, integrated_m_per_s };
 inline constexpr unsigned delayed = 8;  // is added; gyro only
 
+inline constexpr double internal_hz = 2000;
 inline constexpr std::array<unsigned, 5> sample_rates = {125, 250, 500, 1000, 2000};
 inline constexpr std::array<unsigned, 4> bit_rates = {374400, 460800, 921600, 1843200};
 inline constexpr unsigned external_trigger = 5, user_defined = 15;
@@ -72,6 +73,7 @@ struct Configuration {
 
   bool has(Cluster cluster) const noexcept { return cluster == gyro || (content >> (cluster - 1) & 1U) != 0; }
   bool has_temperature() const noexcept { return (content & 4U) != 0; }
+  bool pps_is_time() const noexcept { return pps_unit >= 2; }
   bool has_pps() const noexcept { return (content & 8U) != 0; }
   LineSettings line() const noexcept {
     return {bit_rate == user_defined ? user_bit_rate : bit_rates[bit_rate], parity, stop_bits};
@@ -124,6 +126,41 @@ constexpr bool can_transmit(const Configuration& c) noexcept {
   return 11 * characters * line.bits_per_character() * sample_rates[c.sample_rate] <= 10 * std::size_t{line.baud};
 }
 
+// Table 5-23.
+namespace status_bit {
+inline constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10;
+}
+
+// A cluster since the last transmission; deg or g, s.
+struct Axes {
+  Vector3 now = Vector3::Zero(), sum = Vector3::Zero(), integral = Vector3::Zero();
+  std::uint64_t samples = 0;
+  unsigned status = 0, status_now = 0;
+  void add(const Vector3& value, const Vector3& step, unsigned bits) noexcept {
+    now = value;
+    sum += step;
+    integral += step;
+    ++samples;
+    status_now = bits;
+    status |= bits;
+  }
+  void begin() noexcept {
+    sum.setZero();
+    samples = 0;
+    status = 0;
+  }
+};
+
+// The rest of a measurement.
+struct Reading {
+  double temperature_c;
+  unsigned status;  // bits of all
+  std::uint32_t pps;
+  unsigned pps_status;
+  unsigned counter, latency_us;
+};
+inline constexpr std::uint32_t longest_pps = 0x7FFFFF;  // us, or longer
+
 // All that a unit keeps beside its measurements.
 struct Memory {
   Configuration active, stored;  // stored: in flash, taken at reset
@@ -135,6 +172,11 @@ struct Memory {
   std::uint16_t saves_left = saves;
   std::array<std::uint8_t, 16> errors = {};  // accumulated, bytes 1 to 16 of Table 5-18
 
+  // The bits of status that say so.
+  unsigned overload(Cluster cluster, unsigned axis) noexcept {
+    set_error(101 + 3 * static_cast<unsigned>(cluster) + axis);  // Table 5-19: in the order of the datagram
+    return status_bit::overload | 1U << axis;
+  }
   void set_error(unsigned bit) noexcept { errors[15 - bit / 8] |= static_cast<std::uint8_t>(1U << bit % 8); }
   bool has_error(unsigned bit) const noexcept { return (errors[15 - bit / 8] >> bit % 8 & 1U) != 0; }
   // Up to its limit (Tables 5-3 to 5-8). False if that was less than wanted.

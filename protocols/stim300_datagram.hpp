@@ -16,11 +16,6 @@ namespace imud::stim300 {
 
 inline constexpr std::size_t longest_datagram = 65;
 
-// Table 5-23.
-namespace status_bit {
-inline constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10;
-}
-
 // Table 5-21; with AUX that of earlier revisions (a real unit's 0xAF: see the test).
 constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
   if (content > 7 && !has_aux) return 0xF0 + (content & 7U);
@@ -68,6 +63,10 @@ class Datagram {
 enum Special : unsigned { of_part = 1, of_serial = 2, of_configuration = 4, of_trim = 8, of_errors = 16 };
 // How many characters it is. That of the errors clears them.
 std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noexcept;
+
+// A Normal Mode datagram; how many characters it is.
+std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& reading, Memory& memory,
+                              FrameBuffer& out) noexcept;
 
 // Understands every datagram; learns the units, which only the configuration datagram tells, from that.
 std::unique_ptr<Decoder> make_decoder(const Configuration& configuration);

@@ -34,8 +34,9 @@ constexpr std::string_view axes = "xyz", sensors = "gai";
 // One line of the host.
 class Service::Menu {
  public:
-  Menu(Service& service, Memory& memory, const Reading& reading, ServiceText& text) noexcept
-      : service_(service), memory_(memory), c_(memory.active), reading_(reading), text_(text) {}
+  Menu(Service& service, Memory& memory, const std::array<Axes, 3>& measured, const Reading& reading,
+       ServiceText& text) noexcept
+      : service_(service), memory_(memory), c_(memory.active), measured_(measured), reading_(reading), text_(text) {}
 
   void obey(std::string_view line) noexcept {
     const auto error = service_.question_ != Question::none ? answer(line) : line.empty() ? none : command(line);
@@ -60,7 +61,7 @@ class Service::Menu {
     switch (letter) {
       case 'a':
         if (c_.sample_rate == external_trigger) return unknown;
-        return count_ != 0 ? bad_count : (say_reading(text_, reading_), none);
+        return count_ != 0 ? bad_count : (say_measurement(text_, measured_, reading_), none);
       case 'b': return trim();
       case 'c': return count_ != 0 ? bad_count : (say_diagnostic(text_, memory_), none);
       case 'd': return datagram();
@@ -347,6 +348,7 @@ class Service::Menu {
   Service& service_;
   Memory& memory_;
   Configuration& c_;
+  const std::array<Axes, 3>& measured_;
   const Reading& reading_;
   ServiceText& text_;
   std::array<std::string_view, 8> parameters_;
@@ -360,8 +362,8 @@ void Service::enter(const Memory& memory, FrameBuffer& replies) noexcept {
   text.add('>');
 }
 
-std::size_t Service::take(std::span<const std::byte> typed, Memory& memory, const Reading& reading,
-                          FrameBuffer& replies) noexcept {
+std::size_t Service::take(std::span<const std::byte> typed, Memory& memory, const std::array<Axes, 3>& measured,
+                          const Reading& reading, FrameBuffer& replies) noexcept {
   constexpr char backspace = 8;
   std::size_t taken = 0;
   while (taken < typed.size() && exit_ == Exit::none) {
@@ -381,7 +383,7 @@ std::size_t Service::take(std::span<const std::byte> typed, Memory& memory, cons
     }
     if (c != '\r') break;
     const std::string_view line(line_.data(), std::exchange(size_, 0));
-    Menu(*this, memory, reading, text).obey(line);
+    Menu(*this, memory, measured, reading, text).obey(line);
   }
   return hold_ > 0 ? typed.size() : taken;
 }

@@ -13,17 +13,6 @@
 
 namespace imud::stim300 {
 
-// The latest measurement, for command a. Statuses as in Table 5-23.
-struct Reading {
-  std::array<Vector3, 3> values;  // of the clusters: deg/s, g, g
-  std::array<unsigned, 3> status;
-  double temperature_c;
-  unsigned temperature_status;
-  std::uint32_t pps;
-  unsigned pps_status;
-  unsigned counter, latency_us;
-};
-
 class Service {
  public:
   enum class Exit { none, to_normal, to_init };
@@ -31,7 +20,8 @@ class Service {
   void enter(const Memory& memory, FrameBuffer& replies) noexcept;
   // Takes what the host typed, at most up to an exit; how many characters that was. Appends their echo and the answers; what
   // many lines at once are answered beyond the room of `replies` is lost.
-  std::size_t take(std::span<const std::byte> typed, Memory& memory, const Reading& reading, FrameBuffer& replies) noexcept;
+  std::size_t take(std::span<const std::byte> typed, Memory& memory, const std::array<Axes, 3>& measured,
+                   const Reading& reading, FrameBuffer& replies) noexcept;
   // Whether Service Mode is to be left, and for what; after its hold time, which goes by in internal samples.
   Exit exit() const noexcept { return hold_ == 0 ? exit_ : Exit::none; }
   void pass_sample() noexcept {

@@ -229,19 +229,19 @@ bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
   return true;
 }
 
-void say_reading(ServiceText& text, const Reading& reading) noexcept {
+void say_measurement(ServiceText& text, const std::array<Axes, 3>& measured, const Reading& reading) noexcept {
   for (const Cluster cluster : clusters) {
     for (unsigned i = 0; i < 3; ++i)
       text.line(cluster_names[cluster], ' ', axis_names[i],
-                "-AXIS = ", ServiceText::Fixed{reading.values[cluster][i], 5 + static_cast<int>(cluster)},
+                "-AXIS = ", ServiceText::Fixed{measured[cluster].now[i], 5 + static_cast<int>(cluster)},
                 cluster == gyro ? " \xB0/s" : " g");
-    say_status(text, cluster_names[cluster], reading.status[cluster]);
+    say_status(text, cluster_names[cluster], measured[cluster].status_now);
   }
   for (const std::string_view cluster : {"GYRO", "ACC", "INC"}) {
     for (const char axis : axis_names)
       text.line("TEMPERATURE ", cluster, ' ', axis, "-AXIS = ", ServiceText::Fixed{reading.temperature_c, 3}, " \xB0"
                                                                                                           "C");
-    say_status(text, "TEMPERATURE", reading.temperature_status);
+    say_status(text, "TEMPERATURE", reading.status);
   }
   text.line("PPS = ", unsigned{reading.pps}, " us");
   say_status(text, "PPS", reading.pps_status);

@@ -76,7 +76,7 @@ void say_transmission(ServiceText& text, const LineSettings& line) noexcept;
 void say_line_termination(ServiceText& text, const Configuration& c) noexcept;
 void say_system(ServiceText& text, const Configuration& c, char which) noexcept;  // of "vtb"
 
-void say_reading(ServiceText& text, const Reading& reading) noexcept;
+void say_measurement(ServiceText& text, const std::array<Axes, 3>& measured, const Reading& reading) noexcept;
 // Every check, with the errors accumulated.
 void say_diagnostic(ServiceText& text, const Memory& memory) noexcept;
 

@@ -16,8 +16,12 @@
 // | [2]    | CR LF                                                                                  |
 //
 // What the datasheet leaves open follows captures of real units: rates end at 480 deg/s, with overload (UBC-Rocket,
-// Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README); nothing is connected to PPS and
-// external trigger.
+// Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README).
+//
+// A frame leaves at its sample's instant, not a compensation of 0.5 ms later as a unit's (figure 7-4). What it says is what
+// a unit says: TOV falls, and the time since PPS ends, when the latency has gone by since the sample. With an external
+// trigger the latency is the time from the latest sample to the edge (section 7.2), and the frame leaves at the next sample.
+// The PPS level behind the unit "filtered" is that of an open input.
 //
 // Configured and reported, but without effect: the low-pass filters and what they delay (group delays of Tables 5-3 to 5-9).
 // Hence the gyros' units "delayed", too: on a unit they hold the gyros back by the 4 ms by which the accelerometers come
@@ -25,6 +29,7 @@
 // that the modelled gyros do not have.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "core/units.hpp"
@@ -38,8 +43,9 @@ namespace {
 
 using namespace stim300;
 
-constexpr double internal_hz = 2000;
-constexpr std::uint16_t latency_us = 506;
+constexpr Nanoseconds own_latency = std::chrono::microseconds(506);
+// Table 5-2.
+constexpr Nanoseconds between_triggers = std::chrono::microseconds(500), shortest_tov = std::chrono::microseconds(50);
 class Stim300Device final : public Device {
  public:
   Stim300Device(const Configuration& configuration, bool starts_up) noexcept {
@@ -47,27 +53,41 @@ class Stim300Device final : public Device {
     reset();
     if (starts_up) return;
     since_reset_ = valid;
+    initialising_ = false;
     specials_ = 0;
     memory_.errors = {};
   }
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
+    pulse_.reset();
+    if (triggered_ && is_running() && is_external()) transmit(*triggered_, *triggered_ - now_, out);
+    triggered_.reset();
     now_ = sample.time;
     counter_ = sample.counter & 0xFFU;
     measure(sample);
     service_.pass_sample();
     leave_service();
     if (++since_reset_ <= first_datagram) return;
-    const bool starts = initialising_ && specials_ != 0;
-    if (starts || is_slot(sample.counter)) transmit(starts, out);
+    if (!is_running() || is_slot(sample.counter)) transmit(now_ + own_latency, own_latency, out);
+    if (is_running() && is_external() && mode_ == Mode::normal)
+      pulse_ = {now_ + own_latency, now_ + own_latency + shortest_tov};
   }
+
+  // Table 5-2.
+  void trigger(DeviceTime time) noexcept override {
+    const Nanoseconds since = time - triggered_last_;
+    if (since.count() >= 0 && since < between_triggers) return;
+    triggered_ = triggered_last_ = time;
+  }
+  void pps(DeviceTime time) noexcept override { pps_ = time; }
+  std::optional<Pulse> pulse() const noexcept override { return pulse_; }
 
   // Section 8: nothing is echoed, and what is not right is not answered.
   void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
     for (std::span<const std::byte> bytes = from_host.bytes; !bytes.empty();) {
       std::size_t taken = 1;
       if (mode_ == Mode::service) {
-        taken = service_.take(bytes, memory_, reading(), replies);
+        taken = service_.take(bytes, memory_, axes_, reading(now_ + own_latency, own_latency), replies);
         leave_service();
       } else {
         reader_.feed(bytes.first(1), now_, [&](std::string_view line) { obey_line(line, replies); });
@@ -83,26 +103,6 @@ class Stim300Device final : public Device {
   enum class Mode { normal, utility, service };
   // Internal samples after a reset (Table 5-2: 0.2 s at most, 0.7 s nominal).
   static constexpr std::uint64_t first_datagram = 200, valid = 1400;
-
-  // A cluster since the last transmission; deg or g, s.
-  struct Axes {
-    Vector3 now = Vector3::Zero(), sum = Vector3::Zero(), integral = Vector3::Zero();
-    std::uint64_t samples = 0;
-    unsigned status = 0, status_now = 0;
-    void add(const Vector3& value, const Vector3& step, unsigned bits) noexcept {
-      now = value;
-      status_now = bits;
-      sum += step;
-      integral += step;
-      ++samples;
-      status |= bits;
-    }
-    void begin() noexcept {
-      sum.setZero();
-      samples = 0;
-      status = 0;
-    }
-  };
 
   void obey_line(std::string_view line, FrameBuffer& replies) noexcept {
     if (mode_ == Mode::utility) {
@@ -130,6 +130,9 @@ class Stim300Device final : public Device {
     if (service_.exit() == Service::Exit::to_init) reset();
   }
 
+  // The special datagrams of the start are out: those asked for wait for their slot.
+  bool is_running() const noexcept { return since_reset_ > first_datagram && !initialising_; }
+  bool is_external() const noexcept { return memory_.active.sample_rate == external_trigger; }
   bool is_slot(std::uint64_t counter) const noexcept {
     const unsigned rate = memory_.active.sample_rate;
     return rate != external_trigger && counter % (2000 / sample_rates[rate]) == 0;
@@ -144,6 +147,8 @@ class Stim300Device final : public Device {
     since_reset_ = 0;
     specials_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
     axes_ = {};
+    triggered_.reset();
+    pps_.reset();
   }
 
   void measure(const Sample& sample) noexcept {
@@ -154,10 +159,10 @@ class Stim300Device final : public Device {
     temperature_c_ = sample.temperature_c;
     const auto add = [&](Cluster cluster, const Vector3& value, const Vector3& step, unsigned overloaded) {
       constexpr double dt = 1 / internal_hz;
-      axes_[cluster].add(value + memory_.trim[cluster], step + dt * memory_.trim[cluster],
-                         status_ | (overloaded != 0 ? status_bit::overload | overloaded : 0U));
-      for (unsigned i = 0; i < 3; ++i)  // Table 5-19: gyro, accelerometer, inclinometer from bit 101 on
-        if ((overloaded >> i & 1U) != 0) memory_.set_error(101 + 3 * static_cast<unsigned>(cluster) + i);
+      unsigned bits = status_;
+      for (unsigned i = 0; i < 3; ++i)
+        if ((overloaded >> i & 1U) != 0) bits |= memory_.overload(cluster, i);
+      axes_[cluster].add(value + memory_.trim[cluster], step + dt * memory_.trim[cluster], bits);
     };
     add(gyro, sample.rate / units::degree, sample.delta_angle / units::degree, sample.status & 7U);
     const Vector3 f = sample.specific_force / units::standard_gravity;
@@ -170,70 +175,41 @@ class Stim300Device final : public Device {
     add(inclinometer, level, level / internal_hz, tilted);
   }
 
-  // What is measured goes on in every mode; what is not sent in its slot is lost.
-  void transmit(bool starts, FrameBuffer& out) noexcept {
-    if (mode_ == Mode::normal) send(starts, out);
+  // What is measured goes on in every mode; what is not sent in its slot is lost. `validity`: `latency` after the sample.
+  void transmit(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
+    if (mode_ == Mode::normal) send(validity, latency, out);
     for (Axes& axes : axes_) axes.begin();
   }
 
-  void send(bool starts, FrameBuffer& out) noexcept {
-    if (now_ < busy_until_ && busy_until_ - now_ < std::chrono::seconds(1)) {
+  void send(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
+    const bool starts = !is_running();
+    if (validity < busy_until_ && busy_until_ - validity < std::chrono::seconds(1)) {
       if (!starts) memory_.set_error(68);  // "UART unable to transmit"
       return;
     }
-    const std::size_t characters = specials_ != 0 ? send_special(out) : send_measurement(out);
-    initialising_ = starts && specials_ != 0;
+    const std::size_t characters =
+        specials_ != 0 ? send_special(out) : write_measurement(axes_, reading(validity, latency), memory_, out);
+    if (specials_ == 0) initialising_ = false;
     // All of Table 5-12 follows from 80 us before the first bit (section 7.3) and a bit-rate that is 1 % low (Table 5-2).
     const LineSettings line = memory_.active.line();
-    busy_until_ = now_ + nanoseconds(80e-6 + 1.01 * static_cast<double>(characters * line.bits_per_character()) / line.baud);
+    const double on_line = static_cast<double>(characters * line.bits_per_character()) / line.baud;
+    busy_until_ = validity + nanoseconds(80e-6 + 1.01 * on_line);
+    if (!starts || memory_.active.tov_toggles) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
   }
 
-  std::size_t send_measurement(FrameBuffer& out) noexcept {
-    const Configuration& c = memory_.active;
-    Datagram datagram(out);
-    datagram.put(identifier(c.content, c.has_aux), 1);
-    for (const Cluster cluster : clusters) {
-      if (!c.has(cluster)) continue;
-      const Axes& axes = axes_[cluster];
-      const unsigned unit = c.units[cluster] % delayed;
-      const bool in_m = cluster != gyro && (unit == increment || unit == integrated_m_per_s);
-      const double scale = (in_m ? units::standard_gravity : 1.0) / lsb(c, cluster, unit);
-      for (int i = 0; i < 3; ++i) {
-        switch (unit) {
-          case value: datagram.put_number(scale * axes.now[i], 3); break;
-          case increment: datagram.put_number(scale * axes.sum[i], 3); break;
-          case average:
-            datagram.put_number(scale * internal_hz * axes.sum[i] / static_cast<double>(axes.samples), 3);
-            break;
-          default:  // wraps
-            datagram.put(static_cast<std::uint64_t>(std::llround(std::remainder(scale * axes.integral[i], 0x1p24))), 3);
-            break;
-        }
-      }
-      datagram.put(axes.status, 1);
-    }
-    for (const Cluster cluster : clusters) {
-      if (!c.has_temperature() || !c.has(cluster)) continue;
-      for (int i = 0; i < 3; ++i) datagram.put_number(temperature_c_ * 256, 2);
-      datagram.put(status_, 1);
-    }
-    if (c.has_pps()) datagram.put(pps() << 8 | status_, 4);
-    datagram.put(counter_, 1);
-    datagram.put(latency_us, 2);
-    return datagram.finish(c.cr_lf);
+  // AUX: 0 V. Filtered PPS: 1, of the pull-up. Otherwise in us (section 7.4.1); without an edge as long as can be said.
+  std::uint32_t pps_at(DeviceTime instant) const noexcept {
+    if (memory_.active.has_aux) return 0;
+    if (!memory_.active.pps_is_time()) return 1U << 22;
+    const double us = pps_ ? std::round(1e6 * seconds(instant - *pps_)) : longest_pps;
+    return us < -1e3 ? longest_pps : static_cast<std::uint32_t>(std::clamp(us, 0.0, double{longest_pps}));
   }
 
-  // AUX: 0 V. Without an edge of PPS: as long ago as can be said.
-  std::uint32_t pps() const noexcept { return memory_.active.has_aux ? 0 : 0x7FFFFFU; }
-
-  Reading reading() const noexcept {
-    Reading all{.values = {}, .status = {}, .temperature_c = temperature_c_, .temperature_status = status_, .pps = pps(),
-                .pps_status = status_, .counter = counter_, .latency_us = latency_us};
-    for (const Cluster cluster : clusters) {
-      all.values[cluster] = axes_[cluster].now;
-      all.status[cluster] = axes_[cluster].status_now;
-    }
-    return all;
+  Reading reading(DeviceTime validity, Nanoseconds latency) const noexcept {
+    const std::uint32_t pps = pps_at(validity);
+    return {.temperature_c = temperature_c_, .status = status_, .pps = pps,
+            .pps_status = status_ | (pps == longest_pps ? status_bit::overload : 0U), .counter = counter_,
+            .latency_us = static_cast<unsigned>(std::clamp(std::llround(1e6 * seconds(latency)), 0LL, 0xFFFFLL))};
   }
 
   std::size_t send_special(FrameBuffer& out) noexcept {
@@ -248,7 +224,9 @@ class Stim300Device final : public Device {
   bool initialising_ = true;
   std::uint64_t since_reset_ = 0;  // internal samples
   unsigned specials_ = 0;          // to be sent
-  DeviceTime now_, busy_until_;
+  DeviceTime now_, busy_until_, triggered_last_;
+  std::optional<DeviceTime> triggered_, pps_;
+  std::optional<Pulse> pulse_;
   std::array<Axes, 3> axes_;  // of the clusters
   unsigned status_ = 0;       // bits of all
   unsigned counter_ = 0;

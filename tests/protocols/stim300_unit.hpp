@@ -76,6 +76,8 @@ class Stim300Unit {
     return recording;
   }
 
+  DeviceTime now() const { return sample.time; }  // of the last sample
+
   Sample sample;
   std::unique_ptr<Device> device;
   std::unique_ptr<Decoder> decoder;

@@ -1,0 +1,45 @@
+#include "core/units.hpp"
+#include "protocols/stim300_datagram.hpp"
+
+namespace imud::stim300 {
+
+// Table 5-20.
+std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& reading, Memory& memory,
+                              FrameBuffer& out) noexcept {
+  const Configuration& c = memory.active;
+  Datagram datagram(out);
+  datagram.put(identifier(c.content, c.has_aux), 1);
+  for (const Cluster cluster : clusters) {
+    if (!c.has(cluster)) continue;
+    const Axes& of = axes[cluster];
+    const unsigned unit = c.units[cluster] % delayed;
+    const bool in_m = cluster != gyro && (unit == increment || unit == integrated_m_per_s);
+    const double scale = (in_m ? units::standard_gravity : 1.0) / lsb(c, cluster, unit);
+    unsigned status = of.status;
+    for (unsigned i = 0; i < 3; ++i) {
+      if (unit == integrated || unit == integrated_m_per_s) {  // wraps
+        datagram.put(static_cast<std::uint64_t>(std::llround(std::remainder(scale * of.integral[i], 0x1p24))), 3);
+        continue;
+      }
+      const double mean = internal_hz * of.sum[i] / static_cast<double>(std::max<std::uint64_t>(of.samples, 1));
+      const double number = scale * (unit == value ? of.now[i] : unit == increment ? of.sum[i] : mean);
+      if (unit == increment && std::abs(number) >= 0x1p23) status |= memory.overload(cluster, i);  // Table 5-2, note 9
+      datagram.put_number(number, 3);
+    }
+    datagram.put(status, 1);
+  }
+  for (const Cluster cluster : clusters) {
+    if (!c.has_temperature() || !c.has(cluster)) continue;
+    for (int i = 0; i < 3; ++i) datagram.put_number(reading.temperature_c * 256, 2);
+    datagram.put(reading.status, 1);
+  }
+  if (c.has_pps()) {
+    if (reading.pps == longest_pps) memory.set_error(112);
+    datagram.put(reading.pps << 8 | reading.pps_status, 4);
+  }
+  datagram.put(reading.counter, 1);
+  datagram.put(reading.latency_us, 2);
+  return datagram.finish(c.cr_lf);
+}
+
+}  // namespace imud::stim300
