@@ -162,6 +162,23 @@ std::string with_pace(TableReader& table, const std::string& port, bool paced, b
   return port + (port.find('?') == std::string::npos ? "?" : "&") + "pace=line";
 }
 
+SyncConfig read_sync(TableReader table, const Protocol* protocol) {
+  SyncConfig sync;
+  const auto read = [&](std::string_view key, std::string& port, Role role) {
+    port = table.text(key, "");
+    if (port.empty()) return;
+    if (protocol != nullptr && !protocol->has_sync_pins)
+      table.fault(key, fmt::format("{} has no such pin; leave it away", protocol->name));
+    if (read_port(table, key, port, role) != nullptr && !port.starts_with("udp:"))
+      table.fault(key, "edges come and go by \"udp:ADDR:PORT\"");
+  };
+  read("trigger_port", sync.trigger_port, Role::listener);
+  read("pps_port", sync.pps_port, Role::listener);
+  read("tov_port", sync.tov_port, Role::device);
+  table.finish();
+  return sync;
+}
+
 ImuConfig read_imu(TableReader& table, std::size_t index) {
   ImuConfig imu;
   imu.name = table.text("name", fmt::format("imu{}", index + 1));
@@ -217,6 +234,8 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     else if (const LineLoad load = line_load(imu); load.percent > 100.0)
       table.fault("rate_hz", fmt::format("{}; give a lower rate or a faster line", load.text()));
   }
+
+  imu.sync = read_sync(table.child("sync"), imu.protocol);
 
   imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);
   read_mounting(table.child("mounting"), imu.model);

@@ -10,6 +10,7 @@
 
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
+#include "emulator/sync.hpp"
 #include "emulator/truth_clock.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
@@ -52,6 +53,7 @@ struct ImuConfig {
   Settings settings;
   std::string port;
   bool paced = false;  // characters take their time on the port's line
+  SyncConfig sync;
   ImuModel model;
 };
 

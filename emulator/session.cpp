@@ -36,6 +36,8 @@ Session::Session(const Config& config, const std::atomic<bool>& stop, const Open
   for (const ImuConfig& imu : config.imus) {
     units_.push_back(std::make_unique<Unit>(imu, config.seed, open(imu.port, Role::device)));
     publish(*units_.back());
+    const SyncConfig& sync = imu.sync;
+    if (!(sync.trigger_port + sync.pps_port + sync.tov_port).empty()) units_.back()->sync.emplace(sync, open);
   }
   prepared_.reserve(units_.size());
   inputs_.reserve(units_.size() + 1);
@@ -59,6 +61,7 @@ void Session::begin_run() noexcept {
   for (const auto& unit : units_) {
     unit->imu.begin_run();
     unit->has_sampled = false;
+    if (unit->sync) unit->sync->begin_run();
   }
 }
 
@@ -78,6 +81,7 @@ void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
   unit.silent = stopped && when_stopped_ == WhenStopped::silence;
 
   unit.frames.clear();
+  if (unit.sync) unit.sync->tell(*unit.device, time, stamp);
   if (!unit.silent) {
     if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
     unit.device->sample(sample, unit.frames);
@@ -112,6 +116,7 @@ void Session::finish() noexcept {
 }
 
 void Session::hand_over(Unit& unit) noexcept {
+  if (unit.sync && !unit.silent) unit.sync->send(*unit.device);
   if (unit.frames.frames().empty()) return;
   unit.port->send(unit.frames.frames());
   unit.handed += unit.frames.frames().size();

@@ -18,6 +18,7 @@
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
 #include "emulator/schedule.hpp"
+#include "emulator/sync.hpp"
 #include "emulator/truth_intake.hpp"
 #include "transports/port.hpp"
 
@@ -129,6 +130,7 @@ class Session {
     Nanoseconds period;
     std::unique_ptr<Device> device;
     std::unique_ptr<Port> port;
+    std::optional<Sync> sync;  // nothing if nothing is connected
     bool waits_for_reader;
     bool reader_stalls = false;
     bool has_sampled = false;  // in this run

@@ -120,6 +120,8 @@ struct Protocol {
   bool has_checksum = false;  // every one-bit error of a frame is refused
   unsigned burst_bits = 0;    // so is every burst of errors up to this long, bits counted from the LSB of each byte
 
+  bool has_sync_pins = false;  // Device's trigger(), pps() and pulse()
+
   // nullptr: no product, the configuration says all. Throws as make.
   Product (*product)(const Settings& settings) = nullptr;
   // Settings, "key=value key=value ...", with which each sample gives a frame at once: for the conformance test.

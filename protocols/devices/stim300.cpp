@@ -239,8 +239,8 @@ constexpr std::array<std::string_view, 5> force_units = {"acceleration", "increm
                                                          "integrated_m_per_s"};
 constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
 constexpr Setting declared[] = {
-    {.key = "sample_rate", .help = "datagrams a second: 125, 250, 500, 1000 or 2000", .initial = std::int64_t{1000},
-     .min = 125, .max = 2000},
+    {.key = "sample_rate", .help = "datagrams a second: 125, 250, 500, 1000 or 2000; 0: at an external trigger",
+     .initial = std::int64_t{1000}, .min = 0, .max = 2000},
     {.key = "acceleration", .help = "is in the datagram", .initial = true},
     {.key = "inclination", .help = "is in the datagram", .initial = true},
     {.key = "temperature", .help = "is in the datagram", .initial = true},
@@ -272,7 +272,9 @@ unsigned word_of(std::span<const std::string_view> words, const std::string& wor
 
 Configuration configuration(const Settings& settings) {
   Configuration c;
-  c.sample_rate = index_of(sample_rates, settings.integer("sample_rate"), "sample_rate: give 125, 250, 500, 1000 or 2000");
+  c.sample_rate = external_trigger;
+  if (const std::int64_t rate = settings.integer("sample_rate"); rate != 0)
+    c.sample_rate = index_of(sample_rates, rate, "sample_rate: give 125, 250, 500, 1000 or 2000, or 0: external trigger");
   c.content = (settings.flag("acceleration") ? 1U : 0U) | (settings.flag("inclination") ? 2U : 0U) |
               (settings.flag("temperature") ? 4U : 0U) | (settings.flag("pps") ? 8U : 0U);
   c.has_aux = settings.flag("aux_input");
@@ -324,6 +326,7 @@ constexpr Protocol stim300_protocol = {
     .status_bits = 0x3F | status::not_valid,
     .has_checksum = true,
     .burst_bits = 32,
+    .has_sync_pins = true,
     .product = product,
     .trial = "sample_rate=2000 bit_rate=1843200 start_up=false",
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {

@@ -194,6 +194,18 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
   EXPECT_TRUE(faults(bare, {"truth.when_stopped=flag"}).empty());
 }
 
+TEST_F(ConfigTest, PinsAreConnectedByUdp) {
+  const std::string bare = "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"stim300\"\nport = \"pty:imu1\"\n";
+  const std::string trigger = "imu.0.sync.trigger_port=udp:127.0.0.1:9811", tov = "imu.0.sync.tov_port=udp:127.0.0.1:9813";
+  const SyncConfig sync = load(bare, {trigger, tov, "imu.0.device.sample_rate=0"}).imus[0].sync;
+  EXPECT_EQ(sync.trigger_port, "udp:127.0.0.1:9811");
+  EXPECT_EQ(sync.pps_port, "");
+  EXPECT_EQ(sync.tov_port, "udp:127.0.0.1:9813");
+  EXPECT_NE(fault(bare, {"imu.0.sync.pps_port=pty:pps"}).find("imu.0.sync.pps_port: "), std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.sync.pps_port=file:pps"}).find("edges come and go by \"udp:ADDR:PORT\""), std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.protocol=mip", trigger}).find("mip has no such pin; leave it away"), std::string::npos);
+}
+
 TEST_F(ConfigTest, AMipDeviceIsItsDefaults) {
   const std::string bare = "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"mip\"\nport = \"pty:imu1\"\n";
   const ImuConfig imu = load(bare).imus[0];

@@ -1,0 +1,53 @@
+// Sync: the trigger, PPS and output pins of one imu, as UDP datagrams with time stamps.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "core/time.hpp"
+#include "protocols/protocol.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// Empty: not connected.
+struct SyncConfig {
+  std::string trigger_port, pps_port, tov_port;
+};
+
+// An edge comes as a datagram: its simulation time, i64 in ns, little-endian; of any other length: at the next sample. One
+// of up to 10 s ahead waits for its sample, 64 at most, in order; one that is past counts as the last sample's instant.
+// A pulse of the output pin goes as its begin and end, likewise in simulation time.
+class Sync {
+ public:
+  using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, Role)>;
+  Sync(const SyncConfig& config, const OpenPort& open);  // throws PortError
+
+  // Before the device's sample of the truth at `time`.
+  void tell(Device& device, TruthTime time, DeviceTime stamp) noexcept;
+  // After that, with its frames.
+  void send(const Device& device) noexcept;
+  // The simulation's time begins anew.
+  void begin_run() noexcept;
+
+ private:
+  struct Input {
+    std::unique_ptr<Port> port;
+    std::array<TruthTime, 64> edges = {};  // that wait
+    std::size_t count = 0;
+  };
+  void tell(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input& input, TruthTime time,
+            DeviceTime stamp) noexcept;
+
+  Input trigger_, pps_;
+  std::unique_ptr<Port> tov_;
+  std::optional<TruthTime> last_;  // sample
+  TruthTime time_;
+  DeviceTime stamp_;
+};
+
+}  // namespace imud

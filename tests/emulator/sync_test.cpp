@@ -1,0 +1,137 @@
+// Edges by UDP: when devices hear of them, and what goes out.
+#include "emulator/sync.hpp"
+
+#include <gtest/gtest.h>
+
+#include <boost/endian/conversion.hpp>
+#include <cstring>
+#include <deque>
+#include <limits>
+#include <map>
+
+#include "tests/emulator/live_test.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+using Bytes = std::vector<std::byte>;
+
+struct FakePort final : Port {
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames) sent.emplace_back(frame.bytes.begin(), frame.bytes.end());
+  }
+  std::optional<Received> receive() noexcept override {
+    if (waiting.empty()) return std::nullopt;
+    held = waiting.front();
+    waiting.pop_front();
+    return Received{{held}, {}};
+  }
+  std::deque<Bytes> waiting;
+  std::vector<Bytes> sent;
+  Bytes held;
+};
+
+struct FakeDevice final : Device {
+  void sample(const Sample&, FrameBuffer&) noexcept override {}
+  void trigger(DeviceTime time) noexcept override { triggers.push_back(time.ns); }
+  void pps(DeviceTime time) noexcept override { seconds.push_back(time.ns); }
+  std::optional<Pulse> pulse() const noexcept override { return out; }
+  std::vector<std::int64_t> triggers, seconds;
+  std::optional<Pulse> out;
+};
+
+Bytes number(std::int64_t ns) {
+  Bytes bytes(8);
+  boost::endian::store_little_s64(reinterpret_cast<unsigned char*>(bytes.data()), ns);
+  return bytes;
+}
+
+struct Pins {
+  std::map<std::string, FakePort*, std::less<>> ports;
+  FakeDevice device;
+  Sync sync{{"trigger", "pps", "tov"}, [this](std::string_view name, Role role) {
+              EXPECT_EQ(role, name == "tov" ? Role::device : Role::listener);
+              auto port = std::make_unique<FakePort>();
+              ports[std::string(name)] = port.get();
+              return port;
+            }};
+  void sample(std::int64_t ns) { sync.tell(device, TruthTime{ns}, DeviceTime{ns + 7'000}); }
+};
+
+TEST(Sync, TellsAnEdgeBeforeTheSampleAfterIt) {
+  Pins pins;
+  pins.sample(1000);
+  pins.ports["trigger"]->waiting = {number(1500), number(2500), Bytes(), number(1)};
+  pins.ports["pps"]->waiting = {number(2000)};
+  pins.sample(2000);
+  EXPECT_EQ(pins.device.triggers, std::vector<std::int64_t>{8500}) << "in the device's time";
+  EXPECT_EQ(pins.device.seconds, std::vector<std::int64_t>{9000});
+  pins.sample(3000);
+  EXPECT_EQ(pins.device.triggers, (std::vector<std::int64_t>{8500, 9500, 9000, 9000}))
+      << "in order; that without a time came by 2000, that of long ago counts as of the last sample";
+}
+
+TEST(Sync, BearsAnyTimeAndAnyNumber) {
+  Pins pins;
+  constexpr auto most = std::numeric_limits<std::int64_t>::max(), least = std::numeric_limits<std::int64_t>::min();
+  pins.ports["trigger"]->waiting = {number(least), number(most)};
+  pins.sample(5'000);
+  EXPECT_EQ(pins.device.triggers, std::vector<std::int64_t>{12'000}) << "the other one never comes";
+  for (int i = 0; i < 1000; ++i) pins.ports["trigger"]->waiting.push_back(number(1'000'000 + i));
+  for (int i = 0; i < 100; ++i) pins.sample(6'000 + i);
+  EXPECT_TRUE(pins.ports["trigger"]->waiting.empty());
+  pins.sample(2'000'000);
+  EXPECT_EQ(pins.device.triggers.size(), 65U);
+  pins.ports["trigger"]->waiting = {number(3'000'000)};
+  pins.sample(2'500'000);
+  pins.sync.begin_run();
+  pins.sample(4'000'000);
+  EXPECT_EQ(pins.device.triggers.size(), 65U) << "a new run begins without edges of the old one";
+}
+
+TEST(Sync, SendsThePulseInTheSimulationsTime) {
+  Pins pins;
+  pins.sample(1'000'000);
+  pins.sync.send(pins.device);
+  EXPECT_TRUE(pins.ports["tov"]->sent.empty());
+  pins.device.out = Device::Pulse{DeviceTime{1'008'000}, DeviceTime{1'009'500}};
+  pins.sync.send(pins.device);
+  Bytes wanted = number(1'001'000);
+  const Bytes end = number(1'002'500);
+  wanted.insert(wanted.end(), end.begin(), end.end());
+  EXPECT_EQ(pins.ports["tov"]->sent, std::vector<Bytes>{wanted});
+}
+
+// The STIM300 in lockstep: an edge in each truth interval, so many datagrams.
+TEST_F(LiveTest, TriggersByUdpMakeTheSensorSend) {
+  Simulator edges;
+  const std::string c = write("config.toml", fmt::format(R"(clock = "lockstep"
+truth.port = "{}"
+[[imu]]
+protocol = "stim300"
+port = "file:{}"
+device.sample_rate = 0
+device.start_up = false
+sync.trigger_port = "{}"
+)",
+                                                         simulator_.port(), path("out"), edges.port()));
+  Program imud("imud");
+  start(imud, c);
+  for (std::int64_t ms = 0; ms < 100; ms += 10) {
+    if (ms > 0) edges.send(number(1'000'000 * ms - 4'800'000));
+    ASSERT_TRUE(simulator_.exchange(Simulator::truth(ms, static_cast<std::uint32_t>(ms), true)));
+  }
+  EXPECT_EQ(imud.stop(), 0);
+  const std::string sent = read_file(path("out"));
+  ASSERT_EQ(sent.size(), 9 * 59U);
+  for (std::size_t i = 0; i < 9; ++i) {
+    const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(sent[59 * i + at]); };
+    EXPECT_EQ(byte(0), 0xA7);
+    EXPECT_EQ(byte(52), 20 * i + 10) << "the sample of 5 ms";
+    EXPECT_EQ(byte(53) << 8 | byte(54), 200) << "us from it to the edge";
+  }
+}
+
+}  // namespace
+}  // namespace imud
