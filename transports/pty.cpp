@@ -96,16 +96,15 @@ class PtyDevice final : public Port {
   }
 
   std::optional<Received> receive() noexcept override {
-    while (true) {
-      const ssize_t size = ::read(master_.get(), buffer_.data(), buffer_.size());
-      if (size <= 0) break;
-      const auto bytes = heard(std::span(buffer_).first(static_cast<std::size_t>(size)));
-      if (bytes.empty()) continue;
-      ++counters_.received;
-      return Received{{bytes}, host_now()};
+    const ssize_t size = ::read(master_.get(), buffer_.data(), buffer_.size());
+    if (size <= 0) {
+      look_for_reader();
+      return std::nullopt;
     }
-    look_for_reader();
-    return std::nullopt;
+    const auto bytes = heard(std::span(buffer_).first(static_cast<std::size_t>(size)));
+    if (bytes.empty()) return std::nullopt;
+    ++counters_.received;
+    return Received{{bytes}, host_now()};
   }
 
   void set_line(const LineSettings& line) noexcept override {

@@ -1,0 +1,50 @@
+// The parts of reading a configuration that are shared, or have a file of their own.
+#pragma once
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/table_reader.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+template <class Entry>
+std::vector<std::string> names(std::span<const Entry* const> table) {
+  std::vector<std::string> all;
+  for (const Entry* entry : table) all.emplace_back(entry->name);
+  return all;
+}
+
+// The table entry that `key` names, or nullptr with a fault.
+template <class Entry>
+const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
+                   std::span<const Entry* const> entries, const Entry* found) {
+  if (found != nullptr || word.empty()) return found;
+  const std::string meant = nearest(word, names(entries));
+  table.fault(key, fmt::format("there is no \"{}\"; {}", word,
+                               meant.empty() ? fmt::format("known: {}", fmt::join(names(entries), ", "))
+                                             : fmt::format("did you mean \"{}\"?", meant)));
+  return nullptr;
+}
+
+// Takes every declared setting that is there.
+Settings read_settings(TableReader& table, std::span<const Setting> declared);
+
+// Takes a port's text apart and finds its transport; nullptr with a fault if that fails.
+const Transport* read_port(TableReader& table, std::string_view key, const std::string& text, Role role);
+
+// One [[imu]], the `index`-th (imu_config.cpp).
+ImuConfig read_imu(TableReader& table, std::size_t index);
+// Two imus that would disturb one another are a fault.
+void check_imus_together(const std::vector<ImuConfig>& imus, const toml::array* tables, Faults& faults);
+// Whether these bits of Sample::status come through the imu's protocol.
+bool carries_status(const ImuConfig& imu, std::uint32_t bits);
+
+}  // namespace imud

@@ -1,0 +1,232 @@
+#include <array>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+#include "emulator/config_parts.hpp"
+#include "emulator/line_load.hpp"
+
+namespace imud {
+
+namespace {
+
+// `product`: what holds where nothing is said; nullptr: the range must be.
+TriadErrors read_triad(TableReader table, std::string_view unit, const TriadErrors* product) {
+  constexpr double huge = 1e9;
+  const auto key = [&](std::string_view stem) { return fmt::format("{}_{}", stem, unit); };
+  TriadErrors e;
+  if (product != nullptr)
+    e = *product;
+  else
+    table.require(key("max"), "the largest value that the sensor can measure");
+  e.max = table.real(key("max"), e.max, 1e-12, huge);
+  e.bias = table.vector3(key("bias"), e.bias);
+  e.scale_factor = table.vector3("scale_factor", e.scale_factor);
+  e.lsb = table.real(key("lsb"), e.lsb, 0.0, huge);
+  constexpr Rounding roundings[] = {Rounding::toward_zero, Rounding::nearest, Rounding::away_from_zero};
+  e.rounding = roundings[table.choice("rounding", {"toward_zero", "nearest", "away_from_zero"}, 0)];
+  e.carry = table.flag("carry", e.carry);
+  e.walk_transition = table.matrix3("walk_transition", e.walk_transition, true);
+  e.walk_sqrt_cov = table.matrix3("walk_sqrt_cov", e.walk_sqrt_cov, true);
+  e.walk_bound = table.vector3("walk_bound", e.walk_bound);
+  if ((e.walk_bound.array() < 0.0).any()) table.fault("walk_bound", "give numbers of at least 0 (0: no bound)");
+  table.finish();
+  return e;
+}
+
+void read_mounting(TableReader table, ImuModel& model) {
+  model.r_SB_B = table.vector3("position_m", model.r_SB_B);
+  if (table.has("dcm_PB") && table.has("yaw_pitch_roll_deg"))
+    table.fault("dcm_PB", "give either this or yaw_pitch_roll_deg, not both");
+  const Vector3 ypr = units::degree * table.vector3("yaw_pitch_roll_deg", Vector3::Zero());
+  if (ypr.cwiseAbs().maxCoeff() > 1e4)
+    table.fault("yaw_pitch_roll_deg", "give angles within some turns");
+  else if (!ypr.isZero(0.0))
+    model.dcm_PB = dcm_from_yaw_pitch_roll(ypr[0], ypr[1], ypr[2]);
+  const Matrix3 dcm = table.matrix3("dcm_PB", model.dcm_PB, false);
+  constexpr double tolerance = 1e-6;
+  if (const double defect = rotation_defect(dcm); defect > tolerance)
+    table.fault("dcm_PB", fmt::format("no rotation: its rows are not orthonormal and right-handed within {} (off by "
+                                      "{:.2g}); write the numbers with more digits, or give yaw_pitch_roll_deg",
+                                      tolerance, defect));
+  model.dcm_PB = dcm;
+  table.finish();
+}
+
+// The port of a device whose UART is set so: that is what a serial port is opened with, and a pty begins with.
+std::string with_line(TableReader& table, const std::string& port, const LineSettings& line) {
+  const PortSpec spec = PortSpec::parse(port);
+  if (spec.scheme != "serial" && spec.scheme != "pty") return port;
+  for (const char* key : {"baud", "parity", "stop", "bits"})
+    if (spec.text(key))
+      table.fault("port", fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line holds", key));
+  std::string options = fmt::format("baud={}", line.baud);
+  if (spec.scheme == "serial" || line.parity != Parity::none || line.stop_bits != 1) {
+    constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
+    options += fmt::format("&parity={}&stop={}", parities[static_cast<std::size_t>(line.parity)], line.stop_bits);
+  }
+  return port + (port.find('?') == std::string::npos ? "?" : "&") + options;
+}
+
+// The port of a line whose characters take their time, if they shall; a serial line's do anyway.
+std::string with_pace(TableReader& table, const std::string& port, bool paced, bool has_speed) {
+  const PortSpec spec = PortSpec::parse(port);
+  if (spec.text("pace")) table.fault("port", "pace is a key of [[imu]]; give it there");
+  if (!paced || spec.text("pace") || spec.scheme == "serial") return port;
+  if (spec.scheme != "pty")
+    table.fault("pace", fmt::format("\"line\" is for a pty; {}: has no characters that take their time, give \"none\"",
+                                    spec.scheme));
+  else if (!has_speed && !spec.text("baud"))
+    table.fault("pace", "\"line\" needs the line's speed; give it in port, for example \"pty:imu1?baud=115200\"");
+  return port + (port.find('?') == std::string::npos ? "?" : "&") + "pace=line";
+}
+
+SyncConfig read_sync(TableReader table, const Protocol* protocol) {
+  SyncConfig sync;
+  const auto read = [&](std::string_view key, std::string& port, Role role) {
+    port = table.text(key, "");
+    if (port.empty()) return;
+    if (protocol != nullptr && !protocol->has_sync_pins)
+      table.fault(key, fmt::format("{} has no such pin; leave it away", protocol->name));
+    if (read_port(table, key, port, role) != nullptr && !port.starts_with("udp:"))
+      table.fault(key, "edges come and go by \"udp:ADDR:PORT\"");
+  };
+  read("trigger_port", sync.trigger_port, Role::listener);
+  read("pps_port", sync.pps_port, Role::listener);
+  read("tov_port", sync.tov_port, Role::device);
+  table.finish();
+  return sync;
+}
+
+}  // namespace
+
+ImuConfig read_imu(TableReader& table, std::size_t index) {
+  ImuConfig imu;
+  imu.name = table.text("name", fmt::format("imu{}", index + 1));
+  if (imu.name.empty()) table.fault("name", "give a name that is not empty");
+
+  table.require("protocol", "one that `imud list` shows");
+  const std::string protocol = table.text("protocol", "");
+  imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
+  std::optional<Product> product;
+  LineSettings line;
+  if (imu.protocol != nullptr) {
+    TableReader device = table.child("device");
+    imu.settings = read_settings(device, imu.protocol->settings);
+    device.finish();
+    try {
+      if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
+      line = imu.protocol->make(imu.settings)->line();
+    } catch (const std::invalid_argument& error) {
+      table.fault("device", error.what());
+      imu.settings = Settings(imu.protocol->settings);
+      if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
+    }
+  } else {
+    table.node("device");
+  }
+
+  if (product) {
+    imu.rate_hz = table.real("rate_hz", product->rate_hz, Grid::min_rate_hz, Grid::max_rate_hz);
+    if (imu.rate_hz != product->rate_hz)
+      table.fault("rate_hz", fmt::format("{} samples at {} Hz inside; how often it sends is set in [imu.device], leave "
+                                         "this away",
+                                         imu.protocol->name, product->rate_hz));
+  } else {
+    table.require("rate_hz", "the sensor's output rate");
+    imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
+  }
+  const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
+  const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
+  imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
+
+  table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
+  imu.port = table.text("port", "");
+  const Transport* transport = read_port(table, "port", imu.port, Role::device);
+  imu.paced = table.choice("pace", {"none", "line"}, 0) == 1;
+  if (transport != nullptr) imu.port = with_pace(table, imu.port, imu.paced, line.baud != 0);
+  if (transport != nullptr && line.baud != 0) imu.port = with_line(table, imu.port, line);
+  if (transport != nullptr && imu.protocol != nullptr) {
+    if (transport->carries_can != (imu.protocol->link == Link::can))
+      table.fault("port", fmt::format("{} speaks on {}; give {}", imu.protocol->name,
+                                      imu.protocol->link == Link::can ? "a CAN bus" : "byte links",
+                                      imu.protocol->link == Link::can ? "\"can:...\"" : "\"pty:...\", \"serial:...\", "
+                                                                                        "\"udp:...\" or \"file:...\""));
+    else if (const LineLoad load = line_load(imu); load.percent > 100.0)
+      table.fault("rate_hz", fmt::format("{}; give a lower rate or a faster line", load.text()));
+  }
+
+  imu.sync = read_sync(table.child("sync"), imu.protocol);
+
+  imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);
+  read_mounting(table.child("mounting"), imu.model);
+  imu.model.gyro = read_triad(table.child("gyro"), "rad_per_s", product ? &product->gyro : nullptr);
+  imu.model.accelerometer =
+      read_triad(table.child("accelerometer"), "m_per_s2", product ? &product->accelerometer : nullptr);
+  imu.model.magnetometer = read_triad(table.child("magnetometer"), "t", product ? &product->magnetometer : &imu.model.magnetometer);
+  if (product) imu.model.barometer = product->barometer;
+  TableReader barometer = table.child("barometer");
+  imu.model.barometer.bias = barometer.real("bias_pa", imu.model.barometer.bias, -1e6, 1e6);
+  imu.model.barometer.noise = barometer.real("noise_pa", imu.model.barometer.noise, 0.0, 1e6);
+  barometer.finish();
+  TableReader increments = table.child("increments");
+  constexpr DeltaAngle angles[] = {DeltaAngle::rotation_vector, DeltaAngle::integral};
+  constexpr DeltaVelocity velocities[] = {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame};
+  imu.model.delta_angle = angles[increments.choice("delta_angle", {"rotation_vector", "integral"}, 0)];
+  imu.model.delta_velocity = velocities[increments.choice("delta_velocity", {"integral", "memo", "end_frame"}, 0)];
+  increments.finish();
+  table.finish();
+  return imu;
+}
+
+void check_imus_together(const std::vector<ImuConfig>& imus, const toml::array* tables, Faults& faults) {
+  std::map<std::string, std::size_t> by_name;
+  std::map<std::uint32_t, std::size_t> by_stream;
+  std::map<std::string, std::size_t> by_port;
+  std::map<std::pair<std::string, std::uint32_t>, std::size_t> by_can_id;
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    const auto line = (*tables)[i].source().begin.line;
+    const auto clash = [&](std::string_view key, std::size_t other, std::string_view what) {
+      faults.add(line, fmt::format("imu.{}.{}", i, key), fmt::format("{} as imu.{}; give another", what, other));
+    };
+    if (const auto [at, fresh] = by_name.emplace(imus[i].name, i); !fresh)
+      clash("name", at->second, "the same");
+    else if (const auto [same, alone] = by_stream.emplace(stream_id(imus[i].name), i); !alone)
+      clash("name", same->second, "the same random numbers");
+    const std::string port = imus[i].port.substr(0, imus[i].port.find('?'));
+    if (!port.starts_with("can:") && !port.starts_with("udp:") && !port.empty()) {
+      if (const auto [at, fresh] = by_port.emplace(port, i); !fresh) clash("port", at->second, "the same");
+      continue;
+    }
+    if (imus[i].protocol == nullptr || imus[i].protocol->link != Link::can) continue;
+    std::set<std::uint32_t> ids;
+    for (const CanHeader& header : can_headers(imus[i])) ids.insert(header.id | (header.extended ? 1U << 31U : 0U));
+    for (const std::uint32_t id : ids)
+      if (const auto [at, fresh] = by_can_id.emplace(std::pair{port, id}, i); !fresh) {
+        clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & 0x1FFF'FFFFU));
+        break;
+      }
+  }
+}
+
+bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
+  struct Sink final : MeasurementSink {
+    void on_measurement(const Measurement& measurement) override {
+      if ((measurement.fields & Measurement::status) != 0) seen |= measurement.sample.status;
+    }
+    std::uint32_t seen = 0;
+  } sink;
+  if (imu.protocol->product != nullptr) return (imu.protocol->status_bits & bits) == bits;
+  Sample sample = ordinary_sample();
+  sample.status = bits;
+  const auto frames = std::make_unique<FrameBuffer>();
+  imu.protocol->make(imu.settings)->sample(sample, *frames);
+  const std::unique_ptr<Decoder> decoder = imu.protocol->make_decoder(imu.settings);
+  for (const Frame& frame : frames->frames()) decoder->feed(frame, sink);
+  decoder->finish(sink);
+  return (sink.seen & bits) == bits;
+}
+
+}  // namespace imud
