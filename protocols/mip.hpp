@@ -1,0 +1,167 @@
+// MicroStrain MIP: what the device (devices/mip.cpp), its data fields (mip_fields.cpp) and its commands (mip_commands.cpp)
+// share. MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions) is the source.
+//
+// A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of all
+// bytes before, and the sum of these sums. A field: its own length, descriptor, data. A command's answer is a packet of
+// its set: field 0xF1 {command, code} for each command, followed by its data.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "core/sample.hpp"
+#include "protocols/frame_writer.hpp"
+
+namespace imud::mip {
+
+inline constexpr std::uint8_t sync[2] = {0x75, 0x65};
+inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = header_size + 255 + checksum_size;
+inline constexpr double internal_hz = 1000;  // at which a device samples
+enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, sensor = 0x80, filter = 0x82 };
+inline constexpr std::uint8_t reply = 0xF1;
+
+// --- Packets ---------------------------------------------------------------------------------------------------------
+
+std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept;
+// How long the packet is that these bytes begin with; nullopt: none; more than there are: not all there yet.
+std::optional<std::size_t> packet_size(std::span<const std::byte> held) noexcept;
+bool is_intact(std::span<const std::byte> packet) noexcept;
+
+// Calls `act(descriptor, data)` for each field. False if they do not fill the packet.
+template <class Act>
+bool for_each_field(std::span<const std::byte> packet, Act&& act) {
+  std::span<const std::byte> rest = packet.subspan(header_size, packet.size() - header_size - checksum_size);
+  while (rest.size() >= 2) {
+    const auto length = std::to_integer<std::size_t>(rest[0]);
+    if (length < 2 || length > rest.size()) return false;
+    act(std::to_integer<std::uint8_t>(rest[1]), rest.subspan(2, length - 2));
+    rest = rest.subspan(length);
+  }
+  return rest.empty();
+}
+
+using Reader = FieldReader<boost::endian::order::big>;
+
+// Writes a packet: fields between begin() and end(); finish() sends it if it has any.
+class Packet : public FrameWriter<boost::endian::order::big> {
+ public:
+  Packet(FrameBuffer& out, std::uint8_t set) noexcept;
+  void begin(std::uint8_t descriptor) noexcept;
+  void end() noexcept { set_byte(field_, size() - field_); }
+  void put_padded(std::string_view text, std::size_t width) noexcept;  // with blanks
+  bool has_room_for(std::size_t data) const noexcept { return size() + 2 + data <= longest - checksum_size; }
+  void finish() noexcept;
+
+ private:
+  std::size_t field_ = 0;
+};
+
+// --- Models ----------------------------------------------------------------------------------------------------------
+
+struct Model {
+  std::string_view keyword, name, number, options;
+  std::uint16_t filter_hz, filter_state;  // GX5: running, solution valid; CV7: AHRS
+  double gyro_max, accelerometer_max_g;    // rad/s
+  double gyro_noise, accelerometer_noise;  // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
+};
+extern const std::array<Model, 2> models;
+
+// --- Data ------------------------------------------------------------------------------------------------------------
+
+struct DataField {
+  std::string_view name;  // in the configuration
+  std::uint8_t set, descriptor, size;  // of the data
+};
+std::span<const DataField> data_fields() noexcept;
+const DataField* find_field(std::uint8_t set, std::uint8_t descriptor) noexcept;
+
+// What is streamed of a descriptor set.
+struct Stream {
+  struct Rate {
+    std::uint8_t descriptor = 0;
+    std::uint16_t decimation = 1;
+  };
+  std::uint8_t set = 0;
+  std::uint16_t base_hz = 0;
+  bool enabled = true;
+  std::uint8_t count = 0;
+  std::array<Rate, 32> format = {};
+
+  void add(std::uint8_t descriptor, std::uint16_t decimation) noexcept {
+    if (count < format.size()) format[count++] = {descriptor, decimation};
+  }
+};
+
+// The newest sample as fields.
+class Fields {
+ public:
+  explicit Fields(const Model& model) noexcept : model_(model) {}
+  void take(const Sample& sample) noexcept;
+  DeviceTime time() const noexcept { return sample_.time; }
+  // Nothing if there is no such field, or no room for it.
+  void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept;
+
+ private:
+  void put_shared(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept;
+  void put_sensor(Packet& packet, std::uint8_t descriptor) noexcept;
+  void put_filter(Packet& packet, std::uint8_t descriptor) noexcept;
+  void put_quaternion(Packet& packet) const noexcept;
+  void put_gps_time(Packet& packet) const noexcept;
+
+  const Model& model_;
+  Sample sample_;
+  Vector3 delta_angle_ = Vector3::Zero(), delta_velocity_ = Vector3::Zero();  // since they were sent last
+  std::array<std::uint64_t, 2> last_ns_ = {};                                // of the sets' time differences
+  std::uint64_t last_tick_ = 0;
+};
+
+// --- Commands --------------------------------------------------------------------------------------------------------
+
+struct Configuration {
+  std::array<Stream, 2> streams;  // sensor, filter
+  std::uint32_t baud = 115200;
+
+  Stream* find(std::uint8_t set) noexcept;  // nullptr if there is none
+  const Stream* find(std::uint8_t set) const noexcept;
+};
+
+// All that a unit keeps, and how it obeys.
+class Memory {
+ public:
+  Memory(const Model& model, const Configuration& configuration) noexcept
+      : model_(model), factory_(configuration), stored_(configuration), active_(configuration) {}
+
+  const Configuration& active() const noexcept { return active_; }
+  bool is_idle() const noexcept { return is_idle_; }
+  // Obeys an intact packet of the host; appends the answer, and the data that it polls.
+  void answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept;
+
+ private:
+  enum Code : std::uint8_t { ok = 0, unknown_command = 1, bad_parameter = 3 };
+  enum Function : std::uint8_t { write = 1, read, save, load, to_default };
+
+  Code obey_base(std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  Code obey_3dm(std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  Code baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept;
+  Code device_settings(Reader& reader) noexcept;
+  Code poll(std::uint8_t set, bool with_rates, Reader& reader) noexcept;
+  Code base_rate(std::uint8_t set, std::uint8_t descriptor, Packet& answer, bool with_set) noexcept;
+  Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
+              bool with_set) noexcept;
+  Code stream_control(Reader& reader, Packet& answer) noexcept;
+  void put_descriptors(Packet& answer) const noexcept;
+
+  const Model& model_;
+  const Configuration factory_;
+  Configuration stored_, active_;
+  bool is_idle_ = false;
+  bool acknowledges_ = true;  // the packet that is being answered
+  std::array<std::uint8_t, 32> poll_ = {};  // what it asks for
+  std::size_t polled_ = 0;
+  std::uint8_t polled_set_ = sensor;
+};
+
+}  // namespace imud::mip
