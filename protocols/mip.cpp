@@ -4,12 +4,33 @@
 
 namespace imud::mip {
 
-// Densities: 0.005 deg/s/sqrt(Hz) and 80 ug/sqrt(Hz); 0.17 deg/sqrt(h) and 0.03 m/s/sqrt(h).
-const std::array<Model, 2> models = {{
-    {"3dm-gx5-25", "3DM-GX5-25", "6254-4220", "8g, 300d/s", 500, 2, 300 * units::degree, 8, 0.005 * units::degree,
-     80e-6 * units::standard_gravity},
-    {"3dm-cv7-ahrs", "3DM-CV7-AHRS", "6286-9968", "8g, 500d/s", 1000, 3, 500 * units::degree, 8, 0.17 / 60 * units::degree,
-     0.03 / 60},
+namespace {
+
+constexpr std::string_view ahrs_sensor[] = {"reference_time", "acceleration", "rate",     "delta_angle",
+                                            "delta_velocity", "temperature",  "overrange"};
+constexpr std::string_view ahrs_filter[] = {"filter_reference_time", "filter_status", "filter_euler"};
+constexpr std::string_view ins_sensor[] = {"reference_time", "acceleration", "rate",     "magnetic_field",
+                                           "pressure",       "temperature",  "overrange"};
+constexpr std::string_view gx5_filter[] = {"filter_gps_time", "filter_status",     "filter_position",
+                                           "filter_velocity", "filter_quaternion", "filter_euler"};
+constexpr std::string_view cv7_filter[] = {"filter_shared_gps_time", "filter_status",     "filter_position",
+                                           "filter_velocity",        "filter_quaternion", "filter_euler"};
+constexpr std::string_view gx5_gnss[] = {"gnss_position", "gnss_velocity", "gnss_dop",
+                                         "gnss_fix",      "gnss_gps_time", "gnss_utc"};
+
+}  // namespace
+
+// Numbers: mip_sdk, mip_device_models.h. The rates of 4 Hz and 500 Hz, and the densities, 0.005 deg/s/sqrt(Hz) and
+// 80 ug/sqrt(Hz); 0.17 deg/sqrt(h) and 0.03 m/s/sqrt(h), are the data sheets' as remembered.
+const std::array<Model, 4> models = {{
+    {gx5_25, "3dm-gx5-25", "3DM-GX5-25", "6253-4220", "8g, 300d/s", 500, 0, 300 * units::degree, 8, 0.005 * units::degree,
+     80e-6 * units::standard_gravity, ahrs_sensor, ahrs_filter, {}},
+    {gx5_45, "3dm-gx5-45", "3DM-GX5-45", "6251-4220", "8g, 300d/s", 500, 4, 300 * units::degree, 8, 0.005 * units::degree,
+     80e-6 * units::standard_gravity, ins_sensor, gx5_filter, gx5_gnss},
+    {cv7_ahrs, "3dm-cv7-ahrs", "3DM-CV7-AHRS", "6286-9968", "8g, 500d/s", 1000, 0, 500 * units::degree, 8,
+     0.17 / 60 * units::degree, 0.03 / 60, ahrs_sensor, ahrs_filter, {}},
+    {cv7_ins, "3dm-cv7-ins", "3DM-CV7-INS", "6291-9968", "8g, 500d/s", 1000, 0, 500 * units::degree, 8,
+     0.17 / 60 * units::degree, 0.03 / 60, ins_sensor, cv7_filter, {}},
 }};
 
 std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept {

@@ -20,7 +20,7 @@ namespace imud::mip {
 inline constexpr std::uint8_t sync[2] = {0x75, 0x65};
 inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = header_size + 255 + checksum_size;
 inline constexpr double internal_hz = 1000;  // at which a device samples
-enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, sensor = 0x80, filter = 0x82 };
+enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, sensor = 0x80, gnss = 0x81, filter = 0x82 };
 inline constexpr std::uint8_t reply = 0xF1;
 
 // --- Packets ---------------------------------------------------------------------------------------------------------
@@ -61,24 +61,33 @@ class Packet : public FrameWriter<boost::endian::order::big> {
 
 // --- Models ----------------------------------------------------------------------------------------------------------
 
+// Sets of models.
+inline constexpr unsigned gx5_25 = 1, cv7_ahrs = 2, gx5_45 = 4, cv7_ins = 8;
+inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, ins = gx5_45 | cv7_ins, all = gx5 | cv7;
+
 struct Model {
+  unsigned bit;
   std::string_view keyword, name, number, options;
-  std::uint16_t filter_hz, filter_state;  // GX5: running, solution valid; CV7: AHRS
+  std::uint16_t filter_hz, gnss_hz;        // base rates; 0: no receiver
   double gyro_max, accelerometer_max_g;    // rad/s
   double gyro_noise, accelerometer_noise;  // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
+  std::span<const std::string_view> sensor_fields, filter_fields, gnss_fields;  // out of the box
+
+  bool is(unsigned set) const noexcept { return (bit & set) != 0; }
 };
-extern const std::array<Model, 2> models;
+extern const std::array<Model, 4> models;
 
 // --- Data ------------------------------------------------------------------------------------------------------------
 
 struct DataField {
   std::string_view name;  // in the configuration
   std::uint8_t set, descriptor, size;  // of the data
+  unsigned models;                     // that have it
 };
 std::span<const DataField> data_fields() noexcept;
-const DataField* find_field(std::uint8_t set, std::uint8_t descriptor) noexcept;
+const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t descriptor) noexcept;
 
-// What is streamed of a descriptor set.
+// What is streamed of a descriptor set; 0: of none.
 struct Stream {
   struct Rate {
     std::uint8_t descriptor = 0;
@@ -107,21 +116,26 @@ class Fields {
  private:
   void put_shared(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept;
   void put_sensor(Packet& packet, std::uint8_t descriptor) noexcept;
-  void put_filter(Packet& packet, std::uint8_t descriptor) noexcept;
+  void put_filter(Packet& packet, std::uint8_t descriptor) const noexcept;
+  void put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept;
   void put_quaternion(Packet& packet) const noexcept;
-  void put_gps_time(Packet& packet) const noexcept;
+  void put_filter_status(Packet& packet) const noexcept;
+  void put_position(Packet& packet) const noexcept;
+  void put_gps_time(Packet& packet, std::uint16_t valid) const noexcept;  // the flags where it is
+  Vector3 gravity() const noexcept;                                       // m/s^2, in P
+  bool is_known() const noexcept { return sample_.place.is_known; }
 
   const Model& model_;
   Sample sample_;
   Vector3 delta_angle_ = Vector3::Zero(), delta_velocity_ = Vector3::Zero();  // since they were sent last
-  std::array<std::uint64_t, 2> last_ns_ = {};                                // of the sets' time differences
+  std::array<std::uint64_t, 3> last_ns_ = {};                                // of the sets' time differences
   std::uint64_t last_tick_ = 0;
 };
 
 // --- Commands --------------------------------------------------------------------------------------------------------
 
 struct Configuration {
-  std::array<Stream, 2> streams;  // sensor, filter
+  std::array<Stream, 3> streams;  // sensor, filter, gnss
   std::uint32_t baud = 115200;
 
   Stream* find(std::uint8_t set) noexcept;  // nullptr if there is none
@@ -152,6 +166,7 @@ class Memory {
   Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
               bool with_set) noexcept;
   Code stream_control(Reader& reader, Packet& answer) noexcept;
+  bool has(std::uint8_t command) const noexcept;
   void put_descriptors(Packet& answer) const noexcept;
 
   const Model& model_;

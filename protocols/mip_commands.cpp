@@ -6,12 +6,12 @@ namespace imud::mip {
 
 Stream* Configuration::find(std::uint8_t set) noexcept {
   for (Stream& stream : streams)
-    if (stream.set == set) return &stream;
+    if (stream.set == set && set != 0) return &stream;
   return nullptr;
 }
 const Stream* Configuration::find(std::uint8_t set) const noexcept {
   for (const Stream& stream : streams)
-    if (stream.set == set) return &stream;
+    if (stream.set == set && set != 0) return &stream;
   return nullptr;
 }
 
@@ -30,7 +30,7 @@ void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuff
       answer.end();
       Reader reader(data);
       const Code code = set == base       ? obey_base(command, reader, answer)
-                        : set == three_dm ? obey_3dm(command, reader, answer)
+                        : set == three_dm && has(command) ? obey_3dm(command, reader, answer)
                                           : unknown_command;
       answer.set_byte(at, code);
     });
@@ -110,12 +110,15 @@ Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer,
 Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answer) noexcept {
   switch (command) {
     case 0x01: return poll(sensor, true, reader);
+    case 0x02: return poll(gnss, true, reader);
     case 0x03: return poll(filter, true, reader);
     case 0x0D: return poll(reader.take<std::uint8_t>(), false, reader);
     case 0x06: return base_rate(sensor, 0x83, answer, false);
+    case 0x07: return base_rate(gnss, 0x84, answer, false);
     case 0x0B: return base_rate(filter, 0x8A, answer, false);
     case 0x0E: return base_rate(reader.take<std::uint8_t>(), 0x8E, answer, true);
     case 0x08: return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, answer, false);
+    case 0x09: return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, answer, false);
     case 0x0A: return format(reader.take<std::uint8_t>(), filter, 0x82, reader, answer, false);
     case 0x0F: {
       const auto function = reader.take<std::uint8_t>();
@@ -150,7 +153,7 @@ Memory::Code Memory::poll(std::uint8_t set, bool with_rates, Reader& reader) noe
   for (std::size_t i = 0; i < count; ++i) {
     poll_[i] = reader.take<std::uint8_t>();
     if (with_rates) reader.take<std::uint16_t>();
-    if (find_field(set, poll_[i]) == nullptr) return bad_parameter;
+    if (find_field(model_, set, poll_[i]) == nullptr) return bad_parameter;
   }
   if (!reader.is_done()) return bad_parameter;
   polled_set_ = set;
@@ -185,7 +188,7 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
       for (unsigned i = 0; i < count; ++i) {
         const auto field = reader.take<std::uint8_t>();
         const auto decimation = reader.take<std::uint16_t>();
-        if (find_field(set, field) == nullptr || decimation == 0) return bad_parameter;
+        if (find_field(model_, set, field) == nullptr || decimation == 0) return bad_parameter;
         wanted.add(field, decimation);
       }
       if (!reader.is_done()) return bad_parameter;
@@ -213,6 +216,7 @@ Memory::Code Memory::stream_control(Reader& reader, Packet& answer) noexcept {
   const auto function = reader.take<std::uint8_t>();
   auto set = reader.take<std::uint8_t>();
   if (set == 0x01) set = sensor;  // as older devices number them
+  if (set == 0x02) set = gnss;
   if (set == 0x03) set = filter;
   Stream *active = active_.find(set), *stored = stored_.find(set);
   if (active == nullptr) return bad_parameter;
@@ -236,12 +240,18 @@ Memory::Code Memory::stream_control(Reader& reader, Packet& answer) noexcept {
   }
 }
 
+// Of a receiver.
+bool Memory::has(std::uint8_t command) const noexcept {
+  return model_.gnss_hz > 0 || (command != 0x02 && command != 0x07 && command != 0x09);
+}
+
 void Memory::put_descriptors(Packet& answer) const noexcept {
   for (const int command : {0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x09, 0x72, 0x7E})
     answer.put(static_cast<std::uint16_t>(base << 8 | command));
-  for (const int command : {0x01, 0x03, 0x06, 0x08, 0x0A, 0x0B, 0x0D, 0x0E, 0x0F, 0x11, 0x30, 0x40})
-    answer.put(static_cast<std::uint16_t>(three_dm << 8 | command));
-  for (const DataField& field : data_fields()) answer.put(static_cast<std::uint16_t>(field.set << 8 | field.descriptor));
+  for (const int command : {0x01, 0x02, 0x03, 0x06, 0x07, 0x08, 0x09, 0x0A, 0x0B, 0x0D, 0x0E, 0x0F, 0x11, 0x30, 0x40})
+    if (has(static_cast<std::uint8_t>(command))) answer.put(static_cast<std::uint16_t>(three_dm << 8 | command));
+  for (const DataField& field : data_fields())
+    if (model_.is(field.models)) answer.put(static_cast<std::uint16_t>(field.set << 8 | field.descriptor));
 }
 
 }  // namespace imud::mip

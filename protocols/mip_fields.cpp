@@ -1,7 +1,9 @@
+#include <chrono>
 #include <cmath>
 #include <utility>
 
 #include "core/attitude.hpp"
+#include "core/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/mip.hpp"
 
@@ -10,18 +12,57 @@ namespace imud::mip {
 namespace {
 
 constexpr DataField fields[] = {
-    {"acceleration", sensor, 0x04, 12},   {"rate", sensor, 0x05, 12},
-    {"delta_angle", sensor, 0x07, 12},    {"delta_velocity", sensor, 0x08, 12},
-    {"quaternion", sensor, 0x0A, 16},     {"euler", sensor, 0x0C, 12},
-    {"gps_time", sensor, 0x12, 12},       {"temperature", sensor, 0x14, 12},
-    {"overrange", sensor, 0x18, 2},       {"event_source", sensor, 0xD0, 1},
-    {"ticks", sensor, 0xD1, 4},           {"delta_ticks", sensor, 0xD2, 4},
-    {"shared_gps_time", sensor, 0xD3, 12}, {"delta_time", sensor, 0xD4, 8},
-    {"reference_time", sensor, 0xD5, 8},  {"reference_delta", sensor, 0xD6, 8},
-    {"filter_quaternion", filter, 0x03, 18}, {"filter_euler", filter, 0x05, 14},
-    {"filter_status", filter, 0x10, 6},   {"filter_gps_time", filter, 0x11, 12},
-    {"filter_reference_time", filter, 0xD5, 8}, {"filter_reference_delta", filter, 0xD6, 8},
+    {"acceleration", sensor, 0x04, 12, all},
+    {"rate", sensor, 0x05, 12, all},
+    {"magnetic_field", sensor, 0x06, 12, all},
+    {"delta_angle", sensor, 0x07, 12, all},
+    {"delta_velocity", sensor, 0x08, 12, all},
+    {"quaternion", sensor, 0x0A, 16, all},
+    {"euler", sensor, 0x0C, 12, all},
+    {"gps_time", sensor, 0x12, 12, all},
+    {"temperature", sensor, 0x14, 12, all},
+    {"pressure", sensor, 0x17, 4, all},
+    {"overrange", sensor, 0x18, 2, all},
+    {"event_source", sensor, 0xD0, 1, all},
+    {"ticks", sensor, 0xD1, 4, all},
+    {"delta_ticks", sensor, 0xD2, 4, all},
+    {"shared_gps_time", sensor, 0xD3, 12, all},
+    {"delta_time", sensor, 0xD4, 8, all},
+    {"reference_time", sensor, 0xD5, 8, all},
+    {"reference_delta", sensor, 0xD6, 8, all},
+
+    {"gnss_position", gnss, 0x03, 42, gx5_45},
+    {"gnss_position_ecef", gnss, 0x04, 30, gx5_45},
+    {"gnss_velocity", gnss, 0x05, 34, gx5_45},
+    {"gnss_dop", gnss, 0x07, 30, gx5_45},
+    {"gnss_utc", gnss, 0x08, 13, gx5_45},
+    {"gnss_gps_time", gnss, 0x09, 12, gx5_45},
+    {"gnss_fix", gnss, 0x0B, 6, gx5_45},
+    {"gnss_hardware", gnss, 0x0D, 5, gx5_45},
+    {"gnss_shared_gps_time", gnss, 0xD3, 12, gx5_45},
+    {"gnss_reference_time", gnss, 0xD5, 8, gx5_45},
+    {"gnss_reference_delta", gnss, 0xD6, 8, gx5_45},
+
+    {"filter_position", filter, 0x01, 26, ins},
+    {"filter_velocity", filter, 0x02, 14, ins},
+    {"filter_quaternion", filter, 0x03, 18, all},
+    {"filter_matrix", filter, 0x04, 38, all},
+    {"filter_euler", filter, 0x05, 14, all},
+    {"filter_linear_acceleration", filter, 0x0D, 14, all},
+    {"filter_rate", filter, 0x0E, 14, all},
+    {"filter_status", filter, 0x10, 6, all},
+    {"filter_gps_time", filter, 0x11, 12, all},
+    {"filter_gravity", filter, 0x13, 14, all},
+    {"filter_acceleration", filter, 0x1C, 14, all},
+    {"filter_position_ecef", filter, 0x40, 26, ins},
+    {"filter_shared_gps_time", filter, 0xD3, 12, all},
+    {"filter_reference_time", filter, 0xD5, 8, all},
+    {"filter_reference_delta", filter, 0xD6, 8, all},
 };
+
+constexpr double gauss = 1e-4;       // T
+constexpr double millibar = 100;     // Pa
+constexpr std::int64_t second_ns = 1'000'000'000, week_ns = 604'800 * second_ns;
 
 // 3-2-1 from N to P.
 Vector3 roll_pitch_yaw(const Quaternion& q) noexcept {
@@ -29,13 +70,35 @@ Vector3 roll_pitch_yaw(const Quaternion& q) noexcept {
   return {ypr[2], ypr[1], ypr[0]};
 }
 
+// Normal gravity of the WGS 84 ellipsoid, m/s^2 (NGA.STND.0036, Eq. 4-1 and 4-3).
+double normal_gravity(const Place& place) noexcept {
+  constexpr double a = 6'378'137.0, f = 1 / 298.257223563, m = 0.00344978650684;
+  const double sin = elementary::sincos(place.latitude).sin, sin2 = sin * sin, up = place.height / a;
+  const double surface = 9.7803253359 * (1 + 0.00193185265241 * sin2) / std::sqrt(1 - f * (2 - f) * sin2);
+  return surface * (1 - 2 * (1 + f + m - 2 * f * sin2) * up + 3 * up * up);
+}
+
+void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept {
+  constexpr std::int64_t gps_began_s = 315'964'800, leap_s = 18, day_ms = 86'400'000;
+  const std::int64_t utc_ms = gps_ns / 1'000'000 + (gps_began_s - leap_s) * 1000, of_day = utc_ms % day_ms;
+  const std::chrono::year_month_day date(std::chrono::sys_days(std::chrono::days(utc_ms / day_ms)));
+  packet.put(static_cast<std::uint16_t>(static_cast<int>(date.year())));
+  packet.put(static_cast<std::uint8_t>(static_cast<unsigned>(date.month())));
+  packet.put(static_cast<std::uint8_t>(static_cast<unsigned>(date.day())));
+  packet.put(static_cast<std::uint8_t>(of_day / 3'600'000));
+  packet.put(static_cast<std::uint8_t>(of_day / 60'000 % 60));
+  packet.put(static_cast<std::uint8_t>(of_day / 1000 % 60));
+  packet.put(static_cast<std::uint32_t>(of_day % 1000));
+  packet.put(flags);
+}
+
 }  // namespace
 
 std::span<const DataField> data_fields() noexcept { return fields; }
 
-const DataField* find_field(std::uint8_t set, std::uint8_t descriptor) noexcept {
+const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t descriptor) noexcept {
   for (const DataField& field : fields)
-    if (field.set == set && field.descriptor == descriptor) return &field;
+    if (field.set == set && field.descriptor == descriptor && model.is(field.models)) return &field;
   return nullptr;
 }
 
@@ -46,23 +109,24 @@ void Fields::take(const Sample& sample) noexcept {
 }
 
 void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept {
-  const DataField* field = find_field(set, descriptor);
+  const DataField* field = find_field(model_, set, descriptor);
   if (field == nullptr || !packet.has_room_for(field->size)) return;
   packet.begin(descriptor);
   if (descriptor >= 0xD0) put_shared(packet, set, descriptor);
   else if (set == sensor) put_sensor(packet, descriptor);
+  else if (set == gnss) put_gnss(packet, descriptor);
   else put_filter(packet, descriptor);
   packet.end();
 }
 
 void Fields::put_shared(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept {
   const std::uint64_t time_ns = static_cast<std::uint64_t>(sample_.time.ns);
-  std::uint64_t& last_ns = last_ns_[set == sensor ? 0 : 1];
+  std::uint64_t& last_ns = last_ns_[set - sensor];
   switch (descriptor) {
     case 0xD0: packet.put(std::uint8_t{0}); break;
     case 0xD1: packet.put(static_cast<std::uint32_t>(sample_.counter)); break;
     case 0xD2: packet.put(static_cast<std::uint32_t>(sample_.counter - std::exchange(last_tick_, sample_.counter))); break;
-    case 0xD3: put_gps_time(packet); break;
+    case 0xD3: put_gps_time(packet, 0x3); break;
     case 0xD4: packet.put(1e-9 * static_cast<double>(time_ns - std::exchange(last_ns, time_ns))); break;
     case 0xD5: packet.put(time_ns); break;
     default: packet.put(time_ns - std::exchange(last_ns, time_ns)); break;
@@ -73,33 +137,108 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor) noexcept {
   switch (descriptor) {
     case 0x04: packet.put_floats(sample_.specific_force / units::standard_gravity); break;
     case 0x05: packet.put_floats(sample_.rate); break;
+    case 0x06: packet.put_floats(sample_.magnetic_field / gauss); break;
     case 0x07: packet.put_floats(std::exchange(delta_angle_, Vector3::Zero())); break;
     case 0x08: packet.put_floats(std::exchange(delta_velocity_, Vector3::Zero()) / units::standard_gravity); break;
     case 0x0A: put_quaternion(packet); break;
     case 0x0C: packet.put_floats(roll_pitch_yaw(sample_.q_LP)); break;
-    case 0x12: put_gps_time(packet); break;
+    case 0x12: {  // initialized, time of week, week; of a receiver also its pulse, and a bit that each of its updates turns
+      const auto turn = static_cast<unsigned>(sample_.place.gps_ns / second_ns & 1) << 1;
+      put_gps_time(packet, static_cast<std::uint16_t>(0x1C | (model_.gnss_hz > 0 ? 0x01 | turn : 0)));
+      break;
+    }
     case 0x14: packet.put_floats(Vector3::Constant(sample_.temperature_c)); break;
+    case 0x17: packet.put_float(sample_.pressure / millibar); break;
     default: packet.put(static_cast<std::uint16_t>((sample_.status & 7U) << 4 | (sample_.status >> 3 & 7U))); break;
   }
 }
 
-void Fields::put_filter(Packet& packet, std::uint8_t descriptor) noexcept {
-  constexpr std::uint16_t valid = 1;
+void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept {
+  const Place& place = sample_.place;
+  if (descriptor == 0x10) return put_filter_status(packet);
+  if (descriptor == 0x11) return put_gps_time(packet, 1);
+  std::uint16_t valid = 1;
+  switch (descriptor) {
+    case 0x01:
+      put_position(packet);
+      valid = is_known();
+      break;
+    case 0x02:
+      packet.put_floats(place.v_L);
+      valid = is_known();
+      break;
+    case 0x03: put_quaternion(packet); break;
+    case 0x04: {  // row by row, from L to P
+      const Matrix3 dcm_PL = sample_.q_LP.conjugate().toRotationMatrix();
+      for (int row = 0; row < 3; ++row) packet.put_floats(dcm_PL.row(row).transpose());
+      break;
+    }
+    case 0x05: packet.put_floats(roll_pitch_yaw(sample_.q_LP)); break;
+    case 0x0D: packet.put_floats(sample_.specific_force + gravity()); break;
+    case 0x0E: packet.put_floats(sample_.rate); break;
+    case 0x13: packet.put_floats(gravity()); break;
+    case 0x1C: packet.put_floats(sample_.specific_force); break;
+    default:
+      packet.put_doubles(place.r_E);
+      valid = is_known();
+      break;
+  }
+  packet.put(valid);
+}
+
+// GX5: 1 initializing, for want of position and velocity, 2 running, valid. CV7: 3 AHRS, 4 full navigation; 1 of the flags
+// stands for a stable filter.
+void Fields::put_filter_status(Packet& packet) const noexcept {
+  const bool navigates = model_.is(ins) && is_known();
+  const bool waits = model_.is(gx5_45) && !navigates;
+  packet.put(static_cast<std::uint16_t>(model_.is(cv7) ? (navigates ? 4 : 3) : (waits ? 1 : 2)));
+  packet.put(std::uint16_t{1});
+  packet.put(static_cast<std::uint16_t>(model_.is(cv7) ? 1 : (waits ? 0x2000 : 0)));
+}
+
+// Of a receiver that sees the truth, whose accuracy is therefore left open: its flag is not set.
+void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
+  const Place& place = sample_.place;
+  const Vector3& v = place.v_L;
+  const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
   switch (descriptor) {
     case 0x03:
-      put_quaternion(packet);
-      packet.put(valid);
+      put_position(packet);
+      packet.put(place.height);  // not above the sea, which is not valid
+      for (int i = 0; i < 2; ++i) packet.put(0.0F);
+      packet.put(if_known(0x03));
       break;
-    case 0x05:
-      packet.put_floats(roll_pitch_yaw(sample_.q_LP));
-      packet.put(valid);
+    case 0x04:
+      packet.put_doubles(place.r_E);
+      packet.put(0.0F);
+      packet.put(if_known(0x01));
       break;
-    case 0x10:
-      packet.put(model_.filter_state);
-      packet.put(std::uint16_t{1});
+    case 0x05: {
+      const double course = elementary::atan2(v.y(), v.x()) / units::degree;
+      packet.put_floats(v);
+      packet.put_float(v.norm());
+      packet.put_float(v.head<2>().norm());
+      packet.put_float(course < 0 ? course + 360 : course);
+      for (int i = 0; i < 2; ++i) packet.put(0.0F);
+      packet.put(if_known(0x0F));
+      break;
+    }
+    case 0x07:  // of an open sky: geometric, position, horizontal, vertical, time, north, east
+      for (const float dop : {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F}) packet.put(is_known() ? dop : 99.99F);
+      packet.put(if_known(0x7F));
+      break;
+    case 0x08: put_utc(packet, place.gps_ns, if_known(0x03)); break;
+    case 0x09: put_gps_time(packet, 0x03); break;
+    case 0x0B:  // 3D or none
+      packet.put(static_cast<std::uint8_t>(is_known() ? 0 : 3));
+      packet.put(static_cast<std::uint8_t>(is_known() ? 12 : 0));
       packet.put(std::uint16_t{0});
+      packet.put(std::uint16_t{0x07});
       break;
-    default: put_gps_time(packet); break;
+    default:  // on; antenna good, powered
+      for (const int state : {1, 4, 1}) packet.put(static_cast<std::uint8_t>(state));
+      packet.put(std::uint16_t{0x07});
+      break;
   }
 }
 
@@ -108,12 +247,24 @@ void Fields::put_quaternion(Packet& packet) const noexcept {  // v_P = q* v_N q
   for (const double part : {q.w(), q.x(), q.y(), q.z()}) packet.put_float(part);
 }
 
-void Fields::put_gps_time(Packet& packet) const noexcept {  // of the week that the device time is in
-  constexpr double week_s = 604'800;
-  const double time_s = 1e-9 * static_cast<double>(sample_.time.ns);
-  packet.put(time_s - week_s * std::floor(time_s / week_s));
-  packet.put(static_cast<std::uint16_t>(std::floor(time_s / week_s)));
-  packet.put(std::uint16_t{0});  // not valid: no GNSS
+void Fields::put_position(Packet& packet) const noexcept {
+  packet.put(sample_.place.latitude / units::degree);
+  packet.put(sample_.place.longitude / units::degree);
+  packet.put(sample_.place.height);
+}
+
+// Where no GPS time is known, the device's own, which is not valid.
+void Fields::put_gps_time(Packet& packet, std::uint16_t valid) const noexcept {
+  const std::int64_t ns = is_known() ? sample_.place.gps_ns : sample_.time.ns;
+  const std::int64_t week = ns / week_ns - (ns % week_ns < 0);
+  packet.put(1e-9 * static_cast<double>(ns - week * week_ns));
+  packet.put(static_cast<std::uint16_t>(week));
+  packet.put(is_known() ? valid : std::uint16_t{0});
+}
+
+Vector3 Fields::gravity() const noexcept {
+  const double g = is_known() ? normal_gravity(sample_.place) : units::standard_gravity;
+  return sample_.q_LP.conjugate() * Vector3(0, 0, g);
 }
 
 }  // namespace imud::mip

@@ -1,8 +1,8 @@
-// MicroStrain MIP, as the 3DM-GX5-25 and the 3DM-CV7-AHRS speak it. The layouts are those of MicroStrain's mip_sdk
-// (protocols/mip.hpp), against whose capture the tests hold them.
+// MicroStrain MIP, as 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS and 3DM-CV7-INS speak it. The layouts are those of
+// MicroStrain's mip_sdk (protocols/mip.hpp), against whose capture the tests hold them.
 //
 // What the document does not say and a user would expect: out of the box the device streams (ArduPilot sends nothing and
-// waits for that); reference time is the device's own time.
+// waits for that); reference time is the device's own time; filter and receiver tell the truth.
 #include <algorithm>
 #include <stdexcept>
 
@@ -87,7 +87,7 @@ class MipDecoder final : public Decoder {
     Sample& sample = measurement.sample;
     bool is_finite = true;
     const bool is_good = for_each_field(packet, [&](std::uint8_t descriptor, std::span<const std::byte> data) {
-      const DataField* field = find_field(sensor, descriptor);
+      const DataField* field = find_field(models[0], sensor, descriptor);
       if (field == nullptr || data.size() != field->size) return;
       Reader reader(data);
       const auto vector = [&](double unit, Measurement::Field carried) {
@@ -125,50 +125,70 @@ class MipDecoder final : public Decoder {
   Search search_;
 };
 
-constexpr std::array<std::string_view, 2> model_names = {"3dm-gx5-25", "3dm-cv7-ahrs"};
-constexpr std::array<std::string_view, 7> sensor_defaults = {"reference_time", "acceleration", "rate",     "delta_angle",
-                                                             "delta_velocity", "temperature",  "overrange"};
-constexpr std::array<std::string_view, 3> filter_defaults = {"filter_reference_time", "filter_status", "filter_euler"};
+constexpr std::array<std::string_view, 4> model_names = {"3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"};
+constexpr std::array<std::string_view, 1> models_own = {"default"};
+constexpr std::span<const std::string_view> own = models_own;
 constexpr Setting declared[] = {
     {.key = "model", .help = "which device", .initial = model_names[0], .choices = model_names},
     {.key = "sensor_rate_hz", .help = "of the sensor data; a divisor of 1000", .initial = std::int64_t{100}, .min = 1, .max = 1000},
-    {.key = "sensor_fields", .help = "what is streamed", .initial = std::span<const std::string_view>(sensor_defaults)},
+    {.key = "sensor_fields", .help = "what is streamed; default: as the model is delivered", .initial = own},
     {.key = "filter_rate_hz", .help = "of the filter data; a divisor of its base rate", .initial = std::int64_t{10}, .min = 1,
      .max = 1000},
-    {.key = "filter_fields", .help = "what is streamed", .initial = std::span<const std::string_view>(filter_defaults)},
+    {.key = "filter_fields", .help = "what is streamed", .initial = own},
+    {.key = "gnss_rate_hz", .help = "of the receiver's data; a divisor of 4", .initial = std::int64_t{4}, .min = 1, .max = 4},
+    {.key = "gnss_fields", .help = "what is streamed, by a model with a receiver", .initial = own},
     {.key = "baud", .help = "bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
 };
 
 const Model& model_of(const Settings& settings) {
-  return settings.text("model") == models[0].keyword ? models[0] : models[1];
+  return *std::find_if(models.begin(), models.end(), [&](const Model& m) { return m.keyword == settings.text("model"); });
+}
+
+std::uint8_t descriptor_of(const Model& model, std::uint8_t set, std::string_view name, const std::string& key) {
+  std::string known;
+  for (const DataField& field : data_fields()) {
+    if (field.set != set || !model.is(field.models)) continue;
+    if (field.name == name) return field.descriptor;
+    known += " " + std::string(field.name);
+  }
+  throw std::invalid_argument(key + ": there is no \"" + std::string(name) + "\"; known:" + known + "; or default, alone");
+}
+
+Stream stream(const Settings& settings, const Model& model, std::uint8_t set, const std::string& prefix,
+              std::uint16_t base_hz, std::span<const std::string_view> delivered) {
+  const std::string rate_key = prefix + "_rate_hz", fields_key = prefix + "_fields";
+  const std::vector<std::string>& fields = settings.list(fields_key);
+  const bool is_default = fields.size() == 1 && fields[0] == models_own[0];
+  Stream stream;
+  if (base_hz == 0) {
+    if (!is_default && !fields.empty())
+      throw std::invalid_argument(fields_key + ": a " + std::string(model.name) + " has none; leave it out");
+    return stream;
+  }
+  const std::int64_t hz = settings.integer(rate_key);
+  if (hz > base_hz || base_hz % hz != 0)
+    throw std::invalid_argument(rate_key + ": give a divisor of " + std::to_string(base_hz));
+  const auto decimation = static_cast<std::uint16_t>(base_hz / hz);
+  stream.set = set;
+  stream.base_hz = base_hz;
+  if (is_default)
+    for (const std::string_view name : delivered) stream.add(descriptor_of(model, set, name, fields_key), decimation);
+  else
+    for (const std::string& name : fields) stream.add(descriptor_of(model, set, name, fields_key), decimation);
+  return stream;
 }
 
 Configuration configuration(const Settings& settings) {
+  const Model& model = model_of(settings);
   Configuration c;
   c.baud = static_cast<std::uint32_t>(settings.integer("baud"));
-  const auto fill = [&](Stream& stream, std::uint8_t set, std::uint16_t base_hz, const char* rate, const char* fields) {
-    stream.set = set;
-    stream.base_hz = base_hz;
-    const std::int64_t hz = settings.integer(rate);
-    if (hz > base_hz || base_hz % hz != 0)
-      throw std::invalid_argument(std::string(rate) + ": give a divisor of " + std::to_string(base_hz));
-    for (const std::string& name : settings.list(fields)) {
-      const auto field = std::find_if(data_fields().begin(), data_fields().end(),
-                                       [&](const DataField& f) { return f.set == set && f.name == name; });
-      if (field == data_fields().end()) {
-        std::string known;
-        for (const DataField& f : data_fields())
-          if (f.set == set) known += " " + std::string(f.name);
-        throw std::invalid_argument(std::string(fields) + ": there is no \"" + name + "\"; known:" + known);
-      }
-      stream.add(field->descriptor, static_cast<std::uint16_t>(base_hz / hz));
-    }
-  };
-  fill(c.streams[0], sensor, 1000, "sensor_rate_hz", "sensor_fields");
-  fill(c.streams[1], filter, model_of(settings).filter_hz, "filter_rate_hz", "filter_fields");
+  c.streams = {stream(settings, model, sensor, "sensor", static_cast<std::uint16_t>(internal_hz), model.sensor_fields),
+               stream(settings, model, filter, "filter", model.filter_hz, model.filter_fields),
+               stream(settings, model, gnss, "gnss", model.gnss_hz, model.gnss_fields)};
   return c;
 }
 
+// Magnetometer: 8 G and 400 uG/sqrt(Hz), barometer: 0.01 hPa; of the 3DM-GX5-25's data sheet as remembered.
 Product product(const Settings& settings) {
   const Model& model = model_of(settings);
   Product product;
@@ -176,6 +196,8 @@ Product product(const Settings& settings) {
   product.gyro = TriadErrors::white(model.gyro_noise, internal_hz, model.gyro_max);
   product.accelerometer = TriadErrors::white(model.accelerometer_noise, internal_hz,
                                              model.accelerometer_max_g * units::standard_gravity);
+  product.magnetometer = TriadErrors::white(400e-10, internal_hz, 8e-4);
+  product.barometer.noise = 1;
   return product;
 }
 
@@ -184,7 +206,7 @@ Product product(const Settings& settings) {
 extern const Protocol mip_protocol;
 constexpr Protocol mip_protocol = {
     .name = "mip",
-    .summary = "MicroStrain 3DM-GX5-25 and 3DM-CV7-AHRS: MIP commands, sensor and filter data",
+    .summary = "MicroStrain 3DM-GX5-25, -45, 3DM-CV7-AHRS, -INS: MIP commands, sensor, filter and GNSS data",
     .link = Link::bytes,
     .document = "mip_sdk e5a847d, src/c/mip/definitions",
     .settings = declared,

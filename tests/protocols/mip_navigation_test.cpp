@@ -1,0 +1,212 @@
+// What a MIP device tells of place, time and field.
+#include <gtest/gtest.h>
+
+#include "core/attitude.hpp"
+#include "core/earth.hpp"
+#include "core/units.hpp"
+#include "tests/protocols/mip_unit.hpp"
+
+namespace imud {
+namespace {
+
+using std::int64_t;
+
+// 2026-03-04T05:06:07.250Z, over Boulder, to the north-west and up.
+Sample known() {
+  Sample sample;
+  sample.place.is_known = true;
+  sample.place.gps_ns = gps_ns_from_unix(1'772'600'767) + 250'000'000;
+  sample.place.latitude = 40 * units::degree;
+  sample.place.longitude = -105.25 * units::degree;
+  sample.place.height = 1655;
+  sample.place.r_E = {-1e6, -4e6, 4e6};
+  sample.place.v_L = {30, -40, -5};
+  sample.magnetic_field = {20e-6, -1.5e-6, 48e-6};
+  sample.pressure = 82'950;
+  return sample;
+}
+
+// Of a set, the fields of which are streamed once, by a unit of that model.
+Bytes sent(const std::string& model, std::uint8_t set, std::vector<std::uint8_t> descriptors, const Sample& sample) {
+  Unit unit({{"model", model}});
+  Bytes format = {1, set, static_cast<std::uint8_t>(descriptors.size())};
+  for (const std::uint8_t descriptor : descriptors) format.insert(format.end(), {descriptor, 0, 1});
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, format)), 0);
+  unit.sample = sample;
+  for (const Bytes& packet : unit.run(1))
+    if (packet[2] == set) return packet;
+  return {};
+}
+
+TEST(MipNavigation, MagneticFieldAndPressure) {
+  for (const char* model : {"3dm-gx5-25", "3dm-cv7-ahrs", "3dm-gx5-45", "3dm-cv7-ins"}) {
+    const Bytes packet = sent(model, 0x80, {0x06, 0x17}, known());
+    const Bytes field_G = field(packet, 0x06);
+    EXPECT_FLOAT_EQ(number(field_G, 0), 0.2F);
+    EXPECT_FLOAT_EQ(number(field_G, 1), -0.015F);
+    EXPECT_FLOAT_EQ(number(field_G, 2), 0.48F);
+    EXPECT_FLOAT_EQ(number(field(packet, 0x17), 0), 829.5F) << "mbar";
+  }
+}
+
+// GPS week 2408 began on 2026-03-01T00:00:00 GPS time (www.ngs.noaa.gov/CORS/Gpscal.shtml): Wednesday 05:06:25.25.
+TEST(MipNavigation, GpsTime) {
+  constexpr double tow = 3 * 86400 + 5 * 3600 + 6 * 60 + 25.25;
+  const auto check = [&](const Bytes& data, int valid) {
+    ASSERT_EQ(data.size(), 12U);
+    EXPECT_DOUBLE_EQ(number_at<double>(data, 0), tow);
+    EXPECT_EQ(number_at<std::uint16_t>(data, 8), 2408);
+    EXPECT_EQ(number_at<std::uint16_t>(data, 10), valid);
+  };
+  const Bytes imu = sent("3dm-gx5-25", 0x80, {0x12, 0xD3}, known());
+  check(field(imu, 0x12), 0x1C);
+  check(field(imu, 0xD3), 3);
+  check(field(sent("3dm-cv7-ins", 0x82, {0xD3}, known()), 0xD3), 3);
+  check(field(sent("3dm-gx5-45", 0x82, {0x11}, known()), 0x11), 1);
+  check(field(sent("3dm-gx5-45", 0x81, {0x09}, known()), 0x09), 3);
+  // A receiver's pulse, and a bit that turns every second.
+  Sample later = known();
+  const auto flags = [&] { return number_at<std::uint16_t>(field(sent("3dm-gx5-45", 0x80, {0x12}, later), 0x12), 10); };
+  const int at_first = flags();
+  later.place.gps_ns += 1'000'000'000;
+  EXPECT_EQ(at_first ^ flags(), 2);
+  EXPECT_EQ(at_first & ~2, 0x1D);
+
+  const Bytes utc = field(sent("3dm-gx5-45", 0x81, {0x08}, known()), 0x08);
+  EXPECT_EQ(utc, (Bytes{0x07, 0xEA, 3, 4, 5, 6, 7, 0, 0, 0, 250, 0, 3}));
+
+  Sample unknown;
+  EXPECT_EQ(field(sent("3dm-gx5-25", 0x80, {0x12}, unknown), 0x12), Bytes(12)) << "the device's own time, not valid";
+}
+
+TEST(MipNavigation, FilterPositionAndVelocity) {
+  for (const char* model : {"3dm-gx5-45", "3dm-cv7-ins"}) {
+    const Bytes packet = sent(model, 0x82, {0x01, 0x02, 0x40}, known());
+    const Bytes position = field(packet, 0x01), velocity = field(packet, 0x02), ecef = field(packet, 0x40);
+    EXPECT_DOUBLE_EQ(number_at<double>(position, 0), 40);
+    EXPECT_DOUBLE_EQ(number_at<double>(position, 8), -105.25);
+    EXPECT_DOUBLE_EQ(number_at<double>(position, 16), 1655);
+    EXPECT_EQ(number_at<std::uint16_t>(position, 24), 1);
+    EXPECT_EQ(number(velocity, 1), -40);
+    EXPECT_EQ(number_at<std::uint16_t>(velocity, 12), 1);
+    EXPECT_EQ(number_at<double>(ecef, 8), -4e6);
+    EXPECT_EQ(number_at<std::uint16_t>(ecef, 24), 1);
+    const Bytes nothing = sent(model, 0x82, {0x01, 0x02, 0x40}, Sample());
+    EXPECT_EQ(field(nothing, 0x01), Bytes(26));
+    EXPECT_EQ(field(nothing, 0x02), Bytes(14));
+    EXPECT_EQ(field(nothing, 0x40), Bytes(26));
+  }
+}
+
+TEST(MipNavigation, StateOfTheFilter) {
+  const auto state = [](const char* model, const Sample& sample) { return field(sent(model, 0x82, {0x10}, sample), 0x10); };
+  EXPECT_EQ(state("3dm-gx5-25", Sample()), (Bytes{0, 2, 0, 1, 0, 0}));
+  EXPECT_EQ(state("3dm-gx5-45", Sample()), (Bytes{0, 1, 0, 1, 0x20, 0})) << "initializing, no position and velocity";
+  EXPECT_EQ(state("3dm-gx5-45", known()), (Bytes{0, 2, 0, 1, 0, 0}));
+  EXPECT_EQ(state("3dm-cv7-ahrs", known()), (Bytes{0, 3, 0, 1, 0, 1}));
+  EXPECT_EQ(state("3dm-cv7-ins", Sample()), (Bytes{0, 3, 0, 1, 0, 1}));
+  EXPECT_EQ(state("3dm-cv7-ins", known()), (Bytes{0, 4, 0, 1, 0, 1})) << "full navigation";
+}
+
+// Gravity at 45 deg of latitude, on the ellipsoid: 9.806199 m/s^2 (NGA.STND.0036, Eq. 4-1: 9.80620).
+TEST(MipNavigation, AccelerationsOfTheFilter) {
+  Sample sample = known();
+  sample.place.latitude = 45 * units::degree;
+  sample.place.height = 0;
+  sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(1.0, 0, units::pi / 2).transpose());  // down is y
+  sample.specific_force = {1, -9.8, 2};
+  sample.rate = {0.1, 0.2, -0.3};
+  const Bytes packet = sent("3dm-cv7-ahrs", 0x82, {0x0D, 0x0E, 0x13, 0x1C, 0x04}, sample);
+  EXPECT_NEAR(number(field(packet, 0x13), 1), 9.80620, 1e-5);
+  EXPECT_NEAR(number(field(packet, 0x13), 0), 0, 1e-6);
+  EXPECT_NEAR(number(field(packet, 0x0D), 1), 0.00620, 1e-5);
+  EXPECT_FLOAT_EQ(number(field(packet, 0x0D), 2), 2);
+  EXPECT_FLOAT_EQ(number(field(packet, 0x0E), 2), -0.3F);
+  EXPECT_FLOAT_EQ(number(field(packet, 0x1C), 1), -9.8F);
+  EXPECT_FLOAT_EQ(number(field(packet, 0x04), 5), 1) << "v_P = M v_L, by rows: y of P is down";
+  EXPECT_FLOAT_EQ(number(field(packet, 0x04), 0), std::cos(1.0F));
+  EXPECT_FLOAT_EQ(number(field(packet, 0x04), 1), std::sin(1.0F));
+  for (const std::uint8_t descriptor : Bytes{0x0D, 0x0E, 0x13, 0x1C}) EXPECT_EQ(field(packet, descriptor)[13], 1);
+  Sample level;
+  level.specific_force = {0, 0, -units::standard_gravity};
+  EXPECT_EQ(number(field(sent("3dm-gx5-25", 0x82, {0x0D}, level), 0x0D), 2), 0) << "where the place is unknown";
+}
+
+TEST(MipNavigation, Receiver) {
+  const Bytes packet = sent("3dm-gx5-45", 0x81, {0x03, 0x05, 0x07, 0x0B, 0x04, 0x0D}, known());
+  const Bytes position = field(packet, 0x03), velocity = field(packet, 0x05);
+  EXPECT_DOUBLE_EQ(number_at<double>(position, 0), 40);
+  EXPECT_DOUBLE_EQ(number_at<double>(position, 8), -105.25);
+  EXPECT_DOUBLE_EQ(number_at<double>(position, 16), 1655);
+  EXPECT_EQ(number_at<std::uint16_t>(position, 40), 3) << "position and height above the ellipsoid";
+  EXPECT_EQ(number(velocity, 0), 30);
+  EXPECT_EQ(number(velocity, 2), -5);
+  EXPECT_FLOAT_EQ(number(velocity, 3), 50.24938F) << "speed";
+  EXPECT_EQ(number(velocity, 4), 50) << "over ground";
+  EXPECT_FLOAT_EQ(number(velocity, 5), 306.8699F) << "course, deg";
+  EXPECT_EQ(number_at<std::uint16_t>(velocity, 32), 0x0F);
+  const Bytes dop = field(packet, 0x07);
+  EXPECT_NEAR(number(dop, 0) * number(dop, 0), number(dop, 1) * number(dop, 1) + number(dop, 4) * number(dop, 4), 0.02);
+  EXPECT_EQ(number_at<std::uint16_t>(dop, 28), 0x7F);
+  EXPECT_EQ(field(packet, 0x0B), (Bytes{0, 12, 0, 0, 0, 7}));
+  EXPECT_EQ(number_at<double>(field(packet, 0x04), 16), 4e6);
+  EXPECT_EQ(field(packet, 0x0D), (Bytes{1, 4, 1, 0, 7}));
+
+  const Bytes lost = sent("3dm-gx5-45", 0x81, {0x03, 0x05, 0x07, 0x0B}, Sample());
+  EXPECT_EQ(field(lost, 0x03), Bytes(42));
+  EXPECT_EQ(field(lost, 0x05), Bytes(34));
+  EXPECT_EQ(number_at<std::uint16_t>(field(lost, 0x07), 28), 0);
+  EXPECT_EQ(field(lost, 0x0B), (Bytes{3, 0, 0, 0, 0, 7})) << "no fix";
+}
+
+// What ArduPilot's driver waits for, which sends nothing.
+TEST(MipNavigation, StreamsOutOfTheBox) {
+  Unit unit({{"model", std::string("3dm-gx5-45")}});
+  unit.sample = known();
+  int packets[3] = {}, bytes = 0;
+  for (const Bytes& packet : unit.run(1000)) {
+    ASSERT_TRUE(packet[2] >= 0x80 && packet[2] <= 0x82);
+    ++packets[packet[2] - 0x80];
+    bytes += static_cast<int>(packet.size());
+    if (packet[2] != 0x81) continue;
+    for (const std::uint8_t descriptor : Bytes{0x03, 0x05, 0x07, 0x08, 0x09, 0x0B}) EXPECT_FALSE(field(packet, descriptor).empty());
+  }
+  EXPECT_EQ(packets[0], 100);
+  EXPECT_EQ(packets[1], 4) << "of the receiver";
+  EXPECT_EQ(packets[2], 10);
+  EXPECT_LT(10 * bytes, 115200) << "does not fit the line";
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x07))[0], 0x84), (Bytes{0, 4}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x09, {1, 1, 0x0B, 0, 2})), 0);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x09, {2}))[0], 0x81), (Bytes{1, 0x0B, 0, 2}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 2, 0})), 0) << "receiver's stream off";
+  for (const Bytes& packet : unit.run(1000)) EXPECT_NE(packet[2], 0x81);
+  EXPECT_EQ(unit.say(command(0x0C, 0x02, {0, 1, 0x0B, 0, 0})).size(), 2U) << "but it can be polled";
+}
+
+TEST(MipNavigation, SettingsThatTheModelHasNot) {
+  const Protocol& protocol = *find_protocol("mip");
+  const auto refusal = [&](std::initializer_list<std::pair<const char*, const char*>> texts) -> std::string {
+    Settings settings(protocol.settings);
+    for (const auto& [key, text] : texts) settings.set_text(key, text);
+    try {
+      protocol.make(settings);
+    } catch (const std::invalid_argument& fault) {
+      return fault.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal({{"gnss_fields", "gnss_fix"}}), "gnss_fields: a 3DM-GX5-25 has none; leave it out");
+  EXPECT_NE(refusal({{"filter_fields", "filter_position"}}).find("known: filter_quaternion"), std::string::npos);
+  EXPECT_EQ(refusal({{"model", "3dm-cv7-ins"}, {"filter_fields", "filter_position"}}), "");
+  EXPECT_EQ(refusal({{"model", "3dm-gx5-45"}, {"gnss_rate_hz", "3"}}), "gnss_rate_hz: give a divisor of 4");
+}
+
+TEST(MipNavigation, ProductHasMagnetometerAndBarometer) {
+  const Product product = find_protocol("mip")->product(Settings(find_protocol("mip")->settings));
+  EXPECT_DOUBLE_EQ(product.magnetometer.max, 8e-4);
+  EXPECT_NEAR(product.magnetometer.walk_sqrt_cov(0, 0), 4e-8 * std::sqrt(1000.0), 1e-12);
+  EXPECT_EQ(product.barometer.noise, 1);
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,105 @@
+// A MIP device under test, and packets to and from it.
+#pragma once
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+using namespace std::chrono_literals;
+using Bytes = std::vector<std::uint8_t>;
+
+inline Bytes hex(std::string_view text) {
+  Bytes bytes;
+  for (std::size_t i = 0; i + 1 < text.size(); i += 2)
+    bytes.push_back(static_cast<std::uint8_t>(std::stoul(std::string(text.substr(i, 2)), nullptr, 16)));
+  return bytes;
+}
+
+// With header and checksum, which is computed here on its own.
+inline Bytes packet(std::uint8_t set, const Bytes& fields) {
+  Bytes all = {0x75, 0x65, set, static_cast<std::uint8_t>(fields.size())};
+  all.insert(all.end(), fields.begin(), fields.end());
+  unsigned a = 0, b = 0;
+  for (const std::uint8_t byte : all) b += a += byte;
+  all.push_back(static_cast<std::uint8_t>(a));
+  all.push_back(static_cast<std::uint8_t>(b));
+  return all;
+}
+inline Bytes command(std::uint8_t set, std::uint8_t descriptor, Bytes data = {}) {
+  data.insert(data.begin(), {static_cast<std::uint8_t>(data.size() + 2), descriptor});
+  return packet(set, data);
+}
+
+class Unit {
+ public:
+  explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
+    const Protocol& protocol = *find_protocol("mip");
+    Settings settings(protocol.settings);
+    for (const auto& [key, value] : values) settings.set(key, value);
+    device = protocol.make(settings);
+  }
+  std::vector<Bytes> run(int samples) {
+    std::vector<Bytes> all;
+    for (int k = 0; k < samples; ++k) {
+      sample.counter = static_cast<std::uint64_t>(count_);
+      sample.time = DeviceTime{} + count_++ * 1ms;
+      frames_->clear();
+      device->sample(sample, *frames_);
+      for (const Frame& frame : frames_->frames()) all.push_back(bytes_of(frame));
+    }
+    return all;
+  }
+  std::vector<Bytes> say(const Bytes& bytes) {
+    frames_->clear();
+    device->receive({std::as_bytes(std::span(bytes))}, *frames_);
+    std::vector<Bytes> all;
+    for (const Frame& frame : frames_->frames()) all.push_back(bytes_of(frame));
+    return all;
+  }
+  // The code that the only command of the packet is answered with.
+  int code(const Bytes& bytes) {
+    const auto answers = say(bytes);
+    if (answers.empty() || answers[0].size() < 8 || answers[0][5] != 0xF1 || answers[0][6] != bytes[5]) return -1;
+    return answers[0][7];
+  }
+
+  Sample sample;
+  std::unique_ptr<Device> device;
+
+ private:
+  static Bytes bytes_of(const Frame& frame) {
+    Bytes bytes(frame.bytes.size());
+    std::memcpy(bytes.data(), frame.bytes.data(), bytes.size());
+    return bytes;
+  }
+  int count_ = 0;
+  std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
+};
+
+// The data of a field of a packet; empty if it has none such.
+inline Bytes field(const Bytes& packet, std::uint8_t descriptor) {
+  for (std::size_t at = 4; at + 2 < packet.size() - 2; at += packet[at]) {
+    const auto begin = packet.begin() + static_cast<std::ptrdiff_t>(at);
+    if (packet[at + 1] == descriptor) return {begin + 2, begin + packet[at]};
+  }
+  return {};
+}
+// The number of that type that begins at byte `at` of it; 0 if it is too short.
+template <class Number>
+Number number_at(const Bytes& data, std::size_t at) {
+  Number number = {};
+  if (data.size() < at + sizeof number) return number;
+  Bytes turned(data.begin() + static_cast<std::ptrdiff_t>(at), data.begin() + static_cast<std::ptrdiff_t>(at + sizeof number));
+  std::reverse(turned.begin(), turned.end());
+  std::memcpy(&number, turned.data(), sizeof number);
+  return number;
+}
+inline float number(const Bytes& data, std::size_t i) { return number_at<float>(data, 4 * i); }
+
+}  // namespace imud
