@@ -22,14 +22,14 @@ constexpr std::string_view gx5_gnss[] = {"gnss_position", "gnss_velocity", "gnss
 
 // Numbers: mip_sdk, mip_device_models.h. The rates of 4 Hz and 500 Hz, and the densities, 0.005 deg/s/sqrt(Hz) and
 // 80 ug/sqrt(Hz); 0.17 deg/sqrt(h) and 0.03 m/s/sqrt(h), are the data sheets' as remembered.
-const std::array<Model, 4> models = {{
-    {gx5_25, "3dm-gx5-25", "3DM-GX5-25", "6253-4220", "8g, 300d/s", 500, 0, 300 * units::degree, 8, 0.005 * units::degree,
-     80e-6 * units::standard_gravity, ahrs_sensor, ahrs_filter, {}},
-    {gx5_45, "3dm-gx5-45", "3DM-GX5-45", "6251-4220", "8g, 300d/s", 500, 4, 300 * units::degree, 8, 0.005 * units::degree,
-     80e-6 * units::standard_gravity, ins_sensor, gx5_filter, gx5_gnss},
-    {cv7_ahrs, "3dm-cv7-ahrs", "3DM-CV7-AHRS", "6286-9968", "8g, 500d/s", 1000, 0, 500 * units::degree, 8,
+constinit const std::array<Model, 4> models = {{
+    {gx5_25, "3dm-gx5-25", "3DM-GX5-25", "6253-4220", "6253.123456", "8g, 300d/s", 500, 0, 300 * units::degree, 8,
+     0.005 * units::degree, 80e-6 * units::standard_gravity, ahrs_sensor, ahrs_filter, {}},
+    {gx5_45, "3dm-gx5-45", "3DM-GX5-45", "6251-4220", "6251.123456", "8g, 300d/s", 500, 4, 300 * units::degree, 8,
+     0.005 * units::degree, 80e-6 * units::standard_gravity, ins_sensor, gx5_filter, gx5_gnss},
+    {cv7_ahrs, "3dm-cv7-ahrs", "3DM-CV7-AHRS", "6286-9968", "6286.123456", "8g, 500d/s", 1000, 0, 500 * units::degree, 8,
      0.17 / 60 * units::degree, 0.03 / 60, ahrs_sensor, ahrs_filter, {}},
-    {cv7_ins, "3dm-cv7-ins", "3DM-CV7-INS", "6291-9968", "8g, 500d/s", 1000, 0, 500 * units::degree, 8,
+    {cv7_ins, "3dm-cv7-ins", "3DM-CV7-INS", "6291-9968", "6291.123456", "8g, 500d/s", 1000, 0, 500 * units::degree, 8,
      0.17 / 60 * units::degree, 0.03 / 60, ins_sensor, cv7_filter, {}},
 }};
 

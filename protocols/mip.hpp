@@ -1,5 +1,6 @@
-// MicroStrain MIP: what the device (devices/mip.cpp), its data fields (mip_fields.cpp) and its commands (mip_commands.cpp)
-// share. MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions) is the source.
+// MicroStrain MIP: what the device (devices/mip.cpp), its data fields (mip_fields.cpp), its commands (mip_commands.cpp) and
+// its settings (mip_settings.cpp) share. Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d,
+// src/c/mip/definitions).
 //
 // A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of all
 // bytes before, and the sum of these sums. A field: its own length, descriptor, data. A command's answer is a packet of
@@ -11,6 +12,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <utility>
 
 #include "core/sample.hpp"
 #include "protocols/frame_writer.hpp"
@@ -20,7 +22,9 @@ namespace imud::mip {
 inline constexpr std::uint8_t sync[2] = {0x75, 0x65};
 inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = header_size + 255 + checksum_size;
 inline constexpr double internal_hz = 1000;  // at which a device samples
-enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, sensor = 0x80, gnss = 0x81, filter = 0x82 };
+// Descriptor sets: of commands, of data.
+enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };
+enum DataSet : std::uint8_t { sensor = 0x80, gnss = 0x81, filter = 0x82 };
 inline constexpr std::uint8_t reply = 0xF1;
 
 // --- Packets ---------------------------------------------------------------------------------------------------------
@@ -67,7 +71,7 @@ inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, ins =
 
 struct Model {
   unsigned bit;
-  std::string_view keyword, name, number, options;
+  std::string_view keyword, name, number, serial, options;
   std::uint16_t filter_hz, gnss_hz;        // base rates; 0: no receiver
   double gyro_max, accelerometer_max_g;    // rad/s
   double gyro_noise, accelerometer_noise;  // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
@@ -104,12 +108,15 @@ struct Stream {
   }
 };
 
-// The newest sample as fields.
+class Memory;
+
+// The newest sample as fields, of the vehicle that the sensor is said to be mounted in, without the biases it is told.
 class Fields {
  public:
-  explicit Fields(const Model& model) noexcept : model_(model) {}
+  explicit Fields(const Memory& memory) noexcept : memory_(memory) {}
   void take(const Sample& sample) noexcept;
   DeviceTime time() const noexcept { return sample_.time; }
+  std::int64_t gps_ns() const noexcept;  // of the newest sample, as reported
   // Nothing if there is no such field, or no room for it.
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept;
 
@@ -117,29 +124,59 @@ class Fields {
   void put_shared(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept;
   void put_sensor(Packet& packet, std::uint8_t descriptor) noexcept;
   void put_filter(Packet& packet, std::uint8_t descriptor) const noexcept;
+  void put_filter_status(Packet& packet) const noexcept;
   void put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept;
   void put_quaternion(Packet& packet) const noexcept;
-  void put_filter_status(Packet& packet) const noexcept;
   void put_position(Packet& packet) const noexcept;
-  void put_gps_time(Packet& packet, std::uint16_t valid) const noexcept;  // the flags where it is
-  Vector3 gravity() const noexcept;                                       // m/s^2, in P
   bool is_known() const noexcept { return sample_.place.is_known; }
+  bool has_week() const noexcept;
+  bool has_time_of_week() const noexcept;
+  Vector3 gravity() const noexcept;  // m/s^2, in V
 
-  const Model& model_;
-  Sample sample_;
+  const Memory& memory_;
+  Sample sample_;                                                               // in V
   Vector3 delta_angle_ = Vector3::Zero(), delta_velocity_ = Vector3::Zero();  // since they were sent last
   std::array<std::uint64_t, 3> last_ns_ = {};                                // of the sets' time differences
   std::uint64_t last_tick_ = 0;
 };
 
-// --- Commands --------------------------------------------------------------------------------------------------------
+// --- Settings --------------------------------------------------------------------------------------------------------
+
+// A setting that is kept and told, and changes nothing: what it would do is a filter's, which tells the truth here, or an
+// event's, of which there are none. A command's data are a function, a key (which of several), and a value.
+struct KeptSetting {
+  std::uint8_t set, command, reply;
+  unsigned models;
+  std::uint8_t key_size, first_key, slots;
+  std::uint8_t least, most;               // bytes of key and value
+  std::span<const std::uint8_t> initial;  // value; the rest is 0
+};
+std::span<const KeptSetting> kept_settings() noexcept;
+
+// A command that is acknowledged if it has that many bytes, and changes nothing.
+struct Acknowledged {
+  std::uint8_t set, command, size;
+  unsigned models;
+};
+std::span<const Acknowledged> acknowledged_commands() noexcept;
+
+struct Kept {
+  std::uint8_t size = 0;
+  std::array<std::uint8_t, 40> bytes = {};
+};
 
 struct Configuration {
+  Configuration() noexcept;
+
   std::array<Stream, 3> streams;  // sensor, filter, gnss
   std::uint32_t baud = 115200;
+  Vector3 gyro_bias = Vector3::Zero(), accelerometer_bias = Vector3::Zero();  // rad/s, m/s^2; are subtracted in P
+  Quaternion q_PV = Quaternion::Identity();                                   // v_P = q_PV * v_V, V: the vehicle
+  std::array<Kept, 52> kept;                                                  // one after another, slot by slot
 
-  Stream* find(std::uint8_t set) noexcept;  // nullptr if there is none
-  const Stream* find(std::uint8_t set) const noexcept;
+  const Stream* find(std::uint8_t set) const noexcept;  // nullptr if there is none
+  Stream* find(std::uint8_t set) noexcept { return const_cast<Stream*>(std::as_const(*this).find(set)); }
+  const Kept& first_of(std::uint8_t set, std::uint8_t command) const noexcept;  // slot of a kept setting
 };
 
 // All that a unit keeps, and how it obeys.
@@ -148,31 +185,66 @@ class Memory {
   Memory(const Model& model, const Configuration& configuration) noexcept
       : model_(model), factory_(configuration), stored_(configuration), active_(configuration) {}
 
+  // What the host said GPS time was: added to what is reported.
+  struct GpsUpdate {
+    std::int64_t correction_ns = 0;
+    bool has_week = false, has_time_of_week = false;
+    unsigned count = 0;
+  };
+
+  const Model& model() const noexcept { return model_; }
   const Configuration& active() const noexcept { return active_; }
+  const GpsUpdate& gps_update() const noexcept { return gps_update_; }
   bool is_idle() const noexcept { return is_idle_; }
   // Obeys an intact packet of the host; appends the answer, and the data that it polls.
   void answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept;
+  // Appends the answer to a capture of the gyro bias that ends with this sample.
+  void capture(const Sample& sample, FrameBuffer& out) noexcept;
 
  private:
-  enum Code : std::uint8_t { ok = 0, unknown_command = 1, bad_parameter = 3 };
+  enum Code : std::uint8_t { ok = 0, unknown_command = 1, bad_parameter = 3, failed = 4 };
   enum Function : std::uint8_t { write = 1, read, save, load, to_default };
+  using Data = std::span<const std::byte>;
 
-  Code obey_base(std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  Code obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, const Fields& fields) noexcept;
+  Code obey_base(std::uint8_t command, Reader& reader, Packet& answer, const Fields& fields) noexcept;
   Code obey_3dm(std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  Code obey_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept;
   Code baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept;
+  Code update_gps_time(Reader& reader, const Fields& fields) noexcept;
   Code device_settings(Reader& reader) noexcept;
   Code poll(std::uint8_t set, bool with_rates, Reader& reader) noexcept;
-  Code base_rate(std::uint8_t set, std::uint8_t descriptor, Packet& answer, bool with_set) noexcept;
+  Code base_rate(std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer, bool with_set) noexcept;
   Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
               bool with_set) noexcept;
   Code stream_control(Reader& reader, Packet& answer) noexcept;
-  bool has(std::uint8_t command) const noexcept;
-  void put_descriptors(Packet& answer) const noexcept;
+  // `unit`: of the wire, SI.
+  Code vector(Vector3 Configuration::*vector, double unit, std::uint8_t descriptor, Reader& reader, Packet& answer) noexcept;
+  Code rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  bool begins_capture(Data data) noexcept;
+  bool has(std::uint8_t set, std::uint8_t command) const noexcept;
+  void put_device_info(Packet& answer) const noexcept;
+  void put_descriptors(Packet& answer, bool extended) const noexcept;
+  void restart() noexcept;
+
+  // Save, load or default, by copy(to, from).
+  template <class Copy>
+  Code transfer(std::uint8_t function, Copy&& copy) noexcept {
+    switch (function) {
+      case save: copy(stored_, std::as_const(active_)); return ok;
+      case load: copy(active_, std::as_const(stored_)); return ok;
+      case to_default: copy(active_, factory_); return ok;
+      default: return bad_parameter;
+    }
+  }
 
   const Model& model_;
   const Configuration factory_;
   Configuration stored_, active_;
+  GpsUpdate gps_update_;
   bool is_idle_ = false;
+  unsigned capture_size_ = 0, capture_left_ = 0;  // samples; left: 0: none is going on
+  Vector3 capture_sum_ = Vector3::Zero();
   bool acknowledges_ = true;  // the packet that is being answered
   std::array<std::uint8_t, 32> poll_ = {};  // what it asks for
   std::size_t polled_ = 0;

@@ -1,40 +1,51 @@
 #include <algorithm>
 
+#include "core/units.hpp"
 #include "protocols/mip.hpp"
 
 namespace imud::mip {
 
-Stream* Configuration::find(std::uint8_t set) noexcept {
-  for (Stream& stream : streams)
-    if (stream.set == set && set != 0) return &stream;
-  return nullptr;
-}
-const Stream* Configuration::find(std::uint8_t set) const noexcept {
-  for (const Stream& stream : streams)
-    if (stream.set == set && set != 0) return &stream;
-  return nullptr;
-}
+namespace {
+
+struct Command {
+  std::uint8_t set, command;
+  unsigned models = all;
+};
+// Beside those that are kept or acknowledged alone.
+constexpr Command commands[] = {
+    {base, 0x01}, {base, 0x02}, {base, 0x03}, {base, 0x04}, {base, 0x05}, {base, 0x06}, {base, 0x07}, {base, 0x08},
+    {base, 0x09}, {base, 0x72}, {base, 0x7E},
+    {three_dm, 0x01}, {three_dm, 0x02, gx5_45}, {three_dm, 0x03}, {three_dm, 0x06}, {three_dm, 0x07, gx5_45},
+    {three_dm, 0x08}, {three_dm, 0x09, gx5_45}, {three_dm, 0x0A}, {three_dm, 0x0B}, {three_dm, 0x0D}, {three_dm, 0x0E},
+    {three_dm, 0x0F}, {three_dm, 0x11}, {three_dm, 0x30}, {three_dm, 0x31, cv7}, {three_dm, 0x32, cv7},
+    {three_dm, 0x33, cv7}, {three_dm, 0x37}, {three_dm, 0x38}, {three_dm, 0x39}, {three_dm, 0x40},
+    {filter_command, 0x11, gx5},
+};
+
+}  // namespace
 
 void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept {
+  constexpr std::size_t longest_answer = 105, longest_list = 252;  // an answer that would not fit begins a packet
   const auto set = std::to_integer<std::uint8_t>(packet[2]);
   polled_ = 0;
   acknowledges_ = true;
   {
-    Packet answer(replies, set);
-    for_each_field(packet, [&](std::uint8_t command, std::span<const std::byte> data) {
-      if (!answer.has_room_for(2)) return;
-      answer.begin(reply);
-      answer.put(command);
-      const std::size_t at = answer.size();
-      answer.put(std::uint8_t{ok});
-      answer.end();
-      Reader reader(data);
-      const Code code = set == base       ? obey_base(command, reader, answer)
-                        : set == three_dm && has(command) ? obey_3dm(command, reader, answer)
-                                          : unknown_command;
-      answer.set_byte(at, code);
+    std::optional<Packet> answer(std::in_place, replies, set);
+    for_each_field(packet, [&](std::uint8_t command, Data data) {
+      if (set == three_dm && command == 0x39 && begins_capture(data)) return;  // is answered when it ends
+      const bool lists = set == base && (command == 0x04 || command == 0x07);
+      if (!answer->has_room_for(lists ? longest_list : longest_answer) && answer->size() > header_size) {
+        answer->finish();
+        answer.emplace(replies, set);
+      }
+      answer->begin(reply);
+      answer->put(command);
+      const std::size_t at = answer->size();
+      answer->put(std::uint8_t{ok});
+      answer->end();
+      answer->set_byte(at, obey(set, command, data, *answer, fields));
     });
-    if (acknowledges_) answer.finish();
+    if (acknowledges_) answer->finish();
   }
   if (polled_ == 0) return;
   Packet data(replies, polled_set_);
@@ -42,30 +53,32 @@ void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuff
   data.finish();
 }
 
-Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& answer) noexcept {
+Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, const Fields& fields) noexcept {
+  for (const KeptSetting& kept : kept_settings())
+    if (kept.set == set && kept.command == command && model_.is(kept.models)) return obey_kept(kept, data, answer);
+  for (const Acknowledged& one : acknowledged_commands())
+    if (one.set == set && one.command == command && model_.is(one.models))
+      return data.size() == one.size ? ok : bad_parameter;
+  if (!has(set, command)) return unknown_command;
+  Reader reader(data);
+  if (set == base) return obey_base(command, reader, answer, fields);
+  if (set == three_dm) return obey_3dm(command, reader, answer);
+  return rotation(set, command, reader, answer);
+}
+
+Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& answer, const Fields& fields) noexcept {
   switch (command) {
     case 0x01: return ok;
     case 0x02: is_idle_ = true; return ok;
-    case 0x03:
-      answer.begin(0x81);
-      answer.put(std::uint16_t{1100});
-      for (const std::string_view text : {model_.name, model_.number, std::string_view("6254.123456"),
-                                          std::string_view("I2Q"), model_.options})
-        answer.put_padded(text, 16);
-      answer.end();
-      return ok;
-    case 0x04:
-    case 0x07:
-      answer.begin(command == 0x04 ? 0x82 : 0x86);
-      if (command == 0x04) put_descriptors(answer);
-      answer.end();
-      return ok;
+    case 0x03: put_device_info(answer); return ok;
+    case 0x04: put_descriptors(answer, false); return ok;
     case 0x05:
       answer.begin(0x83);
       answer.put(std::uint32_t{0});
       answer.end();
       return ok;
     case 0x06: is_idle_ = false; return ok;
+    case 0x07: put_descriptors(answer, true); return ok;
     case 0x08:
       answer.begin(0x88);
       for (int i = 0; i < 16; ++i) answer.put(std::uint8_t{0});
@@ -77,34 +90,9 @@ Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& ans
       if (port > 1) return bad_parameter;
       return baud(function, reader, answer, 0x89, true);
     }
-    case 0x72: return ok;
-    case 0x7E:
-      active_ = stored_;
-      is_idle_ = false;
-      return ok;
-    default: return unknown_command;
+    case 0x72: return update_gps_time(reader, fields);
+    default: restart(); return ok;
   }
-}
-
-Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept {
-  constexpr std::array<std::uint32_t, 6> known = {9600, 19200, 115200, 230400, 460800, 921600};
-  std::uint32_t wanted = active_.baud;
-  switch (function) {
-    case write: wanted = reader.take<std::uint32_t>(); break;
-    case read: break;
-    case save: stored_.baud = active_.baud; break;
-    case load: wanted = stored_.baud; break;
-    case to_default: wanted = factory_.baud; break;
-    default: return bad_parameter;
-  }
-  if (!reader.is_done() || std::find(known.begin(), known.end(), wanted) == known.end()) return bad_parameter;
-  active_.baud = wanted;
-  if (function != read) return ok;
-  answer.begin(descriptor);
-  if (with_port) answer.put(std::uint8_t{1});
-  answer.put(active_.baud);
-  answer.end();
-  return ok;
 }
 
 Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answer) noexcept {
@@ -113,10 +101,10 @@ Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answ
     case 0x02: return poll(gnss, true, reader);
     case 0x03: return poll(filter, true, reader);
     case 0x0D: return poll(reader.take<std::uint8_t>(), false, reader);
-    case 0x06: return base_rate(sensor, 0x83, answer, false);
-    case 0x07: return base_rate(gnss, 0x84, answer, false);
-    case 0x0B: return base_rate(filter, 0x8A, answer, false);
-    case 0x0E: return base_rate(reader.take<std::uint8_t>(), 0x8E, answer, true);
+    case 0x06: return base_rate(sensor, 0x83, reader, answer, false);
+    case 0x07: return base_rate(gnss, 0x84, reader, answer, false);
+    case 0x0B: return base_rate(filter, 0x8A, reader, answer, false);
+    case 0x0E: return base_rate(reader.take<std::uint8_t>(), 0x8E, reader, answer, true);
     case 0x08: return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, answer, false);
     case 0x09: return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, answer, false);
     case 0x0A: return format(reader.take<std::uint8_t>(), filter, 0x82, reader, answer, false);
@@ -126,23 +114,69 @@ Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answ
     }
     case 0x11: return stream_control(reader, answer);
     case 0x30: return device_settings(reader);
+    case 0x37: return vector(&Configuration::accelerometer_bias, units::standard_gravity, 0x9A, reader, answer);
+    case 0x38: return vector(&Configuration::gyro_bias, 1, 0x9B, reader, answer);
+    case 0x39: return capture_left_ > 0 ? failed : bad_parameter;
     case 0x40: {
       const auto function = reader.take<std::uint8_t>();
       return baud(function, reader, answer, 0x87, false);
     }
-    default: return unknown_command;
+    default: return rotation(three_dm, command, reader, answer);
   }
+}
+
+void Memory::restart() noexcept {
+  active_ = stored_;
+  gps_update_ = {};
+  capture_left_ = 0;
+  is_idle_ = false;
+}
+
+Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor,
+                          bool with_port) noexcept {
+  constexpr std::array<std::uint32_t, 6> known = {9600, 19200, 115200, 230400, 460800, 921600};
+  if (function == write) {
+    const auto wanted = reader.take<std::uint32_t>();
+    if (!reader.is_done() || std::find(known.begin(), known.end(), wanted) == known.end()) return bad_parameter;
+    active_.baud = wanted;
+    return ok;
+  }
+  if (!reader.is_done()) return bad_parameter;
+  if (function != read)
+    return transfer(function, [](Configuration& to, const Configuration& from) { to.baud = from.baud; });
+  answer.begin(descriptor);
+  if (with_port) answer.put(std::uint8_t{1});
+  answer.put(active_.baud);
+  answer.end();
+  return ok;
+}
+
+// Week or whole second of it; the other stays.
+Memory::Code Memory::update_gps_time(Reader& reader, const Fields& fields) noexcept {
+  enum Part : std::uint8_t { week = 1, time_of_week = 2 };
+  constexpr std::int64_t second_ns = 1'000'000'000, week_s = 604'800, week_ns = week_s * second_ns, last_week = 9999;
+  const auto function = reader.take<std::uint8_t>();
+  const auto part = reader.take<std::uint8_t>();
+  const std::int64_t value = reader.take<std::uint32_t>();
+  if (!reader.is_done() || function != write) return bad_parameter;
+  const std::int64_t now_ns = fields.gps_ns(), into_week_ns = ((now_ns % week_ns) + week_ns) % week_ns;
+  if (part == week && value <= last_week) {
+    gps_update_.correction_ns += value * week_ns + into_week_ns - now_ns;
+    gps_update_.has_week = true;
+  } else if (part == time_of_week && value < week_s) {
+    gps_update_.correction_ns += value * second_ns - into_week_ns;
+    gps_update_.has_time_of_week = true;
+  } else {
+    return bad_parameter;
+  }
+  ++gps_update_.count;
+  return ok;
 }
 
 Memory::Code Memory::device_settings(Reader& reader) noexcept {
   const auto function = reader.take<std::uint8_t>();
   if (!reader.is_done()) return bad_parameter;
-  switch (function) {
-    case save: stored_ = active_; return ok;
-    case load: active_ = stored_; return ok;
-    case to_default: active_ = factory_; return ok;
-    default: return bad_parameter;
-  }
+  return transfer(function, [](Configuration& to, const Configuration& from) { to = from; });
 }
 
 Memory::Code Memory::poll(std::uint8_t set, bool with_rates, Reader& reader) noexcept {
@@ -164,9 +198,10 @@ Memory::Code Memory::poll(std::uint8_t set, bool with_rates, Reader& reader) noe
   return ok;
 }
 
-Memory::Code Memory::base_rate(std::uint8_t set, std::uint8_t descriptor, Packet& answer, bool with_set) noexcept {
+Memory::Code Memory::base_rate(std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
+                               bool with_set) noexcept {
   const Stream* stream = active_.find(set);
-  if (stream == nullptr) return bad_parameter;
+  if (stream == nullptr || !reader.is_whole()) return bad_parameter;
   answer.begin(descriptor);
   if (with_set) answer.put(set);
   answer.put(stream->base_hz);
@@ -175,10 +210,10 @@ Memory::Code Memory::base_rate(std::uint8_t set, std::uint8_t descriptor, Packet
 }
 
 Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
-            bool with_set) noexcept {
-  Stream *active = active_.find(set), *stored = stored_.find(set);
-  const Stream* factory = factory_.find(set);
-  if (active == nullptr || !reader.is_whole()) return bad_parameter;
+                            bool with_set) noexcept {
+  Stream* active = active_.find(set);
+  const bool is_every = with_set && set == 0 && function != write && function != read;
+  if ((active == nullptr && !is_every) || !reader.is_whole()) return bad_parameter;
   switch (function) {
     case write: {
       Stream wanted = *active;
@@ -205,21 +240,25 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
       }
       answer.end();
       return ok;
-    case save: *stored = *active; return ok;
-    case load: *active = *stored; return ok;
-    case to_default: *active = *factory; return ok;
-    default: return bad_parameter;
+    default:
+      return transfer(function, [&](Configuration& to, const Configuration& from) {
+        for (std::size_t i = 0; i < to.streams.size(); ++i) {
+          if (!is_every && to.streams[i].set != set) continue;
+          to.streams[i].count = from.streams[i].count;
+          to.streams[i].format = from.streams[i].format;
+        }
+      });
   }
 }
 
 Memory::Code Memory::stream_control(Reader& reader, Packet& answer) noexcept {
   const auto function = reader.take<std::uint8_t>();
-  auto set = reader.take<std::uint8_t>();
-  if (set == 0x01) set = sensor;  // as older devices number them
-  if (set == 0x02) set = gnss;
-  if (set == 0x03) set = filter;
-  Stream *active = active_.find(set), *stored = stored_.find(set);
-  if (active == nullptr) return bad_parameter;
+  const auto named = reader.take<std::uint8_t>();
+  constexpr std::uint8_t as_older_devices_say[] = {0, sensor, gnss, filter};
+  const std::uint8_t set = named < std::size(as_older_devices_say) ? as_older_devices_say[named] : named;
+  Stream* active = active_.find(set);
+  const bool is_every = set == 0 && function != write && function != read;
+  if ((active == nullptr && !is_every) || !reader.is_whole()) return bad_parameter;
   switch (function) {
     case write: {
       const auto enable = reader.take<std::uint8_t>();
@@ -229,29 +268,44 @@ Memory::Code Memory::stream_control(Reader& reader, Packet& answer) noexcept {
     }
     case read:
       answer.begin(0x85);
-      answer.put(set);
+      answer.put(named);
       answer.put(static_cast<std::uint8_t>(active->enabled));
       answer.end();
       return ok;
-    case save: stored->enabled = active->enabled; return ok;
-    case load: active->enabled = stored->enabled; return ok;
-    case to_default: active->enabled = factory_.find(set)->enabled; return ok;
-    default: return bad_parameter;
+    default:
+      return transfer(function, [&](Configuration& to, const Configuration& from) {
+        for (std::size_t i = 0; i < to.streams.size(); ++i)
+          if (is_every || to.streams[i].set == set) to.streams[i].enabled = from.streams[i].enabled;
+      });
   }
 }
 
-// Of a receiver.
-bool Memory::has(std::uint8_t command) const noexcept {
-  return model_.gnss_hz > 0 || (command != 0x02 && command != 0x07 && command != 0x09);
+bool Memory::has(std::uint8_t set, std::uint8_t command) const noexcept {
+  return std::any_of(std::begin(commands), std::end(commands),
+                     [&](const Command& c) { return c.set == set && c.command == command && model_.is(c.models); });
 }
 
-void Memory::put_descriptors(Packet& answer) const noexcept {
-  for (const int command : {0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x09, 0x72, 0x7E})
-    answer.put(static_cast<std::uint16_t>(base << 8 | command));
-  for (const int command : {0x01, 0x02, 0x03, 0x06, 0x07, 0x08, 0x09, 0x0A, 0x0B, 0x0D, 0x0E, 0x0F, 0x11, 0x30, 0x40})
-    if (has(static_cast<std::uint8_t>(command))) answer.put(static_cast<std::uint16_t>(three_dm << 8 | command));
-  for (const DataField& field : data_fields())
-    if (model_.is(field.models)) answer.put(static_cast<std::uint16_t>(field.set << 8 | field.descriptor));
+void Memory::put_device_info(Packet& answer) const noexcept {
+  answer.begin(0x81);
+  answer.put(std::uint16_t{1100});
+  for (const std::string_view text : {model_.name, model_.number, model_.serial, std::string_view("I2Q"), model_.options})
+    answer.put_padded(text, 16);
+  answer.end();
+}
+
+// The first list holds what a packet holds, the extended one the rest.
+void Memory::put_descriptors(Packet& answer, bool extended) const noexcept {
+  constexpr std::size_t list = 124;
+  std::size_t count = 0;
+  const auto put = [&](unsigned set, unsigned descriptor, unsigned of) {
+    if (model_.is(of) && (count++ >= list) == extended) answer.put(static_cast<std::uint16_t>(set << 8 | descriptor));
+  };
+  answer.begin(extended ? 0x86 : 0x82);
+  for (const Command& c : commands) put(c.set, c.command, c.models);
+  for (const KeptSetting& kept : kept_settings()) put(kept.set, kept.command, kept.models);
+  for (const Acknowledged& one : acknowledged_commands()) put(one.set, one.command, one.models);
+  for (const DataField& field : data_fields()) put(field.set, field.descriptor, field.models);
+  answer.end();
 }
 
 }  // namespace imud::mip

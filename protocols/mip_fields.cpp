@@ -64,7 +64,7 @@ constexpr double gauss = 1e-4;       // T
 constexpr double millibar = 100;     // Pa
 constexpr std::int64_t second_ns = 1'000'000'000, week_ns = 604'800 * second_ns;
 
-// 3-2-1 from N to P.
+// 3-2-1.
 Vector3 roll_pitch_yaw(const Quaternion& q) noexcept {
   const Vector3 ypr = yaw_pitch_roll_from_dcm(q.conjugate().toRotationMatrix());
   return {ypr[2], ypr[1], ypr[0]};
@@ -76,6 +76,12 @@ double normal_gravity(const Place& place) noexcept {
   const double sin = elementary::sincos(place.latitude).sin, sin2 = sin * sin, up = place.height / a;
   const double surface = 9.7803253359 * (1 + 0.00193185265241 * sin2) / std::sqrt(1 - f * (2 - f) * sin2);
   return surface * (1 - 2 * (1 + f + m - 2 * f * sin2) * up + 3 * up * up);
+}
+
+void put_gps_time(Packet& packet, std::int64_t ns) noexcept {
+  const std::int64_t week = ns / week_ns - (ns % week_ns < 0);
+  packet.put(1e-9 * static_cast<double>(ns - week * week_ns));
+  packet.put(static_cast<std::uint16_t>(week));
 }
 
 void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept {
@@ -103,13 +109,25 @@ const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t d
 }
 
 void Fields::take(const Sample& sample) noexcept {
+  const Configuration& c = memory_.active();
+  const Quaternion q_VP = c.q_PV.conjugate();
   sample_ = sample;
-  delta_angle_ += sample.delta_angle;
-  delta_velocity_ += sample.delta_velocity;
+  sample_.rate = q_VP * (sample.rate - c.gyro_bias);
+  sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
+  sample_.magnetic_field = q_VP * sample.magnetic_field;
+  sample_.q_LP = sample.q_LP * c.q_PV;
+  delta_angle_ += q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
+  delta_velocity_ += q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
 }
 
+std::int64_t Fields::gps_ns() const noexcept {
+  return (is_known() ? sample_.place.gps_ns : sample_.time.ns) + memory_.gps_update().correction_ns;
+}
+bool Fields::has_week() const noexcept { return is_known() || memory_.gps_update().has_week; }
+bool Fields::has_time_of_week() const noexcept { return is_known() || memory_.gps_update().has_time_of_week; }
+
 void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept {
-  const DataField* field = find_field(model_, set, descriptor);
+  const DataField* field = find_field(memory_.model(), set, descriptor);
   if (field == nullptr || !packet.has_room_for(field->size)) return;
   packet.begin(descriptor);
   if (descriptor >= 0xD0) put_shared(packet, set, descriptor);
@@ -126,7 +144,10 @@ void Fields::put_shared(Packet& packet, std::uint8_t set, std::uint8_t descripto
     case 0xD0: packet.put(std::uint8_t{0}); break;
     case 0xD1: packet.put(static_cast<std::uint32_t>(sample_.counter)); break;
     case 0xD2: packet.put(static_cast<std::uint32_t>(sample_.counter - std::exchange(last_tick_, sample_.counter))); break;
-    case 0xD3: put_gps_time(packet, 0x3); break;
+    case 0xD3:
+      put_gps_time(packet, gps_ns());
+      packet.put(static_cast<std::uint16_t>(has_time_of_week() | has_week() << 1));
+      break;
     case 0xD4: packet.put(1e-9 * static_cast<double>(time_ns - std::exchange(last_ns, time_ns))); break;
     case 0xD5: packet.put(time_ns); break;
     default: packet.put(time_ns - std::exchange(last_ns, time_ns)); break;
@@ -142,9 +163,12 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor) noexcept {
     case 0x08: packet.put_floats(std::exchange(delta_velocity_, Vector3::Zero()) / units::standard_gravity); break;
     case 0x0A: put_quaternion(packet); break;
     case 0x0C: packet.put_floats(roll_pitch_yaw(sample_.q_LP)); break;
-    case 0x12: {  // initialized, time of week, week; of a receiver also its pulse, and a bit that each of its updates turns
-      const auto turn = static_cast<unsigned>(sample_.place.gps_ns / second_ns & 1) << 1;
-      put_gps_time(packet, static_cast<std::uint16_t>(0x1C | (model_.gnss_hz > 0 ? 0x01 | turn : 0)));
+    case 0x12: {  // of a receiver its pulse; a bit that each update turns; whether time was ever set; time of week; week
+      const bool has_receiver = memory_.model().gnss_hz > 0 && is_known();
+      const std::int64_t updates = memory_.gps_update().count + (has_receiver ? sample_.place.gps_ns / second_ns : 0);
+      put_gps_time(packet, gps_ns());
+      packet.put(static_cast<std::uint16_t>(has_receiver | (updates & 1) << 1 | (has_time_of_week() || has_week()) << 2 |
+                                            has_time_of_week() << 3 | has_week() << 4));
       break;
     }
     case 0x14: packet.put_floats(Vector3::Constant(sample_.temperature_c)); break;
@@ -156,7 +180,6 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor) noexcept {
 void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept {
   const Place& place = sample_.place;
   if (descriptor == 0x10) return put_filter_status(packet);
-  if (descriptor == 0x11) return put_gps_time(packet, 1);
   std::uint16_t valid = 1;
   switch (descriptor) {
     case 0x01:
@@ -168,14 +191,18 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept 
       valid = is_known();
       break;
     case 0x03: put_quaternion(packet); break;
-    case 0x04: {  // row by row, from L to P
-      const Matrix3 dcm_PL = sample_.q_LP.conjugate().toRotationMatrix();
-      for (int row = 0; row < 3; ++row) packet.put_floats(dcm_PL.row(row).transpose());
+    case 0x04: {  // row by row, from L to V
+      const Matrix3 dcm_VL = sample_.q_LP.conjugate().toRotationMatrix();
+      for (int row = 0; row < 3; ++row) packet.put_floats(dcm_VL.row(row).transpose());
       break;
     }
     case 0x05: packet.put_floats(roll_pitch_yaw(sample_.q_LP)); break;
     case 0x0D: packet.put_floats(sample_.specific_force + gravity()); break;
     case 0x0E: packet.put_floats(sample_.rate); break;
+    case 0x11:
+      put_gps_time(packet, gps_ns());
+      valid = has_time_of_week() && has_week();
+      break;
     case 0x13: packet.put_floats(gravity()); break;
     case 0x1C: packet.put_floats(sample_.specific_force); break;
     default:
@@ -186,14 +213,14 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept 
   packet.put(valid);
 }
 
-// GX5: 1 initializing, for want of position and velocity, 2 running, valid. CV7: 3 AHRS, 4 full navigation; 1 of the flags
-// stands for a stable filter.
+// State, dynamics mode, flags. GX5: 1 initializing, for want of position and velocity; 2 running, valid. CV7: 3 AHRS; 4 full
+// navigation; flags 1: stable, as the GQ7's manual is remembered.
 void Fields::put_filter_status(Packet& packet) const noexcept {
-  const bool navigates = model_.is(ins) && is_known();
-  const bool waits = model_.is(gx5_45) && !navigates;
-  packet.put(static_cast<std::uint16_t>(model_.is(cv7) ? (navigates ? 4 : 3) : (waits ? 1 : 2)));
-  packet.put(std::uint16_t{1});
-  packet.put(static_cast<std::uint16_t>(model_.is(cv7) ? 1 : (waits ? 0x2000 : 0)));
+  const bool navigates = memory_.model().is(ins) && is_known();
+  const bool waits = memory_.model().is(gx5_45) && !navigates;
+  packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? (navigates ? 4 : 3) : (waits ? 1 : 2)));
+  packet.put(std::uint16_t{memory_.active().first_of(filter_command, 0x10).bytes[0]});
+  packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? 1 : (waits ? 0x2000 : 0)));
 }
 
 // Of a receiver that sees the truth, whose accuracy is therefore left open: its flag is not set.
@@ -228,7 +255,10 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
       packet.put(if_known(0x7F));
       break;
     case 0x08: put_utc(packet, place.gps_ns, if_known(0x03)); break;
-    case 0x09: put_gps_time(packet, 0x03); break;
+    case 0x09:
+      put_gps_time(packet, place.gps_ns);
+      packet.put(if_known(0x03));
+      break;
     case 0x0B:  // 3D or none
       packet.put(static_cast<std::uint8_t>(is_known() ? 0 : 3));
       packet.put(static_cast<std::uint8_t>(is_known() ? 12 : 0));
@@ -242,7 +272,7 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
   }
 }
 
-void Fields::put_quaternion(Packet& packet) const noexcept {  // v_P = q* v_N q
+void Fields::put_quaternion(Packet& packet) const noexcept {  // v_V = q* v_L q
   const Quaternion& q = sample_.q_LP;
   for (const double part : {q.w(), q.x(), q.y(), q.z()}) packet.put_float(part);
 }
@@ -251,15 +281,6 @@ void Fields::put_position(Packet& packet) const noexcept {
   packet.put(sample_.place.latitude / units::degree);
   packet.put(sample_.place.longitude / units::degree);
   packet.put(sample_.place.height);
-}
-
-// Where no GPS time is known, the device's own, which is not valid.
-void Fields::put_gps_time(Packet& packet, std::uint16_t valid) const noexcept {
-  const std::int64_t ns = is_known() ? sample_.place.gps_ns : sample_.time.ns;
-  const std::int64_t week = ns / week_ns - (ns % week_ns < 0);
-  packet.put(1e-9 * static_cast<double>(ns - week * week_ns));
-  packet.put(static_cast<std::uint16_t>(week));
-  packet.put(is_known() ? valid : std::uint16_t{0});
 }
 
 Vector3 Fields::gravity() const noexcept {

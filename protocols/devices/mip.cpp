@@ -2,7 +2,8 @@
 // MicroStrain's mip_sdk (protocols/mip.hpp), against whose capture the tests hold them.
 //
 // What the document does not say and a user would expect: out of the box the device streams (ArduPilot sends nothing and
-// waits for that); reference time is the device's own time; filter and receiver tell the truth.
+// waits for that); reference time is the device's own time; filter and receiver tell the truth. What a host says to the
+// filter, and the events it asks for, are kept and told, and change nothing; biases and mounting are applied.
 #include <algorithm>
 #include <stdexcept>
 
@@ -19,21 +20,12 @@ using namespace mip;
 
 class MipDevice final : public Device {
  public:
-  MipDevice(const Model& model, const Configuration& configuration) noexcept : fields_(model), memory_(model, configuration) {}
+  MipDevice(const Model& model, const Configuration& configuration) noexcept : memory_(model, configuration) {}
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     fields_.take(sample);
-    if (memory_.is_idle()) return;
-    for (const Stream& stream : memory_.active().streams) {
-      if (!stream.enabled || stream.count == 0) continue;
-      const auto divisor = static_cast<std::uint64_t>(internal_hz) / stream.base_hz;
-      if (sample.counter % divisor != 0) continue;
-      Packet packet(out, stream.set);
-      for (std::size_t k = 0; k < stream.count; ++k)
-        if (sample.counter / divisor % stream.format[k].decimation == 0)
-          fields_.put(packet, stream.set, stream.format[k].descriptor);
-      packet.finish();
-    }
+    if (!memory_.is_idle()) stream(sample, out);
+    memory_.capture(sample, out);
   }
 
   void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
@@ -55,8 +47,21 @@ class MipDevice final : public Device {
  private:
   using Search = FrameSearch<longest>;
 
-  Fields fields_;
+  void stream(const Sample& sample, FrameBuffer& out) noexcept {
+    for (const Stream& stream : memory_.active().streams) {
+      if (!stream.enabled || stream.count == 0) continue;
+      const auto divisor = static_cast<std::uint64_t>(internal_hz) / stream.base_hz;
+      if (sample.counter % divisor != 0) continue;
+      Packet packet(out, stream.set);
+      for (std::size_t k = 0; k < stream.count; ++k)
+        if (sample.counter / divisor % stream.format[k].decimation == 0)
+          fields_.put(packet, stream.set, stream.format[k].descriptor);
+      packet.finish();
+    }
+  }
+
   Memory memory_;
+  Fields fields_{memory_};
   DeviceTime heard_;
   Search search_;
 };
@@ -130,12 +135,14 @@ constexpr std::array<std::string_view, 1> models_own = {"default"};
 constexpr std::span<const std::string_view> own = models_own;
 constexpr Setting declared[] = {
     {.key = "model", .help = "which device", .initial = model_names[0], .choices = model_names},
-    {.key = "sensor_rate_hz", .help = "of the sensor data; a divisor of 1000", .initial = std::int64_t{100}, .min = 1, .max = 1000},
-    {.key = "sensor_fields", .help = "what is streamed; default: as the model is delivered", .initial = own},
-    {.key = "filter_rate_hz", .help = "of the filter data; a divisor of its base rate", .initial = std::int64_t{10}, .min = 1,
+    {.key = "sensor_rate_hz", .help = "of the sensor data; a divisor of 1000", .initial = std::int64_t{100}, .min = 1,
      .max = 1000},
+    {.key = "sensor_fields", .help = "what is streamed; default: as the model is delivered", .initial = own},
+    {.key = "filter_rate_hz", .help = "of the filter data; a divisor of its base rate", .initial = std::int64_t{10},
+     .min = 1, .max = 1000},
     {.key = "filter_fields", .help = "what is streamed", .initial = own},
-    {.key = "gnss_rate_hz", .help = "of the receiver's data; a divisor of 4", .initial = std::int64_t{4}, .min = 1, .max = 4},
+    {.key = "gnss_rate_hz", .help = "of the receiver's data; a divisor of 4", .initial = std::int64_t{4}, .min = 1,
+     .max = 4},
     {.key = "gnss_fields", .help = "what is streamed, by a model with a receiver", .initial = own},
     {.key = "baud", .help = "bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
 };

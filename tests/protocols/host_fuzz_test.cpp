@@ -42,7 +42,20 @@ struct Host {
   std::string (*frame)(const std::string& body);
   std::vector<std::string> bodies;
   std::string revive, last, answer;  // brings the device back to what answers `last` by something with `answer` in it
+  std::string model = {};            // of several; the initial one
 };
+
+// And of the other models of one, the same.
+std::vector<Host> with_models(std::vector<Host> hosts, std::string_view protocol,
+                              std::initializer_list<const char*> models) {
+  const auto of = [&](const Host& host) { return host.protocol == protocol; };
+  const Host host = *std::find_if(hosts.begin(), hosts.end(), of);
+  for (const char* model : models) {
+    hosts.push_back(host);
+    hosts.back().model = model;
+  }
+  return hosts;
+}
 
 std::string bytes(std::initializer_list<int> all) {
   std::string text;
@@ -51,7 +64,7 @@ std::string bytes(std::initializer_list<int> all) {
 }
 
 const std::vector<Host>& hosts() {
-  static const std::vector<Host> all = {
+  static const std::vector<Host> all = with_models({
       {"stim300", stim300,
        {"N", "I", "C", "T", "E", "R", "SERVICEMODE", "UTILITYMODE", "$sm,4,", "$sgu,b,", "$sau,1,", "$sd,t,", "$ie,",
         "$st,921600,2,n,1,0,0,", "$saf,z,4,", "$sconf,v,5,", "$ibto,", "$sbto,3.4e-03,g,y,", "$save,", "$sfs,1,", "$xn,",
@@ -65,25 +78,42 @@ const std::vector<Host>& hosts() {
         bytes({1, 2, 0x7E}), bytes({12, 2, 6}), bytes({12, 14, 15, 1, 128, 3, 0xD5, 0, 10, 4, 0, 10, 5, 0, 10}),
         bytes({12, 8, 13, 0x80, 0, 3, 0xD5, 4, 5}), bytes({12, 5, 0x11, 1, 0x80, 0}), bytes({12, 3, 0x30, 3}),
         bytes({12, 7, 0x40, 1, 0, 14, 16, 0}), bytes({12, 10, 8, 1, 2, 4, 0, 1, 5, 0, 1}), bytes({12, 3, 8, 2}),
-        bytes({12, 4, 1, 0, 0}), bytes({13, 2, 1})},
+        bytes({12, 4, 1, 0, 0}), bytes({13, 2, 1}), bytes({12, 4, 0x39, 3, 232}), bytes({12, 3, 0x38, 2}),
+        bytes({12, 15, 0x38, 1, 63, 128, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}),
+        bytes({12, 15, 0x37, 1, 0, 0, 0, 0, 0, 0, 0, 0, 63, 128, 0, 0}),
+        bytes({12, 25, 0x2E, 1, 1, 2, 130, 5, 1, 1, 63, 232, 0, 0, 0, 0, 0, 0, 191, 232, 0, 0, 0, 0, 0, 0}),
+        bytes({12, 11, 0x2F, 1, 2, 1, 2, 130, 0, 0, 1, 208}), bytes({12, 5, 0x2B, 1, 1, 1}), bytes({12, 4, 0x2B, 3, 0}),
+        bytes({12, 19, 0x32, 1, 63, 53, 4, 243, 0, 0, 0, 0, 0, 0, 0, 0, 63, 53, 4, 243}), bytes({12, 3, 0x33, 2}),
+        bytes({13, 15, 0x11, 1, 0, 0, 0, 0, 0, 0, 0, 0, 63, 201, 15, 218}), bytes({13, 4, 0x18, 1, 4}),
+        bytes({13, 3, 0x18, 2}),
+        bytes({13, 6, 0x50, 1, 0, 5, 1}), bytes({13, 5, 0x50, 3, 255, 255}), bytes({13, 6, 3, 63, 128, 0, 0}),
+        bytes({19, 30, 1, 1, 3, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 63, 192, 0, 0}),
+        bytes({19, 5, 1, 2, 3, 1}), bytes({1, 8, 0x72, 1, 1, 0, 0, 9, 104}), bytes({1, 8, 0x72, 1, 2, 0, 4, 60, 81}),
+        bytes({12, 4, 0x0F, 3, 0}), bytes({12, 10, 9, 1, 2, 3, 0, 1, 11, 0, 1})},
        mip(bytes({1, 2, 1})), mip(bytes({1, 2, 1})), bytes({4, 0xF1, 1, 0})},
       {"vectornav", vectornav,
        {"VNRRG,01", "VNRRG,27", "VNWRG,05,921600", "VNWRG,06,14,1", "VNWRG,07,200", "VNWRG,75,3,16,01,0721",
         "VNWRG,76,1,1,7F,7FFF,03FF,1FFF,3FFF,1FFF,1FFF,3FFF", "VNWRG,77,1,2,04,0ED0", "VNASY,1", "VNASY,0", "VNWNV", "VNRFS",
         "VNRST", "VNTAR", "VNBOM,1", "VNWRG,35,1,1,1,1", "VNWRG,26,+1,0,0,0,1,0,0,0,1", "VNRRG,54", "VNWRG,0,a tag"},
-       "\r\n", vectornav("VNRRG,04"), "2.1.0.0"}};
+       "\r\n", vectornav("VNRRG,04"), "2.1.0.0"}}, "mip", {"3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"});
   return all;
 }
 
 class HostFuzz : public testing::TestWithParam<Host> {};
-INSTANTIATE_TEST_SUITE_P(Devices, HostFuzz, testing::ValuesIn(hosts()), [](const auto& host) { return std::string(host.param.protocol); });
+INSTANTIATE_TEST_SUITE_P(Devices, HostFuzz, testing::ValuesIn(hosts()), [](const auto& host) {
+  std::string name = std::string(host.param.protocol) + host.param.model;
+  std::erase(name, '-');
+  return name;
+});
 
 TEST_P(HostFuzz, AnyBytesDoNoHarm) {
   const Host& host = GetParam();
   const char* wanted = std::getenv("IMUD_FUZZ_INPUTS");
   const long inputs = wanted != nullptr ? std::atol(wanted) : 100'000;
   const Protocol& protocol = *find_protocol(host.protocol);
-  const std::unique_ptr<Device> device = protocol.make(Settings(protocol.settings));
+  Settings settings(protocol.settings);
+  if (!host.model.empty()) settings.set("model", host.model);
+  const std::unique_ptr<Device> device = protocol.make(settings);
   const auto frames = std::make_unique<FrameBuffer>();
   std::mt19937_64 random(11);
   const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };

@@ -49,7 +49,7 @@ TEST(MipNavigation, MagneticFieldAndPressure) {
   }
 }
 
-// GPS week 2408 began on 2026-03-01T00:00:00 GPS time (www.ngs.noaa.gov/CORS/Gpscal.shtml): Wednesday 05:06:25.25.
+// 2408 weeks after 1980-01-06 it is 2026-03-01, a Sunday; then UTC is 18 s behind: Wednesday 05:06:25.25.
 TEST(MipNavigation, GpsTime) {
   constexpr double tow = 3 * 86400 + 5 * 3600 + 6 * 60 + 25.25;
   const auto check = [&](const Bytes& data, int valid) {
@@ -169,7 +169,8 @@ TEST(MipNavigation, StreamsOutOfTheBox) {
     ++packets[packet[2] - 0x80];
     bytes += static_cast<int>(packet.size());
     if (packet[2] != 0x81) continue;
-    for (const std::uint8_t descriptor : Bytes{0x03, 0x05, 0x07, 0x08, 0x09, 0x0B}) EXPECT_FALSE(field(packet, descriptor).empty());
+    for (const std::uint8_t descriptor : Bytes{0x03, 0x05, 0x07, 0x08, 0x09, 0x0B})
+      EXPECT_FALSE(field(packet, descriptor).empty()) << unsigned{descriptor};
   }
   EXPECT_EQ(packets[0], 100);
   EXPECT_EQ(packets[1], 4) << "of the receiver";

@@ -95,12 +95,13 @@ TEST_P(MipModel, SaysWhoItIsAndWhatItCan) {
   const Bytes text = field(info[0], 0x81);
   ASSERT_EQ(text.size(), 82U);
   std::string name(text.begin() + 2, text.begin() + 18);
-  std::transform(name.begin(), name.end(), name.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
   EXPECT_EQ(name.substr(0, name.find(' ')), GetParam());
   // Everything in the list is answered, and nothing else.
   std::set<unsigned> known;
-  for (const auto& [asked, answered] : {std::pair{0x04, 0x82}, {0x07, 0x86}}) {
-    const Bytes list = field(unit.say(command(0x01, static_cast<std::uint8_t>(asked)))[0], static_cast<std::uint8_t>(answered));
+  for (const std::uint8_t asked : Bytes{0x04, 0x07}) {
+    const Bytes list = field(unit.say(command(0x01, asked))[0], asked == 0x04 ? 0x82 : 0x86);
     for (std::size_t i = 0; i < list.size(); i += 2) EXPECT_TRUE(known.insert(list[i] * 256U + list[i + 1]).second);
   }
   for (const unsigned set : {0x01U, 0x0CU, 0x0DU, 0x0EU, 0x13U})
@@ -162,6 +163,49 @@ TEST(Mip, RatesAndFormatsAreReadSavedAndLoaded) {
   EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
 }
 
+TEST(Mip, SavesAndLoadsOfAllSetsAtOnce) {
+  Unit unit;
+  const auto formats = [&](std::uint8_t set) { return field(unit.say(command(0x0C, 0x0F, {2, set}))[0], 0x8F)[1]; };
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x80, 1, 0x05, 0, 4})), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x82, 0})), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {3, 0})), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {5, 0})), 0);
+  EXPECT_EQ(formats(0x80), 7);
+  EXPECT_EQ(formats(0x82), 3);
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {4, 0})), 0);
+  EXPECT_EQ(formats(0x80), 1);
+  EXPECT_EQ(formats(0x82), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {2, 0})), 3) << "one is read at a time";
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0, 0})), 3);
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 3, 0})), 0) << "filter, as older devices number it";
+  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {5, 0})), 0) << "a format's default leaves it off";
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x11, {2, 3}))[0], 0x85), (Bytes{3, 0}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {5, 0})), 0);
+  EXPECT_EQ(field(unit.say(command(0x0C, 0x11, {2, 0x82}))[0], 0x85), (Bytes{0x82, 1}));
+}
+
+TEST(Mip, AnswersThatFillMoreThanAPacket) {
+  Unit unit;
+  Bytes fields;
+  for (const std::uint8_t command : Bytes{0x03, 0x03, 0x03, 0x04, 0x01}) fields.insert(fields.end(), {2, command});
+  const auto answers = unit.say(packet(0x01, fields));
+  std::vector<std::uint8_t> answered;
+  for (const Bytes& answer : answers) {
+    ASSERT_EQ(answer.size(), 6U + answer[3]);
+    EXPECT_EQ(answer, packet(0x01, {answer.begin() + 4, answer.end() - 2}));
+    for (std::size_t at = 4; at < answer.size() - 2; at += answer[at])
+      if (answer[at + 1] == 0xF1) answered.push_back(answer[at + 2]);
+  }
+  EXPECT_EQ(answered, (Bytes{3, 3, 3, 4, 1}));
+}
+
+TEST(Mip, APollCanGoWithoutAcknowledgement) {
+  Unit unit;
+  const auto polled = unit.say(command(0x0C, 0x0D, {0x80, 1, 1, 0x05}));
+  ASSERT_EQ(polled.size(), 1U);
+  EXPECT_EQ(polled[0], packet(0x80, {14, 0x05, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}));
+}
+
 TEST(Mip, TheLineFollowsTheAnswer) {
   Unit unit;
   EXPECT_EQ(unit.device->line().baud, 115200U);
@@ -175,7 +219,8 @@ TEST(Mip, TheLineFollowsTheAnswer) {
 
 TEST(Mip, AttitudeAndIncrementsAreTheModels) {
   Unit unit({{"sensor_rate_hz", std::int64_t{250}},
-             {"sensor_fields", std::vector<std::string>{"quaternion", "euler", "delta_angle", "delta_velocity", "temperature", "overrange"}},
+             {"sensor_fields", std::vector<std::string>{"quaternion", "euler", "delta_angle", "delta_velocity",
+                                                        "temperature", "overrange"}},
              {"filter_fields", std::vector<std::string>{"filter_quaternion", "filter_euler", "filter_status"}},
              {"filter_rate_hz", std::int64_t{250}}});
   unit.sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(1.0, -0.5, 2.0).transpose());

@@ -95,7 +95,8 @@ template <class Number>
 Number number_at(const Bytes& data, std::size_t at) {
   Number number = {};
   if (data.size() < at + sizeof number) return number;
-  Bytes turned(data.begin() + static_cast<std::ptrdiff_t>(at), data.begin() + static_cast<std::ptrdiff_t>(at + sizeof number));
+  const auto begin = data.begin() + static_cast<std::ptrdiff_t>(at);
+  Bytes turned(begin, begin + sizeof number);
   std::reverse(turned.begin(), turned.end());
   std::memcpy(&number, turned.data(), sizeof number);
   return number;
