@@ -196,6 +196,7 @@ class Memory {
   const Configuration& active() const noexcept { return active_; }
   const GpsUpdate& gps_update() const noexcept { return gps_update_; }
   bool is_idle() const noexcept { return is_idle_; }
+  void restart() noexcept;  // without power, only what is stored stays
   // Obeys an intact packet of the host; appends the answer, and the data that it polls.
   void answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept;
   // Appends the answer to a capture of the gyro bias that ends with this sample.
@@ -225,7 +226,6 @@ class Memory {
   bool has(std::uint8_t set, std::uint8_t command) const noexcept;
   void put_device_info(Packet& answer) const noexcept;
   void put_descriptors(Packet& answer, bool extended) const noexcept;
-  void restart() noexcept;
 
   // Save, load or default, by copy(to, from).
   template <class Copy>

@@ -42,6 +42,7 @@ class MipDevice final : public Device {
     });
   }
 
+  void restart() noexcept override { memory_.restart(); }
   LineSettings line() const noexcept override { return {memory_.active().baud}; }
 
  private:
