@@ -258,8 +258,8 @@ void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums&
       frame.put_floats(raw.rate);
       return frame.put_float(s.temperature_c);
     case attitude << 4 | 3: {
-      const Matrix3 dcm_PL = q.conjugate().toRotationMatrix();
-      for (int row = 0; row < 3; ++row) frame.put_floats(dcm_PL.row(row).transpose());
+      const Matrix3 dcm_PL = q.conjugate().toRotationMatrix();  // in column-major order
+      for (int column = 0; column < 3; ++column) frame.put_floats(dcm_PL.col(column));
       return;
     }
     case attitude << 4 | 4: return frame.put_floats(q * now.magnetic(s));

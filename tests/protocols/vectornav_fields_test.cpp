@@ -180,6 +180,19 @@ TEST(VectorNavFields, CompensationsActOnWhatIsCompensated) {
   EXPECT_LT((floats_at(sent[0], 40) - Vector3(0, 0.2, 0.4)).norm(), 1e-6);
 }
 
+// From north-east-down to the body, in column-major order: the SDK's CompositeData.hpp, vnproglib's Packet::extractMat3f.
+TEST(VectorNavFields, TheMatrixOfDirectionCosinesGoesByColumns) {
+  Unit unit({{"async_type", std::int64_t{0}}, {"binary_1", std::string("1,8,10,0008")}});
+  const Matrix3 dcm_PL = dcm_from_yaw_pitch_roll(0.5, 0.2, -0.3);
+  unit.sample.q_LP = Quaternion(dcm_PL.transpose());
+  const auto sent = unit.run(8);
+  ASSERT_EQ(sent.size(), 1U);
+  for (int column = 0; column < 3; ++column)
+    for (int row = 0; row < 3; ++row)
+      EXPECT_NEAR(real_at(sent[0], 4 + 4 * static_cast<std::size_t>(3 * column + row)), dcm_PL(row, column), 1e-6);
+  EXPECT_NEAR(real_at(sent[0], 4 + 12), std::cos(0.2) * std::sin(0.5), 1e-6) << "row 0, column 1";
+}
+
 TEST(VectorNavFields, TextIsDecodedInItsUnits) {
   Unit unit({{"async_type", std::int64_t{30}}, {"async_hz", std::int64_t{200}}});
   unit.sample.delta_angle = {1e-3, 0, -2e-3};
