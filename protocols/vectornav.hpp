@@ -97,18 +97,23 @@ struct Register {
   unsigned id;
   unsigned count;  // of its parameters
   std::string_view initial;
+  unsigned receivers = 0;  // how many a model has that has this register
+  bool is_read_only = false;
 };
-extern const std::array<Register, 20> kept;
+inline constexpr std::size_t kept_count = 26;
+extern const std::array<Register, kept_count> kept;
 
 struct Configuration {
   static constexpr std::size_t register_size = 160;
   using Text = std::array<char, register_size>;
+  struct SerialPort {
+    unsigned baud = 115200, async_type = 14, async_hz = 40;
+  };
 
-  std::uint32_t baud = 115200;
-  unsigned async_type = 14, async_hz = 40;
+  std::array<SerialPort, 2> ports;  // the host's, and the other connector: its settings are told, nothing is sent there
   std::array<BinaryOutput, 3> binary = {};
   std::array<Text, 3> binary_text = {};
-  std::array<Text, 20> registers = {};
+  std::array<Text, kept_count> registers = {};
 
   Configuration() noexcept;
   static void store(Text& place, std::string_view text) noexcept;
@@ -122,8 +127,10 @@ struct Configuration {
 
 // Sets register `rest` ("06,14"), of the configuration alone.
 Error write_register(Configuration& configuration, const Model& model, std::string_view rest) noexcept;
-// Puts what register `id` says after its number; false if there is none. Not those of measurements.
-bool put_register(const Configuration& configuration, const Model& model, unsigned id, Message& message) noexcept;
+// Puts what register `id` says after its number. Not those of measurements. `port`, of registers 5 to 7: which serial port,
+// 1 or 2; 0 or "?": the host's; the answer then ends in its number. Empty: the host's, and no number.
+Error put_register(const Configuration& configuration, const Model& model, unsigned id, std::string_view port,
+                   Message& message) noexcept;
 
 // --- Measurements ---
 

@@ -27,13 +27,14 @@ struct Message1 {
   unsigned type;
   std::string_view name;
   unsigned register_id;  // that says the same; 0: none
-  bool wants_receiver;
+  unsigned receivers;  // that a model with this message has
 };
 constexpr Message1 messages[] = {
-    {1, "VNYPR", 8, false},  {2, "VNQTN", 9, false},  {8, "VNQMR", 15, false},  {10, "VNMAG", 17, false}, {11, "VNACC", 18, false},
-    {12, "VNGYR", 19, false}, {13, "VNMAR", 20, false}, {14, "VNYMR", 27, false}, {16, "VNYBA", 0, false},  {17, "VNYIA", 0, false},
-    {19, "VNIMU", 54, false}, {20, "VNGPS", 58, true},  {21, "VNGPE", 59, true},  {22, "VNINS", 63, true},  {23, "VNINE", 64, true},
-    {28, "VNISL", 72, true},  {29, "VNISE", 73, true},  {30, "VNDTV", 80, false},
+    {1, "VNYPR", 8, 0},  {2, "VNQTN", 9, 0},  {8, "VNQMR", 15, 0},  {10, "VNMAG", 17, 0}, {11, "VNACC", 18, 0},
+    {12, "VNGYR", 19, 0}, {13, "VNMAR", 20, 0}, {14, "VNYMR", 27, 0}, {16, "VNYBA", 239, 0},  {17, "VNYIA", 240, 0},
+    {19, "VNIMU", 54, 0}, {20, "VNGPS", 58, 1},  {21, "VNGPE", 59, 1},  {22, "VNINS", 63, 1},  {23, "VNINE", 64, 1},
+    {28, "VNISL", 72, 1},  {29, "VNISE", 73, 1},  {30, "VNDTV", 80, 0},
+    {32, "VNG2S", 103, 2},   {33, "VNG2E", 104, 2},
 };
 
 // The quantities that several messages and fields give.
@@ -123,7 +124,7 @@ void put_gnss(unsigned receiver, unsigned bit, const Reading& reading, Frame8& f
 
 std::string_view name_of(unsigned type, const Model& model) noexcept {
   for (const Message1& message : messages)
-    if (message.type == type && (!message.wants_receiver || model.receivers > 0)) return message.name;
+    if (message.type == type && message.receivers <= model.receivers) return message.name;
   return "";
 }
 
@@ -179,8 +180,8 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
       message.put(now.magnetic(reading.raw), field).put(reading.raw.specific_force, acceleration).put(reading.raw.rate, rate);
       message.put(s.temperature_c, "%+05.1f").put(now.pressure_kpa(), "%+08.3f");
       break;
-    case 20: put_gnss_text(true); break;
-    case 21: put_gnss_text(false); break;
+    case 20: case 32: put_gnss_text(true); break;
+    case 21: case 33: put_gnss_text(false); break;
     case 22: put_ins_text(true); break;
     case 23: put_ins_text(false); break;
     case 28: message.put(now.ypr_deg(), angle); put_lla(); message.put(now.v_L(), speed); put_inertial(); break;

@@ -82,7 +82,8 @@ std::optional<BinaryOutput> BinaryOutput::parse(std::string_view text, Error& er
   const auto mode = number_in<unsigned>(words[0]), divisor = number_in<unsigned>(words[1]);
   const auto bits = number_in<unsigned>(words[2], 16);
   error = bad_parameter;
-  if (!mode || *mode > 3 || !divisor || *divisor == 0 || *divisor > 0xFFFF || !bits || *bits > 0x7F) return std::nullopt;
+  if (!mode || *mode > 3 || !divisor || *divisor > 0xFFFF || !bits || *bits > 0x7F) return std::nullopt;
+  if (*divisor == 0 && *mode != 0) return std::nullopt;
   const auto wanted = 3 + static_cast<std::size_t>(std::popcount(*bits));
   error = words.count < wanted ? too_few : too_many;
   if (words.count != wanted) return std::nullopt;
@@ -111,7 +112,7 @@ constexpr std::string_view no_calibration =
     "+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+00.00000";
 }
 
-const std::array<Register, 20> kept = {{
+const std::array<Register, kept_count> kept = {{
     {0, 1, ""},
     {21, 6, "+1.00000,+0.00000,+1.80000,+00.0000,+00.0000,-09.7937"},
     {23, 12, no_calibration},
@@ -123,15 +124,21 @@ const std::array<Register, 20> kept = {{
     {35, 4, "1,1,1,1"},
     {36, 9, "+04.00,+04.00,+04.00,+05.00,+05.00,+05.00,+05.50,+05.50,+05.50"},
     {38, 9, "+05.00,+05.00,+05.00,+03.00,+03.00,+03.00,+04.00,+04.00,+04.00"},
+    {43, 3, "+00.000000,+00.000000,+00.000000"},
     {44, 3, "1,3,5"},
+    {47, 12, no_calibration, 0, true},
+    {50, 3, "+000.000,+000.000,+000.000"},
     {51, 3, "1,+0.10,+0.01"},
-    {55, 5, "0,0,5,0,0"},
-    {57, 3, "+00.000,+00.000,+00.000"},
-    {67, 4, "0,1,1,0"},
+    {55, 5, "0,0,5,0,0", 1},
+    {57, 3, "+00.000,+00.000,+00.000", 1},
+    {67, 4, "0,1,1,0", 1},
+    {74, 7, "+00.000000,+00.000000,+00.000000,+00.000000,+00.000000,+00.000000,+00.000000", 1},
     {82, 5, "0,0,0,0,0"},
-    {83, 8, "0,0,0,0,+0.00000,+0.00000000,+0.00000000,+0.000"},
+    {83, 9, "0,0,0,0,1000,+0000.000,+00.00000000,+000.00000000,+00000.000"},
     {84, 12, no_calibration},
     {85, 10, "0,4,4,0,0,0,3,3,0,0"},
+    {93, 6, "+01.000,+00.000,+00.000,+00.025,+00.025,+00.025", 2},
+    {97, 9, "0,0,0,+00.000,+00.000,+00.000,+00.000,+00.000,+00.000", 2, true},
 }};
 
 Configuration::Configuration() noexcept {
@@ -165,19 +172,25 @@ Matrix3 Configuration::matrix_of(unsigned id) const noexcept {
 
 namespace {
 
+std::optional<std::size_t> port_in(std::string_view text) noexcept {
+  if (text == "0" || text == "1" || text == "?") return 0;
+  return text == "2" ? std::optional<std::size_t>(1) : std::nullopt;
+}
+
+unsigned& number_of(Configuration::SerialPort& port, unsigned id) noexcept {
+  return id == 5 ? port.baud : id == 6 ? port.async_type : port.async_hz;
+}
+
 Error write_number(Configuration& c, const Model& model, unsigned id, const Words& words) noexcept {
   if (words.count > 2) return too_many;
   const auto number = number_in<unsigned>(words[0]);
-  const auto port = words.count == 2 ? number_in<unsigned>(words[1]) : std::optional<unsigned>(1);
-  if (!number || !port || *port < 1 || *port > 2) return bad_parameter;
+  const auto port = port_in(words.count == 2 ? words[1] : "1");
+  if (!number || !port) return bad_parameter;
   constexpr std::array<unsigned, 11> rates = {1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200};
   if (id == 5 && std::find(bauds.begin(), bauds.end(), *number) == bauds.end()) return bad_parameter;
   if (id == 6 && *number != 0 && name_of(*number, model).empty()) return bad_parameter;
   if (id == 7 && std::find(rates.begin(), rates.end(), *number) == rates.end()) return bad_parameter;
-  if (*port == 2) return none;  // the other connector
-  if (id == 5) c.baud = *number;
-  if (id == 6) c.async_type = *number;
-  if (id == 7) c.async_hz = *number;
+  number_of(c.ports[*port], id) = *number;
   return none;
 }
 
@@ -205,7 +218,8 @@ Error write_register(Configuration& c, const Model& model, std::string_view rest
     return *id <= 7 ? write_number(c, model, *id, words) : write_binary(c, *id - 75, value);
   }
   for (std::size_t i = 0; i < kept.size(); ++i) {
-    if (kept[i].id != *id) continue;
+    if (kept[i].id != *id || kept[i].receivers > model.receivers) continue;
+    if (kept[i].is_read_only) return unauthorised;
     if (!has_value || words.count < kept[i].count) return too_few;
     if (words.count > kept[i].count) return too_many;
     if (value.size() >= Configuration::register_size) return bad_parameter;
@@ -221,25 +235,31 @@ Error write_register(Configuration& c, const Model& model, std::string_view rest
   return bad_register;
 }
 
-bool put_register(const Configuration& c, const Model& model, unsigned id, Message& message) noexcept {
+Error put_register(const Configuration& c, const Model& model, unsigned id, std::string_view port,
+                   Message& message) noexcept {
   const auto text = [&](std::string_view value) { message.put(",").put(value); };
   switch (id) {
-    case 1: text(model.name); return true;
-    case 2: text("7"); return true;
-    case 3: text("0100012345"); return true;
-    case 4: text("2.1.0.0"); return true;
-    case 5: message.put(c.baud, "%.0f"); return true;
-    case 6: message.put(c.async_type, "%.0f"); return true;
-    case 7: message.put(c.async_hz, "%.0f"); return true;
-    case 75: case 76: case 77: text(c.binary_text[id - 75].data()); return true;
+    case 1: text(model.name); return none;
+    case 2: text("7"); return none;
+    case 3: text("0100012345"); return none;
+    case 4: text("2.1.0.0"); return none;
+    case 5: case 6: case 7: {
+      const auto which = port_in(port.empty() ? "1" : port);
+      if (!which) return bad_parameter;
+      Configuration::SerialPort settings = c.ports[*which];
+      message.put(number_of(settings, id), "%.0f");
+      if (!port.empty()) text(*which == 0 ? "1" : "2");
+      return none;
+    }
+    case 75: case 76: case 77: text(c.binary_text[id - 75].data()); return none;
     default: break;
   }
   for (std::size_t i = 0; i < kept.size(); ++i)
-    if (kept[i].id == id) {
+    if (kept[i].id == id && kept[i].receivers <= model.receivers) {
       text(c.registers[i].data());
-      return true;
+      return none;
     }
-  return false;
+  return bad_register;
 }
 
 }  // namespace imud::vectornav

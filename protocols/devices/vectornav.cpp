@@ -3,6 +3,7 @@
 // Compensations (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in the device.
 #include "protocols/vectornav.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <stdexcept>
 #include <utility>
@@ -31,8 +32,8 @@ class VectorNavDevice final : public Device {
     compensate(sample);
     for (Sums& sums : sums_) sums.add(sample_, 1 / model_.internal_hz);
     if (paused_) return;
-    const auto ascii_divisor = static_cast<std::uint64_t>(model_.internal_hz) / std::max(1U, active_.async_hz);
-    if (active_.async_type != 0 && sample.counter % ascii_divisor == 0) send_async(out);
+    const auto ascii_divisor = static_cast<std::uint64_t>(model_.internal_hz) / std::max(1U, port().async_hz);
+    if (port().async_type != 0 && sample.counter % ascii_divisor == 0) send_async(out);
     for (std::size_t i = 0; i < active_.binary.size(); ++i)
       if ((active_.binary[i].mode & 1U) != 0 && sample.counter % active_.binary[i].divisor == 0) send_binary(i, out);
   }
@@ -45,10 +46,11 @@ class VectorNavDevice final : public Device {
   }
 
   void restart() noexcept override { reset(); }
-  LineSettings line() const noexcept override { return {active_.baud}; }
+  LineSettings line() const noexcept override { return {port().baud}; }
 
  private:
   static constexpr std::size_t of_ascii = 3;
+  static constexpr std::array<std::string_view, 5> echoed = {"VNRST", "VNSGB", "VNKMD", "VNKAD", "VNCMD"};
 
   struct Calibration {
     Matrix3 gain = Matrix3::Identity();
@@ -88,6 +90,7 @@ class VectorNavDevice final : public Device {
     sample_.q_LP = tare_ * sample.q_LP * Quaternion(dcm_.transpose()).normalized();
   }
 
+  const Configuration::SerialPort& port() const noexcept { return active_.ports[0]; }
   Reading reading() const noexcept { return {model_, sample_, raw_, sample_.time - start_}; }
   Form async_form() const noexcept {  // register 30, parameter 5
     return active_.number_of(30, 4) == 3 ? Form::four_digits : Form::two_digits;
@@ -95,8 +98,8 @@ class VectorNavDevice final : public Device {
 
   void send_async(FrameBuffer& out) noexcept {
     Message message(out, async_form());
-    message.put(name_of(active_.async_type, model_));
-    put_measurement(active_.async_type, reading(), sums_[of_ascii], message);
+    message.put(name_of(port().async_type, model_));
+    put_measurement(port().async_type, reading(), sums_[of_ascii], message);
     message.send();
   }
 
@@ -165,7 +168,7 @@ class VectorNavDevice final : public Device {
       tare_ = (tare_.conjugate() * sample_.q_LP).conjugate();  // what is so now is level and north from now on
     } else if (name == "VNRFS") {
       stored_ = factory_;
-    } else if (name != "VNRST" && name != "VNSGB" && name != "VNKMD" && name != "VNKAD" && name != "VNCMD") {
+    } else if (std::find(echoed.begin(), echoed.end(), name) == echoed.end()) {
       return bad_command;
     }
     Message(replies, form).put(body).send();
@@ -174,7 +177,9 @@ class VectorNavDevice final : public Device {
   }
 
   Error read_register(std::string_view rest, std::string_view name, Form form, FrameBuffer& replies) noexcept {
-    const std::string_view word = rest.substr(0, rest.find(','));
+    const std::size_t comma = rest.find(',');
+    const std::string_view word = rest.substr(0, comma);
+    const std::string_view serial_port = comma == std::string_view::npos ? std::string_view() : rest.substr(comma + 1);
     const auto id = number_in<unsigned>(word);
     if (!id) return bad_parameter;
     Message message(replies, form);
@@ -183,8 +188,8 @@ class VectorNavDevice final : public Device {
     if (type != 0 && !name_of(type, model_).empty()) {
       Sums sums = sums_[of_ascii];  // a look takes nothing from the stream
       put_measurement(type, reading(), sums, message);
-    } else if (!put_register(active_, model_, *id, message)) {
-      return bad_register;
+    } else if (const Error error = put_register(active_, model_, *id, serial_port, message); error != none) {
+      return error;
     }
     message.send();
     return none;
@@ -208,7 +213,7 @@ constexpr Setting declared[] = {
     {.key = "model", .help = "which device", .initial = models[0].keyword, .choices = model_names},
     {.key = "baud", .help = "bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
     {.key = "async_type", .help = "register 6: the message of text that is streamed; 0: none", .initial = std::int64_t{14},
-     .min = 0, .max = 30},
+     .min = 0, .max = 33},
     {.key = "async_hz", .help = "register 7", .initial = std::int64_t{40}, .min = 1, .max = 200},
     {.key = "binary_1", .help = "register 75, such as \"1,16,01,0029\"", .initial = std::string_view("")},
     {.key = "binary_2", .help = "register 76", .initial = std::string_view("")},
@@ -223,14 +228,15 @@ const Model& model_of(const Settings& settings) {
 
 Configuration configuration(const Settings& settings) {
   Configuration c;
-  c.baud = static_cast<std::uint32_t>(settings.integer("baud"));
-  if (std::find(bauds.begin(), bauds.end(), c.baud) == bauds.end())
+  Configuration::SerialPort& port = c.ports[0];
+  port.baud = static_cast<unsigned>(settings.integer("baud"));
+  if (std::find(bauds.begin(), bauds.end(), port.baud) == bauds.end())
     throw std::invalid_argument("baud: give 9600, 19200, 38400, 57600, 115200, 128000, 230400, 460800 or 921600");
-  c.async_type = static_cast<unsigned>(settings.integer("async_type"));
-  if (c.async_type != 0 && name_of(c.async_type, model_of(settings)).empty())
+  port.async_type = static_cast<unsigned>(settings.integer("async_type"));
+  if (port.async_type != 0 && name_of(port.async_type, model_of(settings)).empty())
     throw std::invalid_argument("async_type: this model has no such message; register 6 of its manual lists them");
-  c.async_hz = static_cast<unsigned>(settings.integer("async_hz"));
-  if (static_cast<unsigned>(model_of(settings).internal_hz) % c.async_hz != 0)
+  port.async_hz = static_cast<unsigned>(settings.integer("async_hz"));
+  if (static_cast<unsigned>(model_of(settings).internal_hz) % port.async_hz != 0)
     throw std::invalid_argument("async_hz: give 1, 2, 4, 5, 10, 20, 25, 40, 50, 100 or 200");
   constexpr std::array<const char*, 3> keys = {"binary_1", "binary_2", "binary_3"};
   for (std::size_t i = 0; i < keys.size(); ++i) {

@@ -1,0 +1,108 @@
+// VectorNav's registers as clients read and write them: vnproglib 1.2 and the VectorNav SDK 0.99 (dotysan/vectornav-sdk).
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/protocols/vectornav_unit.hpp"
+
+namespace imud {
+namespace {
+
+using namespace vectornav_test;
+
+// The SDK's RegisterScan asks for port 1, 2, 3, ... until it is told that there is no such port; its Sensor::changeBaudRate
+// asks for "?" to learn which port it talks to.
+TEST(VectorNavRegisters, OfSerialPortsAreToldByPort) {
+  Unit unit;
+  EXPECT_EQ(unit.ask("VNRRG,05"), with_xor("VNRRG,05,115200"));
+  EXPECT_EQ(unit.ask("VNRRG,05,1"), with_xor("VNRRG,05,115200,1"));
+  EXPECT_EQ(unit.ask("VNRRG,05,2"), with_xor("VNRRG,05,115200,2"));
+  EXPECT_EQ(unit.ask("VNRRG,05,?"), with_xor("VNRRG,05,115200,1"));
+  EXPECT_EQ(unit.ask("VNRRG,05,0"), with_xor("VNRRG,05,115200,1"));
+  for (const char* id : {"05", "06", "07"}) EXPECT_EQ(unit.ask("VNRRG," + std::string(id) + ",3"), with_xor("VNERR,07"));
+}
+
+TEST(VectorNavRegisters, TheOtherPortKeepsItsOwn) {
+  Unit unit;
+  for (const char* body : {"VNWRG,05,921600,2", "VNWRG,06,0,2", "VNWRG,07,10,2"}) EXPECT_EQ(unit.ask(body), with_xor(body));
+  EXPECT_EQ(unit.ask("VNRRG,05,2"), with_xor("VNRRG,05,921600,2"));
+  EXPECT_EQ(unit.ask("VNRRG,06,2"), with_xor("VNRRG,06,0,2"));
+  EXPECT_EQ(unit.ask("VNRRG,07,2"), with_xor("VNRRG,07,10,2"));
+  EXPECT_EQ(unit.device->line().baud, 115200U);
+  EXPECT_EQ(unit.run(800).size(), 40U);
+  EXPECT_EQ(unit.ask("VNWRG,07,20,1"), with_xor("VNWRG,07,20,1"));
+  EXPECT_EQ(unit.ask("VNWRG,05,57600,?"), with_xor("VNWRG,05,57600,?"));
+  EXPECT_EQ(unit.device->line().baud, 57600U);
+  EXPECT_EQ(unit.run(800).size(), 20U);
+  EXPECT_EQ(unit.ask("VNWRG,07,20,3"), with_xor("VNERR,07"));
+}
+
+// RegisterScan writes back what it has read, and takes every error but 8 and 9 for its end.
+TEST(VectorNavRegisters, TakeBackWhatTheySay) {
+  for (const char* model : {"vn-100", "vn-200", "vn-300"}) {
+    Unit unit({{"model", std::string(model)}});
+    int taken = 0;
+    for (int id = 0; id < 256; ++id) {
+      const std::string answer = unit.ask("VNRRG," + std::to_string(id));
+      ASSERT_FALSE(answer.empty());
+      if (answer.starts_with("$VNERR")) {
+        EXPECT_EQ(answer, with_xor("VNERR,08")) << id;
+        continue;
+      }
+      const std::string body = "VNWRG" + answer.substr(6, answer.find('*') - 6), echo = unit.ask(body);
+      EXPECT_TRUE(echo == with_xor(body) || echo == with_xor("VNERR,09")) << model << ": " << body << " -> " << echo;
+      taken += echo == with_xor(body);
+    }
+    EXPECT_GE(taken, 24) << model;
+  }
+}
+
+TEST(VectorNavRegisters, AnOutputThatIsOffNeedsNoDivisor) {
+  Unit unit;
+  EXPECT_EQ(unit.ask("VNRRG,75"), with_xor("VNRRG,75,0,0,00"));
+  EXPECT_EQ(unit.ask("VNWRG,75,0,0,00"), with_xor("VNWRG,75,0,0,00"));
+  EXPECT_EQ(unit.ask("VNWRG,75,1,0,01,0001"), with_xor("VNERR,07"));
+}
+
+// How many parameters the SDK's registers have (Interface/Registers.cpp).
+TEST(VectorNavRegisters, HaveTheirParameters) {
+  Unit unit({{"model", std::string("vn-300")}});
+  unit.run(1);
+  for (const auto& [id, count] : std::initializer_list<std::pair<int, int>>{
+           {8, 3},   {9, 4},   {15, 13}, {17, 3},  {18, 3},  {19, 3},  {20, 9},  {21, 6},  {23, 12}, {25, 12}, {26, 9},
+           {27, 12}, {30, 7},  {32, 9},  {33, 3},  {35, 4},  {36, 9},  {38, 9},  {44, 3},  {47, 12}, {50, 3},  {51, 3},
+           {54, 11}, {55, 5},  {57, 3},  {58, 15}, {59, 15}, {63, 15}, {64, 15}, {67, 4},  {72, 15}, {73, 15}, {74, 7},
+           {80, 7},  {82, 5},  {83, 9},  {84, 12}, {85, 10}, {93, 6},  {97, 9},  {103, 15}, {104, 15}, {239, 9}, {240, 9}}) {
+    const std::string answer = unit.ask("VNRRG," + std::to_string(id));
+    EXPECT_EQ(std::count(answer.begin(), answer.end(), ','), count + 1) << answer;
+  }
+  EXPECT_EQ(unit.ask("VNWRG,47,1,0,0,0,1,0,0,0,1,0,0,0"), with_xor("VNERR,09"));
+}
+
+TEST(VectorNavRegisters, OfReceiversBelongToModelsThatHaveThem) {
+  Unit vn100, vn200({{"model", std::string("vn-200")}}), vn300({{"model", std::string("vn-300")}});
+  for (const char* id : {"55", "57", "67", "74"}) {
+    EXPECT_EQ(vn100.ask("VNRRG," + std::string(id)), with_xor("VNERR,08")) << id;
+    EXPECT_NE(vn200.ask("VNRRG," + std::string(id)), with_xor("VNERR,08")) << id;
+  }
+  for (const char* id : {"93", "97", "103", "104"}) {
+    EXPECT_EQ(vn200.ask("VNRRG," + std::string(id)), with_xor("VNERR,08")) << id;
+    EXPECT_NE(vn300.ask("VNRRG," + std::string(id)), with_xor("VNERR,08")) << id;
+  }
+}
+
+TEST(VectorNavRegisters, TheSecondReceiverHasMessages) {
+  Unit vn200({{"model", std::string("vn-200")}}), unit({{"model", std::string("vn-300")}});
+  EXPECT_EQ(vn200.ask("VNWRG,06,32"), with_xor("VNERR,07"));
+  for (const auto& [type, name, first] : {std::tuple{"32", "$VNG2S,", "58"}, {"33", "$VNG2E,", "59"}}) {
+    EXPECT_EQ(unit.ask("VNWRG,06," + std::string(type)), with_xor("VNWRG,06," + std::string(type)));
+    const auto sent = unit.run(400);
+    ASSERT_EQ(sent.size(), 40U);
+    const std::string same = unit.ask("VNRRG," + std::string(first));
+    EXPECT_EQ(sent[39].substr(0, 7), name);
+    EXPECT_EQ(sent[39].substr(7, sent[39].find('*') - 7), same.substr(10, same.find('*') - 10));
+  }
+}
+
+}  // namespace
+}  // namespace imud
