@@ -138,8 +138,11 @@ class VectorNavDecoder final : public Decoder {
     constexpr std::array<Layout, 9> layouts = {{{"VNQMR", 14, 8, 11}, {"VNACC", 4, 1, 0}, {"VNGYR", 4, 0, 1},
                                                 {"VNMAR", 10, 4, 7}, {"VNYMR", 13, 7, 10}, {"VNIMU", 12, 4, 7, 10},
                                                 {"VNYBA", 10, 0, 7}, {"VNDTV", 8, 0, 0, 0, 2, 5}, {"VNISL", 16, 10, 13}}};
+    std::size_t count = std::min(words.count, words.words.size());
+    const auto is_appended = [](std::string_view word) { return word.starts_with('T') || word.starts_with('S'); };
+    while (count > 1 && is_appended(words[count - 1])) --count;  // by register 30
     for (const Layout& layout : layouts) {
-      if (words[0] != layout.name || words.count != layout.count) continue;
+      if (words[0] != layout.name || count != layout.count) continue;
       Measurement m;
       Sample& sample = m.sample;
       const auto number = [&](std::size_t at) { return real_in(words[at]).value_or(0); };

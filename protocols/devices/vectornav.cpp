@@ -50,7 +50,7 @@ class VectorNavDevice final : public Device {
 
  private:
   static constexpr std::size_t of_ascii = 3;
-  static constexpr std::array<std::string_view, 5> echoed = {"VNRST", "VNSGB", "VNKMD", "VNKAD", "VNCMD"};
+  static constexpr std::array<std::string_view, 7> echoed = {"VNRST", "VNSGB", "VNSFB", "VNSIH", "VNKMD", "VNKAD", "VNCMD"};
 
   struct Calibration {
     Matrix3 gain = Matrix3::Identity();
@@ -92,14 +92,15 @@ class VectorNavDevice final : public Device {
 
   const Configuration::SerialPort& port() const noexcept { return active_.ports[0]; }
   Reading reading() const noexcept { return {model_, sample_, raw_, sample_.time - start_}; }
-  Form async_form() const noexcept {  // register 30, parameter 5
-    return active_.number_of(30, 4) == 3 ? Form::four_digits : Form::two_digits;
+  Form async_form() const noexcept {  // register 30, parameter 5: 1, or 3 (2 in vnproglib)
+    return active_.number_of(30, 4) >= 2 ? Form::four_digits : Form::two_digits;
   }
 
   void send_async(FrameBuffer& out) noexcept {
     Message message(out, async_form());
     message.put(name_of(port().async_type, model_));
     put_measurement(port().async_type, reading(), sums_[of_ascii], message);
+    put_appended(active_.number_of(30, 0), active_.number_of(30, 1), reading(), message);
     message.send();
   }
 

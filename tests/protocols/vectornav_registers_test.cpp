@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "tests/protocols/recording.hpp"
 #include "tests/protocols/vectornav_unit.hpp"
 
 namespace imud {
@@ -102,6 +103,40 @@ TEST(VectorNavRegisters, TheSecondReceiverHasMessages) {
     EXPECT_EQ(sent[39].substr(0, 7), name);
     EXPECT_EQ(sent[39].substr(7, sent[39].find('*') - 7), same.substr(10, same.find('*') - 10));
   }
+}
+
+// 3 in the SDK's ProtocolControl, 2 in vnproglib's ChecksumMode.
+TEST(VectorNavRegisters, Register30ChoosesTheChecksumOfTheStream) {
+  for (const char* form : {"2", "3"}) {
+    Unit unit({{"async_type", std::int64_t{1}}});
+    unit.ask("VNWRG,30,0,0,0,0," + std::string(form) + ",0,1");
+    EXPECT_EQ(unit.run(1).at(0), with_crc("VNYPR,+000.000,+000.000,+000.000"));
+  }
+}
+
+// The SDK (AsciiPacketProtocol.cpp, parsePacket) takes "T" and a decimal count, "S" and a hexadecimal status at the end.
+TEST(VectorNavRegisters, Register30AppendsCountAndStatus) {
+  Unit unit({{"async_type", std::int64_t{1}}});
+  EXPECT_EQ(unit.ask("VNWRG,30,1,1,0,0,1,0,1"), with_xor("VNWRG,30,1,1,0,0,1,0,1"));
+  EXPECT_EQ(unit.run(1).at(0), with_xor("VNYPR,+000.000,+000.000,+000.000,T0,S0000"));
+  unit.ask("VNWRG,06,12");
+  unit.sample.rate = {0.5, 0, 0};
+  const std::string gyro = unit.run(800).at(0);
+  const Protocol& protocol = *find_protocol("vectornav");
+  Recording recording;
+  protocol.make_decoder(Settings(protocol.settings))->feed({std::as_bytes(std::span(gyro))}, recording);
+  ASSERT_EQ(recording.measurements.size(), 1U);
+  EXPECT_EQ(recording.measurements[0].sample.rate, unit.sample.rate);
+  Unit ins({{"model", std::string("vn-200")}, {"async_type", std::int64_t{1}}});
+  ins.sample.place.is_known = true;
+  ins.ask("VNWRG,30,0,2,0,0,1,0,1");
+  EXPECT_EQ(ins.run(1).at(0), with_xor("VNYPR,+000.000,+000.000,+000.000,S0006"));
+}
+
+TEST(VectorNavRegisters, CommandsOfTheFilterAreEchoed) {
+  Unit unit;
+  for (const char* body : {"VNSIH,10.000000", "VNSIH,1.0,2.0,3.0", "VNSFB", "VNSGB", "VNKMD,1", "VNKAD,0"})
+    EXPECT_EQ(unit.ask(body), with_xor(body));
 }
 
 }  // namespace
