@@ -1,5 +1,5 @@
 // MicroStrain MIP, as 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS and 3DM-CV7-INS speak it. The layouts are those of
-// MicroStrain's mip_sdk (protocols/mip.hpp), against whose capture the tests hold them.
+// MicroStrain's mip_sdk (mip/mip.hpp), against whose capture the tests hold them.
 //
 // What the document does not say and a user would expect: out of the box the device streams (ArduPilot sends nothing and
 // waits for that); reference time is the device's own time; filter and receiver tell the truth. What a host says to the
@@ -9,7 +9,7 @@
 
 #include "core/units.hpp"
 #include "protocols/frame_search.hpp"
-#include "protocols/mip.hpp"
+#include "protocols/mip/mip.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {

@@ -34,8 +34,8 @@
 
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
-#include "protocols/stim300_datagram.hpp"
-#include "protocols/stim300_service.hpp"
+#include "protocols/stim300/datagram.hpp"
+#include "protocols/stim300/service.hpp"
 
 namespace imud {
 

@@ -1,7 +1,7 @@
 // VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp; registers and what messages say have
 // files of their own. What the device's own filter would estimate is the truth: its settings are kept and told, no more.
 // Compensations (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in the device.
-#include "protocols/vectornav.hpp"
+#include "protocols/vectornav/vectornav.hpp"
 
 #include <algorithm>
 #include <cstdio>

@@ -114,8 +114,8 @@ def attitude(b, t, _t1, p):
     check("VpeStatus", b.take("H"), 0, 0)
     check_floats("YawPitchRoll", b.take("3f"), scale(1 / DEG, yaw_pitch_roll(p.dcm_PL)), 90)
     check_quaternion("Quaternion", b.take("4f"), p)
-    for row in p.dcm_PL:
-        check_floats("DCM", b.take("3f"), row, 1)
+    for column in transpose(p.dcm_PL):
+        check_floats("DCM", b.take("3f"), column, 1)
     check_floats("MagNed", b.take("3f"), scale(1 / GAUSS, p.field_L))
     check_floats("AccelNed", b.take("3f"), force_L)
     check_floats("LinearAccelBody", b.take("3f"), times(p.dcm_PL, linear_L), 10)

@@ -1,16 +1,15 @@
 // Datagrams of the STIM300: what encoder and decoder share.
 #pragma once
 
-#include <algorithm>
 #include <boost/crc.hpp>
-#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
 
 #include "core/frame.hpp"
+#include "protocols/frame_writer.hpp"
 #include "protocols/protocol.hpp"
-#include "protocols/stim300.hpp"
+#include "protocols/stim300/stim300.hpp"
 
 namespace imud::stim300 {
 
@@ -34,29 +33,20 @@ inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
 // Writes one into a FrameBuffer.
 class Datagram {
  public:
-  explicit Datagram(FrameBuffer& out) noexcept : out_(out), room_(out.room(longest_datagram)) {}
-  void put(std::uint64_t number, unsigned bytes) noexcept {
-    if (room_.size() < size_ + bytes) return;
-    for (unsigned i = bytes; i-- > 0;) room_[size_++] = static_cast<std::byte>(number >> (8 * i));
-  }
-  // To the nearest, up to the ends of two's complement.
-  void put_number(double number, unsigned bytes) noexcept {
-    const double end = std::ldexp(1.0, static_cast<int>(8 * bytes - 1));
-    put(static_cast<std::uint64_t>(std::llround(std::clamp(number, -end, end - 1))), bytes);
-  }
+  explicit Datagram(FrameBuffer& out) noexcept : frame_(out, longest_datagram) {}
+  void put(std::uint64_t number, unsigned bytes) noexcept { frame_.put_low_bytes(number, bytes); }
+  void put_number(double number, unsigned bytes) noexcept { frame_.put_rounded(number, bytes); }
   void put_halves(unsigned high, unsigned low) noexcept { put(high << 4 | low, 1); }
   // How many characters it is.
   std::size_t finish(bool cr_lf) noexcept {
-    put(crc_of(room_.first(size_)), 4);
+    put(crc_of(frame_.written()), 4);
     if (cr_lf) put(0x0D0A, 2);
-    if (!room_.empty()) out_.push(size_);
-    return size_;
+    frame_.push();
+    return frame_.size();
   }
 
  private:
-  FrameBuffer& out_;
-  std::span<std::byte> room_;
-  std::size_t size_ = 0;
+  FrameWriter<boost::endian::order::big> frame_;
 };
 
 // The special datagrams, in the order of the start (section 7.5.1); each is a bit.

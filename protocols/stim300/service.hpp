@@ -9,7 +9,7 @@
 
 #include "core/frame.hpp"
 #include "core/vector.hpp"
-#include "protocols/stim300.hpp"
+#include "protocols/stim300/stim300.hpp"
 
 namespace imud::stim300 {
 

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
-#include "protocols/mip.hpp"
+#include "protocols/mip/mip.hpp"
 
 namespace imud::mip {
 

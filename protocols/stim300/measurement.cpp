@@ -1,5 +1,5 @@
 #include "core/units.hpp"
-#include "protocols/stim300_datagram.hpp"
+#include "protocols/stim300/datagram.hpp"
 
 namespace imud::stim300 {
 

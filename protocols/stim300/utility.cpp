@@ -8,7 +8,7 @@
 #include <optional>
 #include <span>
 
-#include "protocols/stim300.hpp"
+#include "protocols/stim300/stim300.hpp"
 
 namespace imud::stim300 {
 

@@ -1,10 +1,10 @@
-// What the STIM300 keeps, shared by its datagrams (devices/stim300.cpp) and the modes in which it is configured.
+// What the STIM300 keeps, shared by the device (devices/stim300.cpp), its datagrams (datagram.hpp: measurement.cpp and special.cpp
+// write, decoder.cpp reads), its Utility Mode (utility.cpp) and its Service Mode (service.hpp).
 // Sensonor STIM300 Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are named here.
 #pragma once
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -12,6 +12,7 @@
 #include "core/frame.hpp"
 #include "core/line.hpp"
 #include "core/vector.hpp"
+#include "protocols/number_text.hpp"
 
 namespace imud::stim300 {
 
@@ -209,15 +210,6 @@ inline constexpr std::string_view part_number = "84167-4400003-321";
 inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;
 inline constexpr std::string_view serial_number = "N25582405002002";
-
-// All of a text as a number.
-template <class Number>
-std::optional<Number> number_in(std::string_view text) noexcept {
-  Number number{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return number;
-}
 
 // Utility Mode: the word that one comes in by, and a line of the host, without its end. Append the answer. False if
 // Utility Mode is left.

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "core/attitude.hpp"
-#include "protocols/vectornav.hpp"
+#include "protocols/vectornav/vectornav.hpp"
 
 namespace imud::vectornav {
 

@@ -2,7 +2,7 @@
 #include <array>
 #include <utility>
 
-#include "protocols/stim300_service.hpp"
+#include "protocols/stim300/service.hpp"
 
 namespace imud::stim300 {
 

@@ -8,7 +8,7 @@
 #include "core/attitude.hpp"
 #include "core/earth.hpp"
 #include "core/units.hpp"
-#include "protocols/vectornav.hpp"
+#include "protocols/vectornav/vectornav.hpp"
 
 namespace imud::vectornav {
 

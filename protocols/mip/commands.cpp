@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "core/units.hpp"
-#include "protocols/mip.hpp"
+#include "protocols/mip/mip.hpp"
 
 namespace imud::mip {
 

@@ -1,4 +1,4 @@
-#include "protocols/stim300_service_text.hpp"
+#include "protocols/stim300/service_text.hpp"
 
 namespace imud::stim300 {
 

@@ -1,5 +1,5 @@
-// MicroStrain MIP: what the device (devices/mip.cpp), its data fields (mip_fields.cpp), its commands (mip_commands.cpp) and
-// its settings (mip_settings.cpp) share. Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d,
+// MicroStrain MIP: what the device (devices/mip.cpp), its data fields (fields.cpp), its commands (commands.cpp) and
+// its settings (settings.cpp) share. Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d,
 // src/c/mip/definitions).
 //
 // A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of all

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "protocols/stim300_service.hpp"
+#include "protocols/stim300/service.hpp"
 
 namespace imud::stim300 {
 

@@ -1,4 +1,4 @@
-#include "protocols/vectornav.hpp"
+#include "protocols/vectornav/vectornav.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -2,7 +2,7 @@
 
 #include "core/units.hpp"
 #include "protocols/frame_search.hpp"
-#include "protocols/stim300_datagram.hpp"
+#include "protocols/stim300/datagram.hpp"
 
 namespace imud::stim300 {
 

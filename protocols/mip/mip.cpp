@@ -1,4 +1,4 @@
-#include "protocols/mip.hpp"
+#include "protocols/mip/mip.hpp"
 
 #include "core/units.hpp"
 

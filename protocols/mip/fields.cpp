@@ -5,7 +5,7 @@
 #include "core/attitude.hpp"
 #include "core/elementary.hpp"
 #include "core/units.hpp"
-#include "protocols/mip.hpp"
+#include "protocols/mip/mip.hpp"
 
 namespace imud::mip {
 

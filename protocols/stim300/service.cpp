@@ -1,9 +1,9 @@
 // Lines end with CR and are echoed, as is each character when it comes (section 9). A lone CR is answered by the prompt.
-#include "protocols/stim300_service.hpp"
+#include "protocols/stim300/service.hpp"
 
 #include <utility>
 
-#include "protocols/stim300_service_text.hpp"
+#include "protocols/stim300/service_text.hpp"
 
 namespace imud::stim300 {
 

@@ -1,4 +1,4 @@
-#include "protocols/stim300_datagram.hpp"
+#include "protocols/stim300/datagram.hpp"
 
 namespace imud::stim300 {
 
