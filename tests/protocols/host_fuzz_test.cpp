@@ -64,7 +64,7 @@ std::string bytes(std::initializer_list<int> all) {
 }
 
 const std::vector<Host>& hosts() {
-  static const std::vector<Host> all = with_models({
+  static const std::vector<Host> all = with_models(with_models({
       {"stim300", stim300,
        {"N", "I", "C", "T", "E", "R", "SERVICEMODE", "UTILITYMODE", "$sm,4,", "$sgu,b,", "$sau,1,", "$sd,t,", "$ie,",
         "$st,921600,2,n,1,0,0,", "$saf,z,4,", "$sconf,v,5,", "$ibto,", "$sbto,3.4e-03,g,y,", "$save,", "$sfs,1,", "$xn,",
@@ -95,7 +95,7 @@ const std::vector<Host>& hosts() {
        {"VNRRG,01", "VNRRG,27", "VNWRG,05,921600", "VNWRG,06,14,1", "VNWRG,07,200", "VNWRG,75,3,16,01,0721",
         "VNWRG,76,1,1,7F,7FFF,03FF,1FFF,3FFF,1FFF,1FFF,3FFF", "VNWRG,77,1,2,04,0ED0", "VNASY,1", "VNASY,0", "VNWNV", "VNRFS",
         "VNRST", "VNTAR", "VNBOM,1", "VNWRG,35,1,1,1,1", "VNWRG,26,+1,0,0,0,1,0,0,0,1", "VNRRG,54", "VNWRG,0,a tag"},
-       "\r\n", vectornav("VNRRG,04"), "2.1.0.0"}}, "mip", {"3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"});
+       "\r\n", vectornav("VNRRG,04"), "2.1.0.0"}}, "mip", {"3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"}), "vectornav", {"vn-300"});
   return all;
 }
 
@@ -118,6 +118,10 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
   std::mt19937_64 random(11);
   const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
   Sample sample;
+  sample.place.is_known = true;
+  sample.place.gps_ns = 1'420'000'000'000'000'000;
+  sample.place.latitude = 0.8;
+  sample.place.r_E = {4.4e6, 0, 4.6e6};
   std::string answers;
   const auto hear = [&](std::string_view text) {
     frames->clear();

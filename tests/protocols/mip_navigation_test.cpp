@@ -9,6 +9,8 @@
 namespace imud {
 namespace {
 
+using namespace mip_test;
+
 using std::int64_t;
 
 // 2026-03-04T05:06:07.250Z, over Boulder, to the north-west and up.

@@ -10,6 +10,8 @@
 namespace imud {
 namespace {
 
+using namespace mip_test;
+
 Unit unit_of(const char* model) { return Unit({{"model", std::string(model)}}); }
 
 // The only packet of set 0x80 of the next sample, which holds these fields.

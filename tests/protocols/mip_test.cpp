@@ -1,6 +1,8 @@
 // MIP against packets of real devices and of MicroStrain's own library.
 #include <gtest/gtest.h>
 
+#include <bit>
+
 #include <cstring>
 #include <set>
 
@@ -12,6 +14,8 @@
 
 namespace imud {
 namespace {
+
+using namespace mip_test;
 
 // mip_sdk e5a847d, test/data/mip_data.bin: a device's, offsets 10 and 84, of which the third field is no measurement.
 TEST(Mip, DecodesARealDevicesPackets) {
@@ -52,6 +56,41 @@ TEST(Mip, EncodesThemToTheSameBytes) {
       hex("756580300ad500000041d8bae0400ad600000000007a12000e043c8eaf72bbda6818bf7c52e80e05bb469ccf39a34c8bbb8be12fd771");
   ASSERT_EQ(out.frames().size(), 1U);
   EXPECT_EQ(std::memcmp(out.frames()[0].bytes.data(), wanted.data(), wanted.size()), 0);
+}
+
+// The same capture, offsets 212 and 828: with magnetometer and attitude, and the filter's attitude.
+TEST(Mip, EncodesFieldAndAttitudeToTheSameBytes) {
+  Unit unit({{"sensor_rate_hz", std::int64_t{1000}},
+             {"sensor_fields", std::vector<std::string>{"reference_time", "reference_delta", "acceleration", "rate", "magnetic_field", "euler"}},
+             {"filter_rate_hz", std::int64_t{500}},
+             {"filter_fields", std::vector<std::string>{"filter_reference_time", "filter_euler"}}});
+  const auto real = [](std::uint32_t bits) { return static_cast<double>(std::bit_cast<float>(bits)); };
+  const auto encode = [&](std::int64_t ns, const Sample& made) {
+    FrameBuffer out;
+    std::vector<Bytes> all;
+    for (const std::int64_t at : {ns - 8'000'000, ns}) {
+      Sample s = made;
+      s.time.ns = at;
+      out.clear();
+      unit.device->sample(s, out);
+    }
+    for (const Frame& frame : out.frames()) {
+      Bytes bytes(frame.bytes.size());
+      std::memcpy(bytes.data(), frame.bytes.data(), bytes.size());
+      all.push_back(bytes);
+    }
+    return all;
+  };
+  Sample s;
+  s.specific_force = units::standard_gravity * Vector3(real(0x3c896897), real(0xbbd28544), real(0xbf7c30f9));
+  s.rate = {real(0xbb4aa21f), real(0x3a86a43a), real(0xbb8f0313)};
+  s.magnetic_field = 1e-4 * Vector3(real(0x3d7affd6), real(0x3e919fe8), real(0x3e79ffd6));
+  s.q_LP = Quaternion(dcm_from_yaw_pitch_roll(real(0xbf95119d), real(0x3cb6c513), real(0xbccc2078)).transpose());
+  EXPECT_EQ(encode(282'833'000'000, s).at(0),
+            hex("7565804c0ad500000041da2916400ad600000000007a12000e043c896897bbd28544bf7c30f90e05bb4aa21f3a86a43abb8f03130e063d7affd63e"
+                "919fe83e79ffd60e0cbccc20783cb6c513bf95119d7ac2"));
+  s.q_LP = Quaternion(dcm_from_yaw_pitch_roll(real(0xbf93b592), real(0x3c8edc20), real(0x3bdeb6ff)).transpose());
+  EXPECT_EQ(encode(282'893'000'000, s).at(1), hex("7565821a0ad500000041ddbc9d4010053bdeb6ff3c8edc20bf93b59200014f07"));
 }
 
 // mip_sdk e5a847d, test/data/packet_example_cpp_check.txt. Its poll has set and "no acknowledgement" in the other order than

@@ -9,7 +9,7 @@
 
 #include "protocols/protocol.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 
 using namespace std::chrono_literals;
 using Bytes = std::vector<std::uint8_t>;
@@ -103,4 +103,4 @@ Number number_at(const Bytes& data, std::size_t at) {
 }
 inline float number(const Bytes& data, std::size_t i) { return number_at<float>(data, 4 * i); }
 
-}  // namespace imud
+}  // namespace imud::mip_test

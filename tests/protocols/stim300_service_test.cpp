@@ -7,6 +7,8 @@
 namespace imud {
 namespace {
 
+using namespace stim300_test;
+
 // Lines with LF in place of CR, and "deg" and "+-" for the signs.
 std::string legible(const std::string& said) {
   std::string text;

@@ -7,6 +7,8 @@
 namespace imud {
 namespace {
 
+using namespace stim300_test;
+
 using namespace std::chrono_literals;
 using Bytes = std::vector<std::byte>;
 

@@ -9,6 +9,8 @@
 namespace imud {
 namespace {
 
+using namespace stim300_test;
+
 // A real unit's, 10 g, without CR LF: geirhovland/stim300, README (its CRC is printed there).
 TEST(Stim300, DecodesARealUnitsDatagram) {
   Stim300Unit unit;

@@ -11,7 +11,7 @@
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"
 
-namespace imud {
+namespace imud::stim300_test {
 
 inline std::vector<std::byte> hex(std::string_view text) {
   std::vector<std::byte> bytes;
@@ -89,4 +89,4 @@ class Stim300Unit {
 
 inline unsigned first(const std::vector<std::byte>& datagram) { return std::to_integer<unsigned>(datagram[0]); }
 
-}  // namespace imud
+}  // namespace imud::stim300_test

@@ -7,6 +7,8 @@
 namespace imud {
 namespace {
 
+using namespace stim300_test;
+
 // The examples of section 10, whose CRCs are right there.
 TEST(Stim300Utility, UtilityModeAnswersAsTheDatasheetShows) {
   Stim300Unit unit;

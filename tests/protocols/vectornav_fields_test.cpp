@@ -52,6 +52,15 @@ std::string binary(Unit& unit, const std::string& output) {
   return sent.empty() ? "" : sent[0];
 }
 
+// The worked example of VectorNav's manuals, as remembered; its CRC is right for what it says.
+TEST(VectorNavFields, TheManualsYawPitchRoll) {
+  Unit unit;
+  unit.sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(43.57868576049805 * units::degree, 1.8847202062606812 * units::degree,
+                                                        -0.0020249653607606888 * units::degree)
+                                    .transpose());
+  EXPECT_EQ(binary(unit, "01,0008"), std::string("\xFA\x01\x08\x00\x93\x50\x2E\x42\x83\x3E\xF1\x3F\x48\xB5\x04\xBB\x92\x88", 18));
+}
+
 TEST(VectorNavFields, GnssAndInsAreTheTruths) {
   Unit unit({{"model", std::string("vn-300")}});
   unit.sample = on_earth();
