@@ -155,7 +155,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                                       imu.protocol->link == Link::can ? "\"can:...\"" : "\"pty:...\", \"serial:...\", "
                                                                                         "\"udp:...\" or \"file:...\""));
     else if (const LineLoad load = line_load(imu); load.percent > 100.0)
-      table.fault("rate_hz", fmt::format("{}; give a lower rate or a faster line", load.text()));
+      table.fault(product ? "device" : "rate_hz",
+                  fmt::format("{}; {}", load.text(), product ? "let it send less, or less often, or on a faster line"
+                                                             : "give a lower rate or a faster line"));
   }
 
   imu.sync = read_sync(table.child("sync"), imu.protocol);

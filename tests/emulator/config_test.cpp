@@ -214,6 +214,7 @@ TEST_F(ConfigTest, AMipDeviceIsItsDefaults) {
   EXPECT_LT(line_load(imu).percent, 100.0);
   EXPECT_DOUBLE_EQ(imu.model.gyro.max, 300 * units::degree);
   EXPECT_DOUBLE_EQ(load(bare, {"imu.0.device.model=3dm-cv7-ahrs"}).imus[0].model.gyro.max, 500 * units::degree);
+  EXPECT_NE(fault(bare, {"imu.0.device.sensor_rate_hz=1000"}).find("imu.0.device: "), std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.device.sensor_rate_hz=1000"}).find("% of the line's 115200 bit/s"), std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.device.sensor_rate_hz=300"}).find("sensor_rate_hz: give a divisor of 1000"), std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.device.sensor_fields=[\"rat\"]"}).find("there is no \"rat\"; known: acceleration rate"),

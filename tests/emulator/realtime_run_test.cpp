@@ -31,6 +31,14 @@ class RealtimeRun : public RealtimeTest {
     return some;
   }
   static constexpr std::uint32_t held = status::truth_stale | status::truth_extrapolated;
+
+  // What left within that time is what was true `ahead_s` later than the time since the simulator's begin.
+  static void expect_truth(const SimulatedRun& run, double from_s, double until_s, double ahead_s) {
+    for (const Left& left : within(run, from_s, until_s)) {
+      ASSERT_EQ(left.sample.status, 0U);
+      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) + ahead_s)).omega_BN_B.z(), 1e-3);
+    }
+  }
 };
 
 // Truth is missing from 2 s to 3 s of the simulation, which goes on meanwhile.
@@ -96,10 +104,7 @@ TEST_F(RealtimeRun, AfterAPauseANewRunBegins) {
   expect_grid(run.left(), Grid(1000), run.at(0.12), 20us);
   EXPECT_EQ(run.quality().resumed, 1U);
   EXPECT_EQ(run.truth_counters().runs, 1U) << "its time never went back";
-  for (const Left& left : within(run, 5.4, 9.1)) {
-    ASSERT_EQ(left.sample.status, 0U);
-    ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 3.12)).omega_BN_B.z(), 1e-3);
-  }
+  expect_truth(run, 5.4, 9.1, -3.12);
 }
 
 TEST_F(RealtimeRun, AJumpAheadBeginsANewRun) {
@@ -109,10 +114,7 @@ TEST_F(RealtimeRun, AJumpAheadBeginsANewRun) {
   run.run(4);
   expect_grid(run.left(), Grid(1000), run.at(0.12), 20us);
   EXPECT_EQ(run.quality().resumed, 1U);
-  for (const Left& left : within(run, 2.2, 4)) {
-    ASSERT_EQ(left.sample.status, 0U);
-    ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) + 9.87)).omega_BN_B.z(), 1e-3);
-  }
+  expect_truth(run, 2.2, 4, 9.87);
 }
 
 // With the flag, and without, when twenty in a row say so.
@@ -125,10 +127,7 @@ TEST_F(RealtimeRun, ASimulatorThatBeginsAnewBeginsANewRun) {
     expect_grid(run.left(), Grid(1000), run.at(10.12), 20us);
     EXPECT_EQ(run.truth_counters().runs, 2U) << flag;
     EXPECT_EQ(run.quality().resumed, 0U);
-    for (const Left& left : within(run, 13, 15.5)) {
-      ASSERT_EQ(left.sample.status, 0U);
-      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 12.62)).omega_BN_B.z(), 1e-3);
-    }
+    expect_truth(run, 13, 15.5, -12.62);
   }
 }
 
