@@ -117,21 +117,21 @@ Quaternion Earth::q_NE(TruthTime time) const noexcept {
   return {cos, 0.0, 0.0, sin};
 }
 
-Place Earth::place(TruthTime time, const Position& position) const noexcept {
+Place Earth::place(const Position& position) const noexcept {
   Place place;
   if (!is_on() || !position.is_known) return place;
   if (model_.frame == EarthModel::Frame::local) {
     place.r_E = origin_E_ + q_EN_local_ * position.r_N;
     place.v_L = q_EN_local_ * position.v_N;
   } else {
-    const Quaternion q_EN = q_NE(time).conjugate();
+    const Quaternion q_EN = q_NE(position.time).conjugate();
     place.r_E = q_EN * position.r_N;
     place.v_L = q_EN * position.v_N - Vector3(0, 0, units::earth_rate).cross(place.r_E);
   }
   constexpr double deepest = 6'256'000.0;
   if (!(place.r_E.squaredNorm() > deepest * deepest)) return Place{};
   place.is_known = true;
-  place.gps_ns = model_.start_gps_ns + (time - TruthTime{}).count();
+  place.gps_ns = model_.start_gps_ns + (position.time - TruthTime{}).count();
   to_geodetic(place.r_E, place);
   place.v_L = dcm_EL(place.latitude, place.longitude).transpose() * place.v_L;
   return place;

@@ -38,8 +38,8 @@ class Earth {
   explicit Earth(const EarthModel& model);
 
   bool is_on() const noexcept { return model_.frame != EarthModel::Frame::none; }
-  // Of a point at `position` that the truth knows; unknown below the surface by more than 100 km, where no sensor works.
-  Place place(TruthTime time, const Position& position) const noexcept;
+  // Of a point whose position the truth knows; unknown below the surface by more than 100 km, where no sensor works.
+  Place place(const Position& position) const noexcept;
   // From N to north-east-down at `place`.
   Quaternion q_LN(TruthTime time, const Place& place) const noexcept;
   // T, in L: the dipole of IGRF-14 (first degree, 2025, with its secular variation) at the model's start.

@@ -193,16 +193,21 @@ void Imu::sense_earth(const Timeline& timeline, const State& now, Sample& out) n
   Position position = timeline.position(now.time);
   position.r_N += now.q_NB * model_.r_SB_B;
   position.v_N += now.q_NB * now.omega_BN_B.cross(model_.r_SB_B);
-  out.place = earth_.place(now.time, position);
-  if (!out.place.is_known) return;
-  out.q_LP = earth_.q_LN(now.time, out.place) * out.q_LP;
-  out.magnetic_field = out.q_LP.conjugate() * earth_.magnetic_field_L(out.place);
-  Vector3 increment = Vector3::Zero();
-  magnetometer_.apply(normals_, counter_, 0.0, out.magnetic_field, increment);
-  out.pressure = earth_.pressure(out.place) + model_.barometer.bias;
-  if (model_.barometer.noise > 0)
-    out.pressure += model_.barometer.noise * normals_(Quantity::pressure, Process::gauss_markov, counter_).x();
-  out.pressure = std::max(out.pressure, 0.0);
+  out.place = earth_.place(position);
+  if (out.place.is_known) {
+    // What is held stays where it is on the Earth.
+    if (now.basis == State::Basis::held) out.place.v_L.setZero();
+    out.place.gps_ns += (now.time - position.time).count();
+    out.q_LP = earth_.q_LN(position.time, out.place) * out.q_LP;
+    out.magnetic_field = out.q_LP.conjugate() * earth_.magnetic_field_L(out.place);
+    out.pressure = earth_.pressure(out.place) + model_.barometer.bias;
+    if (model_.barometer.noise > 0)
+      out.pressure += model_.barometer.noise * normals_(Quantity::pressure, Process::gauss_markov, counter_).x();
+    out.pressure = std::max(out.pressure, 0.0);
+  }
+  Vector3 field = out.magnetic_field, increment = Vector3::Zero();
+  magnetometer_.apply(normals_, counter_, 0.0, field, increment);  // its walk goes on
+  if (out.place.is_known) out.magnetic_field = field;
 }
 
 namespace {

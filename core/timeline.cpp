@@ -131,7 +131,7 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.state.time = truth.time;
   k.state.q_NB = truth.q_NB.normalized();
   k.state.omega_BN_B = truth.omega_BN_B;
-  k.position = {truth.has_position, truth.r_BN_N, truth.v_BN_N};
+  k.position = {truth.has_position, truth.time, truth.r_BN_N, truth.v_BN_N};
   k.has_angular_acceleration = truth.has_angular_acceleration;
   if (truth.has_angular_acceleration) k.state.omegaDot_BN_B = truth.omegaDot_BN_B;
   k.accumulated_dv = truth.accumulated_dv;
@@ -291,26 +291,25 @@ State Timeline::before_run(TruthTime time) const noexcept {
 }
 
 Position Timeline::position(TruthTime time) const noexcept {
-  const auto moved = [](const Knot& from, Nanoseconds by, bool stands) {
-    Position position = from.position;
-    position.r_N += seconds(by) * position.v_N;
-    if (stands) position.v_N.setZero();
-    return position;
-  };
   const Knot& oldest = knot(0);
-  if (time <= oldest.state.time) return moved(oldest, {}, time < run_start_);
+  if (time <= oldest.state.time) return oldest.position;
   if (time > newest()) {
-    const Nanoseconds ahead = time - newest();
-    return moved(knot(count_ - 1), std::min(ahead, limits_.extrapolate), ahead > limits_.extrapolate);
+    Position position = knot(count_ - 1).position;
+    const Nanoseconds ahead = std::min(time - newest(), limits_.extrapolate);
+    position.time = position.time + ahead;
+    position.r_N += seconds(ahead) * position.v_N;
+    return position;
   }
   const std::size_t i = segment_end(time);
   const Knot &begin = knot(i - 1), &end = knot(i);
-  if (time == end.state.time || !begin.position.is_known || !end.position.is_known) return end.position;
+  if (time == end.state.time) return end.position;
+  if (!begin.position.is_known || !end.position.is_known) return {};
   const double h = end.h_s;
   const double s = seconds(time - begin.state.time) / h;
   const Vector3 step = end.position.r_N - begin.position.r_N;
   const Vector3 &v1 = begin.position.v_N, &v2 = end.position.v_N;
-  return {true, begin.position.r_N + Hermite::value(s)(h * v1, step, h * v2), Hermite::derivative(s)(v1, step / h, v2)};
+  return {true, time, begin.position.r_N + Hermite::value(s)(h * v1, step, h * v2),
+          Hermite::derivative(s)(v1, step / h, v2)};
 }
 
 TruthTime Timeline::next_truth(TruthTime time) const noexcept {

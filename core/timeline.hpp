@@ -31,6 +31,7 @@ struct State {
 // Where a point is, and how fast.
 struct Position {
   bool is_known = false;
+  TruthTime time;                 // of these; while motion is held, of its last moment
   Vector3 r_N = Vector3::Zero();  // m
   Vector3 v_N = Vector3::Zero();  // m/s
 };
@@ -97,7 +98,8 @@ class Timeline {
   State at(TruthTime time) const noexcept;
 
   // Of B's origin at `time`: between two truths that know it the cubic Hermite curve on position and velocity; after the
-  // newest with its velocity, until motion is held. Not if empty().
+  // newest with its velocity, until motion is held. Unknown between a truth that knows it and one that does not. Not if
+  // empty().
   Position position(TruthTime time) const noexcept;
 
   // The first truth after `time`, or `never` if there is none: what at() gives is smooth up to there.

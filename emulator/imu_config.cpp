@@ -154,7 +154,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                                       imu.protocol->link == Link::can ? "a CAN bus" : "byte links",
                                       imu.protocol->link == Link::can ? "\"can:...\"" : "\"pty:...\", \"serial:...\", "
                                                                                         "\"udp:...\" or \"file:...\""));
-    else if (const LineLoad load = line_load(imu); load.percent > 100.0)
+    else if (const LineLoad load = line_load(imu); load.percent > 100.0 && transport->name != "file" && transport->name != "udp")
       table.fault(product ? "device" : "rate_hz",
                   fmt::format("{}; {}", load.text(), product ? "let it send less, or less often, or on a faster line"
                                                              : "give a lower rate or a faster line"));

@@ -89,7 +89,10 @@ void Monitor::say_ports() {
     const Port::Speeds speeds = session_.imu_counters(i).speeds;
     switch (state) {
       case PortState::ready: spdlog::info("{}: {} takes frames", imu.name, imu.port); break;
-      case PortState::no_reader: spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port); break;
+      case PortState::no_reader:
+        wrong_speeds_[i] = 0;
+        spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port);
+        break;
       case PortState::wrong_speed:
         spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu.name, imu.port, speeds.line,
                      speeds.client, ++wrong_speeds_[i] == often ? " (said for the last time)" : "");

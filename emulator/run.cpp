@@ -76,6 +76,7 @@ int run(const Config& config, const RunOptions& options) {
   signals.async_wait([&](const boost::system::error_code& error, int) {
     if (!error) stop = true;
   });
+  asio::signal_set power(io, SIGUSR1);
   std::ofstream summary_file;
   if (!options.summary_file.empty()) {
     summary_file.open(options.summary_file);
@@ -87,7 +88,6 @@ int run(const Config& config, const RunOptions& options) {
     process.emplace(config.realtime);
   }
   Session session(config, stop);
-  asio::signal_set power(io, SIGUSR1);
   const std::function<void()> wait_for_power = [&] {
     power.async_wait([&](const boost::system::error_code& error, int) {
       if (error) return;

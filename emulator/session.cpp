@@ -44,12 +44,17 @@ Session::Session(const Config& config, const std::atomic<bool>& stop, const Open
 }
 
 void Session::see_off() noexcept {
+  constexpr int readers_ms = 50, lines_ms = 500;
   flush();
-  for (int ms = 0; ms < 50; ++ms) {
-    const bool read = std::all_of(units_.begin(), units_.end(), [](const auto& unit) { return unit->port->is_read(); });
-    for (const auto& unit : units_) publish(*unit);
-    if (read) return;
+  for (int ms = 0; ms < (due() ? lines_ms : readers_ms); ++ms) {
+    bool read = true;
+    for (const auto& unit : units_) read = unit->port->is_read() && read;  // which flushes
+    if (read) break;
     ::poll(nullptr, 0, 1);
+  }
+  for (const auto& unit : units_) {
+    unit->port->give_up();
+    publish(*unit);
   }
 }
 
@@ -66,7 +71,7 @@ void Session::begin_run() noexcept {
 }
 
 void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
-  if (restart_.load(std::memory_order_relaxed) && prepared_.empty()) restart_now();
+  restart_if_asked();
   Unit& unit = *units_[schedule_.next().imu];
   schedule_.advance();
   Sample sample = unit.imu.sample(timeline_, time, stamp);
@@ -81,8 +86,9 @@ void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
   unit.silent = stopped && when_stopped_ == WhenStopped::silence;
 
   unit.frames.clear();
-  if (unit.sync) unit.sync->tell(*unit.device, time, stamp);
+  if (unit.sync && unit.silent) unit.sync->ignore();
   if (!unit.silent) {
+    if (unit.sync) unit.sync->tell(*unit.device, time, stamp);
     if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
     unit.device->sample(sample, unit.frames);
   }
@@ -122,8 +128,8 @@ void Session::hand_over(Unit& unit) noexcept {
   unit.handed += unit.frames.frames().size();
 }
 
-void Session::restart_now() noexcept {
-  restart_.store(false, std::memory_order_relaxed);
+void Session::restart_if_asked() noexcept {
+  if (!prepared_.empty() || !restart_.exchange(false, std::memory_order_relaxed)) return;
   for (const auto& unit : units_) {
     unit->device->restart();
     follow_line(*unit);
@@ -181,7 +187,7 @@ bool Session::serve_host(Unit& unit) noexcept {
     replies_.clear();
     unit.device->receive(received->frame, replies_);
     if (!replies_.frames().empty()) {
-      unit.port->send(replies_.frames());
+      unit.port->reply(replies_.frames());
       unit.handed += replies_.frames().size();
     }
     follow_line(unit);
@@ -190,6 +196,7 @@ bool Session::serve_host(Unit& unit) noexcept {
 }
 
 void Session::serve_hosts() noexcept {
+  restart_if_asked();
   for (const auto& unit : units_) {
     serve_host(*unit);
     publish(*unit);
@@ -205,6 +212,7 @@ std::span<pollfd> Session::inputs() noexcept {
 }
 
 bool Session::serve_inputs() noexcept {
+  restart_if_asked();
   bool good = true;
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     const short seen = inputs_[i].revents;

@@ -69,7 +69,7 @@ class Session {
   bool in_run() const noexcept { return in_run_; }
   std::uint64_t samples_in_run() const noexcept { return samples_in_run_; }
 
-  // Power goes off and on for all devices before the next sample. By any thread.
+  // Power goes off and on for all devices, between two samples. By any thread.
   void restart_devices() noexcept { restart_.store(true, std::memory_order_relaxed); }
 
   // When each imu samples, since the grids' start.
@@ -111,7 +111,8 @@ class Session {
   void serve_hosts() noexcept;
   // Hands on what ports hold back.
   void flush() noexcept;
-  // At the end: gives lines and readers up to 50 ms for what is not out, or not read, yet.
+  // At the end: gives readers up to 50 ms for what they have not read yet, and paced lines up to 500 ms for what is not out;
+  // the rest counts as dropped.
   void see_off() noexcept;
   // When flush() will have something to do next, if that is a matter of time: the pace of a line.
   std::optional<HostTime> due() const noexcept;
@@ -146,7 +147,7 @@ class Session {
   void note_times(Unit& unit, Nanoseconds lateness, Nanoseconds write) noexcept;
   void finish() noexcept;
   void take_in(TruthTime until) noexcept;
-  void restart_now() noexcept;
+  void restart_if_asked() noexcept;
   static void follow_line(Unit& unit) noexcept;
   static bool holds_back(const Unit& unit) noexcept;  // the port, of what it was handed
   void wait_for_reader(Unit& unit) const noexcept;

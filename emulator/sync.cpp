@@ -7,6 +7,7 @@ namespace imud {
 
 namespace {
 constexpr Nanoseconds furthest = std::chrono::seconds(10);  // ahead
+constexpr int most = 16;  // at a time: a flood does not delay samples
 }
 
 Sync::Sync(const SyncConfig& config, const OpenPort& open) {
@@ -15,12 +16,18 @@ Sync::Sync(const SyncConfig& config, const OpenPort& open) {
   if (!config.tov_port.empty()) tov_ = open(config.tov_port, Role::device);
 }
 
-void Sync::begin_run() noexcept {
-  trigger_.count = pps_.count = 0;
+void Sync::ignore() noexcept {
+  for (Input* input : {&trigger_, &pps_}) {
+    input->count = 0;
+    for (int i = 0; input->port != nullptr && i < most && input->port->receive(); ++i) {}
+  }
   last_.reset();
 }
 
 void Sync::tell(Device& device, TruthTime time, DeviceTime stamp) noexcept {
+  if (time < time_) trigger_.count = pps_.count = 0;  // those that wait are of a run that is over
+  // Device time in simulation time, which the simulator may run at any rate.
+  rate_ = last_ && time > *last_ ? seconds(stamp - stamp_) / seconds(time - *last_) : 1.0;
   tell(device, &Device::pps, pps_, time, stamp);
   tell(device, &Device::trigger, trigger_, time, stamp);
   last_ = time_ = time;
@@ -30,8 +37,9 @@ void Sync::tell(Device& device, TruthTime time, DeviceTime stamp) noexcept {
 void Sync::tell(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input& input, TruthTime time,
                 DeviceTime stamp) noexcept {
   if (input.port == nullptr) return;
-  const auto told = [&](TruthTime at) { (device.*edge)(stamp - (time - std::max(at, last_.value_or(time)))); };
-  constexpr int most = 16;  // a flood does not delay samples
+  const auto told = [&](TruthTime at) {
+    (device.*edge)(stamp - nanoseconds(rate_ * seconds(time - std::max(at, last_.value_or(time)))));
+  };
   for (int i = 0; i < most; ++i) {
     const auto received = input.port->receive();
     if (!received) break;
@@ -39,12 +47,20 @@ void Sync::tell(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input
     TruthTime at = time;
     if (bytes.size() == sizeof at.ns)
       at.ns = boost::endian::load_little_s64(reinterpret_cast<const unsigned char*>(bytes.data()));
-    if (at <= time + furthest && input.count < input.edges.size()) input.edges[input.count++] = at;
+    if (at <= time + furthest && input.count < input.edges.size())
+      input.edges[input.count++] = at;
+    else
+      ++refused_;
   }
-  const auto waiting = input.edges.begin() + static_cast<std::ptrdiff_t>(input.count);
-  const auto later = std::find_if(input.edges.begin(), waiting, [&](TruthTime at) { return at > time; });
-  std::for_each(input.edges.begin(), later, told);
-  input.count = static_cast<std::size_t>(std::move(later, waiting, input.edges.begin()) - input.edges.begin());
+  // Those of a run whose time was later are not waited for.
+  const auto begin = input.edges.begin();
+  auto end = std::remove_if(begin, begin + static_cast<std::ptrdiff_t>(input.count),
+                            [&](TruthTime at) { return at > time + furthest; });
+  refused_ += input.count - static_cast<std::size_t>(end - begin);
+  const auto later = std::find_if(begin, end, [&](TruthTime at) { return at > time; });
+  std::for_each(begin, later, told);
+  end = std::move(later, end, begin);
+  input.count = static_cast<std::size_t>(end - begin);
 }
 
 void Sync::send(const Device& device) noexcept {

@@ -20,7 +20,8 @@ struct SyncConfig {
 };
 
 // An edge comes as a datagram: its simulation time, i64 in ns, little-endian; of any other length: at the next sample. One
-// of up to 10 s ahead waits for its sample, 64 at most, in order; one that is past counts as the last sample's instant.
+// of up to 10 s ahead waits for its sample, 64 at most, in order; one that is past counts as the last sample's instant. What
+// is further ahead, or one too many, is refused and counted.
 // A pulse of the output pin goes as its begin and end, likewise in simulation time.
 class Sync {
  public:
@@ -31,8 +32,11 @@ class Sync {
   void tell(Device& device, TruthTime time, DeviceTime stamp) noexcept;
   // After that, with its frames.
   void send(const Device& device) noexcept;
-  // The simulation's time begins anew.
-  void begin_run() noexcept;
+  // The sensor is silent: edges go unheard.
+  void ignore() noexcept;
+  // The simulation's time may have begun anew.
+  void begin_run() noexcept { last_.reset(); }
+  std::uint64_t refused() const noexcept { return refused_; }  // edges
 
  private:
   struct Input {
@@ -45,7 +49,9 @@ class Sync {
 
   Input trigger_, pps_;
   std::unique_ptr<Port> tov_;
+  std::uint64_t refused_ = 0;
   std::optional<TruthTime> last_;  // sample
+  double rate_ = 1;  // seconds of the device in one of the simulation
   TruthTime time_;
   DeviceTime stamp_;
 };

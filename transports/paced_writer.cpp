@@ -20,15 +20,16 @@ std::size_t PacedWriter::Queued::received_by(HostTime now) const noexcept {
   return static_cast<std::size_t>((now - begin).count() * line.baud / (second * line.bits_per_character()));
 }
 
-void PacedWriter::queue(std::span<const Frame> frames, const LineSettings& line, HostTime now,
+void PacedWriter::queue(std::span<const Frame> frames, const LineSettings& line, HostTime now, Nanoseconds patience,
                         PortCounters& counters) noexcept {
+  const bool too_late = idle_at_ - now > patience;
   for (const Frame& frame : frames) {
     const auto& bytes = frame.bytes;
     if (bytes.empty()) {
       ++counters.sent;
       continue;
     }
-    if (frames_ == max_frames || bytes.size() > max_characters - count_) {
+    if (too_late || frames_ == max_frames || bytes.size() > max_characters - count_) {
       ++counters.dropped;
       continue;
     }

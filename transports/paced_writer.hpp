@@ -23,8 +23,10 @@ class PacedWriter {
   static constexpr std::size_t max_frames = 512;
   static constexpr std::size_t fifo = 14;  // trigger level of a 16550A's receive FIFO: PC16550D data sheet, FCR bits 6-7
 
-  // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted.
-  void queue(std::span<const Frame> frames, const LineSettings& line, HostTime now, PortCounters& counters) noexcept;
+  // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted; all of them
+  // are if the first would have to wait for longer than `patience`.
+  void queue(std::span<const Frame> frames, const LineSettings& line, HostTime now, Nanoseconds patience,
+             PortCounters& counters) noexcept;
 
   // The next characters to write, one after the other in memory and of one line; empty if none are received by `now`.
   std::span<const std::byte> ready(HostTime now) noexcept;

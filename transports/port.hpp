@@ -47,6 +47,11 @@ class Port {
   // wants nothing dropped (a run that is not in real time) polls descriptor() for POLLOUT first.
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
+  // As send(), of an answer to the host: of a line that has more to carry than it can, answers have the better chance.
+  virtual void reply(std::span<const Frame> frames) noexcept { send(frames); }
+  // At the end: what is still held back will not be sent, and counts as dropped.
+  virtual void give_up() noexcept {}
+
   // The next frame (CAN, UDP) or chunk of bytes (serial, pty, file) that is there; nullopt if nothing is. The bytes
   // stay valid until the next call.
   struct Received {

@@ -58,7 +58,10 @@ class PtyDevice final : public Port {
  public:
   explicit PtyDevice(const PortSpec& spec)
       : link_(spec.address), line_(line_of(spec)), any_speed_(spec.one_of("speed", "line any") == "any") {
-    if (spec.one_of("pace", "none line") == "line") paced_.emplace();
+    if (spec.one_of("pace", "none line") == "line") {
+      if (line_.baud == 0) throw spec.error("a line without speed has no pace; give baud, such as baud=115200");
+      paced_.emplace();
+    }
     const auto failed = [&](std::string_view what) {
       return spec.error(fmt::format("{}: {}", what, std::strerror(errno)));
     };
@@ -82,12 +85,19 @@ class PtyDevice final : public Port {
     if (std::filesystem::read_symlink(link_, error) == slave_) std::filesystem::remove(link_, error);
   }
 
-  void send(std::span<const Frame> frames) noexcept override {
+  void send(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(100)); }
+  void reply(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(500)); }
+  void give_up() noexcept override {
+    if (paced_) paced_->forget(counters_);
+  }
+
+  // `patience`: how long what is new may wait for the line.
+  void send(std::span<const Frame> frames, Nanoseconds patience) noexcept {
     if (!has_reader()) {
       counters_.dropped += frames.size();
     } else if (paced_) {
       write_received();
-      paced_->queue(frames, line_, host_now(), counters_);
+      paced_->queue(frames, line_, host_now(), patience, counters_);
     } else if (state_ == PortState::wrong_speed) {
       write_garbage(frames);
     } else {
@@ -96,7 +106,9 @@ class PtyDevice final : public Port {
   }
 
   std::optional<Received> receive() noexcept override {
-    const ssize_t size = ::read(master_.get(), buffer_.data(), buffer_.size());
+    // What is heard at a wrong speed is made bit by bit: little of it at a time, so that a flood holds nothing up.
+    constexpr std::size_t little = 64;
+    const ssize_t size = ::read(master_.get(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
     if (size <= 0) {
       look_for_reader();
       return std::nullopt;
@@ -299,10 +311,9 @@ class PtyListener final : public Port {
 
 void check(const PortSpec& spec, Role role) {
   spec.allow_only(role == Role::device ? "baud parity stop speed pace" : "baud");
-  const LineSettings line = line_of(spec);
+  line_of(spec);
   spec.one_of("speed", "line any");
-  if (spec.one_of("pace", "none line") == "line" && line.baud == 0)
-    throw spec.error("a line without speed has no pace; give baud, such as baud=115200");
+  spec.one_of("pace", "none line");
 }
 
 std::unique_ptr<Port> open(const PortSpec& spec, Role role) {

@@ -62,6 +62,11 @@ class Stim300Device final : public Device {
     pulse_.reset();
     if (triggered_ && is_running() && is_external()) transmit(*triggered_, *triggered_ - now_, out);
     triggered_.reset();
+    if (sample.time < now_) {  // simulation time began anew
+      busy_until_ = sample.time;
+      triggered_last_ = sample.time - std::chrono::seconds(1);
+      pps_.reset();
+    }
     now_ = sample.time;
     counter_ = sample.counter & 0xFFU;
     measure(sample);
@@ -183,7 +188,7 @@ class Stim300Device final : public Device {
 
   void send(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
     const bool starts = !is_running();
-    if (validity < busy_until_ && busy_until_ - validity < std::chrono::seconds(1)) {
+    if (validity < busy_until_) {
       if (!starts) memory_.set_error(68);  // "UART unable to transmit"
       return;
     }

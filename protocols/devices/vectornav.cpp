@@ -28,6 +28,7 @@ class VectorNavDevice final : public Device {
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     if (!started_) start_ = sample.time;
+    if (started_ && sample.time < sample_.time) start_ = start_ - (sample_.time - sample.time);  // simulation time began anew
     started_ = true;
     compensate(sample);
     for (Sums& sums : sums_) sums.add(sample_, 1 / model_.internal_hz);

@@ -111,6 +111,7 @@ const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t d
 void Fields::take(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
   const Quaternion q_VP = c.q_PV.conjugate();
+  if (sample.time < sample_.time) last_ns_.fill(static_cast<std::uint64_t>(sample.time.ns));  // simulation time began anew
   sample_ = sample;
   sample_.rate = q_VP * (sample.rate - c.gyro_bias);
   sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);

@@ -44,14 +44,14 @@ TEST(Earth, Times) {
 
 // The ellipsoid's own axes, and 45 deg (a sqrt(1/2)/sqrt(1 - e2/2), with (1 - e2) in z).
 TEST(Earth, GeodeticAndCartesian) {
-  const Position there = {true, Vector3::Zero(), Vector3::Zero()};
-  EXPECT_TRUE(Earth(local(0, 90, 0)).place({}, there).r_E.isApprox(Vector3(0, 6'378'137.0, 0), 1e-15));
-  EXPECT_TRUE(Earth(local(90, 0, 0)).place({}, there).r_E.isApprox(Vector3(0, 0, 6'356'752.314245), 1e-12));
-  EXPECT_LT((Earth(local(45, 0, 0)).place({}, there).r_E - Vector3(4'517'590.87884893, 0, 4'487'348.40886592)).norm(), 1e-6);
+  const Position there = {true, {}, Vector3::Zero(), Vector3::Zero()};
+  EXPECT_TRUE(Earth(local(0, 90, 0)).place(there).r_E.isApprox(Vector3(0, 6'378'137.0, 0), 1e-15));
+  EXPECT_TRUE(Earth(local(90, 0, 0)).place(there).r_E.isApprox(Vector3(0, 0, 6'356'752.314245), 1e-12));
+  EXPECT_LT((Earth(local(45, 0, 0)).place(there).r_E - Vector3(4'517'590.87884893, 0, 4'487'348.40886592)).norm(), 1e-6);
   for (const double height : {-400.0, 0.0, 10'000.0, 400e3, 36'000e3})
     for (double latitude = -90; latitude <= 90; latitude += 7.5)
       for (double longitude = -180; longitude < 180; longitude += 45) {
-        const Place place = Earth(local(latitude, longitude, height)).place({}, there);
+        const Place place = Earth(local(latitude, longitude, height)).place(there);
         ASSERT_TRUE(place.is_known);
         EXPECT_NEAR(place.latitude, latitude * degree, 1e-12) << latitude << ' ' << height;
         const double off = std::remainder(place.longitude - longitude * degree, 2 * units::pi);
@@ -62,10 +62,10 @@ TEST(Earth, GeodeticAndCartesian) {
 
 TEST(Earth, NothingIsKnownWithoutFrameOrPosition) {
   EXPECT_FALSE(Earth(EarthModel{}).is_on());
-  EXPECT_FALSE(Earth(EarthModel{}).place({}, {true, {7e6, 0, 0}, Vector3::Zero()}).is_known);
-  EXPECT_FALSE(Earth(inertial()).place({}, {false, {7e6, 0, 0}, Vector3::Zero()}).is_known);
-  EXPECT_FALSE(Earth(inertial()).place({}, {true, Vector3::Zero(), Vector3::Zero()}).is_known) << "in the Earth's centre";
-  EXPECT_TRUE(Earth(inertial()).place({}, {true, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_FALSE(Earth(EarthModel{}).place({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_FALSE(Earth(inertial()).place({false, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_FALSE(Earth(inertial()).place({true, {}, Vector3::Zero(), Vector3::Zero()}).is_known) << "in the Earth's centre";
+  EXPECT_TRUE(Earth(inertial()).place({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
 }
 
 // Something that stands on the equator of an Earth that turns.
@@ -74,7 +74,7 @@ TEST(Earth, AnInertialFrameTurnsUnderneath) {
   const TruthTime time{1'000'000'000'000};
   const double angle = 0.3 + 1000 * units::earth_rate;
   const Vector3 r(6'378'137.0 * std::cos(angle + 0.5), 6'378'137.0 * std::sin(angle + 0.5), 0);
-  const Place place = earth.place(time, {true, r, Vector3(0, 0, units::earth_rate).cross(r)});
+  const Place place = earth.place({true, time, r, Vector3(0, 0, units::earth_rate).cross(r)});
   EXPECT_NEAR(place.longitude, 0.5, 1e-12);
   EXPECT_NEAR(place.height, 0, 1e-6);
   EXPECT_LT(place.v_L.norm(), 1e-9);
@@ -85,13 +85,13 @@ TEST(Earth, AnInertialFrameTurnsUnderneath) {
   EXPECT_LT((q * Vector3(-r.normalized()) - Vector3::UnitZ()).norm(), 1e-12);
   // What flies east in N at 100 m/s above that.
   const Vector3 east(-std::sin(angle + 0.5), std::cos(angle + 0.5), 0);
-  const Vector3 v = earth.place(time, {true, r, Vector3(0, 0, units::earth_rate).cross(r) + 100 * east}).v_L;
+  const Vector3 v = earth.place({true, time, r, Vector3(0, 0, units::earth_rate).cross(r) + 100 * east}).v_L;
   EXPECT_LT((v - Vector3(0, 100, 0)).norm(), 1e-9);
 }
 
 TEST(Earth, ALocalFrameIsTheGroundsOwn) {
   const Earth earth(local(47, 11, 500));
-  const Place place = earth.place({}, {true, {1000, 0, -200}, {30, -4, 5}});
+  const Place place = earth.place({true, {}, {1000, 0, -200}, {30, -4, 5}});
   EXPECT_NEAR((place.latitude - 47 * degree) * 6'367'000, 1000, 3);
   EXPECT_NEAR(place.height, 700 + 1000.0 * 1000.0 / 2 / 6'370'000, 0.01) << "the ground falls away";
   EXPECT_LT((place.v_L - Vector3(30, -4, 5)).norm(), 0.01);
@@ -112,7 +112,7 @@ TEST(Earth, TheFieldIsTheFirstDegreeOfIgrf14) {
       for (const double longitude : {-2.0, 0.0, 0.7, 3.0}) {
         const double r = 6'871'200.0, c = std::pow(6'371'200.0 / r, 3);
         const Vector3 up(std::sin(colatitude) * std::cos(longitude), std::sin(colatitude) * std::sin(longitude), std::cos(colatitude));
-        const Place place = earth.place({}, {true, r * up, Vector3::Zero()});
+        const Place place = earth.place({true, {}, r * up, Vector3::Zero()});
         const double along = g11 * std::cos(longitude) + h11 * std::sin(longitude);
         const double x = c * (along * std::cos(colatitude) - g10 * std::sin(colatitude));
         const double y = c * (g11 * std::sin(longitude) - h11 * std::cos(longitude));
@@ -138,7 +138,7 @@ TEST(Earth, ThePressureIsTheStandardAtmospheres) {
 TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   Timeline timeline;
   const auto at = [](double t) {  // a circle of 8 s
-    return Position{true, Vector3(std::cos(t * units::pi / 4), std::sin(t * units::pi / 4), 0) * 1000,
+    return Position{true, {}, Vector3(std::cos(t * units::pi / 4), std::sin(t * units::pi / 4), 0) * 1000,
                     Vector3(-std::sin(t * units::pi / 4), std::cos(t * units::pi / 4), 0) * (1000 * units::pi / 4)};
   };
   for (int k = 0; k <= 20; ++k) {
@@ -158,7 +158,16 @@ TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   }
   const Position after = timeline.position(TruthTime{2'050'000'000});
   EXPECT_LT((after.r_N - at(2).r_N - 0.05 * at(2).v_N).norm(), 1e-9);
-  EXPECT_TRUE(timeline.position(TruthTime{3'000'000'000}).v_N.isZero(0.0)) << "held";
+  const Position held = timeline.position(TruthTime{3'000'000'000});
+  EXPECT_EQ(held.time.ns, 2'100'000'000);
+  EXPECT_LT((held.r_N - at(2).r_N - 0.1 * at(2).v_N).norm(), 1e-9);
+  EXPECT_EQ(timeline.position(TruthTime{-5}).time.ns, 0);
+  Truth blind;  // knows no position
+  blind.time.ns = 2'100'000'000;
+  timeline.push(blind);
+  EXPECT_FALSE(timeline.position(TruthTime{2'050'000'000}).is_known);
+  EXPECT_FALSE(timeline.position(blind.time).is_known);
+  EXPECT_TRUE(timeline.position(TruthTime{2'000'000'000}).is_known);
 }
 
 // A sensor turned about the vertical, away from B's origin, and its errors.
@@ -202,6 +211,53 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
   model.earth.frame = EarthModel::Frame::none;
   EXPECT_TRUE(sense(0).magnetic_field.isZero(0.0));
   EXPECT_EQ(sense(0).pressure, 0);
+}
+
+// On the equator of an Earth that turns: before the run and after truth has stopped it stands on the ground, not in space.
+TEST(Earth, WhatIsHeldStaysWhereItIsOnTheGround) {
+  ImuModel model;
+  model.earth = inertial(0.3);
+  Timeline timeline;
+  const auto on_ground = [](std::int64_t ms) {
+    Truth truth;
+    truth.time.ns = ms * 1'000'000;
+    truth.sequence = static_cast<std::uint32_t>(ms);
+    truth.has_position = true;
+    const double angle = 0.3 + units::earth_rate * 1e-3 * static_cast<double>(ms);
+    truth.r_BN_N = 6'378'137.0 * Vector3(std::cos(angle), std::sin(angle), 0);
+    truth.v_BN_N = Vector3(0, 0, units::earth_rate).cross(truth.r_BN_N);
+    truth.q_NB = Quaternion(Eigen::AngleAxisd(angle, Vector3::UnitZ()));
+    truth.omega_BN_B = {0, 0, units::earth_rate};
+    return truth;
+  };
+  for (int k = 0; k <= 10; ++k) timeline.push(on_ground(60'000 + 10 * k));
+  Imu imu(model, 1, 1);
+  for (const std::int64_t ms : {0, 60'050, 120'000}) {
+    const Sample sample = imu.sample(timeline, TruthTime{ms * 1'000'000}, {});
+    ASSERT_TRUE(sample.place.is_known) << ms;
+    EXPECT_NEAR(sample.place.longitude, 0, 1e-9) << ms;
+    EXPECT_NEAR(sample.place.height, 0, 1e-3) << ms;
+    EXPECT_LT(sample.place.v_L.norm(), 1e-3) << ms;
+    EXPECT_LT((sample.q_LP * Vector3::UnitX() - Vector3(0, 0, -1)).norm(), 1e-6) << "x looks up";
+    EXPECT_EQ(sample.place.gps_ns, model.earth.start_gps_ns + ms * 1'000'000);
+  }
+}
+
+// A lever arm to the east of a body that looks east and turns about the vertical.
+TEST(Earth, TheLeverArmHasItsPlaceAndSpeed) {
+  ImuModel model;
+  model.earth = local(0, 0, 0);
+  model.r_SB_B = {100, 0, 0};
+  Timeline timeline;
+  Truth truth;
+  truth.has_position = true;
+  truth.q_NB = Quaternion(dcm_from_yaw_pitch_roll(units::pi / 2, 0, 0).transpose());
+  truth.omega_BN_B = {0, 0, 0.5};
+  timeline.push(truth);
+  Imu imu(model, 1, 1);
+  const Sample sample = imu.sample(timeline, {}, {});
+  EXPECT_NEAR(sample.place.longitude * 6'378'137.0, 100, 1e-3);
+  EXPECT_LT((sample.place.v_L - Vector3(-50, 0, 0)).norm(), 1e-2);
 }
 
 }  // namespace

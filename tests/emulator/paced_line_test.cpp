@@ -28,7 +28,7 @@ class PacedSensor final : public Port {
   void send(std::span<const Frame> frames) noexcept override {
     flush();
     for (std::size_t i = 0; i < frames.size(); ++i) heard_.sent.push_back(host_.now());
-    writer_.queue(frames, line, host_.now(), counters_);
+    writer_.queue(frames, line, host_.now(), std::chrono::milliseconds(100), counters_);
   }
   void flush() noexcept override {
     const HostTime now = host_.now();

@@ -87,7 +87,24 @@ TEST(Sync, BearsAnyTimeAndAnyNumber) {
   pins.sample(2'500'000);
   pins.sync.begin_run();
   pins.sample(4'000'000);
-  EXPECT_EQ(pins.device.triggers.size(), 65U) << "a new run begins without edges of the old one";
+  EXPECT_EQ(pins.device.triggers.size(), 66U) << "a pause: time goes on";
+  pins.ports["trigger"]->waiting = {number(5'000'000)};
+  pins.sample(4'500'000);
+  pins.sync.begin_run();
+  pins.sample(1'000'000);
+  pins.sample(6'000'000);
+  EXPECT_EQ(pins.device.triggers.size(), 66U) << "time began anew: without edges of the old run";
+  EXPECT_EQ(pins.sync.refused(), 1U + 1000 - 64);
+}
+
+TEST(Sync, WhatComesWhileTheSensorIsSilentIsUnheard) {
+  Pins pins;
+  pins.sample(1'000'000);
+  pins.ports["trigger"]->waiting = {number(1'500'000), number(9'000'000)};
+  pins.sync.ignore();
+  EXPECT_TRUE(pins.ports["trigger"]->waiting.empty());
+  pins.sample(10'000'000);
+  EXPECT_TRUE(pins.device.triggers.empty());
 }
 
 TEST(Sync, SendsThePulseInTheSimulationsTime) {

@@ -18,11 +18,12 @@ constexpr HostTime start{1'000'000'000};
 // Who writes whatever is ready whenever that is due.
 class PacedWriting : public testing::Test {
  protected:
+  Nanoseconds patience = std::chrono::hours(1);
   void queue(std::size_t size, Nanoseconds at, const LineSettings& line = {10'000}) {
     std::vector<std::byte> bytes(size);
     for (std::byte& byte : bytes) byte = static_cast<std::byte>(made_++);
     const Frame frame{bytes};
-    writer_->queue({&frame, 1}, line, start + at, counters_);
+    writer_->queue({&frame, 1}, line, start + at, patience, counters_);
   }
   // Everything that is due by then; when, how many characters.
   std::vector<std::pair<std::int64_t, std::size_t>> run(Nanoseconds until = std::chrono::hours(1)) {
@@ -133,7 +134,7 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   for (int i = 0; i < 3000; ++i) {
     const unsigned baud = 50U + static_cast<unsigned>(i) * 1301 % 4'000'000;
     const LineSettings line{baud, static_cast<Parity>(i % 3), i % 14 < 7 ? 1U : 2U};
-    writer_->queue(frames.next(1 + static_cast<std::size_t>(i) % 5), line, now, counters_);
+    writer_->queue(frames.next(1 + static_cast<std::size_t>(i) % 5), line, now, patience, counters_);
     for (int k = 0; k < i % 40; ++k) {
       if (const auto due = writer_->due()) now = std::max(now, *due);
       for (auto bytes = writer_->ready(now); !bytes.empty(); bytes = writer_->ready(now)) {
@@ -150,6 +151,20 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   EXPECT_GT(characters, 5 * PacedWriter::max_characters);
   writer_->forget(counters_);
   EXPECT_EQ(counters_.sent + counters_.dropped, frames.made());
+}
+
+// 10 characters take 10 ms: what would begin later than the patience is dropped, whatever its own length.
+TEST_F(PacedWriting, WhatWouldWaitTooLongIsDropped) {
+  patience = std::chrono::milliseconds(15);
+  queue(10, microseconds(0));
+  queue(100, microseconds(0));
+  queue(1, microseconds(0));
+  EXPECT_EQ(counters_.dropped, 1U);
+  patience = std::chrono::milliseconds(200);
+  --made_;
+  queue(1, microseconds(0));
+  run();
+  EXPECT_EQ(counters_.sent, 3U);
 }
 
 }  // namespace
