@@ -180,10 +180,14 @@ void Session::wait_for_reader(Unit& unit) const noexcept {
 }
 
 bool Session::serve_host(Unit& unit) noexcept {
-  constexpr int most = 16;  // a flood from the host does not delay samples
-  for (int i = 0; i < most; ++i) {
+  // So much between two looks at the time that a flood from the host does not delay samples; more than any line brings in
+  // that time.
+  constexpr std::size_t most = 256, per_frame = 16;
+  std::size_t heard = 0;
+  while (heard < most) {
     const auto received = unit.port->receive();
-    if (!received) return i > 0;
+    if (!received) return heard > 0;
+    heard += per_frame + received->frame.bytes.size();
     replies_.clear();
     unit.device->receive(received->frame, replies_);
     if (!replies_.frames().empty()) {

@@ -257,7 +257,7 @@ class PtyDevice final : public Port {
     if (slave) ::tcflush(slave.get(), TCIFLUSH);
   }
 
-  static constexpr std::size_t most_read = 4096;
+  static constexpr std::size_t most_read = 256;
 
   const std::string link_;
   LineSettings line_;  // of the device; baud 0: not known

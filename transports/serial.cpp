@@ -205,7 +205,7 @@ class SerialPort final : public Port {
   FileDescriptor line_;  // closed while the device is lost
   BackOff back_off_;
   ByteWriter writer_;
-  std::array<std::byte, 4096> buffer_;
+  std::array<std::byte, 256> buffer_;
 };
 
 void check(const PortSpec& spec, Role) {

@@ -257,4 +257,28 @@ TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
 }
 
 }  // namespace
+// A host that never stops talking, each 256 bytes of which take the device 200 us.
+TEST_F(RealtimeRun, AFloodFromTheHostDelaysNoSample) {
+  class Flood final : public Port {
+   public:
+    explicit Flood(imud::testing::SimulatedHost& host) : host_(host) {}
+    void send(std::span<const Frame> frames) noexcept override { counters_.sent += frames.size(); }
+    std::optional<Received> receive() noexcept override {
+      host_.spend(200us);
+      return Received{{bytes_}, host_.now()};
+    }
+
+   private:
+    imud::testing::SimulatedHost& host_;
+    std::array<std::byte, 256> bytes_{};
+  };
+  SimulatedRun run(config(1000, "delay_ms = 20"));
+  run.make_sensor = [](imud::testing::SimulatedHost& host) { return std::make_unique<Flood>(host); };
+  send(run, 0, 3);
+  run.run(3);
+  EXPECT_GT(run.counters().samples, 2800U);
+  EXPECT_EQ(run.counters().missed, 0U);
+  EXPECT_LT(run.counters().lateness.max(), 250e-6) << "one look";
+}
+
 }  // namespace imud
