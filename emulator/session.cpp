@@ -196,7 +196,7 @@ bool Session::serve_host(Unit& unit) noexcept {
     }
     follow_line(unit);
   }
-  return true;
+  return false;  // there may be more
 }
 
 void Session::serve_hosts() noexcept {

@@ -105,7 +105,7 @@ class Session {
   // What can be waited for now, for poll(): truth, first, and what the hosts send.
   std::span<pollfd> inputs() noexcept;
   // Lets the devices hear their hosts where poll() has seen something in inputs(). False if there was something that
-  // stays, such as an error: do not wait for it again at once.
+  // stays, such as an error or a flood: do not wait for it again at once.
   bool serve_inputs() noexcept;
   // Lets all devices hear their hosts, and lost ports look whether their device is back.
   void serve_hosts() noexcept;
@@ -151,7 +151,7 @@ class Session {
   static void follow_line(Unit& unit) noexcept;
   static bool holds_back(const Unit& unit) noexcept;  // the port, of what it was handed
   void wait_for_reader(Unit& unit) const noexcept;
-  bool serve_host(Unit& unit) noexcept;  // false if it said nothing
+  bool serve_host(Unit& unit) noexcept;  // false if it said nothing, or has more to say: do not wait for it at once
   static void publish(Unit& unit) noexcept;
 
   const std::atomic<bool>& stop_;
