@@ -229,7 +229,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       const ImuConfig& read = config.imus.back();
       if (read.paced && config.clock != ClockMode::realtime)
         faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),
-                   "\"line\" needs clock = \"realtime\": in the other clocks no time passes; give \"none\"");
+                   "\"line\" needs clock = \"realtime\": in the other clocks, and with --fast, no time passes; give \"none\"");
       if (config.truth.when_stopped == WhenStopped::flag && read.protocol != nullptr &&
           !carries_status(read, status::not_valid))
         faults.add(imu.source().begin.line, fmt::format("imu.{}.protocol", i),
@@ -237,7 +237,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
                                "\"hold\" or \"silence\"",
                                read.protocol->name));
     }
-    check_imus_together(config.imus, array, faults);
+    check_imus_together(config.imus, config.truth.port, array, faults);
   }
   table.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());

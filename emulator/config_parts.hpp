@@ -43,7 +43,8 @@ const Transport* read_port(TableReader& table, std::string_view key, const std::
 // One [[imu]], the `index`-th (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);
 // Two imus that would disturb one another are a fault.
-void check_imus_together(const std::vector<ImuConfig>& imus, const toml::array* tables, Faults& faults);
+void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array* tables,
+                         Faults& faults);
 // Whether these bits of Sample::status come through the imu's protocol.
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);
 

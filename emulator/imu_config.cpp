@@ -183,7 +183,10 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   return imu;
 }
 
-void check_imus_together(const std::vector<ImuConfig>& imus, const toml::array* tables, Faults& faults) {
+void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array* tables,
+                         Faults& faults) {
+  std::map<std::string, std::string> listeners;
+  if (!truth_port.empty()) listeners.emplace(truth_port, "truth.port");
   std::map<std::string, std::size_t> by_name;
   std::map<std::uint32_t, std::size_t> by_stream;
   std::map<std::string, std::size_t> by_port;
@@ -197,6 +200,13 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const toml::array* 
       clash("name", at->second, "the same");
     else if (const auto [same, alone] = by_stream.emplace(stream_id(imus[i].name), i); !alone)
       clash("name", same->second, "the same random numbers");
+    const SyncConfig& sync = imus[i].sync;
+    for (const auto& [name, edges] : {std::pair{"trigger_port", &sync.trigger_port}, {"pps_port", &sync.pps_port}}) {
+      const std::string key = fmt::format("imu.{}.sync.{}", i, name);
+      if (edges->empty()) continue;
+      if (const auto [at, fresh] = listeners.emplace(*edges, key); !fresh)
+        faults.add(line, key, fmt::format("the same as {}; give another", at->second));
+    }
     const std::string port = imus[i].port.substr(0, imus[i].port.find('?'));
     if (!port.starts_with("can:") && !port.starts_with("udp:") && !port.empty()) {
       if (const auto [at, fresh] = by_port.emplace(port, i); !fresh) clash("port", at->second, "the same");

@@ -203,6 +203,7 @@ TEST_F(ConfigTest, PinsAreConnectedByUdp) {
   EXPECT_EQ(sync.tov_port, "udp:127.0.0.1:9813");
   EXPECT_NE(fault(bare, {"imu.0.sync.pps_port=pty:pps"}).find("imu.0.sync.pps_port: "), std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.sync.pps_port=file:pps"}).find("edges come and go by \"udp:ADDR:PORT\""), std::string::npos);
+  EXPECT_NE(fault(bare, {trigger, "imu.0.sync.pps_port=udp:127.0.0.1:9811"}).find("the same as imu.0.sync.trigger_port"), std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.protocol=mip", trigger}).find("mip has no such pin; leave it away"), std::string::npos);
 }
 
@@ -459,6 +460,11 @@ TEST_F(ConfigTest, EarthIsOffUntilItIsSaidHowNStandsToIt) {
   EXPECT_EQ(m.magnetometer.bias.x(), 1e-6);
   EXPECT_EQ(m.barometer.bias, 12);
   EXPECT_EQ(m.barometer.noise, 3);
+
+  const ImuModel product = load("[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:v\"\n").imus[0].model;
+  EXPECT_EQ(product.barometer.noise, 4.2);
+  EXPECT_DOUBLE_EQ(product.magnetometer.max, 2.5e-4);
+  EXPECT_EQ(faults(local, {"imu.0.barometer.noise_pa=-1"}).size(), 1U);
 
   const std::string inertial = std::string(good) + "[earth]\nframe = \"inertial\"\nstart = 2025-06-01T12:00:00Z\n";
   EXPECT_EQ(load(inertial).imus[0].model.earth.angle, earth_rotation_angle(1'748'779'200)) << "of the start";

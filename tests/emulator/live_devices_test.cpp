@@ -88,6 +88,20 @@ TEST_F(DeviceTest, PowerOffAndOnShowsAVectorNavsStoredSettings) {
   imud_.stop();
 }
 
+// At the line's speed that was stored, too: the client's is that of before, and what it hears is no noise any more.
+TEST_F(DeviceTest, PowerOffAndOnBringsBackTheLinesSpeed) {
+  begin("protocol = \"vectornav\"");
+  const FileDescriptor client = open_client();
+  EXPECT_GT(count(listen(client, 50), "$VNYMR,"), 10U);
+  say(client, "$VNWRG,05,921600*53\r\n");
+  listen(client, 2);
+  EXPECT_EQ(count(listen(client, 50), "$VNYMR,"), 0U);
+  imud_.kill(SIGUSR1);
+  ASSERT_TRUE(imud_.wait_for_errors("power off and on"));
+  EXPECT_GT(count(listen(client, 50), "$VNYMR,"), 10U);
+  imud_.stop();
+}
+
 // Part number, serial number, configuration; then measurements that say that it starts.
 TEST_F(DeviceTest, PowerOffAndOnShowsAStim300sStart) {
   begin("protocol = \"stim300\"");

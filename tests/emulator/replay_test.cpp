@@ -191,5 +191,16 @@ TEST_F(ReplayTest, ListShowsEveryEntry) {
     EXPECT_NE(result.output.find("\n  " + word + " "), std::string::npos) << word;
 }
 
+// What takes time at its recorded pace does not in a fast replay, whatever clock the configuration says.
+TEST_F(ReplayTest, FastIsAnotherClock) {
+  const std::string c = write("config.toml", "[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n[[imu]]\n"
+                                             "protocol = \"mip\"\npace = \"line\"\nport = \"pty:" + path("imu") + "\"\n");
+  EXPECT_EQ(run_program("imud", {"check", c}).exit_code, 0);
+  const ProgramResult refused = run_program("imud", {"replay", c, flight, "--fast"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.errors.find("pace"), std::string::npos) << refused.errors;
+  EXPECT_EQ(run_program("imud", {"replay", c, flight, "--fast", "--for", "1", "--set", "imu.0.pace=none"}).exit_code, 0);
+}
+
 }  // namespace
 }  // namespace imud

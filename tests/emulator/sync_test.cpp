@@ -150,5 +150,40 @@ sync.trigger_port = "{}"
   }
 }
 
+// Each sample's pulse leaves by UDP, in the simulation's time.
+TEST_F(LiveTest, ThePulseOfEachSampleLeavesByUdp) {
+  const FileDescriptor listener(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  ASSERT_EQ(::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), size), 0);
+  ASSERT_EQ(::getsockname(listener.get(), reinterpret_cast<sockaddr*>(&address), &size), 0);
+  Program imud("imud");
+  start(imud, write("config.toml", fmt::format(R"(clock = "lockstep"
+truth.port = "{}"
+[[imu]]
+protocol = "stim300"
+port = "file:{}"
+device.sample_rate = 125
+device.start_up = false
+sync.tov_port = "udp:127.0.0.1:{}"
+)",
+                                               simulator_.port(), path("out"), ntohs(address.sin_port))));
+  for (std::int64_t ms = 0; ms <= 80; ms += 8)
+    ASSERT_TRUE(simulator_.exchange(Simulator::truth(ms, static_cast<std::uint32_t>(ms), true)));
+  EXPECT_EQ(imud.stop(), 0);
+  for (std::int64_t k = 0; k <= 10; ++k) {
+    std::array<std::int64_t, 2> pulse{};  // little-endian here
+    pollfd ready{listener.get(), POLLIN, 0};
+    ASSERT_EQ(::poll(&ready, 1, 1000), 1) << k;
+    ASSERT_EQ(::recv(listener.get(), pulse.data(), sizeof pulse, 0), 16);
+    EXPECT_GE(pulse[0], 8'000'000 * k);
+    EXPECT_LT(pulse[0], 8'000'000 * k + 1'000'000);
+    EXPECT_GT(pulse[1] - pulse[0], 59 * 10 * 1'000'000 / 922) << "as long as the datagram is on the line";
+    EXPECT_LT(pulse[1] - pulse[0], 1'000'000);
+  }
+}
+
 }  // namespace
 }  // namespace imud
