@@ -83,7 +83,7 @@ class Port {
   virtual int descriptor() const noexcept { return -1; }
 
   // What both ends of a pty are set to, in bit/s, as last seen; 0: not known.
-  struct Speeds {
+  struct alignas(8) Speeds {  // one atomic word
     unsigned line = 0, client = 0;
   };
 
