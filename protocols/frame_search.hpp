@@ -35,6 +35,14 @@ class FrameSearch {
     return skipped;
   }
 
+  bool is_empty() const noexcept { return count_ == 0; }
+
+  // The rest of what is held did not come in time: gives up its first byte and searches on. Returns as feed() does.
+  template <class Judge>
+  std::uint64_t give_up(Judge&& judge) {
+    return is_empty() ? 0 : settle(judge, 1);
+  }
+
   // No more bytes will come: what is held is part of a frame at most. Returns how many bytes it was.
   std::uint64_t finish() noexcept {
     const std::uint64_t skipped = count_;
@@ -44,9 +52,8 @@ class FrameSearch {
 
  private:
   template <class Judge>
-  std::uint64_t settle(Judge& judge) {
-    std::uint64_t skipped = 0;
-    std::size_t begin = 0;
+  std::uint64_t settle(Judge& judge, std::size_t begin = 0) {
+    std::uint64_t skipped = begin;
     while (begin < count_) {
       const std::size_t length = judge(std::span<const std::byte>(held_.data() + begin, count_ - begin));
       if (length == need_more) break;

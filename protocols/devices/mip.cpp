@@ -24,22 +24,18 @@ class MipDevice final : public Device {
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     fields_.take(sample);
+    if (sample.time < begun_) begun_ = sample.time;  // simulation time began anew
+    if (sample.time - begun_ > patience()) {
+      search_.give_up([&](std::span<const std::byte> held) { return judge(held, out); });
+      begun_ = sample.time;
+    }
     if (!memory_.is_idle()) stream(sample, out);
     memory_.capture(sample, out);
   }
 
   void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
-    constexpr Nanoseconds patience = std::chrono::milliseconds(500);
-    if (fields_.time() - heard_ > patience) search_.finish();
-    heard_ = fields_.time();
-    search_.feed(from_host.bytes, [&](std::span<const std::byte> held) -> std::size_t {
-      const auto size = packet_size(held);
-      if (!size) return Search::reject;
-      if (held.size() < *size) return Search::need_more;
-      if (!is_intact(held.first(*size))) return Search::reject;
-      memory_.answer(held.first(*size), fields_, replies);
-      return *size;
-    });
+    if (search_.is_empty()) begun_ = fields_.time();
+    search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return judge(held, replies); });
   }
 
   void restart() noexcept override { memory_.restart(); }
@@ -47,6 +43,22 @@ class MipDevice final : public Device {
 
  private:
   using Search = FrameSearch<longest>;
+
+  // How long a command may take, from its first byte: mip_parser.h, MIP_PARSER_DEFAULT_TIMEOUT_MS; on a line on which
+  // the longest packet takes longer, mip_parser.c, mip_timeout_from_baudrate(): half as long again as that packet.
+  Nanoseconds patience() const noexcept {
+    constexpr std::int64_t bits_a_byte = 10, milliseconds = 1500 * bits_a_byte * longest;
+    return std::chrono::milliseconds(std::max<std::int64_t>(100, milliseconds / memory_.active().baud));
+  }
+
+  std::size_t judge(std::span<const std::byte> held, FrameBuffer& replies) noexcept {
+    const auto size = packet_size(held);
+    if (size && held.size() < *size) return Search::need_more;
+    begun_ = fields_.time();  // what follows is another command
+    if (!size || !is_intact(held.first(*size))) return Search::reject;
+    memory_.answer(held.first(*size), fields_, replies);
+    return *size;
+  }
 
   void stream(const Sample& sample, FrameBuffer& out) noexcept {
     for (const Stream& stream : memory_.active().streams) {
@@ -63,7 +75,7 @@ class MipDevice final : public Device {
 
   Memory memory_;
   Fields fields_{memory_};
-  DeviceTime heard_;
+  DeviceTime begun_;  // the command of which bytes are held
   Search search_;
 };
 

@@ -286,6 +286,31 @@ TEST(Mip, AttitudeAndIncrementsAreTheModels) {
   EXPECT_EQ(field(sent[1], 0x10), (Bytes{0, 2, 0, 1, 0, 0}));
 }
 
+// mip_sdk e5a847d, mip_parser.c, mip_parser_parse: a packet's time is counted from its first byte, by default 100 ms.
+TEST(Mip, ACommandCutOffEndsThoughMoreIsSaid) {
+  Unit unit;
+  const Bytes ping = hex("756501020201e0c6");
+  const auto answers_in = [&](int milliseconds) {
+    const auto sent = unit.run(milliseconds);
+    return std::count(sent.begin(), sent.end(), hex("7565010404f10100d56a"));
+  };
+  EXPECT_EQ(unit.code(hex("756501020202e1c7")), 0) << "idle";
+  EXPECT_TRUE(unit.say(hex("756501ff")).empty()) << "a packet of 261 bytes begins";
+  unit.run(60);
+  EXPECT_TRUE(unit.say(ping).empty()) << "is part of it so far";
+  EXPECT_EQ(answers_in(39), 0);
+  EXPECT_EQ(answers_in(10), 1) << "only its false start is given up";
+  for (int k = 0; k < 3; ++k) {
+    unit.run(400);
+    EXPECT_EQ(unit.code(ping), 0);
+  }
+  // A line of 9600 bit/s needs 272 ms for the longest packet.
+  EXPECT_EQ(unit.code(command(0x0C, 0x40, {1, 0, 0, 0x25, 0x80})), 0);
+  EXPECT_TRUE(unit.say({ping.begin(), ping.end() - 1}).empty());
+  unit.run(272);
+  EXPECT_EQ(unit.say({ping.back()}).size(), 1U);
+}
+
 TEST(Mip, ACommandCutOffIsForgotten) {
   Unit unit;
   const Bytes ping = command(0x01, 0x01);

@@ -24,7 +24,7 @@ inline Bytes hex(std::string_view text) {
 // With header and checksum, which is computed here on its own.
 inline Bytes packet(std::uint8_t set, const Bytes& fields) {
   Bytes all = {0x75, 0x65, set, static_cast<std::uint8_t>(fields.size())};
-  all.insert(all.end(), fields.begin(), fields.end());
+  for (const std::uint8_t byte : fields) all.push_back(byte);
   unsigned a = 0, b = 0;
   for (const std::uint8_t byte : all) b += a += byte;
   all.push_back(static_cast<std::uint8_t>(a));
