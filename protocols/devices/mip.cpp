@@ -38,7 +38,7 @@ class MipDevice final : public Device {
     search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return judge(held, replies); });
   }
 
-  void restart() noexcept override { memory_.restart(); }
+  void restart() noexcept override { memory_.restart(fields_); }
   LineSettings line() const noexcept override { return {memory_.active().baud}; }
 
  private:
@@ -65,11 +65,14 @@ class MipDevice final : public Device {
       if (!stream.enabled || stream.count == 0) continue;
       const auto divisor = static_cast<std::uint64_t>(internal_hz) / stream.base_hz;
       if (sample.counter % divisor != 0) continue;
+      const auto for_each_due = [&](auto&& act) {
+        for (std::size_t k = 0; k < stream.count; ++k)
+          if (sample.counter / divisor % stream.format[k].decimation == 0) act(stream.format[k].descriptor);
+      };
       Packet packet(out, stream.set);
-      for (std::size_t k = 0; k < stream.count; ++k)
-        if (sample.counter / divisor % stream.format[k].decimation == 0)
-          fields_.put(packet, stream.set, stream.format[k].descriptor);
+      for_each_due([&](std::uint8_t descriptor) { fields_.put(packet, stream.set, descriptor); });
       packet.finish();
+      for_each_due([&](std::uint8_t descriptor) { fields_.sent(stream.set, descriptor); });
     }
   }
 

@@ -43,17 +43,21 @@ void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuff
       const std::size_t at = answer->size();
       answer->put(std::uint8_t{ok});
       answer->end();
+      std::array<bool, 3> streamed = {};
+      for (std::size_t i = 0; i < streamed.size(); ++i) streamed[i] = is_streaming(active_.streams[i]);
       answer->set_byte(at, obey(set, command, data, *answer, fields));
+      for (std::size_t i = 0; i < streamed.size(); ++i)
+        if (!streamed[i] && is_streaming(active_.streams[i])) fields.begin(active_.streams[i].set);
     });
     if (acknowledges_) answer->finish();
   }
   if (polled_ == 0) return;
   Packet data(replies, polled_set_);
-  for (std::size_t i = 0; i < polled_; ++i) fields.put(data, polled_set_, poll_[i]);
+  for (std::size_t i = 0; i < polled_; ++i) fields.poll(data, polled_set_, poll_[i]);
   data.finish();
 }
 
-Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, const Fields& fields) noexcept {
+Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, Fields& fields) noexcept {
   for (const KeptSetting& kept : kept_settings())
     if (kept.set == set && kept.command == command && model_.is(kept.models)) return obey_kept(kept, data, answer);
   for (const Acknowledged& one : acknowledged_commands())
@@ -62,11 +66,11 @@ Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Pac
   if (!has(set, command)) return unknown_command;
   Reader reader(data);
   if (set == base) return obey_base(command, reader, answer, fields);
-  if (set == three_dm) return obey_3dm(command, reader, answer);
+  if (set == three_dm) return obey_3dm(command, reader, answer, fields);
   return rotation(set, command, reader, answer);
 }
 
-Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& answer, const Fields& fields) noexcept {
+Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept {
   switch (command) {
     case 0x01: return ok;
     case 0x02: is_idle_ = true; return ok;
@@ -91,11 +95,11 @@ Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& ans
       return baud(function, reader, answer, 0x89, true);
     }
     case 0x72: return update_gps_time(reader, fields);
-    default: restart(); return ok;
+    default: restart(fields); return ok;
   }
 }
 
-Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answer) noexcept {
+Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept {
   switch (command) {
     case 0x01: return poll(sensor, true, reader);
     case 0x02: return poll(gnss, true, reader);
@@ -105,15 +109,15 @@ Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answ
     case 0x07: return base_rate(gnss, 0x84, reader, answer, false);
     case 0x0B: return base_rate(filter, 0x8A, reader, answer, false);
     case 0x0E: return base_rate(reader.take<std::uint8_t>(), 0x8E, reader, answer, true);
-    case 0x08: return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, answer, false);
-    case 0x09: return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, answer, false);
-    case 0x0A: return format(reader.take<std::uint8_t>(), filter, 0x82, reader, answer, false);
+    case 0x08: return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, answer, fields, false);
+    case 0x09: return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, answer, fields, false);
+    case 0x0A: return format(reader.take<std::uint8_t>(), filter, 0x82, reader, answer, fields, false);
     case 0x0F: {
       const auto function = reader.take<std::uint8_t>();
-      return format(function, reader.take<std::uint8_t>(), 0x8F, reader, answer, true);
+      return format(function, reader.take<std::uint8_t>(), 0x8F, reader, answer, fields, true);
     }
     case 0x11: return stream_control(reader, answer);
-    case 0x30: return device_settings(reader);
+    case 0x30: return device_settings(reader, fields);
     case 0x37: return vector(&Configuration::accelerometer_bias, units::standard_gravity, 0x9A, reader, answer);
     case 0x38: return vector(&Configuration::gyro_bias, 1, 0x9B, reader, answer);
     case 0x39: return capture_left_ > 0 ? failed : bad_parameter;
@@ -125,11 +129,12 @@ Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answ
   }
 }
 
-void Memory::restart() noexcept {
+void Memory::restart(Fields& fields) noexcept {
   active_ = stored_;
   gps_update_ = {};
   capture_left_ = 0;
   is_idle_ = false;
+  fields.restart();
 }
 
 Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor,
@@ -173,9 +178,10 @@ Memory::Code Memory::update_gps_time(Reader& reader, const Fields& fields) noexc
   return ok;
 }
 
-Memory::Code Memory::device_settings(Reader& reader) noexcept {
+Memory::Code Memory::device_settings(Reader& reader, Fields& fields) noexcept {
   const auto function = reader.take<std::uint8_t>();
   if (!reader.is_done()) return bad_parameter;
+  if (function == load || function == to_default) fields.begin(0);
   return transfer(function, [](Configuration& to, const Configuration& from) { to = from; });
 }
 
@@ -210,7 +216,7 @@ Memory::Code Memory::base_rate(std::uint8_t set, std::uint8_t descriptor, Reader
 }
 
 Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
-                            bool with_set) noexcept {
+                            Fields& fields, bool with_set) noexcept {
   Stream* active = active_.find(set);
   const bool is_every = with_set && set == 0 && function != write && function != read;
   if ((active == nullptr && !is_every) || !reader.is_whole()) return bad_parameter;
@@ -228,6 +234,7 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
       }
       if (!reader.is_done()) return bad_parameter;
       *active = wanted;
+      fields.begin(set);
       return ok;
     }
     case read:
@@ -241,6 +248,7 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
       answer.end();
       return ok;
     default:
+      if (function == load || function == to_default) fields.begin(set);
       return transfer(function, [&](Configuration& to, const Configuration& from) {
         for (std::size_t i = 0; i < to.streams.size(); ++i) {
           if (!is_every && to.streams[i].set != set) continue;

@@ -1,6 +1,5 @@
 #include <chrono>
 #include <cmath>
-#include <utility>
 
 #include "core/attitude.hpp"
 #include "core/elementary.hpp"
@@ -111,14 +110,46 @@ const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t d
 void Fields::take(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
   const Quaternion q_VP = c.q_PV.conjugate();
-  if (sample.time < sample_.time) last_ns_.fill(static_cast<std::uint64_t>(sample.time.ns));  // simulation time began anew
+  const bool is_anew = sample.time < sample_.time;  // simulation time is
   sample_ = sample;
+  if (is_anew) {
+    initialized_ = {};
+    initialized_tick_ = 0;
+    begin(0);
+  }
   sample_.rate = q_VP * (sample.rate - c.gyro_bias);
   sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
   sample_.magnetic_field = q_VP * sample.magnetic_field;
   sample_.q_LP = sample.q_LP * c.q_PV;
-  delta_angle_ += q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
-  delta_velocity_ += q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
+  sample_.delta_angle = q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
+  sample_.delta_velocity = q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
+  for (Since& since : since_) {
+    since.delta_angle += sample_.delta_angle;
+    since.delta_velocity += sample_.delta_velocity;
+  }
+}
+
+void Fields::restart() noexcept {
+  initialized_ = sample_.time;
+  initialized_tick_ = sample_.counter;
+  begin(0);
+}
+
+void Fields::begin(std::uint8_t set) noexcept {
+  for (std::size_t i = 0; i < since_.size(); ++i)
+    if (set == 0 || set == sensor + i) since_[i] = {.delta_time = time(), .reference = time(), .tick = sample_.counter};
+}
+
+void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
+  Since& since = since_[set - sensor];
+  switch (descriptor) {
+    case 0x07: since.delta_angle.setZero(); break;
+    case 0x08: since.delta_velocity.setZero(); break;
+    case 0xD2: since.tick = sample_.counter; break;
+    case 0xD4: since.delta_time = time(); break;
+    case 0xD6: since.reference = time(); break;
+    default: break;
+  }
 }
 
 std::int64_t Fields::gps_ns() const noexcept {
@@ -127,41 +158,48 @@ std::int64_t Fields::gps_ns() const noexcept {
 bool Fields::has_week() const noexcept { return is_known() || memory_.gps_update().has_week; }
 bool Fields::has_time_of_week() const noexcept { return is_known() || memory_.gps_update().has_time_of_week; }
 
-void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept {
+void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
+  const Stream* stream = memory_.active().find(set);
+  if (stream == nullptr) return;
+  const auto samples = static_cast<std::uint64_t>(internal_hz) / stream->base_hz;
+  const DeviceTime before = time() - Nanoseconds(std::chrono::seconds(1)) / stream->base_hz;
+  put(packet, set, descriptor, {before, before, sample_.counter - samples, sample_.delta_angle, sample_.delta_velocity});
+}
+
+void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since) const noexcept {
   const DataField* field = find_field(memory_.model(), set, descriptor);
   if (field == nullptr || !packet.has_room_for(field->size)) return;
   packet.begin(descriptor);
-  if (descriptor >= 0xD0) put_shared(packet, set, descriptor);
-  else if (set == sensor) put_sensor(packet, descriptor);
+  if (descriptor >= 0xD0) put_shared(packet, descriptor, since);
+  else if (set == sensor) put_sensor(packet, descriptor, since);
   else if (set == gnss) put_gnss(packet, descriptor);
   else put_filter(packet, descriptor);
   packet.end();
 }
 
-void Fields::put_shared(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept {
-  const std::uint64_t time_ns = static_cast<std::uint64_t>(sample_.time.ns);
-  std::uint64_t& last_ns = last_ns_[set - sensor];
+void Fields::put_shared(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept {
+  const auto put_ns = [&](Nanoseconds ns) { packet.put(static_cast<std::uint64_t>(ns.count())); };
   switch (descriptor) {
     case 0xD0: packet.put(std::uint8_t{0}); break;
-    case 0xD1: packet.put(static_cast<std::uint32_t>(sample_.counter)); break;
-    case 0xD2: packet.put(static_cast<std::uint32_t>(sample_.counter - std::exchange(last_tick_, sample_.counter))); break;
+    case 0xD1: packet.put(static_cast<std::uint32_t>(sample_.counter - initialized_tick_)); break;
+    case 0xD2: packet.put(static_cast<std::uint32_t>(sample_.counter - since.tick)); break;
     case 0xD3:
       put_gps_time(packet, gps_ns());
       packet.put(static_cast<std::uint16_t>(has_time_of_week() | has_week() << 1));
       break;
-    case 0xD4: packet.put(1e-9 * static_cast<double>(time_ns - std::exchange(last_ns, time_ns))); break;
-    case 0xD5: packet.put(time_ns); break;
-    default: packet.put(time_ns - std::exchange(last_ns, time_ns)); break;
+    case 0xD4: packet.put(seconds(time() - since.delta_time)); break;
+    case 0xD5: put_ns(time() - initialized_); break;
+    default: put_ns(time() - since.reference); break;
   }
 }
 
-void Fields::put_sensor(Packet& packet, std::uint8_t descriptor) noexcept {
+void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept {
   switch (descriptor) {
     case 0x04: packet.put_floats(sample_.specific_force / units::standard_gravity); break;
     case 0x05: packet.put_floats(sample_.rate); break;
     case 0x06: packet.put_floats(sample_.magnetic_field / gauss); break;
-    case 0x07: packet.put_floats(std::exchange(delta_angle_, Vector3::Zero())); break;
-    case 0x08: packet.put_floats(std::exchange(delta_velocity_, Vector3::Zero()) / units::standard_gravity); break;
+    case 0x07: packet.put_floats(since.delta_angle); break;
+    case 0x08: packet.put_floats(since.delta_velocity / units::standard_gravity); break;
     case 0x0A: put_quaternion(packet); break;
     case 0x0C: packet.put_floats(roll_pitch_yaw(sample_.q_LP)); break;
     case 0x12: {  // of a receiver its pulse; a bit that each update turns; whether time was ever set; time of week; week

@@ -115,14 +115,31 @@ class Fields {
  public:
   explicit Fields(const Memory& memory) noexcept : memory_(memory) {}
   void take(const Sample& sample) noexcept;
+  // Initialized anew: reference time and ticks are since then.
+  void restart() noexcept;
+  // What the stream of that set tells since it told it last begins now; 0: of every set.
+  void begin(std::uint8_t set) noexcept;
   DeviceTime time() const noexcept { return sample_.time; }
   std::int64_t gps_ns() const noexcept;  // of the newest sample, as reported
   // Nothing if there is no such field, or no room for it.
-  void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept;
+  void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
+    put(packet, set, descriptor, since_[set - sensor]);
+  }
+  // Beside the stream: increments and differences are those of the set's last base period.
+  void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept;
+  // It was streamed; once for each packet, however often it is in there.
+  void sent(std::uint8_t set, std::uint8_t descriptor) noexcept;
 
  private:
-  void put_shared(Packet& packet, std::uint8_t set, std::uint8_t descriptor) noexcept;
-  void put_sensor(Packet& packet, std::uint8_t descriptor) noexcept;
+  struct Since {
+    DeviceTime delta_time, reference;
+    std::uint64_t tick = 0;
+    Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
+  };
+
+  void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since) const noexcept;
+  void put_shared(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept;
+  void put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept;
   void put_filter(Packet& packet, std::uint8_t descriptor) const noexcept;
   void put_filter_status(Packet& packet) const noexcept;
   void put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept;
@@ -134,10 +151,10 @@ class Fields {
   Vector3 gravity() const noexcept;  // m/s^2, in V
 
   const Memory& memory_;
-  Sample sample_;                                                               // in V
-  Vector3 delta_angle_ = Vector3::Zero(), delta_velocity_ = Vector3::Zero();  // since they were sent last
-  std::array<std::uint64_t, 3> last_ns_ = {};                                // of the sets' time differences
-  std::uint64_t last_tick_ = 0;
+  Sample sample_;  // in V
+  std::array<Since, 3> since_;  // of each set's stream: since it was sent last
+  DeviceTime initialized_;
+  std::uint64_t initialized_tick_ = 0;
 };
 
 // --- Settings --------------------------------------------------------------------------------------------------------
@@ -196,7 +213,7 @@ class Memory {
   const Configuration& active() const noexcept { return active_; }
   const GpsUpdate& gps_update() const noexcept { return gps_update_; }
   bool is_idle() const noexcept { return is_idle_; }
-  void restart() noexcept;  // without power, only what is stored stays
+  void restart(Fields& fields) noexcept;  // without power, only what is stored stays
   // Obeys an intact packet of the host; appends the answer, and the data that it polls.
   void answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept;
   // Appends the answer to a capture of the gyro bias that ends with this sample.
@@ -207,21 +224,22 @@ class Memory {
   enum Function : std::uint8_t { write = 1, read, save, load, to_default };
   using Data = std::span<const std::byte>;
 
-  Code obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, const Fields& fields) noexcept;
-  Code obey_base(std::uint8_t command, Reader& reader, Packet& answer, const Fields& fields) noexcept;
-  Code obey_3dm(std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  Code obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, Fields& fields) noexcept;
+  Code obey_base(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept;
+  Code obey_3dm(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept;
   Code obey_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept;
   Code baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept;
   Code update_gps_time(Reader& reader, const Fields& fields) noexcept;
-  Code device_settings(Reader& reader) noexcept;
+  Code device_settings(Reader& reader, Fields& fields) noexcept;
   Code poll(std::uint8_t set, bool with_rates, Reader& reader) noexcept;
   Code base_rate(std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer, bool with_set) noexcept;
   Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
-              bool with_set) noexcept;
+              Fields& fields, bool with_set) noexcept;
   Code stream_control(Reader& reader, Packet& answer) noexcept;
   // `unit`: of the wire, SI.
   Code vector(Vector3 Configuration::*vector, double unit, std::uint8_t descriptor, Reader& reader, Packet& answer) noexcept;
   Code rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept;
+  bool is_streaming(const Stream& stream) const noexcept { return !is_idle_ && stream.enabled; }
   bool begins_capture(Data data) noexcept;
   bool has(std::uint8_t set, std::uint8_t command) const noexcept;
   void put_device_info(Packet& answer) const noexcept;
