@@ -198,6 +198,9 @@ Stream stream(const Settings& settings, const Model& model, std::uint8_t set, co
     for (const std::string_view name : delivered) stream.add(descriptor_of(model, set, name, fields_key), decimation);
   else
     for (const std::string& name : fields) stream.add(descriptor_of(model, set, name, fields_key), decimation);
+  if (fields.size() > stream.format.size() || !fits_a_packet(model, stream))
+    throw std::invalid_argument(fields_key + ": they do not fit one packet; give at most " +
+                                std::to_string(stream.format.size()) + " fields, of 255 bytes with 2 for each");
   return stream;
 }
 

@@ -27,34 +27,37 @@ constexpr Command commands[] = {
 void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept {
   constexpr std::size_t longest_answer = 105, longest_list = 252;  // an answer that would not fit begins a packet
   const auto set = std::to_integer<std::uint8_t>(packet[2]);
-  polled_ = 0;
-  acknowledges_ = true;
-  {
-    std::optional<Packet> answer(std::in_place, replies, set);
-    for_each_field(packet, [&](std::uint8_t command, Data data) {
-      if (set == three_dm && command == 0x39 && begins_capture(data)) return;  // is answered when it ends
-      const bool lists = set == base && (command == 0x04 || command == 0x07);
-      if (!answer->has_room_for(lists ? longest_list : longest_answer) && answer->size() > header_size) {
-        answer->finish();
-        answer.emplace(replies, set);
-      }
-      answer->begin(reply);
-      answer->put(command);
-      const std::size_t at = answer->size();
-      answer->put(std::uint8_t{ok});
-      answer->end();
-      std::array<bool, 3> streamed = {};
-      for (std::size_t i = 0; i < streamed.size(); ++i) streamed[i] = is_streaming(active_.streams[i]);
-      answer->set_byte(at, obey(set, command, data, *answer, fields));
-      for (std::size_t i = 0; i < streamed.size(); ++i)
-        if (!streamed[i] && is_streaming(active_.streams[i])) fields.begin(active_.streams[i].set);
-    });
-    if (acknowledges_) answer->finish();
-  }
-  if (polled_ == 0) return;
-  Packet data(replies, polled_set_);
-  for (std::size_t i = 0; i < polled_; ++i) fields.poll(data, polled_set_, poll_[i]);
-  data.finish();
+  std::optional<Packet> answer(std::in_place, replies, set);
+  for_each_field(packet, [&](std::uint8_t command, Data data) {
+    if (set == three_dm && command == 0x39 && begins_capture(data)) return;  // is answered when it ends
+    if (is_poll(set, command) && poll(command, data).is_silent) return;
+    const bool lists = set == base && (command == 0x04 || command == 0x07);
+    if (!answer->has_room_for(lists ? longest_list : longest_answer) && answer->size() > header_size) {
+      answer->finish();
+      answer.emplace(replies, set);
+    }
+    answer->begin(reply);
+    answer->put(command);
+    const std::size_t at = answer->size();
+    answer->put(std::uint8_t{ok});
+    answer->end();
+    std::array<bool, 3> streamed = {};
+    for (std::size_t i = 0; i < streamed.size(); ++i) streamed[i] = is_streaming(active_.streams[i]);
+    answer->set_byte(at, obey(set, command, data, *answer, fields));
+    for (std::size_t i = 0; i < streamed.size(); ++i)
+      if (!streamed[i] && is_streaming(active_.streams[i])) fields.begin(active_.streams[i].set);
+  });
+  answer->finish();
+  answer.reset();
+  for_each_field(packet, [&](std::uint8_t command, Data data) {
+    if (!is_poll(set, command)) return;
+    const Poll polled = poll(command, data);
+    if (polled.code != ok) return;
+    Packet answered(replies, polled.stream.set);
+    for (std::size_t i = 0; i < polled.stream.count; ++i)
+      fields.poll(answered, polled.stream.set, polled.stream.format[i].descriptor);
+    answered.finish();
+  });
 }
 
 Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, Fields& fields) noexcept {
@@ -64,6 +67,7 @@ Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Pac
     if (one.set == set && one.command == command && model_.is(one.models))
       return data.size() == one.size ? ok : bad_parameter;
   if (!has(set, command)) return unknown_command;
+  if (is_poll(set, command)) return poll(command, data).code;
   Reader reader(data);
   if (set == base) return obey_base(command, reader, answer, fields);
   if (set == three_dm) return obey_3dm(command, reader, answer, fields);
@@ -101,10 +105,6 @@ Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& ans
 
 Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept {
   switch (command) {
-    case 0x01: return poll(sensor, true, reader);
-    case 0x02: return poll(gnss, true, reader);
-    case 0x03: return poll(filter, true, reader);
-    case 0x0D: return poll(reader.take<std::uint8_t>(), false, reader);
     case 0x06: return base_rate(sensor, 0x83, reader, answer, false);
     case 0x07: return base_rate(gnss, 0x84, reader, answer, false);
     case 0x0B: return base_rate(filter, 0x8A, reader, answer, false);
@@ -146,7 +146,7 @@ Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer,
     active_.baud = wanted;
     return ok;
   }
-  if (!reader.is_done()) return bad_parameter;
+  if (!reader.is_whole()) return bad_parameter;
   if (function != read)
     return transfer(function, [](Configuration& to, const Configuration& from) { to.baud = from.baud; });
   answer.begin(descriptor);
@@ -185,23 +185,33 @@ Memory::Code Memory::device_settings(Reader& reader, Fields& fields) noexcept {
   return transfer(function, [](Configuration& to, const Configuration& from) { to = from; });
 }
 
-Memory::Code Memory::poll(std::uint8_t set, bool with_rates, Reader& reader) noexcept {
-  const bool suppress = reader.take<std::uint8_t>() != 0;
+bool Memory::is_poll(std::uint8_t set, std::uint8_t command) const noexcept {
+  return set == three_dm && (command <= 0x03 || command == 0x0D) && has(set, command);
+}
+
+// 0C:01, 02, 03 of sensor, gnss, filter, with a rate beside each descriptor; 0C:0D of a named set.
+Memory::Poll Memory::poll(std::uint8_t command, Data data) const noexcept {
+  Reader reader(data);
+  const bool is_named = command == 0x0D;
+  Poll poll;
+  poll.stream.set = is_named ? reader.take<std::uint8_t>() : static_cast<std::uint8_t>(sensor + command - 1);
+  const bool is_silent = reader.take<std::uint8_t>() != 0;
   const auto count = reader.take<std::uint8_t>();
-  const Stream* stream = active_.find(set);
-  if (stream == nullptr || !reader.is_whole() || count > poll_.size()) return bad_parameter;
-  for (std::size_t i = 0; i < count; ++i) {
-    poll_[i] = reader.take<std::uint8_t>();
-    if (with_rates) reader.take<std::uint16_t>();
-    if (find_field(model_, set, poll_[i]) == nullptr) return bad_parameter;
+  const Stream* stored = active_.find(poll.stream.set);
+  bool is_short = true;
+  for (unsigned i = 0; i < count; ++i) {
+    const auto descriptor = reader.take<std::uint8_t>();
+    if (!is_named) reader.take<std::uint16_t>();
+    if (find_field(model_, poll.stream.set, descriptor) == nullptr) continue;  // are ignored
+    is_short = is_short && poll.stream.count < poll.stream.format.size();
+    poll.stream.add(descriptor, 1);
   }
-  if (!reader.is_done()) return bad_parameter;
-  polled_set_ = set;
-  polled_ = count;
-  if (count == 0)  // as it is streamed
-    for (; polled_ < stream->count; ++polled_) poll_[polled_] = stream->format[polled_].descriptor;
-  if (suppress) acknowledges_ = false;
-  return ok;
+  if (!reader.is_done()) return poll;
+  poll.is_silent = is_silent;
+  if (stored == nullptr || !is_short || !fits_a_packet(model_, poll.stream)) return poll;
+  if (count == 0) poll.stream = *stored;
+  poll.code = count == 0 && stored->count == 0 ? failed : ok;
+  return poll;
 }
 
 Memory::Code Memory::base_rate(std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
@@ -232,7 +242,7 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
         if (find_field(model_, set, field) == nullptr || decimation == 0) return bad_parameter;
         wanted.add(field, decimation);
       }
-      if (!reader.is_done()) return bad_parameter;
+      if (!reader.is_done() || !fits_a_packet(model_, wanted)) return bad_parameter;
       *active = wanted;
       fields.begin(set);
       return ok;

@@ -107,6 +107,13 @@ const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t d
   return nullptr;
 }
 
+bool fits_a_packet(const Model& model, const Stream& stream) noexcept {
+  std::size_t size = 0;
+  for (std::size_t i = 0; i < stream.count; ++i)
+    if (const DataField* field = find_field(model, stream.set, stream.format[i].descriptor)) size += 2U + field->size;
+  return size <= longest - header_size - checksum_size;
+}
+
 void Fields::take(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
   const Quaternion q_VP = c.q_PV.conjugate();

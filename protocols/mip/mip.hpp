@@ -108,6 +108,9 @@ struct Stream {
   }
 };
 
+// In one packet when all are due at once, as they are in the first sample.
+bool fits_a_packet(const Model& model, const Stream& stream) noexcept;
+
 class Memory;
 
 // The newest sample as fields, of the vehicle that the sensor is said to be mounted in, without the biases it is told.
@@ -162,11 +165,14 @@ class Fields {
 // A setting that is kept and told, and changes nothing: what it would do is a filter's, which tells the truth here, or an
 // event's, of which there are none. A command's data are a function, a key (which of several), and a value.
 struct KeptSetting {
+  enum Kind : std::uint8_t { any, flag, numbers };  // numbers: finite
+
   std::uint8_t set, command, reply;
   unsigned models;
   std::uint8_t key_size, first_key, slots;
   std::uint8_t least, most;               // bytes of key and value
   std::span<const std::uint8_t> initial;  // value; the rest is 0
+  Kind kind = any;                        // others are refused
 };
 std::span<const KeptSetting> kept_settings() noexcept;
 
@@ -223,6 +229,11 @@ class Memory {
   enum Code : std::uint8_t { ok = 0, unknown_command = 1, bad_parameter = 3, failed = 4 };
   enum Function : std::uint8_t { write = 1, read, save, load, to_default };
   using Data = std::span<const std::byte>;
+  struct Poll {
+    Code code = bad_parameter;
+    bool is_silent = false;  // no answer, whatever the code
+    Stream stream;           // what is asked for, once
+  };
 
   Code obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, Fields& fields) noexcept;
   Code obey_base(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept;
@@ -231,7 +242,8 @@ class Memory {
   Code baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept;
   Code update_gps_time(Reader& reader, const Fields& fields) noexcept;
   Code device_settings(Reader& reader, Fields& fields) noexcept;
-  Code poll(std::uint8_t set, bool with_rates, Reader& reader) noexcept;
+  Poll poll(std::uint8_t command, Data data) const noexcept;
+  bool is_poll(std::uint8_t set, std::uint8_t command) const noexcept;
   Code base_rate(std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer, bool with_set) noexcept;
   Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
               Fields& fields, bool with_set) noexcept;
@@ -263,10 +275,6 @@ class Memory {
   bool is_idle_ = false;
   unsigned capture_size_ = 0, capture_left_ = 0;  // samples; left: 0: none is going on
   Vector3 capture_sum_ = Vector3::Zero();
-  bool acknowledges_ = true;  // the packet that is being answered
-  std::array<std::uint8_t, 32> poll_ = {};  // what it asks for
-  std::size_t polled_ = 0;
-  std::uint8_t polled_set_ = sensor;
 };
 
 }  // namespace imud::mip

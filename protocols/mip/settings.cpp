@@ -21,14 +21,14 @@ constexpr KeptSetting settings[] = {
     {three_dm, 0x2B, 0xB5, cv7, 1, 1, 8, 2, 2, {}},                  // event control
     {three_dm, 0x2E, 0xB8, cv7, 1, 1, 8, 2, 22, {}},                 // event trigger
     {three_dm, 0x2F, 0xB9, cv7, 1, 1, 8, 3, 19, {}},                 // event action
-    {three_dm, 0x3A, 0x9C, all, 0, 0, 1, 12, 12, {}},                // hard iron offset
-    {three_dm, 0x3B, 0x9D, all, 0, 0, 1, 36, 36, identity_matrix},   // soft iron matrix
-    {three_dm, 0x3E, 0x9E, all, 0, 0, 1, 1, 1, on},                  // coning and sculling
+    {three_dm, 0x3A, 0x9C, all, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},               // hard iron offset
+    {three_dm, 0x3B, 0x9D, all, 0, 0, 1, 36, 36, identity_matrix, KeptSetting::numbers},  // soft iron matrix
+    {three_dm, 0x3E, 0x9E, all, 0, 0, 1, 1, 1, on, KeptSetting::flag},                    // coning and sculling
     {filter_command, 0x10, 0x80, gx5_45, 0, 0, 1, 1, 1, on},         // vehicle dynamics mode: portable
-    {filter_command, 0x13, 0x83, ins, 0, 0, 1, 12, 12, {}},          // antenna offset
+    {filter_command, 0x13, 0x83, ins, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},         // antenna offset
     {filter_command, 0x14, 0x84, all, 0, 0, 1, 2, 2, bias_estimation},
     {filter_command, 0x18, 0x87, gx5, 0, 0, 1, 1, 1, on},            // heading source: magnetometer
-    {filter_command, 0x19, 0x88, gx5, 0, 0, 1, 1, 1, on},            // automatic initialization
+    {filter_command, 0x19, 0x88, gx5, 0, 0, 1, 1, 1, on, KeptSetting::flag},              // automatic initialization
     {filter_command, 0x1E, 0x8D, gx5_45, 0, 0, 1, 5, 5, {}},         // zero-velocity update
     {filter_command, 0x20, 0x8E, gx5_45, 0, 0, 1, 5, 5, {}},         // zero-angular-rate update
     {filter_command, 0x26, 0x90, gx5, 0, 0, 1, 25, 25, {}},          // reference position
@@ -69,6 +69,14 @@ std::size_t first_slot(const KeptSetting& setting) noexcept {
   return slots_before(static_cast<std::size_t>(&setting - settings));
 }
 
+bool is_good(const KeptSetting& setting, std::span<const std::byte> value) noexcept {
+  if (setting.kind == KeptSetting::flag) return value[0] <= std::byte{1};
+  if (setting.kind == KeptSetting::numbers)
+    for (Reader reader(value); !reader.is_done();)
+      if (!std::isfinite(reader.take<float>())) return false;
+  return true;
+}
+
 }  // namespace
 
 std::span<const KeptSetting> kept_settings() noexcept { return settings; }
@@ -105,12 +113,10 @@ Memory::Code Memory::obey_kept(const KeptSetting& setting, Data data, Packet& an
   const bool is_every = setting.key_size > 0 && key == (setting.key_size == 1 ? 0U : 0xFFFFU);
   const std::size_t first = first_slot(setting), slot = first + key - setting.first_key;
   const bool is_one = key >= setting.first_key && key - setting.first_key < setting.slots;
-  // To read a frame, one names the form of its rotation beside it.
-  const bool names_form = setting.set == aiding && function == read && value.size() == setting.key_size + 1U;
-  if (function != write && value.size() != setting.key_size && !names_form) return bad_parameter;
   switch (function) {
     case write: {
       if (!is_one || value.size() < setting.least || value.size() > setting.most) return bad_parameter;
+      if (!is_good(setting, value.subspan(setting.key_size))) return bad_parameter;
       Kept& kept = active_.kept[slot];
       kept.size = static_cast<std::uint8_t>(value.size());
       std::transform(value.begin(), value.end(), kept.bytes.begin(),
@@ -143,7 +149,7 @@ Memory::Code Memory::vector(Vector3 Configuration::*vector, double unit, std::ui
     active_.*vector = wanted;
     return ok;
   }
-  if (!reader.is_done()) return bad_parameter;
+  if (!reader.is_whole()) return bad_parameter;
   if (function == read) {
     answer.begin(descriptor);
     answer.put_floats(active_.*vector / unit);
@@ -184,7 +190,7 @@ Memory::Code Memory::rotation(std::uint8_t set, std::uint8_t command, Reader& re
     active_.q_PV = q_PV.normalized();
     return ok;
   }
-  if (!reader.is_done()) return bad_parameter;
+  if (!reader.is_whole()) return bad_parameter;
   if (function != read)
     return transfer(function, [](Configuration& to, const Configuration& from) { to.q_PV = from.q_PV; });
   const Matrix3 dcm_PV = active_.q_PV.toRotationMatrix();
