@@ -93,6 +93,58 @@ TEST(Mip, EncodesFieldAndAttitudeToTheSameBytes) {
   EXPECT_EQ(encode(282'893'000'000, s).at(1), hex("7565821a0ad500000041ddbc9d4010053bdeb6ff3c8edc20bf93b59200014f07"));
 }
 
+// The same capture, offsets 422, 584 and 794: magnetometer and attitude alone, and with the rest.
+TEST(Mip, EncodesThemAtTheirOwnRateToTheSameBytes) {
+  const auto real = [](std::uint32_t bits) { return static_cast<double>(std::bit_cast<float>(bits)); };
+  Sample s;
+  s.magnetic_field = 1e-4 * Vector3(real(0x3d7affd6), real(0x3e913fe8), real(0x3e797fd6));
+  const auto sent = [&](const std::vector<std::string>& fields, const Vector3& rpy) {
+    const std::vector<std::string> none;
+    Unit unit({{"sensor_rate_hz", std::int64_t{1000}}, {"sensor_fields", fields}, {"filter_fields", none}});
+    unit.sample = s;
+    unit.sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(rpy[2], rpy[1], rpy[0]).transpose());
+    FrameBuffer out;
+    for (const std::int64_t ns : {282'865'000'000, 282'873'000'000}) {
+      unit.sample.time.ns = ns;
+      out.clear();
+      unit.device->sample(unit.sample, out);
+    }
+    Bytes bytes(out.frames()[0].bytes.size());
+    std::memcpy(bytes.data(), out.frames()[0].bytes.data(), bytes.size());
+    return bytes;
+  };
+  EXPECT_EQ(sent({"magnetic_field", "euler"}, {real(0xbccc2988), real(0x3cb6db9b), real(0xbf951475)}),
+            hex("7565801c0e063d7affd63e913fe83e797fd60e0cbccc29883cb6db9bbf951475b05c"));
+  EXPECT_EQ(sent({"magnetic_field", "euler"}, {real(0xbccc10a5), real(0x3cb6f8b8), real(0xbf951a38)}),
+            hex("7565801c0e063d7affd63e913fe83e797fd60e0cbccc10a53cb6f8b8bf951a38b775"));
+  s.specific_force = units::standard_gravity * Vector3(real(0x3c8c777f), real(0xbbd770fd), real(0xbf7c1415));
+  s.rate = {real(0xbb6dd444), real(0x3943e8a0), real(0xbb8f1bf5)};
+  EXPECT_EQ(sent({"reference_time", "reference_delta", "acceleration", "rate", "magnetic_field", "euler"},
+                 {real(0xbccc25ae), real(0x3cb6dce3), real(0xbf951762)}),
+            hex("7565804c0ad500000041dc8b70400ad600000000007a12000e043c8c777fbbd770fdbf7c14150e05bb6dd4443943e8a0bb8f1bf5"
+                "0e063d7affd63e913fe83e797fd60e0cbccc25ae3cb6dce3bf951762c2cb"));
+}
+
+// The same capture, offset 0: what a device answers to resume, the host's 0x01:0x06.
+TEST(Mip, AnswersResumeWithTheSameBytes) {
+  Unit unit;
+  EXPECT_EQ(unit.say(command(0x01, 0x06)), (std::vector<Bytes>{hex("7565010404f10600da74")}));
+}
+
+// Shared fields are in packets of any set: 0xA0 is the system's (mip_sdk e5a847d, data_system.h), of no measurement.
+TEST(Mip, DecodesNothingOfAnotherSet) {
+  const auto decoder = find_protocol("mip")->make_decoder(Settings(find_protocol("mip")->settings));
+  Recording recording;
+  const Bytes other = packet(0xA0, hex("0ad500000041d8bae0400ad600000000007a1200"));
+  const Bytes known = hex("7565801c0e063d7affd63e913fe83e797fd60e0cbccc29883cb6db9bbf951475b05c");
+  for (const Bytes& bytes : {other, known, other}) decoder->feed({std::as_bytes(std::span(bytes))}, recording);
+  const Bytes timed = packet(0x80, hex("0ad500000041d8bae040"));
+  decoder->feed({std::as_bytes(std::span(timed))}, recording);
+  ASSERT_EQ(recording.measurements.size(), 1U);
+  EXPECT_EQ(recording.measurements[0].sample.time.ns, 282'809'000'000);
+  EXPECT_EQ(decoder->errors().checksum + decoder->errors().malformed + decoder->errors().skipped_bytes, 0U);
+}
+
 // mip_sdk e5a847d, test/data/packet_example_cpp_check.txt. Its poll has set and "no acknowledgement" in the other order than
 // the library's own function (commands_3dm.c, insert_mip_3dm_poll_data_command): of a set 0 there is nothing to poll,
 // and no NACK either.
