@@ -31,6 +31,7 @@
 #include <cmath>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
@@ -117,7 +118,7 @@ class Stim300Device final : public Device {
     constexpr std::array<std::pair<std::string_view, Special>, 5> requests = {
         {{"N", of_part}, {"I", of_serial}, {"C", of_configuration}, {"T", of_trim}, {"E", of_errors}}};
     for (const auto& [word, special] : requests)
-      if (line == word) specials_ = special;  // the last one asked for
+      if (line == word) (initialising_ ? asked_ : specials_) = special;  // the last one asked for; the start comes first
     if (line == "R") reset();
     if (line == "UTILITYMODE") {
       mode_ = Mode::utility;
@@ -150,6 +151,7 @@ class Stim300Device final : public Device {
     mode_ = Mode::normal;
     initialising_ = true;
     since_reset_ = 0;
+    asked_ = 0;
     specials_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
     axes_ = {};
     triggered_.reset();
@@ -173,10 +175,10 @@ class Stim300Device final : public Device {
     const Vector3 f = sample.specific_force / units::standard_gravity;
     add(accelerometer, f, sample.delta_velocity / units::standard_gravity,
         sample.status / status::accelerometer_saturated_x & 7U);
-    constexpr double limit = 1.7;
+    constexpr double overload = 1.87, end = 2;  // Table 5-8, note 1; real units' frames show up to +-2 g
     unsigned tilted = 0;
-    for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) > limit ? 1U << i : 0U;
-    const Vector3 level = f.cwiseMax(-limit).cwiseMin(limit);
+    for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) > overload ? 1U << i : 0U;
+    const Vector3 level = f.cwiseMax(-end).cwiseMin(end);
     add(inclinometer, level, level / internal_hz, tilted);
   }
 
@@ -194,11 +196,10 @@ class Stim300Device final : public Device {
     }
     const std::size_t characters =
         specials_ != 0 ? send_special(out) : write_measurement(axes_, reading(validity, latency), memory_, out);
-    if (specials_ == 0) initialising_ = false;
-    // All of Table 5-12 follows from 80 us before the first bit (section 7.3) and a bit-rate that is 1 % low (Table 5-2).
+    if (specials_ == 0 && std::exchange(initialising_, false)) specials_ = std::exchange(asked_, 0U);
     const LineSettings line = memory_.active.line();
     const double on_line = static_cast<double>(characters * line.bits_per_character()) / line.baud;
-    busy_until_ = validity + nanoseconds(80e-6 + 1.01 * on_line);
+    busy_until_ = validity + nanoseconds(1.1 * on_line);  // Equation 12, from which Table 5-12 follows
     if (!starts || memory_.active.tov_toggles) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
   }
 
@@ -228,7 +229,7 @@ class Stim300Device final : public Device {
   Service service_;
   bool initialising_ = true;
   std::uint64_t since_reset_ = 0;  // internal samples
-  unsigned specials_ = 0;          // to be sent
+  unsigned specials_ = 0, asked_ = 0;  // to be sent, now and after the start
   DeviceTime now_, busy_until_, triggered_last_;
   std::optional<DeviceTime> triggered_, pps_;
   std::optional<Pulse> pulse_;
@@ -305,7 +306,8 @@ Product product(const Settings& settings) {
   product.gyro.max = 480 * units::degree;
   product.gyro.walk_transition.setZero();
   product.gyro.walk_sqrt_cov = white(0.15 * units::degree) * Matrix3::Identity();
-  product.accelerometer.max = range_g(configuration(settings).accelerometer_range) * units::standard_gravity;
+  const unsigned range = range_g(configuration(settings).accelerometer_range);
+  product.accelerometer.max = (range == 80 ? 96 : 1.1 * range) * units::standard_gravity;  // Tables 5-4 to 5-7, note 1
   product.accelerometer.walk_transition.setZero();
   product.accelerometer.walk_sqrt_cov = white(0.06) * Matrix3::Identity();
   return product;

@@ -177,7 +177,7 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
   EXPECT_EQ(imu.rate_hz, 2000.0);
   EXPECT_EQ(imu.port, "pty:imu1?baud=921600");
   EXPECT_DOUBLE_EQ(imu.model.gyro.max, 480 * units::degree);
-  EXPECT_DOUBLE_EQ(imu.model.accelerometer.max, 10 * units::standard_gravity);
+  EXPECT_DOUBLE_EQ(imu.model.accelerometer.max, 11 * units::standard_gravity) << "Table 5-5, note 1";
   // 0.15 deg/sqrt(h): of white noise at 2000 Hz the deviation that adds up to 0.15 deg in an hour.
   EXPECT_NEAR(imu.model.gyro.walk_sqrt_cov(0, 0) * std::sqrt(3600.0 * 2000) / 2000, 0.15 * units::degree, 1e-12);
   EXPECT_EQ(line_load(imu).percent, 100.0 * 590'000 / 921'600);
@@ -186,7 +186,7 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
             "serial:/dev/ttyUSB0?baud=374400&parity=odd&stop=1");
   EXPECT_EQ(load(bare, {"imu.0.gyro.max_rad_per_s=5"}).imus[0].model.gyro.max, 5.0);
   EXPECT_EQ(load(bare, {"imu.0.device.accelerometer_range_g=30"}).imus[0].model.accelerometer.max,
-            30 * units::standard_gravity);
+            33 * units::standard_gravity);
   EXPECT_NE(fault(bare, {"imu.0.rate_hz=1000"}).find("imu.0.rate_hz: stim300 samples at 2000 Hz inside"), std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.port=pty:imu1?baud=115200"}).find("imu.0.port: baud is the device's"), std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.device.bit_rate=500000"}).find("give 374400, 460800, 921600 or 1843200"), std::string::npos);

@@ -130,6 +130,41 @@ TEST(Stim300, StartsUpAsAfterPowerOn) {
   check();
 }
 
+// Section 7.5.1: nothing that a host asks for takes the place of the start's datagrams; it comes after them.
+TEST(Stim300, WhatIsAskedForDuringTheStartComesAfterIt) {
+  for (const bool at_reset : {false, true}) {
+    Stim300Unit unit(at_reset ? "start_up=false" : "");
+    unit.run(10);
+    unit.say(at_reset ? "R\rC" : "C");
+    const auto sent = unit.run(400);
+    ASSERT_GT(sent.size(), 5U);
+    EXPECT_EQ(first(sent[0]), 0xB1U);
+    EXPECT_EQ(first(sent[1]), 0xB5U);
+    EXPECT_EQ(first(sent[2]), 0xBCU);
+    EXPECT_EQ(first(sent[3]), 0xBCU) << "the one asked for";
+    EXPECT_EQ(first(sent[4]), 0xA7U);
+  }
+}
+
+// Section 9.12.1, Equation 12: the bit-rate is at least 1.1 times the bits of all datagrams, CR LF and parity with them.
+TEST(Stim300, LosesSamplesBeyondEquation12Only) {
+  for (const int content : {3, 7})
+    for (const bool cr_lf : {false, true})
+      for (const char* parity : {"none", "even"})
+        for (const int stop : {1, 2})
+          for (const int bit_rate : {374400, 460800, 921600, 1843200})
+            for (const int rate : {500, 1000, 2000}) {
+              const std::string settings =
+                  "start_up=false,temperature=" + std::string(content == 7 ? "true" : "false") +
+                  ",cr_lf=" + (cr_lf ? "true" : "false") + ",parity=" + parity + ",stop_bits=" + std::to_string(stop) +
+                  ",bit_rate=" + std::to_string(bit_rate) + ",sample_rate=" + std::to_string(rate);
+              Stim300Unit unit(settings);
+              const int bits = 10 + (parity[0] == 'e') + stop - 1, bytes = (content == 7 ? 59 : 38) + (cr_lf ? 2 : 0);
+              const bool fits = 11LL * bits * bytes * rate <= 10LL * bit_rate;
+              EXPECT_EQ(unit.run(2000).size() == static_cast<std::size_t>(rate), fits) << settings;
+            }
+}
+
 TEST(Stim300, SaysWhoItIsAsTheDatasheetPacksIt) {
   Stim300Unit unit;
   for (const char* command : {"N", "I", "C", "E", "T"}) {
@@ -203,8 +238,11 @@ TEST(Stim300, StatusSaysWhatIsTheMatter) {
   unit.sample.temperature_c = 90;
   EXPECT_EQ(status(10), 0x20U);
   unit.sample.temperature_c = 20;
-  unit.sample.specific_force = {20, 0, 9.8};
-  EXPECT_EQ(status(30), 0x11U) << "the inclinometer ends at 1.7 g";
+  unit.sample.specific_force = {1.8 * units::standard_gravity, 0, 9.8};
+  EXPECT_EQ(status(30), 0U) << "Table 5-8, note 1: from 1.87 g on";
+  unit.sample.specific_force = {1.9 * units::standard_gravity, 0, 9.8};
+  EXPECT_EQ(status(30), 0x11U);
+  unit.sample.specific_force = {0, 0, 9.8};
   // One of several internal samples is enough (section 7.6).
   unit.run(1);
   unit.sample.status = 1;
