@@ -18,8 +18,9 @@ class CommandReader {
   static constexpr Nanoseconds patience = std::chrono::seconds(1);
 
   // `now`: any clock that the device has. `act(std::string_view)` is given each line, without its end; no empty ones.
-  template <class Act>
-  void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act) {
+  // `leave_out()` is called at the end of one that is too long.
+  template <class Act, class LeaveOut>
+  void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act, LeaveOut&& leave_out) {
     if (now - last_ > patience) size_ = 0;
     last_ = now;
     for (const std::byte byte : bytes) {
@@ -31,8 +32,15 @@ class CommandReader {
       }
       const std::size_t size = size_;
       size_ = 0;
-      if (size > 0 && size <= Max) act(std::string_view(line_.data(), size));
+      if (size > Max)
+        leave_out();
+      else if (size > 0)
+        act(std::string_view(line_.data(), size));
     }
+  }
+  template <class Act>
+  void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act) {
+    feed(bytes, now, act, [] {});
   }
 
  private:

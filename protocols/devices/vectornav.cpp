@@ -43,7 +43,7 @@ class VectorNavDevice final : public Device {
     reader_.feed(from_host.bytes, sample_.time, [&](std::string_view line) {
       // What comes before is not ours; a command cut off is followed by another one's beginning.
       if (const std::size_t begin = line.rfind('$'); begin != std::string_view::npos) obey(line.substr(begin + 1), replies);
-    });
+    }, [&] { send_error(input_overflow, Form::two_digits, replies); });
   }
 
   void restart() noexcept override { reset(); }
@@ -141,7 +141,10 @@ class VectorNavDevice final : public Device {
       if (body.size() == 5 || has_parameters)
         error = obey(body.substr(0, 5), has_parameters ? body.substr(6) : std::string_view(), body, form, replies);
     }
-    if (error == none) return;
+    if (error != none) send_error(error, form, replies);
+  }
+
+  void send_error(Error error, Form form, FrameBuffer& replies) noexcept {
     std::array<char, 24> text;
     std::snprintf(text.data(), text.size(), "VNERR,%02X", static_cast<unsigned>(error));
     Message(replies, form).put(text.data()).send();
@@ -158,7 +161,10 @@ class VectorNavDevice final : public Device {
       return none;
     }
     if (name == "VNWRG") {
-      if (const Error error = write_register(active_, model_, rest); error != none) return error;
+      Configuration changed = active_;
+      if (const Error error = write_register(changed, model_, rest); error != none) return error;
+      if (const double load = line_load(changed, model_); load > 1 && load > line_load(active_, model_)) return insufficient_baud;
+      active_ = changed;
       if (const auto id = number_in<unsigned>(rest.substr(0, rest.find(','))); *id >= 75 && *id <= 77) sums_[*id - 75] = {};
       calibrate();
     } else if (name == "VNASY") {

@@ -28,13 +28,14 @@ struct Message1 {
   std::string_view name;
   unsigned register_id;  // that says the same; 0: none
   unsigned receivers;  // that a model with this message has
+  std::size_t size;
 };
 constexpr Message1 messages[] = {
-    {1, "VNYPR", 8, 0},  {2, "VNQTN", 9, 0},  {8, "VNQMR", 15, 0},  {10, "VNMAG", 17, 0}, {11, "VNACC", 18, 0},
-    {12, "VNGYR", 19, 0}, {13, "VNMAR", 20, 0}, {14, "VNYMR", 27, 0}, {16, "VNYBA", 239, 0},  {17, "VNYIA", 240, 0},
-    {19, "VNIMU", 54, 0}, {20, "VNGPS", 58, 1},  {21, "VNGPE", 59, 1},  {22, "VNINS", 63, 1},  {23, "VNINE", 64, 1},
-    {28, "VNISL", 72, 1},  {29, "VNISE", 73, 1},  {30, "VNDTV", 80, 0},
-    {32, "VNG2S", 103, 2},   {33, "VNG2E", 104, 2},
+    {1, "VNYPR", 8, 0, 38}, {2, "VNQTN", 9, 0, 51}, {8, "VNQMR", 15, 0, 135}, {10, "VNMAG", 17, 0, 38},
+    {11, "VNACC", 18, 0, 35}, {12, "VNGYR", 19, 0, 44}, {13, "VNMAR", 20, 0, 95}, {14, "VNYMR", 27, 0, 122},
+    {16, "VNYBA", 239, 0, 95}, {17, "VNYIA", 240, 0, 95}, {19, "VNIMU", 54, 0, 110}, {20, "VNGPS", 58, 1, 145},
+    {21, "VNGPE", 59, 1, 146}, {22, "VNINS", 63, 1, 142}, {23, "VNINE", 64, 1, 143}, {28, "VNISL", 72, 1, 160},
+    {29, "VNISE", 73, 1, 161}, {30, "VNDTV", 80, 0, 93}, {32, "VNG2S", 103, 2, 145}, {33, "VNG2E", 104, 2, 146},
 };
 
 // The quantities that several messages and fields give.
@@ -126,6 +127,12 @@ std::string_view name_of(unsigned type, const Model& model) noexcept {
   for (const Message1& message : messages)
     if (message.type == type && message.receivers <= model.receivers) return message.name;
   return "";
+}
+
+std::size_t size_of(unsigned type) noexcept {
+  for (const Message1& message : messages)
+    if (message.type == type) return message.size;
+  return 0;
 }
 
 unsigned type_of_register(unsigned id) noexcept {

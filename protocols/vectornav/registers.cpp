@@ -74,6 +74,16 @@ unsigned BinaryOutput::group_bits() const noexcept {
   return bits;
 }
 
+std::size_t BinaryOutput::size() const noexcept {
+  if (group_bits() == 0) return 0;
+  std::size_t size = 2 + 2;  // 0xFA, groups; checksum
+  for (unsigned g = 0; g < groups; ++g) {
+    if (masks[g] != 0) size += 2;
+    for (unsigned bit = 0; bit < field_sizes[g].size(); ++bit) size += (masks[g] >> bit & 1U) != 0 ? field_sizes[g][bit] : 0U;
+  }
+  return size;
+}
+
 std::optional<BinaryOutput> BinaryOutput::parse(std::string_view text, Error& error) noexcept {
   const Words words(text);
   error = too_few;
@@ -90,19 +100,16 @@ std::optional<BinaryOutput> BinaryOutput::parse(std::string_view text, Error& er
   error = bad_parameter;
   output.mode = *mode;
   output.divisor = *divisor;
-  std::size_t at = 3, size = 2 + 2 * (wanted - 3) + 2;
+  std::size_t at = 3;
   for (unsigned g = 0; g < groups; ++g) {
     if ((*bits >> g & 1U) == 0) continue;
     const auto mask = number_in<std::uint16_t>(words[at++], 16);
     if (!mask) return std::nullopt;
-    for (unsigned bit = 0; bit < 16; ++bit) {
-      if ((*mask >> bit & 1U) == 0) continue;
-      if (bit > 14 || field_sizes[g][bit] == 0) return std::nullopt;
-      size += field_sizes[g][bit];
-    }
+    for (unsigned bit = 0; bit < 16; ++bit)
+      if ((*mask >> bit & 1U) != 0 && (bit > 14 || field_sizes[g][bit] == 0)) return std::nullopt;
     output.masks[g] = *mask;
   }
-  if (size > longest) return std::nullopt;
+  if (output.size() > longest) return std::nullopt;
   error = none;
   return output;
 }
@@ -233,6 +240,21 @@ Error write_register(Configuration& c, const Model& model, std::string_view rest
     return bad_parameter;  // the reference frame is no rotation
   }
   return bad_register;
+}
+
+double line_load(const Configuration& c, const Model& model) noexcept {
+  const Configuration::SerialPort& port = c.ports[0];
+  double bytes_per_s = 0;
+  if (port.async_type != 0) {
+    const std::size_t appended = (c.number_of(30, 0) != 0 ? std::string_view(",T0").size() : 0U) +
+                                 (c.number_of(30, 1) != 0 ? std::string_view(",S0000").size() : 0U);
+    const std::size_t more_digits = c.number_of(30, 4) >= 2 ? 2 : 0;
+    bytes_per_s += static_cast<double>((size_of(port.async_type) + appended + more_digits) * port.async_hz);
+  }
+  for (const BinaryOutput& output : c.binary)
+    if ((output.mode & 1U) != 0) bytes_per_s += static_cast<double>(output.size()) * model.internal_hz / output.divisor;
+  constexpr double bits_per_byte = 10;
+  return bits_per_byte * bytes_per_s / port.baud;
 }
 
 Error put_register(const Configuration& c, const Model& model, unsigned id, std::string_view port,

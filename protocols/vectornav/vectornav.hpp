@@ -24,7 +24,11 @@
 
 namespace imud::vectornav {
 
-enum Error : unsigned { none = 0, bad_checksum = 3, bad_command, too_few, too_many, bad_parameter, bad_register, unauthorised };
+// Of VNERR (VN-200 user manual UM004, page 23, table 20).
+enum Error : unsigned {
+  none = 0, input_overflow = 2, bad_checksum, bad_command, too_few, too_many, bad_parameter, bad_register, unauthorised,
+  insufficient_baud = 12
+};
 inline constexpr std::size_t longest = 1024;  // of a frame
 inline constexpr std::array<std::uint32_t, 9> bauds = {9600, 19200, 38400, 57600, 115200, 128000, 230400, 460800, 921600};
 
@@ -88,6 +92,7 @@ struct BinaryOutput {
   std::array<std::uint16_t, groups> masks = {};
 
   unsigned group_bits() const noexcept;
+  std::size_t size() const noexcept;  // of its frame, in bytes; 0 if it has no fields
   // "3,16,01,0721": mode, divisor, groups and their masks in hexadecimal digits.
   static std::optional<BinaryOutput> parse(std::string_view text, Error& error) noexcept;
 };
@@ -127,6 +132,8 @@ struct Configuration {
 
 // Sets register `rest` ("06,14"), of the configuration alone.
 Error write_register(Configuration& configuration, const Model& model, std::string_view rest) noexcept;
+// Of the host's serial port, by what is streamed there: above 1 there is more than the line carries.
+double line_load(const Configuration& configuration, const Model& model) noexcept;
 // Puts what register `id` says after its number. Not those of measurements. `port`, of registers 5 to 7: which serial port,
 // 1 or 2; 0 or "?": the host's; the answer then ends in its number. Empty: the host's, and no number.
 Error put_register(const Configuration& configuration, const Model& model, unsigned id, std::string_view port,
@@ -155,6 +162,8 @@ struct Reading {
 
 // The message's name: empty if the model has none of that type.
 std::string_view name_of(unsigned type, const Model& model) noexcept;
+// Of the longest message of that type, from '$' to LF, with two digits of checksum and nothing appended, in bytes.
+std::size_t size_of(unsigned type) noexcept;
 // The type whose message says what a measurement register says; 0: it is none.
 unsigned type_of_register(unsigned id) noexcept;
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;

@@ -46,6 +46,7 @@ Sample on_earth() {
 
 // The frame of one output alone.
 std::string binary(Unit& unit, const std::string& output) {
+  EXPECT_EQ(unit.ask("VNWRG,05,921600"), with_xor("VNWRG,05,921600"));
   EXPECT_EQ(unit.ask("VNWRG,75,1,8," + output), with_xor("VNWRG,75,1,8," + output));
   EXPECT_EQ(unit.ask("VNWRG,06,0"), with_xor("VNWRG,06,0"));
   const auto sent = unit.run(8);

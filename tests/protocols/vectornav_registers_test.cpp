@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "protocols/vectornav/vectornav.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/vectornav_unit.hpp"
 
@@ -63,6 +64,49 @@ TEST(VectorNavRegisters, AnOutputThatIsOffNeedsNoDivisor) {
   EXPECT_EQ(unit.ask("VNRRG,75"), with_xor("VNRRG,75,0,0,00"));
   EXPECT_EQ(unit.ask("VNWRG,75,0,0,00"), with_xor("VNWRG,75,0,0,00"));
   EXPECT_EQ(unit.ask("VNWRG,75,1,0,01,0001"), with_xor("VNERR,07"));
+}
+
+// UM004, page 23, table 20: 12, the baud is too low for what is asked for; 2, the input buffer of 256 characters overflowed.
+TEST(VectorNavRegisters, AreRefusedForMoreThanTheLineCarries) {
+  Unit unit;
+  const std::string refused = with_xor("VNERR,0C");
+  EXPECT_EQ(unit.ask("VNWRG,05,9600"), refused) << "40 VNYMR of 122 bytes are 48800 bit/s";
+  EXPECT_EQ(unit.ask("VNRRG,05"), with_xor("VNRRG,05,115200"));
+  EXPECT_EQ(unit.device->line().baud, 115200U);
+  EXPECT_EQ(unit.ask("VNWRG,05,38400"), refused);
+  EXPECT_EQ(unit.ask("VNWRG,07,100"), refused);
+  EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
+  EXPECT_EQ(unit.ask("VNWRG,75,1,8,01,0FFF"), refused);
+  EXPECT_EQ(unit.ask("VNRRG,75"), with_xor("VNRRG,75,0,0,00"));
+  EXPECT_EQ(unit.ask("VNWRG,75,2,8,01,0FFF"), with_xor("VNWRG,75,2,8,01,0FFF")) << "at the other port";
+  EXPECT_EQ(unit.ask("VNWRG,05,9600,2"), with_xor("VNWRG,05,9600,2"));
+  EXPECT_EQ(unit.ask("VNWRG,06,0"), with_xor("VNWRG,06,0"));
+  EXPECT_EQ(unit.ask("VNWRG,05,9600"), with_xor("VNWRG,05,9600"));
+  EXPECT_EQ(unit.ask("VNWRG,06,14"), refused);
+}
+TEST(VectorNavRegisters, WhatMakesTheLoadLessIsTakenAtAnyLoad) {
+  Unit unit({{"binary_1", std::string("1,1,01,0FFF")}});  // 1.3 Mbit/s
+  EXPECT_EQ(unit.ask("VNWRG,07,50"), with_xor("VNERR,0C"));
+  EXPECT_EQ(unit.ask("VNWRG,06,0"), with_xor("VNWRG,06,0"));
+  EXPECT_EQ(unit.ask("VNWRG,05,921600"), with_xor("VNWRG,05,921600"));
+}
+
+TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsToldSo) {
+  Unit unit;
+  EXPECT_EQ(unit.say("$VNWRG,00," + std::string(300, 'x') + "\r\n"), with_xor("VNERR,02"));
+  EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
+}
+
+// The load is computed from them.
+TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
+  for (const unsigned type : {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U, 28U, 29U, 30U, 32U, 33U}) {
+    Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{type}}});
+    for (const bool is_placed : {false, true}) {
+      unit.sample.place.is_known = is_placed;
+      unit.sample.rate = {-30, 30, 0};
+      EXPECT_EQ(unit.run(400).at(1).size(), vectornav::size_of(type)) << type;
+    }
+  }
 }
 
 // How many parameters the SDK's registers have (Interface/Registers.cpp).

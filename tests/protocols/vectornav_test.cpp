@@ -79,7 +79,7 @@ TEST(VectorNav, EveryMessageHasItsName) {
   for (const auto& [type, begin] : {std::pair{"1", "$VNYPR,"}, {"2", "$VNQTN,"}, {"8", "$VNQMR,"}, {"10", "$VNMAG,"},
                                     {"11", "$VNACC,"}, {"12", "$VNGYR,"}, {"13", "$VNMAR,"}, {"14", "$VNYMR,"},
                                     {"16", "$VNYBA,"}, {"17", "$VNYIA,"}, {"19", "$VNIMU,"}, {"30", "$VNDTV,"}}) {
-    Unit unit;
+    Unit unit({{"baud", std::int64_t{921600}}});
     EXPECT_EQ(unit.ask("VNWRG,06," + std::string(type)), with_xor("VNWRG,06," + std::string(type)));
     EXPECT_EQ(unit.ask("VNWRG,07,200"), with_xor("VNWRG,07,200"));
     const auto sent = unit.run(800);
