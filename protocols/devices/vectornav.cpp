@@ -36,7 +36,7 @@ class VectorNavDevice final : public Device {
     const auto ascii_divisor = static_cast<std::uint64_t>(model_.internal_hz) / std::max(1U, port().async_hz);
     if (port().async_type != 0 && sample.counter % ascii_divisor == 0) send_async(out);
     for (std::size_t i = 0; i < active_.binary.size(); ++i)
-      if ((active_.binary[i].mode & 1U) != 0 && sample.counter % active_.binary[i].divisor == 0) send_binary(i, out);
+      if (active_.binary[i].is_streamed() && sample.counter % active_.binary[i].divisor == 0) send_binary(i, out);
   }
 
   void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
@@ -50,7 +50,7 @@ class VectorNavDevice final : public Device {
   LineSettings line() const noexcept override { return {port().baud}; }
 
  private:
-  static constexpr std::size_t of_ascii = 3;
+  static constexpr std::size_t of_ascii = 3, of_polled = 4;
   static constexpr std::array<std::string_view, 7> echoed = {"VNRST", "VNSGB", "VNSFB", "VNSIH", "VNKMD", "VNKAD", "VNCMD"};
 
   struct Calibration {
@@ -107,7 +107,7 @@ class VectorNavDevice final : public Device {
 
   void send_binary(std::size_t which, FrameBuffer& out) noexcept {
     const BinaryOutput& output = active_.binary[which];
-    if (output.group_bits() == 0) return;
+    if (output.size() == 0) return;
     FrameWriter<boost::endian::order::little> frame(out, longest);
     frame.put(std::uint8_t{0xFA});
     frame.put(static_cast<std::uint8_t>(output.group_bits()));
@@ -156,7 +156,7 @@ class VectorNavDevice final : public Device {
     if (name == "VNRRG") return read_register(rest, body.substr(0, 6), form, replies);
     if (name == "VNBOM") {
       const auto which = number_in<unsigned>(rest);
-      if (!which || *which < 1 || *which > 3) return bad_parameter;
+      if (!which || *which < 1 || *which > 3 || active_.binary[*which - 1].size() == 0) return bad_parameter;
       send_binary(*which - 1, replies);
       return none;
     }
@@ -165,10 +165,11 @@ class VectorNavDevice final : public Device {
       if (const Error error = write_register(changed, model_, rest); error != none) return error;
       if (const double load = line_load(changed, model_); load > 1 && load > line_load(active_, model_)) return insufficient_baud;
       active_ = changed;
-      if (const auto id = number_in<unsigned>(rest.substr(0, rest.find(','))); *id >= 75 && *id <= 77) sums_[*id - 75] = {};
+      begin_sums(Words(rest));
       calibrate();
     } else if (name == "VNASY") {
       if (rest != "0" && rest != "1") return bad_parameter;
+      if (paused_ && rest == "1") std::fill_n(sums_.begin(), of_polled, Sums());
       paused_ = rest == "0";
     } else if (name == "VNWNV") {
       stored_ = active_;
@@ -184,6 +185,14 @@ class VectorNavDevice final : public Device {
     return none;
   }
 
+  // Of an output that has been written anew.
+  void begin_sums(const Words& words) noexcept {
+    const unsigned id = number_in<unsigned>(words[0]).value_or(0);
+    const bool is_other_port = words.count == 3 && words[2] == "2";
+    if (id >= 75 && id <= 77) sums_[id - 75] = {};
+    if ((id == 6 || id == 7) && !is_other_port) sums_[of_ascii] = {};
+  }
+
   Error read_register(std::string_view rest, std::string_view name, Form form, FrameBuffer& replies) noexcept {
     const std::size_t comma = rest.find(',');
     const std::string_view word = rest.substr(0, comma);
@@ -194,8 +203,7 @@ class VectorNavDevice final : public Device {
     message.put(name).put(word);
     const unsigned type = type_of_register(*id);
     if (type != 0 && !name_of(type, model_).empty()) {
-      Sums sums = sums_[of_ascii];  // a look takes nothing from the stream
-      put_measurement(type, reading(), sums, message);
+      put_measurement(type, reading(), sums_[of_polled], message);
     } else if (const Error error = put_register(active_, model_, *id, serial_port, message); error != none) {
       return error;
     }
@@ -212,7 +220,7 @@ class VectorNavDevice final : public Device {
   Quaternion tare_ = Quaternion::Identity();
   std::array<Calibration, 3> calibrations_;     // magnetometer, accelerometer, gyro
   Sample raw_, sample_;                         // the newest, as sensed, and compensated
-  std::array<Sums, 4> sums_;
+  std::array<Sums, 5> sums_;                    // of the binary outputs, of text, of register 80
   CommandReader<256> reader_;
 };
 

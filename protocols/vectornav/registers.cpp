@@ -93,7 +93,6 @@ std::optional<BinaryOutput> BinaryOutput::parse(std::string_view text, Error& er
   const auto bits = number_in<unsigned>(words[2], 16);
   error = bad_parameter;
   if (!mode || *mode > 3 || !divisor || *divisor > 0xFFFF || !bits || *bits > 0x7F) return std::nullopt;
-  if (*divisor == 0 && *mode != 0) return std::nullopt;
   const auto wanted = 3 + static_cast<std::size_t>(std::popcount(*bits));
   error = words.count < wanted ? too_few : too_many;
   if (words.count != wanted) return std::nullopt;
@@ -252,7 +251,7 @@ double line_load(const Configuration& c, const Model& model) noexcept {
     bytes_per_s += static_cast<double>((size_of(port.async_type) + appended + more_digits) * port.async_hz);
   }
   for (const BinaryOutput& output : c.binary)
-    if ((output.mode & 1U) != 0) bytes_per_s += static_cast<double>(output.size()) * model.internal_hz / output.divisor;
+    if (output.is_streamed()) bytes_per_s += static_cast<double>(output.size()) * model.internal_hz / output.divisor;
   constexpr double bits_per_byte = 10;
   return bits_per_byte * bytes_per_s / port.baud;
 }

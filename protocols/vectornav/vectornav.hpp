@@ -88,9 +88,10 @@ inline constexpr Model models[] = {
 // --- Registers ---
 
 struct BinaryOutput {
-  unsigned mode = 0, divisor = 1;
+  unsigned mode = 0, divisor = 1;  // divisor 0: sent when asked for alone (VN-100 user manual UM001, page 56)
   std::array<std::uint16_t, groups> masks = {};
 
+  bool is_streamed() const noexcept { return (mode & 1U) != 0 && divisor != 0; }  // at the host's port
   unsigned group_bits() const noexcept;
   std::size_t size() const noexcept;  // of its frame, in bytes; 0 if it has no fields
   // "3,16,01,0721": mode, divisor, groups and their masks in hexadecimal digits.

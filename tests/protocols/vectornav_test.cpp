@@ -50,7 +50,8 @@ TEST(VectorNav, ErrorsHaveTheirCodes) {
   EXPECT_EQ(unit.ask("VNWRG,7,41"), error(7));
   EXPECT_EQ(unit.ask("VNWRG,5,115201"), error(7));
   EXPECT_EQ(unit.ask("VNWRG,35,1,x,1,1"), error(7));
-  EXPECT_EQ(unit.ask("VNWRG,75,3,0,01,0001"), error(7));
+  EXPECT_EQ(unit.ask("VNWRG,75,4,8,01,0001"), error(7)) << "no such port";
+  EXPECT_EQ(unit.ask("VNBOM,1"), error(7)) << "it has no fields";
   EXPECT_EQ(unit.ask("VNWRG,75,3,16,02,0400"), error(7)) << "no such field";
   EXPECT_EQ(unit.ask("VNASY,2"), error(7));
   EXPECT_EQ(unit.ask("VNRRG,99"), error(8));
@@ -146,6 +147,48 @@ TEST(VectorNav, IncrementsAreThoseSinceTheLastOne) {
   EXPECT_FLOAT_EQ(real_at(sent[2], 4), 4 / 800.0F);
   EXPECT_FLOAT_EQ(real_at(sent[2], 8), static_cast<float>(4e-3 / units::degree));
   EXPECT_FLOAT_EQ(real_at(sent[2], 4 + 20), 0.04F);
+}
+
+// UM001, page 56: with divisor 0 an output is sent when it is asked for, and not by itself.
+TEST(VectorNav, AnOutputWithoutDivisorIsPolled) {
+  for (const char* mode : {"1", "3"}) {
+    Unit unit({{"async_type", std::int64_t{0}}});
+    const std::string output = "VNWRG,75," + std::string(mode) + ",0,01,0029";
+    EXPECT_EQ(unit.ask(output), with_xor(output));
+    EXPECT_TRUE(unit.run(800).empty());
+    EXPECT_EQ(unit.ask("VNBOM,1").size(), 4U + 8 + 12 + 12 + 2);
+  }
+}
+
+TEST(VectorNav, IncrementsBeginWithTheirOutput) {
+  Unit unit;
+  const auto dt = [&] { return unit.run(800 / 40).at(0).substr(0, 16); };
+  const std::string first = "$VNDTV,+0.001250", one_period = "$VNDTV,+0.025000";
+  unit.run(8000);
+  unit.ask("VNWRG,06,30");
+  EXPECT_EQ(dt(), first) << "none of the time before it was asked for";
+  EXPECT_EQ(dt(), one_period);
+  unit.ask("VNWRG,07,10,2");
+  EXPECT_EQ(dt(), one_period) << "the other port's";
+  unit.ask("VNWRG,07,40");
+  EXPECT_EQ(dt(), first);
+  unit.ask("VNASY,1");
+  EXPECT_EQ(dt(), one_period) << "there was no pause";
+  unit.ask("VNASY,0");
+  unit.run(800);
+  unit.ask("VNASY,1");
+  EXPECT_EQ(dt(), first);
+}
+
+TEST(VectorNav, APollOfIncrementsGivesThoseSinceTheLastPoll) {
+  Unit unit({{"async_type", std::int64_t{30}}});
+  const auto poll = [&] { return unit.ask("VNRRG,80").substr(0, 19); };
+  unit.run(100);
+  EXPECT_EQ(poll(), "$VNRRG,80,+0.125000");
+  EXPECT_EQ(poll(), "$VNRRG,80,+0.000000");
+  unit.run(40);
+  EXPECT_EQ(poll(), "$VNRRG,80,+0.050000") << "streams take nothing from it";
+  EXPECT_EQ(unit.run(20).at(0).substr(0, 16), "$VNDTV,+0.025000") << "nor it from them";
 }
 
 TEST(VectorNav, SettingsSurviveAResetOnceWritten) {
