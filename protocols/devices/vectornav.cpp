@@ -51,32 +51,27 @@ class VectorNavDevice final : public Device {
 
  private:
   static constexpr std::size_t of_ascii = 3, of_polled = 4;
-  static constexpr std::array<std::string_view, 7> echoed = {"VNRST", "VNSGB", "VNSFB", "VNSIH", "VNKMD", "VNKAD", "VNCMD"};
-
-  struct Calibration {
-    Matrix3 gain = Matrix3::Identity();
-    Vector3 bias = Vector3::Zero();
-    Vector3 operator()(const Vector3& v) const noexcept { return gain * (v - bias); }
+  static constexpr std::size_t any = 99;
+  struct Command {
+    std::string_view name;
+    std::size_t fewest, most;  // parameters
   };
+  static constexpr Command commands[] = {  // the last ones change nothing here
+      {"VNRRG", 1, 2}, {"VNWRG", 1, any}, {"VNASY", 1, 1}, {"VNBOM", 1, 1}, {"VNWNV", 0, 0}, {"VNTAR", 0, 0}, {"VNRFS", 0, 0},
+      {"VNRST", 0, 0}, {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any}, {"VNKAD", 0, any},
+      {"VNCMD", 0, any}};
 
   void reset() noexcept {
     active_ = stored_;
-    dcm_ = active_.matrix_of(26);
+    dcm_ = active_.reference_frame;
     tare_.setIdentity();
-    calibrate();
     paused_ = false;
     started_ = false;
     sums_ = {};
   }
 
-  void calibrate() noexcept {
-    constexpr std::array<unsigned, 3> ids = {23, 25, 84};
-    for (std::size_t i = 0; i < ids.size(); ++i)
-      calibrations_[i] = {active_.matrix_of(ids[i]), active_.vector_of(ids[i], 9)};
-  }
-
   void compensate(const Sample& sample) noexcept {
-    const auto& [magnetometer, accelerometer, gyro] = calibrations_;
+    const auto& [magnetometer, accelerometer, gyro] = active_.calibrations;
     const double dt = 1 / model_.internal_hz;
     raw_ = sample;
     sample_ = sample;
@@ -137,7 +132,7 @@ class VectorNavDevice final : public Device {
     Error error = bad_checksum;
     if (sum == "XX" || sum == "XXXX" || is_checksum_of(body, sum)) {
       error = bad_command;
-      const bool has_parameters = body.size() > 6 && body[5] == ',';
+      const bool has_parameters = body.size() > 5 && body[5] == ',';
       if (body.size() == 5 || has_parameters)
         error = obey(body.substr(0, 5), has_parameters ? body.substr(6) : std::string_view(), body, form, replies);
     }
@@ -151,8 +146,11 @@ class VectorNavDevice final : public Device {
   }
 
   Error obey(std::string_view name, std::string_view rest, std::string_view body, Form form, FrameBuffer& replies) noexcept {
-    const bool wants_more = (name == "VNRRG" || name == "VNWRG" || name == "VNASY" || name == "VNBOM") && rest.empty();
-    if (wants_more) return too_few;
+    const auto* command = std::find_if(std::begin(commands), std::end(commands), [&](const auto& c) { return c.name == name; });
+    if (command == std::end(commands)) return bad_command;
+    const std::size_t given = rest.empty() ? 0 : Words(rest).count;
+    if (given < command->fewest) return too_few;
+    if (given > command->most) return too_many;
     if (name == "VNRRG") return read_register(rest, body.substr(0, 6), form, replies);
     if (name == "VNBOM") {
       const auto which = number_in<unsigned>(rest);
@@ -163,10 +161,10 @@ class VectorNavDevice final : public Device {
     if (name == "VNWRG") {
       Configuration changed = active_;
       if (const Error error = write_register(changed, model_, rest); error != none) return error;
-      if (const double load = line_load(changed, model_); load > 1 && load > line_load(active_, model_)) return insufficient_baud;
+      const double load = line_load(changed, model_);
+      if (load > 1 && load > line_load(active_, model_)) return insufficient_baud;
       active_ = changed;
       begin_sums(Words(rest));
-      calibrate();
     } else if (name == "VNASY") {
       if (rest != "0" && rest != "1") return bad_parameter;
       if (paused_ && rest == "1") std::fill_n(sums_.begin(), of_polled, Sums());
@@ -177,8 +175,6 @@ class VectorNavDevice final : public Device {
       tare_ = (tare_.conjugate() * sample_.q_LP).conjugate();  // what is so now is level and north from now on
     } else if (name == "VNRFS") {
       stored_ = factory_;
-    } else if (std::find(echoed.begin(), echoed.end(), name) == echoed.end()) {
-      return bad_command;
     }
     Message(replies, form).put(body).send();
     if (name == "VNRFS" || name == "VNRST") reset();
@@ -199,6 +195,7 @@ class VectorNavDevice final : public Device {
     const std::string_view serial_port = comma == std::string_view::npos ? std::string_view() : rest.substr(comma + 1);
     const auto id = number_in<unsigned>(word);
     if (!id) return bad_parameter;
+    if (comma != std::string_view::npos && (*id < 5 || *id > 7)) return too_many;
     Message message(replies, form);
     message.put(name).put(word);
     const unsigned type = type_of_register(*id);
@@ -218,7 +215,6 @@ class VectorNavDevice final : public Device {
   DeviceTime start_;
   Matrix3 dcm_ = Matrix3::Identity();           // register 26: to the host's axes
   Quaternion tare_ = Quaternion::Identity();
-  std::array<Calibration, 3> calibrations_;     // magnetometer, accelerometer, gyro
   Sample raw_, sample_;                         // the newest, as sensed, and compensated
   std::array<Sums, 5> sums_;                    // of the binary outputs, of text, of register 80
   CommandReader<256> reader_;

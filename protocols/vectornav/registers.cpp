@@ -167,14 +167,6 @@ double Configuration::number_of(unsigned id, std::size_t parameter) const noexce
   const Words words(text_of(id));
   return parameter < words.count ? real_in(words[parameter]).value_or(0) : 0;
 }
-Vector3 Configuration::vector_of(unsigned id, std::size_t first) const noexcept {
-  return {number_of(id, first), number_of(id, first + 1), number_of(id, first + 2)};
-}
-Matrix3 Configuration::matrix_of(unsigned id) const noexcept {
-  Matrix3 m;
-  for (int row = 0; row < 3; ++row) m.row(row) = vector_of(id, 3 * static_cast<std::size_t>(row)).transpose();
-  return m;
-}
 
 namespace {
 
@@ -209,12 +201,42 @@ Error write_binary(Configuration& c, std::size_t which, std::string_view value) 
   return none;
 }
 
+constexpr std::array<unsigned, 3> calibrations = {23, 25, 84};
+
+bool is_in_range(unsigned id, const Words& words) noexcept {
+  constexpr std::array<double, 7> most_of_30 = {5, 6, 5, 6, 3, 3, 2};  // SDK 0.99, ProtocolControl
+  constexpr std::array<double, 4> most_of_35 = {1, 2, 1, 1};           // its VpeBasicControl
+  constexpr double largest = 1000;  // of gains and biases: beyond it, they are no calibration
+  constexpr std::size_t longest_tag = 20;
+  if (id == 0) return words[0].size() <= longest_tag;
+  const bool is_matrix = id == 26 || std::find(calibrations.begin(), calibrations.end(), id) != calibrations.end();
+  for (std::size_t k = 0; k < words.count; ++k) {
+    const auto number = real_in(words[k]);
+    if (!number) return false;
+    if (id == 30 && (*number < 0 || *number > most_of_30[k])) return false;
+    if (id == 35 && (*number < 0 || *number > most_of_35[k])) return false;
+    if (is_matrix && std::abs(*number) > largest) return false;
+  }
+  return true;
+}
+
+Vector3 vector_in(const Words& words, std::size_t first) noexcept {
+  const auto number = [&](std::size_t k) { return real_in(words[first + k]).value_or(0); };
+  return {number(0), number(1), number(2)};
+}
+Matrix3 matrix_in(const Words& words) noexcept {
+  Matrix3 m;
+  for (int row = 0; row < 3; ++row) m.row(row) = vector_in(words, 3 * static_cast<std::size_t>(row)).transpose();
+  return m;
+}
+
 }  // namespace
 
 Error write_register(Configuration& c, const Model& model, std::string_view rest) noexcept {
   const std::size_t comma = rest.find(',');
   const auto id = number_in<unsigned>(rest.substr(0, comma));
   if (!id) return bad_parameter;
+  if (const unsigned type = type_of_register(*id); type != 0 && name_of(type, model).empty()) return bad_register;
   if ((*id >= 1 && *id <= 4) || type_of_register(*id) != 0) return unauthorised;
   const bool has_value = comma != std::string_view::npos;
   const std::string_view value = has_value ? rest.substr(comma + 1) : std::string_view();
@@ -228,15 +250,18 @@ Error write_register(Configuration& c, const Model& model, std::string_view rest
     if (kept[i].is_read_only) return unauthorised;
     if (!has_value || words.count < kept[i].count) return too_few;
     if (words.count > kept[i].count) return too_many;
-    if (value.size() >= Configuration::register_size) return bad_parameter;
-    for (std::size_t k = 0; *id != 0 && k < words.count; ++k)
-      if (!real_in(words[k])) return bad_parameter;
-    Configuration::Text before = c.registers[i];
+    if (value.size() >= Configuration::register_size || !is_in_range(*id, words)) return bad_parameter;
+    if (*id == 33) return none;  // zeros reset the counts, which stand at zero: nothing is connected to SyncIn and SyncOut
+    if (*id == 26) {
+      constexpr double tolerance = 1e-3;
+      const Matrix3 frame = matrix_in(words);
+      if (!(rotation_defect(frame) < tolerance)) return bad_parameter;
+      c.reference_frame = frame;
+    }
+    for (std::size_t k = 0; k < calibrations.size(); ++k)
+      if (calibrations[k] == *id) c.calibrations[k] = {matrix_in(words), vector_in(words, 9)};
     Configuration::store(c.registers[i], value);
-    constexpr double tolerance = 1e-3;
-    if (*id != 26 || rotation_defect(c.matrix_of(26)) < tolerance) return none;
-    c.registers[i] = before;
-    return bad_parameter;  // the reference frame is no rotation
+    return none;
   }
   return bad_register;
 }

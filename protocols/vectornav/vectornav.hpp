@@ -109,6 +109,13 @@ struct Register {
 inline constexpr std::size_t kept_count = 26;
 extern const std::array<Register, kept_count> kept;
 
+// Registers 23, 25 and 84: of what is sensed, what is told.
+struct Calibration {
+  Matrix3 gain = Matrix3::Identity();
+  Vector3 bias = Vector3::Zero();
+  Vector3 operator()(const Vector3& v) const noexcept { return gain * (v - bias); }
+};
+
 struct Configuration {
   static constexpr std::size_t register_size = 160;
   using Text = std::array<char, register_size>;
@@ -120,15 +127,15 @@ struct Configuration {
   std::array<BinaryOutput, 3> binary = {};
   std::array<Text, 3> binary_text = {};
   std::array<Text, kept_count> registers = {};
+  std::array<Calibration, 3> calibrations;        // magnetometer, accelerometer, gyro; as their registers say
+  Matrix3 reference_frame = Matrix3::Identity();  // as register 26 says
 
   Configuration() noexcept;
   static void store(Text& place, std::string_view text) noexcept;
   // Of one that is kept; empty if there is none of that number.
   std::string_view text_of(unsigned id) const noexcept;
-  // "1,2,3,...": the numbers from a kept register's parameter `first` on.
+  // "1,2,3,...": a kept register's parameter, counted from 0.
   double number_of(unsigned id, std::size_t parameter) const noexcept;
-  Matrix3 matrix_of(unsigned id) const noexcept;
-  Vector3 vector_of(unsigned id, std::size_t first) const noexcept;
 };
 
 // Sets register `rest` ("06,14"), of the configuration alone.

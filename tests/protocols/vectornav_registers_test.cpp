@@ -109,6 +109,57 @@ TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
   }
 }
 
+// The SDK's enumerations of registers 30 and 35; a tag of 20 characters.
+TEST(VectorNavRegisters, RefuseWhatIsOutOfRange) {
+  Unit unit;
+  for (const char* body : {"VNWRG,30,9,0,0,0,1,0,1", "VNWRG,30,0,7,0,0,1,0,1", "VNWRG,30,0,0,0,0,4,0,1", "VNWRG,30,0,0,0,0,1,0,3",
+                           "VNWRG,30,-1,0,0,0,1,0,1", "VNWRG,35,2,1,1,1", "VNWRG,35,1,3,1,1", "VNWRG,35,1,1,1,-1",
+                           "VNWRG,00,123456789012345678901"}) {
+    EXPECT_EQ(unit.ask(body), with_xor("VNERR,07")) << body;
+  }
+  for (const char* body : {"VNWRG,30,5,6,5,6,3,3,2", "VNWRG,35,1,2,1,1", "VNWRG,00,12345678901234567890"})
+    EXPECT_EQ(unit.ask(body), with_xor(body));
+}
+
+TEST(VectorNavRegisters, NoCalibrationMakesWhatIsNoNumber) {
+  Unit unit;
+  for (const char* id : {"23", "25", "84"}) {
+    EXPECT_EQ(unit.ask("VNWRG," + std::string(id) + ",1e300,0,0,0,1e300,0,0,0,1e300,0,0,0"), with_xor("VNERR,07"));
+    EXPECT_EQ(unit.ask("VNWRG," + std::string(id) + ",1,0,0,0,1,0,0,0,1,-1e308,0,0"), with_xor("VNERR,07"));
+  }
+  EXPECT_EQ(unit.ask("VNWRG,26,1e200,0,0,0,1e-200,0,0,0,1"), with_xor("VNERR,07"));
+  const std::string sent = unit.run(1).at(0);
+  EXPECT_EQ(sent.find("nan"), std::string::npos) << sent;
+  EXPECT_EQ(sent.find("inf"), std::string::npos) << sent;
+}
+
+TEST(VectorNavRegisters, CountsAreResetAndNotSet) {
+  Unit unit;
+  for (const char* counts : {"5,0,7", "0,0,0"}) {
+    EXPECT_EQ(unit.ask("VNWRG,33," + std::string(counts)), with_xor("VNWRG,33," + std::string(counts)));
+    EXPECT_EQ(unit.ask("VNRRG,33"), with_xor("VNRRG,33,0,0,0"));
+  }
+}
+
+TEST(VectorNavRegisters, AResetTakesBackACalibrationThatIsNotStored) {
+  Unit unit;
+  unit.sample.rate = {0.5, 0, 0};
+  const auto rate = [&] {
+    unit.run(1);
+    return unit.ask("VNRRG,19").substr(10, 10);
+  };
+  unit.ask("VNWRG,84,2,0,0,0,1,0,0,0,1,0,0,0");
+  EXPECT_EQ(rate(), "+01.000000");
+  unit.ask("VNRST");
+  EXPECT_EQ(rate(), "+00.500000");
+  unit.ask("VNWRG,84,2,0,0,0,1,0,0,0,1,0,0,0");
+  unit.ask("VNWNV");
+  unit.ask("VNRST");
+  EXPECT_EQ(rate(), "+01.000000");
+  unit.ask("VNRFS");
+  EXPECT_EQ(rate(), "+00.500000");
+}
+
 // How many parameters the SDK's registers have (Interface/Registers.cpp).
 TEST(VectorNavRegisters, HaveTheirParameters) {
   Unit unit({{"model", std::string("vn-300")}});
