@@ -139,7 +139,11 @@ class VectorNavDevice final : public Device {
     if (error != none) send_error(error, form, replies);
   }
 
+  // By register 30's mode of errors: 0, nothing is said; 2, the stream of text ends too.
   void send_error(Error error, Form form, FrameBuffer& replies) noexcept {
+    const double mode = active_.number_of(30, 6);
+    if (mode == 0) return;
+    if (mode == 2) active_.ports[0].async_type = 0;
     std::array<char, 24> text;
     std::snprintf(text.data(), text.size(), "VNERR,%02X", static_cast<unsigned>(error));
     Message(replies, form).put(text.data()).send();

@@ -207,12 +207,13 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
 }
 
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept {
+  if (status_mode != 0) {
+    std::array<char, 8> status;
+    const unsigned bits = status_mode == 2 ? Quantities(reading).ins_status() : 0U;
+    std::snprintf(status.data(), status.size(), ",S%04X", bits & 0xFFFFU);
+    message.put(status.data());
+  }
   if (count_mode != 0) message.put(",T0");  // nothing is connected to SyncIn, SyncOut and PPS
-  if (status_mode == 0) return;
-  std::array<char, 8> status;
-  const unsigned bits = status_mode == 2 ? Quantities(reading).ins_status() : 0U;
-  std::snprintf(status.data(), status.size(), ",S%04X", bits & 0xFFFFU);
-  message.put(status.data());
 }
 
 void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums& sums, Frame8& frame) noexcept {

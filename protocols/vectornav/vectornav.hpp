@@ -175,7 +175,8 @@ std::size_t size_of(unsigned type) noexcept;
 // The type whose message says what a measurement register says; 0: it is none.
 unsigned type_of_register(unsigned id) noexcept;
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;
-// What register 30 has appended to streamed text: a count ("T"; mode 0: none), a status ("S"; mode 0: none, 1: VPE, 2: INS).
+// What register 30 has appended to streamed text: a status ("S"; mode 0: none, 1: VPE, 2: INS), then a count ("T"; mode 0:
+// none) (UM001, page 69).
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept;
 // A field that the device does not know is left out: the caller fills it with zeros.
 void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums& sums,

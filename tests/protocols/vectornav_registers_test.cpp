@@ -213,7 +213,7 @@ TEST(VectorNavRegisters, Register30ChoosesTheChecksumOfTheStream) {
 TEST(VectorNavRegisters, Register30AppendsCountAndStatus) {
   Unit unit({{"async_type", std::int64_t{1}}});
   EXPECT_EQ(unit.ask("VNWRG,30,1,1,0,0,1,0,1"), with_xor("VNWRG,30,1,1,0,0,1,0,1"));
-  EXPECT_EQ(unit.run(1).at(0), with_xor("VNYPR,+000.000,+000.000,+000.000,T0,S0000"));
+  EXPECT_EQ(unit.run(1).at(0), with_xor("VNYPR,+000.000,+000.000,+000.000,S0000,T0"));
   unit.ask("VNWRG,06,12");
   unit.sample.rate = {0.5, 0, 0};
   const std::string gyro = unit.run(800).at(0);
@@ -226,6 +226,23 @@ TEST(VectorNavRegisters, Register30AppendsCountAndStatus) {
   ins.sample.place.is_known = true;
   ins.ask("VNWRG,30,0,2,0,0,1,0,1");
   EXPECT_EQ(ins.run(1).at(0), with_xor("VNYPR,+000.000,+000.000,+000.000,S0006"));
+}
+
+// vnproglib 1.2, types.h, ErrorMode: ignore, send, send and set register 6 to off.
+TEST(VectorNavRegisters, Register30SaysWhatAnErrorDoes) {
+  Unit unit;
+  unit.ask("VNWRG,30,0,0,0,0,1,0,0");
+  EXPECT_EQ(unit.ask("VNXYZ"), "");
+  EXPECT_EQ(unit.say("$VNRRG,01*00\r\n"), "");
+  EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
+  EXPECT_EQ(unit.run(800).size(), 40U);
+  unit.ask("VNWRG,30,0,0,0,0,1,0,1");
+  EXPECT_EQ(unit.ask("VNXYZ"), with_xor("VNERR,04"));
+  EXPECT_EQ(unit.run(800).size(), 40U);
+  unit.ask("VNWRG,30,0,0,0,0,1,0,2");
+  EXPECT_EQ(unit.ask("VNXYZ"), with_xor("VNERR,04"));
+  EXPECT_TRUE(unit.run(800).empty());
+  EXPECT_EQ(unit.ask("VNRRG,06"), with_xor("VNRRG,06,0"));
 }
 
 TEST(VectorNavRegisters, CommandsOfTheFilterAreEchoed) {
