@@ -83,11 +83,11 @@ class VectorNavDevice final : public Device {
     sample_.rate = gyro(raw_.rate);
     sample_.delta_velocity = accelerometer.gain * (sample_.delta_velocity - dt * accelerometer.bias);
     sample_.delta_angle = gyro.gain * (sample_.delta_angle - dt * gyro.bias);
-    sample_.q_LP = tare_ * sample.q_LP * Quaternion(dcm_.transpose()).normalized();
+    sample_.q_LP = sample.q_LP * Quaternion(dcm_.transpose()).normalized();
   }
 
   const Configuration::SerialPort& port() const noexcept { return active_.ports[0]; }
-  Reading reading() const noexcept { return {model_, sample_, raw_, sample_.time - start_}; }
+  Reading reading() const noexcept { return {model_, sample_, raw_, tare_, sample_.time - start_}; }
   Form async_form() const noexcept {  // register 30, parameter 5: 1, or 3 (2 in vnproglib)
     return active_.number_of(30, 4) >= 2 ? Form::four_digits : Form::two_digits;
   }
@@ -176,7 +176,7 @@ class VectorNavDevice final : public Device {
     } else if (name == "VNWNV") {
       stored_ = active_;
     } else if (name == "VNTAR") {
-      tare_ = (tare_.conjugate() * sample_.q_LP).conjugate();  // what is so now is level and north from now on
+      tare_ = sample_.q_LP.conjugate();  // what is so now is level and north from now on
     } else if (name == "VNRFS") {
       stored_ = factory_;
     }

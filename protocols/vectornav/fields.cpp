@@ -35,7 +35,7 @@ constexpr Message1 messages[] = {
     {11, "VNACC", 18, 0, 35}, {12, "VNGYR", 19, 0, 44}, {13, "VNMAR", 20, 0, 95}, {14, "VNYMR", 27, 0, 122},
     {16, "VNYBA", 239, 0, 95}, {17, "VNYIA", 240, 0, 95}, {19, "VNIMU", 54, 0, 110}, {20, "VNGPS", 58, 1, 145},
     {21, "VNGPE", 59, 1, 146}, {22, "VNINS", 63, 1, 142}, {23, "VNINE", 64, 1, 143}, {28, "VNISL", 72, 1, 160},
-    {29, "VNISE", 73, 1, 161}, {30, "VNDTV", 80, 0, 93}, {32, "VNG2S", 103, 2, 145}, {33, "VNG2E", 104, 2, 146},
+    {29, "VNISE", 73, 1, 161}, {30, "VNDTV", 80, 0, 75}, {32, "VNG2S", 103, 2, 145}, {33, "VNG2E", 104, 2, 146},
 };
 
 // The quantities that several messages and fields give.
@@ -44,7 +44,10 @@ class Quantities {
   explicit Quantities(const Reading& reading) noexcept : r_(reading), s_(reading.sample), place_(reading.sample.place) {}
 
   const Quaternion& q() const noexcept { return s_.q_LP; }
-  Vector3 ypr_deg() const noexcept { return yaw_pitch_roll_from_dcm(q().conjugate().toRotationMatrix()) / units::degree; }
+  Quaternion tared_q() const noexcept { return r_.tare * s_.q_LP; }
+  Vector3 ypr_deg() const noexcept {
+    return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
+  }
   Vector3 magnetic(const Sample& sample) const noexcept { return sample.magnetic_field / gauss; }
   double pressure_kpa() const noexcept { return s_.pressure / kilopascal; }
   // The specific force of a true vertical of standard gravity taken away.
@@ -145,7 +148,8 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
   const Quantities now(reading);
   const Sample& s = reading.sample;
   const auto put_q = [&] {
-    for (const double part : {now.q().x(), now.q().y(), now.q().z(), now.q().w()}) message.put(part, quaternion);
+    const Quaternion q = now.tared_q();
+    for (const double part : {q.x(), q.y(), q.z(), q.w()}) message.put(part, quaternion);
   };
   const auto put_field = [&] { message.put(now.magnetic(s), field); };
   const auto put_inertial = [&] { message.put(s.specific_force, acceleration).put(s.rate, rate); };
@@ -198,8 +202,8 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
       break;
     case 30: {
       const Sums since = std::exchange(sums, {});
-      message.put(since.dt, "%+09.6f").put(Vector3(since.delta_angle / units::degree), "%+011.6f");
-      message.put(since.delta_velocity, "%+011.6f");
+      message.put(since.dt, "%+09.6f").put(Vector3(since.delta_angle / units::degree), "%+08.3f");
+      message.put(since.delta_velocity, speed);
       break;
     }
     default: break;
@@ -221,7 +225,8 @@ void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums&
   const Sample &s = reading.sample, &raw = reading.raw;
   const Quaternion& q = now.q();
   const auto put_q = [&] {
-    for (const double part : {q.x(), q.y(), q.z(), q.w()}) frame.put_float(part);
+    const Quaternion tared = now.tared_q();
+    for (const double part : {tared.x(), tared.y(), tared.z(), tared.w()}) frame.put_float(part);
   };
   const auto put_delta_angle = [&] {
     frame.put_float(sums.dt);
@@ -276,7 +281,7 @@ void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums&
       frame.put_floats(raw.rate);
       return frame.put_float(s.temperature_c);
     case attitude << 4 | 3: {
-      const Matrix3 dcm_PL = q.conjugate().toRotationMatrix();  // in column-major order
+      const Matrix3 dcm_PL = now.tared_q().conjugate().toRotationMatrix();  // in column-major order
       for (int column = 0; column < 3; ++column) frame.put_floats(dcm_PL.col(column));
       return;
     }

@@ -165,6 +165,7 @@ struct Reading {
   const Model& model;
   const Sample& sample;  // compensated, in the host's reference frame
   const Sample& raw;     // as sensed
+  const Quaternion& tare;  // from north-east-down to what VNTAR made level and north: of attitudes told alone
   Nanoseconds since_start;
 };
 

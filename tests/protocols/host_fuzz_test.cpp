@@ -94,7 +94,8 @@ const std::vector<Host>& hosts() {
       {"vectornav", vectornav,
        {"VNRRG,01", "VNRRG,27", "VNWRG,05,921600", "VNWRG,06,14,1", "VNWRG,07,200", "VNWRG,75,3,16,01,0721",
         "VNWRG,76,1,1,7F,7FFF,03FF,1FFF,3FFF,1FFF,1FFF,3FFF", "VNWRG,77,1,2,04,0ED0", "VNASY,1", "VNASY,0", "VNWNV", "VNRFS",
-        "VNRST", "VNTAR", "VNBOM,1", "VNWRG,35,1,1,1,1", "VNWRG,26,+1,0,0,0,1,0,0,0,1", "VNRRG,54", "VNWRG,0,a tag"},
+        "VNRST", "VNTAR", "VNBOM,1", "VNWRG,35,1,1,1,1", "VNWRG,26,+1,0,0,0,1,0,0,0,1", "VNRRG,54", "VNWRG,0,a tag",
+        "VNWRG,75,1,0,01,0029", "VNWRG,30,1,2,0,0,3,0,2", "VNWRG,84,9,0,0,0,9,0,0,0,9,1,1,1", "VNRRG,80", "VNRRG,05,2"},
        "\r\n", vectornav("VNRRG,04"), "2.1.0.0"}}, "mip", {"3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"}), "vectornav", {"vn-300"});
   return all;
 }
