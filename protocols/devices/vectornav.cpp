@@ -57,8 +57,8 @@ class VectorNavDevice final : public Device {
     std::size_t fewest, most;  // parameters
   };
   static constexpr Command commands[] = {  // the last ones change nothing here
-      {"VNRRG", 1, 2}, {"VNWRG", 1, any}, {"VNASY", 1, 1}, {"VNBOM", 1, 1}, {"VNWNV", 0, 0}, {"VNTAR", 0, 0}, {"VNRFS", 0, 0},
-      {"VNRST", 0, 0}, {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any}, {"VNKAD", 0, any},
+      {"VNRRG", 1, 2}, {"VNWRG", 1, any}, {"VNASY", 1, 1}, {"VNBOM", 1, 1}, {"VNWNV", 0, 0}, {"VNTAR", 0, 0},
+      {"VNRFS", 0, 0}, {"VNRST", 0, 0}, {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any}, {"VNKAD", 0, any},
       {"VNCMD", 0, any}};
 
   void reset() noexcept {
@@ -150,7 +150,8 @@ class VectorNavDevice final : public Device {
   }
 
   Error obey(std::string_view name, std::string_view rest, std::string_view body, Form form, FrameBuffer& replies) noexcept {
-    const auto* command = std::find_if(std::begin(commands), std::end(commands), [&](const auto& c) { return c.name == name; });
+    const auto is_it = [&](const Command& command) { return command.name == name; };
+    const auto* command = std::find_if(std::begin(commands), std::end(commands), is_it);
     if (command == std::end(commands)) return bad_command;
     const std::size_t given = rest.empty() ? 0 : Words(rest).count;
     if (given < command->fewest) return too_few;

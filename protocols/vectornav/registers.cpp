@@ -79,7 +79,8 @@ std::size_t BinaryOutput::size() const noexcept {
   std::size_t size = 2 + 2;  // 0xFA, groups; checksum
   for (unsigned g = 0; g < groups; ++g) {
     if (masks[g] != 0) size += 2;
-    for (unsigned bit = 0; bit < field_sizes[g].size(); ++bit) size += (masks[g] >> bit & 1U) != 0 ? field_sizes[g][bit] : 0U;
+    for (unsigned bit = 0; bit < field_sizes[g].size(); ++bit)
+      if ((masks[g] >> bit & 1U) != 0) size += field_sizes[g][bit];
   }
   return size;
 }

@@ -99,7 +99,8 @@ TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsToldSo) {
 
 // The load is computed from them.
 TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
-  for (const unsigned type : {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U, 28U, 29U, 30U, 32U, 33U}) {
+  for (const unsigned type : {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U,
+                              28U, 29U, 30U, 32U, 33U}) {
     Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{type}}});
     for (const bool is_placed : {false, true}) {
       unit.sample.place.is_known = is_placed;
@@ -112,8 +113,8 @@ TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
 // The SDK's enumerations of registers 30 and 35; a tag of 20 characters.
 TEST(VectorNavRegisters, RefuseWhatIsOutOfRange) {
   Unit unit;
-  for (const char* body : {"VNWRG,30,9,0,0,0,1,0,1", "VNWRG,30,0,7,0,0,1,0,1", "VNWRG,30,0,0,0,0,4,0,1", "VNWRG,30,0,0,0,0,1,0,3",
-                           "VNWRG,30,-1,0,0,0,1,0,1", "VNWRG,35,2,1,1,1", "VNWRG,35,1,3,1,1", "VNWRG,35,1,1,1,-1",
+  for (const char* body : {"VNWRG,30,9,0,0,0,1,0,1", "VNWRG,30,0,7,0,0,1,0,1", "VNWRG,30,0,0,0,0,4,0,1",
+                           "VNWRG,30,0,0,0,0,1,0,3", "VNWRG,30,-1,0,0,0,1,0,1", "VNWRG,35,2,1,1,1", "VNWRG,35,1,3,1,1", "VNWRG,35,1,1,1,-1",
                            "VNWRG,00,123456789012345678901"}) {
     EXPECT_EQ(unit.ask(body), with_xor("VNERR,07")) << body;
   }

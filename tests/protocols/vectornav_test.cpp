@@ -58,8 +58,8 @@ TEST(VectorNav, ErrorsHaveTheirCodes) {
   EXPECT_EQ(unit.ask("VNWRG,99,1"), error(8));
   EXPECT_EQ(unit.ask("VNWRG,1,VN-1"), error(9));
   for (const char* body : {"VNRRG,", "VNWRG,", "VNASY,", "VNBOM,"}) EXPECT_EQ(unit.ask(body), error(5)) << body;
-  for (const char* body : {"VNRRG,01,1", "VNRRG,01,1,2", "VNRRG,05,1,2", "VNTAR,1,2", "VNWNV,1", "VNRST,5", "VNRFS,1", "VNASY,0,1",
-                           "VNBOM,1,2"})
+  for (const char* body : {"VNRRG,01,1", "VNRRG,01,1,2", "VNRRG,05,1,2", "VNTAR,1,2", "VNWNV,1", "VNRST,5", "VNRFS,1",
+                           "VNASY,0,1", "VNBOM,1,2"})
     EXPECT_EQ(unit.ask(body), error(6)) << body;
   EXPECT_EQ(unit.run(800).size(), 40U) << "it still streams";
   EXPECT_EQ(unit.ask("VNWRG,58,1"), error(8)) << "a VN-100 has no receiver";
