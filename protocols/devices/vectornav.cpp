@@ -200,15 +200,17 @@ class VectorNavDevice final : public Device {
     const std::string_view serial_port = comma == std::string_view::npos ? std::string_view() : rest.substr(comma + 1);
     const auto id = number_in<unsigned>(word);
     if (!id) return bad_parameter;
-    if (comma != std::string_view::npos && (*id < 5 || *id > 7)) return too_many;
+    const bool is_surplus = comma != std::string_view::npos && (*id < 5 || *id > 7);
     Message message(replies, form);
     message.put(name).put(word);
     const unsigned type = type_of_register(*id);
     if (type != 0 && !name_of(type, model_).empty()) {
+      if (is_surplus) return too_many;
       put_measurement(type, reading(), sums_[of_polled], message);
     } else if (const Error error = put_register(active_, model_, *id, serial_port, message); error != none) {
       return error;
     }
+    if (is_surplus) return too_many;
     message.send();
     return none;
   }

@@ -55,6 +55,8 @@ TEST(VectorNav, ErrorsHaveTheirCodes) {
   EXPECT_EQ(unit.ask("VNWRG,75,3,16,02,0400"), error(7)) << "no such field";
   EXPECT_EQ(unit.ask("VNASY,2"), error(7));
   EXPECT_EQ(unit.ask("VNRRG,99"), error(8));
+  EXPECT_EQ(unit.ask("VNRRG,99,1"), error(8)) << "asked so by the SDK's RegisterScan, which ends at any other error";
+  EXPECT_EQ(unit.ask("VNRRG,80,1"), error(6));
   EXPECT_EQ(unit.ask("VNWRG,99,1"), error(8));
   EXPECT_EQ(unit.ask("VNWRG,1,VN-1"), error(9));
   for (const char* body : {"VNRRG,", "VNWRG,", "VNASY,", "VNBOM,"}) EXPECT_EQ(unit.ask(body), error(5)) << body;
