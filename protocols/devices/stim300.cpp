@@ -54,8 +54,7 @@ class Stim300Device final : public Device {
     reset();
     if (starts_up) return;
     since_reset_ = valid;
-    initialising_ = false;
-    specials_ = 0;
+    starting_ = 0;
     memory_.errors = {};
   }
 
@@ -118,7 +117,7 @@ class Stim300Device final : public Device {
     constexpr std::array<std::pair<std::string_view, Special>, 5> requests = {
         {{"N", of_part}, {"I", of_serial}, {"C", of_configuration}, {"T", of_trim}, {"E", of_errors}}};
     for (const auto& [word, special] : requests)
-      if (line == word) (initialising_ ? asked_ : specials_) = special;  // the last one asked for; the start comes first
+      if (line == word) requested_ = special;  // the last one asked for
     if (line == "R") reset();
     if (line == "UTILITYMODE") {
       mode_ = Mode::utility;
@@ -137,7 +136,7 @@ class Stim300Device final : public Device {
   }
 
   // The special datagrams of the start are out: those asked for wait for their slot.
-  bool is_running() const noexcept { return since_reset_ > first_datagram && !initialising_; }
+  bool is_running() const noexcept { return since_reset_ > first_datagram && starting_ == 0; }
   bool is_external() const noexcept { return memory_.active.sample_rate == external_trigger; }
   bool is_slot(std::uint64_t counter) const noexcept {
     const unsigned rate = memory_.active.sample_rate;
@@ -149,10 +148,9 @@ class Stim300Device final : public Device {
     memory_.errors = {};
     memory_.set_error(16);  // "Start-up phase active"
     mode_ = Mode::normal;
-    initialising_ = true;
     since_reset_ = 0;
-    asked_ = 0;
-    specials_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
+    requested_ = 0;
+    starting_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
     axes_ = {};
     triggered_.reset();
     pps_.reset();
@@ -194,9 +192,10 @@ class Stim300Device final : public Device {
       if (!starts) memory_.set_error(68);  // "UART unable to transmit"
       return;
     }
+    unsigned& specials = starts ? starting_ : requested_;
     const std::size_t characters =
-        specials_ != 0 ? send_special(out) : write_measurement(axes_, reading(validity, latency), memory_, out);
-    if (specials_ == 0 && std::exchange(initialising_, false)) specials_ = std::exchange(asked_, 0U);
+        specials != 0 ? send_special(specials, out) : write_measurement(axes_, reading(validity, latency), memory_, out);
+    // All of Table 5-12 follows from 80 us before the first bit (section 7.3) and a bit-rate that is 1 % low (Table 5-2).
     const LineSettings line = memory_.active.line();
     const double on_line = static_cast<double>(characters * line.bits_per_character()) / line.baud;
     busy_until_ = validity + nanoseconds(1.1 * on_line);  // Equation 12, from which Table 5-12 follows
@@ -218,18 +217,19 @@ class Stim300Device final : public Device {
             .latency_us = static_cast<unsigned>(std::clamp(std::llround(1e6 * seconds(latency)), 0LL, 0xFFFFLL))};
   }
 
-  std::size_t send_special(FrameBuffer& out) noexcept {
-    const auto first = static_cast<Special>(specials_ & (~specials_ + 1));
-    specials_ &= ~first;
+  // The first of them, which is done with then.
+  std::size_t send_special(unsigned& specials, FrameBuffer& out) noexcept {
+    const auto first = static_cast<Special>(specials & (~specials + 1));
+    specials &= ~first;
     return write_special(first, memory_, out);
   }
 
   Memory memory_;
   Mode mode_ = Mode::normal;
   Service service_;
-  bool initialising_ = true;
   std::uint64_t since_reset_ = 0;  // internal samples
-  unsigned specials_ = 0, asked_ = 0;  // to be sent, now and after the start
+  unsigned starting_ = 0;          // Specials that Init Mode still has to send (section 7.5.1)
+  unsigned requested_ = 0;         // the Special that takes the place of the next measurement, or none (section 8)
   DeviceTime now_, busy_until_, triggered_last_;
   std::optional<DeviceTime> triggered_, pps_;
   std::optional<Pulse> pulse_;

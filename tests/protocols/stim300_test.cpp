@@ -130,39 +130,26 @@ TEST(Stim300, StartsUpAsAfterPowerOn) {
   check();
 }
 
-// Section 7.5.1: nothing that a host asks for takes the place of the start's datagrams; it comes after them.
-TEST(Stim300, WhatIsAskedForDuringTheStartComesAfterIt) {
-  for (const bool at_reset : {false, true}) {
-    Stim300Unit unit(at_reset ? "start_up=false" : "");
-    unit.run(10);
-    unit.say(at_reset ? "R\rC" : "C");
-    const auto sent = unit.run(400);
-    ASSERT_GT(sent.size(), 5U);
-    EXPECT_EQ(first(sent[0]), 0xB1U);
-    EXPECT_EQ(first(sent[1]), 0xB5U);
-    EXPECT_EQ(first(sent[2]), 0xBCU);
-    EXPECT_EQ(first(sent[3]), 0xBCU) << "the one asked for";
-    EXPECT_EQ(first(sent[4]), 0xA7U);
-  }
-}
-
-// Section 9.12.1, Equation 12: the bit-rate is at least 1.1 times the bits of all datagrams, CR LF and parity with them.
-TEST(Stim300, LosesSamplesBeyondEquation12Only) {
-  for (const int content : {3, 7})
-    for (const bool cr_lf : {false, true})
-      for (const char* parity : {"none", "even"})
-        for (const int stop : {1, 2})
-          for (const int bit_rate : {374400, 460800, 921600, 1843200})
-            for (const int rate : {500, 1000, 2000}) {
-              const std::string settings =
-                  "start_up=false,temperature=" + std::string(content == 7 ? "true" : "false") +
-                  ",cr_lf=" + (cr_lf ? "true" : "false") + ",parity=" + parity + ",stop_bits=" + std::to_string(stop) +
-                  ",bit_rate=" + std::to_string(bit_rate) + ",sample_rate=" + std::to_string(rate);
-              Stim300Unit unit(settings);
-              const int bits = 10 + (parity[0] == 'e') + stop - 1, bytes = (content == 7 ? 59 : 38) + (cr_lf ? 2 : 0);
-              const bool fits = 11LL * bits * bytes * rate <= 10LL * bit_rate;
-              EXPECT_EQ(unit.run(2000).size() == static_cast<std::size_t>(rate), fits) << settings;
-            }
+// Sections 7.5.1 and 8: what is asked for in Init Mode takes the place of the first Normal Mode datagram.
+TEST(Stim300, ARequestDuringTheStartWaitsForNormalMode) {
+  const auto identifiers = [](Stim300Unit& unit) {
+    std::vector<unsigned> all;
+    for (const auto& datagram : unit.run(400)) all.push_back(first(datagram));
+    all.resize(5);
+    return all;
+  };
+  Stim300Unit unit("");
+  unit.run(100);
+  unit.say("N");
+  unit.say("C");
+  EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xBCU, 0xA7U})) << "the last that was asked for";
+  EXPECT_EQ(unit.say("E\rR\rI"), "");
+  EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xB5U, 0xA7U})) << "a reset forgets what was asked before";
+  unit.say("R");
+  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  EXPECT_TRUE(unit.run(1000).empty());
+  EXPECT_EQ(unit.ask("xn"), "#xn,0");
+  EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xA7U, 0xA7U})) << "those of the start are not lost";
 }
 
 TEST(Stim300, SaysWhoItIsAsTheDatasheetPacksIt) {
