@@ -195,10 +195,9 @@ class Stim300Device final : public Device {
     unsigned& specials = starts ? starting_ : requested_;
     const std::size_t characters =
         specials != 0 ? send_special(specials, out) : write_measurement(axes_, reading(validity, latency), memory_, out);
-    // All of Table 5-12 follows from 80 us before the first bit (section 7.3) and a bit-rate that is 1 % low (Table 5-2).
     const LineSettings line = memory_.active.line();
     const double on_line = static_cast<double>(characters * line.bits_per_character()) / line.baud;
-    busy_until_ = validity + nanoseconds(1.1 * on_line);  // Equation 12, from which Table 5-12 follows
+    busy_until_ = validity + least_period(line, characters);
     if (!starts || memory_.active.tov_toggles) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
   }
 

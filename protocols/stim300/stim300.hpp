@@ -11,6 +11,7 @@
 
 #include "core/frame.hpp"
 #include "core/line.hpp"
+#include "core/time.hpp"
 #include "core/vector.hpp"
 #include "protocols/number_text.hpp"
 
@@ -119,12 +120,17 @@ constexpr std::size_t datagram_size(unsigned content) noexcept {
 }
 static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
 
-// Whether the line carries the datagrams (Equation 12, which gives Table 5-12).
+// From one datagram of so many characters to the next, at least (Equation 12, which gives Table 5-12).
+constexpr Nanoseconds least_period(const LineSettings& line, std::size_t characters) noexcept {
+  const auto tenths = static_cast<std::int64_t>(11 * characters * line.bits_per_character());
+  return Nanoseconds((tenths * 100'000'000 + line.baud - 1) / line.baud);
+}
+
+// Whether the line carries the datagrams.
 constexpr bool can_transmit(const Configuration& c) noexcept {
   if (c.sample_rate == external_trigger) return true;
-  const LineSettings line = c.line();
   const std::size_t characters = datagram_size(c.content) + (c.cr_lf ? 2 : 0);
-  return 11 * characters * line.bits_per_character() * sample_rates[c.sample_rate] <= 10 * std::size_t{line.baud};
+  return least_period(c.line(), characters) <= Nanoseconds(1'000'000'000 / sample_rates[c.sample_rate]);
 }
 
 // Table 5-23.

@@ -207,6 +207,33 @@ TEST(Stim300, ALineTooSlowLosesSamples) {
   }
 }
 
+// Equation 12, which counts CR LF, parity and stop bits: nothing is lost where it allows a rate, and Service Mode agrees.
+TEST(Stim300, ALineCarriesWhatTheEquationAllows) {
+  const std::array<std::size_t, 16> sizes = {18, 28, 28, 38, 25, 42, 42, 59, 22, 32, 32, 42, 29, 46, 46, 63};
+  const std::array<int, 4> bit_rates = {374400, 460800, 921600, 1843200};
+  int allowed = 0;
+  for (unsigned at = 0; at < 16 * 4 * 8; ++at) {
+    const unsigned content = at % 16, code = at / 16 % 4;
+    const bool cr_lf = (at & 64U) != 0, parity = (at & 128U) != 0, two_stops = (at & 256U) != 0;
+    const auto word = [](bool on) { return std::string(on ? "true" : "false"); };
+    const auto bits = (sizes[content] + (cr_lf ? 2 : 0)) * (10U + (parity ? 1 : 0) + (two_stops ? 1 : 0));
+    for (const int rate : {500, 1000, 2000}) {
+      const bool fits = 1.1 * static_cast<double>(bits) * rate <= bit_rates[code];
+      allowed += fits ? 1 : 0;
+      Stim300Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[code]) + ",sample_rate=" + std::to_string(rate) +
+                       ",acceleration=" + word(content & 1U) + ",inclination=" + word(content & 2U) + ",temperature=" +
+                       word(content & 4U) + ",pps=" + word(content & 8U) + ",cr_lf=" + word(cr_lf) +
+                       ",parity=" + (parity ? "odd" : "none") + ",stop_bits=" + (two_stops ? "2" : "1"));
+      EXPECT_EQ(unit.run(200).size() == static_cast<std::size_t>(rate / 10), fits) << at << ' ' << rate;
+      unit.say("SERVICEMODE");
+      const std::string said = unit.say(std::string("m ") + (rate == 500 ? '2' : rate == 1000 ? '3' : '4'));
+      EXPECT_EQ(said.find("E007") == std::string::npos, fits) << at << ' ' << rate;
+    }
+  }
+  EXPECT_GT(allowed, 500);
+  EXPECT_LT(allowed, 1400);
+}
+
 TEST(Stim300, StatusSaysWhatIsTheMatter) {
   Stim300Unit unit;
   const auto status = [&](std::size_t at) {
