@@ -173,10 +173,9 @@ class Stim300Device final : public Device {
     const Vector3 f = sample.specific_force / units::standard_gravity;
     add(accelerometer, f, sample.delta_velocity / units::standard_gravity,
         sample.status / status::accelerometer_saturated_x & 7U);
-    constexpr double overload = 1.87, end = 2;  // Table 5-8, note 1; real units' frames show up to +-2 g
     unsigned tilted = 0;
-    for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) > overload ? 1U << i : 0U;
-    const Vector3 level = f.cwiseMax(-end).cwiseMin(end);
+    for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) >= inclinometer_overload_g ? 1U << i : 0U;
+    const Vector3 level = f.cwiseMax(-inclinometer_end_g).cwiseMin(inclinometer_end_g);
     add(inclinometer, level, level / internal_hz, tilted);
   }
 
@@ -288,8 +287,8 @@ Configuration configuration(const Settings& settings) {
              word_of(force_units, settings.text("inclinometer_unit"))};
   const std::int64_t range = settings.integer("accelerometer_range_g");
   c.accelerometer_range = 15;
-  for (const auto& [code, g] : accelerometer_ranges_g)
-    if (g == range) c.accelerometer_range = code;
+  for (const AccelerometerRange& known : accelerometer_ranges)
+    if (known.g == range) c.accelerometer_range = known.code;
   if (c.accelerometer_range == 15) throw std::invalid_argument("accelerometer_range_g: give 5, 10, 30 or 80");
   c.bit_rate = index_of(bit_rates, settings.integer("bit_rate"), "bit_rate: give 374400, 460800, 921600 or 1843200");
   c.parity = static_cast<Parity>(word_of(parities, settings.text("parity")));
@@ -297,7 +296,8 @@ Configuration configuration(const Settings& settings) {
   return c;
 }
 
-// Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5).
+// Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5). An accelerometer
+// ends, as the 80 g one does, where it says overload (Tables 5-4 to 5-7, note 1).
 Product product(const Settings& settings) {
   const auto white = [](double per_root_hour) { return per_root_hour / 60 * std::sqrt(internal_hz); };
   Product product;
@@ -305,8 +305,7 @@ Product product(const Settings& settings) {
   product.gyro.max = 480 * units::degree;
   product.gyro.walk_transition.setZero();
   product.gyro.walk_sqrt_cov = white(0.15 * units::degree) * Matrix3::Identity();
-  const unsigned range = range_g(configuration(settings).accelerometer_range);
-  product.accelerometer.max = (range == 80 ? 96 : 1.1 * range) * units::standard_gravity;  // Tables 5-4 to 5-7, note 1
+  product.accelerometer.max = range_of(configuration(settings)).overload_g * units::standard_gravity;
   product.accelerometer.walk_transition.setZero();
   product.accelerometer.walk_sqrt_cov = white(0.06) * Matrix3::Identity();
   return product;

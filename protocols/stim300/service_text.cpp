@@ -76,7 +76,9 @@ std::string_view result(const Memory& memory, unsigned bit) noexcept {
   return bit != never && memory.has_error(bit) ? "FAIL" : "OK";
 }
 
-void say_part_number(ServiceText& text) noexcept { text.line("PART NUMBER = ", part_number, " REV ", part_revision); }
+void say_part_number(ServiceText& text, const Configuration& c) noexcept {
+  text.line("PART NUMBER = ", range_of(c).part_number, " REV ", part_revision);
+}
 
 void say_axes(ServiceText& text, const Configuration& c) noexcept {
   for (const std::string_view cluster : cluster_names) text.line(cluster, " CONFIG = XYZ");
@@ -85,7 +87,7 @@ void say_axes(ServiceText& text, const Configuration& c) noexcept {
     for (const char axis : axis_names) {
       text.add(' ', axis, "-AXIS: \xB1 ");
       if (cluster == gyro) text.line("400\xB0/s");
-      if (cluster == accelerometer) text.line(range_g(c.accelerometer_range), 'g');
+      if (cluster == accelerometer) text.line(range_of(c).g, 'g');
       if (cluster == inclinometer) text.line("1.7g");
     }
   }
@@ -223,7 +225,7 @@ bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
       for (const Cluster cluster : clusters) say_unit(text, c, cluster);
       say_pps_unit(text, c);
       break;
-    case 'x': say_part_number(text); break;
+    case 'x': say_part_number(text, memory.active); break;
     default: return false;
   }
   return true;
@@ -252,7 +254,7 @@ void say_measurement(ServiceText& text, const std::array<Axes, 3>& measured, con
 void say_diagnostic(ServiceText& text, const Memory& memory) noexcept {
   text.line("SERIAL NUMBER = ", serial_number);
   text.line("PRODUCT = ", product_name);
-  say_part_number(text);
+  say_part_number(text, memory.active);
   text.line("HW CONFIG = ", hardware);
   text.line("FW CONFIG = ", firmware);
   for_all_checks([&](auto... heading) { text.line(heading...); },

@@ -95,22 +95,27 @@ struct Configuration {
 };
 inline constexpr unsigned least_bit_rate = 1500, greatest_bit_rate = 5'184'000;
 
-inline constexpr std::array<std::pair<unsigned, unsigned>, 4> accelerometer_ranges_g = {{{0, 10}, {3, 5}, {4, 30}, {6, 80}}};
-constexpr unsigned range_g(unsigned code) noexcept {
-  for (const auto& [known, g] : accelerometer_ranges_g)
-    if (known == code) return g;
-  return 10;
+struct AccelerometerRange {
+  unsigned code, g;
+  double overload_g;  // Tables 5-4 to 5-7, note 1
+  double lsb_g;       // of acceleration, 24 bits
+  std::string_view part_number;  // section 12
+};
+inline constexpr std::array<AccelerometerRange, 4> accelerometer_ranges = {
+    {{0, 10, 11, 0x1p-19, "84167-4400003-321"}, {3, 5, 5.5, 0x1p-20, "84458-4400003-321"},
+     {4, 30, 33, 0x1p-18, "84461-4400003-321"}, {6, 80, 96, 0x1p-16, "84615-4400003-321"}}};
+constexpr const AccelerometerRange& range_of(const Configuration& c) noexcept {
+  for (const AccelerometerRange& range : accelerometer_ranges)
+    if (range.code == c.accelerometer_range) return range;
+  return accelerometer_ranges[0];
 }
+inline constexpr double inclinometer_overload_g = 1.87, inclinometer_end_g = 2;  // Table 5-8, note 1; 24 bits of 2^-22 g
 
 // One bit of a cluster's output in its unit (Equations 1 to 6): deg/s or deg; g, g s or m/s.
 constexpr double lsb(const Configuration& c, Cluster cluster, unsigned unit) noexcept {
   const bool plain = unit % delayed == value || unit % delayed == average;
-  const double acceleration = c.accelerometer_range == 3   ? 0x1p-20
-                              : c.accelerometer_range == 4 ? 0x1p-18
-                              : c.accelerometer_range == 6 ? 0x1p-16
-                                                           : 0x1p-19;
   if (cluster == gyro) return plain ? 0x1p-14 : 0x1p-21;
-  return (cluster == accelerometer ? acceleration : 0x1p-22) / (plain ? 1 : 8);
+  return (cluster == accelerometer ? range_of(c).lsb_g : 0x1p-22) / (plain ? 1 : 8);
 }
 
 // Without CR LF.
@@ -188,7 +193,7 @@ struct Memory {
   bool has_error(unsigned bit) const noexcept { return (errors[15 - bit / 8] >> bit % 8 & 1U) != 0; }
   // Up to its limit (Tables 5-3 to 5-8). False if that was less than wanted.
   bool set_trim(Cluster cluster, unsigned axis, double wanted) noexcept {
-    const unsigned range = range_g(active.accelerometer_range);
+    const unsigned range = range_of(active).g;
     const double limit = cluster == gyro ? 1 : cluster == inclinometer ? 0.02 : range == 5 ? 0.1 : range / 100.0;
     return (trim[cluster][axis] = std::clamp(wanted, -limit, limit)) == wanted;
   }
@@ -212,7 +217,6 @@ struct Memory {
 };
 
 inline constexpr std::string_view product_name = "STIM300", firmware = "SWD12404 REV 0", hardware = "M5728 REV 11";
-inline constexpr std::string_view part_number = "84167-4400003-321";
 inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;
 inline constexpr std::string_view serial_number = "N25582405002002";

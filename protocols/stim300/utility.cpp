@@ -183,7 +183,7 @@ class Command {
     };
     if (name_ == "in") return tell(product_name);
     if (name_ == "isn") return tell(serial_number);
-    if (name_ == "ix") return tell(part_number, std::string_view(&part_revision, 1));
+    if (name_ == "ix") return tell(range_of(c_).part_number, std::string_view(&part_revision, 1));
     if (name_ == "ifw") return tell(firmware);
     if (name_ == "ihw") return tell(hardware);
     if (name_ == "iax") return tell("XYZ", "XYZ", "XYZ");
@@ -194,7 +194,7 @@ class Command {
       if (count(0)) return bad_count;
       Answer answer = ok();
       answer.word("400").word("400").word("400");
-      for (int i = 0; i < 3; ++i) answer.number(std::uint64_t{range_g(c_.accelerometer_range)});
+      for (int i = 0; i < 3; ++i) answer.number(std::uint64_t{range_of(c_).g});
       return sent(answer.word("1.7").word("1.7").word("1.7").word("NA"));
     }
     return std::nullopt;

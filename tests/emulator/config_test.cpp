@@ -177,7 +177,7 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
   EXPECT_EQ(imu.rate_hz, 2000.0);
   EXPECT_EQ(imu.port, "pty:imu1?baud=921600");
   EXPECT_DOUBLE_EQ(imu.model.gyro.max, 480 * units::degree);
-  EXPECT_DOUBLE_EQ(imu.model.accelerometer.max, 11 * units::standard_gravity) << "Table 5-5, note 1";
+  EXPECT_DOUBLE_EQ(imu.model.accelerometer.max, 11 * units::standard_gravity);
   // 0.15 deg/sqrt(h): of white noise at 2000 Hz the deviation that adds up to 0.15 deg in an hour.
   EXPECT_NEAR(imu.model.gyro.walk_sqrt_cov(0, 0) * std::sqrt(3600.0 * 2000) / 2000, 0.15 * units::degree, 1e-12);
   EXPECT_EQ(line_load(imu).percent, 100.0 * 590'000 / 921'600);

@@ -252,11 +252,10 @@ TEST(Stim300, StatusSaysWhatIsTheMatter) {
   unit.sample.temperature_c = 90;
   EXPECT_EQ(status(10), 0x20U);
   unit.sample.temperature_c = 20;
-  unit.sample.specific_force = {1.8 * units::standard_gravity, 0, 9.8};
-  EXPECT_EQ(status(30), 0U) << "Table 5-8, note 1: from 1.87 g on";
-  unit.sample.specific_force = {1.9 * units::standard_gravity, 0, 9.8};
-  EXPECT_EQ(status(30), 0x11U);
-  unit.sample.specific_force = {0, 0, 9.8};
+  unit.sample.specific_force = {18, 0, 9.8};
+  EXPECT_EQ(status(30), 0U) << "1.84 g";
+  unit.sample.specific_force = {18.5, 0, 9.8};
+  EXPECT_EQ(status(30), 0x11U) << "overload at 1.87 g (Table 5-8, note 1)";
   // One of several internal samples is enough (section 7.6).
   unit.run(1);
   unit.sample.status = 1;
@@ -265,6 +264,50 @@ TEST(Stim300, StatusSaysWhatIsTheMatter) {
   const auto after = unit.run(1);
   ASSERT_EQ(after.size(), 1U);
   EXPECT_EQ(std::to_integer<unsigned>(after[0][10]), 0x11U);
+}
+
+// Tables 5-4 to 5-7, note 1. 24 bits say up to 32 g at 30 g.
+TEST(Stim300, AccelerometersSayOverloadATenthBeyondTheirRange) {
+  for (const auto& [range, overload, shown] :
+       {std::tuple{"5", 5.5, 0x580000}, {"10", 11.0, 0x580000}, {"30", 33.0, 0x7FFFFF}, {"80", 96.0, 0x600000}}) {
+    Settings settings(find_protocol("stim300")->settings);
+    settings.set_text("accelerometer_range_g", range);
+    const Product product = find_protocol("stim300")->product(settings);
+    EXPECT_NEAR(product.accelerometer.max / units::standard_gravity, overload, 1e-9) << range;
+    Stim300Unit unit(std::string("start_up=false,accelerometer_range_g=") + range);
+    unit.sample.specific_force = {0, product.accelerometer.max, 0};
+    unit.sample.status = status::accelerometer_saturated_x << 1;
+    const auto datagram = unit.run(2).at(0);
+    EXPECT_EQ(datagram[20], std::byte{0x12});
+    const auto at = [&](std::size_t i) { return std::to_integer<int>(datagram[i]); };
+    EXPECT_EQ(at(14) << 16 | at(15) << 8 | at(16), shown) << range;
+  }
+}
+
+// Real units' frames show 0x7FFFFF and 0x800000 (see ARealUnitsErrors).
+TEST(Stim300, TheInclinometerEndsWithItsFormat) {
+  Stim300Unit unit;
+  unit.sample.specific_force = Vector3(1.9, 2.5, -2.5) * units::standard_gravity;
+  const auto datagram = unit.run(2).at(0);
+  EXPECT_EQ((std::vector<std::byte>(datagram.begin() + 21, datagram.begin() + 31)), hex("79999a7fffff80000017"));
+}
+
+// Section 12.
+TEST(Stim300, ThePartNumberIsThatOfItsAccelerometers) {
+  for (const auto& [range, id] : {std::pair{"5", "84458"}, {"10", "84167"}, {"30", "84461"}, {"80", "84615"}}) {
+    Stim300Unit unit(std::string("start_up=false,accelerometer_range_g=") + range);
+    const std::string number = id;
+    unit.say("N");
+    const auto datagram = unit.run(2).at(0);
+    EXPECT_EQ((std::vector<std::byte>(datagram.begin(), datagram.begin() + 5)), hex("b10" + number + "2d"));
+    unit.say("UTILITYMODE");
+    EXPECT_EQ(unit.ask("ix"), "#ix,0," + number + "-4400003-321,K");
+    unit.ask("xn");
+    const std::string line = "PART NUMBER = " + number + "-4400003-321 REV K\r";
+    EXPECT_NE(unit.say("SERVICEMODE").find(line), std::string::npos);
+    EXPECT_EQ(unit.say("i x"), "i x\r" + line + '>');
+    EXPECT_NE(unit.say("c").find(line), std::string::npos);
+  }
 }
 
 TEST(Stim300, ACommandCutOffIsForgotten) {
