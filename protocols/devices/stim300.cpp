@@ -235,7 +235,7 @@ class Stim300Device final : public Device {
   unsigned status_ = 0;       // bits of all
   unsigned counter_ = 0;
   double temperature_c_ = 0;
-  CommandReader<100> reader_;
+  CommandReader<99> reader_;  // and CR (section 10.2.1)
 };
 
 constexpr std::array<std::string_view, 5> gyro_units = {"rate", "increment", "average", "integrated"};

@@ -373,17 +373,20 @@ std::size_t Service::take(std::span<const std::byte> typed, Memory& memory, cons
       c = static_cast<char>(typed[taken++]);
       if (c == '\r') {
         text.add(c);
-      } else if (c == backspace && size_ > 0) {
+      } else if (c == backspace && size_ > 0 && size_ <= line_.size()) {
         --size_;
         text.add(c);
       } else if (c != backspace && c != '\n' && size_ < line_.size()) {
         line_[size_++] = c;
         text.add(c);
+      } else if (c != backspace && c != '\n') {
+        size_ = line_.size() + 1;
       }
     }
+    idle_ = 0;
     if (c != '\r') break;
-    const std::string_view line(line_.data(), std::exchange(size_, 0));
-    Menu(*this, memory, measured, reading, text).obey(line);
+    const std::size_t size = std::exchange(size_, 0);
+    Menu(*this, memory, measured, reading, text).obey({line_.data(), size <= line_.size() ? size : 0});
   }
   return hold_ > 0 ? typed.size() : taken;
 }

@@ -19,17 +19,20 @@ class Service {
 
   void enter(const Memory& memory, FrameBuffer& replies) noexcept;
   // Takes what the host typed, at most up to an exit; how many characters that was. Appends their echo and the answers; what
-  // many lines at once are answered beyond the room of `replies` is lost.
+  // many lines at once are answered beyond the room of `replies` is lost. A line longer than the input buffer is forgotten,
+  // as is one that nobody goes on typing.
   std::size_t take(std::span<const std::byte> typed, Memory& memory, const std::array<Axes, 3>& measured,
                    const Reading& reading, FrameBuffer& replies) noexcept;
   // Whether Service Mode is to be left, and for what; after its hold time, which goes by in internal samples.
   Exit exit() const noexcept { return hold_ == 0 ? exit_ : Exit::none; }
   void pass_sample() noexcept {
     if (hold_ > 0) --hold_;
+    if (size_ > 0 && ++idle_ == patience_samples) size_ = 0;
   }
 
  private:
-  static constexpr unsigned hold_samples = 6000;  // 3 s (Table 9-54)
+  static constexpr unsigned hold_samples = 6000;        // 3 s (Table 9-54)
+  static constexpr unsigned patience_samples = 120000;  // 60 s: people type (the datasheet says nothing)
 
   // What a "Y" is waited for to confirm.
   enum class Question {
@@ -46,7 +49,8 @@ class Service {
   class Menu;
 
   std::array<char, 80> line_ = {};
-  std::size_t size_ = 0;
+  std::size_t size_ = 0;  // line_.size() + 1: too long
+  unsigned idle_ = 0;     // internal samples since the last character
   Question question_ = Question::none;
   Exit exit_ = Exit::none;
   unsigned hold_ = 0;  // internal samples

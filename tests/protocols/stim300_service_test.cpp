@@ -309,7 +309,15 @@ TEST(Stim300Service, EchoesAndTakesBack) {
   EXPECT_EQ(send("\b\b\r\n"), "\r>") << "nothing to take back";
   EXPECT_EQ(send("i n\ri m\r"), "i n\rPRODUCT = STIM300\r>i m\rSAMPLE RATE [samples/s] = 500\r>");
   EXPECT_EQ(send(std::string(200, 'i')), std::string(80, 'i')) << "the input buffer has 80 characters";
-  EXPECT_EQ(send("\r"), "\rE002 INCORRECT NUMBER OF PARAMETERS\r>");
+  EXPECT_EQ(send("\r"), "\r>") << "a longer line is forgotten";
+  EXPECT_EQ(send("m " + std::string(77, ' ') + "1\r").substr(80), "\rSAMPLE RATE [samples/s] = 250\r>");
+  EXPECT_EQ(send("m " + std::string(77, ' ') + "25\r").substr(80), "\r>");
+  send("m ");
+  unit.run(119'999);
+  EXPECT_EQ(send("3"), "3");
+  unit.run(120'000);
+  EXPECT_EQ(send("\r"), "\r>") << "a minute after the last character it is forgotten";
+  EXPECT_EQ(send("i m\r"), "i m\rSAMPLE RATE [samples/s] = 250\r>");
 }
 
 // Figures 9-42 to 9-44.

@@ -66,6 +66,14 @@ TEST(Stim300Utility, UtilityModeAnswersAsTheDatasheetShows) {
   EXPECT_FALSE(unit.run(10).empty());
 }
 
+// Section 10.2.1 h: 100 characters with CR.
+TEST(Stim300Utility, ACommandHasAHundredCharactersAtMost) {
+  Stim300Unit unit;
+  unit.say("UTILITYMODE");
+  EXPECT_EQ(unit.say('$' + std::string(98, 'x')), "#,2,139\r") << "its CRC is wrong";
+  EXPECT_EQ(unit.say('$' + std::string(99, 'x')), "") << "is left out";
+}
+
 TEST(Stim300Utility, WhatIsNotSavedIsGoneAfterAReset) {
   Stim300Unit unit;
   unit.say("UTILITYMODE");
