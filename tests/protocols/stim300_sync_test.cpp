@@ -38,19 +38,29 @@ class Triggered : public Stim300Unit {
   }
 };
 
-TEST(Stim300Trigger, SendsTheLatestSampleAtAnEdge) {
+// Figure 7-3.
+TEST(Stim300Trigger, SendsTheLatestCompensatedSampleAtAnEdge) {
   Triggered unit;
   EXPECT_TRUE(unit.run(100).empty()) << "silent without an edge";
-  unit.sample.rate = {0.25, 0, 0};
-  unit.run(1);
-  const unsigned latest = static_cast<unsigned>(unit.sample.counter);
-  unit.sample.rate = {0.5, 0, 0};
-  const auto datagrams = unit.trigger(123us, 10);
-  ASSERT_EQ(datagrams.size(), 1U);
-  EXPECT_EQ(latency_us(datagrams[0]), 123U) << "from the sample to the edge";
-  EXPECT_EQ(counter(datagrams[0]), latest);
-  EXPECT_NEAR(unit.decode(datagrams).measurements.at(0).sample.rate.x(), 0.25, 1e-6) << "not the sample after the edge";
-  EXPECT_EQ(latency_us(unit.trigger(500us).at(0)), 500U);
+  const auto check = [&](Nanoseconds after, unsigned latency, double rate, unsigned before) {
+    unit.run(10);
+    for (const double x : {0.125, 0.25}) {
+      unit.sample.rate = {x, 0, 0};
+      unit.run(1);
+    }
+    const unsigned latest = static_cast<unsigned>(unit.sample.counter);
+    unit.sample.rate = {0.5, 0, 0};
+    const auto datagrams = unit.trigger(after, 10);
+    ASSERT_EQ(datagrams.size(), 1U);
+    EXPECT_EQ(latency_us(datagrams[0]), latency) << "from the sample that is sent to the edge; 1000 us at most (Table 5-2)";
+    EXPECT_EQ(counter(datagrams[0]), latest - before);
+    EXPECT_NEAR(unit.decode(datagrams).measurements.at(0).sample.rate.x(), rate, 1e-6);
+  };
+  check(0us, 500, 0.125, 1);
+  check(123us, 623, 0.125, 1);
+  check(299us, 799, 0.125, 1);
+  check(300us, 300, 0.25, 0);
+  check(500us, 500, 0.25, 0);
 }
 
 // Table 5-2.
