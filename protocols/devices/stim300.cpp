@@ -20,8 +20,8 @@
 //
 // A frame leaves at its sample's instant, not a compensation of 0.5 ms later as a unit's (figure 7-4). What it says is what
 // a unit says: TOV falls, and the time since PPS ends, when the latency has gone by since the sample. With an external
-// trigger the sample that is sent is the newest whose compensation is done at the edge, 0.3 ms after it was digitized (figure
-// 7-3); the latency is the time from it to the edge (section 7.2), and the frame leaves at the next sample.
+// trigger the sample that is sent is the newest whose compensation is done at the edge, 0.3 ms after it was digitized
+// (figure 7-3); the latency is the time from it to the edge (section 7.2), and the frame leaves at the next sample.
 // The PPS level behind the unit "filtered" is that of an open input.
 //
 // Configured and reported, but without effect: the low-pass filters and what they delay (group delays of Tables 5-3 to 5-9).

@@ -24,7 +24,8 @@ std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noe
     case of_part: {
       datagram.put(c.cr_lf ? 0xB3 : 0xB1, 1);
       // "ddddd-ddddddd-ddd"; the last four digits are split.
-      const auto digit = [part_number = range_of(c).part_number](std::size_t at) { return static_cast<unsigned>(part_number[at] - '0'); };
+      const std::string_view part_number = range_of(c).part_number;
+      const auto digit = [&](std::size_t at) { return static_cast<unsigned>(part_number[at] - '0'); };
       datagram.put_halves(0, digit(0));
       datagram.put_halves(digit(1), digit(2));
       datagram.put_halves(digit(3), digit(4));

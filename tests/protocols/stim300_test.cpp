@@ -1,4 +1,4 @@
-// The STIM300 against its datasheet, TS1524 rev. 31, and against datagrams of real units.
+// The STIM300 against its datasheet, TS1524 rev. 31.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,36 +10,6 @@ namespace imud {
 namespace {
 
 using namespace stim300_test;
-
-// A real unit's, 10 g, without CR LF: geirhovland/stim300, README (its CRC is printed there).
-TEST(Stim300, DecodesARealUnitsDatagram) {
-  Stim300Unit unit;
-  const Recording recording = unit.decode(
-      {hex("af000124fffad600035b00ffe7a6ffdd36081c5200ff7e70feba0c3ffa1d0023a023c023a0002319230a231c00239523b6239500ffef0200"
-           "e101fac64942c6")});
-  ASSERT_EQ(recording.measurements.size(), 1U);
-  const Sample& s = recording.measurements[0].sample;
-  const Vector3 dps(0.017822265625, -0.0806884765625, 0.05242919921875);
-  const Vector3 g(-0.011890411376953125, -0.016986846923828125, 1.0138282775878906);
-  EXPECT_TRUE(s.rate.isApprox(dps * units::degree, 1e-15));
-  EXPECT_TRUE(s.specific_force.isApprox(g * units::standard_gravity, 1e-15));
-  EXPECT_EQ(s.temperature_c, 35.625);
-  EXPECT_EQ(s.counter, 225U);
-  EXPECT_EQ(s.status, 0U);
-}
-
-// A real unit's with CR LF and every error: UBC-Rocket/Whistler-Blackcomb-v2 d438366, imu_uart_data_2.txt.
-TEST(Stim300, DecodesARealUnitsErrors) {
-  Stim300Unit unit("cr_lf=true");
-  const auto bytes = hex("93780000780000880000ff00b5d8ff871700367eef7fffff4f1ff6800000ff0101fa2f7d41270d0a");
-  const Recording recording = unit.decode({bytes, bytes});
-  ASSERT_EQ(recording.measurements.size(), 2U);
-  const Sample& s = recording.measurements[1].sample;
-  EXPECT_TRUE(s.rate.isApprox(Vector3(480, 480, -480) * units::degree, 1e-15));
-  EXPECT_TRUE(s.specific_force.isApprox(Vector3(46552, -30953, 13950) * 0x1p-19 * units::standard_gravity, 1e-15));
-  EXPECT_EQ(s.status, 7U | status::not_valid) << "0xFF, and 0xEF of the accelerometer";
-  EXPECT_EQ(unit.decoder->errors().skipped_bytes, 0U);
-}
 
 // Tables 5-12, 5-21, 5-22: identifier, size, checksum of every content.
 TEST(Stim300, EveryDatagramHasItsIdentifierAndSize) {
@@ -220,8 +190,8 @@ TEST(Stim300, ALineCarriesWhatTheEquationAllows) {
     for (const int rate : {500, 1000, 2000}) {
       const bool fits = 1.1 * static_cast<double>(bits) * rate <= bit_rates[code];
       allowed += fits ? 1 : 0;
-      Stim300Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[code]) + ",sample_rate=" + std::to_string(rate) +
-                       ",acceleration=" + word(content & 1U) + ",inclination=" + word(content & 2U) + ",temperature=" +
+      Stim300Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[code]) +
+                       ",sample_rate=" + std::to_string(rate) + ",acceleration=" + word(content & 1U) + ",inclination=" + word(content & 2U) + ",temperature=" +
                        word(content & 4U) + ",pps=" + word(content & 8U) + ",cr_lf=" + word(cr_lf) +
                        ",parity=" + (parity ? "odd" : "none") + ",stop_bits=" + (two_stops ? "2" : "1"));
       EXPECT_EQ(unit.run(200).size() == static_cast<std::size_t>(rate / 10), fits) << at << ' ' << rate;
@@ -284,7 +254,7 @@ TEST(Stim300, AccelerometersSayOverloadATenthBeyondTheirRange) {
   }
 }
 
-// Real units' frames show 0x7FFFFF and 0x800000 (see ARealUnitsErrors).
+// Real units' frames show 0x7FFFFF and 0x800000 (stim300_known_test.cpp).
 TEST(Stim300, TheInclinometerEndsWithItsFormat) {
   Stim300Unit unit;
   unit.sample.specific_force = Vector3(1.9, 2.5, -2.5) * units::standard_gravity;

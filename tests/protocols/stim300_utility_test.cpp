@@ -74,6 +74,14 @@ TEST(Stim300Utility, ACommandHasAHundredCharactersAtMost) {
   EXPECT_EQ(unit.say('$' + std::string(99, 'x')), "") << "is left out";
 }
 
+// Section 10's answers to $save (its #save,7,8848,163 is of a flash that fails, which the emulator's does not).
+TEST(Stim300Utility, SavesEndWhenFlashIsWornOut) {
+  Stim300Unit unit;
+  unit.say("UTILITYMODE");
+  for (int left = 9999; left >= 0; --left) ASSERT_EQ(unit.ask("save"), "#save,0," + std::to_string(left));
+  EXPECT_EQ(unit.say("$save,33"), "#save,6,0,158\r");
+}
+
 TEST(Stim300Utility, WhatIsNotSavedIsGoneAfterAReset) {
   Stim300Unit unit;
   unit.say("UTILITYMODE");
