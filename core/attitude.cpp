@@ -45,7 +45,7 @@ Matrix3 dcm_from_yaw_pitch_roll(double yaw, double pitch, double roll) {
   const auto [sp, cp] = elementary::sincos(pitch);
   const auto [sr, cr] = elementary::sincos(roll);
   Matrix3 m;
-  m << cp * cy, cp * sy, -sp,                               //
+  m << cp * cy, cp * sy, -sp,                                   //
       sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp,  //
       cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp;
   return m;

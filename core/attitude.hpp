@@ -18,7 +18,8 @@ inline Matrix3 skew(const Vector3& a) {
   return m;
 }
 
-// --- Modified Rodrigues parameters, sigma = e tan(angle/4), any norm -------------------------------------------------
+// --- Modified Rodrigues parameters, sigma = e tan(angle/4), any norm
+// -------------------------------------------------
 
 // The other MRP of the same attitude, -sigma/|sigma|^2. Undefined for 0.
 inline Vector3 mrp_shadow(const Vector3& sigma) { return -sigma / sigma.squaredNorm(); }
@@ -57,7 +58,8 @@ inline Vector3 mrp_rate(const Vector3& sigma, const Vector3& omega_BN_B) {
                  2.0 * sigma * sigma.dot(omega_BN_B));
 }
 
-// --- Rotation vectors, phi = e * angle, rad --------------------------------------------------------------------------
+// --- Rotation vectors, phi = e * angle, rad
+// --------------------------------------------------------------------------
 
 // Memo Eq. 3, corrected (as typeset it puts 4 atan into the denominator): phi = sigma/|sigma| * 4 atan|sigma|.
 inline Vector3 rotation_vector_from_mrp(const Vector3& sigma) {
@@ -82,7 +84,8 @@ Vector3 right_jacobian(const Vector3& phi, const Vector3& v);
 // Its inverse: d phi/dt = inverse_right_jacobian(phi, omega). (Bortz 1971.) |phi| < 2 pi.
 Vector3 inverse_right_jacobian(const Vector3& phi, const Vector3& omega);
 
-// --- Direction cosine matrices ---------------------------------------------------------------------------------------
+// --- Direction cosine matrices
+// ---------------------------------------------------------------------------------------
 
 // dcm_PB from 3-2-1 Euler angles, rad: M1(roll) M2(pitch) M3(yaw).
 Matrix3 dcm_from_yaw_pitch_roll(double yaw, double pitch, double roll);

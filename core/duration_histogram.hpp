@@ -18,8 +18,8 @@ class DurationHistogram {
 
   void add(double seconds) noexcept;  // not negative
 
-  // What was added since `before`, an earlier copy of the same one. Its longest is then known to a bucket only, unless it
-  // is the longest of all.
+  // What was added since `before`, an earlier copy of the same one. Its longest is then known to a bucket only,
+  // unless it is the longest of all.
   DurationHistogram since(const DurationHistogram& before) const;
 
   std::uint64_t count() const noexcept { return count_.load(std::memory_order_relaxed); }

@@ -49,7 +49,7 @@ void to_geodetic(const Vector3& r, Place& place) {
 Matrix3 dcm_EL(double latitude, double longitude) noexcept {
   const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
   const auto [sin_lon, cos_lon] = elementary::sincos(longitude);
-  Matrix3 m;  // north, east, down
+  Matrix3 m;                                              // north, east, down
   m << -sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon,  //
       -sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon,    //
       cos_lat, 0.0, -sin_lat;

@@ -15,18 +15,18 @@ struct EarthModel {
   };
   Frame frame = Frame::none;
   double latitude = 0, longitude = 0, height = 0;  // of N's origin; rad, geodetic, and m above the WGS 84 ellipsoid
-  double angle = 0;                                // inertial: rad, from N's x axis to the prime meridian at truth time 0
-  std::int64_t start_gps_ns = 0;                   // GPS time at truth time 0, since 1980-01-06
+  double angle = 0;               // inertial: rad, from N's x axis to the prime meridian at truth time 0
+  std::int64_t start_gps_ns = 0;  // GPS time at truth time 0, since 1980-01-06
 };
 
-// Nanoseconds of GPS time since it began, of a UTC given as seconds since 1970-01-01; from 2017 on, when GPS time came to
-// be 18 s ahead.
+// Nanoseconds of GPS time since it began, of a UTC given as seconds since 1970-01-01; from 2017 on, when GPS time
+// came to be 18 s ahead.
 std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept;
 // The Earth rotation angle then, rad from 0 to 2 pi, UTC taken as UT1 (IERS Conventions 2010, Eq. 5.15).
 double earth_rotation_angle(std::int64_t utc_s) noexcept;
 
-// Pressure, Pa, at a geopotential altitude, m (U.S. Standard Atmosphere 1976, Eq. 33a and 33b, up to 84 852 m; above, its
-// last temperature holds on, and below sea level the first layer).
+// Pressure, Pa, at a geopotential altitude, m (U.S. Standard Atmosphere 1976, Eq. 33a and 33b, up to 84 852 m; above,
+// its last temperature holds on, and below sea level the first layer).
 double standard_pressure(double geopotential_m) noexcept;
 double geopotential_altitude(double height_m) noexcept;  // Eq. 18, with r_0 = 6 356 766 m
 
@@ -45,7 +45,9 @@ class Earth {
   // T, in L: the dipole of IGRF-14 (first degree, 2025, with its secular variation) at the model's start.
   Vector3 magnetic_field_L(const Place& place) const noexcept;
   // Pa.
-  double pressure(const Place& place) const noexcept { return standard_pressure(geopotential_altitude(place.height)); }
+  double pressure(const Place& place) const noexcept {
+    return standard_pressure(geopotential_altitude(place.height));
+  }
 
  private:
   Quaternion q_NE(TruthTime time) const noexcept;

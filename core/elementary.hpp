@@ -148,10 +148,14 @@ inline SinCos sincos(double x) {
   const double s = r * detail::alternating_series<1, 9>(z);
   const double c = detail::alternating_series<0, 9>(z);
   switch (static_cast<std::int64_t>(quadrant) & 3) {
-    case 0: return {s, c};
-    case 1: return {c, -s};
-    case 2: return {-s, -c};
-    default: return {-c, s};
+    case 0:
+      return {s, c};
+    case 1:
+      return {c, -s};
+    case 2:
+      return {-s, -c};
+    default:
+      return {-c, s};
   }
 }
 

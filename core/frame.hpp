@@ -10,12 +10,12 @@ namespace imud {
 
 // CAN side of a Frame; unused on byte links.
 struct CanHeader {
-  std::uint32_t id = 0;    // 11 bits, or 29 if `extended`
+  std::uint32_t id = 0;  // 11 bits, or 29 if `extended`
   bool extended = false;
-  bool fd = false;         // CAN FD frame: 0..8, 12, 16, 20, 24, 32, 48 or 64 data bytes
+  bool fd = false;  // CAN FD frame: 0..8, 12, 16, 20, 24, 32, 48 or 64 data bytes
   bool bit_rate_switch = false;
-  bool remote = false;     // remote request (classic only)
-  bool error = false;      // error frame reported by the controller
+  bool remote = false;  // remote request (classic only)
+  bool error = false;   // error frame reported by the controller
 };
 
 // A view: the bytes belong to whoever made the frame (a FrameBuffer, a Port) and stay until its next use.

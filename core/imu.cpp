@@ -66,8 +66,8 @@ void Imu::follow(const Timeline& timeline, TruthTime until) noexcept {
 // Takes the sums from reached_ to `end`, truth by truth, as the motion is smooth only between two of them.
 void Imu::accumulate(const Timeline& timeline, const State& end) noexcept {
   if (reached_.basis != State::Basis::interpolated || timeline.revision() != revision_) {
-    // What was extrapolated at the last sample, or interpolated across a truth that was late, may be known by now: the
-    // difference goes into these increments.
+    // What was extrapolated at the last sample, or interpolated across a truth that was late, may be known by now:
+    // the difference goes into these increments.
     revision_ = timeline.revision();
     const State known = timeline.at(reached_.time);
     angle_sum_B_ += log(reached_.q_NB.conjugate() * known.q_NB);

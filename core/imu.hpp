@@ -12,7 +12,8 @@ namespace imud {
 
 enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };  // nearest: half away from zero
 
-// Errors of a triad: three gyros in rad/s, accelerometers in m/s^2, or magnetometers in T. In the order in which they act:
+// Errors of a triad: three gyros in rad/s, accelerometers in m/s^2, or magnetometers in T. In the order in which they
+// act:
 //   m = scale_factor * truth + bias + x,   x <- clamp(A x + P n, +-bound)     (memo Eq. 15, 16, and its section 2)
 //   m <- lsb * round(m / lsb)                                                 (Eq. 19)
 //   m <- max(-max, min(m, max))                                               (Eq. 20, 21)
@@ -24,8 +25,8 @@ struct TriadErrors {
   Vector3 walk_bound = Vector3::Zero();           // hard limit of |x|; 0: none
   double lsb = 0.0;                               // 0: no rounding
   Rounding rounding = Rounding::toward_zero;
-  bool carry = false;                             // the remainder of the rounding goes into the next sample
-  double max = 1e6;                               // above 0
+  bool carry = false;  // the remainder of the rounding goes into the next sample
+  double max = 1e6;    // above 0
 
   // White noise of this density, unit/sqrt(Hz), at `rate_hz`, and nothing else.
   static TriadErrors white(double density, double rate_hz, double max);
@@ -49,7 +50,7 @@ enum class DeltaVelocity : std::uint8_t {
 };
 
 struct ImuModel {
-  Vector3 r_SB_B = Vector3::Zero();        // m
+  Vector3 r_SB_B = Vector3::Zero();  // m
   Matrix3 dcm_PB = Matrix3::Identity();
   TriadErrors gyro;
   TriadErrors accelerometer;
@@ -65,8 +66,8 @@ struct ImuModel {
 class GaussMarkov {
  public:
   GaussMarkov(const TriadErrors& errors, Quantity quantity);
-  // The error of sample k, given that of sample k - 1 was the last one asked for (or seek(k) was called). `normals` is
-  // always the same.
+  // The error of sample k, given that of sample k - 1 was the last one asked for (or seek(k) was called). `normals`
+  // is always the same.
   const Vector3& step(const Normals& normals, std::uint64_t k) noexcept;
   // Makes step(k) give what it gives in the sequence from 0. Time grows with k unless A is 0.
   void seek(const Normals& normals, std::uint64_t k) noexcept;
@@ -131,13 +132,13 @@ class Imu {
   Triad magnetometer_;
   std::uint64_t counter_ = 0;
   bool in_run_ = false;
-  State last_;                // at the last sample, as it was output
-  TruthTime last_time_;       // which is not last_'s if that truth is kept no longer
-  State reached_;             // how far the sums below go
+  State last_;                  // at the last sample, as it was output
+  TruthTime last_time_;         // which is not last_'s if that truth is kept no longer
+  State reached_;               // how far the sums below go
   std::uint32_t revision_ = 0;  // of the timeline that said so
-  Vector3 angle_sum_B_;       // integral of the rate since last_
-  Vector3 velocity_sum_B_;    // of the specific force of B's origin, by model_.delta_velocity
-  Vector3 centripetal_sum_B_; // of omega x (omega x r)
+  Vector3 angle_sum_B_;         // integral of the rate since last_
+  Vector3 velocity_sum_B_;      // of the specific force of B's origin, by model_.delta_velocity
+  Vector3 centripetal_sum_B_;   // of omega x (omega x r)
 };
 
 }  // namespace imud

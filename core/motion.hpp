@@ -10,12 +10,12 @@ namespace imud {
 
 // What the motions can be given; each uses those that its summary names. Angles in rad, SI.
 struct MotionParameters {
-  double rate_rad_per_s = 0.5;              // turntable, spiral, boost
-  double half_angle_rad = 0.02;             // coning
-  double frequency_hz = 10.0;               // coning
-  double acceleration_m_per_s2 = 2.0;       // spiral, boost
-  double jerk_m_per_s3 = 0.5;               // boost
-  double gravity_m_per_s2 = 9.80665;        // all: along +z of N (down)
+  double rate_rad_per_s = 0.5;         // turntable, spiral, boost
+  double half_angle_rad = 0.02;        // coning
+  double frequency_hz = 10.0;          // coning
+  double acceleration_m_per_s2 = 2.0;  // spiral, boost
+  double jerk_m_per_s3 = 0.5;          // boost
+  double gravity_m_per_s2 = 9.80665;   // all: along +z of N (down)
 };
 
 // One motion. `at` gives the truth at `time` (0 is the start of the motion), with angular acceleration, specific

@@ -25,8 +25,8 @@ constexpr Coefficients central_below = {1.0,
                                         39307.89580009271061,
                                         28729.085735721942674,
                                         5226.495278852545925};
-constexpr Coefficients near_above = {1.42343711074968357734,  4.6303378461565452959,   5.7694972214606914055,
-                                     3.64784832476320460504,  1.27045825245236838258,  0.24178072517745061177,
+constexpr Coefficients near_above = {1.42343711074968357734,   4.6303378461565452959,   5.7694972214606914055,
+                                     3.64784832476320460504,   1.27045825245236838258,  0.24178072517745061177,
                                      0.0227238449892691845833, 7.7454501427834140764e-4};
 constexpr Coefficients near_below = {1.0,
                                      2.05319162663775882187,
@@ -36,8 +36,8 @@ constexpr Coefficients near_below = {1.0,
                                      0.0151986665636164571966,
                                      5.475938084995344946e-4,
                                      1.05075007164441684324e-9};
-constexpr Coefficients far_above = {6.6579046435011037772,   5.4637849111641143699,    1.7848265399172913358,
-                                    0.29656057182850489123,  0.026532189526576123093,  0.0012426609473880784386,
+constexpr Coefficients far_above = {6.6579046435011037772,     5.4637849111641143699,    1.7848265399172913358,
+                                    0.29656057182850489123,    0.026532189526576123093,  0.0012426609473880784386,
                                     2.71155556874348757815e-5, 2.01033439929228813265e-7};
 constexpr Coefficients far_below = {1.0,
                                     0.59983220655588793769,
@@ -73,12 +73,12 @@ Normals::Block Normals::block(Quantity quantity, Process process, std::uint64_t 
   const auto low = [](std::uint64_t x) { return static_cast<std::uint32_t>(x); };
   const auto high = [](std::uint64_t x) { return static_cast<std::uint32_t>(x >> 32U); };
   const r123::Philox4x32::key_type key = {{low(seed_), high(seed_)}};
-  const std::uint32_t purpose = static_cast<std::uint32_t>(process) << 8U | static_cast<std::uint32_t>(quantity) << 4U;
+  const std::uint32_t purpose = static_cast<std::uint32_t>(process) << 8U | static_cast<std::uint32_t>(quantity)
+                                                                                << 4U;
   Block block;
   block.number = k / 2;
   for (std::uint32_t axis = 0; axis < 3; ++axis) {
-    const auto words =
-        r123::Philox4x32{}({{low(block.number), high(block.number), purpose | axis, stream_}}, key);
+    const auto words = r123::Philox4x32{}({{low(block.number), high(block.number), purpose | axis, stream_}}, key);
     block.bits[0][axis] = std::uint64_t{words[1]} << 32U | words[0];
     block.bits[1][axis] = std::uint64_t{words[3]} << 32U | words[2];
   }

@@ -25,10 +25,10 @@ constexpr double uniform(std::uint64_t bits) noexcept {
   return (static_cast<double>(static_cast<std::int64_t>(bits >> 12U)) + 0.5) * 0x1p-52;
 }
 
-// All the normal deviates of one imu, one stream per quantity, axis and process: Philox4x32-10 with the seed as key and
-// {k/2, k/2, process/quantity/axis, imu} as counter. Of its four words the first two give the normal of an even k, the
-// last two that of the odd one after it; each is independent of every other. (Salmon et al., "Parallel random numbers:
-// as easy as 1, 2, 3", SC 2011.)
+// All the normal deviates of one imu, one stream per quantity, axis and process: Philox4x32-10 with the seed as key
+// and {k/2, k/2, process/quantity/axis, imu} as counter. Of its four words the first two give the normal of an even
+// k, the last two that of the odd one after it; each is independent of every other. (Salmon et al., "Parallel random
+// numbers: as easy as 1, 2, 3", SC 2011.)
 class Normals {
  public:
   Normals(std::uint64_t seed, std::uint32_t stream) noexcept : seed_(seed), stream_(stream) {}

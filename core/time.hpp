@@ -21,7 +21,7 @@ struct Instant {
   friend constexpr Nanoseconds operator-(Instant a, Instant b) { return Nanoseconds{a.ns - b.ns}; }
 };
 
-using TruthTime = Instant<struct OfTruth>;     // the simulator's own time
+using TruthTime = Instant<struct OfTruth>;    // the simulator's own time
 using HostTime = Instant<struct OfHost>;      // CLOCK_MONOTONIC, or a capture's time stamps
 using DeviceTime = Instant<struct OfDevice>;  // what the emulated sensor believes
 
@@ -31,15 +31,16 @@ constexpr Nanoseconds nanoseconds(double seconds) {
   return Nanoseconds{static_cast<std::int64_t>(1e9 * seconds + (seconds < 0 ? -0.5 : 0.5))};
 }
 
-// The instants phase + k/rate after a start, exact for ever: computed from k, never summed, rounded to the nearest ns.
+// The instants phase + k/rate after a start, exact for ever: computed from k, never summed, rounded to the nearest
+// ns.
 class Grid {
  public:
   static constexpr double min_rate_hz = 1e-3;
   static constexpr double max_rate_hz = 1e4;
   static constexpr double max_clock_error_ppm = 1e5;
 
-  // rate_hz within these limits, resolved to 1 uHz. `clock_error_ppm`, resolved to 1e-3, within +-max: how much faster
-  // than nominal the clock runs that makes the instants. `phase` not negative.
+  // rate_hz within these limits, resolved to 1 uHz. `clock_error_ppm`, resolved to 1e-3, within +-max: how much
+  // faster than nominal the clock runs that makes the instants. `phase` not negative.
   constexpr explicit Grid(double rate_hz, double clock_error_ppm = 0.0, Nanoseconds phase = {})
       : rate_uhz_(static_cast<std::uint64_t>(rate_hz * 1e6 + 0.5)),
         clock_rate_(1'000'000'000U + static_cast<std::uint64_t>(static_cast<std::int64_t>(

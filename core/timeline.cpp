@@ -55,13 +55,14 @@ Admission Timeline::judge(const Truth& truth) const noexcept {
 
 Admission Timeline::push(const Truth& truth, TruthTime settled) noexcept {
   Admission admission = judge(truth);
-  if (admission == Admission::reordered && truth.time > std::max(settled, knot(count_ < capacity ? 0 : 1).state.time)) {
+  if (admission == Admission::reordered &&
+      truth.time > std::max(settled, knot(count_ < capacity ? 0 : 1).state.time)) {
     insert(truth);
     return Admission::inserted;
   }
   if (admission != Admission::accepted && admission != Admission::new_run) {
-    const bool follows = refused_in_row_ > 0 && truth.time > last_refused_ &&
-                         truth.time - last_refused_ <= limits_.max_gap;
+    const bool follows =
+        refused_in_row_ > 0 && truth.time > last_refused_ && truth.time - last_refused_ <= limits_.max_gap;
     refused_in_row_ = follows ? refused_in_row_ + 1 : 1;
     last_refused_ = truth.time;
     const bool far = std::chrono::abs(truth.time - newest()) > near;
@@ -154,12 +155,12 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
     k.omegaDot_begin = before.state.omegaDot_BN_B;
     k.omegaDot_end = k.state.omegaDot_BN_B;
   } else {
-    // Not the curve's second derivative: that multiplies by 6/h what attitude and rate disagree by, and simulators that
-    // step the attitude by the old or the new rate (JSBSim) have them disagree by half a step's change of rate.
+    // Not the curve's second derivative: that multiplies by 6/h what attitude and rate disagree by, and simulators
+    // that step the attitude by the old or the new rate (JSBSim) have them disagree by half a step's change of rate.
     // Linear through the middles of this interval and the one before instead, where the rates' differences belong.
     constexpr double meaningful_s = 1e-5;
-    k.rate_slope = k.h_s < meaningful_s ? before.rate_slope
-                                        : Vector3((k.state.omega_BN_B - before.state.omega_BN_B) / k.h_s);
+    k.rate_slope =
+        k.h_s < meaningful_s ? before.rate_slope : Vector3((k.state.omega_BN_B - before.state.omega_BN_B) / k.h_s);
     Vector3 half_change = Vector3::Zero();
     if (before.h_s >= meaningful_s && k.h_s >= meaningful_s)
       half_change = (k.rate_slope - before.rate_slope) * (k.h_s / (before.h_s + k.h_s));
@@ -169,8 +170,7 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
   }
 
   // Accumulated velocity.
-  const AccumulatedDv kind =
-      k.accumulated_dv == before.accumulated_dv ? k.accumulated_dv : AccumulatedDv::none;
+  const AccumulatedDv kind = k.accumulated_dv == before.accumulated_dv ? k.accumulated_dv : AccumulatedDv::none;
   const bool has_force = before.has_specific_force && k.has_specific_force;
   switch (kind) {
     case AccumulatedDv::inertial:

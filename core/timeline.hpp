@@ -76,8 +76,8 @@ class Timeline {
   Timeline() : Timeline(Limits{}) {}
 
   // `truth` must pass is_finite() and is_in_range(). A truth with `new_run` begins anew, unless it repeats the run's
-  // first one (its time and sequence) within a second of it. `settled`: what was true up to then is in use already and
-  // does not change any more; a truth that was overtaken is taken in if it is later.
+  // first one (its time and sequence) within a second of it. `settled`: what was true up to then is in use already
+  // and does not change any more; a truth that was overtaken is taken in if it is later.
   Admission push(const Truth& truth, TruthTime settled = never) noexcept;
 
   // Forgets all but the newest truth: the simulator's time has leapt, and a run begins with it.
@@ -97,9 +97,9 @@ class Timeline {
   // the state at the oldest truth kept. Not if empty().
   State at(TruthTime time) const noexcept;
 
-  // Of B's origin at `time`: between two truths that know it the cubic Hermite curve on position and velocity; after the
-  // newest with its velocity, until motion is held. Unknown between a truth that knows it and one that does not. Not if
-  // empty().
+  // Of B's origin at `time`: between two truths that know it the cubic Hermite curve on position and velocity; after
+  // the newest with its velocity, until motion is held. Unknown between a truth that knows it and one that does not.
+  // Not if empty().
   Position position(TruthTime time) const noexcept;
 
   // The first truth after `time`, or `never` if there is none: what at() gives is smooth up to there.
@@ -110,7 +110,7 @@ class Timeline {
 
  private:
   struct Knot {
-    State state;                     // at this truth
+    State state;  // at this truth
     Position position;
     AccumulatedDv accumulated_dv = AccumulatedDv::none;
     Vector3 accumulated_dv_B = Vector3::Zero();
@@ -119,8 +119,8 @@ class Timeline {
     Vector3 specific_force_N = Vector3::Zero();
     // The curve from the truth before to this one; h_s = 0 for the first of a run.
     double h_s = 0;
-    Vector3 phi = Vector3::Zero();        // rad, whole rotation vector
-    Vector3 phi_slope = Vector3::Zero();  // rad/s, of the curve at this end
+    Vector3 phi = Vector3::Zero();         // rad, whole rotation vector
+    Vector3 phi_slope = Vector3::Zero();   // rad/s, of the curve at this end
     Vector3 rate_slope = Vector3::Zero();  // rad/s^2, mean; only where the truths give no angular acceleration
     Vector3 omegaDot_begin = Vector3::Zero();
     Vector3 omegaDot_end = Vector3::Zero();

@@ -23,11 +23,11 @@ struct Truth {
   bool acknowledge = false;    // the sender waits for an answer (lockstep)
   bool new_run = false;        // the sender says that this is the first truth of a new run
 
-  bool has_position = false;                // and velocity
-  Vector3 r_BN_N = Vector3::Zero();         // m; position of B's origin
-  Vector3 v_BN_N = Vector3::Zero();         // m/s
+  bool has_position = false;                 // and velocity
+  Vector3 r_BN_N = Vector3::Zero();          // m; position of B's origin
+  Vector3 v_BN_N = Vector3::Zero();          // m/s
   Quaternion q_NB = Quaternion::Identity();  // unit; v_N = q_NB * v_B
-  Vector3 omega_BN_B = Vector3::Zero();     // rad/s
+  Vector3 omega_BN_B = Vector3::Zero();      // rad/s
 
   bool has_angular_acceleration = false;
   Vector3 omegaDot_BN_B = Vector3::Zero();  // rad/s^2

@@ -21,8 +21,7 @@ bool emit(Session& session, TruthTime limit, const std::atomic<bool>& stop, Fire
     const auto due = [&] { return session.timeline().run_start() + session.schedule().next().since_start; };
     const TruthTime instant = due();
     if (instant > limit) return true;
-    do
-      session.prepare(instant, DeviceTime{instant.ns});
+    do session.prepare(instant, DeviceTime{instant.ns});
     while (due() == instant);
     fire(instant);
   }

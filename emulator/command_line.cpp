@@ -70,10 +70,12 @@ void list_settings(const Entry& entry) {
     std::string initial = std::visit(
         [](const auto& value) -> std::string {
           using Value = std::decay_t<decltype(value)>;
-          if constexpr (std::is_same_v<Value, std::string_view>) return fmt::format("\"{}\"", value);
+          if constexpr (std::is_same_v<Value, std::string_view>)
+            return fmt::format("\"{}\"", value);
           else if constexpr (std::is_same_v<Value, std::span<const std::string_view>>)
             return fmt::format("[{}]", fmt::join(value, ", "));
-          else return fmt::format("{}", value);
+          else
+            return fmt::format("{}", value);
         },
         setting.initial);
     if (!setting.choices.empty()) initial += fmt::format("; one of {}", fmt::join(setting.choices, ", "));
@@ -144,7 +146,9 @@ int command_line(int argc, const char* const* argv) {
     command->add_option("--log-every", arguments.run.monitor.log_every_s, "Log the figures so often; 0: never (10)")
         ->type_name("SECONDS")
         ->check(CLI::Range(0.0, 1e9));
-    command->add_option("--quality", arguments.run.monitor.quality_file, "Write the figures each second as a line of JSON")
+    command
+        ->add_option("--quality", arguments.run.monitor.quality_file,
+                     "Write the figures each second as a line of JSON")
         ->type_name("FILE");
   };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
@@ -158,14 +162,17 @@ int command_line(int argc, const char* const* argv) {
   auto* selftest_command = app.add_subcommand("selftest", "Measure what timing this machine allows");
   bool timing = false;
   double measure_s = 2;
-  selftest_command->add_flag("--timing", timing, "Wake-ups, writes to the ports (frames are sent), and what to improve")
+  selftest_command
+      ->add_flag("--timing", timing, "Wake-ups, writes to the ports (frames are sent), and what to improve")
       ->required();
-  selftest_command->add_option("CONFIG", arguments.config, "Configuration, TOML; without it one imu at 1 kHz to a pty");
+  selftest_command->add_option("CONFIG", arguments.config,
+                               "Configuration, TOML; without it one imu at 1 kHz to a pty");
   with_set(selftest_command);
   selftest_command->add_option("--for", measure_s, "Each measurement lasts so long (2)")
       ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0));
-  auto* list_command = app.add_subcommand("list", "Show protocols, truth formats and transports; of one of these its settings");
+  auto* list_command =
+      app.add_subcommand("list", "Show protocols, truth formats and transports; of one of these its settings");
   list_command->add_option("NAME", arguments.name, "A protocol or truth format");
 
   try {

@@ -64,7 +64,8 @@ namespace {
 
 EarthModel read_earth(TableReader table) {
   EarthModel earth;
-  constexpr EarthModel::Frame frames[] = {EarthModel::Frame::none, EarthModel::Frame::local, EarthModel::Frame::inertial};
+  constexpr EarthModel::Frame frames[] = {EarthModel::Frame::none, EarthModel::Frame::local,
+                                          EarthModel::Frame::inertial};
   earth.frame = frames[table.choice("frame", {"none", "local", "inertial"}, 0)];
   constexpr std::int64_t in_2025 = 1'735'689'600;
   const std::int64_t start = table.utc_s("start", in_2025, 2017, 2100);
@@ -80,7 +81,8 @@ EarthModel read_earth(TableReader table) {
   const auto only_for = [&](std::string_view key, EarthModel::Frame frame, std::string_view name) {
     if (table.has(key) && earth.frame != frame) table.fault(key, fmt::format("needs frame = \"{}\"", name));
   };
-  for (const char* key : {"latitude_deg", "longitude_deg", "height_m"}) only_for(key, EarthModel::Frame::local, "local");
+  for (const char* key : {"latitude_deg", "longitude_deg", "height_m"})
+    only_for(key, EarthModel::Frame::local, "local");
   only_for("angle_deg", EarthModel::Frame::inertial, "inertial");
   table.finish();
   return earth;
@@ -89,7 +91,8 @@ EarthModel read_earth(TableReader table) {
 // The capture, with the UDP port of the port that it takes the place of if it names none of its own.
 std::string in_place_of(const std::string& port, const std::string& capture) {
   const std::size_t asks = capture.find('?');
-  if (!capture.starts_with("pcap:") || (asks != std::string::npos && capture.find("port=", asks) != std::string::npos))
+  if (!capture.starts_with("pcap:") ||
+      (asks != std::string::npos && capture.find("port=", asks) != std::string::npos))
     return capture;
   std::string number;
   if (port.starts_with("udp:")) number = port.substr(port.rfind(':') + 1);
@@ -128,7 +131,8 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   };
   const double percent = table.real("auto_delay_percent", 99.0, 50.0, 100.0);
   if (table.is_text("delay_ms")) {
-    if (table.text("delay_ms", "") != "auto") table.fault("delay_ms", "give milliseconds from 0 to 1000, or \"auto\"");
+    if (table.text("delay_ms", "") != "auto")
+      table.fault("delay_ms", "give milliseconds from 0 to 1000, or \"auto\"");
     truth.clock.automatic_percent = percent;
   } else {
     truth.clock.delay = milliseconds("delay_ms", truth.clock.delay, 0.0, 1000.0);
@@ -144,7 +148,8 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
 
 RealtimeConfig read_realtime(TableReader table) {
   RealtimeConfig realtime;
-  realtime.priority = static_cast<int>(table.unsigned_integer("priority", static_cast<unsigned>(realtime.priority), 99));
+  realtime.priority =
+      static_cast<int>(table.unsigned_integer("priority", static_cast<unsigned>(realtime.priority), 99));
   if (table.has("cpu")) {
     const unsigned cpus = std::max(1U, std::thread::hardware_concurrency());
     realtime.cpu = static_cast<unsigned>(table.unsigned_integer("cpu", 0, cpus - 1));
@@ -173,7 +178,8 @@ void override_key(toml::table& root, const std::string& assignment, Faults& faul
     const std::size_t dot = path.find('.');
     const std::string step = path.substr(0, dot);
     if (auto* array = at->as_array()) {
-      const bool digits = !step.empty() && step.size() < 6 && step.find_first_not_of("0123456789") == std::string::npos;
+      const bool digits =
+          !step.empty() && step.size() < 6 && step.find_first_not_of("0123456789") == std::string::npos;
       if (!digits || std::stoul(step) >= array->size() || dot == std::string::npos)
         return fault(fmt::format("\"{}\" is no index below {}", step, array->size()));
       at = &(*array)[std::stoul(step)];
@@ -229,13 +235,15 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       const ImuConfig& read = config.imus.back();
       if (read.paced && config.clock != ClockMode::realtime)
         faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),
-                   "\"line\" needs clock = \"realtime\": in the other clocks, and with --fast, no time passes; give \"none\"");
+                   "\"line\" needs clock = \"realtime\": in the other clocks, and with --fast, no time passes; give "
+                   "\"none\"");
       if (config.truth.when_stopped == WhenStopped::flag && read.protocol != nullptr &&
           !carries_status(read, status::not_valid))
-        faults.add(imu.source().begin.line, fmt::format("imu.{}.protocol", i),
-                   fmt::format("{} cannot say that a sample is not valid, as truth.when_stopped = \"flag\" wants; give "
-                               "\"hold\" or \"silence\"",
-                               read.protocol->name));
+        faults.add(
+            imu.source().begin.line, fmt::format("imu.{}.protocol", i),
+            fmt::format("{} cannot say that a sample is not valid, as truth.when_stopped = \"flag\" wants; give "
+                        "\"hold\" or \"silence\"",
+                        read.protocol->name));
     }
     check_imus_together(config.imus, config.truth.port, array, faults);
   }

@@ -61,7 +61,9 @@ std::string with_line(TableReader& table, const std::string& port, const LineSet
   if (spec.scheme != "serial" && spec.scheme != "pty") return port;
   for (const char* key : {"baud", "parity", "stop", "bits"})
     if (spec.text(key))
-      table.fault("port", fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line holds", key));
+      table.fault(
+          "port",
+          fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line holds", key));
   std::string options = fmt::format("baud={}", line.baud);
   if (spec.scheme == "serial" || line.parity != Parity::none || line.stop_bits != 1) {
     constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
@@ -76,8 +78,9 @@ std::string with_pace(TableReader& table, const std::string& port, bool paced, b
   if (spec.text("pace")) table.fault("port", "pace is a key of [[imu]]; give it there");
   if (!paced || spec.text("pace") || spec.scheme == "serial") return port;
   if (spec.scheme != "pty")
-    table.fault("pace", fmt::format("\"line\" is for a pty; {}: has no characters that take their time, give \"none\"",
-                                    spec.scheme));
+    table.fault(
+        "pace",
+        fmt::format("\"line\" is for a pty; {}: has no characters that take their time, give \"none\"", spec.scheme));
   else if (!has_speed && !spec.text("baud"))
     table.fault("pace", "\"line\" needs the line's speed; give it in port, for example \"pty:imu1?baud=115200\"");
   return port + (port.find('?') == std::string::npos ? "?" : "&") + "pace=line";
@@ -131,9 +134,10 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   if (product) {
     imu.rate_hz = table.real("rate_hz", product->rate_hz, Grid::min_rate_hz, Grid::max_rate_hz);
     if (imu.rate_hz != product->rate_hz)
-      table.fault("rate_hz", fmt::format("{} samples at {} Hz inside; how often it sends is set in [imu.device], leave "
-                                         "this away",
-                                         imu.protocol->name, product->rate_hz));
+      table.fault("rate_hz",
+                  fmt::format("{} samples at {} Hz inside; how often it sends is set in [imu.device], leave "
+                              "this away",
+                              imu.protocol->name, product->rate_hz));
   } else {
     table.require("rate_hz", "the sensor's output rate");
     imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
@@ -152,12 +156,15 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     if (transport->carries_can != (imu.protocol->link == Link::can))
       table.fault("port", fmt::format("{} speaks on {}; give {}", imu.protocol->name,
                                       imu.protocol->link == Link::can ? "a CAN bus" : "byte links",
-                                      imu.protocol->link == Link::can ? "\"can:...\"" : "\"pty:...\", \"serial:...\", "
-                                                                                        "\"udp:...\" or \"file:...\""));
-    else if (const LineLoad load = line_load(imu); load.percent > 100.0 && transport->name != "file" && transport->name != "udp")
+                                      imu.protocol->link == Link::can ? "\"can:...\""
+                                                                      : "\"pty:...\", \"serial:...\", "
+                                                                        "\"udp:...\" or \"file:...\""));
+    else if (const LineLoad load = line_load(imu);
+             load.percent > 100.0 && transport->name != "file" && transport->name != "udp")
       table.fault(product ? "device" : "rate_hz",
-                  fmt::format("{}; {}", load.text(), product ? "let it send less, or less often, or on a faster line"
-                                                             : "give a lower rate or a faster line"));
+                  fmt::format("{}; {}", load.text(),
+                              product ? "let it send less, or less often, or on a faster line"
+                                      : "give a lower rate or a faster line"));
   }
 
   imu.sync = read_sync(table.child("sync"), imu.protocol);
@@ -167,7 +174,8 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   imu.model.gyro = read_triad(table.child("gyro"), "rad_per_s", product ? &product->gyro : nullptr);
   imu.model.accelerometer =
       read_triad(table.child("accelerometer"), "m_per_s2", product ? &product->accelerometer : nullptr);
-  imu.model.magnetometer = read_triad(table.child("magnetometer"), "t", product ? &product->magnetometer : &imu.model.magnetometer);
+  imu.model.magnetometer =
+      read_triad(table.child("magnetometer"), "t", product ? &product->magnetometer : &imu.model.magnetometer);
   if (product) imu.model.barometer = product->barometer;
   TableReader barometer = table.child("barometer");
   imu.model.barometer.bias = barometer.real("bias_pa", imu.model.barometer.bias, -1e6, 1e6);

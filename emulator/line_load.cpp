@@ -52,9 +52,9 @@ CanBits can_bits(const CanHeader& header, std::size_t bytes) {
     const double stuffed = 34.0 + id + 8.0 * n;
     return {47.0 + id + 8.0 * n + static_cast<double>(static_cast<int>((stuffed - 1.0) / 4.0)), 0.0};
   }
-  const double arbitration = 17.0 + id;               // start of frame to bit rate switch
-  const double tail = 12.0;                           // CRC delimiter to interframe space
-  const double data = 5.0 + 8.0 * n;                  // error state, length, data
+  const double arbitration = 17.0 + id;                                  // start of frame to bit rate switch
+  const double tail = 12.0;                                              // CRC delimiter to interframe space
+  const double data = 5.0 + 8.0 * n;                                     // error state, length, data
   const double crc = bytes <= 16 ? 17.0 + 4.0 + 6.0 : 21.0 + 4.0 + 7.0;  // with stuff count and fixed stuff bits
   CanBits bits{arbitration * 1.25 + tail, data * 1.25 + crc};
   if (!header.bit_rate_switch) bits = {bits.nominal + bits.data, 0.0};
@@ -99,8 +99,8 @@ LineLoad line_load(const ImuConfig& imu) {
   constexpr std::int64_t any = 1'000'000'000;
   if (spec.scheme == "can") {
     const auto nominal = static_cast<double>(spec.integer("bitrate", 1, any).value_or(0));
-    const auto data = static_cast<double>(
-        spec.integer("data_bitrate", 1, any).value_or(static_cast<std::int64_t>(nominal)));
+    const auto data =
+        static_cast<double>(spec.integer("data_bitrate", 1, any).value_or(static_cast<std::int64_t>(nominal)));
     for (const Frame& frame : buffer->frames()) {
       const CanBits bits = can_bits(frame.can, frame.bytes.size());
       load.bytes_per_sample += frame.bytes.size();

@@ -68,8 +68,8 @@ void Monitor::say_truth() {
   const auto times = [](std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); };
   const std::uint64_t stops = quality.stops, returns = quality.returns, resumed = quality.resumed;
   if (const std::uint64_t n = stops - std::exchange(stops_, stops); n > 0) {
-    constexpr std::array<std::string_view, 3> reactions = {"motion is held", "motion is held and flagged as not valid",
-                                                           "the sensors are silent"};
+    constexpr std::array<std::string_view, 3> reactions = {
+        "motion is held", "motion is held and flagged as not valid", "the sensors are silent"};
     spdlog::warn("no truth for {:.0f} ms: {}{}", 1e3 * seconds(config_.truth.limits.extrapolate),
                  reactions[static_cast<std::size_t>(config_.truth.when_stopped)], times(n));
   }
@@ -88,16 +88,20 @@ void Monitor::say_ports() {
     const ImuConfig& imu = config_.imus[i];
     const Port::Speeds speeds = session_.imu_counters(i).speeds;
     switch (state) {
-      case PortState::ready: spdlog::info("{}: {} takes frames", imu.name, imu.port); break;
+      case PortState::ready:
+        spdlog::info("{}: {} takes frames", imu.name, imu.port);
+        break;
       case PortState::no_reader:
         wrong_speeds_[i] = 0;
         spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port);
         break;
       case PortState::wrong_speed:
-        spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu.name, imu.port, speeds.line,
-                     speeds.client, ++wrong_speeds_[i] == often ? " (said for the last time)" : "");
+        spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu.name, imu.port,
+                     speeds.line, speeds.client, ++wrong_speeds_[i] == often ? " (said for the last time)" : "");
         break;
-      case PortState::lost: spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port); break;
+      case PortState::lost:
+        spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port);
+        break;
     }
   }
 }

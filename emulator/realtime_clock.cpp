@@ -13,11 +13,11 @@ using namespace std::chrono_literals;
 constexpr Nanoseconds patience = 20ms;  // between looks at `stop`
 // Time for all that has to be done before an instant and the spinning.
 constexpr Nanoseconds preparation = 150us;
-// So early a sample may be prepared if its truth is known: a wake-up less for a fast sensor, and time enough for truths
-// that were overtaken for a slow one.
+// So early a sample may be prepared if its truth is known: a wake-up less for a fast sensor, and time enough for
+// truths that were overtaken for a slow one.
 constexpr Nanoseconds early = 2ms;
-// Truths taken in one go. After a hold-up all that wait, so that no sample is extrapolated while truth is there; but in
-// a flood only so many between two samples.
+// Truths taken in one go. After a hold-up all that wait, so that no sample is extrapolated while truth is there; but
+// in a flood only so many between two samples.
 constexpr int most = 4096;
 constexpr int most_in_flood = 64;
 // How far ahead of what is sampled, less the delay, no network nor clock brings a truth.
@@ -47,7 +47,8 @@ class RealtimeLoop {
     if (!session_.in_run()) return wait(now + patience);
     if (!prepared_) {
       due_ = next_due();
-      if (due_ - now > preparation_ && (clock_.truth(due_) > timeline_.newest() || due_ - now > options_.spin + early))
+      if (due_ - now > preparation_ &&
+          (clock_.truth(due_) > timeline_.newest() || due_ - now > options_.spin + early))
         return wait(std::min(due_ - preparation_, now + patience));
       prepare();
     }
@@ -200,9 +201,9 @@ class RealtimeLoop {
   TruthQuality& quality_;
   TruthClock clock_;
   const Nanoseconds preparation_;  // before an instant
-  HostTime start_;  // of the grids
+  HostTime start_;                 // of the grids
   DeviceTime device_start_;
-  HostTime due_;       // of the next samples
+  HostTime due_;  // of the next samples
   bool prepared_ = false;
   TruthTime sampled_;  // last
   HostTime newest_arrival_;
@@ -211,7 +212,7 @@ class RealtimeLoop {
   Nanoseconds step_{0};  // from the one before
   HostTime begun_;       // the run, when this truth came:
   TruthTime begun_with_;
-  bool leapt_ = false;   // not long ago
+  bool leapt_ = false;  // not long ago
   std::optional<HostTime> late_since_;
   TruthTime late_from_;
   int late_count_ = 0;

@@ -19,8 +19,8 @@ class RealtimeProcess {
   FileDescriptor cpu_dma_latency_;
 };
 
-// For the calling thread, when all that it will need is there: memory is locked, its own stack too; SCHED_FIFO and its
-// processor. Returns what was not permitted, a line each, with what would permit it.
+// For the calling thread, when all that it will need is there: memory is locked, its own stack too; SCHED_FIFO and
+// its processor. Returns what was not permitted, a line each, with what would permit it.
 std::vector<std::string> make_thread_realtime(const RealtimeConfig& config);
 
 }  // namespace imud

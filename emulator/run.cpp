@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <utility>  // Boost 1.74's Asio needs it first
-
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
@@ -15,6 +13,7 @@
 #include <fstream>
 #include <functional>
 #include <thread>
+#include <utility>  // Boost 1.74's Asio needs it first
 
 #include "emulator/clock.hpp"
 #include "emulator/realtime_thread.hpp"

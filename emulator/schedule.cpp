@@ -11,7 +11,9 @@ bool is_later(const Schedule::Instant& a, const Schedule::Instant& b) noexcept {
 }
 }  // namespace
 
-Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.end()), heap_(grids.size()) { restart(); }
+Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.end()), heap_(grids.size()) {
+  restart();
+}
 
 void Schedule::advance() noexcept {
   std::pop_heap(heap_.begin(), heap_.end(), is_later);

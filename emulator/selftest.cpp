@@ -33,8 +33,8 @@ void print_row(const std::string& what, const DurationHistogram& h) {
 
 // Calls `act` on a grid of that rate, in a thread of that kind; how late each call was. Adds what was not permitted.
 template <class Act>
-DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double duration_s, std::vector<std::string>& shortfalls,
-                       Act&& act) {
+DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double duration_s,
+                       std::vector<std::string>& shortfalls, Act&& act) {
   DurationHistogram late;
   std::thread thread([&] {
     shortfalls = make_thread_realtime(realtime);
@@ -72,7 +72,8 @@ class Bench {
     if (spec.scheme != "pty" && spec.scheme != "file") return open_port(port, Role::device);
     const std::string path = folder_ + "/" + spec.scheme;
     const std::size_t options = port.find('?');
-    auto opened = open_port(spec.scheme + ":" + path + (options == std::string::npos ? "" : port.substr(options)), Role::device);
+    auto opened = open_port(spec.scheme + ":" + path + (options == std::string::npos ? "" : port.substr(options)),
+                            Role::device);
     if (spec.scheme == "pty") read(path);
     return opened;
   }
@@ -113,7 +114,8 @@ DurationHistogram measure_writes(const RealtimeConfig& realtime, const ImuConfig
     const HostTime begin = host.now();
     port->send(frames.frames());
     took.add(std::max(0.0, seconds(host.now() - begin)));
-    while (port->receive()) {}
+    while (port->receive()) {
+    }
   });
   counters = port->counters();
   return took;
@@ -172,8 +174,9 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
     const DurationHistogram took = measure_writes(config.realtime, imu, options.measure_s, counters);
     print_row(fmt::format("{} to {}", imu.name, imu.port), took);
     if (counters.dropped > 0)
-      advice.push_back(fmt::format("{}: {} of {} frames were not taken by {}: is somebody there, and the line fast enough?",
-                                   imu.name, counters.dropped, counters.dropped + counters.sent, imu.port));
+      advice.push_back(
+          fmt::format("{}: {} of {} frames were not taken by {}: is somebody there, and the line fast enough?",
+                      imu.name, counters.dropped, counters.dropped + counters.sent, imu.port));
     all_p50 += took.percentile(50);
     all_p999 += took.percentile(99.9);
   }
@@ -188,8 +191,8 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   fmt::print("to expect\n  samples begin to leave with {}; with spin_us = {:g}: {}\n", row(plain),
              us * seconds(kind.spin), row(spun));
   if (config.imus.size() > 1)
-    fmt::print("  the last of {} imus at one instant {:.1f} us after the first; phase_us sets them apart\n", config.imus.size(),
-               us * all_p50);
+    fmt::print("  the last of {} imus at one instant {:.1f} us after the first; phase_us sets them apart\n",
+               config.imus.size(), us * all_p50);
   fmt::print("  up to {:.0f} Hz, 99.9 % of them are gone before the next is due; {} Hz is {}\n", best_hz, rate_hz,
              rate_hz <= best_hz ? "within that" : "beyond that");
   fmt::print("to improve\n");

@@ -180,8 +180,8 @@ void Session::wait_for_reader(Unit& unit) const noexcept {
 }
 
 bool Session::serve_host(Unit& unit) noexcept {
-  // So much between two looks at the time that a flood from the host does not delay samples; more than any line brings in
-  // that time.
+  // So much between two looks at the time that a flood from the host does not delay samples; more than any line
+  // brings in that time.
   constexpr std::size_t most = 256, per_frame = 16;
   std::size_t heard = 0;
   while (heard < most) {
@@ -210,8 +210,7 @@ void Session::serve_hosts() noexcept {
 std::span<pollfd> Session::inputs() noexcept {
   inputs_.clear();
   inputs_.push_back({intake_.descriptor(), POLLIN, 0});
-  for (const auto& unit : units_)
-    inputs_.push_back({unit->port->hears() ? unit->port->descriptor() : -1, POLLIN, 0});
+  for (const auto& unit : units_) inputs_.push_back({unit->port->hears() ? unit->port->descriptor() : -1, POLLIN, 0});
   return inputs_;
 }
 

@@ -43,14 +43,14 @@ struct ImuCounters {
 // How the truth stands to the host's clock; realtime only. Written and read likewise.
 struct TruthQuality {
   std::atomic<bool> known = false;
-  std::atomic<double> rate = 1;      // simulation seconds in a host second, estimated
-  std::atomic<double> offset_s = 0;  // by which the simulation has fallen behind the host's clock in this run
-  std::atomic<double> delay_s = 0;   // how far behind the truth's line the sensors sample
+  std::atomic<double> rate = 1;            // simulation seconds in a host second, estimated
+  std::atomic<double> offset_s = 0;        // by which the simulation has fallen behind the host's clock in this run
+  std::atomic<double> delay_s = 0;         // how far behind the truth's line the sensors sample
   std::atomic<std::uint64_t> stops = 0;    // times that truth was missing for so long that motion was held
   std::atomic<std::uint64_t> returns = 0;  // times that it came back
   std::atomic<std::uint64_t> resumed = 0;  // times that a run began as the truth had paused or jumped
-  DurationHistogram jitter;  // how late truths come, against the least late ones
-  DurationHistogram age;     // of the newest truth, at the samples' instants
+  DurationHistogram jitter;                // how late truths come, against the least late ones
+  DurationHistogram age;                   // of the newest truth, at the samples' instants
 };
 
 class Session {
@@ -75,8 +75,8 @@ class Session {
   // When each imu samples, since the grids' start.
   Schedule& schedule() noexcept { return schedule_; }
 
-  // Makes the frames of the schedule's next sample, which is that of the truth at `time`, and goes on to the one after.
-  // `time` does not fall within a run.
+  // Makes the frames of the schedule's next sample, which is that of the truth at `time`, and goes on to the one
+  // after. `time` does not fall within a run.
   void prepare(TruthTime time, DeviceTime stamp) noexcept;
   // Hands the frames of the samples prepared, in their order, to their ports. `now` gives host time and `due` is the
   // samples' instant, if lateness matters; otherwise their devices hear their hosts, too.
@@ -111,8 +111,8 @@ class Session {
   void serve_hosts() noexcept;
   // Hands on what ports hold back.
   void flush() noexcept;
-  // At the end: gives readers up to 50 ms for what they have not read yet, and paced lines up to 500 ms for what is not out;
-  // the rest counts as dropped.
+  // At the end: gives readers up to 50 ms for what they have not read yet, and paced lines up to 500 ms for what is
+  // not out; the rest counts as dropped.
   void see_off() noexcept;
   // When flush() will have something to do next, if that is a matter of time: the pace of a line.
   std::optional<HostTime> due() const noexcept;

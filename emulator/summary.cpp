@@ -131,7 +131,8 @@ std::string text(const Summary& s) {
     out += fmt::format("         {} record{} cut short: {}\n", s.truth.truncated, s.truth.truncated == 1 ? "" : "s",
                        s.truth.warning.empty() ? "left out" : s.truth.warning);
   for (const Summary::Imu& imu : s.imus) {
-    out += fmt::format("{:<8} {} samples, {} frames sent, {} dropped", imu.name, imu.samples, imu.frames, imu.dropped);
+    out +=
+        fmt::format("{:<8} {} samples, {} frames sent, {} dropped", imu.name, imu.samples, imu.frames, imu.dropped);
     if (imu.extrapolated > 0) out += fmt::format(", {} extrapolated, {} held", imu.extrapolated, imu.held);
     if (imu.silent > 0) out += fmt::format(", {} not sent", imu.silent);
     if (imu.lateness.count() > 0) out += fmt::format("; late by {}; {} missed", late(imu.lateness), imu.missed);
@@ -163,8 +164,8 @@ std::string line(const Summary& s) {
   out += fmt::format("; {} {:.1f} Hz", s.imus.size() == 1 ? s.imus[0].name : fmt::format("{} imus", s.imus.size()),
                      s.duration_s > 0 ? static_cast<double>(samples) / s.duration_s : 0.0);
   if (paced)
-    out += fmt::format(", late p50 {:.1f} us, p99 {:.1f} us, p99.9 {:.1f} us, max {:.1f} us, missed {}", p50, p99, p999,
-                       max, missed);
+    out += fmt::format(", late p50 {:.1f} us, p99 {:.1f} us, p99.9 {:.1f} us, max {:.1f} us, missed {}", p50, p99,
+                       p999, max, missed);
   out += fmt::format(", dropped {}, extrapolated {:.1f} %", dropped, 100 * share(extrapolated, samples));
   if (load > 0) out += fmt::format(", line {:.1f} %", load);
   return out;
@@ -182,16 +183,11 @@ nlohmann::ordered_json percentiles_us(const DurationHistogram& h) {
 }  // namespace
 
 std::string json(const Summary& s, JsonLayout layout) {
-  nlohmann::ordered_json truth = {{"received", s.truth.received},
-                                  {"accepted", s.truth.accepted},
-                                  {"refused", nlohmann::ordered_json::object()},
-                                  {"no_state", s.truth.no_state},
-                                  {"runs", s.truth.runs},
-                                  {"resumed", s.clock ? s.clock->resumed : 0},
-                                  {"truncated", s.truth.truncated},
-                                  {"inserted", s.truth.inserted},
-                                  {"lost", s.truth.lost},
-                                  {"rate_hz", s.truth.rate_hz}};
+  nlohmann::ordered_json truth = {
+      {"received", s.truth.received},   {"accepted", s.truth.accepted}, {"refused", nlohmann::ordered_json::object()},
+      {"no_state", s.truth.no_state},   {"runs", s.truth.runs},         {"resumed", s.clock ? s.clock->resumed : 0},
+      {"truncated", s.truth.truncated}, {"inserted", s.truth.inserted}, {"lost", s.truth.lost},
+      {"rate_hz", s.truth.rate_hz}};
   for (std::size_t i = 0; i < s.truth.refused.size(); ++i)
     if (s.truth.refused[i] > 0) truth["refused"][std::string(cause(static_cast<Refusal>(i)))] = s.truth.refused[i];
   if (!s.truth.warning.empty()) truth["warning"] = s.truth.warning;

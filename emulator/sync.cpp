@@ -7,8 +7,8 @@ namespace imud {
 
 namespace {
 constexpr Nanoseconds furthest = std::chrono::seconds(10);  // ahead
-constexpr int most = 16;  // at a time: a flood does not delay samples
-}
+constexpr int most = 16;                                    // at a time: a flood does not delay samples
+}  // namespace
 
 Sync::Sync(const SyncConfig& config, const OpenPort& open) {
   if (!config.trigger_port.empty()) trigger_.port = open(config.trigger_port, Role::listener);
@@ -19,7 +19,8 @@ Sync::Sync(const SyncConfig& config, const OpenPort& open) {
 void Sync::ignore() noexcept {
   for (Input* input : {&trigger_, &pps_}) {
     input->count = 0;
-    for (int i = 0; input->port != nullptr && i < most && input->port->receive(); ++i) {}
+    for (int i = 0; input->port != nullptr && i < most && input->port->receive(); ++i) {
+    }
   }
   last_.reset();
 }

@@ -19,10 +19,10 @@ struct SyncConfig {
   std::string trigger_port, pps_port, tov_port;
 };
 
-// An edge comes as a datagram: its simulation time, i64 in ns, little-endian; of any other length: at the next sample. One
-// of up to 10 s ahead waits for its sample, 64 at most, in order; one that is past counts as the last sample's instant. What
-// is further ahead, or one too many, is refused and counted.
-// A pulse of the output pin goes as its begin and end, likewise in simulation time.
+// An edge comes as a datagram: its simulation time, i64 in ns, little-endian; of any other length: at the next
+// sample. One of up to 10 s ahead waits for its sample, 64 at most, in order; one that is past counts as the last
+// sample's instant. What is further ahead, or one too many, is refused and counted. A pulse of the output pin goes as
+// its begin and end, likewise in simulation time.
 class Sync {
  public:
   using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, Role)>;
@@ -51,7 +51,7 @@ class Sync {
   std::unique_ptr<Port> tov_;
   std::uint64_t refused_ = 0;
   std::optional<TruthTime> last_;  // sample
-  double rate_ = 1;  // seconds of the device in one of the simulation
+  double rate_ = 1;                // seconds of the device in one of the simulation
   TruthTime time_;
   DeviceTime stamp_;
 };

@@ -46,16 +46,16 @@ double TableReader::real(std::string_view key, double fallback, double min, doub
   if (found == nullptr) return fallback;
   const std::optional<double> value = number(*found);
   if (value && *value >= min && *value <= max) return *value;
-  fault(key, fmt::format("{}; give a number from {} to {}", value ? fmt::format("{} is out of range", *value) : "not a finite number",
-                         min, max));
+  fault(key, fmt::format("{}; give a number from {} to {}",
+                         value ? fmt::format("{} is out of range", *value) : "not a finite number", min, max));
   return fallback;
 }
 
 std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t fallback, std::uint64_t max) {
   const toml::node* found = node(key);
   if (found == nullptr) return fallback;
-  if (const auto* integer = found->as_integer(); integer != nullptr && integer->get() >= 0 &&
-                                                 static_cast<std::uint64_t>(integer->get()) <= max)
+  if (const auto* integer = found->as_integer();
+      integer != nullptr && integer->get() >= 0 && static_cast<std::uint64_t>(integer->get()) <= max)
     return static_cast<std::uint64_t>(integer->get());
   if (const auto* text = found->as_string()) {  // TOML's integers end at 2^63 - 1
     std::uint64_t value = 0;
@@ -73,7 +73,8 @@ std::int64_t TableReader::utc_s(std::string_view key, std::int64_t fallback, int
   if (found == nullptr) return fallback;
   const auto* at = found->as_date_time();
   if (at == nullptr || at->get().date.year < first_year || at->get().date.year > last_year) {
-    fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes", first_year, last_year));
+    fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes",
+                           first_year, last_year));
     return fallback;
   }
   const toml::date_time& given = at->get();
@@ -153,7 +154,8 @@ Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool
         good = false;
       }
     }
-    const bool mixed = (*rows)[0].is_array() != (*rows)[1].is_array() || (*rows)[1].is_array() != (*rows)[2].is_array();
+    const bool mixed =
+        (*rows)[0].is_array() != (*rows)[1].is_array() || (*rows)[1].is_array() != (*rows)[2].is_array();
     if (good && !mixed) return m;
   }
   fault(key, shape);

@@ -21,8 +21,7 @@ constexpr std::size_t between_evaluations = 32;
 }  // namespace
 
 TruthClock::TruthClock(const Options& options) noexcept
-    : options_(options),
-      delay_s_(options.automatic_percent > 0 ? first_automatic_delay_s : seconds(options.delay)) {}
+    : options_(options), delay_s_(options.automatic_percent > 0 ? first_automatic_delay_s : seconds(options.delay)) {}
 
 HostTime TruthClock::begin(TruthTime truth, HostTime arrival, double rate) noexcept {
   truth_origin_ = truth;
@@ -133,7 +132,8 @@ void TruthClock::fit() noexcept {
     // How well it is known, from how far the points lie above it.
     double lateness_s = 20e-6;
     for (std::size_t i = 0; i < count_; ++i)
-      lateness_s += (point(i).host_s - a.host_s - slope * (point(i).truth_s - a.truth_s)) / static_cast<double>(count_);
+      lateness_s +=
+          (point(i).host_s - a.host_s - slope * (point(i).truth_s - a.truth_s)) / static_cast<double>(count_);
     const double uncertainty = 2 * lateness_s / span_s;
     slope_ = std::abs(slope - 1) < 2 * uncertainty ? 1.0 : slope;
   }

@@ -12,8 +12,8 @@ namespace imud {
 // the least late ones lie on it. The line is the edge of their lower convex hull at the middle of the last 4 s: it
 // lies below all, and nearest to all on the mean (Zhang, Liu, Xia, "Clock synchronization algorithms for network
 // measurements", INFOCOM 2002). Its slope is the simulator's rate; the offset is that of the last half second's least
-// late arrival, so that a simulator whose rate wanders is followed. Offset and delay are approached by slewing, 5 % at
-// most each, never by a step; a rate that cannot be told from 1 is 1.
+// late arrival, so that a simulator whose rate wanders is followed. Offset and delay are approached by slewing, 5 %
+// at most each, never by a step; a rate that cannot be told from 1 is 1.
 //
 // Allocates nothing. One thread.
 class TruthClock {
@@ -24,8 +24,8 @@ class TruthClock {
   };
   explicit TruthClock(const Options& options) noexcept;
 
-  // A run begins: `truth`, which came at `arrival`, is what the sensors sample when the delay has passed since. Returns
-  // when that is. The simulator's rate is `rate` until the run has shown its own.
+  // A run begins: `truth`, which came at `arrival`, is what the sensors sample when the delay has passed since.
+  // Returns when that is. The simulator's rate is `rate` until the run has shown its own.
   HostTime begin(TruthTime truth, HostTime arrival, double rate) noexcept;
   // Another truth of the run came, the newest of all, and is looked at `now`.
   void observe(TruthTime truth, HostTime arrival, HostTime now) noexcept;
@@ -41,9 +41,9 @@ class TruthClock {
   double used_rate() const noexcept { return rate_; }
   // By how much the simulator's time has fallen behind the host's since begin(), s.
   double offset_s() const noexcept { return offset_s_; }
-  // s of truth time. Automatic: at each arrival, how much would have been just enough for the sensors to interpolate all
-  // the while since the one before; of the last 512 such, what is enough for automatic_percent, taken at once if more,
-  // gradually if less.
+  // s of truth time. Automatic: at each arrival, how much would have been just enough for the sensors to interpolate
+  // all the while since the one before; of the last 512 such, what is enough for automatic_percent, taken at once if
+  // more, gradually if less.
   double delay_s() const noexcept { return delay_s_; }
   // How late the last truth observed came, relative to the line, s.
   double lateness_s() const noexcept { return lateness_s_; }
@@ -82,8 +82,8 @@ class TruthClock {
   std::size_t need_count_ = 0;
   double last_truth_s_ = 0;
 
-  // The line as the sensors know it: rate_ from the anchor on, and the correction in the course of slew_s_. They sample
-  // that less the applied delay, which approaches delay_s_.
+  // The line as the sensors know it: rate_ from the anchor on, and the correction in the course of slew_s_. They
+  // sample that less the applied delay, which approaches delay_s_.
   HostTime anchor_;
   double line_s_ = 0;  // at the anchor, since truth_origin_
   double rate_ = 1;

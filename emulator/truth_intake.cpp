@@ -6,21 +6,36 @@ namespace imud {
 
 std::string_view cause(Refusal refusal) noexcept {
   switch (refusal) {
-    case Refusal::too_short: return cause(TruthResult::too_short);
-    case Refusal::too_long: return cause(TruthResult::too_long);
-    case Refusal::not_this_kind: return cause(TruthResult::not_this_kind);
-    case Refusal::bad_version: return cause(TruthResult::bad_version);
-    case Refusal::bad_checksum: return cause(TruthResult::bad_checksum);
-    case Refusal::bad_number: return cause(TruthResult::bad_number);
-    case Refusal::not_finite: return cause(TruthResult::not_finite);
-    case Refusal::out_of_range: return cause(TruthResult::out_of_range);
-    case Refusal::no_columns: return cause(TruthResult::no_columns);
-    case Refusal::duplicate: return "duplicate";
-    case Refusal::reordered: return "reordered";
-    case Refusal::time_back: return "time_back";
-    case Refusal::time_jump: return "time_jump";
-    case Refusal::other_stream: return "stream";
-    case Refusal::count: break;
+    case Refusal::too_short:
+      return cause(TruthResult::too_short);
+    case Refusal::too_long:
+      return cause(TruthResult::too_long);
+    case Refusal::not_this_kind:
+      return cause(TruthResult::not_this_kind);
+    case Refusal::bad_version:
+      return cause(TruthResult::bad_version);
+    case Refusal::bad_checksum:
+      return cause(TruthResult::bad_checksum);
+    case Refusal::bad_number:
+      return cause(TruthResult::bad_number);
+    case Refusal::not_finite:
+      return cause(TruthResult::not_finite);
+    case Refusal::out_of_range:
+      return cause(TruthResult::out_of_range);
+    case Refusal::no_columns:
+      return cause(TruthResult::no_columns);
+    case Refusal::duplicate:
+      return "duplicate";
+    case Refusal::reordered:
+      return "reordered";
+    case Refusal::time_back:
+      return "time_back";
+    case Refusal::time_jump:
+      return "time_jump";
+    case Refusal::other_stream:
+      return "stream";
+    case Refusal::count:
+      break;
   }
   return "";
 }
@@ -30,18 +45,30 @@ std::string_view remedy(Refusal refusal) noexcept {
     case Refusal::too_short:
     case Refusal::too_long:
     case Refusal::not_this_kind:
-    case Refusal::bad_version: return "another format? see truth.format and imud list";
-    case Refusal::no_columns: return "no header row has named every required column; name them in truth.columns";
-    case Refusal::bad_checksum: return "damaged on its way, or another CRC than CRC-32C";
-    case Refusal::bad_number: return "not a number where one is wanted";
-    case Refusal::not_finite: return "NaN or infinity: the simulation has diverged";
-    case Refusal::out_of_range: return "no vehicle does that: check units";
-    case Refusal::duplicate: return "that instant is there already";
-    case Refusal::reordered: return "overtaken on its way";
-    case Refusal::time_back: return "the sender's clock ran back; a sender that starts again says so by the new-run flag";
-    case Refusal::time_jump: return "further ahead than truth.max_gap_ms";
-    case Refusal::other_stream: return "another vehicle; see truth.stream";
-    case Refusal::count: break;
+    case Refusal::bad_version:
+      return "another format? see truth.format and imud list";
+    case Refusal::no_columns:
+      return "no header row has named every required column; name them in truth.columns";
+    case Refusal::bad_checksum:
+      return "damaged on its way, or another CRC than CRC-32C";
+    case Refusal::bad_number:
+      return "not a number where one is wanted";
+    case Refusal::not_finite:
+      return "NaN or infinity: the simulation has diverged";
+    case Refusal::out_of_range:
+      return "no vehicle does that: check units";
+    case Refusal::duplicate:
+      return "that instant is there already";
+    case Refusal::reordered:
+      return "overtaken on its way";
+    case Refusal::time_back:
+      return "the sender's clock ran back; a sender that starts again says so by the new-run flag";
+    case Refusal::time_jump:
+      return "further ahead than truth.max_gap_ms";
+    case Refusal::other_stream:
+      return "another vehicle; see truth.stream";
+    case Refusal::count:
+      break;
   }
   return "";
 }
@@ -50,16 +77,25 @@ namespace {
 
 Refusal refusal(TruthResult result) noexcept {
   switch (result) {
-    case TruthResult::too_short: return Refusal::too_short;
-    case TruthResult::too_long: return Refusal::too_long;
-    case TruthResult::bad_version: return Refusal::bad_version;
-    case TruthResult::bad_checksum: return Refusal::bad_checksum;
-    case TruthResult::bad_number: return Refusal::bad_number;
-    case TruthResult::not_finite: return Refusal::not_finite;
-    case TruthResult::out_of_range: return Refusal::out_of_range;
-    case TruthResult::no_columns: return Refusal::no_columns;
+    case TruthResult::too_short:
+      return Refusal::too_short;
+    case TruthResult::too_long:
+      return Refusal::too_long;
+    case TruthResult::bad_version:
+      return Refusal::bad_version;
+    case TruthResult::bad_checksum:
+      return Refusal::bad_checksum;
+    case TruthResult::bad_number:
+      return Refusal::bad_number;
+    case TruthResult::not_finite:
+      return Refusal::not_finite;
+    case TruthResult::out_of_range:
+      return Refusal::out_of_range;
+    case TruthResult::no_columns:
+      return Refusal::no_columns;
     case TruthResult::not_this_kind:
-    default: return Refusal::not_this_kind;
+    default:
+      return Refusal::not_this_kind;
   }
 }
 
@@ -145,16 +181,26 @@ TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
       increment(counters_.accepted);
       count_lost(admission);
       break;
-    default: break;
+    default:
+      break;
   }
   switch (admission) {
-    case Admission::accepted: return Outcome::accepted;
-    case Admission::inserted: increment(counters_.inserted); return Outcome::inserted;
-    case Admission::new_run: increment(counters_.runs); return Outcome::new_run;
-    case Admission::duplicate: return refuse(Refusal::duplicate);
-    case Admission::reordered: return refuse(Refusal::reordered);
-    case Admission::time_back: return refuse(Refusal::time_back);
-    case Admission::time_jump: break;
+    case Admission::accepted:
+      return Outcome::accepted;
+    case Admission::inserted:
+      increment(counters_.inserted);
+      return Outcome::inserted;
+    case Admission::new_run:
+      increment(counters_.runs);
+      return Outcome::new_run;
+    case Admission::duplicate:
+      return refuse(Refusal::duplicate);
+    case Admission::reordered:
+      return refuse(Refusal::reordered);
+    case Admission::time_back:
+      return refuse(Refusal::time_back);
+    case Admission::time_jump:
+      break;
   }
   return refuse(Refusal::time_jump);
 }
@@ -166,8 +212,7 @@ void TruthIntake::answer(TruthTime reached, std::uint64_t samples) noexcept {
 }
 
 std::string TruthIntake::end_warning() const {
-  if (splitter_.rest() > 0)
-    return fmt::format("cut short: {} bytes after the last whole line", splitter_.rest());
+  if (splitter_.rest() > 0) return fmt::format("cut short: {} bytes after the last whole line", splitter_.rest());
   return std::string(port_->end_warning());
 }
 

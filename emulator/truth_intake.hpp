@@ -18,8 +18,21 @@ namespace imud {
 
 // Why a truth never reached the model. The words of TruthResult, of Admission, and one more.
 enum class Refusal : std::uint8_t {
-  too_short, too_long, not_this_kind, bad_version, bad_checksum, bad_number, not_finite, out_of_range, no_columns,
-  duplicate, reordered, time_back, time_jump, other_stream, count
+  too_short,
+  too_long,
+  not_this_kind,
+  bad_version,
+  bad_checksum,
+  bad_number,
+  not_finite,
+  out_of_range,
+  no_columns,
+  duplicate,
+  reordered,
+  time_back,
+  time_jump,
+  other_stream,
+  count
 };
 std::string_view cause(Refusal refusal) noexcept;
 // What would be right, for the log.
@@ -28,12 +41,12 @@ std::string_view remedy(Refusal refusal) noexcept;
 // Written by the thread that samples, read by any.
 struct TruthCounters {
   using Counter = std::atomic<std::uint64_t>;
-  Counter received = 0;   // records
-  Counter no_state = 0;   // headers, blank lines
+  Counter received = 0;  // records
+  Counter no_state = 0;  // headers, blank lines
   Counter accepted = 0;
-  Counter inserted = 0;   // of these, overtaken on their way, but still in time
-  Counter lost = 0;       // that the sender's sequence numbers say are missing
-  Counter runs = 0;       // times that the timeline began anew, the first included
+  Counter inserted = 0;                    // of these, overtaken on their way, but still in time
+  Counter lost = 0;                        // that the sender's sequence numbers say are missing
+  Counter runs = 0;                        // times that the timeline began anew, the first included
   std::atomic<std::int64_t> first_ns = 0;  // arrival of the first truth accepted, and of the newest
   std::atomic<std::int64_t> newest_ns = 0;
   Counter truncated = 0;  // records of a capture that are cut short
@@ -54,8 +67,8 @@ class TruthIntake {
   // Takes one record, if there is one. Never waits. `settled`: see Timeline::push().
   Outcome take(TruthTime settled = Timeline::never) noexcept;
 
-  // The last record's truth, unless it was ignored; and whether its sender waits for an answer, which holds for refused
-  // repetitions too.
+  // The last record's truth, unless it was ignored; and whether its sender waits for an answer, which holds for
+  // refused repetitions too.
   const Truth& truth() const noexcept { return truth_; }
   bool answer_due() const noexcept { return answer_due_; }
   // Answers it: the time reached and the samples emitted so far in the run.

@@ -108,8 +108,10 @@ TruthResult ColumnTruthDecoder::decode(std::span<const std::byte> record, Truth&
   std::string_view row = trim({reinterpret_cast<const char*>(record.data()), record.size()});
   if (row.empty()) return TruthResult::no_state;
   switch (kind(row)) {
-    case Kind::state: break;
-    case Kind::remark: return TruthResult::no_state;
+    case Kind::state:
+      break;
+    case Kind::remark:
+      return TruthResult::no_state;
     case Kind::header:
       enough_ = columns_.set(row) && enough();
       return enough_ ? TruthResult::no_state : TruthResult::no_columns;

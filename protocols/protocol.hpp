@@ -32,8 +32,8 @@ class Device {
   // Of its own UART; a change holds for what is sent after it. Default: it has none.
   virtual LineSettings line() const noexcept;
 
-  // An edge on its trigger input, or its pulse-per-second input, that counts as one. `time`: after the last sample and not
-  // after the next one, before which it is told; in order. Default: not connected.
+  // An edge on its trigger input, or its pulse-per-second input, that counts as one. `time`: after the last sample
+  // and not after the next one, before which it is told; in order. Default: not connected.
   virtual void trigger(DeviceTime time) noexcept;
   virtual void pps(DeviceTime time) noexcept;
   // What its output pin (time of validity, data ready) does because of the last sample. Default: nothing.
@@ -46,8 +46,15 @@ class Device {
 // What a Decoder found. `fields` tells which quantities the protocol carried; the others are zero in `sample`.
 struct Measurement {
   enum Field : std::uint32_t {
-    time = 1, counter = 2, rate = 4, specific_force = 8, delta_angle = 16, delta_velocity = 32, temperature = 64,
-    status = 128, all = 255,
+    time = 1,
+    counter = 2,
+    rate = 4,
+    specific_force = 8,
+    delta_angle = 16,
+    delta_velocity = 32,
+    temperature = 64,
+    status = 128,
+    all = 255,
   };
   Sample sample;
   std::uint32_t fields = 0;
@@ -64,9 +71,9 @@ class MeasurementSink {
 
 // Counts of what was not a measurement.
 struct DecodeErrors {
-  std::uint64_t checksum = 0;    // framed, but the checksum was wrong
-  std::uint64_t malformed = 0;   // framed, checksum right or absent, but the content cannot be
-  std::uint64_t incomplete = 0;  // sets of several frames with a part missing
+  std::uint64_t checksum = 0;       // framed, but the checksum was wrong
+  std::uint64_t malformed = 0;      // framed, checksum right or absent, but the content cannot be
+  std::uint64_t incomplete = 0;     // sets of several frames with a part missing
   std::uint64_t skipped_bytes = 0;  // bytes that belonged to no good frame
 };
 
@@ -94,8 +101,8 @@ struct Product {
 // One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) holds every entry to what it
 // says of itself here, with the settings as they are initially.
 struct Protocol {
-  std::string_view name;      // keyword in the configuration: the file's stem with '-' for '_'
-  std::string_view summary;   // one line
+  std::string_view name;     // keyword in the configuration: the file's stem with '-' for '_'
+  std::string_view summary;  // one line
   Link link;
   std::string_view document;  // the document and revision followed
   std::span<const Setting> settings;
@@ -112,10 +119,10 @@ struct Protocol {
     double rate = DBL_MAX, specific_force = DBL_MAX, delta_angle = DBL_MAX, delta_velocity = DBL_MAX,
            temperature_c = DBL_MAX;
   } range = {};
-  std::int64_t time_period_ns = 0;   // after which the time on the wire begins anew; 0: never
-  unsigned counter_bits = 64;        // this many low bits of the counter come back
-  bool sends_some_samples = false;   // of many that it counts: steps of the counter are some multiple
-  std::uint32_t status_bits = ~0U;   // these bits of Sample::status come back
+  std::int64_t time_period_ns = 0;  // after which the time on the wire begins anew; 0: never
+  unsigned counter_bits = 64;       // this many low bits of the counter come back
+  bool sends_some_samples = false;  // of many that it counts: steps of the counter are some multiple
+  std::uint32_t status_bits = ~0U;  // these bits of Sample::status come back
 
   bool has_checksum = false;  // every one-bit error of a frame is refused
   unsigned burst_bits = 0;    // so is every burst of errors up to this long, bits counted from the LSB of each byte

@@ -21,10 +21,10 @@ enum class TruthResult : std::uint8_t {
   not_this_kind,  // the magic or the first word is another's
   bad_version,
   bad_checksum,
-  bad_number,     // text that is no number
-  not_finite,     // NaN or infinity
-  out_of_range,   // finite, but no vehicle does that (core/truth.hpp), or fields that contradict one another
-  no_columns,     // a row before its header, and no columns configured; a header that lacks a required column
+  bad_number,    // text that is no number
+  not_finite,    // NaN or infinity
+  out_of_range,  // finite, but no vehicle does that (core/truth.hpp), or fields that contradict one another
+  no_columns,    // a row before its header, and no columns configured; a header that lacks a required column
 };
 
 // Decodes one simulator's records. Keeps what a header row said; otherwise without state. Allocates nothing after it
@@ -40,10 +40,10 @@ class TruthDecoder {
 };
 
 struct TruthFormat {
-  std::string_view name;      // keyword in the configuration: the file's stem with '-' for '_'
-  std::string_view summary;   // one line
-  std::string_view document;  // the document and revision followed
-  bool text;                  // a file holds one record a line; otherwise only datagrams
+  std::string_view name;              // keyword in the configuration: the file's stem with '-' for '_'
+  std::string_view summary;           // one line
+  std::string_view document;          // the document and revision followed
+  bool text;                          // a file holds one record a line; otherwise only datagrams
   std::span<const Setting> settings;  // beside `port` and `format` in [truth]
   // Throws std::invalid_argument that says what would be right, for settings that make no sense.
   std::unique_ptr<TruthDecoder> (*make)(const Settings& settings);

@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
+#include "core/duration_histogram.hpp"
 #include "protocols/native_truth.hpp"
 #include "tools/datagram_faults.hpp"
-#include "core/duration_histogram.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "core/motion.hpp"
-#include "tools/duration_text.hpp"
 #include "tools/datagram_sender.hpp"
+#include "tools/duration_text.hpp"
 #include "tools/number_check.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"

@@ -5,9 +5,9 @@
 #include <optional>
 #include <vector>
 
+#include "core/duration_histogram.hpp"
 #include "core/time.hpp"
 #include "protocols/protocol.hpp"
-#include "core/duration_histogram.hpp"
 
 namespace imud {
 
@@ -73,8 +73,8 @@ class StreamStatistics {
   void fit(std::size_t begin, std::size_t end, bool by_time);
 
   const std::uint64_t counter_mask_;
-  const bool counts_unsent_;     // samples, too
-  double counter_step_ = 1;      // from one that is sent to the next: the median
+  const bool counts_unsent_;  // samples, too
+  double counter_step_ = 1;   // from one that is sent to the next: the median
   const std::int64_t time_period_ns_;
   const double time_resolution_ns_;
 

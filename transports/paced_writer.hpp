@@ -14,17 +14,18 @@
 
 namespace imud {
 
-// A queue of whole frames, first in, first out. A frame begins when it is queued, or when the one before is out; character
-// i of it is received (i + 1) * bits_per_character / baud later. Received characters are let go of as a 16550 hands them
-// over: 14 together, or those up to the end of all that is queued. One thread; no clock of its own.
+// A queue of whole frames, first in, first out. A frame begins when it is queued, or when the one before is out;
+// character i of it is received (i + 1) * bits_per_character / baud later. Received characters are let go of as a
+// 16550 hands them over: 14 together, or those up to the end of all that is queued. One thread; no clock of its own.
 class PacedWriter {
  public:
   static constexpr std::size_t max_characters = FrameBuffer::max_bytes;
   static constexpr std::size_t max_frames = 512;
-  static constexpr std::size_t fifo = 14;  // trigger level of a 16550A's receive FIFO: PC16550D data sheet, FCR bits 6-7
+  static constexpr std::size_t fifo =
+      14;  // trigger level of a 16550A's receive FIFO: PC16550D data sheet, FCR bits 6-7
 
-  // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted; all of them
-  // are if the first would have to wait for longer than `patience`.
+  // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted; all of
+  // them are if the first would have to wait for longer than `patience`.
   void queue(std::span<const Frame> frames, const LineSettings& line, HostTime now, Nanoseconds patience,
              PortCounters& counters) noexcept;
 
@@ -47,9 +48,9 @@ class PacedWriter {
   struct Queued {
     HostTime begin;
     LineSettings line;
-    std::size_t size = 0;  // at least 1
-    HostTime received(std::size_t characters) const noexcept;   // when so many are
-    std::size_t received_by(HostTime now) const noexcept;       // how many
+    std::size_t size = 0;                                      // at least 1
+    HostTime received(std::size_t characters) const noexcept;  // when so many are
+    std::size_t received_by(HostTime now) const noexcept;      // how many
   };
   const Queued& frame(std::size_t i) const noexcept { return queue_[(first_frame_ + i) % max_frames]; }
   void let_go(HostTime now) noexcept;

@@ -25,17 +25,18 @@ enum class Role : std::uint8_t {
 enum class PortState : std::uint8_t {
   ready,
   no_reader,    // nobody has the other end open: frames are discarded
-  wrong_speed,  // the client of a pty has set another speed than the line's: both sides read garbage, frames count as sent
+  wrong_speed,  // the client of a pty has set another speed than the line's: both sides read garbage, frames count as
+                // sent
   lost,         // unplugged, removed, or down: reopened by itself with back-off
 };
 
 struct PortCounters {
-  std::uint64_t sent = 0;       // frames that the kernel took whole
-  std::uint64_t dropped = 0;    // frames that it did not take, dropped whole; one torn is neither for a while
-  std::uint64_t received = 0;   // frames or chunks
-  std::uint64_t lost_count = 0; // times the device was lost
-  std::uint64_t truncated = 0;  // datagrams of a capture that are cut short, or fragments
-  std::uint64_t not_ours = 0;   // packets of a capture that are for another port or no UDP
+  std::uint64_t sent = 0;        // frames that the kernel took whole
+  std::uint64_t dropped = 0;     // frames that it did not take, dropped whole; one torn is neither for a while
+  std::uint64_t received = 0;    // frames or chunks
+  std::uint64_t lost_count = 0;  // times the device was lost
+  std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments
+  std::uint64_t not_ours = 0;    // packets of a capture that are for another port or no UDP
 };
 
 class Port {
@@ -47,7 +48,8 @@ class Port {
   // wants nothing dropped (a run that is not in real time) polls descriptor() for POLLOUT first.
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
-  // As send(), of an answer to the host: of a line that has more to carry than it can, answers have the better chance.
+  // As send(), of an answer to the host: of a line that has more to carry than it can, answers have the better
+  // chance.
   virtual void reply(std::span<const Frame> frames) noexcept { send(frames); }
   // At the end: what is still held back will not be sent, and counts as dropped.
   virtual void give_up() noexcept {}
@@ -69,8 +71,8 @@ class Port {
   // before is out.
   virtual void set_line(const LineSettings&) noexcept {}
 
-  // Pushes out what send() holds back: a file's buffer, the rest of a frame taken in part, what a paced line has received
-  // by now. Never waits either.
+  // Pushes out what send() holds back: a file's buffer, the rest of a frame taken in part, what a paced line has
+  // received by now. Never waits either.
   virtual void flush() noexcept {}
   // When flush() will have something to do next; nullopt if that is no matter of time.
   virtual std::optional<HostTime> due() const noexcept { return std::nullopt; }
@@ -78,8 +80,9 @@ class Port {
   virtual bool is_read() noexcept { return true; }
   // False if receive() never returns anything: do not wait for it.
   virtual bool hears() const noexcept { return true; }
-  // For poll(); -1 if there is nothing to wait for: a capture, a regular file, a lost device, a pty that nobody has open. send() and
-  // receive() look whether it is back, so one of them must be called now and then. Changes when it is reopened.
+  // For poll(); -1 if there is nothing to wait for: a capture, a regular file, a lost device, a pty that nobody has
+  // open. send() and receive() look whether it is back, so one of them must be called now and then. Changes when it
+  // is reopened.
   virtual int descriptor() const noexcept { return -1; }
 
   // What both ends of a pty are set to, in bit/s, as last seen; 0: not known.
@@ -99,11 +102,11 @@ class Port {
 
 // One entry of the table.
 struct Transport {
-  std::string_view name;     // the word before the colon in a port: the file's stem
-  std::string_view summary;  // one line
-  std::string_view syntax;   // "serial:/dev/ttyUSB0?baud=921600"
-  std::string_view document; // the interface followed
-  bool carries_can;          // frames with an identifier; otherwise bytes
+  std::string_view name;      // the word before the colon in a port: the file's stem
+  std::string_view summary;   // one line
+  std::string_view syntax;    // "serial:/dev/ttyUSB0?baud=921600"
+  std::string_view document;  // the interface followed
+  bool carries_can;           // frames with an identifier; otherwise bytes
   // Throws PortError that says what is wrong with the spec and what would be right, without touching the system: an
   // unknown option, a value out of range, a role that this transport has not.
   void (*check)(const PortSpec& spec, Role role);

@@ -108,7 +108,8 @@ class PtyDevice final : public Port {
   std::optional<Received> receive() noexcept override {
     // What is heard at a wrong speed is made bit by bit: little of it at a time, so that a flood holds nothing up.
     constexpr std::size_t little = 64;
-    const ssize_t size = ::read(master_.get(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
+    const ssize_t size =
+        ::read(master_.get(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
     if (size <= 0) {
       look_for_reader();
       return std::nullopt;
@@ -192,7 +193,8 @@ class PtyDevice final : public Port {
   PortState state_with_reader() noexcept {
     speeds_ = {line_now().baud, line_speed(master_.get()).value_or(0)};
     const bool checked = !any_speed_ && speeds_.line != 0 && speeds_.client != 0;
-    return checked && !understand(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed : PortState::ready;
+    return checked && !understand(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed
+                                                                            : PortState::ready;
   }
 
   // What is still on its way is so at the line as it was then.

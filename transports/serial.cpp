@@ -202,7 +202,7 @@ class SerialPort final : public Port {
   termios configured_{};     // as it is to be
   unsigned baud_ = settings_.baud;
   std::optional<LineSettings> wanted_;  // as soon as what was sent is out
-  FileDescriptor line_;  // closed while the device is lost
+  FileDescriptor line_;                 // closed while the device is lost
   BackOff back_off_;
   ByteWriter writer_;
   std::array<std::byte, 256> buffer_;

@@ -120,9 +120,7 @@ void check(const PortSpec& spec, Role) {
   static_cast<void>(UdpAddress::parse(spec.address));
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, Role role) {
-  return std::make_unique<UdpPort>(spec, role);
-}
+std::unique_ptr<Port> open(const PortSpec& spec, Role role) { return std::make_unique<UdpPort>(spec, role); }
 
 }  // namespace
 

@@ -1,15 +1,16 @@
 // MicroStrain MIP, as 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS and 3DM-CV7-INS speak it. The layouts are those of
 // MicroStrain's mip_sdk (mip/mip.hpp), against whose capture the tests hold them.
 //
-// What the document does not say and a user would expect: out of the box the device streams (ArduPilot sends nothing and
-// waits for that); reference time is the device's own time; filter and receiver tell the truth. What a host says to the
-// filter, and the events it asks for, are kept and told, and change nothing; biases and mounting are applied.
+// What the document does not say and a user would expect: out of the box the device streams (ArduPilot sends nothing
+// and waits for that); reference time is the device's own time; filter and receiver tell the truth. What a host says
+// to the filter, and the events it asks for, are kept and told, and change nothing; biases and mounting are applied.
+#include "protocols/mip/mip.hpp"
+
 #include <algorithm>
 #include <stdexcept>
 
 #include "core/units.hpp"
 #include "protocols/frame_search.hpp"
-#include "protocols/mip/mip.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {
@@ -118,11 +119,21 @@ class MipDecoder final : public Decoder {
         return v;
       };
       switch (descriptor) {
-        case 0x04: sample.specific_force = vector(units::standard_gravity, Measurement::specific_force); break;
-        case 0x05: sample.rate = vector(1, Measurement::rate); break;
-        case 0x07: sample.delta_angle = vector(1, Measurement::delta_angle); break;
-        case 0x08: sample.delta_velocity = vector(units::standard_gravity, Measurement::delta_velocity); break;
-        case 0x14: sample.temperature_c = vector(1, Measurement::temperature)[2]; break;
+        case 0x04:
+          sample.specific_force = vector(units::standard_gravity, Measurement::specific_force);
+          break;
+        case 0x05:
+          sample.rate = vector(1, Measurement::rate);
+          break;
+        case 0x07:
+          sample.delta_angle = vector(1, Measurement::delta_angle);
+          break;
+        case 0x08:
+          sample.delta_velocity = vector(units::standard_gravity, Measurement::delta_velocity);
+          break;
+        case 0x14:
+          sample.temperature_c = vector(1, Measurement::temperature)[2];
+          break;
         case 0x18: {
           const unsigned bits = reader.take<std::uint16_t>();
           sample.status = (bits >> 4 & 7U) | (bits & 7U) << 3;
@@ -133,7 +144,8 @@ class MipDecoder final : public Decoder {
           sample.time.ns = static_cast<std::int64_t>(reader.take<std::uint64_t>());
           measurement.fields |= Measurement::time;
           break;
-        default: break;
+        default:
+          break;
       }
     });
     if (!is_good || !is_finite)
@@ -151,20 +163,30 @@ constexpr std::array<std::string_view, 1> models_own = {"default"};
 constexpr std::span<const std::string_view> own = models_own;
 constexpr Setting declared[] = {
     {.key = "model", .help = "which device", .initial = model_names[0], .choices = model_names},
-    {.key = "sensor_rate_hz", .help = "of the sensor data; a divisor of 1000", .initial = std::int64_t{100}, .min = 1,
+    {.key = "sensor_rate_hz",
+     .help = "of the sensor data; a divisor of 1000",
+     .initial = std::int64_t{100},
+     .min = 1,
      .max = 1000},
     {.key = "sensor_fields", .help = "what is streamed; default: as the model is delivered", .initial = own},
-    {.key = "filter_rate_hz", .help = "of the filter data; a divisor of its base rate", .initial = std::int64_t{10},
-     .min = 1, .max = 1000},
+    {.key = "filter_rate_hz",
+     .help = "of the filter data; a divisor of its base rate",
+     .initial = std::int64_t{10},
+     .min = 1,
+     .max = 1000},
     {.key = "filter_fields", .help = "what is streamed", .initial = own},
-    {.key = "gnss_rate_hz", .help = "of the receiver's data; a divisor of 4", .initial = std::int64_t{4}, .min = 1,
+    {.key = "gnss_rate_hz",
+     .help = "of the receiver's data; a divisor of 4",
+     .initial = std::int64_t{4},
+     .min = 1,
      .max = 4},
     {.key = "gnss_fields", .help = "what is streamed, by a model with a receiver", .initial = own},
     {.key = "baud", .help = "bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
 };
 
 const Model& model_of(const Settings& settings) {
-  return *std::find_if(models.begin(), models.end(), [&](const Model& m) { return m.keyword == settings.text("model"); });
+  return *std::find_if(models.begin(), models.end(),
+                       [&](const Model& m) { return m.keyword == settings.text("model"); });
 }
 
 std::uint8_t descriptor_of(const Model& model, std::uint8_t set, std::string_view name, const std::string& key) {
@@ -174,7 +196,8 @@ std::uint8_t descriptor_of(const Model& model, std::uint8_t set, std::string_vie
     if (field.name == name) return field.descriptor;
     known += " " + std::string(field.name);
   }
-  throw std::invalid_argument(key + ": there is no \"" + std::string(name) + "\"; known:" + known + "; or default, alone");
+  throw std::invalid_argument(key + ": there is no \"" + std::string(name) + "\"; known:" + known +
+                              "; or default, alone");
 }
 
 Stream stream(const Settings& settings, const Model& model, std::uint8_t set, const std::string& prefix,
@@ -208,9 +231,10 @@ Configuration configuration(const Settings& settings) {
   const Model& model = model_of(settings);
   Configuration c;
   c.baud = static_cast<std::uint32_t>(settings.integer("baud"));
-  c.streams = {stream(settings, model, sensor, "sensor", static_cast<std::uint16_t>(internal_hz), model.sensor_fields),
-               stream(settings, model, filter, "filter", model.filter_hz, model.filter_fields),
-               stream(settings, model, gnss, "gnss", model.gnss_hz, model.gnss_fields)};
+  c.streams = {
+      stream(settings, model, sensor, "sensor", static_cast<std::uint16_t>(internal_hz), model.sensor_fields),
+      stream(settings, model, filter, "filter", model.filter_hz, model.filter_fields),
+      stream(settings, model, gnss, "gnss", model.gnss_hz, model.gnss_fields)};
   return c;
 }
 
@@ -220,8 +244,8 @@ Product product(const Settings& settings) {
   Product product;
   product.rate_hz = internal_hz;
   product.gyro = TriadErrors::white(model.gyro_noise, internal_hz, model.gyro_max);
-  product.accelerometer = TriadErrors::white(model.accelerometer_noise, internal_hz,
-                                             model.accelerometer_max_g * units::standard_gravity);
+  product.accelerometer =
+      TriadErrors::white(model.accelerometer_noise, internal_hz, model.accelerometer_max_g * units::standard_gravity);
   product.magnetometer = TriadErrors::white(400e-10, internal_hz, 8e-4);
   product.barometer.noise = 1;
   return product;
@@ -238,10 +262,16 @@ constexpr Protocol mip_protocol = {
     .settings = declared,
     .fields = Measurement::time | Measurement::rate | Measurement::specific_force | Measurement::delta_angle |
               Measurement::delta_velocity | Measurement::temperature | Measurement::status,
-    .resolution = {.rate = 0x1p-21, .specific_force = 0x1p-20 * units::standard_gravity, .delta_angle = 0x1p-24,
-                   .delta_velocity = 0x1p-24 * units::standard_gravity, .temperature_c = 0x1p-17},
-    .range = {.rate = 8, .specific_force = 15.99 * units::standard_gravity, .delta_angle = 1,
-              .delta_velocity = 0.99 * units::standard_gravity, .temperature_c = 128},
+    .resolution = {.rate = 0x1p-21,
+                   .specific_force = 0x1p-20 * units::standard_gravity,
+                   .delta_angle = 0x1p-24,
+                   .delta_velocity = 0x1p-24 * units::standard_gravity,
+                   .temperature_c = 0x1p-17},
+    .range = {.rate = 8,
+              .specific_force = 15.99 * units::standard_gravity,
+              .delta_angle = 1,
+              .delta_velocity = 0.99 * units::standard_gravity,
+              .temperature_c = 128},
     .counter_bits = 0,
     .status_bits = 0x3F,
     .has_checksum = true,

@@ -18,16 +18,16 @@
 // What the datasheet leaves open follows captures of real units: rates end at 480 deg/s, with overload (UBC-Rocket,
 // Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README).
 //
-// A frame leaves at its sample's instant, not a compensation of 0.5 ms later as a unit's (figure 7-4). What it says is what
-// a unit says: TOV falls, and the time since PPS ends, when the latency has gone by since the sample. With an external
-// trigger the sample that is sent is the newest whose compensation is done at the edge, 0.3 ms after it was digitized
-// (figure 7-3); the latency is the time from it to the edge (section 7.2), and the frame leaves at the next sample.
-// The PPS level behind the unit "filtered" is that of an open input.
+// A frame leaves at its sample's instant, not a compensation of 0.5 ms later as a unit's (figure 7-4). What it says
+// is what a unit says: TOV falls, and the time since PPS ends, when the latency has gone by since the sample. With an
+// external trigger the sample that is sent is the newest whose compensation is done at the edge, 0.3 ms after it was
+// digitized (figure 7-3); the latency is the time from it to the edge (section 7.2), and the frame leaves at the next
+// sample. The PPS level behind the unit "filtered" is that of an open input.
 //
-// Configured and reported, but without effect: the low-pass filters and what they delay (group delays of Tables 5-3 to 5-9).
-// Hence the gyros' units "delayed", too: on a unit they hold the gyros back by the 4 ms by which the accelerometers come
-// later (section 7.5.2.2.1); here both come together already. The g-compensation (section 7.5.2.2.6) takes away an error
-// that the modelled gyros do not have.
+// Configured and reported, but without effect: the low-pass filters and what they delay (group delays of Tables 5-3
+// to 5-9). Hence the gyros' units "delayed", too: on a unit they hold the gyros back by the 4 ms by which the
+// accelerometers come later (section 7.5.2.2.1); here both come together already. The g-compensation
+// (section 7.5.2.2.6) takes away an error that the modelled gyros do not have.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -194,7 +194,8 @@ class Stim300Device final : public Device {
     add(inclinometer, level, level / internal_hz, tilted);
   }
 
-  // What is measured goes on in every mode; what is not sent in its slot is lost. `validity`: `latency` after the sample.
+  // What is measured goes on in every mode; what is not sent in its slot is lost. `validity`: `latency` after the
+  // sample.
   void transmit(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
     if (mode_ == Mode::normal) send(validity, latency, out);
     for (Axes& axes : axes_) axes.begin();
@@ -207,15 +208,16 @@ class Stim300Device final : public Device {
       return;
     }
     unsigned& specials = starts ? starting_ : requested_;
-    const std::size_t characters =
-        specials != 0 ? send_special(specials, out) : write_measurement(axes_, reading(validity, latency), memory_, out);
+    const std::size_t characters = specials != 0 ? send_special(specials, out)
+                                                 : write_measurement(axes_, reading(validity, latency), memory_, out);
     const LineSettings line = memory_.active.line();
     const double on_line = static_cast<double>(characters * line.bits_per_character()) / line.baud;
     busy_until_ = validity + least_period(line, characters);
     if (!starts || memory_.active.tov_toggles) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
   }
 
-  // AUX: 0 V. Filtered PPS: 1, of the pull-up. Otherwise in us (section 7.4.1); without an edge as long as can be said.
+  // AUX: 0 V. Filtered PPS: 1, of the pull-up. Otherwise in us (section 7.4.1); without an edge as long as can be
+  // said.
   std::uint32_t pps_at(DeviceTime instant) const noexcept {
     if (memory_.active.has_aux) return 0;
     if (!memory_.active.pps_is_time()) return 1U << 22;
@@ -225,8 +227,11 @@ class Stim300Device final : public Device {
 
   Reading reading(DeviceTime validity, Nanoseconds latency) const noexcept {
     const std::uint32_t pps = pps_at(validity);
-    return {.temperature_c = temperature_c_, .status = status_, .pps = pps,
-            .pps_status = status_ | (pps == longest_pps ? status_bit::overload : 0U), .counter = counter_,
+    return {.temperature_c = temperature_c_,
+            .status = status_,
+            .pps = pps,
+            .pps_status = status_ | (pps == longest_pps ? status_bit::overload : 0U),
+            .counter = counter_,
             .latency_us = static_cast<unsigned>(std::clamp(std::llround(1e6 * seconds(latency)), 0LL, 0xFFFFLL))};
   }
 
@@ -243,7 +248,7 @@ class Stim300Device final : public Device {
   std::uint64_t since_reset_ = 0;  // internal samples
   unsigned starting_ = 0;          // Specials that Init Mode still has to send (section 7.5.1)
   unsigned requested_ = 0;         // the Special that takes the place of the next measurement, or none (section 8)
-  std::optional<Sample> raw_;  // whose compensation is not done
+  std::optional<Sample> raw_;      // whose compensation is not done
   DeviceTime now_, measured_at_, busy_until_, triggered_last_;
   std::optional<DeviceTime> triggered_, pps_;
   std::optional<Pulse> pulse_;
@@ -259,21 +264,35 @@ constexpr std::array<std::string_view, 5> force_units = {"acceleration", "increm
                                                          "integrated_m_per_s"};
 constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
 constexpr Setting declared[] = {
-    {.key = "sample_rate", .help = "datagrams a second: 125, 250, 500, 1000 or 2000; 0: at an external trigger",
-     .initial = std::int64_t{1000}, .min = 0, .max = 2000},
+    {.key = "sample_rate",
+     .help = "datagrams a second: 125, 250, 500, 1000 or 2000; 0: at an external trigger",
+     .initial = std::int64_t{1000},
+     .min = 0,
+     .max = 2000},
     {.key = "acceleration", .help = "is in the datagram", .initial = true},
     {.key = "inclination", .help = "is in the datagram", .initial = true},
     {.key = "temperature", .help = "is in the datagram", .initial = true},
     {.key = "pps", .help = "is in the datagram", .initial = false},
     {.key = "aux_input", .help = "an older unit: AUX in PPS's place", .initial = false},
     {.key = "cr_lf", .help = "after each datagram", .initial = false},
-    {.key = "gyro_unit", .help = "of output", .initial = std::string_view("rate"),
+    {.key = "gyro_unit",
+     .help = "of output",
+     .initial = std::string_view("rate"),
      .choices = std::span(gyro_units).first(4)},
-    {.key = "accelerometer_unit", .help = "of output", .initial = std::string_view("acceleration"), .choices = force_units},
-    {.key = "inclinometer_unit", .help = "of output", .initial = std::string_view("acceleration"), .choices = force_units},
+    {.key = "accelerometer_unit",
+     .help = "of output",
+     .initial = std::string_view("acceleration"),
+     .choices = force_units},
+    {.key = "inclinometer_unit",
+     .help = "of output",
+     .initial = std::string_view("acceleration"),
+     .choices = force_units},
     {.key = "accelerometer_range_g", .help = "5, 10, 30 or 80", .initial = std::int64_t{10}, .min = 5, .max = 80},
-    {.key = "bit_rate", .help = "bit/s: 374400, 460800, 921600 or 1843200", .initial = std::int64_t{921600},
-     .min = 374400, .max = 1843200},
+    {.key = "bit_rate",
+     .help = "bit/s: 374400, 460800, 921600 or 1843200",
+     .initial = std::int64_t{921600},
+     .min = 374400,
+     .max = 1843200},
     {.key = "parity", .help = "of the line", .initial = std::string_view("none"), .choices = parities},
     {.key = "stop_bits", .help = "of the line", .initial = std::int64_t{1}, .min = 1, .max = 2},
     {.key = "start_up", .help = "begins as after power-on: special datagrams, then 0.7 s not valid", .initial = true},
@@ -294,12 +313,14 @@ Configuration configuration(const Settings& settings) {
   Configuration c;
   c.sample_rate = external_trigger;
   if (const std::int64_t rate = settings.integer("sample_rate"); rate != 0)
-    c.sample_rate = index_of(sample_rates, rate, "sample_rate: give 125, 250, 500, 1000 or 2000, or 0: external trigger");
+    c.sample_rate =
+        index_of(sample_rates, rate, "sample_rate: give 125, 250, 500, 1000 or 2000, or 0: external trigger");
   c.content = (settings.flag("acceleration") ? 1U : 0U) | (settings.flag("inclination") ? 2U : 0U) |
               (settings.flag("temperature") ? 4U : 0U) | (settings.flag("pps") ? 8U : 0U);
   c.has_aux = settings.flag("aux_input");
   c.cr_lf = settings.flag("cr_lf");
-  c.units = {word_of(gyro_units, settings.text("gyro_unit")), word_of(force_units, settings.text("accelerometer_unit")),
+  c.units = {word_of(gyro_units, settings.text("gyro_unit")),
+             word_of(force_units, settings.text("accelerometer_unit")),
              word_of(force_units, settings.text("inclinometer_unit"))};
   const std::int64_t range = settings.integer("accelerometer_range_g");
   c.accelerometer_range = 15;
@@ -312,8 +333,8 @@ Configuration configuration(const Settings& settings) {
   return c;
 }
 
-// Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5). An accelerometer
-// ends, as the 80 g one does, where it says overload (Tables 5-4 to 5-7, note 1).
+// Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5). An
+// accelerometer ends, as the 80 g one does, where it says overload (Tables 5-4 to 5-7, note 1).
 Product product(const Settings& settings) {
   const auto white = [](double per_root_hour) { return per_root_hour / 60 * std::sqrt(internal_hz); };
   Product product;
@@ -338,10 +359,12 @@ constexpr Protocol stim300_protocol = {
     .settings = declared,
     .fields = Measurement::counter | Measurement::rate | Measurement::specific_force | Measurement::temperature |
               Measurement::status,
-    .resolution = {.rate = 0x1p-14 * units::degree, .specific_force = 0x1p-19 * units::standard_gravity,
+    .resolution = {.rate = 0x1p-14 * units::degree,
+                   .specific_force = 0x1p-19 * units::standard_gravity,
                    .temperature_c = 0x1p-8},
     .range = {.rate = (0x1p23 - 1) * 0x1p-14 * units::degree,
-              .specific_force = (0x1p23 - 1) * 0x1p-19 * units::standard_gravity, .temperature_c = 127.99},
+              .specific_force = (0x1p23 - 1) * 0x1p-19 * units::standard_gravity,
+              .temperature_c = 127.99},
     .counter_bits = 8,
     .sends_some_samples = true,
     .status_bits = 0x3F | status::not_valid,

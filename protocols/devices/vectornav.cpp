@@ -1,6 +1,7 @@
-// VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp; registers and what messages say have
-// files of their own. What the device's own filter would estimate is the truth: its settings are kept and told, no more.
-// Compensations (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in the device.
+// VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp; registers and what messages say
+// have files of their own. What the device's own filter would estimate is the truth: its settings are kept and told,
+// no more. Compensations (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in
+// the device.
 #include "protocols/vectornav/vectornav.hpp"
 
 #include <algorithm>
@@ -28,7 +29,8 @@ class VectorNavDevice final : public Device {
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     if (!started_) start_ = sample.time;
-    if (started_ && sample.time < sample_.time) start_ = start_ - (sample_.time - sample.time);  // simulation time began anew
+    if (started_ && sample.time < sample_.time)
+      start_ = start_ - (sample_.time - sample.time);  // simulation time began anew
     started_ = true;
     compensate(sample);
     for (Sums& sums : sums_) sums.add(sample_, 1 / model_.internal_hz);
@@ -40,10 +42,14 @@ class VectorNavDevice final : public Device {
   }
 
   void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
-    reader_.feed(from_host.bytes, sample_.time, [&](std::string_view line) {
-      // What comes before is not ours; a command cut off is followed by another one's beginning.
-      if (const std::size_t begin = line.rfind('$'); begin != std::string_view::npos) obey(line.substr(begin + 1), replies);
-    }, [&] { send_error(input_overflow, Form::two_digits, replies); });
+    reader_.feed(
+        from_host.bytes, sample_.time,
+        [&](std::string_view line) {
+          // What comes before is not ours; a command cut off is followed by another one's beginning.
+          if (const std::size_t begin = line.rfind('$'); begin != std::string_view::npos)
+            obey(line.substr(begin + 1), replies);
+        },
+        [&] { send_error(input_overflow, Form::two_digits, replies); });
   }
 
   void restart() noexcept override { reset(); }
@@ -56,10 +62,11 @@ class VectorNavDevice final : public Device {
     std::string_view name;
     std::size_t fewest, most;  // parameters
   };
-  static constexpr Command commands[] = {  // the last ones change nothing here
-      {"VNRRG", 1, 2}, {"VNWRG", 1, any}, {"VNASY", 1, 1}, {"VNBOM", 1, 1}, {"VNWNV", 0, 0}, {"VNTAR", 0, 0},
-      {"VNRFS", 0, 0}, {"VNRST", 0, 0}, {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any}, {"VNKAD", 0, any},
-      {"VNCMD", 0, any}};
+  static constexpr Command commands[] = {// the last ones change nothing here
+                                         {"VNRRG", 1, 2},   {"VNWRG", 1, any}, {"VNASY", 1, 1},   {"VNBOM", 1, 1},
+                                         {"VNWNV", 0, 0},   {"VNTAR", 0, 0},   {"VNRFS", 0, 0},   {"VNRST", 0, 0},
+                                         {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any},
+                                         {"VNKAD", 0, any}, {"VNCMD", 0, any}};
 
   void reset() noexcept {
     active_ = stored_;
@@ -75,7 +82,8 @@ class VectorNavDevice final : public Device {
     const double dt = 1 / model_.internal_hz;
     raw_ = sample;
     sample_ = sample;
-    for (Vector3* vector : {&raw_.magnetic_field, &raw_.specific_force, &raw_.rate, &sample_.delta_angle, &sample_.delta_velocity})
+    for (Vector3* vector :
+         {&raw_.magnetic_field, &raw_.specific_force, &raw_.rate, &sample_.delta_angle, &sample_.delta_velocity})
       *vector = dcm_ * *vector;
     constexpr double gauss = 1e-4;
     sample_.magnetic_field = gauss * magnetometer(raw_.magnetic_field / gauss);
@@ -149,7 +157,8 @@ class VectorNavDevice final : public Device {
     Message(replies, form).put(text.data()).send();
   }
 
-  Error obey(std::string_view name, std::string_view rest, std::string_view body, Form form, FrameBuffer& replies) noexcept {
+  Error obey(std::string_view name, std::string_view rest, std::string_view body, Form form,
+             FrameBuffer& replies) noexcept {
     const auto is_it = [&](const Command& command) { return command.name == name; };
     const auto* command = std::find_if(std::begin(commands), std::end(commands), is_it);
     if (command == std::end(commands)) return bad_command;
@@ -197,7 +206,8 @@ class VectorNavDevice final : public Device {
   Error read_register(std::string_view rest, std::string_view name, Form form, FrameBuffer& replies) noexcept {
     const std::size_t comma = rest.find(',');
     const std::string_view word = rest.substr(0, comma);
-    const std::string_view serial_port = comma == std::string_view::npos ? std::string_view() : rest.substr(comma + 1);
+    const std::string_view serial_port =
+        comma == std::string_view::npos ? std::string_view() : rest.substr(comma + 1);
     const auto id = number_in<unsigned>(word);
     if (!id) return bad_parameter;
     const bool is_surplus = comma != std::string_view::npos && (*id < 5 || *id > 7);
@@ -220,10 +230,10 @@ class VectorNavDevice final : public Device {
   Configuration stored_, active_;
   bool paused_ = false, started_ = false;
   DeviceTime start_;
-  Matrix3 dcm_ = Matrix3::Identity();           // register 26: to the host's axes
+  Matrix3 dcm_ = Matrix3::Identity();  // register 26: to the host's axes
   Quaternion tare_ = Quaternion::Identity();
-  Sample raw_, sample_;                         // the newest, as sensed, and compensated
-  std::array<Sums, 5> sums_;                    // of the binary outputs, of text, of register 80
+  Sample raw_, sample_;       // the newest, as sensed, and compensated
+  std::array<Sums, 5> sums_;  // of the binary outputs, of text, of register 80
   CommandReader<256> reader_;
 };
 
@@ -231,8 +241,11 @@ constexpr std::array<std::string_view, 3> model_names = {models[0].keyword, mode
 constexpr Setting declared[] = {
     {.key = "model", .help = "which device", .initial = models[0].keyword, .choices = model_names},
     {.key = "baud", .help = "bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
-    {.key = "async_type", .help = "register 6: the message of text that is streamed; 0: none", .initial = std::int64_t{14},
-     .min = 0, .max = 33},
+    {.key = "async_type",
+     .help = "register 6: the message of text that is streamed; 0: none",
+     .initial = std::int64_t{14},
+     .min = 0,
+     .max = 33},
     {.key = "async_hz", .help = "register 7", .initial = std::int64_t{40}, .min = 1, .max = 200},
     {.key = "binary_1", .help = "register 75, such as \"1,16,01,0029\"", .initial = std::string_view("")},
     {.key = "binary_2", .help = "register 76", .initial = std::string_view("")},
@@ -264,7 +277,8 @@ Configuration configuration(const Settings& settings) {
     Error error{};
     const auto output = BinaryOutput::parse(text, error);
     if (!output || text.size() >= Configuration::register_size)
-      throw std::invalid_argument(std::string(keys[i]) + ": give mode, divisor, groups and their masks, such as \"1,16,01,0029\"");
+      throw std::invalid_argument(std::string(keys[i]) +
+                                  ": give mode, divisor, groups and their masks, such as \"1,16,01,0029\"");
     c.binary[i] = *output;
     Configuration::store(c.binary_text[i], text);
   }
@@ -279,7 +293,8 @@ Product product(const Settings& settings) {
   Product product;
   product.rate_hz = model_of(settings).internal_hz;
   product.gyro = TriadErrors::white(0.0035 * units::degree, product.rate_hz, 2000 * units::degree);
-  product.accelerometer = TriadErrors::white(0.14e-3 * units::standard_gravity, product.rate_hz, 16 * units::standard_gravity);
+  product.accelerometer =
+      TriadErrors::white(0.14e-3 * units::standard_gravity, product.rate_hz, 16 * units::standard_gravity);
   product.magnetometer = TriadErrors::white(140e-6 * gauss, product.rate_hz, 2.5 * gauss);
   product.barometer.noise = 4.2;
   return product;
@@ -290,14 +305,19 @@ Product product(const Settings& settings) {
 extern const Protocol vectornav_protocol;
 constexpr Protocol vectornav_protocol = {
     .name = "vectornav",
-    .summary = "VectorNav VN-100, VN-200, VN-300 as IMU, attitude and GNSS/INS source: commands, registers, text and binary outputs",
+    .summary =
+        "VectorNav VN-100, VN-200, VN-300 as IMU, attitude and GNSS/INS source: commands, registers, text and binary "
+        "outputs",
     .link = Link::bytes,
     .document = "vnproglib 1.2; ArduPilot AP_ExternalAHRS_VectorNav",
     .settings = declared,
-    .fields = Measurement::rate | Measurement::specific_force | Measurement::delta_angle | Measurement::delta_velocity |
-              Measurement::temperature | Measurement::status,
-    .resolution = {.rate = 0x1p-18, .specific_force = 0x1p-16, .delta_angle = 0x1p-18 * units::degree,
-                   .delta_velocity = 0x1p-20, .temperature_c = 0x1p-17},
+    .fields = Measurement::rate | Measurement::specific_force | Measurement::delta_angle |
+              Measurement::delta_velocity | Measurement::temperature | Measurement::status,
+    .resolution = {.rate = 0x1p-18,
+                   .specific_force = 0x1p-16,
+                   .delta_angle = 0x1p-18 * units::degree,
+                   .delta_velocity = 0x1p-20,
+                   .temperature_c = 0x1p-17},
     .range = {.rate = 63, .specific_force = 255, .delta_angle = 1, .delta_velocity = 15, .temperature_c = 128},
     .counter_bits = 0,
     .status_bits = 0x3F,

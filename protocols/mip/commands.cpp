@@ -13,12 +13,38 @@ struct Command {
 };
 // Beside those that are kept or acknowledged alone.
 constexpr Command commands[] = {
-    {base, 0x01}, {base, 0x02}, {base, 0x03}, {base, 0x04}, {base, 0x05}, {base, 0x06}, {base, 0x07}, {base, 0x08},
-    {base, 0x09}, {base, 0x72}, {base, 0x7E},
-    {three_dm, 0x01}, {three_dm, 0x02, gx5_45}, {three_dm, 0x03}, {three_dm, 0x06}, {three_dm, 0x07, gx5_45},
-    {three_dm, 0x08}, {three_dm, 0x09, gx5_45}, {three_dm, 0x0A}, {three_dm, 0x0B}, {three_dm, 0x0D}, {three_dm, 0x0E},
-    {three_dm, 0x0F}, {three_dm, 0x11}, {three_dm, 0x30}, {three_dm, 0x31, cv7}, {three_dm, 0x32, cv7},
-    {three_dm, 0x33, cv7}, {three_dm, 0x37}, {three_dm, 0x38}, {three_dm, 0x39}, {three_dm, 0x40},
+    {base, 0x01},
+    {base, 0x02},
+    {base, 0x03},
+    {base, 0x04},
+    {base, 0x05},
+    {base, 0x06},
+    {base, 0x07},
+    {base, 0x08},
+    {base, 0x09},
+    {base, 0x72},
+    {base, 0x7E},
+    {three_dm, 0x01},
+    {three_dm, 0x02, gx5_45},
+    {three_dm, 0x03},
+    {three_dm, 0x06},
+    {three_dm, 0x07, gx5_45},
+    {three_dm, 0x08},
+    {three_dm, 0x09, gx5_45},
+    {three_dm, 0x0A},
+    {three_dm, 0x0B},
+    {three_dm, 0x0D},
+    {three_dm, 0x0E},
+    {three_dm, 0x0F},
+    {three_dm, 0x11},
+    {three_dm, 0x30},
+    {three_dm, 0x31, cv7},
+    {three_dm, 0x32, cv7},
+    {three_dm, 0x33, cv7},
+    {three_dm, 0x37},
+    {three_dm, 0x38},
+    {three_dm, 0x39},
+    {three_dm, 0x40},
     {filter_command, 0x11, gx5},
 };
 
@@ -60,7 +86,8 @@ void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuff
   });
 }
 
-Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, Fields& fields) noexcept {
+Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer,
+                          Fields& fields) noexcept {
   for (const KeptSetting& kept : kept_settings())
     if (kept.set == set && kept.command == command && model_.is(kept.models)) return obey_kept(kept, data, answer);
   for (const Acknowledged& one : acknowledged_commands())
@@ -76,17 +103,28 @@ Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Pac
 
 Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept {
   switch (command) {
-    case 0x01: return ok;
-    case 0x02: is_idle_ = true; return ok;
-    case 0x03: put_device_info(answer); return ok;
-    case 0x04: put_descriptors(answer, false); return ok;
+    case 0x01:
+      return ok;
+    case 0x02:
+      is_idle_ = true;
+      return ok;
+    case 0x03:
+      put_device_info(answer);
+      return ok;
+    case 0x04:
+      put_descriptors(answer, false);
+      return ok;
     case 0x05:
       answer.begin(0x83);
       answer.put(std::uint32_t{0});
       answer.end();
       return ok;
-    case 0x06: is_idle_ = false; return ok;
-    case 0x07: put_descriptors(answer, true); return ok;
+    case 0x06:
+      is_idle_ = false;
+      return ok;
+    case 0x07:
+      put_descriptors(answer, true);
+      return ok;
     case 0x08:
       answer.begin(0x88);
       for (int i = 0; i < 16; ++i) answer.put(std::uint8_t{0});
@@ -98,34 +136,50 @@ Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& ans
       if (port > 1) return bad_parameter;
       return baud(function, reader, answer, 0x89, true);
     }
-    case 0x72: return update_gps_time(reader, fields);
-    default: restart(fields); return ok;
+    case 0x72:
+      return update_gps_time(reader, fields);
+    default:
+      restart(fields);
+      return ok;
   }
 }
 
 Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept {
   switch (command) {
-    case 0x06: return base_rate(sensor, 0x83, reader, answer, false);
-    case 0x07: return base_rate(gnss, 0x84, reader, answer, false);
-    case 0x0B: return base_rate(filter, 0x8A, reader, answer, false);
-    case 0x0E: return base_rate(reader.take<std::uint8_t>(), 0x8E, reader, answer, true);
-    case 0x08: return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, answer, fields, false);
-    case 0x09: return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, answer, fields, false);
-    case 0x0A: return format(reader.take<std::uint8_t>(), filter, 0x82, reader, answer, fields, false);
+    case 0x06:
+      return base_rate(sensor, 0x83, reader, answer, false);
+    case 0x07:
+      return base_rate(gnss, 0x84, reader, answer, false);
+    case 0x0B:
+      return base_rate(filter, 0x8A, reader, answer, false);
+    case 0x0E:
+      return base_rate(reader.take<std::uint8_t>(), 0x8E, reader, answer, true);
+    case 0x08:
+      return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, answer, fields, false);
+    case 0x09:
+      return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, answer, fields, false);
+    case 0x0A:
+      return format(reader.take<std::uint8_t>(), filter, 0x82, reader, answer, fields, false);
     case 0x0F: {
       const auto function = reader.take<std::uint8_t>();
       return format(function, reader.take<std::uint8_t>(), 0x8F, reader, answer, fields, true);
     }
-    case 0x11: return stream_control(reader, answer);
-    case 0x30: return device_settings(reader, fields);
-    case 0x37: return vector(&Configuration::accelerometer_bias, units::standard_gravity, 0x9A, reader, answer);
-    case 0x38: return vector(&Configuration::gyro_bias, 1, 0x9B, reader, answer);
-    case 0x39: return capture_left_ > 0 ? failed : bad_parameter;
+    case 0x11:
+      return stream_control(reader, answer);
+    case 0x30:
+      return device_settings(reader, fields);
+    case 0x37:
+      return vector(&Configuration::accelerometer_bias, units::standard_gravity, 0x9A, reader, answer);
+    case 0x38:
+      return vector(&Configuration::gyro_bias, 1, 0x9B, reader, answer);
+    case 0x39:
+      return capture_left_ > 0 ? failed : bad_parameter;
     case 0x40: {
       const auto function = reader.take<std::uint8_t>();
       return baud(function, reader, answer, 0x87, false);
     }
-    default: return rotation(three_dm, command, reader, answer);
+    default:
+      return rotation(three_dm, command, reader, answer);
   }
 }
 
@@ -225,8 +279,8 @@ Memory::Code Memory::base_rate(std::uint8_t set, std::uint8_t descriptor, Reader
   return ok;
 }
 
-Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
-                            Fields& fields, bool with_set) noexcept {
+Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader,
+                            Packet& answer, Fields& fields, bool with_set) noexcept {
   Stream* active = active_.find(set);
   const bool is_every = with_set && set == 0 && function != write && function != read;
   if ((active == nullptr && !is_every) || !reader.is_whole()) return bad_parameter;
@@ -306,7 +360,8 @@ bool Memory::has(std::uint8_t set, std::uint8_t command) const noexcept {
 void Memory::put_device_info(Packet& answer) const noexcept {
   answer.begin(0x81);
   answer.put(std::uint16_t{1100});
-  for (const std::string_view text : {model_.name, model_.number, model_.serial, std::string_view("I2Q"), model_.options})
+  for (const std::string_view text :
+       {model_.name, model_.number, model_.serial, std::string_view("I2Q"), model_.options})
     answer.put_padded(text, 16);
   answer.end();
 }

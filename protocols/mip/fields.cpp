@@ -59,8 +59,8 @@ constexpr DataField fields[] = {
     {"filter_reference_delta", filter, 0xD6, 8, all},
 };
 
-constexpr double gauss = 1e-4;       // T
-constexpr double millibar = 100;     // Pa
+constexpr double gauss = 1e-4;    // T
+constexpr double millibar = 100;  // Pa
 constexpr std::int64_t second_ns = 1'000'000'000, week_ns = 604'800 * second_ns;
 
 // 3-2-1.
@@ -144,18 +144,30 @@ void Fields::restart() noexcept {
 
 void Fields::begin(std::uint8_t set) noexcept {
   for (std::size_t i = 0; i < since_.size(); ++i)
-    if (set == 0 || set == sensor + i) since_[i] = {.delta_time = time(), .reference = time(), .tick = sample_.counter};
+    if (set == 0 || set == sensor + i)
+      since_[i] = {.delta_time = time(), .reference = time(), .tick = sample_.counter};
 }
 
 void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
   Since& since = since_[set - sensor];
   switch (descriptor) {
-    case 0x07: since.delta_angle.setZero(); break;
-    case 0x08: since.delta_velocity.setZero(); break;
-    case 0xD2: since.tick = sample_.counter; break;
-    case 0xD4: since.delta_time = time(); break;
-    case 0xD6: since.reference = time(); break;
-    default: break;
+    case 0x07:
+      since.delta_angle.setZero();
+      break;
+    case 0x08:
+      since.delta_velocity.setZero();
+      break;
+    case 0xD2:
+      since.tick = sample_.counter;
+      break;
+    case 0xD4:
+      since.delta_time = time();
+      break;
+    case 0xD6:
+      since.reference = time();
+      break;
+    default:
+      break;
   }
 }
 
@@ -170,56 +182,95 @@ void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor) con
   if (stream == nullptr) return;
   const auto samples = static_cast<std::uint64_t>(internal_hz) / stream->base_hz;
   const DeviceTime before = time() - Nanoseconds(std::chrono::seconds(1)) / stream->base_hz;
-  put(packet, set, descriptor, {before, before, sample_.counter - samples, sample_.delta_angle, sample_.delta_velocity});
+  put(packet, set, descriptor,
+      {before, before, sample_.counter - samples, sample_.delta_angle, sample_.delta_velocity});
 }
 
 void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since) const noexcept {
   const DataField* field = find_field(memory_.model(), set, descriptor);
   if (field == nullptr || !packet.has_room_for(field->size)) return;
   packet.begin(descriptor);
-  if (descriptor >= 0xD0) put_shared(packet, descriptor, since);
-  else if (set == sensor) put_sensor(packet, descriptor, since);
-  else if (set == gnss) put_gnss(packet, descriptor);
-  else put_filter(packet, descriptor);
+  if (descriptor >= 0xD0)
+    put_shared(packet, descriptor, since);
+  else if (set == sensor)
+    put_sensor(packet, descriptor, since);
+  else if (set == gnss)
+    put_gnss(packet, descriptor);
+  else
+    put_filter(packet, descriptor);
   packet.end();
 }
 
 void Fields::put_shared(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept {
   const auto put_ns = [&](Nanoseconds ns) { packet.put(static_cast<std::uint64_t>(ns.count())); };
   switch (descriptor) {
-    case 0xD0: packet.put(std::uint8_t{0}); break;
-    case 0xD1: packet.put(static_cast<std::uint32_t>(sample_.counter - initialized_tick_)); break;
-    case 0xD2: packet.put(static_cast<std::uint32_t>(sample_.counter - since.tick)); break;
+    case 0xD0:
+      packet.put(std::uint8_t{0});
+      break;
+    case 0xD1:
+      packet.put(static_cast<std::uint32_t>(sample_.counter - initialized_tick_));
+      break;
+    case 0xD2:
+      packet.put(static_cast<std::uint32_t>(sample_.counter - since.tick));
+      break;
     case 0xD3:
       put_gps_time(packet, gps_ns());
       packet.put(static_cast<std::uint16_t>(has_time_of_week() | has_week() << 1));
       break;
-    case 0xD4: packet.put(seconds(time() - since.delta_time)); break;
-    case 0xD5: put_ns(time() - initialized_); break;
-    default: put_ns(time() - since.reference); break;
+    case 0xD4:
+      packet.put(seconds(time() - since.delta_time));
+      break;
+    case 0xD5:
+      put_ns(time() - initialized_);
+      break;
+    default:
+      put_ns(time() - since.reference);
+      break;
   }
 }
 
 void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept {
   switch (descriptor) {
-    case 0x04: packet.put_floats(sample_.specific_force / units::standard_gravity); break;
-    case 0x05: packet.put_floats(sample_.rate); break;
-    case 0x06: packet.put_floats(sample_.magnetic_field / gauss); break;
-    case 0x07: packet.put_floats(since.delta_angle); break;
-    case 0x08: packet.put_floats(since.delta_velocity / units::standard_gravity); break;
-    case 0x0A: put_quaternion(packet); break;
-    case 0x0C: packet.put_floats(roll_pitch_yaw(sample_.q_LP)); break;
-    case 0x12: {  // of a receiver its pulse; a bit that each update turns; whether time was ever set; time of week; week
+    case 0x04:
+      packet.put_floats(sample_.specific_force / units::standard_gravity);
+      break;
+    case 0x05:
+      packet.put_floats(sample_.rate);
+      break;
+    case 0x06:
+      packet.put_floats(sample_.magnetic_field / gauss);
+      break;
+    case 0x07:
+      packet.put_floats(since.delta_angle);
+      break;
+    case 0x08:
+      packet.put_floats(since.delta_velocity / units::standard_gravity);
+      break;
+    case 0x0A:
+      put_quaternion(packet);
+      break;
+    case 0x0C:
+      packet.put_floats(roll_pitch_yaw(sample_.q_LP));
+      break;
+    case 0x12: {  // of a receiver its pulse; a bit that each update turns; whether time was ever set; time of week;
+                  // week
       const bool has_receiver = memory_.model().gnss_hz > 0 && is_known();
       const std::int64_t updates = memory_.gps_update().count + (has_receiver ? sample_.place.gps_ns / second_ns : 0);
       put_gps_time(packet, gps_ns());
-      packet.put(static_cast<std::uint16_t>(has_receiver | (updates & 1) << 1 | (has_time_of_week() || has_week()) << 2 |
-                                            has_time_of_week() << 3 | has_week() << 4));
+      packet.put(static_cast<std::uint16_t>(has_receiver | (updates & 1) << 1 |
+                                            (has_time_of_week() || has_week()) << 2 | has_time_of_week() << 3 |
+                                            has_week() << 4));
       break;
     }
-    case 0x14: packet.put_floats(Vector3::Constant(sample_.temperature_c)); break;
-    case 0x17: packet.put_float(sample_.pressure / millibar); break;
-    default: packet.put(static_cast<std::uint16_t>((sample_.status & 7U) << 4 | (sample_.status >> 3 & 7U))); break;
+    case 0x14:
+      packet.put_floats(Vector3::Constant(sample_.temperature_c));
+      break;
+    case 0x17:
+      packet.put_float(sample_.pressure / millibar);
+      break;
+    default:
+      packet.put(static_cast<std::uint16_t>((sample_.status & 7U) << 4 | (sample_.status >> 3 & 7U)));
+      break;
   }
 }
 
@@ -236,21 +287,33 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept 
       packet.put_floats(place.v_L);
       valid = is_known();
       break;
-    case 0x03: put_quaternion(packet); break;
+    case 0x03:
+      put_quaternion(packet);
+      break;
     case 0x04: {  // row by row, from L to V
       const Matrix3 dcm_VL = sample_.q_LP.conjugate().toRotationMatrix();
       for (int row = 0; row < 3; ++row) packet.put_floats(dcm_VL.row(row).transpose());
       break;
     }
-    case 0x05: packet.put_floats(roll_pitch_yaw(sample_.q_LP)); break;
-    case 0x0D: packet.put_floats(sample_.specific_force + gravity()); break;
-    case 0x0E: packet.put_floats(sample_.rate); break;
+    case 0x05:
+      packet.put_floats(roll_pitch_yaw(sample_.q_LP));
+      break;
+    case 0x0D:
+      packet.put_floats(sample_.specific_force + gravity());
+      break;
+    case 0x0E:
+      packet.put_floats(sample_.rate);
+      break;
     case 0x11:
       put_gps_time(packet, gps_ns());
       valid = has_time_of_week() && has_week();
       break;
-    case 0x13: packet.put_floats(gravity()); break;
-    case 0x1C: packet.put_floats(sample_.specific_force); break;
+    case 0x13:
+      packet.put_floats(gravity());
+      break;
+    case 0x1C:
+      packet.put_floats(sample_.specific_force);
+      break;
     default:
       packet.put_doubles(place.r_E);
       valid = is_known();
@@ -259,8 +322,8 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept 
   packet.put(valid);
 }
 
-// State, dynamics mode, flags. GX5: 1 initializing, for want of position and velocity; 2 running, valid. CV7: 3 AHRS; 4 full
-// navigation; flags 1: stable, as the GQ7's manual is remembered.
+// State, dynamics mode, flags. GX5: 1 initializing, for want of position and velocity; 2 running, valid. CV7: 3 AHRS;
+// 4 full navigation; flags 1: stable, as the GQ7's manual is remembered.
 void Fields::put_filter_status(Packet& packet) const noexcept {
   const bool navigates = memory_.model().is(ins) && is_known();
   const bool waits = memory_.model().is(gx5_45) && !navigates;
@@ -300,7 +363,9 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
       for (const float dop : {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F}) packet.put(is_known() ? dop : 99.99F);
       packet.put(if_known(0x7F));
       break;
-    case 0x08: put_utc(packet, place.gps_ns, if_known(0x03)); break;
+    case 0x08:
+      put_utc(packet, place.gps_ns, if_known(0x03));
+      break;
     case 0x09:
       put_gps_time(packet, place.gps_ns);
       packet.put(if_known(0x03));

@@ -2,9 +2,9 @@
 // its settings (settings.cpp) share. Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d,
 // src/c/mip/definitions).
 //
-// A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of all
-// bytes before, and the sum of these sums. A field: its own length, descriptor, data. A command's answer is a packet of
-// its set: field 0xF1 {command, code} for each command, followed by its data.
+// A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of
+// all bytes before, and the sum of these sums. A field: its own length, descriptor, data. A command's answer is a
+// packet of its set: field 0xF1 {command, code} for each command, followed by its data.
 #pragma once
 
 #include <array>
@@ -27,7 +27,8 @@ enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, a
 enum DataSet : std::uint8_t { sensor = 0x80, gnss = 0x81, filter = 0x82 };
 inline constexpr std::uint8_t reply = 0xF1;
 
-// --- Packets ---------------------------------------------------------------------------------------------------------
+// --- Packets
+// ---------------------------------------------------------------------------------------------------------
 
 std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept;
 // How long the packet is that these bytes begin with; nullopt: none; more than there are: not all there yet.
@@ -63,7 +64,8 @@ class Packet : public FrameWriter<boost::endian::order::big> {
   std::size_t field_ = 0;
 };
 
-// --- Models ----------------------------------------------------------------------------------------------------------
+// --- Models
+// ----------------------------------------------------------------------------------------------------------
 
 // Sets of models.
 inline constexpr unsigned gx5_25 = 1, cv7_ahrs = 2, gx5_45 = 4, cv7_ins = 8;
@@ -72,19 +74,20 @@ inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, ins =
 struct Model {
   unsigned bit;
   std::string_view keyword, name, number, serial, options;
-  std::uint16_t filter_hz, gnss_hz;        // base rates; 0: no receiver
-  double gyro_max, accelerometer_max_g;    // rad/s
-  double gyro_noise, accelerometer_noise;  // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
+  std::uint16_t filter_hz, gnss_hz;                                             // base rates; 0: no receiver
+  double gyro_max, accelerometer_max_g;                                         // rad/s
+  double gyro_noise, accelerometer_noise;                                       // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
   std::span<const std::string_view> sensor_fields, filter_fields, gnss_fields;  // out of the box
 
   bool is(unsigned set) const noexcept { return (bit & set) != 0; }
 };
 extern const std::array<Model, 4> models;
 
-// --- Data ------------------------------------------------------------------------------------------------------------
+// --- Data
+// ------------------------------------------------------------------------------------------------------------
 
 struct DataField {
-  std::string_view name;  // in the configuration
+  std::string_view name;               // in the configuration
   std::uint8_t set, descriptor, size;  // of the data
   unsigned models;                     // that have it
 };
@@ -113,7 +116,8 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept;
 
 class Memory;
 
-// The newest sample as fields, of the vehicle that the sensor is said to be mounted in, without the biases it is told.
+// The newest sample as fields, of the vehicle that the sensor is said to be mounted in, without the biases it is
+// told.
 class Fields {
  public:
   explicit Fields(const Memory& memory) noexcept : memory_(memory) {}
@@ -154,16 +158,17 @@ class Fields {
   Vector3 gravity() const noexcept;  // m/s^2, in V
 
   const Memory& memory_;
-  Sample sample_;  // in V
+  Sample sample_;               // in V
   std::array<Since, 3> since_;  // of each set's stream: since it was sent last
   DeviceTime initialized_;
   std::uint64_t initialized_tick_ = 0;
 };
 
-// --- Settings --------------------------------------------------------------------------------------------------------
+// --- Settings
+// --------------------------------------------------------------------------------------------------------
 
-// A setting that is kept and told, and changes nothing: what it would do is a filter's, which tells the truth here, or an
-// event's, of which there are none. A command's data are a function, a key (which of several), and a value.
+// A setting that is kept and told, and changes nothing: what it would do is a filter's, which tells the truth here,
+// or an event's, of which there are none. A command's data are a function, a key (which of several), and a value.
 struct KeptSetting {
   enum Kind : std::uint8_t { any, flag, numbers };  // numbers: finite
 
@@ -249,7 +254,8 @@ class Memory {
               Fields& fields, bool with_set) noexcept;
   Code stream_control(Reader& reader, Packet& answer) noexcept;
   // `unit`: of the wire, SI.
-  Code vector(Vector3 Configuration::*vector, double unit, std::uint8_t descriptor, Reader& reader, Packet& answer) noexcept;
+  Code vector(Vector3 Configuration::*vector, double unit, std::uint8_t descriptor, Reader& reader,
+              Packet& answer) noexcept;
   Code rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept;
   bool is_streaming(const Stream& stream) const noexcept { return !is_idle_ && stream.enabled; }
   bool begins_capture(Data data) noexcept;
@@ -261,10 +267,17 @@ class Memory {
   template <class Copy>
   Code transfer(std::uint8_t function, Copy&& copy) noexcept {
     switch (function) {
-      case save: copy(stored_, std::as_const(active_)); return ok;
-      case load: copy(active_, std::as_const(stored_)); return ok;
-      case to_default: copy(active_, factory_); return ok;
-      default: return bad_parameter;
+      case save:
+        copy(stored_, std::as_const(active_));
+        return ok;
+      case load:
+        copy(active_, std::as_const(stored_));
+        return ok;
+      case to_default:
+        copy(active_, factory_);
+        return ok;
+      default:
+        return bad_parameter;
     }
   }
 

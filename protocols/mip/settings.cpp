@@ -10,52 +10,49 @@ namespace {
 
 constexpr std::uint8_t on[] = {1};
 constexpr std::uint8_t bias_estimation[] = {0, 1};  // of the gyro
-constexpr std::uint8_t identity_matrix[36] = {0x3F, 0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x3F, 0x80,
-                                              0,    0,    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x3F, 0x80};
+constexpr std::uint8_t identity_matrix[36] = {0x3F, 0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,    0x3F,
+                                              0x80, 0,    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x3F, 0x80};
 constexpr std::uint8_t initialization[40] = {0, 0, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
                                              0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2};
 
-// Set, command, reply; models; key: size, first, how many; bytes; initially. Initial values, and how many events there
-// are, are guesses where the SDK does not say.
+// Set, command, reply; models; key: size, first, how many; bytes; initially. Initial values, and how many events
+// there are, are guesses where the SDK does not say.
 constexpr KeptSetting settings[] = {
-    {three_dm, 0x2B, 0xB5, cv7, 1, 1, 8, 2, 2, {}},                  // event control
-    {three_dm, 0x2E, 0xB8, cv7, 1, 1, 8, 2, 22, {}},                 // event trigger
-    {three_dm, 0x2F, 0xB9, cv7, 1, 1, 8, 3, 19, {}},                 // event action
+    {three_dm, 0x2B, 0xB5, cv7, 1, 1, 8, 2, 2, {}},                                       // event control
+    {three_dm, 0x2E, 0xB8, cv7, 1, 1, 8, 2, 22, {}},                                      // event trigger
+    {three_dm, 0x2F, 0xB9, cv7, 1, 1, 8, 3, 19, {}},                                      // event action
     {three_dm, 0x3A, 0x9C, all, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},               // hard iron offset
     {three_dm, 0x3B, 0x9D, all, 0, 0, 1, 36, 36, identity_matrix, KeptSetting::numbers},  // soft iron matrix
     {three_dm, 0x3E, 0x9E, all, 0, 0, 1, 1, 1, on, KeptSetting::flag},                    // coning and sculling
-    {filter_command, 0x10, 0x80, gx5_45, 0, 0, 1, 1, 1, on},         // vehicle dynamics mode: portable
-    {filter_command, 0x13, 0x83, ins, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},         // antenna offset
+    {filter_command, 0x10, 0x80, gx5_45, 0, 0, 1, 1, 1, on},                       // vehicle dynamics mode: portable
+    {filter_command, 0x13, 0x83, ins, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},  // antenna offset
     {filter_command, 0x14, 0x84, all, 0, 0, 1, 2, 2, bias_estimation},
-    {filter_command, 0x18, 0x87, gx5, 0, 0, 1, 1, 1, on},            // heading source: magnetometer
-    {filter_command, 0x19, 0x88, gx5, 0, 0, 1, 1, 1, on, KeptSetting::flag},              // automatic initialization
-    {filter_command, 0x1E, 0x8D, gx5_45, 0, 0, 1, 5, 5, {}},         // zero-velocity update
-    {filter_command, 0x20, 0x8E, gx5_45, 0, 0, 1, 5, 5, {}},         // zero-angular-rate update
-    {filter_command, 0x26, 0x90, gx5, 0, 0, 1, 25, 25, {}},          // reference position
-    {filter_command, 0x43, 0xB2, gx5, 0, 0, 1, 5, 5, on},            // declination source: none
-    {filter_command, 0x47, 0xB7, gx5, 0, 0, 1, 1, 1, {}},            // altitude aiding
-    {filter_command, 0x4B, 0xBB, gx5, 0, 0, 1, 1, 1, {}},            // pitch and roll aiding
-    {filter_command, 0x50, 0xD0, cv7, 2, 0, 9, 3, 3, on},            // aiding measurement, by its source
+    {filter_command, 0x18, 0x87, gx5, 0, 0, 1, 1, 1, on},                     // heading source: magnetometer
+    {filter_command, 0x19, 0x88, gx5, 0, 0, 1, 1, 1, on, KeptSetting::flag},  // automatic initialization
+    {filter_command, 0x1E, 0x8D, gx5_45, 0, 0, 1, 5, 5, {}},                  // zero-velocity update
+    {filter_command, 0x20, 0x8E, gx5_45, 0, 0, 1, 5, 5, {}},                  // zero-angular-rate update
+    {filter_command, 0x26, 0x90, gx5, 0, 0, 1, 25, 25, {}},                   // reference position
+    {filter_command, 0x43, 0xB2, gx5, 0, 0, 1, 5, 5, on},                     // declination source: none
+    {filter_command, 0x47, 0xB7, gx5, 0, 0, 1, 1, 1, {}},                     // altitude aiding
+    {filter_command, 0x4B, 0xBB, gx5, 0, 0, 1, 1, 1, {}},                     // pitch and roll aiding
+    {filter_command, 0x50, 0xD0, cv7, 2, 0, 9, 3, 3, on},                     // aiding measurement, by its source
     {filter_command, 0x52, 0xD2, cv7, 0, 0, 1, 40, 40, initialization},
-    {aiding, 0x01, 0x81, cv7_ins, 1, 1, 4, 27, 31, on},              // frame: Euler angles or quaternion
+    {aiding, 0x01, 0x81, cv7_ins, 1, 1, 4, 27, 31, on},  // frame: Euler angles or quaternion
 };
 
 constexpr Acknowledged acknowledged[] = {
-    {filter_command, 0x01, 0, all},      // reset
-    {filter_command, 0x02, 12, all},     // initial attitude
-    {filter_command, 0x03, 4, all},      // initial heading
-    {filter_command, 0x05, 0, cv7},      // run
-    {filter_command, 0x16, 70, gx5_45},  // external GNSS
-    {filter_command, 0x17, 9, gx5},      // external heading
-    {aiding, 0x21, 49, cv7_ins},         // position
-    {aiding, 0x22, 49, cv7_ins},
-    {aiding, 0x23, 21, cv7_ins},         // height
-    {aiding, 0x28, 37, cv7_ins},         // velocity
-    {aiding, 0x29, 37, cv7_ins},
-    {aiding, 0x2A, 37, cv7_ins},
-    {aiding, 0x31, 21, cv7_ins},         // heading
-    {aiding, 0x32, 37, cv7_ins},         // magnetic field
-    {aiding, 0x33, 21, cv7_ins},         // pressure
+    {filter_command, 0x01, 0, all},                                                                // reset
+    {filter_command, 0x02, 12, all},                                                               // initial attitude
+    {filter_command, 0x03, 4, all},                                                                // initial heading
+    {filter_command, 0x05, 0, cv7},                                                                // run
+    {filter_command, 0x16, 70, gx5_45},                                                            // external GNSS
+    {filter_command, 0x17, 9, gx5},                                                                // external heading
+    {aiding, 0x21, 49, cv7_ins},                                                                   // position
+    {aiding, 0x22, 49, cv7_ins},        {aiding, 0x23, 21, cv7_ins},                               // height
+    {aiding, 0x28, 37, cv7_ins},                                                                   // velocity
+    {aiding, 0x29, 37, cv7_ins},        {aiding, 0x2A, 37, cv7_ins}, {aiding, 0x31, 21, cv7_ins},  // heading
+    {aiding, 0x32, 37, cv7_ins},                                                                   // magnetic field
+    {aiding, 0x33, 21, cv7_ins},                                                                   // pressure
 };
 
 constexpr std::size_t slots_before(std::size_t setting) {
@@ -87,7 +84,8 @@ Configuration::Configuration() noexcept {
   for (const KeptSetting& setting : settings)
     for (unsigned slot = 0; slot < setting.slots; ++slot, ++next) {
       next->size = setting.least;
-      if (setting.key_size > 0) next->bytes[setting.key_size - 1U] = static_cast<std::uint8_t>(setting.first_key + slot);
+      if (setting.key_size > 0)
+        next->bytes[setting.key_size - 1U] = static_cast<std::uint8_t>(setting.first_key + slot);
       std::copy(setting.initial.begin(), setting.initial.end(), next->bytes.begin() + setting.key_size);
     }
 }

@@ -20,7 +20,8 @@ constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
   if (content > 7 && !has_aux) return 0xF0 + (content & 7U);
   return ((content & 7U) > 4 ? 0xA0 : 0x90) + content;
 }
-static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0xAF && identifier(0b1100, true) == 0x9C);
+static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0xAF &&
+              identifier(0b1100, true) == 0x9C);
 
 // Section 5.5.7.
 inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {

@@ -31,11 +31,22 @@ class DatagramDecoder final : public Decoder {
   // Without CR LF; `none` if no datagram begins so.
   static std::size_t size_of(unsigned id) noexcept {
     switch (id) {
-      case 0xB1: case 0xB3: case 0xB5: case 0xB7: return 20;
-      case 0xBC: case 0xBD: return 26;
-      case 0xD1: case 0xD2: return 40;
-      case 0xBE: case 0xBF: return 21;
-      default: break;
+      case 0xB1:
+      case 0xB3:
+      case 0xB5:
+      case 0xB7:
+        return 20;
+      case 0xBC:
+      case 0xBD:
+        return 26;
+      case 0xD1:
+      case 0xD2:
+        return 40;
+      case 0xBE:
+      case 0xBF:
+        return 21;
+      default:
+        break;
     }
     const auto content = content_of(id);
     return content ? datagram_size(*content) : none;
@@ -102,7 +113,9 @@ class DatagramDecoder final : public Decoder {
         sample.status |= overloaded * status::accelerometer_saturated_x;
         if (plain) sample.specific_force = axes * units::standard_gravity;
         if (unit == increment) sample.delta_velocity = axes;
-        measurement.fields |= plain ? Measurement::specific_force : unit == increment ? Measurement::delta_velocity : 0U;
+        measurement.fields |= plain               ? Measurement::specific_force
+                              : unit == increment ? Measurement::delta_velocity
+                                                  : 0U;
       }
     }
     if ((all & status_bit::integrity) != 0) sample.status |= status::not_valid;

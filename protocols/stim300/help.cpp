@@ -56,7 +56,8 @@ constexpr std::array<std::pair<char, std::string_view>, 16> texts = {{
      "  ALLOWED VALUES FOR <axis>:\r   x = X-AXIS\r   y = Y-AXIS\r   z = Z-AXIS\r"},
     {'g',
      "g <StdComp>[,<FilterCutoff>]: CHANGES GYRO G-COMP TO A PRE-DEFINED CONFIGURATION\r"
-     "g <BiasSource>,<BiasFilter>,<ScaleSource>,<ScaleFilter>[,<FilterCutoff>]: CHANGES CONFIGURATION OF GYRO G-COMP\r"
+     "g <BiasSource>,<BiasFilter>,<ScaleSource>,<ScaleFilter>[,<FilterCutoff>]: CHANGES CONFIGURATION OF GYRO "
+     "G-COMP\r"
      "g <Xonoff>,<Yonoff>,<Zonoff>,<BiasSource>,<BiasFilter>,<ScaleSource>,<ScaleFilter>[,<FilterCutoff>]: "
      "CHANGES CONFIGURATION OF GYRO G-COMP ON SPECIFIED AXES\r"
      "  ALLOWED VALUES FOR <StdComp>:\r   0 TO 9, a TO c (0: NO GYRO G-COMP)\r"
@@ -98,7 +99,8 @@ constexpr std::array<std::pair<char, std::string_view>, 16> texts = {{
     {'s', "s: SAVES SYSTEM PARAMETERS TO FLASH\r"},
     {'t',
      "t <bit-rate code>[,<bit-rate>]: CHANGES THE BIT-RATE [bits/s]\r"
-     "t <bit-rate code>[,<bit-rate>],<stop bits>,<parity>: CHANGES THE BIT-RATE [bits/s], NUMBER OF STOP-BITS AND PARITY\r"
+     "t <bit-rate code>[,<bit-rate>],<stop bits>,<parity>: CHANGES THE BIT-RATE [bits/s], NUMBER OF STOP-BITS AND "
+     "PARITY\r"
      "  ALLOWED VALUES FOR <bit-rate code>:\r"
      "   0 = 374400\r   1 = 460800\r   2 = 921600\r   3 = 1843200\r   f = USER-DEFINED\r"
      "   <bit-rate> MUST ONLY BE INCLUDED WHEN <bit-rate code> = f\r"

@@ -23,7 +23,8 @@ std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& re
       }
       const double mean = internal_hz * of.sum[i] / static_cast<double>(std::max<std::uint64_t>(of.samples, 1));
       const double number = scale * (unit == value ? of.now[i] : unit == increment ? of.sum[i] : mean);
-      if (unit == increment && std::abs(number) >= 0x1p23) status |= memory.overload(cluster, i);  // Table 5-2, note 9
+      if (unit == increment && std::abs(number) >= 0x1p23)
+        status |= memory.overload(cluster, i);  // Table 5-2, note 9
       datagram.put_number(number, 3);
     }
     datagram.put(status, 1);

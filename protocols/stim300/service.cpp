@@ -1,4 +1,5 @@
-// Lines end with CR and are echoed, as is each character when it comes (section 9). A lone CR is answered by the prompt.
+// Lines end with CR and are echoed, as is each character when it comes (section 9). A lone CR is answered by the
+// prompt.
 #include "protocols/stim300/service.hpp"
 
 #include <utility>
@@ -62,24 +63,38 @@ class Service::Menu {
       case 'a':
         if (c_.sample_rate == external_trigger) return unknown;
         return count_ != 0 ? bad_count : (say_measurement(text_, measured_, reading_), none);
-      case 'b': return trim();
-      case 'c': return count_ != 0 ? bad_count : (say_diagnostic(text_, memory_), none);
-      case 'd': return datagram();
-      case 'f': return filter();
-      case 'g': return g_compensation();
-      case 'h': return system();
-      case 'i': return information();
-      case 'm': return sample_rate();
-      case 'r': return line_termination();
-      case 's': return count_ != 0 ? bad_count : ask(Question::save);
-      case 't': return transmission();
-      case 'u': return unit();
-      case 'x': return exit();
+      case 'b':
+        return trim();
+      case 'c':
+        return count_ != 0 ? bad_count : (say_diagnostic(text_, memory_), none);
+      case 'd':
+        return datagram();
+      case 'f':
+        return filter();
+      case 'g':
+        return g_compensation();
+      case 'h':
+        return system();
+      case 'i':
+        return information();
+      case 'm':
+        return sample_rate();
+      case 'r':
+        return line_termination();
+      case 's':
+        return count_ != 0 ? bad_count : ask(Question::save);
+      case 't':
+        return transmission();
+      case 'u':
+        return unit();
+      case 'x':
+        return exit();
       case 'z':
         if (count_ > 1) return bad_count;
         if (count_ == 1 && parameters_[0] != "s") return bad_parameter;
         return ask(count_ == 1 ? Question::factory_and_save : Question::factory);
-      default: return say_help();
+      default:
+        return say_help();
     }
   }
 
@@ -142,7 +157,8 @@ class Service::Menu {
     return none;
   }
 
-  // Table 9-21: one of the standard ones, or four parameters; before these, which axes, after them, the filter's frequency.
+  // Table 9-21: one of the standard ones, or four parameters; before these, which axes, after them, the filter's
+  // frequency.
   Error g_compensation() noexcept {
     const bool standard = count_ == 1 || count_ == 2, by_axis = count_ == 7 || count_ == 8;
     if (!standard && !by_axis && count_ != 4 && count_ != 5) return bad_count;
@@ -174,8 +190,8 @@ class Service::Menu {
     c_.g_filter_hz = filter_hz;
     // The note of Table 9-22.
     const bool in_step = (g.bias_source == 0 || g.bias_filter) && (g.scale_source == 0 || g.scale_filter);
-    say_g_compensation(text_, c_,
-                       in_step || c_.units[gyro] >= delayed ? "" : " WARNING: DELAYED GYRO OUTPUT UNIT IS RECOMMENDED");
+    say_g_compensation(
+        text_, c_, in_step || c_.units[gyro] >= delayed ? "" : " WARNING: DELAYED GYRO OUTPUT UNIT IS RECOMMENDED");
     return none;
   }
 
@@ -224,7 +240,9 @@ class Service::Menu {
     if (given != 1 && given != 3) return bad_count;
     Configuration changed = c_;
     const auto code = index(parameters_[0], "0123");
-    const auto rate = by_user ? number_in<unsigned>(parameters_[1]) : code ? std::optional(bit_rates[*code]) : std::nullopt;
+    const auto rate = by_user ? number_in<unsigned>(parameters_[1])
+                      : code  ? std::optional(bit_rates[*code])
+                              : std::nullopt;
     if (!rate || *rate < least_bit_rate || *rate > greatest_bit_rate) return bad_parameter;
     changed.set_bit_rate(*rate);
     if (given == 3) {
@@ -282,8 +300,11 @@ class Service::Menu {
   Error ask(Question question) noexcept {
     service_.question_ = question;
     switch (question) {
-      case Question::none: break;
-      case Question::save: text_.add("SYSTEM PARAMETERS WILL BE PERMANENTLY CHANGED. CONFIRM SAVE(Y/N): "); break;
+      case Question::none:
+        break;
+      case Question::save:
+        text_.add("SYSTEM PARAMETERS WILL BE PERMANENTLY CHANGED. CONFIRM SAVE(Y/N): ");
+        break;
       case Question::exit_to_normal:
       case Question::exit_to_init:
         text_.add("CURRENT SYSTEM PARAMETERS DO NOT MATCH FLASH CONTENT. CONFIRM EXIT(Y/N): ");
@@ -291,7 +312,8 @@ class Service::Menu {
       case Question::factory:
       case Question::factory_and_save:
         text_.line("RESTORE TO FACTORY SETTINGS.");
-        text_.add("CONFIRM CHANGE TO FACTORY SETTINGS", question == Question::factory ? "(Y/N): " : " AND SAVING(Y/N): ");
+        text_.add("CONFIRM CHANGE TO FACTORY SETTINGS",
+                  question == Question::factory ? "(Y/N): " : " AND SAVING(Y/N): ");
         break;
       case Question::factory_line:
       case Question::factory_line_and_save:
@@ -308,7 +330,8 @@ class Service::Menu {
     const bool yes = word == "Y";
     const Error refused = word == "N" ? none : bad_parameter;
     switch (question) {
-      case Question::none: break;
+      case Question::none:
+        break;
       case Question::save:
         if (yes) return save("SYSTEM PARAMETERS SUCCESSFULLY STORED IN FLASH.");
         c_.set_line(memory_.stored);
@@ -325,7 +348,8 @@ class Service::Menu {
         if (c_.line() == memory_.factory.line()) return restore(question == Question::factory_and_save);
         return ask(question == Question::factory ? Question::factory_line : Question::factory_line_and_save);
       case Question::factory_line:
-      case Question::factory_line_and_save: return yes ? restore(question == Question::factory_line_and_save) : refused;
+      case Question::factory_line_and_save:
+        return yes ? restore(question == Question::factory_line_and_save) : refused;
     }
     return none;
   }

@@ -1,5 +1,6 @@
-// Service Mode of the STIM300, its menu for people (section 9). Answers are those of the datasheet's figures, with hyphens
-// for its dashes, and ISO 8859-1 for the signs of degree and plus-minus, which the ASCII it speaks of does not have.
+// Service Mode of the STIM300, its menu for people (section 9). Answers are those of the datasheet's figures, with
+// hyphens for its dashes, and ISO 8859-1 for the signs of degree and plus-minus, which the ASCII it speaks of does
+// not have.
 #pragma once
 
 #include <array>
@@ -18,9 +19,9 @@ class Service {
   enum class Exit { none, to_normal, to_init };
 
   void enter(const Memory& memory, FrameBuffer& replies) noexcept;
-  // Takes what the host typed, at most up to an exit; how many characters that was. Appends their echo and the answers; what
-  // many lines at once are answered beyond the room of `replies` is lost. A line longer than the input buffer is forgotten,
-  // as is one that nobody goes on typing.
+  // Takes what the host typed, at most up to an exit; how many characters that was. Appends their echo and the
+  // answers; what many lines at once are answered beyond the room of `replies` is lost. A line longer than the input
+  // buffer is forgotten, as is one that nobody goes on typing.
   std::size_t take(std::span<const std::byte> typed, Memory& memory, const std::array<Axes, 3>& measured,
                    const Reading& reading, FrameBuffer& replies) noexcept;
   // Whether Service Mode is to be left, and for what; after its hold time, which goes by in internal samples.

@@ -6,10 +6,11 @@ namespace {
 
 constexpr std::array<unsigned, 5> filters_hz = {16, 33, 66, 131, 262};
 constexpr std::array<std::string_view, 4> gyro_units = {"[\xB0/s] - ANGULAR RATE", "[\xB0] - INCREMENTAL ANGLE",
-                                                        "[\xB0/s] - AVERAGE ANGULAR RATE", "[\xB0] - INTEGRATED ANGLE"};
-constexpr std::array<std::string_view, 5> force_units = {
-    "[g] - ACCELERATION", "[m/s] - INCREMENTAL VELOCITY", "[g] - AVERAGE ACCELERATION", "[gs] - INTEGRATED VELOCITY",
-    "[m/s] - INTEGRATED VELOCITY"};
+                                                        "[\xB0/s] - AVERAGE ANGULAR RATE",
+                                                        "[\xB0] - INTEGRATED ANGLE"};
+constexpr std::array<std::string_view, 5> force_units = {"[g] - ACCELERATION", "[m/s] - INCREMENTAL VELOCITY",
+                                                         "[g] - AVERAGE ACCELERATION", "[gs] - INTEGRATED VELOCITY",
+                                                         "[m/s] - INTEGRATED VELOCITY"};
 constexpr std::array<std::string_view, 4> pps_units = {"[ ] - FILTERED PPS", "[ ] - FILTERED PPS - DELAYED",
                                                        "[us] - TIME SINCE DETECTION OF 0",
                                                        "[us] - TIME SINCE DETECTION OF 1"};
@@ -22,8 +23,8 @@ void say_status(ServiceText& text, std::string_view what, unsigned status) noexc
   for (unsigned bit = 8; bit-- > 0;) text.add((status >> bit & 1U) != 0 ? '1' : '0');
   text.line(status == 0 ? " = OK" : " = NOT OK");
   constexpr std::array<std::string_view, 8> bits = {
-      "ERROR IN X-CHANNEL", "ERROR IN Y-CHANNEL", "ERROR IN Z-CHANNEL", "ERROR IN MEASUREMENT CHANNEL",
-      "OVERLOAD", "OUTSIDE OPERATING CONDITIONS", "START-UP", "SYSTEM INTEGRITY ERROR"};
+      "ERROR IN X-CHANNEL", "ERROR IN Y-CHANNEL",           "ERROR IN Z-CHANNEL", "ERROR IN MEASUREMENT CHANNEL",
+      "OVERLOAD",           "OUTSIDE OPERATING CONDITIONS", "START-UP",           "SYSTEM INTEGRITY ERROR"};
   for (unsigned bit = 8; bit-- > 0;)
     if ((status >> bit & 1U) != 0) text.line(" BIT ", bit, ": ", bits[bit]);
 }
@@ -35,20 +36,22 @@ constexpr unsigned never = 128, start_up = 16, uart = 68, first_overload = 101, 
 template <class Heading, class Check>
 void for_all_checks(Heading&& heading, Check&& check) noexcept {
   heading("SYSTEM STATUS:");
-  for (const std::string_view name : {"RAM CHECK", "FLASH CHECK", "STACK STATUS MONITOR", "STACK COMMAND HANDLER",
-                                      "STACK SAMPLE", "STACK FLASH", "STACK TRANSMIT", "MICRO CONTROLLER TEMPERATURE"})
+  for (const std::string_view name :
+       {"RAM CHECK", "FLASH CHECK", "STACK STATUS MONITOR", "STACK COMMAND HANDLER", "STACK SAMPLE", "STACK FLASH",
+        "STACK TRANSMIT", "MICRO CONTROLLER TEMPERATURE"})
     check("", name, never);
   check("", "START-UP PHASE", start_up);
   check("", "SELF-TEST RUNNING", never);
   check("", "UART", uart);
   heading("VOLTAGES AND REFERENCES:");
-  for (const std::string_view name : {"REFERENCE VOLTAGE_1", "REFERENCE VOLTAGE_2", "REFERENCE VOLTAGE_3",
-                                      "REFERENCE VOLTAGE_4", "REGULATED VOLTAGE_1", "REGULATED VOLTAGE_2",
-                                      "REGULATED VOLTAGE_3", "SUPPLY VOLTAGE 5.0V", "INTERNAL DAC"})
+  for (const std::string_view name :
+       {"REFERENCE VOLTAGE_1", "REFERENCE VOLTAGE_2", "REFERENCE VOLTAGE_3", "REFERENCE VOLTAGE_4",
+        "REGULATED VOLTAGE_1", "REGULATED VOLTAGE_2", "REGULATED VOLTAGE_3", "SUPPLY VOLTAGE 5.0V", "INTERNAL DAC"})
     check("", name, never);
   constexpr std::array<std::string_view, 3> gyros = {"GYRO X-AXIS", "GYRO Y-AXIS", "GYRO Z-AXIS"};
-  constexpr std::array<std::string_view, 6> others = {"ACCELEROMETER X-AXIS", "ACCELEROMETER Y-AXIS", "ACCELEROMETER Z-AXIS",
-                                                      "INCLINOMETER X-AXIS",  "INCLINOMETER Y-AXIS",  "INCLINOMETER Z-AXIS"};
+  constexpr std::array<std::string_view, 6> others = {"ACCELEROMETER X-AXIS", "ACCELEROMETER Y-AXIS",
+                                                      "ACCELEROMETER Z-AXIS", "INCLINOMETER X-AXIS",
+                                                      "INCLINOMETER Y-AXIS",  "INCLINOMETER Z-AXIS"};
   unsigned overload = first_overload;
   for (const std::string_view axis : gyros) {
     heading(axis, ":");
@@ -56,8 +59,8 @@ void for_all_checks(Heading&& heading, Check&& check) noexcept {
          {" DATA RECEIVED", " EXCITATION FREQUENCY", " ASIC TEMPERATURE", " TEMPERATURE", " NO CLIPPING DETECTED"})
       check(axis, name, never);
     check(axis, " NO OVERLOAD DETECTED", overload++);
-    for (const std::string_view name : {" INTERNAL COMMUNICATION", " NO ASIC OVERFLOW DETECTED", " EXCITATION AMPLITUDE",
-                                        " CONFIGURATION", " DETECTION DC", " EXCITATION DC"})
+    for (const std::string_view name : {" INTERNAL COMMUNICATION", " NO ASIC OVERFLOW DETECTED",
+                                        " EXCITATION AMPLITUDE", " CONFIGURATION", " DETECTION DC", " EXCITATION DC"})
       check(axis, name, never);
   }
   for (const std::string_view axis : others) {
@@ -95,11 +98,12 @@ void say_axes(ServiceText& text, const Configuration& c) noexcept {
 
 bool say_failures(ServiceText& text, const Memory& memory) noexcept {
   bool some = false;
-  for_all_checks([](auto...) {}, [&](std::string_view axis, std::string_view name, unsigned bit) {
-    if (bit == never || !memory.has_error(bit)) return;
-    some = true;
-    text.line(axis, name, " = ", result(memory, bit));
-  });
+  for_all_checks([](auto...) {},
+                 [&](std::string_view axis, std::string_view name, unsigned bit) {
+                   if (bit == never || !memory.has_error(bit)) return;
+                   some = true;
+                   text.line(axis, name, " = ", result(memory, bit));
+                 });
   return some;
 }
 
@@ -107,7 +111,8 @@ bool say_failures(ServiceText& text, const Memory& memory) noexcept {
 
 void say_unit(ServiceText& text, const Configuration& c, Cluster cluster) noexcept {
   const unsigned unit = c.units[cluster];
-  text.line(cluster_names[cluster], " OUTPUT UNIT = ", cluster == gyro ? gyro_units[unit % delayed] : force_units[unit],
+  text.line(cluster_names[cluster],
+            " OUTPUT UNIT = ", cluster == gyro ? gyro_units[unit % delayed] : force_units[unit],
             unit >= delayed ? " DELAYED" : "");
 }
 
@@ -192,13 +197,17 @@ void say_information(ServiceText& text, const Memory& memory) noexcept {
 bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
   const Configuration& c = memory.active;
   switch (part) {
-    case 'a': say_axes(text, c); break;
+    case 'a':
+      say_axes(text, c);
+      break;
     case 'b':
       text.line("BIAS TRIM OFFSET:");
       for (const Cluster cluster : clusters) say_trims(text, memory, cluster);
       say_reference(text, memory);
       break;
-    case 'd': say_datagram(text, c); break;
+    case 'd':
+      say_datagram(text, c);
+      break;
     case 'e':
       text.line(say_failures(text, memory) ? "LAST ERROR HISTORY IS NOW CLEARED" : "NO ERRORS DETECTED");
       memory.errors = {};
@@ -207,7 +216,9 @@ bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
       for (const Cluster cluster : clusters) say_filters(text, c, cluster);
       say_pps_filter(text, c);
       break;
-    case 'g': say_g_compensation(text, c); break;
+    case 'g':
+      say_g_compensation(text, c);
+      break;
     case 'h':
       text.line("SYSTEM CONFIGURATIONS:");
       for (const char which : std::string_view("vtb")) {
@@ -215,18 +226,33 @@ bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
         say_system(text, c, which);
       }
       break;
-    case 'm': say_sample_rate(text, c); break;
-    case 'n': text.line("PRODUCT = ", product_name); break;
-    case 'p': text.line("FW CONFIG = ", firmware); break;
-    case 'r': say_line_termination(text, c); break;
-    case 's': text.line("SERIAL NUMBER = ", serial_number); break;
-    case 't': say_transmission(text, c.line()); break;
+    case 'm':
+      say_sample_rate(text, c);
+      break;
+    case 'n':
+      text.line("PRODUCT = ", product_name);
+      break;
+    case 'p':
+      text.line("FW CONFIG = ", firmware);
+      break;
+    case 'r':
+      say_line_termination(text, c);
+      break;
+    case 's':
+      text.line("SERIAL NUMBER = ", serial_number);
+      break;
+    case 't':
+      say_transmission(text, c.line());
+      break;
     case 'u':
       for (const Cluster cluster : clusters) say_unit(text, c, cluster);
       say_pps_unit(text, c);
       break;
-    case 'x': say_part_number(text, memory.active); break;
-    default: return false;
+    case 'x':
+      say_part_number(text, memory.active);
+      break;
+    default:
+      return false;
   }
   return true;
 }
@@ -241,8 +267,9 @@ void say_measurement(ServiceText& text, const std::array<Axes, 3>& measured, con
   }
   for (const std::string_view cluster : {"GYRO", "ACC", "INC"}) {
     for (const char axis : axis_names)
-      text.line("TEMPERATURE ", cluster, ' ', axis, "-AXIS = ", ServiceText::Fixed{reading.temperature_c, 3}, " \xB0"
-                                                                                                          "C");
+      text.line("TEMPERATURE ", cluster, ' ', axis, "-AXIS = ", ServiceText::Fixed{reading.temperature_c, 3},
+                " \xB0"
+                "C");
     say_status(text, "TEMPERATURE", reading.status);
   }
   text.line("PPS = ", unsigned{reading.pps}, " us");

@@ -9,7 +9,8 @@ unsigned g_compensation_code(const Configuration& c) noexcept {
   for (unsigned code = 0; code < standard_g_compensations.size(); ++code) {
     const GCompensation& standard = standard_g_compensations[code];
     const bool filters = standard.bias_filter || standard.scale_filter;
-    if (c.g_compensation == std::array{standard, standard, standard} && (!filters || c.g_filter_hz == 0.01)) return code;
+    if (c.g_compensation == std::array{standard, standard, standard} && (!filters || c.g_filter_hz == 0.01))
+      return code;
   }
   return by_user;
 }
@@ -52,14 +53,17 @@ std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noe
       datagram.put(static_cast<unsigned char>(part_revision), 1);
       datagram.put(firmware_revision, 1);
       datagram.put(c.sample_rate << 5 | (c.has_pps() ? 16U : 0U) | (c.content & 4U) << 1 | (c.content & 3U) << 1 |
-                       (c.cr_lf ? 1U : 0U), 1);
+                       (c.cr_lf ? 1U : 0U),
+                   1);
       datagram.put(c.bit_rate << 4 | (c.stop_bits - 1) << 3 | static_cast<unsigned>(c.parity) << 1 |
-                       (c.line_termination ? 1U : 0U), 1);
+                       (c.line_termination ? 1U : 0U),
+                   1);
       for (const Cluster cluster : clusters) {
         datagram.put(0x70U | c.units[cluster], 1);
         datagram.put_halves(c.filters[cluster][0], c.filters[cluster][1]);
-        datagram.put_halves(c.filters[cluster][2],
-                            cluster == gyro ? g_compensation_code(c) : cluster == inclinometer ? c.pps_unit : 0);
+        datagram.put_halves(c.filters[cluster][2], cluster == gyro           ? g_compensation_code(c)
+                                                   : cluster == inclinometer ? c.pps_unit
+                                                                             : 0);
       }
       datagram.put((c.has_aux ? 0U : 8U) | c.pps_filter, 1);
       datagram.put(0, 2);  // 400 deg/s

@@ -1,5 +1,5 @@
-// What the STIM300 keeps, shared by the device (devices/stim300.cpp), its datagrams (datagram.hpp: measurement.cpp and special.cpp
-// write, decoder.cpp reads), its Utility Mode (utility.cpp) and its Service Mode (service.hpp).
+// What the STIM300 keeps, shared by the device (devices/stim300.cpp), its datagrams (datagram.hpp: measurement.cpp
+// and special.cpp write, decoder.cpp reads), its Utility Mode (utility.cpp) and its Service Mode (service.hpp).
 // Sensonor STIM300 Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are named here.
 #pragma once
 
@@ -38,8 +38,8 @@ constexpr unsigned nearest_bit_rate(unsigned wanted) noexcept {
   return above - wanted < wanted - below ? above : below;
 }
 
-// Of an axis of the gyros, from what is measured as acceleration (section 7.5.2.2.6). Sources: 0 none, 1 accelerometers,
-// 2 inclinometers.
+// Of an axis of the gyros, from what is measured as acceleration (section 7.5.2.2.6). Sources: 0 none, 1
+// accelerometers, 2 inclinometers.
 struct GCompensation {
   unsigned bias_source = 0;
   bool bias_filter = false;
@@ -48,10 +48,19 @@ struct GCompensation {
   bool operator==(const GCompensation&) const = default;
 };
 // Table 9-22.
-inline constexpr std::array<GCompensation, 13> standard_g_compensations = {
-    {{0, false, 0, false}, {0, false, 1, false}, {0, false, 1, true}, {1, false, 0, false}, {1, true, 0, false},
-     {2, false, 0, false}, {2, true, 0, false}, {1, false, 1, false}, {1, true, 1, false}, {2, false, 1, false},
-     {2, true, 1, false}, {1, true, 1, true}, {2, true, 2, true}}};
+inline constexpr std::array<GCompensation, 13> standard_g_compensations = {{{0, false, 0, false},
+                                                                            {0, false, 1, false},
+                                                                            {0, false, 1, true},
+                                                                            {1, false, 0, false},
+                                                                            {1, true, 0, false},
+                                                                            {2, false, 0, false},
+                                                                            {2, true, 0, false},
+                                                                            {1, false, 1, false},
+                                                                            {1, true, 1, false},
+                                                                            {2, false, 1, false},
+                                                                            {2, true, 1, false},
+                                                                            {1, true, 1, true},
+                                                                            {2, true, 2, true}}};
 
 // Table 5-16, by its numbers.
 struct Configuration {
@@ -97,19 +106,22 @@ inline constexpr unsigned least_bit_rate = 1500, greatest_bit_rate = 5'184'000;
 
 struct AccelerometerRange {
   unsigned code, g;
-  double overload_g;  // Tables 5-4 to 5-7, note 1
-  double lsb_g;       // of acceleration, 24 bits
+  double overload_g;             // Tables 5-4 to 5-7, note 1
+  double lsb_g;                  // of acceleration, 24 bits
   std::string_view part_number;  // section 12
 };
 inline constexpr std::array<AccelerometerRange, 4> accelerometer_ranges = {
-    {{0, 10, 11, 0x1p-19, "84167-4400003-321"}, {3, 5, 5.5, 0x1p-20, "84458-4400003-321"},
-     {4, 30, 33, 0x1p-18, "84461-4400003-321"}, {6, 80, 96, 0x1p-16, "84615-4400003-321"}}};
+    {{0, 10, 11, 0x1p-19, "84167-4400003-321"},
+     {3, 5, 5.5, 0x1p-20, "84458-4400003-321"},
+     {4, 30, 33, 0x1p-18, "84461-4400003-321"},
+     {6, 80, 96, 0x1p-16, "84615-4400003-321"}}};
 constexpr const AccelerometerRange& range_of(const Configuration& c) noexcept {
   for (const AccelerometerRange& range : accelerometer_ranges)
     if (range.code == c.accelerometer_range) return range;
   return accelerometer_ranges[0];
 }
-inline constexpr double inclinometer_overload_g = 1.87, inclinometer_end_g = 2;  // Table 5-8, note 1; 24 bits of 2^-22 g
+inline constexpr double inclinometer_overload_g = 1.87,
+                        inclinometer_end_g = 2;  // Table 5-8, note 1; 24 bits of 2^-22 g
 
 // One bit of a cluster's output in its unit (Equations 1 to 6): deg/s or deg; g, g s or m/s.
 constexpr double lsb(const Configuration& c, Cluster cluster, unsigned unit) noexcept {
@@ -121,7 +133,8 @@ constexpr double lsb(const Configuration& c, Cluster cluster, unsigned unit) noe
 // Without CR LF.
 constexpr std::size_t datagram_size(unsigned content) noexcept {
   const std::size_t clusters_in_it = 1 + (content & 1U) + (content >> 1 & 1U);
-  return 1 + 10 * clusters_in_it + ((content & 4U) != 0 ? 7 * clusters_in_it : 0) + ((content & 8U) != 0 ? 4 : 0) + 3 + 4;
+  return 1 + 10 * clusters_in_it + ((content & 4U) != 0 ? 7 * clusters_in_it : 0) + ((content & 8U) != 0 ? 4 : 0) +
+         3 + 4;
 }
 static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
 

@@ -1,5 +1,5 @@
-// Section 10: lines of text for machines, with a CRC-8. The answers' form is that of its figures, also where these leave
-// out the status (iconf, sconf, ibto, irf): their CRCs are right for what they show.
+// Section 10: lines of text for machines, with a CRC-8. The answers' form is that of its figures, also where these
+// leave out the status (iconf, sconf, ibto, irf): their CRCs are right for what they show.
 #include <algorithm>
 #include <boost/crc.hpp>
 #include <charconv>
@@ -65,7 +65,8 @@ enum Code : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_paramete
 // One command. What it returns goes into the answer's status; 0 and `reduced`: answered already.
 class Command {
  public:
-  Command(Memory& memory, std::string_view name, std::span<const std::string_view> parameters, FrameBuffer& out) noexcept
+  Command(Memory& memory, std::string_view name, std::span<const std::string_view> parameters,
+          FrameBuffer& out) noexcept
       : memory_(memory), c_(memory.active), name_(name), parameters_(parameters), out_(out) {}
 
   unsigned obey() noexcept {

@@ -1,10 +1,9 @@
-#include "protocols/vectornav/vectornav.hpp"
-
 #include <algorithm>
 #include <cmath>
 
 #include "core/units.hpp"
 #include "protocols/frame_search.hpp"
+#include "protocols/vectornav/vectornav.hpp"
 
 namespace imud::vectornav {
 
@@ -13,7 +12,8 @@ namespace {
 class VectorNavDecoder final : public Decoder {
  public:
   void feed(const Frame& frame, MeasurementSink& sink) override {
-    errors_.skipped_bytes += search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
+    errors_.skipped_bytes +=
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
   }
   void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
 
@@ -109,7 +109,8 @@ class VectorNavDecoder final : public Decoder {
         m.fields |= Measurement::status;
         return true;
       }
-      default: return true;
+      default:
+        return true;
     }
   }
 
@@ -135,9 +136,15 @@ class VectorNavDecoder final : public Decoder {
       std::string_view name;
       std::size_t count, acceleration, rate, temperature = 0, delta_angle = 0, delta_velocity = 0;
     };
-    constexpr std::array<Layout, 9> layouts = {{{"VNQMR", 14, 8, 11}, {"VNACC", 4, 1, 0}, {"VNGYR", 4, 0, 1},
-                                                {"VNMAR", 10, 4, 7}, {"VNYMR", 13, 7, 10}, {"VNIMU", 12, 4, 7, 10},
-                                                {"VNYBA", 10, 0, 7}, {"VNDTV", 8, 0, 0, 0, 2, 5}, {"VNISL", 16, 10, 13}}};
+    constexpr std::array<Layout, 9> layouts = {{{"VNQMR", 14, 8, 11},
+                                                {"VNACC", 4, 1, 0},
+                                                {"VNGYR", 4, 0, 1},
+                                                {"VNMAR", 10, 4, 7},
+                                                {"VNYMR", 13, 7, 10},
+                                                {"VNIMU", 12, 4, 7, 10},
+                                                {"VNYBA", 10, 0, 7},
+                                                {"VNDTV", 8, 0, 0, 0, 2, 5},
+                                                {"VNISL", 16, 10, 13}}};
     std::size_t count = std::min(words.count, words.words.size());
     const auto is_appended = [](std::string_view word) { return word.starts_with('T') || word.starts_with('S'); };
     while (count > 1 && is_appended(words[count - 1])) --count;  // by register 30

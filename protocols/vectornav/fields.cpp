@@ -1,5 +1,5 @@
-// What messages and binary fields say. Attitude, position and velocity are the truth's; of GNSS solutions the quality is
-// made up, as the numbers below say.
+// What messages and binary fields say. Attitude, position and velocity are the truth's; of GNSS solutions the quality
+// is made up, as the numbers below say.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -15,7 +15,8 @@ namespace imud::vectornav {
 namespace {
 
 constexpr std::uint8_t satellites = 12, fix_3d = 3;
-constexpr double position_error_m = 1.0, velocity_error_m_per_s = 0.05, time_error_s = 2e-8, dilution = 1.0, attitude_error_deg = 0.5;
+constexpr double position_error_m = 1.0, velocity_error_m_per_s = 0.05, time_error_s = 2e-8, dilution = 1.0,
+                 attitude_error_deg = 0.5;
 constexpr int leap_seconds = 18;
 constexpr double gauss = 1e-4, kilopascal = 1e3;
 constexpr std::int64_t week_ns = 604'800'000'000'000;
@@ -27,21 +28,22 @@ struct Message1 {
   unsigned type;
   std::string_view name;
   unsigned register_id;  // that says the same; 0: none
-  unsigned receivers;  // that a model with this message has
+  unsigned receivers;    // that a model with this message has
   std::size_t size;
 };
 constexpr Message1 messages[] = {
-    {1, "VNYPR", 8, 0, 38}, {2, "VNQTN", 9, 0, 51}, {8, "VNQMR", 15, 0, 135}, {10, "VNMAG", 17, 0, 38},
-    {11, "VNACC", 18, 0, 35}, {12, "VNGYR", 19, 0, 44}, {13, "VNMAR", 20, 0, 95}, {14, "VNYMR", 27, 0, 122},
-    {16, "VNYBA", 239, 0, 95}, {17, "VNYIA", 240, 0, 95}, {19, "VNIMU", 54, 0, 110}, {20, "VNGPS", 58, 1, 145},
-    {21, "VNGPE", 59, 1, 146}, {22, "VNINS", 63, 1, 142}, {23, "VNINE", 64, 1, 143}, {28, "VNISL", 72, 1, 160},
-    {29, "VNISE", 73, 1, 161}, {30, "VNDTV", 80, 0, 75}, {32, "VNG2S", 103, 2, 145}, {33, "VNG2E", 104, 2, 146},
+    {1, "VNYPR", 8, 0, 38},    {2, "VNQTN", 9, 0, 51},    {8, "VNQMR", 15, 0, 135},   {10, "VNMAG", 17, 0, 38},
+    {11, "VNACC", 18, 0, 35},  {12, "VNGYR", 19, 0, 44},  {13, "VNMAR", 20, 0, 95},   {14, "VNYMR", 27, 0, 122},
+    {16, "VNYBA", 239, 0, 95}, {17, "VNYIA", 240, 0, 95}, {19, "VNIMU", 54, 0, 110},  {20, "VNGPS", 58, 1, 145},
+    {21, "VNGPE", 59, 1, 146}, {22, "VNINS", 63, 1, 142}, {23, "VNINE", 64, 1, 143},  {28, "VNISL", 72, 1, 160},
+    {29, "VNISE", 73, 1, 161}, {30, "VNDTV", 80, 0, 75},  {32, "VNG2S", 103, 2, 145}, {33, "VNG2E", 104, 2, 146},
 };
 
 // The quantities that several messages and fields give.
 class Quantities {
  public:
-  explicit Quantities(const Reading& reading) noexcept : r_(reading), s_(reading.sample), place_(reading.sample.place) {}
+  explicit Quantities(const Reading& reading) noexcept
+      : r_(reading), s_(reading.sample), place_(reading.sample.place) {}
 
   const Quaternion& q() const noexcept { return s_.q_LP; }
   Quaternion tared_q() const noexcept { return r_.tare * s_.q_LP; }
@@ -56,7 +58,8 @@ class Quantities {
 
   bool has_fix() const noexcept { return r_.model.receivers > 0 && place_.is_known; }
   Vector3 lla() const noexcept {
-    return has_fix() ? Vector3(place_.latitude / units::degree, place_.longitude / units::degree, place_.height) : Vector3(Vector3::Zero());
+    return has_fix() ? Vector3(place_.latitude / units::degree, place_.longitude / units::degree, place_.height)
+                     : Vector3(Vector3::Zero());
   }
   Vector3 r_E() const noexcept { return has_fix() ? place_.r_E : Vector3(Vector3::Zero()); }
   Vector3 v_L() const noexcept { return has_fix() ? place_.v_L : Vector3(Vector3::Zero()); }
@@ -71,7 +74,9 @@ class Quantities {
     if (!has_fix()) return 0;
     return r_.model.receivers == 2 ? 0x0306 : 0x0006;
   }
-  Vector3 accuracy(double each) const noexcept { return has_fix() ? Vector3::Constant(each) : Vector3(Vector3::Zero()); }
+  Vector3 accuracy(double each) const noexcept {
+    return has_fix() ? Vector3::Constant(each) : Vector3(Vector3::Zero());
+  }
 
  private:
   const Reading& r_;
@@ -102,25 +107,38 @@ void put_gnss(unsigned receiver, unsigned bit, const Reading& reading, Frame8& f
   const Quantities now(reading);
   if (!now.has_fix() || receiver > reading.model.receivers) return;
   switch (bit) {
-    case 0: return put_utc(now.gps_ns(), frame);
-    case 1: return frame.put(static_cast<std::uint64_t>(now.gps_ns() % week_ns));
-    case 2: return frame.put(now.week());
-    case 3: return frame.put(satellites);
-    case 4: return frame.put(fix_3d);
-    case 5: return frame.put_doubles(now.lla());
-    case 6: return frame.put_doubles(now.r_E());
-    case 7: return frame.put_floats(now.v_L());
-    case 8: return frame.put_floats(now.to_E(now.v_L()));
-    case 9: return frame.put_floats(now.accuracy(position_error_m));
-    case 10: return frame.put_float(velocity_error_m_per_s);
-    case 11: return frame.put_float(time_error_s);
+    case 0:
+      return put_utc(now.gps_ns(), frame);
+    case 1:
+      return frame.put(static_cast<std::uint64_t>(now.gps_ns() % week_ns));
+    case 2:
+      return frame.put(now.week());
+    case 3:
+      return frame.put(satellites);
+    case 4:
+      return frame.put(fix_3d);
+    case 5:
+      return frame.put_doubles(now.lla());
+    case 6:
+      return frame.put_doubles(now.r_E());
+    case 7:
+      return frame.put_floats(now.v_L());
+    case 8:
+      return frame.put_floats(now.to_E(now.v_L()));
+    case 9:
+      return frame.put_floats(now.accuracy(position_error_m));
+    case 10:
+      return frame.put_float(velocity_error_m_per_s);
+    case 11:
+      return frame.put_float(time_error_s);
     case 12:
       frame.put(std::uint8_t{7});  // time, date and UTC are good
       return frame.put(static_cast<std::int8_t>(leap_seconds));
     case 13:
       for (int i = 0; i < 7; ++i) frame.put_float(dilution);
       return;
-    default: return;
+    default:
+      return;
   }
 }
 
@@ -160,8 +178,10 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
   const auto put_gnss_text = [&](bool geodetic) {
     put_time();
     message.put(now.has_fix() ? fix_3d : 0, "%.0f").put(now.has_fix() ? satellites : 0, "%02.0f");
-    if (geodetic) put_lla();
-    else message.put(now.r_E(), "%+012.3f");
+    if (geodetic)
+      put_lla();
+    else
+      message.put(now.r_E(), "%+012.3f");
     message.put(geodetic ? now.v_L() : now.to_E(now.v_L()), speed).put(now.accuracy(position_error_m), speed);
     message.put(now.accuracy(velocity_error_m_per_s)[0], speed).put(now.accuracy(time_error_s)[0], "%.2E");
   };
@@ -170,32 +190,76 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
     std::array<char, 8> status;
     std::snprintf(status.data(), status.size(), ",%04X", static_cast<unsigned>(now.ins_status()));
     message.put(status.data()).put(now.ypr_deg(), angle);
-    if (geodetic) put_lla();
-    else message.put(now.r_E(), "%+012.3f");
+    if (geodetic)
+      put_lla();
+    else
+      message.put(now.r_E(), "%+012.3f");
     message.put(geodetic ? now.v_L() : now.to_E(now.v_L()), speed);
     message.put(now.accuracy(attitude_error_deg)[0], "%04.1f").put(now.accuracy(position_error_m)[0], "%04.1f");
     message.put(now.accuracy(velocity_error_m_per_s)[0], "%04.2f");
   };
   switch (type) {
-    case 1: message.put(now.ypr_deg(), angle); break;
-    case 2: put_q(); break;
-    case 8: put_q(); put_field(); put_inertial(); break;
-    case 10: put_field(); break;
-    case 11: message.put(s.specific_force, acceleration); break;
-    case 12: message.put(s.rate, rate); break;
-    case 13: put_field(); put_inertial(); break;
-    case 14: message.put(now.ypr_deg(), angle); put_field(); put_inertial(); break;
-    case 16: message.put(now.ypr_deg(), angle).put(now.linear_P(), acceleration).put(s.rate, rate); break;
-    case 17: message.put(now.ypr_deg(), angle).put(now.linear_L(), acceleration).put(s.rate, rate); break;
+    case 1:
+      message.put(now.ypr_deg(), angle);
+      break;
+    case 2:
+      put_q();
+      break;
+    case 8:
+      put_q();
+      put_field();
+      put_inertial();
+      break;
+    case 10:
+      put_field();
+      break;
+    case 11:
+      message.put(s.specific_force, acceleration);
+      break;
+    case 12:
+      message.put(s.rate, rate);
+      break;
+    case 13:
+      put_field();
+      put_inertial();
+      break;
+    case 14:
+      message.put(now.ypr_deg(), angle);
+      put_field();
+      put_inertial();
+      break;
+    case 16:
+      message.put(now.ypr_deg(), angle).put(now.linear_P(), acceleration).put(s.rate, rate);
+      break;
+    case 17:
+      message.put(now.ypr_deg(), angle).put(now.linear_L(), acceleration).put(s.rate, rate);
+      break;
     case 19:
-      message.put(now.magnetic(reading.raw), field).put(reading.raw.specific_force, acceleration).put(reading.raw.rate, rate);
+      message.put(now.magnetic(reading.raw), field)
+          .put(reading.raw.specific_force, acceleration)
+          .put(reading.raw.rate, rate);
       message.put(s.temperature_c, "%+05.1f").put(now.pressure_kpa(), "%+08.3f");
       break;
-    case 20: case 32: put_gnss_text(true); break;
-    case 21: case 33: put_gnss_text(false); break;
-    case 22: put_ins_text(true); break;
-    case 23: put_ins_text(false); break;
-    case 28: message.put(now.ypr_deg(), angle); put_lla(); message.put(now.v_L(), speed); put_inertial(); break;
+    case 20:
+    case 32:
+      put_gnss_text(true);
+      break;
+    case 21:
+    case 33:
+      put_gnss_text(false);
+      break;
+    case 22:
+      put_ins_text(true);
+      break;
+    case 23:
+      put_ins_text(false);
+      break;
+    case 28:
+      message.put(now.ypr_deg(), angle);
+      put_lla();
+      message.put(now.v_L(), speed);
+      put_inertial();
+      break;
     case 29:
       message.put(now.ypr_deg(), angle).put(now.r_E(), "%+012.3f").put(now.to_E(now.v_L()), speed);
       put_inertial();
@@ -206,7 +270,8 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
       message.put(since.delta_velocity, speed);
       break;
     }
-    default: break;
+    default:
+      break;
   }
 }
 
@@ -235,21 +300,29 @@ void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums&
   if (group == gnss1 || group == gnss2) return put_gnss(group == gnss1 ? 1 : 2, bit, reading, frame);
   switch (group << 4 | bit) {
     case common << 4 | 0:
-    case time_group << 4 | 0: return frame.put(static_cast<std::uint64_t>(reading.since_start.count()));
+    case time_group << 4 | 0:
+      return frame.put(static_cast<std::uint64_t>(reading.since_start.count()));
     case common << 4 | 1:
-    case time_group << 4 | 1: return frame.put(static_cast<std::uint64_t>(now.gps_ns()));
+    case time_group << 4 | 1:
+      return frame.put(static_cast<std::uint64_t>(now.gps_ns()));
     case common << 4 | 3:
-    case attitude << 4 | 1: return frame.put_floats(now.ypr_deg());
+    case attitude << 4 | 1:
+      return frame.put_floats(now.ypr_deg());
     case common << 4 | 4:
-    case attitude << 4 | 2: return put_q();
+    case attitude << 4 | 2:
+      return put_q();
     case common << 4 | 5:
-    case imu << 4 | 10: return frame.put_floats(s.rate);
+    case imu << 4 | 10:
+      return frame.put_floats(s.rate);
     case common << 4 | 6:
-    case ins << 4 | 1: return frame.put_doubles(now.lla());
+    case ins << 4 | 1:
+      return frame.put_doubles(now.lla());
     case common << 4 | 7:
-    case ins << 4 | 4: return frame.put_floats(now.v_L());
+    case ins << 4 | 4:
+      return frame.put_floats(now.v_L());
     case common << 4 | 8:
-    case imu << 4 | 9: return frame.put_floats(s.specific_force);
+    case imu << 4 | 9:
+      return frame.put_floats(s.specific_force);
     case common << 4 | 9:
       frame.put_floats(raw.specific_force);
       return frame.put_floats(raw.rate);
@@ -261,20 +334,34 @@ void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums&
       put_delta_angle();
       return frame.put_floats(sums.delta_velocity);
     case common << 4 | 12:
-    case ins << 4 | 0: return frame.put(now.ins_status());
-    case time_group << 4 | 2: return frame.put(static_cast<std::uint64_t>(now.gps_ns() % week_ns));
-    case time_group << 4 | 3: return frame.put(now.week());
-    case time_group << 4 | 6: return put_utc(now.gps_ns(), frame);
-    case time_group << 4 | 9: return frame.put(static_cast<std::uint8_t>(now.has_fix() ? 7 : 0));
-    case imu << 4 | 1: return frame.put_floats(now.magnetic(raw));
-    case imu << 4 | 2: return frame.put_floats(raw.specific_force);
-    case imu << 4 | 3: return frame.put_floats(raw.rate);
-    case imu << 4 | 4: return frame.put_float(s.temperature_c);
-    case imu << 4 | 5: return frame.put_float(now.pressure_kpa());
-    case imu << 4 | 6: return put_delta_angle();
-    case imu << 4 | 7: return frame.put_floats(sums.delta_velocity);
-    case imu << 4 | 8: return frame.put_floats(now.magnetic(s));
-    case imu << 4 | 11: return frame.put(static_cast<std::uint16_t>((s.status >> 3 & 7U) << 3 | (s.status & 7U) << 6));
+    case ins << 4 | 0:
+      return frame.put(now.ins_status());
+    case time_group << 4 | 2:
+      return frame.put(static_cast<std::uint64_t>(now.gps_ns() % week_ns));
+    case time_group << 4 | 3:
+      return frame.put(now.week());
+    case time_group << 4 | 6:
+      return put_utc(now.gps_ns(), frame);
+    case time_group << 4 | 9:
+      return frame.put(static_cast<std::uint8_t>(now.has_fix() ? 7 : 0));
+    case imu << 4 | 1:
+      return frame.put_floats(now.magnetic(raw));
+    case imu << 4 | 2:
+      return frame.put_floats(raw.specific_force);
+    case imu << 4 | 3:
+      return frame.put_floats(raw.rate);
+    case imu << 4 | 4:
+      return frame.put_float(s.temperature_c);
+    case imu << 4 | 5:
+      return frame.put_float(now.pressure_kpa());
+    case imu << 4 | 6:
+      return put_delta_angle();
+    case imu << 4 | 7:
+      return frame.put_floats(sums.delta_velocity);
+    case imu << 4 | 8:
+      return frame.put_floats(now.magnetic(s));
+    case imu << 4 | 11:
+      return frame.put(static_cast<std::uint16_t>((s.status >> 3 & 7U) << 3 | (s.status & 7U) << 6));
     case imu << 4 | 12:
       frame.put_floats(now.magnetic(raw));
       frame.put_floats(raw.specific_force);
@@ -285,20 +372,34 @@ void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums&
       for (int column = 0; column < 3; ++column) frame.put_floats(dcm_PL.col(column));
       return;
     }
-    case attitude << 4 | 4: return frame.put_floats(q * now.magnetic(s));
-    case attitude << 4 | 5: return frame.put_floats(q * s.specific_force);
-    case attitude << 4 | 6: return frame.put_floats(now.linear_P());
-    case attitude << 4 | 7: return frame.put_floats(now.linear_L());
-    case attitude << 4 | 8: return frame.put_floats(Vector3::Constant(attitude_error_deg));
-    case ins << 4 | 2: return frame.put_doubles(now.r_E());
-    case ins << 4 | 3: return frame.put_floats(q.conjugate() * now.v_L());
-    case ins << 4 | 5: return frame.put_floats(now.to_E(now.v_L()));
-    case ins << 4 | 6: return frame.put_floats(now.to_E(q * now.magnetic(s)));
-    case ins << 4 | 7: return frame.put_floats(now.to_E(q * s.specific_force));
-    case ins << 4 | 8: return frame.put_floats(now.to_E(now.linear_L()));
-    case ins << 4 | 9: return frame.put_float(now.accuracy(position_error_m)[0]);
-    case ins << 4 | 10: return frame.put_float(now.accuracy(velocity_error_m_per_s)[0]);
-    default: return;
+    case attitude << 4 | 4:
+      return frame.put_floats(q * now.magnetic(s));
+    case attitude << 4 | 5:
+      return frame.put_floats(q * s.specific_force);
+    case attitude << 4 | 6:
+      return frame.put_floats(now.linear_P());
+    case attitude << 4 | 7:
+      return frame.put_floats(now.linear_L());
+    case attitude << 4 | 8:
+      return frame.put_floats(Vector3::Constant(attitude_error_deg));
+    case ins << 4 | 2:
+      return frame.put_doubles(now.r_E());
+    case ins << 4 | 3:
+      return frame.put_floats(q.conjugate() * now.v_L());
+    case ins << 4 | 5:
+      return frame.put_floats(now.to_E(now.v_L()));
+    case ins << 4 | 6:
+      return frame.put_floats(now.to_E(q * now.magnetic(s)));
+    case ins << 4 | 7:
+      return frame.put_floats(now.to_E(q * s.specific_force));
+    case ins << 4 | 8:
+      return frame.put_floats(now.to_E(now.linear_L()));
+    case ins << 4 | 9:
+      return frame.put_float(now.accuracy(position_error_m)[0]);
+    case ins << 4 | 10:
+      return frame.put_float(now.accuracy(velocity_error_m_per_s)[0]);
+    default:
+      return;
   }
 }
 

@@ -61,7 +61,8 @@ void Message::send() noexcept {
   const std::string_view body(text_.data() + 1, size_ - 1);
   const bool is_short = form_ == Form::two_digits;
   const unsigned sum = is_short ? xor_of(body) : crc16(body);
-  size_ += static_cast<std::size_t>(std::snprintf(text_.data() + size_, 16, is_short ? "*%02X\r\n" : "*%04X\r\n", sum));
+  size_ +=
+      static_cast<std::size_t>(std::snprintf(text_.data() + size_, 16, is_short ? "*%02X\r\n" : "*%04X\r\n", sum));
   const std::span<std::byte> room = out_.room(size_);
   if (room.empty()) return;
   std::memcpy(room.data(), text_.data(), size_);
@@ -116,7 +117,8 @@ std::optional<BinaryOutput> BinaryOutput::parse(std::string_view text, Error& er
 
 namespace {
 constexpr std::string_view no_calibration =
-    "+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+00.00000";
+    "+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+00.00000,+01.00000,+00.00000,+00.00000,+"
+    "00.00000";
 }
 
 const std::array<Register, kept_count> kept = {{
@@ -252,7 +254,8 @@ Error write_register(Configuration& c, const Model& model, std::string_view rest
     if (!has_value || words.count < kept[i].count) return too_few;
     if (words.count > kept[i].count) return too_many;
     if (value.size() >= Configuration::register_size || !is_in_range(*id, words)) return bad_parameter;
-    if (*id == 33) return none;  // zeros reset the counts, which stand at zero: nothing is connected to SyncIn and SyncOut
+    if (*id == 33)
+      return none;  // zeros reset the counts, which stand at zero: nothing is connected to SyncIn and SyncOut
     if (*id == 26) {
       constexpr double tolerance = 1e-3;
       const Matrix3 frame = matrix_in(words);
@@ -286,11 +289,21 @@ Error put_register(const Configuration& c, const Model& model, unsigned id, std:
                    Message& message) noexcept {
   const auto text = [&](std::string_view value) { message.put(",").put(value); };
   switch (id) {
-    case 1: text(model.name); return none;
-    case 2: text("7"); return none;
-    case 3: text("0100012345"); return none;
-    case 4: text("2.1.0.0"); return none;
-    case 5: case 6: case 7: {
+    case 1:
+      text(model.name);
+      return none;
+    case 2:
+      text("7");
+      return none;
+    case 3:
+      text("0100012345");
+      return none;
+    case 4:
+      text("2.1.0.0");
+      return none;
+    case 5:
+    case 6:
+    case 7: {
       const auto which = port_in(port.empty() ? "1" : port);
       if (!which) return bad_parameter;
       Configuration::SerialPort settings = c.ports[*which];
@@ -298,8 +311,13 @@ Error put_register(const Configuration& c, const Model& model, unsigned id, std:
       if (!port.empty()) text(*which == 0 ? "1" : "2");
       return none;
     }
-    case 75: case 76: case 77: text(c.binary_text[id - 75].data()); return none;
-    default: break;
+    case 75:
+    case 76:
+    case 77:
+      text(c.binary_text[id - 75].data());
+      return none;
+    default:
+      break;
   }
   for (std::size_t i = 0; i < kept.size(); ++i)
     if (kept[i].id == id && kept[i].receivers <= model.receivers) {

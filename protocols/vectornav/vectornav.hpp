@@ -1,11 +1,12 @@
 // VectorNav VN-100, VN-200, VN-300: what is shared by the device (devices/vectornav.cpp), its registers
 // (registers.cpp), what its messages and fields say (fields.cpp) and its decoder. Layouts and sizes are those of
-// VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav 6824e8b) and of ArduPilot's driver
-// (AP_ExternalAHRS_VectorNav.cpp).
+// VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav 6824e8b) and of ArduPilot's
+// driver (AP_ExternalAHRS_VectorNav.cpp).
 //
-// ASCII: '$', body, '*', checksum of the body, CR LF: two hexadecimal digits of its XOR, or four of its CRC-16 (0x1021 from
-// 0), or "XX" for none; the answer has the form that the host used. Binary: 0xFA, groups, a mask of 16 bits for each group,
-// little-endian; the fields in order of groups and bits; the CRC-16 of all after 0xFA, big-endian.
+// ASCII: '$', body, '*', checksum of the body, CR LF: two hexadecimal digits of its XOR, or four of its CRC-16
+// (0x1021 from 0), or "XX" for none; the answer has the form that the host used. Binary: 0xFA, groups, a mask of 16
+// bits for each group, little-endian; the fields in order of groups and bits; the CRC-16 of all after 0xFA,
+// big-endian.
 #pragma once
 
 #include <array>
@@ -26,11 +27,20 @@ namespace imud::vectornav {
 
 // Of VNERR (VN-200 user manual UM004, page 23, table 20).
 enum Error : unsigned {
-  none = 0, input_overflow = 2, bad_checksum, bad_command, too_few, too_many, bad_parameter, bad_register, unauthorised,
+  none = 0,
+  input_overflow = 2,
+  bad_checksum,
+  bad_command,
+  too_few,
+  too_many,
+  bad_parameter,
+  bad_register,
+  unauthorised,
   insufficient_baud = 12
 };
 inline constexpr std::size_t longest = 1024;  // of a frame
-inline constexpr std::array<std::uint32_t, 9> bauds = {9600, 19200, 38400, 57600, 115200, 128000, 230400, 460800, 921600};
+inline constexpr std::array<std::uint32_t, 9> bauds = {9600,   19200,  38400,  57600, 115200,
+                                                       128000, 230400, 460800, 921600};
 
 // Bytes of each field (vnproglib, Packet::BinaryGroupLengths).
 enum Group : unsigned { common, time_group, imu, gnss1, attitude, ins, gnss2, groups };
@@ -123,7 +133,8 @@ struct Configuration {
     unsigned baud = 115200, async_type = 14, async_hz = 40;
   };
 
-  std::array<SerialPort, 2> ports;  // the host's, and the other connector: its settings are told, nothing is sent there
+  std::array<SerialPort, 2>
+      ports;  // the host's, and the other connector: its settings are told, nothing is sent there
   std::array<BinaryOutput, 3> binary = {};
   std::array<Text, 3> binary_text = {};
   std::array<Text, kept_count> registers = {};
@@ -142,8 +153,8 @@ struct Configuration {
 Error write_register(Configuration& configuration, const Model& model, std::string_view rest) noexcept;
 // Of the host's serial port, by what is streamed there: above 1 there is more than the line carries.
 double line_load(const Configuration& configuration, const Model& model) noexcept;
-// Puts what register `id` says after its number. Not those of measurements. `port`, of registers 5 to 7: which serial port,
-// 1 or 2; 0 or "?": the host's; the answer then ends in its number. Empty: the host's, and no number.
+// Puts what register `id` says after its number. Not those of measurements. `port`, of registers 5 to 7: which serial
+// port, 1 or 2; 0 or "?": the host's; the answer then ends in its number. Empty: the host's, and no number.
 Error put_register(const Configuration& configuration, const Model& model, unsigned id, std::string_view port,
                    Message& message) noexcept;
 
@@ -163,8 +174,8 @@ struct Sums {
 // What messages and fields are made of.
 struct Reading {
   const Model& model;
-  const Sample& sample;  // compensated, in the host's reference frame
-  const Sample& raw;     // as sensed
+  const Sample& sample;    // compensated, in the host's reference frame
+  const Sample& raw;       // as sensed
   const Quaternion& tare;  // from north-east-down to what VNTAR made level and north: of attitudes told alone
   Nanoseconds since_start;
 };
@@ -176,8 +187,8 @@ std::size_t size_of(unsigned type) noexcept;
 // The type whose message says what a measurement register says; 0: it is none.
 unsigned type_of_register(unsigned id) noexcept;
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;
-// What register 30 has appended to streamed text: a status ("S"; mode 0: none, 1: VPE, 2: INS), then a count ("T"; mode 0:
-// none) (UM001, page 69).
+// What register 30 has appended to streamed text: a status ("S"; mode 0: none, 1: VPE, 2: INS), then a count ("T";
+// mode 0: none) (UM001, page 69).
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept;
 // A field that the device does not know is left out: the caller fills it with zeros.
 void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums& sums,

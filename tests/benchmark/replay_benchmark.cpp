@@ -37,7 +37,9 @@ Usage run(const std::string& program, const std::vector<std::string>& arguments)
   int status = 0;
   rusage used{};
   if (::wait4(child, &status, 0, &used) != child || status != 0) throw std::runtime_error(program + " failed");
-  const auto s = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  const auto s = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
   return {s(used.ru_utime) + s(used.ru_stime), static_cast<double>(used.ru_maxrss) / 1024.0};
 }
 

@@ -32,8 +32,8 @@ TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
     candump.start({"-L", "-n", fd ? "101" : "707", "vcan0"});
     // Both listen once they have their sockets, which nothing tells from outside: imud starts well after them.
     std::this_thread::sleep_for(std::chrono::milliseconds(500));
-    const ProgramResult run = run_program(
-        "imud", {"replay", c, flight, "--for", "2", "--set", "imu.0.device.fd=" + kind, "--summary", path("summary.json")});
+    const ProgramResult run = run_program("imud", {"replay", c, flight, "--for", "2", "--set",
+                                                   "imu.0.device.fd=" + kind, "--summary", path("summary.json")});
     ASSERT_EQ(run.exit_code, 0) << run.errors;
     EXPECT_EQ(summary()["imus"][0]["samples"], 101);
     EXPECT_EQ(summary()["imus"][0]["frames"], fd ? 101 : 707);
@@ -86,7 +86,9 @@ TEST_F(CanRunTest, AnInterfaceThatGoesDownAndComesBack) {
   const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 100, "native-can", "can:vcan0");
   Program imud("imud");
   imud.start({"replay", c, flight, "--summary", path("summary.json")});
-  ASSERT_TRUE(eventually([] { return run_program("/usr/bin/candump", {"-n", "7", "-T", "200", "vcan0"}).output.size() > 100; }));
+  ASSERT_TRUE(eventually([] {
+    return run_program("/usr/bin/candump", {"-n", "7", "-T", "200", "vcan0"}).output.size() > 100;
+  }));
   ip("down");
   EXPECT_TRUE(imud.wait_for_errors("is lost"));
   ip("up");

@@ -47,7 +47,8 @@ TEST(Earth, GeodeticAndCartesian) {
   const Position there = {true, {}, Vector3::Zero(), Vector3::Zero()};
   EXPECT_TRUE(Earth(local(0, 90, 0)).place(there).r_E.isApprox(Vector3(0, 6'378'137.0, 0), 1e-15));
   EXPECT_TRUE(Earth(local(90, 0, 0)).place(there).r_E.isApprox(Vector3(0, 0, 6'356'752.314245), 1e-12));
-  EXPECT_LT((Earth(local(45, 0, 0)).place(there).r_E - Vector3(4'517'590.87884893, 0, 4'487'348.40886592)).norm(), 1e-6);
+  EXPECT_LT((Earth(local(45, 0, 0)).place(there).r_E - Vector3(4'517'590.87884893, 0, 4'487'348.40886592)).norm(),
+            1e-6);
   for (const double height : {-400.0, 0.0, 10'000.0, 400e3, 36'000e3})
     for (double latitude = -90; latitude <= 90; latitude += 7.5)
       for (double longitude = -180; longitude < 180; longitude += 45) {
@@ -64,7 +65,8 @@ TEST(Earth, NothingIsKnownWithoutFrameOrPosition) {
   EXPECT_FALSE(Earth(EarthModel{}).is_on());
   EXPECT_FALSE(Earth(EarthModel{}).place({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
   EXPECT_FALSE(Earth(inertial()).place({false, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
-  EXPECT_FALSE(Earth(inertial()).place({true, {}, Vector3::Zero(), Vector3::Zero()}).is_known) << "in the Earth's centre";
+  EXPECT_FALSE(Earth(inertial()).place({true, {}, Vector3::Zero(), Vector3::Zero()}).is_known)
+      << "in the Earth's centre";
   EXPECT_TRUE(Earth(inertial()).place({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
 }
 
@@ -111,7 +113,8 @@ TEST(Earth, TheFieldIsTheFirstDegreeOfIgrf14) {
     for (const double colatitude : {0.2, 1.0, 1.6, 2.9})
       for (const double longitude : {-2.0, 0.0, 0.7, 3.0}) {
         const double r = 6'871'200.0, c = std::pow(6'371'200.0 / r, 3);
-        const Vector3 up(std::sin(colatitude) * std::cos(longitude), std::sin(colatitude) * std::sin(longitude), std::cos(colatitude));
+        const Vector3 up(std::sin(colatitude) * std::cos(longitude), std::sin(colatitude) * std::sin(longitude),
+                         std::cos(colatitude));
         const Place place = earth.place({true, {}, r * up, Vector3::Zero()});
         const double along = g11 * std::cos(longitude) + h11 * std::sin(longitude);
         const double x = c * (along * std::cos(colatitude) - g10 * std::sin(colatitude));
@@ -127,9 +130,17 @@ TEST(Earth, TheFieldIsTheFirstDegreeOfIgrf14) {
 
 // U.S. Standard Atmosphere 1976, Table I, by geopotential altitude: Pa, five digits.
 TEST(Earth, ThePressureIsTheStandardAtmospheres) {
-  for (const auto& [height, pressure] : {std::pair{-1000.0, 113'930.0}, {0.0, 101'325.0}, {5000.0, 54'020.0}, {11'000.0, 22'632.0},
-                                         {15'000.0, 12'045.0}, {20'000.0, 5474.9}, {32'000.0, 868.02}, {47'000.0, 110.91},
-                                         {51'000.0, 66.939}, {71'000.0, 3.9564}, {84'852.0, 0.37338}})
+  for (const auto& [height, pressure] : {std::pair{-1000.0, 113'930.0},
+                                         {0.0, 101'325.0},
+                                         {5000.0, 54'020.0},
+                                         {11'000.0, 22'632.0},
+                                         {15'000.0, 12'045.0},
+                                         {20'000.0, 5474.9},
+                                         {32'000.0, 868.02},
+                                         {47'000.0, 110.91},
+                                         {51'000.0, 66.939},
+                                         {71'000.0, 3.9564},
+                                         {84'852.0, 0.37338}})
     EXPECT_NEAR(standard_pressure(height) / pressure, 1, 5e-5) << height;
   EXPECT_NEAR(geopotential_altitude(80'000), 79'006, 0.5) << "Table I";
   EXPECT_GE(standard_pressure(1e9), 0);
@@ -138,7 +149,9 @@ TEST(Earth, ThePressureIsTheStandardAtmospheres) {
 TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   Timeline timeline;
   const auto at = [](double t) {  // a circle of 8 s
-    return Position{true, {}, Vector3(std::cos(t * units::pi / 4), std::sin(t * units::pi / 4), 0) * 1000,
+    return Position{true,
+                    {},
+                    Vector3(std::cos(t * units::pi / 4), std::sin(t * units::pi / 4), 0) * 1000,
                     Vector3(-std::sin(t * units::pi / 4), std::cos(t * units::pi / 4), 0) * (1000 * units::pi / 4)};
   };
   for (int k = 0; k <= 20; ++k) {
@@ -195,7 +208,8 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
   EXPECT_LT((sample.magnetic_field - Vector3(field_L.y(), -field_L.x(), field_L.z())).norm(), 1e-12);
   EXPECT_LT((sample.q_LP * Vector3::UnitX() - Vector3::UnitY()).norm(), 1e-9) << "the sensor looks east";
 
-  // Noise: its standard deviation, 5 sigma of 4000 samples (false alarm below 1e-6 for each), and its place in the sequence.
+  // Noise: its standard deviation, 5 sigma of 4000 samples (false alarm below 1e-6 for each), and its place in the
+  // sequence.
   model.magnetometer = TriadErrors::white(1e-8, 100, 1e-3);
   model.barometer.noise = 3;
   constexpr int n = 4000;
@@ -213,7 +227,8 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
   EXPECT_EQ(sense(0).pressure, 0);
 }
 
-// On the equator of an Earth that turns: before the run and after truth has stopped it stands on the ground, not in space.
+// On the equator of an Earth that turns: before the run and after truth has stopped it stands on the ground, not in
+// space.
 TEST(Earth, WhatIsHeldStaysWhereItIsOnTheGround) {
   ImuModel model;
   model.earth = inertial(0.3);

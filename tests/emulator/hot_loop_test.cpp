@@ -38,19 +38,23 @@ TEST(Locks, AreCountedOnThreadsThatSaySo) {
   EXPECT_GT(locks_taken() - before, 1U);
 }
 
-// Samples of six imus to a pty with a reader, one without, a file, a socket, and paced ptys whose readers have set the right
-// and a wrong speed, at 1 kHz; truth at 500 Hz with bad datagrams among it, repeated ones, and pauses beyond which motion is
-// held.
+// Samples of six imus to a pty with a reader, one without, a file, a socket, and paced ptys whose readers have set
+// the right and a wrong speed, at 1 kHz; truth at 500 Hz with bad datagrams among it, repeated ones, and pauses
+// beyond which motion is held.
 TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::string text = "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\nextrapolate_ms = 20\n";
-  const std::array<std::string, 6> ports = {"pty:" + path("read"), "pty:" + path("unread"), "file:" + path("out"),
-                                            "udp:127.0.0.1:9", "pty:" + path("paced") + "?baud=2000000",
+  const std::array<std::string, 6> ports = {"pty:" + path("read"),
+                                            "pty:" + path("unread"),
+                                            "file:" + path("out"),
+                                            "udp:127.0.0.1:9",
+                                            "pty:" + path("paced") + "?baud=2000000",
                                             "pty:" + path("wrong") + "?baud=2000000"};
   const std::array<std::string, 6> protocols = {"native", "csv", "csv", "native", "native", "native"};
   for (std::size_t i = 0; i < ports.size(); ++i)
-    text += fmt::format("[[imu]]\nname = \"i{}\"\nrate_hz = 1000\nprotocol = \"{}\"\nport = \"{}\"\n"
-                        "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\npace = \"{}\"\n",
-                        i, protocols[i], ports[i], i < 4 ? "none" : "line");
+    text += fmt::format(
+        "[[imu]]\nname = \"i{}\"\nrate_hz = 1000\nprotocol = \"{}\"\nport = \"{}\"\n"
+        "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\npace = \"{}\"\n",
+        i, protocols[i], ports[i], i < 4 ? "none" : "line");
   const Config config = load_config(write("config.toml", text));
   std::atomic<bool> stop = false;
   Session session(config, stop);
@@ -62,7 +66,8 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
 
   std::ostringstream log;
   const auto logger = spdlog::default_logger();
-  spdlog::set_default_logger(std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
+  spdlog::set_default_logger(
+      std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
   std::thread sampler([&] {
     count_locks_of_this_thread();
     MonotonicHost host;
@@ -78,8 +83,10 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
       if (k % 11 == 0) simulator_.send(std::span(good).first(100));
       std::this_thread::sleep_for(k % 100 == 99 ? 60ms : 2ms);
       for (const FileDescriptor* descriptor : {&reader, &paced, &wrong})
-        while (::read(descriptor->get(), buffer.data(), buffer.size()) > 0) {}
-      while (simulator_.answer(0)) {}
+        while (::read(descriptor->get(), buffer.data(), buffer.size()) > 0) {
+        }
+      while (simulator_.answer(0)) {
+      }
     }
   };
   play(0, 150);

@@ -9,7 +9,8 @@
 namespace imud {
 namespace {
 
-std::vector<std::string> split(LineSplitter& splitter, const std::string& text, const std::vector<std::size_t>& cuts) {
+std::vector<std::string> split(LineSplitter& splitter, const std::string& text,
+                               const std::vector<std::size_t>& cuts) {
   std::vector<std::string> lines;
   std::size_t begin = 0;
   const auto feed = [&](std::size_t end) {

@@ -13,8 +13,9 @@ class DeviceTest : public LiveTest {
  protected:
   // Runs `imu` (the keys of [[imu]] but its port) in lockstep.
   void begin(const std::string& imu) {
-    start(imud_, write("config.toml", fmt::format("clock = \"lockstep\"\n[truth]\nport = \"{}\"\n[[imu]]\nport = \"pty:{}\"\n{}\n",
-                                                  simulator_.port(), path("imu"), imu)));
+    start(imud_, write("config.toml",
+                       fmt::format("clock = \"lockstep\"\n[truth]\nport = \"{}\"\n[[imu]]\nport = \"pty:{}\"\n{}\n",
+                                   simulator_.port(), path("imu"), imu)));
     ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
     ASSERT_TRUE(step());
   }

@@ -63,7 +63,8 @@ TEST_F(LiveLine, AChangeOfSpeedIsAnsweredAtTheOldOneAndThenHolds) {
     const std::string garbage = read_for(client.get(), 300ms);
     EXPECT_FALSE(garbage.empty());
     EXPECT_EQ(garbage.find("VN"), std::string::npos);
-    EXPECT_TRUE(imud.wait_for_errors("the line has 921600 baud and the client 115200: both read garbage")) << imud.errors();
+    EXPECT_TRUE(imud.wait_for_errors("the line has 921600 baud and the client 115200: both read garbage"))
+        << imud.errors();
 
     ASSERT_TRUE(set_line_speed(client.get(), 921'600));
     EXPECT_TRUE(hears(client.get(), "$VNYMR,"));

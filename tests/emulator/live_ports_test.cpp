@@ -85,8 +85,10 @@ TEST_F(LiveTest, AHostIsHeardWhileACaptureIsReplayed) {
   std::array<char, 4096> ignored;
   std::size_t said = 0;
   while (imud.is_running() && said < 80'000) {
-    if (const ssize_t size = ::write(host.get(), words.data(), words.size()); size > 0) said += static_cast<std::size_t>(size);
-    while (::read(host.get(), ignored.data(), ignored.size()) > 0) {}
+    if (const ssize_t size = ::write(host.get(), words.data(), words.size()); size > 0)
+      said += static_cast<std::size_t>(size);
+    while (::read(host.get(), ignored.data(), ignored.size()) > 0) {
+    }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   EXPECT_GE(said, 80'000U);
@@ -133,7 +135,8 @@ TEST_F(LiveTest, ASerialDeviceThatIsUnpluggedAndReturns) {
   write("bytes", bytes.substr(0, bytes.size() / 124 * 124));
   const ProgramResult decoded = run_program("imu-decode", {"native", "file:" + path("bytes")});
   EXPECT_NE(decoded.errors.find("checksum   0 failures, 0 malformed"), std::string::npos) << decoded.errors;
-  EXPECT_NE(decoded.errors.find("0 bytes skipped"), std::string::npos) << decoded.errors;  // begins with a whole frame
+  EXPECT_NE(decoded.errors.find("0 bytes skipped"), std::string::npos)
+      << decoded.errors;  // begins with a whole frame
   const auto s = summary();
   EXPECT_GT(s["imus"][0]["dropped"], 0);
   EXPECT_EQ(s["imus"][0]["frames"].get<std::uint64_t>() + s["imus"][0]["dropped"].get<std::uint64_t>(),

@@ -1,5 +1,5 @@
-// imud run in real time, by the real clock: counts and states only, with wide margins. The logic's tests have a simulated
-// clock: realtime_*_test.cpp.
+// imud run in real time, by the real clock: counts and states only, with wide margins. The logic's tests have a
+// simulated clock: realtime_*_test.cpp.
 #include "tests/emulator/live_test.hpp"
 
 #include <fcntl.h>
@@ -17,7 +17,8 @@ TEST_F(LiveTest, RealtimeKeepsTheGrid) {
   Program decode("imu-decode");
   decode.start({"native", "pty:" + path("imu")});
   ASSERT_TRUE(imud.wait_for_errors("takes frames"));
-  ASSERT_EQ(run_program("imu-truth", {"coning", "--to", simulator_.port(), "--rate", "100", "--for", "2"}).exit_code, 0);
+  ASSERT_EQ(run_program("imu-truth", {"coning", "--to", simulator_.port(), "--rate", "100", "--for", "2"}).exit_code,
+            0);
   EXPECT_EQ(imud.stop(), 0);
   EXPECT_EQ(decode.wait(), 0) << decode.errors();
   const auto s = summary();
@@ -66,7 +67,8 @@ TEST_F(LiveTest, ADisturbedNetworkMakesNoGapInRealtime) {
   ASSERT_GT(all.size(), 300U);
   for (std::size_t k = 0; k < all.size(); ++k) {
     EXPECT_EQ(all[k][1], std::to_string(k));
-    // Coning of 0.02 rad at 10 Hz: the rate is 1.26 rad/s at most, whatever was lost; two lost in a row bend the curve.
+    // Coning of 0.02 rad at 10 Hz: the rate is 1.26 rad/s at most, whatever was lost; two lost in a row bend the
+    // curve.
     EXPECT_LT(std::abs(std::stod(all[k][2])), 5.0);
   }
 }
@@ -118,11 +120,13 @@ TEST_F(LiveTest, AfterAPauseOfTheSimulatorTheSensorMovesAgain) {
 }
 
 TEST_F(LiveTest, TheFiguresAreWrittenEachSecondAndLogged) {
-  const std::string c = config("realtime", simulator_.port(), "native", 200, "native", "pty:" + path("imu") + "?baud=921600");
+  const std::string c =
+      config("realtime", simulator_.port(), "native", 200, "native", "pty:" + path("imu") + "?baud=921600");
   Program imud("imud");
   start(imud, c, {"--quality", path("quality.jsonl"), "--log-every", "1"});
   ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
-  EXPECT_EQ(run_program("imu-truth", {"turntable", "--to", simulator_.port(), "--for", "3.5", "--drop", "5"}).exit_code, 0);
+  EXPECT_EQ(
+      run_program("imu-truth", {"turntable", "--to", simulator_.port(), "--for", "3.5", "--drop", "5"}).exit_code, 0);
   EXPECT_EQ(imud.stop(), 0);
   const nlohmann::json whole = summary();
   std::uint64_t samples = 0, accepted = 0;
@@ -133,7 +137,8 @@ TEST_F(LiveTest, TheFiguresAreWrittenEachSecondAndLogged) {
     const nlohmann::json &truth = line["truth"], &imu = line["imus"][0];
     samples += imu["samples"].get<std::uint64_t>();
     accepted += truth["accepted"].get<std::uint64_t>();
-    for (const char* key : {"rate_hz", "lost", "inserted", "runs", "resumed", "refused"}) EXPECT_TRUE(truth.contains(key)) << key;
+    for (const char* key : {"rate_hz", "lost", "inserted", "runs", "resumed", "refused"})
+      EXPECT_TRUE(truth.contains(key)) << key;
     for (const char* key : {"frames", "dropped", "extrapolated", "held", "silent", "missed", "line_load_percent"})
       EXPECT_TRUE(imu.contains(key)) << key;
     for (const char* histogram : {"lateness_us", "write_us"})

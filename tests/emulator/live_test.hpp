@@ -54,7 +54,8 @@ class Simulator {
     std::array<std::byte, 64> bytes{};
     const ssize_t size = ::recv(socket_.get(), bytes.data(), bytes.size(), 0);
     NativeAcknowledgement acknowledgement{};
-    if (size < 0 || !decode_native_acknowledgement(std::span(bytes).first(static_cast<std::size_t>(size)), acknowledgement))
+    if (size < 0 ||
+        !decode_native_acknowledgement(std::span(bytes).first(static_cast<std::size_t>(size)), acknowledgement))
       return std::nullopt;
     return acknowledgement;
   }

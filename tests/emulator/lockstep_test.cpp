@@ -120,7 +120,8 @@ accelerometer.walk_sqrt_cov = [0.1, 0.1, 0.1]
 }
 
 TEST_F(LiveTest, LockstepAndFastGiveTheSameBytesUnderLoadToo) {
-  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--rate", "50", "--for", "4"}).exit_code, 0);
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--rate", "50", "--for", "4"}).exit_code,
+            0);
   for (const int imus : {1, 16}) {
     const std::string c = write("config.toml", "seed = 3\nclock = \"lockstep\"\ntruth.port = \"" + simulator_.port() +
                                                    "\"\n" + noisy_imus(imus, folder_));
@@ -192,7 +193,8 @@ TEST_F(LiveTest, ALostAnswerIsRepeatedAndNothingIsEmittedTwice) {
     EXPECT_EQ(second->sequence, i);
     EXPECT_EQ(second->time.ns, first->time.ns);
     EXPECT_EQ(second->samples, first->samples);
-    while (simulator_.answer(0)) {}
+    while (simulator_.answer(0)) {
+    }
   }
   EXPECT_EQ(imud.stop(), 0);
   EXPECT_EQ(rows(read_file(path("out"))).size(), 20U);
@@ -237,8 +239,8 @@ TEST_F(LiveTest, ADisturbedNetworkChangesNoByteOfALockstepRun) {
   const auto run = [&](std::vector<std::string> faults) {
     Program imud("imud");
     start(imud, c);
-    std::vector<std::string> arguments = {"spiral", "--to",  simulator_.port(), "--rate", "100",
-                                          "--for",  "3", "--lockstep",       "--fast"};
+    std::vector<std::string> arguments = {"spiral", "--to", simulator_.port(), "--rate", "100",
+                                          "--for",  "3",    "--lockstep",      "--fast"};
     arguments.insert(arguments.end(), faults.begin(), faults.end());
     const ProgramResult sent = run_program("imu-truth", arguments);
     EXPECT_EQ(sent.exit_code, 0) << sent.errors;

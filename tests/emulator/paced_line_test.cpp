@@ -1,7 +1,6 @@
 // The real-time loops wake for the pace of a line, and sample when they would without it; on a simulated clock.
-#include "transports/paced_writer.hpp"
-
 #include "tests/emulator/realtime_test.hpp"
+#include "transports/paced_writer.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -50,7 +49,8 @@ class PacedSensor final : public Port {
 
 class PacedLine : public RealtimeTest {
  protected:
-  // Portions of 14 and a last one of 12 of each frame, when they have come, or a little later by what else there was to do.
+  // Portions of 14 and a last one of 12 of each frame, when they have come, or a little later by what else there was
+  // to do.
   static void expect_pace(const Heard& heard, Nanoseconds late) {
     std::size_t next = 0;
     for (std::size_t frame = 0; frame + 1 < heard.sent.size(); ++frame)
@@ -74,7 +74,8 @@ TEST_F(PacedLine, TheRealtimeLoopWakesForIt) {
     Heard heard;
     run.make_sensor = [&](SimulatedHost& host) { return std::make_unique<PacedSensor>(host, heard); };
     for (SimulatedRun* each : {&unpaced, &run}) {
-      for (int k = 0; k < 200; ++k) each->truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
+      for (int k = 0; k < 200; ++k)
+        each->truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
       each->run(2);
     }
     ASSERT_GT(heard.sent.size(), 300U);
@@ -89,7 +90,8 @@ TEST_F(PacedLine, TheRealtimeLoopWakesForIt) {
 
 TEST_F(PacedLine, APacedReplayWakesForIt) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "2"}).exit_code, 0);
-  const Config c = load_config(RunTest::config("realtime", "file:" + path("truth.csv"), "csv", 200, "native", "file:any"));
+  const Config c =
+      load_config(RunTest::config("realtime", "file:" + path("truth.csv"), "csv", 200, "native", "file:any"));
   SimulatedHost host;
   host.end = host.now() + 100s;
   Heard heard;

@@ -1,5 +1,5 @@
-// The real-time loop when truth stops, pauses, jumps or begins anew, when the host stands still, and with many imus; on
-// a simulated clock.
+// The real-time loop when truth stops, pauses, jumps or begins anew, when the host stands still, and with many imus;
+// on a simulated clock.
 #include "tests/emulator/realtime_test.hpp"
 
 namespace imud {
@@ -36,7 +36,8 @@ class RealtimeRun : public RealtimeTest {
   static void expect_truth(const SimulatedRun& run, double from_s, double until_s, double ahead_s) {
     for (const Left& left : within(run, from_s, until_s)) {
       ASSERT_EQ(left.sample.status, 0U);
-      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) + ahead_s)).omega_BN_B.z(), 1e-3);
+      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) + ahead_s)).omega_BN_B.z(),
+                  1e-3);
     }
   }
 };
@@ -131,7 +132,8 @@ TEST_F(RealtimeRun, ASimulatorThatBeginsAnewBeginsANewRun) {
   }
 }
 
-// Samples that were due while nothing ran leave at once afterwards; none is left out, and what had arrived is in them.
+// Samples that were due while nothing ran leave at once afterwards; none is left out, and what had arrived is in
+// them.
 TEST_F(RealtimeRun, AHoldUpOfTheHostMissesNoSample) {
   SimulatedRun run(config(1000, "delay_ms = 20"));
   send(run, 0, 3);
@@ -233,13 +235,16 @@ TEST_F(RealtimeRun, AStoppedSensorIsStoppedUntilItMovesAgain) {
 
 TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
   std::string text = "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\ndelay_ms = 20\n";
-  const auto rate = [](std::size_t i) { return i % 4 == 0 ? 1000.0 : i % 4 == 1 ? 409.6 : i % 4 == 2 ? 2000.0 : 0.5; };
+  const auto rate = [](std::size_t i) {
+    return i % 4 == 0 ? 1000.0 : i % 4 == 1 ? 409.6 : i % 4 == 2 ? 2000.0 : 0.5;
+  };
   const auto error = [](std::size_t i) { return i % 3 == 0 ? 0.0 : 100.0 * (static_cast<double>(i) - 8); };
   for (std::size_t i = 0; i < 16; ++i)
-    text += fmt::format("[[imu]]\nname = \"i{0}\"\nport = \"file:{0}\"\nprotocol = \"native\"\nrate_hz = {1}\n"
-                        "clock_error_ppm = {2}\nphase_us = {3}\ngyro.max_rad_per_s = 100\n"
-                        "accelerometer.max_m_per_s2 = 1000\n",
-                        i, rate(i), error(i), 37.5 * static_cast<double>(i));
+    text += fmt::format(
+        "[[imu]]\nname = \"i{0}\"\nport = \"file:{0}\"\nprotocol = \"native\"\nrate_hz = {1}\n"
+        "clock_error_ppm = {2}\nphase_us = {3}\ngyro.max_rad_per_s = 100\n"
+        "accelerometer.max_m_per_s2 = 1000\n",
+        i, rate(i), error(i), 37.5 * static_cast<double>(i));
   SimulatedRun run(load_config(write("config.toml", text)));
   send(run, 0, 10);
   run.run(10.1);
@@ -253,7 +258,8 @@ TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
   // All sample the same motion, each at its own instants.
   for (const std::size_t i : {0U, 5U, 15U})
     for (const Left& left : run.left(i))
-      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 0.12)).omega_BN_B.z(), 1e-3) << i;
+      ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 0.12)).omega_BN_B.z(), 1e-3)
+          << i;
 }
 
 }  // namespace

@@ -13,8 +13,9 @@
 
 namespace imud::testing {
 
-// Swings about z, under a force that turns and swells in the inertial x-y plane. The force along z is constant, so that
-// a sensor's sum of delta-velocities along z, which no extrapolation can get wrong, says which instant it has reached.
+// Swings about z, under a force that turns and swells in the inertial x-y plane. The force along z is constant, so
+// that a sensor's sum of delta-velocities along z, which no extrapolation can get wrong, says which instant it has
+// reached.
 struct Swing {
   static constexpr double amplitude = 0.5, frequency = 2 * units::pi;  // rad, rad/s: up to 3.1 rad/s, 20 rad/s^2
   static constexpr double push = 4, push_frequency = 5, lift = 8;      // m/s^2, rad/s, m/s^2
@@ -65,10 +66,11 @@ class RealtimeTest : public RunTest {
   Config config(double rate_hz, const std::string& truth, const std::string& imu = "", int imus = 1) const {
     std::string text = "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n" + truth;
     for (int i = 0; i < imus; ++i)
-      text += fmt::format("\n[[imu]]\nname = \"i{0}\"\nport = \"file:{0}\"\nprotocol = \"native\"\nrate_hz = {1}\n"
-                          "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n"
-                          "increments.delta_velocity = \"end_frame\"\n{2}\n",
-                          i, rate_hz, imu);
+      text += fmt::format(
+          "\n[[imu]]\nname = \"i{0}\"\nport = \"file:{0}\"\nprotocol = \"native\"\nrate_hz = {1}\n"
+          "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n"
+          "increments.delta_velocity = \"end_frame\"\n{2}\n",
+          i, rate_hz, imu);
     return load_config(write("config.toml", text));
   }
 
@@ -93,7 +95,8 @@ class RealtimeTest : public RunTest {
   static void expect_grid(const std::vector<Left>& left, const Grid& grid, HostTime start, Nanoseconds late) {
     for (std::size_t k = 0; k < left.size(); ++k) {
       ASSERT_EQ(left[k].sample.counter, k);
-      ASSERT_EQ(left[k].sample.time.ns - left[0].sample.time.ns, (grid.nominal_offset(k) - grid.nominal_offset(0)).count());
+      ASSERT_EQ(left[k].sample.time.ns - left[0].sample.time.ns,
+                (grid.nominal_offset(k) - grid.nominal_offset(0)).count());
       const Nanoseconds lateness = left[k].time - (start + grid.offset(k));
       ASSERT_GE(lateness.count(), 0) << k;
       ASSERT_LE(lateness, late) << k;

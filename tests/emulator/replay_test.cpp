@@ -49,21 +49,21 @@ TEST_F(ReplayTest, AThousandHertzWithoutAGap) {
 
 TEST_F(ReplayTest, ThePaceChangesNoByte) {
   const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 400, "native", "file:" + path("paced"));
-  ASSERT_EQ(run_program("imud", {"replay", c, flight, "--for", "1.5", "--summary", path("summary.json")}).exit_code, 0);
+  ASSERT_EQ(run_program("imud", {"replay", c, flight, "--for", "1.5", "--summary", path("summary.json")}).exit_code,
+            0);
   EXPECT_EQ(summary()["imus"][0]["samples"], 601);
   EXPECT_GE(summary()["duration_s"], 1.5);
-  ASSERT_EQ(run_program("imud", {"replay", c, flight, "--fast", "--for", "1.5", "--set",
-                                 "imu.0.port=file:" + path("fast")})
-                .exit_code,
-            0);
+  ASSERT_EQ(
+      run_program("imud", {"replay", c, flight, "--fast", "--for", "1.5", "--set", "imu.0.port=file:" + path("fast")})
+          .exit_code,
+      0);
   EXPECT_EQ(read_file(path("paced")).size(), 601U * 124U);
   EXPECT_TRUE(read_file(path("paced")) == read_file(path("fast")));
 }
 
 TEST_F(ReplayTest, ALateListenerNamesTheColumns) {
   // The capture without its first datagram, the label row, as a text file.
-  const std::string c =
-      config("fast", "udp:127.0.0.1:5140", "jsbsim", 100, "csv", "file:" + path("out"));
+  const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 100, "csv", "file:" + path("out"));
   const std::string labels =
       "Time,lat-geod-rad,long-gc-rad,geod-alt-ft,ecef-x-ft,ecef-y-ft,ecef-z-ft,ecef-x-fps,ecef-y-fps,ecef-z-fps,"
       "eci-x-ft,eci-y-ft,eci-z-ft,eci-x-fps,eci-y-fps,eci-z-fps,epa-rad,phi-rad,theta-rad,psi-rad,p-rad_sec,"
@@ -80,7 +80,8 @@ TEST_F(ReplayTest, ALateListenerNamesTheColumns) {
   ASSERT_EQ(run_program("imud", {"replay", c, flight}).exit_code, 0);
   const std::string expected = read_file(path("out"));
 
-  const ProgramResult nameless = run_program("imud", {"replay", c, path("rows.csv"), "--summary", path("summary.json")});
+  const ProgramResult nameless =
+      run_program("imud", {"replay", c, path("rows.csv"), "--summary", path("summary.json")});
   EXPECT_EQ(nameless.exit_code, 1);  // nothing came of it
   EXPECT_EQ(summary()["truth"]["refused"]["columns"], 2001);
   EXPECT_NE(nameless.errors.find("truth refused: columns"), std::string::npos);
@@ -119,7 +120,8 @@ TEST_F(ReplayTest, ACaptureCutShortIsReadToTheLastWholeRecord) {
 }
 
 TEST_F(ReplayTest, ACsvCutShortIsReadToTheLastWholeRow) {
-  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--rate", "100", "--for", "2"}).exit_code, 0);
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--rate", "100", "--for", "2"}).exit_code,
+            0);
   const std::string whole = read_file(path("truth.csv"));
   ASSERT_EQ(lines_of(whole).size(), 202U);
   const std::string c = config("fast", "file:" + path("cut.csv"), "csv", 100, "csv", "file:" + path("out"));
@@ -187,19 +189,23 @@ TEST_F(ReplayTest, SigtermIsHeardWhileInputIsSkipped) {
 TEST_F(ReplayTest, ListShowsEveryEntry) {
   const ProgramResult result = run_program("imud", {"list"});
   EXPECT_EQ(result.exit_code, 0);
-  for (const std::string word : {"native", "native-can", "csv", "jsbsim", "udp", "pcap", "file", "pty", "serial", "can"})
+  for (const std::string word :
+       {"native", "native-can", "csv", "jsbsim", "udp", "pcap", "file", "pty", "serial", "can"})
     EXPECT_NE(result.output.find("\n  " + word + " "), std::string::npos) << word;
 }
 
 // What takes time at its recorded pace does not in a fast replay, whatever clock the configuration says.
 TEST_F(ReplayTest, FastIsAnotherClock) {
-  const std::string c = write("config.toml", "[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n[[imu]]\n"
-                                             "protocol = \"mip\"\npace = \"line\"\nport = \"pty:" + path("imu") + "\"\n");
+  const std::string c = write("config.toml",
+                              "[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n[[imu]]\n"
+                              "protocol = \"mip\"\npace = \"line\"\nport = \"pty:" +
+                                  path("imu") + "\"\n");
   EXPECT_EQ(run_program("imud", {"check", c}).exit_code, 0);
   const ProgramResult refused = run_program("imud", {"replay", c, flight, "--fast"});
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.errors.find("pace"), std::string::npos) << refused.errors;
-  EXPECT_EQ(run_program("imud", {"replay", c, flight, "--fast", "--for", "1", "--set", "imu.0.pace=none"}).exit_code, 0);
+  EXPECT_EQ(run_program("imud", {"replay", c, flight, "--fast", "--for", "1", "--set", "imu.0.pace=none"}).exit_code,
+            0);
 }
 
 }  // namespace

@@ -12,8 +12,8 @@ namespace {
 using namespace std::chrono_literals;
 
 TEST(Schedule, MergesEveryGridInOrder) {
-  const std::vector<Grid> grids = {Grid(1000), Grid(1000, 200), Grid(409.6, -35, 300us), Grid(1), Grid(4000, 0, 62'500ns),
-                                   Grid(1000)};
+  const std::vector<Grid> grids = {Grid(1000), Grid(1000, 200),         Grid(409.6, -35, 300us),
+                                   Grid(1),    Grid(4000, 0, 62'500ns), Grid(1000)};
   std::vector<std::tuple<Nanoseconds, std::size_t, std::uint64_t>> wanted;
   for (std::size_t imu = 0; imu < grids.size(); ++imu)
     for (std::uint64_t k = 0; grids[imu].offset(k) <= 2s; ++k) wanted.emplace_back(grids[imu].offset(k), imu, k);

@@ -14,7 +14,8 @@ class MachineTest : public RunTest {
   }
   // Whether one of the lines has that in it.
   static bool has(const std::vector<std::string>& lines, std::string_view what) {
-    return std::any_of(lines.begin(), lines.end(), [&](const std::string& line) { return line.find(what) != std::string::npos; });
+    return std::any_of(lines.begin(), lines.end(),
+                       [&](const std::string& line) { return line.find(what) != std::string::npos; });
   }
 };
 
@@ -25,7 +26,8 @@ TEST_F(MachineTest, EachShortcomingHasItsAdvice) {
   put("proc/sys/kernel/sched_rt_period_us", "1000000");
   put("sys/devices/system/cpu/isolated", "");
   for (const int cpu : {0, 1, 2, 3})
-    put(fmt::format("sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor", cpu), cpu == 2 ? "powersave" : "performance");
+    put(fmt::format("sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor", cpu),
+        cpu == 2 ? "powersave" : "performance");
   put("sys/devices/system/cpu/cpufreq/x", "");
   put("sys/class/tty/ttyUSB3/device/latency_timer", "16");
 
@@ -49,7 +51,8 @@ TEST_F(MachineTest, AWellPreparedOneNeedsNone) {
   put("proc/cpuinfo", "flags : fpu");
   put("proc/sys/kernel/sched_rt_runtime_us", "-1");
   put("sys/devices/system/cpu/isolated", "3");
-  for (const int cpu : {0, 1, 2, 3}) put(fmt::format("sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor", cpu), "performance");
+  for (const int cpu : {0, 1, 2, 3})
+    put(fmt::format("sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor", cpu), "performance");
   put("sys/class/tty/ttyUSB0/device/latency_timer", "1");
   const Machine machine = look_at_machine(folder_, true, {"/dev/ttyUSB0"});
   EXPECT_TRUE(machine.advice.empty()) << machine.advice[0];
@@ -61,10 +64,11 @@ using SelftestTest = RunTest;
 
 TEST_F(SelftestTest, MeasuresWhatTheConfigurationNames) {
   const std::string c = config("realtime", "udp:127.0.0.1:9810", "native", 500, "csv", "file:" + path("untouched"));
-  const ProgramResult result = run_program("imud", {"selftest", "--timing", c, "--for", "0.2", "--set", "realtime.spin_us=50"});
+  const ProgramResult result =
+      run_program("imud", {"selftest", "--timing", c, "--for", "0.2", "--set", "realtime.spin_us=50"});
   EXPECT_EQ(result.exit_code, 0) << result.errors;
-  for (const char* said : {"the machine", "500 Hz, 0.2 s each", "as any thread", "spin_us = 50", "imu1 to file:",
-                           "to expect", "500 Hz is ", "to improve"})
+  for (const char* said : {"the machine", "500 Hz, 0.2 s each", "as any thread", "spin_us = 50",
+                           "imu1 to file:", "to expect", "500 Hz is ", "to improve"})
     EXPECT_NE(result.output.find(said), std::string::npos) << said << "\n" << result.output;
   EXPECT_FALSE(std::filesystem::exists(path("untouched")));
 }
@@ -74,7 +78,8 @@ TEST_F(SelftestTest, NeedsNoConfigurationAndSaysWhatIsWrongWithOne) {
   EXPECT_EQ(alone.exit_code, 0) << alone.errors;
   EXPECT_NE(alone.output.find("imu to pty:imu"), std::string::npos) << alone.output;
   EXPECT_EQ(run_program("imud", {"selftest"}).exit_code, 2);
-  const std::string c = config("realtime", "udp:127.0.0.1:9810", "native", 500, "native", "serial:/dev/no_such_tty?baud=921600");
+  const std::string c =
+      config("realtime", "udp:127.0.0.1:9810", "native", 500, "native", "serial:/dev/no_such_tty?baud=921600");
   const ProgramResult wrong = run_program("imud", {"selftest", "--timing", c, "--for", "0.1"});
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_NE(wrong.errors.find("no_such_tty"), std::string::npos) << wrong.errors;

@@ -61,7 +61,8 @@ class Stream {
 };
 
 TEST(TruthClock, ANetworksDelaysAreBoundedByTheLeastLate) {
-  Stream stream({}, [](double t) { return t; }, 2e-3);
+  Stream stream(
+      {}, [](double t) { return t; }, 2e-3);
   stream.run(20, 0.95, 1.05);
   // The least of some 50 exponential delays of 2 ms is 40 us on the mean, above 0.4 ms with 5e-5.
   EXPECT_NEAR(stream.clock.rate(), 1.0, 1e-3);
@@ -71,7 +72,8 @@ TEST(TruthClock, ANetworksDelaysAreBoundedByTheLeastLate) {
 
 TEST(TruthClock, ARateIsFollowed) {
   for (const double rate : {0.9, 1.1, 0.999, 0.5, 1.5}) {
-    Stream stream({.delay = 30ms}, [rate](double t) { return t / rate; }, 1e-3);
+    Stream stream(
+        {.delay = 30ms}, [rate](double t) { return t / rate; }, 1e-3);
     stream.run(20 * rate, 0, 10);  // until it is known, anything that rises
     EXPECT_NEAR(stream.clock.rate(), rate, 1e-3 * rate);
     stream.run(30 * rate, 0.95 * rate, 1.05 * rate);
@@ -83,7 +85,8 @@ TEST(TruthClock, ARateIsFollowed) {
 
 TEST(TruthClock, AStepOfTheNetworksDelayIsSlewed) {
   // From 10 s on the way takes 40 ms longer, from 20 s on it is as before.
-  Stream stream({}, [](double t) { return t + (t > 10 && t < 20 ? 0.04 : 0.0); }, 1e-4);
+  Stream stream(
+      {}, [](double t) { return t + (t > 10 && t < 20 ? 0.04 : 0.0); }, 1e-4);
   stream.run(9.9, 0.95, 1.05);
   EXPECT_NEAR(since(stream.clock.truth(host(10))), 10.0, 2e-3);
   stream.run(19.9, 0.85, 1.15);
@@ -118,7 +121,8 @@ TEST(TruthClock, AnAutomaticDelayGoesWithTheJitter) {
 }
 
 TEST(TruthClock, BeginsAgainAtTheRateGiven) {
-  Stream stream({}, [](double t) { return t / 0.8; }, 1e-4);
+  Stream stream(
+      {}, [](double t) { return t / 0.8; }, 1e-4);
   stream.run(10, 0, 10);
   EXPECT_NEAR(stream.clock.used_rate(), 0.8, 1e-3);
   stream.clock.begin(truth(100), host(50), stream.clock.used_rate());

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <string>
 
-#include "tests/support/allocations.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"
+#include "tests/support/allocations.hpp"
 
 namespace imud {
 namespace {

@@ -30,7 +30,8 @@ TEST(FrameWriter, PutsNumbersInItsOrder) {
   big.put_low_bytes(0xABCDEF, 3);
   big.put_text("ok");
   big.set_byte(0, 0x65);
-  EXPECT_EQ(bytes_of(big.written()), (Bytes{0x65, 1, 2, 0x3F, 0x80, 0, 0, 0xC0, 0, 0, 0, 0, 0, 0, 0, 0xAB, 0xCD, 0xEF, 'o', 'k'}));
+  EXPECT_EQ(bytes_of(big.written()),
+            (Bytes{0x65, 1, 2, 0x3F, 0x80, 0, 0, 0xC0, 0, 0, 0, 0, 0, 0, 0, 0xAB, 0xCD, 0xEF, 'o', 'k'}));
   big.push();
   FrameWriter<order::little> little(*out, 64);
   little.put(std::uint32_t{0x01020304});
@@ -85,7 +86,8 @@ TEST(FieldReader, TakesThemBackAndKnowsWhenThereAreNoMore) {
 TEST(NumberIn, IsTheWholeTextOrNone) {
   EXPECT_EQ(number_in<unsigned>("0721", 16), 0x721U);
   EXPECT_EQ(number_in<double>("-1.5e3"), -1500.0);
-  for (const char* text : {"", "+1", " 1", "1 ", "1x", "-1", "4294967296"}) EXPECT_FALSE(number_in<std::uint32_t>(text)) << text;
+  for (const char* text : {"", "+1", " 1", "1 ", "1x", "-1", "4294967296"})
+    EXPECT_FALSE(number_in<std::uint32_t>(text)) << text;
   EXPECT_FALSE(number_in<double>("1.0.0"));
 }
 

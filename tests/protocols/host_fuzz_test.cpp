@@ -1,6 +1,6 @@
-// What hosts may send to the devices that listen: commands of theirs, changed at random, half of them with a checksum that
-// is right all the same. Nothing crashes, hangs or allocates, and a good command is answered afterwards. As many inputs as
-// IMUD_FUZZ_INPUTS says, for each device; from fixed seeds.
+// What hosts may send to the devices that listen: commands of theirs, changed at random, half of them with a checksum
+// that is right all the same. Nothing crashes, hangs or allocates, and a good command is answered afterwards. As many
+// inputs as IMUD_FUZZ_INPUTS says, for each device; from fixed seeds.
 #include <gtest/gtest.h>
 
 #include <boost/crc.hpp>
@@ -64,39 +64,142 @@ std::string bytes(std::initializer_list<int> all) {
 }
 
 const std::vector<Host>& hosts() {
-  static const std::vector<Host> all = with_models(with_models({
-      {"stim300", stim300,
-       {"N", "I", "C", "T", "E", "R", "SERVICEMODE", "UTILITYMODE", "$sm,4,", "$sgu,b,", "$sau,1,", "$sd,t,", "$ie,",
-        "$st,921600,2,n,1,0,0,", "$saf,z,4,", "$sconf,v,5,", "$ibto,", "$sbto,3.4e-03,g,y,", "$save,", "$sfs,1,", "$xn,",
-        "$sdbto,1e308,-1,0,0.1,0.1,0.1,1,1,1,", "$srf,4294967295,", "$irng,", "$ix,", "$ig,x,",
-        "$sg,y,1,1,2,0,0.5,", "$st,1500,1,o,1,1,0,", "SERVICEMODE\ri", "SERVICEMODE\rc", "a", "b 0.001,g,x", "b 7,r", "d t,1",
-        "f 2,a,x", "g 8,0.3", "g 0,0,1,2,1,1,0", "h v,3", "i e", "i g", "m 5", "r 0", "s", "Y", "N", "t f,500000,2,1", "t 3,1,0",
-        "u g,8", "x n", "x I", "z s", "? g", "\b\b\b"},
-       stim300("$xn,") + "N\rx N\r", stim300("UTILITYMODE"), "#UTILITYMODE,234"},
-      {"mip", mip,
-       {bytes({1, 2, 1}), bytes({1, 2, 2}), bytes({1, 2, 3}), bytes({1, 2, 4}), bytes({1, 2, 6}), bytes({1, 8, 9, 1, 1, 0, 1, 194, 0}),
-        bytes({1, 2, 0x7E}), bytes({12, 2, 6}), bytes({12, 14, 15, 1, 128, 3, 0xD5, 0, 10, 4, 0, 10, 5, 0, 10}),
-        bytes({12, 8, 13, 0x80, 0, 3, 0xD5, 4, 5}), bytes({12, 5, 0x11, 1, 0x80, 0}), bytes({12, 3, 0x30, 3}),
-        bytes({12, 7, 0x40, 1, 0, 14, 16, 0}), bytes({12, 10, 8, 1, 2, 4, 0, 1, 5, 0, 1}), bytes({12, 3, 8, 2}),
-        bytes({12, 4, 1, 0, 0}), bytes({13, 2, 1}), bytes({12, 4, 0x39, 3, 232}), bytes({12, 3, 0x38, 2}),
-        bytes({12, 15, 0x38, 1, 63, 128, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}),
-        bytes({12, 15, 0x37, 1, 0, 0, 0, 0, 0, 0, 0, 0, 63, 128, 0, 0}),
-        bytes({12, 25, 0x2E, 1, 1, 2, 130, 5, 1, 1, 63, 232, 0, 0, 0, 0, 0, 0, 191, 232, 0, 0, 0, 0, 0, 0}),
-        bytes({12, 11, 0x2F, 1, 2, 1, 2, 130, 0, 0, 1, 208}), bytes({12, 5, 0x2B, 1, 1, 1}), bytes({12, 4, 0x2B, 3, 0}),
-        bytes({12, 19, 0x32, 1, 63, 53, 4, 243, 0, 0, 0, 0, 0, 0, 0, 0, 63, 53, 4, 243}), bytes({12, 3, 0x33, 2}),
-        bytes({13, 15, 0x11, 1, 0, 0, 0, 0, 0, 0, 0, 0, 63, 201, 15, 218}), bytes({13, 4, 0x18, 1, 4}),
-        bytes({13, 3, 0x18, 2}),
-        bytes({13, 6, 0x50, 1, 0, 5, 1}), bytes({13, 5, 0x50, 3, 255, 255}), bytes({13, 6, 3, 63, 128, 0, 0}),
-        bytes({19, 30, 1, 1, 3, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 63, 192, 0, 0}),
-        bytes({19, 5, 1, 2, 3, 1}), bytes({1, 8, 0x72, 1, 1, 0, 0, 9, 104}), bytes({1, 8, 0x72, 1, 2, 0, 4, 60, 81}),
-        bytes({12, 4, 0x0F, 3, 0}), bytes({12, 10, 9, 1, 2, 3, 0, 1, 11, 0, 1})},
-       mip(bytes({1, 2, 1})), mip(bytes({1, 2, 1})), bytes({4, 0xF1, 1, 0})},
-      {"vectornav", vectornav,
-       {"VNRRG,01", "VNRRG,27", "VNWRG,05,921600", "VNWRG,06,14,1", "VNWRG,07,200", "VNWRG,75,3,16,01,0721",
-        "VNWRG,76,1,1,7F,7FFF,03FF,1FFF,3FFF,1FFF,1FFF,3FFF", "VNWRG,77,1,2,04,0ED0", "VNASY,1", "VNASY,0", "VNWNV", "VNRFS",
-        "VNRST", "VNTAR", "VNBOM,1", "VNWRG,35,1,1,1,1", "VNWRG,26,+1,0,0,0,1,0,0,0,1", "VNRRG,54", "VNWRG,0,a tag",
-        "VNWRG,75,1,0,01,0029", "VNWRG,30,1,2,0,0,3,0,2", "VNWRG,84,9,0,0,0,9,0,0,0,9,1,1,1", "VNRRG,80", "VNRRG,05,2"},
-       "\r\n", vectornav("VNRRG,04"), "2.1.0.0"}}, "mip", {"3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"}), "vectornav", {"vn-300"});
+  static const std::vector<Host> all = with_models(
+      with_models(
+          {{"stim300",
+            stim300,
+            {"N",
+             "I",
+             "C",
+             "T",
+             "E",
+             "R",
+             "SERVICEMODE",
+             "UTILITYMODE",
+             "$sm,4,",
+             "$sgu,b,",
+             "$sau,1,",
+             "$sd,t,",
+             "$ie,",
+             "$st,921600,2,n,1,0,0,",
+             "$saf,z,4,",
+             "$sconf,v,5,",
+             "$ibto,",
+             "$sbto,3.4e-03,g,y,",
+             "$save,",
+             "$sfs,1,",
+             "$xn,",
+             "$sdbto,1e308,-1,0,0.1,0.1,0.1,1,1,1,",
+             "$srf,4294967295,",
+             "$irng,",
+             "$ix,",
+             "$ig,x,",
+             "$sg,y,1,1,2,0,0.5,",
+             "$st,1500,1,o,1,1,0,",
+             "SERVICEMODE\ri",
+             "SERVICEMODE\rc",
+             "a",
+             "b 0.001,g,x",
+             "b 7,r",
+             "d t,1",
+             "f 2,a,x",
+             "g 8,0.3",
+             "g 0,0,1,2,1,1,0",
+             "h v,3",
+             "i e",
+             "i g",
+             "m 5",
+             "r 0",
+             "s",
+             "Y",
+             "N",
+             "t f,500000,2,1",
+             "t 3,1,0",
+             "u g,8",
+             "x n",
+             "x I",
+             "z s",
+             "? g",
+             "\b\b\b"},
+            stim300("$xn,") + "N\rx N\r",
+            stim300("UTILITYMODE"),
+            "#UTILITYMODE,234"},
+           {"mip",
+            mip,
+            {bytes({1, 2, 1}),
+             bytes({1, 2, 2}),
+             bytes({1, 2, 3}),
+             bytes({1, 2, 4}),
+             bytes({1, 2, 6}),
+             bytes({1, 8, 9, 1, 1, 0, 1, 194, 0}),
+             bytes({1, 2, 0x7E}),
+             bytes({12, 2, 6}),
+             bytes({12, 14, 15, 1, 128, 3, 0xD5, 0, 10, 4, 0, 10, 5, 0, 10}),
+             bytes({12, 8, 13, 0x80, 0, 3, 0xD5, 4, 5}),
+             bytes({12, 5, 0x11, 1, 0x80, 0}),
+             bytes({12, 3, 0x30, 3}),
+             bytes({12, 7, 0x40, 1, 0, 14, 16, 0}),
+             bytes({12, 10, 8, 1, 2, 4, 0, 1, 5, 0, 1}),
+             bytes({12, 3, 8, 2}),
+             bytes({12, 4, 1, 0, 0}),
+             bytes({13, 2, 1}),
+             bytes({12, 4, 0x39, 3, 232}),
+             bytes({12, 3, 0x38, 2}),
+             bytes({12, 15, 0x38, 1, 63, 128, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}),
+             bytes({12, 15, 0x37, 1, 0, 0, 0, 0, 0, 0, 0, 0, 63, 128, 0, 0}),
+             bytes({12, 25, 0x2E, 1, 1, 2, 130, 5, 1, 1, 63, 232, 0, 0, 0, 0, 0, 0, 191, 232, 0, 0, 0, 0, 0, 0}),
+             bytes({12, 11, 0x2F, 1, 2, 1, 2, 130, 0, 0, 1, 208}),
+             bytes({12, 5, 0x2B, 1, 1, 1}),
+             bytes({12, 4, 0x2B, 3, 0}),
+             bytes({12, 19, 0x32, 1, 63, 53, 4, 243, 0, 0, 0, 0, 0, 0, 0, 0, 63, 53, 4, 243}),
+             bytes({12, 3, 0x33, 2}),
+             bytes({13, 15, 0x11, 1, 0, 0, 0, 0, 0, 0, 0, 0, 63, 201, 15, 218}),
+             bytes({13, 4, 0x18, 1, 4}),
+             bytes({13, 3, 0x18, 2}),
+             bytes({13, 6, 0x50, 1, 0, 5, 1}),
+             bytes({13, 5, 0x50, 3, 255, 255}),
+             bytes({13, 6, 3, 63, 128, 0, 0}),
+             bytes(
+                 {19, 30, 1, 1, 3, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 63, 192, 0, 0}),
+             bytes({19, 5, 1, 2, 3, 1}),
+             bytes({1, 8, 0x72, 1, 1, 0, 0, 9, 104}),
+             bytes({1, 8, 0x72, 1, 2, 0, 4, 60, 81}),
+             bytes({12, 4, 0x0F, 3, 0}),
+             bytes({12, 10, 9, 1, 2, 3, 0, 1, 11, 0, 1})},
+            mip(bytes({1, 2, 1})),
+            mip(bytes({1, 2, 1})),
+            bytes({4, 0xF1, 1, 0})},
+           {"vectornav",
+            vectornav,
+            {"VNRRG,01",
+             "VNRRG,27",
+             "VNWRG,05,921600",
+             "VNWRG,06,14,1",
+             "VNWRG,07,200",
+             "VNWRG,75,3,16,01,0721",
+             "VNWRG,76,1,1,7F,7FFF,03FF,1FFF,3FFF,1FFF,1FFF,3FFF",
+             "VNWRG,77,1,2,04,0ED0",
+             "VNASY,1",
+             "VNASY,0",
+             "VNWNV",
+             "VNRFS",
+             "VNRST",
+             "VNTAR",
+             "VNBOM,1",
+             "VNWRG,35,1,1,1,1",
+             "VNWRG,26,+1,0,0,0,1,0,0,0,1",
+             "VNRRG,54",
+             "VNWRG,0,a tag",
+             "VNWRG,75,1,0,01,0029",
+             "VNWRG,30,1,2,0,0,3,0,2",
+             "VNWRG,84,9,0,0,0,9,0,0,0,9,1,1,1",
+             "VNRRG,80",
+             "VNRRG,05,2"},
+            "\r\n",
+            vectornav("VNRRG,04"),
+            "2.1.0.0"}},
+          "mip", {"3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"}),
+      "vectornav", {"vn-300"});
   return all;
 }
 
@@ -148,11 +251,21 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
     for (std::size_t k = below(4); k > 0 && !text.empty(); --k) {
       const std::size_t at = below(text.size());
       switch (below(5)) {
-        case 0: text[at] = static_cast<char>(random()); break;
-        case 1: text.erase(at, below(5)); break;
-        case 2: text.insert(at, 1 + below(300), static_cast<char>(random())); break;
-        case 3: text += text.substr(at); break;
-        default: text.insert(at, host.bodies[below(host.bodies.size())]); break;
+        case 0:
+          text[at] = static_cast<char>(random());
+          break;
+        case 1:
+          text.erase(at, below(5));
+          break;
+        case 2:
+          text.insert(at, 1 + below(300), static_cast<char>(random()));
+          break;
+        case 3:
+          text += text.substr(at);
+          break;
+        default:
+          text.insert(at, host.bodies[below(host.bodies.size())]);
+          break;
       }
     }
     if (framed_last) text = host.frame(text.substr(0, 250));

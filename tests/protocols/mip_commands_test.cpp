@@ -34,14 +34,15 @@ TEST(MipCommands, AFormatFitsOnePacket) {
   EXPECT_THROW(with(33, "event_source"), std::invalid_argument);
 }
 
-// Poll data: "any unrecognized descriptors are ignored"; "If no format is provided and there is no stored format, the device
-// will respond with a NACK"; "Suppress the usual ACK/NACK reply".
+// Poll data: "any unrecognized descriptors are ignored"; "If no format is provided and there is no stored format, the
+// device will respond with a NACK"; "Suppress the usual ACK/NACK reply".
 TEST(MipCommands, Polls) {
   Unit unit;
   const Bytes ack = {4, 0xF1, 0x0D, 0}, data = {14, 0x05, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
   EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x80, 0, 3, 0x77, 0x05, 0x78})),
             (std::vector<Bytes>{packet(0x0C, ack), packet(0x80, data)}));
-  EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x80, 0, 1, 0x77})), (std::vector<Bytes>{packet(0x0C, ack)})) << "is all there is";
+  EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x80, 0, 1, 0x77})), (std::vector<Bytes>{packet(0x0C, ack)}))
+      << "is all there is";
   EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x82, 0, 0})).at(1)[2], 0x82) << "as it is streamed";
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x82, 0})), 0);
   EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x82, 0, 0})), (std::vector<Bytes>{packet(0x0C, {4, 0xF1, 0x0D, 4})}));
@@ -55,7 +56,8 @@ TEST(MipCommands, Polls) {
   EXPECT_EQ(field(both[2], 0x04).size(), 12U);
   const auto silent = unit.say(packet(0x0C, {3, 0x11, 9, 6, 0x0D, 0x80, 1, 1, 0x05, 2, 0x06}));
   ASSERT_EQ(silent.size(), 2U);
-  EXPECT_EQ(silent[0], packet(0x0C, {4, 0xF1, 0x11, 3, 4, 0xF1, 0x06, 0, 4, 0x83, 0x03, 0xE8})) << "the others' answers";
+  EXPECT_EQ(silent[0], packet(0x0C, {4, 0xF1, 0x11, 3, 4, 0xF1, 0x06, 0, 4, 0x83, 0x03, 0xE8}))
+      << "the others' answers";
 }
 
 // "For all functions except 0x01 (use new settings), the new baud rate value is ignored", and of the others alike.
@@ -82,7 +84,8 @@ TEST(MipCommands, AValueBesideReadSaveLoadDefaultIsIgnored) {
       return command(c.set, c.descriptor, has_value ? repeated(all, 1, c.value) : all);
     };
     const auto before = unit.say(with(2, false));
-    for (const std::uint8_t function : Bytes{3, 4, 5}) EXPECT_EQ(unit.code(with(function, true)), 0) << unsigned{function};
+    for (const std::uint8_t function : Bytes{3, 4, 5})
+      EXPECT_EQ(unit.code(with(function, true)), 0) << unsigned{function};
     EXPECT_EQ(unit.say(with(2, true)), before);
   }
 }

@@ -1,5 +1,5 @@
-// What MIP tells since it told it last: increments, time and tick differences (mip_sdk e5a847d, data_sensor.h, delta theta:
-// over the period set by the message format; data_shared.h).
+// What MIP tells since it told it last: increments, time and tick differences (mip_sdk e5a847d, data_sensor.h, delta
+// theta: over the period set by the message format; data_shared.h).
 #include <gtest/gtest.h>
 
 #include "tests/protocols/mip_unit.hpp"
@@ -38,7 +38,8 @@ void expect_milliseconds(const Bytes& packet, int milliseconds, const char* what
   EXPECT_FLOAT_EQ(number(field(packet, velocity), 0), 1e-3F * static_cast<float>(milliseconds));
   EXPECT_EQ(number_at<std::uint32_t>(field(packet, delta_ticks), 0), static_cast<std::uint32_t>(milliseconds));
   EXPECT_DOUBLE_EQ(number_at<double>(field(packet, delta_time), 0), 1e-3 * milliseconds);
-  EXPECT_EQ(number_at<std::uint64_t>(field(packet, reference_delta), 0), 1'000'000U * static_cast<unsigned>(milliseconds));
+  EXPECT_EQ(number_at<std::uint64_t>(field(packet, reference_delta), 0),
+            1'000'000U * static_cast<unsigned>(milliseconds));
 }
 const Bytes all_of_them = {angle, velocity, delta_ticks, delta_time, reference_delta};
 
@@ -103,7 +104,8 @@ TEST(MipIncrements, APollTakesNothingFromTheStream) {
   unit.run(4);
   Bytes poll = {0x80, 0, 5};
   for (const std::uint8_t descriptor : all_of_them) poll.push_back(descriptor);
-  for (int k = 0; k < 2; ++k) expect_milliseconds(unit.say(command(0x0C, 0x0D, poll)).at(1), 1, "the last base period");
+  for (int k = 0; k < 2; ++k)
+    expect_milliseconds(unit.say(command(0x0C, 0x0D, poll)).at(1), 1, "the last base period");
   expect_milliseconds(first(unit), 10, "stream");
 }
 

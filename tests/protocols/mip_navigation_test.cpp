@@ -68,7 +68,9 @@ TEST(MipNavigation, GpsTime) {
   check(field(sent("3dm-gx5-45", 0x81, {0x09}, known()), 0x09), 3);
   // A receiver's pulse, and a bit that turns every second.
   Sample later = known();
-  const auto flags = [&] { return number_at<std::uint16_t>(field(sent("3dm-gx5-45", 0x80, {0x12}, later), 0x12), 10); };
+  const auto flags = [&] {
+    return number_at<std::uint16_t>(field(sent("3dm-gx5-45", 0x80, {0x12}, later), 0x12), 10);
+  };
   const int at_first = flags();
   later.place.gps_ns += 1'000'000'000;
   EXPECT_EQ(at_first ^ flags(), 2);
@@ -101,7 +103,9 @@ TEST(MipNavigation, FilterPositionAndVelocity) {
 }
 
 TEST(MipNavigation, StateOfTheFilter) {
-  const auto state = [](const char* model, const Sample& sample) { return field(sent(model, 0x82, {0x10}, sample), 0x10); };
+  const auto state = [](const char* model, const Sample& sample) {
+    return field(sent(model, 0x82, {0x10}, sample), 0x10);
+  };
   EXPECT_EQ(state("3dm-gx5-25", Sample()), (Bytes{0, 2, 0, 1, 0, 0}));
   EXPECT_EQ(state("3dm-gx5-45", Sample()), (Bytes{0, 1, 0, 1, 0x20, 0})) << "initializing, no position and velocity";
   EXPECT_EQ(state("3dm-gx5-45", known()), (Bytes{0, 2, 0, 1, 0, 0}));
@@ -148,7 +152,8 @@ TEST(MipNavigation, Receiver) {
   EXPECT_FLOAT_EQ(number(velocity, 5), 306.8699F) << "course, deg";
   EXPECT_EQ(number_at<std::uint16_t>(velocity, 32), 0x0F);
   const Bytes dop = field(packet, 0x07);
-  EXPECT_NEAR(number(dop, 0) * number(dop, 0), number(dop, 1) * number(dop, 1) + number(dop, 4) * number(dop, 4), 0.02);
+  EXPECT_NEAR(number(dop, 0) * number(dop, 0), number(dop, 1) * number(dop, 1) + number(dop, 4) * number(dop, 4),
+              0.02);
   EXPECT_EQ(number_at<std::uint16_t>(dop, 28), 0x7F);
   EXPECT_EQ(field(packet, 0x0B), (Bytes{0, 12, 0, 0, 0, 7}));
   EXPECT_EQ(number_at<double>(field(packet, 0x04), 16), 4e6);

@@ -48,7 +48,8 @@ const Call taken[] = {
     {"3dm-gx5-25", "75650d0606033f800000b560", "filter_set_initial_heading"},
     {"3dm-gx5-25", "75650d0b0b173f8000003dcccccd017684", "filter_external_heading_update"},
     {"3dm-gx5-45",
-     "75650d4848163ff000000000000000024008000000000000401000000000000040140000000000003c23d70abca3d70a3cf5c28f3c23d70abca3d7"
+     "75650d4848163ff000000000000000024008000000000000401000000000000040140000000000003c23d70abca3d70a3cf5c28f3c23d70"
+     "abca3d7"
      "0a3cf5c28f3c23d70abca3d70a3cf5c28fb093",
      "filter_external_gnss_update"},
     {"3dm-cv7-ahrs", "75650d05055003ffff421d", "filter_save_aiding_measurement_enable(all)"},
@@ -58,7 +59,8 @@ const Call taken[] = {
     {"3dm-cv7-ins", "75651327272a03010000000005f5e100033c23d70abca3d70a3cf5c28f3c23d70abca3d70a3cf5c28f0007526a",
      "aiding_vel_body_frame"},
     {"3dm-cv7-ins",
-     "75651333332203010000000005f5e100024046000000000000c052400000000000405e8000000000003c23d70abca3d70a3cf5c28f000755d9",
+     "75651333332203010000000005f5e100024046000000000000c052400000000000405e8000000000003c23d70abca3d70a3cf5c28f00075"
+     "5d9",
      "aiding_pos_llh"},
 };
 
@@ -86,7 +88,8 @@ const Call kept[] = {
     {"3dm-cv7-ins",
      "75650d2b2b520100000a3f80000040000000404000003c23d70abca3d70a3cf5c28f3c23d70abca3d70a3cf5c28f021f61",
      "filter_write_initialization_configuration"},
-    {"3dm-cv7-ins", "7565131e1e01010301013c23d70abca3d70a3cf5c28f00000000000000003fc0000031aa", "aiding_write_frame_config"},
+    {"3dm-cv7-ins", "7565131e1e01010301013c23d70abca3d70a3cf5c28f00000000000000003fc0000031aa",
+     "aiding_write_frame_config"},
 };
 std::size_t key_size(const Bytes& write) {
   const bool has_key = (write[2] == 0x0C && write[5] >= 0x2B && write[5] <= 0x2F) || write[2] == 0x13;
@@ -226,7 +229,8 @@ TEST(MipSettings, SensorToVehicle) {
     const Bytes now = next_of(unit, {0x04, 0x05, 0x06, 0x07, 0x08, 0x0C});
     for (const std::uint8_t descriptor : Bytes{0x04, 0x05, 0x06, 0x07})
       EXPECT_TRUE(vector_of(field(now, descriptor)).isApprox(Vector3(2, -1, 3), 1e-6)) << unsigned{descriptor};
-    EXPECT_TRUE(vector_of(field(now, 0x0C)).isApprox(Vector3(0, 0, 0.5 + units::pi / 2), 1e-6)) << "heading of the vehicle";
+    EXPECT_TRUE(vector_of(field(now, 0x0C)).isApprox(Vector3(0, 0, 0.5 + units::pi / 2), 1e-6))
+        << "heading of the vehicle";
   };
   Unit gx5 = unit_of("3dm-gx5-25");  // by 90 deg about z the sensor's axes turn into the vehicle's
   EXPECT_EQ(gx5.code(hex("75650d0f0f110100000000000000003fc90fda08c1")), 0);
@@ -235,7 +239,8 @@ TEST(MipSettings, SensorToVehicle) {
   EXPECT_NEAR(number(field(gx5.say(command(0x0D, 0x11, {2})).at(0), 0x81), 2), units::pi / 2, 1e-6);
 
   Unit by_matrix = unit_of("3dm-cv7-ahrs");
-  const char* write_dcm = "75650c27273301000000003f80000000000000bf800000000000000000000000000000000000003f8000002529";
+  const char* write_dcm =
+      "75650c27273301000000003f80000000000000bf800000000000000000000000000000000000003f8000002529";
   EXPECT_EQ(by_matrix.code(hex(write_dcm)), 0);
   check(by_matrix);
   const Bytes matrix = field(by_matrix.say(command(0x0C, 0x33, {2})).at(0), 0xB3);
@@ -280,8 +285,11 @@ TEST(MipSettings, GpsTimeUpdate) {
   EXPECT_DOUBLE_EQ(number_at<double>(time, 0), 277585.5);
   EXPECT_EQ(number_at<std::uint16_t>(time, 8), 2408);
   EXPECT_EQ(number_at<std::uint16_t>(time, 10), 3);
-  for (const Bytes& wrong : {Bytes{1, 2, 0, 9, 0x3A, 0x80}, {1, 1, 0xFF, 0xFF, 0xFF, 0xFF}, {1, 3, 0, 0, 0, 0},
-                             {2, 1, 0, 0, 0, 0}, {1, 1}})
+  for (const Bytes& wrong : {Bytes{1, 2, 0, 9, 0x3A, 0x80},
+                             {1, 1, 0xFF, 0xFF, 0xFF, 0xFF},
+                             {1, 3, 0, 0, 0, 0},
+                             {2, 1, 0, 0, 0, 0},
+                             {1, 1}})
     EXPECT_EQ(unit.code(command(0x01, 0x72, wrong)), 3);
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   EXPECT_EQ(number_at<std::uint16_t>(field(next_of(unit, {0xD3}), 0xD3), 10), 0) << "forgotten";

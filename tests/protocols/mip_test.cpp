@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <bit>
-
 #include <cstring>
 #include <set>
 
@@ -21,10 +20,11 @@ using namespace mip_test;
 TEST(Mip, DecodesARealDevicesPackets) {
   const auto decoder = find_protocol("mip")->make_decoder(Settings(find_protocol("mip")->settings));
   Recording recording;
-  for (const char* text :
-       {"756580300ad500000041d8bae0400ad600000000007a12000e043c8eaf72bbda6818bf7c52e80e05bb469ccf39a34c8bbb8be12fd771",
-        "7565800e0e063d7affd63e919fe83e79ffd6eac9",
-        "756580300ad500000041d934f2400ad600000000007a12000e043c8d232abbf0c43cbf7c5ef40e05bb5b4572ba08e007bb9e054eeaed"}) {
+  for (const char* text : {"756580300ad500000041d8bae0400ad600000000007a12000e043c8eaf72bbda6818bf7c52e80e05bb469ccf3"
+                           "9a34c8bbb8be12fd771",
+                           "7565800e0e063d7affd63e919fe83e79ffd6eac9",
+                           "756580300ad500000041d934f2400ad600000000007a12000e043c8d232abbf0c43cbf7c5ef40e05bb5b4572b"
+                           "a08e007bb9e054eeaed"}) {
     const Bytes bytes = hex(text);
     decoder->feed({std::as_bytes(std::span(bytes))}, recording);
   }
@@ -33,7 +33,8 @@ TEST(Mip, DecodesARealDevicesPackets) {
   const Measurement& m = recording.measurements[0];
   EXPECT_EQ(m.fields, Measurement::time | Measurement::specific_force | Measurement::rate);
   EXPECT_EQ(m.sample.time.ns, 282'809'000'000);
-  EXPECT_TRUE(m.sample.rate.isApprox(Vector3(-0.0030305867549031973, 0.0003114681167062372, -0.004268787335604429), 1e-15));
+  EXPECT_TRUE(
+      m.sample.rate.isApprox(Vector3(-0.0030305867549031973, 0.0003114681167062372, -0.004268787335604429), 1e-15));
   EXPECT_TRUE(m.sample.specific_force.isApprox(
       units::standard_gravity * Vector3(0.01741764321923256, -0.006665240973234177, -0.9856400489807129), 1e-15));
 }
@@ -46,14 +47,15 @@ TEST(Mip, EncodesThemToTheSameBytes) {
   FrameBuffer out;
   Sample s;
   s.rate = Vector3(-0.0030305867549031973, 0.0003114681167062372, -0.004268787335604429);
-  s.specific_force = units::standard_gravity * Vector3(0.01741764321923256, -0.006665240973234177, -0.9856400489807129);
+  s.specific_force =
+      units::standard_gravity * Vector3(0.01741764321923256, -0.006665240973234177, -0.9856400489807129);
   for (const std::int64_t ns : {282'801'000'000, 282'809'000'000}) {
     s.time.ns = ns;
     out.clear();
     unit.device->sample(s, out);
   }
-  const Bytes wanted =
-      hex("756580300ad500000041d8bae0400ad600000000007a12000e043c8eaf72bbda6818bf7c52e80e05bb469ccf39a34c8bbb8be12fd771");
+  const Bytes wanted = hex(
+      "756580300ad500000041d8bae0400ad600000000007a12000e043c8eaf72bbda6818bf7c52e80e05bb469ccf39a34c8bbb8be12fd771");
   ASSERT_EQ(out.frames().size(), 1U);
   EXPECT_EQ(std::memcmp(out.frames()[0].bytes.data(), wanted.data(), wanted.size()), 0);
 }
@@ -61,7 +63,8 @@ TEST(Mip, EncodesThemToTheSameBytes) {
 // The same capture, offsets 212 and 828: with magnetometer and attitude, and the filter's attitude.
 TEST(Mip, EncodesFieldAndAttitudeToTheSameBytes) {
   Unit unit({{"sensor_rate_hz", std::int64_t{1000}},
-             {"sensor_fields", std::vector<std::string>{"reference_time", "reference_delta", "acceleration", "rate", "magnetic_field", "euler"}},
+             {"sensor_fields", std::vector<std::string>{"reference_time", "reference_delta", "acceleration", "rate",
+                                                        "magnetic_field", "euler"}},
              {"filter_rate_hz", std::int64_t{500}},
              {"filter_fields", std::vector<std::string>{"filter_reference_time", "filter_euler"}}});
   const auto real = [](std::uint32_t bits) { return static_cast<double>(std::bit_cast<float>(bits)); };
@@ -86,11 +89,12 @@ TEST(Mip, EncodesFieldAndAttitudeToTheSameBytes) {
   s.rate = {real(0xbb4aa21f), real(0x3a86a43a), real(0xbb8f0313)};
   s.magnetic_field = 1e-4 * Vector3(real(0x3d7affd6), real(0x3e919fe8), real(0x3e79ffd6));
   s.q_LP = Quaternion(dcm_from_yaw_pitch_roll(real(0xbf95119d), real(0x3cb6c513), real(0xbccc2078)).transpose());
-  EXPECT_EQ(encode(282'833'000'000, s).at(0),
-            hex("7565804c0ad500000041da2916400ad600000000007a12000e043c896897bbd28544bf7c30f90e05bb4aa21f3a86a43abb8f03130e063d7affd63e"
-                "919fe83e79ffd60e0cbccc20783cb6c513bf95119d7ac2"));
+  EXPECT_EQ(encode(282'833'000'000, s).at(0), hex("7565804c0ad500000041da2916400ad600000000007a12000e043c896897bbd285"
+                                                  "44bf7c30f90e05bb4aa21f3a86a43abb8f03130e063d7affd63e"
+                                                  "919fe83e79ffd60e0cbccc20783cb6c513bf95119d7ac2"));
   s.q_LP = Quaternion(dcm_from_yaw_pitch_roll(real(0xbf93b592), real(0x3c8edc20), real(0x3bdeb6ff)).transpose());
-  EXPECT_EQ(encode(282'893'000'000, s).at(1), hex("7565821a0ad500000041ddbc9d4010053bdeb6ff3c8edc20bf93b59200014f07"));
+  EXPECT_EQ(encode(282'893'000'000, s).at(1),
+            hex("7565821a0ad500000041ddbc9d4010053bdeb6ff3c8edc20bf93b59200014f07"));
 }
 
 // The same capture, offsets 422, 584 and 794: magnetometer and attitude alone, and with the rest.
@@ -119,10 +123,11 @@ TEST(Mip, EncodesThemAtTheirOwnRateToTheSameBytes) {
             hex("7565801c0e063d7affd63e913fe83e797fd60e0cbccc10a53cb6f8b8bf951a38b775"));
   s.specific_force = units::standard_gravity * Vector3(real(0x3c8c777f), real(0xbbd770fd), real(0xbf7c1415));
   s.rate = {real(0xbb6dd444), real(0x3943e8a0), real(0xbb8f1bf5)};
-  EXPECT_EQ(sent({"reference_time", "reference_delta", "acceleration", "rate", "magnetic_field", "euler"},
-                 {real(0xbccc25ae), real(0x3cb6dce3), real(0xbf951762)}),
-            hex("7565804c0ad500000041dc8b70400ad600000000007a12000e043c8c777fbbd770fdbf7c14150e05bb6dd4443943e8a0bb8f1bf5"
-                "0e063d7affd63e913fe83e797fd60e0cbccc25ae3cb6dce3bf951762c2cb"));
+  EXPECT_EQ(
+      sent({"reference_time", "reference_delta", "acceleration", "rate", "magnetic_field", "euler"},
+           {real(0xbccc25ae), real(0x3cb6dce3), real(0xbf951762)}),
+      hex("7565804c0ad500000041dc8b70400ad600000000007a12000e043c8c777fbbd770fdbf7c14150e05bb6dd4443943e8a0bb8f1bf5"
+          "0e063d7affd63e913fe83e797fd60e0cbccc25ae3cb6dce3bf951762c2cb"));
 }
 
 // The same capture, offset 0: what a device answers to resume, the host's 0x01:0x06.
@@ -145,9 +150,9 @@ TEST(Mip, DecodesNothingOfAnotherSet) {
   EXPECT_EQ(decoder->errors().checksum + decoder->errors().malformed + decoder->errors().skipped_bytes, 0U);
 }
 
-// mip_sdk e5a847d, test/data/packet_example_cpp_check.txt. Its poll has set and "no acknowledgement" in the other order than
-// the library's own function (commands_3dm.c, insert_mip_3dm_poll_data_command): of a set 0 there is nothing to poll,
-// and no NACK either.
+// mip_sdk e5a847d, test/data/packet_example_cpp_check.txt. Its poll has set and "no acknowledgement" in the other
+// order than the library's own function (commands_3dm.c, insert_mip_3dm_poll_data_command): of a set 0 there is
+// nothing to poll, and no NACK either.
 TEST(Mip, TakesTheLibrarysOwnCommands) {
   Unit unit;
   unit.run(10);
@@ -164,7 +169,9 @@ TEST(Mip, TakesTheLibrarysOwnCommands) {
   ASSERT_EQ(polled.size(), 2U) << "poll";
   EXPECT_EQ(polled[0], packet(0x0C, {4, 0xF1, 0x0D, 0}));
   Bytes data = {10, 0xD5, 0, 0, 0, 0, 6, 0x8E, 0x77, 0x80};  // 110 ms
-  const Bytes vectors = hex("0e043f000000bf80000040000000" "0e053e800000c080000041000000");
+  const Bytes vectors =
+      hex("0e043f000000bf80000040000000"
+          "0e053e800000c080000041000000");
   data.insert(data.end(), vectors.begin(), vectors.end());
   EXPECT_EQ(polled[1], packet(0x80, data));
   const auto answers = unit.say(hex("7565011a0201080901010001c200080901010001c200080901010001c2007a91"));
@@ -199,7 +206,8 @@ TEST_P(MipModel, SaysWhoItIsAndWhatItCan) {
   for (const unsigned set : {0x01U, 0x0CU, 0x0DU, 0x0EU, 0x13U})
     for (unsigned descriptor = 1; descriptor < 0x80; ++descriptor) {
       if (set == 1 && descriptor == 0x7E) continue;
-      const int code = unit.code(command(static_cast<std::uint8_t>(set), static_cast<std::uint8_t>(descriptor), {2, 0x80}));
+      const int code =
+          unit.code(command(static_cast<std::uint8_t>(set), static_cast<std::uint8_t>(descriptor), {2, 0x80}));
       EXPECT_EQ(code == 1, !known.contains(set * 256 + descriptor)) << set << ' ' << descriptor;
     }
   // Every field in it can be streamed, alone, and no other.
@@ -250,7 +258,8 @@ TEST(Mip, RatesAndFormatsAreReadSavedAndLoaded) {
   EXPECT_EQ(unit.code(command(0x0C, 0x30, {4})), 0);
   EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
   // Wrong: an unknown field, no decimation, too short, too long, another function.
-  for (const Bytes& data : {Bytes{1, 1, 0x33, 0, 1}, {1, 1, 0x05, 0, 0}, {1, 2, 0x05, 0, 1}, {1, 1, 0x05, 0, 1, 9}, {9}, {}})
+  for (const Bytes& data :
+       {Bytes{1, 1, 0x33, 0, 1}, {1, 1, 0x05, 0, 0}, {1, 2, 0x05, 0, 1}, {1, 1, 0x05, 0, 1, 9}, {9}, {}})
     EXPECT_EQ(unit.code(command(0x0C, 0x08, data)), 3);
   EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
 }
@@ -331,7 +340,8 @@ TEST(Mip, AttitudeAndIncrementsAreTheModels) {
   }
   const Bytes q = field(sent[0], 0x0A);
   const Quaternion quaternion(number(q, 0), number(q, 1), number(q, 2), number(q, 3));
-  EXPECT_TRUE((quaternion * Vector3::UnitX()).isApprox(unit.sample.q_LP * Vector3::UnitX(), 1e-6)) << "v_ned = q v_veh q*";
+  EXPECT_TRUE((quaternion * Vector3::UnitX()).isApprox(unit.sample.q_LP * Vector3::UnitX(), 1e-6))
+      << "v_ned = q v_veh q*";
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x07), 2), -4 * 3e-3F);
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x08), 2), 0.04F);
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x14), 2), 31.5F);

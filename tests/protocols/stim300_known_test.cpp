@@ -35,9 +35,10 @@ Bytes written(const stim300::Configuration& configuration, const std::array<Know
 
 // 10 g, AUX, without CR LF: geirhovland/stim300, README (its CRC is printed there).
 TEST(Stim300Known, AHealthyDatagram) {
-  const Bytes real = hex(
-      "af000124fffad600035b00ffe7a6ffdd36081c5200ff7e70feba0c3ffa1d0023a023c023a0002319230a231c00239523b6239500ffef0200"
-      "e101fac64942c6");
+  const Bytes real =
+      hex("af000124fffad600035b00ffe7a6ffdd36081c5200ff7e70feba0c3ffa1d0023a023c023a0002319230a231c00239523b6239500ff"
+          "ef0200"
+          "e101fac64942c6");
   const Recording recording = Stim300Unit().decode({real});
   ASSERT_EQ(recording.measurements.size(), 1U);
   const Sample& s = recording.measurements[0].sample;
@@ -53,11 +54,12 @@ TEST(Stim300Known, AHealthyDatagram) {
   stim300::Configuration c;
   c.content = 15;
   c.has_aux = true;
-  const Bytes own = written(c, {{{{292, -1322, 859}, 0}, {{-6234, -8906, 531538}, 0}, {{-33168, -83444, 4192797}, 0}}},
-                            {.temperature_c = 35.625, .status = 0, .pps = 0xFFEF02, .pps_status = 0, .counter = 225,
-                             .latency_us = 506});
+  const Bytes own = written(
+      c, {{{{292, -1322, 859}, 0}, {{-6234, -8906, 531538}, 0}, {{-33168, -83444, 4192797}, 0}}},
+      {.temperature_c = 35.625, .status = 0, .pps = 0xFFEF02, .pps_status = 0, .counter = 225, .latency_us = 506});
   ASSERT_EQ(own.size(), real.size());
-  EXPECT_EQ(Bytes(own.begin(), own.begin() + 33), Bytes(real.begin(), real.begin() + 33)) << "and the first temperature";
+  EXPECT_EQ(Bytes(own.begin(), own.begin() + 33), Bytes(real.begin(), real.begin() + 33))
+      << "and the first temperature";
   EXPECT_EQ(Bytes(own.begin() + 51, own.begin() + 59), Bytes(real.begin() + 51, real.begin() + 59));
 }
 
@@ -75,9 +77,8 @@ TEST(Stim300Known, DatagramsOfAUnitInTrouble) {
                                         {{46552, -30953, 13950}, 0xEF},
                                         {{0x1p23 - 1, 1.236325740814209 * 0x1p22, -0x1p23}, 0xFF}}};
   const auto starting = [](double z, Known force, const Vector3& incline) {
-    return std::array<Known, 3>{{{{most, most, z}, 0x5F},
-                                 force,
-                                 {{incline.x() * 0x1p22, incline.y() * 0x1p22, incline.z() * 0x1p22}, 0x4F}}};
+    return std::array<Known, 3>{
+        {{{most, most, z}, 0x5F}, force, {{incline.x() * 0x1p22, incline.y() * 0x1p22, incline.z() * 0x1p22}, 0x4F}}};
   };
   const Datagram datagrams[] = {
       {0, "93780000780000880000ff00b5d8ff871700367eef7fffff4f1ff6800000ff0101fa2f7d41270d0a", broken, 1, 506},
@@ -106,13 +107,18 @@ TEST(Stim300Known, DatagramsOfAUnitInTrouble) {
     EXPECT_TRUE(s.rate.isApprox(vector(datagram.known[0]) * 0x1p-14 * units::degree, 1e-15));
     EXPECT_TRUE(s.specific_force.isApprox(vector(datagram.known[1]) * 0x1p-19 * units::standard_gravity, 1e-15));
     EXPECT_EQ(s.counter, datagram.counter);
-    EXPECT_EQ(s.status, 7U | (datagram.at < 1560 ? status::not_valid : 0U)) << "the accelerometers' have no overload bit";
+    EXPECT_EQ(s.status, 7U | (datagram.at < 1560 ? status::not_valid : 0U))
+        << "the accelerometers' have no overload bit";
 
     stim300::Configuration c;
     c.content = 3;
     c.cr_lf = true;
-    const stim300::Reading reading = {.temperature_c = 0, .status = 0, .pps = 0, .pps_status = 0,
-                                      .counter = datagram.counter, .latency_us = datagram.latency_us};
+    const stim300::Reading reading = {.temperature_c = 0,
+                                      .status = 0,
+                                      .pps = 0,
+                                      .pps_status = 0,
+                                      .counter = datagram.counter,
+                                      .latency_us = datagram.latency_us};
     EXPECT_EQ(written(c, datagram.known, reading), hex(datagram.bytes));
   }
   EXPECT_EQ(unit.decoder->errors().skipped_bytes, 0U);

@@ -134,9 +134,11 @@ TEST(Stim300Service, TrimsBiases) {
   EXPECT_EQ(unit.type("b 0,a"),
             "BIAS TRIM OFFSET:\n ACCELEROMETER X-AXIS [g] = 0.000000\n ACCELEROMETER Y-AXIS [g] = 0.000000\n"
             " ACCELEROMETER Z-AXIS [g] = 0.000000\n");
-  EXPECT_EQ(unit.type("b 0.02343,g"), "BIAS TRIM OFFSET:\n GYRO X-AXIS [deg/s] = 0.02343\n GYRO Y-AXIS [deg/s] = 0.02343\n"
-                                      " GYRO Z-AXIS [deg/s] = 0.02343\n");
-  EXPECT_EQ(unit.type("b 0.001,g,x"), "BIAS TRIM OFFSET:\n GYRO X-AXIS [deg/s] = 0.02443\n") << "with an axis it is added";
+  EXPECT_EQ(unit.type("b 0.02343,g"),
+            "BIAS TRIM OFFSET:\n GYRO X-AXIS [deg/s] = 0.02343\n GYRO Y-AXIS [deg/s] = 0.02343\n"
+            " GYRO Z-AXIS [deg/s] = 0.02343\n");
+  EXPECT_EQ(unit.type("b 0.001,g,x"), "BIAS TRIM OFFSET:\n GYRO X-AXIS [deg/s] = 0.02443\n")
+      << "with an axis it is added";
   EXPECT_EQ(unit.type("b 2.3,i"),
             "BIAS TRIM OFFSET:\n INCLINOMETER X-AXIS [g] = 0.0200000\n INCLINOMETER Y-AXIS [g] = 0.0200000\n"
             " INCLINOMETER Z-AXIS [g] = 0.0200000\nE008 BIAS TRIM OFFSET(S) SET TO MIN OR MAX\n");
@@ -158,9 +160,10 @@ TEST(Stim300Service, AnswersAsTheDatasheetShows) {
   EXPECT_EQ(unit.type("d t,0"),
             "DATAGRAM = RATE, ACCELERATION, INCLINATION, TEMPERATURE, PPS\nDATAGRAM TERMINATION = NONE\n");
   EXPECT_EQ(unit.type("f 2,a,x"), "ACCELEROMETER LP FILTER -3dB FREQUENCY, X-AXIS [Hz] = 66\n");
-  EXPECT_EQ(unit.type("f 1,g"), "GYRO LP FILTER -3dB FREQUENCY, X-AXIS [Hz] = 33\n"
-                                "GYRO LP FILTER -3dB FREQUENCY, Y-AXIS [Hz] = 33\n"
-                                "GYRO LP FILTER -3dB FREQUENCY, Z-AXIS [Hz] = 33\n");
+  EXPECT_EQ(unit.type("f 1,g"),
+            "GYRO LP FILTER -3dB FREQUENCY, X-AXIS [Hz] = 33\n"
+            "GYRO LP FILTER -3dB FREQUENCY, Y-AXIS [Hz] = 33\n"
+            "GYRO LP FILTER -3dB FREQUENCY, Z-AXIS [Hz] = 33\n");
   const std::string all = unit.type("f 3");
   EXPECT_EQ(std::count(all.begin(), all.end(), '\n'), 10);
   EXPECT_TRUE(all.ends_with("\nPPS LP FILTER -3dB FREQUENCY [Hz] = 131\n")) << all;
@@ -177,7 +180,8 @@ TEST(Stim300Service, AnswersAsTheDatasheetShows) {
   EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::even, 1}));
   EXPECT_EQ(unit.type("t f,500000"), "BIT-RATE [bits/s] = 499663\nDATA LENGTH = 8\nSTOP BITS = 1\nPARITY = EVEN\n")
       << "82944000/166 (Equation 13)";
-  EXPECT_EQ(unit.type("t f,500000,2,1"), "BIT-RATE [bits/s] = 499663\nDATA LENGTH = 8\nSTOP BITS = 2\nPARITY = ODD\n");
+  EXPECT_EQ(unit.type("t f,500000,2,1"),
+            "BIT-RATE [bits/s] = 499663\nDATA LENGTH = 8\nSTOP BITS = 2\nPARITY = ODD\n");
   EXPECT_EQ(unit.device->line(), (LineSettings{499663, Parity::odd, 2}));
   EXPECT_EQ(unit.type("u g,0"), "GYRO OUTPUT UNIT = [deg/s] - ANGULAR RATE\n");
   EXPECT_EQ(unit.type("u g,8"), "GYRO OUTPUT UNIT = [deg/s] - ANGULAR RATE DELAYED\n");
@@ -215,7 +219,8 @@ TEST(Stim300Service, ConfiguresTheGCompensation) {
   const std::string warning = "GYRO G-COMPENSATION: WARNING: DELAYED GYRO OUTPUT UNIT IS RECOMMENDED\n";
   EXPECT_EQ(unit.type("g 8,0.3"), with(axes("ACC", "ON", "ACC", "OFF", "0.300"), "GYRO G-COMPENSATION:\n", warning));
   EXPECT_EQ(unit.type("i g"), axes("ACC", "ON", "ACC", "OFF", "0.300"));
-  EXPECT_EQ(unit.type("g 4"), axes("ACC", "ON", "OFF", "NA", "0.010")) << "no warning where all is filtered (Table 9-22)";
+  EXPECT_EQ(unit.type("g 4"), axes("ACC", "ON", "OFF", "NA", "0.010"))
+      << "no warning where all is filtered (Table 9-22)";
   unit.type("u g,8");
   EXPECT_EQ(unit.type("g 1"), axes("OFF", "NA", "ACC", "OFF", "0.010"));
   EXPECT_EQ(unit.type("g 2,1,1,0,0.5"), axes("INC", "ON", "ACC", "OFF", "0.500"));
@@ -223,7 +228,8 @@ TEST(Stim300Service, ConfiguresTheGCompensation) {
   EXPECT_NE(z.find("SOURCE, Y-AXIS = OFF"), std::string::npos);
   EXPECT_NE(z.find(" BIAS SOURCE, Z-AXIS = INC\n BIAS G-COMP LP-FILTER, Z-AXIS = ON\n SCALE SOURCE, Z-AXIS = ACC\n"
                    " SCALE G-COMP LP-FILTER, Z-AXIS = OFF\n G-COMP LP-FILTER CUTOFF = 0.500 HZ\n"),
-            std::string::npos) << z;
+            std::string::npos)
+      << z;
   EXPECT_EQ(unit.type("g 1,2,3"), "E002 INCORRECT NUMBER OF PARAMETERS\n");
   EXPECT_EQ(unit.type("g d"), "E003 INVALID PARAMETER\n");
   EXPECT_EQ(unit.type("g 1,5.1"), "E003 INVALID PARAMETER\n");
@@ -238,11 +244,12 @@ TEST(Stim300Service, MeasuresOnce) {
   unit.sample.status = status::gyro_saturated_x << 2;
   EXPECT_TRUE(unit.run(11).empty());
   const std::string said = unit.type("a");
-  EXPECT_TRUE(said.starts_with("GYRO X-AXIS = 1.43253 deg/s\nGYRO Y-AXIS = 2.34525 deg/s\nGYRO Z-AXIS = 243.33628 deg/s\n"
-                               "GYRO STATUS = 00010100 = NOT OK\n BIT 4: OVERLOAD\n BIT 2: ERROR IN Z-CHANNEL\n"
-                               "ACCELEROMETER X-AXIS = 0.042113 g\nACCELEROMETER Y-AXIS = 0.000342 g\n"
-                               "ACCELEROMETER Z-AXIS = 0.929376 g\nACCELEROMETER STATUS = 00000000 = OK\n"
-                               "INCLINOMETER X-AXIS = 0.0421130 g\n"))
+  EXPECT_TRUE(
+      said.starts_with("GYRO X-AXIS = 1.43253 deg/s\nGYRO Y-AXIS = 2.34525 deg/s\nGYRO Z-AXIS = 243.33628 deg/s\n"
+                       "GYRO STATUS = 00010100 = NOT OK\n BIT 4: OVERLOAD\n BIT 2: ERROR IN Z-CHANNEL\n"
+                       "ACCELEROMETER X-AXIS = 0.042113 g\nACCELEROMETER Y-AXIS = 0.000342 g\n"
+                       "ACCELEROMETER Z-AXIS = 0.929376 g\nACCELEROMETER STATUS = 00000000 = OK\n"
+                       "INCLINOMETER X-AXIS = 0.0421130 g\n"))
       << said;
   EXPECT_NE(said.find("TEMPERATURE ACC Y-AXIS = 32.326 degC\n"), std::string::npos);
   EXPECT_NE(said.find("\nCOUNTER = 10\nLATENCY = 506 us\n"), std::string::npos);
@@ -262,8 +269,9 @@ TEST(Stim300Service, Diagnoses) {
   EXPECT_NE(unit.type("c").find("\nGYRO Z-AXIS:\n GYRO Z-AXIS DATA RECEIVED = OK\n"), std::string::npos);
   EXPECT_NE(unit.type("c").find(" GYRO Z-AXIS NO OVERLOAD DETECTED = FAIL\n"), std::string::npos);
   unit.sample.status = 0;
-  EXPECT_EQ(unit.type("i e"), "GYRO Z-AXIS NO OVERLOAD DETECTED = FAIL\nACCELEROMETER X-AXIS NO OVERLOAD DETECTED = FAIL\n"
-                              "LAST ERROR HISTORY IS NOW CLEARED\n");
+  EXPECT_EQ(unit.type("i e"),
+            "GYRO Z-AXIS NO OVERLOAD DETECTED = FAIL\nACCELEROMETER X-AXIS NO OVERLOAD DETECTED = FAIL\n"
+            "LAST ERROR HISTORY IS NOW CLEARED\n");
   EXPECT_EQ(unit.type("i e"), "NO ERRORS DETECTED\n");
 }
 
@@ -271,8 +279,9 @@ TEST(Stim300Service, RefusesAsTheTablesOfErrorsSay) {
   InService unit;
   for (const char* line : {"n", "A", "$isn,28", "UTILITYMODE", "i q", "i ab"})
     EXPECT_EQ(unit.type(line), "E001 UNKNOWN COMMAND\n") << line;
-  for (const char* line : {"b", "b,0", "c 1", "d 1", "d 1,0,0", "f", "g", "h v", "i a,b", "m", "m,1", "r", "s 1", "t", "t f",
-                           "t 1,1", "u g", "x", "z s,s", "? a,b", "f 1,g,x,y", "g 1,1,1,1,1,1,1,1,1"})
+  for (const char* line :
+       {"b", "b,0", "c 1", "d 1", "d 1,0,0", "f",   "g", "h v",   "i a,b", "m",         "m,1",
+        "r", "s 1", "t",   "t f", "t 1,1",   "u g", "x", "z s,s", "? a,b", "f 1,g,x,y", "g 1,1,1,1,1,1,1,1,1"})
     EXPECT_EQ(unit.type(line), "E002 INCORRECT NUMBER OF PARAMETERS\n") << line;
   for (const char* line :
        {"d u,0", "d 1,2",    "d L,0",       "f 5",     "f 4,q", "f 4,p,x", "h q,1", "h v,1", "m 6", "m 55", "r 2",
@@ -333,7 +342,8 @@ TEST(Stim300Service, SavesWhatIsConfirmed) {
   EXPECT_EQ(unit.device->line(), (LineSettings{1843200, Parity::odd, 2}));
   unit.say("s");
   unit.type("N");
-  EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::none, 1})) << "the line's settings go back (Table 9-43)";
+  EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::none, 1}))
+      << "the line's settings go back (Table 9-43)";
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 250\n");
   unit.say("s");
   EXPECT_EQ(unit.type("Y"), "SYSTEM PARAMETERS SUCCESSFULLY STORED IN FLASH.\nNUMBER OF SAVES = 1\n");
@@ -390,8 +400,9 @@ TEST(Stim300Service, GoesBackToTheFactorySettings) {
   unit.type("m 2");
   unit.type("t 3,1,0");
   EXPECT_EQ(legible(unit.say("z s")), "z s\n" + confirm + " AND SAVING(Y/N): ");
-  EXPECT_EQ(legible(unit.say("Y")), "Y\nTHE TRANSMISSION CONFIGURATION WILL BE CHANGED TO:\nBIT-RATE [bits/s] = 921600\n"
-                                    "DATA LENGTH = 8\nSTOP BITS = 1\nPARITY = EVEN\nPLEASE CONFIRM (Y/N): ");
+  EXPECT_EQ(legible(unit.say("Y")),
+            "Y\nTHE TRANSMISSION CONFIGURATION WILL BE CHANGED TO:\nBIT-RATE [bits/s] = 921600\n"
+            "DATA LENGTH = 8\nSTOP BITS = 1\nPARITY = EVEN\nPLEASE CONFIRM (Y/N): ");
   EXPECT_EQ(unit.type("N"), "");
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 500\n");
   unit.say("z s");

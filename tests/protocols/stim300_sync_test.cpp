@@ -52,7 +52,8 @@ TEST(Stim300Trigger, SendsTheLatestCompensatedSampleAtAnEdge) {
     unit.sample.rate = {0.5, 0, 0};
     const auto datagrams = unit.trigger(after, 10);
     ASSERT_EQ(datagrams.size(), 1U);
-    EXPECT_EQ(latency_us(datagrams[0]), latency) << "from the sample that is sent to the edge; 1000 us at most (Table 5-2)";
+    EXPECT_EQ(latency_us(datagrams[0]), latency)
+        << "from the sample that is sent to the edge; 1000 us at most (Table 5-2)";
     EXPECT_EQ(counter(datagrams[0]), latest - before);
     EXPECT_NEAR(unit.decode(datagrams).measurements.at(0).sample.rate.x(), rate, 1e-6);
   };

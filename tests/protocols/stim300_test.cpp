@@ -21,9 +21,9 @@ TEST(Stim300, EveryDatagramHasItsIdentifierAndSize) {
   for (unsigned content = 0; content < 32; ++content) {
     const auto flag = [&](unsigned bit) { return (content >> bit & 1U) != 0 ? "true" : "false"; };
     for (const bool cr_lf : {false, true}) {
-      Stim300Unit unit(std::string("start_up=false,sample_rate=500,acceleration=") + flag(0) + ",inclination=" + flag(1) +
-                ",temperature=" + flag(2) + ",pps=" + flag(3) + ",aux_input=" + flag(4) +
-                ",cr_lf=" + (cr_lf ? "true" : "false"));
+      Stim300Unit unit(std::string("start_up=false,sample_rate=500,acceleration=") + flag(0) +
+                       ",inclination=" + flag(1) + ",temperature=" + flag(2) + ",pps=" + flag(3) +
+                       ",aux_input=" + flag(4) + ",cr_lf=" + (cr_lf ? "true" : "false"));
       unit.sample.rate = {0.1, -0.2, 0.3};
       unit.sample.specific_force = {1, 2, -9};
       const auto datagrams = unit.run(40);
@@ -43,7 +43,8 @@ TEST(Stim300, EveryUnitIsWhatTheModelSays) {
     const double force_lsb = (range == 5 ? 0x1p-20 : range == 10 ? 0x1p-19 : range == 30 ? 0x1p-18 : 0x1p-16);
     for (const bool increments : {false, true}) {
       Stim300Unit unit("start_up=false,sample_rate=250,accelerometer_range_g=" + std::to_string(range) +
-                (increments ? ",gyro_unit=increment,accelerometer_unit=increment" : ",gyro_unit=average,accelerometer_unit=average"));
+                       (increments ? ",gyro_unit=increment,accelerometer_unit=increment"
+                                   : ",gyro_unit=average,accelerometer_unit=average"));
       unit.sample.rate = {0.5, -1.5, 3};
       unit.sample.specific_force = {-2, 9.8, 25};
       unit.sample.delta_angle = {0.0006, -0.0004, 0.002};
@@ -67,7 +68,9 @@ TEST(Stim300, EveryUnitIsWhatTheModelSays) {
 
 // Section 7.5.2.2.5: in [-4, 4) deg, without an error.
 TEST(Stim300, AnIntegratedAngleWraps) {
-  Stim300Unit unit("start_up=false,sample_rate=2000,bit_rate=1843200,acceleration=false,inclination=false,temperature=false,gyro_unit=integrated");
+  Stim300Unit unit(
+      "start_up=false,sample_rate=2000,bit_rate=1843200,acceleration=false,inclination=false,temperature=false,gyro_"
+      "unit=integrated");
   unit.sample.delta_angle = {0.1 * units::degree, -0.1 * units::degree, 0};
   double angle = 0;
   for (const auto& datagram : unit.run(300)) {
@@ -114,7 +117,8 @@ TEST(Stim300, ARequestDuringTheStartWaitsForNormalMode) {
   unit.say("C");
   EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xBCU, 0xA7U})) << "the last that was asked for";
   EXPECT_EQ(unit.say("E\rR\rI"), "");
-  EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xB5U, 0xA7U})) << "a reset forgets what was asked before";
+  EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xB5U, 0xA7U}))
+      << "a reset forgets what was asked before";
   unit.say("R");
   EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
   EXPECT_TRUE(unit.run(1000).empty());
@@ -132,11 +136,21 @@ TEST(Stim300, SaysWhoItIsAsTheDatasheetPacksIt) {
     const std::span<const std::byte> body(datagrams[0].data(), datagrams[0].size() - 4);
     const std::vector<std::byte> bytes(body.begin(), body.end());
     switch (*command) {
-      case 'N': EXPECT_EQ(bytes, hex("b10841672d4400002d3210030000004b")) << "84167-4400003-321 K"; break;
-      case 'I': EXPECT_EQ(bytes, hex("b54e2558240500200200000000000000")); break;
-      case 'C': EXPECT_EQ(bytes, hex("bc4b006e217044407044407044430c00000000000000")); break;
-      case 'E': EXPECT_EQ(bytes, hex("be00000000000000000000000000000000")); break;
-      default: EXPECT_EQ(bytes.size(), 36U); break;
+      case 'N':
+        EXPECT_EQ(bytes, hex("b10841672d4400002d3210030000004b")) << "84167-4400003-321 K";
+        break;
+      case 'I':
+        EXPECT_EQ(bytes, hex("b54e2558240500200200000000000000"));
+        break;
+      case 'C':
+        EXPECT_EQ(bytes, hex("bc4b006e217044407044407044430c00000000000000"));
+        break;
+      case 'E':
+        EXPECT_EQ(bytes, hex("be00000000000000000000000000000000"));
+        break;
+      default:
+        EXPECT_EQ(bytes.size(), 36U);
+        break;
     }
     Recording recording;
     unit.decoder->feed({datagrams[0]}, recording);
@@ -151,21 +165,30 @@ TEST(Stim300, SaysWhoItIsAsTheDatasheetPacksIt) {
 
 // Table 5-12, all of it: the highest rate of each datagram at each bit-rate. At a higher one samples are lost.
 TEST(Stim300, ALineTooSlowLosesSamples) {
-  const std::array<std::array<int, 4>, 16> table = {{{1000, 2000, 2000, 2000}, {1000, 1000, 2000, 2000},
-                                                     {1000, 1000, 2000, 2000}, {500, 1000, 2000, 2000},
-                                                     {1000, 1000, 2000, 2000}, {500, 500, 1000, 2000},
-                                                     {500, 500, 1000, 2000},   {500, 500, 1000, 2000},
-                                                     {1000, 1000, 2000, 2000}, {1000, 1000, 2000, 2000},
-                                                     {1000, 1000, 2000, 2000}, {500, 500, 1000, 2000},
-                                                     {1000, 1000, 2000, 2000}, {500, 500, 1000, 2000},
-                                                     {500, 500, 1000, 2000},   {500, 500, 1000, 2000}}};
+  const std::array<std::array<int, 4>, 16> table = {{{1000, 2000, 2000, 2000},
+                                                     {1000, 1000, 2000, 2000},
+                                                     {1000, 1000, 2000, 2000},
+                                                     {500, 1000, 2000, 2000},
+                                                     {1000, 1000, 2000, 2000},
+                                                     {500, 500, 1000, 2000},
+                                                     {500, 500, 1000, 2000},
+                                                     {500, 500, 1000, 2000},
+                                                     {1000, 1000, 2000, 2000},
+                                                     {1000, 1000, 2000, 2000},
+                                                     {1000, 1000, 2000, 2000},
+                                                     {500, 500, 1000, 2000},
+                                                     {1000, 1000, 2000, 2000},
+                                                     {500, 500, 1000, 2000},
+                                                     {500, 500, 1000, 2000},
+                                                     {500, 500, 1000, 2000}}};
   const std::array<int, 4> bit_rates = {374400, 460800, 921600, 1843200};
   for (unsigned content = 0; content < 16; ++content) {
     const auto flag = [&](unsigned bit) { return (content >> bit & 1U) != 0 ? "true" : "false"; };
     for (std::size_t i = 0; i < bit_rates.size(); ++i) {
       for (const int rate : {500, 1000, 2000}) {
-        Stim300Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[i]) + ",sample_rate=" + std::to_string(rate) +
-                  ",acceleration=" + flag(0) + ",inclination=" + flag(1) + ",temperature=" + flag(2) + ",pps=" + flag(3));
+        Stim300Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[i]) +
+                         ",sample_rate=" + std::to_string(rate) + ",acceleration=" + flag(0) +
+                         ",inclination=" + flag(1) + ",temperature=" + flag(2) + ",pps=" + flag(3));
         const auto arrived = static_cast<int>(unit.run(2000).size());
         EXPECT_EQ(arrived == rate, rate <= table[content][i]) << content << ' ' << bit_rates[i] << ' ' << rate;
         unit.say("E");
@@ -177,7 +200,8 @@ TEST(Stim300, ALineTooSlowLosesSamples) {
   }
 }
 
-// Equation 12, which counts CR LF, parity and stop bits: nothing is lost where it allows a rate, and Service Mode agrees.
+// Equation 12, which counts CR LF, parity and stop bits: nothing is lost where it allows a rate, and Service Mode
+// agrees.
 TEST(Stim300, ALineCarriesWhatTheEquationAllows) {
   const std::array<std::size_t, 16> sizes = {18, 28, 28, 38, 25, 42, 42, 59, 22, 32, 32, 42, 29, 46, 46, 63};
   const std::array<int, 4> bit_rates = {374400, 460800, 921600, 1843200};
@@ -191,8 +215,9 @@ TEST(Stim300, ALineCarriesWhatTheEquationAllows) {
       const bool fits = 1.1 * static_cast<double>(bits) * rate <= bit_rates[code];
       allowed += fits ? 1 : 0;
       Stim300Unit unit("start_up=false,bit_rate=" + std::to_string(bit_rates[code]) +
-                       ",sample_rate=" + std::to_string(rate) + ",acceleration=" + word(content & 1U) + ",inclination=" + word(content & 2U) + ",temperature=" +
-                       word(content & 4U) + ",pps=" + word(content & 8U) + ",cr_lf=" + word(cr_lf) +
+                       ",sample_rate=" + std::to_string(rate) + ",acceleration=" + word(content & 1U) +
+                       ",inclination=" + word(content & 2U) + ",temperature=" + word(content & 4U) +
+                       ",pps=" + word(content & 8U) + ",cr_lf=" + word(cr_lf) +
                        ",parity=" + (parity ? "odd" : "none") + ",stop_bits=" + (two_stops ? "2" : "1"));
       EXPECT_EQ(unit.run(200).size() == static_cast<std::size_t>(rate / 10), fits) << at << ' ' << rate;
       unit.say("SERVICEMODE");

@@ -101,7 +101,8 @@ TEST(Stim300Utility, WhatIsNotSavedIsGoneAfterAReset) {
 
 // Tables 5-3 to 5-8, and figure 10-10 for the answer.
 TEST(Stim300Utility, BiasTrimOffsetsEndAtTheirLimits) {
-  for (const auto& [range, limit] : {std::pair{"5", "0.100000"}, {"10", "0.100000"}, {"30", "0.300000"}, {"80", "0.800000"}}) {
+  for (const auto& [range, limit] :
+       {std::pair{"5", "0.100000"}, {"10", "0.100000"}, {"30", "0.300000"}, {"80", "0.800000"}}) {
     Stim300Unit unit(std::string("start_up=false,accelerometer_range_g=") + range);
     unit.say("UTILITYMODE");
     const std::string l = limit;

@@ -6,9 +6,9 @@
 #include <string>
 
 #include "protocols/truth_format.hpp"
-#include "tests/support/allocations.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"
+#include "tests/support/allocations.hpp"
 
 namespace imud {
 namespace {

@@ -21,7 +21,8 @@ Number number_at(const std::string& frame, std::size_t at) {
   return number;
 }
 Vector3 floats_at(const std::string& frame, std::size_t at) {
-  return {static_cast<double>(real_at(frame, at)), static_cast<double>(real_at(frame, at + 4)), static_cast<double>(real_at(frame, at + 8))};
+  return {static_cast<double>(real_at(frame, at)), static_cast<double>(real_at(frame, at + 4)),
+          static_cast<double>(real_at(frame, at + 8))};
 }
 Vector3 doubles_at(const std::string& frame, std::size_t at) {
   return {number_at<double>(frame, at), number_at<double>(frame, at + 8), number_at<double>(frame, at + 16)};
@@ -56,16 +57,19 @@ std::string binary(Unit& unit, const std::string& output) {
 // The worked example of VectorNav's manuals, as remembered; its CRC is right for what it says.
 TEST(VectorNavFields, TheManualsYawPitchRoll) {
   Unit unit;
-  unit.sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(43.57868576049805 * units::degree, 1.8847202062606812 * units::degree,
-                                                        -0.0020249653607606888 * units::degree)
-                                    .transpose());
-  EXPECT_EQ(binary(unit, "01,0008"), std::string("\xFA\x01\x08\x00\x93\x50\x2E\x42\x83\x3E\xF1\x3F\x48\xB5\x04\xBB\x92\x88", 18));
+  unit.sample.q_LP =
+      Quaternion(dcm_from_yaw_pitch_roll(43.57868576049805 * units::degree, 1.8847202062606812 * units::degree,
+                                         -0.0020249653607606888 * units::degree)
+                     .transpose());
+  EXPECT_EQ(binary(unit, "01,0008"),
+            std::string("\xFA\x01\x08\x00\x93\x50\x2E\x42\x83\x3E\xF1\x3F\x48\xB5\x04\xBB\x92\x88", 18));
 }
 
 TEST(VectorNavFields, GnssAndInsAreTheTruths) {
   Unit unit({{"model", std::string("vn-300")}});
   unit.sample = on_earth();
-  // ArduPilot's third output: Common TimeStartup, TimeGps; GNSS1 numSats, fix, LLA, velNed, posU, velU, DOP; GNSS2 numSats, fix.
+  // ArduPilot's third output: Common TimeStartup, TimeGps; GNSS1 numSats, fix, LLA, velNed, posU, velU, DOP; GNSS2
+  // numSats, fix.
   const std::string frame = binary(unit, "49,0003,26B8,0018");
   ASSERT_EQ(frame.size(), 2 + 6 + 16 + (1 + 1 + 24 + 12 + 12 + 4 + 28) + 2 + 2U);
   EXPECT_EQ(number_at<std::uint64_t>(frame, 16), static_cast<std::uint64_t>(unit.sample.place.gps_ns));
@@ -81,7 +85,8 @@ TEST(VectorNavFields, GnssAndInsAreTheTruths) {
   EXPECT_EQ(number_at<std::uint16_t>(ins, 56), 0x0306);
   EXPECT_LT((doubles_at(ins, 58) - Vector3(30, 90, 1234.5)).norm(), 1e-9);
   EXPECT_EQ(floats_at(ins, 82), Vector3(10, 20, -3));
-  // INS r_E, velBody, velEcef. At 90 E: north is E's (0, -sin, cos), east is (-1, 0, 0), down (0, -cos, -sin) of 30 deg.
+  // INS r_E, velBody, velEcef. At 90 E: north is E's (0, -sin, cos), east is (-1, 0, 0), down (0, -cos, -sin) of 30
+  // deg.
   const std::string more = binary(unit, "20,002C");
   EXPECT_EQ(doubles_at(more, 4), unit.sample.place.r_E);
   EXPECT_LT((floats_at(more, 28) - Vector3(20, -10, -3)).norm(), 1e-5) << "it looks east";
@@ -112,10 +117,12 @@ TEST(VectorNavFields, MessagesOfGnssAndIns) {
   Unit unit({{"model", std::string("vn-200")}});
   unit.sample = on_earth();
   unit.run(1);
-  EXPECT_EQ(unit.ask("VNRRG,58"), with_xor("VNRRG,58,045314.789000,2369,3,12,+30.00000000,+090.00000000,+01234.500,+010.000,+020.000,"
-                                           "-003.000,+001.000,+001.000,+001.000,+000.050,2.00E-08"));
-  EXPECT_EQ(unit.ask("VNRRG,63"), with_xor("VNRRG,63,045314.789000,2369,0006,+090.000,+000.000,+000.000,+30.00000000,+090.00000000,"
-                                           "+01234.500,+010.000,+020.000,-003.000,00.5,01.0,0.05"));
+  EXPECT_EQ(unit.ask("VNRRG,58"),
+            with_xor("VNRRG,58,045314.789000,2369,3,12,+30.00000000,+090.00000000,+01234.500,+010.000,+020.000,"
+                     "-003.000,+001.000,+001.000,+001.000,+000.050,2.00E-08"));
+  EXPECT_EQ(unit.ask("VNRRG,63"),
+            with_xor("VNRRG,63,045314.789000,2369,0006,+090.000,+000.000,+000.000,+30.00000000,+090.00000000,"
+                     "+01234.500,+010.000,+020.000,-003.000,00.5,01.0,0.05"));
   for (const char* type : {"20", "21", "22", "23", "28", "29"}) {
     EXPECT_EQ(unit.ask("VNWRG,06," + std::string(type)), with_xor("VNWRG,06," + std::string(type)));
     const auto sent = unit.run(800);
@@ -205,7 +212,8 @@ TEST(VectorNavFields, CompensationsActOnWhatIsCompensated) {
   EXPECT_LT((floats_at(sent[0], 40) - Vector3(0, 0.2, 0.4)).norm(), 1e-6);
 }
 
-// From north-east-down to the body, in column-major order: the SDK's CompositeData.hpp, vnproglib's Packet::extractMat3f.
+// From north-east-down to the body, in column-major order: the SDK's CompositeData.hpp, vnproglib's
+// Packet::extractMat3f.
 TEST(VectorNavFields, TheMatrixOfDirectionCosinesGoesByColumns) {
   Unit unit({{"async_type", std::int64_t{0}}, {"binary_1", std::string("1,8,10,0008")}});
   const Matrix3 dcm_PL = dcm_from_yaw_pitch_roll(0.5, 0.2, -0.3);
@@ -222,7 +230,8 @@ TEST(VectorNavFields, TheMatrixOfDirectionCosinesGoesByColumns) {
 TEST(VectorNavFields, TheManualsMessages) {
   Unit ypr({{"async_type", std::int64_t{1}}}), unit;
   const auto turned = [](double yaw, double pitch, double roll) {
-    return Quaternion(dcm_from_yaw_pitch_roll(yaw * units::degree, pitch * units::degree, roll * units::degree).transpose());
+    return Quaternion(
+        dcm_from_yaw_pitch_roll(yaw * units::degree, pitch * units::degree, roll * units::degree).transpose());
   };
   ypr.sample.q_LP = turned(10.071, 0.278, -2.026);
   EXPECT_EQ(ypr.run(1).at(0), "$VNYPR,+010.071,+000.278,-002.026*60\r\n");
@@ -261,7 +270,8 @@ TEST(VectorNavFields, TextIsDecodedInItsUnits) {
   for (const std::string& one : sent) decoder->feed({std::as_bytes(std::span(one))}, recording);
   ASSERT_EQ(recording.measurements.size(), 2U);
   EXPECT_EQ(recording.measurements[1].fields, Measurement::delta_angle | Measurement::delta_velocity);
-  EXPECT_LT((recording.measurements[1].sample.delta_angle - 4 * unit.sample.delta_angle).norm(), 1e-3 * units::degree);
+  EXPECT_LT((recording.measurements[1].sample.delta_angle - 4 * unit.sample.delta_angle).norm(),
+            1e-3 * units::degree);
   EXPECT_LT((recording.measurements[1].sample.delta_velocity - 4 * unit.sample.delta_velocity).norm(), 1e-3);
 }
 

@@ -1,4 +1,5 @@
-// VectorNav's registers as clients read and write them: vnproglib 1.2 and the VectorNav SDK 0.99 (dotysan/vectornav-sdk).
+// VectorNav's registers as clients read and write them: vnproglib 1.2 and the VectorNav SDK 0.99
+// (dotysan/vectornav-sdk).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,8 +13,8 @@ namespace {
 
 using namespace vectornav_test;
 
-// The SDK's RegisterScan asks for port 1, 2, 3, ... until it is told that there is no such port; its Sensor::changeBaudRate
-// asks for "?" to learn which port it talks to.
+// The SDK's RegisterScan asks for port 1, 2, 3, ... until it is told that there is no such port; its
+// Sensor::changeBaudRate asks for "?" to learn which port it talks to.
 TEST(VectorNavRegisters, OfSerialPortsAreToldByPort) {
   Unit unit;
   EXPECT_EQ(unit.ask("VNRRG,05"), with_xor("VNRRG,05,115200"));
@@ -21,12 +22,14 @@ TEST(VectorNavRegisters, OfSerialPortsAreToldByPort) {
   EXPECT_EQ(unit.ask("VNRRG,05,2"), with_xor("VNRRG,05,115200,2"));
   EXPECT_EQ(unit.ask("VNRRG,05,?"), with_xor("VNRRG,05,115200,1"));
   EXPECT_EQ(unit.ask("VNRRG,05,0"), with_xor("VNRRG,05,115200,1"));
-  for (const char* id : {"05", "06", "07"}) EXPECT_EQ(unit.ask("VNRRG," + std::string(id) + ",3"), with_xor("VNERR,07"));
+  for (const char* id : {"05", "06", "07"})
+    EXPECT_EQ(unit.ask("VNRRG," + std::string(id) + ",3"), with_xor("VNERR,07"));
 }
 
 TEST(VectorNavRegisters, TheOtherPortKeepsItsOwn) {
   Unit unit;
-  for (const char* body : {"VNWRG,05,921600,2", "VNWRG,06,0,2", "VNWRG,07,10,2"}) EXPECT_EQ(unit.ask(body), with_xor(body));
+  for (const char* body : {"VNWRG,05,921600,2", "VNWRG,06,0,2", "VNWRG,07,10,2"})
+    EXPECT_EQ(unit.ask(body), with_xor(body));
   EXPECT_EQ(unit.ask("VNRRG,05,2"), with_xor("VNRRG,05,921600,2"));
   EXPECT_EQ(unit.ask("VNRRG,06,2"), with_xor("VNRRG,06,0,2"));
   EXPECT_EQ(unit.ask("VNRRG,07,2"), with_xor("VNRRG,07,10,2"));
@@ -66,7 +69,8 @@ TEST(VectorNavRegisters, AnOutputNeedsNoDivisor) {
   EXPECT_EQ(unit.ask("VNWRG,75,1,0,01,0001"), with_xor("VNWRG,75,1,0,01,0001"));
 }
 
-// UM004, page 23, table 20: 12, the baud is too low for what is asked for; 2, the input buffer of 256 characters overflowed.
+// UM004, page 23, table 20: 12, the baud is too low for what is asked for; 2, the input buffer of 256 characters
+// overflowed.
 TEST(VectorNavRegisters, AreRefusedForMoreThanTheLineCarries) {
   Unit unit;
   const std::string refused = with_xor("VNERR,0C");
@@ -99,8 +103,8 @@ TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsToldSo) {
 
 // The load is computed from them.
 TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
-  for (const unsigned type : {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U,
-                              28U, 29U, 30U, 32U, 33U}) {
+  for (const unsigned type :
+       {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U, 28U, 29U, 30U, 32U, 33U}) {
     Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{type}}});
     for (const bool is_placed : {false, true}) {
       unit.sample.place.is_known = is_placed;
@@ -114,8 +118,8 @@ TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
 TEST(VectorNavRegisters, RefuseWhatIsOutOfRange) {
   Unit unit;
   for (const char* body : {"VNWRG,30,9,0,0,0,1,0,1", "VNWRG,30,0,7,0,0,1,0,1", "VNWRG,30,0,0,0,0,4,0,1",
-                           "VNWRG,30,0,0,0,0,1,0,3", "VNWRG,30,-1,0,0,0,1,0,1", "VNWRG,35,2,1,1,1", "VNWRG,35,1,3,1,1", "VNWRG,35,1,1,1,-1",
-                           "VNWRG,00,123456789012345678901"}) {
+                           "VNWRG,30,0,0,0,0,1,0,3", "VNWRG,30,-1,0,0,0,1,0,1", "VNWRG,35,2,1,1,1",
+                           "VNWRG,35,1,3,1,1", "VNWRG,35,1,1,1,-1", "VNWRG,00,123456789012345678901"}) {
     EXPECT_EQ(unit.ask(body), with_xor("VNERR,07")) << body;
   }
   for (const char* body : {"VNWRG,30,5,6,5,6,3,3,2", "VNWRG,35,1,2,1,1", "VNWRG,00,12345678901234567890"})
@@ -166,10 +170,11 @@ TEST(VectorNavRegisters, HaveTheirParameters) {
   Unit unit({{"model", std::string("vn-300")}});
   unit.run(1);
   for (const auto& [id, count] : std::initializer_list<std::pair<int, int>>{
-           {8, 3},   {9, 4},   {15, 13}, {17, 3},  {18, 3},  {19, 3},  {20, 9},  {21, 6},  {23, 12}, {25, 12}, {26, 9},
-           {27, 12}, {30, 7},  {32, 9},  {33, 3},  {35, 4},  {36, 9},  {38, 9},  {44, 3},  {47, 12}, {50, 3},  {51, 3},
-           {54, 11}, {55, 5},  {57, 3},  {58, 15}, {59, 15}, {63, 15}, {64, 15}, {67, 4},  {72, 15}, {73, 15}, {74, 7},
-           {80, 7},  {82, 5},  {83, 9},  {84, 12}, {85, 10}, {93, 6},  {97, 9},  {103, 15}, {104, 15}, {239, 9}, {240, 9}}) {
+           {8, 3},   {9, 4},   {15, 13}, {17, 3},  {18, 3},   {19, 3},   {20, 9},  {21, 6},  {23, 12},
+           {25, 12}, {26, 9},  {27, 12}, {30, 7},  {32, 9},   {33, 3},   {35, 4},  {36, 9},  {38, 9},
+           {44, 3},  {47, 12}, {50, 3},  {51, 3},  {54, 11},  {55, 5},   {57, 3},  {58, 15}, {59, 15},
+           {63, 15}, {64, 15}, {67, 4},  {72, 15}, {73, 15},  {74, 7},   {80, 7},  {82, 5},  {83, 9},
+           {84, 12}, {85, 10}, {93, 6},  {97, 9},  {103, 15}, {104, 15}, {239, 9}, {240, 9}}) {
     const std::string answer = unit.ask("VNRRG," + std::to_string(id));
     EXPECT_EQ(std::count(answer.begin(), answer.end(), ','), count + 1) << answer;
   }
@@ -210,7 +215,8 @@ TEST(VectorNavRegisters, Register30ChoosesTheChecksumOfTheStream) {
   }
 }
 
-// The SDK (AsciiPacketProtocol.cpp, parsePacket) takes "T" and a decimal count, "S" and a hexadecimal status at the end.
+// The SDK (AsciiPacketProtocol.cpp, parsePacket) takes "T" and a decimal count, "S" and a hexadecimal status at the
+// end.
 TEST(VectorNavRegisters, Register30AppendsCountAndStatus) {
   Unit unit({{"async_type", std::int64_t{1}}});
   EXPECT_EQ(unit.ask("VNWRG,30,1,1,0,0,1,0,1"), with_xor("VNWRG,30,1,1,0,0,1,0,1"));

@@ -85,9 +85,18 @@ TEST(VectorNav, StreamsOutOfTheBox) {
 }
 
 TEST(VectorNav, EveryMessageHasItsName) {
-  for (const auto& [type, begin] : {std::pair{"1", "$VNYPR,"}, {"2", "$VNQTN,"}, {"8", "$VNQMR,"}, {"10", "$VNMAG,"},
-                                    {"11", "$VNACC,"}, {"12", "$VNGYR,"}, {"13", "$VNMAR,"}, {"14", "$VNYMR,"},
-                                    {"16", "$VNYBA,"}, {"17", "$VNYIA,"}, {"19", "$VNIMU,"}, {"30", "$VNDTV,"}}) {
+  for (const auto& [type, begin] : {std::pair{"1", "$VNYPR,"},
+                                    {"2", "$VNQTN,"},
+                                    {"8", "$VNQMR,"},
+                                    {"10", "$VNMAG,"},
+                                    {"11", "$VNACC,"},
+                                    {"12", "$VNGYR,"},
+                                    {"13", "$VNMAR,"},
+                                    {"14", "$VNYMR,"},
+                                    {"16", "$VNYBA,"},
+                                    {"17", "$VNYIA,"},
+                                    {"19", "$VNIMU,"},
+                                    {"30", "$VNDTV,"}}) {
     Unit unit({{"baud", std::int64_t{921600}}});
     EXPECT_EQ(unit.ask("VNWRG,06," + std::string(type)), with_xor("VNWRG,06," + std::string(type)));
     EXPECT_EQ(unit.ask("VNWRG,07,200"), with_xor("VNWRG,07,200"));
@@ -102,7 +111,8 @@ TEST(VectorNav, EveryMessageHasItsName) {
 // ArduPilot's dialogue for a VN-100, each answer compared in its first two words by it.
 TEST(VectorNav, ArduPilotsDialogue) {
   Unit unit;
-  for (const char* body : {"VNASY,0", "VNWRG,06,0,1", "VNWRG,06,0,2", "VNWRG,75,3,16,01,0721", "VNWRG,76,3,16,11,0001,0106"})
+  for (const char* body :
+       {"VNASY,0", "VNWRG,06,0,1", "VNWRG,06,0,2", "VNWRG,75,3,16,01,0721", "VNWRG,76,3,16,11,0001,0106"})
     EXPECT_EQ(unit.ask(body), with_xor(body));
   EXPECT_TRUE(unit.run(800).empty());
   EXPECT_EQ(unit.ask("VNASY,1"), with_xor("VNASY,1"));
@@ -145,7 +155,8 @@ TEST(VectorNav, EveryFieldHasItsSize) {
 }
 
 TEST(VectorNav, IncrementsAreThoseSinceTheLastOne) {
-  Unit unit({{"async_type", std::int64_t{30}}, {"async_hz", std::int64_t{100}}, {"binary_1", std::string("1,4,01,0800")}});
+  Unit unit(
+      {{"async_type", std::int64_t{30}}, {"async_hz", std::int64_t{100}}, {"binary_1", std::string("1,4,01,0800")}});
   unit.sample.delta_angle = {1e-3, 0, -2e-3};
   unit.sample.delta_velocity = {0, 0.01, 0};
   unit.run(8);
@@ -219,11 +230,13 @@ TEST(VectorNav, SettingsSurviveAResetOnceWritten) {
 
 TEST(VectorNav, AVn300SamplesAt400Hz) {
   Unit unit({{"model", std::string("vn-300")}});
-  EXPECT_EQ(find_protocol("vectornav")->product([] {
-              Settings settings(find_protocol("vectornav")->settings);
-              settings.set("model", std::string("vn-300"));
-              return settings;
-            }()).rate_hz,
+  EXPECT_EQ(find_protocol("vectornav")
+                ->product([] {
+                  Settings settings(find_protocol("vectornav")->settings);
+                  settings.set("model", std::string("vn-300"));
+                  return settings;
+                }())
+                .rate_hz,
             400.0);
   EXPECT_EQ(unit.run(400).size(), 40U);
   EXPECT_EQ(unit.ask("VNRRG,1"), with_xor("VNRRG,1,VN-300S-CR"));

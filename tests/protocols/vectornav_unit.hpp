@@ -26,7 +26,9 @@ inline std::string with_xor(std::string_view body) {
   for (const char c : body) sum ^= static_cast<unsigned char>(c);
   return "$" + std::string(body) + "*" + hex_digits(sum, 2) + "\r\n";
 }
-inline std::string with_crc(std::string_view body) { return "$" + std::string(body) + "*" + hex_digits(crc16(body), 4) + "\r\n"; }
+inline std::string with_crc(std::string_view body) {
+  return "$" + std::string(body) + "*" + hex_digits(crc16(body), 4) + "\r\n";
+}
 
 class Unit {
  public:

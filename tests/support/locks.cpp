@@ -26,7 +26,9 @@ std::atomic<int (*)(pthread_rwlock_t*)> write_lock = nullptr;
 }  // namespace
 
 extern "C" {
-int pthread_mutex_lock(pthread_mutex_t* lock) noexcept { return count_and_call(mutex_lock, "pthread_mutex_lock", lock); }
+int pthread_mutex_lock(pthread_mutex_t* lock) noexcept {
+  return count_and_call(mutex_lock, "pthread_mutex_lock", lock);
+}
 int pthread_rwlock_rdlock(pthread_rwlock_t* lock) noexcept {
   return count_and_call(read_lock, "pthread_rwlock_rdlock", lock);
 }

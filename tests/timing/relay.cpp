@@ -87,14 +87,16 @@ class Path {
     std::array<std::byte, native_truth_size> datagram;
     encode_native_truth(truth, datagram);
     const HostTime begin = host_now();
-    if (::send(socket_.get(), datagram.data(), datagram.size(), 0) < 0) throw std::runtime_error("nobody takes truth");
+    if (::send(socket_.get(), datagram.data(), datagram.size(), 0) < 0)
+      throw std::runtime_error("nobody takes truth");
     std::array<std::byte, 4096> bytes;
     pollfd ready{pty_.get(), POLLIN, 0};
     if (::poll(&ready, 1, 5000) <= 0) throw std::runtime_error("no measurement came");
     const ssize_t size = ::read(pty_.get(), bytes.data(), bytes.size());
     const HostTime end = host_now();
     if (size < static_cast<ssize_t>(frame_size))  // the rest follows
-      while (::poll(&ready, 1, 2) > 0 && ::read(pty_.get(), bytes.data(), bytes.size()) > 0) {}
+      while (::poll(&ready, 1, 2) > 0 && ::read(pty_.get(), bytes.data(), bytes.size()) > 0) {
+      }
     return 1e6 * seconds(end - begin);
   }
 

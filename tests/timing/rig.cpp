@@ -138,7 +138,8 @@ PtyReaders::PtyReaders(std::vector<std::string> links)
           }
           ::poll(ready.data(), ready.size(), 50);
           for (const pollfd& one : ready)
-            if ((one.revents & POLLIN) != 0) [[maybe_unused]] const auto n = ::read(one.fd, buffer.data(), buffer.size());
+            if ((one.revents & POLLIN) != 0) [[maybe_unused]]
+              const auto n = ::read(one.fd, buffer.data(), buffer.size());
         }
       }) {}
 
@@ -177,11 +178,13 @@ std::vector<double> DatagramTimes::take() {
 }
 
 std::string config(int truth_port, const std::string& realtime, int imus, const std::string& imu) {
-  std::string text = fmt::format("clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:{}\"\ndelay_ms = 20\n[realtime]\n{}\n",
-                                 truth_port, realtime);
+  std::string text =
+      fmt::format("clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:{}\"\ndelay_ms = 20\n[realtime]\n{}\n",
+                  truth_port, realtime);
   for (int i = 0; i < imus; ++i)
     text += fmt::format(
-        "[[imu]]\nname = \"imu{}\"\nprotocol = \"native\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n{}\n",
+        "[[imu]]\nname = \"imu{}\"\nprotocol = \"native\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = "
+        "100\n{}\n",
         i, fmt::format(fmt::runtime(imu), i, 62.5 * i));
   return text;
 }
@@ -208,7 +211,9 @@ namespace {
 double children_cpu_s() {
   rusage used{};
   ::getrusage(RUSAGE_CHILDREN, &used);
-  const auto s = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  const auto s = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
   return s(used.ru_utime) + s(used.ru_stime);
 }
 }  // namespace
@@ -220,8 +225,8 @@ Run run_imud(const Folder& folder, const std::string& config, int truth_port, do
   Run run;
   {
     Program imud("imud");
-    imud.start({"run", folder / "config.toml", "--for", fmt::format("{}", duration_s), "--summary", folder / "summary.json",
-                "--log-every", "0"});
+    imud.start({"run", folder / "config.toml", "--for", fmt::format("{}", duration_s), "--summary",
+                folder / "summary.json", "--log-every", "0"});
     const PtyReaders readers(std::move(links));
     const Simulator simulator(truth_port);
     const int code = imud.wait(std::chrono::milliseconds(static_cast<int>(1e3 * duration_s) + 20'000));
@@ -235,8 +240,8 @@ Run run_imud(const Folder& folder, const std::string& config, int truth_port, do
 
 Percentiles cyclictest(double duration_s, std::uint64_t* missed) {
   const ProgramResult result = run_program(
-      "/usr/bin/cyclictest", {"-q", "-m", "-t", "1", "-p", "70", "-i", "1000", "-D", fmt::format("{:.0f}s", duration_s),
-                              "-h", "50000"});
+      "/usr/bin/cyclictest",
+      {"-q", "-m", "-t", "1", "-p", "70", "-i", "1000", "-D", fmt::format("{:.0f}s", duration_s), "-h", "50000"});
   if (result.exit_code != 0) throw std::runtime_error("cyclictest (Debian's rt-tests) failed: " + result.errors);
   // Rows "microseconds count".
   std::vector<std::pair<double, std::uint64_t>> rows;

@@ -50,7 +50,8 @@ class Simulator {
   std::jthread thread_;
 };
 
-// Reads from the ptys behind these links, as soon as they are there, as a flight computer does; throws the bytes away.
+// Reads from the ptys behind these links, as soon as they are there, as a flight computer does; throws the bytes
+// away.
 class PtyReaders {
  public:
   explicit PtyReaders(std::vector<std::string> links);
@@ -59,7 +60,8 @@ class PtyReaders {
   std::jthread thread_;
 };
 
-// Notes when each datagram to it was sent: the kernel's receive time stamp, which on loopback the sender's call makes.
+// Notes when each datagram to it was sent: the kernel's receive time stamp, which on loopback the sender's call
+// makes.
 class DatagramTimes {
  public:
   DatagramTimes();
@@ -74,7 +76,8 @@ class DatagramTimes {
   std::jthread thread_;
 };
 
-// The configuration of `imus` imus; keys of the first table and of each imu ("{0}": its number; "{1}": 62.5 times that).
+// The configuration of `imus` imus; keys of the first table and of each imu ("{0}": its number; "{1}": 62.5 times
+// that).
 std::string config(int truth_port, const std::string& realtime, int imus, const std::string& imu);
 
 struct Run {

@@ -37,18 +37,21 @@ std::vector<std::string> links(const Folder& folder, int n) {
 }
 
 void against_cyclictest(const Folder& folder, int rounds, double s) {
-  fmt::print("\nLateness of the write against cyclictest's wake-ups, 1 kHz, one pty; us, medians of {} rounds of {} s each\n",
-             rounds, s);
+  fmt::print(
+      "\nLateness of the write against cyclictest's wake-ups, 1 kHz, one pty; us, medians of {} rounds of {} s "
+      "each\n",
+      rounds, s);
   const int port = free_udp_port();
   std::vector<Percentiles> bare, plain, spin;
   std::vector<double> cpu, cpu_spin;
   for (int i = 0; i < rounds; ++i) {
     bare.push_back(cyclictest(s));
-    const Run without = run_imud(folder, config(port, "", 1, "rate_hz = 1000\n" + pty(folder)), port, s, links(folder, 1));
+    const Run without =
+        run_imud(folder, config(port, "", 1, "rate_hz = 1000\n" + pty(folder)), port, s, links(folder, 1));
     plain.push_back(without.lateness());
     cpu.push_back(without.cpu_s / s);
-    const Run with =
-        run_imud(folder, config(port, "spin_us = 100", 1, "rate_hz = 1000\n" + pty(folder)), port, s, links(folder, 1));
+    const Run with = run_imud(folder, config(port, "spin_us = 100", 1, "rate_hz = 1000\n" + pty(folder)), port, s,
+                              links(folder, 1));
     spin.push_back(with.lateness());
     cpu_spin.push_back(with.cpu_s / s);
   }
@@ -85,9 +88,9 @@ void many_imus(const Folder& folder, int rounds, double s) {
     bare.push_back(cyclictest(s, &bare_missed));
     for (Case& c : cases) {
       const int port = free_udp_port();
-      const Run run = run_imud(
-          folder, config(port, "", c.imus, fmt::format("rate_hz = {}\n{}", c.rate_hz, c.keys) + pty(folder)), port, s,
-          links(folder, c.imus));
+      const Run run =
+          run_imud(folder, config(port, "", c.imus, fmt::format("rate_hz = {}\n{}", c.rate_hz, c.keys) + pty(folder)),
+                   port, s, links(folder, c.imus));
       c.late.push_back(run.lateness());
       c.missed += run.count("missed");
       c.dropped += run.count("dropped");
@@ -107,14 +110,14 @@ void many_imus(const Folder& folder, int rounds, double s) {
   }
 }
 
-// The line's slope, as the median of the slopes between samples half the run apart: a hold-up of some ms does not tilt it
-// as it tilts that of the least squares.
-// `at_once`: so many leave at each instant.
+// The line's slope, as the median of the slopes between samples half the run apart: a hold-up of some ms does not
+// tilt it as it tilts that of the least squares. `at_once`: so many leave at each instant.
 double fitted_step(const std::vector<double>& t, std::size_t at_once) {
   std::size_t half = t.size() / 2;
   half -= half % at_once;
   std::vector<double> slopes;
-  for (std::size_t i = 0; i + half < t.size(); ++i) slopes.push_back((t[i + half] - t[i]) / static_cast<double>(half));
+  for (std::size_t i = 0; i + half < t.size(); ++i)
+    slopes.push_back((t[i + half] - t[i]) / static_cast<double>(half));
   return median(slopes);
 }
 
@@ -154,7 +157,8 @@ void latency(const Folder& folder, int steps) {
   const Percentiles relay = of(all.relay), imud = of(all.imud);
   row("bare relay", relay);
   row("imud", imud);
-  say("p50 at most 1.5 x the relay's", ratio(imud.p50, relay.p50) <= 1.5, fmt::format("{:.2f} x", ratio(imud.p50, relay.p50)));
+  say("p50 at most 1.5 x the relay's", ratio(imud.p50, relay.p50) <= 1.5,
+      fmt::format("{:.2f} x", ratio(imud.p50, relay.p50)));
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
-#include "tools/duration_text.hpp"
 #include "tools/stream_statistics.hpp"
 
 #include <gtest/gtest.h>
 
 #include "tests/tools/sample_stream.hpp"
+#include "tools/duration_text.hpp"
 
 namespace imud {
 namespace {

@@ -68,7 +68,7 @@ TEST_F(PacedWriting, ACharacterHasStartParityAndStopBits) {
 
 TEST_F(PacedWriting, AFrameBeginsWhenTheOneBeforeIsOut) {
   queue(10, microseconds(0));
-  queue(10, microseconds(2000));   // begins at 10 ms
+  queue(10, microseconds(2000));  // begins at 10 ms
   EXPECT_EQ(run(microseconds(20'000)), (Portions{{14'000, 14}, {20'000, 6}}));
   queue(5, microseconds(50'000));  // the line was idle
   queue(1, microseconds(50'000));

@@ -32,7 +32,8 @@ class PtyLine : public ::testing::Test {
   }
   static Bytes read_all(int fd) {
     Bytes all;
-    for (auto some = read_some(fd); !some.empty(); some = read_some(fd)) all.insert(all.end(), some.begin(), some.end());
+    for (auto some = read_some(fd); !some.empty(); some = read_some(fd))
+      all.insert(all.end(), some.begin(), some.end());
     return all;
   }
   static Bytes together(std::span<const Frame> some) {

@@ -51,7 +51,8 @@ TEST(UartWire, SpeedsThatAreNearlyEqualAreUnderstood) {
         EXPECT_TRUE(understand(115'200, baud, line)) << baud;
         EXPECT_EQ(received(line, baud, sent), sent) << baud;
       }
-  // The stop bit's middle is 9.5 bits after the edge, so that 10 / 9.5 is the limit: 5.26 %; with parity 11 / 10.5, 4.76 %.
+  // The stop bit's middle is 9.5 bits after the edge, so that 10 / 9.5 is the limit: 5.26 %; with parity 11
+  // / 10.5, 4.76 %.
   EXPECT_TRUE(understand(100'000, 105'200, {}));
   EXPECT_FALSE(understand(100'000, 105'300, {}));
   EXPECT_FALSE(understand(105'300, 100'000, {}));
@@ -61,17 +62,17 @@ TEST(UartWire, SpeedsThatAreNearlyEqualAreUnderstood) {
 
 TEST(UartWire, AReceiverAtTwiceTheSpeed) {
   // U is 0x55: start 0, data 1 0 1 0 1 0 1 0, stop 1. In bits of the receiver, of which each sees the half of one:
-  // 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1, then idle 1. Bit 0 starts a character, 1 to 8 are its data, 0 1 1 0 0 1 1 0,
-  // least significant first: 0x66; bit 9, a stop bit by rights, is 0. The next edge down is that of bit 12; data 13 to 20:
-  // 0 1 1 0 0 1 1 1: 0xE6.
+  // 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1, then idle 1. Bit 0 starts a character, 1 to 8 are its data, 0 1 1 0 0 1
+  // 1 0, least significant first: 0x66; bit 9, a stop bit by rights, is 0. The next edge down is that of bit 12; data
+  // 13 to 20: 0 1 1 0 0 1 1 1: 0xE6.
   EXPECT_EQ(received({9600}, 19'200, bytes({0x55})), bytes({0x66, 0xE6}));
   // 0xFF is low for the start bit alone, two bits of the receiver: a start bit and a first data bit 0.
   EXPECT_EQ(received({9600}, 19'200, bytes({0xFF})), bytes({0xFE}));
 }
 
 TEST(UartWire, AReceiverThatIsSlower) {
-  // 0x00 is low for nine bits. Three times as slow, samples fall at 1.5, 4.5, 7.5 bits of the sender: start and two data
-  // bits; from 10.5 on the line is idle: 1.
+  // 0x00 is low for nine bits. Three times as slow, samples fall at 1.5, 4.5, 7.5 bits of the sender: start and two
+  // data bits; from 10.5 on the line is idle: 1.
   EXPECT_EQ(received({28'800}, 9600, bytes({0x00})), bytes({0xFC}));
   // At half the speed at 1, 3, 5, 7 and 9, where the stop bit has just begun.
   EXPECT_EQ(received({19'200}, 9600, bytes({0x00})), bytes({0xF8}));
