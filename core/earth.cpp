@@ -24,7 +24,7 @@ Vector3 from_geodetic(double latitude, double longitude, double height) {
 }
 
 // Bowring's iteration on the reduced latitude, from the outside in (Bowring, Survey Review 23, 1976).
-void to_geodetic(const Vector3& r, Place& place) {
+void to_geodetic(const Vector3& r, Navigation& navigation) {
   const double p = std::sqrt(r.x() * r.x() + r.y() * r.y());
   double sin_beta = r.z(), cos_beta = (1.0 - f) * p, sin = 0, cos = 1;
   for (int i = 0; i < 4; ++i) {
@@ -39,9 +39,9 @@ void to_geodetic(const Vector3& r, Place& place) {
   const double norm = std::sqrt(sin * sin + cos * cos);
   sin /= norm;
   cos /= norm;
-  place.latitude = elementary::atan2(sin, cos);
-  place.longitude = elementary::atan2(r.y(), r.x());
-  place.height = p * cos + r.z() * sin - a * std::sqrt(1.0 - e2 * sin * sin);
+  navigation.latitude = elementary::atan2(sin, cos);
+  navigation.longitude = elementary::atan2(r.y(), r.x());
+  navigation.height = p * cos + r.z() * sin - a * std::sqrt(1.0 - e2 * sin * sin);
 }
 
 }  // namespace
@@ -117,38 +117,38 @@ Quaternion Earth::q_NE(TruthTime time) const noexcept {
   return {cos, 0.0, 0.0, sin};
 }
 
-Place Earth::place(const Position& position) const noexcept {
-  Place place;
-  if (!is_on() || !position.is_known) return place;
+Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
+  Navigation navigation;
+  if (!is_on() || !position.is_known) return navigation;
   if (model_.frame == EarthModel::Frame::local) {
-    place.r_E = origin_E_ + q_EN_local_ * position.r_N;
-    place.v_L = q_EN_local_ * position.v_N;
+    navigation.r_E = origin_E_ + q_EN_local_ * position.r_N;
+    navigation.v_L = q_EN_local_ * position.v_N;
   } else {
     const Quaternion q_EN = q_NE(position.time).conjugate();
-    place.r_E = q_EN * position.r_N;
-    place.v_L = q_EN * position.v_N - Vector3(0, 0, units::earth_rate).cross(place.r_E);
+    navigation.r_E = q_EN * position.r_N;
+    navigation.v_L = q_EN * position.v_N - Vector3(0, 0, units::earth_rate).cross(navigation.r_E);
   }
   constexpr double deepest = 6'256'000.0;
-  if (!(place.r_E.squaredNorm() > deepest * deepest)) return Place{};
-  place.is_known = true;
-  place.gps_ns = model_.start_gps_ns + (position.time - TruthTime{}).count();
-  to_geodetic(place.r_E, place);
-  place.v_L = dcm_EL(place.latitude, place.longitude).transpose() * place.v_L;
-  return place;
+  if (!(navigation.r_E.squaredNorm() > deepest * deepest)) return Navigation{};
+  navigation.is_known = true;
+  navigation.gps_ns = model_.start_gps_ns + (position.time - TruthTime{}).count();
+  to_geodetic(navigation.r_E, navigation);
+  navigation.v_L = dcm_EL(navigation.latitude, navigation.longitude).transpose() * navigation.v_L;
+  return navigation;
 }
 
-Quaternion Earth::q_LN(TruthTime time, const Place& place) const noexcept {
-  const Quaternion q_LE(dcm_EL(place.latitude, place.longitude).transpose());
+Quaternion Earth::q_LN(TruthTime time, const Navigation& navigation) const noexcept {
+  const Quaternion q_LE(dcm_EL(navigation.latitude, navigation.longitude).transpose());
   return q_LE * (model_.frame == EarthModel::Frame::local ? q_EN_local_ : q_NE(time).conjugate());
 }
 
-Vector3 Earth::magnetic_field_L(const Place& place) const noexcept {
+Vector3 Earth::magnetic_field_L(const Navigation& navigation) const noexcept {
   constexpr double reference = 6'371'200.0;  // m
-  const double r = place.r_E.norm();
-  const Vector3 up = place.r_E / r;
+  const double r = navigation.r_E.norm();
+  const Vector3 up = navigation.r_E / r;
   const double ratio = reference / r;
   const Vector3 field_E = ratio * ratio * ratio * (3.0 * dipole_.dot(up) * up - dipole_);
-  return dcm_EL(place.latitude, place.longitude).transpose() * field_E;
+  return dcm_EL(navigation.latitude, navigation.longitude).transpose() * field_E;
 }
 
 }  // namespace imud

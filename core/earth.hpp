@@ -39,14 +39,14 @@ class Earth {
 
   bool is_on() const noexcept { return model_.frame != EarthModel::Frame::none; }
   // Of a point whose position the truth knows; unknown below the surface by more than 100 km, where no sensor works.
-  Place place(const Position& position) const noexcept;
-  // From N to north-east-down at `place`.
-  Quaternion q_LN(TruthTime time, const Place& place) const noexcept;
+  Navigation navigation(const PositionVelocity& position) const noexcept;
+  // From N to north-east-down at `navigation`.
+  Quaternion q_LN(TruthTime time, const Navigation& navigation) const noexcept;
   // T, in L: the dipole of IGRF-14 (first degree, 2025, with its secular variation) at the model's start.
-  Vector3 magnetic_field_L(const Place& place) const noexcept;
+  Vector3 magnetic_field_L(const Navigation& navigation) const noexcept;
   // Pa.
-  double pressure(const Place& place) const noexcept {
-    return standard_pressure(geopotential_altitude(place.height));
+  double pressure(const Navigation& navigation) const noexcept {
+    return standard_pressure(geopotential_altitude(navigation.height));
   }
 
  private:

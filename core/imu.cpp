@@ -64,12 +64,12 @@ void Imu::follow(const Timeline& timeline, TruthTime until) noexcept {
 }
 
 // Takes the sums from reached_ to `end`, truth by truth, as the motion is smooth only between two of them.
-void Imu::accumulate(const Timeline& timeline, const State& end) noexcept {
-  if (reached_.basis != State::Basis::interpolated || timeline.revision() != revision_) {
+void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept {
+  if (reached_.basis != MotionState::Basis::interpolated || timeline.revision() != revision_) {
     // What was extrapolated at the last sample, or interpolated across a truth that was late, may be known by now:
     // the difference goes into these increments.
     revision_ = timeline.revision();
-    const State known = timeline.at(reached_.time);
+    const MotionState known = timeline.at(reached_.time);
     angle_sum_B_ += log(reached_.q_NB.conjugate() * known.q_NB);
     velocity_sum_B_ += known.q_NB.conjugate() * (known.dv_N - reached_.dv_N);
     reached_ = known;
@@ -89,11 +89,11 @@ void Imu::accumulate(const Timeline& timeline, const State& end) noexcept {
 // Of the specific force f only its given integral V is used. By parts, in moving axes:
 //   integral of f = u2 + integral of omega x u,   u = C_BN (V - V1),   u' = f - omega x u,   u1 = 0;
 // so the sums agree with V whatever the rule's error, which touches only the second, small term.
-void Imu::add_piece(const State& end) noexcept {
-  const State& begin = reached_;
+void Imu::add_piece(const MotionState& end) noexcept {
+  const MotionState& begin = reached_;
   const double h = seconds(end.time - begin.time);
   const Vector3 u2 = end.q_NB.conjugate() * (end.dv_N - begin.dv_N);
-  if (begin.basis == State::Basis::held || end.basis == State::Basis::held) {
+  if (begin.basis == MotionState::Basis::held || end.basis == MotionState::Basis::held) {
     // The motion began or stopped somewhere on the way; f is constant.
     angle_sum_B_ += log(begin.q_NB.conjugate() * end.q_NB);
     velocity_sum_B_ += model_.delta_velocity == DeltaVelocity::integral ? Vector3(h * end.specific_force_B) : u2;
@@ -123,12 +123,12 @@ void Imu::add_piece(const State& end) noexcept {
   reached_ = end;
 }
 
-Vector3 Imu::true_delta_angle_B(const State& now) const noexcept {
+Vector3 Imu::true_delta_angle_B(const MotionState& now) const noexcept {
   if (model_.delta_angle == DeltaAngle::integral) return angle_sum_B_;
   return log(last_.q_NB.conjugate() * now.q_NB);
 }
 
-Vector3 Imu::true_delta_velocity_B(const State& now) const noexcept {
+Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   const Vector3& r = model_.r_SB_B;
   switch (model_.delta_velocity) {
     case DeltaVelocity::memo:
@@ -143,7 +143,7 @@ Vector3 Imu::true_delta_velocity_B(const State& now) const noexcept {
 }
 
 Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
-  const State now = timeline.at(time);
+  const MotionState now = timeline.at(time);
   Sample out;
   out.time = stamp;
   out.counter = counter_;
@@ -183,31 +183,31 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
   if (earth_.is_on()) sense_earth(timeline, now, out);
   out.status =
       gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
-  if (now.basis != State::Basis::interpolated) out.status |= status::truth_extrapolated;
-  if (now.basis == State::Basis::held) out.status |= status::truth_stale;
+  if (now.basis != MotionState::Basis::interpolated) out.status |= status::truth_extrapolated;
+  if (now.basis == MotionState::Basis::held) out.status |= status::truth_stale;
   ++counter_;
   return out;
 }
 
-void Imu::sense_earth(const Timeline& timeline, const State& now, Sample& out) noexcept {
-  Position position = timeline.position(now.time);
+void Imu::sense_earth(const Timeline& timeline, const MotionState& now, Sample& out) noexcept {
+  PositionVelocity position = timeline.position(now.time);
   position.r_N += now.q_NB * model_.r_SB_B;
   position.v_N += now.q_NB * now.omega_BN_B.cross(model_.r_SB_B);
-  out.place = earth_.place(position);
-  if (out.place.is_known) {
+  out.navigation = earth_.navigation(position);
+  if (out.navigation.is_known) {
     // What is held stays where it is on the Earth.
-    if (now.basis == State::Basis::held) out.place.v_L.setZero();
-    out.place.gps_ns += (now.time - position.time).count();
-    out.q_LP = earth_.q_LN(position.time, out.place) * out.q_LP;
-    out.magnetic_field = out.q_LP.conjugate() * earth_.magnetic_field_L(out.place);
-    out.pressure = earth_.pressure(out.place) + model_.barometer.bias;
+    if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
+    out.navigation.gps_ns += (now.time - position.time).count();
+    out.q_LP = earth_.q_LN(position.time, out.navigation) * out.q_LP;
+    out.magnetic_field = out.q_LP.conjugate() * earth_.magnetic_field_L(out.navigation);
+    out.pressure = earth_.pressure(out.navigation) + model_.barometer.bias;
     if (model_.barometer.noise > 0)
       out.pressure += model_.barometer.noise * normals_(Quantity::pressure, Process::gauss_markov, counter_).x();
     out.pressure = std::max(out.pressure, 0.0);
   }
   Vector3 field = out.magnetic_field, increment = Vector3::Zero();
   magnetometer_.apply(normals_, counter_, 0.0, field, increment);  // its walk goes on
-  if (out.place.is_known) out.magnetic_field = field;
+  if (out.navigation.is_known) out.magnetic_field = field;
 }
 
 namespace {

@@ -117,11 +117,11 @@ class Imu {
     Vector3 remainder = Vector3::Zero();
   };
 
-  void accumulate(const Timeline& timeline, const State& end) noexcept;
-  void add_piece(const State& end) noexcept;
-  void sense_earth(const Timeline& timeline, const State& now, Sample& out) noexcept;
-  Vector3 true_delta_angle_B(const State& now) const noexcept;
-  Vector3 true_delta_velocity_B(const State& now) const noexcept;
+  void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
+  void add_piece(const MotionState& end) noexcept;
+  void sense_earth(const Timeline& timeline, const MotionState& now, Sample& out) noexcept;
+  Vector3 true_delta_angle_B(const MotionState& now) const noexcept;
+  Vector3 true_delta_velocity_B(const MotionState& now) const noexcept;
 
   ImuModel model_;
   Quaternion q_BP_;
@@ -132,9 +132,9 @@ class Imu {
   Triad magnetometer_;
   std::uint64_t counter_ = 0;
   bool in_run_ = false;
-  State last_;                  // at the last sample, as it was output
+  MotionState last_;            // at the last sample, as it was output
   TruthTime last_time_;         // which is not last_'s if that truth is kept no longer
-  State reached_;               // how far the sums below go
+  MotionState reached_;         // how far the sums below go
   std::uint32_t revision_ = 0;  // of the timeline that said so
   Vector3 angle_sum_B_;         // integral of the rate since last_
   Vector3 velocity_sum_B_;      // of the specific force of B's origin, by model_.delta_velocity

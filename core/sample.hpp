@@ -18,7 +18,7 @@ inline constexpr std::uint32_t not_valid = 1U << 8;           // so the sensor i
 }  // namespace status
 
 // Where on Earth a sample was taken, and when, as the truth has it, without errors (frames E and L: core/README.md).
-struct Place {
+struct Navigation {
   bool is_known = false;               // or all the rest is 0
   std::int64_t gps_ns = 0;             // GPS time, since 1980-01-06
   double latitude = 0, longitude = 0;  // rad, geodetic, WGS 84
@@ -38,7 +38,7 @@ struct Sample {
   // For devices that know more than an IMU does. True attitude of the platform relative to north-east-down, v_L =
   // q_LP * v_P; where the truth's N is not known to stand to the Earth, N is taken for L.
   Quaternion q_LP = Quaternion::Identity();
-  Place place;                               // true, of the sensor's point
+  Navigation navigation;                     // true, of the sensor's point
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
   double pressure = 0;                       // Pa; likewise
   std::uint32_t status = 0;

@@ -12,18 +12,18 @@ using Nanoseconds = std::chrono::nanoseconds;
 // One instant of the clock `Clock`, in ns since that clock's own epoch. Instants of different clocks neither
 // compare nor subtract; two instants never add. Only durations (Nanoseconds) cross from one clock to another.
 template <class Clock>
-struct Instant {
+struct TimePoint {
   std::int64_t ns = 0;
 
-  constexpr auto operator<=>(const Instant&) const = default;
-  friend constexpr Instant operator+(Instant t, Nanoseconds d) { return {t.ns + d.count()}; }
-  friend constexpr Instant operator-(Instant t, Nanoseconds d) { return {t.ns - d.count()}; }
-  friend constexpr Nanoseconds operator-(Instant a, Instant b) { return Nanoseconds{a.ns - b.ns}; }
+  constexpr auto operator<=>(const TimePoint&) const = default;
+  friend constexpr TimePoint operator+(TimePoint t, Nanoseconds d) { return {t.ns + d.count()}; }
+  friend constexpr TimePoint operator-(TimePoint t, Nanoseconds d) { return {t.ns - d.count()}; }
+  friend constexpr Nanoseconds operator-(TimePoint a, TimePoint b) { return Nanoseconds{a.ns - b.ns}; }
 };
 
-using TruthTime = Instant<struct OfTruth>;    // the simulator's own time
-using HostTime = Instant<struct OfHost>;      // CLOCK_MONOTONIC, or a capture's time stamps
-using DeviceTime = Instant<struct OfDevice>;  // what the emulated sensor believes
+using TruthTime = TimePoint<struct OfTruth>;    // the simulator's own time
+using HostTime = TimePoint<struct OfHost>;      // CLOCK_MONOTONIC, or a capture's time stamps
+using DeviceTime = TimePoint<struct OfDevice>;  // what the emulated sensor believes
 
 constexpr double seconds(Nanoseconds d) { return static_cast<double>(d.count()) * 1e-9; }
 // To the nearest; within +-292 years.

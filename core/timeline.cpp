@@ -222,26 +222,26 @@ std::size_t Timeline::segment_end(TruthTime time) const noexcept {
   return low;
 }
 
-State Timeline::at(TruthTime time) const noexcept {
+MotionState Timeline::at(TruthTime time) const noexcept {
   if (time > newest()) return extrapolate(time);
   if (time <= knot(0).state.time) return time < run_start_ && is_whole() ? before_run(time) : knot(0).state;
   const std::size_t end = segment_end(time);
   const Knot& k = knot(end);
   if (time == k.state.time) return k.state;
   const Knot& begin = knot(end - 1);
-  State state = interpolate(begin, k, seconds(time - begin.state.time) / k.h_s);
+  MotionState state = interpolate(begin, k, seconds(time - begin.state.time) / k.h_s);
   state.time = time;
   return state;
 }
 
-State Timeline::interpolate(const Knot& begin, const Knot& end, double s) noexcept {
+MotionState Timeline::interpolate(const Knot& begin, const Knot& end, double s) noexcept {
   const Hermite value = Hermite::value(s);
   const Hermite derivative = Hermite::derivative(s);
   const double h = end.h_s;
   const double inverse_h = 1.0 / h;
   const Vector3 phi = value(h * begin.state.omega_BN_B, end.phi, h * end.phi_slope);
   const Vector3 phi_dot = derivative(begin.state.omega_BN_B, inverse_h * end.phi, end.phi_slope);
-  State state;
+  MotionState state;
   state.q_NB = begin.state.q_NB * exp(phi);
   state.omega_BN_B = right_jacobian(phi, phi_dot);
   state.omegaDot_BN_B = (1.0 - s) * end.omegaDot_begin + s * end.omegaDot_end;
@@ -257,9 +257,9 @@ State Timeline::interpolate(const Knot& begin, const Knot& end, double s) noexce
   return state;
 }
 
-State Timeline::extrapolate(TruthTime time) const noexcept {
+MotionState Timeline::extrapolate(TruthTime time) const noexcept {
   const Knot& last = knot(count_ - 1);
-  State state = last.state;
+  MotionState state = last.state;
   state.time = time;
   const Nanoseconds ahead = time - last.state.time;
   const double dt = seconds(std::min(ahead, limits_.extrapolate));
@@ -269,10 +269,10 @@ State Timeline::extrapolate(TruthTime time) const noexcept {
   state.q_NB = last.state.q_NB * exp(phi);
   state.omega_BN_B = right_jacobian(phi, phi_dot);
   if (ahead <= limits_.extrapolate) {
-    state.basis = State::Basis::extrapolated;
+    state.basis = MotionState::Basis::extrapolated;
     return state;
   }
-  state.basis = State::Basis::held;
+  state.basis = MotionState::Basis::held;
   state.omega_BN_B.setZero();
   state.omegaDot_BN_B.setZero();
   state.dv_N += seconds(ahead - limits_.extrapolate) * (state.q_NB * state.specific_force_B);
@@ -280,21 +280,21 @@ State Timeline::extrapolate(TruthTime time) const noexcept {
 }
 
 // As if it had waited there.
-State Timeline::before_run(TruthTime time) const noexcept {
-  State state = knot(0).state;
+MotionState Timeline::before_run(TruthTime time) const noexcept {
+  MotionState state = knot(0).state;
   state.dv_N -= seconds(state.time - time) * (state.q_NB * state.specific_force_B);
   state.time = time;
-  state.basis = State::Basis::held;
+  state.basis = MotionState::Basis::held;
   state.omega_BN_B.setZero();
   state.omegaDot_BN_B.setZero();
   return state;
 }
 
-Position Timeline::position(TruthTime time) const noexcept {
+PositionVelocity Timeline::position(TruthTime time) const noexcept {
   const Knot& oldest = knot(0);
   if (time <= oldest.state.time) return oldest.position;
   if (time > newest()) {
-    Position position = knot(count_ - 1).position;
+    PositionVelocity position = knot(count_ - 1).position;
     const Nanoseconds ahead = std::min(time - newest(), limits_.extrapolate);
     position.time = position.time + ahead;
     position.r_N += seconds(ahead) * position.v_N;

@@ -12,7 +12,7 @@
 namespace imud {
 
 // The vehicle at one instant.
-struct State {
+struct MotionState {
   enum class Basis : std::uint8_t {
     interpolated,  // between two truths, or at one
     extrapolated,  // after the newest truth
@@ -29,7 +29,7 @@ struct State {
 };
 
 // Where a point is, and how fast.
-struct Position {
+struct PositionVelocity {
   bool is_known = false;
   TruthTime time;                 // of these; while motion is held, of its last moment
   Vector3 r_N = Vector3::Zero();  // m
@@ -95,12 +95,12 @@ class Timeline {
 
   // The state at `time`, however late or early: held where there is no truth. What was forgotten for want of room is
   // the state at the oldest truth kept. Not if empty().
-  State at(TruthTime time) const noexcept;
+  MotionState at(TruthTime time) const noexcept;
 
   // Of B's origin at `time`: between two truths that know it the cubic Hermite curve on position and velocity; after
   // the newest with its velocity, until motion is held. Unknown between a truth that knows it and one that does not.
   // Not if empty().
-  Position position(TruthTime time) const noexcept;
+  PositionVelocity position(TruthTime time) const noexcept;
 
   // The first truth after `time`, or `never` if there is none: what at() gives is smooth up to there.
   TruthTime next_truth(TruthTime time) const noexcept;
@@ -110,8 +110,8 @@ class Timeline {
 
  private:
   struct Knot {
-    State state;  // at this truth
-    Position position;
+    MotionState state;  // at this truth
+    PositionVelocity position;
     AccumulatedDv accumulated_dv = AccumulatedDv::none;
     Vector3 accumulated_dv_B = Vector3::Zero();
     bool has_specific_force = false;
@@ -139,9 +139,9 @@ class Timeline {
   static void place(const Truth& truth, Knot& knot) noexcept;
   static void link(const Knot& before, Knot& knot) noexcept;
   std::size_t segment_end(TruthTime time) const noexcept;
-  static State interpolate(const Knot& begin, const Knot& end, double s) noexcept;
-  State extrapolate(TruthTime time) const noexcept;
-  State before_run(TruthTime time) const noexcept;
+  static MotionState interpolate(const Knot& begin, const Knot& end, double s) noexcept;
+  MotionState extrapolate(TruthTime time) const noexcept;
+  MotionState before_run(TruthTime time) const noexcept;
 
   Limits limits_;
   std::vector<Knot> knots_;  // ring

@@ -56,7 +56,7 @@ void read_mounting(TableReader table, ImuModel& model) {
 }
 
 // The port of a device whose UART is set so: that is what a serial port is opened with, and a pty begins with.
-std::string with_line(TableReader& table, const std::string& port, const LineSettings& line) {
+std::string with_line(TableReader& table, const std::string& port, const UartSettings& line) {
   const PortSpec spec = PortSpec::parse(port);
   if (spec.scheme != "serial" && spec.scheme != "pty") return port;
   for (const char* key : {"baud", "parity", "stop", "bits"})
@@ -114,14 +114,14 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const std::string protocol = table.text("protocol", "");
   imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
   std::optional<Product> product;
-  LineSettings line;
+  UartSettings line;
   if (imu.protocol != nullptr) {
     TableReader device = table.child("device");
     imu.settings = read_settings(device, imu.protocol->settings);
     device.finish();
     try {
       if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
-      line = imu.protocol->make(imu.settings)->line();
+      line = imu.protocol->make(imu.settings)->uart();
     } catch (const std::invalid_argument& error) {
       table.fault("device", error.what());
       imu.settings = Settings(imu.protocol->settings);

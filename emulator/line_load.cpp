@@ -80,7 +80,7 @@ LineLoad product_load(const ImuConfig& imu) {
     for (const Frame& frame : frames->frames()) bytes += frame.bytes.size();
     load.frames_per_s += static_cast<double>(frames->frames().size());
   }
-  const LineSettings line = device->line();
+  const UartSettings line = device->uart();
   load.bits_per_s = static_cast<double>(bytes) * line.bits_per_character();
   load.line_bits_per_s = line.baud;
   if (line.baud != 0) load.percent = 100.0 * load.bits_per_s / line.baud;

@@ -25,7 +25,7 @@ Session::Unit::Unit(const ImuConfig& config, std::uint64_t seed, std::unique_ptr
       device(config.protocol->make(config.settings)),
       port(std::move(opened)),
       waits_for_reader(config.protocol->link == Link::bytes),
-      line(device->line()) {}
+      line(device->uart()) {}
 
 Session::Session(const Config& config, const std::atomic<bool>& stop, const OpenPort& open)
     : stop_(stop),
@@ -90,6 +90,7 @@ void Session::prepare(TruthTime time, DeviceTime stamp) noexcept {
   if (!unit.silent) {
     if (unit.sync) unit.sync->tell(*unit.device, time, stamp);
     if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
+    unit.now = sample.time;
     unit.device->sample(sample, unit.frames);
   }
   prepared_.push_back(&unit);
@@ -131,14 +132,14 @@ void Session::hand_over(Unit& unit) noexcept {
 void Session::restart_if_asked() noexcept {
   if (!prepared_.empty() || !restart_.exchange(false, std::memory_order_relaxed)) return;
   for (const auto& unit : units_) {
-    unit->device->restart();
+    unit->device->power_on(unit->now);
     follow_line(*unit);
   }
 }
 
 // A device answers at the old rate, then it is at the new one.
 void Session::follow_line(Unit& unit) noexcept {
-  const LineSettings line = unit.device->line();
+  const UartSettings line = unit.device->uart();
   if (line == unit.line) return;
   unit.line = line;
   unit.port->set_line(line);
@@ -189,7 +190,7 @@ bool Session::serve_host(Unit& unit) noexcept {
     if (!received) return heard > 0;
     heard += per_frame + received->frame.bytes.size();
     replies_.clear();
-    unit.device->receive(received->frame, replies_);
+    unit.device->receive(received->frame, unit.now, replies_);
     if (!replies_.frames().empty()) {
       unit.port->reply(replies_.frames());
       unit.handed += replies_.frames().size();

@@ -136,9 +136,10 @@ class Session {
     bool reader_stalls = false;
     bool has_sampled = false;  // in this run
     std::uint64_t handed = 0;  // frames given to the port
-    LineSettings line;         // of the device, as the port knows it
+    UartSettings line;         // of the device, as the port knows it
     FrameBuffer frames;        // of the sample prepared, and its
     std::uint32_t status = 0;
+    DeviceTime now;  // of the last sample
     bool silent = false;
     ImuCounters counters;
   };

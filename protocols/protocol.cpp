@@ -2,9 +2,12 @@
 
 namespace imud {
 
-void Device::receive(const Frame&, FrameBuffer&) noexcept {}
-void Device::restart() noexcept {}
-LineSettings Device::line() const noexcept { return {}; }
+void Device::power_on(DeviceTime) noexcept {}
+void Device::receive(const Frame&, DeviceTime, FrameBuffer&) noexcept {}
+std::optional<DeviceTime> Device::deadline() const noexcept { return std::nullopt; }
+void Device::poll(DeviceTime, FrameBuffer&) noexcept {}
+void Device::step_clock(Nanoseconds) noexcept {}
+UartSettings Device::uart() const noexcept { return {}; }
 void Device::trigger(DeviceTime) noexcept {}
 void Device::pps(DeviceTime) noexcept {}
 std::optional<Device::Pulse> Device::pulse() const noexcept { return std::nullopt; }

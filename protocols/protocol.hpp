@@ -10,33 +10,48 @@
 
 #include "core/frame.hpp"
 #include "core/imu.hpp"
-#include "core/line.hpp"
 #include "core/sample.hpp"
+#include "core/uart.hpp"
 #include "protocols/settings.hpp"
 
 namespace imud {
 
 enum class Link : std::uint8_t { bytes, can };  // bytes: serial lines, ptys, UDP, files
 
-// One emulated product: a pure state machine from samples, and bytes of the host, to frames. It knows no clock and
-// no port, and allocates nothing after it is made. One thread.
+// One emulated product: a pure state machine from samples, and bytes of the host, to frames. It knows no clock and no
+// port, and allocates nothing after it is made. One thread.
+//
+// Every call carries the time of the sensor's own clock, which runs from the moment it has power, also while there is
+// neither truth nor sample. Times never decrease, except by step_clock(). A device is made with its supply on at time
+// 0.
 class Device {
  public:
   virtual ~Device() = default;
-  // Appends the frames of one sample (none, one or several) to `out`.
+  // Switches the supply off and on: what the product keeps without power is kept, all else begins anew, and it starts
+  // up. Default: there is nothing to forget.
+  virtual void power_on(DeviceTime now) noexcept;
+  // Appends the frames of one sample (none, one or several) to `out`. The time is sample.time.
   virtual void sample(const Sample& sample, FrameBuffer& out) noexcept = 0;
-  // Takes what the host sent, in pieces of any length; appends answers to `replies`. Default: deaf.
-  virtual void receive(const Frame& from_host, FrameBuffer& replies) noexcept;
-  // Power was off for a moment: what it keeps without power is kept. Default: there is nothing to forget.
-  virtual void restart() noexcept;
-  // Of its own UART; a change holds for what is sent after it. Default: it has none.
-  virtual LineSettings line() const noexcept;
+  // Executes what the host sent, in pieces of any length; appends the answers to `replies`. Default: it has no
+  // receiver.
+  virtual void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept;
+  // When poll() is to be called next: a step of the start-up, a time-out, a heartbeat. nullopt: not before another
+  // call.
+  virtual std::optional<DeviceTime> deadline() const noexcept;
+  // Does what is due at `now`, which is deadline() or later; appends what the product sends by itself to `out`.
+  // Afterwards deadline() is later than `now`. A deadline at a sample's time is polled before that sample.
+  virtual void poll(DeviceTime now, FrameBuffer& out) noexcept;
+  // The clock is set: every later time is `by` later than it would have been (negative: earlier). Times that the
+  // device keeps move along, so that no duration changes. Default: it keeps none.
+  virtual void step_clock(Nanoseconds by) noexcept;
+  // How its UART is set; a change holds for what is sent after it. Default: it has none.
+  virtual UartSettings uart() const noexcept;
 
-  // An edge on its trigger input, or its pulse-per-second input, that counts as one. `time`: after the last sample
-  // and not after the next one, before which it is told; in order. Default: not connected.
+  // A valid edge on its trigger input, or on its pulse-per-second input. `time` is in (last sample, next sample];
+  // called in order of time, before the next sample. Default: not connected.
   virtual void trigger(DeviceTime time) noexcept;
   virtual void pps(DeviceTime time) noexcept;
-  // What its output pin (time of validity, data ready) does because of the last sample. Default: nothing.
+  // The pulse on its output pin (time of validity, data ready) that follows from the last sample. Default: none.
   struct Pulse {
     DeviceTime begin, end;
   };

@@ -37,15 +37,19 @@ for folder, (allowed, forbidden) in RULES.items():
             faults.append(f"{name}: no #pragma once")
 
 for folder, suffix in ENTRY_FOLDERS.items():
-    for path in sorted((root / folder).glob("*.cpp")):
+    entries = {path: path.stem for path in (root / folder).glob("*.cpp")}
+    if suffix == "protocol":
+        entries |= {path: path.parent.name for path in (root / folder).parent.glob("*/device.cpp")}
+    for path, stem in sorted(entries.items()):
         checked += 1
-        keyword = path.stem.replace("_", "-")
+        name = path.relative_to(root)
+        keyword = stem.replace("_", "-")
         text = path.read_text()
-        entry = text.rfind(f" {path.stem}_{suffix} = {{")
+        entry = text.rfind(f" {stem}_{suffix} = {{")
         if entry < 0:
-            faults.append(f"{folder}/{path.name}: ends in no table entry {path.stem}_{suffix}")
+            faults.append(f"{name}: ends in no table entry {stem}_{suffix}")
         elif f'"{keyword}"' not in text[entry:]:
-            faults.append(f"{folder}/{path.name}: its entry is not named \"{keyword}\" as the file")
+            faults.append(f"{name}: its entry is not named \"{keyword}\" as the file or its folder")
 
 for path in root.iterdir():
     if not path.name.startswith(".") and path.name not in TOP_LEVEL:

@@ -12,9 +12,9 @@
 #include <string_view>
 #include <vector>
 
-#include "core/motion.hpp"
 #include "tools/datagram_sender.hpp"
 #include "tools/duration_text.hpp"
+#include "tools/motion.hpp"
 #include "tools/number_check.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"

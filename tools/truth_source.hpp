@@ -8,9 +8,9 @@
 #include <span>
 #include <string>
 
-#include "core/motion.hpp"
 #include "core/time.hpp"
 #include "protocols/native_truth.hpp"
+#include "tools/motion.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

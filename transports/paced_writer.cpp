@@ -20,7 +20,7 @@ std::size_t PacedWriter::Queued::received_by(HostTime now) const noexcept {
   return static_cast<std::size_t>((now - begin).count() * line.baud / (second * line.bits_per_character()));
 }
 
-void PacedWriter::queue(std::span<const Frame> frames, const LineSettings& line, HostTime now, Nanoseconds patience,
+void PacedWriter::queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds patience,
                         PortCounters& counters) noexcept {
   const bool too_late = idle_at_ - now > patience;
   for (const Frame& frame : frames) {

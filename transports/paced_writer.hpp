@@ -8,8 +8,8 @@
 #include <span>
 
 #include "core/frame.hpp"
-#include "core/line.hpp"
 #include "core/time.hpp"
+#include "core/uart.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -26,7 +26,7 @@ class PacedWriter {
 
   // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted; all of
   // them are if the first would have to wait for longer than `patience`.
-  void queue(std::span<const Frame> frames, const LineSettings& line, HostTime now, Nanoseconds patience,
+  void queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds patience,
              PortCounters& counters) noexcept;
 
   // The next characters to write, one after the other in memory and of one line; empty if none are received by `now`.
@@ -40,14 +40,14 @@ class PacedWriter {
   bool is_idle() const noexcept { return frames_ == 0; }
   std::size_t queued() const noexcept { return count_; }  // characters
   // Of the next character to be written; there is one.
-  const LineSettings& line() const noexcept { return queue_[first_frame_].line; }
+  const UartSettings& line() const noexcept { return queue_[first_frame_].line; }
   // What is queued will not be sent, its frames count as dropped.
   void forget(PortCounters& counters) noexcept;
 
  private:
   struct Queued {
     HostTime begin;
-    LineSettings line;
+    UartSettings line;
     std::size_t size = 0;                                      // at least 1
     HostTime received(std::size_t characters) const noexcept;  // when so many are
     std::size_t received_by(HostTime now) const noexcept;      // how many

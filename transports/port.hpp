@@ -9,8 +9,8 @@
 #include <string_view>
 
 #include "core/frame.hpp"
-#include "core/line.hpp"
 #include "core/time.hpp"
+#include "core/uart.hpp"
 #include "transports/port_spec.hpp"
 
 namespace imud {
@@ -69,7 +69,7 @@ class Port {
 
   // The device's UART is set otherwise: holds for what is sent from now on. Frames are dropped until what was sent
   // before is out.
-  virtual void set_line(const LineSettings&) noexcept {}
+  virtual void set_line(const UartSettings&) noexcept {}
 
   // Pushes out what send() holds back: a file's buffer, the rest of a frame taken in part, what a paced line has
   // received by now. Never waits either.

@@ -28,8 +28,8 @@ namespace {
 constexpr std::string_view slaves = "/dev/pts/";
 
 // The line that the spec asks for; baud 0 if it says none.
-LineSettings line_of(const PortSpec& spec) {
-  LineSettings line;
+UartSettings line_of(const PortSpec& spec) {
+  UartSettings line;
   line.baud = static_cast<unsigned>(spec.integer("baud", 50, 4'000'000).value_or(0));
   const std::string parity = spec.one_of("parity", "none even odd");
   line.parity = parity == "even" ? Parity::even : parity == "odd" ? Parity::odd : Parity::none;
@@ -120,7 +120,7 @@ class PtyDevice final : public Port {
     return Received{{bytes}, host_now()};
   }
 
-  void set_line(const LineSettings& line) noexcept override {
+  void set_line(const UartSettings& line) noexcept override {
     if (line.baud != 0) line_ = line;
   }
 
@@ -198,7 +198,7 @@ class PtyDevice final : public Port {
   }
 
   // What is still on its way is so at the line as it was then.
-  const LineSettings& line_now() const noexcept { return paced_ && !paced_->is_idle() ? paced_->line() : line_; }
+  const UartSettings& line_now() const noexcept { return paced_ && !paced_->is_idle() ? paced_->line() : line_; }
 
   void write_received() noexcept {
     const HostTime now = host_now();
@@ -235,7 +235,7 @@ class PtyDevice final : public Port {
   // What the device receives at the line's speed.
   std::span<const std::byte> heard(std::span<const std::byte> bytes) noexcept {
     if (state_with_reader() != PortState::wrong_speed) return bytes;
-    LineSettings client = line_now();
+    UartSettings client = line_now();
     client.baud = speeds_.client;
     from_client_.set(client, speeds_.line);
     return through(from_client_, bytes, true, heard_);
@@ -262,7 +262,7 @@ class PtyDevice final : public Port {
   static constexpr std::size_t most_read = 256;
 
   const std::string link_;
-  LineSettings line_;  // of the device; baud 0: not known
+  UartSettings line_;  // of the device; baud 0: not known
   const bool any_speed_;
   std::string slave_;
   FileDescriptor master_;

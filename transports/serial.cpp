@@ -112,7 +112,7 @@ class SerialPort final : public Port {
   }
   int descriptor() const noexcept override { return line_.get(); }
 
-  void set_line(const LineSettings& line) noexcept override {
+  void set_line(const UartSettings& line) noexcept override {
     wanted_ = line;
     settle();
   }
@@ -201,7 +201,7 @@ class SerialPort final : public Port {
   const Settings settings_;  // as opened
   termios configured_{};     // as it is to be
   unsigned baud_ = settings_.baud;
-  std::optional<LineSettings> wanted_;  // as soon as what was sent is out
+  std::optional<UartSettings> wanted_;  // as soon as what was sent is out
   FileDescriptor line_;                 // closed while the device is lost
   BackOff back_off_;
   ByteWriter writer_;

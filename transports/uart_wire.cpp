@@ -9,7 +9,7 @@ namespace {
 // The levels of characters back to back, before and after them idle.
 class Waveform {
  public:
-  Waveform(std::span<const std::byte> characters, const LineSettings& line) noexcept
+  Waveform(std::span<const std::byte> characters, const UartSettings& line) noexcept
       : characters_(characters), line_(line), per_character_(line.bits_per_character()) {}
 
   std::int64_t bits() const noexcept { return static_cast<std::int64_t>(characters_.size()) * per_character_; }
@@ -27,13 +27,13 @@ class Waveform {
 
  private:
   std::span<const std::byte> characters_;
-  LineSettings line_;
+  UartSettings line_;
   std::int64_t per_character_;
 };
 
 }  // namespace
 
-void UartWire::set(const LineSettings& sender, unsigned receiver_baud) noexcept {
+void UartWire::set(const UartSettings& sender, unsigned receiver_baud) noexcept {
   if (sender == sender_ && receiver_baud == receiver_baud_) return;
   sender_ = sender;
   receiver_baud_ = receiver_baud;

@@ -6,13 +6,13 @@
 #include <optional>
 #include <span>
 
-#include "core/line.hpp"
+#include "core/uart.hpp"
 
 namespace imud {
 
 // Whether two UARTs understand one another: by the middle of the stop bit the slower one is less than half a bit
 // behind.
-constexpr bool understand(unsigned baud, unsigned other, const LineSettings& characters) noexcept {
+constexpr bool understand(unsigned baud, unsigned other, const UartSettings& characters) noexcept {
   const std::uint64_t bits = 10 + (characters.parity == Parity::none ? 0 : 1);  // to the end of the first stop bit
   const std::uint64_t fast = baud > other ? baud : other, slow = baud > other ? other : baud;
   return (2 * bits - 1) * fast < 2 * bits * slow;
@@ -28,7 +28,7 @@ class UartWire {
   static constexpr std::size_t most = 5;
 
   // `sender.baud` and `receiver_baud` from 50 to 4'000'000. A change forgets the character under way.
-  void set(const LineSettings& sender, unsigned receiver_baud) noexcept;
+  void set(const UartSettings& sender, unsigned receiver_baud) noexcept;
 
   // Sends characters back to back, at once after those of the call before. Returns how many were received by their
   // end, put into `received`; those for which there is no room are lost.
@@ -38,7 +38,7 @@ class UartWire {
   std::optional<std::byte> idle() noexcept;
 
  private:
-  LineSettings sender_;
+  UartSettings sender_;
   unsigned receiver_baud_ = 0;
   std::int64_t next_ = 0;  // sample, or look for an edge, after the end of what was sent, in 1/(2 sender receiver) s
   unsigned bit_ = 0;       // of the character under way that is sampled next, the start bit being 1; 0: none is

@@ -105,8 +105,8 @@ std::int64_t unpack(std::uint64_t frame, int index) noexcept {
 }
 
 // Where on the bus the frames are, checked.
-struct Place {
-  explicit Place(const Settings& settings)
+struct Identifiers {
+  explicit Identifiers(const Settings& settings)
       : id(static_cast<std::uint32_t>(settings.integer("can_id"))),
         extended(settings.flag("extended")),
         fd(settings.flag("fd")) {
@@ -127,10 +127,10 @@ struct Place {
 
 class NativeCanDevice final : public Device {
  public:
-  explicit NativeCanDevice(const Settings& settings) : place_(settings) {}
+  explicit NativeCanDevice(const Settings& settings) : identifiers_(settings) {}
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
-    if (place_.fd) {
+    if (identifiers_.fd) {
       sample_fd(sample, out);
     } else {
       sample_classic(sample, out);
@@ -143,7 +143,7 @@ class NativeCanDevice final : public Device {
     const std::span<std::byte> room = out.room(sizeof(T));
     if (room.empty()) return;
     write_wire(wire, room);
-    out.push(sizeof(T), place_.header(frame));
+    out.push(sizeof(T), identifiers_.header(frame));
   }
 
   void sample_classic(const Sample& sample, FrameBuffer& out) const noexcept {
@@ -178,18 +178,18 @@ class NativeCanDevice final : public Device {
     push(wire, head_frame, out);
   }
 
-  Place place_;
+  Identifiers identifiers_;
 };
 
 // Understands both kinds, whatever `fd` says.
 class NativeCanDecoder final : public Decoder {
  public:
-  explicit NativeCanDecoder(const Settings& settings) : place_(settings) {}
+  explicit NativeCanDecoder(const Settings& settings) : identifiers_(settings) {}
 
   void feed(const Frame& frame, MeasurementSink& sink) override {
     const CanHeader& can = frame.can;
-    if (can.remote || can.error || can.extended != place_.extended || can.id < place_.id) return;
-    const std::uint32_t index = can.id - place_.id;
+    if (can.remote || can.error || can.extended != identifiers_.extended || can.id < identifiers_.id) return;
+    const std::uint32_t index = can.id - identifiers_.id;
     if (can.fd ? index != head_frame : index >= classic_frames) return;
     if (frame.bytes.size() != (can.fd ? sizeof(FdWire) : classic_size)) {
       ++errors_.malformed;
@@ -269,7 +269,7 @@ class NativeCanDecoder final : public Decoder {
     sink.on_measurement(measurement);
   }
 
-  Place place_;
+  Identifiers identifiers_;
   Measurement set_;
   std::uint32_t next_ = head_frame;       // the frame that the set waits for; head_frame: no set is begun
   std::optional<std::uint8_t> refused_;   // the counter of the set last refused, so that it is counted once

@@ -70,9 +70,9 @@ Vector3 roll_pitch_yaw(const Quaternion& q) noexcept {
 }
 
 // Normal gravity of the WGS 84 ellipsoid, m/s^2 (NGA.STND.0036, Eq. 4-1 and 4-3).
-double normal_gravity(const Place& place) noexcept {
+double normal_gravity(const Navigation& navigation) noexcept {
   constexpr double a = 6'378'137.0, f = 1 / 298.257223563, m = 0.00344978650684;
-  const double sin = elementary::sincos(place.latitude).sin, sin2 = sin * sin, up = place.height / a;
+  const double sin = elementary::sincos(navigation.latitude).sin, sin2 = sin * sin, up = navigation.height / a;
   const double surface = 9.7803253359 * (1 + 0.00193185265241 * sin2) / std::sqrt(1 - f * (2 - f) * sin2);
   return surface * (1 - 2 * (1 + f + m - 2 * f * sin2) * up + 3 * up * up);
 }
@@ -172,7 +172,7 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
 }
 
 std::int64_t Fields::gps_ns() const noexcept {
-  return (is_known() ? sample_.place.gps_ns : sample_.time.ns) + memory_.gps_update().correction_ns;
+  return (is_known() ? sample_.navigation.gps_ns : sample_.time.ns) + memory_.gps_update().correction_ns;
 }
 bool Fields::has_week() const noexcept { return is_known() || memory_.gps_update().has_week; }
 bool Fields::has_time_of_week() const noexcept { return is_known() || memory_.gps_update().has_time_of_week; }
@@ -255,7 +255,8 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
     case 0x12: {  // of a receiver its pulse; a bit that each update turns; whether time was ever set; time of week;
                   // week
       const bool has_receiver = memory_.model().gnss_hz > 0 && is_known();
-      const std::int64_t updates = memory_.gps_update().count + (has_receiver ? sample_.place.gps_ns / second_ns : 0);
+      const std::int64_t updates =
+          memory_.gps_update().count + (has_receiver ? sample_.navigation.gps_ns / second_ns : 0);
       put_gps_time(packet, gps_ns());
       packet.put(static_cast<std::uint16_t>(has_receiver | (updates & 1) << 1 |
                                             (has_time_of_week() || has_week()) << 2 | has_time_of_week() << 3 |
@@ -275,7 +276,7 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
 }
 
 void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept {
-  const Place& place = sample_.place;
+  const Navigation& navigation = sample_.navigation;
   if (descriptor == 0x10) return put_filter_status(packet);
   std::uint16_t valid = 1;
   switch (descriptor) {
@@ -284,7 +285,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept 
       valid = is_known();
       break;
     case 0x02:
-      packet.put_floats(place.v_L);
+      packet.put_floats(navigation.v_L);
       valid = is_known();
       break;
     case 0x03:
@@ -315,7 +316,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept 
       packet.put_floats(sample_.specific_force);
       break;
     default:
-      packet.put_doubles(place.r_E);
+      packet.put_doubles(navigation.r_E);
       valid = is_known();
       break;
   }
@@ -334,18 +335,18 @@ void Fields::put_filter_status(Packet& packet) const noexcept {
 
 // Of a receiver that sees the truth, whose accuracy is therefore left open: its flag is not set.
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
-  const Place& place = sample_.place;
-  const Vector3& v = place.v_L;
+  const Navigation& navigation = sample_.navigation;
+  const Vector3& v = navigation.v_L;
   const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
   switch (descriptor) {
     case 0x03:
       put_position(packet);
-      packet.put(place.height);  // not above the sea, which is not valid
+      packet.put(navigation.height);  // not above the sea, which is not valid
       for (int i = 0; i < 2; ++i) packet.put(0.0F);
       packet.put(if_known(0x03));
       break;
     case 0x04:
-      packet.put_doubles(place.r_E);
+      packet.put_doubles(navigation.r_E);
       packet.put(0.0F);
       packet.put(if_known(0x01));
       break;
@@ -364,10 +365,10 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
       packet.put(if_known(0x7F));
       break;
     case 0x08:
-      put_utc(packet, place.gps_ns, if_known(0x03));
+      put_utc(packet, navigation.gps_ns, if_known(0x03));
       break;
     case 0x09:
-      put_gps_time(packet, place.gps_ns);
+      put_gps_time(packet, navigation.gps_ns);
       packet.put(if_known(0x03));
       break;
     case 0x0B:  // 3D or none
@@ -389,13 +390,13 @@ void Fields::put_quaternion(Packet& packet) const noexcept {  // v_V = q* v_L q
 }
 
 void Fields::put_position(Packet& packet) const noexcept {
-  packet.put(sample_.place.latitude / units::degree);
-  packet.put(sample_.place.longitude / units::degree);
-  packet.put(sample_.place.height);
+  packet.put(sample_.navigation.latitude / units::degree);
+  packet.put(sample_.navigation.longitude / units::degree);
+  packet.put(sample_.navigation.height);
 }
 
 Vector3 Fields::gravity() const noexcept {
-  const double g = is_known() ? normal_gravity(sample_.place) : units::standard_gravity;
+  const double g = is_known() ? normal_gravity(sample_.navigation) : units::standard_gravity;
   return sample_.q_LP.conjugate() * Vector3(0, 0, g);
 }
 

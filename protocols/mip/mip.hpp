@@ -1,4 +1,4 @@
-// MicroStrain MIP: what the device (devices/mip.cpp), its data fields (fields.cpp), its commands (commands.cpp) and
+// MicroStrain MIP: what the device (device.cpp), its data fields (fields.cpp), its commands (commands.cpp) and
 // its settings (settings.cpp) share. Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d,
 // src/c/mip/definitions).
 //
@@ -152,7 +152,7 @@ class Fields {
   void put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept;
   void put_quaternion(Packet& packet) const noexcept;
   void put_position(Packet& packet) const noexcept;
-  bool is_known() const noexcept { return sample_.place.is_known; }
+  bool is_known() const noexcept { return sample_.navigation.is_known; }
   bool has_week() const noexcept;
   bool has_time_of_week() const noexcept;
   Vector3 gravity() const noexcept;  // m/s^2, in V

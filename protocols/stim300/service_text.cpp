@@ -168,7 +168,7 @@ void say_datagram(ServiceText& text, const Configuration& c) noexcept {
   text.line("\rDATAGRAM TERMINATION = ", c.cr_lf ? "<CR><LF>" : "NONE");
 }
 
-void say_transmission(ServiceText& text, const LineSettings& line) noexcept {
+void say_transmission(ServiceText& text, const UartSettings& line) noexcept {
   text.line("BIT-RATE [bits/s] = ", line.baud);
   text.line("DATA LENGTH = 8");
   text.line("STOP BITS = ", line.stop_bits);

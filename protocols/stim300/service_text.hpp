@@ -72,7 +72,7 @@ void say_g_compensation(ServiceText& text, const Configuration& c, std::string_v
 void say_trims(ServiceText& text, const Memory& memory, Cluster cluster, unsigned only = 3) noexcept;
 void say_reference(ServiceText& text, const Memory& memory) noexcept;
 void say_datagram(ServiceText& text, const Configuration& c) noexcept;
-void say_transmission(ServiceText& text, const LineSettings& line) noexcept;
+void say_transmission(ServiceText& text, const UartSettings& line) noexcept;
 void say_line_termination(ServiceText& text, const Configuration& c) noexcept;
 void say_system(ServiceText& text, const Configuration& c, char which) noexcept;  // of "vtb"
 

@@ -1,4 +1,4 @@
-// What the STIM300 keeps, shared by the device (devices/stim300.cpp), its datagrams (datagram.hpp: measurement.cpp
+// What the STIM300 keeps, shared by the device (device.cpp), its datagrams (datagram.hpp: measurement.cpp
 // and special.cpp write, decoder.cpp reads), its Utility Mode (utility.cpp) and its Service Mode (service.hpp).
 // Sensonor STIM300 Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are named here.
 #pragma once
@@ -10,8 +10,8 @@
 #include <string_view>
 
 #include "core/frame.hpp"
-#include "core/line.hpp"
 #include "core/time.hpp"
+#include "core/uart.hpp"
 #include "core/vector.hpp"
 #include "protocols/number_text.hpp"
 
@@ -86,7 +86,7 @@ struct Configuration {
   bool has_temperature() const noexcept { return (content & 4U) != 0; }
   bool pps_is_time() const noexcept { return pps_unit >= 2; }
   bool has_pps() const noexcept { return (content & 8U) != 0; }
-  LineSettings line() const noexcept {
+  UartSettings line() const noexcept {
     return {bit_rate == user_defined ? user_bit_rate : bit_rates[bit_rate], parity, stop_bits};
   }
   void set_bit_rate(unsigned wanted) noexcept {  // 1500 to 5184000
@@ -139,7 +139,7 @@ constexpr std::size_t datagram_size(unsigned content) noexcept {
 static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
 
 // From one datagram of so many characters to the next, at least (Equation 12, which gives Table 5-12).
-constexpr Nanoseconds least_period(const LineSettings& line, std::size_t characters) noexcept {
+constexpr Nanoseconds least_period(const UartSettings& line, std::size_t characters) noexcept {
   const auto tenths = static_cast<std::int64_t>(11 * characters * line.bits_per_character());
   return Nanoseconds((tenths * 100'000'000 + line.baud - 1) / line.baud);
 }

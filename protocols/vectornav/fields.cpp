@@ -43,7 +43,7 @@ constexpr Message1 messages[] = {
 class Quantities {
  public:
   explicit Quantities(const Reading& reading) noexcept
-      : r_(reading), s_(reading.sample), place_(reading.sample.place) {}
+      : r_(reading), s_(reading.sample), navigation_(reading.sample.navigation) {}
 
   const Quaternion& q() const noexcept { return s_.q_LP; }
   Quaternion tared_q() const noexcept { return r_.tare * s_.q_LP; }
@@ -56,17 +56,18 @@ class Quantities {
   Vector3 linear_L() const noexcept { return q() * s_.specific_force + Vector3(0, 0, units::standard_gravity); }
   Vector3 linear_P() const noexcept { return q().conjugate() * linear_L(); }
 
-  bool has_fix() const noexcept { return r_.model.receivers > 0 && place_.is_known; }
+  bool has_fix() const noexcept { return r_.model.receivers > 0 && navigation_.is_known; }
   Vector3 lla() const noexcept {
-    return has_fix() ? Vector3(place_.latitude / units::degree, place_.longitude / units::degree, place_.height)
+    return has_fix() ? Vector3(navigation_.latitude / units::degree, navigation_.longitude / units::degree,
+                               navigation_.height)
                      : Vector3(Vector3::Zero());
   }
-  Vector3 r_E() const noexcept { return has_fix() ? place_.r_E : Vector3(Vector3::Zero()); }
-  Vector3 v_L() const noexcept { return has_fix() ? place_.v_L : Vector3(Vector3::Zero()); }
+  Vector3 r_E() const noexcept { return has_fix() ? navigation_.r_E : Vector3(Vector3::Zero()); }
+  Vector3 v_L() const noexcept { return has_fix() ? navigation_.v_L : Vector3(Vector3::Zero()); }
   Vector3 to_E(const Vector3& v_L) const noexcept {
-    return has_fix() ? Vector3(dcm_EL(place_.latitude, place_.longitude) * v_L) : Vector3(Vector3::Zero());
+    return has_fix() ? Vector3(dcm_EL(navigation_.latitude, navigation_.longitude) * v_L) : Vector3(Vector3::Zero());
   }
-  std::int64_t gps_ns() const noexcept { return has_fix() ? place_.gps_ns : 0; }
+  std::int64_t gps_ns() const noexcept { return has_fix() ? navigation_.gps_ns : 0; }
   std::uint16_t week() const noexcept { return static_cast<std::uint16_t>(gps_ns() / week_ns); }
   double time_of_week_s() const noexcept { return 1e-9 * static_cast<double>(gps_ns() % week_ns); }
   // Mode 2 (tracking) and the fix; a VN-300's heading by two antennas (vnproglib, InsStatus).
@@ -81,7 +82,7 @@ class Quantities {
  private:
   const Reading& r_;
   const Sample& s_;
-  const Place& place_;
+  const Navigation& navigation_;
 };
 
 using Frame8 = FrameWriter<boost::endian::order::little>;

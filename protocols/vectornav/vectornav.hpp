@@ -1,4 +1,4 @@
-// VectorNav VN-100, VN-200, VN-300: what is shared by the device (devices/vectornav.cpp), its registers
+// VectorNav VN-100, VN-200, VN-300: what is shared by the device (device.cpp), its registers
 // (registers.cpp), what its messages and fields say (fields.cpp) and its decoder. Layouts and sizes are those of
 // VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav 6824e8b) and of ArduPilot's
 // driver (AP_ExternalAHRS_VectorNav.cpp).

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "core/imu.hpp"
-#include "core/motion.hpp"
 #include "tests/support/allocations.hpp"
+#include "tools/motion.hpp"
 
 namespace {
 
@@ -156,7 +156,7 @@ void timeline_at(benchmark::State& state, int back) {
   const TruthTime begin = timeline.newest() - (back + 1) * Nanoseconds(5_ms);
   std::int64_t k = 0;
   for (auto _ : state) {
-    State at = timeline.at(begin + Nanoseconds{1'000'000 + (k++ & 1023)});
+    MotionState at = timeline.at(begin + Nanoseconds{1'000'000 + (k++ & 1023)});
     benchmark::DoNotOptimize(at);
   }
 }

@@ -134,7 +134,7 @@ TEST(Restart, ByTheFlagAtOnce) {
   EXPECT_EQ(timeline.run_start().ns, 500'000'000);
   EXPECT_EQ(timeline.newest().ns, 500'000'000);
   EXPECT_EQ(timeline.push(truth_at(510ms, 1)), Admission::accepted);
-  EXPECT_EQ(timeline.at({}).basis, State::Basis::held) << "nothing is left of the run before";
+  EXPECT_EQ(timeline.at({}).basis, MotionState::Basis::held) << "nothing is left of the run before";
 }
 
 TEST(Restart, ForgettingThePastBeginsARunWithTheNewest) {
@@ -142,10 +142,10 @@ TEST(Restart, ForgettingThePastBeginsARunWithTheNewest) {
   timeline.forget_past();
   EXPECT_EQ(timeline.run_start().ns, 1'000'000'000);
   EXPECT_EQ(timeline.newest().ns, 1'000'000'000);
-  EXPECT_EQ(timeline.at(TruthTime{} + 500ms).basis, State::Basis::held);
+  EXPECT_EQ(timeline.at(TruthTime{} + 500ms).basis, MotionState::Basis::held);
   EXPECT_EQ(timeline.push(truth_at(995ms, 99), {}), Admission::reordered) << "of the run before";
   EXPECT_EQ(timeline.push(truth_at(1010ms, 101)), Admission::accepted);
-  EXPECT_EQ(timeline.at(TruthTime{} + 1005ms).basis, State::Basis::interpolated);
+  EXPECT_EQ(timeline.at(TruthTime{} + 1005ms).basis, MotionState::Basis::interpolated);
 }
 
 TEST(Restart, FarAwayAfterThreeInARow) {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "core/imu.hpp"
-#include "core/motion.hpp"
 #include "tests/support/allocations.hpp"
+#include "tools/motion.hpp"
 
 namespace imud {
 namespace {

@@ -44,30 +44,31 @@ TEST(Earth, Times) {
 
 // The ellipsoid's own axes, and 45 deg (a sqrt(1/2)/sqrt(1 - e2/2), with (1 - e2) in z).
 TEST(Earth, GeodeticAndCartesian) {
-  const Position there = {true, {}, Vector3::Zero(), Vector3::Zero()};
-  EXPECT_TRUE(Earth(local(0, 90, 0)).place(there).r_E.isApprox(Vector3(0, 6'378'137.0, 0), 1e-15));
-  EXPECT_TRUE(Earth(local(90, 0, 0)).place(there).r_E.isApprox(Vector3(0, 0, 6'356'752.314245), 1e-12));
-  EXPECT_LT((Earth(local(45, 0, 0)).place(there).r_E - Vector3(4'517'590.87884893, 0, 4'487'348.40886592)).norm(),
-            1e-6);
+  const PositionVelocity there = {true, {}, Vector3::Zero(), Vector3::Zero()};
+  EXPECT_TRUE(Earth(local(0, 90, 0)).navigation(there).r_E.isApprox(Vector3(0, 6'378'137.0, 0), 1e-15));
+  EXPECT_TRUE(Earth(local(90, 0, 0)).navigation(there).r_E.isApprox(Vector3(0, 0, 6'356'752.314245), 1e-12));
+  EXPECT_LT(
+      (Earth(local(45, 0, 0)).navigation(there).r_E - Vector3(4'517'590.87884893, 0, 4'487'348.40886592)).norm(),
+      1e-6);
   for (const double height : {-400.0, 0.0, 10'000.0, 400e3, 36'000e3})
     for (double latitude = -90; latitude <= 90; latitude += 7.5)
       for (double longitude = -180; longitude < 180; longitude += 45) {
-        const Place place = Earth(local(latitude, longitude, height)).place(there);
-        ASSERT_TRUE(place.is_known);
-        EXPECT_NEAR(place.latitude, latitude * degree, 1e-12) << latitude << ' ' << height;
-        const double off = std::remainder(place.longitude - longitude * degree, 2 * units::pi);
+        const Navigation navigation = Earth(local(latitude, longitude, height)).navigation(there);
+        ASSERT_TRUE(navigation.is_known);
+        EXPECT_NEAR(navigation.latitude, latitude * degree, 1e-12) << latitude << ' ' << height;
+        const double off = std::remainder(navigation.longitude - longitude * degree, 2 * units::pi);
         EXPECT_NEAR(std::abs(latitude) < 90 ? off : 0, 0, 1e-12);
-        EXPECT_NEAR(place.height, height, 1e-7);
+        EXPECT_NEAR(navigation.height, height, 1e-7);
       }
 }
 
 TEST(Earth, NothingIsKnownWithoutFrameOrPosition) {
   EXPECT_FALSE(Earth(EarthModel{}).is_on());
-  EXPECT_FALSE(Earth(EarthModel{}).place({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
-  EXPECT_FALSE(Earth(inertial()).place({false, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
-  EXPECT_FALSE(Earth(inertial()).place({true, {}, Vector3::Zero(), Vector3::Zero()}).is_known)
+  EXPECT_FALSE(Earth(EarthModel{}).navigation({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_FALSE(Earth(inertial()).navigation({false, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_FALSE(Earth(inertial()).navigation({true, {}, Vector3::Zero(), Vector3::Zero()}).is_known)
       << "in the Earth's centre";
-  EXPECT_TRUE(Earth(inertial()).place({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
+  EXPECT_TRUE(Earth(inertial()).navigation({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
 }
 
 // Something that stands on the equator of an Earth that turns.
@@ -76,28 +77,28 @@ TEST(Earth, AnInertialFrameTurnsUnderneath) {
   const TruthTime time{1'000'000'000'000};
   const double angle = 0.3 + 1000 * units::earth_rate;
   const Vector3 r(6'378'137.0 * std::cos(angle + 0.5), 6'378'137.0 * std::sin(angle + 0.5), 0);
-  const Place place = earth.place({true, time, r, Vector3(0, 0, units::earth_rate).cross(r)});
-  EXPECT_NEAR(place.longitude, 0.5, 1e-12);
-  EXPECT_NEAR(place.height, 0, 1e-6);
-  EXPECT_LT(place.v_L.norm(), 1e-9);
-  EXPECT_EQ(place.gps_ns, gps_ns_from_unix(start_2025) + time.ns);
+  const Navigation navigation = earth.navigation({true, time, r, Vector3(0, 0, units::earth_rate).cross(r)});
+  EXPECT_NEAR(navigation.longitude, 0.5, 1e-12);
+  EXPECT_NEAR(navigation.height, 0, 1e-6);
+  EXPECT_LT(navigation.v_L.norm(), 1e-9);
+  EXPECT_EQ(navigation.gps_ns, gps_ns_from_unix(start_2025) + time.ns);
   // North is N's z; down points to the centre.
-  const Quaternion q = earth.q_LN(time, place);
+  const Quaternion q = earth.q_LN(time, navigation);
   EXPECT_LT((q * Vector3::UnitZ() - Vector3::UnitX()).norm(), 1e-12);
   EXPECT_LT((q * Vector3(-r.normalized()) - Vector3::UnitZ()).norm(), 1e-12);
   // What flies east in N at 100 m/s above that.
   const Vector3 east(-std::sin(angle + 0.5), std::cos(angle + 0.5), 0);
-  const Vector3 v = earth.place({true, time, r, Vector3(0, 0, units::earth_rate).cross(r) + 100 * east}).v_L;
+  const Vector3 v = earth.navigation({true, time, r, Vector3(0, 0, units::earth_rate).cross(r) + 100 * east}).v_L;
   EXPECT_LT((v - Vector3(0, 100, 0)).norm(), 1e-9);
 }
 
 TEST(Earth, ALocalFrameIsTheGroundsOwn) {
   const Earth earth(local(47, 11, 500));
-  const Place place = earth.place({true, {}, {1000, 0, -200}, {30, -4, 5}});
-  EXPECT_NEAR((place.latitude - 47 * degree) * 6'367'000, 1000, 3);
-  EXPECT_NEAR(place.height, 700 + 1000.0 * 1000.0 / 2 / 6'370'000, 0.01) << "the ground falls away";
-  EXPECT_LT((place.v_L - Vector3(30, -4, 5)).norm(), 0.01);
-  EXPECT_LT(earth.q_LN({}, place).angularDistance(Quaternion::Identity()), 2e-4);
+  const Navigation navigation = earth.navigation({true, {}, {1000, 0, -200}, {30, -4, 5}});
+  EXPECT_NEAR((navigation.latitude - 47 * degree) * 6'367'000, 1000, 3);
+  EXPECT_NEAR(navigation.height, 700 + 1000.0 * 1000.0 / 2 / 6'370'000, 0.01) << "the ground falls away";
+  EXPECT_LT((navigation.v_L - Vector3(30, -4, 5)).norm(), 0.01);
+  EXPECT_LT(earth.q_LN({}, navigation).angularDistance(Quaternion::Identity()), 2e-4);
 }
 
 // The first degree of the series itself, in spherical coordinates (IAGA, IGRF-14: g10 = -29350.0, g11 = -1410.3,
@@ -115,15 +116,15 @@ TEST(Earth, TheFieldIsTheFirstDegreeOfIgrf14) {
         const double r = 6'871'200.0, c = std::pow(6'371'200.0 / r, 3);
         const Vector3 up(std::sin(colatitude) * std::cos(longitude), std::sin(colatitude) * std::sin(longitude),
                          std::cos(colatitude));
-        const Place place = earth.place({true, {}, r * up, Vector3::Zero()});
+        const Navigation navigation = earth.navigation({true, {}, r * up, Vector3::Zero()});
         const double along = g11 * std::cos(longitude) + h11 * std::sin(longitude);
         const double x = c * (along * std::cos(colatitude) - g10 * std::sin(colatitude));
         const double y = c * (g11 * std::sin(longitude) - h11 * std::cos(longitude));
         const double z = -2 * c * (g10 * std::cos(colatitude) + along * std::sin(colatitude));
         // Down to the centre and down to the ellipsoid differ by up to 0.2 deg.
-        const double tilt = place.latitude - (units::pi / 2 - colatitude);
+        const double tilt = navigation.latitude - (units::pi / 2 - colatitude);
         const Vector3 wanted(x * std::cos(tilt) + z * std::sin(tilt), y, z * std::cos(tilt) - x * std::sin(tilt));
-        EXPECT_LT((1e9 * earth.magnetic_field_L(place) - wanted).norm(), 1e-3) << colatitude << ' ' << longitude;
+        EXPECT_LT((1e9 * earth.magnetic_field_L(navigation) - wanted).norm(), 1e-3) << colatitude << ' ' << longitude;
       }
   }
 }
@@ -149,29 +150,30 @@ TEST(Earth, ThePressureIsTheStandardAtmospheres) {
 TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   Timeline timeline;
   const auto at = [](double t) {  // a circle of 8 s
-    return Position{true,
-                    {},
-                    Vector3(std::cos(t * units::pi / 4), std::sin(t * units::pi / 4), 0) * 1000,
-                    Vector3(-std::sin(t * units::pi / 4), std::cos(t * units::pi / 4), 0) * (1000 * units::pi / 4)};
+    return PositionVelocity{
+        true,
+        {},
+        Vector3(std::cos(t * units::pi / 4), std::sin(t * units::pi / 4), 0) * 1000,
+        Vector3(-std::sin(t * units::pi / 4), std::cos(t * units::pi / 4), 0) * (1000 * units::pi / 4)};
   };
   for (int k = 0; k <= 20; ++k) {
     Truth truth;
     truth.time.ns = k * 100'000'000LL;
-    const Position p = at(0.1 * k);
+    const PositionVelocity p = at(0.1 * k);
     truth.has_position = true;
     truth.r_BN_N = p.r_N;
     truth.v_BN_N = p.v_N;
     timeline.push(truth);
   }
   for (double t = 0.05; t < 2; t += 0.013) {
-    const Position p = timeline.position(TruthTime{} + nanoseconds(t));
+    const PositionVelocity p = timeline.position(TruthTime{} + nanoseconds(t));
     ASSERT_TRUE(p.is_known);
     EXPECT_LT((p.r_N - at(t).r_N).norm(), 1e-4);  // h^4/384 of the fourth derivative: 1e-4
     EXPECT_LT((p.v_N - at(t).v_N).norm(), 1e-2);
   }
-  const Position after = timeline.position(TruthTime{2'050'000'000});
+  const PositionVelocity after = timeline.position(TruthTime{2'050'000'000});
   EXPECT_LT((after.r_N - at(2).r_N - 0.05 * at(2).v_N).norm(), 1e-9);
-  const Position held = timeline.position(TruthTime{3'000'000'000});
+  const PositionVelocity held = timeline.position(TruthTime{3'000'000'000});
   EXPECT_EQ(held.time.ns, 2'100'000'000);
   EXPECT_LT((held.r_N - at(2).r_N - 0.1 * at(2).v_N).norm(), 1e-9);
   EXPECT_EQ(timeline.position(TruthTime{-5}).time.ns, 0);
@@ -200,11 +202,11 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
     return imu.sample(timeline, {}, {});
   };
   const Sample sample = sense(0);
-  ASSERT_TRUE(sample.place.is_known);
-  EXPECT_NEAR(sample.place.height, 600, 1e-6);
+  ASSERT_TRUE(sample.navigation.is_known);
+  EXPECT_NEAR(sample.navigation.height, 600, 1e-6);
   EXPECT_NEAR(sample.pressure, standard_pressure(geopotential_altitude(600)) + 7, 1e-6);
   const Earth earth(model.earth);
-  const Vector3 field_L = earth.magnetic_field_L(sample.place);
+  const Vector3 field_L = earth.magnetic_field_L(sample.navigation);
   EXPECT_LT((sample.magnetic_field - Vector3(field_L.y(), -field_L.x(), field_L.z())).norm(), 1e-12);
   EXPECT_LT((sample.q_LP * Vector3::UnitX() - Vector3::UnitY()).norm(), 1e-9) << "the sensor looks east";
 
@@ -249,12 +251,12 @@ TEST(Earth, WhatIsHeldStaysWhereItIsOnTheGround) {
   Imu imu(model, 1, 1);
   for (const std::int64_t ms : {0, 60'050, 120'000}) {
     const Sample sample = imu.sample(timeline, TruthTime{ms * 1'000'000}, {});
-    ASSERT_TRUE(sample.place.is_known) << ms;
-    EXPECT_NEAR(sample.place.longitude, 0, 1e-9) << ms;
-    EXPECT_NEAR(sample.place.height, 0, 1e-3) << ms;
-    EXPECT_LT(sample.place.v_L.norm(), 1e-3) << ms;
+    ASSERT_TRUE(sample.navigation.is_known) << ms;
+    EXPECT_NEAR(sample.navigation.longitude, 0, 1e-9) << ms;
+    EXPECT_NEAR(sample.navigation.height, 0, 1e-3) << ms;
+    EXPECT_LT(sample.navigation.v_L.norm(), 1e-3) << ms;
     EXPECT_LT((sample.q_LP * Vector3::UnitX() - Vector3(0, 0, -1)).norm(), 1e-6) << "x looks up";
-    EXPECT_EQ(sample.place.gps_ns, model.earth.start_gps_ns + ms * 1'000'000);
+    EXPECT_EQ(sample.navigation.gps_ns, model.earth.start_gps_ns + ms * 1'000'000);
   }
 }
 
@@ -271,8 +273,8 @@ TEST(Earth, TheLeverArmHasItsPlaceAndSpeed) {
   timeline.push(truth);
   Imu imu(model, 1, 1);
   const Sample sample = imu.sample(timeline, {}, {});
-  EXPECT_NEAR(sample.place.longitude * 6'378'137.0, 100, 1e-3);
-  EXPECT_LT((sample.place.v_L - Vector3(-50, 0, 0)).norm(), 1e-2);
+  EXPECT_NEAR(sample.navigation.longitude * 6'378'137.0, 100, 1e-3);
+  EXPECT_LT((sample.navigation.v_L - Vector3(-50, 0, 0)).norm(), 1e-2);
 }
 
 }  // namespace

@@ -27,10 +27,10 @@ TEST(Extrapolation, ContinuesWithConstantAccelerations) {
   for (const std::int64_t step_ms : {1, 10, 30}) {
     Timeline timeline;
     for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(at_ms(ms)));
-    const State state = timeline.at(at_ms(1000 + step_ms));
+    const MotionState state = timeline.at(at_ms(1000 + step_ms));
     const double h = 1e-3 * static_cast<double>(step_ms);
     const double t = 1.0 + h;
-    EXPECT_EQ(state.basis, State::Basis::extrapolated);
+    EXPECT_EQ(state.basis, MotionState::Basis::extrapolated);
     EXPECT_EQ(state.time, at_ms(1000 + step_ms));
     // The motion's next derivatives are below 1 rad/s^3 and 2 m/s^3.
     EXPECT_LT(angle_between(state.q_NB, motion.q_NB(t)), 1.0 * h * h * h / 6.0);
@@ -46,9 +46,9 @@ TEST(Extrapolation, BeginsWhereTheNewestTruthIs) {
   Timeline timeline;
   timeline.push(motion.truth(at_ms(0)));
   timeline.push(motion.truth(at_ms(10)));
-  const State at = timeline.at(at_ms(10)), after = timeline.at(at_ms(10) + 1ns);
-  EXPECT_EQ(at.basis, State::Basis::interpolated);
-  EXPECT_EQ(after.basis, State::Basis::extrapolated);
+  const MotionState at = timeline.at(at_ms(10)), after = timeline.at(at_ms(10) + 1ns);
+  EXPECT_EQ(at.basis, MotionState::Basis::interpolated);
+  EXPECT_EQ(after.basis, MotionState::Basis::extrapolated);
   EXPECT_LT(angle_between(at.q_NB, after.q_NB), 2e-9);
   EXPECT_LT((at.omega_BN_B - after.omega_BN_B).norm(), 2e-9);
   EXPECT_LT((at.dv_N - after.dv_N).norm(), 2e-9);
@@ -58,11 +58,11 @@ TEST(Extrapolation, ThenHolds) {
   const testing::IntegratedMotion motion(testing::smooth_motion(), 2.0);
   Timeline timeline(extrapolate_for(50ms));
   for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(at_ms(ms)));
-  const State last = timeline.at(at_ms(1050));
-  EXPECT_EQ(last.basis, State::Basis::extrapolated);
+  const MotionState last = timeline.at(at_ms(1050));
+  EXPECT_EQ(last.basis, MotionState::Basis::extrapolated);
   for (const Nanoseconds later : {Nanoseconds(1), Nanoseconds(1ms), Nanoseconds(10s), Nanoseconds(24h)}) {
-    const State held = timeline.at(at_ms(1050) + later);
-    EXPECT_EQ(held.basis, State::Basis::held);
+    const MotionState held = timeline.at(at_ms(1050) + later);
+    EXPECT_EQ(held.basis, MotionState::Basis::held);
     EXPECT_EQ(held.q_NB.coeffs(), last.q_NB.coeffs());
     EXPECT_EQ(held.omega_BN_B, Vector3::Zero());
     EXPECT_EQ(held.omegaDot_BN_B, Vector3::Zero());
@@ -78,7 +78,7 @@ TEST(Extrapolation, NoneHoldsAtOnce) {
   truth.omega_BN_B = {1.0, 2.0, 3.0};
   timeline.push(truth);
   EXPECT_EQ(timeline.at({}).omega_BN_B, truth.omega_BN_B);
-  EXPECT_EQ(timeline.at({1}).basis, State::Basis::held);
+  EXPECT_EQ(timeline.at({1}).basis, MotionState::Basis::held);
   EXPECT_EQ(timeline.at({1}).omega_BN_B, Vector3::Zero());
 }
 
@@ -91,7 +91,7 @@ TEST(Extrapolation, FastSpin) {
   truth.specific_force_B = {5.0, 0.0, 2.0};
   timeline.push(truth);
   for (std::int64_t us = 100; us <= 100'000; us += 100) {
-    const State state = timeline.at({us * 1000});
+    const MotionState state = timeline.at({us * 1000});
     const double t = 1e-6 * static_cast<double>(us), x = 300.0 * t;
     ASSERT_LT(angle_between(state.q_NB, Quaternion(Eigen::AngleAxisd(x, Vector3::UnitZ()))), 1e-13) << us;
     ASSERT_LT((state.omega_BN_B - truth.omega_BN_B).norm(), 1e-12) << us;
@@ -110,9 +110,9 @@ TEST(Extrapolation, IsContinuousHoweverFarItTurns) {
   truth.has_specific_force = true;
   truth.specific_force_B = {5.0, -3.0, 2.0};
   timeline.push(truth);
-  State before = timeline.at({});
+  MotionState before = timeline.at({});
   for (std::int64_t us = 10; us <= 100'000; us += 10) {
-    const State state = timeline.at({us * 1000});
+    const MotionState state = timeline.at({us * 1000});
     ASSERT_LT(angle_between(before.q_NB, state.q_NB), 1.2e-3) << us;
     ASSERT_LT((state.omega_BN_B - before.omega_BN_B).norm(), 1e-2) << us;
     ASSERT_LT((state.dv_N - before.dv_N).norm(), 7e-5) << us;
@@ -140,7 +140,7 @@ TEST(Undersampled, StaysFinite) {
         ASSERT_TRUE(timeline.push(truth) == Admission::accepted || k == 0);
       }
       for (int i = 0; i < 1000; ++i) {
-        const State state = timeline.at(TruthTime{} + i * step / 100);
+        const MotionState state = timeline.at(TruthTime{} + i * step / 100);
         ASSERT_NEAR(state.q_NB.norm(), 1.0, 1e-6) << rate;
         ASSERT_TRUE(state.omega_BN_B.allFinite() && state.omegaDot_BN_B.allFinite()) << rate;
         ASSERT_TRUE(state.specific_force_B.allFinite() && state.dv_N.allFinite()) << rate;

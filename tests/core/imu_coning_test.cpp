@@ -6,8 +6,8 @@
 
 #include "core/attitude.hpp"
 #include "core/imu.hpp"
-#include "core/motion.hpp"
 #include "tests/core/drive.hpp"
+#include "tools/motion.hpp"
 
 namespace imud {
 namespace {

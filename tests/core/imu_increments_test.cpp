@@ -8,9 +8,9 @@
 
 #include "core/attitude.hpp"
 #include "core/imu.hpp"
-#include "core/motion.hpp"
 #include "tests/core/body_motion.hpp"
 #include "tests/core/drive.hpp"
+#include "tools/motion.hpp"
 
 namespace imud {
 namespace {

@@ -9,10 +9,10 @@
 
 #include "core/attitude.hpp"
 #include "core/imu.hpp"
-#include "core/motion.hpp"
 #include "tests/core/drive.hpp"
 #include "tests/core/hash.hpp"
 #include "tests/core/statistics.hpp"
+#include "tools/motion.hpp"
 
 namespace imud {
 namespace {

@@ -48,7 +48,7 @@ static_assert(std::same_as<decltype(HostTime{} - HostTime{}), Nanoseconds>);
 
 using namespace std::chrono_literals;
 
-TEST(Instant, Arithmetic) {
+TEST(TimePoint, Arithmetic) {
   const TruthTime t{1'000};
   EXPECT_EQ((t + 5us).ns, 6'000);
   EXPECT_EQ((t - 5us).ns, -4'000);

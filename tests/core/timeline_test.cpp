@@ -48,10 +48,10 @@ struct Errors {
 Errors errors_of(const Timeline& timeline, Nanoseconds step, Nanoseconds from, Nanoseconds to) {
   Errors worst;
   for (Nanoseconds t = from; t < to; t += step * 13 / 97 + 1us) {
-    const State state = timeline.at(TruthTime{} + t);
+    const MotionState state = timeline.at(TruthTime{} + t);
     const double s = seconds(t);
     EXPECT_EQ(state.time.ns, t.count());
-    EXPECT_EQ(state.basis, State::Basis::interpolated);
+    EXPECT_EQ(state.basis, MotionState::Basis::interpolated);
     worst.attitude = std::max(worst.attitude, angle_between(state.q_NB, smooth().q_NB(s)));
     worst.rate = std::max(worst.rate, (state.omega_BN_B - smooth().omega_BN_B(s)).norm());
     worst.dv = std::max(worst.dv, (state.dv_N - smooth().dv_N(s)).norm());
@@ -87,7 +87,7 @@ TEST(Timeline, TruthsAreExact) {
   const Timeline timeline = timeline_of(50ms, 20s);
   for (std::int64_t k = 0; k <= 400; ++k) {
     const Truth truth = smooth().truth(at_ms(50 * k));
-    const State state = timeline.at(truth.time);
+    const MotionState state = timeline.at(truth.time);
     ASSERT_EQ(state.time, truth.time);
     ASSERT_LT(angle_between(state.q_NB, truth.q_NB), 1e-15);
     ASSERT_EQ(state.omega_BN_B, truth.omega_BN_B);
@@ -104,7 +104,7 @@ TEST(Timeline, RateAndForceAreTheDerivatives) {
   const auto h = 1ms;
   for (TruthTime t = at_ms(10); t < at_ms(4900); t = t + 7ms) {
     const auto state = [&](int n) { return timeline.at(t + n * h); };
-    const State now = state(0);
+    const MotionState now = state(0);
     const auto turned = [&](int n) { return log(now.q_NB.conjugate() * state(n).q_NB); };
     const Vector3 rate = (8.0 * (turned(1) - turned(-1)) - (turned(2) - turned(-2))) / 0.012;
     const Vector3 acceleration_N =
@@ -119,8 +119,8 @@ TEST(Timeline, StateIsContinuousAtTruths) {
   const Timeline timeline = timeline_of(100ms, 5s);
   for (std::int64_t k = 1; k < 50; ++k) {
     const TruthTime t = at_ms(100 * k);
-    const State here = timeline.at(t);
-    for (const State& beside : {timeline.at(t - 1ns), timeline.at(t + 1ns)}) {
+    const MotionState here = timeline.at(t);
+    for (const MotionState& beside : {timeline.at(t - 1ns), timeline.at(t + 1ns)}) {
       ASSERT_LT(angle_between(here.q_NB, beside.q_NB), 2e-9);
       ASSERT_LT((here.omega_BN_B - beside.omega_BN_B).norm(), 2e-9);
       ASSERT_LT((here.omegaDot_BN_B - beside.omegaDot_BN_B).norm(), 2e-8);
@@ -226,7 +226,7 @@ TEST(Timeline, LinearVelocityWhereNoForceIsGiven) {
     const Vector3 slope_N =
         (smooth().dv_N(0.1 * static_cast<double>(k)) - smooth().dv_N(0.1 * static_cast<double>(k - 1))) / 0.1;
     for (const std::int64_t ms : {100 * k, 100 * k - 30}) {
-      const State state = timeline.at(at_ms(ms));
+      const MotionState state = timeline.at(at_ms(ms));
       ASSERT_LT((state.q_NB * state.specific_force_B - slope_N).norm(), 1e-12);
     }
   }
@@ -300,10 +300,10 @@ TEST(Timeline, OwnForceOfATruthCountsAtItsInstant) {
 
 TEST(Timeline, BeforeTheRunIsAsIfItHadWaitedThere) {
   const Timeline timeline = timeline_of(10ms, 1s);
-  const State state = timeline.at(TruthTime{-5'000'000'000});
-  const State first = timeline.at({});
+  const MotionState state = timeline.at(TruthTime{-5'000'000'000});
+  const MotionState first = timeline.at({});
   EXPECT_EQ(state.time.ns, -5'000'000'000);
-  EXPECT_EQ(state.basis, State::Basis::held);
+  EXPECT_EQ(state.basis, MotionState::Basis::held);
   EXPECT_EQ(state.q_NB.coeffs(), first.q_NB.coeffs());
   EXPECT_EQ(state.omega_BN_B, Vector3::Zero());
   EXPECT_EQ(state.specific_force_B, first.specific_force_B);
@@ -329,7 +329,7 @@ TEST(Timeline, AnInsertedTruthIsAsIfItHadComeInOrder) {
         overtaken.push(truth, {});
       }
       for (Nanoseconds t{0}; t <= 230ms; t += 1ms + 1us) {
-        const State a = in_order.at(TruthTime{} + t), b = overtaken.at(TruthTime{} + t);
+        const MotionState a = in_order.at(TruthTime{} + t), b = overtaken.at(TruthTime{} + t);
         ASSERT_EQ(a.q_NB.coeffs(), b.q_NB.coeffs()) << t.count();
         ASSERT_EQ(a.omega_BN_B, b.omega_BN_B) << t.count();
         ASSERT_EQ(a.omegaDot_BN_B, b.omegaDot_BN_B) << t.count();

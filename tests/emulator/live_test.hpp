@@ -8,9 +8,9 @@
 #include <array>
 #include <optional>
 
-#include "core/motion.hpp"
 #include "protocols/native_truth.hpp"
 #include "tests/emulator/run_test.hpp"
+#include "tools/motion.hpp"
 #include "transports/file_descriptor.hpp"
 
 namespace imud {

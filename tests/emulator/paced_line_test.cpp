@@ -12,7 +12,7 @@ using testing::SimulatedHost;
 using testing::SimulatedRun;
 using testing::Swing;
 
-constexpr LineSettings line{460'800};
+constexpr UartSettings line{460'800};
 constexpr std::size_t frame_size = 124;  // of the native protocol
 
 struct Heard {

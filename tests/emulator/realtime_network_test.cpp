@@ -79,7 +79,7 @@ TEST_F(DisturbedTruth, WithoutDelayTheSumsFollowAndReturn) {
       const double dv_error = (r.dv_N - Swing::dv_N(r.time_s)).norm();
       if (host_s > 10.115 && (r.sample.status & status::truth_extrapolated) == 0) {
         ++whole;
-        const State state = undisturbed.at(at_s(r.time_s));
+        const MotionState state = undisturbed.at(at_s(r.time_s));
         ASSERT_NEAR(r.angle, log(state.q_NB).z(), 1e-9) << host_s;
         ASSERT_LT((r.dv_N - Swing::dv_N(9) - state.dv_N).norm(), 1e-9) << host_s;
         continue;
@@ -113,7 +113,7 @@ TEST_F(DisturbedTruth, WithEnoughDelayItIsTheUndisturbedStream) {
     Timeline timeline;
     for (int k = 0; k <= 1000; ++k) timeline.push(Swing::truth(at_s(step_s * k)));
     for (const Reached& r : navigate(run.left(), 0)) {
-      const State state = timeline.at(at_s(r.time_s));
+      const MotionState state = timeline.at(at_s(r.time_s));
       ASSERT_NEAR(r.angle, log(state.q_NB).z(), 1e-9) << r.time_s;
       ASSERT_NEAR(r.sample.rate.z(), state.omega_BN_B.z(), 1e-9) << r.time_s;
       ASSERT_LT((r.sample.specific_force - state.specific_force_B).norm(), 1e-9) << r.time_s;
@@ -203,7 +203,7 @@ TEST_F(DisturbedTruth, TheSlowClockOf42) {
       ASSERT_LT((r.dv_N - Swing::dv_N(r.time_s)).norm(), Swing::dv_error(h)) << r.time_s;
       if (!enough) continue;
       for (; step_s * k < r.time_s + 2 * step_s; ++k) undisturbed.push(Swing::truth(at_s(step_s * k)));
-      const State state = undisturbed.at(at_s(r.time_s));
+      const MotionState state = undisturbed.at(at_s(r.time_s));
       ASSERT_NEAR(r.angle, log(state.q_NB).z(), 1e-9) << r.time_s;
       ASSERT_LT((r.dv_N - state.dv_N).norm(), 1e-8) << r.time_s;
     }

@@ -194,7 +194,7 @@ TEST_P(Conformance, AllocatesNothingOnceMade) {
   for (const Sample& sample : samples)
     for (const Frame& frame : line_.encode(sample)) line_.decoder->feed(frame, recording);
   line_.decoder->feed({garbage}, recording);
-  line_.device->receive({garbage}, *replies);
+  line_.device->receive({garbage}, samples.back().time, *replies);
   line_.decoder->finish(recording);
   EXPECT_EQ(allocations() - before, 0U);
   EXPECT_GE(recording.measurements.size(), samples.size());
@@ -220,7 +220,7 @@ TEST_P(Conformance, DecodesOnAfterAnyBytes) {
       if (random_() % 8 == 0) frame.can.id ^= static_cast<std::uint32_t>(random_() % 8);
       line_.decoder->feed(frame.view(), recording);
       replies->clear();
-      line_.device->receive(frame.view(), *replies);
+      line_.device->receive(frame.view(), samples.back().time, *replies);
     }
     recording.measurements.clear();
     line_.feed(line_.encode_all(samples), recording);

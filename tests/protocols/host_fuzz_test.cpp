@@ -222,14 +222,14 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
   std::mt19937_64 random(11);
   const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
   Sample sample;
-  sample.place.is_known = true;
-  sample.place.gps_ns = 1'420'000'000'000'000'000;
-  sample.place.latitude = 0.8;
-  sample.place.r_E = {4.4e6, 0, 4.6e6};
+  sample.navigation.is_known = true;
+  sample.navigation.gps_ns = 1'420'000'000'000'000'000;
+  sample.navigation.latitude = 0.8;
+  sample.navigation.r_E = {4.4e6, 0, 4.6e6};
   std::string answers;
   const auto hear = [&](std::string_view text) {
     frames->clear();
-    device->receive({std::as_bytes(std::span(text))}, *frames);
+    device->receive({std::as_bytes(std::span(text))}, sample.time, *frames);
     for (const Frame& frame : frames->frames())
       for (const std::byte byte : frame.bytes) answers += static_cast<char>(byte);
   };
@@ -272,7 +272,7 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
     if (below(8) == 0) text.resize(below(text.size() + 1));
     const std::uint64_t before = allocations();
     frames->clear();
-    device->receive({std::as_bytes(std::span(text))}, *frames);
+    device->receive({std::as_bytes(std::span(text))}, sample.time, *frames);
     frames->clear();
     if (below(4) == 0) {
       ++sample.counter;
@@ -280,7 +280,7 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
       device->sample(sample, *frames);
     }
     ASSERT_EQ(allocations(), before);
-    const unsigned baud = device->line().baud;
+    const unsigned baud = device->uart().baud;
     ASSERT_TRUE(baud >= 1500 && baud <= 5'184'000) << baud;
     if (n % 1000 != 999) continue;
     live(7000);  // what was cut off is forgotten, a hold time has gone by

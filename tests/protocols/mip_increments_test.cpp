@@ -72,7 +72,7 @@ TEST(MipIncrements, BeginWithTheStream) {
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   expect_milliseconds(first(unit), 6, "reset");
   unit.run(4);
-  unit.device->restart();
+  unit.device->power_on(unit.sample.time);
   expect_milliseconds(first(unit), 6, "power");
 }
 
@@ -124,7 +124,7 @@ TEST(MipIncrements, ReferenceTimeBeginsWithTheDevice) {
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   expect_next(1);
   unit.run(10);
-  unit.device->restart();
+  unit.device->power_on(unit.sample.time);
   expect_next(1);
 }
 

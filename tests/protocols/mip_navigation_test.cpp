@@ -16,13 +16,13 @@ using std::int64_t;
 // 2026-03-04T05:06:07.250Z, over Boulder, to the north-west and up.
 Sample known() {
   Sample sample;
-  sample.place.is_known = true;
-  sample.place.gps_ns = gps_ns_from_unix(1'772'600'767) + 250'000'000;
-  sample.place.latitude = 40 * units::degree;
-  sample.place.longitude = -105.25 * units::degree;
-  sample.place.height = 1655;
-  sample.place.r_E = {-1e6, -4e6, 4e6};
-  sample.place.v_L = {30, -40, -5};
+  sample.navigation.is_known = true;
+  sample.navigation.gps_ns = gps_ns_from_unix(1'772'600'767) + 250'000'000;
+  sample.navigation.latitude = 40 * units::degree;
+  sample.navigation.longitude = -105.25 * units::degree;
+  sample.navigation.height = 1655;
+  sample.navigation.r_E = {-1e6, -4e6, 4e6};
+  sample.navigation.v_L = {30, -40, -5};
   sample.magnetic_field = {20e-6, -1.5e-6, 48e-6};
   sample.pressure = 82'950;
   return sample;
@@ -72,7 +72,7 @@ TEST(MipNavigation, GpsTime) {
     return number_at<std::uint16_t>(field(sent("3dm-gx5-45", 0x80, {0x12}, later), 0x12), 10);
   };
   const int at_first = flags();
-  later.place.gps_ns += 1'000'000'000;
+  later.navigation.gps_ns += 1'000'000'000;
   EXPECT_EQ(at_first ^ flags(), 2);
   EXPECT_EQ(at_first & ~2, 0x1D);
 
@@ -117,8 +117,8 @@ TEST(MipNavigation, StateOfTheFilter) {
 // Gravity at 45 deg of latitude, on the ellipsoid: 9.806199 m/s^2 (NGA.STND.0036, Eq. 4-1: 9.80620).
 TEST(MipNavigation, AccelerationsOfTheFilter) {
   Sample sample = known();
-  sample.place.latitude = 45 * units::degree;
-  sample.place.height = 0;
+  sample.navigation.latitude = 45 * units::degree;
+  sample.navigation.height = 0;
   sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(1.0, 0, units::pi / 2).transpose());  // down is y
   sample.specific_force = {1, -9.8, 2};
   sample.rate = {0.1, 0.2, -0.3};

@@ -309,13 +309,13 @@ TEST(Mip, APollCanGoWithoutAcknowledgement) {
 
 TEST(Mip, TheLineFollowsTheAnswer) {
   Unit unit;
-  EXPECT_EQ(unit.device->line().baud, 115200U);
+  EXPECT_EQ(unit.device->uart().baud, 115200U);
   EXPECT_EQ(unit.code(command(0x0C, 0x40, {1, 0, 0x0E, 0x10, 0})), 0);  // 921600
-  EXPECT_EQ(unit.device->line().baud, 921600U);
+  EXPECT_EQ(unit.device->uart().baud, 921600U);
   EXPECT_EQ(field(unit.say(command(0x0C, 0x40, {2}))[0], 0x87), (Bytes{0, 0x0E, 0x10, 0}));
   EXPECT_EQ(unit.code(command(0x01, 0x09, {1, 1, 0, 0, 0, 7})), 3) << "no such speed";
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
-  EXPECT_EQ(unit.device->line().baud, 115200U) << "was not saved";
+  EXPECT_EQ(unit.device->uart().baud, 115200U) << "was not saved";
 }
 
 TEST(Mip, AttitudeAndIncrementsAreTheModels) {

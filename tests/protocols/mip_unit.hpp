@@ -57,7 +57,7 @@ class Unit {
   }
   std::vector<Bytes> say(const Bytes& bytes) {
     frames_->clear();
-    device->receive({std::as_bytes(std::span(bytes))}, *frames_);
+    device->receive({std::as_bytes(std::span(bytes))}, sample.time, *frames_);
     std::vector<Bytes> all;
     for (const Frame& frame : frames_->frames()) all.push_back(bytes_of(frame));
     return all;

@@ -177,12 +177,12 @@ TEST(Stim300Service, AnswersAsTheDatasheetShows) {
   EXPECT_EQ(unit.type("r 0"), "LINE TERMINATION = OFF\n");
   EXPECT_EQ(unit.type("r 1"), "LINE TERMINATION = ON\n");
   EXPECT_EQ(unit.type("t 2,1,2"), "BIT-RATE [bits/s] = 921600\nDATA LENGTH = 8\nSTOP BITS = 1\nPARITY = EVEN\n");
-  EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::even, 1}));
+  EXPECT_EQ(unit.device->uart(), (UartSettings{921600, Parity::even, 1}));
   EXPECT_EQ(unit.type("t f,500000"), "BIT-RATE [bits/s] = 499663\nDATA LENGTH = 8\nSTOP BITS = 1\nPARITY = EVEN\n")
       << "82944000/166 (Equation 13)";
   EXPECT_EQ(unit.type("t f,500000,2,1"),
             "BIT-RATE [bits/s] = 499663\nDATA LENGTH = 8\nSTOP BITS = 2\nPARITY = ODD\n");
-  EXPECT_EQ(unit.device->line(), (LineSettings{499663, Parity::odd, 2}));
+  EXPECT_EQ(unit.device->uart(), (UartSettings{499663, Parity::odd, 2}));
   EXPECT_EQ(unit.type("u g,0"), "GYRO OUTPUT UNIT = [deg/s] - ANGULAR RATE\n");
   EXPECT_EQ(unit.type("u g,8"), "GYRO OUTPUT UNIT = [deg/s] - ANGULAR RATE DELAYED\n");
   EXPECT_EQ(unit.type("u a,2"), "ACCELEROMETER OUTPUT UNIT = [g] - AVERAGE ACCELERATION\n");
@@ -289,7 +289,7 @@ TEST(Stim300Service, RefusesAsTheTablesOfErrorsSay) {
     EXPECT_EQ(unit.type(line), "E003 INVALID PARAMETER\n") << line;
   // Table 5-12: 63 characters at 374400 bit/s go 500 times a second.
   EXPECT_EQ(unit.type("t 0"), "E007 DATAGRAM WILL BE TOO LONG TO TRANSMIT\n");
-  EXPECT_EQ(unit.device->line().baud, 921600U);
+  EXPECT_EQ(unit.device->uart().baud, 921600U);
   EXPECT_EQ(unit.type("m 2"), "SAMPLE RATE [samples/s] = 500\n");
   EXPECT_EQ(unit.type("t 0").substr(0, 27), "BIT-RATE [bits/s] = 374400\n");
   EXPECT_EQ(unit.type("m 3"), "SAMPLE RATE [samples/s] = 1000\nE007 DATAGRAM WILL BE TOO LONG TO TRANSMIT\n");
@@ -304,7 +304,7 @@ TEST(Stim300Service, EchoesAndTakesBack) {
   FrameBuffer replies;
   const auto send = [&](std::string_view typed) {
     replies.clear();
-    unit.device->receive({std::as_bytes(std::span(typed))}, replies);
+    unit.device->receive({std::as_bytes(std::span(typed))}, unit.now(), replies);
     std::string said;
     for (const Frame& frame : replies.frames())
       for (const std::byte byte : frame.bytes) said += static_cast<char>(byte);
@@ -339,10 +339,10 @@ TEST(Stim300Service, SavesWhatIsConfirmed) {
   EXPECT_EQ(unit.type("y"), "SAVE COMMAND ABORTED.\nE003 INVALID PARAMETER\n");
   unit.type("t 3,2,1");
   unit.type("m 1");
-  EXPECT_EQ(unit.device->line(), (LineSettings{1843200, Parity::odd, 2}));
+  EXPECT_EQ(unit.device->uart(), (UartSettings{1843200, Parity::odd, 2}));
   unit.say("s");
   unit.type("N");
-  EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::none, 1}))
+  EXPECT_EQ(unit.device->uart(), (UartSettings{921600, Parity::none, 1}))
       << "the line's settings go back (Table 9-43)";
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 250\n");
   unit.say("s");
@@ -408,7 +408,7 @@ TEST(Stim300Service, GoesBackToTheFactorySettings) {
   unit.say("z s");
   unit.say("Y");
   EXPECT_EQ(unit.type("Y"), "APPLYING FACTORY SETTINGS\nFACTORY SETTINGS APPLIED AND SAVED.\nNUMBER OF SAVES = 1\n");
-  EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::even, 1}));
+  EXPECT_EQ(unit.device->uart(), (UartSettings{921600, Parity::even, 1}));
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 250\n");
 }
 

@@ -309,7 +309,7 @@ TEST(Stim300, ACommandCutOffIsForgotten) {
   Stim300Unit unit;
   FrameBuffer replies;
   const std::string half = "UTILITY";
-  unit.device->receive({std::as_bytes(std::span(half))}, replies);
+  unit.device->receive({std::as_bytes(std::span(half))}, unit.now(), replies);
   unit.run(2100);
   EXPECT_EQ(unit.say("MODE"), "");
   EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");

@@ -51,7 +51,7 @@ class Stim300Unit {
   std::string say(std::string_view line) {
     frames_->clear();
     const std::string text = std::string(line) + "\r";
-    device->receive({std::as_bytes(std::span(text))}, *frames_);
+    device->receive({std::as_bytes(std::span(text))}, sample.time, *frames_);
     std::string answer;
     for (const Frame& frame : frames_->frames())
       for (const std::byte byte : frame.bytes) answer += static_cast<char>(byte);

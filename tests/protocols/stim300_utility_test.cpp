@@ -55,10 +55,10 @@ TEST(Stim300Utility, UtilityModeAnswersAsTheDatasheetShows) {
   EXPECT_EQ(unit.ask("sgu,4"), "#sgu,5");
   EXPECT_EQ(unit.ask("sgu, "), "#sgu,5");
   EXPECT_EQ(unit.ask("st,921600,2,n,1,0,0"), "#st,0,921600,2,N,1,0,0");
-  EXPECT_EQ(unit.device->line(), (LineSettings{921600, Parity::none, 2}));
+  EXPECT_EQ(unit.device->uart(), (UartSettings{921600, Parity::none, 2}));
   EXPECT_EQ(unit.ask("st,115200,2,n,1,0,0"), "#st,0,115200,2,N,1,0,0");
   EXPECT_EQ(unit.ask("st,500000,2,n,1,0,0"), "#st,0,499663,2,N,1,0,0") << "82944000/166 (section 9.12.1)";
-  EXPECT_EQ(unit.device->line(), (LineSettings{499663, Parity::none, 2}));
+  EXPECT_EQ(unit.device->uart(), (UartSettings{499663, Parity::none, 2}));
   EXPECT_EQ(unit.ask("st,1499,2,n,1,0,0"), "#st,5");
   EXPECT_EQ(unit.ask("st,5184001,2,n,1,0,0"), "#st,5");
   EXPECT_EQ(unit.say("$xn,150"), "#xn,0,125\r");
@@ -94,7 +94,7 @@ TEST(Stim300Utility, WhatIsNotSavedIsGoneAfterAReset) {
   EXPECT_EQ(first(datagrams.back()), 0x90U);
   EXPECT_NEAR(unit.decode(datagrams).measurements.back().sample.rate.x(), 0.5 * units::degree, 1e-6);
   unit.say("R");
-  EXPECT_EQ(unit.device->line(), (LineSettings{460800, Parity::even, 1}));
+  EXPECT_EQ(unit.device->uart(), (UartSettings{460800, Parity::even, 1}));
   unit.run(2000);
   EXPECT_EQ(first(unit.run(10).back()), 0xA7U);
 }

@@ -10,14 +10,18 @@
 
 namespace imud {
 
-// The names that the sources in `folder` (below the project's own) must have given to their entries, sorted.
+// The names that the sources must have given to their entries, sorted: those of the .cpp files in `folder` (below the
+// project's own), and of the folders beside it that hold a device.cpp.
 inline std::vector<std::string> names_from_files(const std::string& folder) {
+  namespace fs = std::filesystem;
+  const fs::path path = fs::path(IMUD_SOURCE_DIR) / folder;
   std::vector<std::string> names;
-  for (const auto& file : std::filesystem::directory_iterator(IMUD_SOURCE_DIR "/" + folder)) {
-    if (file.path().extension() != ".cpp") continue;
-    names.push_back(file.path().stem().string());
-    std::ranges::replace(names.back(), '_', '-');
-  }
+  for (const auto& file : fs::directory_iterator(path))
+    if (file.path().extension() == ".cpp") names.push_back(file.path().stem().string());
+  for (const auto& beside : fs::directory_iterator(path.parent_path()))
+    if (folder == "protocols/devices" && fs::exists(beside.path() / "device.cpp"))
+      names.push_back(beside.path().filename().string());
+  for (std::string& name : names) std::ranges::replace(name, '_', '-');
   std::ranges::sort(names);
   return names;
 }

@@ -32,13 +32,13 @@ Vector3 doubles_at(const std::string& frame, std::size_t at) {
 Sample on_earth() {
   Sample sample;
   sample.q_LP = Quaternion(dcm_from_yaw_pitch_roll(units::pi / 2, 0, 0).transpose());
-  sample.place.is_known = true;
-  sample.place.gps_ns = gps_ns_from_unix(1'748'781'296) + 789'000'000;
-  sample.place.latitude = 30 * units::degree;
-  sample.place.longitude = 90 * units::degree;
-  sample.place.height = 1234.5;
-  sample.place.r_E = {0, 5'529'324, 3'170'991};
-  sample.place.v_L = {10, 20, -3};
+  sample.navigation.is_known = true;
+  sample.navigation.gps_ns = gps_ns_from_unix(1'748'781'296) + 789'000'000;
+  sample.navigation.latitude = 30 * units::degree;
+  sample.navigation.longitude = 90 * units::degree;
+  sample.navigation.height = 1234.5;
+  sample.navigation.r_E = {0, 5'529'324, 3'170'991};
+  sample.navigation.v_L = {10, 20, -3};
   sample.magnetic_field = {20e-6, -5e-6, 45e-6};
   sample.pressure = 87'654;
   sample.specific_force = {0.5, 0, -9.80665};
@@ -72,7 +72,7 @@ TEST(VectorNavFields, GnssAndInsAreTheTruths) {
   // numSats, fix.
   const std::string frame = binary(unit, "49,0003,26B8,0018");
   ASSERT_EQ(frame.size(), 2 + 6 + 16 + (1 + 1 + 24 + 12 + 12 + 4 + 28) + 2 + 2U);
-  EXPECT_EQ(number_at<std::uint64_t>(frame, 16), static_cast<std::uint64_t>(unit.sample.place.gps_ns));
+  EXPECT_EQ(number_at<std::uint64_t>(frame, 16), static_cast<std::uint64_t>(unit.sample.navigation.gps_ns));
   EXPECT_GT(frame[24], 4) << "satellites";
   EXPECT_EQ(frame[25], 3) << "3D";
   EXPECT_LT((doubles_at(frame, 26) - Vector3(30, 90, 1234.5)).norm(), 1e-9);
@@ -88,7 +88,7 @@ TEST(VectorNavFields, GnssAndInsAreTheTruths) {
   // INS r_E, velBody, velEcef. At 90 E: north is E's (0, -sin, cos), east is (-1, 0, 0), down (0, -cos, -sin) of 30
   // deg.
   const std::string more = binary(unit, "20,002C");
-  EXPECT_EQ(doubles_at(more, 4), unit.sample.place.r_E);
+  EXPECT_EQ(doubles_at(more, 4), unit.sample.navigation.r_E);
   EXPECT_LT((floats_at(more, 28) - Vector3(20, -10, -3)).norm(), 1e-5) << "it looks east";
   const double s = 0.5, c = std::sqrt(0.75);
   EXPECT_LT((floats_at(more, 40) - Vector3(-20, -10 * s + 3 * c, 10 * c + 3 * s)).norm(), 1e-5);

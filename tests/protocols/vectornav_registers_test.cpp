@@ -33,11 +33,11 @@ TEST(VectorNavRegisters, TheOtherPortKeepsItsOwn) {
   EXPECT_EQ(unit.ask("VNRRG,05,2"), with_xor("VNRRG,05,921600,2"));
   EXPECT_EQ(unit.ask("VNRRG,06,2"), with_xor("VNRRG,06,0,2"));
   EXPECT_EQ(unit.ask("VNRRG,07,2"), with_xor("VNRRG,07,10,2"));
-  EXPECT_EQ(unit.device->line().baud, 115200U);
+  EXPECT_EQ(unit.device->uart().baud, 115200U);
   EXPECT_EQ(unit.run(800).size(), 40U);
   EXPECT_EQ(unit.ask("VNWRG,07,20,1"), with_xor("VNWRG,07,20,1"));
   EXPECT_EQ(unit.ask("VNWRG,05,57600,?"), with_xor("VNWRG,05,57600,?"));
-  EXPECT_EQ(unit.device->line().baud, 57600U);
+  EXPECT_EQ(unit.device->uart().baud, 57600U);
   EXPECT_EQ(unit.run(800).size(), 20U);
   EXPECT_EQ(unit.ask("VNWRG,07,20,3"), with_xor("VNERR,07"));
 }
@@ -76,7 +76,7 @@ TEST(VectorNavRegisters, AreRefusedForMoreThanTheLineCarries) {
   const std::string refused = with_xor("VNERR,0C");
   EXPECT_EQ(unit.ask("VNWRG,05,9600"), refused) << "40 VNYMR of 122 bytes are 48800 bit/s";
   EXPECT_EQ(unit.ask("VNRRG,05"), with_xor("VNRRG,05,115200"));
-  EXPECT_EQ(unit.device->line().baud, 115200U);
+  EXPECT_EQ(unit.device->uart().baud, 115200U);
   EXPECT_EQ(unit.ask("VNWRG,05,38400"), refused);
   EXPECT_EQ(unit.ask("VNWRG,07,100"), refused);
   EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
@@ -107,7 +107,7 @@ TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
        {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U, 28U, 29U, 30U, 32U, 33U}) {
     Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{type}}});
     for (const bool is_placed : {false, true}) {
-      unit.sample.place.is_known = is_placed;
+      unit.sample.navigation.is_known = is_placed;
       unit.sample.rate = {-30, 30, 0};
       EXPECT_EQ(unit.run(400).at(1).size(), vectornav::size_of(type)) << type;
     }
@@ -230,7 +230,7 @@ TEST(VectorNavRegisters, Register30AppendsCountAndStatus) {
   ASSERT_EQ(recording.measurements.size(), 1U);
   EXPECT_EQ(recording.measurements[0].sample.rate, unit.sample.rate);
   Unit ins({{"model", std::string("vn-200")}, {"async_type", std::int64_t{1}}});
-  ins.sample.place.is_known = true;
+  ins.sample.navigation.is_known = true;
   ins.ask("VNWRG,30,0,2,0,0,1,0,1");
   EXPECT_EQ(ins.run(1).at(0), with_xor("VNYPR,+000.000,+000.000,+000.000,S0006"));
 }

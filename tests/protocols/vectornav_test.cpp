@@ -214,15 +214,15 @@ TEST(VectorNav, SettingsSurviveAResetOnceWritten) {
   Unit unit;
   unit.ask("VNWRG,07,10");
   unit.ask("VNWRG,05,921600");
-  EXPECT_EQ(unit.device->line().baud, 921600U);
+  EXPECT_EQ(unit.device->uart().baud, 921600U);
   unit.ask("VNWNV");
   unit.ask("VNWRG,07,20");
   EXPECT_EQ(unit.ask("VNRST"), with_xor("VNRST"));
   EXPECT_EQ(unit.ask("VNRRG,7"), with_xor("VNRRG,7,10"));
-  EXPECT_EQ(unit.device->line().baud, 921600U);
+  EXPECT_EQ(unit.device->uart().baud, 921600U);
   EXPECT_EQ(unit.ask("VNRFS"), with_xor("VNRFS"));
   EXPECT_EQ(unit.ask("VNRRG,7"), with_xor("VNRRG,7,40"));
-  EXPECT_EQ(unit.device->line().baud, 115200U);
+  EXPECT_EQ(unit.device->uart().baud, 115200U);
   const std::string echo = "VNWRG,35,1,0,1,1";
   EXPECT_EQ(unit.ask(echo), with_xor(echo));
   EXPECT_EQ(unit.ask("VNRRG,35"), with_xor("VNRRG,35,1,0,1,1"));

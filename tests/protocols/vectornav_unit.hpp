@@ -53,7 +53,7 @@ class Unit {
   }
   std::string say(std::string_view line) {
     frames_->clear();
-    device->receive({std::as_bytes(std::span(line))}, *frames_);
+    device->receive({std::as_bytes(std::span(line))}, sample.time, *frames_);
     std::vector<std::string> all;
     take(all);
     std::string text;

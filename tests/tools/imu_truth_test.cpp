@@ -2,12 +2,12 @@
 
 #include <cstring>
 
-#include "core/motion.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/capture_builder.hpp"
 #include "tests/transports/scratch_folder.hpp"
+#include "tools/motion.hpp"
 
 namespace imud {
 namespace {

@@ -15,12 +15,12 @@
 #include <thread>
 
 #include "core/attitude.hpp"
-#include "core/motion.hpp"
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
+#include "tools/motion.hpp"
 
 namespace imud {
 namespace {

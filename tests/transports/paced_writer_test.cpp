@@ -19,7 +19,7 @@ constexpr HostTime start{1'000'000'000};
 class PacedWriting : public testing::Test {
  protected:
   Nanoseconds patience = std::chrono::hours(1);
-  void queue(std::size_t size, Nanoseconds at, const LineSettings& line = {10'000}) {
+  void queue(std::size_t size, Nanoseconds at, const UartSettings& line = {10'000}) {
     std::vector<std::byte> bytes(size);
     for (std::byte& byte : bytes) byte = static_cast<std::byte>(made_++);
     const Frame frame{bytes};
@@ -133,7 +133,7 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   std::uint64_t characters = 0;
   for (int i = 0; i < 3000; ++i) {
     const unsigned baud = 50U + static_cast<unsigned>(i) * 1301 % 4'000'000;
-    const LineSettings line{baud, static_cast<Parity>(i % 3), i % 14 < 7 ? 1U : 2U};
+    const UartSettings line{baud, static_cast<Parity>(i % 3), i % 14 < 7 ? 1U : 2U};
     writer_->queue(frames.next(1 + static_cast<std::size_t>(i) % 5), line, now, patience, counters_);
     for (int k = 0; k < i % 40; ++k) {
       if (const auto due = writer_->due()) now = std::max(now, *due);

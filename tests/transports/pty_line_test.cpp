@@ -20,7 +20,7 @@ class PtyLine : public ::testing::Test {
   }
 
   // What is received of frames back to back before an idle line.
-  static Bytes garbled(const LineSettings& sender, unsigned receiver, std::span<const Frame> sent) {
+  static Bytes garbled(const UartSettings& sender, unsigned receiver, std::span<const Frame> sent) {
     UartWire wire;
     wire.set(sender, receiver);
     Bytes all(100'000);

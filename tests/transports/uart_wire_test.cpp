@@ -26,7 +26,7 @@ Bytes random_bytes(std::size_t count, std::mt19937& random) {
 }
 
 // All that is received of `sent`, given in pieces of up to `piece` characters, before an idle line.
-Bytes received(const LineSettings& sender, unsigned receiver_baud, const Bytes& sent, std::size_t piece = 1'000'000) {
+Bytes received(const UartSettings& sender, unsigned receiver_baud, const Bytes& sent, std::size_t piece = 1'000'000) {
   UartWire wire;
   wire.set(sender, receiver_baud);
   Bytes all;
@@ -46,7 +46,7 @@ TEST(UartWire, SpeedsThatAreNearlyEqualAreUnderstood) {
   for (const Parity parity : {Parity::none, Parity::even, Parity::odd})
     for (const unsigned stop_bits : {1U, 2U})
       for (const unsigned baud : {115'200U, 112'900U, 117'500U, 110'600U, 119'800U}) {  // 0, +-2 %, +-4 %
-        const LineSettings line{115'200, parity, stop_bits};
+        const UartSettings line{115'200, parity, stop_bits};
         const Bytes sent = random_bytes(1000, random);
         EXPECT_TRUE(understand(115'200, baud, line)) << baud;
         EXPECT_EQ(received(line, baud, sent), sent) << baud;
@@ -103,7 +103,7 @@ TEST(UartWire, NeverMoreThanFits) {
     const auto any_speed = [&] {
       return i % 10 == 0 ? (random() % 2 == 0 ? 50U : 4'000'000U) : static_cast<unsigned>(std::exp(exponent(random)));
     };
-    const LineSettings line{any_speed(), static_cast<Parity>(random() % 3), 1 + static_cast<unsigned>(random() % 2)};
+    const UartSettings line{any_speed(), static_cast<Parity>(random() % 3), 1 + static_cast<unsigned>(random() % 2)};
     const unsigned receiver = any_speed();
     const Bytes sent = random_bytes(random() % 200, random);
     const Bytes seen = received(line, receiver, sent);

@@ -2,8 +2,6 @@
 // have files of their own. What the device's own filter would estimate is the truth: its settings are kept and told,
 // no more. Compensations (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in
 // the device.
-#include "protocols/vectornav/vectornav.hpp"
-
 #include <algorithm>
 #include <cstdio>
 #include <stdexcept>
@@ -13,6 +11,7 @@
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/vectornav/vectornav.hpp"
 
 namespace imud {
 
@@ -41,7 +40,7 @@ class VectorNavDevice final : public Device {
       if (active_.binary[i].is_streamed() && sample.counter % active_.binary[i].divisor == 0) send_binary(i, out);
   }
 
-  void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
+  void receive(const Frame& from_host, DeviceTime, FrameBuffer& replies) noexcept override {
     reader_.feed(
         from_host.bytes, sample_.time,
         [&](std::string_view line) {
@@ -52,8 +51,8 @@ class VectorNavDevice final : public Device {
         [&] { send_error(input_overflow, Form::two_digits, replies); });
   }
 
-  void restart() noexcept override { reset(); }
-  LineSettings line() const noexcept override { return {port().baud}; }
+  void power_on(DeviceTime) noexcept override { reset(); }
+  UartSettings uart() const noexcept override { return {port().baud}; }
 
  private:
   static constexpr std::size_t of_ascii = 3, of_polled = 4;

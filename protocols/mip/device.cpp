@@ -4,13 +4,12 @@
 // What the document does not say and a user would expect: out of the box the device streams (ArduPilot sends nothing
 // and waits for that); reference time is the device's own time; filter and receiver tell the truth. What a host says
 // to the filter, and the events it asks for, are kept and told, and change nothing; biases and mounting are applied.
-#include "protocols/mip/mip.hpp"
-
 #include <algorithm>
 #include <stdexcept>
 
 #include "core/units.hpp"
 #include "protocols/frame_search.hpp"
+#include "protocols/mip/mip.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {
@@ -34,13 +33,13 @@ class MipDevice final : public Device {
     memory_.capture(sample, out);
   }
 
-  void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
+  void receive(const Frame& from_host, DeviceTime, FrameBuffer& replies) noexcept override {
     if (search_.is_empty()) begun_ = fields_.time();
     search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return judge(held, replies); });
   }
 
-  void restart() noexcept override { memory_.restart(fields_); }
-  LineSettings line() const noexcept override { return {memory_.active().baud}; }
+  void power_on(DeviceTime) noexcept override { memory_.restart(fields_); }
+  UartSettings uart() const noexcept override { return {memory_.active().baud}; }
 
  private:
   using Search = FrameSearch<longest>;

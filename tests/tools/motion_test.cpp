@@ -1,5 +1,5 @@
 // Each motion is one motion: what it says of itself is checked by differences and by the sums of an Imu.
-#include "core/motion.hpp"
+#include "tools/motion.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "core/motion.hpp"
+#include "tools/motion.hpp"
 
 #include <cmath>
 

@@ -95,7 +95,7 @@ class Stim300Device final : public Device {
   std::optional<Pulse> pulse() const noexcept override { return pulse_; }
 
   // Section 8: nothing is echoed, and what is not right is not answered.
-  void receive(const Frame& from_host, FrameBuffer& replies) noexcept override {
+  void receive(const Frame& from_host, DeviceTime, FrameBuffer& replies) noexcept override {
     for (std::span<const std::byte> bytes = from_host.bytes; !bytes.empty();) {
       std::size_t taken = 1;
       if (mode_ == Mode::service) {
@@ -108,8 +108,8 @@ class Stim300Device final : public Device {
     }
   }
 
-  void restart() noexcept override { reset(); }
-  LineSettings line() const noexcept override { return memory_.active.line(); }
+  void power_on(DeviceTime) noexcept override { reset(); }
+  UartSettings uart() const noexcept override { return memory_.active.line(); }
 
  private:
   enum class Mode { normal, utility, service };
@@ -210,7 +210,7 @@ class Stim300Device final : public Device {
     unsigned& specials = starts ? starting_ : requested_;
     const std::size_t characters = specials != 0 ? send_special(specials, out)
                                                  : write_measurement(axes_, reading(validity, latency), memory_, out);
-    const LineSettings line = memory_.active.line();
+    const UartSettings line = memory_.active.line();
     const double on_line = static_cast<double>(characters * line.bits_per_character()) / line.baud;
     busy_until_ = validity + least_period(line, characters);
     if (!starts || memory_.active.tov_toggles) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
