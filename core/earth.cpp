@@ -66,6 +66,13 @@ double earth_rotation_angle(std::int64_t utc_s) noexcept {
   return 2.0 * units::pi * (turns - std::floor(turns));
 }
 
+double normal_gravity(double latitude, double height) noexcept {
+  constexpr double m = 0.00344978650684;
+  const double sin = elementary::sincos(latitude).sin, sin2 = sin * sin, up = height / a;
+  const double surface = 9.7803253359 * (1 + 0.00193185265241 * sin2) / std::sqrt(1 - f * (2 - f) * sin2);
+  return surface * (1 - 2 * (1 + f + m - 2 * f * sin2) * up + 3 * up * up);
+}
+
 double geopotential_altitude(double height_m) noexcept {
   constexpr double r0 = 6'356'766.0;
   return r0 * height_m / (r0 + height_m);

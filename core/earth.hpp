@@ -30,6 +30,11 @@ double earth_rotation_angle(std::int64_t utc_s) noexcept;
 double standard_pressure(double geopotential_m) noexcept;
 double geopotential_altitude(double height_m) noexcept;  // Eq. 18, with r_0 = 6 356 766 m
 
+// Normal gravity of the WGS 84 ellipsoid, m/s^2, gravitation and centrifugal acceleration together, at a geodetic
+// latitude, rad, and a height above the ellipsoid, m (NGA.STND.0036, Eq. 4-1 and 4-3: to the second order in the
+// height; the third is 1.2e-6 m/s^2 at 20 km).
+double normal_gravity(double latitude, double height) noexcept;
+
 // North, east and down at a geodetic latitude and longitude, rad, as columns in E.
 Matrix3 dcm_EL(double latitude, double longitude) noexcept;
 

@@ -1,7 +1,7 @@
 #include <chrono>
-#include <cmath>
 
 #include "core/attitude.hpp"
+#include "core/earth.hpp"
 #include "core/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/mip.hpp"
@@ -67,14 +67,6 @@ constexpr std::int64_t second_ns = 1'000'000'000, week_ns = 604'800 * second_ns;
 Vector3 roll_pitch_yaw(const Quaternion& q) noexcept {
   const Vector3 ypr = yaw_pitch_roll_from_dcm(q.conjugate().toRotationMatrix());
   return {ypr[2], ypr[1], ypr[0]};
-}
-
-// Normal gravity of the WGS 84 ellipsoid, m/s^2 (NGA.STND.0036, Eq. 4-1 and 4-3).
-double normal_gravity(const Navigation& navigation) noexcept {
-  constexpr double a = 6'378'137.0, f = 1 / 298.257223563, m = 0.00344978650684;
-  const double sin = elementary::sincos(navigation.latitude).sin, sin2 = sin * sin, up = navigation.height / a;
-  const double surface = 9.7803253359 * (1 + 0.00193185265241 * sin2) / std::sqrt(1 - f * (2 - f) * sin2);
-  return surface * (1 - 2 * (1 + f + m - 2 * f * sin2) * up + 3 * up * up);
 }
 
 void put_gps_time(Packet& packet, std::int64_t ns) noexcept {
@@ -396,7 +388,8 @@ void Fields::put_position(Packet& packet) const noexcept {
 }
 
 Vector3 Fields::gravity() const noexcept {
-  const double g = is_known() ? normal_gravity(sample_.navigation) : units::standard_gravity;
+  const double g =
+      is_known() ? normal_gravity(sample_.navigation.latitude, sample_.navigation.height) : units::standard_gravity;
   return sample_.q_LP.conjugate() * Vector3(0, 0, g);
 }
 
