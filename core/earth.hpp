@@ -14,7 +14,10 @@ struct EarthModel {
     inertial,  // N's origin is the Earth's centre, its z the axis of rotation, to the north
   };
   Frame frame = Frame::none;
-  double latitude = 0, longitude = 0, height = 0;  // of N's origin; rad, geodetic, and m above the WGS 84 ellipsoid
+  // Where the vehicle rests before the first truth, and local: N's origin. rad, geodetic, and m above the WGS 84
+  // ellipsoid.
+  double latitude = 0, longitude = 0, height = 0;
+  Vector3 rest_yaw_pitch_roll = Vector3::Zero();  // rad, of B relative to L, while the vehicle rests
   double angle = 0;               // inertial: rad, from N's x axis to the prime meridian at truth time 0
   std::int64_t start_gps_ns = 0;  // GPS time at truth time 0, since 1980-01-06
 };

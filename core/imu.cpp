@@ -50,6 +50,7 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       gyro_(model.gyro, Quantity::rate),
       accelerometer_(model.accelerometer, Quantity::specific_force),
       earth_(model.earth),
+      rest_(model.earth),
       magnetometer_(model.magnetometer, Quantity::magnetic_field) {}
 
 void Imu::seek(std::uint64_t k) noexcept {
@@ -60,7 +61,8 @@ void Imu::seek(std::uint64_t k) noexcept {
 }
 
 void Imu::follow(const Timeline& timeline, TruthTime until) noexcept {
-  if (in_run_ && until > reached_.time && until <= timeline.newest()) accumulate(timeline, timeline.at(until));
+  if (run_ == Run::truth && until > reached_.time && until <= timeline.newest())
+    accumulate(timeline, timeline.at(until));
 }
 
 // Takes the sums from reached_ to `end`, truth by truth, as the motion is smooth only between two of them.
@@ -144,6 +146,43 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
 
 Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
   const MotionState now = timeline.at(time);
+  const bool is_first = run_ != Run::truth;
+  run_ = Run::truth;
+  if (is_first) {
+    reached_ = now;
+    revision_ = timeline.revision();
+  } else {
+    accumulate(timeline, now);
+  }
+  Sample out = sense(now, time, is_first, stamp);
+  if (earth_.is_on()) sense_earth(earth_, timeline.position(now.time), now, out);
+  if (now.basis != MotionState::Basis::interpolated) out.status |= status::truth_extrapolated;
+  if (now.basis == MotionState::Basis::held) out.status |= status::truth_stale;
+  ++counter_;
+  return out;
+}
+
+Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcept {
+  const TruthTime time = TruthTime{} + since_power_on;
+  const MotionState now = rest_.at(time, time);
+  const bool is_first = run_ != Run::rest;
+  run_ = Run::rest;
+  if (!is_first) {
+    last_ = reached_ = rest_.at(last_time_, time);
+    add_piece(now);
+  }
+  Sample out = sense(now, time, is_first, stamp);
+  if (rest_.earth().is_on()) {
+    sense_earth(rest_.earth(), {true, time, Vector3::Zero(), Vector3::Zero()}, now, out);
+    out.navigation.v_L.setZero();
+  }
+  out.status |= status::at_rest;
+  ++counter_;
+  return out;
+}
+
+// What the gyros and accelerometers measure at `now`, with the increments since the last sample of the run.
+Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept {
   Sample out;
   out.time = stamp;
   out.counter = counter_;
@@ -156,15 +195,10 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
   Vector3 delta_angle = Vector3::Zero();
   Vector3 delta_velocity = Vector3::Zero();
   double dt = 0.0;
-  if (in_run_) {
+  if (!is_first) {
     dt = seconds(time - last_time_);
-    accumulate(timeline, now);
     delta_angle = model_.dcm_PB * true_delta_angle_B(now);        // Eq. 4
     delta_velocity = model_.dcm_PB * true_delta_velocity_B(now);  // Eq. 14
-  } else {
-    reached_ = now;
-    revision_ = timeline.revision();
-    in_run_ = true;
   }
   last_ = now;
   last_time_ = time;
@@ -180,27 +214,23 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
   out.delta_angle = delta_angle;
   out.delta_velocity = delta_velocity;
   out.q_LP = now.q_NB * q_BP_;
-  if (earth_.is_on()) sense_earth(timeline, now, out);
   out.status =
       gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
-  if (now.basis != MotionState::Basis::interpolated) out.status |= status::truth_extrapolated;
-  if (now.basis == MotionState::Basis::held) out.status |= status::truth_stale;
-  ++counter_;
   return out;
 }
 
-void Imu::sense_earth(const Timeline& timeline, const MotionState& now, Sample& out) noexcept {
-  PositionVelocity position = timeline.position(now.time);
+// What the magnetometer and the barometer measure where B's origin is, and where that is.
+void Imu::sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept {
   position.r_N += now.q_NB * model_.r_SB_B;
   position.v_N += now.q_NB * now.omega_BN_B.cross(model_.r_SB_B);
-  out.navigation = earth_.navigation(position);
+  out.navigation = earth.navigation(position);
   if (out.navigation.is_known) {
     // What is held stays where it is on the Earth.
     if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
     out.navigation.gps_ns += (now.time - position.time).count();
-    out.q_LP = earth_.q_LN(position.time, out.navigation) * out.q_LP;
-    out.magnetic_field = out.q_LP.conjugate() * earth_.magnetic_field_L(out.navigation);
-    out.pressure = earth_.pressure(out.navigation) + model_.barometer.bias;
+    out.q_LP = earth.q_LN(position.time, out.navigation) * out.q_LP;
+    out.magnetic_field = out.q_LP.conjugate() * earth.magnetic_field_L(out.navigation);
+    out.pressure = earth.pressure(out.navigation) + model_.barometer.bias;
     if (model_.barometer.noise > 0)
       out.pressure += model_.barometer.noise * normals_(Quantity::pressure, Process::gauss_markov, counter_).x();
     out.pressure = std::max(out.pressure, 0.0);

@@ -5,6 +5,7 @@
 
 #include "core/earth.hpp"
 #include "core/random.hpp"
+#include "core/rest.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
 
@@ -90,17 +91,23 @@ class Imu {
   Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream);
 
   // The next sample begins a run: it has no increments. Counter and errors go on as in a real device.
-  void begin_run() noexcept { in_run_ = false; }
+  void begin_run() noexcept { run_ = Run::none; }
 
   // Takes in the truth up to `until`, which is not after the newest truth nor after the next sample. Needed only if
   // more truths than the timeline keeps lie between two samples.
   void follow(const Timeline& timeline, TruthTime until) noexcept;
 
-  // How far the truth is taken in: nothing before is needed any more. Only in a run.
-  TruthTime reached() const noexcept { return reached_.time; }
+  // No truth before this time is needed any more; Timeline::never before the first sample of a run.
+  TruthTime reached() const noexcept { return run_ == Run::truth ? reached_.time : Timeline::never; }
 
   // The sample at `time`, which is after the sample before; `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
+
+  // The sample of a vehicle at rest (core/rest.hpp), for a sensor that has power before the first truth; its status
+  // is status::at_rest beside saturation. `since_power_on` is later than that of the sample before, and not negative.
+  // The first sample at rest, and the first sample of a truth after it, begin a run: they have no increments, while
+  // the counter and the errors continue. With DeltaVelocity::memo the sensor's step stands for the truth's.
+  Sample sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcept;
 
   // The next sample is number k, with the errors it has in the sequence from 0 (save a carried rounding remainder).
   void seek(std::uint64_t k) noexcept;
@@ -119,7 +126,8 @@ class Imu {
 
   void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
   void add_piece(const MotionState& end) noexcept;
-  void sense_earth(const Timeline& timeline, const MotionState& now, Sample& out) noexcept;
+  Sample sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;
+  void sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept;
   Vector3 true_delta_angle_B(const MotionState& now) const noexcept;
   Vector3 true_delta_velocity_B(const MotionState& now) const noexcept;
 
@@ -129,9 +137,11 @@ class Imu {
   Triad gyro_;
   Triad accelerometer_;
   Earth earth_;
+  Rest rest_;
   Triad magnetometer_;
   std::uint64_t counter_ = 0;
-  bool in_run_ = false;
+  enum class Run : std::uint8_t { none, rest, truth };  // what the last sample of this run was taken from
+  Run run_ = Run::none;
   MotionState last_;            // at the last sample, as it was output
   TruthTime last_time_;         // which is not last_'s if that truth is kept no longer
   MotionState reached_;         // how far the sums below go

@@ -15,6 +15,7 @@ inline constexpr std::uint32_t accelerometer_saturated_x = 1U << 3;
 inline constexpr std::uint32_t truth_extrapolated = 1U << 6;  // no truth for this instant (yet)
 inline constexpr std::uint32_t truth_stale = 1U << 7;         // none for so long that motion is held
 inline constexpr std::uint32_t not_valid = 1U << 8;           // so the sensor itself says that this is no measurement
+inline constexpr std::uint32_t at_rest = 1U << 9;             // there was no truth yet: a vehicle at rest is sensed
 }  // namespace status
 
 // Where on Earth a sample was taken, and when, as the truth has it, without errors (frames E and L: core/README.md).
