@@ -78,6 +78,9 @@ TEST(Admission, InsertedIntoAFullTimeline) {
   EXPECT_EQ(timeline.push(truth_at(capacity * 10ms, capacity), {}), Admission::inserted);
   EXPECT_EQ(timeline.at({}).time, oldest + 10ms) << "the oldest made room";
   EXPECT_EQ(timeline.push(truth_at(95ms, 9), {}), Admission::reordered) << "no room before the oldest";
+  EXPECT_EQ(timeline.push(truth_at(105ms, 10), {}), Admission::reordered)
+      << "it would push out the oldest, and be it";
+  EXPECT_EQ(timeline.at({}).time, oldest + 10ms);
   for (std::uint32_t k = 10; k + 1 < capacity + 10; ++k)
     ASSERT_EQ(timeline.next_truth(TruthTime{} + k * 10ms), TruthTime{} + (k + 1) * 10ms) << k;
 }
@@ -144,6 +147,9 @@ TEST(Restart, ForgettingThePastBeginsARunWithTheNewest) {
   EXPECT_EQ(timeline.newest().ns, 1'000'000'000);
   EXPECT_EQ(timeline.at(TruthTime{} + 500ms).basis, MotionState::Basis::held);
   EXPECT_EQ(timeline.push(truth_at(995ms, 99), {}), Admission::reordered) << "of the run before";
+  Truth repeated = truth_at(1000ms, 100);
+  repeated.new_run = true;
+  EXPECT_EQ(timeline.push(repeated), Admission::duplicate) << "the run's first truth once more";
   EXPECT_EQ(timeline.push(truth_at(1010ms, 101)), Admission::accepted);
   EXPECT_EQ(timeline.at(TruthTime{} + 1005ms).basis, MotionState::Basis::interpolated);
 }
