@@ -177,6 +177,22 @@ TEST(Timeline, AngularAccelerationOfTheRatesWhereNoneIsGiven) {
         << k;
 }
 
+// The rate t^2 about z: its differences are the acceleration in the middle of each interval, which is linear in t.
+TEST(Timeline, AngularAccelerationOfUnequalSteps) {
+  Timeline timeline;
+  for (const std::int64_t ms : {0, 10, 40, 50, 51, 100, 102}) {
+    const double t = 1e-3 * static_cast<double>(ms);
+    Truth truth;
+    truth.time = at_ms(ms);
+    truth.q_NB = exp(Vector3(0, 0, t * t * t / 3.0));
+    truth.omega_BN_B = {0, 0, t * t};
+    timeline.push(truth);
+  }
+  for (std::int64_t ms = 10; ms <= 102; ++ms)
+    EXPECT_NEAR(timeline.at(at_ms(ms)).omegaDot_BN_B.z(), 2e-3 * static_cast<double>(ms), ms > 10 ? 1e-12 : 0.011)
+        << ms;
+}
+
 TEST(Timeline, AttitudeSteppedByTheOldOrNewRateDoesNotDisturbTheAcceleration) {
   // Semi-implicit Euler at 100 Hz, the rate growing by 1 rad/s^2: attitude and rate disagree by 5e-3 rad/s.
   for (const double of_new_rate : {0.0, 1.0}) {
