@@ -229,6 +229,33 @@ TEST_P(LateTruth, IsFlagged) {
 INSTANTIATE_TEST_SUITE_P(Delays, LateTruth,
                          ::testing::Values(0ns, Nanoseconds(4ms), Nanoseconds(25ms), Nanoseconds(60ms)));
 
+// Truths every 100 ms, the vehicle nodding by 0.1 rad at 300 ms and back: without that truth nothing moves.
+TEST(InsertedTruth, CorrectsTheIncrementsOfTheCurveThatItChanges) {
+  const auto nod = [](std::int64_t ms, double angle, double acceleration) {
+    Truth truth;
+    truth.time.ns = ms * 1'000'000;
+    truth.sequence = static_cast<std::uint32_t>(ms / 100);
+    truth.q_NB = exp(Vector3(0, angle, 0));
+    truth.has_angular_acceleration = true;
+    truth.omegaDot_BN_B = {0, acceleration, 0};
+    return truth;
+  };
+  for (const auto angle : {DeltaAngle::rotation_vector, DeltaAngle::integral}) {
+    ImuModel model;
+    model.delta_angle = angle;
+    Imu imu(model, 1, 1);
+    Timeline timeline;
+    const auto turned = [&](std::int64_t ms) { return imu.sample(timeline, {ms * 1'000'000}, {}).delta_angle.y(); };
+    timeline.push(nod(200, 0.0, 60.0));  // of the cubic curve from here to 300 ms
+    timeline.push(nod(400, 0.0, 60.0));
+    EXPECT_EQ(turned(200), 0.0);
+    EXPECT_NEAR(turned(250), 0.0, 1e-15);
+    ASSERT_EQ(timeline.push(nod(300, 0.1, -60.0), TruthTime{250'000'000}), Admission::inserted);
+    EXPECT_NEAR(turned(350), 0.05, 1e-12) << "0.05 of it should have come with the sample before";
+    EXPECT_NEAR(turned(400), -0.05, 1e-12);
+  }
+}
+
 // --- follow()
 // -------------------------------------------------------------------------------------------------------
 
@@ -249,6 +276,17 @@ TEST(Follow, ChangesNothing) {
         ASSERT_EQ(a.delta_velocity, b.delta_velocity);
       }
     }
+}
+
+TEST(Follow, NotBeyondTheNewestTruth) {
+  Timeline timeline;
+  Imu imu(model_of(DeltaAngle::integral, DeltaVelocity::memo), 1, 1);
+  for (const std::int64_t ms : {0, 10, 20}) timeline.push(smooth_truth({ms * 1'000'000}));
+  imu.sample(timeline, {}, {});
+  imu.follow(timeline, {10'000'000});
+  EXPECT_EQ(imu.reached().ns, 10'000'000);
+  imu.follow(timeline, {20'000'001});
+  EXPECT_EQ(imu.reached().ns, 10'000'000);
 }
 
 // More truths in a step than the timeline keeps.
