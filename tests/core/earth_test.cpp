@@ -183,6 +183,12 @@ TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   EXPECT_FALSE(timeline.position(TruthTime{2'050'000'000}).is_known);
   EXPECT_FALSE(timeline.position(blind.time).is_known);
   EXPECT_TRUE(timeline.position(TruthTime{2'000'000'000}).is_known);
+  Truth seeing;
+  seeing.time.ns = 2'200'000'000;
+  seeing.has_position = true;
+  timeline.push(seeing);
+  EXPECT_FALSE(timeline.position(TruthTime{2'150'000'000}).is_known) << "from an unknown one";
+  EXPECT_TRUE(timeline.position(seeing.time).is_known);
 }
 
 // A sensor turned about the vertical, away from B's origin, and its errors.
@@ -224,9 +230,38 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
   const double bound = 5 * std::sqrt(2.0 / n);
   EXPECT_NEAR(magnetic / n / 1e-14, 1, bound);
   EXPECT_NEAR(pressure / n / 9, 1, bound);
+  model.barometer.bias = -2e5;
+  EXPECT_EQ(sense(0).pressure, 0) << "a vacuum at least";
   model.earth.frame = EarthModel::Frame::none;
   EXPECT_TRUE(sense(0).magnetic_field.isZero(0.0));
   EXPECT_EQ(sense(0).pressure, 0);
+}
+
+// A random walk: sample k has the same error whether the samples before had a place, or were taken at all.
+TEST(Earth, TheMagnetometersWalkGoesOnWherePlacesAreUnknown) {
+  ImuModel model;
+  model.earth = local(47, 11, 500);
+  model.magnetometer.walk_sqrt_cov = 1e-6 * Matrix3::Identity();
+  Timeline seeing, blind;
+  Truth truth;
+  blind.push(truth);
+  truth.has_position = true;
+  seeing.push(truth);
+  constexpr std::uint64_t n = 10;
+  Imu always(model, 1, 1), at_last(model, 1, 1), sought(model, 1, 1);
+  Vector3 first, last;
+  for (std::uint64_t k = 0; k < n; ++k) {
+    const TruthTime time = TruthTime{} + k * 1ms;
+    last = always.sample(seeing, time, {}).magnetic_field;
+    if (k == 0) first = last;
+    if (k + 1 == n) break;
+    EXPECT_TRUE(at_last.sample(blind, time, {}).magnetic_field.isZero(0.0));
+  }
+  sought.seek(n - 1);
+  const TruthTime time = TruthTime{} + (n - 1) * 1ms;
+  EXPECT_EQ(at_last.sample(seeing, time, {}).magnetic_field, last);
+  EXPECT_EQ(sought.sample(seeing, time, {}).magnetic_field, last);
+  EXPECT_GT((last - first).norm(), 1e-7);
 }
 
 // On the equator of an Earth that turns: before the run and after truth has stopped it stands on the ground, not in
