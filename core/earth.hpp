@@ -35,7 +35,7 @@ double geopotential_altitude(double height_m) noexcept;  // Eq. 18, with r_0 = 6
 
 // Normal gravity of the WGS 84 ellipsoid, m/s^2, gravitation and centrifugal acceleration together, at a geodetic
 // latitude, rad, and a height above the ellipsoid, m (NGA.STND.0036, Eq. 4-1 and 4-3: to the second order in the
-// height; the third is 1.2e-6 m/s^2 at 20 km).
+// height: within 1e-6 m/s^2 at the equator up to 10 km).
 double normal_gravity(double latitude, double height) noexcept;
 
 // North, east and down at a geodetic latitude and longitude, rad, as columns in E.

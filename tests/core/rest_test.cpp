@@ -48,6 +48,13 @@ TEST(Rest, NormalGravityIsThePublishedOne) {
   EXPECT_NEAR(normal_gravity(-90 * degree, 0), 9.8321849379, 1e-9);
   EXPECT_NEAR(normal_gravity(45 * degree, 0), 9.80619920, 2e-6);
   EXPECT_NEAR(normal_gravity(45 * degree, 0) - normal_gravity(45 * degree, 1000), 3.085e-3, 1e-6);
+  // In the equator's plane, of the zonal harmonics of the normal field (NGA.STND.0036: GM, J2, J4) and the rotation.
+  for (const double height : {0.0, 5e3, 10e3}) {
+    const double r = 6'378'137.0 + height, ratio2 = std::pow(6'378'137.0 / r, 2);
+    const double gravitation =
+        3.986004418e14 / (r * r) * (1 + 1.5 * 1.082629821e-3 * ratio2 + 1.875 * 2.37091e-6 * ratio2 * ratio2);
+    EXPECT_NEAR(normal_gravity(0, height), gravitation - std::pow(7.292115e-5, 2) * r, 1e-6) << height;
+  }
 }
 
 TEST(Rest, SensorsMeasureEarthRateAndNormalGravity) {
@@ -145,6 +152,7 @@ TEST(Rest, AgreesWithATruthThatStandsOnTheTurningEarth) {
         EXPECT_LT((a.delta_velocity - b.delta_velocity).norm(), 1e-12) << static_cast<int>(velocity);
         EXPECT_LT(a.q_LP.angularDistance(b.q_LP), 1e-7);  // angularDistance() of itself is 2e-8
         EXPECT_LT((a.navigation.r_E - b.navigation.r_E).norm(), 1e-6);
+        EXPECT_TRUE(a.navigation.v_L.isZero(0.0)) << "at the lever arm's end too";
         EXPECT_LT(b.navigation.v_L.norm(), 1e-6);
         EXPECT_EQ(a.navigation.gps_ns, b.navigation.gps_ns);
         EXPECT_LT((a.magnetic_field - b.magnetic_field).norm(), 1e-15);
