@@ -55,7 +55,7 @@ Summary Monitor::finish() {
 
 void Monitor::say_truth() {
   const TruthCounters& truth = session_.intake().counters();
-  for (std::size_t i = 0; i < truth.refused.size(); ++i)
+  for (std::size_t i = 0; i < named_.size(); ++i)
     if (!named_[i] && truth.refused[i] > 0) {
       named_[i] = true;
       const auto refusal = static_cast<Refusal>(i);

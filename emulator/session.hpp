@@ -13,45 +13,16 @@
 #include <utility>
 #include <vector>
 
-#include "core/duration_histogram.hpp"
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
+#include "emulator/counters.hpp"
 #include "emulator/schedule.hpp"
 #include "emulator/sync.hpp"
 #include "emulator/truth_intake.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
-
-// What one imu has done. Written by the thread that samples, read by any.
-struct ImuCounters {
-  using Counter = std::atomic<std::uint64_t>;
-  Counter samples = 0;
-  Counter frames = 0;        // that the port took whole
-  Counter dropped = 0;       // that it did not
-  Counter extrapolated = 0;  // samples after the newest truth, held ones included
-  Counter held = 0;          // of these, with motion frozen
-  Counter silent = 0;        // of these, that were not sent (truth.when_stopped)
-  Counter missed = 0;        // samples that left a whole period late, or later
-  std::atomic<PortState> port_state = PortState::ready;
-  std::atomic<Port::Speeds> speeds = Port::Speeds{};
-  DurationHistogram lateness;  // from a sample's instant to the beginning of its write
-  DurationHistogram write;     // how long that took
-};
-
-// How the truth stands to the host's clock; realtime only. Written and read likewise.
-struct TruthQuality {
-  std::atomic<bool> known = false;
-  std::atomic<double> rate = 1;            // simulation seconds in a host second, estimated
-  std::atomic<double> offset_s = 0;        // by which the simulation has fallen behind the host's clock in this run
-  std::atomic<double> delay_s = 0;         // how far behind the truth's line the sensors sample
-  std::atomic<std::uint64_t> stops = 0;    // times that truth was missing for so long that motion was held
-  std::atomic<std::uint64_t> returns = 0;  // times that it came back
-  std::atomic<std::uint64_t> resumed = 0;  // times that a run began as the truth had paused or jumped
-  DurationHistogram jitter;                // how late truths come, against the least late ones
-  DurationHistogram age;                   // of the newest truth, at the samples' instants
-};
 
 class Session {
  public:

@@ -19,7 +19,7 @@ Summary summarize(const Session& session, double duration_s, const std::vector<d
   summary.truth.truncated = truth.truncated;
   summary.truth.inserted = truth.inserted;
   summary.truth.lost = truth.lost;
-  std::copy(truth.refused.begin(), truth.refused.end(), summary.truth.refused.begin());
+  for (std::size_t i = 0; i < summary.truth.refused.size(); ++i) summary.truth.refused[i] = truth.refused[i];
   const double span_s = 1e-9 * static_cast<double>(truth.newest_ns - truth.first_ns);
   if (span_s > 0) summary.truth.rate_hz = static_cast<double>(summary.truth.accepted - 1) / span_s;
 

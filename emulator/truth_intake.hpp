@@ -1,8 +1,6 @@
 // TruthIntake: from the truth port to the timeline, refusing what is wrong, by cause.
 #pragma once
 
-#include <array>
-#include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -10,48 +8,12 @@
 
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
+#include "emulator/counters.hpp"
 #include "emulator/line_splitter.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
-
-// Why a truth never reached the model. The words of TruthResult, of Admission, and one more.
-enum class Refusal : std::uint8_t {
-  too_short,
-  too_long,
-  not_this_kind,
-  bad_version,
-  bad_checksum,
-  bad_number,
-  not_finite,
-  out_of_range,
-  no_columns,
-  duplicate,
-  reordered,
-  time_back,
-  time_jump,
-  other_stream,
-  count
-};
-std::string_view cause(Refusal refusal) noexcept;
-// What would be right, for the log.
-std::string_view remedy(Refusal refusal) noexcept;
-
-// Written by the thread that samples, read by any.
-struct TruthCounters {
-  using Counter = std::atomic<std::uint64_t>;
-  Counter received = 0;  // records
-  Counter no_state = 0;  // headers, blank lines
-  Counter accepted = 0;
-  Counter inserted = 0;                    // of these, overtaken on their way, but still in time
-  Counter lost = 0;                        // that the sender's sequence numbers say are missing
-  Counter runs = 0;                        // times that the timeline began anew, the first included
-  std::atomic<std::int64_t> first_ns = 0;  // arrival of the first truth accepted, and of the newest
-  std::atomic<std::int64_t> newest_ns = 0;
-  Counter truncated = 0;  // records of a capture that are cut short
-  std::array<Counter, static_cast<std::size_t>(Refusal::count)> refused = {};
-};
 
 class TruthIntake {
  public:

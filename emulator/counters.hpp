@@ -1,0 +1,221 @@
+// Counters: the figures that a run reports. Each is declared once, below, with the key and the words under which the
+// closing summary, the log and the JSON show it. To add a counter, add its line.
+//
+// The sampling thread writes the figures, with relaxed atomics only; any thread reads them.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "core/duration_histogram.hpp"
+#include "protocols/truth_format.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// When a text shows a counter. The JSON shows every counter always, except for causes of refusal, which it shows if
+// they occurred.
+enum class Show : std::uint8_t { never, if_not_zero, if_several, always };
+bool is_shown(Show show, std::uint64_t value) noexcept;
+
+struct CounterInfo {
+  std::string_view key;    // in JSON, and in limits: "imu1.KEY", "truth.KEY"
+  std::string_view words;  // follow the number: "1999 frames sent"
+  Show summary = Show::if_not_zero;
+  Show log = Show::never;  // in the log's line, which counts since the one before
+};
+
+struct CounterGroup;
+
+// A count of events since the run's begin. In an interval it is the difference of its two ends, or 0 if it fell.
+class Counter : public std::atomic<std::uint64_t> {
+ public:
+  Counter(CounterGroup& group, const CounterInfo& info);
+  using std::atomic<std::uint64_t>::operator=;
+  void count(std::uint64_t events = 1) noexcept { fetch_add(events, std::memory_order_relaxed); }
+  const CounterInfo info;
+};
+
+// An estimate or a state: in an interval it has its value at the interval's end.
+class Level : public std::atomic<double> {
+ public:
+  // The JSON holds `scale` times the value.
+  Level(CounterGroup& group, std::string_view key, double initial, double scale);
+  using std::atomic<double>::operator=;
+  const std::string_view key;
+  const double scale;
+};
+
+// Durations, as percentiles. The JSON holds microseconds.
+class Durations : public DurationHistogram {
+ public:
+  Durations(CounterGroup& group, std::string_view key);
+  const std::string_view key;
+};
+
+// Lists the figures that are its members, in the order of their declaration.
+struct CounterGroup {
+  CounterGroup() = default;
+  CounterGroup(const CounterGroup&) = delete;
+  CounterGroup& operator=(const CounterGroup&) = delete;
+
+  std::vector<const Counter*> counters;
+  std::vector<const Level*> levels;
+  std::vector<const Durations*> durations;
+};
+
+// The work of one imu.
+struct ImuCounters : CounterGroup {
+  Counter samples{*this, {"samples", "samples", Show::always}};
+  // Frames that the port took whole, and frames that it did not take.
+  Counter frames{*this, {"frames", "frames sent", Show::always}};
+  Counter dropped{*this, {"dropped", "dropped", Show::always, Show::always}};
+  // Samples that left a whole period late, or later.
+  Counter missed{*this, {"missed", "missed", Show::always, Show::always}};
+  // Samples after the newest truth; those of them with motion frozen; those of these that were not sent.
+  Counter extrapolated{*this, {"extrapolated", "extrapolated"}};
+  Counter held{*this, {"held", "held"}};
+  Counter silent{*this, {"silent", "not sent", Show::if_not_zero, Show::if_not_zero}};
+  // Samples before the first truth.
+  Counter at_rest{*this, {"at_rest", "at rest before the first truth"}};
+  // Frames in answer to the host. Zero until the loop tells them from those of samples; `frames` includes them.
+  Counter replies{*this, {"replies", "replies sent"}};
+  // Edges on the trigger and PPS pins that Sync refused.
+  Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
+  // From a sample's instant to the beginning of its write, and the duration of that write.
+  Durations lateness{*this, "lateness_us"};
+  Durations write{*this, "write_us"};
+  std::atomic<PortState> port_state = PortState::ready;
+  std::atomic<Port::Speeds> speeds = Port::Speeds{};
+};
+
+// Why a truth did not reach the model.
+enum class Refusal : std::uint8_t {
+  too_short,
+  too_long,
+  not_this_kind,
+  bad_version,
+  bad_checksum,
+  bad_number,
+  not_finite,
+  out_of_range,
+  no_columns,
+  duplicate,
+  reordered,
+  time_back,
+  time_jump,
+  other_stream,
+  count
+};
+// The word for it in the summary and the JSON: "crc".
+std::string_view cause(Refusal refusal) noexcept;
+// A phrase for the log that explains the cause and how to mend it.
+std::string_view remedy(Refusal refusal) noexcept;
+// The refusal that a decoder's result leads to; not_this_kind for a result that is none.
+Refusal refusal(TruthResult result) noexcept;
+
+// One counter for each cause.
+class RefusalCounters : public CounterGroup {
+ public:
+  RefusalCounters();
+  Counter& operator[](std::size_t refusal) noexcept { return counts_[refusal]; }
+  const Counter& operator[](std::size_t refusal) const noexcept { return counts_[refusal]; }
+
+ private:
+  std::deque<Counter> counts_;  // a Counter does not move
+};
+
+// The admission of truth.
+struct TruthCounters : CounterGroup {
+  Counter received{*this, {"received", "received", Show::always}};  // records
+  Counter accepted{*this, {"accepted", "accepted", Show::always}};
+  // Headers, blank lines.
+  Counter no_state{*this, {"no_state", "without state", Show::always}};
+  // Truths accepted though a later one had arrived before.
+  Counter inserted{*this, {"inserted", "reordered but in time"}};
+  // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
+  Counter lost{*this, {"lost", "lost"}};
+  // Times that the timeline began anew, the first included.
+  Counter runs{*this, {"runs", "runs", Show::if_several}};
+  // Records of a capture.
+  Counter truncated{*this, {"truncated", "cut short", Show::if_not_zero, Show::if_not_zero}};
+  RefusalCounters refused;
+  // Arrival of the first and of the newest truth accepted, by the port's clock.
+  std::atomic<std::int64_t> first_ns = 0;
+  std::atomic<std::int64_t> newest_ns = 0;
+};
+
+// The relation of truth to the host's clock. Levels and durations are valid if `known`: in realtime, from a live
+// port.
+struct TruthQuality : CounterGroup {
+  // Times that truth was missing for so long that motion was held, and times that it resumed afterwards.
+  Counter stops{*this, {"stops", "interruptions"}};
+  Counter returns{*this, {"returns", "resumptions"}};
+  // Runs that began because truth had paused or its time had jumped.
+  Counter resumed{*this, {"resumed", "new runs after a pause or jump"}};
+  // Simulation seconds in a host second, estimated.
+  Level rate{*this, "clock_rate", 1, 1};
+  // Seconds by which the simulation has fallen behind the host's clock in this run.
+  Level offset_s{*this, "offset_us", 0, 1e6};
+  // Seconds by which the sensors sample behind the truth.
+  Level delay_s{*this, "delay_us", 0, 1e6};
+  // Lateness of truths against those of lowest latency.
+  Durations jitter{*this, "jitter_us"};
+  // Age of the newest truth at the samples' instants.
+  Durations age{*this, "age_us"};
+  std::atomic<bool> known = false;
+};
+
+// The counters of a whole run, which outlive this.
+struct RunCounters {
+  const TruthCounters* truth;
+  const TruthQuality* quality;
+  std::vector<std::pair<std::string, const ImuCounters*>> imus;  // by name
+};
+
+// The numbers of a group at an instant, or their change in an interval, in the order of their declaration.
+struct SnapshotValues {
+  std::vector<std::uint64_t> counts;
+  std::vector<double> levels;
+  std::vector<DurationHistogram> durations;
+
+  explicit SnapshotValues(const CounterGroup& group);
+  // Turns them into those of the interval that began at `before`.
+  void subtract(const SnapshotValues& before);
+  std::uint64_t total() const noexcept;  // of all counts
+};
+
+// SnapshotValues with the declarations beside them: `snapshot[&ImuCounters::samples]`.
+template <class Group>
+class Snapshot : public SnapshotValues {
+ public:
+  Snapshot() : Snapshot(declared()) {}
+  explicit Snapshot(const Group& group) : SnapshotValues(group) {}
+
+  // A group that nobody counts in.
+  static const Group& declared() {
+    static const Group group;
+    return group;
+  }
+  std::uint64_t operator[](Counter Group::*member) const { return counts[place(declared().counters, member)]; }
+  double operator[](Level Group::*member) const { return levels[place(declared().levels, member)]; }
+  const DurationHistogram& operator[](Durations Group::*member) const {
+    return durations[place(declared().durations, member)];
+  }
+
+ private:
+  template <class Figure>
+  static std::size_t place(const std::vector<const Figure*>& all, Figure Group::*member) {
+    std::size_t i = 0;
+    while (all[i] != &(declared().*member)) ++i;
+    return i;
+  }
+};
+
+}  // namespace imud
