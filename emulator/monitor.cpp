@@ -3,16 +3,22 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <utility>
+#include <array>
 
 #include "emulator/line_load.hpp"
 
 namespace imud {
 
-Monitor::Monitor(const Session& session, const Config& config, const Options& options)
-    : session_(session),
+namespace {
+std::string times(std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); }
+}  // namespace
+
+Monitor::Monitor(RunCounters counters, const Config& config, const Options& options)
+    : counters_(std::move(counters)),
       config_(config),
       options_(options),
+      refusals_(counters_.truth->refused.counters.size()),
+      edges_refused_(config.imus.size()),
       states_(config.imus.size(), PortState::ready),
       wrong_speeds_(config.imus.size()) {
   for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
@@ -23,11 +29,12 @@ Monitor::Monitor(const Session& session, const Config& config, const Options& op
   last_quality_ = last_log_ = now();
 }
 
-Summary Monitor::now() const { return summarize(session_, seconds(host_now() - begin_), line_loads_); }
+Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - begin_), line_loads_); }
 
 void Monitor::look() {
-  say_truth();
-  say_ports();
+  report_refusals();
+  report_interruptions();
+  report_imus();
   const double now_s = seconds(host_now() - begin_);
   if (quality_.is_open() && now_s - last_quality_.duration_s >= 1.0) {
     Summary all = now();
@@ -41,11 +48,12 @@ void Monitor::look() {
   }
 }
 
-Summary Monitor::finish() {
-  say_truth();
-  say_ports();
+Summary Monitor::finish(std::string capture_warning) {
+  report_refusals();
+  report_interruptions();
+  report_imus();
   Summary all = now();
-  all.truth.warning = session_.intake().end_warning();
+  all.truth.warning = std::move(capture_warning);
   if (quality_.is_open()) {
     quality_ << json(all.since(last_quality_), JsonLayout::line) << std::endl;
     if (!quality_) spdlog::error("{}: cannot be written", options_.quality_file);
@@ -53,56 +61,66 @@ Summary Monitor::finish() {
   return all;
 }
 
-void Monitor::say_truth() {
-  const TruthCounters& truth = session_.intake().counters();
-  for (std::size_t i = 0; i < named_.size(); ++i)
-    if (!named_[i] && truth.refused[i] > 0) {
-      named_[i] = true;
-      const auto refusal = static_cast<Refusal>(i);
-      spdlog::warn("truth refused: {}: {} (counted; said once)", cause(refusal), remedy(refusal));
-    }
-  if (const std::uint64_t runs = truth.runs; std::exchange(runs_, runs) < runs && runs > 1)
-    spdlog::info("the truth's time began anew: run {}", runs);
+void Monitor::report_refusals() {
+  for (std::size_t i = 0; i < refusals_.size(); ++i) {
+    if (refusals_[i] || counters_.truth->refused[i] == 0) continue;
+    refusals_[i] = true;
+    const auto refusal = static_cast<Refusal>(i);
+    spdlog::warn("truth refused: {}: {} (counted; reported once)", cause(refusal), remedy(refusal));
+  }
+}
 
-  const TruthQuality& quality = session_.quality();
-  const auto times = [](std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); };
-  const std::uint64_t stops = quality.stops, returns = quality.returns, resumed = quality.resumed;
-  if (const std::uint64_t n = stops - std::exchange(stops_, stops); n > 0) {
+void Monitor::report_interruptions() {
+  if (runs_.of(counters_.truth->runs) > 0)
+    if (const std::uint64_t runs = counters_.truth->runs; runs > 1)
+      spdlog::info("simulation time began anew: run {}", runs);
+
+  const TruthQuality& quality = *counters_.quality;
+  if (const std::uint64_t n = stops_.of(quality.stops); n > 0) {
     constexpr std::array<std::string_view, 3> reactions = {
         "motion is held", "motion is held and flagged as not valid", "the sensors are silent"};
     spdlog::warn("no truth for {:.0f} ms: {}{}", 1e3 * seconds(config_.truth.limits.extrapolate),
                  reactions[static_cast<std::size_t>(config_.truth.when_stopped)], times(n));
   }
-  if (const std::uint64_t n = returns - std::exchange(returns_, returns); n > 0)
-    spdlog::info("the truth is back{}", times(n));
-  if (const std::uint64_t n = resumed - std::exchange(resumed_, resumed); n > 0)
-    spdlog::warn("the truth had paused or jumped: a new run begins{}", times(n));
+  if (const std::uint64_t n = returns_.of(quality.returns); n > 0) spdlog::info("truth has resumed{}", times(n));
+  if (const std::uint64_t n = resumed_.of(quality.resumed); n > 0)
+    spdlog::warn("truth had paused or its time had jumped: a new run begins{}", times(n));
 }
 
-void Monitor::say_ports() {
-  constexpr int often = 10;  // a client may look for the right speed for ever
+void Monitor::report_imus() {
   for (std::size_t i = 0; i < states_.size(); ++i) {
-    const PortState state = session_.imu_counters(i).port_state;
-    if (state == PortState::wrong_speed && wrong_speeds_[i] == often) continue;
-    if (std::exchange(states_[i], state) == state) continue;
-    const ImuConfig& imu = config_.imus[i];
-    const Port::Speeds speeds = session_.imu_counters(i).speeds;
-    switch (state) {
-      case PortState::ready:
-        spdlog::info("{}: {} takes frames", imu.name, imu.port);
-        break;
-      case PortState::no_reader:
-        wrong_speeds_[i] = 0;
-        spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port);
-        break;
-      case PortState::wrong_speed:
-        spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu.name, imu.port,
-                     speeds.line, speeds.client, ++wrong_speeds_[i] == often ? " (said for the last time)" : "");
-        break;
-      case PortState::lost:
-        spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port);
-        break;
-    }
+    report_port(i);
+    if (edges_refused_[i] || counters_.imus[i].second->edges_refused == 0) continue;
+    edges_refused_[i] = true;
+    spdlog::warn(
+        "{}: edges refused: more than 10 s ahead of the sample, or more than 64 waiting (counted; reported once)",
+        counters_.imus[i].first);
+  }
+}
+
+void Monitor::report_port(std::size_t i) {
+  constexpr int most = 10;  // a client may try wrong speeds for ever
+  const ImuConfig& imu = config_.imus[i];
+  const ImuCounters& counters = *counters_.imus[i].second;
+  const PortState state = counters.port_state;
+  if (state == PortState::wrong_speed && wrong_speeds_[i] == most) return;
+  if (std::exchange(states_[i], state) == state) return;
+  const Port::Speeds speeds = counters.speeds;
+  switch (state) {
+    case PortState::ready:
+      spdlog::info("{}: {} takes frames", imu.name, imu.port);
+      break;
+    case PortState::no_reader:
+      wrong_speeds_[i] = 0;
+      spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port);
+      break;
+    case PortState::wrong_speed:
+      spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu.name, imu.port,
+                   speeds.line, speeds.client, ++wrong_speeds_[i] == most ? " (reported for the last time)" : "");
+      break;
+    case PortState::lost:
+      spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port);
+      break;
   }
 }
 

@@ -1,47 +1,65 @@
-// Monitor: says what the thread that samples may not say itself.
+// Monitor: writes to the log, and to the file of `--quality`, what the sampling thread counts.
 #pragma once
 
-#include <array>
 #include <fstream>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "emulator/config.hpp"
 #include "emulator/summary.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
 
-// Looks at the session's counters now and then, from another thread than the one that samples.
+// Reads a run's counters ten times a second, from another thread than the one that samples.
 class Monitor {
  public:
   struct Options {
-    double log_every_s = 10;   // a line with the figures since the one before; 0: none
+    double log_every_s = 10;   // interval of the line of figures; 0: none
     std::string quality_file;  // a line of JSON a second; empty: none
   };
-  // Throws std::runtime_error if the file cannot be written.
-  Monitor(const Session& session, const Config& config, const Options& options);
+  // `counters` has config's imus in their order; what it points to, and `config`, outlive this. Throws
+  // std::runtime_error if the file cannot be written.
+  Monitor(RunCounters counters, const Config& config, const Options& options);
 
-  // Logs what has happened since the last look, once each. To be called some ten times a second.
+  // Logs each event since the last call, and writes the figures that are due.
   void look();
-  // When the thread that samples has ended: likewise, and the figures of the whole run.
-  Summary finish();
+  // Does the same when the sampling thread has ended, and returns the figures of the whole run. `capture_warning`:
+  // how a capture ended, if not well.
+  Summary finish(std::string capture_warning);
 
  private:
-  void say_truth();
-  void say_ports();
+  // How much a counter has risen since the last call.
+  class Rise {
+   public:
+    std::uint64_t of(const Counter& counter) noexcept {
+      const std::uint64_t now = counter.load(std::memory_order_relaxed);
+      return now - std::exchange(seen_, now);
+    }
+
+   private:
+    std::uint64_t seen_ = 0;
+  };
+
+  void report_refusals();
+  void report_interruptions();
+  void report_imus();
+  void report_port(std::size_t imu);
   Summary now() const;
 
-  const Session& session_;
+  const RunCounters counters_;
   const Config& config_;
   const Options options_;
   const HostTime begin_ = host_now();
   std::vector<double> line_loads_;
   std::ofstream quality_;
-  Summary last_quality_, last_log_;  // what was said then
-  std::vector<PortState> states_;    // as last said, likewise the following
-  std::vector<int> wrong_speeds_;    // how often said
-  std::array<bool, static_cast<std::size_t>(Refusal::count)> named_ = {};
-  std::uint64_t runs_ = 0, stops_ = 0, returns_ = 0, resumed_ = 0;
+  Summary last_quality_, last_log_;  // at the last line of each
+  Rise runs_, stops_, returns_, resumed_;
+  // What has been reported: causes, imus that refuse edges, states of ports, changes to PortState::wrong_speed.
+  std::vector<bool> refusals_, edges_refused_;
+  std::vector<PortState> states_;
+  std::vector<int> wrong_speeds_;
 };
 
 }  // namespace imud

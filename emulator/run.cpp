@@ -58,6 +58,13 @@ void drive(Session& session, const Config& config, const RunOptions& options, co
   session.see_off();
 }
 
+RunCounters counters_of(const Session& session) {
+  RunCounters counters{&session.intake().counters(), &session.quality(), {}};
+  for (std::size_t i = 0; i < session.imu_count(); ++i)
+    counters.imus.emplace_back(session.imu_name(i), &session.imu_counters(i));
+  return counters;
+}
+
 bool writes_to_stdout(const Config& config) {
   for (const ImuConfig& imu : config.imus)
     for (const char* name : {"file:-", "file:/dev/stdout", "file:/dev/fd/1", "file:/proc/self/fd/1"})
@@ -96,7 +103,7 @@ int run(const Config& config, const RunOptions& options) {
     });
   };
   wait_for_power();
-  Monitor monitor(session, config, options.monitor);
+  Monitor monitor(counters_of(session), config, options.monitor);
   Ticker ticker(io, monitor);
   asio::steady_timer end(io);
   if (options.duration_s && !is_capture(config.truth.port)) {
@@ -119,7 +126,7 @@ int run(const Config& config, const RunOptions& options) {
   worker.join();
   if (failure) std::rethrow_exception(failure);
 
-  const Summary summary = monitor.finish();
+  const Summary summary = monitor.finish(session.intake().end_warning());
   if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
   const std::string printed = text(summary);
   std::fputs(printed.c_str(), writes_to_stdout(config) ? stderr : stdout);
@@ -129,7 +136,7 @@ int run(const Config& config, const RunOptions& options) {
     summary_file.flush();
     if (!summary_file) throw std::runtime_error(fmt::format("{}: cannot be written", options.summary_file));
   }
-  if (summary.truth.accepted == 0 && is_capture(config.truth.port) && !stop) {
+  if (summary.truth.counters[&TruthCounters::accepted] == 0 && is_capture(config.truth.port) && !stop) {
     spdlog::error("{}: no truth in it for the format {}", config.truth.port, config.truth.format->name);
     return 1;
   }

@@ -1,48 +1,45 @@
-// Summary: what a run, or a part of it, has done, for people and as JSON.
+// Summary: the figures of a run, or of a part of it, for people and as JSON.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "emulator/session.hpp"
+#include "emulator/counters.hpp"
 
 namespace imud {
 
-// Of a live run in real time: TruthQuality.
-struct ClockSummary {
-  double rate = 1, offset_s = 0, delay_s = 0;
-  std::uint64_t stops = 0, returns = 0, resumed = 0;
-  DurationHistogram jitter, age;
-};
-
 struct Summary {
-  using Clock = ClockSummary;
   double duration_s = 0;  // host time
   struct Truth {
-    std::uint64_t received = 0, accepted = 0, no_state = 0, runs = 0, truncated = 0, inserted = 0, lost = 0;
-    std::array<std::uint64_t, static_cast<std::size_t>(Refusal::count)> refused = {};
-    double rate_hz = 0;   // truths accepted in a second, by their arrivals
-    std::string warning;  // how a capture ended, if not well
+    Snapshot<TruthCounters> counters;
+    Snapshot<RefusalCounters> refused;
+    Snapshot<TruthQuality> quality;
+    bool has_clock = false;  // levels and durations of `quality` are valid
+    double rate_hz = 0;      // truths accepted in a second, by their arrivals
+    std::string warning;     // how a capture ended, if not well
   } truth;
-  std::optional<Clock> clock;
   struct Imu {
     std::string name;
-    std::uint64_t samples = 0, frames = 0, dropped = 0, extrapolated = 0, held = 0, silent = 0, missed = 0;
-    DurationHistogram lateness, write;  // empty where no clock paces
-    double line_load_percent = 0;       // 0: the line has no rate
+    Snapshot<ImuCounters> counters;  // its durations are empty where no clock paces
+    double line_load_percent = 0;    // 0: the line has no rate
   };
   std::vector<Imu> imus;
 
-  // What was done since `before`, an earlier summary of the same run; warning, estimates and loads as they are now.
+  // The part of the run after `before`, an earlier summary of it. Warning, levels and loads are those of this one.
   Summary since(const Summary& before) const;
 };
 
-// `line_loads`: in percent, of each imu. Any thread, at any time.
-Summary summarize(const Session& session, double duration_s, const std::vector<double>& line_loads);
+// `line_loads`: in percent, one for each imu. Any thread, at any time.
+Summary summarize(const RunCounters& counters, double duration_s, const std::vector<double>& line_loads);
 
+// The count of that name: "imu1.samples", "truth.lost", "truth.refused.crc"; "truth.refused" is the sum of all
+// causes, "samples" the sum over all imus. nullopt if no counter or no imu has that name.
+std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view name);
+
+// The closing summary: several lines, each with its end.
 std::string text(const Summary& summary);
 // One line without its end, for the log.
 std::string line(const Summary& summary);
