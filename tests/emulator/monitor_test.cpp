@@ -1,0 +1,168 @@
+// Monitor: what it writes to the log, and how often, on counters that nobody else writes.
+#include "emulator/monitor.hpp"
+
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
+
+#include <memory>
+#include <sstream>
+
+#include "tests/emulator/run_test.hpp"
+
+namespace imud {
+namespace {
+
+class MonitorTest : public RunTest {
+ protected:
+  MonitorTest() : before_(spdlog::default_logger()) {
+    auto logger = std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(log_));
+    logger->set_pattern("%l %v");
+    spdlog::set_default_logger(logger);
+    config_ = load_config(config("realtime", "udp:127.0.0.1:9810", "native", 100, "native", "pty:" + path("imu")));
+  }
+  ~MonitorTest() override { spdlog::set_default_logger(before_); }
+
+  Monitor monitor(const Monitor::Options& options = {.log_every_s = 0, .quality_file = {}}) const {
+    return Monitor({&truth_, &quality_, {{"imu1", &imu_}}}, config_, options);
+  }
+  // The lines logged since the last call.
+  std::vector<std::string> logged() {
+    std::vector<std::string> lines = lines_of(log_.str());
+    log_.str({});
+    return lines;
+  }
+  using Lines = std::vector<std::string>;
+
+  TruthCounters truth_;
+  TruthQuality quality_;
+  ImuCounters imu_;
+  Config config_;
+
+ private:
+  std::shared_ptr<spdlog::logger> before_;
+  std::ostringstream log_;
+};
+
+TEST_F(MonitorTest, ACauseOfRefusalIsReportedOnce) {
+  Monitor monitor = this->monitor();
+  monitor.look();
+  EXPECT_EQ(logged(), Lines{});
+  for (int i = 0; i < 3; ++i) {
+    truth_.refused[static_cast<std::size_t>(Refusal::bad_checksum)].count(5);
+    monitor.look();
+  }
+  EXPECT_EQ(logged(), Lines{"warning truth refused: crc: damaged on its way, or another CRC than CRC-32C (counted; "
+                            "reported once)"});
+  truth_.refused[static_cast<std::size_t>(Refusal::duplicate)].count();
+  monitor.finish({});
+  const Lines lines = logged();
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_TRUE(lines[0].starts_with("warning truth refused: duplicate: ")) << lines[0];
+}
+
+TEST_F(MonitorTest, AnInterruptionIsReportedEachTime) {
+  Monitor monitor = this->monitor();
+  for (int i = 0; i < 2; ++i) {
+    quality_.stops.count();
+    monitor.look();
+    EXPECT_EQ(logged(), Lines{"warning no truth for 100 ms: motion is held"});
+    quality_.returns.count();
+    monitor.look();
+    monitor.look();
+    EXPECT_EQ(logged(), Lines{"info truth has resumed"});
+  }
+  quality_.stops.count(3);
+  quality_.returns.count(2);
+  quality_.resumed.count(1);
+  monitor.look();
+  EXPECT_EQ(logged(),
+            (Lines{"warning no truth for 100 ms: motion is held (3 times)", "info truth has resumed (2 times)",
+                   "warning truth had paused or its time had jumped: a new run begins"}));
+}
+
+TEST_F(MonitorTest, TheReactionToAnInterruptionIsTheConfiguredOne) {
+  for (const auto& [reaction, words] : {std::pair{WhenStopped::flag, "motion is held and flagged as not valid"},
+                                        std::pair{WhenStopped::silence, "the sensors are silent"}}) {
+    config_.truth.when_stopped = reaction;
+    quality_.stops.store(0);
+    Monitor monitor = this->monitor();
+    quality_.stops.count();
+    monitor.look();
+    EXPECT_EQ(logged(), Lines{std::string("warning no truth for 100 ms: ") + words});
+  }
+}
+
+TEST_F(MonitorTest, TheFirstRunIsNoNews) {
+  Monitor monitor = this->monitor();
+  truth_.runs.count();
+  monitor.look();
+  EXPECT_EQ(logged(), Lines{});
+  truth_.runs.count();
+  monitor.look();
+  monitor.look();
+  EXPECT_EQ(logged(), Lines{"info simulation time began anew: run 2"});
+}
+
+TEST_F(MonitorTest, RefusedEdgesAreReportedOnce) {
+  Monitor monitor = this->monitor();
+  for (int i = 0; i < 3; ++i) {
+    imu_.edges_refused.count();
+    monitor.look();
+  }
+  const Lines lines = logged();
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_TRUE(lines[0].starts_with("warning imu1: edges refused: ")) << lines[0];
+}
+
+TEST_F(MonitorTest, AChangeOfAPortIsReported) {
+  Monitor monitor = this->monitor();
+  const std::string port = "pty:" + path("imu");
+  imu_.port_state = PortState::no_reader;
+  monitor.look();
+  monitor.look();
+  imu_.port_state = PortState::ready;
+  monitor.look();
+  imu_.port_state = PortState::lost;
+  monitor.finish({});
+  EXPECT_EQ(logged(), (Lines{"info imu1: nobody has " + port + " open; frames are discarded",
+                             "info imu1: " + port + " takes frames",
+                             "warning imu1: " + port + " is lost; frames are dropped until it is back"}));
+}
+
+TEST_F(MonitorTest, AClientThatTriesSpeedsIsReportedTenTimes) {
+  Monitor monitor = this->monitor();
+  imu_.speeds = Port::Speeds{921'600, 9600};
+  for (int i = 0; i < 20; ++i) {
+    imu_.port_state = PortState::wrong_speed;
+    monitor.look();
+    imu_.port_state = PortState::ready;
+    monitor.look();
+  }
+  std::size_t wrong = 0, last = 0;
+  for (const std::string& line : logged()) {
+    wrong += line.find("the line has 921600 baud and the client 9600") != line.npos;
+    last += line.ends_with("(reported for the last time)");
+  }
+  EXPECT_EQ(wrong, 10U);
+  EXPECT_EQ(last, 1U);
+}
+
+TEST_F(MonitorTest, TheQualityFileEndsWithTheRun) {
+  Monitor monitor = this->monitor({.log_every_s = 0, .quality_file = path("quality.jsonl")});
+  truth_.received.count(3);
+  imu_.samples.count(7);
+  const Summary whole = monitor.finish("cut short after record 3");
+  EXPECT_EQ(whole.imus.at(0).counters[&ImuCounters::samples], 7U);
+  EXPECT_EQ(whole.truth.warning, "cut short after record 3");
+  const Lines lines = lines_of(read_file(path("quality.jsonl")));
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(nlohmann::json::parse(lines[0])["truth"]["received"], 3);
+  EXPECT_EQ(nlohmann::json::parse(lines[0])["truth"]["warning"], "cut short after record 3");
+}
+
+TEST_F(MonitorTest, AQualityFileThatCannotBeWrittenIsAnError) {
+  EXPECT_THROW(monitor({.log_every_s = 0, .quality_file = path("no/such/folder")}), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace imud
