@@ -77,6 +77,29 @@ TEST_F(DeviceTest, AClientThatReturnsFindsTheDeviceAsItLeftIt) {
   imud_.stop();
 }
 
+// After an answer a run that is not in real time still waits for its reader.
+TEST_F(DeviceTest, AfterAReplyASlowReaderMissesNothing) {
+  begin("protocol = \"vectornav\"");
+  const FileDescriptor client = open_client();
+  say(client, "$VNRRG,01*72\r\n");
+  ASSERT_EQ(count(listen(client, 20), "$VNRRG,01,"), 1U);
+  constexpr int truths = 200;  // 20 s of 40 messages of some 120 bytes: four times what a pty holds
+  for (int i = 1; i <= truths; ++i)
+    simulator_.send(Simulator::encode(Simulator::truth(10 * (sequence_ - 1) + 100 * i, sequence_ + i, true)));
+  std::string bytes;
+  std::array<char, 256> buffer;
+  int answers = 0;
+  ASSERT_TRUE(eventually([&] {
+    const ssize_t size = ::read(client.get(), buffer.data(), buffer.size());
+    if (size > 0) bytes.append(buffer.data(), static_cast<std::size_t>(size));
+    while (simulator_.answer(0)) ++answers;
+    return answers == truths && size <= 0;
+  }));
+  imud_.stop();
+  EXPECT_NEAR(static_cast<double>(count(bytes, "$VNYMR,")), 800, 1);
+  EXPECT_EQ(summary()["imus"][0]["dropped"], 1) << "the message before the client was there";
+}
+
 TEST_F(DeviceTest, PowerOffAndOnShowsAVectorNavsStoredSettings) {
   begin("protocol = \"vectornav\"");
   const FileDescriptor client = open_client();
