@@ -1,17 +1,17 @@
-// CommandReader: puts together the lines of text that a host sends.
+// CommandReader: assembles the lines of text that a host sends.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <span>
 #include <string_view>
 
 #include "core/time.hpp"
+#include "protocols/line_assembler.hpp"
 
 namespace imud {
 
-// A line ends with CR or LF and is at most `Max` characters long; a longer one is left out. What has not grown for
-// `patience` was cut off and is forgotten when more comes.
+// A line ends with CR or LF and is at most `Max` characters long; a longer one is left out. A line that has not grown
+// for `patience` was cut off: it is dropped when more bytes arrive.
 template <std::size_t Max>
 class CommandReader {
  public:
@@ -21,21 +21,14 @@ class CommandReader {
   // `leave_out()` is called at the end of one that is too long.
   template <class Act, class LeaveOut>
   void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act, LeaveOut&& leave_out) {
-    if (now - last_ > patience) size_ = 0;
+    if (now - last_ > patience) lines_.drop_line();
     last_ = now;
-    for (const std::byte byte : bytes) {
-      const char c = static_cast<char>(byte);
-      if (c != '\r' && c != '\n') {
-        if (size_ < Max) line_[size_] = c;
-        if (size_ <= Max) ++size_;
-        continue;
-      }
-      const std::size_t size = size_;
-      size_ = 0;
-      if (size > Max)
+    lines_.feed({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    while (const auto line = lines_.next()) {
+      if (line->is_too_long())
         leave_out();
-      else if (size > 0)
-        act(std::string_view(line_.data(), size));
+      else if (line->size > 0)
+        act(line->text);
     }
   }
   template <class Act>
@@ -44,8 +37,7 @@ class CommandReader {
   }
 
  private:
-  std::array<char, Max> line_;
-  std::size_t size_ = 0;  // Max + 1: too long
+  LineAssembler<Max> lines_{"\r\n"};
   DeviceTime last_;
 };
 
