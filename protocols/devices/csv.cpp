@@ -4,9 +4,9 @@
 // Text has no checksum: a reader that joins within a row may take the rest of its first number for a whole one.
 #include <array>
 #include <cstring>
-#include <utility>
 
 #include "protocols/columns.hpp"
+#include "protocols/line_assembler.hpp"
 #include "protocols/measurement_csv.hpp"
 
 namespace imud {
@@ -36,38 +36,24 @@ class CsvDevice final : public Device {
 class CsvDecoder final : public Decoder {
  public:
   void feed(const Frame& frame, MeasurementSink& sink) override {
-    std::string_view rest(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
-    while (!rest.empty()) {
-      const std::size_t end = rest.find('\n');
-      hold(rest.substr(0, end));
-      if (end == std::string_view::npos) return;
-      rest.remove_prefix(end + 1);
-      line(sink);
-    }
+    lines_.feed({reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size()});
+    while (const auto line = lines_.next()) decode(*line, sink);
   }
 
   // A row without its end may lack digits, too.
   void finish(MeasurementSink&) override {
-    if (length_ > 0) refuse(length_);
-    length_ = 0;
+    if (const std::size_t size = lines_.drop_line(); size > 0) refuse(size);
   }
 
  private:
-  static constexpr std::size_t line_max = 1024;
+  using Lines = LineAssembler<1024>;
 
-  // Of a line that is too long, only the length is kept.
-  void hold(std::string_view part) noexcept {
-    if (length_ + part.size() <= line_max) std::memcpy(line_.data() + length_, part.data(), part.size());
-    length_ += part.size();
-  }
-
-  void line(MeasurementSink& sink) {
-    const std::size_t length = std::exchange(length_, 0);
-    if (length > line_max) return refuse(length + 1);
-    const std::string_view row = trim({line_.data(), length});
+  void decode(const Lines::Line& line, MeasurementSink& sink) {
+    if (line.is_too_long()) return refuse(line.size + 1);
+    const std::string_view row = trim(line.text);
     if (row.empty() || row == trim(measurement_csv_header)) return;
     Measurement measurement;
-    if (!read_measurement_csv(row, measurement)) return refuse(length + 1);
+    if (!read_measurement_csv(row, measurement)) return refuse(line.size + 1);
     sink.on_measurement(measurement);
   }
 
@@ -76,8 +62,7 @@ class CsvDecoder final : public Decoder {
     errors_.skipped_bytes += bytes;
   }
 
-  std::array<char, line_max> line_;
-  std::size_t length_ = 0;  // of the line so far, even where it exceeds the room for it
+  Lines lines_;
 };
 
 }  // namespace
