@@ -119,7 +119,7 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
   if (truth.format != nullptr) {
     truth.settings = read_settings(table, truth.format->settings);
-    if (truth.port.starts_with("file:") && !truth.format->text)
+    if (truth.port.starts_with("file:") && !truth.format->delimits_itself)
       table.fault("port", fmt::format("{} truth is binary datagrams, which a plain file does not delimit; give a "
                                       "pcap",
                                       truth.format->name));

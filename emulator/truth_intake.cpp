@@ -2,11 +2,17 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <utility>
+
 namespace imud {
 
 namespace {
 
 void increment(Counter& counter) noexcept { counter.fetch_add(1, std::memory_order_relaxed); }
+
+// A file, a fifo, a connection: bytes in pieces of any length.
+bool is_stream(std::string_view port) noexcept { return !port.starts_with("udp:") && !port.starts_with("pcap:"); }
 
 }  // namespace
 
@@ -15,29 +21,32 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       port_(std::move(port)),
       decoder_(config.format->make(config.settings)),
       stream_(config.stream),
-      lines_(config.port.starts_with("file:")) {}
+      is_stream_(is_stream(config.port)),
+      is_live_(!is_capture(config.port)) {}
 
-bool TruthIntake::next_record(std::span<const std::byte>& record) noexcept {
-  constexpr int most = 256;  // chunks without a record, before the caller may look at other things
+// The input has ended, or the simulator has disconnected: a record that it left incomplete will not be completed.
+void TruthIntake::finish_input() noexcept {
+  decoder_->finish();
+  started_ = false;
+}
+
+std::optional<TruthResult> TruthIntake::next_record() noexcept {
+  constexpr int most = 256;  // pieces without a record, before the caller may attend to other things
   for (int i = 0; i < most; ++i) {
-    if (splitting_) {
-      if (const auto line = splitter_.next()) {
-        record = *line;
-        return true;
-      }
-      splitting_ = false;
-    }
+    if (const auto result = decoder_->next(truth_)) return result;
     const auto received = port_->receive();
-    if (!received) return false;
-    arrival_ = received->time;
-    if (!lines_) {
-      record = received->frame.bytes;
-      return true;
+    if (is_stream_ && port_->counters().lost_count != times_lost_) {
+      times_lost_ = port_->counters().lost_count;
+      finish_input();
     }
-    splitter_.feed(received->frame.bytes);
-    splitting_ = true;
+    if (!received) {
+      if (port_->at_end() && !std::exchange(finished_, true)) finish_input();
+      break;
+    }
+    arrival_ = received->time;
+    decoder_->feed(received->frame.bytes, is_stream_ ? TruthInput::stream : TruthInput::datagram, arrival_);
   }
-  return false;
+  return std::nullopt;
 }
 
 TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {
@@ -60,20 +69,17 @@ void TruthIntake::count_lost(Admission admission) noexcept {
 
 TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
   answer_due_ = false;
-  std::span<const std::byte> record;
-  if (!next_record(record)) {
-    const bool last_is_cut = splitter_.rest() > 0 || !port_->end_warning().empty();
-    counters_.truncated.store(port_->counters().truncated + splitter_.too_long() + (last_is_cut ? 1U : 0U),
-                              std::memory_order_relaxed);
+  const auto result = next_record();
+  if (!result) {
+    count_truncated();
     return Outcome::nothing;
   }
   increment(counters_.received);
-  const TruthResult result = decoder_->decode(record, truth_);
-  if (result == TruthResult::no_state) {
+  if (*result == TruthResult::no_state) {
     increment(counters_.no_state);
     return Outcome::ignored;
   }
-  if (result != TruthResult::ok) return refuse(refusal(result));
+  if (*result != TruthResult::ok) return refuse(refusal(*result));
   if (!stream_) stream_ = truth_.stream;
   if (truth_.stream != *stream_) return refuse(Refusal::other_stream);
 
@@ -112,14 +118,45 @@ TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
   return refuse(Refusal::time_jump);
 }
 
+void TruthIntake::count_truncated() noexcept {
+  const StreamLosses& losses = decoder_->losses();
+  const std::uint64_t cut_short = std::max<std::uint64_t>(losses.cut_short, port_->end_warning().empty() ? 0 : 1);
+  counters_.truncated.store(port_->counters().truncated + losses.too_long + cut_short, std::memory_order_relaxed);
+}
+
 void TruthIntake::answer(TruthTime reached, std::uint64_t samples) noexcept {
-  answer_.clear();
-  decoder_->acknowledge(truth_, reached, samples, answer_);
-  port_->send(answer_.frames());
+  if (!is_live_) return;
+  outgoing_.clear();
+  decoder_->acknowledge(truth_, reached, samples, outgoing_);
+  port_->send(outgoing_.frames());
+}
+
+bool TruthIntake::is_reachable() const noexcept {
+  return is_live_ && (!is_stream_ || port_->state() == PortState::ready);
+}
+
+std::optional<HostTime> TruthIntake::deadline() const noexcept {
+  if (!is_reachable()) return std::nullopt;
+  if (!started_) return HostTime{};
+  const auto deadline = decoder_->deadline(), held_back = port_->due();
+  if (!deadline || !held_back) return deadline ? deadline : held_back;
+  return std::min(*deadline, *held_back);
+}
+
+void TruthIntake::poll(HostTime now) noexcept {
+  if (!is_reachable()) return;
+  if (!std::exchange(started_, true)) decoder_->start(now);
+  if (const auto deadline = decoder_->deadline(); deadline && *deadline <= now) {
+    outgoing_.clear();
+    decoder_->poll(now, outgoing_);
+    port_->send(outgoing_.frames());
+  }
+  port_->flush();
 }
 
 std::string TruthIntake::end_warning() const {
-  if (splitter_.rest() > 0) return fmt::format("cut short: {} bytes after the last whole line", splitter_.rest());
+  const std::size_t bytes = decoder_->losses().cut_short_by;
+  if (bytes > 0) return fmt::format("cut short: {} bytes after the last whole line", bytes);
   return std::string(port_->end_warning());
 }
 

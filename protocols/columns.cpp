@@ -104,8 +104,8 @@ TruthResult Columns::read(std::size_t first, Vector3& vector) const noexcept {
   return TruthResult::ok;
 }
 
-TruthResult ColumnTruthDecoder::decode(std::span<const std::byte> record, Truth& truth) {
-  std::string_view row = trim({reinterpret_cast<const char*>(record.data()), record.size()});
+TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
+  std::string_view row = trim(line);
   if (row.empty()) return TruthResult::no_state;
   switch (kind(row)) {
     case Kind::state:

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocols/truth_format.hpp"
+#include "protocols/line_truth_decoder.hpp"
 
 namespace imud {
 
@@ -71,10 +71,7 @@ inline constexpr Setting columns_setting = {
 };
 
 // A truth format whose records are rows, and a header row before them.
-class ColumnTruthDecoder : public TruthDecoder {
- public:
-  TruthResult decode(std::span<const std::byte> record, Truth& truth) final;
-
+class ColumnTruthDecoder : public LineTruthDecoder {
  protected:
   enum class Kind : std::uint8_t { state, header, remark };
 
@@ -86,6 +83,7 @@ class ColumnTruthDecoder : public TruthDecoder {
   const Columns& columns() const noexcept { return columns_; }
 
  private:
+  TruthResult decode(std::string_view line, Truth& truth) noexcept final;
   // What `row`, trimmed and not empty, is; of a header row it leaves the names.
   virtual Kind kind(std::string_view& row) const noexcept = 0;
   // Whether the columns that are there are enough.

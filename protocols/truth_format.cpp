@@ -2,7 +2,22 @@
 
 namespace imud {
 
+void TruthDecoder::start(HostTime) noexcept {}
+void TruthDecoder::finish() noexcept {}
+std::optional<HostTime> TruthDecoder::deadline() const noexcept { return std::nullopt; }
+void TruthDecoder::poll(HostTime, FrameBuffer&) noexcept {}
 void TruthDecoder::acknowledge(const Truth&, TruthTime, std::uint64_t, FrameBuffer&) noexcept {}
+
+void DatagramTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput, HostTime) noexcept {
+  datagram_ = bytes;
+}
+
+std::optional<TruthResult> DatagramTruthDecoder::next(Truth& truth) noexcept {
+  if (!datagram_) return std::nullopt;
+  const std::span<const std::byte> datagram = *datagram_;
+  datagram_.reset();
+  return decode(datagram, truth);
+}
 
 std::string_view cause(TruthResult result) noexcept {
   switch (result) {

@@ -119,7 +119,8 @@ constexpr TruthFormat csv_truth_format = {
     .name = "csv",
     .summary = "rows of text, columns by the names of Basilisk's spacecraft states",
     .document = "protocols/truth_formats/csv.cpp; Basilisk SCStatesMsgPayload",
-    .text = true,
+    .delimits_itself = true,
+    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<CsvTruthDecoder>(chosen);

@@ -138,7 +138,8 @@ constexpr TruthFormat jsbsim_truth_format = {
     .summary =
         "JSBSim <output type=\"SOCKET\"> rows: inertial rate, attitude, specific force at the pilot's eye point",
     .document = "JSBSim 1.3.2, FGOutputSocket",
-    .text = true,
+    .delimits_itself = true,
+    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<JsbsimTruthDecoder>(chosen);

@@ -61,9 +61,25 @@ std::uint16_t flags_of(const Truth& truth) noexcept {
   return static_cast<std::uint16_t>(flags);
 }
 
-class NativeTruthDecoder final : public TruthDecoder {
+class NativeTruthDecoder final : public DatagramTruthDecoder {
  public:
-  TruthResult decode(std::span<const std::byte> record, Truth& truth) override {
+  void acknowledge(const Truth& truth, TruthTime reached, std::uint64_t samples, FrameBuffer& out) noexcept override {
+    const std::span<std::byte> room = out.room(sizeof(AcknowledgementWire));
+    if (room.empty()) return;
+    AcknowledgementWire wire;
+    std::memcpy(wire.magic, acknowledgement_magic, sizeof acknowledgement_magic);
+    wire.version = version;
+    wire.reserved = 0;
+    wire.stream = truth.stream;
+    wire.sequence = truth.sequence;
+    wire.time_ns = reached.ns;
+    wire.samples = samples;
+    write_wire(wire, room);
+    out.push(sizeof(AcknowledgementWire));
+  }
+
+ private:
+  TruthResult decode(std::span<const std::byte> record, Truth& truth) noexcept override {
     if (record.size() < sizeof(TruthWire)) return TruthResult::too_short;
     if (record.size() > sizeof(TruthWire)) return TruthResult::too_long;
     const auto wire = read_wire<TruthWire>(record);
@@ -98,21 +114,6 @@ class NativeTruthDecoder final : public TruthDecoder {
     if (!std::isfinite(sigma_BN.squaredNorm()) || (inertial && body_sum)) return TruthResult::out_of_range;
     truth.q_NB = quaternion_from_mrp(sigma_BN);
     return is_in_range(truth) ? TruthResult::ok : TruthResult::out_of_range;
-  }
-
-  void acknowledge(const Truth& truth, TruthTime reached, std::uint64_t samples, FrameBuffer& out) noexcept override {
-    const std::span<std::byte> room = out.room(sizeof(AcknowledgementWire));
-    if (room.empty()) return;
-    AcknowledgementWire wire;
-    std::memcpy(wire.magic, acknowledgement_magic, sizeof acknowledgement_magic);
-    wire.version = version;
-    wire.reserved = 0;
-    wire.stream = truth.stream;
-    wire.sequence = truth.sequence;
-    wire.time_ns = reached.ns;
-    wire.samples = samples;
-    write_wire(wire, room);
-    out.push(sizeof(AcknowledgementWire));
   }
 };
 
@@ -154,7 +155,8 @@ constexpr TruthFormat native_truth_format = {
     .name = "native",
     .summary = "imud's own datagram of 208 bytes, with CRC-32C and an acknowledgement for lockstep",
     .document = "protocols/native_truth.hpp, version 1",
-    .text = false,
+    .delimits_itself = false,
+    .acknowledges = true,
     .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<NativeTruthDecoder>(); },
 };

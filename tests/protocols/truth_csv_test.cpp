@@ -6,6 +6,7 @@
 #include "core/attitude.hpp"
 #include "protocols/columns.hpp"
 #include "protocols/truth_format.hpp"
+#include "tests/support/decode_truth.hpp"
 
 namespace imud {
 namespace {
@@ -20,7 +21,9 @@ Settings settings_of(std::initializer_list<std::pair<std::string_view, SettingVa
 
 class CsvTruth : public testing::Test {
  protected:
-  TruthResult decode(std::string_view text) { return decoder_->decode(std::as_bytes(std::span(text)), truth_); }
+  TruthResult decode(std::string_view text) {
+    return decode_truth(*decoder_, std::as_bytes(std::span(text)), truth_);
+  }
   void make(const Settings& settings) { decoder_ = find_truth_format("csv")->make(settings); }
 
   std::unique_ptr<TruthDecoder> decoder_ = find_truth_format("csv")->make(settings_of());

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <random>
+#include <stdexcept>
 #include <string>
 
 #include "protocols/truth_format.hpp"
@@ -39,29 +40,107 @@ TEST_P(TruthFormats, SaysWhatItIs) {
   }
 }
 
-// Bytes at random, and text made of what truth formats are made of: refused, or a truth that is in range; and without
-// an allocation.
+TEST_P(TruthFormats, AnswersIfItsEntryStatesIt) {
+  const auto decoder = GetParam()->make(Settings(GetParam()->settings));
+  const auto answers = std::make_unique<FrameBuffer>();
+  decoder->acknowledge(Truth(), {}, 0, *answers);
+  EXPECT_EQ(!answers->frames().empty(), GetParam()->acknowledges);
+}
+
+// Text made of what truth formats are made of.
+std::vector<std::byte> random_text(std::mt19937_64& random) {
+  constexpr std::string_view pieces[] = {
+      "time_ns", "sigma_BN_1", "<LABELS> ", "Time", "pi-rad sec", ",",   ",",     ",",    ",",       "\n",
+      " ",       "1",          "-2.5e7",    "nan",  "\"",         "inf", "1e999", "IMUT", {"\0", 1}, "\xEF\xBB\xBF",
+      "#",       "{",          "}"};
+  std::vector<std::byte> text;
+  for (std::size_t i = random() % 1000; i > 0; --i) {
+    const std::string_view piece = pieces[random() % std::size(pieces)];
+    EXPECT_FALSE(piece.empty());
+    std::ranges::copy(std::as_bytes(std::span(piece)), std::back_inserter(text));
+  }
+  return text;
+}
+
+// Decodes what was fed last; all of it is refused, or a truth that is in range, without an allocation.
+std::vector<TruthResult> results(TruthDecoder& decoder) {
+  std::vector<TruthResult> all;
+  all.reserve(2000);
+  Truth truth;
+  const std::uint64_t before = allocations();
+  while (const auto result = decoder.next(truth)) {
+    all.push_back(*result);
+    EXPECT_EQ(cause(*result).empty(), *result == TruthResult::ok);
+    EXPECT_TRUE(*result != TruthResult::ok || (is_finite(truth) && is_in_range(truth)));
+    if (all.size() == all.capacity()) throw std::logic_error("next() returns something without end");
+  }
+  EXPECT_EQ(allocations(), before);
+  return all;
+}
+
 TEST_P(TruthFormats, AnyBytesAreHarmless) {
   const auto decoder = GetParam()->make(Settings(GetParam()->settings));
   std::mt19937_64 random(5);
-  constexpr std::string_view pieces[] = {"time_ns", "sigma_BN_1", "<LABELS> ", "Time", "pi-rad sec", ",",      ",",
-                                         ",",       ",",          "\n",        " ",    "1",          "-2.5e7", "nan",
-                                         "inf",     "1e999",      "IMUT",      "\0",   "#",          "{",      "}"};
+  std::size_t records = 0;
   for (int round = 0; round < 20'000; ++round) {
-    std::vector<std::byte> record;
-    if (round % 2 == 0) {
-      record = random_bytes(random() % 600, random);
-    } else {
-      for (std::size_t i = random() % 1000; i > 0; --i)
-        std::ranges::copy(std::as_bytes(std::span(pieces[random() % std::size(pieces)])), std::back_inserter(record));
-    }
-    Truth truth;
+    const auto bytes = round % 2 == 0 ? random_bytes(random() % 600, random) : random_text(random);
     const std::uint64_t before = allocations();
-    const TruthResult result = decoder->decode(record, truth);
+    decoder->feed(bytes, round % 3 == 0 ? TruthInput::stream : TruthInput::datagram, {});
     ASSERT_EQ(allocations(), before);
-    ASSERT_EQ(cause(result).empty(), result == TruthResult::ok);
-    ASSERT_TRUE(result != TruthResult::ok || (is_finite(truth) && is_in_range(truth)));
+    records += results(*decoder).size();
+    if (HasFailure()) return;
   }
+  EXPECT_GT(records, 10'000U);
+}
+
+// A stream in any pieces is the same as each line in a datagram of its own.
+TEST_P(TruthFormats, AnyPiecesOfAStreamGiveTheSameRecords) {
+  if (!GetParam()->delimits_itself) return;  // a stream of it is refused by the configuration
+  std::mt19937_64 random(6);
+  const auto whole = GetParam()->make(Settings(GetParam()->settings));
+  const auto cut = GetParam()->make(Settings(GetParam()->settings));
+  std::size_t records = 0;
+  for (int round = 0; round < 300; ++round) {
+    std::vector<std::byte> text = random_text(random);
+    text.push_back(std::byte{'\n'});
+    std::vector<TruthResult> wanted, found;
+    for (std::span<const std::byte> rest = text; !rest.empty();) {
+      const auto end = std::ranges::find(rest, std::byte{'\n'}) + 1;
+      whole->feed({rest.begin(), end}, TruthInput::datagram, {});
+      std::ranges::copy(results(*whole), std::back_inserter(wanted));
+      rest = {end, rest.end()};
+    }
+    for (std::span<const std::byte> rest = text; !rest.empty();) {
+      const std::size_t size = std::min<std::size_t>(rest.size(), 1 + random() % (round % 2 == 0 ? 3 : 500));
+      cut->feed(rest.first(size), TruthInput::stream, {});
+      std::ranges::copy(results(*cut), std::back_inserter(found));
+      rest = rest.subspan(size);
+    }
+    ASSERT_EQ(found, wanted);
+    records += wanted.size();
+  }
+  EXPECT_GT(records, 1'000U);
+}
+
+// What the end of the input cut short is no record, is counted, and spoils nothing that follows.
+TEST_P(TruthFormats, AnUnfinishedRecordIsCountedWhenTheStreamEnds) {
+  if (!GetParam()->delimits_itself) return;
+  const auto decoder = GetParam()->make(Settings(GetParam()->settings));
+  const auto feed = [&](std::string_view text) {
+    decoder->feed(std::as_bytes(std::span(text)), TruthInput::stream, {});
+    return results(*decoder).size();
+  };
+  EXPECT_EQ(feed("# a remark\n#"), 1U);
+  EXPECT_EQ(decoder->losses().cut_short, 0U);
+  decoder->finish();
+  EXPECT_EQ(decoder->losses().cut_short, 1U);
+  EXPECT_EQ(decoder->losses().cut_short_by, 1U);
+  EXPECT_EQ(feed("\n\n"), 2U);
+  decoder->finish();
+  EXPECT_EQ(decoder->losses().cut_short, 1U);
+  EXPECT_EQ(feed(std::string(70'000, 'x')), 0U);
+  EXPECT_EQ(feed("\n#\n"), 1U);
+  EXPECT_EQ(decoder->losses().too_long, 1U);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include "core/attitude.hpp"
 #include "protocols/columns.hpp"
 #include "protocols/truth_format.hpp"
+#include "tests/support/decode_truth.hpp"
 
 namespace imud {
 namespace {
@@ -57,7 +58,9 @@ std::string replaced(std::string_view text, std::string_view what, std::string_v
 
 class JsbsimTruth : public testing::Test {
  protected:
-  TruthResult decode(std::string_view text) { return decoder_->decode(std::as_bytes(std::span(text)), truth_); }
+  TruthResult decode(std::string_view text) {
+    return decode_truth(*decoder_, std::as_bytes(std::span(text)), truth_);
+  }
   void make(const Settings& settings) { decoder_ = find_truth_format("jsbsim")->make(settings); }
   // `row` with another text in the place of column `number`.
   static std::string with(std::string_view row, std::size_t number, std::string_view text) {

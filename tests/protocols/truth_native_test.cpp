@@ -11,6 +11,7 @@
 #include "protocols/crc32c.hpp"
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
+#include "tests/support/decode_truth.hpp"
 
 namespace imud {
 namespace {
@@ -49,7 +50,7 @@ class NativeTruth : public testing::Test {
  protected:
   NativeTruth() { encode_native_truth(known_truth(), datagram_); }
 
-  TruthResult decode(std::span<const std::byte> bytes) { return decoder_->decode(bytes, truth_); }
+  TruthResult decode(std::span<const std::byte> bytes) { return decode_truth(*decoder_, bytes, truth_); }
   // Of the known datagram with `value` at `offset`, its checksum right.
   template <class T>
   TruthResult decode_with(std::size_t offset, T value) {

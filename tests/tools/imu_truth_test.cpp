@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "protocols/truth_format.hpp"
+#include "tests/support/decode_truth.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/capture_builder.hpp"
@@ -32,7 +33,7 @@ std::vector<Truth> truths_in(const Records& records, std::string_view format) {
   std::vector<Truth> truths;
   for (const auto& record : records) {
     Truth truth;
-    const TruthResult result = decoder->decode(std::as_bytes(std::span(record)), truth);
+    const TruthResult result = decode_truth(*decoder, std::as_bytes(std::span(record)), truth);
     if (result == TruthResult::ok)
       truths.push_back(truth);
     else
@@ -175,7 +176,7 @@ TEST(ImuTruth, FaultsAreTheSameForTheSameSeed) {
   std::int64_t before = -1;
   for (const auto& datagram : datagrams) {
     Truth truth;
-    if (decoder->decode(datagram, truth) != TruthResult::ok) {
+    if (decode_truth(*decoder, datagram, truth) != TruthResult::ok) {
       ++refused;
       continue;
     }
@@ -225,7 +226,7 @@ std::vector<Truth> answer_all(LoopbackSocket& receiver, Program& sender, std::si
   while (sender.is_running()) {
     const auto datagram = receiver.receive(20);
     Truth truth;
-    if (!datagram || decoder->decode(*datagram, truth) != TruthResult::ok) continue;
+    if (!datagram || decode_truth(*decoder, *datagram, truth) != TruthResult::ok) continue;
     if (silent_every != 0 && ++received % silent_every == 0) continue;
     if (truths.empty() || truths.back().sequence != truth.sequence) truths.push_back(truth);
     frames->clear();

@@ -17,6 +17,7 @@
 #include "core/attitude.hpp"
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
+#include "tests/support/decode_truth.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
@@ -150,7 +151,7 @@ class FakeImud {
     while (!stop.stop_requested()) {
       const auto datagram = socket_.receive(5);
       Truth truth;
-      if (!datagram || decoder->decode(*datagram, truth) != TruthResult::ok) continue;
+      if (!datagram || decode_truth(*decoder, *datagram, truth) != TruthResult::ok) continue;
       repeated = !received.empty() && truth.sequence == sequence ? repeated + 1 : 0;
       sequence = truth.sequence;
       received.push_back(*datagram);

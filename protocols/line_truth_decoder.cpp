@@ -1,0 +1,28 @@
+#include "protocols/line_truth_decoder.hpp"
+
+#include <utility>
+
+namespace imud {
+
+void LineTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput input, HostTime) noexcept {
+  lines_.feed({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  ends_here_ = input == TruthInput::datagram && (bytes.empty() || bytes.back() != std::byte{'\n'});
+}
+
+std::optional<TruthResult> LineTruthDecoder::next(Truth& truth) noexcept {
+  while (const auto line = lines_.next()) {
+    if (!line->is_too_long()) return decode(line->text, truth);
+    ++losses_.too_long;
+  }
+  if (!std::exchange(ends_here_, false)) return std::nullopt;
+  return decode(lines_.finish_line().text, truth);
+}
+
+void LineTruthDecoder::finish() noexcept {
+  const std::size_t size = lines_.drop_line();
+  if (size == 0) return;
+  ++losses_.cut_short;
+  losses_.cut_short_by = size;
+}
+
+}  // namespace imud

@@ -1,0 +1,20 @@
+// Decodes one record of truth, as a datagram.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "protocols/truth_format.hpp"
+
+namespace imud {
+
+// `datagram` has to hold one record, no more.
+inline TruthResult decode_truth(TruthDecoder& decoder, std::span<const std::byte> datagram, Truth& truth) {
+  decoder.feed(datagram, TruthInput::datagram, {});
+  const auto result = decoder.next(truth);
+  EXPECT_TRUE(result.has_value());
+  Truth further;
+  EXPECT_FALSE(decoder.next(further).has_value());
+  return result.value_or(TruthResult::no_state);
+}
+
+}  // namespace imud
