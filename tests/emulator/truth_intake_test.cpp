@@ -1,0 +1,315 @@
+// TruthIntake on a port that a test fills: what a datagram is and what a stream, sequence numbers, and a format that
+// speaks.
+#include "emulator/truth_intake.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <deque>
+#include <vector>
+
+#include "protocols/native_truth.hpp"
+
+namespace imud {
+namespace {
+
+using Outcome = TruthIntake::Outcome;
+using Outcomes = std::vector<Outcome>;
+
+class ScriptedPort final : public Port {
+ public:
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames)
+      sent.emplace_back(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
+  }
+  std::optional<Received> receive() noexcept override {
+    if (waiting.empty()) return std::nullopt;
+    newest_ = waiting.front();
+    waiting.pop_front();
+    return Received{{std::as_bytes(std::span(newest_))}, now};
+  }
+  bool at_end() const noexcept override { return ends && waiting.empty(); }
+  std::optional<HostTime> due() const noexcept override { return held_back_until; }
+  void flush() noexcept override { ++flushes; }
+
+  void connect() noexcept { state_ = PortState::ready; }
+  void disconnect() noexcept {
+    state_ = PortState::lost;
+    ++counters_.lost_count;
+  }
+
+  std::deque<std::string> waiting;
+  HostTime now;
+  bool ends = false;
+  std::optional<HostTime> held_back_until;
+  int flushes = 0;
+  std::vector<std::string> sent;
+
+ private:
+  std::string newest_;
+};
+
+// A simulator that is greeted first, wants to be sent something each second, and waits for the answer to each truth.
+// Its truth is 'T' and the time, 8 bytes.
+class TalkerDecoder final : public TruthDecoder {
+ public:
+  static constexpr Nanoseconds period = std::chrono::seconds(1);
+
+  void start(HostTime now) noexcept override {
+    greeted_ = false;
+    deadline_ = now;
+  }
+  void feed(std::span<const std::byte> bytes, TruthInput input, HostTime) noexcept override {
+    rest_ = bytes;
+    input_ = input;
+  }
+  std::optional<TruthResult> next(Truth& truth) noexcept override {
+    for (; !rest_.empty(); rest_ = rest_.subspan(1)) {
+      held_[size_++] = rest_[0];
+      if (held_[0] != std::byte{'T'}) return skip(TruthResult::not_this_kind);
+      if (size_ < held_.size()) continue;
+      truth = {};
+      std::memcpy(&truth.time.ns, held_.data() + 1, 8);
+      truth.acknowledge = true;
+      return skip(TruthResult::ok);
+    }
+    if (input_ == TruthInput::stream || size_ == 0) return std::nullopt;
+    size_ = 0;
+    return TruthResult::too_short;
+  }
+  void finish() noexcept override {
+    if (size_ == 0) return;
+    ++losses_.cut_short;
+    losses_.cut_short_by = std::exchange(size_, 0);
+  }
+  std::optional<HostTime> deadline() const noexcept override { return deadline_; }
+  void poll(HostTime now, FrameBuffer& out) noexcept override {
+    push(std::exchange(greeted_, true) ? "beat" : "hello", out);
+    deadline_ = now + period;
+  }
+  void acknowledge(const Truth& truth, TruthTime, std::uint64_t, FrameBuffer& out) noexcept override {
+    push("answer " + std::to_string(truth.time.ns), out);
+  }
+
+ private:
+  TruthResult skip(TruthResult result) noexcept {
+    rest_ = rest_.subspan(1);
+    size_ = 0;
+    return result;
+  }
+  static void push(std::string_view text, FrameBuffer& out) noexcept {
+    std::memcpy(out.room(text.size()).data(), text.data(), text.size());
+    out.push(text.size());
+  }
+
+  std::span<const std::byte> rest_;
+  TruthInput input_ = TruthInput::stream;
+  std::array<std::byte, 9> held_;
+  std::size_t size_ = 0;
+  bool greeted_ = false;
+  std::optional<HostTime> deadline_;
+};
+
+constexpr TruthFormat talker = {
+    .name = "talker",
+    .summary = "a format that speaks",
+    .document = "this file",
+    .delimits_itself = true,
+    .acknowledges = true,
+    .settings = {},
+    .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<TalkerDecoder>(); },
+};
+
+std::string talk(std::int64_t time_ns) {
+  std::string text(9, 'T');
+  std::memcpy(text.data() + 1, &time_ns, 8);
+  return text;
+}
+
+class TruthIntakeTest : public testing::Test {
+ protected:
+  void make(const TruthFormat& format, const std::string& port) {
+    auto scripted = std::make_unique<ScriptedPort>();
+    port_ = scripted.get();
+    TruthConfig config;
+    config.port = port;
+    config.format = &format;
+    config.settings = Settings(format.settings);
+    intake_ = std::make_unique<TruthIntake>(config, timeline_, std::move(scripted));
+  }
+
+  // Takes all that is there, and answers each truth that wants an answer.
+  Outcomes take_all() {
+    Outcomes outcomes;
+    while (true) {
+      const Outcome outcome = intake_->take();
+      if (intake_->answer_due()) intake_->answer(timeline_.newest(), 0);
+      if (outcome == Outcome::nothing) return outcomes;
+      outcomes.push_back(outcome);
+    }
+  }
+  Outcomes receive(const std::string& bytes) {
+    port_->waiting.push_back(bytes);
+    return take_all();
+  }
+  std::uint64_t refused(Refusal refusal) const {
+    return intake_->counters().refused[static_cast<std::size_t>(refusal)];
+  }
+  std::vector<std::string> sent() { return std::exchange(port_->sent, {}); }
+
+  Timeline timeline_;
+  ScriptedPort* port_ = nullptr;
+  std::unique_ptr<TruthIntake> intake_;
+};
+
+constexpr std::string_view header =
+    "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z\n";
+
+std::string row(int ms) { return std::to_string(ms) + "000000,0,0,0,0,0,0\n"; }
+
+TEST_F(TruthIntakeTest, ADatagramMayHoldSeveralRecords) {
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
+  EXPECT_EQ(receive(std::string(header) + row(1) + row(2)),
+            (Outcomes{Outcome::ignored, Outcome::new_run, Outcome::accepted}));
+  EXPECT_EQ(receive(row(3) + "4,0\n" + "5000000,0,0,0,0,0,0"),
+            (Outcomes{Outcome::accepted, Outcome::ignored, Outcome::accepted}));
+  EXPECT_EQ(receive(""), Outcomes{Outcome::ignored});
+  EXPECT_EQ(timeline_.newest().ns, 5'000'000);
+  EXPECT_EQ(intake_->counters().received, 7U);
+  EXPECT_EQ(intake_->counters().no_state, 2U);
+  EXPECT_EQ(intake_->counters().accepted, 4U);
+  EXPECT_EQ(refused(Refusal::too_short), 1U);
+}
+
+TEST_F(TruthIntakeTest, AStreamsLastLineCountsWhenItsLineFeedIsThere) {
+  make(*find_truth_format("csv"), "file:some.csv");
+  const std::string text = std::string(header) + row(1) + row(2) + "3000000,0";
+  for (const char c : text) port_->waiting.emplace_back(1, c);
+  EXPECT_EQ(take_all(), (Outcomes{Outcome::ignored, Outcome::new_run, Outcome::accepted}));
+  EXPECT_FALSE(intake_->at_end());
+  EXPECT_EQ(intake_->end_warning(), "");
+  EXPECT_EQ(receive(",0,0,0,0,0\n4"), Outcomes{Outcome::accepted});
+  EXPECT_EQ(intake_->counters().truncated, 0U);
+  port_->ends = true;
+  EXPECT_EQ(take_all(), Outcomes());
+  EXPECT_TRUE(intake_->at_end());
+  EXPECT_EQ(intake_->end_warning(), "cut short: 1 bytes after the last whole line");
+  EXPECT_EQ(intake_->counters().truncated, 1U);
+  EXPECT_EQ(intake_->counters().received, 4U);
+}
+
+// Nobody is at the other end of a capture.
+TEST_F(TruthIntakeTest, NothingIsSentToACapture) {
+  make(talker, "file:some.capture");
+  EXPECT_FALSE(intake_->deadline());
+  intake_->poll({5});
+  EXPECT_EQ(receive(talk(7)), Outcomes{Outcome::new_run});
+  EXPECT_EQ(sent(), std::vector<std::string>{});
+}
+
+TEST_F(TruthIntakeTest, GapsOfTheSequenceAreLossesUnlessTheyAreALeap) {
+  make(*find_truth_format("native"), "udp:127.0.0.1:9810");
+  constexpr std::uint32_t begin = 0xFFFF'FFFE;
+  const auto send = [&](std::int64_t ms, std::uint32_t sequence, TruthTime settled = Timeline::never) {
+    Truth truth;
+    truth.time.ns = 1'000'000 * ms;
+    truth.sequence = sequence;
+    std::string datagram(native_truth_size, '\0');
+    encode_native_truth(truth, std::span<std::byte, native_truth_size>(std::as_writable_bytes(std::span(datagram))));
+    port_->waiting.push_back(datagram);
+    const Outcome outcome = intake_->take(settled);
+    return std::pair<Outcome, std::uint64_t>(outcome, intake_->counters().lost);
+  };
+  using Seen = std::pair<Outcome, std::uint64_t>;
+  EXPECT_EQ(send(1, begin), Seen(Outcome::new_run, 0));
+  EXPECT_EQ(send(2, begin + 1), Seen(Outcome::accepted, 0));
+  EXPECT_EQ(send(6, begin + 5), Seen(Outcome::accepted, 3));  // the number wraps on the way
+  EXPECT_EQ(send(5, begin + 4, TruthTime{0}), Seen(Outcome::inserted, 2));
+  EXPECT_EQ(send(7, begin + 6), Seen(Outcome::accepted, 2));
+  EXPECT_EQ(send(8, begin + 6 + 99'999), Seen(Outcome::accepted, 2 + 99'998));
+  EXPECT_EQ(send(9, begin + 6 + 99'999 + 100'000), Seen(Outcome::accepted, 100'000));  // another count
+  EXPECT_EQ(send(10, 3), Seen(Outcome::accepted, 100'000));
+  EXPECT_EQ(send(11, 5), Seen(Outcome::accepted, 100'001));
+  EXPECT_EQ(send(12, 5), Seen(Outcome::accepted, 100'001));  // a sender that does not count
+}
+
+TEST_F(TruthIntakeTest, AFormatMaySpeakFirstAndEachSecond) {
+  make(talker, "udp:127.0.0.1:9810");
+  EXPECT_EQ(intake_->deadline(), HostTime{});
+  EXPECT_EQ(sent(), std::vector<std::string>{});
+  const HostTime begin{77};
+  intake_->poll(begin);
+  EXPECT_EQ(sent(), std::vector<std::string>{"hello"});
+  EXPECT_EQ(intake_->deadline(), begin + TalkerDecoder::period);
+  intake_->poll(begin + TalkerDecoder::period - Nanoseconds{1});
+  EXPECT_EQ(sent(), std::vector<std::string>{});
+  for (int second = 1; second <= 3; ++second) {
+    ASSERT_EQ(intake_->deadline(), begin + second * TalkerDecoder::period);
+    intake_->poll(*intake_->deadline());
+    EXPECT_EQ(sent(), std::vector<std::string>{"beat"});
+  }
+}
+
+TEST_F(TruthIntakeTest, WhatThePortHoldsBackIsFlushedInTime) {
+  make(*find_truth_format("native"), "udp:127.0.0.1:9810");
+  intake_->poll({5});
+  EXPECT_FALSE(intake_->deadline());
+  EXPECT_EQ(port_->flushes, 1);
+  port_->held_back_until = HostTime{9};
+  EXPECT_EQ(intake_->deadline(), HostTime{9});
+  make(talker, "udp:127.0.0.1:9810");
+  intake_->poll({5});
+  port_->held_back_until = HostTime{9};
+  EXPECT_EQ(intake_->deadline(), HostTime{9});
+  port_->held_back_until = HostTime{9} + TalkerDecoder::period;
+  EXPECT_EQ(intake_->deadline(), HostTime{5} + TalkerDecoder::period);
+}
+
+TEST_F(TruthIntakeTest, EachOfTwoTruthsInADatagramIsAnswered) {
+  make(talker, "udp:127.0.0.1:9810");
+  EXPECT_EQ(receive(talk(1) + talk(2)), (Outcomes{Outcome::new_run, Outcome::accepted}));
+  EXPECT_EQ(sent(), (std::vector<std::string>{"answer 1", "answer 2"}));
+  EXPECT_EQ(receive(talk(3) + "Tx"), (Outcomes{Outcome::accepted, Outcome::ignored}));
+  EXPECT_EQ(receive(talk(4)),
+            Outcomes{Outcome::accepted});  // what was short in a datagram does not go on in the next
+  EXPECT_EQ(sent(), (std::vector<std::string>{"answer 3", "answer 4"}));
+  EXPECT_EQ(intake_->counters().received, 5U);
+  EXPECT_EQ(refused(Refusal::too_short), 1U);
+}
+
+TEST_F(TruthIntakeTest, AConversationOverAStreamInPiecesOfOneByte) {
+  make(talker, "tcp:127.0.0.1:9810");
+  intake_->poll({5});
+  for (const char c : talk(1) + talk(2) + "?" + talk(3)) port_->waiting.emplace_back(1, c);
+  EXPECT_EQ(take_all(), (Outcomes{Outcome::new_run, Outcome::accepted, Outcome::ignored, Outcome::accepted}));
+  EXPECT_EQ(sent(), (std::vector<std::string>{"hello", "answer 1", "answer 2", "answer 3"}));
+  EXPECT_EQ(intake_->counters().received, 4U);
+  EXPECT_EQ(refused(Refusal::not_this_kind), 1U);
+}
+
+// Nothing is lost that was whole, and the next one to connect is greeted.
+TEST_F(TruthIntakeTest, ASimulatorDisconnectsWithinARecordAndComesBack) {
+  make(talker, "tcp:127.0.0.1:9810");
+  port_->disconnect();
+  EXPECT_EQ(take_all(), Outcomes());
+  EXPECT_FALSE(intake_->deadline());
+  intake_->poll({1});
+  EXPECT_EQ(sent(), std::vector<std::string>{});
+  port_->connect();
+  EXPECT_EQ(intake_->deadline(), HostTime{});
+  intake_->poll({2});
+  EXPECT_EQ(receive(talk(1) + talk(2).substr(0, 5)), Outcomes{Outcome::new_run});
+  port_->disconnect();
+  EXPECT_EQ(take_all(), Outcomes());
+  EXPECT_EQ(intake_->counters().truncated, 1U);
+  EXPECT_FALSE(intake_->deadline());
+  port_->connect();
+  EXPECT_EQ(intake_->deadline(), HostTime{});
+  intake_->poll({3});
+  EXPECT_EQ(receive(talk(3)), Outcomes{Outcome::accepted});
+  EXPECT_EQ(sent(), (std::vector<std::string>{"hello", "answer 1", "hello", "answer 3"}));
+  EXPECT_EQ(intake_->counters().received, 2U);
+}
+
+}  // namespace
+}  // namespace imud
