@@ -26,6 +26,12 @@ std::string_view trim(std::string_view text) noexcept {
   return text;
 }
 
+std::string_view unquoted(std::string_view field) noexcept {
+  field = trim(field);
+  if (field.size() < 2 || field.front() != '"' || field.back() != '"') return field;
+  return trim(field.substr(1, field.size() - 2));
+}
+
 std::string_view take_field(std::string_view& row) noexcept {
   const std::size_t comma = row.find(',');
   const std::string_view field = row.substr(0, comma);
@@ -46,16 +52,12 @@ void Columns::clear() noexcept {
 }
 
 bool Columns::add(std::string_view name) noexcept {
-  // Spreadsheets write a byte order mark, and quotes.
-  if (name.starts_with("\xEF\xBB\xBF")) name.remove_prefix(3);
-  name = trim(name);
-  if (name.size() >= 2 && name.front() == '"' && name.back() == '"') name = name.substr(1, name.size() - 2);
   if (count_ == max_columns) {
     clear();
     return false;
   }
   std::uint8_t number = 0;
-  while (number < wanted_.size() && !same_(trim(name), wanted_[number])) ++number;
+  while (number < wanted_.size() && !same_(unquoted(name), wanted_[number])) ++number;
   const bool first_of_its_name = number < wanted_.size() && !has(number);
   if (first_of_its_name) present_ |= 1U << number;
   wanted_at_[count_++] = first_of_its_name ? number : unwanted;
@@ -90,7 +92,7 @@ TruthResult Columns::split(std::string_view row) noexcept {
 }
 
 TruthResult Columns::read(std::size_t first, double& number) const noexcept {
-  const auto parsed = parse_real(fields_[first]);
+  const auto parsed = parse_real(field(first));
   if (!parsed) return TruthResult::bad_number;
   number = *parsed;
   return TruthResult::ok;
@@ -105,6 +107,7 @@ TruthResult Columns::read(std::size_t first, Vector3& vector) const noexcept {
 }
 
 TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
+  if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
   std::string_view row = trim(line);
   if (row.empty()) return TruthResult::no_state;
   switch (kind(row)) {

@@ -16,6 +16,9 @@ namespace imud {
 // `text` without blanks, tabs, CR and LF at both ends.
 std::string_view trim(std::string_view text) noexcept;
 
+// `field` trimmed, without the quotes that spreadsheets write around it; blanks within them are trimmed, too.
+std::string_view unquoted(std::string_view field) noexcept;
+
 // Cuts the first field off `row`, not trimmed. `row` has no data() when that was the last.
 std::string_view take_field(std::string_view& row) noexcept;
 
@@ -47,7 +50,7 @@ class Columns {
   // Of the row split last, the wanted columns from `first`, which has() said are there; ok or bad_number.
   TruthResult read(std::size_t first, double& number) const noexcept;
   TruthResult read(std::size_t first, Vector3& vector) const noexcept;
-  std::string_view field(std::size_t wanted) const noexcept { return fields_[wanted]; }
+  std::string_view field(std::size_t wanted) const noexcept { return unquoted(fields_[wanted]); }
 
  private:
   static constexpr std::uint8_t unwanted = max_wanted;
@@ -70,7 +73,8 @@ inline constexpr Setting columns_setting = {
     .initial = std::span<const std::string_view>{},
 };
 
-// A truth format whose records are rows, and a header row before them.
+// A truth format whose records are rows, and a header row before them. A byte order mark (UTF-8) before a row is
+// ignored.
 class ColumnTruthDecoder : public LineTruthDecoder {
  protected:
   enum class Kind : std::uint8_t { state, header, remark };

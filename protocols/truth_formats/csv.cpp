@@ -52,7 +52,7 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
     if (row.front() == '#') return Kind::remark;
     if (row.find(names[time_ns]) == std::string_view::npos) return Kind::state;
     for (std::string_view rest = row; rest.data() != nullptr;)
-      if (trim(take_field(rest)) == names[time_ns]) return Kind::header;
+      if (unquoted(take_field(rest)) == names[time_ns]) return Kind::header;
     return Kind::state;
   }
 

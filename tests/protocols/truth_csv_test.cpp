@@ -153,6 +153,31 @@ TEST_F(CsvTruth, OfTwoColumnsWithOneNameTheFirstCounts) {
   EXPECT_EQ(truth_.omega_BN_B.z(), 2);
 }
 
+// As spreadsheets write it.
+TEST_F(CsvTruth, AByteOrderMarkAndQuotesAreIgnored) {
+  const auto quoted = [](std::string_view row) {
+    std::string text;
+    while (row.data() != nullptr) text.append(text.empty() ? "\"" : ",\"").append(take_field(row)).append("\"");
+    return text;
+  };
+  EXPECT_EQ(decode("\xEF\xBB\xBF" + required + "\r\n"), TruthResult::no_state);
+  ASSERT_EQ(decode("7,0,0,0,1,2,3"), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 7);
+  make(settings_of());
+  EXPECT_EQ(decode("\xEF\xBB\xBF# a comment"), TruthResult::no_state);
+  EXPECT_EQ(decode("\xEF\xBB\xBF" + quoted(required)), TruthResult::no_state);
+  ASSERT_EQ(decode(quoted("8,0,0,0,1,2, 3 ")), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 8);
+  EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
+  EXPECT_EQ(decode(quoted("8,0,0,0,1,2,\"")), TruthResult::bad_number);
+  EXPECT_EQ(decode("8,0,0,0,1,2,\""), TruthResult::bad_number);
+  EXPECT_EQ(decode("8,0,0,0,1,2,\"3"), TruthResult::bad_number);
+  std::vector<std::string> names;
+  for (std::string_view rest = required; rest.data() != nullptr;) names.push_back(quoted(take_field(rest)));
+  make(settings_of({{"columns", names}}));
+  EXPECT_EQ(decode("9,0,0,0,1,2,3"), TruthResult::ok);
+}
+
 TEST_F(CsvTruth, ANewHeaderReplacesTheOld) {
   ASSERT_EQ(decode(required), TruthResult::no_state);
   ASSERT_EQ(decode("omega_BN_B_x,omega_BN_B_y,omega_BN_B_z,sigma_BN_1,sigma_BN_2,sigma_BN_3,time_ns"),
