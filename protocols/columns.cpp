@@ -129,13 +129,17 @@ TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noex
   return is_in_range(truth) ? TruthResult::ok : TruthResult::out_of_range;
 }
 
-void ColumnTruthDecoder::configure(const Settings& settings, std::string_view required) {
+void ColumnTruthDecoder::configure(const Settings& settings, std::size_t required, std::string_view wanted) {
   const std::vector<std::string>& names = settings.list(columns_setting.key);
   if (names.empty()) return;
   enough_ = columns_.set(names) && enough();
-  if (!enough_)
-    throw std::invalid_argument("columns: wanted are at most " + std::to_string(Columns::max_columns) +
-                                " names, among them " + std::string(required));
+  if (enough_) return;
+  std::string missing;
+  for (std::size_t i = 0; i < required && names.size() <= Columns::max_columns; ++i)
+    if (!columns_.has(i)) missing.append(missing.empty() ? "missing " : ", ").append(columns_.name(i));
+  if (!missing.empty()) missing += "; ";
+  throw std::invalid_argument("columns: " + missing + "wanted are at most " + std::to_string(Columns::max_columns) +
+                              " names, among them " + std::string(wanted));
 }
 
 }  // namespace imud

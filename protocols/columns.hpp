@@ -41,6 +41,7 @@ class Columns {
   bool set(std::string_view header) noexcept;
   bool set(std::span<const std::string> names) noexcept;
 
+  std::string_view name(std::size_t wanted) const noexcept { return wanted_[wanted]; }
   // Whether `count` wanted columns from number `first` are all there.
   bool has(std::size_t first, std::size_t count = 1) const noexcept;
 
@@ -80,9 +81,9 @@ class ColumnTruthDecoder : public LineTruthDecoder {
   enum class Kind : std::uint8_t { state, header, remark };
 
   ColumnTruthDecoder(std::span<const std::string_view> wanted, Columns::Same same) : columns_(wanted, same) {}
-  // For the constructor: the setting `columns`, if it is not empty. Throws std::invalid_argument, which names
-  // `required`, if these columns are not enough.
-  void configure(const Settings& settings, std::string_view required);
+  // For the constructor: the setting `columns`, if it is not empty. Throws std::invalid_argument if these columns are
+  // not enough; it names those missing of the first `required` ones, and what is wanted.
+  void configure(const Settings& settings, std::size_t required, std::string_view wanted);
 
   const Columns& columns() const noexcept { return columns_; }
 

@@ -44,7 +44,7 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
   explicit CsvTruthDecoder(const Settings& settings)
       : ColumnTruthDecoder(names, [](std::string_view given, std::string_view wanted) { return given == wanted; }),
         accumulation_(accumulation(settings.text("accumulated_dv"))) {
-    configure(settings, "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z");
+    configure(settings, required_columns, "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z");
   }
 
  private:

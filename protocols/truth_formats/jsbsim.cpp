@@ -69,7 +69,7 @@ Quaternion attitude(double epa, double lat, double lon, double psi, double theta
 class JsbsimTruthDecoder final : public ColumnTruthDecoder {
  public:
   explicit JsbsimTruthDecoder(const Settings& settings) : ColumnTruthDecoder(names, same_label) {
-    configure(settings,
+    configure(settings, required_columns,
               "Time, lat-geod-rad, long-gc-rad, epa-rad, phi-rad, theta-rad, psi-rad, pi-rad_sec to ri-rad_sec");
   }
 

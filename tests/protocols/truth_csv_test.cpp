@@ -153,6 +153,21 @@ TEST_F(CsvTruth, OfTwoColumnsWithOneNameTheFirstCounts) {
   EXPECT_EQ(truth_.omega_BN_B.z(), 2);
 }
 
+TEST_F(CsvTruth, ConfiguredColumnsThatAreMissingAreNamed) {
+  const auto refusal = [&](std::vector<std::string> names) -> std::string {
+    try {
+      make(settings_of({{"columns", std::move(names)}}));
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const std::string wanted = "wanted are at most 256 names, among them time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z";
+  EXPECT_EQ(refusal({"time_ns", "omega_BN_B_x", "sigma_BN_2", "sigma_BN_3", "omega_BN_B_y", "x"}),
+            "columns: missing sigma_BN_1, omega_BN_B_z; " + wanted);
+  EXPECT_EQ(refusal(std::vector<std::string>(257, "time_ns")), "columns: " + wanted);
+}
+
 // As spreadsheets write it.
 TEST_F(CsvTruth, AByteOrderMarkAndQuotesAreIgnored) {
   const auto quoted = [](std::string_view row) {
