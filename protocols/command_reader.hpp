@@ -35,6 +35,8 @@ class CommandReader {
   void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act) {
     feed(bytes, now, act, [] {});
   }
+  // Device::step_clock().
+  void step_clock(Nanoseconds by) noexcept { last_ = last_ + by; }
 
  private:
   LineAssembler<Max> lines_{"\r\n"};

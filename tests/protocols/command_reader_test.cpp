@@ -35,5 +35,13 @@ TEST_F(CommandReaderTest, ForgetsWhatWasCutOffOnlyAfterItsTime) {
   EXPECT_EQ(log_, "[abcd][e]");
 }
 
+TEST_F(CommandReaderTest, NothingIsForgottenWhenTheClockIsSet) {
+  constexpr Nanoseconds step = std::chrono::hours(1);
+  feed("ab", {});
+  reader_.step_clock(step);
+  feed("c\n", DeviceTime{} + step + CommandReader<4>::patience);
+  EXPECT_EQ(log_, "[abc]");
+}
+
 }  // namespace
 }  // namespace imud
