@@ -2,8 +2,6 @@
 // prompt.
 #include "protocols/stim300/service.hpp"
 
-#include <utility>
-
 #include "protocols/stim300/service_text.hpp"
 
 namespace imud::stim300 {
@@ -395,22 +393,13 @@ std::size_t Service::take(std::span<const std::byte> typed, Memory& memory, cons
     char c = 0;
     while (taken < typed.size() && c != '\r') {
       c = static_cast<char>(typed[taken++]);
-      if (c == '\r') {
-        text.add(c);
-      } else if (c == backspace && size_ > 0 && size_ <= line_.size()) {
-        --size_;
-        text.add(c);
-      } else if (c != backspace && c != '\n' && size_ < line_.size()) {
-        line_[size_++] = c;
-        text.add(c);
-      } else if (c != backspace && c != '\n') {
-        size_ = line_.size() + 1;
-      }
+      // What has no effect is not echoed.
+      if (c == '\r' || (c == backspace ? line_.erase_last() : c != '\n' && line_.append(c))) text.add(c);
     }
     idle_ = 0;
     if (c != '\r') break;
-    const std::size_t size = std::exchange(size_, 0);
-    Menu(*this, memory, measured, reading, text).obey({line_.data(), size <= line_.size() ? size : 0});
+    const auto line = line_.finish_line();
+    Menu(*this, memory, measured, reading, text).obey(line.is_too_long() ? std::string_view() : line.text);
   }
   return hold_ > 0 ? typed.size() : taken;
 }

@@ -10,6 +10,7 @@
 
 #include "core/frame.hpp"
 #include "core/vector.hpp"
+#include "protocols/line_assembler.hpp"
 #include "protocols/stim300/stim300.hpp"
 
 namespace imud::stim300 {
@@ -28,7 +29,7 @@ class Service {
   Exit exit() const noexcept { return hold_ == 0 ? exit_ : Exit::none; }
   void pass_sample() noexcept {
     if (hold_ > 0) --hold_;
-    if (size_ > 0 && ++idle_ == patience_samples) size_ = 0;
+    if (line_.size() > 0 && ++idle_ == patience_samples) line_.drop_line();
   }
 
  private:
@@ -49,9 +50,8 @@ class Service {
 
   class Menu;
 
-  std::array<char, 80> line_ = {};
-  std::size_t size_ = 0;  // line_.size() + 1: too long
-  unsigned idle_ = 0;     // internal samples since the last character
+  LineAssembler<80> line_{"\r"};
+  unsigned idle_ = 0;  // internal samples since the last character
   Question question_ = Question::none;
   Exit exit_ = Exit::none;
   unsigned hold_ = 0;  // internal samples
