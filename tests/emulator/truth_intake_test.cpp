@@ -278,7 +278,7 @@ TEST_F(TruthIntakeTest, EachOfTwoTruthsInADatagramIsAnswered) {
 }
 
 TEST_F(TruthIntakeTest, AConversationOverAStreamInPiecesOfOneByte) {
-  make(talker, "tcp:127.0.0.1:9810");
+  make(talker, "serial:/dev/ttyUSB0");
   intake_->poll({5});
   for (const char c : talk(1) + talk(2) + "?" + talk(3)) port_->waiting.emplace_back(1, c);
   EXPECT_EQ(take_all(), (Outcomes{Outcome::new_run, Outcome::accepted, Outcome::ignored, Outcome::accepted}));
@@ -289,7 +289,7 @@ TEST_F(TruthIntakeTest, AConversationOverAStreamInPiecesOfOneByte) {
 
 // Nothing is lost that was whole, and the next one to connect is greeted.
 TEST_F(TruthIntakeTest, ASimulatorDisconnectsWithinARecordAndComesBack) {
-  make(talker, "tcp:127.0.0.1:9810");
+  make(talker, "serial:/dev/ttyUSB0");
   port_->disconnect();
   EXPECT_EQ(take_all(), Outcomes());
   EXPECT_FALSE(intake_->deadline());
