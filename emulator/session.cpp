@@ -48,12 +48,12 @@ void Session::see_off() noexcept {
   flush();
   for (int ms = 0; ms < (due() ? lines_ms : readers_ms); ++ms) {
     bool read = true;
-    for (const auto& unit : units_) read = unit->port->is_read() && read;  // which flushes
+    for (const auto& unit : units_) read = unit->port->is_drained() && read;  // which flushes
     if (read) break;
     ::poll(nullptr, 0, 1);
   }
   for (const auto& unit : units_) {
-    unit->port->give_up();
+    unit->port->discard_pending();
     publish(*unit);
   }
 }
@@ -211,7 +211,8 @@ void Session::serve_hosts() noexcept {
 std::span<pollfd> Session::inputs() noexcept {
   inputs_.clear();
   inputs_.push_back({intake_.descriptor(), POLLIN, 0});
-  for (const auto& unit : units_) inputs_.push_back({unit->port->hears() ? unit->port->descriptor() : -1, POLLIN, 0});
+  for (const auto& unit : units_)
+    inputs_.push_back({unit->port->can_receive() ? unit->port->descriptor() : -1, POLLIN, 0});
   return inputs_;
 }
 
@@ -263,7 +264,7 @@ void Session::flush() noexcept {
 std::optional<HostTime> Session::due() const noexcept {
   std::optional<HostTime> first;
   for (const auto& unit : units_)
-    if (const auto due = unit->port->due(); due && (!first || *due < *first)) first = due;
+    if (const auto due = unit->port->next_flush(); due && (!first || *due < *first)) first = due;
   return first;
 }
 

@@ -24,7 +24,7 @@ class ByteWriter {
 
   bool is_idle() const noexcept { return rest_begin_ == rest_end_; }
 
-  // The reader is gone: the rest will not be sent, its frame counts as dropped.
+  // Discards the rest, because the reader is gone; its frame counts as dropped.
   void forget(PortCounters& counters) noexcept;
 
  private:

@@ -65,7 +65,7 @@ class FileWriter final : public Port {
   }
 
   std::optional<Received> receive() noexcept override { return std::nullopt; }
-  bool hears() const noexcept override { return false; }  // though a terminal may have something to say
+  bool can_receive() const noexcept override { return false; }  // a terminal's input is not read
 
   void flush() noexcept override {
     const int error = writer_.write(file_.get(), {held_.data(), held_count_}, counters_);
@@ -81,6 +81,7 @@ class FileWriter final : public Port {
     }
   }
 
+  bool wants_output() const noexcept override { return !regular_ && !writer_.is_idle(); }
   int descriptor() const noexcept override { return regular_ ? -1 : file_.get(); }
 
  private:

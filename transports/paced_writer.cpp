@@ -45,7 +45,7 @@ void PacedWriter::queue(std::span<const Frame> frames, const UartSettings& line,
   }
 }
 
-void PacedWriter::let_go(HostTime now) noexcept {
+void PacedWriter::release(HostTime now) noexcept {
   std::size_t received = 0;
   for (std::size_t i = 0; i < frames_; ++i) {
     const std::size_t of_frame = frame(i).received_by(now);
@@ -57,7 +57,7 @@ void PacedWriter::let_go(HostTime now) noexcept {
 }
 
 std::span<const std::byte> PacedWriter::ready(HostTime now) noexcept {
-  if (free_ == 0) let_go(now);
+  if (free_ == 0) release(now);
   if (free_ == 0) return {};
   std::size_t size = frame(0).size - of_first_;
   for (std::size_t i = 1; i < frames_ && size < free_ && frame(i).line == line(); ++i) size += frame(i).size;
@@ -79,7 +79,7 @@ void PacedWriter::written(std::size_t count, HostTime now, PortCounters& counter
   retry_ = now + pause;
 }
 
-std::optional<HostTime> PacedWriter::due() const noexcept {
+std::optional<HostTime> PacedWriter::next_flush() const noexcept {
   if (free_ > 0) return retry_;
   if (frames_ == 0) return std::nullopt;
   std::size_t characters = of_first_ + std::min(fifo, count_);

@@ -1,4 +1,4 @@
-// PacedWriter: lets go of characters when a UART at the line's speed would have received them.
+// PacedWriter: releases characters when a UART at the line's speed would have received them.
 #pragma once
 
 #include <array>
@@ -15,8 +15,8 @@
 namespace imud {
 
 // A queue of whole frames, first in, first out. A frame begins when it is queued, or when the one before is out;
-// character i of it is received (i + 1) * bits_per_character / baud later. Received characters are let go of as a
-// 16550 hands them over: 14 together, or those up to the end of all that is queued. One thread; no clock of its own.
+// character i of it is received (i + 1) * bits_per_character / baud later. Received characters are released as a
+// 16550 hands them over: 14 together, or fewer at the end of all that is queued. One thread; no clock of its own.
 class PacedWriter {
  public:
   static constexpr std::size_t max_characters = FrameBuffer::max_bytes;
@@ -29,19 +29,20 @@ class PacedWriter {
   void queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds patience,
              PortCounters& counters) noexcept;
 
-  // The next characters to write, one after the other in memory and of one line; empty if none are received by `now`.
+  // Returns the next characters to write, contiguous in memory and of one line setting; empty if none are received by
+  // `now`.
   std::span<const std::byte> ready(HostTime now) noexcept;
-  // The first `count` of them are written; a frame counts as sent with its last one. If there were more the kernel is
-  // full: due() is then a millisecond later.
+  // Removes the first `count` of them, which the caller has written; a frame counts as sent with its last character.
+  // If some are left, the kernel is full, and next_flush() is a millisecond later.
   void written(std::size_t count, HostTime now, PortCounters& counters) noexcept;
 
-  // When ready() has something next; nullopt if nothing is queued.
-  std::optional<HostTime> due() const noexcept;
+  // Returns when ready() has something next; nullopt if nothing is queued.
+  std::optional<HostTime> next_flush() const noexcept;
   bool is_idle() const noexcept { return frames_ == 0; }
   std::size_t queued() const noexcept { return count_; }  // characters
-  // Of the next character to be written; there is one.
+  // The line settings of the next character; call it only if one is queued.
   const UartSettings& line() const noexcept { return queue_[first_frame_].line; }
-  // What is queued will not be sent, its frames count as dropped.
+  // Empties the queue; its frames count as dropped.
   void forget(PortCounters& counters) noexcept;
 
  private:
@@ -53,16 +54,16 @@ class PacedWriter {
     std::size_t received_by(HostTime now) const noexcept;      // how many
   };
   const Queued& frame(std::size_t i) const noexcept { return queue_[(first_frame_ + i) % max_frames]; }
-  void let_go(HostTime now) noexcept;
+  void release(HostTime now) noexcept;
 
-  std::array<std::byte, max_characters> characters_;  // a ring, likewise
+  std::array<std::byte, max_characters> characters_;  // both are rings
   std::size_t first_ = 0, count_ = 0;
   std::array<Queued, max_frames> queue_;
   std::size_t first_frame_ = 0, frames_ = 0;
   std::size_t of_first_ = 0;  // characters of the first frame that are written
-  std::size_t free_ = 0;      // characters that are let go of, but not written
-  HostTime idle_at_;          // all that was queued is out
-  HostTime retry_;            // if free_ is not 0
+  std::size_t free_ = 0;      // characters that are released, but not written
+  HostTime idle_at_;          // when all that was queued is out
+  HostTime retry_;            // when to write again if free_ is not 0
 };
 
 }  // namespace imud

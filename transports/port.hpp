@@ -1,4 +1,4 @@
-// Port: a file descriptor that sends and receives frames without ever waiting.
+// Port: a file descriptor that sends and receives frames and never waits. Transport: a kind of port.
 #pragma once
 
 #include <cstdint>
@@ -15,46 +15,47 @@
 
 namespace imud {
 
-// What the port is for.
+// What a port is for.
 enum class Role : std::uint8_t {
   device,    // imud as the sensor: sends samples, receives the host's bytes; a pty is made, a UDP peer is sent to
   listener,  // receives: truth, or imu-decode; a UDP port is bound, a file is read, an existing pty is opened
 };
 
-// What send() may see; a lost device is a state, never an exit.
+// The state that send() found. A lost device is a state, never an exit.
 enum class PortState : std::uint8_t {
   ready,
   no_reader,    // nobody has the other end open: frames are discarded
-  wrong_speed,  // the client of a pty has set another speed than the line's: both sides read garbage, frames count as
-                // sent
-  lost,         // unplugged, removed, or down: reopened by itself with back-off
+  wrong_speed,  // the client of a pty has set another speed than the line's: both sides read garbage, and frames
+                // count as sent
+  lost,         // unplugged, removed, or down: the port reopens itself with back-off
 };
 
 struct PortCounters {
   std::uint64_t sent = 0;        // frames that the kernel took whole
-  std::uint64_t dropped = 0;     // frames that it did not take, dropped whole; one torn is neither for a while
+  std::uint64_t dropped = 0;     // frames that it did not take; one that it took in part is not counted yet
   std::uint64_t received = 0;    // frames or chunks
   std::uint64_t lost_count = 0;  // times the device was lost
   std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments
-  std::uint64_t not_ours = 0;    // packets of a capture that are for another port or no UDP
+  std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
 };
 
+// One end of a link. One thread at a time uses it. After opening it does not wait, allocate, throw or log.
 class Port {
  public:
   virtual ~Port() = default;
 
-  // Sends the frames of one sample, in order. Never waits: what the kernel does not take now is dropped whole and
-  // counted; no frame is torn (of one that was taken in part, the rest goes first at the next call). Who may wait and
-  // wants nothing dropped (a run that is not in real time) polls descriptor() for POLLOUT first.
+  // Sends the frames of one sample, in order. Frames that the kernel does not take now are dropped whole and counted.
+  // No frame is torn: the rest of one that was taken in part goes first at the next call. A caller that wants nothing
+  // dropped, and may wait, polls descriptor() for POLLOUT first.
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
-  // As send(), of an answer to the host: of a line that has more to carry than it can, answers have the better
-  // chance.
+  // Sends an answer to the host, as send() does. On a line that is asked to carry more than it can, answers are
+  // dropped later than samples.
   virtual void reply(std::span<const Frame> frames) noexcept { send(frames); }
-  // At the end: what is still held back will not be sent, and counts as dropped.
-  virtual void give_up() noexcept {}
+  // Drops the frames that are held back, and counts them. Called at the end of a run.
+  virtual void discard_pending() noexcept {}
 
-  // The next frame (CAN, UDP) or chunk of bytes (serial, pty, file) that is there; nullopt if nothing is. The bytes
+  // Returns the next frame (CAN, UDP) or chunk of bytes (serial, pty, file), or nullopt if none is there. The bytes
   // stay valid until the next call.
   struct Received {
     Frame frame;
@@ -62,30 +63,34 @@ class Port {
   };
   virtual std::optional<Received> receive() noexcept = 0;
 
-  // True once receive() will never return anything again: the end of a file or capture.
+  // Returns true once receive() will never return anything again: a file or capture has ended.
   virtual bool at_end() const noexcept { return false; }
-  // A word on how a capture ended if it did not end well ("cut short in record 12"); empty otherwise.
+  // Describes how a capture ended if it is damaged ("cut short in record 12"); empty otherwise.
   virtual std::string_view end_warning() const noexcept { return {}; }
 
-  // The device's UART is set otherwise: holds for what is sent from now on. Frames are dropped until what was sent
-  // before is out.
+  // Changes the UART's settings for all that is sent from now on. Until the frames sent before are out, new ones are
+  // dropped. A port without UART ignores it.
   virtual void set_line(const UartSettings&) noexcept {}
 
-  // Pushes out what send() holds back: a file's buffer, the rest of a frame taken in part, what a paced line has
-  // received by now. Never waits either.
+  // Sends what is held back as far as that is possible now: a file's buffer, the rest of a frame taken in part, the
+  // characters that a paced line has carried by now.
   virtual void flush() noexcept {}
-  // When flush() will have something to do next; nullopt if that is no matter of time.
-  virtual std::optional<HostTime> due() const noexcept { return std::nullopt; }
-  // False while it is known that the other end has not read all that was sent: closing a pty takes that away.
-  virtual bool is_read() noexcept { return true; }
-  // False if receive() never returns anything: do not wait for it.
-  virtual bool hears() const noexcept { return true; }
-  // For poll(); -1 if there is nothing to wait for: a capture, a regular file, a lost device, a pty that nobody has
-  // open. send() and receive() look whether it is back, so one of them must be called now and then. Changes when it
-  // is reopened.
+  // Returns when flush() can send something more, if that depends on time alone; otherwise nullopt.
+  virtual std::optional<HostTime> next_flush() const noexcept { return std::nullopt; }
+  // Returns true if something is held back that flush() can send as soon as descriptor() is writable: poll for
+  // POLLOUT.
+  virtual bool wants_output() const noexcept { return false; }
+  // Flushes, then returns false while the other end is known not to have read all that was sent: closing a pty now
+  // would discard it.
+  virtual bool is_drained() noexcept { return true; }
+  // Returns false if receive() never returns anything: do not poll for POLLIN.
+  virtual bool can_receive() const noexcept { return true; }
+  // Returns the descriptor for poll(), or -1 if there is nothing to wait for: a capture, a regular file, a lost
+  // device, a pty that nobody has open. It changes when the port reopens. While it is -1, call send() or receive()
+  // now and then: they look whether the device is back.
   virtual int descriptor() const noexcept { return -1; }
 
-  // What both ends of a pty are set to, in bit/s, as last seen; 0: not known.
+  // The speeds that both ends of a pty are set to, in bit/s, as last seen; 0: not known.
   struct alignas(8) Speeds {  // one atomic word
     unsigned line = 0, client = 0;
   };

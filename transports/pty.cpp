@@ -87,7 +87,7 @@ class PtyDevice final : public Port {
 
   void send(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(100)); }
   void reply(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(500)); }
-  void give_up() noexcept override {
+  void discard_pending() noexcept override {
     if (paced_) paced_->forget(counters_);
   }
 
@@ -125,11 +125,15 @@ class PtyDevice final : public Port {
   }
 
   void flush() noexcept override {
-    if (!paced_ || due() <= host_now()) send({});
+    if (!paced_ || next_flush() <= host_now()) send({});
   }
-  std::optional<HostTime> due() const noexcept override { return paced_ ? paced_->due() : std::nullopt; }
+  std::optional<HostTime> next_flush() const noexcept override {
+    return paced_ ? paced_->next_flush() : std::nullopt;
+  }
 
-  bool is_read() noexcept override {
+  bool wants_output() const noexcept override { return !writer_.is_idle(); }
+
+  bool is_drained() noexcept override {
     if (!look_for_reader()) return true;
     flush();
     if (paced_ && !paced_->is_idle()) return false;
@@ -301,6 +305,7 @@ class PtyListener final : public Port {
   }
 
   void flush() noexcept override { send({}); }
+  bool wants_output() const noexcept override { return !writer_.is_idle(); }
   bool at_end() const noexcept override { return at_end_; }
   int descriptor() const noexcept override { return tty_.get(); }
 

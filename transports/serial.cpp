@@ -110,6 +110,7 @@ class SerialPort final : public Port {
   void flush() noexcept override {
     if (line_) send({});
   }
+  bool wants_output() const noexcept override { return !writer_.is_idle(); }
   int descriptor() const noexcept override { return line_.get(); }
 
   void set_line(const UartSettings& line) noexcept override {

@@ -39,7 +39,7 @@ class PacedSensor final : public Port {
     if (together > 0) heard_.characters.emplace_back(now, together);
   }
   std::optional<Received> receive() noexcept override { return std::nullopt; }
-  std::optional<HostTime> due() const noexcept override { return writer_.due(); }
+  std::optional<HostTime> next_flush() const noexcept override { return writer_.next_flush(); }
 
  private:
   SimulatedHost& host_;

@@ -179,6 +179,7 @@ TEST_F(Fifo, ReaderThatLeavesEndsNothing) {
     if (port->counters().dropped > 0 && decided(*port) == frames.made()) drain(out.get(), reader, 5000);
   }
   ASSERT_EQ(decided(*port), frames.made() - 1);
+  EXPECT_TRUE(port->wants_output()) << "the rest of a frame";
   out.reset();
   const std::uint64_t dropped = port->counters().dropped;
   port->send(frames.next(4));
@@ -188,6 +189,7 @@ TEST_F(Fifo, ReaderThatLeavesEndsNothing) {
   out = open_end(O_RDONLY);
   drain(out.get(), reader, 100000);
   port->send(frames.next(2));
+  EXPECT_FALSE(port->wants_output());
   EXPECT_EQ(port->state(), PortState::ready);
   drain(out.get(), reader, 100000);
   EXPECT_EQ(reader.numbers.back(), frames.made() - 1);

@@ -28,7 +28,7 @@ class PacedWriting : public testing::Test {
   // Everything that is due by then; when, how many characters.
   std::vector<std::pair<std::int64_t, std::size_t>> run(Nanoseconds until = std::chrono::hours(1)) {
     std::vector<std::pair<std::int64_t, std::size_t>> all;
-    while (const auto due = writer_->due()) {
+    while (const auto due = writer_->next_flush()) {
       if (*due > start + until) break;
       EXPECT_TRUE(writer_->ready(*due - Nanoseconds(1)).empty());
       std::size_t together = 0;
@@ -56,7 +56,7 @@ TEST_F(PacedWriting, FourteenAtATimeAndTheEnd) {
   EXPECT_EQ(run(), (Portions{{14'000, 14}, {28'000, 14}, {30'000, 2}}));
   EXPECT_EQ(counters_.sent, 1U);
   EXPECT_TRUE(writer_->is_idle());
-  EXPECT_EQ(writer_->due(), std::nullopt);
+  EXPECT_EQ(writer_->next_flush(), std::nullopt);
 }
 
 TEST_F(PacedWriting, ACharacterHasStartParityAndStopBits) {
@@ -109,17 +109,17 @@ TEST_F(PacedWriting, WhatDoesNotFitIsDroppedWhole) {
 
 TEST_F(PacedWriting, AFullKernelIsTriedAgain) {
   queue(30, microseconds(0));
-  const HostTime due = *writer_->due();
+  const HostTime due = *writer_->next_flush();
   ASSERT_EQ(writer_->ready(due).size(), 14U);
   writer_->written(3, due, counters_);
-  EXPECT_EQ(*writer_->due(), due + microseconds(1000));
+  EXPECT_EQ(*writer_->next_flush(), due + microseconds(1000));
   EXPECT_EQ(writer_->ready(due).size(), 11U);
   seen_ = 3;
   EXPECT_EQ(counters_.sent, 0U);
   writer_->written(0, due, counters_);
   writer_->forget(counters_);
   EXPECT_EQ(counters_.dropped, 1U);
-  EXPECT_EQ(writer_->due(), std::nullopt);
+  EXPECT_EQ(writer_->next_flush(), std::nullopt);
   seen_ = made_;
   queue(1, microseconds(2000));  // the line is free at once
   EXPECT_EQ(run(), (Portions{{3000, 1}}));
@@ -136,7 +136,7 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
     const UartSettings line{baud, static_cast<Parity>(i % 3), i % 14 < 7 ? 1U : 2U};
     writer_->queue(frames.next(1 + static_cast<std::size_t>(i) % 5), line, now, patience, counters_);
     for (int k = 0; k < i % 40; ++k) {
-      if (const auto due = writer_->due()) now = std::max(now, *due);
+      if (const auto due = writer_->next_flush()) now = std::max(now, *due);
       for (auto bytes = writer_->ready(now); !bytes.empty(); bytes = writer_->ready(now)) {
         const std::size_t taken = (i % 3 == 0) ? (bytes.size() + 1) / 2 : bytes.size();
         reader.feed(bytes.first(taken));

@@ -154,7 +154,7 @@ TEST_F(PtyLine, GarbageIsNeitherHoardedNorTorn) {
 // On the real clock: nothing is early, nothing is lost, all is in order.
 TEST_F(PtyLine, CharactersTakeTheirTime) {
   const auto port = device("?baud=57600&parity=odd&stop=2&pace=line");  // 12 bits: 208 us
-  EXPECT_EQ(port->due(), std::nullopt);
+  EXPECT_EQ(port->next_flush(), std::nullopt);
   const FileDescriptor client = open_terminal(link);
   const auto some = frames.next(8);
   const std::size_t all = together(some).size();
@@ -163,28 +163,28 @@ TEST_F(PtyLine, CharactersTakeTheirTime) {
   std::size_t seen = 0;
   const HostTime too_late = begin + std::chrono::seconds(60);
   while (seen < all && host_now() < too_late) {
-    if (const auto due = port->due(); due && *due > host_now()) ::poll(nullptr, 0, 1);
+    if (const auto due = port->next_flush(); due && *due > host_now()) ::poll(nullptr, 0, 1);
     port->flush();
     const auto bytes = read_some(client.get(), 65536, 1);
     reader.feed(bytes);
     seen += bytes.size();
     ASSERT_GE(seconds(host_now() - begin), static_cast<double>(seen) * 12 / 57'600) << seen;
     if (seen < all - 14) {
-      EXPECT_FALSE(port->is_read());
+      EXPECT_FALSE(port->is_drained());
     }
   }
   EXPECT_EQ(reader.numbers.size(), 8U);
   EXPECT_EQ(reader.broken + reader.unfinished(), 0U);
   EXPECT_EQ(port->counters().sent, 8U);
-  EXPECT_EQ(port->due(), std::nullopt);
-  EXPECT_TRUE(port->is_read());
+  EXPECT_EQ(port->next_flush(), std::nullopt);
+  EXPECT_TRUE(port->is_drained());
 }
 
 TEST_F(PtyLine, AnAnswerGoesOutAtTheOldSpeedThenTheNewOneHolds) {
   const auto port = device("?baud=9600&pace=line");
   const FileDescriptor client = open_terminal(link);
   const auto wait_until_out = [&] {
-    for (int i = 0; i < 5000 && port->due(); ++i) {
+    for (int i = 0; i < 5000 && port->next_flush(); ++i) {
       ::poll(nullptr, 0, 1);
       port->flush();
     }
@@ -216,18 +216,18 @@ TEST_F(PtyLine, APacedLineKeepsNothingForTheNextReader) {
   {
     const FileDescriptor client = open_terminal(link);
     port->send(frames.next(20));
-    EXPECT_TRUE(port->due().has_value());
+    EXPECT_TRUE(port->next_flush().has_value());
     ::poll(nullptr, 0, 30);
     port->flush();
   }
   EXPECT_EQ(port->receive(), std::nullopt);
-  EXPECT_EQ(port->due(), std::nullopt);
+  EXPECT_EQ(port->next_flush(), std::nullopt);
   EXPECT_EQ(port->counters().sent + port->counters().dropped, 20U);
   port->send(frames.next(1));
-  EXPECT_EQ(port->due(), std::nullopt) << "nobody is there";
+  EXPECT_EQ(port->next_flush(), std::nullopt) << "nobody is there";
   const FileDescriptor client = open_terminal(link);
   port->send(frames.next(1));
-  for (int i = 0; i < 5000 && port->due(); ++i) {
+  for (int i = 0; i < 5000 && port->next_flush(); ++i) {
     ::poll(nullptr, 0, 1);
     port->flush();
   }
@@ -235,17 +235,17 @@ TEST_F(PtyLine, APacedLineKeepsNothingForTheNextReader) {
   EXPECT_EQ(reader.numbers, (std::vector<std::uint32_t>{21}));
 }
 
-// Whatever it is that stops it: a full pty neither tears frames nor keeps whoever waits for due() busy.
+// Whatever it is that stops it: a full pty neither tears frames nor keeps whoever waits for next_flush() busy.
 TEST_F(PtyLine, AReaderOfAPacedLineThatStopsTearsNoFrame) {
   const auto port = device("?baud=4000000&pace=line");
   const FileDescriptor client = open_terminal(link);
   for (int i = 0; i < 700; ++i) {  // 75 kB
     port->send(frames.next(1));
-    while (port->due() && *port->due() < host_now()) port->flush();
+    while (port->next_flush() && *port->next_flush() < host_now()) port->flush();
   }
   EXPECT_GT(port->counters().dropped, 0U);
-  ASSERT_TRUE(port->due().has_value());
-  for (int i = 0; i < 1000 && port->due(); ++i) {
+  ASSERT_TRUE(port->next_flush().has_value());
+  for (int i = 0; i < 1000 && port->next_flush(); ++i) {
     reader.feed(read_some(client.get(), 4096, 1));
     port->flush();
   }

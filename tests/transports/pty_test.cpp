@@ -53,8 +53,8 @@ TEST_F(Pty, TellsWhetherTheReaderHasReadAll) {
       port->send(some);
     }
     EXPECT_EQ(port->counters().dropped, 0U);
-    for (int ms = 0; ms < 10'000 && !port->is_read(); ++ms) ::poll(nullptr, 0, 1);
-    EXPECT_TRUE(port->is_read());
+    for (int ms = 0; ms < 10'000 && !port->is_drained(); ++ms) ::poll(nullptr, 0, 1);
+    EXPECT_TRUE(port->is_drained());
     port.reset();
     ASSERT_NE(::fgets(line.data(), line.size(), client), nullptr);
     EXPECT_EQ(std::stoul(line.data()), sent) << round;
@@ -173,6 +173,7 @@ TEST_F(Pty, ReaderThatStopsTearsNoFrame) {
   for (int i = 0; i < 1000; ++i) port->send(frames.next(3));
   EXPECT_GT(port->counters().dropped, 0U);
   EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_EQ(port->wants_output(), decided(*port) < frames.made());
   // It resumes slowly, stops again, and then takes all.
   for (int i = 0; i < 2000; ++i) {
     if (i % 500 < 300) reader.feed(read_some(client.get(), 400, 0));

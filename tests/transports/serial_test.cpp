@@ -93,16 +93,21 @@ TEST_F(Serial, EveryByteValuePassesBothWays) {
 TEST_F(Serial, PeerThatStopsTearsNoFrame) {
   SerialDevice device(path);
   const auto port = open();
+  int torn = 0;
   for (int i = 0; i < 1500; ++i) {
     port->send(frames.next(3));
+    ASSERT_EQ(port->wants_output(), decided(*port) < frames.made());
+    torn += port->wants_output() ? 1 : 0;
     if (i > 1000) reader.feed(read_some(device.fd(), 300, 0));
   }
+  EXPECT_GT(torn, 0) << "a frame taken in part waits for room";
   EXPECT_GT(port->counters().dropped, 0U);
   EXPECT_EQ(port->state(), PortState::ready);
   for (int i = 0; i < 3; ++i) {
     drain(device.fd(), reader);
     port->flush();
   }
+  EXPECT_FALSE(port->wants_output());
   EXPECT_EQ(reader.broken + reader.unfinished(), 0U);
   EXPECT_EQ(reader.numbers.size(), port->counters().sent);
   EXPECT_EQ(decided(*port), frames.made());
