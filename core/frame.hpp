@@ -16,6 +16,7 @@ struct CanHeader {
   bool bit_rate_switch = false;
   bool remote = false;  // remote request (classic only)
   bool error = false;   // error frame reported by the controller
+  constexpr bool operator==(const CanHeader&) const = default;
 };
 
 // A view: the bytes belong to whoever made the frame (a FrameBuffer, a Port) and stay until its next use.

@@ -12,8 +12,9 @@ namespace imud {
 ConfigError::ConfigError(std::vector<std::string> all)
     : std::runtime_error(fmt::format("{}", fmt::join(all, "\n"))), faults(std::move(all)) {}
 
-bool is_capture(const std::string& truth_port) {
-  return truth_port.starts_with("pcap:") || truth_port.starts_with("file:");
+bool is_capture(const std::string& truth_port) noexcept {
+  const Transport* transport = transport_of(truth_port);
+  return transport != nullptr && transport->ends;
 }
 
 Settings read_settings(TableReader& table, std::span<const Setting> declared) {
@@ -47,12 +48,13 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared) {
   return settings;
 }
 
-const Transport* read_port(TableReader& table, std::string_view key, const std::string& text, Role role) {
-  if (text.empty()) return nullptr;
+const Transport* read_port(TableReader& table, std::string_view key, const std::string& text,
+                           const PortSettings& settings) {
+  if (text.empty() && !table.is_text(key)) return nullptr;
   try {
     const PortSpec spec = PortSpec::parse(text);
     const Transport* transport = entry(table, key, spec.scheme, transports(), find_transport(spec.scheme));
-    if (transport != nullptr) transport->check(spec, role);
+    if (transport != nullptr) check_port(*transport, spec, settings);
     return transport;
   } catch (const PortError& error) {
     table.fault(key, error.what());
@@ -88,20 +90,23 @@ EarthModel read_earth(TableReader table) {
   return earth;
 }
 
-// The capture, with the UDP port of the port that it takes the place of if it names none of its own.
+// Returns the UDP port that a listener at `port` receives on; nullopt if that is all, none, or not to be understood.
+std::optional<std::uint16_t> udp_port(const std::string& port) {
+  const Transport* transport = transport_of(port);
+  if (transport == nullptr || transport->udp_port == nullptr) return std::nullopt;
+  try {
+    return transport->udp_port(PortSpec::parse(port));
+  } catch (const PortError&) {
+    return std::nullopt;
+  }
+}
+
+// Returns the capture, limited to the UDP port of the port that it takes the place of if it names none of its own.
 std::string in_place_of(const std::string& port, const std::string& capture) {
-  const std::size_t asks = capture.find('?');
-  if (!capture.starts_with("pcap:") ||
-      (asks != std::string::npos && capture.find("port=", asks) != std::string::npos))
-    return capture;
-  std::string number;
-  if (port.starts_with("udp:")) number = port.substr(port.rfind(':') + 1);
-  const std::size_t options = port.find('?');
-  if (const std::size_t at = port.find("port=", options); options != std::string::npos && at != std::string::npos)
-    number = port.substr(at + 5);
-  number = number.substr(0, number.find_first_not_of("0123456789"));
-  if (number.empty()) return capture;
-  return capture + (asks == std::string::npos ? "?port=" : "&port=") + number;
+  const Transport* transport = transport_of(capture);
+  const auto number = udp_port(port);
+  if (transport == nullptr || transport->udp_port == nullptr || udp_port(capture) || !number) return capture;
+  return fmt::format("{}{}port={}", capture, capture.find('?') == std::string::npos ? '?' : '&', *number);
 }
 
 TruthConfig read_truth(TableReader table, const std::string& capture) {
@@ -112,17 +117,19 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   else
     table.require("port", "where the truth comes from, for example \"udp:127.0.0.1:9810\"");
   const Transport* transport = read_port(table, "port", truth.port, Role::listener);
-  if (transport != nullptr && !is_capture(truth.port) && !truth.port.starts_with("udp:"))
-    table.fault("port", "truth comes by \"udp:ADDR:PORT\", \"pcap:PATH?port=N\" or \"file:PATH.csv\"");
+  if (transport != nullptr && !transport->brings_truth)
+    table.fault("port",
+                fmt::format("truth comes by {}", ports_that([](const Transport& t) { return t.brings_truth; })));
 
   const std::string format = table.text("format", "native");
   truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
   if (truth.format != nullptr) {
     truth.settings = read_settings(table, truth.format->settings);
-    if (truth.port.starts_with("file:") && !truth.format->delimits_itself)
-      table.fault("port", fmt::format("{} truth is binary datagrams, which a plain file does not delimit; give a "
-                                      "pcap",
-                                      truth.format->name));
+    if (transport != nullptr && transport->brings_truth && !transport->keeps_datagrams && !truth.format->delimits_itself)
+      table.fault("port", fmt::format("{} truth is binary datagrams, which {}: does not delimit; give {}",
+                                      truth.format->name, transport->name, ports_that([](const Transport& t) {
+                                        return t.brings_truth && t.keeps_datagrams;
+                                      })));
   }
   if (table.has("stream"))
     truth.stream = static_cast<std::uint32_t>(table.unsigned_integer("stream", 0, 0xFFFF'FFFFU));
@@ -218,7 +225,8 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   config.truth = read_truth(table.child("truth"), capture);
   config.realtime = read_realtime(table.child("realtime"));
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
-    table.fault("clock", "\"fast\" reads a capture; give truth.port \"pcap:...\" or \"file:...\", or \"lockstep\"");
+    table.fault("clock", fmt::format("\"fast\" reads a capture; give truth.port {}, or \"lockstep\"",
+                                     ports_that([](const Transport& t) { return t.brings_truth && t.ends; })));
 
   const EarthModel earth = read_earth(table.child("earth"));
 
@@ -233,7 +241,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
       const ImuConfig& read = config.imus.back();
-      if (read.paced && config.clock != ClockMode::realtime)
+      if (read.port_settings.paced && config.clock != ClockMode::realtime)
         faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),
                    "\"line\" needs clock = \"realtime\": in the other clocks, and with --fast, no time passes; give "
                    "\"none\"");

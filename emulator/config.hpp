@@ -14,6 +14,7 @@
 #include "emulator/truth_clock.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
+#include "transports/port.hpp"
 
 namespace imud {
 
@@ -52,7 +53,7 @@ struct ImuConfig {
   const Protocol* protocol = nullptr;
   Settings settings;
   std::string port;
-  bool paced = false;  // characters take their time on the port's line
+  PortSettings port_settings = Role::device;  // with the device's UART, and whether its characters are paced
   SyncConfig sync;
   ImuModel model;
 };
@@ -76,7 +77,7 @@ struct ConfigError : std::runtime_error {
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {});
 
-// Only the capture's transports ("pcap:", "file:") end; with these the truth is read ahead of the clock.
-bool is_capture(const std::string& truth_port);
+// Returns true if the truth port's transport ends: the truth is read ahead of the clock.
+bool is_capture(const std::string& truth_port) noexcept;
 
 }  // namespace imud

@@ -22,11 +22,12 @@ std::vector<std::string> names(std::span<const Entry* const> table) {
   return all;
 }
 
-// The table entry that `key` names, or nullptr with a fault.
+// Returns `found`, the table entry that `word` names. If there is none, that is a fault of `key`, unless the key is
+// absent or no text, which is a fault already.
 template <class Entry>
 const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
                    std::span<const Entry* const> entries, const Entry* found) {
-  if (found != nullptr || word.empty()) return found;
+  if (found != nullptr || !table.is_text(key)) return found;
   const std::string meant = nearest(word, names(entries));
   table.fault(key, fmt::format("there is no \"{}\"; {}", word,
                                meant.empty() ? fmt::format("known: {}", fmt::join(names(entries), ", "))
@@ -37,8 +38,16 @@ const Entry* entry(TableReader& table, std::string_view key, const std::string& 
 // Takes every declared setting that is there.
 Settings read_settings(TableReader& table, std::span<const Setting> declared);
 
-// Takes a port's text apart and finds its transport; nullptr with a fault if that fails.
-const Transport* read_port(TableReader& table, std::string_view key, const std::string& text, Role role);
+// Returns the transport of a port's text if a port of it can be opened with `settings`; nullptr with a fault of `key`
+// if not, and without if the key has no text.
+const Transport* read_port(TableReader& table, std::string_view key, const std::string& text,
+                           const PortSettings& settings);
+
+// Returns what can be given for a port whose transport fulfils `condition`, in quotes.
+template <class Condition>
+std::string ports_that(Condition condition) {
+  return fmt::format("\"{}\"", fmt::join(port_examples(condition), "\" or \""));
+}
 
 // One [[imu]], the `index`-th (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);

@@ -1,4 +1,3 @@
-#include <array>
 #include <map>
 #include <optional>
 #include <set>
@@ -55,35 +54,53 @@ void read_mounting(TableReader table, ImuModel& model) {
   table.finish();
 }
 
-// The port of a device whose UART is set so: that is what a serial port is opened with, and a pty begins with.
-std::string with_line(TableReader& table, const std::string& port, const UartSettings& line) {
-  const PortSpec spec = PortSpec::parse(port);
-  if (spec.scheme != "serial" && spec.scheme != "pty") return port;
-  for (const char* key : {"baud", "parity", "stop", "bits"})
-    if (spec.text(key))
-      table.fault(
-          "port",
-          fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line holds", key));
-  std::string options = fmt::format("baud={}", line.baud);
-  if (spec.scheme == "serial" || line.parity != Parity::none || line.stop_bits != 1) {
-    constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
-    options += fmt::format("&parity={}&stop={}", parities[static_cast<std::size_t>(line.parity)], line.stop_bits);
+// Returns true if the port's text can be understood and has that option.
+bool has_option(const std::string& port, std::string_view key) {
+  try {
+    return PortSpec::parse(port).text(key).has_value();
+  } catch (const PortError&) {
+    return false;
   }
-  return port + (port.find('?') == std::string::npos ? "?" : "&") + options;
 }
 
-// The port of a line whose characters take their time, if they shall; a serial line's do anyway.
-std::string with_pace(TableReader& table, const std::string& port, bool paced, bool has_speed) {
-  const PortSpec spec = PortSpec::parse(port);
-  if (spec.text("pace")) table.fault("port", "pace is a key of [[imu]]; give it there");
-  if (!paced || spec.text("pace") || spec.scheme == "serial") return port;
-  if (spec.scheme != "pty")
-    table.fault(
-        "pace",
-        fmt::format("\"line\" is for a pty; {}: has no characters that take their time, give \"none\"", spec.scheme));
-  else if (!has_speed && !spec.text("baud"))
-    table.fault("pace", "\"line\" needs the line's speed; give it in port, for example \"pty:imu1?baud=115200\"");
-  return port + (port.find('?') == std::string::npos ? "?" : "&") + "pace=line";
+// Reads `pace` for a port that can be opened. The device's UART is known already.
+void read_pace(TableReader& table, const Transport& transport, ImuConfig& imu) {
+  const bool paced = table.choice("pace", {"none", "line"}, 0) == 1;
+  if (!paced || transport.uart == Uart::real) return;
+  if (transport.uart == Uart::none) {
+    std::vector<std::string_view> emulated;
+    for (const Transport* other : transports())
+      if (other->uart == Uart::emulated) emulated.push_back(other->name);
+    table.fault("pace", fmt::format("\"line\" is for a {}; {}: has no characters that take their time, give \"none\"",
+                                    fmt::join(emulated, " or "), transport.name));
+  } else if (imu.port_settings.uart.baud == 0 && !has_option(imu.port, "baud")) {
+    table.fault("pace", fmt::format("\"line\" needs the line's speed; give it in port, for example "
+                                    "\"{}{}baud=115200\"",
+                                    imu.port, imu.port.find('?') == std::string::npos ? '?' : '&'));
+  } else {
+    imu.port_settings.paced = true;
+  }
+}
+
+// Reads `port` and `pace`. The device's UART is known already. Returns nullptr with a fault if no port can be opened.
+const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
+  table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
+  imu.port = table.text("port", "");
+  table.node("pace");
+  if (has_option(imu.port, "pace")) {
+    table.fault("port", "pace is a key of [[imu]]; give it there");
+    return nullptr;
+  }
+  const Transport* transport = read_port(table, "port", imu.port, imu.port_settings);
+  if (transport == nullptr) return nullptr;
+  if (transport->uart != Uart::none && imu.port_settings.uart.baud != 0)
+    for (const char* key : {"baud", "parity", "stop", "bits"})
+      if (has_option(imu.port, key))
+        table.fault("port", fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line "
+                                        "holds",
+                                        key));
+  read_pace(table, *transport, imu);
+  return transport;
 }
 
 SyncConfig read_sync(TableReader table, const Protocol* protocol) {
@@ -93,8 +110,12 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
     if (port.empty()) return;
     if (protocol != nullptr && !protocol->has_sync_pins)
       table.fault(key, fmt::format("{} has no such pin; leave it away", protocol->name));
-    if (read_port(table, key, port, role) != nullptr && !port.starts_with("udp:"))
-      table.fault(key, "edges come and go by \"udp:ADDR:PORT\"");
+    const auto carries_edges = [](const Transport& t) {
+      return t.keeps_datagrams && t.serves_device && !t.carries_can;
+    };
+    const Transport* transport = read_port(table, key, port, role);
+    if (transport != nullptr && !carries_edges(*transport))
+      table.fault(key, fmt::format("edges come and go by {}", ports_that(carries_edges)));
   };
   read("trigger_port", sync.trigger_port, Role::listener);
   read("pps_port", sync.pps_port, Role::listener);
@@ -114,14 +135,13 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const std::string protocol = table.text("protocol", "");
   imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
   std::optional<Product> product;
-  UartSettings line;
   if (imu.protocol != nullptr) {
     TableReader device = table.child("device");
     imu.settings = read_settings(device, imu.protocol->settings);
     device.finish();
     try {
       if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
-      line = imu.protocol->make(imu.settings)->uart();
+      imu.port_settings.uart = imu.protocol->make(imu.settings)->uart();
     } catch (const std::invalid_argument& error) {
       table.fault("device", error.what());
       imu.settings = Settings(imu.protocol->settings);
@@ -146,21 +166,15 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
   imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
 
-  table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
-  imu.port = table.text("port", "");
-  const Transport* transport = read_port(table, "port", imu.port, Role::device);
-  imu.paced = table.choice("pace", {"none", "line"}, 0) == 1;
-  if (transport != nullptr) imu.port = with_pace(table, imu.port, imu.paced, line.baud != 0);
-  if (transport != nullptr && line.baud != 0) imu.port = with_line(table, imu.port, line);
+  const Transport* transport = read_device_port(table, imu);
   if (transport != nullptr && imu.protocol != nullptr) {
-    if (transport->carries_can != (imu.protocol->link == Link::can))
-      table.fault("port", fmt::format("{} speaks on {}; give {}", imu.protocol->name,
-                                      imu.protocol->link == Link::can ? "a CAN bus" : "byte links",
-                                      imu.protocol->link == Link::can ? "\"can:...\""
-                                                                      : "\"pty:...\", \"serial:...\", "
-                                                                        "\"udp:...\" or \"file:...\""));
-    else if (const LineLoad load = line_load(imu);
-             load.percent > 100.0 && transport->name != "file" && transport->name != "udp")
+    const bool can = imu.protocol->link == Link::can;
+    if (transport->carries_can != can)
+      table.fault(
+          "port",
+          fmt::format("{} speaks on {}; give {}", imu.protocol->name, can ? "a CAN bus" : "byte links",
+                      ports_that([&](const Transport& t) { return t.serves_device && t.carries_can == can; })));
+    else if (const LineLoad load = line_load(imu); load.percent > 100.0)
       table.fault(product ? "device" : "rate_hz",
                   fmt::format("{}; {}", load.text(),
                               product ? "let it send less, or less often, or on a faster line"
@@ -216,13 +230,14 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
         faults.add(line, key, fmt::format("the same as {}; give another", at->second));
     }
     const std::string port = imus[i].port.substr(0, imus[i].port.find('?'));
-    if (!port.starts_with("can:") && !port.starts_with("udp:") && !port.empty()) {
+    if (const Transport* transport = transport_of(port); transport != nullptr && !transport->is_shared) {
       if (const auto [at, fresh] = by_port.emplace(port, i); !fresh) clash("port", at->second, "the same");
       continue;
     }
     if (imus[i].protocol == nullptr || imus[i].protocol->link != Link::can) continue;
     std::set<std::uint32_t> ids;
-    for (const CanHeader& header : can_headers(imus[i])) ids.insert(header.id | (header.extended ? 1U << 31U : 0U));
+    for (const SentFrames& sent : sent_frames(imus[i]))
+      ids.insert(sent.can.id | (sent.can.extended ? 1U << 31U : 0U));
     for (const std::uint32_t id : ids)
       if (const auto [at, fresh] = by_can_id.emplace(std::pair{port, id}, i); !fresh) {
         clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & 0x1FFF'FFFFU));

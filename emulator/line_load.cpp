@@ -2,12 +2,67 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "protocols/protocol.hpp"
-#include "transports/port_spec.hpp"
+#include "transports/port.hpp"
 
 namespace imud {
+
+namespace {
+
+void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {
+  const auto same = std::find_if(all.begin(), all.end(), [&](const SentFrames& sent) {
+    return sent.can == frame.can && sent.bytes == frame.bytes.size();
+  });
+  if (same != all.end())
+    same->per_s += per_s;
+  else
+    all.push_back({frame.can, frame.bytes.size(), per_s});
+}
+
+// The second second: the first has the start-up.
+std::vector<SentFrames> sent_by_product(const ImuConfig& imu) {
+  constexpr Nanoseconds begin = std::chrono::seconds(1), end = std::chrono::seconds(2);
+  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  const auto frames = std::make_unique<FrameBuffer>();
+  const Grid grid(imu.rate_hz);
+  Sample sample = ordinary_sample();
+  std::vector<SentFrames> all;
+  for (std::uint64_t k = 0; grid.nominal_offset(k) < end; ++k) {
+    const auto count = [&] {
+      if (grid.nominal_offset(k) >= begin)
+        for (const Frame& frame : frames->frames()) add(all, frame, 1.0);
+      frames->clear();
+    };
+    sample.time = DeviceTime{} + grid.nominal_offset(k);
+    sample.counter = k;
+    for (auto deadline = device->deadline(); deadline && *deadline <= sample.time; deadline = device->deadline()) {
+      device->poll(*deadline, *frames);
+      count();
+    }
+    device->sample(sample, *frames);
+    count();
+  }
+  return all;
+}
+
+// A sample in the middle of the stream: the first may carry more, such as a header row.
+std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
+  const auto frames = std::make_unique<FrameBuffer>();
+  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  const Sample sample = ordinary_sample();
+  device->sample(sample, *frames);
+  frames->clear();
+  device->sample(sample, *frames);
+  std::vector<SentFrames> all;
+  for (const Frame& frame : frames->frames()) add(all, frame, imu.rate_hz);
+  return all;
+}
+
+}  // namespace
 
 Sample ordinary_sample() {
   Sample sample;
@@ -20,110 +75,40 @@ Sample ordinary_sample() {
   return sample;
 }
 
-namespace {
-
-// The frames of one sample in the middle of a stream (a first one may carry more, such as a header row).
-std::unique_ptr<FrameBuffer> one_sample(const ImuConfig& imu) {
-  auto frames = std::make_unique<FrameBuffer>();
-  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
-  const Sample sample = ordinary_sample();
-  device->sample(sample, *frames);
-  frames->clear();
-  device->sample(sample, *frames);
-  return frames;
+std::vector<SentFrames> sent_frames(const ImuConfig& imu) {
+  return imu.protocol->product != nullptr ? sent_by_product(imu) : sent_by_sample(imu);
 }
-
-}  // namespace
-
-std::vector<CanHeader> can_headers(const ImuConfig& imu) {
-  const auto buffer = one_sample(imu);
-  std::vector<CanHeader> headers;
-  for (const Frame& frame : buffer->frames()) headers.push_back(frame.can);
-  return headers;
-}
-
-// Classic: 47 (11-bit identifier) or 67 (29-bit) bits and the data with interframe space; a stuff bit after at worst
-// every fourth of the 34 or 54 bits and the data from start of frame to CRC (ISO 11898-1; Tindell's bound). FD: the
-// same rule over what is sent before the CRC; the CRC field with its fixed stuff bits is sent at the data rate.
-CanBits can_bits(const CanHeader& header, std::size_t bytes) {
-  const auto n = static_cast<double>(bytes);
-  const double id = header.extended ? 20.0 : 0.0;
-  if (!header.fd) {
-    const double stuffed = 34.0 + id + 8.0 * n;
-    return {47.0 + id + 8.0 * n + static_cast<double>(static_cast<int>((stuffed - 1.0) / 4.0)), 0.0};
-  }
-  const double arbitration = 17.0 + id;                                  // start of frame to bit rate switch
-  const double tail = 12.0;                                              // CRC delimiter to interframe space
-  const double data = 5.0 + 8.0 * n;                                     // error state, length, data
-  const double crc = bytes <= 16 ? 17.0 + 4.0 + 6.0 : 21.0 + 4.0 + 7.0;  // with stuff count and fixed stuff bits
-  CanBits bits{arbitration * 1.25 + tail, data * 1.25 + crc};
-  if (!header.bit_rate_switch) bits = {bits.nominal + bits.data, 0.0};
-  return bits;
-}
-
-namespace {
-
-// A product sends less often than it samples: what it sends in its second second.
-LineLoad product_load(const ImuConfig& imu) {
-  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
-  const auto frames = std::make_unique<FrameBuffer>();
-  const Grid grid(imu.rate_hz);
-  Sample sample = ordinary_sample();
-  LineLoad load;
-  std::size_t bytes = 0;
-  for (std::uint64_t k = 0; grid.nominal_offset(k) < std::chrono::seconds(2); ++k) {
-    sample.time = DeviceTime{} + grid.nominal_offset(k);
-    sample.counter = k;
-    frames->clear();
-    device->sample(sample, *frames);
-    if (grid.nominal_offset(k) < std::chrono::seconds(1)) continue;
-    for (const Frame& frame : frames->frames()) bytes += frame.bytes.size();
-    load.frames_per_s += static_cast<double>(frames->frames().size());
-  }
-  const UartSettings line = device->uart();
-  load.bits_per_s = static_cast<double>(bytes) * line.bits_per_character();
-  load.line_bits_per_s = line.baud;
-  if (line.baud != 0) load.percent = 100.0 * load.bits_per_s / line.baud;
-  return load;
-}
-
-}  // namespace
 
 LineLoad line_load(const ImuConfig& imu) {
-  if (imu.protocol->product != nullptr) return product_load(imu);
   const PortSpec spec = PortSpec::parse(imu.port);
-  const auto buffer = one_sample(imu);
+  const Transport& transport = *find_transport(spec.scheme);
+  const std::vector<std::byte> data(FrameBuffer::max_bytes);
   LineLoad load;
-  load.frames_per_sample = buffer->frames().size();
-  double seconds_per_sample = 0.0;
-  constexpr std::int64_t any = 1'000'000'000;
-  if (spec.scheme == "can") {
-    const auto nominal = static_cast<double>(spec.integer("bitrate", 1, any).value_or(0));
-    const auto data =
-        static_cast<double>(spec.integer("data_bitrate", 1, any).value_or(static_cast<std::int64_t>(nominal)));
-    for (const Frame& frame : buffer->frames()) {
-      const CanBits bits = can_bits(frame.can, frame.bytes.size());
-      load.bytes_per_sample += frame.bytes.size();
-      load.bits_per_s += (bits.nominal + bits.data) * imu.rate_hz;
-      if (nominal > 0.0) seconds_per_sample += bits.nominal / nominal + bits.data / data;
-    }
-    load.line_bits_per_s = nominal;
-  } else {
-    for (const Frame& frame : buffer->frames()) load.bytes_per_sample += frame.bytes.size();
-    const double bits_per_byte = 1.0 + static_cast<double>(spec.integer("bits", 5, 8).value_or(8)) +
-                                 (spec.text("parity").value_or("none") == "none" ? 0.0 : 1.0) +
-                                 static_cast<double>(spec.integer("stop", 1, 2).value_or(1));
-    const std::int64_t unset = spec.scheme == "serial" ? 115'200 : 0;
-    load.line_bits_per_s = static_cast<double>(spec.integer("baud", 1, any).value_or(unset));
-    load.bits_per_s = static_cast<double>(load.bytes_per_sample) * bits_per_byte * imu.rate_hz;
-    if (load.line_bits_per_s > 0.0) seconds_per_sample = load.bits_per_s / imu.rate_hz / load.line_bits_per_s;
+  double frames_per_sample = 0, bytes_per_sample = 0, busy = 0;
+  for (const SentFrames& sent : sent_frames(imu)) {
+    const Frame frame{std::span(data).first(sent.bytes), sent.can};
+    WireTime time;
+    if (transport.wire_time != nullptr)
+      time = transport.wire_time(spec, imu.port_settings, frame);
+    else
+      time.bits = 8.0 * static_cast<double>(sent.bytes);
+    load.frames_per_s += sent.per_s;
+    load.bits_per_s += time.bits * sent.per_s;
+    load.line_bits_per_s = time.bit_rate;
+    busy += time.seconds * sent.per_s;
+    frames_per_sample += sent.per_s / imu.rate_hz;
+    bytes_per_sample += static_cast<double>(sent.bytes) * sent.per_s / imu.rate_hz;
   }
-  load.percent = 100.0 * seconds_per_sample * imu.rate_hz;
+  load.percent = 100.0 * busy;
+  if (imu.protocol->product == nullptr) {
+    load.frames_per_sample = static_cast<std::size_t>(std::lround(frames_per_sample));
+    load.bytes_per_sample = static_cast<std::size_t>(std::lround(bytes_per_sample));
+  }
   return load;
 }
 
 std::string LineLoad::text() const {
-  std::string line = frames_per_s > 0
+  std::string line = frames_per_sample == 0
                          ? fmt::format("{:.0f} frames/s, {:.0f} bit/s", frames_per_s, bits_per_s)
                          : fmt::format("{} frame{} of {} bytes together per sample, {:.0f} bit/s", frames_per_sample,
                                        frames_per_sample == 1 ? "" : "s", bytes_per_sample, bits_per_s);

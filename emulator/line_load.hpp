@@ -1,4 +1,4 @@
-// LineLoad: how much of its line or bus an imu takes.
+// LineLoad: the share of its line or bus that an imu takes.
 #pragma once
 
 #include <cstdint>
@@ -12,28 +12,30 @@
 namespace imud {
 
 struct LineLoad {
-  std::size_t frames_per_sample = 0;
-  std::size_t bytes_per_sample = 0;  // data bytes on CAN
-  double frames_per_s = 0;           // of a product, instead of these two
-  double bits_per_s = 0;             // on the wire, with start, parity and stop bits, or with worst-case stuff bits
-  double line_bits_per_s = 0;        // what the port is configured for; 0: it has no rate
-  double percent = 0;                // 0 if the line has no rate
-  std::string text() const;          // one line for people
+  std::size_t frames_per_sample = 0;  // 0 for a product, which sends less often than it samples
+  std::size_t bytes_per_sample = 0;   // data bytes on CAN
+  double frames_per_s = 0;
+  double bits_per_s = 0;       // on the wire (Transport::wire_time); of data if frames leave instantly
+  double line_bits_per_s = 0;  // the port's bit rate; 0: it has none
+  double percent = 0;          // of the time that the wire is busy; 0 if it has no rate
+  std::string text() const;    // one line for people
 };
 
-// Of ordinary magnitude, every digit used.
+// Returns a sample of ordinary magnitude in which every digit is used.
 Sample ordinary_sample();
 
-// From an ordinary sample, encoded by the imu's own protocol. The imu's protocol and port are valid.
-LineLoad line_load(const ImuConfig& imu);
-
-// The identifiers of one sample's frames.
-std::vector<CanHeader> can_headers(const ImuConfig& imu);
-
-// The longest that a frame of `bytes` data can be on the bus, in bits at the nominal and at the data rate.
-struct CanBits {
-  double nominal = 0, data = 0;
+// Frames of one kind that an imu sends.
+struct SentFrames {
+  CanHeader can;
+  std::size_t bytes = 0;
+  double per_s = 0;
 };
-CanBits can_bits(const CanHeader& header, std::size_t bytes);
+
+// Returns all that an imu sends, from ordinary samples encoded by its own protocol: the second second of a product,
+// otherwise one sample. The imu's protocol is valid.
+std::vector<SentFrames> sent_frames(const ImuConfig& imu);
+
+// Returns the load of the port's wire by these frames. The imu's protocol and port are valid.
+LineLoad line_load(const ImuConfig& imu);
 
 }  // namespace imud

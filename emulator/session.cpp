@@ -34,7 +34,7 @@ Session::Session(const Config& config, const std::atomic<bool>& stop, const Open
       intake_(config.truth, timeline_, open(config.truth.port, Role::listener)),
       schedule_(grids(config)) {
   for (const ImuConfig& imu : config.imus) {
-    units_.push_back(std::make_unique<Unit>(imu, config.seed, open(imu.port, Role::device)));
+    units_.push_back(std::make_unique<Unit>(imu, config.seed, open(imu.port, imu.port_settings)));
     publish(*units_.back());
     const SyncConfig& sync = imu.sync;
     if (!(sync.trigger_port + sync.pps_port + sync.tov_port).empty()) units_.back()->sync.emplace(sync, open);

@@ -26,7 +26,7 @@ namespace imud {
 
 class Session {
  public:
-  using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, Role)>;
+  using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>;
   // Opens every port. Throws PortError. `stop` ends every wait.
   Session(const Config& config, const std::atomic<bool>& stop, const OpenPort& open = open_port);
 

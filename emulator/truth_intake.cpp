@@ -12,7 +12,10 @@ namespace {
 void increment(Counter& counter) noexcept { counter.fetch_add(1, std::memory_order_relaxed); }
 
 // A file, a fifo, a connection: bytes in pieces of any length.
-bool is_stream(std::string_view port) noexcept { return !port.starts_with("udp:") && !port.starts_with("pcap:"); }
+bool is_stream(const std::string& port) noexcept {
+  const Transport* transport = transport_of(port);
+  return transport != nullptr && !transport->keeps_datagrams;
+}
 
 }  // namespace
 

@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "transports/can_bits.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
@@ -208,13 +209,25 @@ class CanPort final : public Port {
   std::array<mmsghdr, FrameBuffer::max_frames> messages_;
 };
 
-void check(const PortSpec& spec, Role) {
+void check(const PortSpec& spec, const PortSettings&) {
   spec.allow_only("bitrate data_bitrate mtu");
   spec.integer("bitrate", 5'000, 1'000'000);
   spec.integer("data_bitrate", 5'000, 20'000'000);
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, Role) { return std::make_unique<CanPort>(spec); }
+WireTime wire_time(const PortSpec& spec, const PortSettings&, const Frame& frame) {
+  const CanBits bits = can_bits(frame.can, frame.bytes.size());
+  WireTime time;
+  time.bits = bits.nominal + bits.data;
+  time.bit_rate = static_cast<double>(spec.integer("bitrate", 5'000, 1'000'000).value_or(0));
+  if (time.bit_rate == 0) return time;
+  const auto data_bit_rate = spec.integer("data_bitrate", 5'000, 20'000'000);
+  time.seconds = bits.nominal / time.bit_rate +
+                 bits.data / (data_bit_rate ? static_cast<double>(*data_bit_rate) : time.bit_rate);
+  return time;
+}
+
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings&) { return std::make_unique<CanPort>(spec); }
 
 }  // namespace
 
@@ -225,8 +238,11 @@ constexpr Transport can_transport = {
     .syntax = "can:can0?bitrate=500000&data_bitrate=2000000&mtu=72",
     .document = "https://docs.kernel.org/networking/can.html",
     .carries_can = true,
+    .keeps_datagrams = true,
+    .is_shared = true,
     .check = check,
     .open = open,
+    .wire_time = wire_time,
 };
 
 }  // namespace imud

@@ -134,11 +134,16 @@ class FileReader final : public Port {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);
 };
 
-void check(const PortSpec& spec, Role) { spec.allow_only(""); }
+void check(const PortSpec& spec, const PortSettings&) { spec.allow_only(""); }
 
-std::unique_ptr<Port> open(const PortSpec& spec, Role role) {
-  if (role == Role::device) return std::make_unique<FileWriter>(spec);
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
+  if (settings.role == Role::device) return std::make_unique<FileWriter>(spec);
   return std::make_unique<FileReader>(spec);
+}
+
+bool is_standard_output(const PortSpec& spec) {
+  return spec.address == "-" || spec.address == "/dev/stdout" || spec.address == "/dev/fd/1" ||
+         spec.address == "/proc/self/fd/1";
 }
 
 }  // namespace
@@ -149,9 +154,13 @@ constexpr Transport file_transport = {
     .summary = "bytes to a file or pipe, or from one; - is standard output or input",
     .syntax = "file:PATH",
     .document = "open(2), pipe(7)",
-    .carries_can = false,
+    .ends = true,
+    .brings_truth = true,
+    .has_private_copy = true,
+    .suffixes = ".csv .txt",
     .check = check,
     .open = open,
+    .is_standard_output = is_standard_output,
 };
 
 }  // namespace imud

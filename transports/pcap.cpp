@@ -100,13 +100,17 @@ class PcapPort final : public Port {
   std::size_t warning_size_ = 0;
 };
 
-void check(const PortSpec& spec, Role role) {
-  spec.allow_only("port");
-  spec.integer("port", 1, 65'535);
-  if (role == Role::device) throw spec.error("a capture is only read; right would be file: or udp: to send to");
+std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
+  const auto port = spec.integer("port", 1, 65'535);
+  return port ? std::optional(static_cast<std::uint16_t>(*port)) : std::nullopt;
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, Role) { return std::make_unique<PcapPort>(spec); }
+void check(const PortSpec& spec, const PortSettings&) {
+  spec.allow_only("port");
+  static_cast<void>(udp_port(spec));
+}
+
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings&) { return std::make_unique<PcapPort>(spec); }
 
 }  // namespace
 
@@ -114,11 +118,16 @@ extern const Transport pcap_transport;
 constexpr Transport pcap_transport = {
     .name = "pcap",
     .summary = "the UDP datagrams of a capture file (pcap, pcapng), of one destination port or all",
-    .syntax = "pcap:PATH?port=9810",
+    .syntax = "pcap:PATH?port=N",
     .document = "libpcap 1.10",
-    .carries_can = false,
+    .keeps_datagrams = true,
+    .ends = true,
+    .brings_truth = true,
+    .serves_device = false,
+    .suffixes = ".pcap .pcapng *",
     .check = check,
     .open = open,
+    .udp_port = udp_port,
 };
 
 }  // namespace imud

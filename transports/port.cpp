@@ -1,18 +1,59 @@
 #include "transports/port.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <string>
 
 namespace imud {
+namespace {
 
-std::unique_ptr<Port> open_port(std::string_view text, Role role) {
+// Whether `path` ends in one of `suffixes`, which are separated by blanks.
+bool ends_in_one_of(std::string_view path, std::string_view suffixes) {
+  while (!suffixes.empty()) {
+    const std::string_view suffix = suffixes.substr(0, suffixes.find(' '));
+    if (path.ends_with(suffix)) return true;
+    suffixes.remove_prefix(std::min(suffix.size() + 1, suffixes.size()));
+  }
+  return false;
+}
+
+}  // namespace
+
+const Transport* transport_of(std::string_view port) noexcept {
+  return find_transport(port.substr(0, port.find(':')));
+}
+
+void check_port(const Transport& transport, const PortSpec& spec, const PortSettings& settings) {
+  transport.check(spec, settings);
+  if (settings.role == Role::listener || transport.serves_device) return;
+  const auto others =
+      port_examples([&](const Transport& t) { return t.serves_device && t.carries_can == transport.carries_can; });
+  throw spec.error(fmt::format("is only read; right to send to would be {}", fmt::join(others, " or ")));
+}
+
+std::unique_ptr<Port> open_port(std::string_view text, const PortSettings& settings) {
   const PortSpec spec = PortSpec::parse(text);
   if (const Transport* transport = find_transport(spec.scheme)) {
-    transport->check(spec, role);
-    return transport->open(spec, role);
+    check_port(*transport, spec, settings);
+    return transport->open(spec, settings);
   }
   std::string known;
   for (const Transport* transport : transports()) known += fmt::format(" {}:", transport->name);
   throw PortError(fmt::format("'{}': there is no transport '{}'; right would be one of{}", text, spec.scheme, known));
+}
+
+std::string capture_port(std::string_view capture) {
+  const std::size_t colon = capture.find(':');
+  if (const Transport* named = transport_of(capture); colon != std::string_view::npos && named && named->ends)
+    return std::string(capture);
+  const std::string_view path = capture.substr(0, capture.find('?'));
+  const Transport* any = nullptr;
+  for (const Transport* transport : transports()) {
+    if (ends_in_one_of(path, transport->suffixes)) return fmt::format("{}:{}", transport->name, capture);
+    if (transport->suffixes.find('*') != std::string_view::npos) any = transport;
+  }
+  return any == nullptr ? std::string(capture) : fmt::format("{}:{}", any->name, capture);
 }
 
 }  // namespace imud

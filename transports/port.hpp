@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "core/frame.hpp"
 #include "core/time.hpp"
@@ -19,6 +20,18 @@ namespace imud {
 enum class Role : std::uint8_t {
   device,    // imud as the sensor: sends samples, receives the host's bytes; a pty is made, a UDP peer is sent to
   listener,  // receives: truth, or imu-decode; a UDP port is bound, a file is read, an existing pty is opened
+};
+
+// How a port is opened, beside what its text says. A role alone leaves everything to the text.
+struct PortSettings {
+  constexpr PortSettings(Role port_role) noexcept : role(port_role) {}
+
+  Role role;
+  // The UART of the device behind the port, as it is when the port opens (Port::set_line() changes it). Takes the
+  // place of the text's `baud`, `parity` and `stop`. baud 0: the device has none, the text counts.
+  UartSettings uart;
+  // Emulated UART only: characters arrive when the line would have carried them, not at once.
+  bool paced = false;
 };
 
 // The state that send() found. A lost device is a state, never an exit.
@@ -105,25 +118,80 @@ class Port {
   PortCounters counters_;
 };
 
-// One entry of the table.
+// A transport's UART.
+enum class Uart : std::uint8_t {
+  none,
+  real,      // hardware, which paces its characters by itself
+  emulated,  // a speed without hardware: characters arrive at once, or paced if PortSettings::paced
+};
+
+// How long a frame occupies the wire.
+struct WireTime {
+  double bits = 0;      // on the wire, with framing; the most that there can be where the data decide
+  double bit_rate = 0;  // bit/s, a CAN FD bus's nominal one; 0: not known
+  double seconds = 0;   // 0: not known
+};
+
+// One entry of the table: all that the rest of the project knows of a kind of port. Nothing outside of its file asks
+// for its name. The functions get a spec that has passed check(), except check() itself.
 struct Transport {
   std::string_view name;      // the word before the colon in a port: the file's stem
   std::string_view summary;   // one line
-  std::string_view syntax;    // "serial:/dev/ttyUSB0?baud=921600"
+  std::string_view syntax;    // "pty:LINK?baud=115200"
   std::string_view document;  // the interface followed
-  bool carries_can;           // frames with an identifier; otherwise bytes
+
+  bool carries_can = false;       // frames have an identifier; otherwise they are bytes
+  bool keeps_datagrams = false;   // one frame sent is one frame received; otherwise a stream of bytes
+  bool ends = false;              // a listener reads something recorded, up to its end
+  bool brings_truth = false;      // truth may come by it
+  bool serves_device = true;      // Role::device is possible, beside Role::listener
+  bool is_shared = false;         // several imus may have the same address: a bus, a receiver of datagrams
+  bool has_private_copy = false;  // a port at any other path serves as well to measure what a write costs
+  Uart uart = Uart::none;         // with one, the options `baud`, `parity` and `stop` are its settings
+
+  // Files that `imud replay` and `imu-truth capture` open by this transport if no transport is named: suffixes of
+  // their names (".csv .txt"); "*" stands for those that no other transport claims.
+  std::string_view suffixes = {};
+
   // Throws PortError that says what is wrong with the spec and what would be right, without touching the system: an
-  // unknown option, a value out of range, a role that this transport has not.
-  void (*check)(const PortSpec& spec, Role role);
-  // Opens a port whose spec has passed check(). Throws PortError that says what failed on what.
-  std::unique_ptr<Port> (*open)(const PortSpec& spec, Role role);
+  // unknown option, a value out of range, settings that it cannot have. check_port() has seen to the role.
+  void (*check)(const PortSpec& spec, const PortSettings& settings);
+  // Opens a port. Throws PortError that says what failed on what.
+  std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);
+
+  // Returns how long `frame` occupies the wire. nullptr: frames leave instantly.
+  WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
+  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all. nullptr: it has nothing to do
+  // with UDP. One that `ends` chooses it by the option `port`.
+  std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
+  // Returns true if a device's frames go to standard output. nullptr: never.
+  bool (*is_standard_output)(const PortSpec& spec) = nullptr;
 };
 
 // The table, made by the build from the transports' files, sorted by name.
 std::span<const Transport* const> transports() noexcept;
 const Transport* find_transport(std::string_view name) noexcept;
 
-// Opens "scheme:rest?key=value&...".
-std::unique_ptr<Port> open_port(std::string_view spec, Role role);
+// Returns the transport that a port's text "scheme:rest" names; nullptr if there is none.
+const Transport* transport_of(std::string_view port) noexcept;
+
+// Returns an example, its syntax without options, of each transport that fulfils `condition`.
+template <class Condition>
+std::vector<std::string_view> port_examples(Condition condition) {
+  std::vector<std::string_view> all;
+  for (const Transport* transport : transports())
+    if (condition(*transport)) all.push_back(transport->syntax.substr(0, transport->syntax.find('?')));
+  return all;
+}
+
+// Throws PortError if the transport has not that role, or its check() fails.
+void check_port(const Transport& transport, const PortSpec& spec, const PortSettings& settings);
+
+// Opens "scheme:address?key=value&...". Throws PortError.
+std::unique_ptr<Port> open_port(std::string_view port, const PortSettings& settings);
+
+// Returns the port that reads a capture: `capture` itself if it begins with the scheme of a transport that `ends`,
+// otherwise that of the transport for such a file name.
+std::string capture_port(std::string_view capture);
 
 }  // namespace imud

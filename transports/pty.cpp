@@ -20,22 +20,13 @@
 #include "transports/paced_writer.hpp"
 #include "transports/port.hpp"
 #include "transports/termios2.hpp"
+#include "transports/uart_options.hpp"
 #include "transports/uart_wire.hpp"
 
 namespace imud {
 namespace {
 
 constexpr std::string_view slaves = "/dev/pts/";
-
-// The line that the spec asks for; baud 0 if it says none.
-UartSettings line_of(const PortSpec& spec) {
-  UartSettings line;
-  line.baud = static_cast<unsigned>(spec.integer("baud", 50, 4'000'000).value_or(0));
-  const std::string parity = spec.one_of("parity", "none even odd");
-  line.parity = parity == "even" ? Parity::even : parity == "odd" ? Parity::odd : Parity::none;
-  line.stop_bits = static_cast<unsigned>(spec.integer("stop", 1, 2).value_or(1));
-  return line;
-}
 
 bool make_raw(int fd) noexcept {
   termios line{};
@@ -56,12 +47,11 @@ bool is_served(const std::string& link) noexcept {
 // The other end of the pair is a client that comes and goes.
 class PtyDevice final : public Port {
  public:
-  explicit PtyDevice(const PortSpec& spec)
-      : link_(spec.address), line_(line_of(spec)), any_speed_(spec.one_of("speed", "line any") == "any") {
-    if (spec.one_of("pace", "none line") == "line") {
-      if (line_.baud == 0) throw spec.error("a line without speed has no pace; give baud, such as baud=115200");
-      paced_.emplace();
-    }
+  PtyDevice(const PortSpec& spec, const PortSettings& settings)
+      : link_(spec.address),
+        line_(uart_settings(spec, settings, 0)),
+        any_speed_(spec.one_of("speed", "line any") == "any") {
+    if (settings.paced) paced_.emplace();
     const auto failed = [&](std::string_view what) {
       return spec.error(fmt::format("{}: {}", what, std::strerror(errno)));
     };
@@ -316,16 +306,22 @@ class PtyListener final : public Port {
   std::array<std::byte, 4096> buffer_;
 };
 
-void check(const PortSpec& spec, Role role) {
-  spec.allow_only(role == Role::device ? "baud parity stop speed pace" : "baud");
-  line_of(spec);
+void check(const PortSpec& spec, const PortSettings& settings) {
+  spec.allow_only(settings.role == Role::device ? "baud parity stop speed" : "baud");
+  const UartSettings line = uart_settings(spec, settings, 0);
   spec.one_of("speed", "line any");
-  spec.one_of("pace", "none line");
+  if (settings.paced && line.baud == 0)
+    throw spec.error("a line without speed has no pace; give baud, such as baud=115200");
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, Role role) {
-  if (role == Role::device) return std::make_unique<PtyDevice>(spec);
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
+  if (settings.role == Role::device) return std::make_unique<PtyDevice>(spec, settings);
   return std::make_unique<PtyListener>(spec);
+}
+
+WireTime wire_time(const PortSpec& spec, const PortSettings& settings, const Frame& frame) {
+  const UartSettings line = uart_settings(spec, settings, 0);
+  return uart_wire_time(frame, line.baud, line.bits_per_character());
 }
 
 }  // namespace
@@ -336,9 +332,11 @@ constexpr Transport pty_transport = {
     .summary = "a serial line without hardware: a pseudo-terminal behind the link of that name",
     .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any",
     .document = "pty(7)",
-    .carries_can = false,
+    .has_private_copy = true,
+    .uart = Uart::emulated,
     .check = check,
     .open = open,
+    .wire_time = wire_time,
 };
 
 }  // namespace imud

@@ -1,4 +1,5 @@
-// A serial line on real hardware, opened and configured by LibSerial. termios(3), ioctl_tty(2).
+// A serial line on real hardware. termios(3), ioctl_tty(2). LibSerial opens and configures it; reading, writing,
+// rates that termios has no constant for, and reopening are done here.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <libserial/SerialPort.h>
@@ -16,13 +17,14 @@
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
 #include "transports/termios2.hpp"
+#include "transports/uart_options.hpp"
 
 namespace imud {
 namespace {
 
 using LibSerial::BaudRate;
 
-// The speeds that termios has constants for; any other goes by set_line_speed().
+// The speeds that termios has constants for; set_line_speed() sets any other.
 std::optional<BaudRate> standard_rate(unsigned baud) {
   static constexpr std::pair<unsigned, speed_t> rates[] = {
       {50, B50},           {75, B75},           {110, B110},         {134, B134},         {150, B150},
@@ -38,30 +40,21 @@ std::optional<BaudRate> standard_rate(unsigned baud) {
 }
 
 struct Settings {
-  unsigned baud;
-  LibSerial::CharacterSize bits;
-  LibSerial::Parity parity;
-  LibSerial::StopBits stop;
-  LibSerial::FlowControl flow;
+  UartSettings uart;
+  bool has_seven_bits;
+  bool has_flow_control;
 
-  explicit Settings(const PortSpec& spec)
-      : baud(static_cast<unsigned>(spec.integer("baud", 50, 4'000'000).value_or(115200))),
-        bits(spec.integer("bits", 7, 8).value_or(8) == 8 ? LibSerial::CharacterSize::CHAR_SIZE_8
-                                                         : LibSerial::CharacterSize::CHAR_SIZE_7),
-        stop(spec.integer("stop", 1, 2).value_or(1) == 1 ? LibSerial::StopBits::STOP_BITS_1
-                                                         : LibSerial::StopBits::STOP_BITS_2) {
-    const std::string parity_word = spec.one_of("parity", "none even odd");
-    parity = parity_word == "even"  ? LibSerial::Parity::PARITY_EVEN
-             : parity_word == "odd" ? LibSerial::Parity::PARITY_ODD
-                                    : LibSerial::Parity::PARITY_NONE;
-    flow = spec.one_of("flow", "none rtscts") == "none" ? LibSerial::FlowControl::FLOW_CONTROL_NONE
-                                                        : LibSerial::FlowControl::FLOW_CONTROL_HARDWARE;
-  }
+  Settings(const PortSpec& spec, const PortSettings& settings)
+      : uart(uart_settings(spec, settings, 115'200)),
+        has_seven_bits(spec.integer("bits", 7, 8) == 7),
+        has_flow_control(spec.one_of("flow", "none rtscts") == "rtscts") {}
+
+  unsigned bits_per_character() const { return uart.bits_per_character() - (has_seven_bits ? 1 : 0); }
 };
 
 class SerialPort final : public Port {
  public:
-  explicit SerialPort(const PortSpec& spec) : path_(spec.address), settings_(spec) {
+  SerialPort(const PortSpec& spec, const PortSettings& settings) : path_(spec.address), settings_(spec, settings) {
     const FileDescriptor probe(::open(path_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!probe) {
       const int error = errno;
@@ -76,16 +69,15 @@ class SerialPort final : public Port {
     } catch (const std::exception& error) {
       throw spec.error(fmt::format("cannot be configured: {}", error.what()));
     }
-    const unsigned actual = line_speed(line_.get()).value_or(settings_.baud);
-    if (actual * 100.0 < settings_.baud * 97.0 || actual * 100.0 > settings_.baud * 103.0)
-      throw spec.error(
-          fmt::format("baud={}: the driver gives {} instead, more than 3 % off", settings_.baud, actual));
+    const unsigned actual = line_speed(line_.get()).value_or(baud_);
+    if (actual * 100.0 < baud_ * 97.0 || actual * 100.0 > baud_ * 103.0)
+      throw spec.error(fmt::format("baud={}: the driver gives {} instead, more than 3 % off", baud_, actual));
   }
 
   ~SerialPort() override {
     ::ioctl(line_.get(), TIOCNXCL);
     // A peer that holds CTS back would let close() wait for half a minute.
-    if (settings_.flow != LibSerial::FlowControl::FLOW_CONTROL_NONE) ::tcflush(line_.get(), TCOFLUSH);
+    if (settings_.has_flow_control) ::tcflush(line_.get(), TCOFLUSH);
   }
 
   void send(std::span<const Frame> frames) noexcept override {
@@ -119,7 +111,7 @@ class SerialPort final : public Port {
   }
 
  private:
-  // Takes up a change of the line when the last byte is out. False until then.
+  // Executes a change of the line when the last byte is out. Returns false until then.
   bool settle() noexcept {
     if (!wanted_) return true;
     if (!line_) return false;
@@ -142,17 +134,23 @@ class SerialPort final : public Port {
     return ::tcsetattr(fd, TCSANOW, &line) == 0 && (standard || set_line_speed(fd, baud_));
   }
 
-  // LibSerial sets the line up once; what it made is kept and set again whenever the device comes back, because
-  // LibSerial cannot let go of a device that is gone: version 1.0 then ends the process from its destructor.
+  // LibSerial configures the line once. Its settings are kept and set again whenever the device comes back, because
+  // version 1.0 ends the process from its destructor if the device is gone by then.
   void configure() {
     auto libserial = std::make_unique<LibSerial::SerialPort>();
     try {
       libserial->Open(path_);
-      libserial->SetCharacterSize(settings_.bits);
-      libserial->SetParity(settings_.parity);
-      libserial->SetStopBits(settings_.stop);
-      libserial->SetFlowControl(settings_.flow);
-      if (const auto rate = standard_rate(settings_.baud)) libserial->SetBaudRate(*rate);
+      const UartSettings& uart = settings_.uart;
+      libserial->SetCharacterSize(settings_.has_seven_bits ? LibSerial::CharacterSize::CHAR_SIZE_7
+                                                           : LibSerial::CharacterSize::CHAR_SIZE_8);
+      libserial->SetParity(uart.parity == Parity::even  ? LibSerial::Parity::PARITY_EVEN
+                           : uart.parity == Parity::odd ? LibSerial::Parity::PARITY_ODD
+                                                        : LibSerial::Parity::PARITY_NONE);
+      libserial->SetStopBits(uart.stop_bits == 2 ? LibSerial::StopBits::STOP_BITS_2
+                                                 : LibSerial::StopBits::STOP_BITS_1);
+      libserial->SetFlowControl(settings_.has_flow_control ? LibSerial::FlowControl::FLOW_CONTROL_HARDWARE
+                                                           : LibSerial::FlowControl::FLOW_CONTROL_NONE);
+      if (const auto rate = standard_rate(uart.baud)) libserial->SetBaudRate(*rate);
       if (::tcgetattr(libserial->GetFileDescriptor(), &configured_) != 0)
         throw std::runtime_error(std::strerror(errno));
       // A second descriptor keeps DTR up while LibSerial closes its own.
@@ -170,7 +168,7 @@ class SerialPort final : public Port {
     const int flags = ::fcntl(fd, F_GETFL);
     if (flags < 0 || ::fcntl(fd, F_SETFL, flags | O_NONBLOCK) != 0) return false;
 
-    // Where the driver has it: no 16 ms in which an FTDI chip gathers bytes.
+    // If the driver knows the flag, an FTDI chip does not gather bytes for 16 ms.
     serial_struct driver{};
     if (::ioctl(fd, TIOCGSERIAL, &driver) == 0) {
       driver.flags |= ASYNC_LOW_LATENCY;
@@ -199,22 +197,29 @@ class SerialPort final : public Port {
   }
 
   const std::string path_;
-  const Settings settings_;  // as opened
-  termios configured_{};     // as it is to be
-  unsigned baud_ = settings_.baud;
-  std::optional<UartSettings> wanted_;  // as soon as what was sent is out
+  const Settings settings_;  // when opened
+  termios configured_{};     // to be set again when the device is back
+  unsigned baud_ = settings_.uart.baud;
+  std::optional<UartSettings> wanted_;  // to be set as soon as what was sent is out
   FileDescriptor line_;                 // closed while the device is lost
   BackOff back_off_;
   ByteWriter writer_;
   std::array<std::byte, 256> buffer_;
 };
 
-void check(const PortSpec& spec, Role) {
+void check(const PortSpec& spec, const PortSettings& settings) {
   spec.allow_only("baud parity stop bits flow");
-  static_cast<void>(Settings(spec));
+  static_cast<void>(Settings(spec, settings));
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, Role) { return std::make_unique<SerialPort>(spec); }
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
+  return std::make_unique<SerialPort>(spec, settings);
+}
+
+WireTime wire_time(const PortSpec& spec, const PortSettings& settings, const Frame& frame) {
+  const Settings line(spec, settings);
+  return uart_wire_time(frame, line.uart.baud, line.bits_per_character());
+}
 
 }  // namespace
 
@@ -224,9 +229,10 @@ constexpr Transport serial_transport = {
     .summary = "a serial line; reopened by itself when it was unplugged",
     .syntax = "serial:/dev/ttyUSB0?baud=921600&parity=none|even|odd&stop=1|2&bits=8|7&flow=none|rtscts",
     .document = "termios(3)",
-    .carries_can = false,
+    .uart = Uart::real,
     .check = check,
     .open = open,
+    .wire_time = wire_time,
 };
 
 }  // namespace imud

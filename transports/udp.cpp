@@ -39,7 +39,8 @@ Peer resolve(const PortSpec& spec) {
 
 class UdpPort final : public Port {
  public:
-  UdpPort(const PortSpec& spec, Role role) : connected_(role == Role::device), buffer_(max_datagram + 1) {
+  UdpPort(const PortSpec& spec, const PortSettings& settings)
+      : connected_(settings.role == Role::device), buffer_(max_datagram + 1) {
     const Peer named = resolve(spec);
     socket_.reset(::socket(named.address.ss_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     if (!socket_) throw spec.error(fmt::format("no socket: {}", std::strerror(errno)));
@@ -115,12 +116,16 @@ class UdpPort final : public Port {
   std::vector<std::byte> buffer_;
 };
 
-void check(const PortSpec& spec, Role) {
+void check(const PortSpec& spec, const PortSettings&) {
   spec.allow_only("");
   static_cast<void>(UdpAddress::parse(spec.address));
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, Role role) { return std::make_unique<UdpPort>(spec, role); }
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
+  return std::make_unique<UdpPort>(spec, settings);
+}
+
+std::optional<std::uint16_t> udp_port(const PortSpec& spec) { return UdpAddress::parse(spec.address).port; }
 
 }  // namespace
 
@@ -128,11 +133,14 @@ extern const Transport udp_transport;
 constexpr Transport udp_transport = {
     .name = "udp",
     .summary = "a datagram per frame; a listener binds the address, a device sends to it",
-    .syntax = "udp:127.0.0.1:9810",
+    .syntax = "udp:ADDR:PORT",
     .document = "RFC 768",
-    .carries_can = false,
+    .keeps_datagrams = true,
+    .brings_truth = true,
+    .is_shared = true,
     .check = check,
     .open = open,
+    .udp_port = udp_port,
 };
 
 }  // namespace imud

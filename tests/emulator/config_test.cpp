@@ -9,6 +9,7 @@
 #include "core/attitude.hpp"
 #include "core/units.hpp"
 #include "emulator/line_load.hpp"
+#include "tests/transports/scratch_folder.hpp"
 
 namespace imud {
 namespace {
@@ -27,8 +28,6 @@ accelerometer.max_m_per_s2 = 200
 
 class ConfigTest : public testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove(path_); }
-
   Config load(const std::string& text, const std::vector<std::string>& overrides = {},
               const std::string& capture = {}) {
     std::ofstream(path_) << text;
@@ -49,8 +48,8 @@ class ConfigTest : public testing::Test {
     return all[0].substr(path_.size() + 1);
   }
 
-  std::string path_ =
-      testing::TempDir() + "config_test_" + testing::UnitTest::GetInstance()->current_test_info()->name() + ".toml";
+  ScratchFolder folder_;
+  const std::string path_ = folder_ / "config.toml";
 };
 
 TEST_F(ConfigTest, DefaultsAreTheContracts) {
@@ -177,16 +176,17 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
       "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"stim300\"\nport = \"pty:imu1\"\n";
   const ImuConfig imu = load(bare).imus[0];
   EXPECT_EQ(imu.rate_hz, 2000.0);
-  EXPECT_EQ(imu.port, "pty:imu1?baud=921600");
+  EXPECT_EQ(imu.port, "pty:imu1") << "as written";
+  EXPECT_EQ(imu.port_settings.uart, UartSettings{921'600});
   EXPECT_DOUBLE_EQ(imu.model.gyro.max, 480 * units::degree);
   EXPECT_DOUBLE_EQ(imu.model.accelerometer.max, 11 * units::standard_gravity);
   // 0.15 deg/sqrt(h): of white noise at 2000 Hz the deviation that adds up to 0.15 deg in an hour.
   EXPECT_NEAR(imu.model.gyro.walk_sqrt_cov(0, 0) * std::sqrt(3600.0 * 2000) / 2000, 0.15 * units::degree, 1e-12);
-  EXPECT_EQ(line_load(imu).percent, 100.0 * 590'000 / 921'600);
+  EXPECT_DOUBLE_EQ(line_load(imu).percent, 100.0 * 590'000 / 921'600);
   EXPECT_EQ(load(bare, {"imu.0.port=serial:/dev/ttyUSB0", "imu.0.device.parity=odd", "imu.0.device.bit_rate=374400"})
                 .imus[0]
-                .port,
-            "serial:/dev/ttyUSB0?baud=374400&parity=odd&stop=1");
+                .port_settings.uart,
+            (UartSettings{374'400, Parity::odd, 1}));
   EXPECT_EQ(load(bare, {"imu.0.gyro.max_rad_per_s=5"}).imus[0].model.gyro.max, 5.0);
   EXPECT_EQ(load(bare, {"imu.0.device.accelerometer_range_g=30"}).imus[0].model.accelerometer.max,
             33 * units::standard_gravity);
@@ -224,7 +224,8 @@ TEST_F(ConfigTest, AMipDeviceIsItsDefaults) {
   const std::string bare = "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"mip\"\nport = \"pty:imu1\"\n";
   const ImuConfig imu = load(bare).imus[0];
   EXPECT_EQ(imu.rate_hz, 1000.0);
-  EXPECT_EQ(imu.port, "pty:imu1?baud=115200");
+  EXPECT_EQ(imu.port, "pty:imu1");
+  EXPECT_EQ(imu.port_settings.uart, UartSettings{115'200});
   EXPECT_LT(line_load(imu).percent, 100.0);
   EXPECT_DOUBLE_EQ(imu.model.gyro.max, 300 * units::degree);
   EXPECT_DOUBLE_EQ(load(bare, {"imu.0.device.model=3dm-cv7-ahrs"}).imus[0].model.gyro.max, 500 * units::degree);
@@ -243,8 +244,9 @@ TEST_F(ConfigTest, AVectorNavIsItsDefaults) {
       "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:imu1\"\n";
   EXPECT_EQ(load(bare).imus[0].rate_hz, 800.0);
   EXPECT_EQ(load(bare, {"imu.0.device.model=vn-300"}).imus[0].rate_hz, 400.0);
-  EXPECT_EQ(load(bare, {"imu.0.device.binary_1=\"1,2,01,0121\"", "imu.0.device.baud=921600"}).imus[0].port,
-            "pty:imu1?baud=921600");
+  EXPECT_EQ(
+      load(bare, {"imu.0.device.binary_1=\"1,2,01,0121\"", "imu.0.device.baud=921600"}).imus[0].port_settings.uart,
+      UartSettings{921'600});
   EXPECT_NE(fault(bare, {"imu.0.device.binary_1=\"1,2,01\""}).find("binary_1: give mode, divisor, groups"),
             std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.device.async_hz=33"}).find("async_hz: give 1, 2, 4, 5"), std::string::npos);
@@ -269,6 +271,9 @@ TEST_F(ConfigTest, EachFaultSaysLineKeyAndRemedy) {
             "11: imu.0.gyro.walk_bound: give three finite numbers, [x, y, z]");
   EXPECT_EQ(fault(with("gyro.walk_bound = [1, 2, nan]")),
             "11: imu.0.gyro.walk_bound: give three finite numbers, [x, y, z]");
+  EXPECT_EQ(fault(with("gyro.walk_bound = [1, -1, 0]")),
+            "11: imu.0.gyro.walk_bound: give numbers of at least 0 (0: no bound)");
+  EXPECT_EQ(fault(with("barometer.bias = 1")), "11: imu.0.barometer.bias: unknown key; did you mean \"bias_pa\"?");
   EXPECT_EQ(fault(with("gyro.carry = 1")), "11: imu.0.gyro.carry: give true or false");
   EXPECT_EQ(fault(with("gyro.lsb_rad_per_s = -1")),
             "11: imu.0.gyro.lsb_rad_per_s: -1 is out of range; give a number from 0 to 1000000000");
@@ -298,6 +303,17 @@ TEST_F(ConfigTest, EachFaultSaysLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"clock=fast"}).find("clock: \"fast\" reads a capture"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.port=pty:x"}).find("truth.port: truth comes by"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.port=file:x.csv"}).find("truth.port: native truth is binary"), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.format="}).find("truth.format: there is no \"\"; known: csv, "), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.protocol="}).find("imu.0.protocol: there is no \"\"; known: csv, "),
+            std::string::npos);
+  const auto replaced = [](std::string text, const std::string& was, const std::string& is) {
+    return text.replace(text.find(was), was.size(), is);
+  };
+  EXPECT_TRUE(fault(replaced(good, "pty:imu1", "")).starts_with("8: imu.0.port: '': no scheme"));
+  EXPECT_TRUE(fault(replaced(good, "udp:127.0.0.1:9810", "")).starts_with("4: truth.port: '': no scheme"));
+  EXPECT_EQ(fault(replaced(good, "\"native\"", "3")), "7: imu.0.protocol: give text in quotes");
+  EXPECT_EQ(fault(replaced(good, "\"pty:imu1\"", "3")), "8: imu.0.port: give text in quotes");
+  EXPECT_NE(fault(good, {"imu.0.port=pcap:x"}).find("imu.0.port: pcap:x: is only read"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.format=xplane"}).find("truth.format: there is no \"xplane\""), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.device.can_id=3"}).find("imu.0.device.can_id: unknown key"), std::string::npos);
   EXPECT_NE(fault(good, {"imu.7.rate_hz=3"}).find("\"7\" is no index below 1"), std::string::npos);
@@ -362,15 +378,19 @@ TEST_F(ConfigTest, ARateThatTheLineCannotCarryIsAFault) {
 TEST_F(ConfigTest, ThePaceIsThatOfALine) {
   const std::string product =
       "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"stim300\"\nport = \"pty:imu1\"\n";
-  EXPECT_FALSE(load(good).imus[0].paced);
-  EXPECT_EQ(load(good, {"imu.0.pace=none"}).imus[0].port, "pty:imu1");
-  EXPECT_TRUE(load(product, {"imu.0.pace=line"}).imus[0].paced);
-  EXPECT_EQ(load(product, {"imu.0.pace=line"}).imus[0].port, "pty:imu1?pace=line&baud=921600");
-  EXPECT_EQ(load(product, {"imu.0.device.parity=odd"}).imus[0].port, "pty:imu1?baud=921600&parity=odd&stop=1");
-  EXPECT_EQ(load(good, {"imu.0.pace=line", "imu.0.port=pty:imu1?baud=921600"}).imus[0].port,
-            "pty:imu1?baud=921600&pace=line");
-  const std::string serial = "serial:/dev/ttyUSB0?baud=921600";
-  EXPECT_EQ(load(good, {"imu.0.pace=line", "imu.0.port=" + serial}).imus[0].port, serial) << "it does so by itself";
+  EXPECT_FALSE(load(good).imus[0].port_settings.paced);
+  EXPECT_FALSE(load(good, {"imu.0.pace=none"}).imus[0].port_settings.paced);
+  const ImuConfig paced = load(product, {"imu.0.pace=line", "imu.0.device.parity=odd"}).imus[0];
+  EXPECT_TRUE(paced.port_settings.paced);
+  EXPECT_EQ(paced.port_settings.uart, (UartSettings{921'600, Parity::odd, 1}));
+  EXPECT_EQ(paced.port, "pty:imu1") << "as written";
+  const std::string pty = "pty:imu1?baud=921600", serial = "serial:/dev/ttyUSB0?baud=921600";
+  const ImuConfig given = load(good, {"imu.0.pace=line", "imu.0.port=" + pty}).imus[0];
+  EXPECT_TRUE(given.port_settings.paced);
+  EXPECT_EQ(given.port_settings.uart.baud, 0U) << "the text counts";
+  EXPECT_EQ(given.port, pty);
+  EXPECT_FALSE(load(good, {"imu.0.pace=line", "imu.0.port=" + serial}).imus[0].port_settings.paced)
+      << "it does so by itself";
 
   const auto refused = [&](const std::string& port) {
     return fault(good, {"imu.0.pace=line", "imu.0.port=" + port});
@@ -409,6 +429,8 @@ accelerometer.max_m_per_s2 = 200
             std::string::npos);
   EXPECT_TRUE(faults(two, {"imu.2.device.can_id=0x107"}).empty());
   EXPECT_TRUE(faults(two, {"imu.2.port=can:vcan1"}).empty());
+  EXPECT_TRUE(faults(two, {"imu.2.device.can_id=0x100", "imu.2.device.extended=true"}).empty())
+      << "identifiers of 11 and 29 bits are never the same";
   EXPECT_NE(fault(two, {"imu.2.device.can_id=0x107", "imu.1.name=imu1"}).find("imu.1.name: the same as imu.0"),
             std::string::npos);
   EXPECT_NE(fault(std::string(good) + R"([[imu]]
@@ -446,20 +468,6 @@ TEST_F(ConfigTest, AMissingFileIsAFault) {
   } catch (const ConfigError& error) {
     EXPECT_NE(error.faults.at(0).find("/nonexistent/x.toml"), std::string::npos);
   }
-}
-
-// Frame lengths of ISO 11898-1 as known from other tools: 8 data bytes are at most 135 (11-bit identifier) and 160
-// (29-bit) bits with interframe space; none, 55 and 80.
-TEST(LineLoadTest, ClassicCanBits) {
-  const CanHeader standard{};
-  const CanHeader extended{.extended = true};
-  EXPECT_EQ(can_bits(standard, 0).nominal, 55.0);
-  EXPECT_EQ(can_bits(standard, 6).nominal, 115.0);
-  EXPECT_EQ(can_bits(standard, 7).nominal, 125.0);
-  EXPECT_EQ(can_bits(standard, 8).nominal, 135.0);
-  EXPECT_EQ(can_bits(extended, 0).nominal, 80.0);
-  EXPECT_EQ(can_bits(extended, 7).nominal, 150.0);
-  EXPECT_EQ(can_bits(extended, 8).nominal, 160.0);
 }
 
 TEST_F(ConfigTest, CanLoadIsOfTheWorstCase) {

@@ -95,8 +95,8 @@ TEST_F(PacedLine, APacedReplayWakesForIt) {
   SimulatedHost host;
   host.end = host.now() + 100s;
   Heard heard;
-  Session session(c, host.stop, [&](std::string_view port, Role role) {
-    return role == Role::listener ? open_port(port, role) : std::make_unique<PacedSensor>(host, heard);
+  Session session(c, host.stop, [&](std::string_view port, const PortSettings& settings) {
+    return settings.role == Role::listener ? open_port(port, settings) : std::make_unique<PacedSensor>(host, heard);
   });
   const HostTime begin = host.now();
   run_capture(session, host, true, 0ns, std::nullopt, host.stop);

@@ -118,8 +118,8 @@ class SimulatedRun {
     host_.end = at(until_s);
     left_.resize(config_.imus.size());
     std::size_t next = 0;
-    session_ = std::make_unique<Session>(config_, host_.stop, [&](std::string_view, Role role) {
-      if (role == Role::listener) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
+    session_ = std::make_unique<Session>(config_, host_.stop, [&](std::string_view, const PortSettings& port) {
+      if (port.role == Role::listener) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
       return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
     });
     run_realtime(*session_, host_, {config_.truth.clock, config_.truth.limits.extrapolate, config_.realtime.spin},

@@ -42,7 +42,9 @@ TEST(Allocation, NoneWhileInUse) {
   use(*pty);
 
   for (const unsigned client_baud : {115'200U, 9600U}) {
-    const auto paced = open_port("pty:" + folder / "paced" + "?baud=115200&pace=line", Role::device);
+    PortSettings settings = Role::device;
+    settings.paced = true;
+    const auto paced = open_port("pty:" + folder / "paced" + "?baud=115200", settings);
     const FileDescriptor client = open_terminal(folder / "paced");
     ASSERT_TRUE(set_line_speed(client.get(), client_baud));
     use(*paced);

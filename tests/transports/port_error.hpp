@@ -9,9 +9,9 @@
 namespace imud {
 
 // The message of the PortError that opening `spec` throws; empty if it opens.
-inline std::string error_of(std::string_view spec, Role role = Role::device) {
+inline std::string error_of(std::string_view spec, const PortSettings& settings = Role::device) {
   try {
-    open_port(spec, role);
+    open_port(spec, settings);
   } catch (const PortError& error) {
     return error.what();
   }

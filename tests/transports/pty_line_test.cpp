@@ -13,11 +13,19 @@ namespace {
 
 using Bytes = std::vector<std::byte>;
 
+PortSettings paced(const UartSettings& uart) {
+  PortSettings settings = Role::device;
+  settings.uart = uart;
+  settings.paced = true;
+  return settings;
+}
+
 class PtyLine : public ::testing::Test {
  protected:
   std::unique_ptr<Port> device(const std::string& options) const {
     return open_port("pty:" + link + options, Role::device);
   }
+  std::unique_ptr<Port> paced_device(const UartSettings& uart) const { return open_port("pty:" + link, paced(uart)); }
 
   // What is received of frames back to back before an idle line.
   static Bytes garbled(const UartSettings& sender, unsigned receiver, std::span<const Frame> sent) {
@@ -120,6 +128,28 @@ TEST_F(PtyLine, OnlyALineOfKnownSpeedIsChecked) {
   }
 }
 
+// cfsetspeed(B0) is what a client does that hangs up; it has no speed then that could be wrong.
+TEST_F(PtyLine, AClientWithoutSpeedReadsWhatIsSent) {
+  const auto port = device("?baud=115200");
+  const FileDescriptor client = open_terminal(link);
+  termios line{};
+  ASSERT_EQ(::tcgetattr(client.get(), &line), 0);
+  ASSERT_EQ(::cfsetspeed(&line, B0), 0);
+  ASSERT_EQ(::tcsetattr(client.get(), TCSANOW, &line), 0);
+  const auto some = frames.next(2);
+  port->send(some);
+  EXPECT_EQ(port->speeds().client, 0U);
+  EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_EQ(read_some(client.get()), together(some));
+}
+
+TEST_F(PtyLine, TheDevicesUartTakesThePlaceOfTheOptions) {
+  PortSettings settings = Role::device;
+  settings.uart = {374'400};
+  const auto port = open_port("pty:" + link, settings);
+  EXPECT_EQ(line_speed(open_terminal(link).get()), 374'400U);
+}
+
 // A reader of garbage that stalls, leaves and comes again at the right speed.
 TEST_F(PtyLine, GarbageIsNeitherHoardedNorTorn) {
   const auto port = device("?baud=115200");
@@ -153,7 +183,7 @@ TEST_F(PtyLine, GarbageIsNeitherHoardedNorTorn) {
 
 // On the real clock: nothing is early, nothing is lost, all is in order.
 TEST_F(PtyLine, CharactersTakeTheirTime) {
-  const auto port = device("?baud=57600&parity=odd&stop=2&pace=line");  // 12 bits: 208 us
+  const auto port = paced_device({57'600, Parity::odd, 2});  // 12 bits: 208 us
   EXPECT_EQ(port->next_flush(), std::nullopt);
   const FileDescriptor client = open_terminal(link);
   const auto some = frames.next(8);
@@ -181,7 +211,7 @@ TEST_F(PtyLine, CharactersTakeTheirTime) {
 }
 
 TEST_F(PtyLine, AnAnswerGoesOutAtTheOldSpeedThenTheNewOneHolds) {
-  const auto port = device("?baud=9600&pace=line");
+  const auto port = paced_device({9600});
   const FileDescriptor client = open_terminal(link);
   const auto wait_until_out = [&] {
     for (int i = 0; i < 5000 && port->next_flush(); ++i) {
@@ -212,7 +242,7 @@ TEST_F(PtyLine, AnAnswerGoesOutAtTheOldSpeedThenTheNewOneHolds) {
 }
 
 TEST_F(PtyLine, APacedLineKeepsNothingForTheNextReader) {
-  const auto port = device("?baud=9600&pace=line");
+  const auto port = paced_device({9600});
   {
     const FileDescriptor client = open_terminal(link);
     port->send(frames.next(20));
@@ -237,7 +267,7 @@ TEST_F(PtyLine, APacedLineKeepsNothingForTheNextReader) {
 
 // Whatever it is that stops it: a full pty neither tears frames nor keeps whoever waits for next_flush() busy.
 TEST_F(PtyLine, AReaderOfAPacedLineThatStopsTearsNoFrame) {
-  const auto port = device("?baud=4000000&pace=line");
+  const auto port = paced_device({4'000'000});
   const FileDescriptor client = open_terminal(link);
   for (int i = 0; i < 700; ++i) {  // 75 kB
     port->send(frames.next(1));
@@ -256,12 +286,13 @@ TEST_F(PtyLine, AReaderOfAPacedLineThatStopsTearsNoFrame) {
 }
 
 TEST_F(PtyLine, SaysWhatIsWrong) {
-  EXPECT_TRUE(mentions(error_of("pty:" + link + "?pace=line"), "give baud"));
-  EXPECT_TRUE(mentions(error_of("pty:" + link + "?pace=fast&baud=9600"), "right would be one of: none line"));
+  EXPECT_TRUE(mentions(error_of("pty:" + link, paced({})), "give baud"));
+  EXPECT_EQ(error_of("pty:" + link + "?baud=9600", paced({})), "");
   EXPECT_TRUE(mentions(error_of("pty:" + link + "?speed=5"), "right would be one of: line any"));
   EXPECT_TRUE(mentions(error_of("pty:" + link + "?parity=mark"), "right would be one of: none even odd"));
   EXPECT_TRUE(mentions(error_of("pty:" + link + "?stop=3"), "from 1 to 2"));
-  EXPECT_TRUE(mentions(error_of("pty:" + link + "?pace=line", Role::listener), "unknown option"));
+  EXPECT_TRUE(mentions(error_of("pty:" + link + "?pace=line"), "unknown option"));
+  EXPECT_TRUE(mentions(error_of("pty:" + link + "?parity=odd", Role::listener), "unknown option"));
 }
 
 }  // namespace
