@@ -1,14 +1,10 @@
 #include "emulator/selftest.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
 #include <stdlib.h>
-#include <termios.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <thread>
 
@@ -66,31 +62,24 @@ class Bench {
   Bench(const Bench&) = delete;
   Bench& operator=(const Bench&) = delete;
 
-  // The port, or one of its kind beside it.
-  std::unique_ptr<Port> open(const std::string& port) {
+  // Opens the port, or a private copy of it if its transport has one.
+  std::unique_ptr<Port> open(const std::string& port, const PortSettings& settings) {
     const PortSpec spec = PortSpec::parse(port);
-    if (spec.scheme != "pty" && spec.scheme != "file") return open_port(port, Role::device);
-    const std::string path = folder_ + "/" + spec.scheme;
+    const Transport* transport = find_transport(spec.scheme);
+    if (transport == nullptr || !transport->has_private_copy) return open_port(port, settings);
+    const std::string copy = fmt::format("{}:{}/port", spec.scheme, folder_);
     const std::size_t options = port.find('?');
-    auto opened = open_port(spec.scheme + ":" + path + (options == std::string::npos ? "" : port.substr(options)),
-                            Role::device);
-    if (spec.scheme == "pty") read(path);
+    auto opened = open_port(copy + (options == std::string::npos ? "" : port.substr(options)), settings);
+    if (!transport->ends) read(open_port(copy, Role::listener));
     return opened;
   }
 
  private:
-  void read(const std::string& path) {
-    reader_ = std::jthread([path](const std::stop_token& stop) {
-      const FileDescriptor tty(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-      termios raw{};
-      ::tcgetattr(tty.get(), &raw);
-      ::cfmakeraw(&raw);
-      ::tcsetattr(tty.get(), TCSANOW, &raw);
-      std::array<char, 4096> buffer;
+  void read(std::unique_ptr<Port> port) {
+    reader_ = std::jthread([port = std::move(port)](const std::stop_token& stop) {
       while (!stop.stop_requested()) {
-        pollfd ready{tty.get(), POLLIN, 0};
-        if (::poll(&ready, 1, 20) > 0 && ::read(tty.get(), buffer.data(), buffer.size()) <= 0)
-          std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        pollfd ready{port->descriptor(), POLLIN, 0};
+        if (::poll(&ready, 1, 20) > 0 && !port->receive()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
       }
     });
   }
@@ -101,7 +90,7 @@ class Bench {
 DurationHistogram measure_writes(const RealtimeConfig& realtime, const ImuConfig& imu, double duration_s,
                                  PortCounters& counters) {
   Bench bench;
-  const std::unique_ptr<Port> port = bench.open(imu.port);
+  const std::unique_ptr<Port> port = bench.open(imu.port, imu.port_settings);
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
   FrameBuffer frames;
   Sample sample = ordinary_sample();
@@ -141,7 +130,9 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   for (const ImuConfig& imu : config.imus) {
     rate_hz = std::max(rate_hz, imu.rate_hz);
     const PortSpec spec = PortSpec::parse(imu.port);
-    if (spec.scheme == "serial") serial.push_back(spec.address);
+    if (const Transport* transport = find_transport(spec.scheme);
+        transport != nullptr && transport->uart == Uart::real)
+      serial.push_back(spec.address);
   }
   const RealtimeProcess process(config.realtime);
   const Machine machine = look_at_machine("", config.realtime.spin.count() > 0, serial);
