@@ -29,14 +29,6 @@ struct Arguments {
   RunOptions run;
 };
 
-// "x.pcap" or "x.csv" as people type it, or a whole port. UDP port and format are the configuration's.
-std::string capture_port(const std::string& capture) {
-  if (capture.starts_with("pcap:") || capture.starts_with("file:")) return capture;
-  const std::string path = capture.substr(0, capture.find('?'));
-  const bool text = path.ends_with(".csv") || path.ends_with(".txt");
-  return fmt::format("{}:{}", text ? "file" : "pcap", capture);
-}
-
 std::string clock_word(ClockMode clock) {
   return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
 }

@@ -1,5 +1,6 @@
 // imu-truth: sends truth over UDP: analytic motions, or the datagrams of a capture.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -160,14 +161,20 @@ void print_report(const DatagramSender& sender, const Answers& answers, bool loc
 }
 
 int send(const Options& options, bool& running) {
-  const PortSpec to = PortSpec::parse(options.to);
-  if (to.scheme != "udp") throw std::invalid_argument("--to " + options.to + ": right would be udp:ADDR:PORT");
+  const auto takes_truth = [](const Transport& t) { return t.brings_truth && t.serves_device && !t.ends; };
+  if (const Transport* to = transport_of(options.to); to != nullptr && !takes_truth(*to))
+    throw std::invalid_argument(
+        fmt::format("--to {}: right would be {}", options.to, fmt::join(port_examples(takes_truth), " or ")));
   const auto port = open_port(options.to, Role::device);
   std::unique_ptr<Port> capture;
   std::unique_ptr<TruthSource> source;
   if (options.motion.motion == nullptr) {
-    const bool is_port = options.capture.starts_with("pcap:");
-    capture = open_port(is_port ? options.capture : "pcap:" + options.capture, Role::listener);
+    const std::string from = capture_port(options.capture);
+    const auto has_datagrams = [](const Transport& t) { return t.ends && t.keeps_datagrams; };
+    if (const Transport* transport = transport_of(from); transport != nullptr && !has_datagrams(*transport))
+      throw std::invalid_argument(fmt::format("{}: has no datagrams; right would be {}", options.capture,
+                                              fmt::join(port_examples(has_datagrams), " or ")));
+    capture = open_port(from, Role::listener);
     source = capture_source(*capture, options.motion.for_s);
   } else {
     source = options.format == "csv" ? csv_source(options.motion) : native_source(options.motion);
