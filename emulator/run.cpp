@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
@@ -66,10 +67,11 @@ RunCounters counters_of(const Session& session) {
 }
 
 bool writes_to_stdout(const Config& config) {
-  for (const ImuConfig& imu : config.imus)
-    for (const char* name : {"file:-", "file:/dev/stdout", "file:/dev/fd/1", "file:/proc/self/fd/1"})
-      if (imu.port == name) return true;
-  return false;
+  return std::any_of(config.imus.begin(), config.imus.end(), [](const ImuConfig& imu) {
+    const Transport* transport = transport_of(imu.port);
+    return transport != nullptr && transport->is_standard_output != nullptr &&
+           transport->is_standard_output(PortSpec::parse(imu.port));
+  });
 }
 
 }  // namespace
