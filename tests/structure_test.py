@@ -14,6 +14,9 @@ RULES = {
 }
 CLOCKS = re.compile(r"(steady|system|high_resolution)_clock|clock_gettime|\btime\(NULL\)|\btime\(nullptr\)")
 ENTRY_FOLDERS = {"protocols/devices": "protocol", "protocols/truth_formats": "truth_format"}
+# What a user is given to begin with: the only texts in emulator and tools that begin with a transport's name.
+PORTS_GIVEN = {("emulator/selftest.cpp", "pty:imu"), ("tools/imu_truth.cpp", "udp:127.0.0.1:9810"),
+               ("tools/lockstep_client.hpp", "udp:")}
 TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "core", "emulator", "protocols", "tests",
              "tools", "transports", "build"}
 
@@ -35,6 +38,28 @@ for folder, (allowed, forbidden) in RULES.items():
                 faults.append(f"{name}:{number}: {folder} reads no clock")
         if path.suffix == ".hpp" and "#pragma once" not in path.read_text():
             faults.append(f"{name}: no #pragma once")
+
+# A transport's properties say how to treat it; nobody asks for its name. Texts for people may quote a port within.
+names = [name for path in sorted((root / "transports").glob("*.cpp"))
+         for name in re.findall(r'constexpr Transport (\w+)_transport = ', path.read_text())]
+if len(names) < 6:
+    faults.append(f"transports: only {len(names)} entries found")
+named = re.compile(rf"({'|'.join(names)})(:|$)")
+given = set()
+for folder in ("core", "protocols", "emulator", "tools"):
+    for path in sorted((root / folder).rglob("*.[ch]pp")):
+        name = str(path.relative_to(root))
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            code = re.sub(r"^\s*//.*", "", line)
+            for text in re.findall(r'"((?:[^"\\]|\\.)*)"', code):
+                if (name, text) in PORTS_GIVEN:
+                    given.add((name, text))
+                elif named.match(text) and not code.lstrip().startswith("#"):
+                    faults.append(f"{name}:{number}: \"{text}\": ask for a property of Transport, not for a name")
+            if re.search(r"\bscheme\s*[=!]=|[=!]=\s*[\w.>-]*\bscheme\b|transport\w*(->|\.)name\s*[=!]=", code):
+                faults.append(f"{name}:{number}: ask for a property of Transport, not for its name")
+for unused in sorted(PORTS_GIVEN - given):
+    faults.append(f"{unused[0]}: \"{unused[1]}\" is no longer given there: take it from PORTS_GIVEN")
 
 for folder, suffix in ENTRY_FOLDERS.items():
     entries = {path: path.stem for path in (root / folder).glob("*.cpp")}
