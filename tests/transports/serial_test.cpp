@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/ioctl.h>
 
 #include <fstream>
 #include <thread>
@@ -71,6 +72,42 @@ TEST_F(Serial, CharacterFormat) {
   port.reset();
   port = open("?bits=7");
   EXPECT_NE(device.line().c_iflag & ISTRIP, 0U);
+}
+
+TEST_F(Serial, TheDevicesUartTakesThePlaceOfTheOptions) {
+  SerialDevice device(path);
+  PortSettings settings = Role::device;
+  settings.uart = {374'400, Parity::odd, 2};
+  const auto port = open_port("serial:" + path + "?flow=rtscts", settings);
+  EXPECT_EQ(line_speed(device.fd()), 374'400U);
+  EXPECT_EQ(device.line().c_cflag & (CSTOPB | CRTSCTS | PARODD), tcflag_t{CSTOPB | CRTSCTS | PARODD});
+}
+
+TEST_F(Serial, ADeviceThatChangesItsLineIsFollowed) {
+  SerialDevice device(path);
+  const auto port = open();
+  const auto format = [&] { return device.line().c_cflag & (CSTOPB | PARODD); };
+  port->set_line({460'800, Parity::odd, 1});
+  EXPECT_EQ(line_speed(device.fd()), 460'800U);
+  EXPECT_EQ(format(), tcflag_t{PARODD});
+  port->set_line({115'200, Parity::even, 2});
+  EXPECT_EQ(line_speed(device.fd()), 115'200U);
+  EXPECT_EQ(format(), tcflag_t{CSTOPB});
+  port->set_line({115'200, Parity::none, 1});
+  EXPECT_EQ(format(), 0U);
+}
+
+// A second program that opened the line would take bytes away unnoticed. Root may, so the flag itself is looked at.
+TEST_F(Serial, TheLineIsHeldExclusively) {
+  SerialDevice device(path);
+  auto port = open();
+  int exclusive = 0;
+  ASSERT_EQ(::ioctl(port->descriptor(), TIOCGEXCL, &exclusive), 0);
+  EXPECT_NE(exclusive, 0);
+  port.reset();
+  const FileDescriptor next = open_terminal(path);
+  ASSERT_EQ(::ioctl(next.get(), TIOCGEXCL, &exclusive), 0);
+  EXPECT_EQ(exclusive, 0);
 }
 
 TEST_F(Serial, EveryByteValuePassesBothWays) {

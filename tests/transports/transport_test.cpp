@@ -1,0 +1,87 @@
+// What the entries of the table say of their transports.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "tests/transports/port_error.hpp"
+#include "tests/transports/scratch_folder.hpp"
+
+namespace imud {
+namespace {
+
+WireTime wire_time(const std::string& port, const Frame& frame, const UartSettings& uart = {}) {
+  PortSettings settings = Role::device;
+  settings.uart = uart;
+  const PortSpec spec = PortSpec::parse(port);
+  return find_transport(spec.scheme)->wire_time(spec, settings, frame);
+}
+
+TEST(Transports, AFrameTakesTheTimeOfItsBits) {
+  const std::vector<std::byte> bytes(120);
+  const Frame serial{bytes}, can{std::span(bytes).first(8)};
+  WireTime time = wire_time("pty:x?baud=57600&parity=odd&stop=2", serial);
+  EXPECT_EQ(time.bits, 1440);
+  EXPECT_EQ(time.bit_rate, 57'600);
+  EXPECT_EQ(time.seconds, 0.025);
+  EXPECT_EQ(wire_time("pty:x", serial, {115'200, Parity::even, 1}).bits, 1320) << "the device's UART";
+  EXPECT_EQ(wire_time("pty:x", serial).bits, 1200);
+  EXPECT_EQ(wire_time("pty:x", serial).seconds, 0) << "its speed is not known";
+  EXPECT_EQ(wire_time("serial:x", serial).bit_rate, 115'200);
+  EXPECT_EQ(wire_time("serial:x?bits=7&stop=2", serial).bits, 1200);
+  EXPECT_EQ(wire_time("serial:x?baud=9600", serial).seconds, 0.125);
+  EXPECT_EQ(wire_time("can:x", can).bits, 135);
+  EXPECT_EQ(wire_time("can:x", can).seconds, 0);
+  EXPECT_EQ(wire_time("can:x?bitrate=500000&data_bitrate=2000000", can).seconds, 135 / 500e3);
+  const Frame fd{std::span(bytes).first(64), {.fd = true, .bit_rate_switch = true}};
+  time = wire_time("can:x?bitrate=500000&data_bitrate=2000000", fd);
+  EXPECT_EQ(time.bits, 33.25 + 678.25);
+  EXPECT_DOUBLE_EQ(time.seconds, 33.25 / 500e3 + 678.25 / 2e6);
+  EXPECT_DOUBLE_EQ(wire_time("can:x?bitrate=500000", fd).seconds, 711.5 / 500e3);
+  for (const char* instant : {"udp", "file", "pcap"}) EXPECT_EQ(find_transport(instant)->wire_time, nullptr);
+}
+
+TEST(Transports, AFileNameFindsTheTransportOfACapture) {
+  EXPECT_EQ(capture_port("flight.csv"), "file:flight.csv");
+  EXPECT_EQ(capture_port("flight.txt"), "file:flight.txt");
+  EXPECT_EQ(capture_port("flight.pcap?port=9810"), "pcap:flight.pcap?port=9810");
+  EXPECT_EQ(capture_port("flight.pcapng"), "pcap:flight.pcapng");
+  EXPECT_EQ(capture_port("flight"), "pcap:flight");
+  EXPECT_EQ(capture_port("csv"), "pcap:csv");
+  EXPECT_EQ(capture_port("file:x.pcap"), "file:x.pcap");
+  EXPECT_EQ(capture_port("pcap:x.csv"), "pcap:x.csv");
+  EXPECT_EQ(capture_port("udp:x.csv"), "file:udp:x.csv") << "it does not end: a file's name";
+  EXPECT_EQ(capture_port("file"), "pcap:file");
+}
+
+TEST(Transports, ThoseThatEndAreOpenedByListeners) {
+  int captures = 0, devices = 0;
+  for (const Transport* transport : transports()) {
+    captures += transport->ends ? 1 : 0;
+    devices += transport->serves_device ? 1 : 0;
+    EXPECT_TRUE(transport->ends || transport->suffixes.empty()) << transport->name;
+    EXPECT_TRUE(transport->uart == Uart::none || transport->wire_time != nullptr) << transport->name;
+    EXPECT_TRUE(transport->serves_device || transport->ends) << transport->name;
+    const auto check_device = [&] {
+      check_port(*transport, PortSpec::parse(std::string(transport->name) + ":127.0.0.1:9"), Role::device);
+    };
+    if (transport->serves_device)
+      EXPECT_NO_THROW(check_device()) << transport->name;
+    else
+      EXPECT_THROW(check_device(), PortError) << transport->name;
+  }
+  EXPECT_EQ(captures, 2);
+  EXPECT_EQ(devices, static_cast<int>(transports().size()) - 1);
+  const ScratchFolder folder;
+  EXPECT_EQ(error_of("pcap:" + folder / "x"), "pcap:" + folder / "x" +
+                                                  ": is only read; right to send to would be file:PATH or pty:LINK "
+                                                  "or serial:/dev/ttyUSB0 or udp:ADDR:PORT");
+}
+
+TEST(Transports, StandardOutputIsKnownByEachOfItsNames) {
+  const Transport& file = *find_transport("file");
+  for (const char* name : {"-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"})
+    EXPECT_TRUE(file.is_standard_output(PortSpec::parse(std::string("file:") + name))) << name;
+  EXPECT_FALSE(file.is_standard_output(PortSpec::parse("file:stdout")));
+}
+
+}  // namespace
+}  // namespace imud
