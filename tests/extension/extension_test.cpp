@@ -1,0 +1,136 @@
+// A transport is one file, and a device that talks is one folder: those in tests/extension, of which nothing else in
+// the project knows, work in the daemon. The conformance test runs over the device, too.
+#include <functional>
+
+#include "emulator/line_load.hpp"
+#include "protocols/native_truth.hpp"
+#include "tests/emulator/run_test.hpp"
+#include "tests/protocols/recording.hpp"
+#include "tests/transports/terminal.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+class Extension : public RunTest {
+ protected:
+  // imud, with truth by the throw-away transport; and the simulator's end of that.
+  void start(const std::string& protocol, const std::string& imu_port) {
+    const std::string c = config("lockstep", "throwaway:" + path("truth"), "native", 100, protocol, imu_port);
+    imud_.start({"run", c, "--summary", path("summary.json")});
+    ASSERT_TRUE(eventually([&] { return std::filesystem::exists(path("truth")) || !imud_.is_running(); }));
+    simulator_ = open_port("throwaway:" + path("truth"), Role::device);
+  }
+
+  // Sends a truth every 10 ms of simulation, each after the answer to the one before and `after_each`. Returns the
+  // number of samples up to the last.
+  std::uint64_t simulate(
+      int truths, const std::function<void()>& after_each = [] {}) {
+    std::array<std::byte, native_truth_size> datagram;
+    NativeAcknowledgement answer;
+    for (int k = 0; k < truths; ++k) {
+      Truth truth;
+      truth.time = TruthTime{10'000'000 * std::int64_t{k}};
+      truth.omega_BN_B = {0.5, -0.25, 0.125};
+      truth.sequence = static_cast<std::uint32_t>(k);
+      truth.acknowledge = true;
+      truth.new_run = k == 0;
+      encode_native_truth(truth, datagram);
+      simulator_->send({{Frame{datagram}}});
+      EXPECT_TRUE(wait_for(*simulator_));
+      const auto received = simulator_->receive();
+      if (!received || !decode_native_acknowledgement(received->frame.bytes, answer)) {
+        ADD_FAILURE() << "no answer to truth " << k;
+        return 0;
+      }
+      EXPECT_EQ(answer.sequence, truth.sequence);
+      after_each();
+    }
+    return answer.samples;
+  }
+
+  static bool wait_for(const Port& port) {
+    pollfd ready{port.descriptor(), POLLIN, 0};
+    return ::poll(&ready, 1, static_cast<int>(Program::patience.count())) == 1;
+  }
+
+  void stop() {
+    imud_.kill(SIGTERM);
+    EXPECT_EQ(imud_.wait(), 0) << imud_.errors();
+  }
+
+  Program imud_{IMUD_BIN_DIR "/tests/imud-extended"};
+  std::unique_ptr<Port> simulator_;
+};
+
+TEST_F(Extension, TheTablesHaveThemBesideTheOthers) {
+  ASSERT_NE(find_transport("throwaway"), nullptr);
+  ASSERT_NE(find_protocol("throwaway-imu"), nullptr);
+  EXPECT_NE(find_transport("udp"), nullptr);
+  EXPECT_NE(find_protocol("native"), nullptr);
+  const ProgramResult listed = run_program(IMUD_BIN_DIR "/tests/imud-extended", {"list"});
+  EXPECT_NE(listed.output.find("throwaway:PATH"), std::string::npos) << listed.output;
+  EXPECT_NE(listed.output.find("throwaway-imu"), std::string::npos) << listed.output;
+  EXPECT_EQ(run_program("imud", {"list"}).output.find("throwaway"), std::string::npos) << "the real one";
+}
+
+TEST_F(Extension, ATransportBringsTruthAndServesADevice) {
+  const auto flight_computer = open_port("throwaway:" + path("imu"), Role::listener);
+  start("native", "throwaway:" + path("imu"));
+  Recording recording;
+  const auto decoder = find_protocol("native")->make_decoder(Settings());
+  const std::uint64_t samples = simulate(20, [&] {  // a Unix socket keeps no more than ten datagrams
+    ASSERT_TRUE(wait_for(*flight_computer));
+    decoder->feed(flight_computer->receive().value().frame, recording);
+  });
+  EXPECT_EQ(samples, 20U);
+  ASSERT_EQ(recording.measurements.size(), 20U);
+  for (const Measurement& measurement : recording.measurements)
+    EXPECT_EQ(measurement.sample.rate, Vector3(0.5, -0.25, 0.125));
+  EXPECT_EQ(flight_computer->receive(), std::nullopt);
+  stop();
+  EXPECT_EQ(summary()["imus"][0]["frames"], 20);
+}
+
+TEST_F(Extension, ADeviceSendsAndAnswersOnItsLine) {
+  const std::string port = "pty:" + path("imu");
+  const ImuConfig imu =
+      load_config(config("lockstep", "throwaway:" + path("truth"), "native", 100, "throwaway-imu", port)).imus[0];
+  EXPECT_EQ(imu.port_settings.uart, (UartSettings{57'600, Parity::even, 1}));
+  EXPECT_DOUBLE_EQ(line_load(imu).percent, 100.0 * 24 * 11 * 100 / 57'600);
+
+  start("throwaway-imu", port);
+  const FileDescriptor client = open_terminal(path("imu"));
+  ASSERT_EQ(::write(client.get(), "?", 1), 1);
+  EXPECT_EQ(simulate(20), 20U);
+  Recording recording;
+  const auto decoder = find_protocol("throwaway-imu")->make_decoder(Settings());
+  std::size_t bytes = 0;
+  while (bytes < 20 * 24 + 4) {
+    const auto some = read_some(client.get(), 65536, static_cast<int>(Program::patience.count()));
+    ASSERT_FALSE(some.empty()) << bytes;
+    bytes += some.size();
+    decoder->feed({some}, recording);
+  }
+  decoder->finish(recording);
+  ASSERT_EQ(recording.measurements.size(), 20U);
+  for (const Measurement& measurement : recording.measurements)
+    EXPECT_EQ(measurement.sample.rate, Vector3(0.5, -0.25, 0.125));
+  EXPECT_EQ(decoder->errors().skipped_bytes, 4U) << "the answer";
+  stop();
+}
+
+// The filter of this program's ctest chooses them by name.
+TEST_F(Extension, TheConformanceTestRunsOverTheDevice) {
+  int tests = 0;
+  const auto& all = *testing::UnitTest::GetInstance();
+  for (int suite = 0; suite < all.total_test_suite_count(); ++suite)
+    for (int i = 0; i < all.GetTestSuite(suite)->total_test_count(); ++i) {
+      const testing::TestInfo& info = *all.GetTestSuite(suite)->GetTestInfo(i);
+      tests += std::string_view(info.name()).ends_with("/throwaway_imu") ? 1 : 0;
+    }
+  EXPECT_GE(tests, 7);
+}
+
+}  // namespace
+}  // namespace imud
