@@ -63,10 +63,9 @@ bool has_option(const std::string& port, std::string_view key) {
   }
 }
 
-// Reads `pace` for a port that can be opened. The device's UART is known already.
-void read_pace(TableReader& table, const Transport& transport, ImuConfig& imu) {
-  const bool paced = table.choice("pace", {"none", "line"}, 0) == 1;
-  if (!paced || transport.uart == Uart::real) return;
+// Paces the characters of a port that can be opened, for pace = "line". The device's UART is known already.
+void pace_line(TableReader& table, const Transport& transport, ImuConfig& imu) {
+  if (transport.uart == Uart::real) return;
   if (transport.uart == Uart::none) {
     std::vector<std::string_view> emulated;
     for (const Transport* other : transports())
@@ -86,7 +85,7 @@ void read_pace(TableReader& table, const Transport& transport, ImuConfig& imu) {
 const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
   table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
-  table.node("pace");
+  const bool paced = table.choice("pace", {"none", "line"}, 0) == 1;
   if (has_option(imu.port, "pace")) {
     table.fault("port", "pace is a key of [[imu]]; give it there");
     return nullptr;
@@ -99,7 +98,7 @@ const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
         table.fault("port", fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line "
                                         "holds",
                                         key));
-  read_pace(table, *transport, imu);
+  if (paced) pace_line(table, *transport, imu);
   return transport;
 }
 

@@ -35,8 +35,9 @@ bool make_raw(int fd) noexcept {
   return ::tcsetattr(fd, TCSANOW, &line) == 0;
 }
 
-// Whether the pty that `link` points to still belongs to the process that made the link. A number is given to the
-// next pty as soon as it is free: one that is younger than the link is somebody else's. I/O does not touch st_ctim.
+// Returns true if the pty that `link` points to still belongs to the process that made the link. The kernel reuses a
+// number as soon as it is free, so a pty that is younger than the link is another process's. I/O does not change
+// st_ctim.
 bool is_served(const std::string& link) noexcept {
   struct stat made {
   }, pty{};
@@ -44,7 +45,7 @@ bool is_served(const std::string& link) noexcept {
   return std::tie(pty.st_ctim.tv_sec, pty.st_ctim.tv_nsec) <= std::tie(made.st_mtim.tv_sec, made.st_mtim.tv_nsec);
 }
 
-// The other end of the pair is a client that comes and goes.
+// imud's end as the sensor. The other end is a client that opens and closes it at will.
 class PtyDevice final : public Port {
  public:
   PtyDevice(const PortSpec& spec, const PortSettings& settings)
@@ -61,7 +62,7 @@ class PtyDevice final : public Port {
     if (::ioctl(master_.get(), TIOCGPTN, &number) != 0) throw failed("no pty to be had");
     slave_ = fmt::format("{}{}", slaves, number);
 
-    // Opened once and closed: from now on poll() tells whether somebody has it open.
+    // After the slave was opened and closed once, poll() shows whether a client has it open.
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!slave || !make_raw(slave.get())) throw failed(slave_);
     if (line_.baud != 0 && !set_line_speed(slave.get(), line_.baud)) throw failed("baud");
@@ -81,7 +82,7 @@ class PtyDevice final : public Port {
     if (paced_) paced_->forget(counters_);
   }
 
-  // `patience`: how long what is new may wait for the line.
+  // Paced: drops frames that would have to wait for the line for longer than `patience`.
   void send(std::span<const Frame> frames, Nanoseconds patience) noexcept {
     if (!has_reader()) {
       counters_.dropped += frames.size();
@@ -96,7 +97,7 @@ class PtyDevice final : public Port {
   }
 
   std::optional<Received> receive() noexcept override {
-    // What is heard at a wrong speed is made bit by bit: little of it at a time, so that a flood holds nothing up.
+    // Garbage is computed bit by bit: only a little is read at a time, so that a flood does not delay samples.
     constexpr std::size_t little = 64;
     const ssize_t size =
         ::read(master_.get(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
@@ -128,7 +129,7 @@ class PtyDevice final : public Port {
     flush();
     if (paced_ && !paced_->is_idle()) return false;
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    // poll(), unlike FIONREAD, also sees what is still on its way from the master.
+    // poll(), unlike FIONREAD, also finds what is still on its way from the master.
     pollfd unread{slave.get(), POLLIN, 0};
     return !slave || ::poll(&unread, 1, 0) <= 0;
   }
@@ -165,7 +166,7 @@ class PtyDevice final : public Port {
     }
   }
 
-  // A reader that has left is noticed a little later, and what it did not read taken back then.
+  // Looks for the reader at most every 5 ms. What a reader that has left did not read is discarded then.
   bool has_reader() noexcept {
     constexpr Nanoseconds often_enough = std::chrono::milliseconds(5);
     if (state_ == PortState::no_reader || host_now() - looked_ >= often_enough) return look_for_reader();
@@ -183,7 +184,7 @@ class PtyDevice final : public Port {
     return present;
   }
 
-  // By the speed that the client has set, 0 being none at all. The master's settings are the slave's.
+  // Compares the client's speed with the line's; 0 is no speed. The master has the slave's settings.
   PortState state_with_reader() noexcept {
     speeds_ = {line_now().baud, line_speed(master_.get()).value_or(0)};
     const bool checked = !any_speed_ && speeds_.line != 0 && speeds_.client != 0;
@@ -191,7 +192,7 @@ class PtyDevice final : public Port {
                                                                             : PortState::ready;
   }
 
-  // What is still on its way is so at the line as it was then.
+  // Characters on their way are sent with the settings that held when they were queued.
   const UartSettings& line_now() const noexcept { return paced_ && !paced_->is_idle() ? paced_->line() : line_; }
 
   void write_received() noexcept {
@@ -210,7 +211,7 @@ class PtyDevice final : public Port {
     }
   }
 
-  // What the kernel does not take of garbage is lost.
+  // Garbage that the kernel does not take is dropped.
   void write_garbage(std::span<const Frame> frames) noexcept {
     writer_.write(master_.get(), {}, counters_);
     for (const Frame& frame : frames) {
@@ -220,13 +221,13 @@ class PtyDevice final : public Port {
     }
   }
 
-  // What the client receives at its own speed. `last`: the line is idle afterwards.
+  // Returns what the client receives at its own speed. `last`: the line is idle afterwards.
   std::span<const std::byte> garbled(std::span<const std::byte> bytes, bool last) noexcept {
     to_client_.set(line_now(), speeds_.client);
     return through(to_client_, bytes, last, garbage_);
   }
 
-  // What the device receives at the line's speed.
+  // Returns what the device receives at the line's speed.
   std::span<const std::byte> heard(std::span<const std::byte> bytes) noexcept {
     if (state_with_reader() != PortState::wrong_speed) return bytes;
     UartSettings client = line_now();
@@ -243,8 +244,8 @@ class PtyDevice final : public Port {
     return received.first(count);
   }
 
-  // What the last reader left unread would wait for the next one; only the slave can flush all of it. What the reader
-  // sent to us stays.
+  // Discards what the last reader left unread, so that the next one does not get it; only the slave can flush all of
+  // it. What the reader sent to imud stays.
   void discard_unread() noexcept {
     writer_.forget(counters_);
     if (paced_) paced_->forget(counters_);
@@ -260,7 +261,7 @@ class PtyDevice final : public Port {
   const bool any_speed_;
   std::string slave_;
   FileDescriptor master_;
-  HostTime looked_;  // for a reader
+  HostTime looked_;  // when a reader was last looked for
   ByteWriter writer_;
   std::optional<PacedWriter> paced_;
   UartWire to_client_, from_client_;
@@ -269,7 +270,7 @@ class PtyDevice final : public Port {
   std::array<std::byte, UartWire::most * ByteWriter::max_frame + 1> garbage_;
 };
 
-// The client's end.
+// The client's end of a terminal that another process serves.
 class PtyListener final : public Port {
  public:
   explicit PtyListener(const PortSpec& spec) {

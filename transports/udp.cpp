@@ -110,9 +110,9 @@ class UdpPort final : public Port {
     return false;
   }
 
-  const bool connected_;  // to the address named; otherwise bound to it
+  const bool connected_;  // to the address given; otherwise bound to it
   FileDescriptor socket_;
-  Peer peer_;  // of a listener: who sent last
+  Peer peer_;  // a listener's: the sender of the last datagram
   std::vector<std::byte> buffer_;
 };
 
