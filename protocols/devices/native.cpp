@@ -70,7 +70,7 @@ class NativeDecoder final : public Decoder {
  public:
   void feed(const Frame& frame, MeasurementSink& sink) override {
     errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
   }
 
   void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
@@ -78,7 +78,7 @@ class NativeDecoder final : public Decoder {
  private:
   using Search = FrameSearch<sizeof(Wire)>;
 
-  std::size_t judge(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
     if (std::memcmp(held.data(), start, std::min(held.size(), sizeof start)) != 0) return Search::reject;
     if (held.size() < sizeof(Wire)) return Search::need_more;
     const auto wire = read_wire<Wire>(held);

@@ -26,7 +26,7 @@ class MipDevice final : public Device {
     fields_.take(sample);
     if (sample.time < begun_) begun_ = sample.time;  // simulation time began anew
     if (sample.time - begun_ > patience()) {
-      search_.give_up([&](std::span<const std::byte> held) { return judge(held, out); });
+      search_.resync([&](std::span<const std::byte> held) { return parse(held, out); });
       begun_ = sample.time;
     }
     if (!memory_.is_idle()) stream(sample, out);
@@ -35,7 +35,7 @@ class MipDevice final : public Device {
 
   void receive(const Frame& from_host, DeviceTime, FrameBuffer& replies) noexcept override {
     if (search_.is_empty()) begun_ = fields_.time();
-    search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return judge(held, replies); });
+    search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return parse(held, replies); });
   }
 
   void power_on(DeviceTime) noexcept override { memory_.restart(fields_); }
@@ -51,7 +51,7 @@ class MipDevice final : public Device {
     return std::chrono::milliseconds(std::max<std::int64_t>(100, milliseconds / memory_.active().baud));
   }
 
-  std::size_t judge(std::span<const std::byte> held, FrameBuffer& replies) noexcept {
+  std::size_t parse(std::span<const std::byte> held, FrameBuffer& replies) noexcept {
     const auto size = packet_size(held);
     if (size && held.size() < *size) return Search::need_more;
     begun_ = fields_.time();  // what follows is another command
@@ -87,14 +87,14 @@ class MipDecoder final : public Decoder {
  public:
   void feed(const Frame& frame, MeasurementSink& sink) override {
     errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
   }
   void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
 
  private:
   using Search = FrameSearch<longest>;
 
-  std::size_t judge(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
     const auto size = packet_size(held);
     if (!size) return Search::reject;
     if (held.size() < *size) return Search::need_more;

@@ -14,7 +14,7 @@ class DatagramDecoder final : public Decoder {
 
   void feed(const Frame& frame, MeasurementSink& sink) override {
     errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
   }
   void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
 
@@ -63,7 +63,7 @@ class DatagramDecoder final : public Decoder {
     return static_cast<double>(static_cast<std::int64_t>(get(bytes, count) << shift) >> shift);
   }
 
-  std::size_t judge(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
     const auto id = std::to_integer<unsigned>(held[0]);
     const std::size_t size = size_of(id);
     if (size == none) return Search::reject;

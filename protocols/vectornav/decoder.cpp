@@ -13,20 +13,20 @@ class VectorNavDecoder final : public Decoder {
  public:
   void feed(const Frame& frame, MeasurementSink& sink) override {
     errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return judge(held, sink); });
+        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
   }
   void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
 
  private:
   using Search = FrameSearch<longest>;
 
-  std::size_t judge(std::span<const std::byte> held, MeasurementSink& sink) {
-    if (held[0] == std::byte{0xFA}) return judge_binary(held, sink);
-    if (held[0] == std::byte{'$'}) return judge_text(held, sink);
+  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
+    if (held[0] == std::byte{0xFA}) return parse_binary(held, sink);
+    if (held[0] == std::byte{'$'}) return parse_text(held, sink);
     return Search::reject;
   }
 
-  std::size_t judge_binary(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse_binary(std::span<const std::byte> held, MeasurementSink& sink) {
     if (held.size() < 2) return Search::need_more;
     const auto bits = std::to_integer<unsigned>(held[1]);
     if (bits == 0 || bits > 0x7F) return Search::reject;
@@ -114,7 +114,7 @@ class VectorNavDecoder final : public Decoder {
     }
   }
 
-  std::size_t judge_text(std::span<const std::byte> held, MeasurementSink& sink) {
+  std::size_t parse_text(std::span<const std::byte> held, MeasurementSink& sink) {
     constexpr std::size_t longest_text = 300;
     const std::string_view text(reinterpret_cast<const char*>(held.data()), std::min(held.size(), longest_text));
     const std::size_t end = text.find('\n');
