@@ -82,81 +82,6 @@ class MipDevice final : public Device {
   Search search_;
 };
 
-// Of sensor data packets.
-class MipDecoder final : public Decoder {
- public:
-  void feed(const Frame& frame, MeasurementSink& sink) override {
-    errors_.skipped_bytes +=
-        search_.feed(frame.bytes, [&](std::span<const std::byte> held) { return parse(held, sink); });
-  }
-  void finish(MeasurementSink&) override { errors_.skipped_bytes += search_.finish(); }
-
- private:
-  using Search = FrameSearch<longest>;
-
-  std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
-    const auto size = packet_size(held);
-    if (!size) return Search::reject;
-    if (held.size() < *size) return Search::need_more;
-    const std::span<const std::byte> packet = held.first(*size);
-    if (!is_intact(packet)) {
-      ++errors_.checksum;
-      return Search::reject;
-    }
-    if (packet[2] != std::byte{sensor}) return *size;
-    Measurement measurement;
-    Sample& sample = measurement.sample;
-    bool is_finite = true;
-    const bool is_good = for_each_field(packet, [&](std::uint8_t descriptor, std::span<const std::byte> data) {
-      const DataField* field = find_field(models[0], sensor, descriptor);
-      if (field == nullptr || data.size() != field->size) return;
-      Reader reader(data);
-      const auto vector = [&](double unit, Measurement::Field carried) {
-        measurement.fields |= carried;
-        const Vector3 v = unit * reader.take_floats();
-        is_finite = is_finite && v.allFinite();
-        return v;
-      };
-      switch (descriptor) {
-        case 0x04:
-          sample.specific_force = vector(units::standard_gravity, Measurement::specific_force);
-          break;
-        case 0x05:
-          sample.rate = vector(1, Measurement::rate);
-          break;
-        case 0x07:
-          sample.delta_angle = vector(1, Measurement::delta_angle);
-          break;
-        case 0x08:
-          sample.delta_velocity = vector(units::standard_gravity, Measurement::delta_velocity);
-          break;
-        case 0x14:
-          sample.temperature_c = vector(1, Measurement::temperature)[2];
-          break;
-        case 0x18: {
-          const unsigned bits = reader.take<std::uint16_t>();
-          sample.status = (bits >> 4 & 7U) | (bits & 7U) << 3;
-          measurement.fields |= Measurement::status;
-          break;
-        }
-        case 0xD5:
-          sample.time.ns = static_cast<std::int64_t>(reader.take<std::uint64_t>());
-          measurement.fields |= Measurement::time;
-          break;
-        default:
-          break;
-      }
-    });
-    if (!is_good || !is_finite)
-      ++errors_.malformed;
-    else if (measurement.fields != 0)
-      sink.on_measurement(measurement);
-    return *size;
-  }
-
-  Search search_;
-};
-
 constexpr std::array<std::string_view, 4> model_names = {"3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"};
 constexpr std::array<std::string_view, 1> models_own = {"default"};
 constexpr std::span<const std::string_view> own = models_own;
@@ -280,7 +205,7 @@ constexpr Protocol mip_protocol = {
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<MipDevice>(model_of(settings), configuration(settings));
     },
-    .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return std::make_unique<MipDecoder>(); },
+    .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return mip::make_decoder(); },
 };
 
 }  // namespace imud

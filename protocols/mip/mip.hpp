@@ -1,6 +1,6 @@
-// MicroStrain MIP: what the device (device.cpp), its data fields (fields.cpp), its commands (commands.cpp) and
-// its settings (settings.cpp) share. Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d,
-// src/c/mip/definitions).
+// MicroStrain MIP: what the device (device.cpp), its data fields (fields.cpp), its commands (commands.cpp), its
+// settings (settings.cpp) and the decoder (decoder.cpp) share. Source: MicroStrain's mip_sdk
+// (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
 //
 // A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of
 // all bytes before, and the sum of these sums. A field: its own length, descriptor, data. A command's answer is a
@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string_view>
@@ -16,6 +17,7 @@
 
 #include "core/sample.hpp"
 #include "protocols/frame_writer.hpp"
+#include "protocols/protocol.hpp"
 
 namespace imud::mip {
 
@@ -289,5 +291,8 @@ class Memory {
   unsigned capture_size_ = 0, capture_left_ = 0;  // samples; left: 0: none is going on
   Vector3 capture_sum_ = Vector3::Zero();
 };
+
+// Decodes sensor data (set 0x80) into measurements; its resolution and range are those of the table entry.
+std::unique_ptr<Decoder> make_decoder();
 
 }  // namespace imud::mip
