@@ -11,7 +11,7 @@ struct Command {
   std::uint8_t set, command;
   unsigned models = all;
 };
-// Beside those that are kept or acknowledged alone.
+// All commands but those of a kept setting and those that are merely acknowledged.
 constexpr Command commands[] = {
     {base, 0x01},
     {base, 0x02},
@@ -50,13 +50,14 @@ constexpr Command commands[] = {
 
 }  // namespace
 
-void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept {
+void Memory::execute(std::span<const std::byte> packet, DeviceTime now, Fields& fields,
+                     FrameBuffer& replies) noexcept {
   constexpr std::size_t longest_answer = 105, longest_list = 252;  // an answer that would not fit begins a packet
   const auto set = std::to_integer<std::uint8_t>(packet[2]);
   std::optional<Packet> answer(std::in_place, replies, set);
   for_each_field(packet, [&](std::uint8_t command, Data data) {
-    if (set == three_dm && command == 0x39 && begins_capture(data)) return;  // is answered when it ends
-    if (is_poll(set, command) && poll(command, data).is_silent) return;
+    if (set == three_dm && command == 0x39 && begins_capture(data, now)) return;  // it is answered when it ends
+    if (is_poll(set, command) && parse_poll(command, data).is_silent) return;
     const bool lists = set == base && (command == 0x04 || command == 0x07);
     if (!answer->has_room_for(lists ? longest_list : longest_answer) && answer->size() > header_size) {
       answer->finish();
@@ -69,39 +70,40 @@ void Memory::answer(std::span<const std::byte> packet, Fields& fields, FrameBuff
     answer->end();
     std::array<bool, 3> streamed = {};
     for (std::size_t i = 0; i < streamed.size(); ++i) streamed[i] = is_streaming(active_.streams[i]);
-    answer->set_byte(at, obey(set, command, data, *answer, fields));
+    answer->set_byte(at, execute(set, command, data, {now, *answer, fields}));
     for (std::size_t i = 0; i < streamed.size(); ++i)
-      if (!streamed[i] && is_streaming(active_.streams[i])) fields.begin(active_.streams[i].set);
+      if (!streamed[i] && is_streaming(active_.streams[i])) fields.begin(active_.streams[i].set, now);
   });
   answer->finish();
   answer.reset();
   for_each_field(packet, [&](std::uint8_t command, Data data) {
     if (!is_poll(set, command)) return;
-    const Poll polled = poll(command, data);
+    const Poll polled = parse_poll(command, data);
     if (polled.code != ok) return;
     Packet answered(replies, polled.stream.set);
     for (std::size_t i = 0; i < polled.stream.count; ++i)
-      fields.poll(answered, polled.stream.set, polled.stream.format[i].descriptor);
+      fields.poll(answered, polled.stream.set, polled.stream.format[i].descriptor, now);
     answered.finish();
   });
 }
 
-Memory::Code Memory::obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer,
-                          Fields& fields) noexcept {
+Memory::Code Memory::execute(std::uint8_t set, std::uint8_t command, Data data, const Context& context) noexcept {
   for (const KeptSetting& kept : kept_settings())
-    if (kept.set == set && kept.command == command && model_.is(kept.models)) return obey_kept(kept, data, answer);
+    if (kept.set == set && kept.command == command && model_.is(kept.models))
+      return execute_kept(kept, data, context.answer);
   for (const Acknowledged& one : acknowledged_commands())
     if (one.set == set && one.command == command && model_.is(one.models))
       return data.size() == one.size ? ok : bad_parameter;
   if (!has(set, command)) return unknown_command;
-  if (is_poll(set, command)) return poll(command, data).code;
+  if (is_poll(set, command)) return parse_poll(command, data).code;
   Reader reader(data);
-  if (set == base) return obey_base(command, reader, answer, fields);
-  if (set == three_dm) return obey_3dm(command, reader, answer, fields);
-  return rotation(set, command, reader, answer);
+  if (set == base) return execute_base(command, reader, context);
+  if (set == three_dm) return execute_3dm(command, reader, context);
+  return rotation(set, command, reader, context.answer);
 }
 
-Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept {
+Memory::Code Memory::execute_base(std::uint8_t command, Reader& reader, const Context& context) noexcept {
+  Packet& answer = context.answer;
   switch (command) {
     case 0x01:
       return ok;
@@ -137,14 +139,15 @@ Memory::Code Memory::obey_base(std::uint8_t command, Reader& reader, Packet& ans
       return baud(function, reader, answer, 0x89, true);
     }
     case 0x72:
-      return update_gps_time(reader, fields);
+      return update_gps_time(reader, context);
     default:
-      restart(fields);
+      restart(context.fields, context.now);
       return ok;
   }
 }
 
-Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept {
+Memory::Code Memory::execute_3dm(std::uint8_t command, Reader& reader, const Context& context) noexcept {
+  Packet& answer = context.answer;
   switch (command) {
     case 0x06:
       return base_rate(sensor, 0x83, reader, answer, false);
@@ -155,25 +158,25 @@ Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answ
     case 0x0E:
       return base_rate(reader.take<std::uint8_t>(), 0x8E, reader, answer, true);
     case 0x08:
-      return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, answer, fields, false);
+      return format(reader.take<std::uint8_t>(), sensor, 0x80, reader, context, false);
     case 0x09:
-      return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, answer, fields, false);
+      return format(reader.take<std::uint8_t>(), gnss, 0x81, reader, context, false);
     case 0x0A:
-      return format(reader.take<std::uint8_t>(), filter, 0x82, reader, answer, fields, false);
+      return format(reader.take<std::uint8_t>(), filter, 0x82, reader, context, false);
     case 0x0F: {
       const auto function = reader.take<std::uint8_t>();
-      return format(function, reader.take<std::uint8_t>(), 0x8F, reader, answer, fields, true);
+      return format(function, reader.take<std::uint8_t>(), 0x8F, reader, context, true);
     }
     case 0x11:
       return stream_control(reader, answer);
     case 0x30:
-      return device_settings(reader, fields);
+      return device_settings(reader, context);
     case 0x37:
       return vector(&Configuration::accelerometer_bias, units::standard_gravity, 0x9A, reader, answer);
     case 0x38:
       return vector(&Configuration::gyro_bias, 1, 0x9B, reader, answer);
     case 0x39:
-      return capture_left_ > 0 ? failed : bad_parameter;
+      return capture_end_ ? failed : bad_parameter;
     case 0x40: {
       const auto function = reader.take<std::uint8_t>();
       return baud(function, reader, answer, 0x87, false);
@@ -183,12 +186,17 @@ Memory::Code Memory::obey_3dm(std::uint8_t command, Reader& reader, Packet& answ
   }
 }
 
-void Memory::restart(Fields& fields) noexcept {
+void Memory::restart(Fields& fields, DeviceTime now) noexcept {
   active_ = stored_;
   gps_update_ = {};
-  capture_left_ = 0;
+  capture_end_.reset();
   is_idle_ = false;
-  fields.restart();
+  fields.restart(now);
+}
+
+void Memory::step_clock(Nanoseconds by) noexcept {
+  gps_update_.offset_ns -= by.count();
+  if (capture_end_) capture_end_ = *capture_end_ + by;
 }
 
 Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor,
@@ -210,20 +218,21 @@ Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer,
   return ok;
 }
 
-// Week or whole second of it; the other stays.
-Memory::Code Memory::update_gps_time(Reader& reader, const Fields& fields) noexcept {
+// Sets the week or the second of the week; the other stays.
+Memory::Code Memory::update_gps_time(Reader& reader, const Context& context) noexcept {
   enum Part : std::uint8_t { week = 1, time_of_week = 2 };
   constexpr std::int64_t second_ns = 1'000'000'000, week_s = 604'800, week_ns = week_s * second_ns, last_week = 9999;
   const auto function = reader.take<std::uint8_t>();
   const auto part = reader.take<std::uint8_t>();
   const std::int64_t value = reader.take<std::uint32_t>();
   if (!reader.is_done() || function != write) return bad_parameter;
-  const std::int64_t now_ns = fields.gps_ns(), into_week_ns = ((now_ns % week_ns) + week_ns) % week_ns;
+  const std::int64_t now_ns = context.fields.gps_ns(context.now);
+  const std::int64_t into_week_ns = ((now_ns % week_ns) + week_ns) % week_ns;
   if (part == week && value <= last_week) {
-    gps_update_.correction_ns += value * week_ns + into_week_ns - now_ns;
+    gps_update_.offset_ns = value * week_ns + into_week_ns - context.now.ns;
     gps_update_.has_week = true;
   } else if (part == time_of_week && value < week_s) {
-    gps_update_.correction_ns += value * second_ns - into_week_ns;
+    gps_update_.offset_ns = now_ns - into_week_ns + value * second_ns - context.now.ns;
     gps_update_.has_time_of_week = true;
   } else {
     return bad_parameter;
@@ -232,10 +241,10 @@ Memory::Code Memory::update_gps_time(Reader& reader, const Fields& fields) noexc
   return ok;
 }
 
-Memory::Code Memory::device_settings(Reader& reader, Fields& fields) noexcept {
+Memory::Code Memory::device_settings(Reader& reader, const Context& context) noexcept {
   const auto function = reader.take<std::uint8_t>();
   if (!reader.is_done()) return bad_parameter;
-  if (function == load || function == to_default) fields.begin(0);
+  if (function == load || function == to_default) context.fields.begin(0, context.now);
   return transfer(function, [](Configuration& to, const Configuration& from) { to = from; });
 }
 
@@ -243,8 +252,8 @@ bool Memory::is_poll(std::uint8_t set, std::uint8_t command) const noexcept {
   return set == three_dm && (command <= 0x03 || command == 0x0D) && has(set, command);
 }
 
-// 0C:01, 02, 03 of sensor, gnss, filter, with a rate beside each descriptor; 0C:0D of a named set.
-Memory::Poll Memory::poll(std::uint8_t command, Data data) const noexcept {
+// 0C:01, 02, 03 poll sensor, gnss, filter, with a rate beside each descriptor; 0C:0D polls the set that it names.
+Memory::Poll Memory::parse_poll(std::uint8_t command, Data data) const noexcept {
   Reader reader(data);
   const bool is_named = command == 0x0D;
   Poll poll;
@@ -256,7 +265,7 @@ Memory::Poll Memory::poll(std::uint8_t command, Data data) const noexcept {
   for (unsigned i = 0; i < count; ++i) {
     const auto descriptor = reader.take<std::uint8_t>();
     if (!is_named) reader.take<std::uint16_t>();
-    if (find_field(model_, poll.stream.set, descriptor) == nullptr) continue;  // are ignored
+    if (find_field(model_, poll.stream.set, descriptor) == nullptr) continue;  // unknown ones are ignored
     is_short = is_short && poll.stream.count < poll.stream.format.size();
     poll.stream.add(descriptor, 1);
   }
@@ -280,7 +289,8 @@ Memory::Code Memory::base_rate(std::uint8_t set, std::uint8_t descriptor, Reader
 }
 
 Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader,
-                            Packet& answer, Fields& fields, bool with_set) noexcept {
+                            const Context& context, bool with_set) noexcept {
+  Packet& answer = context.answer;
   Stream* active = active_.find(set);
   const bool is_every = with_set && set == 0 && function != write && function != read;
   if ((active == nullptr && !is_every) || !reader.is_whole()) return bad_parameter;
@@ -298,7 +308,7 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
       }
       if (!reader.is_done() || !fits_a_packet(model_, wanted)) return bad_parameter;
       *active = wanted;
-      fields.begin(set);
+      context.fields.begin(set, context.now);
       return ok;
     }
     case read:
@@ -312,7 +322,7 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
       answer.end();
       return ok;
     default:
-      if (function == load || function == to_default) fields.begin(set);
+      if (function == load || function == to_default) context.fields.begin(set, context.now);
       return transfer(function, [&](Configuration& to, const Configuration& from) {
         for (std::size_t i = 0; i < to.streams.size(); ++i) {
           if (!is_every && to.streams[i].set != set) continue;
@@ -326,8 +336,9 @@ Memory::Code Memory::format(std::uint8_t function, std::uint8_t set, std::uint8_
 Memory::Code Memory::stream_control(Reader& reader, Packet& answer) noexcept {
   const auto function = reader.take<std::uint8_t>();
   const auto named = reader.take<std::uint8_t>();
-  constexpr std::uint8_t as_older_devices_say[] = {0, sensor, gnss, filter};
-  const std::uint8_t set = named < std::size(as_older_devices_say) ? as_older_devices_say[named] : named;
+  constexpr std::uint8_t as_older_devices_number_them[] = {0, sensor, gnss, filter};
+  const std::uint8_t set =
+      named < std::size(as_older_devices_number_them) ? as_older_devices_number_them[named] : named;
   Stream* active = active_.find(set);
   const bool is_every = set == 0 && function != write && function != read;
   if ((active == nullptr && !is_every) || !reader.is_whole()) return bad_parameter;
@@ -366,7 +377,7 @@ void Memory::put_device_info(Packet& answer) const noexcept {
   answer.end();
 }
 
-// The first list holds what a packet holds, the extended one the rest.
+// The first list has as many as fit a packet, the extended one the rest.
 void Memory::put_descriptors(Packet& answer, bool extended) const noexcept {
   constexpr std::size_t list = 124;
   std::size_t count = 0;

@@ -1,9 +1,9 @@
-// MicroStrain MIP, as 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS and 3DM-CV7-INS speak it. The layouts are those of
-// MicroStrain's mip_sdk (mip/mip.hpp), against whose capture the tests hold them.
+// MicroStrain MIP as the 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS and 3DM-CV7-INS use it. The layouts are those of
+// MicroStrain's mip_sdk (mip/mip.hpp); the tests compare them with its capture of a real device.
 //
-// What the document does not say and a user would expect: out of the box the device streams (ArduPilot sends nothing
-// and waits for that); reference time is the device's own time; filter and receiver tell the truth. What a host says
-// to the filter, and the events it asks for, are kept and told, and change nothing; biases and mounting are applied.
+// Where the document is silent, the device does as a user would expect: it streams out of the box (ArduPilot sends
+// nothing and waits for that); reference time is the sensor's own clock; filter and receiver report the truth.
+// Settings of the filter and of events are kept and read back, and change nothing; biases and mounting are applied.
 #include <algorithm>
 #include <stdexcept>
 
@@ -23,40 +23,62 @@ class MipDevice final : public Device {
   MipDevice(const Model& model, const Configuration& configuration) noexcept : memory_(model, configuration) {}
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
-    fields_.take(sample);
-    if (sample.time < begun_) begun_ = sample.time;  // simulation time began anew
-    if (sample.time - begun_ > patience()) {
-      search_.resync([&](std::span<const std::byte> held) { return parse(held, out); });
-      begun_ = sample.time;
-    }
+    poll(sample.time, out);
+    fields_.set_sample(sample);
     if (!memory_.is_idle()) stream(sample, out);
     memory_.capture(sample, out);
   }
 
-  void receive(const Frame& from_host, DeviceTime, FrameBuffer& replies) noexcept override {
-    if (search_.is_empty()) begun_ = fields_.time();
-    search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return parse(held, replies); });
+  void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override {
+    poll(now, replies);
+    if (search_.is_empty()) begun_ = now;
+    search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return parse(held, now, replies); });
   }
 
-  void power_on(DeviceTime) noexcept override { memory_.restart(fields_); }
+  std::optional<DeviceTime> deadline() const noexcept override {
+    const std::optional<DeviceTime> capture = memory_.deadline();
+    if (search_.is_empty()) return capture;
+    const DeviceTime command = begun_ + timeout();
+    return capture ? std::min(*capture, command) : command;
+  }
+
+  void poll(DeviceTime now, FrameBuffer& out) noexcept override {
+    if (!search_.is_empty() && now >= begun_ + timeout()) {
+      begun_ = now;
+      search_.resync([&](std::span<const std::byte> held) { return parse(held, now, out); });
+    }
+    memory_.poll(now, out);
+  }
+
+  void power_on(DeviceTime now) noexcept override {
+    search_.finish();
+    memory_.restart(fields_, now);
+  }
+
+  void step_clock(Nanoseconds by) noexcept override {
+    begun_ = begun_ + by;
+    fields_.step_clock(by);
+    memory_.step_clock(by);
+  }
+
   UartSettings uart() const noexcept override { return {memory_.active().baud}; }
 
  private:
   using Search = FrameSearch<longest>;
 
-  // How long a command may take, from its first byte: mip_parser.h, MIP_PARSER_DEFAULT_TIMEOUT_MS; on a line on which
-  // the longest packet takes longer, mip_parser.c, mip_timeout_from_baudrate(): half as long again as that packet.
-  Nanoseconds patience() const noexcept {
+  // A command times out so long after its first byte: mip_parser.h, MIP_PARSER_DEFAULT_TIMEOUT_MS; on a line on which
+  // the longest packet takes longer, mip_parser.c, mip_timeout_from_baudrate(): one and a half times that packet.
+  Nanoseconds timeout() const noexcept {
     constexpr std::int64_t bits_a_byte = 10, milliseconds = 1500 * bits_a_byte * longest;
     return std::chrono::milliseconds(std::max<std::int64_t>(100, milliseconds / memory_.active().baud));
   }
 
-  std::size_t parse(std::span<const std::byte> held, FrameBuffer& replies) noexcept {
+  std::size_t parse(std::span<const std::byte> held, DeviceTime now, FrameBuffer& replies) noexcept {
     const auto size = packet_size(held);
     if (size && held.size() < *size) return Search::need_more;
-    begun_ = fields_.time();  // what follows is another command
+    begun_ = now;  // of the bytes that follow
     if (!size || !is_intact(held.first(*size))) return Search::reject;
-    memory_.answer(held.first(*size), fields_, replies);
+    memory_.execute(held.first(*size), now, fields_, replies);
     return *size;
   }
 
@@ -78,7 +100,7 @@ class MipDevice final : public Device {
 
   Memory memory_;
   Fields fields_{memory_};
-  DeviceTime begun_;  // the command of which bytes are held
+  DeviceTime begun_;  // when the first of the bytes held came
   Search search_;
 };
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 
 #include "core/attitude.hpp"
@@ -106,16 +107,15 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept {
   return size <= longest - header_size - checksum_size;
 }
 
-void Fields::take(const Sample& sample) noexcept {
+void Fields::set_sample(const Sample& sample) noexcept {
   const Configuration& c = memory_.active();
   const Quaternion q_VP = c.q_PV.conjugate();
-  const bool is_anew = sample.time < sample_.time;  // simulation time is
-  sample_ = sample;
-  if (is_anew) {
-    initialized_ = {};
-    initialized_tick_ = 0;
-    begin(0);
+  if (!has_sampled_) {
+    has_sampled_ = true;
+    since_ = {};
+    restarted_.reset();
   }
+  sample_ = sample;
   sample_.rate = q_VP * (sample.rate - c.gyro_bias);
   sample_.specific_force = q_VP * (sample.specific_force - c.accelerometer_bias);
   sample_.magnetic_field = q_VP * sample.magnetic_field;
@@ -128,16 +128,28 @@ void Fields::take(const Sample& sample) noexcept {
   }
 }
 
-void Fields::restart() noexcept {
-  initialized_ = sample_.time;
-  initialized_tick_ = sample_.counter;
-  begin(0);
+void Fields::restart(DeviceTime now) noexcept {
+  restarted_ = now;
+  restarted_tick_ = sample_.counter;
+  sample_ = {};
+  sample_.time = now;
+  sample_.counter = restarted_tick_;
+  begin(0, now);
 }
 
-void Fields::begin(std::uint8_t set) noexcept {
+void Fields::begin(std::uint8_t set, DeviceTime now) noexcept {
+  const DeviceTime begun = std::max(sample_.time, now - nanoseconds(1 / internal_hz));
   for (std::size_t i = 0; i < since_.size(); ++i)
-    if (set == 0 || set == sensor + i)
-      since_[i] = {.delta_time = time(), .reference = time(), .tick = sample_.counter};
+    if (set == 0 || set == sensor + i) since_[i] = {.delta_time = begun, .reference = begun, .tick = sample_.counter};
+}
+
+void Fields::step_clock(Nanoseconds by) noexcept {
+  sample_.time = sample_.time + by;
+  if (restarted_) restarted_ = *restarted_ + by;
+  for (Since& since : since_) {
+    since.delta_time = since.delta_time + by;
+    since.reference = since.reference + by;
+  }
 }
 
 void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
@@ -153,75 +165,80 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
       since.tick = sample_.counter;
       break;
     case 0xD4:
-      since.delta_time = time();
+      since.delta_time = sample_.time;
       break;
     case 0xD6:
-      since.reference = time();
+      since.reference = sample_.time;
       break;
     default:
       break;
   }
 }
 
-std::int64_t Fields::gps_ns() const noexcept {
-  return (is_known() ? sample_.navigation.gps_ns : sample_.time.ns) + memory_.gps_update().correction_ns;
+std::int64_t Fields::true_gps_ns(DeviceTime at) const noexcept {
+  return is_known() ? sample_.navigation.gps_ns + (at - sample_.time).count() : 0;
+}
+std::int64_t Fields::gps_ns(DeviceTime at) const noexcept {
+  if (memory_.gps_update().count > 0) return at.ns + memory_.gps_update().offset_ns;
+  return is_known() ? true_gps_ns(at) : at.ns;
 }
 bool Fields::has_week() const noexcept { return is_known() || memory_.gps_update().has_week; }
 bool Fields::has_time_of_week() const noexcept { return is_known() || memory_.gps_update().has_time_of_week; }
 
-void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
+void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now) const noexcept {
   const Stream* stream = memory_.active().find(set);
   if (stream == nullptr) return;
   const auto samples = static_cast<std::uint64_t>(internal_hz) / stream->base_hz;
-  const DeviceTime before = time() - Nanoseconds(std::chrono::seconds(1)) / stream->base_hz;
+  const DeviceTime before = now - Nanoseconds(std::chrono::seconds(1)) / stream->base_hz;
   put(packet, set, descriptor,
-      {before, before, sample_.counter - samples, sample_.delta_angle, sample_.delta_velocity});
+      {before, before, sample_.counter - samples, sample_.delta_angle, sample_.delta_velocity}, now);
 }
 
-void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since) const noexcept {
+void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since,
+                 DeviceTime at) const noexcept {
   const DataField* field = find_field(memory_.model(), set, descriptor);
   if (field == nullptr || !packet.has_room_for(field->size)) return;
   packet.begin(descriptor);
   if (descriptor >= 0xD0)
-    put_shared(packet, descriptor, since);
+    put_shared(packet, descriptor, since, at);
   else if (set == sensor)
-    put_sensor(packet, descriptor, since);
+    put_sensor(packet, descriptor, since, at);
   else if (set == gnss)
-    put_gnss(packet, descriptor);
+    put_gnss(packet, descriptor, at);
   else
-    put_filter(packet, descriptor);
+    put_filter(packet, descriptor, at);
   packet.end();
 }
 
-void Fields::put_shared(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept {
+void Fields::put_shared(Packet& packet, std::uint8_t descriptor, const Since& since, DeviceTime at) const noexcept {
   const auto put_ns = [&](Nanoseconds ns) { packet.put(static_cast<std::uint64_t>(ns.count())); };
   switch (descriptor) {
     case 0xD0:
       packet.put(std::uint8_t{0});
       break;
     case 0xD1:
-      packet.put(static_cast<std::uint32_t>(sample_.counter - initialized_tick_));
+      packet.put(static_cast<std::uint32_t>(sample_.counter - restarted_tick_));
       break;
     case 0xD2:
       packet.put(static_cast<std::uint32_t>(sample_.counter - since.tick));
       break;
     case 0xD3:
-      put_gps_time(packet, gps_ns());
+      put_gps_time(packet, gps_ns(at));
       packet.put(static_cast<std::uint16_t>(has_time_of_week() | has_week() << 1));
       break;
     case 0xD4:
-      packet.put(seconds(time() - since.delta_time));
+      packet.put(seconds(at - since.delta_time));
       break;
     case 0xD5:
-      put_ns(time() - initialized_);
+      put_ns(at - restarted_.value_or(DeviceTime{}));
       break;
     default:
-      put_ns(time() - since.reference);
+      put_ns(at - since.reference);
       break;
   }
 }
 
-void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept {
+void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since, DeviceTime at) const noexcept {
   switch (descriptor) {
     case 0x04:
       packet.put_floats(sample_.specific_force / units::standard_gravity);
@@ -244,12 +261,11 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
     case 0x0C:
       packet.put_floats(roll_pitch_yaw(sample_.q_LP));
       break;
-    case 0x12: {  // of a receiver its pulse; a bit that each update turns; whether time was ever set; time of week;
-                  // week
+    case 0x12: {  // flags: a receiver's pulse; a bit that each update turns; time was ever set; time of week is
+                  // valid; week is valid
       const bool has_receiver = memory_.model().gnss_hz > 0 && is_known();
-      const std::int64_t updates =
-          memory_.gps_update().count + (has_receiver ? sample_.navigation.gps_ns / second_ns : 0);
-      put_gps_time(packet, gps_ns());
+      const std::int64_t updates = memory_.gps_update().count + (has_receiver ? true_gps_ns(at) / second_ns : 0);
+      put_gps_time(packet, gps_ns(at));
       packet.put(static_cast<std::uint16_t>(has_receiver | (updates & 1) << 1 |
                                             (has_time_of_week() || has_week()) << 2 | has_time_of_week() << 3 |
                                             has_week() << 4));
@@ -267,7 +283,7 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
   }
 }
 
-void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept {
+void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   if (descriptor == 0x10) return put_filter_status(packet);
   std::uint16_t valid = 1;
@@ -298,7 +314,7 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor) const noexcept 
       packet.put_floats(sample_.rate);
       break;
     case 0x11:
-      put_gps_time(packet, gps_ns());
+      put_gps_time(packet, gps_ns(at));
       valid = has_time_of_week() && has_week();
       break;
     case 0x13:
@@ -325,15 +341,15 @@ void Fields::put_filter_status(Packet& packet) const noexcept {
   packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? 1 : (waits ? 0x2000 : 0)));
 }
 
-// Of a receiver that sees the truth, whose accuracy is therefore left open: its flag is not set.
-void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
+// The receiver reports the truth; it reports no accuracy, and does not set the flag of that.
+void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const Vector3& v = navigation.v_L;
   const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
   switch (descriptor) {
     case 0x03:
       put_position(packet);
-      packet.put(navigation.height);  // not above the sea, which is not valid
+      packet.put(navigation.height);  // in place of the height above the sea, which is flagged not valid
       for (int i = 0; i < 2; ++i) packet.put(0.0F);
       packet.put(if_known(0x03));
       break;
@@ -352,15 +368,15 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept {
       packet.put(if_known(0x0F));
       break;
     }
-    case 0x07:  // of an open sky: geometric, position, horizontal, vertical, time, north, east
+    case 0x07:  // under an open sky: geometric, position, horizontal, vertical, time, north, east
       for (const float dop : {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F}) packet.put(is_known() ? dop : 99.99F);
       packet.put(if_known(0x7F));
       break;
     case 0x08:
-      put_utc(packet, navigation.gps_ns, if_known(0x03));
+      put_utc(packet, true_gps_ns(at), if_known(0x03));
       break;
     case 0x09:
-      put_gps_time(packet, navigation.gps_ns);
+      put_gps_time(packet, true_gps_ns(at));
       packet.put(if_known(0x03));
       break;
     case 0x0B:  // 3D or none

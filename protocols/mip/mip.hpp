@@ -118,52 +118,58 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept;
 
 class Memory;
 
-// The newest sample as fields, of the vehicle that the sensor is said to be mounted in, without the biases it is
-// told.
+// Writes data fields from the newest sample, less the configured biases, in the axes V of the vehicle.
 class Fields {
  public:
   explicit Fields(const Memory& memory) noexcept : memory_(memory) {}
-  void take(const Sample& sample) noexcept;
-  // Initialized anew: reference time and ticks are since then.
-  void restart() noexcept;
-  // What the stream of that set tells since it told it last begins now; 0: of every set.
-  void begin(std::uint8_t set) noexcept;
-  DeviceTime time() const noexcept { return sample_.time; }
-  std::int64_t gps_ns() const noexcept;  // of the newest sample, as reported
-  // Nothing if there is no such field, or no room for it.
+  void set_sample(const Sample& sample) noexcept;
+  // A power-on or a reset: nothing is measured yet, and reference time and ticks count from `now`. A device's first
+  // sample sets the reference time to the sensor's own clock again: so sample 0 carries its own time.
+  void restart(DeviceTime now) noexcept;
+  // Increments and differences of that set's stream count from the newest sample, or from `now` if samples have
+  // ceased. 0: every set's.
+  void begin(std::uint8_t set, DeviceTime now) noexcept;
+  void step_clock(Nanoseconds by) noexcept;
+  // GPS time at `at`, which is not before the newest sample, as it is reported; ns since 1980-01-06.
+  std::int64_t gps_ns(DeviceTime at) const noexcept;
+  // Appends a streamed field; nothing if there is no such field, or no room for it.
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
-    put(packet, set, descriptor, since_[set - sensor]);
+    put(packet, set, descriptor, since_[set - sensor], sample_.time);
   }
-  // Beside the stream: increments and differences are those of the set's last base period.
-  void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept;
-  // It was streamed; once for each packet, however often it is in there.
+  // Appends a field that the host asked for at `now`: times are those at `now`, increments and differences are those
+  // of the set's last base period.
+  void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now) const noexcept;
+  // The field was streamed; called once for each packet, however often the field is in it.
   void sent(std::uint8_t set, std::uint8_t descriptor) noexcept;
 
  private:
-  struct Since {
+  struct Since {  // when, and what has accumulated since then
     DeviceTime delta_time, reference;
     std::uint64_t tick = 0;
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
   };
 
-  void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since) const noexcept;
-  void put_shared(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept;
-  void put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since) const noexcept;
-  void put_filter(Packet& packet, std::uint8_t descriptor) const noexcept;
+  void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since,
+           DeviceTime at) const noexcept;
+  void put_shared(Packet& packet, std::uint8_t descriptor, const Since& since, DeviceTime at) const noexcept;
+  void put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since, DeviceTime at) const noexcept;
+  void put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
   void put_filter_status(Packet& packet) const noexcept;
-  void put_gnss(Packet& packet, std::uint8_t descriptor) const noexcept;
+  void put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
   void put_quaternion(Packet& packet) const noexcept;
   void put_position(Packet& packet) const noexcept;
   bool is_known() const noexcept { return sample_.navigation.is_known; }
+  std::int64_t true_gps_ns(DeviceTime at) const noexcept;  // of a receiver; 0 where the truth has none
   bool has_week() const noexcept;
   bool has_time_of_week() const noexcept;
   Vector3 gravity() const noexcept;  // m/s^2, in V
 
   const Memory& memory_;
-  Sample sample_;               // in V
-  std::array<Since, 3> since_;  // of each set's stream: since it was sent last
-  DeviceTime initialized_;
-  std::uint64_t initialized_tick_ = 0;
+  Sample sample_;  // in V
+  bool has_sampled_ = false;
+  std::array<Since, 3> since_;           // since each set's stream was sent last
+  std::optional<DeviceTime> restarted_;  // nullopt: reference time is the sensor's own clock
+  std::uint64_t restarted_tick_ = 0;
 };
 
 // --- Settings
@@ -209,15 +215,15 @@ struct Configuration {
   const Kept& first_of(std::uint8_t set, std::uint8_t command) const noexcept;  // slot of a kept setting
 };
 
-// All that a unit keeps, and how it obeys.
+// All that a unit keeps, and how it executes commands. Times are the sensor's own.
 class Memory {
  public:
   Memory(const Model& model, const Configuration& configuration) noexcept
       : model_(model), factory_(configuration), stored_(configuration), active_(configuration) {}
 
-  // What the host said GPS time was: added to what is reported.
+  // GPS time as the host has set it: device time plus `offset_ns`, once `count` is above 0.
   struct GpsUpdate {
-    std::int64_t correction_ns = 0;
+    std::int64_t offset_ns = 0;
     bool has_week = false, has_time_of_week = false;
     unsigned count = 0;
   };
@@ -226,11 +232,16 @@ class Memory {
   const Configuration& active() const noexcept { return active_; }
   const GpsUpdate& gps_update() const noexcept { return gps_update_; }
   bool is_idle() const noexcept { return is_idle_; }
-  void restart(Fields& fields) noexcept;  // without power, only what is stored stays
-  // Obeys an intact packet of the host; appends the answer, and the data that it polls.
-  void answer(std::span<const std::byte> packet, Fields& fields, FrameBuffer& replies) noexcept;
-  // Appends the answer to a capture of the gyro bias that ends with this sample.
+  void restart(Fields& fields, DeviceTime now) noexcept;  // only what was saved stays
+  // Executes an intact packet of the host; appends the answer, and the data that it polls.
+  void execute(std::span<const std::byte> packet, DeviceTime now, Fields& fields, FrameBuffer& replies) noexcept;
+  // Adds the sample to a capture of the gyro bias; appends the answer if the capture ends with this sample.
   void capture(const Sample& sample, FrameBuffer& out) noexcept;
+  // A capture whose last sample does not come ends without it: deadline() is then in the past, and poll() appends the
+  // answer.
+  std::optional<DeviceTime> deadline() const noexcept;
+  void poll(DeviceTime now, FrameBuffer& out) noexcept;
+  void step_clock(Nanoseconds by) noexcept;
 
  private:
   enum Code : std::uint8_t { ok = 0, unknown_command = 1, bad_parameter = 3, failed = 4 };
@@ -238,29 +249,36 @@ class Memory {
   using Data = std::span<const std::byte>;
   struct Poll {
     Code code = bad_parameter;
-    bool is_silent = false;  // no answer, whatever the code
-    Stream stream;           // what is asked for, once
+    bool is_silent = false;  // no acknowledgement, whatever the code
+    Stream stream;           // the fields asked for, once
   };
 
-  Code obey(std::uint8_t set, std::uint8_t command, Data data, Packet& answer, Fields& fields) noexcept;
-  Code obey_base(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept;
-  Code obey_3dm(std::uint8_t command, Reader& reader, Packet& answer, Fields& fields) noexcept;
-  Code obey_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept;
+  struct Context {  // of a command
+    DeviceTime now;
+    Packet& answer;
+    Fields& fields;
+  };
+
+  Code execute(std::uint8_t set, std::uint8_t command, Data data, const Context& context) noexcept;
+  Code execute_base(std::uint8_t command, Reader& reader, const Context& context) noexcept;
+  Code execute_3dm(std::uint8_t command, Reader& reader, const Context& context) noexcept;
+  Code execute_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept;
   Code baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept;
-  Code update_gps_time(Reader& reader, const Fields& fields) noexcept;
-  Code device_settings(Reader& reader, Fields& fields) noexcept;
-  Poll poll(std::uint8_t command, Data data) const noexcept;
+  Code update_gps_time(Reader& reader, const Context& context) noexcept;
+  Code device_settings(Reader& reader, const Context& context) noexcept;
+  Poll parse_poll(std::uint8_t command, Data data) const noexcept;
   bool is_poll(std::uint8_t set, std::uint8_t command) const noexcept;
   Code base_rate(std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer, bool with_set) noexcept;
-  Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer,
-              Fields& fields, bool with_set) noexcept;
+  Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader,
+              const Context& context, bool with_set) noexcept;
   Code stream_control(Reader& reader, Packet& answer) noexcept;
-  // `unit`: of the wire, SI.
+  // `unit`: the wire's, in SI.
   Code vector(Vector3 Configuration::*vector, double unit, std::uint8_t descriptor, Reader& reader,
               Packet& answer) noexcept;
   Code rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept;
   bool is_streaming(const Stream& stream) const noexcept { return !is_idle_ && stream.enabled; }
-  bool begins_capture(Data data) noexcept;
+  bool begins_capture(Data data, DeviceTime now) noexcept;
+  void end_capture(FrameBuffer& out) noexcept;
   bool has(std::uint8_t set, std::uint8_t command) const noexcept;
   void put_device_info(Packet& answer) const noexcept;
   void put_descriptors(Packet& answer, bool extended) const noexcept;
@@ -288,8 +306,9 @@ class Memory {
   Configuration stored_, active_;
   GpsUpdate gps_update_;
   bool is_idle_ = false;
-  unsigned capture_size_ = 0, capture_left_ = 0;  // samples; left: 0: none is going on
-  Vector3 capture_sum_ = Vector3::Zero();
+  std::optional<DeviceTime> capture_end_;  // nullopt: none is going on; a sample at this time is the last one
+  unsigned capture_count_ = 0;             // samples in the sum
+  Vector3 capture_sum_ = Vector3::Zero();  // rad/s
 };
 
 // Decodes sensor data (set 0x80) into measurements; its resolution and range are those of the table entry.

@@ -102,7 +102,7 @@ const Kept& Configuration::first_of(std::uint8_t set, std::uint8_t command) cons
   return kept[0];
 }
 
-Memory::Code Memory::obey_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept {
+Memory::Code Memory::execute_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept {
   if (data.size() < 1U + setting.key_size) return bad_parameter;
   const auto function = std::to_integer<std::uint8_t>(data[0]);
   const Data value = data.subspan(1);
@@ -206,28 +206,46 @@ Memory::Code Memory::rotation(std::uint8_t set, std::uint8_t command, Reader& re
   return ok;
 }
 
-bool Memory::begins_capture(Data data) noexcept {
+bool Memory::begins_capture(Data data, DeviceTime now) noexcept {
   Reader reader(data);
   const auto milliseconds = reader.take<std::uint16_t>();
-  if (!reader.is_done() || milliseconds < 1000 || milliseconds > 30'000 || capture_left_ > 0) return false;
-  capture_left_ = capture_size_ = static_cast<unsigned>(milliseconds * internal_hz / 1000);
+  if (!reader.is_done() || milliseconds < 1000 || milliseconds > 30'000 || capture_end_) return false;
+  capture_end_ = now + std::chrono::milliseconds(milliseconds);
+  capture_count_ = 0;
   capture_sum_.setZero();
   return true;
 }
 
 void Memory::capture(const Sample& sample, FrameBuffer& out) noexcept {
-  if (capture_left_ == 0) return;
+  if (!capture_end_) return;
   capture_sum_ += sample.rate;
-  if (--capture_left_ > 0) return;
-  active_.gyro_bias = capture_sum_ / capture_size_;
+  ++capture_count_;
+  if (sample.time >= *capture_end_) end_capture(out);
+}
+
+std::optional<DeviceTime> Memory::deadline() const noexcept {
+  if (!capture_end_) return std::nullopt;
+  return *capture_end_ + Nanoseconds(1);
+}
+
+void Memory::poll(DeviceTime now, FrameBuffer& out) noexcept {
+  if (capture_end_ && now > *capture_end_) end_capture(out);
+}
+
+// A capture without samples has failed.
+void Memory::end_capture(FrameBuffer& out) noexcept {
+  capture_end_.reset();
+  if (capture_count_ > 0) active_.gyro_bias = capture_sum_ / capture_count_;
   Packet answer(out, three_dm);
   answer.begin(reply);
   answer.put(std::uint8_t{0x39});
-  answer.put(std::uint8_t{ok});
+  answer.put(static_cast<std::uint8_t>(capture_count_ > 0 ? ok : failed));
   answer.end();
-  answer.begin(0x9B);
-  answer.put_floats(active_.gyro_bias);
-  answer.end();
+  if (capture_count_ > 0) {
+    answer.begin(0x9B);
+    answer.put_floats(active_.gyro_bias);
+    answer.end();
+  }
   answer.finish();
 }
 

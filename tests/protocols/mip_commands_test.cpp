@@ -1,8 +1,9 @@
-// Which MIP commands are taken, and which are refused (mip_sdk e5a847d, commands_3dm.h).
+// Which MIP commands are executed, and which are refused (mip_sdk e5a847d, commands_3dm.h).
 #include <gtest/gtest.h>
 
 #include <stdexcept>
 
+#include "protocols/mip/mip.hpp"
 #include "tests/protocols/mip_unit.hpp"
 
 namespace imud {
@@ -16,7 +17,7 @@ Bytes repeated(Bytes head, std::size_t times, const Bytes& one) {
   return head;
 }
 
-// A field of 12 bytes takes 14 of the packet's 255: 18 of them are 252.
+// A field of 12 bytes needs 14 of the packet's 255: 18 of them are 252.
 TEST(MipCommands, AFormatFitsOnePacket) {
   Unit unit;
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, repeated({1, 0x80, 18}, 18, {0x05, 0, 10}))), 0);
@@ -24,7 +25,7 @@ TEST(MipCommands, AFormatFitsOnePacket) {
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, repeated({1, 0x80, 19}, 19, {0x05, 0, 10}))), 3);
   EXPECT_EQ(unit.code(command(0x0C, 0x08, repeated({1, 19}, 19, {0x05, 0, 10}))), 3);
   EXPECT_EQ(unit.code(command(0x0C, 0x0D, repeated({0x80, 0, 19}, 19, {0x05}))), 3) << "nor does a poll";
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x0F, {2, 0x80})).at(0), 0x8F)[1], 18);
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x0F, {2, 0x80})).at(0), 0x8F)[1], 18);
   const auto with = [](std::size_t count, const char* name) {
     return Unit({{"sensor_fields", std::vector<std::string>(count, name)}});
   };
@@ -39,22 +40,22 @@ TEST(MipCommands, AFormatFitsOnePacket) {
 TEST(MipCommands, Polls) {
   Unit unit;
   const Bytes ack = {4, 0xF1, 0x0D, 0}, data = {14, 0x05, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
-  EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x80, 0, 3, 0x77, 0x05, 0x78})),
+  EXPECT_EQ(unit.send(command(0x0C, 0x0D, {0x80, 0, 3, 0x77, 0x05, 0x78})),
             (std::vector<Bytes>{packet(0x0C, ack), packet(0x80, data)}));
-  EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x80, 0, 1, 0x77})), (std::vector<Bytes>{packet(0x0C, ack)}))
+  EXPECT_EQ(unit.send(command(0x0C, 0x0D, {0x80, 0, 1, 0x77})), (std::vector<Bytes>{packet(0x0C, ack)}))
       << "is all there is";
-  EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x82, 0, 0})).at(1)[2], 0x82) << "as it is streamed";
+  EXPECT_EQ(unit.send(command(0x0C, 0x0D, {0x82, 0, 0})).at(1)[2], 0x82) << "as it is streamed";
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x82, 0})), 0);
-  EXPECT_EQ(unit.say(command(0x0C, 0x0D, {0x82, 0, 0})), (std::vector<Bytes>{packet(0x0C, {4, 0xF1, 0x0D, 4})}));
-  EXPECT_TRUE(unit.say(command(0x0C, 0x0D, {0x82, 1, 0})).empty());
+  EXPECT_EQ(unit.send(command(0x0C, 0x0D, {0x82, 0, 0})), (std::vector<Bytes>{packet(0x0C, {4, 0xF1, 0x0D, 4})}));
+  EXPECT_TRUE(unit.send(command(0x0C, 0x0D, {0x82, 1, 0})).empty());
   EXPECT_EQ(unit.code(command(0x0C, 0x0D, {0x80, 0, 2, 0x05})), 3) << "one is missing";
 
-  const auto both = unit.say(packet(0x0C, {6, 0x0D, 0x80, 0, 1, 0x05, 7, 0x01, 0, 1, 0x04, 0, 0}));
+  const auto both = unit.send(packet(0x0C, {6, 0x0D, 0x80, 0, 1, 0x05, 7, 0x01, 0, 1, 0x04, 0, 0}));
   ASSERT_EQ(both.size(), 3U);
   EXPECT_EQ(both[0], packet(0x0C, {4, 0xF1, 0x0D, 0, 4, 0xF1, 0x01, 0}));
   EXPECT_EQ(both[1], packet(0x80, data));
   EXPECT_EQ(field(both[2], 0x04).size(), 12U);
-  const auto silent = unit.say(packet(0x0C, {3, 0x11, 9, 6, 0x0D, 0x80, 1, 1, 0x05, 2, 0x06}));
+  const auto silent = unit.send(packet(0x0C, {3, 0x11, 9, 6, 0x0D, 0x80, 1, 1, 0x05, 2, 0x06}));
   ASSERT_EQ(silent.size(), 2U);
   EXPECT_EQ(silent[0], packet(0x0C, {4, 0xF1, 0x11, 3, 4, 0xF1, 0x06, 0, 4, 0x83, 0x03, 0xE8}))
       << "the others' answers";
@@ -83,11 +84,46 @@ TEST(MipCommands, AValueBesideReadSaveLoadDefaultIsIgnored) {
       Bytes all = repeated({function}, 1, c.key);
       return command(c.set, c.descriptor, has_value ? repeated(all, 1, c.value) : all);
     };
-    const auto before = unit.say(with(2, false));
+    const auto before = unit.send(with(2, false));
     for (const std::uint8_t function : Bytes{3, 4, 5})
       EXPECT_EQ(unit.code(with(function, true)), 0) << unsigned{function};
-    EXPECT_EQ(unit.say(with(2, true)), before);
+    EXPECT_EQ(unit.send(with(2, true)), before);
   }
+}
+
+// Commands that change nothing have their size all the same.
+TEST(MipCommands, AnAcknowledgedCommandHasItsSize) {
+  int tried = 0;
+  for (const char* model : {"3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"}) {
+    const mip::Model& has =
+        *std::find_if(mip::models.begin(), mip::models.end(), [&](const auto& m) { return m.keyword == model; });
+    for (const mip::Acknowledged& one : mip::acknowledged_commands()) {
+      if (!has.is(one.models)) continue;
+      SCOPED_TRACE(testing::Message() << model << ' ' << unsigned{one.set} << ' ' << unsigned{one.command});
+      Unit unit({{"model", std::string(model)}});
+      EXPECT_EQ(unit.code(command(one.set, one.command, Bytes(one.size))), 0);
+      EXPECT_EQ(unit.code(command(one.set, one.command, Bytes(one.size + 1U))), 3);
+      if (one.size > 0) {
+        EXPECT_EQ(unit.code(command(one.set, one.command, Bytes(one.size - 1U))), 3);
+      }
+      ++tried;
+    }
+  }
+  EXPECT_EQ(tried, 26);
+}
+
+// commands_base.h, comm speed: port 0 stands for all, 1 is the main one; there is no other.
+TEST(MipCommands, SpeedsBelongToThePortsThatThereAre) {
+  Unit unit;
+  for (const std::uint8_t port : Bytes{2, 3, 0x11, 0xFF})
+    for (const Bytes& data : {Bytes{2, port}, {1, port, 0, 0x0E, 0x10, 0}, {3, port}, {4, port}, {5, port}})
+      EXPECT_EQ(unit.code(command(0x01, 0x09, data)), 3) << unsigned{port};
+  EXPECT_EQ(unit.device->uart().baud, 115200U);
+  for (const std::uint8_t port : Bytes{0, 1})
+    EXPECT_EQ(field(unit.send(command(0x01, 0x09, {2, port})).at(0), 0x89), (Bytes{1, 0, 1, 0xC2, 0}))
+        << unsigned{port};
+  EXPECT_EQ(unit.code(command(0x01, 0x09, {1, 1, 0, 0x0E, 0x10, 0})), 0);
+  EXPECT_EQ(unit.device->uart().baud, 921600U);
 }
 
 TEST(MipCommands, ValuesThatAreNoneAreRefused) {

@@ -72,7 +72,7 @@ TEST(MipIncrements, BeginWithTheStream) {
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   expect_milliseconds(first(unit), 6, "reset");
   unit.run(4);
-  unit.device->power_on(unit.sample.time);
+  unit.device->power_on(unit.now);
   expect_milliseconds(first(unit), 6, "power");
 }
 
@@ -105,7 +105,7 @@ TEST(MipIncrements, APollTakesNothingFromTheStream) {
   Bytes poll = {0x80, 0, 5};
   for (const std::uint8_t descriptor : all_of_them) poll.push_back(descriptor);
   for (int k = 0; k < 2; ++k)
-    expect_milliseconds(unit.say(command(0x0C, 0x0D, poll)).at(1), 1, "the last base period");
+    expect_milliseconds(unit.send(command(0x0C, 0x0D, poll)).at(1), 1, "the last base period");
   expect_milliseconds(first(unit), 10, "stream");
 }
 
@@ -124,7 +124,7 @@ TEST(MipIncrements, ReferenceTimeBeginsWithTheDevice) {
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   expect_next(1);
   unit.run(10);
-  unit.device->power_on(unit.sample.time);
+  unit.device->power_on(unit.now);
   expect_next(1);
 }
 

@@ -183,12 +183,12 @@ TEST(MipNavigation, StreamsOutOfTheBox) {
   EXPECT_EQ(packets[1], 4) << "of the receiver";
   EXPECT_EQ(packets[2], 10);
   EXPECT_LT(10 * bytes, 115200) << "does not fit the line";
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x07))[0], 0x84), (Bytes{0, 4}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x07))[0], 0x84), (Bytes{0, 4}));
   EXPECT_EQ(unit.code(command(0x0C, 0x09, {1, 1, 0x0B, 0, 2})), 0);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x09, {2}))[0], 0x81), (Bytes{1, 0x0B, 0, 2}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x09, {2}))[0], 0x81), (Bytes{1, 0x0B, 0, 2}));
   EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 2, 0})), 0) << "receiver's stream off";
   for (const Bytes& packet : unit.run(1000)) EXPECT_NE(packet[2], 0x81);
-  EXPECT_EQ(unit.say(command(0x0C, 0x02, {0, 1, 0x0B, 0, 0})).size(), 2U) << "but it can be polled";
+  EXPECT_EQ(unit.send(command(0x0C, 0x02, {0, 1, 0x0B, 0, 0})).size(), 2U) << "but it can be polled";
 }
 
 TEST(MipNavigation, SettingsThatTheModelHasNot) {

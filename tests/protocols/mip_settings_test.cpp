@@ -107,7 +107,7 @@ TEST(MipSettings, KeepsTellsSavesAndRestores) {
       return command(write[2], write[5], data);
     };
     const auto told = [&] {
-      const Bytes answer = unit.say(with(2)).at(0);
+      const Bytes answer = unit.send(with(2)).at(0);
       EXPECT_EQ(answer[7], 0);
       return Bytes(answer.begin() + 10, answer.end() - 2);
     };
@@ -136,7 +136,9 @@ TEST(MipSettings, KeepsTellsSavesAndRestores) {
 
 TEST(MipSettings, KeysChooseOneOfSeveral) {
   Unit unit = unit_of("3dm-cv7-ins");
-  const auto source = [&](std::uint8_t key) { return field(unit.say(command(0x0D, 0x50, {2, 0, key})).at(0), 0xD0); };
+  const auto source = [&](std::uint8_t key) {
+    return field(unit.send(command(0x0D, 0x50, {2, 0, key})).at(0), 0xD0);
+  };
   EXPECT_EQ(unit.code(command(0x0D, 0x50, {1, 0, 5, 0})), 0);
   EXPECT_EQ(source(5), (Bytes{0, 5, 0}));
   EXPECT_EQ(source(4), (Bytes{0, 4, 1}));
@@ -154,14 +156,16 @@ TEST(MipSettings, KeysChooseOneOfSeveral) {
 TEST(MipSettings, DynamicsModeIsReported) {
   Unit unit = unit_of("3dm-gx5-45");
   EXPECT_EQ(unit.code(hex("75650d04041001030312")), 0);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x0D, {0x82, 0, 1, 0x10})).at(1), 0x10)[3], 3);
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x0D, {0x82, 0, 1, 0x10})).at(1), 0x10)[3], 3);
 }
 
 TEST(MipSettings, CapturesTheGyroBias) {
   Unit unit;
   unit.sample.rate = {0.25, -0.5, 0.125};
   unit.sample.delta_angle = unit.sample.rate / 1000;
-  EXPECT_TRUE(unit.say(hex("75650c04043903e81270")).empty()) << "capture_gyro_bias(1000) is answered when it is done";
+  unit.run(1);
+  EXPECT_TRUE(unit.send(hex("75650c04043903e81270")).empty())
+      << "capture_gyro_bias(1000) is answered when it is done";
   EXPECT_EQ(unit.code(command(0x01, 0x01)), 0) << "others are answered meanwhile";
   EXPECT_EQ(unit.code(command(0x0C, 0x39, {0x03, 0xE8})), 4) << "but not another capture";
   for (const Bytes& packet : unit.run(500)) EXPECT_NE(packet[2], 0x0C);
@@ -177,17 +181,17 @@ TEST(MipSettings, CapturesTheGyroBias) {
   const Bytes now = next_of(unit, {0x05, 0x07});
   EXPECT_TRUE(vector_of(field(now, 0x05)).isApprox(Vector3(0.25, 0, 0)));
   EXPECT_TRUE(vector_of(field(now, 0x07)).isApprox(Vector3(-0.25e-3, 0, 0), 1e-6));
-  EXPECT_EQ(vector_of(field(unit.say(command(0x0C, 0x38, {2})).at(0), 0x9B)), Vector3(0.5, -0.5, 0.125));
+  EXPECT_EQ(vector_of(field(unit.send(command(0x0C, 0x38, {2})).at(0), 0x9B)), Vector3(0.5, -0.5, 0.125));
   // In volatile memory only, of which a second capture does not see the first.
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
-  EXPECT_EQ(vector_of(field(unit.say(command(0x0C, 0x38, {2})).at(0), 0x9B)), Vector3::Zero());
+  EXPECT_EQ(vector_of(field(unit.send(command(0x0C, 0x38, {2})).at(0), 0x9B)), Vector3::Zero());
   for (const Bytes& wrong : {Bytes{0x03, 0xE7}, {0x75, 0x31}, {0x03}, {0x03, 0xE8, 0}})  // 999 ms, 30 001 ms
     EXPECT_EQ(unit.code(command(0x0C, 0x39, wrong)), 3);
 }
 
 TEST(MipSettings, ACaptureEndsWithAReset) {
   Unit unit;
-  EXPECT_TRUE(unit.say(hex("75650c04043903e81270")).empty());
+  EXPECT_TRUE(unit.send(hex("75650c04043903e81270")).empty());
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   for (const Bytes& packet : unit.run(2000)) EXPECT_NE(packet[2], 0x0C);
 }
@@ -196,7 +200,7 @@ TEST(MipSettings, BiasesAreSubtracted) {
   Unit unit;
   EXPECT_EQ(unit.code(hex("75650c0f0f37013c23d70abca3d70a3cf5c28f3ef9")), 0);  // 0.01, -0.02, 0.03 g
   EXPECT_EQ(unit.code(hex("75650c0f0f38013c23d70abca3d70a3cf5c28f3f07")), 0);  // rad/s
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x37, {2})).at(0), 0x9A), hex("3c23d70abca3d70a3cf5c28f"));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x37, {2})).at(0), 0x9A), hex("3c23d70abca3d70a3cf5c28f"));
   next_of(unit, {0x07, 0x08});
   const Bytes now = next_of(unit, {0x04, 0x05, 0x07, 0x08});
   const Vector3 bias(0.01, -0.02, 0.03);
@@ -235,21 +239,21 @@ TEST(MipSettings, SensorToVehicle) {
   Unit gx5 = unit_of("3dm-gx5-25");  // by 90 deg about z the sensor's axes turn into the vehicle's
   EXPECT_EQ(gx5.code(hex("75650d0f0f110100000000000000003fc90fda08c1")), 0);
   check(gx5);
-  EXPECT_EQ(field(gx5.say(command(0x0D, 0x11, {2})).at(0), 0x81).size(), 12U);
-  EXPECT_NEAR(number(field(gx5.say(command(0x0D, 0x11, {2})).at(0), 0x81), 2), units::pi / 2, 1e-6);
+  EXPECT_EQ(field(gx5.send(command(0x0D, 0x11, {2})).at(0), 0x81).size(), 12U);
+  EXPECT_NEAR(number(field(gx5.send(command(0x0D, 0x11, {2})).at(0), 0x81), 2), units::pi / 2, 1e-6);
 
   Unit by_matrix = unit_of("3dm-cv7-ahrs");
   const char* write_dcm =
       "75650c27273301000000003f80000000000000bf800000000000000000000000000000000000003f8000002529";
   EXPECT_EQ(by_matrix.code(hex(write_dcm)), 0);
   check(by_matrix);
-  const Bytes matrix = field(by_matrix.say(command(0x0C, 0x33, {2})).at(0), 0xB3);
+  const Bytes matrix = field(by_matrix.send(command(0x0C, 0x33, {2})).at(0), 0xB3);
   EXPECT_NEAR(number(matrix, 1), 1, 1e-6);
   EXPECT_NEAR(number(matrix, 3), -1, 1e-6);
-  const Bytes quaternion = field(by_matrix.say(command(0x0C, 0x32, {2})).at(0), 0xB2);
+  const Bytes quaternion = field(by_matrix.send(command(0x0C, 0x32, {2})).at(0), 0xB2);
   EXPECT_NEAR(number(quaternion, 0), std::sqrt(0.5), 1e-6);
   EXPECT_NEAR(number(quaternion, 3), std::sqrt(0.5), 1e-6);
-  const Bytes euler = field(by_matrix.say(command(0x0C, 0x31, {2})).at(0), 0xB1);
+  const Bytes euler = field(by_matrix.send(command(0x0C, 0x31, {2})).at(0), 0xB1);
   EXPECT_NEAR(number(euler, 2), -units::pi / 2, 1e-6) << "the inverse of 0D:11";
 
   Unit by_quaternion = unit_of("3dm-cv7-ahrs");
@@ -261,7 +265,7 @@ TEST(MipSettings, SensorToVehicle) {
   check(by_euler);
   EXPECT_EQ(by_euler.code(command(0x0C, 0x31, {3})), 0);
   EXPECT_EQ(by_euler.code(command(0x0C, 0x31, {5})), 0);
-  EXPECT_EQ(field(by_euler.say(command(0x0C, 0x31, {2})).at(0), 0xB1), Bytes(12));
+  EXPECT_EQ(field(by_euler.send(command(0x0C, 0x31, {2})).at(0), 0xB1), Bytes(12));
   EXPECT_EQ(by_euler.code(command(0x01, 0x7E)), 0);
   check(by_euler);
 

@@ -133,7 +133,7 @@ TEST(Mip, EncodesThemAtTheirOwnRateToTheSameBytes) {
 // The same capture, offset 0: what a device answers to resume, the host's 0x01:0x06.
 TEST(Mip, AnswersResumeWithTheSameBytes) {
   Unit unit;
-  EXPECT_EQ(unit.say(command(0x01, 0x06)), (std::vector<Bytes>{hex("7565010404f10600da74")}));
+  EXPECT_EQ(unit.send(command(0x01, 0x06)), (std::vector<Bytes>{hex("7565010404f10600da74")}));
 }
 
 // Shared fields are in packets of any set: 0xA0 is the system's (mip_sdk e5a847d, data_system.h), of no measurement.
@@ -164,8 +164,8 @@ TEST(Mip, TakesTheLibrarysOwnCommands) {
   unit.sample.specific_force = units::standard_gravity * Vector3(0.5, -1, 2);
   unit.sample.rate = {0.25, -4, 8};
   unit.run(1);
-  EXPECT_TRUE(unit.say(hex("75650c08080d008003d504056446")).empty());
-  const auto polled = unit.say(command(0x0C, 0x0D, {0x80, 0, 3, 0xD5, 0x04, 0x05}));
+  EXPECT_TRUE(unit.send(hex("75650c08080d008003d504056446")).empty());
+  const auto polled = unit.send(command(0x0C, 0x0D, {0x80, 0, 3, 0xD5, 0x04, 0x05}));
   ASSERT_EQ(polled.size(), 2U) << "poll";
   EXPECT_EQ(polled[0], packet(0x0C, {4, 0xF1, 0x0D, 0}));
   Bytes data = {10, 0xD5, 0, 0, 0, 0, 6, 0x8E, 0x77, 0x80};  // 110 ms
@@ -174,7 +174,7 @@ TEST(Mip, TakesTheLibrarysOwnCommands) {
           "0e053e800000c080000041000000");
   data.insert(data.end(), vectors.begin(), vectors.end());
   EXPECT_EQ(polled[1], packet(0x80, data));
-  const auto answers = unit.say(hex("7565011a0201080901010001c200080901010001c200080901010001c2007a91"));
+  const auto answers = unit.send(hex("7565011a0201080901010001c200080901010001c200080901010001c2007a91"));
   ASSERT_EQ(answers.size(), 1U) << "ping and three changes of speed in one packet";
   EXPECT_EQ(answers[0], packet(0x01, {4, 0xF1, 0x01, 0, 4, 0xF1, 0x09, 0, 4, 0xF1, 0x09, 0, 4, 0xF1, 0x09, 0}));
 }
@@ -189,7 +189,7 @@ INSTANTIATE_TEST_SUITE_P(Models, MipModel, testing::Values("3dm-gx5-25", "3dm-gx
 
 TEST_P(MipModel, SaysWhoItIsAndWhatItCan) {
   Unit unit({{"model", std::string(GetParam())}});
-  const auto info = unit.say(command(0x01, 0x03));
+  const auto info = unit.send(command(0x01, 0x03));
   ASSERT_EQ(info.size(), 1U);
   const Bytes text = field(info[0], 0x81);
   ASSERT_EQ(text.size(), 82U);
@@ -200,7 +200,7 @@ TEST_P(MipModel, SaysWhoItIsAndWhatItCan) {
   // Everything in the list is answered, and nothing else.
   std::set<unsigned> known;
   for (const std::uint8_t asked : Bytes{0x04, 0x07}) {
-    const Bytes list = field(unit.say(command(0x01, asked))[0], asked == 0x04 ? 0x82 : 0x86);
+    const Bytes list = field(unit.send(command(0x01, asked))[0], asked == 0x04 ? 0x82 : 0x86);
     for (std::size_t i = 0; i < list.size(); i += 2) EXPECT_TRUE(known.insert(list[i] * 256U + list[i + 1]).second);
   }
   for (const unsigned set : {0x01U, 0x0CU, 0x0DU, 0x0EU, 0x13U})
@@ -234,17 +234,17 @@ TEST(Mip, IdleResumeAndStreamControl) {
   EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 0x80, 0})), 0);
   EXPECT_EQ(unit.code(command(0x01, 0x06)), 0);
   for (const Bytes& sent : unit.run(1000)) EXPECT_EQ(sent[2], 0x82);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x11, {2, 0x80}))[0], 0x85), (Bytes{0x80, 0}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, 0x80}))[0], 0x85), (Bytes{0x80, 0}));
   EXPECT_EQ(unit.code(command(0x0C, 0x11, {5, 0x80})), 0);
   EXPECT_EQ(unit.run(1000).size(), 110U);
 }
 
 TEST(Mip, RatesAndFormatsAreReadSavedAndLoaded) {
   Unit unit;
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x06))[0], 0x83), (Bytes{0x03, 0xE8}));
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x0E, {0x82}))[0], 0x8E), (Bytes{0x82, 0x01, 0xF4}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x06))[0], 0x83), (Bytes{0x03, 0xE8}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x0E, {0x82}))[0], 0x8E), (Bytes{0x82, 0x01, 0xF4}));
   EXPECT_EQ(unit.code(command(0x0C, 0x08, {1, 2, 0x05, 0, 4, 0x04, 0, 8})), 0);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x0F, {2, 0x80}))[0], 0x8F), (Bytes{0x80, 2, 0x05, 0, 4, 0x04, 0, 8}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x0F, {2, 0x80}))[0], 0x8F), (Bytes{0x80, 2, 0x05, 0, 4, 0x04, 0, 8}));
   int rates = 0, forces = 0;
   for (const Bytes& sent : unit.run(1000)) {
     rates += !field(sent, 0x05).empty() && sent[2] == 0x80;
@@ -254,19 +254,19 @@ TEST(Mip, RatesAndFormatsAreReadSavedAndLoaded) {
   EXPECT_EQ(forces, 125);
   EXPECT_EQ(unit.code(command(0x0C, 0x08, {3})), 0);
   EXPECT_EQ(unit.code(command(0x0C, 0x08, {5})), 0);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 7);
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x08, {2}))[0], 0x80)[0], 7);
   EXPECT_EQ(unit.code(command(0x0C, 0x30, {4})), 0);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
   // Wrong: an unknown field, no decimation, too short, too long, another function.
   for (const Bytes& data :
        {Bytes{1, 1, 0x33, 0, 1}, {1, 1, 0x05, 0, 0}, {1, 2, 0x05, 0, 1}, {1, 1, 0x05, 0, 1, 9}, {9}, {}})
     EXPECT_EQ(unit.code(command(0x0C, 0x08, data)), 3);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x08, {2}))[0], 0x80)[0], 2);
 }
 
 TEST(Mip, SavesAndLoadsOfAllSetsAtOnce) {
   Unit unit;
-  const auto formats = [&](std::uint8_t set) { return field(unit.say(command(0x0C, 0x0F, {2, set}))[0], 0x8F)[1]; };
+  const auto formats = [&](std::uint8_t set) { return field(unit.send(command(0x0C, 0x0F, {2, set}))[0], 0x8F)[1]; };
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x80, 1, 0x05, 0, 4})), 0);
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x82, 0})), 0);
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, {3, 0})), 0);
@@ -280,16 +280,16 @@ TEST(Mip, SavesAndLoadsOfAllSetsAtOnce) {
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0, 0})), 3);
   EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 3, 0})), 0) << "filter, as older devices number it";
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, {5, 0})), 0) << "a format's default leaves it off";
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x11, {2, 3}))[0], 0x85), (Bytes{3, 0}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, 3}))[0], 0x85), (Bytes{3, 0}));
   EXPECT_EQ(unit.code(command(0x0C, 0x11, {5, 0})), 0);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x11, {2, 0x82}))[0], 0x85), (Bytes{0x82, 1}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, 0x82}))[0], 0x85), (Bytes{0x82, 1}));
 }
 
 TEST(Mip, AnswersThatFillMoreThanAPacket) {
   Unit unit;
   Bytes fields;
   for (const std::uint8_t command : Bytes{0x03, 0x03, 0x03, 0x04, 0x01}) fields.insert(fields.end(), {2, command});
-  const auto answers = unit.say(packet(0x01, fields));
+  const auto answers = unit.send(packet(0x01, fields));
   std::vector<std::uint8_t> answered;
   for (const Bytes& answer : answers) {
     ASSERT_EQ(answer.size(), 6U + answer[3]);
@@ -302,7 +302,7 @@ TEST(Mip, AnswersThatFillMoreThanAPacket) {
 
 TEST(Mip, APollCanGoWithoutAcknowledgement) {
   Unit unit;
-  const auto polled = unit.say(command(0x0C, 0x0D, {0x80, 1, 1, 0x05}));
+  const auto polled = unit.send(command(0x0C, 0x0D, {0x80, 1, 1, 0x05}));
   ASSERT_EQ(polled.size(), 1U);
   EXPECT_EQ(polled[0], packet(0x80, {14, 0x05, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}));
 }
@@ -312,7 +312,7 @@ TEST(Mip, TheLineFollowsTheAnswer) {
   EXPECT_EQ(unit.device->uart().baud, 115200U);
   EXPECT_EQ(unit.code(command(0x0C, 0x40, {1, 0, 0x0E, 0x10, 0})), 0);  // 921600
   EXPECT_EQ(unit.device->uart().baud, 921600U);
-  EXPECT_EQ(field(unit.say(command(0x0C, 0x40, {2}))[0], 0x87), (Bytes{0, 0x0E, 0x10, 0}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x40, {2}))[0], 0x87), (Bytes{0, 0x0E, 0x10, 0}));
   EXPECT_EQ(unit.code(command(0x01, 0x09, {1, 1, 0, 0, 0, 7})), 3) << "no such speed";
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   EXPECT_EQ(unit.device->uart().baud, 115200U) << "was not saved";
@@ -358,9 +358,9 @@ TEST(Mip, ACommandCutOffEndsThoughMoreIsSaid) {
     return std::count(sent.begin(), sent.end(), hex("7565010404f10100d56a"));
   };
   EXPECT_EQ(unit.code(hex("756501020202e1c7")), 0) << "idle";
-  EXPECT_TRUE(unit.say(hex("756501ff")).empty()) << "a packet of 261 bytes begins";
+  EXPECT_TRUE(unit.send(hex("756501ff")).empty()) << "a packet of 261 bytes begins";
   unit.run(60);
-  EXPECT_TRUE(unit.say(ping).empty()) << "is part of it so far";
+  EXPECT_TRUE(unit.send(ping).empty()) << "is part of it so far";
   EXPECT_EQ(answers_in(39), 0);
   EXPECT_EQ(answers_in(10), 1) << "only its false start is given up";
   for (int k = 0; k < 3; ++k) {
@@ -369,20 +369,20 @@ TEST(Mip, ACommandCutOffEndsThoughMoreIsSaid) {
   }
   // A line of 9600 bit/s needs 272 ms for the longest packet.
   EXPECT_EQ(unit.code(command(0x0C, 0x40, {1, 0, 0, 0x25, 0x80})), 0);
-  EXPECT_TRUE(unit.say({ping.begin(), ping.end() - 1}).empty());
+  EXPECT_TRUE(unit.send({ping.begin(), ping.end() - 1}).empty());
   unit.run(272);
-  EXPECT_EQ(unit.say({ping.back()}).size(), 1U);
+  EXPECT_EQ(unit.send({ping.back()}).size(), 1U);
 }
 
 TEST(Mip, ACommandCutOffIsForgotten) {
   Unit unit;
   const Bytes ping = command(0x01, 0x01);
-  EXPECT_TRUE(unit.say({ping.begin(), ping.begin() + 4}).empty());
+  EXPECT_TRUE(unit.send({ping.begin(), ping.begin() + 4}).empty());
   unit.run(600);
   EXPECT_EQ(unit.code(ping), 0);
   Bytes bad = ping;
   bad.back() ^= 1;
-  EXPECT_TRUE(unit.say(bad).empty());
+  EXPECT_TRUE(unit.send(bad).empty());
   EXPECT_EQ(unit.code(ping), 0);
 }
 

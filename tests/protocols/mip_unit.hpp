@@ -36,6 +36,7 @@ inline Bytes command(std::uint8_t set, std::uint8_t descriptor, Bytes data = {})
   return packet(set, data);
 }
 
+// A device on its own clock, which runs by samples, one a millisecond, and by wait(). Its deadlines are polled.
 class Unit {
  public:
   explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
@@ -44,40 +45,68 @@ class Unit {
     for (const auto& [key, value] : values) settings.set(key, value);
     device = protocol.make(settings);
   }
+  // The first sample is at `now`, each other one a millisecond later.
   std::vector<Bytes> run(int samples) {
     std::vector<Bytes> all;
     for (int k = 0; k < samples; ++k) {
-      sample.counter = static_cast<std::uint64_t>(count_);
-      sample.time = DeviceTime{} + count_++ * 1ms;
+      if (has_sampled_) append(all, wait(1ms));
+      has_sampled_ = true;
+      sample.counter = static_cast<std::uint64_t>(count_++);
+      sample.time = now;
       frames_->clear();
       device->sample(sample, *frames_);
-      for (const Frame& frame : frames_->frames()) all.push_back(bytes_of(frame));
+      append(all, frames());
     }
     return all;
   }
-  std::vector<Bytes> say(const Bytes& bytes) {
-    frames_->clear();
-    device->receive({std::as_bytes(std::span(bytes))}, sample.time, *frames_);
+  // Lets the clock run without samples.
+  std::vector<Bytes> wait(Nanoseconds duration) {
     std::vector<Bytes> all;
-    for (const Frame& frame : frames_->frames()) all.push_back(bytes_of(frame));
+    const DeviceTime end = now + duration;
+    for (int polls = 0; polls < 1000; ++polls) {
+      const auto deadline = device->deadline();
+      if (!deadline || *deadline > end) break;
+      now = std::max(now, *deadline);
+      append(all, poll());
+    }
+    now = end;
     return all;
   }
-  // The code that the only command of the packet is answered with.
+  std::vector<Bytes> poll() {
+    frames_->clear();
+    device->poll(now, *frames_);
+    return frames();
+  }
+  std::vector<Bytes> send(const Bytes& bytes) {
+    frames_->clear();
+    device->receive({std::as_bytes(std::span(bytes))}, now, *frames_);
+    return frames();
+  }
+  // The code that the only command of the packet is answered with; -1: there is no answer.
   int code(const Bytes& bytes) {
-    const auto answers = say(bytes);
+    const auto answers = send(bytes);
     if (answers.empty() || answers[0].size() < 8 || answers[0][5] != 0xF1 || answers[0][6] != bytes[5]) return -1;
     return answers[0][7];
   }
 
+  DeviceTime now;
   Sample sample;
   std::unique_ptr<Device> device;
 
  private:
-  static Bytes bytes_of(const Frame& frame) {
-    Bytes bytes(frame.bytes.size());
-    std::memcpy(bytes.data(), frame.bytes.data(), bytes.size());
-    return bytes;
+  std::vector<Bytes> frames() const {
+    std::vector<Bytes> all;
+    for (const Frame& frame : frames_->frames()) {
+      Bytes bytes(frame.bytes.size());
+      std::memcpy(bytes.data(), frame.bytes.data(), bytes.size());
+      all.push_back(std::move(bytes));
+    }
+    return all;
   }
+  static void append(std::vector<Bytes>& all, const std::vector<Bytes>& more) {
+    all.insert(all.end(), more.begin(), more.end());
+  }
+  bool has_sampled_ = false;
   int count_ = 0;
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
 };
