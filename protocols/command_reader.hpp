@@ -10,23 +10,24 @@
 
 namespace imud {
 
-// A line ends with CR or LF and is at most `Max` characters long; a longer one is left out. A line that has not grown
-// for `patience` was cut off: it is dropped when more bytes arrive.
+// A line ends with CR or LF and has at most `Max` characters; a longer one is discarded whole. The beginning of a
+// line times out when no byte follows it for `timeout`: it is discarded as soon as more comes. So a reader has no
+// deadline.
 template <std::size_t Max>
 class CommandReader {
  public:
-  static constexpr Nanoseconds patience = std::chrono::seconds(1);
+  static constexpr Nanoseconds timeout = std::chrono::seconds(1);
 
-  // `now`: any clock that the device has. `act(std::string_view)` is given each line, without its end; no empty ones.
-  // `leave_out()` is called at the end of one that is too long.
-  template <class Act, class LeaveOut>
-  void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act, LeaveOut&& leave_out) {
-    if (now - last_ > patience) lines_.drop_line();
+  // `now` does not decrease, except by step_clock(). `act(std::string_view)` is given each line, without its end; no
+  // empty ones. `overflow()` is called at the end of one that is too long.
+  template <class Act, class Overflow>
+  void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act, Overflow&& overflow) {
+    if (now - last_ > timeout) lines_.drop_line();
     last_ = now;
     lines_.feed({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
     while (const auto line = lines_.next()) {
       if (line->is_too_long())
-        leave_out();
+        overflow();
       else if (line->size > 0)
         act(line->text);
     }
@@ -35,7 +36,9 @@ class CommandReader {
   void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act) {
     feed(bytes, now, act, [] {});
   }
-  // Device::step_clock().
+
+  // Discards the beginning of a line.
+  void clear() noexcept { lines_.drop_line(); }
   void step_clock(Nanoseconds by) noexcept { last_ = last_ + by; }
 
  private:

@@ -1,7 +1,6 @@
-// VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp; registers and what messages say
-// have files of their own. What the device's own filter would estimate is the truth: its settings are kept and told,
-// no more. Compensations (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in
-// the device.
+// VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The truth stands in for the
+// estimates of the product's filter, whose settings are kept and read back, and change nothing. Compensations
+// (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in the product.
 #include <algorithm>
 #include <cstdio>
 #include <stdexcept>
@@ -23,35 +22,43 @@ class VectorNavDevice final : public Device {
  public:
   VectorNavDevice(const Model& model, const Configuration& configuration) noexcept
       : model_(model), factory_(configuration), stored_(configuration) {
-    reset();
+    reset({});
   }
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
-    if (!started_) start_ = sample.time;
-    if (started_ && sample.time < sample_.time)
-      start_ = start_ - (sample_.time - sample.time);  // simulation time began anew
-    started_ = true;
     compensate(sample);
     for (Sums& sums : sums_) sums.add(sample_, 1 / model_.internal_hz);
     if (paused_) return;
     const auto ascii_divisor = static_cast<std::uint64_t>(model_.internal_hz) / std::max(1U, port().async_hz);
     if (port().async_type != 0 && sample.counter % ascii_divisor == 0) send_async(out);
     for (std::size_t i = 0; i < active_.binary.size(); ++i)
-      if (active_.binary[i].is_streamed() && sample.counter % active_.binary[i].divisor == 0) send_binary(i, out);
+      if (active_.binary[i].is_streamed() && sample.counter % active_.binary[i].divisor == 0)
+        send_binary(i, sample.time, out);
   }
 
-  void receive(const Frame& from_host, DeviceTime, FrameBuffer& replies) noexcept override {
+  void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override {
     reader_.feed(
-        from_host.bytes, sample_.time,
+        from_host.bytes, now,
         [&](std::string_view line) {
-          // What comes before is not ours; a command cut off is followed by another one's beginning.
+          // The last '$' begins the command: a command that was cut off may stand before it.
           if (const std::size_t begin = line.rfind('$'); begin != std::string_view::npos)
-            obey(line.substr(begin + 1), replies);
+            execute(line.substr(begin + 1), now, replies);
         },
         [&] { send_error(input_overflow, Form::two_digits, replies); });
   }
 
-  void power_on(DeviceTime) noexcept override { reset(); }
+  void power_on(DeviceTime now) noexcept override {
+    reader_.clear();
+    reset(now);
+  }
+
+  void step_clock(Nanoseconds by) noexcept override {
+    start_ = start_ + by;
+    sample_.time = sample_.time + by;
+    raw_.time = raw_.time + by;
+    reader_.step_clock(by);
+  }
+
   UartSettings uart() const noexcept override { return {port().baud}; }
 
  private:
@@ -61,18 +68,22 @@ class VectorNavDevice final : public Device {
     std::string_view name;
     std::size_t fewest, most;  // parameters
   };
-  static constexpr Command commands[] = {// the last ones change nothing here
+  static constexpr Command commands[] = {// the last ones change nothing
                                          {"VNRRG", 1, 2},   {"VNWRG", 1, any}, {"VNASY", 1, 1},   {"VNBOM", 1, 1},
                                          {"VNWNV", 0, 0},   {"VNTAR", 0, 0},   {"VNRFS", 0, 0},   {"VNRST", 0, 0},
                                          {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any},
                                          {"VNKAD", 0, any}, {"VNCMD", 0, any}};
 
-  void reset() noexcept {
+  // Only what was stored stays; nothing is measured yet, and time since start-up counts from `now`.
+  void reset(DeviceTime now) noexcept {
     active_ = stored_;
     dcm_ = active_.reference_frame;
     tare_.setIdentity();
     paused_ = false;
-    started_ = false;
+    start_ = now;
+    sample_ = {};
+    sample_.time = now;
+    raw_ = sample_;
     sums_ = {};
   }
 
@@ -94,7 +105,9 @@ class VectorNavDevice final : public Device {
   }
 
   const Configuration::SerialPort& port() const noexcept { return active_.ports[0]; }
-  Reading reading() const noexcept { return {model_, sample_, raw_, tare_, sample_.time - start_}; }
+  Reading reading(DeviceTime now) const noexcept {
+    return {model_, sample_, raw_, tare_, now - start_, now - sample_.time};
+  }
   Form async_form() const noexcept {  // register 30, parameter 5: 1, or 3 (2 in vnproglib)
     return active_.number_of(30, 4) >= 2 ? Form::four_digits : Form::two_digits;
   }
@@ -102,12 +115,13 @@ class VectorNavDevice final : public Device {
   void send_async(FrameBuffer& out) noexcept {
     Message message(out, async_form());
     message.put(name_of(port().async_type, model_));
-    put_measurement(port().async_type, reading(), sums_[of_ascii], message);
-    put_appended(active_.number_of(30, 0), active_.number_of(30, 1), reading(), message);
+    const Reading now = reading(sample_.time);
+    put_measurement(port().async_type, now, sums_[of_ascii], message);
+    put_appended(active_.number_of(30, 0), active_.number_of(30, 1), now, message);
     message.send();
   }
 
-  void send_binary(std::size_t which, FrameBuffer& out) noexcept {
+  void send_binary(std::size_t which, DeviceTime now, FrameBuffer& out) noexcept {
     const BinaryOutput& output = active_.binary[which];
     if (output.size() == 0) return;
     FrameWriter<boost::endian::order::little> frame(out, longest);
@@ -120,7 +134,7 @@ class VectorNavDevice final : public Device {
       for (unsigned bit = 0; bit < field_sizes[g].size(); ++bit) {
         if ((output.masks[g] >> bit & 1U) == 0) continue;
         const std::size_t end = frame.size() + field_sizes[g][bit];
-        put_field(g, bit, reading(), sums, frame);
+        put_field(g, bit, reading(now), sums, frame);
         frame.fill(end);
       }
     if (frame.size() == 0) return;
@@ -131,7 +145,7 @@ class VectorNavDevice final : public Device {
   }
 
   // --- Commands ---
-  void obey(std::string_view line, FrameBuffer& replies) noexcept {
+  void execute(std::string_view line, DeviceTime now, FrameBuffer& replies) noexcept {
     const std::size_t star = line.rfind('*');
     const std::string_view body = line.substr(0, star);
     const std::string_view sum = star == std::string_view::npos ? std::string_view() : line.substr(star + 1);
@@ -141,12 +155,13 @@ class VectorNavDevice final : public Device {
       error = bad_command;
       const bool has_parameters = body.size() > 5 && body[5] == ',';
       if (body.size() == 5 || has_parameters)
-        error = obey(body.substr(0, 5), has_parameters ? body.substr(6) : std::string_view(), body, form, replies);
+        error = execute(body.substr(0, 5), has_parameters ? body.substr(6) : std::string_view(), body, form, now,
+                        replies);
     }
     if (error != none) send_error(error, form, replies);
   }
 
-  // By register 30's mode of errors: 0, nothing is said; 2, the stream of text ends too.
+  // Register 30 has the mode of errors: 0, no message; 1, a message; 2, a message, and the stream of text ends.
   void send_error(Error error, Form form, FrameBuffer& replies) noexcept {
     const double mode = active_.number_of(30, 6);
     if (mode == 0) return;
@@ -156,19 +171,19 @@ class VectorNavDevice final : public Device {
     Message(replies, form).put(text.data()).send();
   }
 
-  Error obey(std::string_view name, std::string_view rest, std::string_view body, Form form,
-             FrameBuffer& replies) noexcept {
+  Error execute(std::string_view name, std::string_view rest, std::string_view body, Form form, DeviceTime now,
+                FrameBuffer& replies) noexcept {
     const auto is_it = [&](const Command& command) { return command.name == name; };
     const auto* command = std::find_if(std::begin(commands), std::end(commands), is_it);
     if (command == std::end(commands)) return bad_command;
     const std::size_t given = rest.empty() ? 0 : Words(rest).count;
     if (given < command->fewest) return too_few;
     if (given > command->most) return too_many;
-    if (name == "VNRRG") return read_register(rest, body.substr(0, 6), form, replies);
+    if (name == "VNRRG") return read_register(rest, body.substr(0, 6), form, now, replies);
     if (name == "VNBOM") {
       const auto which = number_in<unsigned>(rest);
       if (!which || *which < 1 || *which > 3 || active_.binary[*which - 1].size() == 0) return bad_parameter;
-      send_binary(*which - 1, replies);
+      send_binary(*which - 1, now, replies);
       return none;
     }
     if (name == "VNWRG") {
@@ -185,16 +200,16 @@ class VectorNavDevice final : public Device {
     } else if (name == "VNWNV") {
       stored_ = active_;
     } else if (name == "VNTAR") {
-      tare_ = sample_.q_LP.conjugate();  // what is so now is level and north from now on
+      tare_ = sample_.q_LP.conjugate();  // the present attitude is level and north from now on
     } else if (name == "VNRFS") {
       stored_ = factory_;
     }
     Message(replies, form).put(body).send();
-    if (name == "VNRFS" || name == "VNRST") reset();
+    if (name == "VNRFS" || name == "VNRST") reset(now);
     return none;
   }
 
-  // Of an output that has been written anew.
+  // An output that has been written begins its increments anew.
   void begin_sums(const Words& words) noexcept {
     const unsigned id = number_in<unsigned>(words[0]).value_or(0);
     const bool is_other_port = words.count == 3 && words[2] == "2";
@@ -202,7 +217,8 @@ class VectorNavDevice final : public Device {
     if ((id == 6 || id == 7) && !is_other_port) sums_[of_ascii] = {};
   }
 
-  Error read_register(std::string_view rest, std::string_view name, Form form, FrameBuffer& replies) noexcept {
+  Error read_register(std::string_view rest, std::string_view name, Form form, DeviceTime now,
+                      FrameBuffer& replies) noexcept {
     const std::size_t comma = rest.find(',');
     const std::string_view word = rest.substr(0, comma);
     const std::string_view serial_port =
@@ -215,7 +231,7 @@ class VectorNavDevice final : public Device {
     const unsigned type = type_of_register(*id);
     if (type != 0 && !name_of(type, model_).empty()) {
       if (is_surplus) return too_many;
-      put_measurement(type, reading(), sums_[of_polled], message);
+      put_measurement(type, reading(now), sums_[of_polled], message);
     } else if (const Error error = put_register(active_, model_, *id, serial_port, message); error != none) {
       return error;
     }
@@ -227,12 +243,12 @@ class VectorNavDevice final : public Device {
   const Model& model_;
   const Configuration factory_;
   Configuration stored_, active_;
-  bool paused_ = false, started_ = false;
-  DeviceTime start_;
+  bool paused_ = false;
+  DeviceTime start_;                   // of the unit: power-on or reset
   Matrix3 dcm_ = Matrix3::Identity();  // register 26: to the host's axes
   Quaternion tare_ = Quaternion::Identity();
   Sample raw_, sample_;       // the newest, as sensed, and compensated
-  std::array<Sums, 5> sums_;  // of the binary outputs, of text, of register 80
+  std::array<Sums, 5> sums_;  // since the binary outputs, text and register 80 were sent last
   CommandReader<256> reader_;
 };
 

@@ -67,7 +67,7 @@ class Quantities {
   Vector3 to_E(const Vector3& v_L) const noexcept {
     return has_fix() ? Vector3(dcm_EL(navigation_.latitude, navigation_.longitude) * v_L) : Vector3(Vector3::Zero());
   }
-  std::int64_t gps_ns() const noexcept { return has_fix() ? navigation_.gps_ns : 0; }
+  std::int64_t gps_ns() const noexcept { return has_fix() ? navigation_.gps_ns + r_.age.count() : 0; }
   std::uint16_t week() const noexcept { return static_cast<std::uint16_t>(gps_ns() / week_ns); }
   double time_of_week_s() const noexcept { return 1e-9 * static_cast<double>(gps_ns() % week_ns); }
   // Mode 2 (tracking) and the fix; a VN-300's heading by two antennas (vnproglib, InsStatus).

@@ -171,13 +171,14 @@ struct Sums {
   }
 };
 
-// What messages and fields are made of.
+// The source of messages and fields.
 struct Reading {
   const Model& model;
-  const Sample& sample;    // compensated, in the host's reference frame
+  const Sample& sample;    // compensated, in the host's reference frame; zeros before the first one
   const Sample& raw;       // as sensed
-  const Quaternion& tare;  // from north-east-down to what VNTAR made level and north: of attitudes told alone
-  Nanoseconds since_start;
+  const Quaternion& tare;  // from north-east-down to what VNTAR made level and north; only reported attitudes have it
+  Nanoseconds since_start;  // at the time of the message
+  Nanoseconds age;          // of the sample, at the time of the message
 };
 
 // The message's name: empty if the model has none of that type.

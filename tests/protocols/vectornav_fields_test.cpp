@@ -14,12 +14,6 @@ namespace {
 
 using namespace vectornav_test;
 
-template <class Number>
-Number number_at(const std::string& frame, std::size_t at) {
-  Number number;
-  std::memcpy(&number, frame.data() + at, sizeof number);
-  return number;
-}
 Vector3 floats_at(const std::string& frame, std::size_t at) {
   return {static_cast<double>(real_at(frame, at)), static_cast<double>(real_at(frame, at + 4)),
           static_cast<double>(real_at(frame, at + 8))};
@@ -212,6 +206,19 @@ TEST(VectorNavFields, CompensationsActOnWhatIsCompensated) {
   EXPECT_LT((floats_at(sent[0], 40) - Vector3(0, 0.2, 0.4)).norm(), 1e-6);
 }
 
+// A bias of 5 m/s^2 is 50 mm/s in 10 ms, one of 0.1 rad/s is 1 mrad.
+TEST(VectorNavFields, CompensationsActOnIncrements) {
+  Unit unit({{"binary_1", std::string("1,8,01,0800")}, {"async_type", std::int64_t{0}}});
+  unit.ask("VNWRG,84,1,0,0,0,1,0,0,0,2,0.1,0,0.1");
+  unit.ask("VNWRG,25,3,0,0,0,1,0,0,0,1,5,0,0");
+  unit.sample.delta_angle = Vector3(0.1, 0.2, 0.3) / 800;
+  unit.sample.delta_velocity = Vector3(1, 2, 3) / 800;
+  unit.run(8);
+  const std::string frame = unit.run(8).at(0);
+  EXPECT_LT((floats_at(frame, 8) * units::degree - Vector3(0, 0.2, 0.4) / 100).norm(), 1e-7);
+  EXPECT_LT((floats_at(frame, 20) - Vector3(-12, 2, 3) / 100).norm(), 1e-6);
+}
+
 // From north-east-down to the body, in column-major order: the SDK's CompositeData.hpp, vnproglib's
 // Packet::extractMat3f.
 TEST(VectorNavFields, TheMatrixOfDirectionCosinesGoesByColumns) {
@@ -247,15 +254,15 @@ TEST(VectorNavFields, TheManualsMessages) {
   EXPECT_EQ(unit.ask("VNRRG,80"), "$VNRRG,80,+0.665000,-000.119,-000.409,-000.025,+000.011,-000.084,-006.702*6D\r\n");
   unit.ask("VNWRG,30,2,0,0,0,1,0,1");
   EXPECT_EQ(unit.ask("VNRRG,30"), "$VNRRG,30,2,0,0,0,1,0,1*6E\r\n");
-  EXPECT_EQ(unit.say("$VNKMD,1*47\r\n"), "$VNKMD,1*47\r\n");
-  EXPECT_EQ(unit.say("$VNRRG,01*00\r\n"), "$VNERR,03*72\r\n");
+  EXPECT_EQ(unit.send("$VNKMD,1*47\r\n"), "$VNKMD,1*47\r\n");
+  EXPECT_EQ(unit.send("$VNRRG,01*00\r\n"), "$VNERR,03*72\r\n");
 }
 
 // ArduPilot's AP_ExternalAHRS_VectorNav.cpp, the third output, with its CRC-16.
 TEST(VectorNavFields, ArduPilotsGnssOutput) {
   Unit unit({{"model", std::string("vn-300")}});
   const std::string line = "$VNWRG,77,1,160,49,0003,26B8,0018*4FD9\r\n";
-  EXPECT_EQ(unit.say(line), line);
+  EXPECT_EQ(unit.send(line), line);
 }
 
 TEST(VectorNavFields, TextIsDecodedInItsUnits) {

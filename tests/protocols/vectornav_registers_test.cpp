@@ -97,7 +97,7 @@ TEST(VectorNavRegisters, WhatMakesTheLoadLessIsTakenAtAnyLoad) {
 
 TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsToldSo) {
   Unit unit;
-  EXPECT_EQ(unit.say("$VNWRG,00," + std::string(300, 'x') + "\r\n"), with_xor("VNERR,02"));
+  EXPECT_EQ(unit.send("$VNWRG,00," + std::string(300, 'x') + "\r\n"), with_xor("VNERR,02"));
   EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
 }
 
@@ -240,7 +240,7 @@ TEST(VectorNavRegisters, Register30SaysWhatAnErrorDoes) {
   Unit unit;
   unit.ask("VNWRG,30,0,0,0,0,1,0,0");
   EXPECT_EQ(unit.ask("VNXYZ"), "");
-  EXPECT_EQ(unit.say("$VNRRG,01*00\r\n"), "");
+  EXPECT_EQ(unit.send("$VNRRG,01*00\r\n"), "");
   EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
   EXPECT_EQ(unit.run(800).size(), 40U);
   unit.ask("VNWRG,30,0,0,0,0,1,0,1");

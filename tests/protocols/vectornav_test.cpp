@@ -21,23 +21,23 @@ TEST(VectorNav, TheChecksumOfTheseTestsIsTheirs) {
 // Lines as vnproglib, the SDK and ArduPilot sent them.
 TEST(VectorNav, AnswersInTheFormThatTheHostUsed) {
   Unit unit;
-  EXPECT_EQ(unit.say("$VNRRG,01*72\r\n"), with_xor("VNRRG,01,VN-100S-CR"));
-  EXPECT_EQ(unit.say("$VNRRG,01*E15F\r\n"), with_crc("VNRRG,01,VN-100S-CR"));
-  EXPECT_EQ(unit.say("$VNASY,0*4F\r\n"), "$VNASY,0*4F\r\n");
-  EXPECT_EQ(unit.say("$VNWRG,06,0*6C\r\n"), "$VNWRG,06,0*6C\r\n");
-  EXPECT_EQ(unit.say("$VNWRG,75,3,20,1,529*4A\r\n"), "$VNWRG,75,3,20,1,529*4A\r\n");
-  EXPECT_EQ(unit.say("$VNWRG,75,3,400,01,0321*D84E\r\n"), "$VNWRG,75,3,400,01,0321*D84E\r\n");
-  EXPECT_EQ(unit.say("$VNWRG,75,3,16,01,0721*D415\r\n"), "$VNWRG,75,3,16,01,0721*D415\r\n");
+  EXPECT_EQ(unit.send("$VNRRG,01*72\r\n"), with_xor("VNRRG,01,VN-100S-CR"));
+  EXPECT_EQ(unit.send("$VNRRG,01*E15F\r\n"), with_crc("VNRRG,01,VN-100S-CR"));
+  EXPECT_EQ(unit.send("$VNASY,0*4F\r\n"), "$VNASY,0*4F\r\n");
+  EXPECT_EQ(unit.send("$VNWRG,06,0*6C\r\n"), "$VNWRG,06,0*6C\r\n");
+  EXPECT_EQ(unit.send("$VNWRG,75,3,20,1,529*4A\r\n"), "$VNWRG,75,3,20,1,529*4A\r\n");
+  EXPECT_EQ(unit.send("$VNWRG,75,3,400,01,0321*D84E\r\n"), "$VNWRG,75,3,400,01,0321*D84E\r\n");
+  EXPECT_EQ(unit.send("$VNWRG,75,3,16,01,0721*D415\r\n"), "$VNWRG,75,3,16,01,0721*D415\r\n");
   EXPECT_EQ(unit.ask("VNRRG,75"), with_xor("VNRRG,75,3,16,01,0721"));
-  EXPECT_EQ(unit.say("$VNRRG,5*XX\r\n"), with_xor("VNRRG,5,115200"));
+  EXPECT_EQ(unit.send("$VNRRG,5*XX\r\n"), with_xor("VNRRG,5,115200"));
 }
 
 TEST(VectorNav, ErrorsHaveTheirCodes) {
   Unit unit;
   const auto error = [](unsigned code) { return with_xor("VNERR," + hex_digits(code, 2)); };
-  EXPECT_EQ(unit.say("$VNRRG,01*73\r\n"), error(3));
-  EXPECT_EQ(unit.say("$VNRRG,01\r\n"), error(3));
-  EXPECT_EQ(unit.say("$VNRRG,01*E15E\r\n"), with_crc("VNERR,03"));
+  EXPECT_EQ(unit.send("$VNRRG,01*73\r\n"), error(3));
+  EXPECT_EQ(unit.send("$VNRRG,01\r\n"), error(3));
+  EXPECT_EQ(unit.send("$VNRRG,01*E15E\r\n"), with_crc("VNERR,03"));
   EXPECT_EQ(unit.ask("VNXYZ"), error(4));
   EXPECT_EQ(unit.ask("VN"), error(4));
   EXPECT_EQ(unit.ask("VNRRGG,1"), error(4));
@@ -199,6 +199,21 @@ TEST(VectorNav, IncrementsBeginWithTheirOutput) {
   EXPECT_EQ(dt(), first);
 }
 
+TEST(VectorNav, IncrementsOfABinaryOutputBeginWhenItIsWritten) {
+  for (const char* id : {"75", "76", "77"}) {
+    Unit unit({{"async_type", std::int64_t{0}}});
+    const std::string output = "VNWRG," + std::string(id) + ",1,8,01,0800";
+    const auto dt = [&] { return real_at(unit.run(8).at(0), 4); };
+    unit.run(800);
+    EXPECT_EQ(unit.ask(output), with_xor(output));
+    EXPECT_FLOAT_EQ(dt(), 1 / 800.0F) << "none of the time before it was written";
+    unit.run(4);
+    EXPECT_EQ(unit.ask(output), with_xor(output));
+    EXPECT_FLOAT_EQ(dt(), 5 / 800.0F) << "written once more, three samples after a frame";
+    EXPECT_FLOAT_EQ(dt(), 8 / 800.0F);
+  }
+}
+
 TEST(VectorNav, APollOfIncrementsGivesThoseSinceTheLastPoll) {
   Unit unit({{"async_type", std::int64_t{30}}});
   const auto poll = [&] { return unit.ask("VNRRG,80").substr(0, 19); };
@@ -244,9 +259,9 @@ TEST(VectorNav, AVn300SamplesAt400Hz) {
 
 TEST(VectorNav, ACommandCutOffIsForgotten) {
   Unit unit;
-  EXPECT_EQ(unit.say("$VNRRG,0"), "");
-  EXPECT_EQ(unit.say("$VNRRG,01*72\r\n"), with_xor("VNRRG,01,VN-100S-CR")) << "another begins";
-  EXPECT_EQ(unit.say("$VNWRG,07,"), "");
+  EXPECT_EQ(unit.send("$VNRRG,0"), "");
+  EXPECT_EQ(unit.send("$VNRRG,01*72\r\n"), with_xor("VNRRG,01,VN-100S-CR")) << "another begins";
+  EXPECT_EQ(unit.send("$VNWRG,07,"), "");
   unit.run(1000);
   EXPECT_EQ(unit.ask("VNRRG,7"), with_xor("VNRRG,7,40"));
 }

@@ -30,6 +30,7 @@ inline std::string with_crc(std::string_view body) {
   return "$" + std::string(body) + "*" + hex_digits(crc16(body), 4) + "\r\n";
 }
 
+// A device on its own clock, which runs by samples, at the product's rate, and by wait().
 class Unit {
  public:
   explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
@@ -37,36 +38,42 @@ class Unit {
     Settings settings(protocol.settings);
     for (const auto& [key, value] : values) settings.set(key, value);
     device = protocol.make(settings);
-    period_ = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / protocol.product(settings).rate_hz));
+    period = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / protocol.product(settings).rate_hz));
     sample.specific_force = {0, 0, -9.80665};
   }
+  // The first sample is at `now`, each other one a period later.
   std::vector<std::string> run(int samples) {
     std::vector<std::string> all;
     for (int k = 0; k < samples; ++k) {
-      sample.counter = static_cast<std::uint64_t>(count_);
-      sample.time = DeviceTime{} + count_++ * period_;
+      if (count_ > 0) wait(period);
+      sample.counter = static_cast<std::uint64_t>(count_++);
+      sample.time = now;
       frames_->clear();
       device->sample(sample, *frames_);
-      take(all);
+      append_frames(all);
     }
     return all;
   }
-  std::string say(std::string_view line) {
+  // Lets the clock run without samples.
+  void wait(Nanoseconds duration) { now = now + duration; }
+  std::string send(std::string_view line) {
     frames_->clear();
-    device->receive({std::as_bytes(std::span(line))}, sample.time, *frames_);
+    device->receive({std::as_bytes(std::span(line))}, now, *frames_);
     std::vector<std::string> all;
-    take(all);
+    append_frames(all);
     std::string text;
     for (const std::string& one : all) text += one;
     return text;
   }
-  std::string ask(std::string_view body) { return say(with_xor(body)); }
+  std::string ask(std::string_view body) { return send(with_xor(body)); }
 
+  DeviceTime now;
+  Nanoseconds period{};
   Sample sample;
   std::unique_ptr<Device> device;
 
  private:
-  void take(std::vector<std::string>& all) const {
+  void append_frames(std::vector<std::string>& all) const {
     for (const Frame& frame : frames_->frames()) {
       std::string text(frame.bytes.size(), '\0');
       std::memcpy(text.data(), frame.bytes.data(), text.size());
@@ -74,14 +81,16 @@ class Unit {
     }
   }
   int count_ = 0;
-  Nanoseconds period_;
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
 };
 
-inline float real_at(const std::string& frame, std::size_t at) {
-  float number = 0;
-  std::memcpy(&number, frame.data() + at, sizeof number);
+// The number of that type that begins at byte `at` of a binary frame; 0 if the frame is too short.
+template <class Number>
+Number number_at(const std::string& frame, std::size_t at) {
+  Number number = {};
+  if (frame.size() >= at + sizeof number) std::memcpy(&number, frame.data() + at, sizeof number);
   return number;
 }
+inline float real_at(const std::string& frame, std::size_t at) { return number_at<float>(frame, at); }
 
 }  // namespace imud::vectornav_test
