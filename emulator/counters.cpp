@@ -1,6 +1,7 @@
 #include "emulator/counters.hpp"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 #include <optional>
 

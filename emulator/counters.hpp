@@ -4,7 +4,6 @@
 // The sampling thread writes the figures, with relaxed atomics only; any thread reads them.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <deque>
@@ -84,7 +83,7 @@ struct ImuCounters : CounterGroup {
   Counter silent{*this, {"silent", "not sent", Show::if_not_zero, Show::if_not_zero}};
   // Samples before the first truth.
   Counter at_rest{*this, {"at_rest", "at rest before the first truth"}};
-  // Frames in answer to the host. Zero until the loop tells them from those of samples; `frames` includes them.
+  // Frames in answer to the host. Nothing counts them yet; `frames` includes them.
   Counter replies{*this, {"replies", "replies sent"}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
@@ -198,7 +197,7 @@ class Snapshot : public SnapshotValues {
   Snapshot() : Snapshot(declared()) {}
   explicit Snapshot(const Group& group) : SnapshotValues(group) {}
 
-  // A group that nobody counts in.
+  // A group for its declarations only. Its figures keep their initial values.
   static const Group& declared() {
     static const Group group;
     return group;
