@@ -68,9 +68,9 @@ class TruthIntake {
   std::optional<std::uint32_t> stream_;
   const bool is_stream_;          // otherwise the port keeps datagrams apart
   const bool is_live_;            // a simulator is at the port's other end, which can be sent something
-  bool started_ = false;          // the decoder knows that the simulator can be reached
+  bool started_ = false;          // start() was called, and the simulator has not left
   bool finished_ = false;         // the port's input has ended, and every record of it was taken
-  std::uint64_t times_lost_ = 0;  // of a stream, as far as the decoder knows
+  std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream, as last seen
   Truth truth_;
   std::uint32_t newest_sequence_ = 0;
   bool answer_due_ = false;
