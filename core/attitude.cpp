@@ -1,29 +1,8 @@
 #include "core/attitude.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 namespace imud {
-
-Vector3 mrp_from_dcm(const Matrix3& dcm_BN) {
-  // Shepperd's method: the largest of the four squared quaternion components is the divisor. (Eigen's own conversion
-  // does the same, on the transposed matrix: its quaternion maps B components to N.)
-  return mrp_from_quaternion(Quaternion(Matrix3(dcm_BN.transpose())));
-}
-
-Vector3 mrp_subtract(const Vector3& sigma_2N, const Vector3& sigma_1N) {
-  Vector3 s2 = mrp_short(sigma_2N);
-  const Vector3 s1 = mrp_short(sigma_1N);
-  double n2 = s2.squaredNorm();
-  const double n1 = s1.squaredNorm();
-  double d = 1.0 + n1 * n2 + 2.0 * s1.dot(s2);
-  if (d < 0.1) {  // near 360 deg in these sets; the other set of 2 is then far from it
-    s2 = mrp_shadow(s2);
-    n2 = s2.squaredNorm();
-    d = 1.0 + n1 * n2 + 2.0 * s1.dot(s2);
-  }
-  return mrp_short(((1.0 - n1) * s2 - (1.0 - n2) * s1 + 2.0 * s2.cross(s1)) / d);
-}
 
 Vector3 right_jacobian(const Vector3& phi, const Vector3& v) {
   const auto even = elementary::even_series(phi.squaredNorm());

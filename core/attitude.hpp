@@ -11,13 +11,6 @@
 
 namespace imud {
 
-// The antisymmetric matrix of the cross product: skew(a) * b = a x b.
-inline Matrix3 skew(const Vector3& a) {
-  Matrix3 m;
-  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return m;
-}
-
 // --- Modified Rodrigues parameters, sigma = e tan(angle/4), any norm
 // -------------------------------------------------
 
@@ -37,25 +30,6 @@ inline Quaternion quaternion_from_mrp(const Vector3& sigma) {
 inline Vector3 mrp_from_quaternion(const Quaternion& q) {
   const double d = q.w() >= 0.0 ? 1.0 + q.w() : q.w() - 1.0;
   return q.vec() / d;
-}
-
-// dcm_BN of sigma_BN (Schaub and Junkins, Analytical Mechanics of Space Systems, Eq. 3.152).
-inline Matrix3 dcm_from_mrp(const Vector3& sigma) {
-  const double n = sigma.squaredNorm();
-  const Matrix3 tilde = skew(sigma);
-  return Matrix3::Identity() + (8.0 * tilde * tilde - 4.0 * (1.0 - n) * tilde) / ((1.0 + n) * (1.0 + n));
-}
-
-Vector3 mrp_from_dcm(const Matrix3& dcm_BN);
-
-// The MRP subtraction of memo Eq. 2: sigma_21 of sigma_2N and sigma_1N, the rotation from 1 to 2; norm <= 1.
-// (Schaub and Junkins Eq. 3.155; its denominator vanishes for rotations of 360 deg, where the shadow set is taken.)
-Vector3 mrp_subtract(const Vector3& sigma_2N, const Vector3& sigma_1N);
-
-// Memo Eq. 37: d/dt sigma_BN = 1/4 [B(sigma)] omega_BN_B, with [B] of Eq. 36.
-inline Vector3 mrp_rate(const Vector3& sigma, const Vector3& omega_BN_B) {
-  return 0.25 * ((1.0 - sigma.squaredNorm()) * omega_BN_B + 2.0 * sigma.cross(omega_BN_B) +
-                 2.0 * sigma * sigma.dot(omega_BN_B));
 }
 
 // --- Rotation vectors, phi = e * angle, rad

@@ -45,6 +45,12 @@ Vector3 rotation_vector_of(const Matrix3& dcm_21) {
   return v.normalized() * std::atan2(0.5 * v.norm(), 0.5 * (dcm_21.trace() - 1.0));
 }
 
+Matrix3 skew(const Vector3& a) {
+  Matrix3 m;
+  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  return m;
+}
+
 // The state that Eq. 32-39 carry from step to step.
 struct Motion {
   Accelerations a;
