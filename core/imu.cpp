@@ -60,46 +60,46 @@ void Imu::seek(std::uint64_t k) noexcept {
   magnetometer_.walk.seek(normals_, k);
 }
 
-void Imu::follow(const Timeline& timeline, TruthTime until) noexcept {
-  if (run_ == Run::truth && until > reached_.time && until <= timeline.newest())
+void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
+  if (run_ == Run::truth && until > advanced_.time && until <= timeline.newest())
     accumulate(timeline, timeline.at(until));
 }
 
-// Takes the sums from reached_ to `end`, truth by truth, as the motion is smooth only between two of them.
+// Takes the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
 void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept {
-  if (reached_.basis != MotionState::Basis::interpolated || timeline.revision() != revision_) {
+  if (advanced_.basis != MotionState::Basis::interpolated || timeline.revision() != revision_) {
     // What was extrapolated at the last sample, or interpolated across a truth that was late, may be known by now:
     // the difference goes into these increments.
     revision_ = timeline.revision();
-    const MotionState known = timeline.at(reached_.time);
-    angle_sum_B_ += log(reached_.q_NB.conjugate() * known.q_NB);
-    velocity_sum_B_ += known.q_NB.conjugate() * (known.dv_N - reached_.dv_N);
-    reached_ = known;
+    const MotionState known = timeline.at(advanced_.time);
+    angle_sum_B_ += log(advanced_.q_NB.conjugate() * known.q_NB);
+    velocity_sum_B_ += known.q_NB.conjugate() * (known.dv_N - advanced_.dv_N);
+    advanced_ = known;
   }
   if (model_.delta_angle == DeltaAngle::rotation_vector && model_.delta_velocity == DeltaVelocity::end_frame) {
-    reached_ = end;  // differences of last_ and now, which need no sums
+    advanced_ = end;  // differences of last_ and now, which need no sums
     return;
   }
-  for (TruthTime next = timeline.next_truth(reached_.time); next < end.time; next = timeline.next_truth(next))
+  for (TruthTime next = timeline.next_truth(advanced_.time); next < end.time; next = timeline.next_truth(next))
     add_piece(timeline.at(next));
   add_piece(end);
 }
 
-// Adds the integrals from reached_ to `end` by the corrected trapezoidal rule, which needs no more than is known at
+// Adds the integrals from advanced_ to `end` by the corrected trapezoidal rule, which needs no more than is known at
 // the two ends and is exact to the third order:  integral of g = h/2 (g1 + g2) + h^2/12 (g1' - g2').
 //
 // Of the specific force f only its given integral V is used. By parts, in moving axes:
 //   integral of f = u2 + integral of omega x u,   u = C_BN (V - V1),   u' = f - omega x u,   u1 = 0;
 // so the sums agree with V whatever the rule's error, which touches only the second, small term.
 void Imu::add_piece(const MotionState& end) noexcept {
-  const MotionState& begin = reached_;
+  const MotionState& begin = advanced_;
   const double h = seconds(end.time - begin.time);
   const Vector3 u2 = end.q_NB.conjugate() * (end.dv_N - begin.dv_N);
   if (begin.basis == MotionState::Basis::held || end.basis == MotionState::Basis::held) {
     // The motion began or stopped somewhere on the way; f is constant.
     angle_sum_B_ += log(begin.q_NB.conjugate() * end.q_NB);
     velocity_sum_B_ += model_.delta_velocity == DeltaVelocity::integral ? Vector3(h * end.specific_force_B) : u2;
-    reached_ = end;
+    advanced_ = end;
     return;
   }
   const auto integral = [h](const Vector3& g1, const Vector3& g2, const Vector3& g1_dot, const Vector3& g2_dot) {
@@ -122,7 +122,7 @@ void Imu::add_piece(const MotionState& end) noexcept {
         integral(omega1.cross(v1), omega2.cross(v2), omega1_dot.cross(v1) + omega1.cross(omega1_dot.cross(r)),
                  omega2_dot.cross(v2) + omega2.cross(omega2_dot.cross(r)));
   }
-  reached_ = end;
+  advanced_ = end;
 }
 
 Vector3 Imu::true_delta_angle_B(const MotionState& now) const noexcept {
@@ -149,7 +149,7 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
   const bool is_first = run_ != Run::truth;
   run_ = Run::truth;
   if (is_first) {
-    reached_ = now;
+    advanced_ = now;
     revision_ = timeline.revision();
   } else {
     accumulate(timeline, now);
@@ -168,7 +168,7 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   const bool is_first = run_ != Run::rest;
   run_ = Run::rest;
   if (!is_first) {
-    last_ = reached_ = rest_.at(last_time_, time);
+    last_ = advanced_ = rest_.at(last_time_, time);
     add_piece(now);
   }
   Sample out = sense(now, time, is_first, stamp);

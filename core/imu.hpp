@@ -95,10 +95,10 @@ class Imu {
 
   // Takes in the truth up to `until`, which is not after the newest truth nor after the next sample. Needed only if
   // more truths than the timeline keeps lie between two samples.
-  void follow(const Timeline& timeline, TruthTime until) noexcept;
+  void advance(const Timeline& timeline, TruthTime until) noexcept;
 
   // No truth before this time is needed any more; Timeline::never before the first sample of a run.
-  TruthTime reached() const noexcept { return run_ == Run::truth ? reached_.time : Timeline::never; }
+  TruthTime advanced_to() const noexcept { return run_ == Run::truth ? advanced_.time : Timeline::never; }
 
   // The sample at `time`, which is after the sample before; `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
@@ -144,7 +144,7 @@ class Imu {
   Run run_ = Run::none;
   MotionState last_;            // at the last sample, as it was output
   TruthTime last_time_;         // which is not last_'s if that truth is kept no longer
-  MotionState reached_;         // how far the sums below go
+  MotionState advanced_;        // how far the sums below go
   std::uint32_t revision_ = 0;  // of the timeline that said so
   Vector3 angle_sum_B_;         // integral of the rate since last_
   Vector3 velocity_sum_B_;      // of the specific force of B's origin, by model_.delta_velocity

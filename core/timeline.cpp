@@ -35,7 +35,7 @@ struct Hermite {
 
 Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity) {}
 
-Admission Timeline::judge(const Truth& truth) const noexcept {
+Admission Timeline::classify(const Truth& truth) const noexcept {
   if (count_ == 0) return Admission::new_run;
   const Nanoseconds ahead = truth.time - newest();
   // The run's first truth once more, as a network or a sender without an answer repeats it; or a simulator that was
@@ -53,10 +53,10 @@ Admission Timeline::judge(const Truth& truth) const noexcept {
   return ahead >= -near ? Admission::reordered : Admission::time_back;  // no sequence to go by
 }
 
-Admission Timeline::push(const Truth& truth, TruthTime settled) noexcept {
-  Admission admission = judge(truth);
+Admission Timeline::push(const Truth& truth, TruthTime watermark) noexcept {
+  Admission admission = classify(truth);
   if (admission == Admission::reordered &&
-      truth.time > std::max(settled, knot(count_ < capacity ? 0 : 1).state.time)) {
+      truth.time > std::max(watermark, knot(count_ < capacity ? 0 : 1).state.time)) {
     insert(truth);
     return Admission::inserted;
   }

@@ -76,9 +76,9 @@ class Timeline {
   Timeline() : Timeline(Limits{}) {}
 
   // `truth` must pass is_finite() and is_in_range(). A truth with `new_run` begins anew, unless it repeats the run's
-  // first one (its time and sequence) within a second of it. `settled`: what was true up to then is in use already
+  // first one (its time and sequence) within a second of it. `watermark`: what was true up to then is in use already
   // and does not change any more; a truth that was overtaken is taken in if it is later.
-  Admission push(const Truth& truth, TruthTime settled = never) noexcept;
+  Admission push(const Truth& truth, TruthTime watermark = never) noexcept;
 
   // Forgets all but the newest truth: the simulator's time has leapt, and a run begins with it.
   void forget_past() noexcept;
@@ -131,7 +131,7 @@ class Timeline {
   const Knot& knot(std::size_t i) const noexcept { return knots_[(first_ + i) % capacity]; }
   Knot& knot(std::size_t i) noexcept { return knots_[(first_ + i) % capacity]; }
   bool is_whole() const noexcept { return knot(0).state.time == run_start_; }
-  Admission judge(const Truth& truth) const noexcept;
+  Admission classify(const Truth& truth) const noexcept;
   void begin_run(const Truth& truth) noexcept;
   void append(const Truth& truth) noexcept;
   void insert(const Truth& truth) noexcept;

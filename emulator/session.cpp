@@ -239,13 +239,13 @@ void Session::follow(TruthTime until) noexcept {
 void Session::take_in(TruthTime until) noexcept {
   until = std::min(until, timeline_.newest());
   settled_ = std::max(settled_, until);
-  for (const auto& unit : units_) unit->imu.follow(timeline_, until);
+  for (const auto& unit : units_) unit->imu.advance(timeline_, until);
 }
 
 bool Session::has_room_for_truth(TruthTime until) noexcept {
   const auto is_full = [&] {
     return std::any_of(units_.begin(), units_.end(), [&](const auto& unit) {
-      return timeline_.is_full_for(unit->has_sampled ? unit->imu.reached() : until);
+      return timeline_.is_full_for(unit->has_sampled ? unit->imu.advanced_to() : until);
     });
   };
   if (!in_run_ || !is_full()) return true;

@@ -54,14 +54,14 @@ TEST(Admission, ReorderedWasSentBefore) {
 TEST(Admission, OvertakenButInTimeIsInserted) {
   Timeline timeline;
   for (const std::uint32_t k : {0U, 1U, 3U, 6U}) timeline.push(truth_at(k * 10ms, k));
-  const auto settled = [](Nanoseconds t) { return TruthTime{} + t; };
+  const auto at = [](Nanoseconds t) { return TruthTime{} + t; };
   EXPECT_EQ(timeline.revision(), 0U);
-  EXPECT_EQ(timeline.push(truth_at(20ms, 2), settled(20ms)), Admission::reordered) << "in use already";
-  EXPECT_EQ(timeline.push(truth_at(20ms, 2), settled(20ms - 1ns)), Admission::inserted);
-  EXPECT_EQ(timeline.push(truth_at(20ms, 2), settled(0ms)), Admission::duplicate);
-  EXPECT_EQ(timeline.push(truth_at(50ms, 5), settled(0ms)), Admission::inserted);
-  EXPECT_EQ(timeline.push(truth_at(40ms, 4), settled(0ms)), Admission::inserted);
-  EXPECT_EQ(timeline.push(truth_at(-10ms, 0), settled(-1s)), Admission::reordered) << "before the run";
+  EXPECT_EQ(timeline.push(truth_at(20ms, 2), at(20ms)), Admission::reordered) << "in use already";
+  EXPECT_EQ(timeline.push(truth_at(20ms, 2), at(20ms - 1ns)), Admission::inserted);
+  EXPECT_EQ(timeline.push(truth_at(20ms, 2), at(0ms)), Admission::duplicate);
+  EXPECT_EQ(timeline.push(truth_at(50ms, 5), at(0ms)), Admission::inserted);
+  EXPECT_EQ(timeline.push(truth_at(40ms, 4), at(0ms)), Admission::inserted);
+  EXPECT_EQ(timeline.push(truth_at(-10ms, 0), at(-1s)), Admission::reordered) << "before the run";
   EXPECT_EQ(timeline.revision(), 3U);
   for (int k = 0; k < 6; ++k) EXPECT_EQ(timeline.next_truth(TruthTime{} + k * 10ms), TruthTime{} + (k + 1) * 10ms);
   EXPECT_EQ(timeline.newest().ns, 60'000'000);

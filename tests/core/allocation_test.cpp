@@ -40,7 +40,7 @@ TEST(Allocations, NoneAfterTheConstructors) {
           if (truth.new_run) imu.begin_run();
           timeline.push(truth);
           timeline.push(truth);  // a duplicate, or the run's beginning again
-          if (ms % 7 == 3) imu.follow(timeline, truth.time);
+          if (ms % 7 == 3) imu.advance(timeline, truth.time);
           if (ms % 7 == 0) imu.sample(timeline, truth.time + 3500us, {});
         }
         imu.seek(100);

@@ -28,7 +28,7 @@ std::vector<Sample> drive(const ImuModel& model, TruthAt truth_at, const std::ve
     timeline.push(truth_at(t));
     for (; due != sensor_times.end() && *due <= t; ++due)
       samples.push_back(imu.sample(timeline, *due, DeviceTime{due->ns}));
-    if (!samples.empty()) imu.follow(timeline, t);
+    if (!samples.empty()) imu.advance(timeline, t);
   }
   return samples;
 }

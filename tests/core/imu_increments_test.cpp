@@ -256,10 +256,10 @@ TEST(InsertedTruth, CorrectsTheIncrementsOfTheCurveThatItChanges) {
   }
 }
 
-// --- follow()
+// --- advance()
 // -------------------------------------------------------------------------------------------------------
 
-TEST(Follow, ChangesNothing) {
+TEST(Advance, ChangesNothing) {
   for (const auto angle : {DeltaAngle::rotation_vector, DeltaAngle::integral})
     for (const auto velocity : {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame}) {
       const ImuModel model = model_of(angle, velocity);
@@ -268,8 +268,8 @@ TEST(Follow, ChangesNothing) {
       for (std::int64_t ms = 0; ms <= 3000; ++ms) {
         const TruthTime t{ms * 1'000'000};
         timeline.push(smooth_truth(t));
-        with.follow(timeline, t);
-        if (ms % 9 == 0) with.follow(timeline, t - 500us);  // already taken in
+        with.advance(timeline, t);
+        if (ms % 9 == 0) with.advance(timeline, t - 500us);  // already there
         if (ms % 50 != 0) continue;
         const Sample a = with.sample(timeline, t, {}), b = without.sample(timeline, t, {});
         ASSERT_EQ(a.delta_angle, b.delta_angle);
@@ -278,28 +278,28 @@ TEST(Follow, ChangesNothing) {
     }
 }
 
-TEST(Follow, NotBeyondTheNewestTruth) {
+TEST(Advance, NotBeyondTheNewestTruth) {
   Timeline timeline;
   Imu imu(model_of(DeltaAngle::integral, DeltaVelocity::memo), 1, 1);
   for (const std::int64_t ms : {0, 10, 20}) timeline.push(smooth_truth({ms * 1'000'000}));
   imu.sample(timeline, {}, {});
-  imu.follow(timeline, {10'000'000});
-  EXPECT_EQ(imu.reached().ns, 10'000'000);
-  imu.follow(timeline, {20'000'001});
-  EXPECT_EQ(imu.reached().ns, 10'000'000);
+  imu.advance(timeline, {10'000'000});
+  EXPECT_EQ(imu.advanced_to().ns, 10'000'000);
+  imu.advance(timeline, {20'000'001});
+  EXPECT_EQ(imu.advanced_to().ns, 10'000'000);
 }
 
 // More truths in a step than the timeline keeps.
-TEST(Follow, ReachesBeyondTheTimeline) {
+TEST(Advance, ReachesBeyondTheTimeline) {
   const ImuModel model = model_of(DeltaAngle::integral, DeltaVelocity::memo);
-  const auto first_step = [&](bool follow) {
+  const auto first_step = [&](bool advance) {
     Timeline timeline;
     Imu imu(model, 1, 1);
     for (std::int64_t k = 0; k <= 20'000; ++k) {  // 10 kHz
       const TruthTime t{k * 100'000};
       timeline.push(coning_truth(t));
       if (k == 0) imu.sample(timeline, t, {});
-      if (follow && k > 0) imu.follow(timeline, t);
+      if (advance && k > 0) imu.advance(timeline, t);
     }
     return imu.sample(timeline, {2'000'000'000}, {});
   };

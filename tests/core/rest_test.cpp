@@ -207,7 +207,7 @@ TEST(Rest, ATruthTakesOver) {
     truth.time = TruthTime{} + ms * 1ms;
     timeline.push(truth);
   }
-  EXPECT_EQ(imu.reached(), Timeline::never);
+  EXPECT_EQ(imu.advanced_to(), Timeline::never);
   for (int k = 0; k < 9; ++k) {
     const Sample sample =
         k < 5 ? imu.sample_at_rest(k * 10ms, {}) : imu.sample(timeline, TruthTime{} + 5s + k * 10ms, {});
@@ -217,7 +217,7 @@ TEST(Rest, ATruthTakesOver) {
     EXPECT_EQ(sample.rate, wanted.rate) << k;
     EXPECT_EQ(sample.delta_angle.isZero(0.0), k == 0 || k == 5) << k;
     EXPECT_NEAR(sample.specific_force.z(), wanted.specific_force.z() + (k < 5 ? 0 : 9.80665), 1e-14) << k;
-    EXPECT_EQ(imu.reached(), k < 5 ? Timeline::never : TruthTime{} + 5s + k * 10ms);
+    EXPECT_EQ(imu.advanced_to(), k < 5 ? Timeline::never : TruthTime{} + 5s + k * 10ms);
   }
   // Power is cut and comes back without a truth.
   EXPECT_TRUE(imu.sample_at_rest(1s, {}).delta_angle.isZero(0.0));
