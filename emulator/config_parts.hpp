@@ -22,12 +22,12 @@ std::vector<std::string> names(std::span<const Entry* const> table) {
   return all;
 }
 
-// Returns `found`, the table entry that `word` names. If there is none, that is a fault of `key`, unless the key is
-// absent or no text, which is a fault already.
+// Returns `found`, the table entry that `word` names. If there is none, that is a fault of `key`, unless `word` is
+// empty because the key is absent or no text, which is a fault already.
 template <class Entry>
 const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
                    std::span<const Entry* const> entries, const Entry* found) {
-  if (found != nullptr || !table.is_text(key)) return found;
+  if (found != nullptr || (word.empty() && !table.is_text(key))) return found;
   const std::string meant = nearest(word, names(entries));
   table.fault(key, fmt::format("there is no \"{}\"; {}", word,
                                meant.empty() ? fmt::format("known: {}", fmt::join(names(entries), ", "))

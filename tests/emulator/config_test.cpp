@@ -458,7 +458,9 @@ TEST_F(ConfigTest, ACaptureTakesTheTruthPortsPlace) {
   EXPECT_EQ(load(good, {}, "pcap:x.pcap").truth.port, "pcap:x.pcap?port=9810");
   EXPECT_EQ(load(good, {}, "pcap:x.pcap?port=5140").truth.port, "pcap:x.pcap?port=5140");
   EXPECT_EQ(load(good, {"truth.port=pcap:y.pcap?port=77"}, "pcap:x.pcap").truth.port, "pcap:x.pcap?port=77");
+  EXPECT_EQ(load(good, {"truth.port=nonsense"}, "pcap:x.pcap").truth.port, "pcap:x.pcap") << "no UDP port in it";
   EXPECT_EQ(load(good, {"truth.format=csv"}, "file:x.csv").truth.port, "file:x.csv");
+  EXPECT_THROW(load(good, {}, "nonsense:x"), ConfigError);
 }
 
 TEST_F(ConfigTest, AMissingFileIsAFault) {
