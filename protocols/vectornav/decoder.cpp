@@ -38,10 +38,10 @@ class VectorNavDecoder final : public Decoder {
       if ((bits >> g & 1U) == 0) continue;
       masks[g] = std::to_integer<unsigned>(held[at]) | std::to_integer<unsigned>(held[at + 1]) << 8;
       at += 2;
-      for (unsigned bit = 0; bit < 16; ++bit) {
+      for (unsigned bit = 0; bit < mask_bits; ++bit) {
         if ((masks[g] >> bit & 1U) == 0) continue;
-        if (bit > 14 || field_sizes[g][bit] == 0) return Search::reject;
-        size += field_sizes[g][bit];
+        if (field_size(g, bit) == 0) return Search::reject;
+        size += field_size(g, bit);
       }
     }
     size += 2;
@@ -54,10 +54,10 @@ class VectorNavDecoder final : public Decoder {
     Measurement measurement;
     bool finite = true;
     for (unsigned g = 0; g < groups; ++g)
-      for (unsigned bit = 0; bit < 15; ++bit)
+      for (unsigned bit = 0; bit < mask_bits; ++bit)
         if ((masks[g] >> bit & 1U) != 0) {
-          finite = take(g << 4 | bit, held.subspan(at, field_sizes[g][bit]), measurement) && finite;
-          at += field_sizes[g][bit];
+          finite = read_field(g << 4 | bit, held.subspan(at, field_size(g, bit)), measurement) && finite;
+          at += field_size(g, bit);
         }
     if (!finite)
       ++errors_.malformed;
@@ -66,8 +66,8 @@ class VectorNavDecoder final : public Decoder {
     return size;
   }
 
-  // False if a number is none.
-  static bool take(unsigned field, std::span<const std::byte> data, Measurement& m) noexcept {
+  // Returns false if a number is not finite.
+  static bool read_field(unsigned field, std::span<const std::byte> data, Measurement& m) noexcept {
     FieldReader<boost::endian::order::little> reader(data);
     Sample& s = m.sample;
     switch (field) {
@@ -131,7 +131,7 @@ class VectorNavDecoder final : public Decoder {
   }
 
   static void measure(const Words& words, MeasurementSink& sink) {
-    // Where the first number of each quantity stands; 0: it is not there.
+    // Where the first number of each quantity stands; 0: the message does not have it.
     struct Layout {
       std::string_view name;
       std::size_t count, acceleration, rate, temperature = 0, delta_angle = 0, delta_velocity = 0;
@@ -147,7 +147,7 @@ class VectorNavDecoder final : public Decoder {
                                                 {"VNISL", 16, 10, 13}}};
     std::size_t count = std::min(words.count, words.words.size());
     const auto is_appended = [](std::string_view word) { return word.starts_with('T') || word.starts_with('S'); };
-    while (count > 1 && is_appended(words[count - 1])) --count;  // by register 30
+    while (count > 1 && is_appended(words[count - 1])) --count;  // as register 30 adds them
     for (const Layout& layout : layouts) {
       if (words[0] != layout.name || count != layout.count) continue;
       Measurement m;

@@ -124,19 +124,12 @@ class VectorNavDevice final : public Device {
   void send_binary(std::size_t which, DeviceTime now, FrameBuffer& out) noexcept {
     const BinaryOutput& output = active_.binary[which];
     if (output.size() == 0) return;
-    FrameWriter<boost::endian::order::little> frame(out, longest);
+    BinaryFrame frame(out, longest);
     frame.put(std::uint8_t{0xFA});
     frame.put(static_cast<std::uint8_t>(output.group_bits()));
     for (const std::uint16_t mask : output.masks)
       if (mask != 0) frame.put(mask);
-    const Sums sums = std::exchange(sums_[which], {});
-    for (unsigned g = 0; g < groups; ++g)
-      for (unsigned bit = 0; bit < field_sizes[g].size(); ++bit) {
-        if ((output.masks[g] >> bit & 1U) == 0) continue;
-        const std::size_t end = frame.size() + field_sizes[g][bit];
-        put_field(g, bit, reading(now), sums, frame);
-        frame.fill(end);
-      }
+    put_fields(output, reading(now), std::exchange(sums_[which], {}), frame);
     if (frame.size() == 0) return;
     const unsigned crc = crc16(frame.written().subspan(1));
     frame.put(static_cast<std::uint8_t>(crc >> 8));

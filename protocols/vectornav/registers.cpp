@@ -80,8 +80,8 @@ std::size_t BinaryOutput::size() const noexcept {
   std::size_t size = 2 + 2;  // 0xFA, groups; checksum
   for (unsigned g = 0; g < groups; ++g) {
     if (masks[g] != 0) size += 2;
-    for (unsigned bit = 0; bit < field_sizes[g].size(); ++bit)
-      if ((masks[g] >> bit & 1U) != 0) size += field_sizes[g][bit];
+    for (unsigned bit = 0; bit < mask_bits; ++bit)
+      if ((masks[g] >> bit & 1U) != 0) size += field_size(g, bit);
   }
   return size;
 }
@@ -106,8 +106,8 @@ std::optional<BinaryOutput> BinaryOutput::parse(std::string_view text, Error& er
     if ((*bits >> g & 1U) == 0) continue;
     const auto mask = number_in<std::uint16_t>(words[at++], 16);
     if (!mask) return std::nullopt;
-    for (unsigned bit = 0; bit < 16; ++bit)
-      if ((*mask >> bit & 1U) != 0 && (bit > 14 || field_sizes[g][bit] == 0)) return std::nullopt;
+    for (unsigned bit = 0; bit < mask_bits; ++bit)
+      if ((*mask >> bit & 1U) != 0 && field_size(g, bit) == 0) return std::nullopt;
     output.masks[g] = *mask;
   }
   if (output.size() > longest) return std::nullopt;

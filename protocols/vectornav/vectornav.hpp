@@ -1,5 +1,5 @@
-// VectorNav VN-100, VN-200, VN-300: what is shared by the device (device.cpp), its registers
-// (registers.cpp), what its messages and fields say (fields.cpp) and its decoder. Layouts and sizes are those of
+// VectorNav VN-100, VN-200, VN-300: what the device (device.cpp), its registers (registers.cpp), its messages of text
+// (messages.cpp), its binary fields (fields.cpp) and its decoder (decoder.cpp) share. Layouts and sizes are those of
 // VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav 6824e8b) and of ArduPilot's
 // driver (AP_ExternalAHRS_VectorNav.cpp).
 //
@@ -25,7 +25,7 @@
 
 namespace imud::vectornav {
 
-// Of VNERR (VN-200 user manual UM004, page 23, table 20).
+// Codes of VNERR (VN-200 user manual UM004, page 23, table 20).
 enum Error : unsigned {
   none = 0,
   input_overflow = 2,
@@ -42,17 +42,11 @@ inline constexpr std::size_t longest = 1024;  // of a frame
 inline constexpr std::array<std::uint32_t, 9> bauds = {9600,   19200,  38400,  57600, 115200,
                                                        128000, 230400, 460800, 921600};
 
-// Bytes of each field (vnproglib, Packet::BinaryGroupLengths).
+// Groups of binary fields, each with a mask of its own.
 enum Group : unsigned { common, time_group, imu, gnss1, attitude, ins, gnss2, groups };
-inline constexpr std::array<std::array<std::uint8_t, 15>, groups> field_sizes = {{
-    {8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8},
-    {8, 8, 8, 2, 8, 8, 8, 4, 4, 1},
-    {2, 12, 12, 12, 4, 4, 16, 12, 12, 12, 12, 2, 40},
-    {8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28},
-    {2, 12, 16, 36, 12, 12, 12, 12, 12, 12, 28, 24, 12},
-    {2, 24, 24, 12, 12, 12, 12, 12, 12, 4, 4, 68, 64},
-    {8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28},
-}};
+inline constexpr unsigned mask_bits = 16;
+// The size of a field in bytes; 0: there is none.
+std::size_t field_size(unsigned group, unsigned bit) noexcept;
 
 unsigned xor_of(std::string_view text) noexcept;
 unsigned crc16(std::span<const std::byte> bytes) noexcept;
@@ -67,10 +61,10 @@ struct Words {
   std::array<std::string_view, 20> words;
   std::size_t count = 0;
 };
-// As hosts write numbers, with a plus or without; nullopt if it is no finite number.
+// A number as hosts write it, with a plus or without; nullopt if it is no finite number.
 std::optional<double> real_in(std::string_view text) noexcept;
 
-// A message of text: body, then checksum in the form asked for.
+// A message of text: its body, then the checksum in the form asked for.
 enum class Form : std::uint8_t { two_digits, four_digits };
 class Message {
  public:
@@ -98,20 +92,20 @@ inline constexpr Model models[] = {
 // --- Registers ---
 
 struct BinaryOutput {
-  unsigned mode = 0, divisor = 1;  // divisor 0: sent when asked for alone (VN-100 user manual UM001, page 56)
+  unsigned mode = 0, divisor = 1;  // divisor 0: sent only when polled (VN-100 user manual UM001, page 56)
   std::array<std::uint16_t, groups> masks = {};
 
   bool is_streamed() const noexcept { return (mode & 1U) != 0 && divisor != 0; }  // at the host's port
   unsigned group_bits() const noexcept;
-  std::size_t size() const noexcept;  // of its frame, in bytes; 0 if it has no fields
+  std::size_t size() const noexcept;  // of the frame, in bytes; 0 if it has no fields
   // "3,16,01,0721": mode, divisor, groups and their masks in hexadecimal digits.
   static std::optional<BinaryOutput> parse(std::string_view text, Error& error) noexcept;
 };
 
-// A register that is kept as it was written.
+// A register that is read as it was written.
 struct Register {
   unsigned id;
-  unsigned count;  // of its parameters
+  unsigned count;  // parameters
   std::string_view initial;
   unsigned receivers = 0;  // how many a model has that has this register
   bool is_read_only = false;
@@ -119,7 +113,7 @@ struct Register {
 inline constexpr std::size_t kept_count = 26;
 extern const std::array<Register, kept_count> kept;
 
-// Registers 23, 25 and 84: of what is sensed, what is told.
+// Registers 23, 25 and 84: compensated from sensed values.
 struct Calibration {
   Matrix3 gain = Matrix3::Identity();
   Vector3 bias = Vector3::Zero();
@@ -143,18 +137,19 @@ struct Configuration {
 
   Configuration() noexcept;
   static void store(Text& place, std::string_view text) noexcept;
-  // Of one that is kept; empty if there is none of that number.
+  // The parameters of a kept register; empty if there is none of that number.
   std::string_view text_of(unsigned id) const noexcept;
   // "1,2,3,...": a kept register's parameter, counted from 0.
   double number_of(unsigned id, std::size_t parameter) const noexcept;
 };
 
-// Sets register `rest` ("06,14"), of the configuration alone.
+// Writes a register, `rest` being its number and parameters ("06,14"); changes the configuration alone.
 Error write_register(Configuration& configuration, const Model& model, std::string_view rest) noexcept;
-// Of the host's serial port, by what is streamed there: above 1 there is more than the line carries.
+// The share of the host's serial line that the streams need; above 1 it cannot carry them.
 double line_load(const Configuration& configuration, const Model& model) noexcept;
-// Puts what register `id` says after its number. Not those of measurements. `port`, of registers 5 to 7: which serial
-// port, 1 or 2; 0 or "?": the host's; the answer then ends in its number. Empty: the host's, and no number.
+// Appends the parameters of register `id`, which is not one of measurements. `port` matters for registers 5 to 7:
+// "1" and "2" are the serial ports, "0" and "?" the host's, and the answer ends in the port's number; if it is empty,
+// the answer is the host's port's without that number.
 Error put_register(const Configuration& configuration, const Model& model, unsigned id, std::string_view port,
                    Message& message) noexcept;
 
@@ -181,21 +176,23 @@ struct Reading {
   Nanoseconds age;          // of the sample, at the time of the message
 };
 
-// The message's name: empty if the model has none of that type.
+// The name of the message of that type; empty if the model has none.
 std::string_view name_of(unsigned type, const Model& model) noexcept;
-// Of the longest message of that type, from '$' to LF, with two digits of checksum and nothing appended, in bytes.
+// The size of the longest message of that type, in bytes: from '$' to LF, with two digits of checksum and nothing
+// appended.
 std::size_t size_of(unsigned type) noexcept;
-// The type whose message says what a measurement register says; 0: it is none.
+// The type of the message with the content of that measurement register; 0: it is no measurement register.
 unsigned type_of_register(unsigned id) noexcept;
+// Appends the content of a message. Increments begin anew in `sums` if the message has them.
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;
-// What register 30 has appended to streamed text: a status ("S"; mode 0: none, 1: VPE, 2: INS), then a count ("T";
+// Appends what register 30 adds to streamed text: a status ("S"; mode 0: none, 1: VPE, 2: INS), then a count ("T";
 // mode 0: none) (UM001, page 69).
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept;
-// A field that the device does not know is left out: the caller fills it with zeros.
-void put_field(unsigned group, unsigned bit, const Reading& reading, const Sums& sums,
-               FrameWriter<boost::endian::order::little>& frame) noexcept;
+using BinaryFrame = FrameWriter<boost::endian::order::little>;
+// Appends all fields of an output; zeros for those that the device does not know.
+void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& sums, BinaryFrame& frame) noexcept;
 
-// Of binary frames, and of the messages of text that have rates or accelerations.
+// Decodes binary frames, and the messages of text that have rates or accelerations.
 std::unique_ptr<Decoder> make_decoder();
 
 }  // namespace imud::vectornav

@@ -1,0 +1,142 @@
+// The messages of text: one table for streams, for the registers of measurements, and for the load of the line.
+#include <cstdio>
+
+#include "protocols/vectornav/quantities.hpp"
+
+namespace imud::vectornav {
+
+namespace {
+
+constexpr const char *angle = "%+08.3f", *rates = "%+010.6f", *speed = "%+08.3f", *metres = "%+010.3f",
+                     *accelerations = "%+07.3f", *magnetics = "%+08.4f", *r_E = "%+012.3f";
+
+void put_hexadecimal(unsigned bits, const char* format, Message& message) noexcept {
+  std::array<char, 8> text;
+  std::snprintf(text.data(), text.size(), format, bits & 0xFFFFU);
+  message.put(text.data());
+}
+
+using Part = void (*)(const Quantities& now, Message& message);
+using Q = Quantities;
+
+// A vector in one of the formats above.
+template <auto Quantity, const char* const& Format>
+void vector(const Q& now, Message& message) {
+  message.put((now.*Quantity)(), Format);
+}
+
+void quaternion(const Q& now, Message& message) {
+  const Quaternion q = now.tared_q();
+  for (const double part : {q.x(), q.y(), q.z(), q.w()}) message.put(part, "%+09.6f");
+}
+void lla(const Q& now, Message& message) {
+  message.put(now.lla()[0], "%+012.8f").put(now.lla()[1], "%+013.8f").put(now.lla()[2], metres);
+}
+void gps_time(const Q& now, Message& message) {
+  message.put(now.time_of_week_s(), "%013.6f").put(now.week(), "%04.0f");
+}
+void fix(const Q& now, Message& message) { message.put(now.fix(), "%.0f").put(now.satellites(), "%02.0f"); }
+void gnss_errors(const Q& now, Message& message) {
+  message.put(now.position_errors_m(), speed).put(now.velocity_error_m_per_s(), speed);
+  message.put(now.time_error_s(), "%.2E");
+}
+void ins_status(const Q& now, Message& message) { put_hexadecimal(now.ins_status(), ",%04X", message); }
+void ins_errors(const Q& now, Message& message) {
+  message.put(now.ins_attitude_error_deg(), "%04.1f").put(now.position_error_m(), "%04.1f");
+  message.put(now.velocity_error_m_per_s(), "%04.2f");
+}
+void environment(const Q& now, Message& message) {
+  message.put(now.temperature_c(), "%+05.1f").put(now.pressure_kpa(), "%+08.3f");
+}
+void increments(const Q& now, Message& message) {
+  message.put(now.dt(), "%+09.6f").put(now.delta_angle_deg(), angle).put(now.delta_velocity(), speed);
+}
+
+constexpr Part ypr = vector<&Q::tared_ypr_deg, angle>;
+constexpr Part magnetic = vector<&Q::magnetic, magnetics>;
+constexpr Part acceleration = vector<&Q::acceleration, accelerations>;
+constexpr Part rate = vector<&Q::rate, rates>;
+constexpr Part linear_P = vector<&Q::linear_P, accelerations>;
+constexpr Part linear_L = vector<&Q::linear_L, accelerations>;
+constexpr Part raw_magnetic = vector<&Q::raw_magnetic, magnetics>;
+constexpr Part raw_acceleration = vector<&Q::raw_acceleration, accelerations>;
+constexpr Part raw_rate = vector<&Q::raw_rate, rates>;
+constexpr Part ecef = vector<&Q::r_E, r_E>;
+constexpr Part v_L = vector<&Q::v_L, speed>;
+constexpr Part v_E = vector<&Q::v_E, speed>;
+
+struct MessageType {
+  unsigned type;
+  std::string_view name;
+  unsigned register_id;  // the register of the same content
+  unsigned receivers;    // that a model with this message has
+  std::size_t size;      // of the longest, from '$' to LF, with two digits of checksum
+  std::array<Part, 6> parts;
+  bool has_increments = false;  // which begin anew after it
+};
+constexpr MessageType messages[] = {
+    {1, "VNYPR", 8, 0, 38, {ypr}},
+    {2, "VNQTN", 9, 0, 51, {quaternion}},
+    {8, "VNQMR", 15, 0, 135, {quaternion, magnetic, acceleration, rate}},
+    {10, "VNMAG", 17, 0, 38, {magnetic}},
+    {11, "VNACC", 18, 0, 35, {acceleration}},
+    {12, "VNGYR", 19, 0, 44, {rate}},
+    {13, "VNMAR", 20, 0, 95, {magnetic, acceleration, rate}},
+    {14, "VNYMR", 27, 0, 122, {ypr, magnetic, acceleration, rate}},
+    {16, "VNYBA", 239, 0, 95, {ypr, linear_P, rate}},
+    {17, "VNYIA", 240, 0, 95, {ypr, linear_L, rate}},
+    {19, "VNIMU", 54, 0, 110, {raw_magnetic, raw_acceleration, raw_rate, environment}},
+    {20, "VNGPS", 58, 1, 145, {gps_time, fix, lla, v_L, gnss_errors}},
+    {21, "VNGPE", 59, 1, 146, {gps_time, fix, ecef, v_E, gnss_errors}},
+    {22, "VNINS", 63, 1, 142, {gps_time, ins_status, ypr, lla, v_L, ins_errors}},
+    {23, "VNINE", 64, 1, 143, {gps_time, ins_status, ypr, ecef, v_E, ins_errors}},
+    {28, "VNISL", 72, 1, 160, {ypr, lla, v_L, acceleration, rate}},
+    {29, "VNISE", 73, 1, 161, {ypr, ecef, v_E, acceleration, rate}},
+    {30, "VNDTV", 80, 0, 75, {increments}, true},
+    {32, "VNG2S", 103, 2, 145, {gps_time, fix, lla, v_L, gnss_errors}},
+    {33, "VNG2E", 104, 2, 146, {gps_time, fix, ecef, v_E, gnss_errors}},
+};
+
+const MessageType* find(unsigned type) noexcept {
+  for (const MessageType& message : messages)
+    if (message.type == type) return &message;
+  return nullptr;
+}
+
+}  // namespace
+
+std::string_view name_of(unsigned type, const Model& model) noexcept {
+  const MessageType* known = find(type);
+  return known != nullptr && known->receivers <= model.receivers ? known->name : "";
+}
+
+std::size_t size_of(unsigned type) noexcept {
+  const MessageType* known = find(type);
+  return known != nullptr ? known->size : 0;
+}
+
+unsigned type_of_register(unsigned id) noexcept {
+  for (const MessageType& message : messages)
+    if (message.register_id == id) return message.type;
+  return 0;
+}
+
+void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept {
+  const MessageType* known = find(type);
+  if (known == nullptr) return;
+  const Quantities now(reading, sums);
+  for (const Part put : known->parts)
+    if (put != nullptr) put(now, message);
+  if (known->has_increments) sums = {};
+}
+
+void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept {
+  const Sums none;
+  if (status_mode != 0) {
+    const Quantities now(reading, none);
+    put_hexadecimal(status_mode == 2 ? now.ins_status() : 0U, ",S%04X", message);
+  }
+  if (count_mode != 0) message.put(",T0");  // nothing is connected to SyncIn, SyncOut and PPS
+}
+
+}  // namespace imud::vectornav

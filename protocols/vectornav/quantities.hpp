@@ -1,0 +1,105 @@
+// Quantities: what VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the product's units.
+// Attitude, position and velocity are the truth's. The quality of a GNSS solution is made up: the constants below.
+#pragma once
+
+#include <cstdint>
+
+#include "core/attitude.hpp"
+#include "core/earth.hpp"
+#include "core/units.hpp"
+#include "protocols/vectornav/vectornav.hpp"
+
+namespace imud::vectornav {
+
+inline constexpr int leap_seconds = 18;
+inline constexpr double dilution = 1.0;
+
+// A view of a reading and of the increments of an output, both of which must outlive it. Without a fix, everything
+// that comes from GNSS is zero.
+class Quantities {
+ public:
+  Quantities(const Reading& reading, const Sums& sums) noexcept
+      : r_(reading), s_(reading.sample), navigation_(reading.sample.navigation), sums_(sums) {}
+
+  // --- Time ---
+  std::uint64_t since_start_ns() const noexcept { return static_cast<std::uint64_t>(r_.since_start.count()); }
+  std::uint64_t gps_ns() const noexcept {
+    return has_fix() ? static_cast<std::uint64_t>(navigation_.gps_ns + r_.age.count()) : 0;
+  }
+  std::uint16_t week() const noexcept { return static_cast<std::uint16_t>(gps_ns() / week_ns); }
+  std::uint64_t time_of_week_ns() const noexcept { return gps_ns() % week_ns; }
+  double time_of_week_s() const noexcept { return 1e-9 * static_cast<double>(time_of_week_ns()); }
+  std::uint8_t time_status() const noexcept { return has_fix() ? 7 : 0; }  // time, date and UTC are valid
+
+  // --- Inertial and other sensors; `raw`: not compensated ---
+  Vector3 acceleration() const noexcept { return s_.specific_force; }  // m/s^2
+  Vector3 rate() const noexcept { return s_.rate; }                    // rad/s
+  Vector3 magnetic() const noexcept { return s_.magnetic_field / gauss; }
+  Vector3 raw_acceleration() const noexcept { return r_.raw.specific_force; }
+  Vector3 raw_rate() const noexcept { return r_.raw.rate; }
+  Vector3 raw_magnetic() const noexcept { return r_.raw.magnetic_field / gauss; }
+  double temperature_c() const noexcept { return s_.temperature_c; }
+  double pressure_kpa() const noexcept { return s_.pressure / 1e3; }
+  double dt() const noexcept { return sums_.dt; }  // s
+  Vector3 delta_angle_deg() const noexcept { return sums_.delta_angle / units::degree; }
+  Vector3 delta_velocity() const noexcept { return sums_.delta_velocity; }  // m/s
+  std::uint16_t saturation() const noexcept {
+    return static_cast<std::uint16_t>((s_.status >> 3 & 7U) << 3 | (s_.status & 7U) << 6);
+  }
+
+  // --- Attitude; only what is said to be tared is ---
+  Quaternion tared_q() const noexcept { return r_.tare * s_.q_LP; }
+  Vector3 tared_ypr_deg() const noexcept {
+    return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
+  }
+  Vector3 ypr_error_deg() const noexcept { return Vector3::Constant(attitude_error_deg); }
+  Vector3 magnetic_L() const noexcept { return s_.q_LP * magnetic(); }
+  Vector3 acceleration_L() const noexcept { return s_.q_LP * s_.specific_force; }
+  // The specific force less that at rest in standard gravity.
+  Vector3 linear_L() const noexcept { return acceleration_L() + Vector3(0, 0, units::standard_gravity); }
+  Vector3 linear_P() const noexcept { return s_.q_LP.conjugate() * linear_L(); }
+
+  // --- Position and velocity ---
+  bool has_fix() const noexcept { return r_.model.receivers > 0 && navigation_.is_known; }
+  bool has_receiver(unsigned number) const noexcept { return number <= r_.model.receivers; }
+  std::uint8_t satellites() const noexcept { return has_fix() ? 12 : 0; }
+  std::uint8_t fix() const noexcept { return has_fix() ? 3 : 0; }  // 3D
+  // Latitude and longitude in degrees, height in metres.
+  Vector3 lla() const noexcept {
+    return if_fixed(
+        {navigation_.latitude / units::degree, navigation_.longitude / units::degree, navigation_.height});
+  }
+  Vector3 r_E() const noexcept { return if_fixed(navigation_.r_E); }
+  Vector3 v_L() const noexcept { return if_fixed(navigation_.v_L); }
+  Vector3 v_P() const noexcept { return s_.q_LP.conjugate() * v_L(); }
+  Vector3 v_E() const noexcept { return to_E(v_L()); }
+  Vector3 magnetic_E() const noexcept { return to_E(magnetic_L()); }
+  Vector3 acceleration_E() const noexcept { return to_E(acceleration_L()); }
+  Vector3 linear_E() const noexcept { return to_E(linear_L()); }
+  // Mode 2 (tracking) and the fix; a VN-300's heading by two antennas (vnproglib, InsStatus).
+  std::uint16_t ins_status() const noexcept {
+    if (!has_fix()) return 0;
+    return r_.model.receivers == 2 ? 0x0306 : 0x0006;
+  }
+  Vector3 position_errors_m() const noexcept { return if_fixed(Vector3::Constant(1.0)); }
+  double position_error_m() const noexcept { return position_errors_m()[0]; }
+  double velocity_error_m_per_s() const noexcept { return has_fix() ? 0.05 : 0; }
+  double time_error_s() const noexcept { return has_fix() ? 2e-8 : 0; }
+  double ins_attitude_error_deg() const noexcept { return has_fix() ? attitude_error_deg : 0; }
+
+ private:
+  static constexpr double gauss = 1e-4, attitude_error_deg = 0.5;
+  static constexpr std::uint64_t week_ns = 604'800'000'000'000;
+
+  Vector3 if_fixed(const Vector3& v) const noexcept { return has_fix() ? v : Vector3(Vector3::Zero()); }
+  Vector3 to_E(const Vector3& v_L) const noexcept {
+    return has_fix() ? Vector3(dcm_EL(navigation_.latitude, navigation_.longitude) * v_L) : Vector3(Vector3::Zero());
+  }
+
+  const Reading& r_;
+  const Sample& s_;
+  const Navigation& navigation_;
+  const Sums& sums_;
+};
+
+}  // namespace imud::vectornav
