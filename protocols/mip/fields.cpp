@@ -2,8 +2,6 @@
 #include <chrono>
 
 #include "core/attitude.hpp"
-#include "core/earth.hpp"
-#include "core/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/mip.hpp"
 
@@ -62,33 +60,7 @@ constexpr DataField fields[] = {
 
 constexpr double gauss = 1e-4;    // T
 constexpr double millibar = 100;  // Pa
-constexpr std::int64_t second_ns = 1'000'000'000, week_ns = 604'800 * second_ns;
-
-// 3-2-1.
-Vector3 roll_pitch_yaw(const Quaternion& q) noexcept {
-  const Vector3 ypr = yaw_pitch_roll_from_dcm(q.conjugate().toRotationMatrix());
-  return {ypr[2], ypr[1], ypr[0]};
-}
-
-void put_gps_time(Packet& packet, std::int64_t ns) noexcept {
-  const std::int64_t week = ns / week_ns - (ns % week_ns < 0);
-  packet.put(1e-9 * static_cast<double>(ns - week * week_ns));
-  packet.put(static_cast<std::uint16_t>(week));
-}
-
-void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept {
-  constexpr std::int64_t gps_began_s = 315'964'800, leap_s = 18, day_ms = 86'400'000;
-  const std::int64_t utc_ms = gps_ns / 1'000'000 + (gps_began_s - leap_s) * 1000, of_day = utc_ms % day_ms;
-  const std::chrono::year_month_day date(std::chrono::sys_days(std::chrono::days(utc_ms / day_ms)));
-  packet.put(static_cast<std::uint16_t>(static_cast<int>(date.year())));
-  packet.put(static_cast<std::uint8_t>(static_cast<unsigned>(date.month())));
-  packet.put(static_cast<std::uint8_t>(static_cast<unsigned>(date.day())));
-  packet.put(static_cast<std::uint8_t>(of_day / 3'600'000));
-  packet.put(static_cast<std::uint8_t>(of_day / 60'000 % 60));
-  packet.put(static_cast<std::uint8_t>(of_day / 1000 % 60));
-  packet.put(static_cast<std::uint32_t>(of_day % 1000));
-  packet.put(flags);
-}
+constexpr std::int64_t second_ns = 1'000'000'000;
 
 }  // namespace
 
@@ -259,7 +231,7 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
       put_quaternion(packet);
       break;
     case 0x0C:
-      packet.put_floats(roll_pitch_yaw(sample_.q_LP));
+      put_euler(packet);
       break;
     case 0x12: {  // flags: a receiver's pulse; a bit that each update turns; time was ever set; time of week is
                   // valid; week is valid
@@ -283,113 +255,11 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
   }
 }
 
-void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
-  const Navigation& navigation = sample_.navigation;
-  if (descriptor == 0x10) return put_filter_status(packet);
-  std::uint16_t valid = 1;
-  switch (descriptor) {
-    case 0x01:
-      put_position(packet);
-      valid = is_known();
-      break;
-    case 0x02:
-      packet.put_floats(navigation.v_L);
-      valid = is_known();
-      break;
-    case 0x03:
-      put_quaternion(packet);
-      break;
-    case 0x04: {  // row by row, from L to V
-      const Matrix3 dcm_VL = sample_.q_LP.conjugate().toRotationMatrix();
-      for (int row = 0; row < 3; ++row) packet.put_floats(dcm_VL.row(row).transpose());
-      break;
-    }
-    case 0x05:
-      packet.put_floats(roll_pitch_yaw(sample_.q_LP));
-      break;
-    case 0x0D:
-      packet.put_floats(sample_.specific_force + gravity());
-      break;
-    case 0x0E:
-      packet.put_floats(sample_.rate);
-      break;
-    case 0x11:
-      put_gps_time(packet, gps_ns(at));
-      valid = has_time_of_week() && has_week();
-      break;
-    case 0x13:
-      packet.put_floats(gravity());
-      break;
-    case 0x1C:
-      packet.put_floats(sample_.specific_force);
-      break;
-    default:
-      packet.put_doubles(navigation.r_E);
-      valid = is_known();
-      break;
-  }
-  packet.put(valid);
-}
-
-// State, dynamics mode, flags. GX5: 1 initializing, for want of position and velocity; 2 running, valid. CV7: 3 AHRS;
-// 4 full navigation; flags 1: stable, as the GQ7's manual is remembered.
-void Fields::put_filter_status(Packet& packet) const noexcept {
-  const bool navigates = memory_.model().is(ins) && is_known();
-  const bool waits = memory_.model().is(gx5_45) && !navigates;
-  packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? (navigates ? 4 : 3) : (waits ? 1 : 2)));
-  packet.put(std::uint16_t{memory_.active().first_of(filter_command, 0x10).bytes[0]});
-  packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? 1 : (waits ? 0x2000 : 0)));
-}
-
-// The receiver reports the truth; it reports no accuracy, and does not set the flag of that.
-void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
-  const Navigation& navigation = sample_.navigation;
-  const Vector3& v = navigation.v_L;
-  const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
-  switch (descriptor) {
-    case 0x03:
-      put_position(packet);
-      packet.put(navigation.height);  // in place of the height above the sea, which is flagged not valid
-      for (int i = 0; i < 2; ++i) packet.put(0.0F);
-      packet.put(if_known(0x03));
-      break;
-    case 0x04:
-      packet.put_doubles(navigation.r_E);
-      packet.put(0.0F);
-      packet.put(if_known(0x01));
-      break;
-    case 0x05: {
-      const double course = elementary::atan2(v.y(), v.x()) / units::degree;
-      packet.put_floats(v);
-      packet.put_float(v.norm());
-      packet.put_float(v.head<2>().norm());
-      packet.put_float(course < 0 ? course + 360 : course);
-      for (int i = 0; i < 2; ++i) packet.put(0.0F);
-      packet.put(if_known(0x0F));
-      break;
-    }
-    case 0x07:  // under an open sky: geometric, position, horizontal, vertical, time, north, east
-      for (const float dop : {1.65F, 1.44F, 0.80F, 1.20F, 0.80F, 0.57F, 0.57F}) packet.put(is_known() ? dop : 99.99F);
-      packet.put(if_known(0x7F));
-      break;
-    case 0x08:
-      put_utc(packet, true_gps_ns(at), if_known(0x03));
-      break;
-    case 0x09:
-      put_gps_time(packet, true_gps_ns(at));
-      packet.put(if_known(0x03));
-      break;
-    case 0x0B:  // 3D or none
-      packet.put(static_cast<std::uint8_t>(is_known() ? 0 : 3));
-      packet.put(static_cast<std::uint8_t>(is_known() ? 12 : 0));
-      packet.put(std::uint16_t{0});
-      packet.put(std::uint16_t{0x07});
-      break;
-    default:  // on; antenna good, powered
-      for (const int state : {1, 4, 1}) packet.put(static_cast<std::uint8_t>(state));
-      packet.put(std::uint16_t{0x07});
-      break;
-  }
+void Fields::put_gps_time(Packet& packet, std::int64_t ns) noexcept {
+  constexpr std::int64_t week_ns = 604'800 * second_ns;
+  const std::int64_t week = ns / week_ns - (ns % week_ns < 0);
+  packet.put(1e-9 * static_cast<double>(ns - week * week_ns));
+  packet.put(static_cast<std::uint16_t>(week));
 }
 
 void Fields::put_quaternion(Packet& packet) const noexcept {  // v_V = q* v_L q
@@ -397,16 +267,10 @@ void Fields::put_quaternion(Packet& packet) const noexcept {  // v_V = q* v_L q
   for (const double part : {q.w(), q.x(), q.y(), q.z()}) packet.put_float(part);
 }
 
-void Fields::put_position(Packet& packet) const noexcept {
-  packet.put(sample_.navigation.latitude / units::degree);
-  packet.put(sample_.navigation.longitude / units::degree);
-  packet.put(sample_.navigation.height);
-}
-
-Vector3 Fields::gravity() const noexcept {
-  const double g =
-      is_known() ? normal_gravity(sample_.navigation.latitude, sample_.navigation.height) : units::standard_gravity;
-  return sample_.q_LP.conjugate() * Vector3(0, 0, g);
+// Roll, pitch and yaw, of rotations in the order 3-2-1.
+void Fields::put_euler(Packet& packet) const noexcept {
+  const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
+  packet.put_floats({ypr[2], ypr[1], ypr[0]});
 }
 
 }  // namespace imud::mip

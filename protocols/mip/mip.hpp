@@ -1,5 +1,5 @@
-// MicroStrain MIP: what the device (device.cpp), its data fields (fields.cpp), its commands (commands.cpp), its
-// settings (settings.cpp) and the decoder (decoder.cpp) share. Source: MicroStrain's mip_sdk
+// MicroStrain MIP: what the device (device.cpp), its data fields (fields.cpp, navigation_fields.cpp), its commands
+// (commands.cpp), its settings (settings.cpp) and the decoder (decoder.cpp) share. Source: MicroStrain's mip_sdk
 // (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
 //
 // A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of
@@ -157,6 +157,8 @@ class Fields {
   void put_filter_status(Packet& packet) const noexcept;
   void put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
   void put_quaternion(Packet& packet) const noexcept;
+  void put_euler(Packet& packet) const noexcept;
+  static void put_gps_time(Packet& packet, std::int64_t ns) noexcept;
   void put_position(Packet& packet) const noexcept;
   bool is_known() const noexcept { return sample_.navigation.is_known; }
   std::int64_t true_gps_ns(DeviceTime at) const noexcept;  // of a receiver; 0 where the truth has none
