@@ -184,7 +184,8 @@ Configuration configuration(const Settings& settings) {
   return c;
 }
 
-// Magnetometer: 8 G and 400 uG/sqrt(Hz), barometer: 0.01 hPa; of the 3DM-GX5-25's data sheet as remembered.
+// The magnetometer's 8 G and 400 uG/sqrt(Hz), and the barometer's 0.01 hPa, are from the 3DM-GX5-25's data sheet as
+// remembered.
 Product product(const Settings& settings) {
   const Model& model = model_of(settings);
   Product product;

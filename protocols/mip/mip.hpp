@@ -2,9 +2,9 @@
 // (commands.cpp), its settings (settings.cpp) and the decoder (decoder.cpp) share. Source: MicroStrain's mip_sdk
 // (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
 //
-// A packet, big-endian: 0x75 0x65, descriptor set, length of what follows, fields, two bytes of checksum: the sum of
-// all bytes before, and the sum of these sums. A field: its own length, descriptor, data. A command's answer is a
-// packet of its set: field 0xF1 {command, code} for each command, followed by its data.
+// A packet is big-endian: 0x75 0x65, descriptor set, length of the fields, fields, two bytes of checksum: the sum of
+// all bytes before, and the sum of these sums. A field is its own length, a descriptor, and data. The answer to a
+// command is a packet of the same set: field 0xF1 {command, code} for each command, followed by its data.
 #pragma once
 
 #include <array>
@@ -23,21 +23,20 @@ namespace imud::mip {
 
 inline constexpr std::uint8_t sync[2] = {0x75, 0x65};
 inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = header_size + 255 + checksum_size;
-inline constexpr double internal_hz = 1000;  // at which a device samples
-// Descriptor sets: of commands, of data.
+inline constexpr double internal_hz = 1000;  // the rate at which a device samples
+// Descriptor sets of commands, and of data.
 enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };
 enum DataSet : std::uint8_t { sensor = 0x80, gnss = 0x81, filter = 0x82 };
 inline constexpr std::uint8_t reply = 0xF1;
 
-// --- Packets
-// ---------------------------------------------------------------------------------------------------------
+// --- Packets ---
 
 std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept;
-// How long the packet is that these bytes begin with; nullopt: none; more than there are: not all there yet.
+// The size of the packet that the bytes held begin; it may be more than they are. nullopt: no packet begins so.
 std::optional<std::size_t> packet_size(std::span<const std::byte> held) noexcept;
 bool is_intact(std::span<const std::byte> packet) noexcept;
 
-// Calls `act(descriptor, data)` for each field. False if they do not fill the packet.
+// Calls `act(descriptor, data)` for each field. Returns false if the fields do not fill the packet.
 template <class Act>
 bool for_each_field(std::span<const std::byte> packet, Act&& act) {
   std::span<const std::byte> rest = packet.subspan(header_size, packet.size() - header_size - checksum_size);
@@ -52,7 +51,7 @@ bool for_each_field(std::span<const std::byte> packet, Act&& act) {
 
 using Reader = FieldReader<boost::endian::order::big>;
 
-// Writes a packet: fields between begin() and end(); finish() sends it if it has any.
+// Writes a packet: each field between begin() and end(). finish() completes it; without fields nothing is sent.
 class Packet : public FrameWriter<boost::endian::order::big> {
  public:
   Packet(FrameBuffer& out, std::uint8_t set) noexcept;
@@ -66,8 +65,7 @@ class Packet : public FrameWriter<boost::endian::order::big> {
   std::size_t field_ = 0;
 };
 
-// --- Models
-// ----------------------------------------------------------------------------------------------------------
+// --- Models ---
 
 // Sets of models.
 inline constexpr unsigned gx5_25 = 1, cv7_ahrs = 2, gx5_45 = 4, cv7_ins = 8;
@@ -85,18 +83,17 @@ struct Model {
 };
 extern const std::array<Model, 4> models;
 
-// --- Data
-// ------------------------------------------------------------------------------------------------------------
+// --- Data ---
 
 struct DataField {
   std::string_view name;               // in the configuration
   std::uint8_t set, descriptor, size;  // of the data
-  unsigned models;                     // that have it
+  unsigned models;                     // a set of models: those with this field
 };
 std::span<const DataField> data_fields() noexcept;
 const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t descriptor) noexcept;
 
-// What is streamed of a descriptor set; 0: of none.
+// The stream of a descriptor set; set 0: the model has none.
 struct Stream {
   struct Rate {
     std::uint8_t descriptor = 0;
@@ -113,7 +110,7 @@ struct Stream {
   }
 };
 
-// In one packet when all are due at once, as they are in the first sample.
+// Whether all fields of the stream fit one packet: they are all due at the first sample.
 bool fits_a_packet(const Model& model, const Stream& stream) noexcept;
 
 class Memory;
@@ -174,11 +171,10 @@ class Fields {
   std::uint64_t restarted_tick_ = 0;
 };
 
-// --- Settings
-// --------------------------------------------------------------------------------------------------------
+// --- Settings ---
 
-// A setting that is kept and told, and changes nothing: what it would do is a filter's, which tells the truth here,
-// or an event's, of which there are none. A command's data are a function, a key (which of several), and a value.
+// A setting that is kept and read back, and changes nothing: it belongs to the filter, which reports the truth, or to
+// events, which never occur. A command's data are a function, a key (which of several), and a value.
 struct KeptSetting {
   enum Kind : std::uint8_t { any, flag, numbers };  // numbers: finite
 
@@ -191,7 +187,7 @@ struct KeptSetting {
 };
 std::span<const KeptSetting> kept_settings() noexcept;
 
-// A command that is acknowledged if it has that many bytes, and changes nothing.
+// A command that is acknowledged if its data have that many bytes, and changes nothing.
 struct Acknowledged {
   std::uint8_t set, command, size;
   unsigned models;
@@ -285,7 +281,7 @@ class Memory {
   void put_device_info(Packet& answer) const noexcept;
   void put_descriptors(Packet& answer, bool extended) const noexcept;
 
-  // Save, load or default, by copy(to, from).
+  // Executes save, load or default by copy(to, from).
   template <class Copy>
   Code transfer(std::uint8_t function, Copy&& copy) noexcept {
     switch (function) {

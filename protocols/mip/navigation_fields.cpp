@@ -73,8 +73,9 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   packet.put(valid);
 }
 
-// State, dynamics mode, flags. GX5: 1 initializing, for want of position and velocity; 2 running, valid. CV7: 3 AHRS;
-// 4 full navigation; flags 1: stable, as the GQ7's manual is remembered.
+// State, dynamics mode, flags. A GX5 is in state 1, initializing, without position and velocity, else in 2, running
+// and valid. A CV7 is in state 3, AHRS, or 4, full navigation; its flags are 1, stable (the GQ7's manual as
+// remembered).
 void Fields::put_filter_status(Packet& packet) const noexcept {
   const bool navigates = memory_.model().is(ins) && is_known();
   const bool waits = memory_.model().is(gx5_45) && !navigates;

@@ -15,8 +15,8 @@ constexpr std::uint8_t identity_matrix[36] = {0x3F, 0x80, 0, 0, 0, 0, 0, 0, 0, 0
 constexpr std::uint8_t initialization[40] = {0, 0, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
                                              0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2};
 
-// Set, command, reply; models; key: size, first, how many; bytes; initially. Initial values, and how many events
-// there are, are guesses where the SDK does not say.
+// Columns: set, command, reply; models; size of the key, first key, number of keys; fewest and most bytes; initial
+// value; kind. Initial values, and the number of events, are guesses where the SDK is silent.
 constexpr KeptSetting settings[] = {
     {three_dm, 0x2B, 0xB5, cv7, 1, 1, 8, 2, 2, {}},                                       // event control
     {three_dm, 0x2E, 0xB8, cv7, 1, 1, 8, 2, 22, {}},                                      // event trigger

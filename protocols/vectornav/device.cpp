@@ -293,8 +293,8 @@ Configuration configuration(const Settings& settings) {
   return c;
 }
 
-// The VN-100's data sheet: 0.0035 deg/s, 0.14 mg and 140 uG per sqrt(Hz); 2000 deg/s, 16 g, 2.5 G; the barometer's
-// resolution of 0.042 mbar.
+// The numbers are those of the VN-100's data sheet: 0.0035 deg/s, 0.14 mg and 140 uG per sqrt(Hz); 2000 deg/s, 16
+// g, 2.5 G; the barometer's resolution of 0.042 mbar.
 Product product(const Settings& settings) {
   configuration(settings);
   constexpr double gauss = 1e-4;

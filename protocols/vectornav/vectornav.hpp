@@ -127,13 +127,13 @@ struct Configuration {
     unsigned baud = 115200, async_type = 14, async_hz = 40;
   };
 
-  std::array<SerialPort, 2>
-      ports;  // the host's, and the other connector: its settings are told, nothing is sent there
+  // The host's, and the other connector's, whose settings are read back; nothing is sent there.
+  std::array<SerialPort, 2> ports;
   std::array<BinaryOutput, 3> binary = {};
   std::array<Text, 3> binary_text = {};
   std::array<Text, kept_count> registers = {};
-  std::array<Calibration, 3> calibrations;        // magnetometer, accelerometer, gyro; as their registers say
-  Matrix3 reference_frame = Matrix3::Identity();  // as register 26 says
+  std::array<Calibration, 3> calibrations;        // magnetometer, accelerometer, gyro: registers 23, 25, 84
+  Matrix3 reference_frame = Matrix3::Identity();  // register 26
 
   Configuration() noexcept;
   static void store(Text& place, std::string_view text) noexcept;

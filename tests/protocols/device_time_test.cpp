@@ -104,6 +104,8 @@ struct Clocked {
   }
 };
 
+void PrintTo(const Product& product, std::ostream* out) { *out << product.model; }
+
 class DeviceTimes : public testing::TestWithParam<Product> {};
 INSTANTIATE_TEST_SUITE_P(Devices, DeviceTimes,
                          testing::Values(Product{"mip", "3dm-gx5-25", 1ms}, Product{"mip", "3dm-gx5-45", 1ms},

@@ -1,5 +1,5 @@
-// What MIP tells since it told it last: increments, time and tick differences (mip_sdk e5a847d, data_sensor.h, delta
-// theta: over the period set by the message format; data_shared.h).
+// Increments, and time and tick differences, count from the last packet with them (mip_sdk e5a847d, data_sensor.h,
+// delta theta: over the period set by the message format; data_shared.h).
 #include <gtest/gtest.h>
 
 #include "tests/protocols/mip_unit.hpp"
@@ -12,7 +12,7 @@ using namespace mip_test;
 constexpr std::uint8_t angle = 0x07, velocity = 0x08, delta_ticks = 0xD2, delta_time = 0xD4, reference = 0xD5,
                        reference_delta = 0xD6;
 
-// Of a constant rate, 1 mrad and 1 g ms in each sample.
+// A unit at a constant rate: 1 mrad and 1 g ms in each sample.
 Unit turning() {
   Unit unit;
   unit.sample.delta_angle = {1e-3, 0, 0};
@@ -25,7 +25,7 @@ void set_format(Unit& unit, const Bytes& descriptors, std::uint8_t decimation, s
     for (const std::uint8_t byte : {descriptor, std::uint8_t{0}, decimation}) format.push_back(byte);
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, format)), 0);
 }
-// The first packet of that set that comes.
+// The next packet of that set.
 Bytes first(Unit& unit, std::uint8_t set = 0x80) {
   for (int k = 0; k < 2000; ++k)
     for (const Bytes& packet : unit.run(1))

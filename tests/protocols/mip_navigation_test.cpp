@@ -1,4 +1,4 @@
-// What a MIP device tells of place, time and field.
+// Place, time and magnetic field, as a MIP device reports them.
 #include <gtest/gtest.h>
 
 #include "core/attitude.hpp"
@@ -28,7 +28,7 @@ Sample known() {
   return sample;
 }
 
-// Of a set, the fields of which are streamed once, by a unit of that model.
+// The packet of a set with these fields, sent by a unit of that model.
 Bytes sent(const std::string& model, std::uint8_t set, std::vector<std::uint8_t> descriptors, const Sample& sample) {
   Unit unit({{"model", model}});
   Bytes format = {1, set, static_cast<std::uint8_t>(descriptors.size())};
@@ -166,7 +166,7 @@ TEST(MipNavigation, Receiver) {
   EXPECT_EQ(field(lost, 0x0B), (Bytes{3, 0, 0, 0, 0, 7})) << "no fix";
 }
 
-// What ArduPilot's driver waits for, which sends nothing.
+// ArduPilot's driver waits for these, and sends nothing.
 TEST(MipNavigation, StreamsOutOfTheBox) {
   Unit unit({{"model", std::string("3dm-gx5-45")}});
   unit.sample = known();

@@ -1,4 +1,4 @@
-// What a MIP device is told and keeps. The packets in hex are what mip_sdk e5a847d writes for the calls beside them.
+// The settings of a MIP device. The packets in hex are those that mip_sdk e5a847d writes for the calls beside them.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -30,7 +30,7 @@ struct Call {
   const char* packet;
   const char* call;
 };
-const Call taken[] = {
+const Call executed[] = {
     {"3dm-gx5-25", "75650c0f0f37013c23d70abca3d70a3cf5c28f3ef9", "3dm_write_accel_bias"},
     {"3dm-gx5-25", "75650c0f0f38013c23d70abca3d70a3cf5c28f3f07", "3dm_write_gyro_bias"},
     {"3dm-gx5-25", "75650c030338022654", "3dm_read_gyro_bias"},
@@ -64,8 +64,8 @@ const Call taken[] = {
      "aiding_pos_llh"},
 };
 
-TEST(MipSettings, TakesTheLibrarysCalls) {
-  for (const Call& call : taken) EXPECT_EQ(unit_of(call.model).code(hex(call.packet)), 0) << call.call;
+TEST(MipSettings, ExecutesTheLibrarysCalls) {
+  for (const Call& call : executed) EXPECT_EQ(unit_of(call.model).code(hex(call.packet)), 0) << call.call;
 }
 
 const Call kept[] = {
@@ -96,7 +96,7 @@ std::size_t key_size(const Bytes& write) {
   return has_key ? 1 : 0;
 }
 
-TEST(MipSettings, KeepsTellsSavesAndRestores) {
+TEST(MipSettings, AreReadSavedAndRestored) {
   for (const Call& call : kept) {
     SCOPED_TRACE(call.call);
     Unit unit = unit_of(call.model);
@@ -106,25 +106,25 @@ TEST(MipSettings, KeepsTellsSavesAndRestores) {
       data.insert(data.begin(), function);
       return command(write[2], write[5], data);
     };
-    const auto told = [&] {
+    const auto read = [&] {
       const Bytes answer = unit.send(with(2)).at(0);
       EXPECT_EQ(answer[7], 0);
       return Bytes(answer.begin() + 10, answer.end() - 2);
     };
-    const Bytes initial = told();
+    const Bytes initial = read();
     ASSERT_NE(initial, value);
     EXPECT_EQ(unit.code(write), 0);
-    EXPECT_EQ(told(), value);
+    EXPECT_EQ(read(), value);
     EXPECT_EQ(unit.code(with(4)), 0);
-    EXPECT_EQ(told(), initial) << "was not saved";
+    EXPECT_EQ(read(), initial) << "was not saved";
     EXPECT_EQ(unit.code(write), 0);
     EXPECT_EQ(unit.code(with(3)), 0);
     EXPECT_EQ(unit.code(with(5)), 0);
-    EXPECT_EQ(told(), initial) << "default";
+    EXPECT_EQ(read(), initial) << "default";
     EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
-    EXPECT_EQ(told(), value) << "was saved";
+    EXPECT_EQ(read(), value) << "was saved";
     EXPECT_EQ(unit.code(command(0x0C, 0x30, {5})), 0);
-    EXPECT_EQ(told(), initial) << "all to default";
+    EXPECT_EQ(read(), initial) << "all to default";
     EXPECT_EQ(unit.code(with(9)), 3) << "no such function";
     Bytes longer(write.begin() + 6, write.end() - 2);
     longer.resize(64);
@@ -146,7 +146,7 @@ TEST(MipSettings, KeysChooseOneOfSeveral) {
   EXPECT_EQ(source(5), (Bytes{0, 5, 1}));
   EXPECT_EQ(unit.code(command(0x0D, 0x50, {1, 0, 9, 0})), 3) << "no such source";
   EXPECT_EQ(unit.code(command(0x0D, 0x50, {2, 0xFF, 0xFF})), 3) << "one at a time is read";
-  // mip_aiding_read_frame_config says which form it wants.
+  // mip_aiding_read_frame_config names the form that it wants.
   EXPECT_EQ(unit.code(hex("756513050501020301fe12")), 0);
   EXPECT_EQ(unit.code(command(0x13, 0x01, {2, 5})), 3) << "four frames";
   EXPECT_EQ(unit.code(command(0x0C, 0x2B, {1, 0, 1})), 3) << "event 0 stands for all, to save, load and default";

@@ -153,7 +153,7 @@ TEST(Mip, DecodesNothingOfAnotherSet) {
 // mip_sdk e5a847d, test/data/packet_example_cpp_check.txt. Its poll has set and "no acknowledgement" in the other
 // order than the library's own function (commands_3dm.c, insert_mip_3dm_poll_data_command): of a set 0 there is
 // nothing to poll, and no NACK either.
-TEST(Mip, TakesTheLibrarysOwnCommands) {
+TEST(Mip, ExecutesTheLibrarysOwnCommands) {
   Unit unit;
   unit.run(10);
   EXPECT_EQ(unit.code(hex("75650c0e0e0f018003d5000a04000a05000a91ce")), 0) << "message format";
@@ -187,7 +187,7 @@ INSTANTIATE_TEST_SUITE_P(Models, MipModel, testing::Values("3dm-gx5-25", "3dm-gx
                            return name;
                          });
 
-TEST_P(MipModel, SaysWhoItIsAndWhatItCan) {
+TEST_P(MipModel, ReportsItsNameAndDescriptors) {
   Unit unit({{"model", std::string(GetParam())}});
   const auto info = unit.send(command(0x01, 0x03));
   ASSERT_EQ(info.size(), 1U);
@@ -350,7 +350,7 @@ TEST(Mip, AttitudeAndIncrementsAreTheModels) {
 }
 
 // mip_sdk e5a847d, mip_parser.c, mip_parser_parse: a packet's time is counted from its first byte, by default 100 ms.
-TEST(Mip, ACommandCutOffEndsThoughMoreIsSaid) {
+TEST(Mip, ACommandCutOffEndsThoughMoreIsSent) {
   Unit unit;
   const Bytes ping = hex("756501020201e0c6");
   const auto answers_in = [&](int milliseconds) {
@@ -362,7 +362,7 @@ TEST(Mip, ACommandCutOffEndsThoughMoreIsSaid) {
   unit.run(60);
   EXPECT_TRUE(unit.send(ping).empty()) << "is part of it so far";
   EXPECT_EQ(answers_in(39), 0);
-  EXPECT_EQ(answers_in(10), 1) << "only its false start is given up";
+  EXPECT_EQ(answers_in(10), 1) << "only its false start is discarded";
   for (int k = 0; k < 3; ++k) {
     unit.run(400);
     EXPECT_EQ(unit.code(ping), 0);
@@ -374,7 +374,7 @@ TEST(Mip, ACommandCutOffEndsThoughMoreIsSaid) {
   EXPECT_EQ(unit.send({ping.back()}).size(), 1U);
 }
 
-TEST(Mip, ACommandCutOffIsForgotten) {
+TEST(Mip, ACommandCutOffIsDiscarded) {
   Unit unit;
   const Bytes ping = command(0x01, 0x01);
   EXPECT_TRUE(unit.send({ping.begin(), ping.begin() + 4}).empty());

@@ -97,7 +97,7 @@ TEST(MipTime, TheFirstSampleCarriesTheSensorsClock) {
   EXPECT_EQ(number_at<std::uint32_t>(field(packet, ticks), 0), 1U);
 }
 
-// An answer of what was measured before the power went would be another life's.
+// Measurements do not outlive the power.
 TEST(MipTime, PowerOnForgetsTheNewestSample) {
   Unit unit;
   unit.sample.rate = {1, 2, 3};

@@ -111,7 +111,7 @@ class Unit {
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
 };
 
-// The data of a field of a packet; empty if it has none such.
+// The data of a field of a packet; empty if the packet has no such field.
 inline Bytes field(const Bytes& packet, std::uint8_t descriptor) {
   for (std::size_t at = 4; at + 2 < packet.size() - 2; at += packet[at]) {
     const auto begin = packet.begin() + static_cast<std::ptrdiff_t>(at);
@@ -119,7 +119,7 @@ inline Bytes field(const Bytes& packet, std::uint8_t descriptor) {
   }
   return {};
 }
-// The number of that type that begins at byte `at` of it; 0 if it is too short.
+// The number of that type that begins at byte `at` of the data; 0 if they are too short.
 template <class Number>
 Number number_at(const Bytes& data, std::size_t at) {
   Number number = {};

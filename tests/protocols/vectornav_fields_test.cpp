@@ -1,4 +1,4 @@
-// What a VectorNav's messages and binary fields say of the Earth, and what registers change in them.
+// A VectorNav's messages and binary fields on the Earth, and what registers change in them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,7 +48,7 @@ std::string binary(Unit& unit, const std::string& output) {
   return sent.empty() ? "" : sent[0];
 }
 
-// The worked example of VectorNav's manuals, as remembered; its CRC is right for what it says.
+// The worked example of VectorNav's manuals, as remembered; its CRC is right for its content.
 TEST(VectorNavFields, TheManualsYawPitchRoll) {
   Unit unit;
   unit.sample.q_LP =
@@ -187,7 +187,7 @@ TEST(VectorNavFields, TheReferenceFrameTurnsEverything) {
   EXPECT_EQ(unit.ask("VNRRG,19"), with_xor("VNRRG,19,-00.200000,+00.100000,+00.300000"));
   EXPECT_EQ(unit.ask("VNRRG,18"), with_xor("VNRRG,18,+00.000,+00.500,-09.807"));
   EXPECT_EQ(unit.ask("VNRRG,17"), with_xor("VNRRG,17,+00.0500,+00.2000,+00.4500"));
-  // What looked east as the sensor's x is the host's y now: the host's x looks north.
+  // The sensor's x, which looked east, is the host's y now: the host's x looks north.
   EXPECT_EQ(unit.ask("VNRRG,8").substr(0, 17), "$VNRRG,8,+000.000");
 }
 

@@ -13,9 +13,9 @@ namespace {
 
 using namespace vectornav_test;
 
-// The SDK's RegisterScan asks for port 1, 2, 3, ... until it is told that there is no such port; its
-// Sensor::changeBaudRate asks for "?" to learn which port it talks to.
-TEST(VectorNavRegisters, OfSerialPortsAreToldByPort) {
+// The SDK's RegisterScan reads port 1, 2, 3, ... up to the first error; its Sensor::changeBaudRate reads "?" to learn
+// which port it is connected to.
+TEST(VectorNavRegisters, SerialPortsAreReadByNumber) {
   Unit unit;
   EXPECT_EQ(unit.ask("VNRRG,05"), with_xor("VNRRG,05,115200"));
   EXPECT_EQ(unit.ask("VNRRG,05,1"), with_xor("VNRRG,05,115200,1"));
@@ -43,10 +43,10 @@ TEST(VectorNavRegisters, TheOtherPortKeepsItsOwn) {
 }
 
 // RegisterScan writes back what it has read, and takes every error but 8 and 9 for its end.
-TEST(VectorNavRegisters, TakeBackWhatTheySay) {
+TEST(VectorNavRegisters, AreWrittenAsTheyAreRead) {
   for (const char* model : {"vn-100", "vn-200", "vn-300"}) {
     Unit unit({{"model", std::string(model)}});
-    int taken = 0;
+    int accepted = 0;
     for (int id = 0; id < 256; ++id) {
       const std::string answer = unit.ask("VNRRG," + std::to_string(id));
       ASSERT_FALSE(answer.empty());
@@ -56,9 +56,9 @@ TEST(VectorNavRegisters, TakeBackWhatTheySay) {
       }
       const std::string body = "VNWRG" + answer.substr(6, answer.find('*') - 6), echo = unit.ask(body);
       EXPECT_TRUE(echo == with_xor(body) || echo == with_xor("VNERR,09")) << model << ": " << body << " -> " << echo;
-      taken += echo == with_xor(body);
+      accepted += echo == with_xor(body);
     }
-    EXPECT_GE(taken, 24) << model;
+    EXPECT_GE(accepted, 24) << model;
   }
 }
 
@@ -88,14 +88,14 @@ TEST(VectorNavRegisters, AreRefusedForMoreThanTheLineCarries) {
   EXPECT_EQ(unit.ask("VNWRG,05,9600"), with_xor("VNWRG,05,9600"));
   EXPECT_EQ(unit.ask("VNWRG,06,14"), refused);
 }
-TEST(VectorNavRegisters, WhatMakesTheLoadLessIsTakenAtAnyLoad) {
+TEST(VectorNavRegisters, ALowerLoadIsAcceptedAtAnyLoad) {
   Unit unit({{"binary_1", std::string("1,1,01,0FFF")}});  // 1.3 Mbit/s
   EXPECT_EQ(unit.ask("VNWRG,07,50"), with_xor("VNERR,0C"));
   EXPECT_EQ(unit.ask("VNWRG,06,0"), with_xor("VNWRG,06,0"));
   EXPECT_EQ(unit.ask("VNWRG,05,921600"), with_xor("VNWRG,05,921600"));
 }
 
-TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsToldSo) {
+TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsAnError) {
   Unit unit;
   EXPECT_EQ(unit.send("$VNWRG,00," + std::string(300, 'x') + "\r\n"), with_xor("VNERR,02"));
   EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
@@ -146,7 +146,7 @@ TEST(VectorNavRegisters, CountsAreResetAndNotSet) {
   }
 }
 
-TEST(VectorNavRegisters, AResetTakesBackACalibrationThatIsNotStored) {
+TEST(VectorNavRegisters, AResetUndoesACalibrationThatIsNotStored) {
   Unit unit;
   unit.sample.rate = {0.5, 0, 0};
   const auto rate = [&] {
@@ -181,7 +181,7 @@ TEST(VectorNavRegisters, HaveTheirParameters) {
   EXPECT_EQ(unit.ask("VNWRG,47,1,0,0,0,1,0,0,0,1,0,0,0"), with_xor("VNERR,09"));
 }
 
-TEST(VectorNavRegisters, OfReceiversBelongToModelsThatHaveThem) {
+TEST(VectorNavRegisters, ReceiversAreConfiguredInModelsThatHaveThem) {
   Unit vn100, vn200({{"model", std::string("vn-200")}}), vn300({{"model", std::string("vn-300")}});
   for (const char* id : {"55", "57", "67", "74"}) {
     EXPECT_EQ(vn100.ask("VNRRG," + std::string(id)), with_xor("VNERR,08")) << id;
@@ -236,7 +236,7 @@ TEST(VectorNavRegisters, Register30AppendsCountAndStatus) {
 }
 
 // vnproglib 1.2, types.h, ErrorMode: ignore, send, send and set register 6 to off.
-TEST(VectorNavRegisters, Register30SaysWhatAnErrorDoes) {
+TEST(VectorNavRegisters, Register30ConfiguresErrors) {
   Unit unit;
   unit.ask("VNWRG,30,0,0,0,0,1,0,0");
   EXPECT_EQ(unit.ask("VNXYZ"), "");

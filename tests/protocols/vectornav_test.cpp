@@ -257,7 +257,7 @@ TEST(VectorNav, AVn300SamplesAt400Hz) {
   EXPECT_EQ(unit.ask("VNRRG,1"), with_xor("VNRRG,1,VN-300S-CR"));
 }
 
-TEST(VectorNav, ACommandCutOffIsForgotten) {
+TEST(VectorNav, ACommandCutOffIsDiscarded) {
   Unit unit;
   EXPECT_EQ(unit.send("$VNRRG,0"), "");
   EXPECT_EQ(unit.send("$VNRRG,01*72\r\n"), with_xor("VNRRG,01,VN-100S-CR")) << "another begins";

@@ -120,7 +120,7 @@ TEST(VectorNavTime, GpsTimeRunsOnFromTheNewestSample) {
   EXPECT_EQ(number_at<std::uint64_t>(unit.ask("VNBOM,2"), 4), 1'420'000'002'000'000'000U);
 }
 
-// What was measured before the power went is not measured now.
+// Measurements do not outlive the power.
 TEST(VectorNavTime, PowerOnForgetsTheNewestSample) {
   Unit unit;
   unit.sample.rate = {1, 2, 3};
