@@ -31,13 +31,13 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <stdexcept>
 #include <utility>
 
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
 #include "protocols/stim300/datagram.hpp"
 #include "protocols/stim300/service.hpp"
+#include "protocols/stim300/settings.hpp"
 
 namespace imud {
 
@@ -259,95 +259,6 @@ class Stim300Device final : public Device {
   CommandReader<99> reader_;  // and CR (section 10.2.1)
 };
 
-constexpr std::array<std::string_view, 5> gyro_units = {"rate", "increment", "average", "integrated"};
-constexpr std::array<std::string_view, 5> force_units = {"acceleration", "increment", "average", "integrated_g_s",
-                                                         "integrated_m_per_s"};
-constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
-constexpr Setting declared[] = {
-    {.key = "sample_rate",
-     .help = "datagrams a second: 125, 250, 500, 1000 or 2000; 0: at an external trigger",
-     .initial = std::int64_t{1000},
-     .min = 0,
-     .max = 2000},
-    {.key = "acceleration", .help = "is in the datagram", .initial = true},
-    {.key = "inclination", .help = "is in the datagram", .initial = true},
-    {.key = "temperature", .help = "is in the datagram", .initial = true},
-    {.key = "pps", .help = "is in the datagram", .initial = false},
-    {.key = "aux_input", .help = "an older unit: AUX in PPS's place", .initial = false},
-    {.key = "cr_lf", .help = "after each datagram", .initial = false},
-    {.key = "gyro_unit",
-     .help = "of output",
-     .initial = std::string_view("rate"),
-     .choices = std::span(gyro_units).first(4)},
-    {.key = "accelerometer_unit",
-     .help = "of output",
-     .initial = std::string_view("acceleration"),
-     .choices = force_units},
-    {.key = "inclinometer_unit",
-     .help = "of output",
-     .initial = std::string_view("acceleration"),
-     .choices = force_units},
-    {.key = "accelerometer_range_g", .help = "5, 10, 30 or 80", .initial = std::int64_t{10}, .min = 5, .max = 80},
-    {.key = "bit_rate",
-     .help = "bit/s: 374400, 460800, 921600 or 1843200",
-     .initial = std::int64_t{921600},
-     .min = 374400,
-     .max = 1843200},
-    {.key = "parity", .help = "of the line", .initial = std::string_view("none"), .choices = parities},
-    {.key = "stop_bits", .help = "of the line", .initial = std::int64_t{1}, .min = 1, .max = 2},
-    {.key = "start_up", .help = "begins as after power-on: special datagrams, then 0.7 s not valid", .initial = true},
-};
-
-template <std::size_t N>
-unsigned index_of(const std::array<unsigned, N>& known, std::int64_t wanted, const char* what) {
-  const auto at = std::find(known.begin(), known.end(), static_cast<unsigned>(wanted));
-  if (at == known.end()) throw std::invalid_argument(what);
-  return static_cast<unsigned>(at - known.begin());
-}
-
-unsigned word_of(std::span<const std::string_view> words, const std::string& word) {
-  return static_cast<unsigned>(std::find(words.begin(), words.end(), word) - words.begin());
-}
-
-Configuration configuration(const Settings& settings) {
-  Configuration c;
-  c.sample_rate = external_trigger;
-  if (const std::int64_t rate = settings.integer("sample_rate"); rate != 0)
-    c.sample_rate =
-        index_of(sample_rates, rate, "sample_rate: give 125, 250, 500, 1000 or 2000, or 0: external trigger");
-  c.content = (settings.flag("acceleration") ? 1U : 0U) | (settings.flag("inclination") ? 2U : 0U) |
-              (settings.flag("temperature") ? 4U : 0U) | (settings.flag("pps") ? 8U : 0U);
-  c.has_aux = settings.flag("aux_input");
-  c.cr_lf = settings.flag("cr_lf");
-  c.units = {word_of(gyro_units, settings.text("gyro_unit")),
-             word_of(force_units, settings.text("accelerometer_unit")),
-             word_of(force_units, settings.text("inclinometer_unit"))};
-  const std::int64_t range = settings.integer("accelerometer_range_g");
-  c.accelerometer_range = 15;
-  for (const AccelerometerRange& known : accelerometer_ranges)
-    if (known.g == range) c.accelerometer_range = known.code;
-  if (c.accelerometer_range == 15) throw std::invalid_argument("accelerometer_range_g: give 5, 10, 30 or 80");
-  c.bit_rate = index_of(bit_rates, settings.integer("bit_rate"), "bit_rate: give 374400, 460800, 921600 or 1843200");
-  c.parity = static_cast<Parity>(word_of(parities, settings.text("parity")));
-  c.stop_bits = static_cast<unsigned>(settings.integer("stop_bits"));
-  return c;
-}
-
-// Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5). An
-// accelerometer ends, as the 80 g one does, where it says overload (Tables 5-4 to 5-7, note 1).
-Product product(const Settings& settings) {
-  const auto white = [](double per_root_hour) { return per_root_hour / 60 * std::sqrt(internal_hz); };
-  Product product;
-  product.rate_hz = internal_hz;
-  product.gyro.max = 480 * units::degree;
-  product.gyro.walk_transition.setZero();
-  product.gyro.walk_sqrt_cov = white(0.15 * units::degree) * Matrix3::Identity();
-  product.accelerometer.max = range_of(configuration(settings)).overload_g * units::standard_gravity;
-  product.accelerometer.walk_transition.setZero();
-  product.accelerometer.walk_sqrt_cov = white(0.06) * Matrix3::Identity();
-  return product;
-}
-
 }  // namespace
 
 extern const Protocol stim300_protocol;
@@ -356,7 +267,7 @@ constexpr Protocol stim300_protocol = {
     .summary = "Sensonor STIM300: Normal Mode with every datagram, start-up, Utility and Service Mode",
     .link = Link::bytes,
     .document = "Sensonor TS1524 rev. 31, February 2024",
-    .settings = declared,
+    .settings = declared_settings,
     .fields = Measurement::counter | Measurement::rate | Measurement::specific_force | Measurement::temperature |
               Measurement::status,
     .resolution = {.rate = 0x1p-14 * units::degree,

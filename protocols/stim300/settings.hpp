@@ -1,0 +1,56 @@
+// The options of the STIM300 in imud's configuration, and what a unit is out of the box.
+#pragma once
+
+#include <array>
+#include <span>
+#include <string_view>
+
+#include "protocols/protocol.hpp"
+#include "protocols/stim300/stim300.hpp"
+
+namespace imud::stim300 {
+
+inline constexpr std::array<std::string_view, 5> gyro_units = {"rate", "increment", "average", "integrated"};
+inline constexpr std::array<std::string_view, 5> force_units = {"acceleration", "increment", "average",
+                                                                "integrated_g_s", "integrated_m_per_s"};
+inline constexpr std::array<std::string_view, 3> parities = {"none", "even", "odd"};
+inline constexpr Setting declared_settings[] = {
+    {.key = "sample_rate",
+     .help = "datagrams a second: 125, 250, 500, 1000 or 2000; 0: at an external trigger",
+     .initial = std::int64_t{1000},
+     .min = 0,
+     .max = 2000},
+    {.key = "acceleration", .help = "is in the datagram", .initial = true},
+    {.key = "inclination", .help = "is in the datagram", .initial = true},
+    {.key = "temperature", .help = "is in the datagram", .initial = true},
+    {.key = "pps", .help = "is in the datagram", .initial = false},
+    {.key = "aux_input", .help = "an older unit: AUX in PPS's place", .initial = false},
+    {.key = "cr_lf", .help = "after each datagram", .initial = false},
+    {.key = "gyro_unit",
+     .help = "of output",
+     .initial = std::string_view("rate"),
+     .choices = std::span(gyro_units).first(4)},
+    {.key = "accelerometer_unit",
+     .help = "of output",
+     .initial = std::string_view("acceleration"),
+     .choices = force_units},
+    {.key = "inclinometer_unit",
+     .help = "of output",
+     .initial = std::string_view("acceleration"),
+     .choices = force_units},
+    {.key = "accelerometer_range_g", .help = "5, 10, 30 or 80", .initial = std::int64_t{10}, .min = 5, .max = 80},
+    {.key = "bit_rate",
+     .help = "bit/s: 374400, 460800, 921600 or 1843200",
+     .initial = std::int64_t{921600},
+     .min = 374400,
+     .max = 1843200},
+    {.key = "parity", .help = "of the line", .initial = std::string_view("none"), .choices = parities},
+    {.key = "stop_bits", .help = "of the line", .initial = std::int64_t{1}, .min = 1, .max = 2},
+    {.key = "start_up", .help = "begins as after power-on: special datagrams, then 0.7 s not valid", .initial = true},
+};
+
+// Throws std::invalid_argument that names what would be right.
+Configuration configuration(const Settings& settings);
+Product product(const Settings& settings);
+
+}  // namespace imud::stim300
