@@ -36,6 +36,7 @@
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
 #include "protocols/stim300/datagram.hpp"
+#include "protocols/stim300/measured.hpp"
 #include "protocols/stim300/service.hpp"
 #include "protocols/stim300/settings.hpp"
 
@@ -48,84 +49,125 @@ using namespace stim300;
 constexpr Nanoseconds own_latency = std::chrono::microseconds(506);
 // Table 5-2.
 constexpr Nanoseconds between_triggers = std::chrono::microseconds(500), shortest_tov = std::chrono::microseconds(50);
+constexpr Nanoseconds to_first_datagram = std::chrono::milliseconds(100), to_valid = std::chrono::milliseconds(700);
 constexpr Nanoseconds compensation = std::chrono::microseconds(300);  // drawn in figure 7-3
+constexpr Nanoseconds internal_step = std::chrono::microseconds(500);
 
+// Time passes in advance(), which sample() and poll() begin with: whether a deadline is polled before a sample of the
+// same time, or the sample comes alone, makes no difference. What the unit does by itself happens at the instants of
+// its internal samples: the grid of those that were given, or, as long as there are none, of 0.5 ms since power-on.
 class Stim300Device final : public Device {
  public:
-  Stim300Device(const Configuration& configuration, bool starts_up) noexcept {
+  Stim300Device(const Configuration& configuration, bool starts_up) noexcept : starts_up_(starts_up) {
     memory_.stored = memory_.factory = configuration;
-    reset();
-    if (starts_up) return;
-    since_reset_ = valid;
+    power_on({});
+  }
+
+  void power_on(DeviceTime now) noexcept override {
+    grid_ = now - internal_step;
+    busy_until_ = now;
+    triggered_last_.reset();
+    pulse_.reset();
+    reader_ = {};
+    reset(now);
+    if (starts_up_) return;
     starting_ = 0;
+    valid_at_.reset();
     memory_.errors = {};
   }
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
-    pulse_.reset();
-    if (triggered_ && is_running() && is_external()) {
-      if (*triggered_ - now_ >= compensation) measure_raw();
-      transmit(*triggered_, *triggered_ - measured_at_, out);
-    }
-    triggered_.reset();
-    measure_raw();
-    if (sample.time < now_) {  // simulation time began anew
-      busy_until_ = sample.time;
-      triggered_last_ = sample.time - std::chrono::seconds(1);
-      pps_.reset();
-    }
-    now_ = sample.time;
+    const DeviceTime now = sample.time;
+    advance(now, out);
+    measure_raw(now);
     raw_ = sample;
-    if (!is_external()) measure_raw();
-    service_.pass_sample();
-    leave_service();
-    if (++since_reset_ <= first_datagram) return;
-    if (!is_running() || is_slot(sample.counter)) transmit(now_ + own_latency, own_latency, out);
-    if (is_running() && is_external() && mode_ == Mode::normal)
-      pulse_ = {now_ + own_latency, now_ + own_latency + shortest_tov};
+    if (!is_external()) measure_raw(now);
+    grid_ = now;
+    if (!is_running(now))
+      measured_.begin_sums();
+    else if (is_slot(sample.counter))
+      transmit(now + own_latency, own_latency, out);
+    if (requested_ != 0) await_slot(now);
+    if (starting_ == 0 && is_external() && mode_ == Mode::normal)
+      pulse_ = {now + own_latency, now + own_latency + shortest_tov};
   }
 
   // Table 5-2.
   void trigger(DeviceTime time) noexcept override {
-    const Nanoseconds since = time - triggered_last_;
-    if (since.count() >= 0 && since < between_triggers) return;
+    if (triggered_last_ && time - *triggered_last_ < between_triggers) return;
     triggered_ = triggered_last_ = time;
   }
   void pps(DeviceTime time) noexcept override { pps_ = time; }
   std::optional<Pulse> pulse() const noexcept override { return pulse_; }
 
   // Section 8: nothing is echoed, and what is not right is not answered.
-  void receive(const Frame& from_host, DeviceTime, FrameBuffer& replies) noexcept override {
+  void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override {
     for (std::span<const std::byte> bytes = from_host.bytes; !bytes.empty();) {
       std::size_t taken = 1;
       if (mode_ == Mode::service) {
-        taken = service_.take(bytes, memory_, axes_, reading(now_ + own_latency, own_latency), replies);
-        leave_service();
+        const DeviceTime measured_at = measured_.time().value_or(now);
+        taken = service_.take(bytes, next_instant(now) - internal_step, memory_, measured_.axes(),
+                              reading(measured_at + own_latency, own_latency), replies);
+        leave_service(now);
       } else {
-        reader_.feed(bytes.first(1), now_, [&](std::string_view line) { obey_line(line, replies); });
+        reader_.feed(bytes.first(1), now, [&](std::string_view line) { execute_line(line, now, replies); });
       }
       bytes = bytes.subspan(taken);
     }
   }
 
-  void power_on(DeviceTime) noexcept override { reset(); }
+  std::optional<DeviceTime> deadline() const noexcept override {
+    std::optional<DeviceTime> first = valid_at_;
+    const auto add = [&](DeviceTime time) { first = std::min(first.value_or(time), time); };
+    if (mode_ == Mode::service && service_.exit() != Service::Exit::none) add(service_.leaves_at());
+    if (mode_ == Mode::normal && starting_ != 0) add(special_at_);
+    if (waits_for_slot()) add(slot_);
+    return first;
+  }
+
+  void poll(DeviceTime now, FrameBuffer& out) noexcept override {
+    advance(now, out);
+    if (!waits_for_slot() || now < slot_) return;
+    send(now + own_latency, own_latency, out);
+    special_sent_ = now;
+    await_slot(now);
+  }
+
+  void step_clock(Nanoseconds by) noexcept override {
+    for (DeviceTime* time : {&grid_, &special_at_, &slot_, &busy_until_}) *time = *time + by;
+    for (std::optional<DeviceTime>* time : {&valid_at_, &special_sent_, &triggered_, &triggered_last_, &pps_})
+      if (*time) *time = **time + by;
+    if (raw_) raw_->time = raw_->time + by;
+    if (pulse_) pulse_ = {pulse_->begin + by, pulse_->end + by};
+    measured_.step_clock(by);
+    service_.step_clock(by);
+    reader_.step_clock(by);
+  }
+
   UartSettings uart() const noexcept override { return memory_.active.line(); }
 
  private:
   enum class Mode { normal, utility, service };
-  // Internal samples after a reset (Table 5-2: 0.2 s at most, 0.7 s nominal).
-  static constexpr std::uint64_t first_datagram = 200, valid = 1400;
 
-  void obey_line(std::string_view line, FrameBuffer& replies) noexcept {
+  // The next internal sample's, at `now` or later.
+  DeviceTime next_instant(DeviceTime now) const noexcept {
+    const std::int64_t step = internal_step.count(), since = (now - grid_).count();
+    return grid_ + std::max<std::int64_t>(1, (since + step - 1) / step) * internal_step;
+  }
+
+  void execute_line(std::string_view line, DeviceTime now, FrameBuffer& replies) noexcept {
     if (mode_ == Mode::utility) {
-      if (!obey(memory_, line, replies)) mode_ = Mode::normal;
+      if (!execute(memory_, line, replies)) enter_normal(now);
       return;
     }
     constexpr std::array<std::pair<std::string_view, Special>, 5> requests = {
         {{"N", of_part}, {"I", of_serial}, {"C", of_configuration}, {"T", of_trim}, {"E", of_errors}}};
     for (const auto& [word, special] : requests)
-      if (line == word) requested_ = special;  // the last one asked for
-    if (line == "R") reset();
+      if (line == word) {
+        requested_ = special;  // the last one asked for
+        await_slot(now);
+      }
+    if (line == "R") reset(next_instant(now));
     if (line == "UTILITYMODE") {
       mode_ = Mode::utility;
       greet(replies);
@@ -136,84 +178,118 @@ class Stim300Device final : public Device {
     }
   }
 
-  void leave_service() noexcept {
-    if (mode_ != Mode::service || service_.exit() == Service::Exit::none) return;
+  void enter_normal(DeviceTime now) noexcept {
     mode_ = Mode::normal;
-    if (service_.exit() == Service::Exit::to_init) reset();
+    special_at_ = std::max(special_at_, next_instant(now));
+    await_slot(now);
+  }
+
+  void leave_service(DeviceTime now) noexcept {
+    if (mode_ != Mode::service || service_.exit() == Service::Exit::none || now < service_.leaves_at()) return;
+    enter_normal(now);
+    if (service_.exit() == Service::Exit::to_init) reset(next_instant(now));
   }
 
   // The special datagrams of the start are out: those asked for wait for their slot.
-  bool is_running() const noexcept { return since_reset_ > first_datagram && starting_ == 0; }
-  bool is_external() const noexcept { return memory_.active.sample_rate == external_trigger; }
-  bool is_slot(std::uint64_t counter) const noexcept {
-    const unsigned rate = memory_.active.sample_rate;
-    return rate != external_trigger && counter % (2000 / sample_rates[rate]) == 0;
+  bool is_running(DeviceTime now) const noexcept {
+    return starting_ == 0 && (!special_sent_ || now > *special_sent_);
   }
+  bool is_external() const noexcept { return memory_.active.sample_rate == external_trigger; }
+  std::uint64_t samples_per_slot() const noexcept { return 2000 / sample_rates[memory_.active.sample_rate]; }
+  bool is_slot(std::uint64_t counter) const noexcept { return !is_external() && counter % samples_per_slot() == 0; }
 
-  void reset() noexcept {
+  // `first`: the instant of its first internal sample.
+  void reset(DeviceTime first) noexcept {
     memory_.load();
     memory_.errors = {};
     memory_.set_error(16);  // "Start-up phase active"
     mode_ = Mode::normal;
-    since_reset_ = 0;
+    special_at_ = first + to_first_datagram;
+    valid_at_ = first + to_valid;
+    special_sent_.reset();
     requested_ = 0;
     starting_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
-    axes_ = {};
+    measured_ = {};
     raw_.reset();
     triggered_.reset();
     pps_.reset();
   }
 
-  void measure_raw() noexcept {
-    if (raw_) measure(*raw_);
-    raw_.reset();
+  // All that happens up to `now`, in its order.
+  void advance(DeviceTime now, FrameBuffer& out) noexcept {
+    if (special_sent_ != now) pulse_.reset();
+    transmit_edge(now, out);
+    become_valid(now);
+    leave_service(now);
+    start_up(now, out);
   }
 
-  void measure(const Sample& sample) noexcept {
-    if (since_reset_ == valid) memory_.errors = {};
-    measured_at_ = sample.time;
-    counter_ = sample.counter & 0xFFU;
-    const bool outside = sample.temperature_c < -40 || sample.temperature_c > 85;  // Table 5-1
-    status_ = (since_reset_ < valid ? status_bit::start_up : 0U) | (outside ? status_bit::outside : 0U) |
-              ((sample.status & status::not_valid) != 0 ? status_bit::integrity : 0U);
-    temperature_c_ = sample.temperature_c;
-    const auto add = [&](Cluster cluster, const Vector3& value, const Vector3& step, unsigned overloaded) {
-      constexpr double dt = 1 / internal_hz;
-      unsigned bits = status_;
-      for (unsigned i = 0; i < 3; ++i)
-        if ((overloaded >> i & 1U) != 0) bits |= memory_.overload(cluster, i);
-      axes_[cluster].add(value + memory_.trim[cluster], step + dt * memory_.trim[cluster], bits);
-    };
-    add(gyro, sample.rate / units::degree, sample.delta_angle / units::degree, sample.status & 7U);
-    const Vector3 f = sample.specific_force / units::standard_gravity;
-    add(accelerometer, f, sample.delta_velocity / units::standard_gravity,
-        sample.status / status::accelerometer_saturated_x & 7U);
-    unsigned tilted = 0;
-    for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) >= inclinometer_overload_g ? 1U << i : 0U;
-    const Vector3 level = f.cwiseMax(-inclinometer_end_g).cwiseMin(inclinometer_end_g);
-    add(inclinometer, level, level / internal_hz, tilted);
+  void transmit_edge(DeviceTime now, FrameBuffer& out) noexcept {
+    if (!triggered_ || *triggered_ > now) return;
+    if (is_running(*triggered_) && is_external()) {
+      if (raw_ && *triggered_ - raw_->time >= compensation) measure_raw(now);
+      if (const auto from = measured_.time()) transmit(*triggered_, *triggered_ - *from, out);
+    }
+    triggered_.reset();
+  }
+
+  void become_valid(DeviceTime now) noexcept {
+    if (!valid_at_ || now < *valid_at_) return;
+    valid_at_.reset();
+    memory_.errors = {};
+  }
+
+  // Section 7.5.1. In the other modes the special datagrams wait.
+  void start_up(DeviceTime now, FrameBuffer& out) noexcept {
+    if (mode_ != Mode::normal || starting_ == 0 || now < special_at_) return;
+    const DeviceTime validity = now + own_latency;
+    if (validity >= busy_until_) {
+      const std::size_t characters = send_special(starting_, out);
+      occupy(validity, characters, memory_.active.tov_toggles);
+      special_sent_ = now;
+      if (starting_ == 0) await_slot(now);
+    }
+    special_at_ = std::max(next_instant(busy_until_ - own_latency), next_instant(now + Nanoseconds{1}));
+  }
+
+  // A host that asks for a special datagram is answered in the slot of a sample, or, if no sample comes, then.
+  bool waits_for_slot() const noexcept {
+    return requested_ != 0 && starting_ == 0 && mode_ == Mode::normal && !is_external();
+  }
+  void await_slot(DeviceTime now) noexcept {
+    if (is_external()) return;
+    slot_ = std::max(next_instant(now) + samples_per_slot() * internal_step, next_instant(busy_until_ - own_latency));
+  }
+
+  void measure_raw(DeviceTime now) noexcept {
+    become_valid(now);
+    if (raw_) measured_.add(*raw_, valid_at_.has_value(), memory_);
+    raw_.reset();
   }
 
   // What is measured goes on in every mode; what is not sent in its slot is lost. `validity`: `latency` after the
   // sample.
   void transmit(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
     if (mode_ == Mode::normal) send(validity, latency, out);
-    for (Axes& axes : axes_) axes.begin();
+    measured_.begin_sums();
   }
 
   void send(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
-    const bool starts = !is_running();
     if (validity < busy_until_) {
-      if (!starts) memory_.set_error(68);  // "UART unable to transmit"
+      memory_.set_error(68);  // "UART unable to transmit"
       return;
     }
-    unsigned& specials = starts ? starting_ : requested_;
-    const std::size_t characters = specials != 0 ? send_special(specials, out)
-                                                 : write_measurement(axes_, reading(validity, latency), memory_, out);
+    const std::size_t characters =
+        requested_ != 0 ? send_special(requested_, out)
+                        : write_measurement(measured_.axes(), reading(validity, latency), memory_, out);
+    occupy(validity, characters, true);
+  }
+
+  void occupy(DeviceTime validity, std::size_t characters, bool toggles_tov) noexcept {
     const UartSettings line = memory_.active.line();
     const double on_line = static_cast<double>(characters * line.bits_per_character()) / line.baud;
     busy_until_ = validity + least_period(line, characters);
-    if (!starts || memory_.active.tov_toggles) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
+    if (toggles_tov) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
   }
 
   // AUX: 0 V. Filtered PPS: 1, of the pull-up. Otherwise in us (section 7.4.1); without an edge as long as can be
@@ -222,17 +298,11 @@ class Stim300Device final : public Device {
     if (memory_.active.has_aux) return 0;
     if (!memory_.active.pps_is_time()) return 1U << 22;
     const double us = pps_ ? std::round(1e6 * seconds(instant - *pps_)) : longest_pps;
-    return us < -1e3 ? longest_pps : static_cast<std::uint32_t>(std::clamp(us, 0.0, double{longest_pps}));
+    return static_cast<std::uint32_t>(std::clamp(us, 0.0, double{longest_pps}));
   }
 
   Reading reading(DeviceTime validity, Nanoseconds latency) const noexcept {
-    const std::uint32_t pps = pps_at(validity);
-    return {.temperature_c = temperature_c_,
-            .status = status_,
-            .pps = pps,
-            .pps_status = status_ | (pps == longest_pps ? status_bit::overload : 0U),
-            .counter = counter_,
-            .latency_us = static_cast<unsigned>(std::clamp(std::llround(1e6 * seconds(latency)), 0LL, 0xFFFFLL))};
+    return measured_.reading(pps_at(validity), latency);
   }
 
   // The first of them, which is done with then.
@@ -242,20 +312,22 @@ class Stim300Device final : public Device {
     return write_special(first, memory_, out);
   }
 
+  const bool starts_up_;
   Memory memory_;
   Mode mode_ = Mode::normal;
   Service service_;
-  std::uint64_t since_reset_ = 0;  // internal samples
-  unsigned starting_ = 0;          // Specials that Init Mode still has to send (section 7.5.1)
-  unsigned requested_ = 0;         // the Special that takes the place of the next measurement, or none (section 8)
-  std::optional<Sample> raw_;      // whose compensation is not done
-  DeviceTime now_, measured_at_, busy_until_, triggered_last_;
-  std::optional<DeviceTime> triggered_, pps_;
+  unsigned starting_ = 0;   // Specials that Init Mode still has to send (section 7.5.1)
+  unsigned requested_ = 0;  // the Special that takes the place of the next measurement, or none (section 8)
+  DeviceTime grid_;         // of the newest internal sample
+  DeviceTime special_at_;   // the next of `starting_` is sent
+  DeviceTime slot_;         // `requested_` is sent, if there is no sample before
+  DeviceTime busy_until_;   // the UART
+  std::optional<DeviceTime> valid_at_;      // "start-up" ends; none: it is over
+  std::optional<DeviceTime> special_sent_;  // the newest special datagram that left without a sample
+  std::optional<Sample> raw_;               // whose compensation is not done
+  std::optional<DeviceTime> triggered_, triggered_last_, pps_;
   std::optional<Pulse> pulse_;
-  std::array<Axes, 3> axes_;  // of the clusters
-  unsigned status_ = 0;       // bits of all
-  unsigned counter_ = 0;
-  double temperature_c_ = 0;
+  Measured measured_;
   CommandReader<99> reader_;  // and CR (section 10.2.1)
 };
 

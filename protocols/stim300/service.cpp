@@ -37,7 +37,7 @@ class Service::Menu {
        ServiceText& text) noexcept
       : service_(service), memory_(memory), c_(memory.active), measured_(measured), reading_(reading), text_(text) {}
 
-  void obey(std::string_view line) noexcept {
+  void execute(std::string_view line) noexcept {
     const auto error = service_.question_ != Question::none ? answer(line) : line.empty() ? none : command(line);
     if (error != none) text_.line("E00", unsigned{error}, ' ', errors[error]);
     if (service_.question_ == Question::none && service_.exit_ == Exit::none) text_.add('>');
@@ -284,7 +284,7 @@ class Service::Menu {
   void leave(bool to_init, bool at_once) noexcept {
     text_.line("SYSTEM RETURNING TO ", to_init ? "INIT" : "NORMAL", " MODE.");
     service_.exit_ = to_init ? Exit::to_init : Exit::to_normal;
-    service_.hold_ = at_once ? 0 : hold_samples;
+    service_.leaves_at_ = service_.typed_at_ + (at_once ? Nanoseconds{} : hold_time);
   }
 
   Error say_help() noexcept {
@@ -384,9 +384,12 @@ void Service::enter(const Memory& memory, FrameBuffer& replies) noexcept {
   text.add('>');
 }
 
-std::size_t Service::take(std::span<const std::byte> typed, Memory& memory, const std::array<Axes, 3>& measured,
-                          const Reading& reading, FrameBuffer& replies) noexcept {
+std::size_t Service::take(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
+                          const std::array<Axes, 3>& measured, const Reading& reading,
+                          FrameBuffer& replies) noexcept {
   constexpr char backspace = 8;
+  if (now - typed_at_ >= typing_timeout) line_.drop_line();
+  typed_at_ = now;
   std::size_t taken = 0;
   while (taken < typed.size() && exit_ == Exit::none) {
     ServiceText text(replies);
@@ -396,12 +399,11 @@ std::size_t Service::take(std::span<const std::byte> typed, Memory& memory, cons
       // What has no effect is not echoed.
       if (c == '\r' || (c == backspace ? line_.erase_last() : c != '\n' && line_.append(c))) text.add(c);
     }
-    idle_ = 0;
     if (c != '\r') break;
     const auto line = line_.finish_line();
-    Menu(*this, memory, measured, reading, text).obey(line.is_too_long() ? std::string_view() : line.text);
+    Menu(*this, memory, measured, reading, text).execute(line.is_too_long() ? std::string_view() : line.text);
   }
-  return hold_ > 0 ? typed.size() : taken;
+  return exit_ != Exit::none && now < leaves_at_ ? typed.size() : taken;
 }
 
 }  // namespace imud::stim300

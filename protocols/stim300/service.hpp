@@ -20,21 +20,23 @@ class Service {
   enum class Exit { none, to_normal, to_init };
 
   void enter(const Memory& memory, FrameBuffer& replies) noexcept;
-  // Takes what the host typed, at most up to an exit; how many characters that was. Appends their echo and the
-  // answers; what many lines at once are answered beyond the room of `replies` is lost. A line longer than the input
-  // buffer is forgotten, as is one that nobody goes on typing.
-  std::size_t take(std::span<const std::byte> typed, Memory& memory, const std::array<Axes, 3>& measured,
-                   const Reading& reading, FrameBuffer& replies) noexcept;
-  // Whether Service Mode is to be left, and for what; after its hold time, which goes by in internal samples.
-  Exit exit() const noexcept { return hold_ == 0 ? exit_ : Exit::none; }
-  void pass_sample() noexcept {
-    if (hold_ > 0) --hold_;
-    if (line_.size() > 0 && ++idle_ == patience_samples) line_.drop_line();
+  // Executes what the host typed at `now`, at most up to an exit; how many characters that was. Appends their echo
+  // and the answers; what many lines at once are answered beyond the room of `replies` is lost. A line longer than
+  // the input buffer is forgotten, as is one that was left half typed for a minute.
+  std::size_t take(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
+                   const std::array<Axes, 3>& measured, const Reading& reading, FrameBuffer& replies) noexcept;
+  // The mode that follows Service Mode, from leaves_at() on; none as long as nobody asked for one.
+  Exit exit() const noexcept { return exit_; }
+  DeviceTime leaves_at() const noexcept { return leaves_at_; }
+  // Device::step_clock().
+  void step_clock(Nanoseconds by) noexcept {
+    typed_at_ = typed_at_ + by;
+    leaves_at_ = leaves_at_ + by;
   }
 
  private:
-  static constexpr unsigned hold_samples = 6000;        // 3 s (Table 9-54)
-  static constexpr unsigned patience_samples = 120000;  // 60 s: people type (the datasheet says nothing)
+  static constexpr Nanoseconds hold_time = std::chrono::seconds(3);       // Table 9-54
+  static constexpr Nanoseconds typing_timeout = std::chrono::minutes(1);  // the datasheet gives none
 
   // What a "Y" is waited for to confirm.
   enum class Question {
@@ -51,10 +53,9 @@ class Service {
   class Menu;
 
   LineAssembler<80> line_{"\r"};
-  unsigned idle_ = 0;  // internal samples since the last character
   Question question_ = Question::none;
   Exit exit_ = Exit::none;
-  unsigned hold_ = 0;  // internal samples
+  DeviceTime typed_at_, leaves_at_;  // typed_at_: the last character
 };
 
 // What command ? says of a command, in lines that end with CR; of all for '?'. Empty if there is no such command.

@@ -46,7 +46,7 @@ inline constexpr Setting declared_settings[] = {
      .max = 1843200},
     {.key = "parity", .help = "of the line", .initial = std::string_view("none"), .choices = parities},
     {.key = "stop_bits", .help = "of the line", .initial = std::int64_t{1}, .min = 1, .max = 2},
-    {.key = "start_up", .help = "begins as after power-on: special datagrams, then 0.7 s not valid", .initial = true},
+    {.key = "start_up", .help = "at each power-on: special datagrams, not valid for 0.7 s", .initial = true},
 };
 
 // Throws std::invalid_argument that names what would be right.

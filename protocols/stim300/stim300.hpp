@@ -237,6 +237,6 @@ inline constexpr std::string_view serial_number = "N25582405002002";
 // Utility Mode: the word that one comes in by, and a line of the host, without its end. Append the answer. False if
 // Utility Mode is left.
 void greet(FrameBuffer& replies) noexcept;
-bool obey(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept;
+bool execute(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept;
 
 }  // namespace imud::stim300

@@ -69,7 +69,7 @@ class Command {
           FrameBuffer& out) noexcept
       : memory_(memory), c_(memory.active), name_(name), parameters_(parameters), out_(out) {}
 
-  unsigned obey() noexcept {
+  unsigned execute() noexcept {
     if (const auto code = choice()) return *code;
     if (const auto code = filter()) return *code;
     if (const auto code = fact()) return *code;
@@ -309,7 +309,7 @@ class Command {
 
 void greet(FrameBuffer& replies) noexcept { Answer(replies, "UTILITYMODE").send(); }
 
-bool obey(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept {
+bool execute(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept {
   const auto refuse = [&](std::string_view name, unsigned code) {
     Answer(replies, name).number(std::uint64_t{code}).send();
     return true;
@@ -331,7 +331,7 @@ bool obey(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept 
   }
   const std::string_view name = words[0];
   if (name.empty()) return refuse("", unknown);
-  const unsigned code = Command(memory, name, std::span(words).subspan(1, count - 1), replies).obey();
+  const unsigned code = Command(memory, name, std::span(words).subspan(1, count - 1), replies).execute();
   if (code == unknown) return refuse("", unknown);
   if (code != 0) return refuse(name, code);
   return name != "xn";

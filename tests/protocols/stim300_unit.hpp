@@ -1,6 +1,8 @@
 // A STIM300 with a host, for tests.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <boost/crc.hpp>
 #include <memory>
 #include <string>
@@ -20,7 +22,9 @@ inline std::vector<std::byte> hex(std::string_view text) {
   return bytes;
 }
 
-// A unit, sampled at its 2000 Hz, with a host.
+using Datagrams = std::vector<std::vector<std::byte>>;
+
+// A unit, sampled at its 2000 Hz or left without samples, with a host. Its deadlines are polled when they are due.
 class Stim300Unit {
  public:
   explicit Stim300Unit(std::string_view settings = "start_up=false") {
@@ -35,23 +39,30 @@ class Stim300Unit {
     decoder = protocol.make_decoder(all);
   }
 
-  // The datagrams of so many samples.
-  std::vector<std::vector<std::byte>> run(int samples) {
-    std::vector<std::vector<std::byte>> all;
+  // The datagrams of so many samples, the first of them at time 0 or half a millisecond after now().
+  Datagrams run(int samples) {
+    Datagrams all;
     for (int k = 0; k < samples; ++k) {
-      sample.counter = static_cast<std::uint64_t>(count_);
-      sample.time = DeviceTime{} + count_++ * std::chrono::microseconds(500);
+      sample.counter = count_++;
+      sample.time = sample.counter == 0 ? now_ : now_ + std::chrono::microseconds(500);
+      poll_until(sample.time, all);
       frames_->clear();
       device->sample(sample, *frames_);
-      for (const Frame& frame : frames_->frames()) all.emplace_back(frame.bytes.begin(), frame.bytes.end());
+      append(all);
     }
     return all;
   }
+  // The datagrams of a time without samples.
+  Datagrams wait(Nanoseconds duration) {
+    Datagrams all;
+    poll_until(now_ + duration, all);
+    return all;
+  }
   // What is answered at once.
-  std::string say(std::string_view line) {
+  std::string say(std::string_view line) { return send(std::string(line) + "\r"); }
+  std::string send(std::string_view text) {
     frames_->clear();
-    const std::string text = std::string(line) + "\r";
-    device->receive({std::as_bytes(std::span(text))}, sample.time, *frames_);
+    device->receive({std::as_bytes(std::span(text))}, now_, *frames_);
     std::string answer;
     for (const Frame& frame : frames_->frames())
       for (const std::byte byte : frame.bytes) answer += static_cast<char>(byte);
@@ -70,20 +81,39 @@ class Stim300Unit {
       return "bad " + answer;
     return answer.substr(0, comma);
   }
-  Recording decode(const std::vector<std::vector<std::byte>>& datagrams) const {
+  Recording decode(const Datagrams& datagrams) const {
     Recording recording;
     for (const auto& datagram : datagrams) decoder->feed({datagram}, recording);
     return recording;
   }
 
-  DeviceTime now() const { return sample.time; }  // of the last sample
+  DeviceTime now() const { return now_; }
+  void step_clock(Nanoseconds by) {
+    device->step_clock(by);
+    now_ = now_ + by;
+  }
 
   Sample sample;
   std::unique_ptr<Device> device;
   std::unique_ptr<Decoder> decoder;
 
  private:
-  int count_ = 0;
+  void poll_until(DeviceTime end, Datagrams& all) {
+    for (auto due = device->deadline(); due && *due <= end; due = device->deadline()) {
+      ASSERT_GE(*due, now_);
+      frames_->clear();
+      device->poll(now_ = *due, *frames_);
+      append(all);
+      ASSERT_GT(device->deadline().value_or(now_ + std::chrono::hours(1)), now_);
+    }
+    now_ = end;
+  }
+  void append(Datagrams& all) const {
+    for (const Frame& frame : frames_->frames()) all.emplace_back(frame.bytes.begin(), frame.bytes.end());
+  }
+
+  DeviceTime now_;
+  std::uint64_t count_ = 0;
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
 };
 

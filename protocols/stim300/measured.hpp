@@ -1,0 +1,39 @@
+// Measured: the internal samples of a unit since its last transmission.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "core/sample.hpp"
+#include "protocols/stim300/stim300.hpp"
+
+namespace imud::stim300 {
+
+class Measured {
+ public:
+  // Adds a compensated sample, with the bias trim offsets; counts its overloads among the errors of `memory`.
+  void add(const Sample& sample, bool is_starting, Memory& memory) noexcept;
+  void begin_sums() noexcept {
+    for (Axes& axes : axes_) axes.begin();
+  }
+
+  const std::array<Axes, 3>& axes() const noexcept { return axes_; }
+  // Of the newest sample; nullopt as long as there is none.
+  std::optional<DeviceTime> time() const noexcept { return time_; }
+  // `latency`: from the newest sample to the datagram's time of validity.
+  Reading reading(std::uint32_t pps, Nanoseconds latency) const noexcept;
+
+  // Device::step_clock().
+  void step_clock(Nanoseconds by) noexcept {
+    if (time_) time_ = *time_ + by;
+  }
+
+ private:
+  std::array<Axes, 3> axes_;  // of the clusters
+  std::optional<DeviceTime> time_;
+  unsigned status_ = 0;  // bits of all
+  unsigned counter_ = 0;
+  double temperature_c_ = 0;
+};
+
+}  // namespace imud::stim300
