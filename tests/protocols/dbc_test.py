@@ -12,6 +12,11 @@ import canmatrix
 import canmatrix.formats
 
 
+def require(condition, *what):
+    if not condition:  # not `assert`, which PYTHONOPTIMIZE removes
+        raise AssertionError(what)
+
+
 def main(dump, folder):
     matrices = {name: canmatrix.formats.loadp_flat(str(pathlib.Path(folder, name)))
                 for name in ("native_can.dbc", "native_can_fd.dbc")}
@@ -22,26 +27,26 @@ def main(dump, folder):
         is_fd = data.startswith("#")
         data = bytes.fromhex(data[2:] if is_fd else data)
         frame = matrices[record["dbc"]].frame_by_id(canmatrix.ArbitrationId(int(identifier, 16), extended=False))
-        assert frame.is_fd == is_fd and frame.size == len(data), record
+        require(frame.is_fd == is_fd and frame.size == len(data), record)
         wanted = record["values"]
         for name, signal in frame.decode(data).items():
             got = Decimal(signal.phys_value)
             if name == "time":
                 # The classic frame carries microseconds modulo 2^32.
                 modulus = Decimal(2) ** 64 if is_fd else Decimal(2) ** 32 * 1000
-                assert got * 10**9 == wanted["time_ns"] % modulus, (name, got, record)
+                require(got * 10**9 == wanted["time_ns"] % modulus, name, got, record)
             else:
-                assert float(got) == float(wanted[name]), (name, got, record)
+                require(float(got) == float(wanted[name]), name, got, record)
             seen.setdefault(record["dbc"], {}).setdefault(name, set()).add(got)
     signals = {"time", "counter", "temperature", "status"} | {
         f"{quantity}_{axis}" for quantity in ("gyro", "accel", "dtheta", "dvel") for axis in "xyz"}
     for name, matrix in matrices.items():
-        assert seen[name].keys() == signals, (name, seen[name].keys())
-        assert all(len(values) > 50 for values in seen[name].values()), name
+        require(seen[name].keys() == signals, name, seen[name].keys())
+        require(all(len(values) > 50 for values in seen[name].values()), name)
         for frame in matrix.frames:
             for signal in frame.signals:
-                assert signal.comment, (name, signal.name)
-                assert signal.unit or signal.name in ("counter", "status"), (name, signal.name)
+                require(signal.comment, name, signal.name)
+                require(signal.unit or signal.name in ("counter", "status"), name, signal.name)
     print("decoded alike:", {name: len(values) for name, values in seen.items()}, "signals")
 
 

@@ -124,5 +124,37 @@ TEST(Stim300Known, DatagramsOfAUnitInTrouble) {
   EXPECT_EQ(unit.decoder->errors().skipped_bytes, 0U);
 }
 
+// The end of a datagram that was cut off is searched for the next one's beginning.
+TEST(Stim300Decoder, ADatagramCutOffTakesNoneWithIt) {
+  Stim300Unit unit("start_up=false,sample_rate=2000,bit_rate=1843200");
+  const auto datagrams = unit.run(4);
+  ASSERT_EQ(datagrams.size(), 4U);
+  for (std::size_t cut = 1; cut < datagrams[0].size(); ++cut) {
+    Stim300Unit reader;
+    const Recording recording =
+        reader.decode({{datagrams[0].begin(), datagrams[0].begin() + static_cast<std::ptrdiff_t>(cut)},
+                       datagrams[1],
+                       datagrams[2]});
+    ASSERT_EQ(recording.measurements.size(), 2U) << cut;
+    EXPECT_EQ(recording.measurements[0].sample.counter, 1U);
+    EXPECT_EQ(reader.decoder->errors().skipped_bytes, cut);
+    EXPECT_GE(reader.decoder->errors().checksum, 1U);
+  }
+}
+
+// Table 5-11: each special datagram has an identifier of its own with CR LF.
+TEST(Stim300Decoder, LearnsTheEndOfDatagramsFromTheSpecialOnes) {
+  for (const bool cr_lf : {false, true})
+    for (const char* request : {"N", "I", "C", "T", "E"}) {
+      Stim300Unit unit(cr_lf ? "start_up=false,cr_lf=true" : "start_up=false");
+      Stim300Unit reader(cr_lf ? "" : "cr_lf=true");
+      unit.say(request);
+      const auto datagrams = unit.run(21);
+      ASSERT_EQ(datagrams.size(), 11U);
+      EXPECT_EQ(reader.decode(datagrams).measurements.size(), 10U) << request;
+      EXPECT_EQ(reader.decoder->errors().skipped_bytes, 0U) << request << cr_lf;
+    }
+}
+
 }  // namespace
 }  // namespace imud

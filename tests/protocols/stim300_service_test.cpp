@@ -139,6 +139,12 @@ TEST(Stim300Service, TrimsBiases) {
             " GYRO Z-AXIS [deg/s] = 0.02343\n");
   EXPECT_EQ(unit.type("b 0.001,g,x"), "BIAS TRIM OFFSET:\n GYRO X-AXIS [deg/s] = 0.02443\n")
       << "with an axis it is added";
+  EXPECT_EQ(unit.type("b 0.5,g"),
+            "BIAS TRIM OFFSET:\n GYRO X-AXIS [deg/s] = 0.50000\n GYRO Y-AXIS [deg/s] = 0.50000\n"
+            " GYRO Z-AXIS [deg/s] = 0.50000\n")
+      << "without one it is set";
+  EXPECT_TRUE(unit.type("b 0.01").ends_with(" INCLINOMETER Z-AXIS [g] = 0.0100000\n")) << "without a sensor, too";
+  EXPECT_TRUE(unit.type("b 0.02443,g,x").ends_with(" = 0.03443\n"));
   EXPECT_EQ(unit.type("b 2.3,i"),
             "BIAS TRIM OFFSET:\n INCLINOMETER X-AXIS [g] = 0.0200000\n INCLINOMETER Y-AXIS [g] = 0.0200000\n"
             " INCLINOMETER Z-AXIS [g] = 0.0200000\nE008 BIAS TRIM OFFSET(S) SET TO MIN OR MAX\n");
@@ -149,7 +155,7 @@ TEST(Stim300Service, TrimsBiases) {
   unit.say("x N");
   unit.sample.rate = {0, 0, 0};
   const Recording recording = unit.decode(unit.run(2));
-  EXPECT_NEAR(recording.measurements.at(0).sample.rate.x(), 0.02443 * units::degree, 0x1p-15 * units::degree);
+  EXPECT_NEAR(recording.measurements.at(0).sample.rate.x(), 0.03443 * units::degree, 0x1p-15 * units::degree);
 }
 
 // Figures 9-9 to 9-13, 9-18 to 9-20, 9-38 to 9-41, 9-45, 9-47 and 9-48.

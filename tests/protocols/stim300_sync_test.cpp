@@ -75,6 +75,20 @@ TEST(Stim300Trigger, EdgesAreHalfAMillisecondApart) {
   EXPECT_EQ(unit.trigger(300us).size(), 1U) << "a second later; the counter has wrapped (note 7)";
 }
 
+// Where the line would carry all of them: 18 characters take 0.11 ms.
+TEST(Stim300Trigger, AnEdgeTooSoonIsNoneOnAnyLine) {
+  Triggered unit("start_up=false,bit_rate=1843200,acceleration=false,inclination=false,temperature=false");
+  const auto sent = [&](std::initializer_list<Nanoseconds> edges) {  // one after each sample
+    unit.run(10);
+    std::vector<std::size_t> counts;
+    for (const Nanoseconds edge : edges) counts.push_back(unit.trigger(edge).size());
+    return counts;
+  };
+  EXPECT_EQ(sent({400us, 399us}), (std::vector<std::size_t>{1, 0})) << "499 us";
+  EXPECT_EQ(sent({400us, 400us, 400us}), (std::vector<std::size_t>{1, 1, 1})) << "500 us";
+  EXPECT_EQ(sent({400us, 300us, 1us}), (std::vector<std::size_t>{1, 0, 1})) << "601 us after the one that counts";
+}
+
 TEST(Stim300Trigger, AnEdgeOnABusyLineIsLost) {
   Triggered unit("start_up=false,bit_rate=374400");  // 59 characters take 1.58 ms
   int sent = 0;
@@ -180,10 +194,15 @@ TEST(Stim300Tov, RestsForTheSpecialDatagramsOfTheStart) {
     unit.say("s");
     unit.say("Y");
     unit.say("x I");
-    int pulses = 0;
-    for (std::vector<Bytes> sent; sent.empty() || first(sent[0]) != 0xA7; sent = unit.run(1))
-      pulses += unit.device->pulse() ? 1 : 0;
-    EXPECT_EQ(pulses, toggles ? 3 : 0);
+    int pulses = 0, specials = 0, measurements = 0;
+    for (int k = 0; k < 10'000 && measurements == 0; ++k)
+      for (const Bytes& sent : unit.run(1)) {
+        pulses += unit.device->pulse() ? 1 : 0;
+        ++(first(sent) == 0xA7 ? measurements : specials);
+      }
+    EXPECT_EQ(specials, 3);
+    EXPECT_EQ(measurements, 1);
+    EXPECT_EQ(pulses, toggles ? 4 : 1);
   }
 }
 

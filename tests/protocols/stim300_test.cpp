@@ -72,15 +72,21 @@ TEST(Stim300, AnIntegratedAngleWraps) {
       "start_up=false,sample_rate=2000,bit_rate=1843200,acceleration=false,inclination=false,temperature=false,gyro_"
       "unit=integrated");
   unit.sample.delta_angle = {0.1 * units::degree, -0.1 * units::degree, 0};
-  double angle = 0;
-  for (const auto& datagram : unit.run(300)) {
+  double angle = 0, before = 0;
+  int wrapped = 0;
+  const auto datagrams = unit.run(300);
+  ASSERT_EQ(datagrams.size(), 300U);
+  for (const auto& datagram : datagrams) {
     angle += 0.1;
     const auto at = [&](std::size_t i) { return std::to_integer<std::int32_t>(datagram[i]); };
     const double shown = ((at(1) << 24 | at(2) << 16 | at(3) << 8) >> 8) * 0x1p-21;
     EXPECT_GE(shown, -4);
     EXPECT_LT(shown, 4);
     EXPECT_NEAR(std::remainder(shown - angle, 8), 0, 0x1p-22 + 1e-12);
+    wrapped += shown < before ? 1 : 0;
+    before = shown;
   }
+  EXPECT_EQ(wrapped, 4) << "30 deg";
 }
 
 // Section 7.5.1 and Table 5-2: three special datagrams, from 0.2 s at most after the reset on; valid after 0.7 s.
@@ -101,6 +107,47 @@ TEST(Stim300, StartsUpAsAfterPowerOn) {
   check();
   EXPECT_EQ(unit.say("R"), "");
   check();
+}
+
+// Sections 7.5.2.1 and 8.7: samples that no datagram carries do not go into the next one.
+TEST(Stim300, SumsBeginAnewInServiceMode) {
+  Stim300Unit unit("start_up=false,sample_rate=500,gyro_unit=increment");
+  unit.sample.delta_angle = {0.001, 0, 0};
+  unit.run(401);
+  unit.say("SERVICEMODE");
+  unit.run(4002);
+  unit.say("x N");
+  const Recording recording = unit.decode(unit.run(8));
+  ASSERT_EQ(recording.measurements.size(), 2U);
+  for (const Measurement& measurement : recording.measurements)
+    EXPECT_NEAR(measurement.sample.delta_angle.x(), 0.004, 1e-8) << "four internal samples";
+}
+
+// Table 5-18, byte 14: error 16 is there as long as the unit starts up.
+TEST(Stim300, TheErrorsOfTheStartAreOverWithIt) {
+  for (const int samples : {1398, 1402}) {
+    Stim300Unit unit("");
+    unit.run(samples);
+    unit.say("E");
+    const auto datagram = unit.run(2).at(0);
+    ASSERT_EQ(first(datagram), 0xBEU);
+    for (std::size_t byte = 1; byte <= 16; ++byte)
+      EXPECT_EQ(std::to_integer<unsigned>(datagram[byte]), samples < 1400 && byte == 14 ? 1U : 0U) << byte;
+  }
+}
+
+TEST(Stim300, ABiasTrimOffsetIsInTheIncrements) {
+  Stim300Unit unit("start_up=false,sample_rate=250,gyro_unit=increment,accelerometer_unit=increment");
+  unit.say("UTILITYMODE");
+  EXPECT_EQ(unit.ask("sbto,0.5,g,y").substr(0, 15), "#sbto,0,0.00000");
+  EXPECT_EQ(unit.ask("sbto,0.05,a,z").substr(0, 15), "#sbto,0,0.00000");
+  unit.ask("xn");
+  unit.run(8);
+  const Recording recording = unit.decode(unit.run(8));
+  ASSERT_EQ(recording.measurements.size(), 1U);
+  const Sample& s = recording.measurements[0].sample;
+  EXPECT_NEAR(s.delta_angle.y() / units::degree, 0.5 * 8 / 2000, 0x1p-22) << "8 of 2000 internal samples";
+  EXPECT_NEAR(s.delta_velocity.z() / units::standard_gravity, 0.05 * 8 / 2000, 0x1p-22);
 }
 
 // Sections 7.5.1 and 8: what is asked for in Init Mode takes the place of the first Normal Mode datagram.
