@@ -2,6 +2,7 @@
 #include <chrono>
 
 #include "core/earth.hpp"
+#include "core/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/mip.hpp"
 
