@@ -1,4 +1,4 @@
-// imud replay: the golden regression, determinism, captures that are cut short.
+// imud replay: the regression files, determinism, captures that are cut short.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -9,18 +9,18 @@
 namespace imud {
 namespace {
 
-const std::string golden = IMUD_TEST_DATA "/golden/jsbsim_c172_10s";
+const std::string regression = IMUD_TEST_DATA "/regression/jsbsim_c172_10s";
 const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
 
 class ReplayTest : public RunTest {};
 
-TEST_F(ReplayTest, GoldenFlightByteForByte) {
+TEST_F(ReplayTest, TheFlightByteForByte) {
   const ProgramResult result =
-      run_program("imud", {"replay", golden + ".toml", flight, "--set", "imu.0.port=file:" + path("native"), "--set",
-                           "imu.1.port=file:" + path("csv"), "--summary", path("summary.json")});
+      run_program("imud", {"replay", regression + ".toml", flight, "--set", "imu.0.port=file:" + path("native"),
+                           "--set", "imu.1.port=file:" + path("csv"), "--summary", path("summary.json")});
   ASSERT_EQ(result.exit_code, 0) << result.errors;
-  EXPECT_TRUE(read_file(path("native")) == read_file(golden + "_every_effect.native"));
-  EXPECT_TRUE(read_file(path("csv")) == read_file(golden + "_ideal.csv"));
+  EXPECT_TRUE(read_file(path("native")) == read_file(regression + "_every_effect.native"));
+  EXPECT_TRUE(read_file(path("csv")) == read_file(regression + "_ideal.csv"));
   const auto s = summary();
   EXPECT_EQ(s["truth"]["received"], 2002);
   EXPECT_EQ(s["truth"]["accepted"], 2001);
@@ -95,7 +95,7 @@ TEST_F(ReplayTest, ALateListenerNamesTheColumns) {
 
 TEST_F(ReplayTest, AMeasuredRunIsTheSameTwiceAndAnotherSeedDiffers) {
   const auto with = [&](const std::string& seed, const std::string& out) {
-    EXPECT_EQ(run_program("imud", {"replay", golden + ".toml", flight, "--set", "seed=" + seed, "--set",
+    EXPECT_EQ(run_program("imud", {"replay", regression + ".toml", flight, "--set", "seed=" + seed, "--set",
                                    "imu.0.port=file:" + path(out), "--set", "imu.1.port=file:/dev/null"})
                   .exit_code,
               0);
