@@ -50,7 +50,7 @@ Admission Timeline::classify(const Truth& truth) const noexcept {
   const auto newer = static_cast<std::int32_t>(truth.sequence - newest_sequence_);
   if (newer < 0) return Admission::reordered;
   if (newer > 0) return Admission::time_back;
-  return ahead >= -near ? Admission::reordered : Admission::time_back;  // no sequence to go by
+  return ahead >= -near ? Admission::reordered : Admission::time_back;  // the sequence does not decide
 }
 
 Admission Timeline::push(const Truth& truth, TruthTime watermark) noexcept {
@@ -96,7 +96,7 @@ void Timeline::forget_past() noexcept {
   run_start_sequence_ = newest_sequence_;
 }
 
-// Room for a knot that becomes number i, later ones moving up; the oldest is pushed out of a full ring. i > 0 then.
+// Makes room for a knot that becomes number i; later ones move up. A full ring drops its oldest: i must be above 0.
 Timeline::Knot& Timeline::make_room(std::size_t i) noexcept {
   if (count_ == capacity) {
     first_ = (first_ + 1) % capacity;
@@ -126,7 +126,7 @@ void Timeline::insert(const Truth& truth) noexcept {
   for (i = count_ - 1 - later; i < count_; ++i) link(knot(i - 1), knot(i));
 }
 
-// What the truth alone says.
+// Fills a knot with what its own truth carries.
 void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k = Knot{};
   k.state.time = truth.time;
@@ -142,7 +142,7 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.specific_force_N = k.state.q_NB * k.state.specific_force_B;
 }
 
-// What follows from the truth before.
+// Computes what depends on the truth before as well.
 void Timeline::link(const Knot& before, Knot& k) noexcept {
   const Vector3 given_N = k.state.q_NB * k.accumulated_dv_B;  // if inertial
   k.dv_origin_N = before.dv_origin_N;
@@ -204,7 +204,7 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
 }
 
 std::size_t Timeline::segment_end(TruthTime time) const noexcept {
-  // Mostly one of the newest: back from there with doubled steps, then by halves.
+  // The end is usually one of the newest knots: search backwards with doubled steps, then bisect.
   std::size_t high = count_ - 1;
   std::size_t step = 1;
   while (high > step && time <= knot(high - step).state.time) {
@@ -279,7 +279,7 @@ MotionState Timeline::extrapolate(TruthTime time) const noexcept {
   return state;
 }
 
-// As if it had waited there.
+// The state before the first truth of a run: the vehicle stands where that truth has it.
 MotionState Timeline::before_run(TruthTime time) const noexcept {
   MotionState state = knot(0).state;
   state.dv_N -= seconds(state.time - time) * (state.q_NB * state.specific_force_B);

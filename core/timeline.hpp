@@ -1,4 +1,4 @@
-// Timeline: the last few truths in order, and what was true at any instant between them.
+// Timeline: keeps the last truths in order and interpolates between them.
 #pragma once
 
 #include <array>
@@ -11,102 +11,108 @@
 
 namespace imud {
 
-// The vehicle at one instant.
+// The motion of the vehicle at one instant (frames: core/README.md).
 struct MotionState {
   enum class Basis : std::uint8_t {
-    interpolated,  // between two truths, or at one
-    extrapolated,  // after the newest truth
-    held,          // so long after it, or before a run's first, that motion is frozen: attitude constant, rate zero,
-                   // specific force constant
+    interpolated,  // `time` is that of a truth or between two
+    extrapolated,  // `time` is after the newest truth, by at most Limits::extrapolate
+    held,          // `time` is later still, or before the first truth of the run: the attitude and the specific force
+                   // are constant, the rate is zero
   };
   TruthTime time;
   Basis basis = Basis::interpolated;
-  Quaternion q_NB = Quaternion::Identity();
+  Quaternion q_NB = Quaternion::Identity();    // unit; v_N = q_NB * v_B
   Vector3 omega_BN_B = Vector3::Zero();        // rad/s
   Vector3 omegaDot_BN_B = Vector3::Zero();     // rad/s^2
   Vector3 specific_force_B = Vector3::Zero();  // m/s^2, of B's origin
-  Vector3 dv_N = Vector3::Zero();              // m/s, accumulated specific force of B's origin, in inertial axes
+  Vector3 dv_N = Vector3::Zero();              // m/s, integral of the specific force in inertial axes, from an
+                                               // arbitrary origin in each run
 };
 
-// Where a point is, and how fast.
+// Position and velocity of a point in N.
 struct PositionVelocity {
   bool is_known = false;
-  TruthTime time;                 // of these; while motion is held, of its last moment
+  TruthTime time;                 // the instant of r_N and v_N; while motion is held, the last before it was
   Vector3 r_N = Vector3::Zero();  // m
   Vector3 v_N = Vector3::Zero();  // m/s
 };
 
-// What the timeline made of a truth.
+// How the timeline received a truth.
 enum class Admission : std::uint8_t {
-  accepted,
-  inserted,   // accepted: it was overtaken on its way, but nobody has looked yet at where it belongs
-  new_run,    // accepted, and the timeline begins anew with it
-  duplicate,  // this instant is there already
-  reordered,  // older than the newest: it was overtaken on its way, and is too late
-  time_back,  // sent later than the newest, but its time is earlier
-  time_jump,  // further ahead of the newest than `max_gap`
+  accepted,   // it is the newest now
+  inserted,   // accepted: it was overtaken on its way, but is later than the watermark
+  new_run,    // accepted: the timeline has discarded all others and begins a run with it
+  duplicate,  // refused: there is a truth of this instant
+  reordered,  // refused: it was overtaken on its way, and is not later than the watermark
+  time_back,  // refused: it was sent after the newest, but its time is earlier
+  time_jump,  // refused: its time is further ahead of the newest than Limits::max_gap
 };
 
 // Between two truths the attitude is q_0 * exp(phi), phi being the cubic Hermite curve on the rotation vector whose
 // end slopes are the truths' rates (the second through the inverse right Jacobian); the accumulated velocity is the
 // cubic Hermite curve whose end slopes are the specific forces in inertial axes. So attitude, rate and increments
-// agree with one another at any truth rate, and sums of increments telescope to the truth's own. Between two truths
-// the vehicle turns by less than 180 deg.
+// agree with one another at any truth rate, and sums of increments telescope to the truth's own. The vehicle must
+// turn by less than 180 deg between two truths.
 //
 // Where the truth carries no accumulated velocity, the specific force (linear in body axes) is integrated along the
 // attitude curve; where it carries no specific force, the accumulated velocity is linear; with neither, both are 0.
-// Angular acceleration is linear between the truths' own; where they give none, it follows from their rates.
+// The angular acceleration is linear between the truths' own; where they carry none, it is linear through the
+// differences of their rates.
 //
-// All memory is taken by the constructor. One thread.
+// The constructor allocates all memory; nothing else here allocates, locks or throws. Not thread-safe.
 class Timeline {
  public:
   struct Limits {
-    // After the newest truth: constant angular acceleration and specific force for so long, then held.
+    // For this long after the newest truth, motion continues with constant angular acceleration and specific force;
+    // then it is held. Not negative.
     Nanoseconds extrapolate = std::chrono::milliseconds(100);
-    // A truth further ahead than this is refused as time_jump (but see `restart_after`). Above 0.
+    // A truth further ahead of the newest than this is refused as time_jump, unless it is one of a restart (below).
+    // Above 0.
     Nanoseconds max_gap = std::chrono::seconds(60);
-    // So many truths in a row that are refused as duplicate, reordered, time_back or time_jump, each later than the
-    // one before, are a simulator that was restarted: the last of them begins a new run. The network alone may
-    // repeat or delay a burst, but not by more than a second.
-    int restart_after_near = 20;  // within 1 s of the newest
+    // If this many truths in a row are refused, each later than the one before by at most max_gap, the simulator was
+    // restarted: the last of them begins a new run. The number for truths within 1 s of the newest is higher, because
+    // a network may repeat or delay a burst by that much.
+    int restart_after_near = 20;
     int restart_after_far = 3;
   };
 
   explicit Timeline(const Limits& limits);
   Timeline() : Timeline(Limits{}) {}
 
-  // `truth` must pass is_finite() and is_in_range(). A truth with `new_run` begins anew, unless it repeats the run's
-  // first one (its time and sequence) within a second of it. `watermark`: what was true up to then is in use already
-  // and does not change any more; a truth that was overtaken is taken in if it is later.
+  // Adds a truth, which must pass is_finite() and is_in_range(), or refuses it and leaves the timeline as it was. A
+  // truth with `new_run` set begins a run, unless it repeats the run's first (the same time and sequence) within a
+  // second of it. What was true up to `watermark` is in use and does not change any more: a reordered truth is
+  // inserted if it is later, and neither the oldest of a full timeline nor before the run.
   Admission push(const Truth& truth, TruthTime watermark = never) noexcept;
 
-  // Forgets all but the newest truth: the simulator's time has leapt, and a run begins with it.
+  // Discards all truths but the newest, which becomes the first of a run. Must not be called if empty().
   void forget_past() noexcept;
 
-  // Whether the next truth would push out one that at(`time`) still needs.
+  // Returns whether the next truth would displace one that at(`time`) needs.
   bool is_full_for(TruthTime time) const noexcept { return count_ == capacity && knot(1).state.time > time; }
 
   bool empty() const noexcept { return count_ == 0; }
-  // Of the run's newest truth and of its very first; only if not empty().
+  // The times of the run's newest truth, and of its first, which need not be kept any more. Must not be called if
+  // empty().
   TruthTime newest() const noexcept { return knot(count_ - 1).state.time; }
   TruthTime run_start() const noexcept { return run_start_; }
-  // Changes when what at() gives between the oldest and the newest truth does.
+  // A number that changes whenever a truth was inserted, so that at() has changed between truths that were there.
   std::uint32_t revision() const noexcept { return revision_; }
 
-  // The state at `time`, however late or early: held where there is no truth. What was forgotten for want of room is
-  // the state at the oldest truth kept. Not if empty().
+  // Returns the state at `time`, which may be any. Before the oldest truth kept it is the state at that truth (its
+  // `time` as well), or held if that truth is the run's first. Must not be called if empty().
   MotionState at(TruthTime time) const noexcept;
 
-  // Of B's origin at `time`: between two truths that know it the cubic Hermite curve on position and velocity; after
-  // the newest with its velocity, until motion is held. Unknown between a truth that knows it and one that does not.
-  // Not if empty().
+  // Returns position and velocity of B's origin at `time`: between two truths that carry them, the cubic Hermite
+  // curve; unknown if one of the two does not; after the newest truth, its velocity continued until motion is held;
+  // before the oldest truth, that truth's own. Must not be called if empty().
   PositionVelocity position(TruthTime time) const noexcept;
 
-  // The first truth after `time`, or `never` if there is none: what at() gives is smooth up to there.
+  // Returns the time of the first truth after `time`, or `never`. at() is smooth between `time` and there.
   TruthTime next_truth(TruthTime time) const noexcept;
 
   static constexpr TruthTime never{std::numeric_limits<std::int64_t>::max()};
-  static constexpr std::size_t capacity = 1024;  // truths kept
+  static constexpr std::size_t capacity = 1024;  // the number of truths kept
 
  private:
   struct Knot {
@@ -117,15 +123,15 @@ class Timeline {
     bool has_specific_force = false;
     bool has_angular_acceleration = false;
     Vector3 specific_force_N = Vector3::Zero();
-    // The curve from the truth before to this one; h_s = 0 for the first of a run.
-    double h_s = 0;
+    // The curve from the truth before to this one.
+    double h_s = 0;                        // its length; 0 for the first truth of a run
     Vector3 phi = Vector3::Zero();         // rad, whole rotation vector
-    Vector3 phi_slope = Vector3::Zero();   // rad/s, of the curve at this end
+    Vector3 phi_slope = Vector3::Zero();   // rad/s, d phi/dt at this end
     Vector3 rate_slope = Vector3::Zero();  // rad/s^2, mean; only where the truths give no angular acceleration
     Vector3 omegaDot_begin = Vector3::Zero();
     Vector3 omegaDot_end = Vector3::Zero();
     bool linear_dv = false;
-    Vector3 dv_origin_N = Vector3::Zero();  // what an inertial accumulated velocity counts from
+    Vector3 dv_origin_N = Vector3::Zero();  // the accumulated velocity (if inertial) where dv_N is 0
   };
 
   const Knot& knot(std::size_t i) const noexcept { return knots_[(first_ + i) % capacity]; }
