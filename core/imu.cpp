@@ -65,11 +65,11 @@ void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
     accumulate(timeline, timeline.at(until));
 }
 
-// Takes the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
+// Extends the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
 void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept {
   if (advanced_.basis != MotionState::Basis::interpolated || timeline.revision() != revision_) {
-    // What was extrapolated at the last sample, or interpolated across a truth that was late, may be known by now:
-    // the difference goes into these increments.
+    // The state may have been extrapolated then, or interpolated across a truth that was late. The difference to what
+    // is known now goes into these increments.
     revision_ = timeline.revision();
     const MotionState known = timeline.at(advanced_.time);
     angle_sum_B_ += log(advanced_.q_NB.conjugate() * known.q_NB);
@@ -77,7 +77,7 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
     advanced_ = known;
   }
   if (model_.delta_angle == DeltaAngle::rotation_vector && model_.delta_velocity == DeltaVelocity::end_frame) {
-    advanced_ = end;  // differences of last_ and now, which need no sums
+    advanced_ = end;  // these increments are differences of two states and need no sums
     return;
   }
   for (TruthTime next = timeline.next_truth(advanced_.time); next < end.time; next = timeline.next_truth(next))
@@ -85,7 +85,7 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
   add_piece(end);
 }
 
-// Adds the integrals from advanced_ to `end` by the corrected trapezoidal rule, which needs no more than is known at
+// Adds the integrals from advanced_ to `end` by the corrected trapezoidal rule, which needs only values and slopes at
 // the two ends and is exact to the third order:  integral of g = h/2 (g1 + g2) + h^2/12 (g1' - g2').
 //
 // Of the specific force f only its given integral V is used. By parts, in moving axes:
@@ -181,7 +181,7 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   return out;
 }
 
-// What the gyros and accelerometers measure at `now`, with the increments since the last sample of the run.
+// Returns what the gyros and accelerometers measure at `now`, with the increments since the last sample of the run.
 Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept {
   Sample out;
   out.time = stamp;
@@ -219,13 +219,13 @@ Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first, DeviceT
   return out;
 }
 
-// What the magnetometer and the barometer measure where B's origin is, and where that is.
+// Adds the place of S, given that of B's origin, and what the magnetometer and the barometer measure there.
 void Imu::sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept {
   position.r_N += now.q_NB * model_.r_SB_B;
   position.v_N += now.q_NB * now.omega_BN_B.cross(model_.r_SB_B);
   out.navigation = earth.navigation(position);
   if (out.navigation.is_known) {
-    // What is held stays where it is on the Earth.
+    // A vehicle whose motion is held stands on the Earth.
     if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
     out.navigation.gps_ns += (now.time - position.time).count();
     out.q_LP = earth.q_LN(position.time, out.navigation) * out.q_LP;
@@ -236,14 +236,14 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
     out.pressure = std::max(out.pressure, 0.0);
   }
   Vector3 field = out.magnetic_field, increment = Vector3::Zero();
-  magnetometer_.apply(normals_, counter_, 0.0, field, increment);  // its walk goes on
+  magnetometer_.apply(normals_, counter_, 0.0, field, increment);  // its walk continues where no place is known
   if (out.navigation.is_known) out.magnetic_field = field;
 }
 
 namespace {
-// As floor, round and ceil, without a library call; magnitude >= 0.
+// Floor, round or ceil of a magnitude, not negative, without a library call.
 double round_magnitude(double magnitude, Rounding rounding) noexcept {
-  if (!(magnitude < 0x1p52)) return magnitude;  // a whole number already
+  if (!(magnitude < 0x1p52)) return magnitude;  // it is a whole number
   const auto whole = static_cast<double>(static_cast<std::int64_t>(magnitude));
   switch (rounding) {
     case Rounding::nearest:
@@ -270,7 +270,7 @@ std::uint32_t Imu::Triad::apply(const Normals& normals, std::uint64_t k, double 
       m += carried;
       const double rounded =
           std::copysign(errors.lsb * round_magnitude(std::abs(m / errors.lsb), errors.rounding), m);
-      // The increment loses what the rounding took from this sample, and gains back what was carried into it.
+      // The increment loses what rounding removed from this sample, and regains what was carried into it.
       increment[i] -= dt * (m - rounded - carried);
       remainder[i] = m - rounded;
       m = rounded;

@@ -11,10 +11,11 @@
 
 namespace imud {
 
-enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };  // nearest: half away from zero
+// How a value becomes a multiple of its LSB; `nearest` rounds halves away from zero.
+enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };
 
-// Errors of a triad: three gyros in rad/s, accelerometers in m/s^2, or magnetometers in T. In the order in which they
-// act:
+// The errors of three gyros (unit rad/s), accelerometers (m/s^2) or magnetometers (T), one of a kind on each platform
+// axis. They act on the true value m in this order, and on its integral over the step accordingly (core/README.md):
 //   m = scale_factor * truth + bias + x,   x <- clamp(A x + P n, +-bound)     (memo Eq. 15, 16, and its section 2)
 //   m <- lsb * round(m / lsb)                                                 (Eq. 19)
 //   m <- max(-max, min(m, max))                                               (Eq. 20, 21)
@@ -23,35 +24,38 @@ struct TriadErrors {
   Vector3 bias = Vector3::Zero();
   Matrix3 walk_transition = Matrix3::Identity();  // A, per sample: 0 gives white noise, identity a random walk
   Matrix3 walk_sqrt_cov = Matrix3::Zero();        // P, per sample: P P^T is the covariance of one step
-  Vector3 walk_bound = Vector3::Zero();           // hard limit of |x|; 0: none
-  double lsb = 0.0;                               // 0: no rounding
+  Vector3 walk_bound = Vector3::Zero();           // limit of |x|, not negative; 0: none
+  double lsb = 0.0;                               // not negative; 0: no rounding
   Rounding rounding = Rounding::toward_zero;
-  bool carry = false;  // the remainder of the rounding goes into the next sample
-  double max = 1e6;    // above 0
+  bool carry = false;  // the remainder of the rounding is added to the next sample
+  double max = 1e6;    // saturation, above 0
 
-  // White noise of this density, unit/sqrt(Hz), at `rate_hz`, and nothing else.
+  // Returns errors that are only white noise of this density, unit/sqrt(Hz), at the sample rate `rate_hz`.
   static TriadErrors white(double density, double rate_hz, double max);
 };
 
-// pressure = truth + bias + noise n.
+// The errors of a barometer: pressure = truth + bias + noise n, with n normal, N(0, 1); a result below 0 becomes 0.
 struct BarometerErrors {
   double bias = 0;   // Pa
   double noise = 0;  // Pa, standard deviation of one sample
 };
 
+// The definition of the delta-angle over a step from t1 to t2.
 enum class DeltaAngle : std::uint8_t {
-  rotation_vector,  // of the rotation from the platform at t1 to the platform at t2 (Eq. 2-4)
-  integral,         // of the rate
+  rotation_vector,  // the rotation vector from the platform at t1 to the platform at t2 (Eq. 2-4)
+  integral,         // the integral of the rate in the moving platform axes
 };
 
+// The definition of the delta-velocity over a step from t1 to t2.
 enum class DeltaVelocity : std::uint8_t {
-  integral,   // of the specific force in the moving platform axes
-  memo,       // Eq. 10-14: each truth's increment in the body axes at its end, and the difference of omega x r
-  end_frame,  // change of the sensor point's velocity without gravity, resolved in the platform at t2
+  integral,  // the integral of the specific force in the moving platform axes, as a strapdown accelerometer has it
+  memo,  // Eq. 10-14: the sum of each truth's increment in the body axes at its end, and the difference of omega x r
+  end_frame,  // the change of the sensor point's velocity without gravity, resolved in the platform at t2
 };
 
+// Everything that makes one sensor differ from another. `dcm_PB` is a rotation.
 struct ImuModel {
-  Vector3 r_SB_B = Vector3::Zero();  // m
+  Vector3 r_SB_B = Vector3::Zero();  // m, the lever arm
   Matrix3 dcm_PB = Matrix3::Identity();
   TriadErrors gyro;
   TriadErrors accelerometer;
@@ -63,14 +67,16 @@ struct ImuModel {
   BarometerErrors barometer;
 };
 
-// x <- clamp(A x + P n).
+// The Gauss-Markov process of TriadErrors: x <- clamp(A x + P n, +-bound), with n normal, N(0, I). x is 0 before
+// sample 0. Does not allocate; not thread-safe.
 class GaussMarkov {
  public:
   GaussMarkov(const TriadErrors& errors, Quantity quantity);
-  // The error of sample k, given that of sample k - 1 was the last one asked for (or seek(k) was called). `normals`
-  // is always the same.
+  // Returns the error x of sample k, until the next call. The last call was step(k - 1) or seek(k), or k is 0.
+  // `normals` must be the same in all calls.
   const Vector3& step(const Normals& normals, std::uint64_t k) noexcept;
-  // Makes step(k) give what it gives in the sequence from 0. Time grows with k unless A is 0.
+  // Makes step(k) return what it returns in the sequence from 0. The time it takes is proportional to k unless A is
+  // 0.
   void seek(const Normals& normals, std::uint64_t k) noexcept;
 
  private:
@@ -84,39 +90,50 @@ class GaussMarkov {
   Vector3 x_ = Vector3::Zero();
 };
 
-// One sensor. Nothing here allocates, locks, throws or reads a clock. One thread.
+// One sensor: samples a Timeline, or a vehicle at rest, and adds the errors. Nothing here allocates, locks, throws or
+// reads a clock. Not thread-safe.
+//
+// Samples belong to runs. The first sample of a run has no increments; each later one has those since the sample
+// before. The counter and the errors continue from run to run, as in a real device.
 class Imu {
  public:
-  // `stream` tells this imu's random numbers from another's: stream_id() of its name.
+  // All random numbers follow from `seed` and `stream`, which is different for every sensor: stream_id() of its name.
   Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream);
 
-  // The next sample begins a run: it has no increments. Counter and errors go on as in a real device.
+  // Makes the next sample the first of a run. Must be called when the timeline has begun a new run.
   void begin_run() noexcept { run_ = Run::none; }
 
-  // Takes in the truth up to `until`, which is not after the newest truth nor after the next sample. Needed only if
-  // more truths than the timeline keeps lie between two samples.
+  // Integrates the truth up to `until`, so that the timeline may drop what is before; no later sample may precede
+  // `until`. Needed only where more truths than the timeline keeps lie between two samples. Does nothing outside a
+  // run, or if `until` is after the newest truth.
   void advance(const Timeline& timeline, TruthTime until) noexcept;
 
-  // No truth before this time is needed any more; Timeline::never before the first sample of a run.
+  // The time up to which truth is integrated: none before it is needed any more. Timeline::never outside a run, and
+  // while the vehicle is at rest.
   TruthTime advanced_to() const noexcept { return run_ == Run::truth ? advanced_.time : Timeline::never; }
 
-  // The sample at `time`, which is after the sample before; `timeline` is not empty.
+  // Returns the sample at `time`, with the device's own time `stamp`. `time` is later than the sample before in this
+  // run; `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
 
-  // The sample of a vehicle at rest (core/rest.hpp), for a sensor that has power before the first truth; its status
-  // is status::at_rest beside saturation. `since_power_on` is later than that of the sample before, and not negative.
-  // The first sample at rest, and the first sample of a truth after it, begin a run: they have no increments, while
-  // the counter and the errors continue. With DeltaVelocity::memo the sensor's step stands for the truth's.
+  // Returns the sample of a vehicle at rest (core/rest.hpp), for a sensor that has power before the first truth; its
+  // status is status::at_rest beside saturation. `since_power_on` is later than that of the sample before, and not
+  // negative. The first sample at rest, and the first sample of a truth after it, begin a run: they have no
+  // increments, while the counter and the errors continue. With DeltaVelocity::memo the sensor's step stands for the
+  // truth's.
   Sample sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcept;
 
-  // The next sample is number k, with the errors it has in the sequence from 0 (save a carried rounding remainder).
+  // Makes the next sample number k, with the errors that it has in the sequence from 0, except for a carried
+  // remainder of rounding. The time it takes is proportional to k where a walk has a memory.
   void seek(std::uint64_t k) noexcept;
+  // The number of the next sample.
   std::uint64_t next() const noexcept { return counter_; }
 
  private:
   struct Triad {
     explicit Triad(const TriadErrors& errors_, Quantity quantity) : errors(errors_), walk(errors_, quantity) {}
-    // Adds the errors to the true `value` and to its true integral over the step; returns a bit per saturated axis.
+    // Adds the errors of sample k to the true `value` and to its true integral over a step of dt s. Returns bit i set
+    // if axis i has saturated.
     std::uint32_t apply(const Normals& normals, std::uint64_t k, double dt, Vector3& value,
                         Vector3& increment) noexcept;
     TriadErrors errors;
@@ -140,15 +157,15 @@ class Imu {
   Rest rest_;
   Triad magnetometer_;
   std::uint64_t counter_ = 0;
-  enum class Run : std::uint8_t { none, rest, truth };  // what the last sample of this run was taken from
+  enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
   Run run_ = Run::none;
-  MotionState last_;            // at the last sample, as it was output
-  TruthTime last_time_;         // which is not last_'s if that truth is kept no longer
-  MotionState advanced_;        // how far the sums below go
-  std::uint32_t revision_ = 0;  // of the timeline that said so
-  Vector3 angle_sum_B_;         // integral of the rate since last_
-  Vector3 velocity_sum_B_;      // of the specific force of B's origin, by model_.delta_velocity
-  Vector3 centripetal_sum_B_;   // of omega x (omega x r)
+  MotionState last_;            // the state at the last sample, as it was then known
+  TruthTime last_time_;         // the time of the last sample; last_'s own differs if the timeline began later
+  MotionState advanced_;        // the state at the end of the sums below
+  std::uint32_t revision_ = 0;  // the timeline's when advanced_ was taken from it
+  Vector3 angle_sum_B_;         // rad, integral of the rate since last_
+  Vector3 velocity_sum_B_;      // m/s, of the specific force of B's origin, as model_.delta_velocity defines it
+  Vector3 centripetal_sum_B_;   // m/s, of omega x (omega x r)
 };
 
 }  // namespace imud
