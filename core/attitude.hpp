@@ -1,9 +1,11 @@
-// Attitude: MRPs, quaternions, direction cosine matrices and rotation vectors, and how they turn into one another.
+// Attitude: conversions between MRPs, quaternions, direction cosine matrices and rotation vectors.
 //
-// Conventions (frames: core/README.md). sigma_BN, dcm_BN: of B relative to N; v_B = dcm_BN * v_N. q_NB is the same
-// attitude as a unit quaternion whose product maps components the other way, v_N = q_NB * v_B, so that
-// q_NB2 = q_NB1 * exp(phi) where phi is the rotation vector from B1 to B2, the same in both axes.
-// None of these has a dead zone near zero or a singularity, except where said.
+// Conventions (the frames stand in core/README.md): sigma_BN is the MRP of B relative to N, v_B = dcm_BN * v_N. q_NB
+// is the same attitude as a unit quaternion whose product maps components the other way, v_N = q_NB * v_B. Hence
+// q_NB2 = q_NB1 * exp(phi), where phi is the rotation vector from B1 to B2; its components are the same in both axes.
+//
+// All functions are pure and thread-safe, do not allocate or throw, and give the same bits on every machine. They
+// have no dead zone near zero and no singularity except where stated. Angles are in rad.
 #pragma once
 
 #include "core/elementary.hpp"
@@ -11,15 +13,16 @@
 
 namespace imud {
 
-// --- Modified Rodrigues parameters, sigma = e tan(angle/4), any norm
-// -------------------------------------------------
+// --- Modified Rodrigues parameters: sigma = e tan(angle/4), of any norm
+// (Schaub and Junkins, Analytical Mechanics of Space Systems, section 3.5)
 
-// The other MRP of the same attitude, -sigma/|sigma|^2. Undefined for 0.
+// Returns the other MRP of the same attitude, -sigma/|sigma|^2. `sigma` must not be 0.
 inline Vector3 mrp_shadow(const Vector3& sigma) { return -sigma / sigma.squaredNorm(); }
 
-// The one of the two with norm <= 1.
+// Returns whichever MRP of the same attitude has a norm of at most 1.
 inline Vector3 mrp_short(const Vector3& sigma) { return sigma.squaredNorm() > 1.0 ? mrp_shadow(sigma) : sigma; }
 
+// Returns q_NB of sigma_BN, of unit length, with w >= 0.
 inline Quaternion quaternion_from_mrp(const Vector3& sigma) {
   const Vector3 s = mrp_short(sigma);
   const double n = s.squaredNorm();
@@ -27,47 +30,50 @@ inline Quaternion quaternion_from_mrp(const Vector3& sigma) {
   return {(1.0 - n) * scale, 2.0 * scale * s.x(), 2.0 * scale * s.y(), 2.0 * scale * s.z()};
 }
 
+// Returns sigma_BN of the unit quaternion q_NB, of either sign; its norm is at most 1.
 inline Vector3 mrp_from_quaternion(const Quaternion& q) {
   const double d = q.w() >= 0.0 ? 1.0 + q.w() : q.w() - 1.0;
   return q.vec() / d;
 }
 
-// --- Rotation vectors, phi = e * angle, rad
-// --------------------------------------------------------------------------
+// --- Rotation vectors: phi = e * angle
 
-// Memo Eq. 3, corrected (as typeset it puts 4 atan into the denominator): phi = sigma/|sigma| * 4 atan|sigma|.
+// Returns phi = sigma/|sigma| * 4 atan|sigma|, its angle in [0, pi]. (Memo Eq. 3, corrected: as typeset it has 4 atan
+// in the denominator.)
 inline Vector3 rotation_vector_from_mrp(const Vector3& sigma) {
   const Vector3 s = mrp_short(sigma);
   return 4.0 * elementary::atan_over_x(s.squaredNorm()) * s;
 }
 
-// The rotation vector of q, angle in [0, pi].
+// Returns the rotation vector of the unit quaternion q, of either sign; its angle is in [0, pi].
 inline Vector3 log(const Quaternion& q) { return rotation_vector_from_mrp(mrp_from_quaternion(q)); }
 
-// The quaternion of a rotation vector, however long.
+// Returns the unit quaternion of a rotation vector of any length (see elementary::sincos for the accuracy beyond
+// 1e5).
 inline Quaternion exp(const Vector3& phi) {
   const auto half = elementary::even_series(0.25 * phi.squaredNorm());
   const Vector3 v = (0.5 * half.sinc) * phi;
   return {half.cos, v.x(), v.y(), v.z()};
 }
 
-// The right Jacobian at phi: omega = right_jacobian(phi, d phi/dt), where omega is the rate of B in its own axes and
-// q_NB = q_0 * exp(phi). With -phi, the mean of exp(s phi) * v over s from 0 to 1.
+// Applies the right Jacobian at phi: where q_NB = q_0 * exp(phi), the rate of B in its own axes is
+// omega = right_jacobian(phi, d phi/dt). The mean of exp(s phi) * v over s in [0, 1] is right_jacobian(-phi, v).
 Vector3 right_jacobian(const Vector3& phi, const Vector3& v);
 
-// Its inverse: d phi/dt = inverse_right_jacobian(phi, omega). (Bortz 1971.) |phi| < 2 pi.
+// Applies its inverse: d phi/dt = inverse_right_jacobian(phi, omega), for |phi| < 2 pi. (J. E. Bortz, IEEE
+// Transactions on Aerospace and Electronic Systems 7(1), 1971.)
 Vector3 inverse_right_jacobian(const Vector3& phi, const Vector3& omega);
 
 // --- Direction cosine matrices
-// ---------------------------------------------------------------------------------------
 
-// dcm_PB from 3-2-1 Euler angles, rad: M1(roll) M2(pitch) M3(yaw).
+// Returns dcm_PB = M1(roll) M2(pitch) M3(yaw) of 3-2-1 Euler angles.
 Matrix3 dcm_from_yaw_pitch_roll(double yaw, double pitch, double roll);
 
-// And back: yaw and roll from -pi to pi, pitch from -pi/2 to pi/2.
+// Returns {yaw, pitch, roll} of dcm_PB: yaw and roll in [-pi, pi], pitch in [-pi/2, pi/2]. At a pitch of +-pi/2 yaw
+// and roll are not unique.
 Vector3 yaw_pitch_roll_from_dcm(const Matrix3& dcm_PB);
 
-// How far m is from a rotation: the largest element of |m m^T - I|, or 2 if det(m) < 0.
+// Returns by how much m fails to be a rotation: the largest element of |m m^T - I|, or 2 if det(m) < 0.
 double rotation_defect(const Matrix3& m);
 
 }  // namespace imud

@@ -3,7 +3,7 @@
 // A run must be the same bytes everywhere, and libm's results differ in the last bit between C libraries, their
 // versions, and processors with and without fused multiply-add. These use only +, -, *, / and sqrt, which IEEE 754
 // defines exactly. Errors are below 2 ulp of 1, those of atan and log below 3 ulp, over the stated ranges
-// (tests/core/elementary_test.cpp).
+// (tests/core/elementary_test.cpp). All functions are pure and thread-safe and do not throw; angles are in rad.
 #pragma once
 
 #include <array>
@@ -14,8 +14,8 @@
 
 namespace imud::elementary {
 
-// The four even functions of an angle x that rotations need; as power series in x^2, so that nothing is singular or
-// lost near zero.
+// The four even functions of an angle x that rotations need. They are power series in x^2 near zero, so that nothing
+// is singular or cancels there.
 struct EvenSeries {
   double sinc;     // sin(x)/x
   double cos;      // cos(x)
@@ -72,7 +72,7 @@ constexpr EvenSeries even_series(double z) {
 }
 }  // namespace detail
 
-// atan(x)/x for x^2 = `z`, x in [0, 1].
+// Returns atan(x)/x for x^2 = `z`, x in [0, 1].
 inline double atan_over_x(double z) {
   if (z < 1e-4) return detail::polynomial(detail::odd_reciprocals<5>, -z);
   // atan x = 2 atan(x/(1 + sqrt(1 + x^2))): three halvings bring x below tan(pi/32).
@@ -85,7 +85,7 @@ inline double atan_over_x(double z) {
   return factor * detail::polynomial(detail::odd_reciprocals<10>, -z);
 }
 
-// The angle from the x axis to (x, y), rad, from -pi to pi; 0 at the origin.
+// Returns the angle from the x axis to (x, y), in [-pi, pi]; 0 at the origin.
 inline double atan2(double y, double x) {
   constexpr double pi = 3.141592653589793;
   const double across = std::abs(x);
@@ -98,7 +98,7 @@ inline double atan2(double y, double x) {
   return y < 0.0 ? -angle : angle;
 }
 
-// Natural logarithm of x, finite and above 0 (subnormals excluded).
+// Returns the natural logarithm of x, finite and above 0, not subnormal.
 inline double log(double x) {
   auto bits = std::bit_cast<std::uint64_t>(x);
   int exponent = static_cast<int>(bits >> 52U) - 1022;
@@ -116,7 +116,7 @@ inline double log(double x) {
   return exponent * ln2_high + (2.0 * s * sum + exponent * ln2_low);
 }
 
-// e^x; 0 below -708, and what 709 gives above it.
+// Returns e^x; 0 for x <= -708 and for a NaN, e^709 for x > 709.
 inline double exp(double x) {
   if (!(x > -708.0)) return 0.0;
   if (x > 709.0) x = 709.0;
@@ -135,7 +135,7 @@ struct SinCos {
   double cos;
 };
 
-// Sine and cosine of x, |x| <= 1e5 rad; beyond, the angle loses digits as x does.
+// Returns sine and cosine of x. Beyond |x| = 1e5 the error grows in proportion to x.
 inline SinCos sincos(double x) {
   // Cody and Waite: x = quadrant * pi/2 + r, pi/2 in three parts of 33 bits.
   constexpr double two_over_pi = 0x1.45f306dc9c883p-1;
@@ -159,7 +159,7 @@ inline SinCos sincos(double x) {
   }
 }
 
-// `z` is x^2, x as for sincos().
+// Returns the four functions of x for x^2 = `z`; x is in the range of sincos().
 inline EvenSeries even_series(double z) {
   if (z < 1e-3) return detail::even_series<4>(z);
   if (z < 1.0) return detail::even_series<9>(z);
