@@ -1,4 +1,4 @@
-// Truth: what the simulator says of the vehicle at one instant.
+// Truth: the simulator's motion of the vehicle at one instant.
 #pragma once
 
 #include <cstdint>
@@ -8,24 +8,25 @@
 
 namespace imud {
 
-// How a truth's accumulated velocity was summed up (see Truth::accumulated_dv_B).
+// The way in which a simulator accumulates Truth::accumulated_dv_B.
 enum class AccumulatedDv : std::uint8_t {
   none,      // not given
   inertial,  // a vector accumulated in inertial space, given in the body axes of the instant
   body_sum,  // sum of increments, each in the body axes at the end of its own truth step
 };
 
-// Motion of the vehicle body B relative to inertial space N (frames: core/README.md). SI and radians.
+// The motion of the vehicle body B relative to inertial space N (frames: core/README.md), in SI and radians. A member
+// whose `has_` is false is not to be read. It is a value; whoever holds it owns it.
 struct Truth {
   TruthTime time;
-  std::uint32_t stream = 0;    // which vehicle
-  std::uint32_t sequence = 0;  // of the sender; 0 where the format has none
-  bool acknowledge = false;    // the sender waits for an answer (lockstep)
-  bool new_run = false;        // the sender says that this is the first truth of a new run
+  std::uint32_t stream = 0;    // the vehicle's number
+  std::uint32_t sequence = 0;  // the sender's number of this truth, modulo 2^32; 0 where the format has none
+  bool acknowledge = false;    // the sender waits for an acknowledgement (lockstep)
+  bool new_run = false;        // the sender marks the first truth of a new run
 
-  bool has_position = false;                 // and velocity
+  bool has_position = false;                 // r_BN_N and v_BN_N are given
   Vector3 r_BN_N = Vector3::Zero();          // m; position of B's origin
-  Vector3 v_BN_N = Vector3::Zero();          // m/s
+  Vector3 v_BN_N = Vector3::Zero();          // m/s; its velocity
   Quaternion q_NB = Quaternion::Identity();  // unit; v_N = q_NB * v_B
   Vector3 omega_BN_B = Vector3::Zero();      // rad/s
 
@@ -36,13 +37,14 @@ struct Truth {
   Vector3 specific_force_B = Vector3::Zero();  // m/s^2; non-gravitational acceleration of B's origin
 
   AccumulatedDv accumulated_dv = AccumulatedDv::none;
-  Vector3 accumulated_dv_B = Vector3::Zero();  // m/s; integral of the specific force since the sender's start
+  Vector3 accumulated_dv_B = Vector3::Zero();  // m/s; integral of the specific force, from an arbitrary origin
 };
 
-// True if every number of `truth` is finite and within what the model accepts: position to 1e15 m, velocity and
-// accumulated velocity to 1e9 m/s, rate to 1e5 rad/s, angular acceleration and specific force to 1e8 (SI), time
-// within 2^62 ns of 0, quaternion of unit length within 1e-6.
+// Returns whether every number of `truth`, given or not, is finite.
 bool is_finite(const Truth& truth) noexcept;
+// Returns whether every number of a finite `truth` is in the model's range: components of the position within 1e15 m,
+// of velocity and accumulated velocity 1e9 m/s, of the rate 1e5 rad/s, of angular acceleration and specific force 1e8
+// rad/s^2 and m/s^2, the time within 2^62 ns of 0, the quaternion's length within 1e-6 of 1.
 bool is_in_range(const Truth& truth) noexcept;
 
 }  // namespace imud
