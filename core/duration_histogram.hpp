@@ -1,4 +1,4 @@
-// DurationHistogram: percentiles of durations, in bounded memory however many there are.
+// DurationHistogram: percentiles of any number of durations in constant memory.
 #pragma once
 
 #include <atomic>
@@ -8,23 +8,28 @@
 
 namespace imud {
 
-// Durations from 100 ns to 1000 s in buckets 2.3 % wide; shorter ones count as 0, the longest is kept exactly. One
-// thread adds, without a lock; any may copy it meanwhile and look at the copy.
+// Counts durations from 100 ns to 1000 s in buckets 2.3 % wide. Shorter ones count as 0, longer ones as the maximum,
+// which is kept exactly. One thread may add() without a lock while others copy the histogram; they must query the
+// copy. Only construction and copying allocate.
 class DurationHistogram {
  public:
   DurationHistogram();
   DurationHistogram(const DurationHistogram& other);
   DurationHistogram& operator=(const DurationHistogram& other);
 
-  void add(double seconds) noexcept;  // not negative
+  // Counts one duration, s, not negative.
+  void add(double seconds) noexcept;
 
-  // What was added since `before`, an earlier copy of the same one. Its longest is then known to a bucket only,
-  // unless it is the longest of all.
+  // Returns the histogram of what was added since `before`, an earlier copy of this one. Its maximum is exact if it
+  // is the maximum of all, otherwise rounded up to the end of its bucket.
   DurationHistogram since(const DurationHistogram& before) const;
 
+  // The number of durations.
   std::uint64_t count() const noexcept { return count_.load(std::memory_order_relaxed); }
-  double max() const noexcept { return max_.load(std::memory_order_relaxed); }  // s; 0 if there is none
-  // The duration, s, that `percent` of them do not exceed, within half a bucket; 0 if there is none.
+  // The longest duration, s; 0 if there is none.
+  double max() const noexcept { return max_.load(std::memory_order_relaxed); }
+  // Returns the duration, s, that `percent` of them, in [0, 100], do not exceed, within half a bucket; 0 if there is
+  // none.
   double percentile(double percent) const;
 
  private:

@@ -9,8 +9,9 @@ namespace imud {
 
 using Nanoseconds = std::chrono::nanoseconds;
 
-// One instant of the clock `Clock`, in ns since that clock's own epoch. Instants of different clocks neither
-// compare nor subtract; two instants never add. Only durations (Nanoseconds) cross from one clock to another.
+// An instant of the clock `Clock`, in ns since that clock's own epoch. Instants of different clocks cannot be
+// compared or subtracted, and instants cannot be added: such code does not compile. Only durations (Nanoseconds) pass
+// from one clock to another. Overflow beyond +-292 years is not checked.
 template <class Clock>
 struct TimePoint {
   std::int64_t ns = 0;
@@ -21,44 +22,46 @@ struct TimePoint {
   friend constexpr Nanoseconds operator-(TimePoint a, TimePoint b) { return Nanoseconds{a.ns - b.ns}; }
 };
 
-using TruthTime = TimePoint<struct OfTruth>;    // the simulator's own time
-using HostTime = TimePoint<struct OfHost>;      // CLOCK_MONOTONIC, or a capture's time stamps
-using DeviceTime = TimePoint<struct OfDevice>;  // what the emulated sensor believes
+using TruthTime = TimePoint<struct OfTruth>;    // the simulator's time
+using HostTime = TimePoint<struct OfHost>;      // CLOCK_MONOTONIC, or the time stamps of a capture
+using DeviceTime = TimePoint<struct OfDevice>;  // the clock of the emulated sensor
 
+// Converts to s, rounded to a double.
 constexpr double seconds(Nanoseconds d) { return static_cast<double>(d.count()) * 1e-9; }
-// To the nearest; within +-292 years.
+// Converts s, within +-292 years, to the nearest ns.
 constexpr Nanoseconds nanoseconds(double seconds) {
   return Nanoseconds{static_cast<std::int64_t>(1e9 * seconds + (seconds < 0 ? -0.5 : 0.5))};
 }
 
-// The instants phase + k/rate after a start, exact for ever: computed from k, never summed, rounded to the nearest
-// ns.
+// The instants phase + k/rate after a start, each computed from k and rounded to the nearest ns, so that they never
+// drift. Immutable; nothing here throws.
 class Grid {
  public:
   static constexpr double min_rate_hz = 1e-3;
   static constexpr double max_rate_hz = 1e4;
   static constexpr double max_clock_error_ppm = 1e5;
 
-  // rate_hz within these limits, resolved to 1 uHz. `clock_error_ppm`, resolved to 1e-3, within +-max: how much
-  // faster than nominal the clock runs that makes the instants. `phase` not negative.
+  // `rate_hz` is within the limits above and resolved to 1 uHz. `clock_error_ppm` is the relative error of the clock
+  // that makes the instants, positive if it runs fast, within +-max_clock_error_ppm and resolved to 1e-3. `phase` is
+  // not negative.
   constexpr explicit Grid(double rate_hz, double clock_error_ppm = 0.0, Nanoseconds phase = {})
       : rate_uhz_(static_cast<std::uint64_t>(rate_hz * 1e6 + 0.5)),
         clock_rate_(1'000'000'000U + static_cast<std::uint64_t>(static_cast<std::int64_t>(
                                          clock_error_ppm * 1e3 + (clock_error_ppm < 0 ? -0.5 : 0.5)))),
         phase_(phase) {}
 
-  // Time from the start to instant k, k < 1e13 (30 years at 10 kHz).
+  // Returns the true time from the start to instant k, for k < 1e13 (30 years at 10 kHz).
   constexpr Nanoseconds offset(std::uint64_t k) const { return phase_ + steps(k, clock_rate_); }
-  // The same as the clock itself counts it: without its error.
+  // Returns the same as the clock itself counts it, without its error.
   constexpr Nanoseconds nominal_offset(std::uint64_t k) const { return phase_ + steps(k, 1'000'000'000U); }
 
-  // Mean time between two instants, rounded.
+  // Returns the mean time between two instants, rounded to the nearest ns.
   constexpr Nanoseconds period() const { return steps(1, clock_rate_); }
 
  private:
   __extension__ using Wide = unsigned __int128;
 
-  // `clock_rate`: ns that the clock counts in a true second.
+  // Returns the time of k periods. `clock_rate` is the number of ns that the clock counts in a true second.
   constexpr Nanoseconds steps(std::uint64_t k, std::uint64_t clock_rate) const {
     const std::uint64_t divisor = rate_uhz_ * clock_rate;  // below 2^64: 1e10 times 1.1e9
     const Wide scaled = Wide{k} * 1'000'000'000'000'000U * 1'000'000'000U;

@@ -1,4 +1,4 @@
-// Units: the factors from the units of configurations, data sheets and simulators to SI, and nowhere else.
+// Units: the factors from the units of configurations, data sheets and simulators to SI. They stand nowhere else.
 #pragma once
 
 namespace imud::units {

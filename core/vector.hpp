@@ -1,4 +1,4 @@
-// The linear algebra types of the model: fixed size, double, on the stack.
+// The linear algebra types of the model: of fixed size, in double, without allocation.
 #pragma once
 
 #include <Eigen/Core>
