@@ -153,16 +153,17 @@ struct Transport {
   // their names (".csv .txt"); "*" stands for those that no other transport claims.
   std::string_view suffixes = {};
 
-  // Throws PortError that says what is wrong with the spec and what would be right, without touching the system: an
-  // unknown option, a value out of range, settings that it cannot have. check_port() has seen to the role.
+  // Throws PortError with what is wrong with the spec and what would be right: an unknown option, a value out of
+  // range, settings that such a port cannot have. Does not touch the system. check_port() refuses a role by the
+  // properties.
   void (*check)(const PortSpec& spec, const PortSettings& settings);
-  // Opens a port. Throws PortError that says what failed on what.
+  // Opens a port. Throws PortError with what failed on what.
   std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);
 
   // Returns how long `frame` occupies the wire. nullptr: frames leave instantly.
   WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
-  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all. nullptr: it has nothing to do
-  // with UDP. One that `ends` chooses it by the option `port`.
+  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all. Throws PortError if the spec has
+  // not passed check(). nullptr: no UDP. A transport that `ends` takes it from its option `port`.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
   // Returns true if a device's frames go to standard output. nullptr: never.
   bool (*is_standard_output)(const PortSpec& spec) = nullptr;
