@@ -19,6 +19,16 @@ struct CanHeader {
   constexpr bool operator==(const CanHeader&) const = default;
 };
 
+// Passes the frames of a CAN bus whose identifier is that of the filter in the bits set in `mask`.
+struct CanFilter {
+  std::uint32_t id = 0;
+  std::uint32_t mask = 0x1FFF'FFFF;
+  bool extended = false;  // identifiers of 29 bits; otherwise of 11
+  bool data = true;       // passes data frames
+  bool remote = false;    // passes remote requests
+  bool inverted = false;  // passes every frame, of either length of identifier, that it would not pass otherwise
+};
+
 // A view. The FrameBuffer or the Port that made it owns the bytes and keeps them until its next use.
 struct Frame {
   std::span<const std::byte> bytes;

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "core/frame.hpp"
 #include "core/imu.hpp"
@@ -106,6 +107,14 @@ class Decoder {
   DecodeErrors errors_;
 };
 
+// One identifier under which a product sends on a CAN bus. A transfer of several frames with the same identifier
+// counts each of them.
+struct CanMessage {
+  CanHeader can;
+  std::size_t max_size = 0;     // data bytes of its longest frame
+  double max_frames_per_s = 0;  // over a second, at its busiest with these settings
+};
+
 // What a product is, out of the box: what its configuration need not say.
 struct Product {
   double rate_hz = 0;  // at which it samples inside, whatever it sends
@@ -143,6 +152,12 @@ struct Protocol {
   unsigned burst_bits = 0;    // so is every burst of errors up to this long, bits counted from the LSB of each byte
 
   bool has_sync_pins = false;  // Device's trigger(), pps() and pulse()
+
+  // Link::can, and only there; throw as make. can_messages: every identifier that the product ever sends with these
+  // settings, for the bus's load and to find two products that use the same; `rate_hz` is that of its samples.
+  // can_filters: the frames that it listens to, none if it only sends.
+  std::vector<CanMessage> (*can_messages)(const Settings& settings, double rate_hz) = nullptr;
+  std::vector<CanFilter> (*can_filters)(const Settings& settings) = nullptr;
 
   // nullptr: no product, the configuration says all. Throws as make.
   Product (*product)(const Settings& settings) = nullptr;

@@ -276,6 +276,14 @@ class NativeCanDecoder final : public Decoder {
   std::optional<std::uint64_t> time_us_;  // unwrapped, modulo 2^64
 };
 
+std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
+  const Identifiers identifiers(settings);
+  std::vector<CanMessage> messages;
+  for (std::uint32_t frame = 0; frame < (identifiers.fd ? 1 : classic_frames); ++frame)
+    messages.push_back({identifiers.header(frame), identifiers.fd ? sizeof(FdWire) : classic_size, rate_hz});
+  return messages;
+}
+
 constexpr Setting settings[] = {
     {.key = "can_id",
      .help = "identifier of the first frame; the others follow it",
@@ -308,6 +316,8 @@ constexpr Protocol native_can_protocol = {
     .time_period_ns = (std::int64_t{1} << 32) * 1000,
     .counter_bits = 8,
     .status_bits = 0xFF,
+    .can_messages = can_messages,
+    .can_filters = [](const Settings&) { return std::vector<CanFilter>{}; },
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
       return std::make_unique<NativeCanDevice>(chosen);
     },
