@@ -76,6 +76,12 @@ Sample ordinary_sample() {
 }
 
 std::vector<SentFrames> sent_frames(const ImuConfig& imu) {
+  if (imu.protocol->link == Link::can) {
+    std::vector<SentFrames> all;
+    for (const CanMessage& message : imu.protocol->can_messages(imu.settings, imu.rate_hz))
+      all.push_back({message.can, message.max_size, message.max_frames_per_s});
+    return all;
+  }
   return imu.protocol->product != nullptr ? sent_by_product(imu) : sent_by_sample(imu);
 }
 

@@ -31,8 +31,8 @@ struct SentFrames {
   double per_s = 0;
 };
 
-// Returns all that an imu sends, from ordinary samples encoded by its own protocol: the second second of a product,
-// otherwise one sample. The imu's protocol is valid.
+// Returns all that an imu sends. On a CAN bus: what its protocol lists, whenever it is sent. Otherwise from ordinary
+// samples encoded by its own protocol: the second second of a product, or one sample. The imu's protocol is valid.
 std::vector<SentFrames> sent_frames(const ImuConfig& imu);
 
 // Returns the load of the port's wire by these frames. The imu's protocol and port are valid.
