@@ -2,10 +2,7 @@
 #include <fmt/format.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
-#include <linux/can/raw.h>
 #include <net/if.h>
-#include <sys/ioctl.h>
-#include <sys/socket.h>
 
 #include <algorithm>
 #include <array>
@@ -13,7 +10,8 @@
 #include <cstring>
 
 #include "transports/can_bits.hpp"
-#include "transports/file_descriptor.hpp"
+#include "transports/can_queue.hpp"
+#include "transports/can_socket.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
 
@@ -27,155 +25,206 @@ constexpr std::size_t fd_length(std::size_t size) {
   return CANFD_MAX_DLEN;
 }
 
+// The bus that a spec describes, as an interface without bit timing does not know it.
+struct Bus {
+  explicit Bus(const PortSpec& spec)
+      : bit_rate(static_cast<double>(spec.integer("bitrate", 5'000, 1'000'000).value_or(0))),
+        data_bit_rate(static_cast<double>(
+            spec.integer("data_bitrate", 5'000, 20'000'000).value_or(static_cast<std::int64_t>(bit_rate)))) {}
+
+  // The longest time that a frame can take; 0 if the bit rate is not given.
+  double wire_seconds(const CanHeader& header, std::size_t bytes) const noexcept {
+    if (bit_rate == 0) return 0;
+    const CanBits bits = can_bits(header, bytes);
+    return bits.nominal / bit_rate + bits.data / data_bit_rate;
+  }
+
+  double bit_rate, data_bit_rate;  // bit/s; 0: not given
+};
+
+// The frames in a second of a virtual interface that nothing may be lost on; nullopt: unlimited. 5000 unless there is
+// a bit rate: a receiver's default buffer (277 frames) then holds those of 55 ms.
+std::optional<double> max_frames_per_s(const PortSpec& spec) {
+  if (spec.text("frames_per_s") == "unlimited") return std::nullopt;
+  constexpr std::int64_t most = 1'000'000;
+  return static_cast<double>(
+      spec.integer("frames_per_s", 1, most).value_or(spec.text("bitrate").has_value() ? most : 5000));
+}
+
+Nanoseconds max_age(const PortSpec& spec, Delivery delivery) {
+  const std::int64_t age_ms = spec.integer("max_age_ms", 1, 60'000).value_or(100);
+  return delivery == Delivery::complete ? Nanoseconds::max() : std::chrono::milliseconds(age_ms);
+}
+
 class CanPort final : public Port {
  public:
-  explicit CanPort(const PortSpec& spec) : name_(spec.address), wanted_mtu_(spec.one_of("mtu", "any 16 72")) {
-    if (name_.size() >= IFNAMSIZ) throw spec.error("no interface has so long a name; right would be such as can0");
-    if (::if_nametoindex(name_.c_str()) == 0)
+  CanPort(const PortSpec& spec, Delivery delivery)
+      : wanted_mtu_(spec.one_of("mtu", "any 16 72")),
+        bus_(spec),
+        socket_(spec.address, spec.one_of("confirm", "no yes") == "yes"),
+        queue_(max_age(spec, delivery)) {
+    if (spec.address.size() >= IFNAMSIZ)
+      throw spec.error("no interface has so long a name; right would be such as can0");
+    if (::if_nametoindex(spec.address.c_str()) == 0)
       throw spec.error("there is no such interface; 'ip link' shows those there are");
-    if (const int error = bind_by_name(); error == EAFNOSUPPORT || error == EPROTONOSUPPORT)
+    if (const int error = bind(); error == EAFNOSUPPORT || error == EPROTONOSUPPORT)
       throw spec.error("this kernel has no CAN; sudo modprobe can_raw");
     else if (error != 0)
       throw spec.error(fmt::format("cannot be bound: {}; is it a CAN interface?", std::strerror(error)));
     if (wanted_mtu_ == "72" && !carries_fd_)
-      throw spec.error(fmt::format("mtu=72: it carries no FD frames; ip link set {} mtu 72", name_));
+      throw spec.error(fmt::format("mtu=72: it carries no FD frames; ip link set {} mtu 72", spec.address));
+    if (delivery == Delivery::complete && socket_.is_virtual()) max_frames_per_s_ = max_frames_per_s(spec);
   }
 
   void send(std::span<const Frame> frames) noexcept override {
-    if (!bound_ && !rebind()) {
+    if (queue_.room() < frames.size()) flush();
+    if (!is_connected() || queue_.room() < frames.size()) {
       counters_.dropped += frames.size();
       return;
     }
-    // In bus-off the kernel takes frames and throws them away. It ends by a restart, which receive() hears of, or
-    // with the interface taken down and up, which the socket reports.
-    if (bus_off_ && pending_error() == 0) {
-      counters_.dropped += frames.size();
-      return;
+    CanQueue::Queued queued{};
+    queued.first = true;
+    queued.since = host_now();
+    for (const Frame& frame : frames) {
+      if (!pack(frame, queued)) {
+        ++counters_.dropped;
+        continue;
+      }
+      queue_.push(queued);
+      queued.first = false;
     }
-    bus_off_ = false;
-    if (state_ == PortState::lost) look_at_mtu();
-    bool all_taken = true;
-    while (all_taken && !frames.empty()) {
-      const auto batch = frames.first(std::min(frames.size(), messages_.size()));
-      all_taken = send_batch(batch);
-      frames = frames.subspan(batch.size());
-    }
-    counters_.dropped += frames.size();
+    flush();
   }
 
+  void flush() noexcept override {
+    output_full_ = false;
+    const HostTime now = host_now();
+    counters_.dropped += queue_.drop_stale(now);
+    while (const std::size_t count = std::min(queue_.ready(now), batch_.size())) {
+      for (std::size_t i = 0; i < count; ++i) batch_[i] = {&queue_[i].frame, queue_[i].fd};
+      const std::span<const CanSocket::Message> batch(batch_.data(), count);
+      int taken = socket_.send(batch);
+      // A socket reports an interface that went down, perhaps long ago, by failing once: try again.
+      if (taken < 0 && errno == ENETDOWN) taken = socket_.send(batch);
+      if (taken < 0) {
+        if (not_taken(errno, now)) continue;
+        return;
+      }
+      state_ = PortState::ready;
+      counters_.sent += static_cast<unsigned>(taken);
+      queue_.sent(static_cast<std::size_t>(taken), now);
+    }
+  }
+  std::optional<HostTime> next_flush() const noexcept override { return output_full_ ? std::nullopt : queue_.next(); }
+  bool wants_output() const noexcept override { return output_full_ && !queue_.is_empty(); }
+  bool is_drained() noexcept override {
+    flush();
+    return queue_.is_empty();
+  }
+  void discard_pending() noexcept override { counters_.dropped += queue_.clear(); }
+
   std::optional<Received> receive() noexcept override {
-    if (!bound_ && !rebind()) return std::nullopt;
-    // One attempt more: the first may only report that the interface went down.
-    for (int attempt = 0; attempt < 2; ++attempt) {
-      iovec piece{&incoming_, sizeof incoming_};
-      msghdr message{};
-      message.msg_iov = &piece;
-      message.msg_iovlen = 1;
-      const ssize_t size = ::recvmsg(socket_.get(), &message, 0);
-      if (size == CAN_MTU || size == CANFD_MTU) return taken_in(size == CANFD_MTU);
-      if (size < 0 && errno != EAGAIN && errno != EINTR) {
+    if (!socket_.is_bound() && !rebind()) return std::nullopt;
+    // The first failure may only report that the interface went down.
+    for (int failures = 0; failures < 2 && socket_.is_bound();) {
+      CanSocket::Received received;
+      const int count = socket_.receive(incoming_, received);
+      if (count == 0) break;
+      if (count < 0) {
+        ++failures;
         bus_off_ = false;
         lose(errno);
+      } else if (received.own) {
+        confirm(received);
+      } else {
+        return unpack(received);
       }
     }
     return std::nullopt;
   }
+  std::optional<Confirmation> next_confirmation() noexcept override {
+    if (confirmation_count_ == 0) return std::nullopt;
+    return confirmations_[(confirmations_end_ + max_confirmations - confirmation_count_--) % max_confirmations];
+  }
+  void set_filters(std::span<const CanFilter> filters) noexcept override { socket_.set_filters(filters); }
 
-  int descriptor() const noexcept override { return bound_ ? socket_.get() : -1; }
+  int descriptor() const noexcept override { return socket_.descriptor(); }
 
  private:
-  // Returns 0 or an errno. Takes a new socket each time: one whose interface went has lost its filters.
-  int bind_by_name() noexcept {
-    sockaddr_can address{};
-    address.can_family = AF_CAN;
-    address.can_ifindex = static_cast<int>(::if_nametoindex(name_.c_str()));
-    if (address.can_ifindex == 0) return ENODEV;  // 0 would be all interfaces
-    FileDescriptor fresh(::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW));
-    const int on = 1;
-    const can_err_mask_t all_errors = CAN_ERR_MASK;
-    if (!fresh || ::setsockopt(fresh.get(), SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0 ||
-        ::setsockopt(fresh.get(), SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &all_errors, sizeof all_errors) != 0 ||
-        ::bind(fresh.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-      return errno;
-    socket_ = std::move(fresh);
-    bound_ = true;
+  // Returns 0 or an errno.
+  int bind() noexcept {
+    if (const int error = socket_.bind(); error != 0) return error;
     bus_off_ = false;
     look_at_mtu();
-    if (const int down = pending_error(); down != 0)
+    if (const int down = socket_.pending_error(); down != 0)
       lose(down);
     else
       state_ = PortState::ready;
     return 0;
   }
+  bool rebind() noexcept { return back_off_.due() && bind() == 0; }
 
-  // What the socket would report at its next use; asking clears it.
-  int pending_error() const noexcept {
-    int error = 0;
-    socklen_t size = sizeof error;
-    ::getsockopt(socket_.get(), SOL_SOCKET, SO_ERROR, &error, &size);
-    return error;
+  // Returns false if frames would not reach the bus.
+  bool is_connected() noexcept {
+    if (!socket_.is_bound() && !rebind()) return false;
+    // In bus-off the kernel takes frames and discards them. It ends by a restart, which receive() finds, or with the
+    // interface taken down and up, which the socket reports.
+    if (bus_off_ && socket_.pending_error() == 0) return false;
+    bus_off_ = false;
+    if (state_ == PortState::lost) look_at_mtu();
+    return true;
   }
 
-  bool rebind() noexcept { return back_off_.due() && bind_by_name() == 0; }
+  void look_at_mtu() noexcept { carries_fd_ = socket_.mtu() >= static_cast<int>(CANFD_MTU) && wanted_mtu_ != "16"; }
 
-  // What the kernel knows of the interface; zero if it is gone.
-  ifreq ask(unsigned long what) const noexcept {
-    ifreq request{};
-    name_.copy(request.ifr_name, IFNAMSIZ - 1);
-    return ::ioctl(socket_.get(), what, &request) == 0 ? request : ifreq{};
-  }
-  void look_at_mtu() noexcept {
-    carries_fd_ = ask(SIOCGIFMTU).ifr_mtu >= static_cast<int>(CANFD_MTU) && wanted_mtu_ != "16";
-  }
-
+  // The frames that wait would be old when the interface is back.
   void lose(int error) noexcept {
-    if (error == EAGAIN || error == ENOBUFS) return;  // full; not lost
     if (state_ != PortState::lost) ++counters_.lost_count;
     state_ = PortState::lost;
+    counters_.dropped += queue_.clear();
     if (error != ENODEV && error != ENXIO) return;  // down: bound still
-    if (bound_) back_off_.start();
-    bound_ = false;
+    socket_.unbind();
+    back_off_.start();
   }
 
-  // False if the kernel did not take all that the interface can carry.
-  bool send_batch(std::span<const Frame> batch) noexcept {
-    unsigned count = 0;
-    for (const Frame& frame : batch)
-      if (pack(frame, outgoing_[count], pieces_[count])) ++count;
-    for (unsigned i = 0; i < count; ++i) {
-      messages_[i] = {};
-      messages_[i].msg_hdr.msg_iov = &pieces_[i];
-      messages_[i].msg_hdr.msg_iovlen = 1;
+  // The kernel has refused the oldest frame that is ready. Returns true if the next one may be tried.
+  bool not_taken(int error, HostTime now) noexcept {
+    if (error == EINVAL || error == EMSGSIZE) {  // an FD frame, and the MTU was changed
+      look_at_mtu();
+      queue_.drop_first();
+      ++counters_.dropped;
+      return true;
     }
-
-    int taken = count == 0 ? 0 : ::sendmmsg(socket_.get(), messages_.data(), count, 0);
-    // A socket reports an interface that went down, perhaps long ago, by failing once: try again.
-    if (taken < 0 && errno == ENETDOWN) taken = ::sendmmsg(socket_.get(), messages_.data(), count, 0);
-    if (taken < 0) lose(errno);
-    if (taken > 0) state_ = PortState::ready;
-    const auto sent = static_cast<unsigned>(std::max(taken, 0));
-    counters_.sent += sent;
-    counters_.dropped += batch.size() - sent;
-    return sent == count;
+    if (error == ENOBUFS)  // the interface's queue is full, which poll() does not know
+      queue_.interface_full(now);
+    else if (error == EAGAIN)  // the socket's send buffer is full
+      output_full_ = true;
+    else
+      lose(error);
+    return false;
   }
 
-  // False if the interface cannot carry the frame.
-  bool pack(const Frame& frame, canfd_frame& out, iovec& piece) const noexcept {
+  // Returns false if the interface cannot carry the frame.
+  bool pack(const Frame& frame, CanQueue::Queued& queued) const noexcept {
     const CanHeader& header = frame.can;
     const std::size_t limit = header.fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN;
     if (frame.bytes.size() > limit || header.error || (header.fd && (header.remote || !carries_fd_))) return false;
     if (header.id > (header.extended ? CAN_EFF_MASK : CAN_SFF_MASK)) return false;
 
+    canfd_frame& out = queued.frame;
     out = {};
     out.can_id = header.id | (header.extended ? CAN_EFF_FLAG : 0) | (header.remote ? CAN_RTR_FLAG : 0);
     out.len = static_cast<std::uint8_t>(header.fd ? fd_length(frame.bytes.size()) : frame.bytes.size());
     if (header.fd) out.flags = static_cast<std::uint8_t>(CANFD_FDF | (header.bit_rate_switch ? CANFD_BRS : 0));
     std::memcpy(out.data, frame.bytes.data(), frame.bytes.size());
-    piece = {&out, header.fd ? CANFD_MTU : CAN_MTU};
+    queued.fd = header.fd;
+    queued.spacing = max_frames_per_s_
+                         ? nanoseconds(std::max(1.0 / *max_frames_per_s_, bus_.wire_seconds(header, out.len)))
+                         : Nanoseconds{0};
     return true;
   }
 
-  Received taken_in(bool fd) noexcept {
+  CanHeader header_of(bool fd) const noexcept {
     const canid_t id = incoming_.can_id;
     CanHeader header;
     header.error = (id & CAN_ERR_FLAG) != 0;
@@ -184,50 +233,62 @@ class CanPort final : public Port {
     header.id = id & (header.error ? CAN_ERR_MASK : header.extended ? CAN_EFF_MASK : CAN_SFF_MASK);
     header.fd = fd;
     header.bit_rate_switch = fd && (incoming_.flags & CANFD_BRS) != 0;
-    ++counters_.received;
+    return header;
+  }
 
+  void confirm(const CanSocket::Received& received) noexcept {
+    ++counters_.confirmed;
+    confirmations_[confirmations_end_] = {header_of(received.fd), received.time};
+    confirmations_end_ = (confirmations_end_ + 1) % max_confirmations;
+    confirmation_count_ = std::min(confirmation_count_ + 1, max_confirmations);
+  }
+
+  Received unpack(const CanSocket::Received& received) noexcept {
+    const CanHeader header = header_of(received.fd);
+    ++counters_.received;
     bus_off_ =
         header.error && (bus_off_ || (header.id & CAN_ERR_BUSOFF) != 0) && (header.id & CAN_ERR_RESTARTED) == 0;
     if (bus_off_)
       lose(ENETDOWN);
-    else if (state_ == PortState::lost && (ask(SIOCGIFFLAGS).ifr_flags & IFF_UP) != 0)
+    else if (state_ == PortState::lost && socket_.is_up())
       state_ = PortState::ready;
     const std::size_t size = std::min<std::size_t>(incoming_.len, CANFD_MAX_DLEN);
-    return {{std::as_bytes(std::span(incoming_.data, size)), header}, host_now()};
+    return {{std::as_bytes(std::span(incoming_.data, size)), header}, received.time};
   }
 
-  const std::string name_;
   const std::string wanted_mtu_;
-  FileDescriptor socket_;
-  bool bound_ = false;
+  const Bus bus_;
+  std::optional<double> max_frames_per_s_;  // nullopt: not paced
+  CanSocket socket_;
+  CanQueue queue_;
   bool carries_fd_ = false;
   bool bus_off_ = false;
+  bool output_full_ = false;  // the send buffer of the socket was, when a frame was last sent
   BackOff back_off_;
   canfd_frame incoming_{};
-  std::array<canfd_frame, FrameBuffer::max_frames> outgoing_;
-  std::array<iovec, FrameBuffer::max_frames> pieces_;
-  std::array<mmsghdr, FrameBuffer::max_frames> messages_;
+  std::array<CanSocket::Message, CanSocket::max_batch> batch_;
+  std::array<Confirmation, max_confirmations> confirmations_;  // a ring
+  std::size_t confirmations_end_ = 0, confirmation_count_ = 0;
 };
 
-void check(const PortSpec& spec, const PortSettings&) {
-  spec.allow_only("bitrate data_bitrate mtu");
-  spec.integer("bitrate", 5'000, 1'000'000);
-  spec.integer("data_bitrate", 5'000, 20'000'000);
+void check(const PortSpec& spec, const PortSettings& settings) {
+  spec.allow_only("bitrate data_bitrate mtu frames_per_s max_age_ms confirm");
+  const Bus bus(spec);
+  max_frames_per_s(spec);
+  spec.one_of("mtu", "any 16 72");
+  spec.one_of("confirm", "no yes");
+  max_age(spec, settings.delivery);
 }
 
 WireTime wire_time(const PortSpec& spec, const PortSettings&, const Frame& frame) {
+  const Bus bus(spec);
   const CanBits bits = can_bits(frame.can, frame.bytes.size());
-  WireTime time;
-  time.bits = bits.nominal + bits.data;
-  time.bit_rate = static_cast<double>(spec.integer("bitrate", 5'000, 1'000'000).value_or(0));
-  if (time.bit_rate == 0) return time;
-  const auto data_bit_rate = spec.integer("data_bitrate", 5'000, 20'000'000);
-  time.seconds = bits.nominal / time.bit_rate +
-                 bits.data / (data_bit_rate ? static_cast<double>(*data_bit_rate) : time.bit_rate);
-  return time;
+  return {bits.nominal + bits.data, bus.bit_rate, bus.wire_seconds(frame.can, frame.bytes.size())};
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings&) { return std::make_unique<CanPort>(spec); }
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
+  return std::make_unique<CanPort>(spec, settings.delivery);
+}
 
 }  // namespace
 

@@ -22,6 +22,12 @@ enum class Role : std::uint8_t {
   listener,  // receives: truth, or imu-decode; a UDP port is bound, a file is read, an existing pty is opened
 };
 
+// What a port does with frames that its line cannot carry at once.
+enum class Delivery : std::uint8_t {
+  timely,    // a frame that cannot leave soon is dropped: realtime
+  complete,  // the sender waits until all frames have left: lockstep, fast
+};
+
 // How a port is opened, beside what its text says. A role alone leaves everything to the text.
 struct PortSettings {
   constexpr PortSettings(Role port_role) noexcept : role(port_role) {}
@@ -32,6 +38,7 @@ struct PortSettings {
   UartSettings uart;
   // Emulated UART only: characters arrive when the line would have carried them, not at once.
   bool paced = false;
+  Delivery delivery = Delivery::timely;  // of a queue for a CAN interface
 };
 
 // The state that send() found. A lost device is a state, never an exit.
@@ -47,6 +54,7 @@ struct PortCounters {
   std::uint64_t sent = 0;        // frames that the kernel took whole
   std::uint64_t dropped = 0;     // frames that it did not take; one that it took in part is not counted yet
   std::uint64_t received = 0;    // frames or chunks
+  std::uint64_t confirmed = 0;   // frames whose transmission was confirmed, see next_confirmation()
   std::uint64_t lost_count = 0;  // times the device was lost
   std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments
   std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
@@ -98,6 +106,20 @@ class Port {
   virtual bool is_drained() noexcept { return true; }
   // Returns false if receive() never returns anything: do not poll for POLLIN.
   virtual bool can_receive() const noexcept { return true; }
+  // CAN: receive() returns the data and remote frames that pass at least one of `filters`, and every error frame.
+  // Until the first call, and with more than 64 filters, every frame passes. The port's own frames are confirmed only
+  // if they pass, too. May be called at any time; what has arrived before is not filtered again.
+  virtual void set_filters(std::span<const CanFilter>) noexcept {}
+  // One of the port's own frames, and when the interface sent it: the driver of a CAN controller confirms a frame
+  // when it was on the bus; for vcan, vxcan and slcan the kernel does it when the interface takes the frame.
+  struct Confirmation {
+    CanHeader can;
+    HostTime time;
+  };
+  static constexpr std::size_t max_confirmations = 64;
+  // Returns the oldest confirmation that receive() has found, or nullopt if there is none; the last max_confirmations
+  // are kept. receive() itself does not return the port's own frames. Only a CAN port with `confirm=yes` has any.
+  virtual std::optional<Confirmation> next_confirmation() noexcept { return std::nullopt; }
   // Returns the descriptor for poll(), or -1 if there is nothing to wait for: a capture, a regular file, a lost
   // device, a pty that nobody has open. It changes when the port reopens. While it is -1, call send() or receive()
   // now and then: they look whether the device is back.

@@ -33,11 +33,12 @@ inline bool ip(const std::string& arguments) { return run_command("ip " + argume
 // Another node on the bus.
 class Node {
  public:
-  explicit Node(const std::string& interface) {
+  enum class Buffer { large, by_default };  // for what it has received and not read
+  explicit Node(const std::string& interface, Buffer buffer = Buffer::large) {
     socket_.reset(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW));
     const int on = 1, room = 4 << 20;
     ::setsockopt(socket_.get(), SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
-    ::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUFFORCE, &room, sizeof room);
+    if (buffer == Buffer::large) ::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUFFORCE, &room, sizeof room);
     sockaddr_can address{};
     address.can_family = AF_CAN;
     address.can_ifindex = static_cast<int>(::if_nametoindex(interface.c_str()));

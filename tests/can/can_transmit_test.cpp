@@ -1,0 +1,233 @@
+// A port's transmit queue on real interfaces: full ones, slow ones, and ones that carry as much as they are given.
+// Runs in tools/with-vcan, whose guest has a coarse clock: times are compared with lower bounds alone.
+#include <poll.h>
+
+#include <atomic>
+#include <thread>
+
+#include "tests/can/can_bus.hpp"
+
+namespace imud {
+namespace {
+
+// A pair of interfaces that carries only what the first one's queue lets through, with room for ten frames in it.
+class SlowBus {
+ public:
+  SlowBus() {
+    ip("link del imudfar");
+    EXPECT_TRUE(ip("link add imudnear type vxcan peer name imudfar"));
+    EXPECT_TRUE(ip("link set imudnear up") && ip("link set imudfar up"));
+    EXPECT_TRUE(run_command("tc qdisc add dev imudnear root netem rate 100kbit limit 10"));
+  }
+  ~SlowBus() { ip("link del imudnear"); }
+};
+
+TEST_F(Can, ATransferLongerThanTheInterfacesQueueLeavesWholeAndInOrder) {
+  const SlowBus bus;
+  const Node node("imudfar");
+  const auto port = open("imudnear");
+  std::uint64_t sent = 0;
+  for (const std::uint32_t count : {15U, 60U}) {
+    send_sample(*port, 1, count);
+    if (count == 60) {  // a bus that has time while the test is held up may be done with 15
+      EXPECT_LT(port->counters().sent, sent + count) << "the queue was never full: the test proves nothing";
+      EXPECT_TRUE(port->next_flush().has_value());
+      EXPECT_FALSE(port->wants_output()) << "poll() would return at once";
+    }
+    ASSERT_TRUE(drain(*port));
+    sent += count;
+    EXPECT_EQ(port->counters().sent, sent);
+    EXPECT_EQ(port->next_flush(), std::nullopt);
+    const auto heard = node.hear_all();
+    ASSERT_EQ(heard.size(), count);
+    for (std::uint32_t i = 0; i < count; ++i) EXPECT_EQ(heard[i].frame.can_id, 0x100 + i);
+  }
+  EXPECT_EQ(port->counters().dropped, 0U);
+  EXPECT_EQ(port->state(), PortState::ready);
+}
+
+TEST_F(Can, AFullQueueDropsWholeSamplesAndNeverMixesTwo) {
+  const SlowBus bus;
+  const Node node("imudfar");
+  const auto port = open("imudnear");
+  constexpr std::uint32_t frames = 7;
+  constexpr std::uint8_t samples = 200;
+  for (std::uint8_t i = 0; i < samples; ++i) {
+    send_sample(*port, i, frames);
+    if (i % 20 == 0) std::this_thread::sleep_for(1ms);
+  }
+  ASSERT_TRUE(drain(*port));
+  EXPECT_EQ(port->counters().sent + port->counters().dropped, samples * frames);
+  EXPECT_GT(port->counters().dropped, 0U);
+  EXPECT_GT(port->counters().sent, 10U);
+  EXPECT_EQ(port->counters().dropped % frames, 0U);
+  EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_EQ(port->counters().lost_count, 0U);
+
+  const auto heard = node.hear_all();
+  ASSERT_EQ(heard.size(), port->counters().sent);
+  int last = -1;
+  for (std::size_t i = 0; i < heard.size(); ++i) {
+    EXPECT_EQ(heard[i].frame.can_id, 0x100 + i % frames);
+    if (i % frames == 0) {
+      EXPECT_GT(heard[i].frame.data[0], last);
+      last = heard[i].frame.data[0];
+    }
+    EXPECT_EQ(heard[i].frame.data[0], last);
+  }
+}
+
+TEST_F(Can, OldSamplesAreNotSentWhenABusMovesAgain) {
+  LineController controller;
+  ASSERT_TRUE(ip(fmt::format("link set {} txqueuelen 10 up type can bitrate 500000", controller.name)));
+  const auto port = open(controller.name + "?max_age_ms=20");
+  controller.reading = false;
+  for (std::uint8_t i = 0; i < 200; ++i) send_sample(*port, i, 5);
+  const std::uint64_t jammed = port->counters().sent;
+  EXPECT_LT(jammed, 1000U);
+  std::this_thread::sleep_for(50ms);
+  controller.reading = true;
+  ASSERT_TRUE(drain(*port));
+  EXPECT_LT(port->counters().sent, jammed + 5) << "no more than the rest of the sample begun";
+  EXPECT_EQ(port->counters().sent % 5, 0U);
+  EXPECT_EQ(port->counters().sent + port->counters().dropped, 1000U);
+  EXPECT_EQ(controller.frames(), port->counters().sent);
+  EXPECT_EQ(port->state(), PortState::ready);
+
+  const std::uint64_t sent = port->counters().sent;
+  send_sample(*port, 1, 5);
+  ASSERT_TRUE(drain(*port));
+  EXPECT_EQ(port->counters().sent, sent + 5);
+  EXPECT_EQ(controller.frames(), port->counters().sent);
+}
+
+// A long queue of the interface: here it is the socket's send buffer that is full first, which poll() knows.
+TEST_F(Can, AFullSendBufferWaitsForPoll) {
+  LineController controller;
+  ASSERT_TRUE(ip(fmt::format("link set {} txqueuelen 1000 up type can bitrate 500000", controller.name)));
+  const auto port = open(controller.name, Delivery::complete);
+  controller.reading = false;
+  std::uint64_t handed = 0;
+  for (; !port->wants_output() && handed < 10'000; handed += 60) send_sample(*port, 1, 60);
+  ASSERT_TRUE(port->wants_output());
+  EXPECT_EQ(port->next_flush(), std::nullopt);
+  EXPECT_EQ(port->counters().dropped, 0U);
+  pollfd room{port->descriptor(), POLLOUT, 0};
+  EXPECT_EQ(::poll(&room, 1, 0), 0);
+  controller.reading = true;
+  EXPECT_EQ(::poll(&room, 1, 20'000), 1);
+  ASSERT_TRUE(drain(*port));
+  EXPECT_FALSE(port->wants_output());
+  EXPECT_EQ(port->counters().sent, handed);
+  EXPECT_EQ(controller.frames(), handed);
+}
+
+TEST_F(Can, WhatIsLeftAtTheEndCountsAsDropped) {
+  const SlowBus bus;
+  const auto port = open("imudnear");
+  send_sample(*port, 1, 60);
+  EXPECT_FALSE(port->is_drained());
+  port->discard_pending();
+  EXPECT_TRUE(port->is_drained());
+  EXPECT_EQ(port->counters().sent + port->counters().dropped, 60U);
+  EXPECT_GT(port->counters().dropped, 0U);
+}
+
+TEST_F(Can, WhatWaitsIsDroppedWhenTheInterfaceGoesDown) {
+  const SlowBus bus;
+  const auto port = open("imudnear");
+  send_sample(*port, 1, 60);
+  ASSERT_TRUE(ip("link set imudnear down"));
+  ASSERT_TRUE(drain(*port));
+  EXPECT_EQ(port->state(), PortState::lost);
+  EXPECT_GT(port->counters().dropped, 0U);
+  EXPECT_EQ(port->counters().sent + port->counters().dropped, 60U);
+}
+
+// An MTU that is changed under frames that wait: the others leave.
+TEST_F(Can, FdFramesThatTheInterfaceNoLongerCarriesAreDroppedAlone) {
+  ASSERT_TRUE(run_command(fmt::format("tc qdisc add dev {} root netem rate 500kbit limit 10", own)));
+  const auto port = open(own, Delivery::timely);
+  SampleFrames sample;
+  for (std::uint32_t i = 0; i < 20; ++i) sample.add({.id = i, .fd = i == 19}, 8);
+  port->send(sample);
+  ASSERT_FALSE(port->is_drained());
+  ASSERT_TRUE(ip(fmt::format("link set {} down", own)));
+  ASSERT_TRUE(ip(fmt::format("link set {} mtu 16 up", own)));
+  ASSERT_TRUE(drain(*port));
+  EXPECT_EQ(port->counters().sent, 19U);
+  EXPECT_EQ(port->counters().dropped, 1U);
+  EXPECT_EQ(port->state(), PortState::ready);
+}
+
+// --- Virtual interfaces, where nothing may be lost
+
+// How long `samples` of 20 frames take to leave, the first of them at once.
+Nanoseconds time_to_send(Port& port, int samples) {
+  const HostTime begin = host_now();
+  for (int i = 0; i < samples; ++i) {
+    send_sample(port, 1, 20);
+    EXPECT_TRUE(drain(port));
+  }
+  EXPECT_EQ(port.counters().sent, 20U * static_cast<unsigned>(samples));
+  EXPECT_EQ(port.counters().dropped, 0U);
+  return host_now() - begin;
+}
+
+TEST_F(Can, FramesToAVirtualInterfaceKeepARate) {
+  // The last of 60 frames leaves 59 ms after the first, less 5 ms that a paced queue may catch up.
+  EXPECT_GE(time_to_send(*open("vcan0?frames_per_s=1000", Delivery::complete), 3), 54ms);
+  // 135 bits each: 27 ms at 5 kbit/s.
+  EXPECT_GE(time_to_send(*open("vcan0?bitrate=5000", Delivery::complete), 1), 19 * 27ms - 5ms);
+  EXPECT_GE(time_to_send(*open("vcan0?bitrate=5000&frames_per_s=1000", Delivery::complete), 1), 19 * 27ms - 5ms);
+  EXPECT_GE(time_to_send(*open("vcan0?bitrate=1000000&frames_per_s=100", Delivery::complete), 1), 185ms);
+  // Unless anything else is wanted: 5000 in a second.
+  EXPECT_GE(time_to_send(*open("vcan0", Delivery::complete), 25), 499 * 200us - 5ms);
+  const SlowBus bus;
+  EXPECT_GE(time_to_send(*open("imudfar?frames_per_s=100", Delivery::complete), 1), 185ms)
+      << "a vxcan is virtual, too";
+}
+
+TEST_F(Can, FramesLeaveAtOnceWhereNoRateIsWanted) {
+  LineController controller;
+  ASSERT_TRUE(ip(fmt::format("link set {} txqueuelen 100 up type can bitrate 500000", controller.name)));
+  const auto unlimited = open("vcan0?bitrate=5000&frames_per_s=unlimited", Delivery::complete);
+  const auto in_time = open("vcan0?bitrate=5000&frames_per_s=1", Delivery::timely);
+  const auto controlled = open(controller.name + "?bitrate=5000&frames_per_s=1", Delivery::complete);
+  for (Port* port : {unlimited.get(), in_time.get(), controlled.get()}) {
+    send_sample(*port, 1, 60);
+    EXPECT_EQ(port->counters().sent, 60U);
+    EXPECT_TRUE(port->is_drained());
+  }
+}
+
+TEST_F(Can, AReceiverWithADefaultBufferSeesEveryPacedFrame) {
+  constexpr std::uint64_t count = 10'000;
+  const Node node("vcan0", Node::Buffer::by_default);
+  std::atomic<std::uint64_t> heard = 0;
+  std::uint64_t out_of_order = 0;
+  std::thread reading([&] {
+    for (auto frame = node.hear(); frame || heard == 0; frame = node.hear()) {
+      if (!frame) continue;
+      out_of_order += frame->frame.can_id != 0x100 + heard % 50;
+      if (++heard == count) break;
+    }
+  });
+  const auto port = open("vcan0", Delivery::complete);
+  for (std::uint64_t sent = 0; sent < count; sent += 50) {
+    send_sample(*port, 1, 50);
+    ASSERT_TRUE(drain(*port));
+  }
+  reading.join();
+  EXPECT_EQ(port->counters().sent, count);
+  EXPECT_EQ(heard, count);
+  EXPECT_EQ(out_of_order, 0U);
+
+  const auto unlimited = open("vcan0?frames_per_s=unlimited", Delivery::complete);
+  for (int i = 0; i < 20; ++i) send_sample(*unlimited, 1, 50);
+  EXPECT_EQ(unlimited->counters().sent, 1000U);
+  EXPECT_LT(node.hear_all().size(), 1000U) << "the buffer holds everything: the test above proves nothing";
+}
+
+}  // namespace
+}  // namespace imud
