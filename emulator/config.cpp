@@ -240,6 +240,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults);
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
+      if (config.clock != ClockMode::realtime) config.imus.back().port_settings.delivery = Delivery::complete;
       const ImuConfig& read = config.imus.back();
       if (read.port_settings.paced && config.clock != ClockMode::realtime)
         faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),

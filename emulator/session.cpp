@@ -3,6 +3,10 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <chrono>
+#include <ctime>
+
+#include "transports/host_clock.hpp"
 
 namespace imud {
 
@@ -25,7 +29,14 @@ Session::Unit::Unit(const ImuConfig& config, std::uint64_t seed, std::unique_ptr
       device(config.protocol->make(config.settings)),
       port(std::move(opened)),
       waits_for_reader(config.protocol->link == Link::bytes),
-      line(device->uart()) {}
+      line(device->uart()) {
+  if (config.protocol->link != Link::can) return;
+  // Also its own identifiers, so that the port can confirm its frames, and the device sees who else uses them.
+  std::vector<CanFilter> filters = config.protocol->can_filters(config.settings);
+  for (const CanMessage& message : config.protocol->can_messages(config.settings, config.rate_hz))
+    filters.push_back({.id = message.can.id, .extended = message.can.extended});
+  port->set_filters(filters);
+}
 
 Session::Session(const Config& config, const std::atomic<bool>& stop, const OpenPort& open)
     : stop_(stop),
@@ -101,6 +112,8 @@ void Session::fire() noexcept {
     hand_over(*unit);
     serve_host(*unit);
   }
+  for (Unit* unit : prepared_)
+    if (!unit->waits_for_reader) wait_for_bus(*unit);
   finish();
 }
 
@@ -177,6 +190,17 @@ void Session::wait_for_reader(Unit& unit) const noexcept {
     }
     if (unit.reader_stalls) return;
     unit.reader_stalls = waited_ms >= patience_ms;
+  }
+}
+
+void Session::wait_for_bus(Unit& unit) const noexcept {
+  constexpr Nanoseconds none{0}, step = std::chrono::milliseconds(10);  // between looks at `stop`
+  while (holds_back(unit) && !stop_.load(std::memory_order_relaxed)) {
+    const std::optional<HostTime> next = unit.port->next_flush();
+    const timespec pause{0, (next ? std::clamp(*next - host_now(), none, step) : step).count()};
+    pollfd room{unit.port->wants_output() ? unit.port->descriptor() : -1, POLLOUT, 0};
+    ::ppoll(&room, 1, &pause, nullptr);
+    unit.port->flush();
   }
 }
 

@@ -50,7 +50,8 @@ class Session {
   // after. `time` does not fall within a run.
   void prepare(TruthTime time, DeviceTime stamp) noexcept;
   // Hands the frames of the samples prepared, in their order, to their ports. `now` gives host time and `due` is the
-  // samples' instant, if lateness matters; otherwise their devices hear their hosts, too.
+  // samples' instant, if lateness matters; otherwise their devices hear their hosts, too, and no frame for a CAN bus
+  // is held back afterwards.
   void fire() noexcept;
   template <class Now>
   void fire(HostTime due, Now&& now) noexcept {
@@ -123,6 +124,7 @@ class Session {
   static void follow_line(Unit& unit) noexcept;
   static bool holds_back(const Unit& unit) noexcept;  // the port, of what it was handed
   void wait_for_reader(Unit& unit) const noexcept;
+  void wait_for_bus(Unit& unit) const noexcept;  // until the port holds no frame back
   bool serve_host(Unit& unit) noexcept;  // false if it said nothing, or has more to say: do not wait for it at once
   static void publish(Unit& unit) noexcept;
 

@@ -4,15 +4,32 @@
 #include <cmath>
 #include <string>
 
-#include "tests/emulator/run_test.hpp"
+#include "tests/emulator/live_test.hpp"
 
 namespace imud {
 namespace {
 
-class CanRunTest : public RunTest {
+class CanRunTest : public LiveTest {
  protected:
   static void ip(const std::string& arguments) {
     ASSERT_EQ(std::system(("ip link set vcan0 " + arguments).c_str()), 0) << arguments;
+  }
+  // Starts candump with `options`, on vcan0; it has its socket, and a buffer for all that comes, when this returns.
+  static void start_candump(Program& candump, std::vector<std::string> options) {
+    options.insert(options.end(), {"-L", "-r", "8388608", "vcan0"});
+    candump.start(options);
+    EXPECT_TRUE(eventually([] { return read_file("/proc/net/can/rcvlist_all").find("vcan0") != std::string::npos; }));
+  }
+  // The sample, by its low 8 bits, of each frame that candump has printed; the frames of a sample are in order.
+  static void expect_every_frame(const std::vector<std::string>& lines, std::size_t samples) {
+    ASSERT_EQ(lines.size(), 7 * samples);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      const std::string id = fmt::format(" {:03X}#", 0x100 + i % 7);
+      const std::size_t at = lines[i].find(id);
+      ASSERT_NE(at, std::string::npos) << i << " " << lines[i];
+      const std::string data = lines[i].substr(at + id.size(), 16);
+      EXPECT_EQ(data.substr(i % 7 == 0 ? 0 : 14, 2), fmt::format("{:02X}", i / 7 % 256)) << i << " " << lines[i];
+    }
   }
 };
 
@@ -62,6 +79,51 @@ TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
       EXPECT_NE(frames[i].find(id), std::string::npos) << frames[i];
     }
   }
+}
+
+TEST_F(CanRunTest, NothingIsLostInFast) {
+  const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 150, "native-can", "can:vcan0");
+  Program candump("/usr/bin/candump");
+  start_candump(candump, {"-n", "10507", "-T", "20000"});
+  const ProgramResult run = run_program("imud", {"replay", c, flight, "--summary", path("summary.json")});
+  ASSERT_EQ(run.exit_code, 0) << run.errors;
+  const auto imu = summary()["imus"][0];
+  EXPECT_EQ(imu["samples"], 1501);
+  EXPECT_EQ(imu["frames"], 10507);
+  EXPECT_EQ(imu["dropped"], 0);
+  ASSERT_EQ(candump.wait(), 0);
+  expect_every_frame(lines_of(candump.output()), 1501);
+}
+
+TEST_F(CanRunTest, NothingIsLostInFastOnASlowBus) {
+  ASSERT_EQ(std::system("tc qdisc add dev vcan0 root netem rate 200kbit limit 10"), 0);
+  const std::string c =
+      config("fast", "udp:127.0.0.1:5140", "jsbsim", 150, "native-can", "can:vcan0?frames_per_s=unlimited");
+  const ProgramResult run =
+      run_program("imud", {"replay", c, flight, "--for", "1", "--summary", path("summary.json")});
+  EXPECT_EQ(std::system("tc qdisc del dev vcan0 root"), 0);
+  ASSERT_EQ(run.exit_code, 0) << run.errors;
+  EXPECT_EQ(summary()["imus"][0]["frames"], 7 * 151);
+  EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
+}
+
+TEST_F(CanRunTest, NothingIsLostInLockstep) {
+  const std::string c = config("lockstep", simulator_.port(), "native", 500, "native-can", "can:vcan0");
+  constexpr std::size_t samples = 1001;  // ten in each step
+  Program candump("/usr/bin/candump");
+  start_candump(candump, {"-n", std::to_string(7 * samples), "-T", "20000"});
+  Program imud("imud");
+  start(imud, c);
+  for (std::uint32_t step = 0; step <= 100; ++step) {
+    const auto answer = simulator_.exchange(Simulator::truth(20 * step, step, true));
+    ASSERT_TRUE(answer.has_value()) << step;
+    EXPECT_EQ(answer->samples, 10 * step + 1);
+  }
+  ASSERT_EQ(candump.wait(), 0);
+  EXPECT_EQ(imud.stop(), 0);
+  EXPECT_EQ(summary()["imus"][0]["frames"], 7 * samples);
+  EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
+  expect_every_frame(lines_of(candump.output()), samples);
 }
 
 TEST_F(CanRunTest, AFullQueueDropsFramesAndTheRunGoesOn) {

@@ -55,6 +55,14 @@ TEST_F(CanConfig, AnIdentifierOfElevenBitsIsNotThatOfTwentyNine) {
   EXPECT_EQ(faults({"imu.1.port=\"can:vcan1\""}).size(), 0U) << "another bus";
 }
 
+TEST_F(CanConfig, OnlyRealtimeMayDropFramesThatAreLate) {
+  const std::string other = "imu.1.device.can_id=0x200";
+  EXPECT_EQ(load({other}).imus[0].port_settings.delivery, Delivery::timely);
+  for (const Config& config :
+       {load({other, "clock=lockstep"}), load({other, "clock=fast", "truth.port=pcap:t.pcap"})})
+    for (const ImuConfig& imu : config.imus) EXPECT_EQ(imu.port_settings.delivery, Delivery::complete);
+}
+
 TEST_F(CanConfig, LoadIsOfEveryMessageThatIsListed) {
   Config config = load({"imu.1.device.can_id=0x200"});
   EXPECT_NEAR(line_load(config.imus[0]).percent, 100.0 * 7 * 135 * 200 / 1e6, 1e-9);
