@@ -9,12 +9,10 @@ namespace imud {
 
 namespace {
 
-void increment(Counter& counter) noexcept { counter.fetch_add(1, std::memory_order_relaxed); }
-
 // A file, a fifo, a connection: bytes in pieces of any length.
 bool is_stream(const std::string& port) noexcept {
   const Transport* transport = transport_of(port);
-  return transport != nullptr && !transport->keeps_datagrams;
+  return transport == nullptr || !transport->keeps_datagrams;
 }
 
 }  // namespace
@@ -53,7 +51,7 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
 }
 
 TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {
-  increment(counters_.refused[static_cast<std::size_t>(refusal)]);
+  counters_.refused[static_cast<std::size_t>(refusal)].count();
   return Outcome::ignored;
 }
 
@@ -77,9 +75,9 @@ TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
     count_truncated();
     return Outcome::nothing;
   }
-  increment(counters_.received);
+  counters_.received.count();
   if (*result == TruthResult::no_state) {
-    increment(counters_.no_state);
+    counters_.no_state.count();
     return Outcome::ignored;
   }
   if (*result != TruthResult::ok) return refuse(refusal(*result));
@@ -94,7 +92,7 @@ TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
     case Admission::new_run:
       if (counters_.accepted == 0) counters_.first_ns.store(arrival_.ns, std::memory_order_relaxed);
       counters_.newest_ns.store(arrival_.ns, std::memory_order_relaxed);
-      increment(counters_.accepted);
+      counters_.accepted.count();
       count_lost(admission);
       break;
     default:
@@ -104,10 +102,10 @@ TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
     case Admission::accepted:
       return Outcome::accepted;
     case Admission::inserted:
-      increment(counters_.inserted);
+      counters_.inserted.count();
       return Outcome::inserted;
     case Admission::new_run:
-      increment(counters_.runs);
+      counters_.runs.count();
       return Outcome::new_run;
     case Admission::duplicate:
       return refuse(Refusal::duplicate);
@@ -141,7 +139,7 @@ bool TruthIntake::is_reachable() const noexcept {
 std::optional<HostTime> TruthIntake::deadline() const noexcept {
   if (!is_reachable()) return std::nullopt;
   if (!started_) return HostTime{};
-  const auto deadline = decoder_->deadline(), held_back = port_->due();
+  const auto deadline = decoder_->deadline(), held_back = port_->next_flush();
   if (!deadline || !held_back) return deadline ? deadline : held_back;
   return std::min(*deadline, *held_back);
 }

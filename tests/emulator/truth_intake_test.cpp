@@ -29,7 +29,7 @@ class ScriptedPort final : public Port {
     return Received{{std::as_bytes(std::span(newest_))}, now};
   }
   bool at_end() const noexcept override { return ends && waiting.empty(); }
-  std::optional<HostTime> due() const noexcept override { return held_back_until; }
+  std::optional<HostTime> next_flush() const noexcept override { return held_back_until; }
   void flush() noexcept override { ++flushes; }
 
   void connect() noexcept { state_ = PortState::ready; }

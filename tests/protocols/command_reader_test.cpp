@@ -27,11 +27,11 @@ TEST_F(CommandReaderTest, LeavesOutLinesThatAreEmptyOrTooLong) {
 TEST_F(CommandReaderTest, ForgetsWhatWasCutOffOnlyAfterItsTime) {
   constexpr DeviceTime begin{7};
   feed("ab", begin);
-  feed("c", begin + CommandReader<4>::patience);
-  feed("d\n", begin + 2 * CommandReader<4>::patience);
+  feed("c", begin + CommandReader<4>::timeout);
+  feed("d\n", begin + 2 * CommandReader<4>::timeout);
   EXPECT_EQ(log_, "[abcd]");
-  feed("toolong", begin + 2 * CommandReader<4>::patience);
-  feed("e\n", begin + 3 * CommandReader<4>::patience + Nanoseconds{1});
+  feed("toolong", begin + 2 * CommandReader<4>::timeout);
+  feed("e\n", begin + 3 * CommandReader<4>::timeout + Nanoseconds{1});
   EXPECT_EQ(log_, "[abcd][e]");
 }
 
@@ -39,7 +39,7 @@ TEST_F(CommandReaderTest, NothingIsForgottenWhenTheClockIsSet) {
   constexpr Nanoseconds step = std::chrono::hours(1);
   feed("ab", {});
   reader_.step_clock(step);
-  feed("c\n", DeviceTime{} + step + CommandReader<4>::patience);
+  feed("c\n", DeviceTime{} + step + CommandReader<4>::timeout);
   EXPECT_EQ(log_, "[abc]");
 }
 

@@ -35,7 +35,7 @@ std::vector<std::string> names_of(const Entries& entries) {
 
 // The suffix of the tests of one entry.
 template <class Entry>
-std::string test_name(const testing::TestParamInfo<const Entry*>& parameter) {
+std::string test_name(const ::testing::TestParamInfo<const Entry*>& parameter) {
   std::string name(parameter.param->name);
   std::ranges::replace(name, '-', '_');
   return name;
