@@ -55,6 +55,13 @@ class Grid {
   // Returns the same as the clock itself counts it, without its error.
   constexpr Nanoseconds nominal_offset(std::uint64_t k) const { return phase_ + steps(k, 1'000'000'000U); }
 
+  // Return the time that the clock counts while `elapsed` passes, and the time that passes while it counts `counted`;
+  // within +-9 years, rounded to the nearest ns.
+  constexpr Nanoseconds counted(Nanoseconds elapsed) const { return scaled(elapsed, clock_rate_, 1'000'000'000U); }
+  constexpr Nanoseconds elapsed(Nanoseconds counted) const { return scaled(counted, 1'000'000'000U, clock_rate_); }
+
+  // Returns the time from the start to instant 0.
+  constexpr Nanoseconds phase() const { return phase_; }
   // Returns the mean time between two instants, rounded to the nearest ns.
   constexpr Nanoseconds period() const { return steps(1, clock_rate_); }
 
@@ -66,6 +73,14 @@ class Grid {
     const std::uint64_t divisor = rate_uhz_ * clock_rate;  // below 2^64: 1e10 times 1.1e9
     const Wide scaled = Wide{k} * 1'000'000'000'000'000U * 1'000'000'000U;
     return Nanoseconds{static_cast<std::int64_t>((scaled + divisor / 2) / divisor)};
+  }
+
+  // `time` * numerator / denominator, to the nearest.
+  static constexpr Nanoseconds scaled(Nanoseconds time, std::uint64_t numerator, std::uint64_t denominator) {
+    const bool negative = time.count() < 0;
+    const auto magnitude = static_cast<std::uint64_t>(negative ? -time.count() : time.count());
+    const auto result = static_cast<std::int64_t>((Wide{magnitude} * numerator + denominator / 2) / denominator);
+    return Nanoseconds{negative ? -result : result};
   }
 
   std::uint64_t rate_uhz_;

@@ -1,0 +1,65 @@
+// The sensor's clock: between samples, over a step, and with an error against the host's.
+#include "emulator/device_clock.hpp"
+
+#include <gtest/gtest.h>
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr HostTime power{5'000'000'000};
+
+TEST(DeviceClock, RunsFromPowerOnByItsOwnError) {
+  DeviceClock clock(Grid(100, 10'000));  // one per cent fast
+  clock.power_on(power);
+  EXPECT_EQ(clock.now(power), DeviceTime{0});
+  EXPECT_EQ(clock.now(power + 100s), DeviceTime{101'000'000'000});
+  EXPECT_EQ(clock.now(power + 99s), DeviceTime{101'000'000'000}) << "never back";
+  EXPECT_EQ(clock.host_time(DeviceTime{202'000'000'000}), power + 200s);
+}
+
+// Instant k lies k/(1.01 * rate) after the grid's start, and is stamped k/rate.
+TEST(DeviceClock, StampsNominalPeriodsAndAgreesBetweenThem) {
+  const Grid grid(100, 10'000, 300us);
+  DeviceClock clock(grid);
+  clock.power_on(power);
+  clock.start_samples();
+  for (std::uint64_t k = 0; k < 1000; ++k) {
+    const DeviceTime stamp = clock.stamp(k);
+    EXPECT_EQ(stamp.ns, 300'000 + static_cast<std::int64_t>(k) * 10'000'000);
+    const HostTime at = power + grid.offset(k);
+    EXPECT_LE(std::abs((clock.now(at) - stamp).count()), 1) << k;
+    EXPECT_EQ(clock.now(at + 1s), stamp) << "does not pass a sample that is still to be taken";
+    clock.take_sample(stamp);
+    EXPECT_LE(std::abs(clock.now(at + 5ms).ns - (stamp.ns + 5'050'000)), 1) << k;
+  }
+}
+
+TEST(DeviceClock, StandsBetweenSamplesWithoutAHostClock) {
+  DeviceClock clock(Grid(200));
+  EXPECT_EQ(clock.set(DeviceTime{7'000'000'000}, std::nullopt), 7s) << "power is taken to come on at sample 0";
+  clock.start_samples();
+  EXPECT_EQ(clock.now(power), DeviceTime{7'000'000'000});
+  clock.take_sample(clock.stamp(0));
+  clock.take_sample(clock.stamp(1));
+  EXPECT_EQ(clock.now(power + 1s), DeviceTime{7'005'000'000});
+  EXPECT_FALSE(clock.host_time(DeviceTime{7'010'000'000}));
+  EXPECT_EQ(clock.set(DeviceTime{0}, std::nullopt), -7'010ms) << "the next sample was due a period later";
+  EXPECT_EQ(clock.now(), DeviceTime{-5'000'000}) << "a period before sample 0";
+}
+
+// Sensors that are silent before the first truth have a clock from power-on, which is set by the truth's time.
+TEST(DeviceClock, IsSetWhenTheFirstTruthComes) {
+  DeviceClock clock(Grid(100));
+  clock.power_on(power);
+  EXPECT_EQ(clock.now(power + 60s), DeviceTime{60'000'000'000});
+  const Nanoseconds step = clock.set(DeviceTime{1'000'000'000}, power + 61s);
+  EXPECT_EQ(step, 1s - 61s);
+  clock.start_samples();
+  EXPECT_EQ(clock.now(power + 60'500ms), DeviceTime{500'000'000});
+  EXPECT_EQ(clock.stamp(0), DeviceTime{1'000'000'000});
+}
+
+}  // namespace
+}  // namespace imud
