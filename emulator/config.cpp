@@ -76,16 +76,27 @@ EarthModel read_earth(TableReader table) {
     table.require("latitude_deg", "where N's origin is");
     table.require("longitude_deg", "where N's origin is");
   }
-  earth.latitude = units::degree * table.real("latitude_deg", 0.0, -90.0, 90.0);
-  earth.longitude = units::degree * table.real("longitude_deg", 0.0, -180.0, 360.0);
-  earth.height = table.real("height_m", 0.0, -1e4, 1e8);
+  // Where the vehicle rests before the first truth: at the origin of a local frame.
+  for (const std::string prefix : {"", "rest_"}) {
+    const double latitude_deg = table.real(prefix + "latitude_deg", 0.0, -90.0, 90.0);
+    const double longitude_deg = table.real(prefix + "longitude_deg", 0.0, -180.0, 360.0);
+    const double height_m = table.real(prefix + "height_m", 0.0, -1e4, 1e8);
+    if (prefix.empty() == (earth.frame == EarthModel::Frame::inertial)) continue;
+    earth.latitude = units::degree * latitude_deg;
+    earth.longitude = units::degree * longitude_deg;
+    earth.height = height_m;
+  }
   earth.angle = units::degree * table.real("angle_deg", earth_rotation_angle(start) / units::degree, -360.0, 360.0);
   const auto only_for = [&](std::string_view key, EarthModel::Frame frame, std::string_view name) {
     if (table.has(key) && earth.frame != frame) table.fault(key, fmt::format("needs frame = \"{}\"", name));
   };
   for (const char* key : {"latitude_deg", "longitude_deg", "height_m"})
     only_for(key, EarthModel::Frame::local, "local");
-  only_for("angle_deg", EarthModel::Frame::inertial, "inertial");
+  for (const char* key : {"angle_deg", "rest_latitude_deg", "rest_longitude_deg", "rest_height_m"})
+    only_for(key, EarthModel::Frame::inertial, "inertial");
+  earth.rest_yaw_pitch_roll = units::degree * table.vector3("rest_yaw_pitch_roll_deg", Vector3::Zero());
+  if (earth.rest_yaw_pitch_roll.cwiseAbs().maxCoeff() > 1e4)
+    table.fault("rest_yaw_pitch_roll_deg", "give angles within some turns");
   table.finish();
   return earth;
 }
@@ -125,7 +136,8 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
   if (truth.format != nullptr) {
     truth.settings = read_settings(table, truth.format->settings);
-    if (transport != nullptr && transport->brings_truth && !transport->keeps_datagrams && !truth.format->delimits_itself)
+    if (transport != nullptr && transport->brings_truth && !transport->keeps_datagrams &&
+        !truth.format->delimits_itself)
       table.fault("port", fmt::format("{} truth is binary datagrams, which {}: does not delimit; give {}",
                                       truth.format->name, transport->name, ports_that([](const Transport& t) {
                                         return t.brings_truth && t.keeps_datagrams;

@@ -28,6 +28,12 @@ enum class WhenStopped : std::uint8_t {
   silence,  // sends nothing
 };
 
+// What a sensor does in real time until the first truth comes. It has power, and answers its host, in any case.
+enum class BeforeFirst : std::uint8_t {
+  silence,  // takes no sample: sample 0 is that of the first truth
+  rest,     // samples a vehicle at rest from power-on: sample 0 is that of power-on
+};
+
 struct TruthConfig {
   std::string port;  // empty only if the command line gives a capture
   const TruthFormat* format = nullptr;
@@ -54,6 +60,7 @@ struct ImuConfig {
   Settings settings;
   std::string port;
   PortSettings port_settings = Role::device;  // with the device's UART, and whether its characters are paced
+  BeforeFirst before_first = BeforeFirst::silence;
   SyncConfig sync;
   ImuModel model;
 };

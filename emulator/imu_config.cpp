@@ -165,6 +165,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
   imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
 
+  constexpr BeforeFirst reactions[] = {BeforeFirst::silence, BeforeFirst::rest};
+  imu.before_first = reactions[table.choice("before_first", {"silence", "rest"}, product ? 1 : 0)];
+
   const Transport* transport = read_device_port(table, imu);
   if (transport != nullptr && imu.protocol != nullptr) {
     const bool can = imu.protocol->link == Link::can;

@@ -510,10 +510,34 @@ TEST_F(ConfigTest, EarthIsOffUntilItIsSaidHowNStandsToIt) {
   EXPECT_EQ(load(inertial).imus[0].model.earth.angle, earth_rotation_angle(1'748'779'200)) << "of the start";
   EXPECT_DOUBLE_EQ(load(inertial + "angle_deg = 30\n").imus[0].model.earth.angle, 30 * units::degree);
 
+  // The place and the heading of a vehicle at rest, before the first truth.
+  const EarthModel rest = load(inertial +
+                               "rest_latitude_deg = -30\nrest_longitude_deg = 50\nrest_height_m = 7\n"
+                               "rest_yaw_pitch_roll_deg = [90, 2, -3]\n")
+                              .imus[0]
+                              .model.earth;
+  EXPECT_DOUBLE_EQ(rest.latitude, -30 * units::degree);
+  EXPECT_DOUBLE_EQ(rest.longitude, 50 * units::degree);
+  EXPECT_EQ(rest.height, 7);
+  EXPECT_LT((rest.rest_yaw_pitch_roll - units::degree * Vector3(90, 2, -3)).norm(), 1e-15);
+  EXPECT_NE(fault(local + "rest_height_m = 3\n").find("needs frame = \"inertial\""), std::string::npos);
+  EXPECT_NE(fault(local + "rest_yaw_pitch_roll_deg = [1e7, 0, 0]\n").find("within some turns"), std::string::npos);
+
   EXPECT_NE(fault(inertial + "height_m = 3\n").find("needs frame = \"local\""), std::string::npos);
   EXPECT_NE(fault(local + "angle_deg = 3\n").find("needs frame = \"inertial\""), std::string::npos);
   EXPECT_NE(fault(std::string(good) + "[earth]\nstart = \"2025\"\n").find("2025-01-01T00:00:00Z"), std::string::npos);
   EXPECT_EQ(faults(std::string(good) + "[earth]\nframe = \"local\"\n").size(), 2U) << "latitude and longitude";
+}
+
+// A product samples a vehicle at rest before the first truth, imud's own protocols are silent.
+TEST_F(ConfigTest, BeforeTheFirstTruthAProductRests) {
+  EXPECT_EQ(load(good).imus[0].before_first, BeforeFirst::silence);
+  EXPECT_EQ(load(good, {"imu.0.before_first=rest"}).imus[0].before_first, BeforeFirst::rest);
+  const std::string product =
+      "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:v\"\n";
+  EXPECT_EQ(load(product).imus[0].before_first, BeforeFirst::rest);
+  EXPECT_EQ(load(product, {"imu.0.before_first=silence"}).imus[0].before_first, BeforeFirst::silence);
+  EXPECT_NE(faults(good, {"imu.0.before_first=off"})[0].find("silence"), std::string::npos);
 }
 
 }  // namespace
