@@ -13,10 +13,11 @@
 #include <exception>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <thread>
 #include <utility>  // Boost 1.74's Asio needs it first
 
-#include "emulator/clock.hpp"
+#include "emulator/loop.hpp"
 #include "emulator/realtime_thread.hpp"
 
 namespace imud {
@@ -42,27 +43,24 @@ class Ticker {
   Monitor& monitor_;
 };
 
+// Runs on the thread that samples.
 void drive(Session& session, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
   MonotonicHost host;
-  const bool realtime = config.clock == ClockMode::realtime;
+  const bool realtime = config.clock == ClockMode::realtime, capture = is_capture(config.truth.port);
   if (realtime)
     for (const std::string& shortfall : make_thread_realtime(config.realtime)) spdlog::warn("{}", shortfall);
-  if (is_capture(config.truth.port)) {
-    std::optional<Nanoseconds> limit;
-    if (options.duration_s) limit = nanoseconds(*options.duration_s);
-    run_capture(session, host, realtime, config.realtime.spin, limit, stop);
-  } else if (config.clock == ClockMode::lockstep) {
-    run_lockstep(session, host, stop);
-  } else {
-    run_realtime(session, host, {config.truth.clock, config.truth.limits.extrapolate, config.realtime.spin}, stop);
-  }
-  session.see_off();
+  LoopOptions loop;
+  if (realtime) loop.spin = config.realtime.spin;
+  loop.live = realtime && !capture;
+  if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
+  const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+  Loop(session, host, *pacer, loop, stop).run();
+  session.drain();
 }
 
 RunCounters counters_of(const Session& session) {
   RunCounters counters{&session.intake().counters(), &session.quality(), {}};
-  for (std::size_t i = 0; i < session.imu_count(); ++i)
-    counters.imus.emplace_back(session.imu_name(i), &session.imu_counters(i));
+  for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
   return counters;
 }
 
@@ -95,12 +93,12 @@ int run(const Config& config, const RunOptions& options) {
   if (config.clock == ClockMode::realtime) {
     process.emplace(config.realtime);
   }
-  Session session(config, stop);
+  Session session(config);
   const std::function<void()> wait_for_power = [&] {
     power.async_wait([&](const boost::system::error_code& error, int) {
       if (error) return;
       spdlog::info("SIGUSR1: power off and on for every imu");
-      session.restart_devices();
+      session.request_power_cycle();
       wait_for_power();
     });
   };

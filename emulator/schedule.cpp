@@ -6,26 +6,39 @@
 namespace imud {
 
 namespace {
-bool is_later(const Schedule::Instant& a, const Schedule::Instant& b) noexcept {
-  return std::tie(a.since_start, a.imu) > std::tie(b.since_start, b.imu);
+bool is_later(const Schedule::Slot& a, const Schedule::Slot& b) noexcept {
+  return std::tie(a.offset, a.imu) > std::tie(b.offset, b.imu);
 }
 }  // namespace
 
-Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.end()), heap_(grids.size()) {
-  restart();
+Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.end()), origins_(grids.size()) {
+  heap_.reserve(grids.size());
 }
 
 void Schedule::advance() noexcept {
   std::pop_heap(heap_.begin(), heap_.end(), is_later);
-  Instant& instant = heap_.back();
-  ++instant.index;
-  instant.since_start = grids_[instant.imu].offset(instant.index);
+  Slot& slot = heap_.back();
+  ++slot.index;
+  slot.offset = origins_[slot.imu] + grids_[slot.imu].offset(slot.index);
   std::push_heap(heap_.begin(), heap_.end(), is_later);
 }
 
-void Schedule::restart() noexcept {
-  for (std::size_t imu = 0; imu < grids_.size(); ++imu) heap_[imu] = {grids_[imu].offset(0), 0, imu};
+void Schedule::push(std::size_t imu) noexcept {
+  heap_.push_back({origins_[imu] + grids_[imu].offset(0), 0, imu});
+  std::push_heap(heap_.begin(), heap_.end(), is_later);
+}
+
+void Schedule::start(std::size_t imu, Nanoseconds origin) noexcept {
+  origins_[imu] = origin;
+  std::erase_if(heap_, [imu](const Slot& slot) { return slot.imu == imu; });
   std::make_heap(heap_.begin(), heap_.end(), is_later);
+  push(imu);
+}
+
+void Schedule::start_all() noexcept {
+  heap_.clear();
+  std::fill(origins_.begin(), origins_.end(), Nanoseconds{0});
+  for (std::size_t imu = 0; imu < grids_.size(); ++imu) push(imu);
 }
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// Schedule: the instants of many imus' samples as one sequence.
+// Schedule: the sample instants of many imus as one sequence.
 #pragma once
 
 #include <cstddef>
@@ -10,28 +10,35 @@
 
 namespace imud {
 
-// Sorted by time; among equal ones, by imu. Allocates only in the constructor.
+// Merges the grids of all imus, sorted by time; among equal instants, by imu. A grid takes part from its start() on.
+// Allocates only in the constructor. One thread.
 class Schedule {
  public:
-  // At least one grid.
+  // At least one grid; none is started.
   explicit Schedule(std::span<const Grid> grids);
 
-  struct Instant {
-    Nanoseconds since_start{0};  // of the grids
-    std::uint64_t index = 0;     // on its imu's grid
-    std::size_t imu = 0;         // index into the constructor's grids
+  struct Slot {
+    Nanoseconds offset{0};    // from the schedule's origin
+    std::uint64_t index = 0;  // on the imu's grid
+    std::size_t imu = 0;      // index into the constructor's grids
   };
-  const Instant& next() const noexcept { return heap_.front(); }
-  // Goes on to the instant after next().
+  // True while no grid is started: there is no next() then.
+  bool empty() const noexcept { return heap_.empty(); }
+  const Slot& next() const noexcept { return heap_.front(); }
+  // Moves on to the slot after next().
   void advance() noexcept;
-  // Begins again with every grid's first.
-  void restart() noexcept;
 
-  const Grid& grid(std::size_t imu) const noexcept { return grids_[imu]; }
+  // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(k).
+  void start(std::size_t imu, Nanoseconds origin) noexcept;
+  // Starts all grids at the schedule's origin.
+  void start_all() noexcept;
 
  private:
+  void push(std::size_t imu) noexcept;
+
   std::vector<Grid> grids_;
-  std::vector<Instant> heap_;  // the next instant of each imu
+  std::vector<Nanoseconds> origins_;
+  std::vector<Slot> heap_;  // the next slot of each imu whose grid is started
 };
 
 }  // namespace imud

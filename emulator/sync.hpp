@@ -1,4 +1,4 @@
-// Sync: the trigger, PPS and output pins of one imu, as UDP datagrams with time stamps.
+// Sync: the trigger, PPS and output pins of one imu, as UDP datagrams with time stamps (protocols/sync_datagram.hpp).
 #pragma once
 
 #include <array>
@@ -14,45 +14,46 @@
 
 namespace imud {
 
-// Empty: not connected.
+// Ports of the pins; empty: not connected.
 struct SyncConfig {
   std::string trigger_port, pps_port, tov_port;
+  bool is_connected() const { return !(trigger_port + pps_port + tov_port).empty(); }
 };
 
-// An edge comes as a datagram: its simulation time, i64 in ns, little-endian; of any other length: at the next
-// sample. One of up to 10 s ahead waits for its sample, 64 at most, in order; one that is past counts as the last
-// sample's instant. What is further ahead, or one too many, is refused and counted. A pulse of the output pin goes as
-// its begin and end, likewise in simulation time.
+// An edge with a time waits for the sample at or after it, up to 10 s ahead and 64 at most, in order; one whose time
+// is past counts as an edge at the last sample, and one without a time as an edge at the next sample. An edge that is
+// further ahead, or one too many, is refused and counted. No function waits or allocates. One thread.
 class Sync {
  public:
-  using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, Role)>;
+  using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>;
   Sync(const SyncConfig& config, const OpenPort& open);  // throws PortError
 
-  // Before the device's sample of the truth at `time`.
-  void tell(Device& device, TruthTime time, DeviceTime stamp) noexcept;
-  // After that, with its frames.
-  void send(const Device& device) noexcept;
-  // The sensor is silent: edges go unheard.
-  void ignore() noexcept;
-  // The simulation's time may have begun anew.
+  // Gives the device the edges up to `time`, before its sample of that time, which is stamped `stamp`.
+  void deliver_edges(Device& device, TruthTime time, DeviceTime stamp) noexcept;
+  // Sends the pulse that follows from the device's last sample, if there is one, in simulation time.
+  void send_pulse(const Device& device) noexcept;
+  // Discards all edges, those that have come and those that wait: the sensor does not sample the truth now.
+  void discard_edges() noexcept;
+  // Forgets the last sample: the simulation's time may begin again.
   void begin_run() noexcept { last_.reset(); }
-  std::uint64_t refused() const noexcept { return refused_; }  // edges
+  // The number of edges refused.
+  std::uint64_t refused() const noexcept { return refused_; }
 
  private:
   struct Input {
     std::unique_ptr<Port> port;
-    std::array<TruthTime, 64> edges = {};  // that wait
+    std::array<TruthTime, 64> edges = {};  // those that wait
     std::size_t count = 0;
   };
-  void tell(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input& input, TruthTime time,
-            DeviceTime stamp) noexcept;
+  void receive(Input& input, TruthTime time) noexcept;
+  void deliver(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input& input, TruthTime time,
+               DeviceTime stamp) noexcept;
 
   Input trigger_, pps_;
   std::unique_ptr<Port> tov_;
   std::uint64_t refused_ = 0;
-  std::optional<TruthTime> last_;  // sample
-  double rate_ = 1;                // seconds of the device in one of the simulation
-  TruthTime time_;
+  std::optional<TruthTime> last_;  // time of the last sample
+  TruthTime time_;                 // likewise, and its stamp
   DeviceTime stamp_;
 };
 

@@ -9,7 +9,7 @@
 #include <sstream>
 #include <thread>
 
-#include "emulator/clock.hpp"
+#include "emulator/loop.hpp"
 #include "tests/emulator/live_test.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/locks.hpp"
@@ -57,7 +57,8 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
         i, protocols[i], ports[i], i < 4 ? "none" : "line");
   const Config config = load_config(write("config.toml", text));
   std::atomic<bool> stop = false;
-  Session session(config, stop);
+  Session session(config);
+  const auto counters = [&](std::size_t i) -> const ImuCounters& { return session.channels()[i]->counters(); };
   const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   ASSERT_TRUE(reader);
   const FileDescriptor paced(::open(path("paced").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
@@ -69,9 +70,11 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   spdlog::set_default_logger(
       std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
   std::thread sampler([&] {
-    count_locks_of_this_thread();
     MonotonicHost host;
-    run_realtime(session, host, {config.truth.clock, config.truth.limits.extrapolate, 0ns}, stop);
+    HostPacer pacer(config.truth.clock, config.truth.limits.extrapolate, session.quality());
+    Loop loop(session, host, pacer, {}, stop);
+    count_locks_of_this_thread();
+    loop.run();
   });
 
   std::array<std::byte, 4096> buffer;
@@ -91,7 +94,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   };
   play(0, 150);
   const std::uint64_t allocated = allocations(), locked = locks_taken();
-  const std::uint64_t samples = session.imu_counters(0).samples;
+  const std::uint64_t samples = counters(0).samples;
   play(150, 700);
   const std::uint64_t allocated_after = allocations(), locked_after = locks_taken();
   stop = true;
@@ -102,14 +105,14 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   EXPECT_EQ(locked_after - locked, 0U);
   EXPECT_EQ(log.str(), "");
   // It was busy with all of that.
-  EXPECT_GT(session.imu_counters(0).samples - samples, 500U);
-  EXPECT_GT(session.imu_counters(0).frames, 500U);
-  EXPECT_GT(session.imu_counters(1).dropped, 500U);
-  EXPECT_GT(session.imu_counters(2).frames, 500U);
-  EXPECT_GT(session.imu_counters(4).frames, 500U);
-  EXPECT_GT(session.imu_counters(5).frames, 500U);
-  EXPECT_EQ(session.imu_counters(4).port_state, PortState::ready);
-  EXPECT_EQ(session.imu_counters(5).port_state, PortState::wrong_speed);
+  EXPECT_GT(counters(0).samples - samples, 500U);
+  EXPECT_GT(counters(0).frames, 500U);
+  EXPECT_GT(counters(1).dropped, 500U);
+  EXPECT_GT(counters(2).frames, 500U);
+  EXPECT_GT(counters(4).frames, 500U);
+  EXPECT_GT(counters(5).frames, 500U);
+  EXPECT_EQ(counters(4).port_state, PortState::ready);
+  EXPECT_EQ(counters(5).port_state, PortState::wrong_speed);
   EXPECT_GT(session.intake().counters().refused[static_cast<std::size_t>(Refusal::duplicate)], 20U);
   EXPECT_GT(session.intake().counters().refused[static_cast<std::size_t>(Refusal::too_short)], 20U);
   EXPECT_GT(session.quality().stops, 1U);

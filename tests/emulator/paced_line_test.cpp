@@ -95,11 +95,12 @@ TEST_F(PacedLine, APacedReplayWakesForIt) {
   SimulatedHost host;
   host.end = host.now() + 100s;
   Heard heard;
-  Session session(c, host.stop, [&](std::string_view port, const PortSettings& settings) {
+  Session session(c, [&](std::string_view port, const PortSettings& settings) {
     return settings.role == Role::listener ? open_port(port, settings) : std::make_unique<PacedSensor>(host, heard);
   });
   const HostTime begin = host.now();
-  run_capture(session, host, true, 0ns, std::nullopt, host.stop);
+  CapturePacer pacer;
+  Loop(session, host, pacer, {.spin = {}, .limit = {}, .live = false}, host.stop).run();
   ASSERT_GT(heard.sent.size(), 390U);
   for (std::size_t k = 0; k < heard.sent.size(); ++k) ASSERT_EQ(heard.sent[k], begin + 5ms * k) << k;
   expect_pace(heard, 1ns);  // instants are rounded up

@@ -20,15 +20,39 @@ TEST(Schedule, MergesEveryGridInOrder) {
   std::sort(wanted.begin(), wanted.end());
 
   Schedule schedule(grids);
+  EXPECT_TRUE(schedule.empty());
+  schedule.start_all();
   for (int round = 0; round < 2; ++round) {
     for (const auto& [time, imu, k] : wanted) {
-      const Schedule::Instant& next = schedule.next();
-      ASSERT_EQ(std::make_tuple(next.since_start, next.imu, next.index), std::make_tuple(time, imu, k));
+      const Schedule::Slot& next = schedule.next();
+      ASSERT_EQ(std::make_tuple(next.offset, next.imu, next.index), std::make_tuple(time, imu, k));
       schedule.advance();
     }
-    EXPECT_GT(schedule.next().since_start, 2s);
-    schedule.restart();
+    EXPECT_GT(schedule.next().offset, 2s);
+    schedule.start_all();
   }
+}
+
+// A grid that starts later than the others, or starts again, has its instants from there on; the others keep theirs.
+TEST(Schedule, StartsEachGridByItself) {
+  const std::vector<Grid> grids = {Grid(1000), Grid(500), Grid(1000, 0, 250us)};
+  Schedule schedule(grids);
+  schedule.start(0, 0ns);
+  std::vector<std::tuple<Nanoseconds, std::size_t, std::uint64_t>> seen;
+  const auto run_to = [&](Nanoseconds end) {
+    for (; schedule.next().offset < end; schedule.advance())
+      seen.emplace_back(schedule.next().offset, schedule.next().imu, schedule.next().index);
+  };
+  run_to(3ms);
+  schedule.start(2, 2'900us);
+  schedule.start(1, 3ms);
+  run_to(5ms);
+  schedule.start(1, 6ms);
+  run_to(7ms);
+  const decltype(seen) wanted = {{0ms, 0, 0},     {1ms, 0, 1}, {2ms, 0, 2},     {3ms, 0, 3}, {3ms, 1, 0},
+                                 {3'150us, 2, 0}, {4ms, 0, 4}, {4'150us, 2, 1}, {5ms, 0, 5}, {5'150us, 2, 2},
+                                 {6ms, 0, 6},     {6ms, 1, 0}, {6'150us, 2, 3}};
+  EXPECT_EQ(seen, wanted);
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "emulator/clock.hpp"
+#include "emulator/loop.hpp"
 #include "protocols/native_truth.hpp"
 
 namespace imud::testing {
@@ -22,21 +22,30 @@ struct Arrival {
 class SimulatedHost final : public Host {
  public:
   HostTime now() noexcept override { return now_; }
-  HostTime sleep_until(HostTime time, Nanoseconds) noexcept override {
+  HostTime sleep_until(HostTime time, Nanoseconds spin) noexcept override {
+    spun_ += spin;
     go_to(time);
     return now_;
   }
   bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept override {
-    const bool comes = inputs[0].fd >= 0 && !arrivals.empty() && arrivals.front().time <= time;
-    go_to(comes ? std::max(now_, arrivals.front().time) : time);
+    bool others = false;
+    for (pollfd& input : inputs.subspan(1)) {
+      input.revents = input.fd >= 0 && is_readable && is_readable(input.fd) ? POLLIN : 0;
+      others = others || input.revents != 0;
+    }
+    const bool comes = inputs[0].fd >= 0 && !arrivals.empty() && arrivals.front().time <= (others ? now_ : time);
+    if (!others) go_to(comes ? std::max(now_, arrivals.front().time) : time);
     inputs[0].revents = comes ? POLLIN : 0;
-    return comes;
+    return comes || others;
   }
+  // The sum of what the loop wanted to spin.
+  Nanoseconds spun() const { return spun_; }
   // Frozen from then until then.
   void freeze(HostTime from, HostTime until) { freezes_.push_back({from, until}); }
   void spend(Nanoseconds time) noexcept { go_to(now_ + time); }
 
-  std::deque<Arrival> arrivals;  // of truth, in order
+  std::deque<Arrival> arrivals;             // of truth, in order
+  std::function<bool(int fd)> is_readable;  // of the sensors' ports
   HostTime end;
   std::atomic<bool> stop = false;
 
@@ -48,25 +57,31 @@ class SimulatedHost final : public Host {
     if (now_ >= end) stop = true;
   }
   HostTime now_{1'000'000'000'000};
+  Nanoseconds spun_{0};
   std::vector<std::pair<HostTime, HostTime>> freezes_;
 };
 
+// Truth that arrives at its time, which costs a little to receive; or a capture of it, which is there at once and
+// ends.
 class SimulatedTruth final : public Port {
  public:
-  explicit SimulatedTruth(SimulatedHost& host) : host_(host) {}
-  static constexpr Nanoseconds cost{2'000};  // of receiving
+  explicit SimulatedTruth(SimulatedHost& host, bool capture = false, Nanoseconds cost = Nanoseconds{2'000})
+      : host_(host), capture_(capture), cost_(cost) {}
   void send(std::span<const Frame>) noexcept override {}
   std::optional<Received> receive() noexcept override {
-    host_.spend(cost);
-    if (host_.arrivals.empty() || host_.arrivals.front().time > host_.now()) return std::nullopt;
+    host_.spend(cost_);
+    if (host_.arrivals.empty() || (!capture_ && host_.arrivals.front().time > host_.now())) return std::nullopt;
     newest_ = std::move(host_.arrivals.front());
     host_.arrivals.pop_front();
     return Received{{newest_.bytes}, host_.now()};
   }
-  int descriptor() const noexcept override { return 1000; }
+  bool at_end() const noexcept override { return capture_ && host_.arrivals.empty(); }
+  int descriptor() const noexcept override { return capture_ ? -1 : 1000; }
 
  private:
   SimulatedHost& host_;
+  const bool capture_;
+  const Nanoseconds cost_;
   Arrival newest_;
 };
 
@@ -118,18 +133,19 @@ class SimulatedRun {
     host_.end = at(until_s);
     left_.resize(config_.imus.size());
     std::size_t next = 0;
-    session_ = std::make_unique<Session>(config_, host_.stop, [&](std::string_view, const PortSettings& port) {
+    session_ = std::make_unique<Session>(config_, [&](std::string_view, const PortSettings& port) {
       if (port.role == Role::listener) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
       return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
     });
-    run_realtime(*session_, host_, {config_.truth.clock, config_.truth.limits.extrapolate, config_.realtime.spin},
-                 host_.stop);
+    const auto pacer = make_pacer(config_, session_->quality());
+    Loop(*session_, host_, *pacer, {.spin = config_.realtime.spin, .limit = {}, .live = true}, host_.stop).run();
   }
 
   const std::vector<Left>& left(std::size_t imu = 0) const { return left_[imu]; }
-  const ImuCounters& counters(std::size_t imu = 0) const { return session_->imu_counters(imu); }
+  const ImuCounters& counters(std::size_t imu = 0) const { return session_->channels()[imu]->counters(); }
   const TruthCounters& truth_counters() const { return session_->intake().counters(); }
   const TruthQuality& quality() const { return session_->quality(); }
+  Session& session() { return *session_; }
 
  private:
   Config config_;

@@ -1,4 +1,4 @@
-// Edges by UDP: when devices hear of them, and what goes out.
+// Edges by UDP: when devices receive them, and what is sent.
 #include "emulator/sync.hpp"
 
 #include <gtest/gtest.h>
@@ -50,16 +50,16 @@ Bytes number(std::int64_t ns) {
 struct Pins {
   std::map<std::string, FakePort*, std::less<>> ports;
   FakeDevice device;
-  Sync sync{{"trigger", "pps", "tov"}, [this](std::string_view name, Role role) {
-              EXPECT_EQ(role, name == "tov" ? Role::device : Role::listener);
+  Sync sync{{"trigger", "pps", "tov"}, [this](std::string_view name, const PortSettings& settings) {
+              EXPECT_EQ(settings.role, name == "tov" ? Role::device : Role::listener);
               auto port = std::make_unique<FakePort>();
               ports[std::string(name)] = port.get();
               return port;
             }};
-  void sample(std::int64_t ns) { sync.tell(device, TruthTime{ns}, DeviceTime{ns + 7'000}); }
+  void sample(std::int64_t ns) { sync.deliver_edges(device, TruthTime{ns}, DeviceTime{ns + 7'000}); }
 };
 
-TEST(Sync, TellsAnEdgeBeforeTheSampleAfterIt) {
+TEST(Sync, DeliversAnEdgeBeforeTheSampleAfterIt) {
   Pins pins;
   pins.sample(1000);
   pins.ports["trigger"]->waiting = {number(1500), number(2500), Bytes(), number(1)};
@@ -97,11 +97,11 @@ TEST(Sync, BearsAnyTimeAndAnyNumber) {
   EXPECT_EQ(pins.sync.refused(), 1U + 1000 - 64);
 }
 
-TEST(Sync, WhatComesWhileTheSensorIsSilentIsUnheard) {
+TEST(Sync, DiscardsEdgesWhileTheSensorIsSilent) {
   Pins pins;
   pins.sample(1'000'000);
   pins.ports["trigger"]->waiting = {number(1'500'000), number(9'000'000)};
-  pins.sync.ignore();
+  pins.sync.discard_edges();
   EXPECT_TRUE(pins.ports["trigger"]->waiting.empty());
   pins.sample(10'000'000);
   EXPECT_TRUE(pins.device.triggers.empty());
@@ -110,10 +110,10 @@ TEST(Sync, WhatComesWhileTheSensorIsSilentIsUnheard) {
 TEST(Sync, SendsThePulseInTheSimulationsTime) {
   Pins pins;
   pins.sample(1'000'000);
-  pins.sync.send(pins.device);
+  pins.sync.send_pulse(pins.device);
   EXPECT_TRUE(pins.ports["tov"]->sent.empty());
   pins.device.out = Device::Pulse{DeviceTime{1'008'000}, DeviceTime{1'009'500}};
-  pins.sync.send(pins.device);
+  pins.sync.send_pulse(pins.device);
   Bytes wanted = number(1'001'000);
   const Bytes end = number(1'002'500);
   wanted.insert(wanted.end(), end.begin(), end.end());

@@ -1,0 +1,237 @@
+#include "emulator/loop.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace imud {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Nanoseconds between_looks = 20ms;  // at `stop`, and at hosts that poll() reports nothing of
+// Time for all that has to be done before an instant and the spinning.
+constexpr Nanoseconds preparation = 150us;
+// A sample whose truth is known may be prepared this early: one wake-up less for a fast sensor, and time enough for
+// reordered truths for a slow one.
+constexpr Nanoseconds early = 2ms;
+// Truths taken at once. After a hold-up all that wait are taken, so that no sample is extrapolated while its truth is
+// there; in a flood only some between two samples.
+constexpr int most_truths = 4096;
+constexpr int most_in_flood = 64;
+constexpr Nanoseconds pause = 1ms;  // where poll() would return at once again
+
+std::vector<Grid> grids(const Session& session) {
+  std::vector<Grid> all;
+  for (const auto& channel : session.channels()) all.push_back(channel->grid());
+  return all;
+}
+
+}  // namespace
+
+Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop)
+    : session_(session),
+      host_(host),
+      pacer_(pacer),
+      options_(options),
+      stop_(stop),
+      intake_(session.intake()),
+      timeline_(session.timeline()),
+      paced_(pacer.is_paced()),
+      schedule_(grids(session)),
+      budget_(most_truths) {
+  prepared_.reserve(session.channels().size());
+}
+
+void Loop::run() noexcept {
+  if (options_.live) {
+    origin_ = host_.now() + pause;
+    for (std::size_t i = 0; i < session_.channels().size(); ++i) {
+      Channel& channel = *session_.channels()[i];
+      channel.power_on(origin_);
+      if (!channel.rests_before_truth()) continue;
+      schedule_.start(i, Nanoseconds{0});
+      channel.start_samples();
+    }
+  }
+  while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
+  session_.flush();
+}
+
+void Loop::round() noexcept {
+  if (truth_waits_ && wants_truth()) take_truth();
+  if (ended_) return;
+  if (pacer_.waits_for_truth() && wants_truth()) {
+    if (!truth_waits_) wait(host_.now() + between_looks);
+    return;
+  }
+  const HostTime now = paced_ ? host_.now() : HostTime{};
+  if (schedule_.empty()) return wait(now + between_looks);
+  if (prepared_.empty()) {
+    due_ = next_due();
+    const Nanoseconds ahead = due_ - now;
+    if (paced_ && ahead > options_.spin + preparation) {
+      const bool is_known = is_at_rest(due_) || pacer_.truth(due_) <= timeline_.newest();
+      if (!is_known || ahead > options_.spin + early)
+        return wait(std::min(due_ - options_.spin - preparation, now + between_looks));
+    }
+    prepare();
+  }
+  if (paced_ && due_ - now > options_.spin) return wait(std::min(due_ - options_.spin, now + between_looks));
+  transmit(now);
+}
+
+// Live truth is always wanted; where samples wait for it, only when the next one needs it.
+bool Loop::wants_truth() const noexcept {
+  if (!pacer_.waits_for_truth()) return true;
+  return prepared_.empty() && (!session_.in_run() || pacer_.truth(next_due()) > last_to_sample());
+}
+
+// Where samples wait for truth: the latest one whose truth is there, and wanted.
+TruthTime Loop::last_to_sample() const noexcept {
+  const TruthTime newest = timeline_.newest();
+  return options_.limit ? std::min(newest, timeline_.run_start() + *options_.limit) : newest;
+}
+
+// No sample before this time will be taken any more.
+TruthTime Loop::earliest_sample() noexcept {
+  if (!session_.in_run()) return session_.watermark();
+  if (pacer_.waits_for_truth()) return timeline_.newest();
+  return std::max(session_.watermark(), pacer_.use(std::min(host_.now(), next_due())));
+}
+
+void Loop::take_truth() noexcept {
+  more_truth_ = has_room_ = true;
+  int taken = 0;
+  if (pacer_.waits_for_truth()) settle();
+  while (more_truth_ && !ended_ && taken < budget_ && wants_truth() && !is_due() &&
+         (has_room_ = session_.has_room_for_truth(earliest_sample()))) {
+    const TruthIntake::Outcome outcome = intake_.take(session_.watermark());
+    ++taken;
+    more_truth_ = outcome != TruthIntake::Outcome::nothing;
+    answer_due_ = intake_.answer_due();
+    bool begins = outcome == TruthIntake::Outcome::new_run;
+    if (begins || outcome == TruthIntake::Outcome::accepted) newest_arrival_ = intake_.arrival();
+    if (outcome == TruthIntake::Outcome::accepted) {
+      unreviewed_ = unsettled_ = true;
+      begins = !pacer_.observe(timeline_.newest(), newest_arrival_, next_due());
+      if (begins) forget_past();
+    }
+    if (begins) begin_run();
+    if (wants_truth()) settle();
+  }
+  ended_ = ended_ || (!more_truth_ && intake_.at_end());
+  // A capture has no descriptor to wait for.
+  truth_waits_ = more_truth_ || (pacer_.waits_for_truth() && intake_.descriptor() < 0);
+  budget_ = more_truth_ ? std::max(most_in_flood, budget_ - taken) : most_truths;
+  if (more_truth_ || !std::exchange(unreviewed_, false)) return;
+  if (pacer_.review(timeline_.newest(), host_.now())) return;
+  forget_past();
+  begin_run();
+}
+
+// The samples that the truth so far allows have left, or leave by the host's clock.
+void Loop::settle() noexcept {
+  if (std::exchange(unsettled_, false)) session_.advance(earliest_sample());
+  if (pacer_.waits_for_truth() && session_.in_run()) {
+    session_.raise_watermark(timeline_.newest());
+    ended_ = last_to_sample() < timeline_.newest();
+  }
+  if (!std::exchange(answer_due_, false)) return;
+  session_.flush();  // whoever has the answer has the samples
+  intake_.answer(timeline_.newest(), session_.samples_in_run());
+}
+
+void Loop::begin_run() noexcept {
+  const bool is_first = !session_.in_run();
+  const TruthTime truth = timeline_.newest();
+  const HostTime begin = pacer_.begin_run(truth, newest_arrival_, host_.now());
+  session_.begin_run();
+  const auto start = [&](std::size_t i) {
+    Channel& channel = *session_.channels()[i];
+    channel.set_clock(DeviceTime{truth.ns}, paced_ ? std::optional(begin) : std::nullopt);
+    channel.start_samples();
+    schedule_.start(i, begin - origin_);
+  };
+  if (!options_.live) {
+    origin_ = begin;
+    for (std::size_t i = 0; i < session_.channels().size(); ++i) start(i);
+  } else if (is_first) {
+    first_truth_ = begin;
+    for (std::size_t i = 0; i < session_.channels().size(); ++i)
+      if (!session_.channels()[i]->rests_before_truth()) start(i);
+  }
+}
+
+// The simulator's time has jumped, or it was paused: nothing connects the truth to come with that before.
+void Loop::forget_past() noexcept {
+  session_.quality().resumed.count();
+  timeline_.forget_past();
+}
+
+// Until `until`, for truth, for what the hosts send, for deadlines of the devices, and for the pace of the lines.
+void Loop::wait(HostTime until) noexcept {
+  session_.poll(host_.now());
+  until = std::min(until, session_.next_wake().value_or(until));
+  const bool flood = more_truth_ && has_room_ && !pacer_.waits_for_truth();
+  if (flood) until = std::min(until, host_.now() + pause);
+  // poll() is not to return for truth that there is no time, or no room, to take.
+  const std::span<pollfd> inputs = session_.inputs(!more_truth_ && wants_truth());
+  waited_ = true;
+  const bool come = host_.wait_for_input(inputs, until);
+  truth_waits_ = more_truth_ || (come && inputs[0].revents != 0);
+  const HostTime now = host_.now();
+  if (prepared_.empty()) session_.cycle_power_if_requested(now);
+  if (come && !session_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
+  if (now - served_ > between_looks) serve_all();
+}
+
+void Loop::serve_all() noexcept {
+  served_ = host_.now();
+  session_.serve_all(served_);
+}
+
+// Makes the frames of all samples of the instant `due_`.
+void Loop::prepare() noexcept {
+  session_.cycle_power_if_requested(due_);
+  const bool at_rest = options_.live && is_at_rest(due_);
+  const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
+  do {
+    const Schedule::Slot slot = schedule_.next();
+    Channel& channel = *session_.channels()[slot.imu];
+    schedule_.advance();
+    if (at_rest)
+      session_.prepare_at_rest(channel, slot.index, slot.offset);
+    else
+      session_.prepare(channel, slot.index, time);
+    prepared_.push_back(&channel);
+  } while (next_due() == due_);
+}
+
+void Loop::transmit(HostTime now) noexcept {
+  if (!paced_) {
+    for (Channel* channel : prepared_) channel->wait_until_sent(stop_);
+    for (Channel* channel : prepared_) {
+      channel->transmit();
+      channel->serve(now);
+    }
+    for (Channel* channel : prepared_)
+      if (channel->is_can()) channel->wait_until_sent(stop_);  // a bus has no reader that reads on later
+  } else {
+    if (now < due_) host_.sleep_until(due_, options_.spin);
+    for (Channel* channel : prepared_) {
+      const HostTime begin = host_.now();
+      channel->transmit();
+      channel->note_times(begin - due_, host_.now() - begin);
+    }
+    if (!pacer_.waits_for_truth() && !is_at_rest(due_))
+      session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
+  }
+  for (Channel* channel : prepared_) channel->count_sample();
+  prepared_.clear();
+  if (!paced_ || std::exchange(waited_, false)) return;
+  truth_waits_ = true;  // poll() was not asked
+  serve_all();
+}
+
+}  // namespace imud

@@ -1,0 +1,80 @@
+// Loop: the order of events, the same for every clock: truth in, samples out, hosts and deadlines between them.
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <vector>
+
+#include "emulator/host.hpp"
+#include "emulator/pacer.hpp"
+#include "emulator/schedule.hpp"
+#include "emulator/session.hpp"
+
+namespace imud {
+
+struct LoopOptions {
+  Nanoseconds spin{0};               // the thread spins for this long before each instant
+  std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
+  bool live = true;                  // truth comes while the sensors have power; false: a capture, or in lockstep
+};
+
+// Drives a Session by a Pacer. One round does the first of these that there is to do: takes truth that waits;
+// prepares the next instant's samples; waits by poll() for truth, hosts, deadlines and lines with a pace; transmits.
+// Allocates nothing after construction. One thread.
+class Loop {
+ public:
+  Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
+
+  // Returns when `stop` is set, within 20 ms, or when the capture has ended, or at its limit.
+  void run() noexcept;
+
+ private:
+  void round() noexcept;
+
+  // Truth.
+  bool wants_truth() const noexcept;
+  void take_truth() noexcept;
+  void settle() noexcept;
+  void begin_run() noexcept;
+  void forget_past() noexcept;
+  TruthTime earliest_sample() noexcept;
+  TruthTime last_to_sample() const noexcept;
+
+  // Samples.
+  HostTime next_due() const noexcept { return origin_ + schedule_.next().offset; }
+  bool is_at_rest(HostTime instant) const noexcept { return !session_.in_run() || instant < first_truth_; }
+  bool is_due() const noexcept { return !prepared_.empty() && host_.now() >= due_ - options_.spin; }
+  void prepare() noexcept;
+  void transmit(HostTime now) noexcept;
+
+  void wait(HostTime until) noexcept;
+  void serve_all() noexcept;
+
+  Session& session_;
+  Host& host_;
+  Pacer& pacer_;
+  const LoopOptions options_;
+  const std::atomic<bool>& stop_;
+  TruthIntake& intake_;
+  Timeline& timeline_;
+  const bool paced_;  // by the host's clock
+  Schedule schedule_;
+  HostTime origin_;                 // of the schedule
+  HostTime first_truth_;            // the instant at which the first truth is sampled; before, a vehicle at rest
+  std::vector<Channel*> prepared_;  // the channels whose samples are prepared, in order, all of one instant:
+  HostTime due_;
+
+  bool ended_ = false;
+  HostTime newest_arrival_;  // of truth
+  HostTime served_;          // when all hosts were served last
+  int budget_;               // how many truths may be taken before the next sample
+  bool truth_waits_ = true;  // truth may wait at its port
+  bool more_truth_ = false;  // more of it waits than could be taken
+  bool has_room_ = true;     // for truth
+  bool unreviewed_ = false;  // truths were observed since the last review
+  bool unsettled_ = false;   // a truth was accepted since settle()
+  bool answer_due_ = false;  // its sender waits for an answer
+  bool waited_ = false;      // since the last transmission
+};
+
+}  // namespace imud

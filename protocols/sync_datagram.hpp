@@ -1,0 +1,36 @@
+// The pins of a sensor as datagrams: edges that come in, pulses that go out.
+//
+// | datagram | offset | type | field                                              |
+// |----------|--------|------|----------------------------------------------------|
+// | edge     | 0      | i64  | simulation time of the edge, ns, little-endian     |
+// | pulse    | 0      | i64  | simulation time at which the pulse begins, ns      |
+// |          | 8      | i64  | and at which it ends                               |
+//
+// An edge of any other length carries no time.
+#pragma once
+
+#include <array>
+#include <boost/endian/conversion.hpp>
+#include <cstddef>
+#include <optional>
+#include <span>
+
+#include "core/time.hpp"
+
+namespace imud {
+
+// The time of an edge; nullopt if the datagram carries none.
+inline std::optional<TruthTime> decode_edge(std::span<const std::byte> datagram) noexcept {
+  if (datagram.size() != sizeof(TruthTime::ns)) return std::nullopt;
+  return TruthTime{boost::endian::load_little_s64(reinterpret_cast<const unsigned char*>(datagram.data()))};
+}
+
+inline std::array<std::byte, 16> encode_pulse(TruthTime begin, TruthTime end) noexcept {
+  std::array<std::byte, 16> datagram;
+  auto* bytes = reinterpret_cast<unsigned char*>(datagram.data());
+  boost::endian::store_little_s64(bytes, begin.ns);
+  boost::endian::store_little_s64(bytes + 8, end.ns);
+  return datagram;
+}
+
+}  // namespace imud
