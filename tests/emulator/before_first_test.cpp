@@ -1,0 +1,154 @@
+// Sensors that have power before there is truth, on a simulated host: they start up, answer, and sample a vehicle at
+// rest; then the simulator takes over.
+#include <string>
+
+#include "tests/emulator/realtime_test.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::Left;
+using testing::RealtimeTest;
+using testing::SimulatedHost;
+using testing::SimulatedRun;
+using testing::Swing;
+
+class BeforeFirst : public RealtimeTest {
+ protected:
+  static void send(SimulatedRun& run, double arrival_s, double for_s, double truth_s) {
+    for (int k = 0; k <= std::lround(100 * for_s); ++k)
+      run.truth(arrival_s + 0.01 * k, Swing::truth(TruthTime{} + nanoseconds(truth_s + 0.01 * k)));
+  }
+};
+
+TEST_F(BeforeFirst, ASensorAtRestIsTakenOverWithoutAGap) {
+  SimulatedRun run(config(1000, "delay_ms = 20", "before_first = \"rest\"\nclock_error_ppm = 200"));
+  send(run, 60, 2, 1000);
+  run.run(62);
+  const std::vector<Left>& left = run.left();
+  ASSERT_GT(left.size(), 61'900U);
+  // Power comes on at the grid's start.
+  expect_grid(left, Grid(1000, 200), left[0].time, 50us);
+  EXPECT_EQ(left[0].sample.time, DeviceTime{0});
+  std::size_t at_rest = 0;
+  for (std::size_t k = 0; k < left.size(); ++k) {
+    const Sample& sample = left[k].sample;
+    const bool rests = run.since_begin(left[k].time) < 60.02;
+    at_rest += rests;
+    ASSERT_EQ(sample.status, rests ? status::at_rest : 0U) << k;
+    if (rests) {
+      ASSERT_EQ(sample.rate, Vector3(0, 0, 0));
+      ASSERT_EQ(sample.specific_force, Vector3(0, 0, -9.80665));
+      ASSERT_LT((sample.delta_velocity - Vector3(0, 0, k == 0 ? 0 : -9.80665e-3)).norm(), 1e-5);
+    }
+  }
+  EXPECT_NEAR(static_cast<double>(at_rest), 60'020 * 1.0002, 5);
+  EXPECT_EQ(run.counters().at_rest, at_rest);
+  EXPECT_EQ(left[at_rest].sample.delta_velocity, Vector3(0, 0, 0)) << "nothing connects rest and truth";
+  EXPECT_NEAR(left[at_rest].sample.rate.z(), Swing::truth(TruthTime{1000'000'000'000}).omega_BN_B.z(), 0.02);
+  EXPECT_EQ(run.counters().held, 0U);
+  EXPECT_EQ(run.quality().stops, 0U);
+}
+
+TEST_F(BeforeFirst, ASilentSensorBeginsWithTheFirstTruth) {
+  SimulatedRun run(config(1000, "delay_ms = 20"));
+  send(run, 5, 1, 7);
+  run.run(6);
+  ASSERT_GT(run.left().size(), 950U);
+  expect_grid(run.left(), Grid(1000), run.at(5.02), 50us);
+  EXPECT_EQ(run.left()[0].sample.time, DeviceTime{7'000'000'000});
+  EXPECT_EQ(run.counters().at_rest, 0U);
+}
+
+// The pty of a product: its frames with their times, and a host that writes at given times.
+class Line final : public Port {
+ public:
+  struct Chunk {
+    HostTime time;
+    std::string bytes;
+  };
+  explicit Line(SimulatedHost& host, std::vector<Chunk>& sent, std::vector<Chunk> host_writes)
+      : host_(host), sent_(sent), host_writes_(std::move(host_writes)) {}
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames)
+      sent_.push_back({host_.now(), {reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size()}});
+    counters_.sent += frames.size();
+  }
+  std::optional<Received> receive() noexcept override {
+    if (next_ == host_writes_.size() || host_writes_[next_].time > host_.now()) return std::nullopt;
+    return Received{{std::as_bytes(std::span(host_writes_[next_++].bytes))}, host_.now()};
+  }
+
+ private:
+  SimulatedHost& host_;
+  std::vector<Chunk>& sent_;
+  std::vector<Chunk> host_writes_;
+  std::size_t next_ = 0;
+};
+
+class ProductBeforeFirst : public BeforeFirst {
+ protected:
+  // Runs `keys` without any truth for `for_s`.
+  std::vector<Line::Chunk> run(const std::string& keys, double for_s,
+                               std::vector<std::pair<double, std::string>> writes = {}) {
+    SimulatedRun run(load_config(write("config.toml",
+                                       "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n"
+                                       "[[imu]]\nport = \"pty:imu\"\n" +
+                                           keys)));
+    std::vector<Line::Chunk> sent, host_writes;
+    for (const auto& [time_s, bytes] : writes) host_writes.push_back({run.at(time_s), bytes});
+    run.make_sensor = [&](SimulatedHost& host) { return std::make_unique<Line>(host, sent, host_writes); };
+    run.run(for_s);
+    replies_ = run.counters().replies;
+    begin_ = run.at(0);
+    return sent;
+  }
+  static std::size_t count(const std::vector<Line::Chunk>& sent, std::string_view begin) {
+    return static_cast<std::size_t>(
+        std::count_if(sent.begin(), sent.end(), [&](const auto& chunk) { return chunk.bytes.starts_with(begin); }));
+  }
+  std::uint64_t replies_ = 0;
+  HostTime begin_;
+};
+
+const std::string ping("\x75\x65\x01\x02\x02\x01\xE0\xC6", 8), pong("\x75\x65\x01\x04\x04\xF1\x01\x00\xD5\x6A", 10);
+
+TEST_F(ProductBeforeFirst, AMipDeviceStreamsAndAnswers) {
+  const auto sent = run("protocol = \"mip\"", 10, {{5, ping}});
+  EXPECT_NEAR(static_cast<double>(count(sent, "\x75\x65\x80")), 1000, 3);
+  EXPECT_EQ(count(sent, pong), 1U);
+  EXPECT_EQ(replies_, 1U);
+}
+
+// A command that was cut off is forgotten, though no sample ever comes.
+TEST_F(ProductBeforeFirst, AMipDeviceForgetsACutCommandWhileItIsSilent) {
+  const auto sent = run("protocol = \"mip\"\nbefore_first = \"silence\"", 10,
+                        {{1, std::string("\x75\x65\x01\xff", 4)}, {3, ping}, {5, ping}, {7, ping}});
+  EXPECT_EQ(count(sent, "\x75\x65\x80"), 0U);
+  EXPECT_EQ(count(sent, pong), 3U);
+}
+
+TEST_F(ProductBeforeFirst, AVectorNavStreamsAndAnswers) {
+  const auto sent = run("protocol = \"vectornav\"", 10, {{5, "$VNRRG,01*72\r\n"}});
+  EXPECT_NEAR(static_cast<double>(count(sent, "$VNYMR,")), 400, 3);
+  EXPECT_EQ(count(sent, "$VNRRG,01,VN-100"), 1U);
+}
+
+// Part number, serial number and configuration after 0.1 s, with measurements or without.
+TEST_F(ProductBeforeFirst, AStim300StartsUp) {
+  constexpr std::array<unsigned char, 3> specials = {0xB1, 0xB5, 0xBC};
+  for (const std::string before : {"rest", "silence"}) {
+    const auto sent = run("protocol = \"stim300\"\nbefore_first = \"" + before + "\"", 3, {{2, "SERVICEMODE\r"}});
+    ASSERT_GT(sent.size(), 3U);
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_EQ(static_cast<unsigned char>(sent[i].bytes[0]), specials[i]);
+      EXPECT_NEAR(seconds(sent[i].time - begin_), 0.102, 0.003);
+    }
+    EXPECT_EQ(count(sent, "\xA7") > 1500, before == "rest");
+    EXPECT_GT(replies_, 0U) << before;
+  }
+}
+
+}  // namespace
+}  // namespace imud

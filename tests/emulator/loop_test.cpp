@@ -1,0 +1,337 @@
+// The order of calls that a device sees, and the loop's waiting and spinning; on a simulated host.
+#include <algorithm>
+#include <deque>
+#include <map>
+
+#include "tests/emulator/realtime_test.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::RealtimeTest;
+using testing::SimulatedHost;
+using testing::SimulatedRun;
+using testing::SimulatedTruth;
+using testing::Swing;
+
+// A device that writes down what happens to it, and wants to be polled each 70 ms.
+class Diary final : public Device {
+ public:
+  struct Entry {
+    char call;  // o: power on, s: sample, r: receive, p: poll, c: clock step, t: trigger
+    DeviceTime time;
+  };
+  static std::vector<Entry> entries;
+
+  void power_on(DeviceTime now) noexcept override {
+    add('o', now);
+    next_ = now + period;
+  }
+  void sample(const Sample& sample, FrameBuffer& out) noexcept override {
+    add('s', sample.time);
+    frame('s', out);
+  }
+  void receive(const Frame&, DeviceTime now, FrameBuffer& replies) noexcept override {
+    add('r', now);
+    frame('r', replies);
+  }
+  std::optional<DeviceTime> deadline() const noexcept override { return next_; }
+  void poll(DeviceTime now, FrameBuffer& out) noexcept override {
+    add('p', now);
+    frame('p', out);
+    next_ = next_ + period;
+  }
+  void step_clock(Nanoseconds by) noexcept override {
+    add('c', DeviceTime{by.count()});
+    next_ = next_ + by;
+  }
+  void trigger(DeviceTime time) noexcept override { add('t', time); }
+
+ private:
+  static constexpr Nanoseconds period{70'000'000};
+  static void add(char call, DeviceTime time) { entries.push_back({call, time}); }
+  static void frame(char letter, FrameBuffer& out) {
+    out.room(1)[0] = static_cast<std::byte>(letter);
+    out.push(1);
+  }
+  DeviceTime next_ = DeviceTime{} + period;
+};
+std::vector<Diary::Entry> Diary::entries;
+
+constexpr Protocol diary_protocol = {
+    .name = "diary",
+    .summary = "",
+    .link = Link::bytes,
+    .document = "",
+    .settings = {},
+    .has_sync_pins = true,
+    .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<Diary>(); },
+    .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return nullptr; },
+};
+
+// The frames that left with their times; `input` is what the host writes, and when.
+struct DiaryPort final : Port {
+  DiaryPort(SimulatedHost& host_, std::vector<std::pair<HostTime, char>>& sent_, std::deque<HostTime> input_)
+      : host(host_), sent(sent_), input(std::move(input_)) {}
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames) sent.emplace_back(host.now(), static_cast<char>(frame.bytes[0]));
+    counters_.sent += frames.size();
+    if (on_send) on_send();
+  }
+  std::optional<Received> receive() noexcept override {
+    if (input.empty() || input.front() > host.now()) return std::nullopt;
+    input.pop_front();
+    return Received{{byte}, host.now()};
+  }
+  SimulatedHost& host;
+  std::vector<std::pair<HostTime, char>>& sent;
+  std::deque<HostTime> input;
+  std::function<void()> on_send;
+  std::array<std::byte, 1> byte{};
+};
+
+class LoopTest : public RealtimeTest {
+ protected:
+  Config diary_config(const std::string& truth, const std::string& imu, double rate_hz = 100) {
+    Config c = config(rate_hz, truth, imu);
+    c.imus[0].protocol = &diary_protocol;
+    Diary::entries.clear();
+    return c;
+  }
+  static void expect_increasing_times() {
+    DeviceTime last{};
+    std::size_t checked = 0;
+    for (const Diary::Entry& entry : Diary::entries) {
+      if (entry.call == 'c') {
+        last = last + Nanoseconds(entry.time.ns);
+        continue;
+      }
+      ASSERT_GE(entry.time, last) << entry.call << ' ' << checked;
+      last = entry.time;
+      ++checked;
+    }
+    EXPECT_GT(checked, 100U);
+  }
+  static std::size_t count(char call) {
+    return static_cast<std::size_t>(
+        std::ranges::count_if(Diary::entries, [call](const auto& entry) { return entry.call == call; }));
+  }
+};
+
+// Whatever comes from where, and after a hold-up of the host: the device's time never decreases, and each deadline is
+// polled at its own time.
+TEST_F(LoopTest, ADevicesTimesIncrease) {
+  for (const std::string before : {"silence", "rest"}) {
+    SimulatedRun run(diary_config("delay_ms = 20", "before_first = \"" + before + "\"\nclock_error_ppm = 5000"));
+    std::vector<std::pair<HostTime, char>> sent;
+    std::deque<HostTime> input;
+    for (int i = 0; i < 1400; ++i) input.push_back(run.at(0.0028 * i));
+    run.make_sensor = [&](SimulatedHost& host) { return std::make_unique<DiaryPort>(host, sent, input); };
+    for (int k = 0; k <= 250; ++k) run.truth(1.5 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
+    run.host().freeze(run.at(2.5), run.at(2.8));
+    run.run(4);
+    expect_increasing_times();
+    EXPECT_EQ(count('o'), 1U) << before;
+    EXPECT_EQ(count('c'), before == "silence" ? 1U : 0U);
+    EXPECT_NEAR(static_cast<double>(count('r')), 1390, 20);
+    EXPECT_NEAR(static_cast<double>(count('p')), 4 / 0.07, 2);
+    EXPECT_NEAR(static_cast<double>(count('s')), before == "silence" ? 248 : 400, 6);
+    // Each deadline is 70 ms of the device's clock after the one before.
+    DeviceTime due{};
+    for (const Diary::Entry& entry : Diary::entries) {
+      if (entry.call == 'c') due = due + Nanoseconds(entry.time.ns);
+      if (entry.call != 'p') continue;
+      due = due + 70ms;
+      ASSERT_EQ(entry.time, due);
+    }
+    // What the device sends by itself leaves then, by the host's clock.
+    HostTime last{};
+    std::size_t even = 0;
+    for (const auto& [time, letter] : sent) {
+      if (letter != 'p') continue;
+      even += std::abs(seconds(time - std::exchange(last, time)) - 0.07 / 1.005) < 2.5e-3;
+    }
+    EXPECT_GE(even, count('p') - 8) << "all but those of the hold-up";
+  }
+}
+
+TEST_F(LoopTest, PowerGoesOffAndOnBetweenTwoSamplesOnly) {
+  SimulatedRun run(diary_config("delay_ms = 20", "", 1000));
+  std::vector<std::pair<HostTime, char>> sent;
+  run.make_sensor = [&](SimulatedHost& host) {
+    auto port = std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
+    // While the port is written to, the next samples of the same instant are prepared.
+    port->on_send = [&, n = 0]() mutable {
+      if (++n % 100 == 0) run.session().request_power_cycle();
+    };
+    return port;
+  };
+  for (int k = 0; k <= 300; ++k) run.truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
+  run.run(3);
+  EXPECT_NEAR(static_cast<double>(count('o')), 29, 2);
+  expect_increasing_times();
+}
+
+TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
+  Config c = diary_config("delay_ms = 20\nextrapolate_ms = 50\nwhen_stopped = \"silence\"", "");
+  c.imus[0].sync.trigger_port = "udp:127.0.0.1:9811";
+  SimulatedHost host;
+  const HostTime begin = host.now();
+  std::vector<std::pair<HostTime, char>> sent;
+  std::deque<HostTime> edges = {begin + 500ms, begin + 1500ms, begin + 2500ms};
+  for (int k = 0; k <= 300; ++k) {
+    if (k > 100 && k < 200) continue;
+    std::vector<std::byte> bytes(native_truth_size);
+    encode_native_truth(Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}),
+                        std::span<std::byte, native_truth_size>(bytes));
+    host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
+  }
+  host.end = begin + 3s;
+  Session session(c, [&](std::string_view name, const PortSettings& port) -> std::unique_ptr<Port> {
+    if (name == c.imus[0].sync.trigger_port) return std::make_unique<DiaryPort>(host, sent, edges);
+    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host);
+    return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
+  });
+  const auto pacer = make_pacer(c, session.quality());
+  Loop(session, host, *pacer, {}, host.stop).run();
+  EXPECT_GT(session.channels()[0]->counters().silent, 80U);
+  EXPECT_EQ(count('t'), 2U) << "those of 0.5 s and 2.5 s";
+}
+
+TEST_F(LoopTest, SpinsAsLongAsItIsTold) {
+  for (const bool capture : {false, true}) {
+    Config c = config(200, "delay_ms = 20");
+    SimulatedHost host;
+    const HostTime begin = host.now();
+    host.end = begin + 2s;
+    for (int k = 0; k <= 300; ++k) {
+      std::vector<std::byte> bytes(native_truth_size);
+      encode_native_truth(Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}),
+                          std::span<std::byte, native_truth_size>(bytes));
+      host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
+    }
+    std::vector<std::pair<HostTime, char>> sent;
+    Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
+      if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, capture);
+      return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
+    });
+    CapturePacer by_capture;
+    HostPacer by_host(c.truth.clock, 100ms, session.quality());
+    Pacer& pacer = capture ? static_cast<Pacer&>(by_capture) : by_host;
+    Loop(session, host, pacer, {.spin = 150us, .limit = {}, .live = !capture}, host.stop).run();
+    ASSERT_GT(sent.size(), 350U);
+    EXPECT_GE(host.spun(), 150us * (sent.size() - 2)) << capture;
+  }
+}
+
+// The second run of a capture begins when its first truth is read, not when the first run began.
+TEST_F(LoopTest, EachRunOfAPacedCaptureHasItsOwnBegin) {
+  Config c = config(100, "");
+  SimulatedHost host;
+  const HostTime begin = host.now();
+  host.end = begin + 100s;
+  for (int run = 0; run < 2; ++run)
+    for (int k = 0; k <= 150; ++k) {
+      Truth truth = Swing::truth(TruthTime{10'000'000 * std::int64_t{k}});
+      truth.new_run = k == 0;
+      std::vector<std::byte> bytes(native_truth_size);
+      encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));
+      host.arrivals.push_back({begin, std::move(bytes)});
+    }
+  std::vector<std::pair<HostTime, char>> sent;
+  Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
+    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true, 0ns);
+    return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
+  });
+  CapturePacer pacer;
+  Loop(session, host, pacer, {.spin = {}, .limit = {}, .live = false}, host.stop).run();
+  ASSERT_EQ(sent.size(), 302U);
+  for (std::size_t k = 1; k < sent.size(); ++k) {
+    const Nanoseconds step = sent[k].first - sent[k - 1].first;
+    if (k == 151) {
+      EXPECT_LT(step, 1ms);
+    } else {
+      EXPECT_EQ(step, 10ms) << k;
+    }
+  }
+}
+
+// Bad datagrams that come faster than they can be taken cost the samples little, from the first one on.
+TEST_F(LoopTest, AFloodFasterThanTheLoopDelaysFewSamples) {
+  SimulatedRun run(config(1000, ""));
+  for (int k = 0; k <= 200; ++k) run.truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
+  for (int i = 0; i < 600'000; ++i) run.garbage(0.5 + 1e-6 * i);
+  run.run(2.1);
+  ASSERT_GT(run.left().size(), 1990U);
+  EXPECT_LT(run.counters().missed, 20U);
+}
+
+// A sensor far behind fast truth: the timeline keeps what the sensor still needs, and the rest of the truth waits.
+TEST_F(LoopTest, TruthWaitsWhileTheTimelineIsFull) {
+  SimulatedRun run(config(100, "delay_ms = 1000"));
+  for (int k = 0; k <= 8000; ++k) {
+    Truth truth = Swing::truth(TruthTime{std::int64_t{500'000} * k});
+    truth.sequence = static_cast<std::uint32_t>(k);
+    run.truth(0.1 + 0.0005 * k, truth);
+  }
+  run.run(4);
+  ASSERT_GT(run.left().size(), 280U);
+  EXPECT_EQ(run.counters().extrapolated, 0U);
+  for (const auto& r : navigate(run.left(), 0)) {
+    ASSERT_LE(r.time_s, run.since_begin(r.host) - 1.1 + 1e-3);  // later: truth that waits arrives late
+    ASSERT_NEAR(r.angle, Swing::angle(r.time_s), 1e-6);
+  }
+}
+
+// More truths between two samples than the timeline keeps, where truth paces: the slow imu is advanced in between.
+TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
+  Config c = config(0.5, "");
+  SimulatedHost host;
+  host.end = host.now() + 100s;
+  for (int k = 0; k <= 12'000; ++k) {
+    Truth truth = Swing::truth(TruthTime{std::int64_t{1'000'000} * k});
+    truth.sequence = static_cast<std::uint32_t>(k);
+    std::vector<std::byte> bytes(native_truth_size);
+    encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));
+    host.arrivals.push_back({host.now(), std::move(bytes)});
+  }
+  std::vector<testing::Left> left;
+  Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
+    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true);
+    return std::make_unique<testing::SimulatedSensor>(host, left);
+  });
+  TruthPacer pacer;
+  Loop(session, host, pacer, {.spin = {}, .limit = {}, .live = false}, host.stop).run();
+  ASSERT_EQ(left.size(), 7U);
+  for (const auto& r : navigate(left, 0)) EXPECT_NEAR(r.angle, Swing::angle(r.time_s), 1e-9);
+}
+
+// The sensor's own clock stamps nominal periods in every mode, whatever its error: here it is one per cent fast.
+TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
+  Config c = config(100, "", "clock_error_ppm = 10000");
+  SimulatedHost host;
+  host.end = host.now() + 100s;
+  for (int k = 0; k <= 100; ++k) {
+    std::vector<std::byte> bytes(native_truth_size);
+    encode_native_truth(Swing::truth(TruthTime{5'000'000'000 + std::int64_t{10'000'000} * k}),
+                        std::span<std::byte, native_truth_size>(bytes));
+    host.arrivals.push_back({host.now(), std::move(bytes)});
+  }
+  std::vector<testing::Left> left;
+  Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
+    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true);
+    return std::make_unique<testing::SimulatedSensor>(host, left);
+  });
+  TruthPacer pacer;
+  Loop(session, host, pacer, {.spin = {}, .limit = {}, .live = false}, host.stop).run();
+  ASSERT_EQ(left.size(), 102U) << "101 a second";
+  for (std::size_t k = 0; k < left.size(); ++k) {
+    EXPECT_EQ(left[k].sample.time.ns, 5'000'000'000 + static_cast<std::int64_t>(k) * 10'000'000);
+    const double true_s = 5 + 0.01 / 1.01 * static_cast<double>(k);
+    EXPECT_NEAR(left[k].sample.rate.z(), Swing::truth(TruthTime{} + nanoseconds(true_s)).omega_BN_B.z(), 1e-4);
+  }
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,118 @@
+// The clocks differ in who says "now", and in no byte: every protocol in real time, in lockstep and fast, with a
+// clock error and a phase, on a simulated host.
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "tests/emulator/realtime_test.hpp"
+#include "tests/protocols/table_names.hpp"
+
+namespace imud {
+namespace {
+
+using testing::RealtimeTest;
+using testing::SimulatedHost;
+using testing::SimulatedTruth;
+using testing::Swing;
+
+// Everything that a port was given, each frame with its identifier; gives the device its host's bytes after some of
+// it.
+class RecordingPort final : public Port {
+ public:
+  RecordingPort(std::string& record, std::string host_bytes) : record_(record), host_bytes_(std::move(host_bytes)) {}
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames) {
+      record_ += fmt::format("{:x}:", frame.can.id);
+      record_.append(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
+    }
+    counters_.sent += frames.size();
+  }
+  bool has_input() const noexcept { return counters_.sent >= 500 && !host_bytes_.empty(); }
+  int descriptor() const noexcept override { return 1001; }
+  std::optional<Received> receive() noexcept override {
+    if (!has_input()) return std::nullopt;
+    received_ = std::move(host_bytes_);
+    host_bytes_.clear();
+    return Received{{std::as_bytes(std::span(received_))}, {}};
+  }
+
+ private:
+  std::string& record_;
+  std::string host_bytes_, received_;
+};
+
+class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<const Protocol*> {
+ protected:
+  static std::string host_bytes(std::string_view protocol) {
+    if (protocol == "vectornav") return "$VNRRG,01*72\r\n$VNWRG,06,1*6D\r\n";
+    if (protocol == "stim300") return "N\rSERVICEMODE\rs\rx\r";
+    if (protocol == "mip") return std::string("\x75\x65\x01\x02\x02\x01\xE0\xC6", 8);
+    return "";
+  }
+
+  // Six seconds of truth; a run begins anew in between if `restarts`.
+  std::string record(ClockMode clock, bool capture, bool restarts) {
+    const Protocol& protocol = *GetParam();
+    const bool can = protocol.link == Link::can;
+    Config config = load_config(write(
+        "config.toml",
+        fmt::format("clock = \"realtime\"\nseed = 5\n[truth]\nport = \"udp:127.0.0.1:9810\"\ndelay_ms = 30\n[[imu]]\n"
+                    "protocol = \"{}\"\nport = \"{}\"\nclock_error_ppm = 300\nphase_us = 137\n"
+                    "before_first = \"silence\"\ngyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n{}",
+                    protocol.name, can ? "can:vcan0" : "pty:imu", protocol.product ? "" : "rate_hz = 400\n") +
+            (protocol.name == "stim300" ? "device.start_up = false\n" : "")));
+    config.clock = clock;
+    SimulatedHost host;
+    const HostTime begin = host.now();
+    for (int run = 0; run < (restarts ? 2 : 1); ++run)
+      for (int k = 0; k <= 600; ++k) {
+        Truth truth = Swing::truth(TruthTime{10'000'000 * std::int64_t{k + 300}});
+        truth.new_run = k == 0;
+        std::vector<std::byte> bytes(native_truth_size);
+        encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));
+        host.arrivals.push_back({begin + nanoseconds(0.1 + 0.01 * k + 10 * run), std::move(bytes)});
+      }
+    // In real time the last truths are not sampled any more.
+    host.end = begin + std::chrono::seconds(clock == ClockMode::realtime && !capture ? 6 : 100);
+    std::string record;
+    Session session(config, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
+      if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, capture, Nanoseconds{0});
+      auto recording = std::make_unique<RecordingPort>(record, host_bytes(protocol.name));
+      host.is_readable = [recording = recording.get()](int) { return recording->has_input(); };
+      return recording;
+    });
+    std::unique_ptr<Pacer> pacer = std::make_unique<TruthPacer>();
+    if (clock == ClockMode::realtime && capture) pacer = std::make_unique<CapturePacer>();
+    if (clock == ClockMode::realtime && !capture) pacer = make_pacer(config, session.quality());
+    Loop(session, host, *pacer, {.spin = {}, .limit = {}, .live = clock == ClockMode::realtime && !capture},
+         host.stop)
+        .run();
+    EXPECT_EQ(session.channels()[0]->counters().extrapolated, 0U);
+    EXPECT_GT(session.channels()[0]->counters().samples, restarts ? 4700U : 2300U);
+    return record;
+  }
+};
+
+TEST_P(ThreeClocks, GiveTheSameBytes) {
+  const std::string fast = record(ClockMode::fast, true, false);
+  EXPECT_GT(fast.size(), 20'000U);
+  EXPECT_TRUE(record(ClockMode::lockstep, false, false) == fast);
+  EXPECT_TRUE(record(ClockMode::realtime, true, false) == fast) << "a capture at its own pace";
+  const std::string live = record(ClockMode::realtime, false, false);
+  EXPECT_GT(live.size(), fast.size() * 95 / 100);
+  EXPECT_TRUE(fast.starts_with(live)) << std::mismatch(live.begin(), live.end(), fast.begin()).first - live.begin();
+}
+
+// A second run sets the sensor's clock to its own first truth: in the clocks that truth paces.
+TEST_P(ThreeClocks, GiveTheSameBytesOverARestart) {
+  const std::string fast = record(ClockMode::fast, true, true);
+  EXPECT_GT(fast.size(), 30'000U);
+  EXPECT_TRUE(record(ClockMode::lockstep, false, true) == fast);
+  EXPECT_TRUE(record(ClockMode::realtime, true, true) == fast);
+}
+
+INSTANTIATE_TEST_SUITE_P(Table, ThreeClocks, ::testing::ValuesIn(protocols().begin(), protocols().end()),
+                         test_name<Protocol>);
+
+}  // namespace
+}  // namespace imud
