@@ -134,7 +134,7 @@ bool Channel::serve(HostTime now) noexcept {
     }
     apply_uart();
   }
-  publish();
+  if (received > 0 || port_->state() != counters_.port_state.load(std::memory_order_relaxed)) publish();
   return may_wait;
 }
 
@@ -162,6 +162,7 @@ bool Channel::holds_back() const noexcept {
 
 void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
+  if (port_->descriptor() < 0) return;  // a file, which takes all, or a port that is lost
   HostTime progress = host_now();
   std::uint64_t sent = port_->counters().sent;
   while (!stop.load(std::memory_order_relaxed)) {

@@ -38,6 +38,7 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
       intake_(session.intake()),
       timeline_(session.timeline()),
       paced_(pacer.is_paced()),
+      waits_for_truth_(pacer.waits_for_truth()),
       schedule_(grids(session)),
       budget_(most_truths) {
   prepared_.reserve(session.channels().size());
@@ -59,9 +60,13 @@ void Loop::run() noexcept {
 }
 
 void Loop::round() noexcept {
-  if (truth_waits_ && wants_truth()) take_truth();
-  if (ended_) return;
-  if (pacer_.waits_for_truth() && wants_truth()) {
+  bool wants = wants_truth();
+  if (wants && truth_waits_) {
+    take_truth();
+    if (ended_) return;
+    wants = wants_truth();
+  }
+  if (wants && waits_for_truth_) {
     if (!truth_waits_) wait(host_.now() + between_looks);
     return;
   }
@@ -83,7 +88,7 @@ void Loop::round() noexcept {
 
 // Live truth is always wanted; where samples wait for it, only when the next one needs it.
 bool Loop::wants_truth() const noexcept {
-  if (!pacer_.waits_for_truth()) return true;
+  if (!waits_for_truth_) return true;
   return prepared_.empty() && (!session_.in_run() || pacer_.truth(next_due()) > last_to_sample());
 }
 
@@ -96,16 +101,17 @@ TruthTime Loop::last_to_sample() const noexcept {
 // No sample before this time will be taken any more.
 TruthTime Loop::earliest_sample() noexcept {
   if (!session_.in_run()) return session_.watermark();
-  if (pacer_.waits_for_truth()) return timeline_.newest();
+  if (waits_for_truth_) return timeline_.newest();
   return std::max(session_.watermark(), pacer_.use(std::min(host_.now(), next_due())));
 }
 
 void Loop::take_truth() noexcept {
   more_truth_ = has_room_ = true;
   int taken = 0;
-  if (pacer_.waits_for_truth()) settle();
-  while (more_truth_ && !ended_ && taken < budget_ && wants_truth() && !is_due() &&
-         (has_room_ = session_.has_room_for_truth(earliest_sample()))) {
+  if (waits_for_truth_) settle();
+  // Where samples wait for truth there is room for it: settle() advances the imus.
+  for (bool wants = true; wants && more_truth_ && !ended_ && taken < budget_ && !is_due() &&
+                          (has_room_ = waits_for_truth_ || session_.has_room_for_truth(earliest_sample()));) {
     const TruthIntake::Outcome outcome = intake_.take(session_.watermark());
     ++taken;
     more_truth_ = outcome != TruthIntake::Outcome::nothing;
@@ -118,11 +124,12 @@ void Loop::take_truth() noexcept {
       if (begins) forget_past();
     }
     if (begins) begin_run();
-    if (wants_truth()) settle();
+    wants = wants_truth();
+    if (wants) settle();
   }
   ended_ = ended_ || (!more_truth_ && intake_.at_end());
   // A capture has no descriptor to wait for.
-  truth_waits_ = more_truth_ || (pacer_.waits_for_truth() && intake_.descriptor() < 0);
+  truth_waits_ = more_truth_ || (waits_for_truth_ && intake_.descriptor() < 0);
   budget_ = more_truth_ ? std::max(most_in_flood, budget_ - taken) : most_truths;
   if (more_truth_ || !std::exchange(unreviewed_, false)) return;
   if (pacer_.review(timeline_.newest(), host_.now())) return;
@@ -133,7 +140,7 @@ void Loop::take_truth() noexcept {
 // The samples that the truth so far allows have left, or leave by the host's clock.
 void Loop::settle() noexcept {
   if (std::exchange(unsettled_, false)) session_.advance(earliest_sample());
-  if (pacer_.waits_for_truth() && session_.in_run()) {
+  if (waits_for_truth_ && session_.in_run()) {
     session_.raise_watermark(timeline_.newest());
     ended_ = last_to_sample() < timeline_.newest();
   }
@@ -173,7 +180,7 @@ void Loop::forget_past() noexcept {
 void Loop::wait(HostTime until) noexcept {
   session_.poll(host_.now());
   until = std::min(until, session_.next_wake().value_or(until));
-  const bool flood = more_truth_ && has_room_ && !pacer_.waits_for_truth();
+  const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
   if (flood) until = std::min(until, host_.now() + pause);
   // poll() is not to return for truth that there is no time, or no room, to take.
   const std::span<pollfd> inputs = session_.inputs(!more_truth_ && wants_truth());
@@ -224,7 +231,7 @@ void Loop::transmit(HostTime now) noexcept {
       channel->transmit();
       channel->note_times(begin - due_, host_.now() - begin);
     }
-    if (!pacer_.waits_for_truth() && !is_at_rest(due_))
+    if (!waits_for_truth_ && !is_at_rest(due_))
       session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
   }
   for (Channel* channel : prepared_) channel->count_sample();

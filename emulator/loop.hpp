@@ -57,7 +57,8 @@ class Loop {
   const std::atomic<bool>& stop_;
   TruthIntake& intake_;
   Timeline& timeline_;
-  const bool paced_;  // by the host's clock
+  const bool paced_;            // by the host's clock
+  const bool waits_for_truth_;  // samples do
   Schedule schedule_;
   HostTime origin_;                 // of the schedule
   HostTime first_truth_;            // the instant at which the first truth is sampled; before, a vehicle at rest

@@ -89,6 +89,7 @@ bool Session::serve_inputs(HostTime now) noexcept {
 }
 
 void Session::serve_all(HostTime now) noexcept {
+  intake_.poll(now);
   for (const auto& channel : channels_) {
     channel->serve(now);
     channel->poll(now);
@@ -131,7 +132,8 @@ void Session::drain() noexcept {
 }
 
 void Session::cycle_power_if_requested(HostTime now) noexcept {
-  if (!power_cycle_.exchange(false, std::memory_order_relaxed)) return;
+  if (!power_cycle_.load(std::memory_order_relaxed)) return;
+  power_cycle_.store(false, std::memory_order_relaxed);
   for (const auto& channel : channels_) channel->cycle_power(now);
 }
 

@@ -92,7 +92,8 @@ TruthResult Columns::split(std::string_view row) noexcept {
 }
 
 TruthResult Columns::read(std::size_t first, double& number) const noexcept {
-  const auto parsed = parse_real(field(first));
+  std::optional<double> parsed = parse_real(fields_[first]);
+  if (!parsed) parsed = parse_real(field(first));  // as spreadsheets quote numbers
   if (!parsed) return TruthResult::bad_number;
   number = *parsed;
   return TruthResult::ok;

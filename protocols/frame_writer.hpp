@@ -42,14 +42,15 @@ class FrameWriter {
     for (int i = 0; i < 3; ++i) put(vector[i]);
   }
   void put_text(std::string_view text) noexcept { put_bytes(text.data(), text.size()); }
-  // The lowest `bytes` bytes, big-endian.
+  // The lowest `bytes` bytes, 1 to 8, big-endian.
   void put_low_bytes(std::uint64_t number, unsigned bytes) noexcept {
     static_assert(Order == boost::endian::order::big);
-    for (unsigned i = bytes; i-- > 0;) put(static_cast<std::uint8_t>(number >> (8 * i)));
+    const std::uint64_t ordered = boost::endian::native_to_big(number << (64 - 8 * bytes));
+    put_bytes(&ordered, bytes);
   }
   // In two's complement of so many bytes, to the nearest, up to its ends.
   void put_rounded(double number, unsigned bytes) noexcept {
-    const double end = std::ldexp(1.0, static_cast<int>(8 * bytes - 1));
+    const auto end = static_cast<double>(std::uint64_t{1} << (8 * bytes - 1));
     put_low_bytes(static_cast<std::uint64_t>(std::llround(std::clamp(number, -end, end - 1))), bytes);
   }
   void fill(std::size_t size) noexcept {  // with zeros up to there
