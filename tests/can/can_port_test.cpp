@@ -173,7 +173,7 @@ TEST_F(Can, BusOffIsALossUntilTheControllerRestarts) {
 TEST_F(Can, RealDriverInBusOff) {
   LineController controller;
   ASSERT_TRUE(ip(fmt::format("link set {} txqueuelen 10 up type can bitrate 500000", controller.name)));
-  const auto port = open(controller.name);
+  const auto port = open(controller.name + "?max_age_ms=60000");
   for (std::uint8_t i = 0; i < 10; ++i) send_sample(*port, i, 3);
   ASSERT_TRUE(drain(*port));
   EXPECT_EQ(port->counters().sent, 30U);
