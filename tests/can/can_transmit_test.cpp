@@ -105,15 +105,18 @@ TEST_F(Can, OldSamplesAreNotSentWhenABusMovesAgain) {
 TEST_F(Can, AFullSendBufferWaitsForPoll) {
   LineController controller;
   ASSERT_TRUE(ip(fmt::format("link set {} txqueuelen 1000 up type can bitrate 500000", controller.name)));
-  const auto port = open(controller.name, Delivery::complete);
+  const auto port = open(controller.name + "?max_age_ms=1", Delivery::complete);
   controller.reading = false;
   std::uint64_t handed = 0;
   for (; !port->wants_output() && handed < 10'000; handed += 60) send_sample(*port, 1, 60);
+  send_sample(*port, 2, 60);  // none of which can leave
+  handed += 60;
   EXPECT_TRUE(port->wants_output());
   EXPECT_EQ(port->next_flush(), std::nullopt);
   EXPECT_EQ(port->counters().dropped, 0U);
   pollfd room{port->descriptor(), POLLOUT, 0};
   EXPECT_EQ(::poll(&room, 1, 0), 0);
+  std::this_thread::sleep_for(30ms);  // which would be too old in realtime
   controller.reading = true;
   EXPECT_EQ(::poll(&room, 1, 20'000), 1);
   ASSERT_TRUE(drain(*port));
