@@ -1,0 +1,191 @@
+// Hashes of what every product sends during the captured flight, compared with those in a file. It needs core,
+// protocols and the standard library alone, so that it runs wherever these can be cross-compiled to.
+//
+//   run_hashes CAPTURE.pcap HASHES
+//
+// A line of HASHES is a 64-bit FNV-1a hash, the number of frames, a protocol and its settings (key=value ...). Exit
+// code 1 if a line does not hold; the lines as they would be right go to standard output.
+#include <cstring>
+#include <fstream>
+#include <iomanip>
+#include <iostream>
+#include <iterator>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/attitude.hpp"
+#include "core/imu.hpp"
+#include "core/timeline.hpp"
+#include "core/units.hpp"
+#include "protocols/protocol.hpp"
+#include "protocols/truth_format.hpp"
+
+namespace imud {
+namespace {
+
+class Hash {
+ public:
+  void add(std::span<const std::byte> bytes) {
+    for (const std::byte byte : bytes) value_ = (value_ ^ std::to_integer<std::uint64_t>(byte)) * 0x100000001b3U;
+  }
+  void add(std::uint32_t number) {
+    for (int shift = 0; shift < 32; shift += 8) {
+      const std::byte byte{static_cast<std::uint8_t>(number >> shift)};
+      add({&byte, 1});
+    }
+  }
+  std::uint64_t value() const { return value_; }
+
+ private:
+  std::uint64_t value_ = 0xcbf29ce484222325U;
+};
+
+std::string read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw std::runtime_error(path + ": cannot be read");
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// The truths of a capture in JSBSim's format: a pcap file of Ethernet frames, little-endian, IPv4 without options.
+std::vector<Truth> read_flight(const std::string& path) {
+  constexpr std::size_t file_header = 24, record_header = 16, packet_headers = 14 + 20 + 8;
+  const std::string pcap = read_file(path);
+  const TruthFormat& format = *find_truth_format("jsbsim");
+  const std::unique_ptr<TruthDecoder> decoder = format.make(Settings(format.settings));
+  std::vector<Truth> truths;
+  std::uint32_t size = 0;
+  for (std::size_t at = file_header; at + record_header <= pcap.size(); at += record_header + size) {
+    std::memcpy(&size, pcap.data() + at + 8, sizeof size);
+    const std::span packet(pcap.data() + at + record_header, size);
+    Truth truth;
+    if (decoder->decode(std::as_bytes(packet.subspan(packet_headers)), truth) == TruthResult::ok)
+      truths.push_back(truth);
+  }
+  return truths;
+}
+
+// The imu "every-effect" of the regression run, and the sensors that its protocol does not carry: so the hash of
+// `native` is also that of the regression's file.
+ImuModel every_effect() {
+  ImuModel model;
+  model.r_SB_B = Vector3(0.5, -0.25, 1.0);
+  model.dcm_PB = dcm_from_yaw_pitch_roll(90 * units::degree, 10 * units::degree, -5 * units::degree);
+  model.gyro.scale_factor = Vector3(1.001, 0.999, 1.0005);
+  model.gyro.bias = Vector3(0.001, -0.002, 0.0005);
+  model.gyro.walk_transition = Vector3(0.9, 0.99, 1.0).asDiagonal();
+  model.gyro.walk_sqrt_cov << 1e-4, 0, 0, 2e-5, 1e-4, 0, 0, 0, 1e-5;
+  model.gyro.walk_bound = Vector3(0, 1e-3, 1e-4);
+  model.gyro.lsb = 1e-5;
+  model.gyro.rounding = Rounding::nearest;
+  model.gyro.carry = true;
+  model.gyro.max = 0.015;
+  model.accelerometer.scale_factor = Vector3(0.998, 1.001, 1.002);
+  model.accelerometer.bias = Vector3(0.01, -0.02, 0.03);
+  model.accelerometer.walk_transition = Matrix3::Zero();
+  model.accelerometer.walk_sqrt_cov = Vector3::Constant(0.02).asDiagonal();
+  model.accelerometer.lsb = 1e-3;
+  model.accelerometer.max = 10;
+  model.delta_angle = DeltaAngle::integral;
+  model.delta_velocity = DeltaVelocity::integral;
+  model.temperature_c = 31.5;
+  model.magnetometer = TriadErrors::white(1e-9, 200, 1e-3);
+  model.barometer.noise = 3;
+  return model;
+}
+
+// The frames of `device` in the flight.
+class Run {
+ public:
+  Run(Device& device, double rate_hz, Link link) : device_(device), grid_(rate_hz), is_can_(link == Link::can) {}
+
+  void over(const std::vector<Truth>& flight) {
+    Timeline timeline;
+    Imu imu(every_effect(), 20261120, stream_id("every-effect"));
+    for (const Truth& truth : flight) {
+      const Admission admission = timeline.push(truth);
+      if (admission != Admission::accepted && admission != Admission::new_run)
+        throw std::runtime_error("a truth was refused");
+      for (; timeline.run_start() + grid_.offset(imu.next()) <= timeline.newest();) {
+        const TruthTime instant = timeline.run_start() + grid_.offset(imu.next());
+        const DeviceTime now{instant.ns};
+        for (auto due = device_.deadline(); due && *due <= now; due = device_.deadline())
+          add([&] { device_.poll(*due, *frames_); });
+        const Sample sample = imu.sample(timeline, instant, now);
+        add([&] { device_.sample(sample, *frames_); });
+      }
+    }
+  }
+
+  std::uint64_t hash() const { return hash_.value(); }
+  std::size_t frames() const { return count_; }
+
+ private:
+  template <class Call>
+  void add(Call&& call) {
+    frames_->clear();
+    call();
+    for (const Frame& frame : frames_->frames()) {
+      if (is_can_) hash_.add(frame.can.id);
+      hash_.add(frame.bytes);
+    }
+    count_ += frames_->frames().size();
+  }
+
+  Device& device_;
+  Grid grid_;
+  bool is_can_;
+  std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
+  Hash hash_;
+  std::size_t count_ = 0;
+};
+
+// The line that is right for the protocol and settings of `line`.
+std::string right_line(const std::string& line, const std::vector<Truth>& flight) {
+  std::istringstream words(line);
+  std::string hash, frames, name;
+  words >> hash >> frames >> name;
+  const Protocol* protocol = find_protocol(name);
+  if (protocol == nullptr) throw std::runtime_error("no protocol in: " + line);
+  Settings settings(protocol->settings);
+  std::ostringstream right;
+  for (std::string setting; words >> setting; right << ' ' << setting) {
+    const std::size_t equals = setting.find('=');
+    settings.set_text(setting.substr(0, equals), setting.substr(equals + 1));
+  }
+  const std::unique_ptr<Device> device = protocol->make(settings);
+  Run run(*device, protocol->product != nullptr ? protocol->product(settings).rate_hz : 200, protocol->link);
+  run.over(flight);
+  std::ostringstream begin;
+  begin << std::hex << std::setfill('0') << std::setw(16) << run.hash() << std::dec << ' ' << run.frames() << ' '
+        << name;
+  return begin.str() + right.str();
+}
+
+int check(const std::string& capture, const std::string& hashes) {
+  const std::vector<Truth> flight = read_flight(capture);
+  if (flight.size() != 2001) throw std::runtime_error(std::to_string(flight.size()) + " truths in " + capture);
+  std::istringstream lines(read_file(hashes));
+  int right = 0, wrong = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line.front() == '#') continue;
+    const std::string wanted = right_line(line, flight);
+    ++(wanted == line ? right : wrong);
+    std::cout << wanted << (wanted == line ? "" : "    # not as before") << '\n';
+  }
+  if (right + wrong < 10) throw std::runtime_error("fewer than 10 lines in " + hashes);
+  return wrong == 0 ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace imud
+
+int main(int argc, char** argv) try {
+  if (argc != 3) throw std::runtime_error("usage: run_hashes CAPTURE.pcap HASHES");
+  return imud::check(argv[1], argv[2]);
+} catch (const std::exception& error) {
+  std::cerr << "run_hashes: " << error.what() << '\n';
+  return 1;
+}
