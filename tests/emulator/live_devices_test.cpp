@@ -83,8 +83,8 @@ TEST_F(DeviceTest, AfterAReplyASlowReaderMissesNothing) {
   const FileDescriptor client = open_client();
   say(client, "$VNRRG,01*72\r\n");
   ASSERT_EQ(count(listen(client, 20), "$VNRRG,01,"), 1U);
-  constexpr int truths = 200;  // 20 s of 40 messages of some 120 bytes: four times what a pty holds
-  for (int i = 1; i <= truths; ++i)
+  constexpr std::uint32_t truths = 200;  // 20 s of 40 messages of some 120 bytes: four times what a pty holds
+  for (std::uint32_t i = 1; i <= truths; ++i)
     simulator_.send(Simulator::encode(Simulator::truth(10 * (sequence_ - 1) + 100 * i, sequence_ + i, true)));
   std::string bytes;
   std::array<char, 256> buffer;
