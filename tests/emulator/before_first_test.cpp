@@ -89,9 +89,10 @@ class Line final : public Port {
 
 class ProductBeforeFirst : public BeforeFirst {
  protected:
-  // Runs `keys` without any truth for `for_s`.
+  // Runs `keys` for `for_s`; without any truth, unless `send_truth` sends some.
   std::vector<Line::Chunk> run(const std::string& keys, double for_s,
-                               std::vector<std::pair<double, std::string>> writes = {}) {
+                               std::vector<std::pair<double, std::string>> writes = {},
+                               void (*send_truth)(SimulatedRun& run) = nullptr) {
     SimulatedRun run(load_config(write("config.toml",
                                        "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n"
                                        "[[imu]]\nport = \"pty:imu\"\n" +
@@ -99,6 +100,7 @@ class ProductBeforeFirst : public BeforeFirst {
     std::vector<Line::Chunk> sent, host_writes;
     for (const auto& [time_s, bytes] : writes) host_writes.push_back({run.at(time_s), bytes});
     run.make_sensor = [&](SimulatedHost& host) { return std::make_unique<Line>(host, sent, host_writes); };
+    if (send_truth != nullptr) send_truth(run);
     run.run(for_s);
     replies_ = run.counters().replies;
     begin_ = run.at(0);
@@ -148,6 +150,55 @@ TEST_F(ProductBeforeFirst, AStim300StartsUp) {
     EXPECT_EQ(count(sent, "\xA7") > 1500, before == "rest");
     EXPECT_GT(replies_, 0U) << before;
   }
+}
+
+// The numbers and times on the wire go on when the simulator starts, when it stops, and when it starts again.
+class Takeover : public ProductBeforeFirst {
+ protected:
+  static void starts_twice(SimulatedRun& run) {
+    send(run, 5, 2, 1000);
+    send(run, 9, 2, 0);
+  }
+  // The big-endian or little-endian number of `size` bytes at `at` in each frame that begins with `begin`; `at`
+  // counts from the frame's end if it is negative.
+  std::vector<std::uint64_t> numbers(const std::string& keys, std::string_view begin, int at, std::size_t size,
+                                     bool is_big) {
+    std::vector<std::uint64_t> all;
+    for (const Line::Chunk& chunk : run(keys, 12, {}, starts_twice)) {
+      if (!chunk.bytes.starts_with(begin)) continue;
+      const std::size_t first = static_cast<std::size_t>(at < 0 ? static_cast<int>(chunk.bytes.size()) + at : at);
+      std::uint64_t number = 0;
+      for (std::size_t i = 0; i < size; ++i)
+        number = number << 8U | static_cast<unsigned char>(chunk.bytes[first + (is_big ? i : size - 1 - i)]);
+      all.push_back(number);
+    }
+    return all;
+  }
+  static void expect_steps(const std::vector<std::uint64_t>& numbers, std::size_t count, std::uint64_t step,
+                           std::uint64_t modulus = 0) {
+    ASSERT_GT(numbers.size(), count);
+    for (std::size_t i = 1; i < numbers.size(); ++i) {
+      const std::uint64_t difference = numbers[i] - numbers[i - 1];
+      ASSERT_EQ(modulus == 0 ? difference : difference % modulus, step) << "frame " << i;
+    }
+  }
+};
+
+TEST_F(Takeover, TheCounterOfAStim300GoesOn) {
+  expect_steps(numbers("protocol = \"stim300\"", "\xA7", -7, 1, true), 11'800, 2, 256);
+}
+
+TEST_F(Takeover, TheReferenceTimeOfAMipDeviceGoesOn) {
+  expect_steps(numbers("protocol = \"mip\"\n[imu.device]\nmodel = \"3dm-cv7-ahrs\"\nfilter_fields = []\n"
+                       "sensor_fields = [\"reference_time\"]",
+                       "\x75\x65\x80", 6, 8, true),
+               1190, 10'000'000);
+}
+
+TEST_F(Takeover, TheTimeOfAVectorNavGoesOn) {
+  expect_steps(numbers("protocol = \"vectornav\"\n[imu.device]\nasync_type = 0\nbinary_1 = \"1,8,01,0001\"",
+                       "\xFA\x01", 4, 8, false),
+               1190, 10'000'000);
 }
 
 }  // namespace
