@@ -50,10 +50,10 @@ class Node {
     bool fd;
   };
   // The next frame; nullopt when none comes for a while.
-  std::optional<Heard> hear() const {
+  std::optional<Heard> hear(int patience_ms = 200) const {
     pollfd ready{socket_.get(), POLLIN, 0};
     Heard heard{};
-    if (::poll(&ready, 1, 200) != 1) return std::nullopt;
+    if (::poll(&ready, 1, patience_ms) != 1) return std::nullopt;
     const ssize_t size = ::read(socket_.get(), &heard.frame, sizeof heard.frame);
     if (size < 0) return std::nullopt;
     heard.fd = size == CANFD_MTU;

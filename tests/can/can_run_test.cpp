@@ -1,6 +1,7 @@
 // The whole line on a real SocketCAN interface: imud to vcan0 to imu-decode and candump. Runs inside tools/with-vcan.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -14,11 +15,17 @@ class CanRunTest : public LiveTest {
   static void ip(const std::string& arguments) {
     ASSERT_EQ(std::system(("ip link set vcan0 " + arguments).c_str()), 0) << arguments;
   }
+  // The sockets that receive every frame of vcan0.
+  static std::size_t receivers() {
+    const auto lines = lines_of(read_file("/proc/net/can/rcvlist_all"));
+    return static_cast<std::size_t>(std::count_if(
+        lines.begin(), lines.end(), [](const std::string& line) { return line.starts_with("   vcan0 "); }));
+  }
   // Starts candump with `options`, on vcan0; it has its socket, and a buffer for all that comes, when this returns.
   static void start_candump(Program& candump, std::vector<std::string> options) {
     options.insert(options.end(), {"-L", "-r", "8388608", "vcan0"});
     candump.start(options);
-    EXPECT_TRUE(eventually([] { return read_file("/proc/net/can/rcvlist_all").find("vcan0") != std::string::npos; }));
+    EXPECT_TRUE(eventually([] { return receivers() == 1; }));
   }
   // The sample, by its low 8 bits, of each frame that candump has printed; the frames of a sample are in order.
   static void expect_every_frame(const std::vector<std::string>& lines, std::size_t samples) {
@@ -47,8 +54,7 @@ TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
     decode.start({"native-can", "can:vcan0", "--count", "101", "--set", "fd=" + kind});
     Program candump("/usr/bin/candump");
     candump.start({"-L", "-n", fd ? "101" : "707", "vcan0"});
-    // Both listen once they have their sockets, which nothing tells from outside: imud starts well after them.
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    ASSERT_TRUE(eventually([] { return receivers() == 2; }));
     const ProgramResult run = run_program("imud", {"replay", c, flight, "--for", "2", "--set",
                                                    "imu.0.device.fd=" + kind, "--summary", path("summary.json")});
     ASSERT_EQ(run.exit_code, 0) << run.errors;
@@ -127,12 +133,18 @@ TEST_F(CanRunTest, NothingIsLostInLockstep) {
 }
 
 TEST_F(CanRunTest, AFullQueueDropsFramesAndTheRunGoesOn) {
-  const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 200, "native-can", "can:vcan0");
+  const std::string c =
+      config("realtime", "udp:127.0.0.1:5140", "jsbsim", 200, "native-can", "can:vcan0?max_age_ms=20");
   // 7 frames of 16 bytes at 200 Hz are 179 kbit/s; the queue passes 40 and holds 10 frames.
   ASSERT_EQ(std::system("tc qdisc add dev vcan0 root netem rate 40kbit limit 10"), 0);
   Program imud("imud");
   imud.start({"replay", c, flight, "--summary", path("summary.json")});
-  std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+  // Each of these attempts came half a millisecond after the one before: the queue has been full for 0.2 s.
+  EXPECT_TRUE(eventually([] {
+    const std::string statistics = run_program("/usr/sbin/tc", {"-s", "qdisc", "show", "dev", "vcan0"}).output;
+    const std::size_t at = statistics.find("(dropped ");
+    return at != std::string::npos && std::stoi(statistics.substr(at + 9)) >= 400;
+  }));
   EXPECT_EQ(std::system("tc qdisc del dev vcan0 root"), 0);
   const ProgramResult decoded = run_program("imu-decode", {"native-can", "can:vcan0", "--count", "50"});
   EXPECT_EQ(decoded.exit_code, 0);

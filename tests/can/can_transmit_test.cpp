@@ -2,7 +2,6 @@
 // Runs in tools/with-vcan, whose guest has a coarse clock: times are compared with lower bounds alone.
 #include <poll.h>
 
-#include <atomic>
 #include <thread>
 
 #include "tests/can/can_bus.hpp"
@@ -204,27 +203,31 @@ TEST_F(Can, FramesLeaveAtOnceWhereNoRateIsWanted) {
   }
 }
 
+// The receiver gets to read every 5 ms, however the processor is shared: 25 frames later, and as many that a flush
+// that comes late catches up.
 TEST_F(Can, AReceiverWithADefaultBufferSeesEveryPacedFrame) {
-  constexpr std::uint64_t count = 10'000;
+  constexpr std::uint32_t count = 10'000;
   const Node node("vcan0", Node::Buffer::by_default);
-  std::atomic<std::uint64_t> heard = 0;
-  std::uint64_t out_of_order = 0;
-  std::thread reading([&] {
-    for (auto frame = node.hear(); frame || heard == 0; frame = node.hear()) {
-      if (!frame) continue;
-      out_of_order += frame->frame.can_id != 0x100 + heard % 50;
-      if (++heard == count) break;
-    }
-  });
+  std::size_t seen = 0;
+  const auto read_all = [&](int patience_ms) {
+    for (auto frame = node.hear(patience_ms); frame; frame = node.hear(patience_ms))
+      EXPECT_EQ(frame->frame.can_id, 0x100 + seen++ % 50);
+  };
   const auto port = open("vcan0", Delivery::complete);
-  for (std::uint64_t sent = 0; sent < count; sent += 50) {
+  HostTime next_read;
+  for (std::uint32_t sent = 0; sent < count; sent += 50) {
     send_sample(*port, 1, 50);
-    ASSERT_TRUE(drain(*port));
+    for (bool drained = false; !drained; drained = port->is_drained()) {
+      if (const auto next = port->next_flush())
+        std::this_thread::sleep_for(std::max<Nanoseconds>(*next - host_now(), 0ns));
+      if (host_now() < next_read) continue;
+      read_all(0);
+      next_read = host_now() + 5ms;
+    }
   }
-  reading.join();
+  read_all(200);
   EXPECT_EQ(port->counters().sent, count);
-  EXPECT_EQ(heard, count);
-  EXPECT_EQ(out_of_order, 0U);
+  EXPECT_EQ(seen, count);
 
   const auto unlimited = open("vcan0?frames_per_s=unlimited", Delivery::complete);
   for (int i = 0; i < 20; ++i) send_sample(*unlimited, 1, 50);
