@@ -180,7 +180,7 @@ Memory::Code Memory::rotation(std::uint8_t set, std::uint8_t command, Reader& re
       q_PV = Quaternion(dcm_VP.transpose());
     } else {
       const Vector3 rpy = reader.take_floats();
-      if (!(rpy.cwiseAbs().maxCoeff() <= 10)) return bad_parameter;
+      if (!rpy.allFinite() || rpy.cwiseAbs().maxCoeff() > 10) return bad_parameter;
       const Matrix3 dcm = dcm_from_yaw_pitch_roll(rpy[2], rpy[1], rpy[0]);
       q_PV = Quaternion(form == Form::euler_VP ? Matrix3(dcm.transpose()) : dcm);
     }
