@@ -1,4 +1,4 @@
-// Host: the machine as the clocks see it: its time, and waiting for it. Tests simulate one.
+// Host: the host's clock, and waiting by it. Tests replace it with a simulated one.
 #pragma once
 
 #include <poll.h>
@@ -13,16 +13,18 @@ class Host {
  public:
   virtual ~Host() = default;
   virtual HostTime now() noexcept = 0;
-  // Until `time`, the last `spin` of it awake, which the scheduler cannot make late. Returns the time then.
+  // Waits until `time`, spinning for the last `spin` of it so that no wake-up delays the return. Returns the time of
+  // the return.
   virtual HostTime sleep_until(HostTime time, Nanoseconds spin = {}) noexcept = 0;
-  // Until `time`, or input, as poll() does. True if there is some.
+  // Waits as poll() does until an input is ready, at most until `time`. Returns true if an input is ready.
   virtual bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept = 0;
 };
 
-// CLOCK_MONOTONIC.
+// The real host: CLOCK_MONOTONIC, clock_nanosleep() and ppoll().
 class MonotonicHost final : public Host {
  public:
-  // For the thread that will wait: without it the kernel adds up to 50 us to every wait of an ordinary one.
+  // Must be made by the thread that will wait. Sets its timer slack to the minimum; otherwise the kernel adds up to
+  // 50 us to every wait of a thread without priority.
   MonotonicHost() noexcept;
   HostTime now() noexcept override;
   HostTime sleep_until(HostTime time, Nanoseconds spin) noexcept override;

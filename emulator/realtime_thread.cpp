@@ -35,7 +35,7 @@ bool may_lock_without_limit() {
   return ::getrlimit(RLIMIT_MEMLOCK, &limit) == 0 && limit.rlim_cur == RLIM_INFINITY;
 }
 
-// MCL_FUTURE under a limit would make allocations fail later, when the limit is reached.
+// Under a limit, MCL_FUTURE would make later allocations fail when the limit is reached.
 bool lock_memory() {
   if (may_lock_without_limit() && ::mlockall(MCL_CURRENT | MCL_FUTURE) == 0) return true;
   return ::mlockall(MCL_CURRENT) == 0;
@@ -50,7 +50,7 @@ RealtimeProcess::RealtimeProcess(const RealtimeConfig& config) {
   ::pthread_setattr_default_np(&attributes);
   ::pthread_attr_destroy(&attributes);
 
-  if (config.priority > 0) {  // root's, and a mere refinement: silent where it is not permitted
+  if (config.priority > 0) {  // An improvement that only root may make: no warning where it is not permitted.
     cpu_dma_latency_.reset(::open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
     const std::int32_t microseconds = 0;
     if (cpu_dma_latency_ && ::write(cpu_dma_latency_.get(), &microseconds, sizeof microseconds) < 0)

@@ -1,4 +1,4 @@
-// RealtimeThread: what the thread that samples asks of the kernel, so that nothing keeps it from its instants.
+// RealtimeThread: memory locking, priority and processor of the thread that samples.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// For the whole process, before the thread is made: stacks are of bounded size, as locking touches all of them;
-// processors are kept from deep sleep as long as this lives.
+// Prepares the process; made before its threads. Limits the size of new stacks, because locking memory allocates
+// all of a stack. As long as this lives, it keeps the processors out of deep idle states, if that is permitted.
 class RealtimeProcess {
  public:
   explicit RealtimeProcess(const RealtimeConfig& config);
@@ -19,8 +19,9 @@ class RealtimeProcess {
   FileDescriptor cpu_dma_latency_;
 };
 
-// For the calling thread, when all that it will need is there: memory is locked, its own stack too; SCHED_FIFO and
-// its processor. Returns what was not permitted, a line each, with what would permit it.
+// Locks the memory of the process, with the stack of the calling thread, and sets the thread's processor and
+// SCHED_FIFO priority. Call it when all memory that the thread will need is allocated. Returns a line for each that
+// failed, with the command that would permit it.
 std::vector<std::string> make_thread_realtime(const RealtimeConfig& config);
 
 }  // namespace imud

@@ -10,9 +10,9 @@ namespace {
 constexpr double window_s = 4;
 constexpr double offset_window_s = 0.5;
 constexpr double block_s = window_s / 64;
-constexpr std::size_t fewest_points = 8;  // are kept, however old, for a simulator that sends seldom
+constexpr std::size_t fewest_points = 8;  // kept beyond the window, up to oldest_s, if a simulator sends seldom
 constexpr double oldest_s = 60;
-constexpr double shortest_span_s = 0.2;  // that tells a rate
+constexpr double shortest_span_s = 0.2;  // of arrivals from which a rate is estimated
 constexpr double time_constant_s = 0.5;  // of slewing
 constexpr double first_automatic_delay_s = 0.05;
 constexpr double longest_delay_s = 1;
@@ -44,14 +44,14 @@ HostTime TruthClock::begin(TruthTime truth, HostTime arrival, double rate) noexc
 
 void TruthClock::observe(TruthTime truth, HostTime arrival, HostTime now) noexcept {
   const Point point{seconds(truth - truth_origin_), seconds(arrival - host_origin_)};
-  if (options_.automatic_percent > 0) need(line_at(arrival) - last_truth_s_);
+  if (options_.automatic_percent > 0) add_sufficient_delay(line_at(arrival) - last_truth_s_);
   last_truth_s_ = point.truth_s;
   add(point);
   fit();
   lateness_s_ = std::max(0.0, point.host_s - (slope_ * point.truth_s + intercept_s_));
   offset_s_ = (slope_ - 1) * point.truth_s + intercept_s_;
 
-  go_to(std::max(now, anchor_));
+  move_anchor(std::max(now, anchor_));
   correction_s_ = (seconds(anchor_ - host_origin_) - intercept_s_) / slope_ - line_s_;
   slew_s_ = std::max(time_constant_s, std::abs(correction_s_) / largest_slew);
   rate_ = 1 / slope_;
@@ -71,7 +71,7 @@ TruthTime TruthClock::truth(HostTime time) const noexcept {
   return truth_origin_ + nanoseconds(line_at(time) - delay_at(time));
 }
 
-void TruthClock::go_to(HostTime time) noexcept {
+void TruthClock::move_anchor(HostTime time) noexcept {
   const double since_s = seconds(time - anchor_);
   if (since_s <= 0) return;
   line_s_ = line_at(time);
@@ -82,7 +82,7 @@ void TruthClock::go_to(HostTime time) noexcept {
 }
 
 TruthTime TruthClock::use(HostTime time) noexcept {
-  go_to(time);
+  move_anchor(time);
   return truth(time);
 }
 
@@ -100,8 +100,8 @@ void TruthClock::add(const Point& arrival) noexcept {
     --count_;
   }
   points_[(first_ + count_++) % points_.size()] = arrival;
-  const auto drop_older_than = [&](double age_s) { return arrival.host_s - point(0).host_s > age_s; };
-  while (count_ > 2 && drop_older_than(count_ > fewest_points ? window_s : oldest_s)) {
+  const auto oldest_is_older_than = [&](double age_s) { return arrival.host_s - point(0).host_s > age_s; };
+  while (count_ > 2 && oldest_is_older_than(count_ > fewest_points ? window_s : oldest_s)) {
     first_ = (first_ + 1) % points_.size();
     --count_;
   }
@@ -129,7 +129,7 @@ void TruthClock::fit() noexcept {
     const Point& b = hull[right];
     const double slope = std::clamp((b.host_s - a.host_s) / (b.truth_s - a.truth_s), 0.1, 10.0);
     measured_rate_ = 1 / slope;
-    // How well it is known, from how far the points lie above it.
+    // The uncertainty of the slope follows from the mean distance of the points above the line.
     double lateness_s = 20e-6;
     for (std::size_t i = 0; i < count_; ++i)
       lateness_s +=
@@ -146,11 +146,11 @@ void TruthClock::fit() noexcept {
   }
 }
 
-void TruthClock::need(double delay_s) noexcept {
-  needs_[need_count_++ % needs_.size()] = delay_s;
-  const std::size_t known = std::min(need_count_, needs_.size());
-  if (need_count_ % between_evaluations != 0) return;
-  std::array<double, 512> sorted = needs_;
+void TruthClock::add_sufficient_delay(double delay_s) noexcept {
+  sufficient_delays_[sufficient_delay_count_++ % sufficient_delays_.size()] = delay_s;
+  const std::size_t known = std::min(sufficient_delay_count_, sufficient_delays_.size());
+  if (sufficient_delay_count_ % between_evaluations != 0) return;
+  std::array<double, 512> sorted = sufficient_delays_;
   const auto rank = static_cast<std::size_t>(options_.automatic_percent / 100 * static_cast<double>(known - 1) + 0.5);
   std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(rank),
                    sorted.begin() + static_cast<std::ptrdiff_t>(known));

@@ -1,4 +1,4 @@
-// TruthClock: where the simulator's time lies on the host's, estimated from arrivals.
+// TruthClock: maps host time to the simulator's time, by an estimate from the arrivals of truths.
 #pragma once
 
 #include <array>
@@ -8,66 +8,66 @@
 
 namespace imud {
 
-// A truth cannot arrive before it is sent: all arrivals lie late of one straight line, host time over truth time, and
-// the least late ones lie on it. The line is the edge of their lower convex hull at the middle of the last 4 s: it
-// lies below all, and nearest to all on the mean (Zhang, Liu, Xia, "Clock synchronization algorithms for network
-// measurements", INFOCOM 2002). Its slope is the simulator's rate; the offset is that of the last half second's least
-// late arrival, so that a simulator whose rate wanders is followed. Offset and delay are approached by slewing, 5 %
-// at most each, never by a step; a rate that cannot be told from 1 is 1.
+// A truth cannot arrive before it is sent. Plotted as host time over truth time, all arrivals therefore lie on or
+// above one straight line, and those of lowest latency lie on it. The estimate of the line is the edge of the lower
+// convex hull of the arrivals at the middle of the last 4 s: no arrival lies below it, and the mean distance to all
+// is the smallest (Zhang, Liu, Xia, "Clock synchronization algorithms for network measurements", INFOCOM 2002). The
+// inverse of its slope is the simulator's rate. The offset is that of the arrival of lowest latency in the last half
+// second, so that the map tracks a simulator whose rate changes. The map is corrected by slewing, offset and delay by
+// 5 % at most each, never by a step. A rate that differs from 1 by less than its uncertainty is taken as 1.
 //
 // Allocates nothing. One thread.
 class TruthClock {
  public:
   struct Options {
-    Nanoseconds delay{0};          // how far behind the line the sensors sample
-    double automatic_percent = 0;  // above 0: found from the arrivals instead, see delay()
+    Nanoseconds delay{0};          // time by which the sensors sample behind the line, not negative
+    double automatic_percent = 0;  // 50 to 100: the delay follows the arrivals instead, see delay_s(); 0: it does not
   };
   explicit TruthClock(const Options& options) noexcept;
 
-  // A run begins: `truth`, which came at `arrival`, is what the sensors sample when the delay has passed since.
-  // Returns when that is. The simulator's rate is `rate` until the run has shown its own.
+  // Begins a run with `truth`, which arrived at `arrival`. Returns the instant at which the sensors sample it, which
+  // is later than `arrival` by the delay. The simulator's rate is taken as `rate` until 0.2 s of the run have come.
   HostTime begin(TruthTime truth, HostTime arrival, double rate) noexcept;
-  // Another truth of the run came, the newest of all, and is looked at `now`.
+  // Updates the estimate by the newest truth of the run, which arrived at `arrival` and is processed at `now`.
   void observe(TruthTime truth, HostTime arrival, HostTime now) noexcept;
 
-  // What the sensors sample at `time`. Rises with it.
+  // Returns the truth time that the sensors sample at `time`. It never decreases with `time`.
   TruthTime truth(HostTime time) const noexcept;
-  // The same; no later slewing will change what was so used.
+  // Returns the same and fixes the map up to `time`: later observations change it only after `time`.
   TruthTime use(HostTime time) noexcept;
 
-  // Truth seconds per host second, as estimated: 0.1 to 10.
+  // The estimated rate, truth seconds per host second: 0.1 to 10.
   double rate() const noexcept { return measured_rate_; }
-  // The one that is gone by: exactly 1 where the estimate does not tell it from 1.
+  // The rate of the map: exactly 1 where the estimate differs from 1 by less than its uncertainty.
   double used_rate() const noexcept { return rate_; }
-  // By how much the simulator's time has fallen behind the host's since begin(), s.
+  // The time by which the simulator has fallen behind the host since begin(), s.
   double offset_s() const noexcept { return offset_s_; }
-  // s of truth time. Automatic: at each arrival, how much would have been just enough for the sensors to interpolate
-  // all the while since the one before; of the last 512 such, what is enough for automatic_percent, taken at once if
-  // more, gradually if less.
+  // The delay, s of truth time. Automatic: the given percentile, over the last 512 arrivals, of the delay that would
+  // have avoided extrapolation since the arrival before; raised at once, lowered gradually, at most 1 s.
   double delay_s() const noexcept { return delay_s_; }
-  // How late the last truth observed came, relative to the line, s.
+  // The latency of the last truth observed, relative to the line, s.
   double lateness_s() const noexcept { return lateness_s_; }
 
   static constexpr double largest_slew = 0.05;
 
  private:
   struct Point {
-    double truth_s = 0;  // since begin()'s
-    double host_s = 0;
+    double truth_s = 0;  // since truth_origin_
+    double host_s = 0;   // since host_origin_
   };
   void add(const Point& arrival) noexcept;
   void fit() noexcept;
-  void need(double delay_s) noexcept;
+  void add_sufficient_delay(double delay_s) noexcept;
   double line_at(HostTime time) const noexcept;
   double delay_at(HostTime time) const noexcept;
-  void go_to(HostTime time) noexcept;
+  void move_anchor(HostTime time) noexcept;
   const Point& point(std::size_t i) const noexcept { return points_[(first_ + i) % points_.size()]; }
 
   const Options options_;
   TruthTime truth_origin_;  // of begin()
   HostTime host_origin_;
 
-  // The least late arrival of each block of time; the newest block's may still be replaced.
+  // The arrival of lowest latency in each block of time. That of the newest block may still be replaced.
   std::array<Point, 64> points_;
   std::size_t first_ = 0;
   std::size_t count_ = 0;
@@ -78,12 +78,12 @@ class TruthClock {
   double lateness_s_ = 0;
 
   double delay_s_ = 0;
-  std::array<double, 512> needs_;
-  std::size_t need_count_ = 0;
+  std::array<double, 512> sufficient_delays_;  // s, a ring
+  std::size_t sufficient_delay_count_ = 0;     // since construction
   double last_truth_s_ = 0;
 
-  // The line as the sensors know it: rate_ from the anchor on, and the correction in the course of slew_s_. They
-  // sample that less the applied delay, which approaches delay_s_.
+  // The map: from the anchor on, truth time rises by rate_, and by correction_s_ in all within slew_s_. The sensors
+  // sample this less the applied delay, which slews towards delay_s_.
   HostTime anchor_;
   double line_s_ = 0;  // at the anchor, since truth_origin_
   double rate_ = 1;

@@ -9,7 +9,7 @@ namespace imud {
 
 namespace {
 
-// A file, a fifo, a connection: bytes in pieces of any length.
+// Returns true for a file, a fifo or a connection, whose bytes come in pieces of any length.
 bool is_stream(const std::string& port) noexcept {
   const Transport* transport = transport_of(port);
   return transport == nullptr || !transport->keeps_datagrams;
@@ -25,14 +25,14 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       is_stream_(is_stream(config.port)),
       is_live_(!is_capture(config.port)) {}
 
-// The input has ended, or the simulator has disconnected: a record that it left incomplete will not be completed.
+// Called when the input has ended, or the simulator has disconnected. The rest of an incomplete record will not come.
 void TruthIntake::finish_input() noexcept {
   decoder_->finish();
   started_ = false;
 }
 
 std::optional<TruthResult> TruthIntake::next_record() noexcept {
-  constexpr int most = 256;  // pieces without a record, before the caller may attend to other things
+  constexpr int most = 256;  // pieces without a record; then the caller continues with other work
   for (int i = 0; i < most; ++i) {
     if (const auto result = decoder_->next(truth_)) return result;
     const auto received = port_->receive();
@@ -55,7 +55,7 @@ TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {
   return Outcome::ignored;
 }
 
-// By the sequence numbers; a format without has 0 in all.
+// Counts by the sequence numbers. A format without them has 0 in every truth.
 void TruthIntake::count_lost(Admission admission) noexcept {
   constexpr std::uint32_t believable = 100'000;
   const std::uint32_t step = truth_.sequence - newest_sequence_;
@@ -68,7 +68,7 @@ void TruthIntake::count_lost(Admission admission) noexcept {
   newest_sequence_ = truth_.sequence;
 }
 
-TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
+TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   answer_due_ = false;
   const auto result = next_record();
   if (!result) {
@@ -85,7 +85,7 @@ TruthIntake::Outcome TruthIntake::take(TruthTime settled) noexcept {
   if (truth_.stream != *stream_) return refuse(Refusal::other_stream);
 
   answer_due_ = truth_.acknowledge;
-  const Admission admission = timeline_.push(truth_, settled);
+  const Admission admission = timeline_.push(truth_, watermark);
   switch (admission) {
     case Admission::accepted:
     case Admission::inserted:
@@ -125,10 +125,10 @@ void TruthIntake::count_truncated() noexcept {
   counters_.truncated.store(port_->counters().truncated + losses.too_long + cut_short, std::memory_order_relaxed);
 }
 
-void TruthIntake::answer(TruthTime reached, std::uint64_t samples) noexcept {
+void TruthIntake::answer(TruthTime emitted_until, std::uint64_t samples) noexcept {
   if (!is_live_) return;
   outgoing_.clear();
-  decoder_->acknowledge(truth_, reached, samples, outgoing_);
+  decoder_->acknowledge(truth_, emitted_until, samples, outgoing_);
   port_->send(outgoing_.frames());
 }
 

@@ -1,5 +1,5 @@
-// TruthIntake: from the truth port to the timeline, refusing what is wrong, by cause; and what the truth format sends
-// to the simulator.
+// TruthIntake: takes records from the truth port to the timeline, counts refused ones by cause, and sends to the
+// simulator what the truth format has to send.
 #pragma once
 
 #include <cstdint>
@@ -16,42 +16,42 @@
 
 namespace imud {
 
-// Owns the truth port and the format's decoder. One thread; only counters() may be read by any.
+// Owns the truth port and the format's decoder. One thread, but any thread may read counters().
 class TruthIntake {
  public:
   TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port);
 
   enum class Outcome : std::uint8_t {
-    nothing,   // no record is there (at_end() tells whether one will ever be); wait for the descriptor
-    ignored,   // a record without state, or one that was refused
-    accepted,  // it is the newest now
-    inserted,  // accepted, though another has overtaken it
-    new_run,   // accepted, and the timeline has begun anew with it
+    nothing,   // no record is there; wait for the descriptor, unless at_end()
+    ignored,   // the record had no state, or was refused
+    accepted,  // the truth is now the newest of the timeline
+    inserted,  // the truth was reordered, and is now in its place before the newest
+    new_run,   // the truth has begun a new run of the timeline
   };
   // Takes one record, if there is one. Never waits. One datagram may hold several records: call it until it returns
-  // `nothing` before waiting for the descriptor. `settled`: see Timeline::push().
-  Outcome take(TruthTime settled = Timeline::never) noexcept;
+  // `nothing` before waiting for the descriptor. `watermark`: see Timeline::push().
+  Outcome take(TruthTime watermark = Timeline::never) noexcept;
 
-  // The last record's truth, unless it was ignored; and whether its sender waits for an answer, which holds for
-  // refused repetitions too.
+  // The truth of the last record; valid unless the record was ignored.
   const Truth& truth() const noexcept { return truth_; }
+  // True if the sender of the last record waits for an answer. A refused repetition needs one, too.
   bool answer_due() const noexcept { return answer_due_; }
-  // Answers it: the time reached and the samples emitted so far in the run.
-  void answer(TruthTime reached, std::uint64_t samples) noexcept;
+  // Answers the last record with the time up to which samples were emitted, and their number in the run.
+  void answer(TruthTime emitted_until, std::uint64_t samples) noexcept;
 
-  // When poll() is to be called next, for what the format sends by itself and what the port holds back; nullopt if
-  // that is no matter of time. HostTime{}: at once. Changes with take() and answer(), too.
+  // Returns when poll() has to be called next, for the messages of the format and the frames that the port holds
+  // back; nullopt: not by time; HostTime{}: at once. take() and answer() change it, too.
   std::optional<HostTime> deadline() const noexcept;
-  // Sends what is due at `now`. Never waits.
+  // Sends the messages that are due at `now`. Never waits.
   void poll(HostTime now) noexcept;
 
   // True once take() will never take another record; valid after take() has returned `nothing`.
   bool at_end() const noexcept { return finished_; }
   int descriptor() const noexcept { return port_->descriptor(); }
-  // Arrival of the last record.
+  // The arrival of the last record.
   HostTime arrival() const noexcept { return arrival_; }
   const TruthCounters& counters() const noexcept { return counters_; }
-  // How the capture ended, if not well; empty otherwise.
+  // Describes the end of a damaged capture; empty if the capture is whole.
   std::string end_warning() const;
 
  private:
@@ -66,11 +66,11 @@ class TruthIntake {
   std::unique_ptr<Port> port_;
   std::unique_ptr<TruthDecoder> decoder_;
   std::optional<std::uint32_t> stream_;
-  const bool is_stream_;          // otherwise the port keeps datagrams apart
-  const bool is_live_;            // a simulator is at the port's other end, which can be sent something
-  bool started_ = false;          // start() was called, and the simulator has not left
+  const bool is_stream_;          // the port does not keep datagrams apart
+  const bool is_live_;            // there is a simulator at the port's other end, which can receive
+  bool started_ = false;          // the decoder's start() was called, and the simulator has not disconnected since
   bool finished_ = false;         // the port's input has ended, and every record of it was taken
-  std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream, as last seen
+  std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
   Truth truth_;
   std::uint32_t newest_sequence_ = 0;
   bool answer_due_ = false;
