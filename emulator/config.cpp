@@ -76,7 +76,7 @@ EarthModel read_earth(TableReader table) {
     table.require("latitude_deg", "where N's origin is");
     table.require("longitude_deg", "where N's origin is");
   }
-  // Where the vehicle rests before the first truth: at the origin of a local frame.
+  // The place of the vehicle at rest: the origin of a local frame, or in an inertial frame the keys rest_*.
   for (const std::string prefix : {"", "rest_"}) {
     const double latitude_deg = table.real(prefix + "latitude_deg", 0.0, -90.0, 90.0);
     const double longitude_deg = table.real(prefix + "longitude_deg", 0.0, -180.0, 360.0);
@@ -101,7 +101,8 @@ EarthModel read_earth(TableReader table) {
   return earth;
 }
 
-// Returns the UDP port that a listener at `port` receives on; nullopt if that is all, none, or not to be understood.
+// Returns the UDP port on which a listener at `port` receives; nullopt if it receives on all or none, or if the text
+// cannot be parsed.
 std::optional<std::uint16_t> udp_port(const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || transport->udp_port == nullptr) return std::nullopt;
@@ -112,7 +113,8 @@ std::optional<std::uint16_t> udp_port(const std::string& port) {
   }
 }
 
-// Returns the capture, limited to the UDP port of the port that it takes the place of if it names none of its own.
+// Returns the capture with which to replace `port`: if it names no UDP port of its own, it is limited to that of
+// `port`.
 std::string in_place_of(const std::string& port, const std::string& capture) {
   const Transport* transport = transport_of(capture);
   const auto number = udp_port(port);
@@ -179,7 +181,7 @@ RealtimeConfig read_realtime(TableReader table) {
   return realtime;
 }
 
-// Sets "imu.0.rate_hz=400".
+// Executes an assignment such as "imu.0.rate_hz=400".
 void override_key(toml::table& root, const std::string& assignment, Faults& faults) {
   const auto fault = [&](std::string_view what) { faults.add(0, fmt::format("--set {}", assignment), what); };
   const std::size_t equals = assignment.find('=');
@@ -262,7 +264,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
           !carries_status(read, status::not_valid))
         faults.add(
             imu.source().begin.line, fmt::format("imu.{}.protocol", i),
-            fmt::format("{} cannot say that a sample is not valid, as truth.when_stopped = \"flag\" wants; give "
+            fmt::format("{} cannot mark a sample as not valid, which truth.when_stopped = \"flag\" requires; give "
                         "\"hold\" or \"silence\"",
                         read.protocol->name));
     }

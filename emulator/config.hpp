@@ -1,4 +1,5 @@
-// Config: what the user wants, read from TOML, checked as a whole.
+// Config: the configuration of a run, read from TOML and checked as a whole. Keys, units and ranges:
+// emulator/CONFIGURATION.md.
 #pragma once
 
 #include <cstdint>
@@ -18,35 +19,35 @@
 
 namespace imud {
 
-// Who says "now": the host's clock, each truth that arrives, or a capture as fast as it can be read.
+// What paces the samples: the host's clock, each truth that arrives, or a capture as fast as it can be read.
 enum class ClockMode : std::uint8_t { realtime, lockstep, fast };
 
-// What a sensor does when motion is held for want of truth.
+// The output of a sensor while motion is held because truth has stopped.
 enum class WhenStopped : std::uint8_t {
-  hold,     // goes on: rate zero, specific force constant; status bits 6 and 7
-  flag,     // likewise, and says that it is not valid (status bit 8, or the protocol's own)
-  silence,  // sends nothing
+  hold,     // rate 0 and constant specific force, with status bits 6 and 7
+  flag,     // the same, and marked as not valid (status bit 8, or the protocol's own mark)
+  silence,  // nothing
 };
 
-// What a sensor does in real time until the first truth comes. It has power, and answers its host, in any case.
+// The output of a sensor in real time until the first truth comes. It has power and answers its host in any case.
 enum class BeforeFirst : std::uint8_t {
-  silence,  // takes no sample: sample 0 is that of the first truth
-  rest,     // samples a vehicle at rest from power-on: sample 0 is that of power-on
+  silence,  // no sample: sample 0 is at the first truth
+  rest,     // samples of a vehicle at rest: sample 0 is at power-on
 };
 
 struct TruthConfig {
   std::string port;  // empty only if the command line gives a capture
   const TruthFormat* format = nullptr;
   Settings settings;
-  std::optional<std::uint32_t> stream;  // take only this one; otherwise the first that comes
+  std::optional<std::uint32_t> stream;  // the vehicle whose truth is used; nullopt: the first that arrives
   Timeline::Limits limits;
-  TruthClock::Options clock;  // realtime, live
+  TruthClock::Options clock;  // for realtime with live truth
   WhenStopped when_stopped = WhenStopped::hold;
 };
 
-// The thread that samples, where the clock is the host's.
+// The thread that samples, for ClockMode::realtime.
 struct RealtimeConfig {
-  int priority = 70;  // SCHED_FIFO; 0: as any thread
+  int priority = 70;  // SCHED_FIFO; 0: an ordinary thread
   std::optional<unsigned> cpu;
   bool lock_memory = true;
   Nanoseconds spin{0};
@@ -55,7 +56,7 @@ struct RealtimeConfig {
 struct ImuConfig {
   std::string name;
   double rate_hz = 0;
-  Grid grid{1.0};  // of its instants: the rate with the clock's error, and the phase
+  Grid grid{1.0};  // the instants of its samples: the rate with the clock's error, and the phase
   const Protocol* protocol = nullptr;
   Settings settings;
   std::string port;
@@ -73,18 +74,18 @@ struct Config {
   std::vector<ImuConfig> imus;
 };
 
-// All that is wrong with a configuration, a line each: "file:line: key: what is wrong; what would be right".
+// Every fault of a configuration, a line each: "file:line: key: what is wrong; what would be right".
 struct ConfigError : std::runtime_error {
   explicit ConfigError(std::vector<std::string> all);
   std::vector<std::string> faults;
 };
 
-// Reads `path`, then sets each override "imu.0.rate_hz=400" (the value as in TOML; a bare word is text). `capture`
-// takes the place of truth.port if not empty. Throws ConfigError with every fault.
+// Reads `path`, then sets each override, such as "imu.0.rate_hz=400" (the value as in TOML; a bare word is text). A
+// `capture` that is not empty replaces truth.port. Throws ConfigError with every fault.
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {});
 
-// Returns true if the truth port's transport ends: the truth is read ahead of the clock.
+// Returns true if the truth port's transport ends, so that truth is read ahead of the clock.
 bool is_capture(const std::string& truth_port) noexcept;
 
 }  // namespace imud

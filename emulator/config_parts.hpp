@@ -1,4 +1,4 @@
-// The parts of reading a configuration that are shared, or have a file of their own.
+// The parts of reading a configuration that config.cpp and imu_config.cpp share.
 #pragma once
 
 #include <fmt/format.h>
@@ -22,8 +22,8 @@ std::vector<std::string> names(std::span<const Entry* const> table) {
   return all;
 }
 
-// Returns `found`, the table entry that `word` names. If there is none, that is a fault of `key`, unless `word` is
-// empty because the key is absent or no text, which is a fault already.
+// Returns `found`, the table entry that `word` names. Adds a fault of `key` if there is none, unless `word` is empty
+// because the key is absent or no text: then there is a fault already.
 template <class Entry>
 const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
                    std::span<const Entry* const> entries, const Entry* found) {
@@ -35,26 +35,26 @@ const Entry* entry(TableReader& table, std::string_view key, const std::string& 
   return nullptr;
 }
 
-// Takes every declared setting that is there.
+// Reads every declared setting that the table has.
 Settings read_settings(TableReader& table, std::span<const Setting> declared);
 
-// Returns the transport of a port's text if a port of it can be opened with `settings`; nullptr with a fault of `key`
-// if not, and without if the key has no text.
+// Returns the transport that the port's text names, if check_port() accepts the text with `settings`. Otherwise
+// returns nullptr and adds a fault of `key`, unless the key has no text.
 const Transport* read_port(TableReader& table, std::string_view key, const std::string& text,
                            const PortSettings& settings);
 
-// Returns what can be given for a port whose transport fulfils `condition`, in quotes.
+// Returns examples of ports whose transports fulfil `condition`, in quotes.
 template <class Condition>
 std::string ports_that(Condition condition) {
   return fmt::format("\"{}\"", fmt::join(port_examples(condition), "\" or \""));
 }
 
-// One [[imu]], the `index`-th (imu_config.cpp).
+// Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);
-// Two imus that would disturb one another are a fault.
+// Adds a fault for two imus that exclude one another, such as imus of the same name or port.
 void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array* tables,
                          Faults& faults);
-// Whether these bits of Sample::status come through the imu's protocol.
+// Returns true if the imu's protocol transmits these bits of Sample::status.
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);
 
 }  // namespace imud

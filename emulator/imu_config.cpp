@@ -11,7 +11,7 @@ namespace imud {
 
 namespace {
 
-// `product`: what holds where nothing is said; nullptr: the range must be.
+// Reads a triad. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the range is required.
 TriadErrors read_triad(TableReader table, std::string_view unit, const TriadErrors* product) {
   constexpr double huge = 1e9;
   const auto key = [&](std::string_view stem) { return fmt::format("{}_{}", stem, unit); };
@@ -54,7 +54,7 @@ void read_mounting(TableReader table, ImuModel& model) {
   table.finish();
 }
 
-// Returns true if the port's text can be understood and has that option.
+// Returns true if the port's text can be parsed and has the option.
 bool has_option(const std::string& port, std::string_view key) {
   try {
     return PortSpec::parse(port).text(key).has_value();
@@ -63,14 +63,14 @@ bool has_option(const std::string& port, std::string_view key) {
   }
 }
 
-// Paces the characters of a port that can be opened, for pace = "line". The device's UART is known already.
+// Executes pace = "line" for a port that can be opened: its characters are paced. imu.port_settings.uart is set.
 void pace_line(TableReader& table, const Transport& transport, ImuConfig& imu) {
   if (transport.uart == Uart::real) return;
   if (transport.uart == Uart::none) {
     std::vector<std::string_view> emulated;
     for (const Transport* other : transports())
       if (other->uart == Uart::emulated) emulated.push_back(other->name);
-    table.fault("pace", fmt::format("\"line\" is for a {}; {}: has no characters that take their time, give \"none\"",
+    table.fault("pace", fmt::format("\"line\" is for a {}; {}: has no characters to be paced, give \"none\"",
                                     fmt::join(emulated, " or "), transport.name));
   } else if (imu.port_settings.uart.baud == 0 && !has_option(imu.port, "baud")) {
     table.fault("pace", fmt::format("\"line\" needs the line's speed; give it in port, for example "
@@ -81,7 +81,7 @@ void pace_line(TableReader& table, const Transport& transport, ImuConfig& imu) {
   }
 }
 
-// Reads `port` and `pace`. The device's UART is known already. Returns nullptr with a fault if no port can be opened.
+// Reads `port` and `pace`. imu.port_settings.uart is set. Returns nullptr with a fault if no port can be opened.
 const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
   table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
@@ -95,9 +95,8 @@ const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
   if (transport->uart != Uart::none && imu.port_settings.uart.baud != 0)
     for (const char* key : {"baud", "parity", "stop", "bits"})
       if (has_option(imu.port, key))
-        table.fault("port", fmt::format("{} is the device's, leave it away here; what [imu.device] says of its line "
-                                        "holds",
-                                        key));
+        table.fault("port",
+                    fmt::format("{} is set by the device; omit it here, and set the line in [imu.device]", key));
   if (paced) pace_line(table, *transport, imu);
   return transport;
 }
@@ -108,13 +107,13 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
     port = table.text(key, "");
     if (port.empty()) return;
     if (protocol != nullptr && !protocol->has_sync_pins)
-      table.fault(key, fmt::format("{} has no such pin; leave it away", protocol->name));
+      table.fault(key, fmt::format("{} has no such pin; omit the key", protocol->name));
     const auto carries_edges = [](const Transport& t) {
       return t.keeps_datagrams && t.serves_device && !t.carries_can;
     };
     const Transport* transport = read_port(table, key, port, role);
     if (transport != nullptr && !carries_edges(*transport))
-      table.fault(key, fmt::format("edges come and go by {}", ports_that(carries_edges)));
+      table.fault(key, fmt::format("edges are received and sent by {}", ports_that(carries_edges)));
   };
   read("trigger_port", sync.trigger_port, Role::listener);
   read("pps_port", sync.pps_port, Role::listener);
@@ -154,8 +153,8 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     imu.rate_hz = table.real("rate_hz", product->rate_hz, Grid::min_rate_hz, Grid::max_rate_hz);
     if (imu.rate_hz != product->rate_hz)
       table.fault("rate_hz",
-                  fmt::format("{} samples at {} Hz inside; how often it sends is set in [imu.device], leave "
-                              "this away",
+                  fmt::format("{} samples at {} Hz inside; how often it sends is set in [imu.device]; omit "
+                              "this key",
                               imu.protocol->name, product->rate_hz));
   } else {
     table.require("rate_hz", "the sensor's output rate");
@@ -256,7 +255,7 @@ bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
     std::uint32_t seen = 0;
   } sink;
   if (imu.protocol->product != nullptr) return (imu.protocol->status_bits & bits) == bits;
-  Sample sample = ordinary_sample();
+  Sample sample = typical_sample();
   sample.status = bits;
   const auto frames = std::make_unique<FrameBuffer>();
   imu.protocol->make(imu.settings)->sample(sample, *frames);

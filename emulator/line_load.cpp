@@ -23,13 +23,13 @@ void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {
     all.push_back({frame.can, frame.bytes.size(), per_s});
 }
 
-// The second second: the first has the start-up.
+// Counts the frames of the second second; the first one contains the start-up.
 std::vector<SentFrames> sent_by_product(const ImuConfig& imu) {
   constexpr Nanoseconds begin = std::chrono::seconds(1), end = std::chrono::seconds(2);
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
   const auto frames = std::make_unique<FrameBuffer>();
   const Grid grid(imu.rate_hz);
-  Sample sample = ordinary_sample();
+  Sample sample = typical_sample();
   std::vector<SentFrames> all;
   for (std::uint64_t k = 0; grid.nominal_offset(k) < end; ++k) {
     const auto count = [&] {
@@ -49,11 +49,11 @@ std::vector<SentFrames> sent_by_product(const ImuConfig& imu) {
   return all;
 }
 
-// A sample in the middle of the stream: the first may carry more, such as a header row.
+// Counts the frames of the second sample; the first may have more, such as a header row.
 std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
   const auto frames = std::make_unique<FrameBuffer>();
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
-  const Sample sample = ordinary_sample();
+  const Sample sample = typical_sample();
   device->sample(sample, *frames);
   frames->clear();
   device->sample(sample, *frames);
@@ -64,7 +64,7 @@ std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
 
 }  // namespace
 
-Sample ordinary_sample() {
+Sample typical_sample() {
   Sample sample;
   sample.time = DeviceTime{1'234'567'891'234};
   sample.counter = 1'234'567;

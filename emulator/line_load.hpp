@@ -1,4 +1,4 @@
-// LineLoad: the share of its line or bus that an imu takes.
+// LineLoad: the share of its line or bus that an imu occupies.
 #pragma once
 
 #include <cstdint>
@@ -15,14 +15,15 @@ struct LineLoad {
   std::size_t frames_per_sample = 0;  // 0 for a product, which sends less often than it samples
   std::size_t bytes_per_sample = 0;   // data bytes on CAN
   double frames_per_s = 0;
-  double bits_per_s = 0;       // on the wire (Transport::wire_time); of data if frames leave instantly
+  double bits_per_s = 0;       // on the wire (Transport::wire_time); data bits only if the transport has none
   double line_bits_per_s = 0;  // the port's bit rate; 0: it has none
-  double percent = 0;          // of the time that the wire is busy; 0 if it has no rate
+  double percent = 0;          // share of the time in which the wire is busy; 0 if it has no rate
   std::string text() const;    // one line for people
 };
 
-// Returns a sample of ordinary magnitude in which every digit is used.
-Sample ordinary_sample();
+// Returns a sample of typical magnitudes, whose numbers have as many digits as a double holds: a text of them is as
+// long as any.
+Sample typical_sample();
 
 // Frames of one kind that an imu sends.
 struct SentFrames {
@@ -31,11 +32,12 @@ struct SentFrames {
   double per_s = 0;
 };
 
-// Returns all that an imu sends. On a CAN bus: what its protocol lists, whenever it is sent. Otherwise from ordinary
-// samples encoded by its own protocol: the second second of a product, or one sample. The imu's protocol is valid.
+// Returns all frames that an imu sends. On a CAN bus these are the identifiers that its protocol lists, at their
+// highest rates. Otherwise its protocol encodes typical samples: those of a product's second second, after its
+// start-up, or one sample of any other protocol. The imu's protocol must be valid.
 std::vector<SentFrames> sent_frames(const ImuConfig& imu);
 
-// Returns the load of the port's wire by these frames. The imu's protocol and port are valid.
+// Returns the load of the port's wire by sent_frames(). The imu's protocol and port must be valid.
 LineLoad line_load(const ImuConfig& imu);
 
 }  // namespace imud

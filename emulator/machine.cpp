@@ -12,7 +12,7 @@ namespace imud {
 
 namespace {
 
-// The file's text without the white space at its end; empty if there is none.
+// Returns the file's text without the white space at its end; empty if there is no file.
 std::string text_of(const std::filesystem::path& path) {
   std::ifstream file(path);
   std::string text{std::istreambuf_iterator<char>(file), {}};
@@ -24,7 +24,7 @@ std::string text_of(const std::filesystem::path& path) {
 
 // Sources: Linux, Documentation/admin-guide/pm/cpufreq.rst, admin-guide/kernel-parameters.txt (isolcpus, nohz_full),
 // scheduler/sched-rt-group.rst, core-api/real-time/; FTDI AN232B-04 (latency timer).
-Machine look_at_machine(const std::string& root, bool spins, const std::vector<std::string>& serial) {
+Machine inspect_machine(const std::string& root, bool spins, const std::vector<std::string>& serial) {
   namespace fs = std::filesystem;
   Machine machine;
   const std::string version = text_of(root + "/proc/version");
@@ -64,7 +64,7 @@ Machine look_at_machine(const std::string& root, bool spins, const std::vector<s
   const std::string share_us = text_of(root + "/proc/sys/kernel/sched_rt_runtime_us");
   if (spins && !share_us.empty() && share_us != "-1")
     machine.advice.push_back(
-        fmt::format("a spinning thread with priority may be stopped ({} us of each {} are its): "
+        fmt::format("the kernel stops a spinning thread with priority (it may run for {} us of each {}): "
                     "sudo sysctl kernel.sched_rt_runtime_us=-1",
                     share_us, text_of(root + "/proc/sys/kernel/sched_rt_period_us")));
   if (guest)

@@ -1,4 +1,4 @@
-// Machine: what about this computer keeps a thread from its instants, and what to do about it.
+// Machine: the properties of this computer that delay a thread, and advice on them.
 #pragma once
 
 #include <string>
@@ -6,12 +6,14 @@
 
 namespace imud {
 
-// What the kernel says of itself, from the files below `root` ("" or a copy of /proc and /sys), and the advice that
-// follows for a thread with priority that sleeps, or `spins`, until each instant, and writes to `serial` devices.
+// All lines are for people.
 struct Machine {
-  std::vector<std::string> facts;   // a line each, for people
-  std::vector<std::string> advice;  // likewise, the most helpful first; empty: nothing left to do
+  std::vector<std::string> facts;
+  std::vector<std::string> advice;  // the most helpful first; empty if nothing can be improved
 };
-Machine look_at_machine(const std::string& root, bool spins, const std::vector<std::string>& serial);
+
+// Reads /proc and /sys below `root` ("", or the folder of a copy). The advice is for a thread with priority that
+// sleeps, or `spins`, until each instant, and writes to the devices `serial`, such as /dev/ttyUSB0.
+Machine inspect_machine(const std::string& root, bool spins, const std::vector<std::string>& serial);
 
 }  // namespace imud

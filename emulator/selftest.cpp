@@ -27,7 +27,8 @@ void print_row(const std::string& what, const DurationHistogram& h) {
   std::fflush(stdout);
 }
 
-// Calls `act` on a grid of that rate, in a thread of that kind; how late each call was. Adds what was not permitted.
+// Calls `act` at the instants of a grid, in a thread of the given kind. Returns the lateness of the calls, and what
+// was not permitted in `shortfalls`.
 template <class Act>
 DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double duration_s,
                        std::vector<std::string>& shortfalls, Act&& act) {
@@ -47,7 +48,7 @@ DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double du
   return late;
 }
 
-// A folder for private ports, and who reads them.
+// A temporary folder with private copies of ports, and a thread that reads from them.
 class Bench {
  public:
   Bench() {
@@ -93,9 +94,9 @@ DurationHistogram measure_writes(const RealtimeConfig& realtime, const ImuConfig
   const std::unique_ptr<Port> port = bench.open(imu.port, imu.port_settings);
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
   FrameBuffer frames;
-  Sample sample = ordinary_sample();
+  Sample sample = typical_sample();
   DurationHistogram took;
-  std::vector<std::string> shortfalls;  // said already
+  std::vector<std::string> shortfalls;  // The caller has reported them.
   loop(realtime, imu.rate_hz, duration_s, shortfalls, [&](Host& host) {
     frames.clear();
     ++sample.counter;
@@ -135,7 +136,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
       serial.push_back(spec.address);
   }
   const RealtimeProcess process(config.realtime);
-  const Machine machine = look_at_machine("", config.realtime.spin.count() > 0, serial);
+  const Machine machine = inspect_machine("", config.realtime.spin.count() > 0, serial);
   fmt::print("the machine\n");
   for (const std::string& fact : machine.facts) fmt::print("  {}\n", fact);
 
@@ -159,7 +160,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   advice.insert(advice.end(), machine.advice.begin(), machine.advice.end());
 
   fmt::print("how long a write takes, us\n");
-  double all_p50 = 0, all_p999 = 0;  // of all that write at the same instant
+  double all_p50 = 0, all_p999 = 0;  // sums over all imus, which may write at the same instant
   for (const ImuConfig& imu : config.imus) {
     PortCounters counters;
     const DurationHistogram took = measure_writes(config.realtime, imu, options.measure_s, counters);
@@ -184,7 +185,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   if (config.imus.size() > 1)
     fmt::print("  the last of {} imus at one instant {:.1f} us after the first; phase_us sets them apart\n",
                config.imus.size(), us * all_p50);
-  fmt::print("  up to {:.0f} Hz, 99.9 % of them are gone before the next is due; {} Hz is {}\n", best_hz, rate_hz,
+  fmt::print("  up to {:.0f} Hz, 99.9 % of them have left before the next is due; {} Hz is {}\n", best_hz, rate_hz,
              rate_hz <= best_hz ? "within that" : "beyond that");
   fmt::print("to improve\n");
   if (advice.empty()) fmt::print("  nothing left to do\n");

@@ -1,4 +1,4 @@
-// Selftest: measures the machine, and says what timing the user can expect of it.
+// Selftest: measures the machine, and prints the timing that can be expected of it.
 #pragma once
 
 #include <string>
@@ -8,15 +8,16 @@
 namespace imud {
 
 struct SelftestOptions {
-  double measure_s = 2;  // each measurement
+  double measure_s = 2;  // duration of each measurement, above 0
 };
 
-// Prints wake-ups of a bare loop at the fastest imu's rate, writes to each imu's port (pty and file ones by a port of
-// the same kind beside it; the others are written to), what follows for lateness and rate, and advice. `config`: with
-// realtime and imus only needed. Throws PortError.
+// Prints the lateness of a bare loop at the fastest imu's rate, the duration of writes to each imu's port, the
+// lateness and rate that follow, and advice. A port whose transport has a private copy (Transport::has_private_copy)
+// is measured on one; to any other port frames are sent. Only `realtime` and `imus` of `config` are used. Throws
+// PortError.
 int selftest_timing(const Config& config, const SelftestOptions& options);
 
-// What is measured without a configuration: one imu at 1 kHz to a pty.
+// Returns the configuration that is measured by default: one imu at 1 kHz on a pty.
 Config selftest_config();
 
 }  // namespace imud

@@ -211,12 +211,12 @@ TEST_F(ConfigTest, PinsAreConnectedByUdp) {
   EXPECT_EQ(sync.pps_port, "");
   EXPECT_EQ(sync.tov_port, "udp:127.0.0.1:9813");
   EXPECT_NE(fault(bare, {"imu.0.sync.pps_port=pty:pps"}).find("imu.0.sync.pps_port: "), std::string::npos);
-  EXPECT_NE(fault(bare, {"imu.0.sync.pps_port=file:pps"}).find("edges come and go by \"udp:ADDR:PORT\""),
+  EXPECT_NE(fault(bare, {"imu.0.sync.pps_port=file:pps"}).find("edges are received and sent by \"udp:ADDR:PORT\""),
             std::string::npos);
   EXPECT_NE(
       fault(bare, {trigger, "imu.0.sync.pps_port=udp:127.0.0.1:9811"}).find("the same as imu.0.sync.trigger_port"),
       std::string::npos);
-  EXPECT_NE(fault(bare, {"imu.0.protocol=mip", trigger}).find("mip has no such pin; leave it away"),
+  EXPECT_NE(fault(bare, {"imu.0.protocol=mip", trigger}).find("mip has no such pin; omit the key"),
             std::string::npos);
 }
 
@@ -325,7 +325,7 @@ TEST_F(ConfigTest, EachFaultSaysLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"truth.when_stopped=stop"}).find("give one of \"hold\", \"flag\", \"silence\""),
             std::string::npos);
   EXPECT_NE(fault(good, {"truth.when_stopped=flag", "imu.0.protocol=native-can", "imu.0.port=can:vcan0"})
-                .find("imu.0.protocol: native-can cannot say that a sample is not valid"),
+                .find("imu.0.protocol: native-can cannot mark a sample as not valid"),
             std::string::npos);
   EXPECT_TRUE(faults(good, {"truth.when_stopped=flag", "imu.0.protocol=native-can", "imu.0.port=can:vcan0",
                             "imu.0.device.fd=true"})

@@ -31,7 +31,7 @@ TEST_F(MachineTest, EachShortcomingHasItsAdvice) {
   put("sys/devices/system/cpu/cpufreq/x", "");
   put("sys/class/tty/ttyUSB3/device/latency_timer", "16");
 
-  const Machine machine = look_at_machine(folder_, true, {"/dev/ttyUSB3", "/dev/ttyS0"});
+  const Machine machine = inspect_machine(folder_, true, {"/dev/ttyUSB3", "/dev/ttyS0"});
   EXPECT_TRUE(has(machine.facts, "Linux version 6.1.0-13-amd64"));
   EXPECT_TRUE(has(machine.facts, "4 processors, none isolated"));
   EXPECT_TRUE(has(machine.facts, "a virtual machine"));
@@ -43,7 +43,7 @@ TEST_F(MachineTest, EachShortcomingHasItsAdvice) {
   EXPECT_TRUE(has(machine.advice, "sched_rt_runtime_us=-1"));
   EXPECT_TRUE(has(machine.advice, "hypervisor"));
   EXPECT_TRUE(has(machine.advice, "/dev/ttyUSB3 hands over what it receives only after 16 ms: echo 1 | sudo tee"));
-  EXPECT_EQ(look_at_machine(folder_, false, {}).advice.size(), 4U);
+  EXPECT_EQ(inspect_machine(folder_, false, {}).advice.size(), 4U);
 }
 
 TEST_F(MachineTest, AWellPreparedOneNeedsNone) {
@@ -54,10 +54,10 @@ TEST_F(MachineTest, AWellPreparedOneNeedsNone) {
   for (const int cpu : {0, 1, 2, 3})
     put(fmt::format("sys/devices/system/cpu/cpu{}/cpufreq/scaling_governor", cpu), "performance");
   put("sys/class/tty/ttyUSB0/device/latency_timer", "1");
-  const Machine machine = look_at_machine(folder_, true, {"/dev/ttyUSB0"});
+  const Machine machine = inspect_machine(folder_, true, {"/dev/ttyUSB0"});
   EXPECT_TRUE(machine.advice.empty()) << machine.advice[0];
   EXPECT_TRUE(has(machine.facts, "isolated: 3"));
-  EXPECT_TRUE(look_at_machine(folder_ + "/nothing", true, {}).facts.size() > 0);
+  EXPECT_TRUE(inspect_machine(folder_ + "/nothing", true, {}).facts.size() > 0);
 }
 
 using SelftestTest = RunTest;
