@@ -1,9 +1,9 @@
-// The command line of imud: run, replay, check, list.
+// The command line of imud: run, replay, check, selftest, list.
 #pragma once
 
 namespace imud {
 
-// Does what the command line says; returns the exit code: 0 done, 1 failed while running, 2 the command line or the
+// Executes the command line. Returns the exit code: 0 done, 1 failed while running, 2 the command line or the
 // configuration is wrong.
 int command_line(int argc, const char* const* argv);
 

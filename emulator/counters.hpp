@@ -18,8 +18,7 @@
 
 namespace imud {
 
-// When a text shows a counter. The JSON shows every counter always, except for causes of refusal, which it shows if
-// they occurred.
+// When a text shows a counter. The JSON shows every counter, but a cause of refusal only if it occurred.
 enum class Show : std::uint8_t { never, if_not_zero, if_several, always };
 bool is_shown(Show show, std::uint64_t value) noexcept;
 
@@ -27,12 +26,13 @@ struct CounterInfo {
   std::string_view key;    // in JSON, and in limits: "imu1.KEY", "truth.KEY"
   std::string_view words;  // follow the number: "1999 frames sent"
   Show summary = Show::if_not_zero;
-  Show log = Show::never;  // in the log's line, which counts since the one before
+  Show log = Show::never;  // in the log's line, which has the counts since the line before
 };
 
 struct CounterGroup;
 
-// A count of events since the run's begin. In an interval it is the difference of its two ends, or 0 if it fell.
+// A count of events since the beginning of the run. In an interval it is the difference of its values at the two
+// ends, or 0 if it fell.
 class Counter : public std::atomic<std::uint64_t> {
  public:
   Counter(CounterGroup& group, const CounterInfo& info);
@@ -69,7 +69,7 @@ struct CounterGroup {
   std::vector<const Durations*> durations;
 };
 
-// The work of one imu.
+// The counters of one imu.
 struct ImuCounters : CounterGroup {
   Counter samples{*this, {"samples", "samples", Show::always}};
   // Frames that the port took whole, and frames that it did not take.
@@ -77,13 +77,13 @@ struct ImuCounters : CounterGroup {
   Counter dropped{*this, {"dropped", "dropped", Show::always, Show::always}};
   // Samples that left a whole period late, or later.
   Counter missed{*this, {"missed", "missed", Show::always, Show::always}};
-  // Samples after the newest truth; those of them with motion frozen; those of these that were not sent.
+  // Samples after the newest truth; of these, samples with motion held; of these, samples that were not sent.
   Counter extrapolated{*this, {"extrapolated", "extrapolated"}};
   Counter held{*this, {"held", "held"}};
   Counter silent{*this, {"silent", "not sent", Show::if_not_zero, Show::if_not_zero}};
-  // Samples before the first truth.
+  // Samples of the vehicle at rest before the first truth.
   Counter at_rest{*this, {"at_rest", "at rest before the first truth"}};
-  // Frames in answer to the host. Nothing counts them yet; `frames` includes them.
+  // Frames in answer to the host; `frames` includes them.
   Counter replies{*this, {"replies", "replies sent"}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
@@ -130,11 +130,11 @@ class RefusalCounters : public CounterGroup {
   std::deque<Counter> counts_;  // a Counter does not move
 };
 
-// The admission of truth.
+// The counters of the admission of truth.
 struct TruthCounters : CounterGroup {
   Counter received{*this, {"received", "received", Show::always}};  // records
   Counter accepted{*this, {"accepted", "accepted", Show::always}};
-  // Headers, blank lines.
+  // Records without a state, such as header rows and blank lines.
   Counter no_state{*this, {"no_state", "without state", Show::always}};
   // Truths accepted though a later one had arrived before.
   Counter inserted{*this, {"inserted", "reordered but in time"}};
@@ -142,7 +142,7 @@ struct TruthCounters : CounterGroup {
   Counter lost{*this, {"lost", "lost"}};
   // Times that the timeline began anew, the first included.
   Counter runs{*this, {"runs", "runs", Show::if_several}};
-  // Records of a capture.
+  // Records of a capture or a stream that are incomplete or too long.
   Counter truncated{*this, {"truncated", "cut short", Show::if_not_zero, Show::if_not_zero}};
   RefusalCounters refused;
   // Arrival of the first and of the newest truth accepted, by the port's clock.

@@ -99,7 +99,7 @@ void Monitor::report_imus() {
 }
 
 void Monitor::report_port(std::size_t i) {
-  constexpr int most = 10;  // a client may try wrong speeds for ever
+  constexpr int most = 10;  // reports; a client may try wrong speeds for ever
   const ImuConfig& imu = config_.imus[i];
   const ImuCounters& counters = *counters_.imus[i].second;
   const PortState state = counters.port_state;

@@ -1,4 +1,4 @@
-// Monitor: writes to the log, and to the file of `--quality`, what the sampling thread counts.
+// Monitor: reports the counters of the sampling thread in the log and in the file of `--quality`.
 #pragma once
 
 #include <fstream>
@@ -19,18 +19,18 @@ class Monitor {
     double log_every_s = 10;   // interval of the line of figures; 0: none
     std::string quality_file;  // a line of JSON a second; empty: none
   };
-  // `counters` has config's imus in their order; what it points to, and `config`, outlive this. Throws
+  // `counters` has the imus of `config` in the same order. The counters and `config` must outlive this. Throws
   // std::runtime_error if the file cannot be written.
   Monitor(RunCounters counters, const Config& config, const Options& options);
 
-  // Logs each event since the last call, and writes the figures that are due.
+  // Logs the events since the last call, and writes the lines of figures that are due.
   void look();
-  // Does the same when the sampling thread has ended, and returns the figures of the whole run. `capture_warning`:
-  // how a capture ended, if not well.
+  // Does the same after the sampling thread has ended, and returns the figures of the whole run. `capture_warning`:
+  // see TruthIntake::end_warning().
   Summary finish(std::string capture_warning);
 
  private:
-  // How much a counter has risen since the last call.
+  // Returns by how much a counter has risen since the last call.
   class Rise {
    public:
     std::uint64_t of(const Counter& counter) noexcept {
@@ -56,7 +56,8 @@ class Monitor {
   std::ofstream quality_;
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
-  // What has been reported: causes, imus that refuse edges, states of ports, changes to PortState::wrong_speed.
+  // What has been reported: causes, imus that refuse edges, states of ports, and how often PortState::wrong_speed
+  // was.
   std::vector<bool> refusals_, edges_refused_;
   std::vector<PortState> states_;
   std::vector<int> wrong_speeds_;

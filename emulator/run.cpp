@@ -26,7 +26,7 @@ namespace {
 
 namespace asio = boost::asio;
 
-// Calls `look` ten times a second.
+// Calls Monitor::look() ten times a second.
 class Ticker {
  public:
   Ticker(asio::io_context& io, Monitor& monitor) : timer_(io), monitor_(monitor) { tick(); }
@@ -43,7 +43,7 @@ class Ticker {
   Monitor& monitor_;
 };
 
-// Runs on the thread that samples.
+// The work of the sampling thread.
 void drive(Session& session, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
   MonotonicHost host;
   const bool realtime = config.clock == ClockMode::realtime, capture = is_capture(config.truth.port);
@@ -137,7 +137,7 @@ int run(const Config& config, const RunOptions& options) {
     if (!summary_file) throw std::runtime_error(fmt::format("{}: cannot be written", options.summary_file));
   }
   if (summary.truth.counters[&TruthCounters::accepted] == 0 && is_capture(config.truth.port) && !stop) {
-    spdlog::error("{}: no truth in it for the format {}", config.truth.port, config.truth.format->name);
+    spdlog::error("{}: it contains no truth of the format {}", config.truth.port, config.truth.format->name);
     return 1;
   }
   return 0;

@@ -1,4 +1,4 @@
-// Run: one whole run of the emulator, from opened ports to the summary.
+// Run: one whole run of the emulator, from opening the ports to the closing summary.
 #pragma once
 
 #include <optional>
@@ -9,13 +9,13 @@
 namespace imud {
 
 struct RunOptions {
-  std::optional<double> duration_s;  // host time; simulation time when a capture is the truth
-  std::string summary_file;          // JSON; empty: none
+  std::optional<double> duration_s;  // host time; simulation time if the truth is a capture
+  std::string summary_file;          // for the summary as JSON; empty: none
   Monitor::Options monitor;
 };
 
-// Until the capture ends, the duration is over, or SIGINT or SIGTERM comes. Throws PortError if a port cannot be
-// opened, std::runtime_error if a file cannot be written. Returns the exit code.
+// Runs until the capture ends, the duration is over, or SIGINT or SIGTERM comes, and prints the summary. Returns the
+// exit code. Throws PortError if a port cannot be opened, std::runtime_error if a file cannot be written.
 int run(const Config& config, const RunOptions& options);
 
 }  // namespace imud

@@ -38,7 +38,7 @@ Summary Summary::since(const Summary& before) const {
 
 namespace {
 
-// That of the group's counter of that key.
+// Returns the value of the group's counter `key`; nullopt if there is none.
 template <class Group>
 std::optional<std::uint64_t> count_of(const Snapshot<Group>& snapshot, std::string_view key) {
   const auto& declared = snapshot.declared().counters;
@@ -99,7 +99,7 @@ double share(std::uint64_t part, std::uint64_t whole) {
   return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
 }
 
-// "100.0 Hz, lost 0.20 %, jitter p99 0.31 ms, age p99 10.2 ms, rate 0.899912, offset +12.1 ms, delay 30.0 ms"
+// Returns "100.0 Hz, lost 0.20 %, jitter p99 0.31 ms, age p99 10.2 ms, rate 0.899912, offset +12.1 ms, delay 30.0 ms"
 std::string rate_text(const Summary::Truth& truth) {
   const std::uint64_t lost = truth.counters[&TruthCounters::lost];
   std::string out = fmt::format("{:.1f} Hz, lost {:.2f} %", truth.rate_hz,
@@ -113,7 +113,7 @@ std::string rate_text(const Summary::Truth& truth) {
   return out;
 }
 
-// "2001 samples, 1999 frames sent, 2 dropped": the counters that are shown there.
+// Returns the counters that the summary or the log (`where`) shows: "2001 samples, 1999 frames sent, 2 dropped".
 template <class Group>
 std::string counts_text(const Snapshot<Group>& snapshot, Show CounterInfo::*where) {
   std::vector<std::string> shown;
@@ -150,7 +150,7 @@ std::string line(const Summary& s) {
   std::string out = fmt::format("truth {}", rate_text(s.truth));
   if (const std::string counts = counts_text(s.truth.counters, where); !counts.empty()) out += ", " + counts;
   if (const std::string counts = counts_text(s.truth.refused, where); !counts.empty()) out += ", refused: " + counts;
-  // One imu as it is; several as the sums of their counts, with the worst of each percentile.
+  // The line has the figures of a single imu, or the sums of the counts of several with the worst of each percentile.
   Snapshot<ImuCounters> sums;
   Percentiles lateness;
   double load = 0;

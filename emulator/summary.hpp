@@ -1,4 +1,4 @@
-// Summary: the figures of a run, or of a part of it, for people and as JSON.
+// Summary: the figures of a run, or of an interval of it, as text for people and as JSON.
 #pragma once
 
 #include <cstdint>
@@ -19,31 +19,32 @@ struct Summary {
     Snapshot<TruthQuality> quality;
     bool has_clock = false;  // levels and durations of `quality` are valid
     double rate_hz = 0;      // truths accepted in a second, by their arrivals
-    std::string warning;     // how a capture ended, if not well
+    std::string warning;     // describes the end of a damaged capture; empty: none
   } truth;
   struct Imu {
     std::string name;
-    Snapshot<ImuCounters> counters;  // its durations are empty where no clock paces
-    double line_load_percent = 0;    // 0: the line has no rate
+    Snapshot<ImuCounters> counters;  // its durations are empty in `lockstep` and `fast`
+    double line_load_percent = 0;    // 0: the line has no bit rate
   };
   std::vector<Imu> imus;
 
-  // The part of the run after `before`, an earlier summary of it. Warning, levels and loads are those of this one.
+  // Returns the figures of the interval that began at `before`, an earlier summary of the same run. Warning, levels
+  // and loads are those of this summary.
   Summary since(const Summary& before) const;
 };
 
-// `line_loads`: in percent, one for each imu. Any thread, at any time.
+// Reads the counters. `line_loads`: percent, one for each imu. Any thread may call it at any time.
 Summary summarize(const RunCounters& counters, double duration_s, const std::vector<double>& line_loads);
 
-// The count of that name: "imu1.samples", "truth.lost", "truth.refused.crc"; "truth.refused" is the sum of all
-// causes, "samples" the sum over all imus. nullopt if no counter or no imu has that name.
+// Returns the count of that name: "imu1.samples", "truth.lost", "truth.refused.crc"; "truth.refused" is the sum of
+// all causes, "samples" the sum over all imus. nullopt if no counter or no imu has that name.
 std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view name);
 
-// The closing summary: several lines, each with its end.
+// Returns the closing summary: several lines, each with its line feed.
 std::string text(const Summary& summary);
-// One line without its end, for the log.
+// Returns one line for the log, without a line feed.
 std::string line(const Summary& summary);
-// The contract's JSON: indented, or as one line without its end.
+// The JSON of `--summary` (indented) and of `--quality` (one line, without its line feed).
 enum class JsonLayout : std::uint8_t { indented, line };
 std::string json(const Summary& summary, JsonLayout layout);
 
