@@ -1,4 +1,4 @@
-// DatagramFaults: what a bad network does to datagrams, by chance but the same for the same seed.
+// DatagramFaults: the random faults of a bad network. The same seed gives the same faults.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@ class DatagramFaults {
     double jitter_ms = 0;
     std::uint64_t seed = 1;
   };
-  // What is to happen to one datagram.
+  // The faults of one datagram.
   struct Fate {
     bool drop = false;
     bool duplicate = false;
@@ -31,12 +31,12 @@ class DatagramFaults {
 
   explicit DatagramFaults(const Rates& rates);
 
-  // Of the next datagram, `size` bytes long. Every call draws the same count of numbers, so that one rate does not
-  // change which datagrams another one strikes.
+  // Returns the faults of the next datagram, which is `size` bytes long. Every call draws the same number of random
+  // numbers, so that the rate of one fault does not change which datagrams have another.
   Fate next(std::size_t size);
 
  private:
-  double uniform();  // [0, 1); the standard's distributions differ from library to library
+  double uniform();  // [0, 1); not by the standard's distributions, which differ from library to library
 
   Rates rates_;
   std::mt19937_64 engine_;

@@ -12,7 +12,7 @@ namespace imud {
 
 namespace {
 
-// Sleeps to an absolute instant, so that no delay adds up; returns early if stop_wished().
+// Sleeps until an absolute instant, so that no delay adds up; returns early if stop_wished().
 void sleep_until(HostTime time) noexcept {
   timespec instant{};
   instant.tv_sec = time.ns / 1'000'000'000;
@@ -20,7 +20,7 @@ void sleep_until(HostTime time) noexcept {
   while (!stop_wished() && ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &instant, nullptr) == EINTR) continue;
 }
 
-// Milliseconds until `time` for poll(), rounded up; not negative.
+// Returns the milliseconds until `time` for poll(), rounded up and not negative.
 int milliseconds_until(HostTime time) noexcept {
   const std::int64_t left_ns = (time - host_now()).count();
   return left_ns <= 0 ? 0 : static_cast<int>((left_ns + 999'999) / 1'000'000);
@@ -69,7 +69,7 @@ void DatagramSender::finish() {
 }
 
 void DatagramSender::transmit(std::span<const std::byte> datagram) {
-  // Without pace the interface's queue may be full for a moment.
+  // Datagrams that are sent without pacing may fill the interface's queue for a moment.
   constexpr int attempts = 10;
   const Frame frame{datagram};
   for (int attempt = 0; attempt < attempts; ++attempt) {
@@ -102,7 +102,7 @@ std::optional<NativeAcknowledgement> DatagramSender::send_and_wait(std::span<con
   return std::nullopt;
 }
 
-// Answers to what was sent before (a duplicate's, a late one) are passed over.
+// Ignores answers to earlier datagrams, which may be late or belong to a duplicate.
 std::optional<NativeAcknowledgement> DatagramSender::wait_for_answer(std::uint32_t stream, std::uint32_t sequence,
                                                                      HostTime until) {
   while (!stop_wished()) {

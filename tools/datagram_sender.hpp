@@ -1,4 +1,5 @@
-// DatagramSender: sends datagrams through a network that may be bad, and in lockstep waits for the answer to each.
+// DatagramSender: sends datagrams, with the faults of a bad network if wanted; in lockstep, waits for the answer to
+// each.
 #pragma once
 
 #include <cstdint>
@@ -21,30 +22,30 @@ class DatagramSender {
     Nanoseconds answer_time_out = std::chrono::milliseconds(200);
   };
   struct Counters {
-    std::uint64_t sent = 0;  // datagrams that the kernel took, whatever became of them before
+    std::uint64_t sent = 0;  // datagrams that the kernel accepted, faulty ones included
     std::uint64_t bytes = 0;
-    std::uint64_t refused = 0;  // that it did not take
-    std::uint64_t dropped = 0;  // on purpose, and so the next three
+    std::uint64_t refused = 0;  // datagrams that it did not accept
+    std::uint64_t dropped = 0;  // faults made on purpose, as are the next three
     std::uint64_t duplicated = 0;
     std::uint64_t reordered = 0;
     std::uint64_t corrupted = 0;
     std::uint64_t resent = 0;
   };
 
-  // `port` is connected, and outlives this.
+  // `port` must be connected, and outlive this.
   DatagramSender(Port& port, const Options& options);
 
-  // Sends `datagram` at `due`, if that is given and not past, later by the fault's jitter.
+  // Waits until `due` if it is given, and for the fault's jitter, then sends `datagram`.
   void send(std::span<const std::byte> datagram, std::optional<HostTime> due);
-  // As send(), then waits for the acknowledgement of `sequence`; sends again when none comes in time. nullopt if none
-  // came at all, or stop_wished().
+  // Sends likewise and waits for the acknowledgement of `sequence`; sends again when none comes in time. Returns
+  // nullopt if no attempt was answered, or stop_wished().
   std::optional<NativeAcknowledgement> send_and_wait(std::span<const std::byte> datagram, std::optional<HostTime> due,
                                                      std::uint32_t stream, std::uint32_t sequence);
-  // Sends what is still held back for being reordered.
+  // Sends a datagram that is still held back because it is reordered.
   void finish();
 
   const Counters& counters() const noexcept { return counters_; }
-  const DurationHistogram& lateness() const noexcept { return lateness_; }      // behind what was due
+  const DurationHistogram& lateness() const noexcept { return lateness_; }      // from `due` to the sending
   const DurationHistogram& round_trip() const noexcept { return round_trip_; }  // of the attempt that was answered
 
  private:
@@ -58,7 +59,7 @@ class DatagramSender {
   DurationHistogram lateness_;
   DurationHistogram round_trip_;
   std::vector<std::byte> current_;
-  std::vector<std::byte> held_;  // reordered, to leave after the next one
+  std::vector<std::byte> held_;  // a reordered datagram, which is sent after the next one
   bool holds_ = false;
   HostTime last_due_;
 };

@@ -1,4 +1,4 @@
-// Durations as people read them.
+// duration_text: durations as text for people.
 #pragma once
 
 #include <string>
@@ -7,10 +7,10 @@
 
 namespace imud {
 
-// "p50 12 us, p99 80 us, max 400 us"
+// Returns the percentiles: "p50 12 us, p99 80 us, max 400 us".
 std::string percentiles_text(const DurationHistogram& durations);
 
-// "12 us", "1.25 ms", "3.5 s": three digits.
+// Returns the duration with three digits: "12 us", "1.25 ms", "3.5 s".
 std::string duration_text(double seconds);
 
 }  // namespace imud

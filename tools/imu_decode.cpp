@@ -1,4 +1,4 @@
-// imu-decode: decodes any protocol from any port, and says how well the stream is.
+// imu-decode: decodes any protocol from any port, and reports the quality of the stream.
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/stat.h>
@@ -84,13 +84,13 @@ const Protocol& protocol_for(const Options& options) {
 // Captures have their own time stamps, and no descriptor.
 bool is_capture(const Port& port) { return port.descriptor() < 0 && port.state() == PortState::ready; }
 
-// Of a regular file the moment of reading says nothing.
+// Returns true for a regular file, for which the time of reading has no meaning.
 bool is_regular_file(const Port& port) {
   struct stat status {};
   return port.descriptor() >= 0 && ::fstat(port.descriptor(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
-// Takes measurements until there are enough.
+// Writes and counts measurements until there are enough.
 class Recorder final : public MeasurementSink {
  public:
   Recorder(const Protocol& protocol, const Options& options, TextOutput& csv)
@@ -118,8 +118,8 @@ class Recorder final : public MeasurementSink {
   std::optional<HostTime> arrival_;
 };
 
-// Waits until there is something to receive, or a while. Some descriptors are always ready without having anything
-// (an interface that is down): those are looked at every 10 ms.
+// Waits for input, for a limited time. Some descriptors are always ready without any input (those of an interface
+// that is down); they are read every 10 ms.
 class Waiting {
  public:
   void until_ready(const Port& port, Nanoseconds longest) {
@@ -136,7 +136,7 @@ class Waiting {
   bool ready_in_vain_ = false;
 };
 
-// Says when a device is lost and when it is back.
+// Reports when a device is lost and when it is back.
 class LossNotice {
  public:
   explicit LossNotice(std::string port) : port_(std::move(port)) {}
@@ -154,7 +154,7 @@ class LossNotice {
 std::string_view receive_all(Port& port, Decoder& decoder, Recorder& recorder, TextOutput& csv,
                              const Options& options) {
   const bool is_live = !is_capture(port) && !is_regular_file(port);
-  bool arrival_counts = is_capture(port);  // what waits in a live port before the first look came earlier
+  bool arrival_counts = is_capture(port);  // frames in a live port before the first receive() have come earlier
   const HostTime start = host_now();
   const auto elapsed_s = [&] { return seconds(host_now() - start); };
   Waiting waiting;
@@ -176,7 +176,7 @@ std::string_view receive_all(Port& port, Decoder& decoder, Recorder& recorder, T
       decoder.finish(recorder);
       return "end of input";
     }
-    if (is_capture(port)) continue;  // packets of others were passed over
+    if (is_capture(port)) continue;  // packets to other ports are skipped
     loss.look_at(port);
     csv.flush();
     arrival_counts = arrival_counts || is_live;

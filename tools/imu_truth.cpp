@@ -62,7 +62,7 @@ std::string known_motions() {
   return text + "  capture FILE the UDP datagrams of a capture, byte for byte: FILE.pcap, FILE.pcap?port=9810\n";
 }
 
-// Whether the motion depends on the parameter at all.
+// Returns true if the motion depends on the parameter.
 bool uses(const Motion& motion, double MotionParameters::*parameter) {
   const TruthTime time{700'000'000};
   MotionParameters other;
@@ -75,7 +75,7 @@ void refuse_unused(const CLI::App& app, std::string_view why, std::initializer_l
     if (app.get_option(name)->count() > 0) throw std::invalid_argument(fmt::format("{}: {}", name, why));
 }
 
-// What CLI11 cannot see: options that make no sense together.
+// Finds options that exclude one another, which CLI11 does not check.
 void check(const CLI::App& app, Options& options) {
   const bool is_capture = options.what == "capture";
   if (is_capture) {
@@ -133,7 +133,7 @@ int write_csv(const Options& options, bool& running) {
   return 0;
 }
 
-// What lockstep has seen.
+// The results of lockstep.
 struct Answers {
   std::uint64_t count = 0;
   NativeAcknowledgement last;

@@ -1,6 +1,7 @@
 // LockstepClient: sends imud the truth of a step and waits until imud has emitted every sample up to it.
 //
-// A file to copy into a simulator: C++17, the standard library and POSIX sockets. imud's licence (MIT) holds for it.
+// Copy this file into a simulator. It needs C++17, the standard library and POSIX sockets. Its licence is imud's
+// (MIT).
 //
 //   imud_lockstep::LockstepClient imud("127.0.0.1", 9810);  // for: imud run imu.toml --set clock=lockstep
 //   for (std::int64_t step = 0; step <= 200; ++step) {
@@ -10,7 +11,7 @@
 //     truth.omega_BN_B = vehicle.omega_BN_B();
 //     truth.specific_force_B = vehicle.specific_force_B();
 //     const imud_lockstep::Answer answer = imud.step(truth);
-//     if (!answer.accepted) throw std::runtime_error("imud refused the truth; its log says why");
+//     if (!answer.accepted) throw std::runtime_error("imud refused the truth; its log has the cause");
 //     vehicle.integrate(0.01);
 //   }
 //
@@ -50,7 +51,7 @@ struct Truth {
   Vector3 omega_BN_B{};                     // rad/s
   std::optional<Vector3> omegaDot_BN_B;     // rad/s^2
   std::optional<Vector3> specific_force_B;  // m/s^2; of B's origin, without gravitation: at rest it points up
-  // m/s; integral of the specific force since the start. At most one of the two.
+  // m/s; integral of the specific force since the start. At most one of the two is given.
   std::optional<Vector3> accumulated_dv_inertial_B;  // accumulated in N, given in the B axes of the instant
   std::optional<Vector3> accumulated_dv_body_sum_B;  // sum of increments, each in the B axes at the end of its step
 };
@@ -58,19 +59,20 @@ struct Truth {
 struct Answer {
   std::uint32_t stream = 0;
   std::uint32_t sequence = 0;
-  std::int64_t simulation_time_ns = 0;  // that imud has reached
-  std::uint64_t samples = 0;            // of all its imus together, in this run
-  // The time reached is the truth's. Otherwise imud refused the truth and emitted nothing: its time is before that of
-  // the one before, or too far ahead of it (truth.max_gap_ms). One of the same time is a repetition: it changes
-  // nothing.
+  std::int64_t simulation_time_ns = 0;  // up to which imud has emitted all samples
+  std::uint64_t samples = 0;            // emitted in this run, by all its imus together
+  // True if simulation_time_ns is the truth's. Otherwise imud refused the truth and emitted nothing, because the
+  // truth's time is before that of the last truth, or too far ahead of it (truth.max_gap_ms). A truth of the same
+  // time is a repetition, and changes nothing.
   bool accepted = false;
 };
 
 struct Options {
   std::chrono::milliseconds timeout{200};  // of an attempt
-  unsigned attempts = 50;                  // imud may start later than the simulator, or have much to emit
-  std::uint32_t stream = 0;                // which vehicle; an imud takes one
-  // By the clock if not given: to imud the same first truth with the same sequence is a repetition, no new run.
+  unsigned attempts = 50;                  // many, as imud may start later than the simulator, or have much to emit
+  std::uint32_t stream = 0;                // number of the vehicle; an imud accepts the truth of one
+  // Taken from the clock if not given, because imud takes the same first truth with the same sequence for a
+  // repetition instead of a new run.
   std::optional<std::uint32_t> first_sequence;
 };
 
@@ -86,8 +88,8 @@ inline std::uint32_t crc32c(const unsigned char* bytes, std::size_t size) noexce
   return ~crc;
 }
 
-// The datagram of `truth`, which asks for an answer. Throws std::invalid_argument for what imud would not answer: a
-// number that is not finite, two accumulated velocities.
+// Returns the datagram of `truth`, which requests an answer. Throws std::invalid_argument for a truth that imud would
+// not answer: a number is not finite, or there are two accumulated velocities.
 inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t sequence, bool new_run) {
   Datagram datagram{};
   const auto put = [&datagram](std::size_t offset, std::size_t size, std::uint64_t value) {
@@ -134,11 +136,11 @@ inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t s
   return datagram;
 }
 
-// One run of one vehicle: the first truth says that a new run begins. For one thread at a time.
+// One run of one vehicle: the first truth is marked as the beginning of a run. For one thread at a time.
 class LockstepClient {
  public:
-  // `address`: numeric, IPv4 or IPv6, as in imud's truth.port. Throws std::invalid_argument if it is none, and
-  // std::system_error if nothing can be sent there; whether imud is there shows in step().
+  // `address`: numeric, IPv4 or IPv6, as in imud's truth.port. Throws std::invalid_argument if it is no address, and
+  // std::system_error if nothing can be sent there. A missing imud is found by step().
   LockstepClient(const std::string& address, std::uint16_t port, const Options& options = {})
       : options_(options),
         name_("udp:" + (address.find(':') == std::string::npos ? address : "[" + address + "]") + ":" +
@@ -152,7 +154,7 @@ class LockstepClient {
     if (const int error = ::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found); error != 0)
       throw std::invalid_argument(name_ + ": " + ::gai_strerror(error) + "; right would be the like of 127.0.0.1");
     socket_.descriptor = ::socket(found->ai_family, SOCK_DGRAM, 0);
-    // Connected, it hears nobody else, and of a port that nobody has open.
+    // A connected socket receives from its peer only, and reports an error if the peer's port is not open.
     const bool connected =
         socket_.descriptor >= 0 && ::connect(socket_.descriptor, found->ai_addr, found->ai_addrlen) == 0;
     const int error = errno;
@@ -161,9 +163,9 @@ class LockstepClient {
     ::fcntl(socket_.descriptor, F_SETFD, FD_CLOEXEC);
   }
 
-  // Sends `truth` and waits for its answer; sends the same datagram again when none comes in time. That does no harm:
-  // imud answers a repeated truth again and emits nothing twice.
-  // Throws std::runtime_error if no attempt is answered, and std::invalid_argument as encode() does.
+  // Sends `truth` and waits for its answer; sends the same datagram again when none comes in time. This is harmless,
+  // as imud answers a repeated truth again and emits nothing twice. Throws std::runtime_error if no attempt is
+  // answered, and std::invalid_argument as encode() does.
   Answer step(const Truth& truth) {
     const std::uint32_t sequence = sequence_++;
     const Datagram datagram = encode(truth, options_.stream, sequence, first_);
@@ -197,15 +199,15 @@ class LockstepClient {
     int descriptor = -1;
   };
 
-  // Returns 0 or errno, which passes: then silence follows.
+  // Returns 0 or errno. An error is no reason to stop: the answer is missing then, and the next attempt follows.
   int send(const Datagram& datagram) const noexcept {
-    // Once more: the first may only tell what became of a datagram sent before.
+    // The first error may belong to a datagram that was sent before; therefore send once more.
     for (int i = 0; i < 2; ++i)
       if (::send(socket_.descriptor, datagram.data(), datagram.size(), 0) >= 0) return 0;
     return errno;
   }
 
-  // Passes over all but the answer to `sequence`.
+  // Ignores all datagrams but the answer to `sequence`.
   std::optional<Answer> wait(std::uint32_t sequence, int& error) const {
     const Clock::time_point until = Clock::now() + options_.timeout;
     for (Clock::time_point now = Clock::now(); now < until; now = Clock::now()) {
@@ -230,7 +232,7 @@ class LockstepClient {
   const Options options_;
   const std::string name_;  // as in imud's configuration
   std::uint32_t sequence_;  // of the next truth
-  bool first_ = true;       // none was answered yet
+  bool first_ = true;       // no truth was answered yet
   Socket socket_;
 };
 

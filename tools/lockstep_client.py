@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """LockstepClient: sends imud the truth of a step and waits until imud has emitted every sample up to it.
 
-A file to copy into a simulator: Python 3.9 and its standard library. imud's licence (MIT) holds for it.
+Copy this file into a simulator. It needs Python 3.9 and its standard library. Its licence is imud's (MIT).
 
     with LockstepClient("127.0.0.1", 9810) as imud:  # for: imud run imu.toml --set clock=lockstep
         for step in range(201):
@@ -41,7 +41,7 @@ class Truth:
     omega_BN_B: Vector3 = (0.0, 0.0, 0.0)  # rad/s
     omegaDot_BN_B: Optional[Vector3] = None  # rad/s^2
     specific_force_B: Optional[Vector3] = None  # m/s^2; of B's origin, without gravitation: at rest it points up
-    # m/s; integral of the specific force since the start. At most one of the two.
+    # m/s; integral of the specific force since the start. At most one of the two is given.
     accumulated_dv_inertial_B: Optional[Vector3] = None  # accumulated in N, given in the B axes of the instant
     accumulated_dv_body_sum_B: Optional[Vector3] = None  # sum of increments, each in the B axes at its step's end
 
@@ -49,11 +49,11 @@ class Truth:
 class Answer(NamedTuple):
     stream: int
     sequence: int
-    simulation_time_ns: int  # that imud has reached
-    samples: int  # of all its imus together, in this run
-    # The time reached is the truth's. Otherwise imud refused the truth and emitted nothing: its time is before that
-    # of the one before, or too far ahead of it (truth.max_gap_ms). One of the same time is a repetition: it changes
-    # nothing.
+    simulation_time_ns: int  # up to which imud has emitted all samples
+    samples: int  # emitted in this run, by all its imus together
+    # True if simulation_time_ns is the truth's. Otherwise imud refused the truth and emitted nothing, because the
+    # truth's time is before that of the last truth, or too far ahead of it (truth.max_gap_ms). A truth of the same
+    # time is a repetition, and changes nothing.
     accepted: bool
 
 
@@ -75,9 +75,10 @@ def crc32c(data: bytes) -> int:
 
 
 def encode(truth: Truth, stream: int, sequence: int, new_run: bool) -> bytes:
-    """The datagram of `truth`, which asks for an answer.
+    """Returns the datagram of `truth`, which requests an answer.
 
-    Raises ValueError for what imud would not answer: a number that is not finite, two accumulated velocities.
+    Raises ValueError for a truth that imud would not answer: a number is not finite, or there are two accumulated
+    velocities.
     """
     if truth.accumulated_dv_inertial_B is not None and truth.accumulated_dv_body_sum_B is not None:
         raise ValueError("accumulated_dv_inertial_B and accumulated_dv_body_sum_B: only one of them can be given")
@@ -107,7 +108,7 @@ def encode(truth: Truth, stream: int, sequence: int, new_run: bool) -> bytes:
 
 
 class LockstepClient:
-    """One run of one vehicle: the first truth says that a new run begins. For one thread at a time."""
+    """One run of one vehicle: the first truth is marked as the beginning of a run. For one thread at a time."""
 
     def __init__(
         self,
@@ -115,9 +116,10 @@ class LockstepClient:
         port: int,
         *,
         timeout: float = 0.2,  # s; of an attempt
-        attempts: int = 50,  # imud may start later than the simulator, or have much to emit
-        stream: int = 0,  # which vehicle; an imud takes one
-        # By the clock if not given: to imud the same first truth with the same sequence is a repetition, no new run.
+        attempts: int = 50,  # many, as imud may start later than the simulator, or have much to emit
+        stream: int = 0,  # number of the vehicle; an imud accepts the truth of one
+        # Taken from the clock if not given, because imud takes the same first truth with the same sequence for a
+        # repetition instead of a new run.
         first_sequence: Optional[int] = None,
     ):
         self._timeout = timeout
@@ -135,7 +137,7 @@ class LockstepClient:
             raise ValueError(f"{self._name}: {error.strerror}; right would be the like of 127.0.0.1") from error
         self._socket = socket.socket(family, kind)
         try:
-            self._socket.connect(peer)  # hears nobody else, and of a port that nobody has open
+            self._socket.connect(peer)  # receives from the peer only; an error if the port is not open
         except OSError:
             self._socket.close()
             raise
@@ -152,7 +154,7 @@ class LockstepClient:
     def step(self, truth: Truth) -> Answer:
         """Sends `truth` and waits for its answer; sends the same datagram again when none comes in time.
 
-        That does no harm: imud answers a repeated truth again and emits nothing twice. Raises RuntimeError if no
+        This is harmless, as imud answers a repeated truth again and emits nothing twice. Raises RuntimeError if no
         attempt is answered, and ValueError as encode() does.
         """
         sequence = self._sequence
@@ -176,13 +178,13 @@ class LockstepClient:
 
     def _send(self, datagram: bytes) -> None:
         self._socket.settimeout(None)
-        for _ in range(2):  # the first may only tell what became of a datagram sent before
+        for _ in range(2):  # the first error may belong to a datagram that was sent before
             try:
                 self._socket.send(datagram)
                 return
             except OSError as error:
                 last = error
-        self._error = last  # it passes: silence follows
+        self._error = last  # no reason to stop: the next attempt follows
 
     def _wait(self, sequence: int) -> Optional[Tuple[int, int]]:
         """Passes over all but the answer to `sequence`; the time reached, ns, and the samples."""

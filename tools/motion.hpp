@@ -1,4 +1,5 @@
-// Motion: analytic motions whose every derivative and integral is known in closed form, to try the chain with.
+// Motion: analytic motions, of which every derivative and integral is known in closed form, for tests of the whole
+// chain.
 #pragma once
 
 #include <span>
@@ -8,7 +9,7 @@
 
 namespace imud {
 
-// What the motions can be given; each uses those that its summary names. Angles in rad, SI.
+// The parameters of all motions; each motion uses those that its summary names. SI, angles in rad.
 struct MotionParameters {
   double rate_rad_per_s = 0.5;         // turntable, spiral, boost
   double half_angle_rad = 0.02;        // coning
@@ -26,7 +27,7 @@ struct Motion {
   Truth (*at)(TruthTime time, const MotionParameters& parameters);
 };
 
-// rest, turntable, coning, spiral, boost.
+// The motions: rest, turntable, coning, spiral, boost.
 std::span<const Motion> motions() noexcept;
 const Motion* find_motion(std::string_view name) noexcept;
 

@@ -1,4 +1,4 @@
-// number_check: a check of a command line's number against its limits, which NaN does not pass.
+// number_check: checks a number of a command line against its limits, and refuses NaN.
 #pragma once
 
 #include <fmt/format.h>

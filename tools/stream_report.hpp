@@ -1,4 +1,4 @@
-// StreamReport: what imu-decode says at the end, as text and as JSON.
+// StreamReport: the closing report of imu-decode, as text and as JSON.
 #pragma once
 
 #include <string>
@@ -18,9 +18,9 @@ struct StreamReport {
   std::string warning;   // of the port's end; usually empty
   std::string ended_by;  // end of input, signal, time, count, closed output
 
-  // A line per subject, what is usual first; lines about what went wrong only if it did.
+  // Returns one line for each subject. Lines about faults come last, and only if there were any.
   std::string text() const;
-  // One object; a quantity that is not known is null.
+  // Returns one object; an unknown quantity is null.
   std::string json() const;
 };
 

@@ -9,12 +9,13 @@ namespace imud {
 namespace {
 
 constexpr std::size_t half_window = 4096;
-constexpr std::size_t shortest_line = 8;  // through fewer points a line says little
+constexpr std::size_t shortest_line = 8;  // points; a fit through fewer has no meaning
 
-// Counters narrower than this turn so often that half a turn forward is no sign of a restart.
+// A narrower counter overflows so often that a step of half its range is no sign of a restart.
 constexpr std::uint64_t wide_counter = 0xFFFF;
 
-// How far two clocks may be apart in rate before missing samples are miscounted or seen as a jump.
+// The largest difference in rate of two clocks at which missing samples are counted right and are not taken for a
+// jump.
 constexpr double clock_tolerance = 1e-3;
 
 std::uint64_t low_bits(unsigned bits) { return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1; }
@@ -69,7 +70,7 @@ void StreamStatistics::finish() {
   judged_ = window_.size();
 }
 
-// Of the times that agree with the one on the wire, the nearest to the sample before.
+// Returns the time nearest to that of the sample before, among those that agree with the time on the wire.
 void StreamStatistics::unwrap(Entry& entry, const Entry& before) const noexcept {
   if (time_period_ns_ <= 0 || !carried(Measurement::time, entry, before)) return;
   std::int64_t step = (entry.time_ns - before.time_ns) % time_period_ns_;
@@ -97,7 +98,7 @@ void StreamStatistics::settle() {
   }
 }
 
-// ns; 0 if the device's time stamps are absent, or too coarse to tell one sample from the next.
+// Returns the step in ns; 0 if the device's time stamps are absent, or too coarse to distinguish two samples.
 double StreamStatistics::median_step() const {
   std::vector<std::int64_t> steps;
   steps.reserve(window_.size());
@@ -162,7 +163,8 @@ double StreamStatistics::x(const Entry& entry, bool by_time) const noexcept {
                  : static_cast<double>(entry.number - origin.number);
 }
 
-// Fits the entries from `begin` to `end`, which no jump separates, and counts the deviations of those not yet judged.
+// Fits the entries from `begin` to `end`, which no jump separates, and counts the deviations of those not yet
+// evaluated.
 void StreamStatistics::fit(std::size_t begin, std::size_t end, bool by_time) {
   if (end <= judged_) return;
   std::size_t count = 0;

@@ -1,4 +1,4 @@
-// StreamStatistics: what a stream of measurements was like in time: rate, jitter, gaps. Bounded memory, any length.
+// StreamStatistics: rate, jitter and gaps of a stream of measurements of any length, in bounded memory.
 #pragma once
 
 #include <cstdint>
@@ -20,44 +20,46 @@ class StreamStatistics {
     std::optional<double> hz() const;
   };
 
-  // `protocol` says how wide its counter is, when its time begins anew, and how fine it is.
+  // `protocol` gives the width of the counter, and period and resolution of the time.
   explicit StreamStatistics(const Protocol& protocol);
 
-  // `arrival` is empty where it says nothing: regular files, and what had been waiting before the first look.
+  // `arrival` is empty where it has no meaning: for regular files, and for samples that had waited in the port before
+  // the first receive().
   void add(const Measurement& measurement, std::optional<HostTime> arrival);
-  // No more will come. What follows is complete only after this.
+  // Ends the stream. The figures below are complete only after this.
   void finish();
 
   std::uint64_t samples() const noexcept { return samples_; }
-  // From one sample to the next by the device's time stamps; without the steps where these jumped or went back.
+  // The steps from sample to sample by the device's time stamps, without those at which the stamps jumped or went
+  // back.
   const Rate& device() const noexcept { return device_; }
   const Rate& arrival() const noexcept { return arrival_; }
-  // How far arrivals are from the straight line that fits those of a window best: least squares over arrival against
-  // device time, or against the sample's number if there is none fine enough. A window is 4096 to 8192 samples long,
-  // so that clocks that drift apart do not count.
+  // The distances of the arrivals from the straight line of a window: the least-squares fit of arrival over device
+  // time, or over the sample's number if the time is absent or too coarse. A window has 4096 to 8192 samples, so that
+  // the drift of the clocks does not count as jitter.
   const DurationHistogram& jitter() const noexcept { return jitter_; }
 
-  // Steps over missing samples, and how many are missing: by the counter, whose turns are told by the device time; by
-  // the device time alone if there is no counter.
+  // Steps over missing samples, and the number of these samples: by the counter, with its overflows found by the
+  // device time, or by the device time alone if there is no counter.
   std::uint64_t gaps() const noexcept { return gaps_; }
   std::uint64_t missing() const noexcept { return missing_; }
   bool can_see_gaps() const noexcept { return can_see_gaps_; }
-  // Steps of the device time that are off by more than half the median step of the window, missing samples allowed
-  // for.
+  // Steps of the device time that differ from the expected ones by more than half the median step of the window,
+  // after missing samples are accounted for.
   std::uint64_t time_jumps() const noexcept { return time_jumps_; }
   // Samples whose counter (without one, whose time) is that of the sample before.
   std::uint64_t repeated() const noexcept { return repeated_; }
-  // Samples whose counter or time is before that of the sample before: a restart of the device, or disorder.
+  // Samples whose counter or time is before that of the sample before: a restart of the device, or reordering.
   std::uint64_t back() const noexcept { return back_; }
 
  private:
   struct Entry {
     std::uint32_t fields = 0;   // time, counter, or both
-    std::int64_t time_ns = 0;   // turns of the protocol's time added
+    std::int64_t time_ns = 0;   // with the overflows of the protocol's time
     std::uint64_t counter = 0;  // its low counter_bits
     std::uint64_t number = 0;   // of the sample, missing ones counted
     std::optional<std::int64_t> arrival_ns;
-    bool starts_line = false;  // no line leads from the sample before to this one
+    bool starts_line = false;  // the sample before belongs to another line
   };
 
   bool carried(Measurement::Field field, const Entry& a, const Entry& b) const noexcept {
@@ -73,12 +75,12 @@ class StreamStatistics {
   void fit(std::size_t begin, std::size_t end, bool by_time);
 
   const std::uint64_t counter_mask_;
-  const bool counts_unsent_;  // samples, too
-  double counter_step_ = 1;   // from one that is sent to the next: the median
+  const bool counts_unsent_;  // counters count samples that are not sent, too
+  double counter_step_ = 1;   // median step from one sent sample to the next
   const std::int64_t time_period_ns_;
   const double time_resolution_ns_;
 
-  std::vector<Entry> window_;  // judged ones, then those that are not
+  std::vector<Entry> window_;  // evaluated entries, then the others
   std::size_t judged_ = 0;
 
   std::uint64_t samples_ = 0;

@@ -38,7 +38,7 @@ bool TextOutput::is_writable() const noexcept {
 void TextOutput::flush() {
   std::string_view rest = held_;
   while (!rest.empty() && error_ == 0) {
-    // Of PIPE_BUF bytes poll() knows whether they will block.
+    // POLLOUT guarantees that PIPE_BUF bytes can be written without blocking.
     const std::size_t piece = stop_wished() ? std::min<std::size_t>(rest.size(), PIPE_BUF) : rest.size();
     if (stop_wished() && !is_writable()) {
       error_ = EPIPE;

@@ -1,4 +1,4 @@
-// TextOutput: buffered text to a file or to standard output, that ends well when its reader leaves.
+// TextOutput: buffered text to a file or to standard output. A reader that leaves is no error.
 #pragma once
 
 #include <string>
@@ -10,16 +10,16 @@ namespace imud {
 
 class TextOutput {
  public:
-  // "-" is standard output. Throws std::runtime_error that says what failed on what.
+  // "-" is standard output. Throws std::runtime_error, which names the file and the cause.
   explicit TextOutput(const std::string& path);
 
   void write(std::string_view text);
-  // Pushes out what is held back. Waits for the reader, but no longer than a second once stop_wished().
+  // Writes the buffer out. Waits for the reader, but for a second at most after stop_wished().
   void flush();
 
-  // False once the reader is gone or the disk is full: nothing is written any more.
+  // Returns false after the reader has left or the disk is full: nothing more is written.
   bool is_open() const noexcept { return error_ == 0; }
-  // The errno that closed it; 0 while it is open, and EPIPE for a reader that left.
+  // Returns the errno that ended the output: EPIPE if the reader has left, 0 while the output is open.
   int error() const noexcept { return error_; }
 
  private:

@@ -56,10 +56,10 @@ class CaptureSource final : public TruthSource {
 
   std::optional<TimedDatagram> next() override {
     auto received = port_.receive();
-    while (!received && !port_.at_end()) received = port_.receive();  // packets of others were passed over
+    while (!received && !port_.at_end()) received = port_.receive();  // packets to other ports are skipped
     if (!received) return std::nullopt;
     if (!first_) first_ = received->time;
-    // Stamps may step back; the datagrams stay in order.
+    // Time stamps may step back; the order of the datagrams stays.
     offset_ = std::max(offset_, received->time - *first_);
     if (last_ && offset_ > *last_) return std::nullopt;
     return TimedDatagram{offset_, received->frame.bytes};

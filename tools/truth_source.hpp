@@ -1,4 +1,4 @@
-// TruthSource: where the datagrams that imu-truth sends come from.
+// TruthSource: the datagrams that imu-truth sends, from a motion or a capture.
 #pragma once
 
 #include <array>
@@ -16,22 +16,22 @@
 namespace imud {
 
 struct TimedDatagram {
-  Nanoseconds offset;                // when it is due, from the start
-  std::span<const std::byte> bytes;  // until the next call of the source
-  std::uint32_t stream = 0;          // what its acknowledgement will say; native datagrams of a motion only
+  Nanoseconds offset;                // from the start to the instant of sending
+  std::span<const std::byte> bytes;  // valid until the next call of the source
+  std::uint32_t stream = 0;          // the stream in its acknowledgement; for native datagrams of a motion only
   std::uint32_t sequence = 0;
 };
 
 class TruthSource {
  public:
   virtual ~TruthSource() = default;
-  // nullopt after the last. Throws std::runtime_error that says what is wrong.
+  // Returns nullopt after the last datagram. Throws std::runtime_error, which names the fault.
   virtual std::optional<TimedDatagram> next() = 0;
-  // A word on how it ended if it did not end well; empty otherwise.
+  // Describes the end of a damaged capture; empty if there is nothing to report.
   virtual std::string warning() const { return {}; }
 };
 
-// The truths of a motion on the grid start + k/rate.
+// Makes the truths of a motion on the grid start + k/rate.
 class MotionTruths {
  public:
   struct Options {
@@ -39,16 +39,16 @@ class MotionTruths {
     MotionParameters parameters;
     double rate_hz = 100;
     double start_s = 0;
-    std::optional<double> for_s;  // without it, without end; the truth at its end is the last
+    std::optional<double> for_s;  // nullopt: without end; the truth at the end of this time is the last
     std::uint32_t stream = 0;
     bool acknowledge = false;
-    bool new_run = true;  // the first truth says so
+    bool new_run = true;  // the first truth is marked as the beginning of a run
   };
   explicit MotionTruths(const Options& options);
 
-  // Throws std::runtime_error if the motion leaves what the model accepts.
+  // Throws std::runtime_error if the motion exceeds the ranges that the model accepts.
   std::optional<Truth> next();
-  Nanoseconds offset() const { return grid_.offset(next_ - 1); }  // of the last one from the start
+  Nanoseconds offset() const { return grid_.offset(next_ - 1); }  // of the last truth from the start
 
  private:
   const Options options_;
@@ -57,9 +57,9 @@ class MotionTruths {
 };
 
 std::unique_ptr<TruthSource> native_source(const MotionTruths::Options& options);
-// Rows of text, a datagram each, the header row first.
+// Makes a source of rows of text, one in a datagram, with the header row first.
 std::unique_ptr<TruthSource> csv_source(const MotionTruths::Options& options);
-// The datagrams of a capture byte for byte, at their recorded pace. `port` outlives the source.
+// Makes a source of a capture's datagrams, byte for byte, at their recorded pace. `port` must outlive the source.
 std::unique_ptr<TruthSource> capture_source(Port& port, std::optional<double> for_s);
 
 }  // namespace imud
