@@ -88,9 +88,9 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
 // Adds the integrals from advanced_ to `end` by the corrected trapezoidal rule, which needs only values and slopes at
 // the two ends and is exact to the third order:  integral of g = h/2 (g1 + g2) + h^2/12 (g1' - g2').
 //
-// Of the specific force f only its given integral V is used. By parts, in moving axes:
+// The specific force f is used only by its given integral V. By parts, in moving axes:
 //   integral of f = u2 + integral of omega x u,   u = C_BN (V - V1),   u' = f - omega x u,   u1 = 0;
-// so the sums agree with V whatever the rule's error, which touches only the second, small term.
+// so the sums agree with V, as the error of the rule is in the second, small term only.
 void Imu::add_piece(const MotionState& end) noexcept {
   const MotionState& begin = advanced_;
   const double h = seconds(end.time - begin.time);

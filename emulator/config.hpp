@@ -19,7 +19,7 @@
 
 namespace imud {
 
-// What paces the samples: the host's clock, each truth that arrives, or a capture as fast as it can be read.
+// The clock that paces the samples: the host's, each truth that arrives, or a capture as fast as it can be read.
 enum class ClockMode : std::uint8_t { realtime, lockstep, fast };
 
 // The output of a sensor while motion is held because truth has stopped.

@@ -140,7 +140,7 @@ struct TruthCounters : CounterGroup {
   Counter inserted{*this, {"inserted", "reordered but in time"}};
   // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
   Counter lost{*this, {"lost", "lost"}};
-  // Times that the timeline began anew, the first included.
+  // Runs of the timeline, the first included.
   Counter runs{*this, {"runs", "runs", Show::if_several}};
   // Records of a capture or a stream that are incomplete or too long.
   Counter truncated{*this, {"truncated", "cut short", Show::if_not_zero, Show::if_not_zero}};

@@ -56,8 +56,8 @@ class Monitor {
   std::ofstream quality_;
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
-  // What has been reported: causes, imus that refuse edges, states of ports, and how often PortState::wrong_speed
-  // was.
+  // The reports so far: causes of refusal, imus that refuse edges, states of ports, and counts of
+  // PortState::wrong_speed.
   std::vector<bool> refusals_, edges_refused_;
   std::vector<PortState> states_;
   std::vector<int> wrong_speeds_;

@@ -52,7 +52,7 @@ class Session {
   // False while the timeline has no room for another truth. Moves slow imus up to `until` first, as advance().
   bool has_room_for_truth(TruthTime until) noexcept;
 
-  // What poll() can wait for: truth, first, which is left out without `truth`, and what the hosts send.
+  // The descriptors for poll(): that of truth comes first, disabled unless `truth`, then those of the hosts.
   std::span<pollfd> inputs(bool truth) noexcept;
   // Serves the hosts of which poll() has seen something in inputs(). Returns false if something stays, such as an
   // error or a flood: poll() would return at once again.

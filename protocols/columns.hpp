@@ -48,7 +48,8 @@ class Columns {
   // Splits a row; its fields are views into it. ok, too_short or too_long.
   TruthResult split(std::string_view row) noexcept;
 
-  // Of the row split last, the wanted columns from `first`, which has() said are there; ok or bad_number.
+  // Reads wanted columns from `first` on, which must be present (has()), from the row that was split last. Returns ok
+  // or bad_number.
   TruthResult read(std::size_t first, double& number) const noexcept;
   TruthResult read(std::size_t first, Vector3& vector) const noexcept;
   std::string_view field(std::size_t wanted) const noexcept { return unquoted(fields_[wanted]); }
@@ -89,9 +90,9 @@ class ColumnTruthDecoder : public LineTruthDecoder {
 
  private:
   TruthResult decode(std::string_view line, Truth& truth) noexcept final;
-  // What `row`, trimmed and not empty, is; of a header row it leaves the names.
+  // Returns the kind of `row`, which is trimmed and not empty; reduces a header row to its names.
   virtual Kind kind(std::string_view& row) const noexcept = 0;
-  // Whether the columns that are there are enough.
+  // Returns true if the columns present are enough.
   virtual bool enough() const noexcept = 0;
   // Converts the row split last. What is not finite, or not in range, may pass if it stands in `truth`.
   virtual TruthResult convert(Truth& truth) const noexcept = 0;

@@ -28,8 +28,8 @@ enum class Link : std::uint8_t { bytes, can };  // bytes: serial lines, ptys, UD
 class Device {
  public:
   virtual ~Device() = default;
-  // Switches the supply off and on: what the product keeps without power is kept, all else begins anew, and it starts
-  // up. Default: there is nothing to forget.
+  // Switches the supply off and on: the product starts up with what it keeps without power. Default: nothing happens,
+  // as the device has no state to lose.
   virtual void power_on(DeviceTime now) noexcept;
   // Appends the frames of one sample (none, one or several) to `out`. The time is sample.time.
   virtual void sample(const Sample& sample, FrameBuffer& out) noexcept = 0;
@@ -59,7 +59,7 @@ class Device {
   virtual std::optional<Pulse> pulse() const noexcept;
 };
 
-// What a Decoder found. `fields` tells which quantities the protocol carried; the others are zero in `sample`.
+// A decoded sample. `fields` has the quantities that the protocol carries; all others are zero in `sample`.
 struct Measurement {
   enum Field : std::uint32_t {
     time = 1,
@@ -115,9 +115,9 @@ struct CanMessage {
   double max_frames_per_s = 0;  // over a second, at its busiest with these settings
 };
 
-// What a product is, out of the box: what its configuration need not say.
+// A product as delivered: the values that its configuration may omit.
 struct Product {
-  double rate_hz = 0;  // at which it samples inside, whatever it sends
+  double rate_hz = 0;  // at which it samples internally, whatever it sends
   TriadErrors gyro, accelerometer, magnetometer;
   BarometerErrors barometer;
 };
@@ -143,7 +143,7 @@ struct Protocol {
     double rate = DBL_MAX, specific_force = DBL_MAX, delta_angle = DBL_MAX, delta_velocity = DBL_MAX,
            temperature_c = DBL_MAX;
   } range = {};
-  std::int64_t time_period_ns = 0;  // after which the time on the wire begins anew; 0: never
+  std::int64_t time_period_ns = 0;  // after which the time on the wire overflows; 0: never
   unsigned counter_bits = 64;       // this many low bits of the counter come back
   bool sends_some_samples = false;  // of many that it counts: steps of the counter are some multiple
   std::uint32_t status_bits = ~0U;  // these bits of Sample::status come back

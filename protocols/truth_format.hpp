@@ -14,7 +14,7 @@
 
 namespace imud {
 
-// What became of one record (a datagram, a line of text, a message).
+// The result of decoding one record (a datagram, a line of text, a message).
 enum class TruthResult : std::uint8_t {
   ok,             // `truth` is whole
   no_state,       // well-formed, but carries no state: a header row, a blank line, a comment
@@ -29,13 +29,13 @@ enum class TruthResult : std::uint8_t {
   no_columns,    // a row before its header, and no columns configured; a header that lacks a required column
 };
 
-// What a TruthDecoder is fed.
+// The kind of input of a TruthDecoder.
 enum class TruthInput : std::uint8_t {
   datagram,  // one whole datagram: its end ends a record
   stream,    // the next piece of a stream, of any length: a record may begin in one piece and end in another
 };
 
-// What a stream contained that became no record.
+// The parts of a stream that became no record.
 struct StreamLosses {
   std::uint64_t too_long = 0;    // records that the decoder has no room for
   std::uint64_t cut_short = 0;   // records that were incomplete when the input ended

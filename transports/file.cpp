@@ -32,7 +32,7 @@ class FileWriter final : public Port {
   explicit FileWriter(const PortSpec& spec) {
     const bool standard = spec.address == "-" || spec.address == "/dev/stdout";
     if (standard && is_regular(STDOUT_FILENO)) {
-      // Not opened anew: that would truncate what the shell appends to.
+      // Opening it again would truncate a file to which the shell appends.
       file_.reset(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0));
     } else {
       const std::string path = standard ? "/dev/stdout" : spec.address;

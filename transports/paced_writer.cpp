@@ -20,9 +20,9 @@ std::size_t PacedWriter::Queued::received_by(HostTime now) const noexcept {
   return static_cast<std::size_t>((now - begin).count() * line.baud / (second * line.bits_per_character()));
 }
 
-void PacedWriter::queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds patience,
+void PacedWriter::queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds max_wait,
                         PortCounters& counters) noexcept {
-  const bool too_late = idle_at_ - now > patience;
+  const bool too_late = idle_at_ - now > max_wait;
   for (const Frame& frame : frames) {
     const auto& bytes = frame.bytes;
     if (bytes.empty()) {

@@ -25,8 +25,8 @@ class PacedWriter {
       14;  // trigger level of a 16550A's receive FIFO: PC16550D data sheet, FCR bits 6-7
 
   // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted; all of
-  // them are if the first would have to wait for longer than `patience`.
-  void queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds patience,
+  // them are if the first would have to wait for longer than `max_wait`.
+  void queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds max_wait,
              PortCounters& counters) noexcept;
 
   // Returns the next characters to write, contiguous in memory and of one line setting; empty if none are received by

@@ -16,13 +16,13 @@
 
 namespace imud {
 
-// What a port is for.
+// The purpose of a port.
 enum class Role : std::uint8_t {
   device,    // imud as the sensor: sends samples, receives the host's bytes; a pty is made, a UDP peer is sent to
   listener,  // receives: truth, or imu-decode; a UDP port is bound, a file is read, an existing pty is opened
 };
 
-// What a port does with frames that its line cannot carry at once.
+// The treatment of frames that the line of a port cannot carry at once.
 enum class Delivery : std::uint8_t {
   timely,    // a frame that cannot leave soon is dropped: realtime
   complete,  // the sender waits until all frames have left: lockstep, fast
@@ -66,8 +66,8 @@ class Port {
   virtual ~Port() = default;
 
   // Sends the frames of one sample, in order. Frames that the kernel does not take now are dropped whole and counted.
-  // No frame is torn: the rest of one that was taken in part goes first at the next call. A caller that wants nothing
-  // dropped, and may wait, polls descriptor() for POLLOUT first.
+  // No frame is torn: the rest of a frame that was taken in part is sent first at the next call. A caller that must
+  // not drop a frame, and may wait, polls descriptor() for POLLOUT first.
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
   // Sends an answer to the host, as send() does. On a line that is asked to carry more than it can, answers are

@@ -10,7 +10,7 @@
 
 namespace imud {
 
-// What is wrong with a port, and what would be right.
+// A fault of a port; the text has the fault and what would be right.
 struct PortError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

@@ -82,13 +82,13 @@ class PtyDevice final : public Port {
     if (paced_) paced_->forget(counters_);
   }
 
-  // Paced: drops frames that would have to wait for the line for longer than `patience`.
-  void send(std::span<const Frame> frames, Nanoseconds patience) noexcept {
+  // Paced: drops frames that would have to wait for the line for longer than `max_wait`.
+  void send(std::span<const Frame> frames, Nanoseconds max_wait) noexcept {
     if (!has_reader()) {
       counters_.dropped += frames.size();
     } else if (paced_) {
       write_received();
-      paced_->queue(frames, line_, host_now(), patience, counters_);
+      paced_->queue(frames, line_, host_now(), max_wait, counters_);
     } else if (state_ == PortState::wrong_speed) {
       write_garbage(frames);
     } else {

@@ -202,7 +202,7 @@ class VectorNavDevice final : public Device {
     return none;
   }
 
-  // An output that has been written begins its increments anew.
+  // Writing an output restarts its increments.
   void begin_sums(const Words& words) noexcept {
     const unsigned id = number_in<unsigned>(words[0]).value_or(0);
     const bool is_other_port = words.count == 3 && words[2] == "2";

@@ -72,7 +72,7 @@ struct MessageType {
   unsigned receivers;    // that a model with this message has
   std::size_t size;      // of the longest, from '$' to LF, with two digits of checksum
   std::array<Part, 6> parts;
-  bool has_increments = false;  // which begin anew after it
+  bool has_increments = false;  // whose sums restart after it
 };
 constexpr MessageType messages[] = {
     {1, "VNYPR", 8, 0, 38, {ypr}},

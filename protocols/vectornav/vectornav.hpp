@@ -183,7 +183,7 @@ std::string_view name_of(unsigned type, const Model& model) noexcept;
 std::size_t size_of(unsigned type) noexcept;
 // The type of the message with the content of that measurement register; 0: it is no measurement register.
 unsigned type_of_register(unsigned id) noexcept;
-// Appends the content of a message. Increments begin anew in `sums` if the message has them.
+// Appends the content of a message. If the message has increments, `sums` restarts at 0.
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;
 // Appends what register 30 adds to streamed text: a status ("S"; mode 0: none, 1: VPE, 2: INS), then a count ("T";
 // mode 0: none) (UM001, page 69).

@@ -153,7 +153,7 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   EXPECT_EQ(counters_.sent + counters_.dropped, frames.made());
 }
 
-// 10 characters take 10 ms: what would begin later than the patience is dropped, whatever its own length.
+// 10 characters take 10 ms: a frame that would begin later than the longest wait is dropped, whatever its own length.
 TEST_F(PacedWriting, WhatWouldWaitTooLongIsDropped) {
   patience = std::chrono::milliseconds(15);
   queue(10, microseconds(0));
