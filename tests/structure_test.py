@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Fails on any #include, or other mention, that goes against who may know whom."""
+"""Fails on any #include, or other mention, that goes against who may know whom; and on words that comments avoid."""
 import pathlib
 import re
 import sys
@@ -75,6 +75,29 @@ for folder, suffix in ENTRY_FOLDERS.items():
             faults.append(f"{name}: ends in no table entry {stem}_{suffix}")
         elif f'"{keyword}"' not in text[entry:]:
             faults.append(f"{name}: its entry is not named \"{keyword}\" as the file or its folder")
+
+# Comments are whole sentences, and programs have no ears: words that were found often, and the field's word for them.
+COINAGES = {
+    r"hears?|heard|hearing": "receive", r"obeys?|obeyed": "execute", r"patience": "timeout, longest wait",
+    r"gives? up|given up": "discard, end", r"anew": "again, restart", r"sees? off": "drain", r"takes? in what": "integrate",
+}
+UNCHECKED_WORDS = ("protocols/stim300/",)
+coined = re.compile(rf"\b({'|'.join(COINAGES)})\b", re.IGNORECASE)
+for folder in RULES:
+    for path in sorted((root / folder).rglob("*.[ch]pp")):
+        name = str(path.relative_to(root))
+        if name.startswith(UNCHECKED_WORDS):
+            continue
+        in_comment = False
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            code = re.sub(r'"(?:[^"\\]|\\.)*"', '""', line)
+            comment = re.search(r"//\s*(.*)", code)
+            if comment and not in_comment and re.match(r"(Of|What)\b", comment[1]):
+                faults.append(f"{name}:{number}: a comment begins with \"{comment[1].split()[0]}\": write a sentence")
+            if comment and (word := coined.search(comment[1])):
+                better = next(b for c, b in COINAGES.items() if re.fullmatch(c, word[0], re.IGNORECASE))
+                faults.append(f"{name}:{number}: \"{word[0]}\" in a comment: write {better}")
+            in_comment = bool(re.match(r"\s*//", line))
 
 for path in root.iterdir():
     if not path.name.startswith(".") and path.name not in TOP_LEVEL:
