@@ -1,4 +1,4 @@
-// TableReader: takes values out of one TOML table and writes down everything that is wrong with it.
+// TableReader: reads the values of one TOML table and collects every fault in it.
 #pragma once
 
 #include <toml++/toml.h>
@@ -16,11 +16,11 @@
 
 namespace imud {
 
-// The faults of one file, in the order found.
+// The faults of one file, in the order in which they were found.
 class Faults {
  public:
   explicit Faults(std::string file) : file_(std::move(file)) {}
-  // `line` 0: the key came from the command line, or is missing.
+  // `line` is 0 if the key came from the command line, or is missing.
   void add(std::uint32_t line, std::string_view key, std::string_view what);
   const std::vector<std::string>& all() const { return all_; }
 
@@ -29,35 +29,39 @@ class Faults {
   std::vector<std::string> all_;
 };
 
-// Each getter returns the value, or `fallback` if the key is absent; a value of wrong type, shape or range is a fault
-// and gives `fallback` too. Numbers are finite always. The destructor does nothing: call finish() for unknown keys.
+// Each getter returns the value of the key, or `fallback` if the key is absent. A value of the wrong type, shape or
+// range is a fault, and the getter returns `fallback`. Numbers are always finite. Call finish() at the end: it finds
+// the unknown keys, which the destructor does not.
 class TableReader {
  public:
-  // `table` may be null: everything is absent. `path`: what stands before a key in messages ("imu.0.gyro.").
+  // If `table` is null, every key is absent. `path` precedes the keys in messages: "imu.0.gyro.".
   TableReader(const toml::table* table, std::string path, std::uint32_t line, Faults& faults)
       : table_(table), path_(std::move(path)), line_(line), faults_(faults) {}
 
-  bool has(std::string_view key) const { return table_ != nullptr && table_->contains(key); }
-  bool is_text(std::string_view key) const { return has(key) && table_->get(key)->is_string(); }
-  const toml::node* node(std::string_view key);  // raw; counts as known
+  bool has(std::string_view key) { return node(key) != nullptr; }
+  bool is_text(std::string_view key) { return has(key) && node(key)->is_string(); }
+  // Returns the value as it is; nullptr if it is absent. The key counts as known.
+  const toml::node* node(std::string_view key);
 
   double real(std::string_view key, double fallback, double min, double max);
   std::uint64_t unsigned_integer(std::string_view key, std::uint64_t fallback, std::uint64_t max);
   bool flag(std::string_view key, bool fallback);
   std::string text(std::string_view key, std::string fallback);
-  // A date and time, such as 2025-01-01T00:00:00Z (without an offset: UTC), as whole seconds since 1970.
+  // Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.
   std::int64_t utc_s(std::string_view key, std::int64_t fallback, int first_year, int last_year);
-  // One of `words`; its index.
+  // Returns the index of the value in `words`.
   std::size_t choice(std::string_view key, std::initializer_list<std::string_view> words, std::size_t fallback);
   Vector3 vector3(std::string_view key, const Vector3& fallback);
-  // Nine numbers as three rows; three numbers are the diagonal if `diagonal`.
+  // Reads three rows of three numbers; if `diagonal`, three numbers as well, which are the diagonal.
   Matrix3 matrix3(std::string_view key, const Matrix3& fallback, bool diagonal);
+  // Returns the reader of the table of that key, which may be absent.
   TableReader child(std::string_view key);
 
-  // A fault of `key`, at its line.
+  // Adds a fault of `key`, at its line.
   void fault(std::string_view key, std::string_view what);
+  // Adds a fault if the key is absent.
   void require(std::string_view key, std::string_view what_it_is);
-  // Every key that nobody asked for is a fault, with the nearest known one.
+  // Adds a fault for every key that no function above was called with; it names the nearest known key.
   void finish();
 
  private:
@@ -71,7 +75,7 @@ class TableReader {
   std::set<std::string, std::less<>> known_;
 };
 
-// The word of `words` that `word` is most likely meant to be; empty if none is near.
+// Returns the word of `words` that is nearest to `word` by Levenshtein distance; empty if none is near.
 std::string nearest(std::string_view word, const std::vector<std::string>& words);
 
 }  // namespace imud

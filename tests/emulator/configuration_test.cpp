@@ -1,0 +1,148 @@
+// Compares emulator/CONFIGURATION.md with the code: keys, and the range that the code enforces for each.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "tests/transports/scratch_folder.hpp"
+
+namespace imud {
+namespace {
+
+struct Row {
+  std::string default_value, range;
+};
+
+// Returns the rows by their keys, written as for `--set`. Every word in backticks in a first cell is a key of the
+// heading's table.
+std::map<std::string, Row> documented() {
+  std::map<std::string, Row> rows;
+  std::ifstream file(IMUD_SOURCE_DIR "/emulator/CONFIGURATION.md");
+  std::string table;
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("## ")) {
+      std::smatch name;
+      const bool found = std::regex_search(line, name, std::regex(R"(\[([a-z.]+)\])"));
+      table = found ? name[1].str() + "." : "";
+      if (line.find("`, `") != line.npos) table = "imu.";  // Several tables: the keys have their names.
+      if (table.starts_with("imu.")) table.replace(0, 4, "imu.0.");
+    }
+    if (!line.starts_with("| `")) continue;
+    std::vector<std::string> cells;
+    for (std::size_t at = 1, end = 0; (end = line.find('|', at)) != line.npos; at = end + 1)
+      cells.push_back(line.substr(at, end - at));
+    EXPECT_EQ(cells.size(), 4U) << line;
+    if (cells.size() != 4) continue;
+    const std::regex word("`([^`]+)`");
+    for (std::sregex_iterator at(cells[0].begin(), cells[0].end(), word), end; at != end; ++at)
+      EXPECT_TRUE(rows.emplace(table + (*at)[1].str(), Row{cells[1], cells[2]}).second) << *at->begin();
+  }
+  return rows;
+}
+
+class ConfigurationReference : public testing::Test {
+ protected:
+  // Returns the faults of a configuration after an assignment, as one text.
+  std::string faults(const std::string& assignment, const std::string& format) {
+    std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\nformat = \"" << format
+                         << "\"\n[[imu]]\nrate_hz = 200\nprotocol = \"native\"\nport = \"pty:imu1\"\n"
+                            "gyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 200\n";
+    try {
+      load_config(path_, std::vector{assignment});
+    } catch (const ConfigError& error) {
+      return std::string("\n") + error.what() + "\n";
+    }
+    return {};
+  }
+  // Collects the keys of the table `prefix` ("truth.", "imu.0.gyro."), and of the tables in it, with the fault that a
+  // value of a wrong kind gives. The fault of an unknown key lists the known ones.
+  void collect(const std::string& prefix, const std::string& format, std::map<std::string, std::string>& all) {
+    const std::string text = faults(prefix + "?=1", format);
+    const std::string intro = ": " + prefix + "?: unknown key; known here: ";
+    const std::size_t at = text.find(intro);
+    if (at == text.npos) {  // no table
+      const std::string key = prefix.substr(0, prefix.size() - 1), plain = faults(key + "={}", format);
+      const std::size_t begin = plain.find(": " + key + ": ");
+      ASSERT_NE(begin, plain.npos) << key << " accepts a table:" << plain;
+      all[key] = plain.substr(begin, plain.find('\n', begin) - begin);
+      return;
+    }
+    std::string known = text.substr(at + intro.size());
+    known = known.substr(0, known.find('\n')) + ", ";
+    for (std::size_t begin = 0, end = 0; (end = known.find(", ", begin)) != known.npos; begin = end + 2) {
+      const std::string key = known.substr(begin, end - begin);
+      if (!key.empty()) collect(prefix + (key == "imu" ? "imu.0" : key) + ".", format, all);
+    }
+  }
+
+  ScratchFolder folder_;
+  const std::string path_ = folder_ / "config.toml";
+};
+
+TEST_F(ConfigurationReference, HasEveryKeyAndNoOther) {
+  std::map<std::string, std::string> known;
+  for (const TruthFormat* format : truth_formats()) collect("", std::string(format->name), known);
+  const std::map<std::string, Row> rows = documented();
+  EXPECT_GT(known.size(), 60U);
+  for (const auto& [key, fault] : known) EXPECT_TRUE(rows.contains(key)) << key << " is not documented";
+  for (const auto& [key, row] : rows) EXPECT_TRUE(known.contains(key)) << key << " is documented, but unknown";
+}
+
+TEST_F(ConfigurationReference, RangesAreTheCodes) {
+  std::map<std::string, std::string> known;
+  for (const TruthFormat* format : truth_formats()) collect("", std::string(format->name), known);
+  std::size_t ranges = 0, choices = 0;
+  for (const auto& [key, row] : documented()) {
+    const std::string fault = known[key];
+    std::smatch match;
+    if (key == "realtime.cpu") {  // the machine's
+      EXPECT_NE(fault.find("give a whole number from 0 to "), fault.npos) << fault;
+    } else if (std::regex_search(fault, match, std::regex(R"((number|time) from (\S+ to [^ ,;]+))"))) {
+      ++ranges;
+      const bool is_documented = row.range.find(" " + match[2].str() + " ") != row.range.npos ||
+                                 row.range.find(" " + match[2].str() + ",") != row.range.npos;
+      EXPECT_TRUE(is_documented) << key << ":" << row.range << fault;
+    } else if (fault.find("give one of ") != fault.npos) {
+      ++choices;
+      const std::string words = fault.substr(fault.find("give one of ") + 12);
+      std::string documented_words;
+      for (const char c : row.range)
+        if (c != '`') documented_words += c;
+      EXPECT_EQ(documented_words, " " + words + " ") << key;
+    } else if (fault.find("true or false") != fault.npos) {
+      EXPECT_EQ(row.range, " `true`, `false` ") << key;
+    } else if (fault.find("three") != fault.npos) {
+      EXPECT_EQ(row.range.substr(0, 6), " three") << key << fault;
+      EXPECT_EQ(fault.find("rows") != fault.npos, row.range.find("rows") != row.range.npos) << key << fault;
+    } else if (fault.find("give text") != fault.npos) {
+      EXPECT_EQ(row.range.substr(0, 5), " text") << key << fault;
+    } else {
+      EXPECT_TRUE(key == "truth.columns" || key == "truth.accumulated_dv") << key << fault;
+    }
+  }
+  EXPECT_GT(ranges, 20U);
+  EXPECT_GT(choices, 8U);
+}
+
+// A default that is a value in TOML can be given, and is then no fault of its own.
+TEST_F(ConfigurationReference, DefaultsCanBeGiven) {
+  std::size_t given = 0;
+  for (const auto& [key, row] : documented()) {
+    const std::size_t end = row.default_value.find('`', 2);
+    if (!row.default_value.starts_with(" `")) continue;
+    const std::string format = key == "truth.accumulated_dv" ? "csv" : "native";
+    const std::string fault = faults(key + "=" + row.default_value.substr(2, end - 2), format);
+    ++given;
+    EXPECT_TRUE(fault.empty() || fault.find(": needs ") != fault.npos) << fault;
+  }
+  EXPECT_GT(given, 40U);
+}
+
+}  // namespace
+}  // namespace imud
