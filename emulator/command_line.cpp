@@ -71,6 +71,7 @@ void list_settings(const Entry& entry) {
         },
         setting.initial);
     if (!setting.choices.empty()) initial += fmt::format("; one of {}", fmt::join(setting.choices, ", "));
+    if (setting.min != setting.max) initial += fmt::format("; {} to {}", setting.min, setting.max);
     fmt::print("  {:<24} {} ({})\n", setting.key, setting.help, initial);
   }
 }
@@ -149,7 +150,7 @@ int command_line(int argc, const char* const* argv) {
   with_run(replay_command);
   replay_command->add_option("CAPTURE", arguments.capture, "X.pcap, X.pcap?port=N, or X.csv")->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
-  auto* check_command = app.add_subcommand("check", "Say what is wrong with a configuration, or what it would do");
+  auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or what it would do");
   with_config(check_command);
   auto* selftest_command = app.add_subcommand("selftest", "Measure what timing this machine allows");
   bool timing = false;

@@ -108,26 +108,30 @@ constexpr std::array<std::string_view, 4> model_names = {"3dm-gx5-25", "3dm-gx5-
 constexpr std::array<std::string_view, 1> models_own = {"default"};
 constexpr std::span<const std::string_view> own = models_own;
 constexpr Setting declared[] = {
-    {.key = "model", .help = "which device", .initial = model_names[0], .choices = model_names},
+    {.key = "model", .help = "the device", .initial = model_names[0], .choices = model_names},
     {.key = "sensor_rate_hz",
-     .help = "of the sensor data; a divisor of 1000",
+     .help = "rate of the sensor data, Hz; a divisor of 1000",
      .initial = std::int64_t{100},
      .min = 1,
      .max = 1000},
-    {.key = "sensor_fields", .help = "what is streamed; default: as the model is delivered", .initial = own},
+    {.key = "sensor_fields",
+     .help = "fields of the sensor data that are streamed; default: those of the model as delivered",
+     .initial = own},
     {.key = "filter_rate_hz",
-     .help = "of the filter data; a divisor of its base rate",
+     .help = "rate of the filter data, Hz; a divisor of its base rate",
      .initial = std::int64_t{10},
      .min = 1,
      .max = 1000},
-    {.key = "filter_fields", .help = "what is streamed", .initial = own},
+    {.key = "filter_fields", .help = "fields of the filter data that are streamed", .initial = own},
     {.key = "gnss_rate_hz",
-     .help = "of the receiver's data; a divisor of 4",
+     .help = "rate of the receiver's data, Hz; a divisor of 4",
      .initial = std::int64_t{4},
      .min = 1,
      .max = 4},
-    {.key = "gnss_fields", .help = "what is streamed, by a model with a receiver", .initial = own},
-    {.key = "baud", .help = "bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
+    {.key = "gnss_fields",
+     .help = "fields of the receiver's data that are streamed, by a model with a receiver",
+     .initial = own},
+    {.key = "baud", .help = "speed of the line, bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
 };
 
 const Model& model_of(const Settings& settings) {

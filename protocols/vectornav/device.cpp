@@ -247,17 +247,23 @@ class VectorNavDevice final : public Device {
 
 constexpr std::array<std::string_view, 3> model_names = {models[0].keyword, models[1].keyword, models[2].keyword};
 constexpr Setting declared[] = {
-    {.key = "model", .help = "which device", .initial = models[0].keyword, .choices = model_names},
-    {.key = "baud", .help = "bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
+    {.key = "model", .help = "the device", .initial = models[0].keyword, .choices = model_names},
+    {.key = "baud", .help = "speed of the line, bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
     {.key = "async_type",
-     .help = "register 6: the message of text that is streamed; 0: none",
+     .help = "register 6: number of the text message that is streamed; 0: none",
      .initial = std::int64_t{14},
      .min = 0,
      .max = 33},
-    {.key = "async_hz", .help = "register 7", .initial = std::int64_t{40}, .min = 1, .max = 200},
-    {.key = "binary_1", .help = "register 75, such as \"1,16,01,0029\"", .initial = std::string_view("")},
-    {.key = "binary_2", .help = "register 76", .initial = std::string_view("")},
-    {.key = "binary_3", .help = "register 77", .initial = std::string_view("")},
+    {.key = "async_hz",
+     .help = "register 7: text messages per second, Hz",
+     .initial = std::int64_t{40},
+     .min = 1,
+     .max = 200},
+    {.key = "binary_1",
+     .help = "register 75: binary output 1, such as \"1,16,01,0029\"",
+     .initial = std::string_view("")},
+    {.key = "binary_2", .help = "register 76: binary output 2", .initial = std::string_view("")},
+    {.key = "binary_3", .help = "register 77: binary output 3", .initial = std::string_view("")},
 };
 
 const Model& model_of(const Settings& settings) {

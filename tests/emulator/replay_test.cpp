@@ -192,6 +192,8 @@ TEST_F(ReplayTest, ListShowsEveryEntry) {
   for (const std::string word :
        {"native", "native-can", "csv", "jsbsim", "udp", "pcap", "file", "pty", "serial", "can"})
     EXPECT_NE(result.output.find("\n  " + word + " "), std::string::npos) << word;
+  const ProgramResult settings = run_program("imud", {"list", "mip"});
+  EXPECT_NE(settings.output.find("Hz; a divisor of 1000 (100; 1 to 1000)\n"), std::string::npos) << settings.output;
 }
 
 // What takes time at its recorded pace does not in a fast replay, whatever clock the configuration says.
