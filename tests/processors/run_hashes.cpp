@@ -60,9 +60,10 @@ std::vector<Truth> read_flight(const std::string& path) {
   for (std::size_t at = file_header; at + record_header <= pcap.size(); at += record_header + size) {
     std::memcpy(&size, pcap.data() + at + 8, sizeof size);
     const std::span packet(pcap.data() + at + record_header, size);
+    decoder->feed(std::as_bytes(packet.subspan(packet_headers)), TruthInput::datagram, {});
     Truth truth;
-    if (decoder->decode(std::as_bytes(packet.subspan(packet_headers)), truth) == TruthResult::ok)
-      truths.push_back(truth);
+    while (const auto result = decoder->next(truth))
+      if (*result == TruthResult::ok) truths.push_back(truth);
   }
   return truths;
 }
@@ -111,6 +112,7 @@ class Run {
       for (; timeline.run_start() + grid_.offset(imu.next()) <= timeline.newest();) {
         const TruthTime instant = timeline.run_start() + grid_.offset(imu.next());
         const DeviceTime now{instant.ns};
+        if (imu.next() == 0) device_.step_clock(now - DeviceTime{});  // power comes on at sample 0
         for (auto due = device_.deadline(); due && *due <= now; due = device_.deadline())
           add([&] { device_.poll(*due, *frames_); });
         const Sample sample = imu.sample(timeline, instant, now);
