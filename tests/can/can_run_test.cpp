@@ -53,7 +53,7 @@ TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
     Program decode("imu-decode");
     decode.start({"native-can", "can:vcan0", "--count", "101", "--set", "fd=" + kind});
     Program candump("/usr/bin/candump");
-    candump.start({"-L", "-n", fd ? "101" : "707", "vcan0"});
+    candump.start({"-L", "-r", "8388608", "-n", fd ? "101" : "707", "vcan0"});
     ASSERT_TRUE(eventually([] { return receivers() == 2; }));
     const ProgramResult run = run_program("imud", {"replay", c, flight, "--for", "2", "--set",
                                                    "imu.0.device.fd=" + kind, "--summary", path("summary.json")});
@@ -121,7 +121,9 @@ TEST_F(CanRunTest, NothingIsLostInLockstep) {
   Program imud("imud");
   start(imud, c);
   for (std::uint32_t step = 0; step <= 100; ++step) {
-    const auto answer = simulator_.exchange(Simulator::truth(20 * step, step, true));
+    auto answer = simulator_.exchange(Simulator::truth(20 * step, step, true));
+    // A truth that was sent twice is answered twice.
+    while (answer && answer->time.ns < 20'000'000 * std::int64_t{step}) answer = simulator_.answer(20'000);
     ASSERT_TRUE(answer.has_value()) << step;
     EXPECT_EQ(answer->samples, 10 * step + 1);
   }
