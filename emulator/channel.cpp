@@ -107,6 +107,7 @@ void Channel::poll_until(DeviceTime now) noexcept {
     others_.clear();
     device_->poll(*deadline, others_);
     send(others_);
+    publish();
   }
 }
 

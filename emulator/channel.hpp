@@ -17,9 +17,9 @@
 namespace imud {
 
 // Imu, device, port, pins and the sensor's clock. A sample goes through sense(), encode() and transmit(), in this
-// order; the device receives from its host, and polls its deadlines, between transmit() and the next sense(). Nothing
-// here waits (but wait_until_sent()), allocates, locks, logs or throws after construction. One thread; the counters
-// may be read by any.
+// order; encode() polls the device's deadlines up to the sample first. The host is served and deadlines are polled at
+// any time between two of these calls. After construction nothing here allocates, locks, logs or throws, and only
+// wait_until_sent() waits. One thread; the counters may be read by any.
 class Channel {
  public:
   // Opens the port and the pins. Throws PortError.
@@ -104,8 +104,8 @@ class Channel {
   bool is_resting_ = false;    // the last sample was taken at rest
   bool has_sampled_ = false;   // in this run
   bool is_stalled_ = false;    // the port accepted nothing for too long
-  FrameBuffer frames_;         // of the sample prepared, or of a deadline, or an answer
-  FrameBuffer others_;         // of what leaves, or is discarded, while frames_ is prepared
+  FrameBuffer frames_;         // of the sample prepared
+  FrameBuffer others_;         // of a deadline, of an answer, or discarded
   std::uint32_t status_ = 0;   // of the sample prepared
   bool silent_ = false;        // likewise
   bool senses_truth_ = false;  // likewise

@@ -33,7 +33,7 @@ class DeviceClock {
     origin_ = origin;
     next_ = 0;
     samples_ = false;
-    const Nanoseconds step = stamp(0) - expected;
+    const Nanoseconds step = stamp(0) - std::max(expected, now_);
     now_ = now_ + step;
     return step;
   }
@@ -56,10 +56,12 @@ class DeviceClock {
     return now_ = std::max(now_, time);
   }
   DeviceTime now() const noexcept { return now_; }
-  // When the clock will show `time`; nullopt if it does not run.
+  // Returns when the clock will show `time`, rounded up; nullopt if it does not run, or shows it only after the next
+  // sample is taken.
   std::optional<HostTime> host_time(DeviceTime time) const noexcept {
-    if (!origin_) return std::nullopt;
-    return *origin_ + grid_.phase() + grid_.elapsed(time - zero_ - grid_.phase());
+    if (!origin_ || (samples_ && time > stamp(next_))) return std::nullopt;
+    const HostTime host = *origin_ + grid_.phase() + grid_.elapsed(time - zero_ - grid_.phase());
+    return read(host) < time ? host + Nanoseconds{1} : host;
   }
 
  private:

@@ -77,7 +77,8 @@ void Loop::round() noexcept {
     const Nanoseconds ahead = due_ - now;
     if (paced_ && ahead > options_.spin + preparation) {
       const bool is_known = is_at_rest(due_) || pacer_.truth(due_) <= timeline_.newest();
-      if (!is_known || ahead > options_.spin + early)
+      const std::optional<HostTime> wake = session_.next_wake();  // a deadline is not polled early
+      if (!is_known || ahead > options_.spin + early || (wake && *wake < due_))
         return wait(std::min(due_ - options_.spin - preparation, now + between_looks));
     }
     prepare();
@@ -128,8 +129,8 @@ void Loop::take_truth() noexcept {
     if (wants) settle();
   }
   ended_ = ended_ || (!more_truth_ && intake_.at_end());
-  // A capture has no descriptor to wait for.
-  truth_waits_ = more_truth_ || (waits_for_truth_ && intake_.descriptor() < 0);
+  // A capture may have no descriptor to wait for.
+  truth_waits_ = more_truth_ || (!intake_.is_live() && intake_.descriptor() < 0);
   budget_ = more_truth_ ? std::max(most_in_flood, budget_ - taken) : most_truths;
   if (more_truth_ || !std::exchange(unreviewed_, false)) return;
   if (pacer_.review(timeline_.newest(), host_.now())) return;
@@ -190,7 +191,9 @@ void Loop::wait(HostTime until) noexcept {
   const HostTime now = host_.now();
   if (prepared_.empty()) session_.cycle_power_if_requested(now);
   if (come && !session_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
-  if (now - served_ > between_looks) serve_all();
+  if (now - served_ <= between_looks) return;
+  serve_all();
+  truth_waits_ = true;  // a port that was lost may be back
 }
 
 void Loop::serve_all() noexcept {
@@ -201,12 +204,13 @@ void Loop::serve_all() noexcept {
 // Makes the frames of all samples of the instant `due_`.
 void Loop::prepare() noexcept {
   session_.cycle_power_if_requested(due_);
-  const bool at_rest = options_.live && is_at_rest(due_);
+  const bool at_rest = prepared_at_rest_ = options_.live && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {
     const Schedule::Slot slot = schedule_.next();
     Channel& channel = *session_.channels()[slot.imu];
     schedule_.advance();
+    if (!paced_) channel.wait_until_sent(stop_);  // frames of deadlines leave before the sample's
     if (at_rest)
       session_.prepare_at_rest(channel, slot.index, slot.offset);
     else
@@ -231,7 +235,7 @@ void Loop::transmit(HostTime now) noexcept {
       channel->transmit();
       channel->note_times(begin - due_, host_.now() - begin);
     }
-    if (!waits_for_truth_ && !is_at_rest(due_))
+    if (!waits_for_truth_ && !prepared_at_rest_)
       session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
   }
   for (Channel* channel : prepared_) channel->count_sample();

@@ -58,12 +58,13 @@ class Loop {
   TruthIntake& intake_;
   Timeline& timeline_;
   const bool paced_;            // by the host's clock
-  const bool waits_for_truth_;  // samples do
+  const bool waits_for_truth_;  // a sample waits for its truth
   Schedule schedule_;
   HostTime origin_;                 // of the schedule
   HostTime first_truth_;            // the instant at which the first truth is sampled; before, a vehicle at rest
-  std::vector<Channel*> prepared_;  // the channels whose samples are prepared, in order, all of one instant:
+  std::vector<Channel*> prepared_;  // the channels whose samples of the instant due_ are prepared, in order
   HostTime due_;
+  bool prepared_at_rest_ = false;
 
   bool ended_ = false;
   HostTime newest_arrival_;  // of truth

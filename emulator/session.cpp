@@ -80,7 +80,7 @@ bool Session::serve_inputs(HostTime now) noexcept {
   bool good = true;
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     const short seen = inputs_[i].revents;
-    if (seen != 0 && (seen & (POLLIN | POLLOUT)) == 0) good = false;
+    if ((seen & (POLLERR | POLLHUP | POLLNVAL)) != 0) good = false;
     if (seen == 0 || i == 0) continue;
     if ((seen & POLLOUT) != 0) channels_[i - 1]->flush();
     if (!channels_[i - 1]->serve(now) && (seen & POLLOUT) == 0) good = false;

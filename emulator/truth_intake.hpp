@@ -48,6 +48,8 @@ class TruthIntake {
   // True once take() will never take another record; valid after take() has returned `nothing`.
   bool at_end() const noexcept { return finished_; }
   int descriptor() const noexcept { return port_->descriptor(); }
+  // Returns true if the truth comes from a simulator, false if from a capture.
+  bool is_live() const noexcept { return is_live_; }
   // The arrival of the last record.
   HostTime arrival() const noexcept { return arrival_; }
   const TruthCounters& counters() const noexcept { return counters_; }

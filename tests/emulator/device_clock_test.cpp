@@ -61,5 +61,35 @@ TEST(DeviceClock, IsSetWhenTheFirstTruthComes) {
   EXPECT_EQ(clock.stamp(0), DeviceTime{1'000'000'000});
 }
 
+// The host time of a deadline is one at which the clock shows it: a wake-up then is not a moment too early. What the
+// clock shows only after a sample that is still to be taken has no host time.
+TEST(DeviceClock, GivesHostTimesThatItKeeps) {
+  DeviceClock clock(Grid(400, 333.3, 137us));
+  clock.power_on(power);
+  for (std::int64_t ns = 1; ns < 1'000'000'000; ns += 999'983) {
+    const auto at = clock.host_time(DeviceTime{ns});
+    ASSERT_TRUE(at);
+    ASSERT_GE(clock.now(*at), DeviceTime{ns});
+    ASSERT_LE(clock.now(*at), DeviceTime{ns + 2});
+  }
+  DeviceClock sampling(Grid(100));
+  sampling.power_on(power);
+  sampling.start_samples();
+  sampling.take_sample(sampling.stamp(0));
+  EXPECT_TRUE(sampling.host_time(sampling.stamp(1)));
+  EXPECT_FALSE(sampling.host_time(sampling.stamp(1) + 1ns));
+}
+
+// A truth that had arrived before power came on.
+TEST(DeviceClock, DoesNotGoBackAtAnEarlierTruth) {
+  DeviceClock clock(Grid(100));
+  clock.power_on(power);
+  const DeviceTime before = clock.now(power + 1ms);
+  const Nanoseconds step = clock.set(DeviceTime{7'000'000'000}, power - 1ms);
+  clock.start_samples();
+  EXPECT_EQ(before + step, clock.stamp(0));
+  EXPECT_EQ(clock.now(), clock.stamp(0));
+}
+
 }  // namespace
 }  // namespace imud
