@@ -96,7 +96,7 @@ const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
     for (const char* key : {"baud", "parity", "stop", "bits"})
       if (has_option(imu.port, key))
         table.fault("port",
-                    fmt::format("{} is set by the device; omit it here, and set the line in [imu.device]", key));
+                    fmt::format("{} is the device's; omit it here, and set the line in [imu.device]", key));
   if (paced) pace_line(table, *transport, imu);
   return transport;
 }

@@ -82,7 +82,11 @@ std::uint64_t recorded(const std::string& texts, std::span<const Command> sessio
   const auto frames = std::make_unique<FrameBuffer>();
   std::mt19937_64 random(5);
   const auto number = [&](double range) { return range * (static_cast<double>(random() % 2'000'001) / 1e6 - 1); };
-  const auto vector = [&](double range) { return Vector3(number(range), number(range), number(range)); };
+  // The order in which a call's arguments are evaluated is the compiler's.
+  const auto vector = [&](double range) {
+    const double z = number(range), y = number(range), x = number(range);
+    return Vector3(x, y, z);
+  };
   Hash hash;
   Sample sample;
   for (int k = 0; k < samples; ++k) {
