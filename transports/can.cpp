@@ -93,28 +93,11 @@ class CanPort final : public Port {
       queue_.push(queued);
       queued.first = false;
     }
-    flush();
+    send_ready(
+        queued.since);  // not later: however long this thread is held up, no sample is too old for its first try
   }
 
-  void flush() noexcept override {
-    output_full_ = false;
-    const HostTime now = host_now();
-    counters_.dropped += queue_.drop_stale(now);
-    while (const std::size_t count = std::min(queue_.ready(now), batch_.size())) {
-      for (std::size_t i = 0; i < count; ++i) batch_[i] = {&queue_[i].frame, queue_[i].fd};
-      const std::span<const CanSocket::Message> batch(batch_.data(), count);
-      int taken = socket_.send(batch);
-      // A socket reports an interface that went down, perhaps long ago, by failing once: try again.
-      if (taken < 0 && errno == ENETDOWN) taken = socket_.send(batch);
-      if (taken < 0) {
-        if (not_taken(errno, now)) continue;
-        return;
-      }
-      state_ = PortState::ready;
-      counters_.sent += static_cast<unsigned>(taken);
-      queue_.sent(static_cast<std::size_t>(taken), now);
-    }
-  }
+  void flush() noexcept override { send_ready(host_now()); }
   std::optional<HostTime> next_flush() const noexcept override { return output_full_ ? std::nullopt : queue_.next(); }
   bool wants_output() const noexcept override { return output_full_ && !queue_.is_empty(); }
   bool is_drained() noexcept override {
@@ -173,6 +156,26 @@ class CanPort final : public Port {
     bus_off_ = false;
     if (state_ == PortState::lost) look_at_mtu();
     return true;
+  }
+
+  // Sends what may leave at `now`.
+  void send_ready(HostTime now) noexcept {
+    output_full_ = false;
+    counters_.dropped += queue_.drop_stale(now);
+    while (const std::size_t count = std::min(queue_.ready(now), batch_.size())) {
+      for (std::size_t i = 0; i < count; ++i) batch_[i] = {&queue_[i].frame, queue_[i].fd};
+      const std::span<const CanSocket::Message> batch(batch_.data(), count);
+      int taken = socket_.send(batch);
+      // A socket reports an interface that went down, perhaps long ago, by failing once: try again.
+      if (taken < 0 && errno == ENETDOWN) taken = socket_.send(batch);
+      if (taken < 0) {
+        if (not_taken(errno, now)) continue;
+        return;
+      }
+      state_ = PortState::ready;
+      counters_.sent += static_cast<unsigned>(taken);
+      queue_.sent(static_cast<std::size_t>(taken), now);
+    }
   }
 
   void look_at_mtu() noexcept { carries_fd_ = socket_.mtu() >= static_cast<int>(CANFD_MTU) && wanted_mtu_ != "16"; }
