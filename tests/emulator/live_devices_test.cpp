@@ -100,15 +100,19 @@ TEST_F(DeviceTest, AfterAReplyASlowReaderMissesNothing) {
   EXPECT_EQ(summary()["imus"][0]["dropped"], 1) << "the message before the client was there";
 }
 
+// As often as it is switched.
 TEST_F(DeviceTest, PowerOffAndOnShowsAVectorNavsStoredSettings) {
   begin("protocol = \"vectornav\"");
   const FileDescriptor client = open_client();
-  say(client, "$VNWRG,06,1*6D\r\n$VNWNV*57\r\n$VNWRG,06,0*6C\r\n");
-  listen(client, 2);
-  EXPECT_EQ(count(listen(client, 50), "$VN"), 0U);
-  imud_.kill(SIGUSR1);
-  ASSERT_TRUE(imud_.wait_for_errors("power off and on"));
-  EXPECT_GT(count(listen(client, 100), "$VNYPR,"), 30U);
+  say(client, "$VNWRG,06,1*6D\r\n$VNWNV*57\r\n");
+  for (std::size_t times = 1; times <= 3; ++times) {
+    say(client, "$VNWRG,06,0*6C\r\n");
+    listen(client, 2);
+    EXPECT_EQ(count(listen(client, 50), "$VN"), 0U);
+    imud_.kill(SIGUSR1);
+    ASSERT_TRUE(eventually([&] { return count(imud_.errors(), "power off and on") == times; })) << times;
+    EXPECT_GT(count(listen(client, 100), "$VNYPR,"), 30U);
+  }
   imud_.stop();
 }
 

@@ -2,23 +2,21 @@
 #include <fcntl.h>
 #include <termios.h>
 
-#include <functional>
-
 #include "tests/emulator/live_test.hpp"
 
 namespace imud {
 namespace {
 
-// Reads a tty until `stop` returns true; all bytes.
-std::string read_until(int descriptor, const std::function<bool()>& stop) {
+// Reads a tty until `size` bytes have come; returns all, or what has come when the other end is closed or silent.
+std::string read_bytes(int descriptor, std::size_t size) {
   std::string bytes;
   std::array<char, 4096> buffer;
-  while (!stop()) {
+  while (bytes.size() < size) {
     pollfd ready{descriptor, POLLIN, 0};
-    if (::poll(&ready, 1, 10) <= 0) continue;
-    const ssize_t size = ::read(descriptor, buffer.data(), buffer.size());
-    if (size > 0) bytes.append(buffer.data(), static_cast<std::size_t>(size));
-    if (size <= 0) break;
+    if (::poll(&ready, 1, static_cast<int>(Program::patience.count())) <= 0) break;
+    const ssize_t got = ::read(descriptor, buffer.data(), buffer.size());
+    if (got <= 0) break;
+    bytes.append(buffer.data(), static_cast<std::size_t>(got));
   }
   return bytes;
 }
@@ -35,21 +33,33 @@ FileDescriptor open_raw(const std::string& path) {
 TEST_F(LiveTest, AReaderThatComesLateStopsAndReturnsSeesWholeFrames) {
   const std::string c = config("realtime", simulator_.port(), "native", 1000, "native", "pty:" + path("imu"));
   Program imud("imud");
-  start(imud, c);
+  start(imud, c, {"--quality", path("quality.jsonl")});
   ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
   Program truth("imu-truth");
-  truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "60"});
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // nobody reads
+  truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "240"});
+  // The figures of each second.
+  const auto quality = [&] { return lines_of(read_file(path("quality.jsonl"))); };
+  const auto figure = [](const std::string& line, const char* key) {
+    const auto second = nlohmann::json::parse(line, nullptr, false);  // the last one may not be whole
+    return second.is_discarded() ? 0 : second["imus"][0][key].get<std::int64_t>();
+  };
+  ASSERT_TRUE(eventually([&] {  // nobody reads
+    const auto lines = quality();
+    return !lines.empty() && figure(lines.back(), "samples") > 200;
+  }));
 
   std::string bytes;
   std::uint64_t frames = 0;
   {
     const FileDescriptor reader = open_raw(path("imu"));
-    bytes = read_until(reader.get(), [&, n = 0]() mutable { return ++n > 100; });
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));  // the reader is busy: 62 kB do not fit
-    bytes += read_until(reader.get(), [&, n = 0]() mutable { return ++n > 300; });
+    bytes = read_bytes(reader.get(), 10'000);
+    const std::size_t seconds = quality().size();
+    ASSERT_TRUE(eventually([&] {  // the reader is busy: 124 kB/s do not fit
+      const auto lines = quality();
+      return lines.size() > seconds + 1 && figure(lines.back(), "dropped") > 0;
+    }));
+    bytes += read_bytes(reader.get(), 30'000);  // all that a pty holds, and what follows
   }
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));
   EXPECT_EQ(imud.stop(), 0);
   truth.kill();
   write("bytes", bytes);
@@ -75,7 +85,7 @@ TEST_F(LiveTest, AReaderThatComesLateStopsAndReturnsSeesWholeFrames) {
 
 // What a host says is taken from the pty in every clock: more than a pty holds goes through.
 TEST_F(LiveTest, AHostIsHeardWhileACaptureIsReplayed) {
-  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "3"}).exit_code, 0);
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "120"}).exit_code, 0);
   const std::string c = config("realtime", simulator_.port(), "csv", 1000, "native", "pty:" + path("imu"));
   Program imud("imud");
   imud.start({"replay", c, path("truth.csv")});
@@ -121,15 +131,17 @@ TEST_F(LiveTest, ASerialDeviceThatIsUnpluggedAndReturns) {
   Program truth("imu-truth");
   ASSERT_TRUE(eventually([&] {  // until it listens
     simulator_.send(Simulator::encode(Simulator::truth(0, 0, false)));
-    return !read_until(device->get(), [n = 0]() mutable { return ++n > 5; }).empty();
+    pollfd ready{device->get(), POLLIN, 0};
+    return ::poll(&ready, 1, 50) == 1;
   }));
-  truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "60"});
-  EXPECT_FALSE(read_until(device->get(), [n = 0]() mutable { return ++n > 50; }).empty());
+  truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "240"});
+  EXPECT_GE(read_bytes(device->get(), 10 * 124).size(), 10 * 124U);
   device.reset();
   ASSERT_TRUE(imud.wait_for_errors("is lost"));
   device = std::make_unique<SerialDevice>(path("tty"));
   ASSERT_TRUE(imud.wait_for_errors("takes frames"));
-  const std::string bytes = read_until(device->get(), [n = 0]() mutable { return ++n > 100; });
+  const std::string bytes = read_bytes(device->get(), 100 * 124);
+  EXPECT_GE(bytes.size(), 100 * 124U);
   EXPECT_EQ(imud.stop(), 0);
   truth.kill();
   write("bytes", bytes.substr(0, bytes.size() / 124 * 124));

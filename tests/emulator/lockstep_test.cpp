@@ -170,14 +170,14 @@ TEST_F(LiveTest, ASlowReaderOfALockstepRunMissesNothing) {
   start(imud, c);
   ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
   Program decode("imu-decode");
-  decode.start({"native", "pty:" + path("imu")});
+  decode.start({"native", "pty:" + path("imu"), "--count", "2001"});
   ASSERT_TRUE(imud.wait_for_errors("takes frames"));
   // 2001 samples of 124 bytes: twelve times what a pty holds.
   const ProgramResult sent = run_program(
       "imu-truth", {"spiral", "--to", simulator_.port(), "--rate", "10", "--for", "2", "--lockstep", "--fast"});
   EXPECT_EQ(sent.exit_code, 0) << sent.errors;
-  EXPECT_EQ(imud.stop(), 0);
   EXPECT_EQ(decode.wait(), 0);
+  EXPECT_EQ(imud.stop(), 0);
   EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
   EXPECT_EQ(rows(decode.output()).size(), 2001U);
 }

@@ -182,7 +182,7 @@ TEST_F(ReplayTest, SigtermIsHeardWhileInputIsSkipped) {
   const std::string c = config("fast", "file:/dev/zero", "csv", 20, "csv", "file:" + path("out"));
   Program imud("imud");
   imud.start({"run", c});
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  ASSERT_TRUE(eventually([&] { return std::filesystem::exists(path("out")); }));
   EXPECT_EQ(imud.stop(), 0);
 }
 

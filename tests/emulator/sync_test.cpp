@@ -72,6 +72,19 @@ TEST(Sync, DeliversAnEdgeBeforeTheSampleAfterIt) {
       << "in order; that without a time came by 2000, that of long ago counts as of the last sample";
 }
 
+// The device's clock counts its own seconds, of which a slow simulator's second has several.
+TEST(Sync, AnEdgeIsStampedAtTheSimulatorsRate) {
+  for (const std::int64_t rate : {1, 4}) {
+    Pins pins;
+    pins.sync.deliver_edges(pins.device, TruthTime{1000}, DeviceTime{50'000});
+    pins.ports["trigger"]->waiting = {number(1750)};
+    pins.ports["pps"]->waiting = {number(1250)};
+    pins.sync.deliver_edges(pins.device, TruthTime{2000}, DeviceTime{50'000 + 1000 * rate});
+    EXPECT_EQ(pins.device.triggers, std::vector<std::int64_t>{50'000 + 750 * rate});
+    EXPECT_EQ(pins.device.seconds, std::vector<std::int64_t>{50'000 + 250 * rate});
+  }
+}
+
 TEST(Sync, BearsAnyTimeAndAnyNumber) {
   Pins pins;
   constexpr auto most = std::numeric_limits<std::int64_t>::max(), least = std::numeric_limits<std::int64_t>::min();

@@ -83,6 +83,19 @@ TEST(TruthClock, ARateIsFollowed) {
   }
 }
 
+// What a noisy network makes of a rate of 1 is measured, but not followed.
+TEST(TruthClock, ARateThatCannotBeToldFromOneIsOne) {
+  Stream stream(
+      {}, [](double t) { return t; }, 5e-3);
+  bool is_noisy = false;
+  for (const double until_s : {0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0}) {
+    stream.run(until_s, 0, 10);
+    EXPECT_EQ(stream.clock.used_rate(), 1.0) << until_s;
+    is_noisy = is_noisy || std::abs(stream.clock.rate() - 1) > 1e-5;
+  }
+  EXPECT_TRUE(is_noisy) << "the estimate is exact: the test proves nothing";
+}
+
 TEST(TruthClock, AStepOfTheNetworksDelayIsSlewed) {
   // From 10 s on the way takes 40 ms longer, from 20 s on it is as before.
   Stream stream(
@@ -118,6 +131,16 @@ TEST(TruthClock, AnAutomaticDelayGoesWithTheJitter) {
   jitter_s = 0.002;
   run(3700, 9000);
   EXPECT_NEAR(clock.delay_s(), 0.012, 0.0015) << "gradually";
+}
+
+TEST(TruthClock, AnAutomaticDelayIsASecondAtMost) {
+  TruthClock clock({.automatic_percent = 99});
+  clock.begin(truth(0), host(0), 1);
+  for (int k = 1; k <= 64; ++k) {
+    clock.use(host(3.0 * k));
+    clock.observe(truth(3.0 * k), host(3.0 * k), host(3.0 * k));
+  }
+  EXPECT_EQ(clock.delay_s(), 1.0) << "three would be just enough";
 }
 
 TEST(TruthClock, BeginsAgainAtTheRateGiven) {

@@ -81,6 +81,22 @@ TEST(ImuDecode, EmptyFieldsStayEmptyAndAreNotJudged) {
   EXPECT_TRUE(contains(result.errors, "checksum   none in this protocol, 0 malformed")) << result.errors;
 }
 
+// A capture that was cut short: the last frame is not whole, or the last line has no end.
+TEST(ImuDecode, WhatTheInputEndsWithCounts) {
+  const ScratchFolder folder;
+  const std::string bytes = bytes_of("native", steady_samples(10, 100));
+  const auto cut = run_program("imu-decode", {"native", file_with(folder, bytes.substr(0, bytes.size() - 50))});
+  EXPECT_EQ(cut.exit_code, 0);
+  EXPECT_TRUE(contains(cut.errors, "samples    9 in ")) << cut.errors;
+  EXPECT_TRUE(contains(cut.errors, " 0 malformed, 0 incomplete, 74 bytes skipped\n")) << cut.errors;
+
+  const std::string csv = csv_of(steady_samples(2, 100));
+  const auto without_end = run_program("imu-decode", {"csv", "file:-"}, csv.substr(0, csv.size() - 1));
+  EXPECT_EQ(without_end.exit_code, 0);
+  EXPECT_EQ(without_end.output, csv_of(steady_samples(1, 100))) << "its last number may lack digits";
+  EXPECT_TRUE(contains(without_end.errors, " 1 malformed")) << without_end.errors;
+}
+
 TEST(ImuDecode, EndsAfterCount) {
   const ScratchFolder folder;
   const auto samples = steady_samples(100, 100);
