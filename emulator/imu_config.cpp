@@ -95,8 +95,7 @@ const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
   if (transport->uart != Uart::none && imu.port_settings.uart.baud != 0)
     for (const char* key : {"baud", "parity", "stop", "bits"})
       if (has_option(imu.port, key))
-        table.fault("port",
-                    fmt::format("{} is the device's; omit it here, and set the line in [imu.device]", key));
+        table.fault("port", fmt::format("{} is the device's; omit it here, and set the line in [imu.device]", key));
   if (paced) pace_line(table, *transport, imu);
   return transport;
 }

@@ -97,8 +97,8 @@ int run(const Config& config, const RunOptions& options) {
   const std::function<void()> wait_for_power = [&] {
     power.async_wait([&](const boost::system::error_code& error, int) {
       if (error) return;
-      spdlog::info("SIGUSR1: power off and on for every imu");
       session.request_power_cycle();
+      spdlog::info("SIGUSR1: power off and on for every imu");
       wait_for_power();
     });
   };
