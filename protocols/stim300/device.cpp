@@ -79,9 +79,9 @@ class Stim300Device final : public Device {
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     const DeviceTime now = sample.time;
     advance(now, out);
-    measure_raw(now);
+    measure_raw();
     raw_ = sample;
-    if (!is_external()) measure_raw(now);
+    if (!is_external()) measure_raw();
     grid_ = now;
     if (!is_running(now))
       measured_.begin_sums();
@@ -211,15 +211,14 @@ class Stim300Device final : public Device {
     starting_ = of_part | of_serial | of_configuration | (memory_.active.bias_trim_at_start ? of_trim : 0U);
     measured_ = {};
     raw_.reset();
-    triggered_.reset();
     pps_.reset();
   }
 
   // All that happens up to `now`, in its order.
   void advance(DeviceTime now, FrameBuffer& out) noexcept {
     if (special_sent_ != now) pulse_.reset();
-    transmit_edge(now, out);
     become_valid(now);
+    transmit_edge(now, out);
     leave_service(now);
     start_up(now, out);
   }
@@ -227,7 +226,7 @@ class Stim300Device final : public Device {
   void transmit_edge(DeviceTime now, FrameBuffer& out) noexcept {
     if (!triggered_ || *triggered_ > now) return;
     if (is_running(*triggered_) && is_external()) {
-      if (raw_ && *triggered_ - raw_->time >= compensation) measure_raw(now);
+      if (raw_ && *triggered_ - raw_->time >= compensation) measure_raw();
       if (const auto from = measured_.time()) transmit(*triggered_, *triggered_ - *from, out);
     }
     triggered_.reset();
@@ -261,8 +260,7 @@ class Stim300Device final : public Device {
     slot_ = std::max(next_instant(now) + samples_per_slot() * internal_step, next_instant(busy_until_ - own_latency));
   }
 
-  void measure_raw(DeviceTime now) noexcept {
-    become_valid(now);
+  void measure_raw() noexcept {
     if (raw_) measured_.add(*raw_, valid_at_.has_value(), memory_);
     raw_.reset();
   }

@@ -154,6 +154,15 @@ TEST(Stim300Pps, CountsFromTheEdge) {
   EXPECT_EQ(pps_us(triggered.trigger(100us).at(0)), 250U + 500 + 100) << "to the trigger's edge";
 }
 
+TEST(Stim300Pps, AResetForgetsTheEdge) {
+  Stim300Unit unit("pps=true");
+  unit.run(2000);
+  unit.device->pps(unit.now() + 250us);
+  EXPECT_EQ(pps_us(unit.run(2).at(0)) % 500, 256U);
+  unit.say("R");
+  EXPECT_EQ(pps_us(unit.run(300).back()), 0x7FFFFFU);
+}
+
 TEST(Stim300Pps, FilteredIsTheLevelOfAnOpenInput) {
   Stim300Unit unit("start_up=false,pps=true");
   unit.say("SERVICEMODE");

@@ -36,6 +36,7 @@ TEST(Stim300Time, BootsWithoutASample) {
   check();
   EXPECT_EQ(unit.say("R"), "");
   check();
+  unit.wait(123us);
   unit.device->power_on(unit.now());
   check();
   unit.say("UTILITYMODE");
@@ -46,6 +47,25 @@ TEST(Stim300Time, BootsWithoutASample) {
   EXPECT_EQ(identifiers(unit.wait(101'499us)), std::vector{0xB1U});
   EXPECT_EQ(identifiers(unit.wait(1us)), std::vector{0xB5U});
   EXPECT_EQ(identifiers(unit.wait(1500us)), std::vector{0xBCU});
+}
+
+// 20 characters take 147 ms (Equation 12).
+TEST(Stim300Time, TheStartWaitsForTheLine) {
+  Stim300Unit unit("");
+  unit.wait(1s);
+  unit.say("UTILITYMODE");
+  unit.ask("st,1500,1,n,1,0,0");
+  unit.ask("save");
+  unit.ask("xn");
+  unit.say("N");
+  EXPECT_EQ(identifiers(unit.wait(1ms)), std::vector{0xB1U});
+  unit.say("R");
+  EXPECT_TRUE(unit.wait(146ms).empty());
+  EXPECT_EQ(identifiers(unit.wait(1ms)), std::vector{0xB1U});
+  EXPECT_TRUE(unit.wait(146ms).empty());
+  EXPECT_EQ(identifiers(unit.wait(1ms)), std::vector{0xB5U});
+  unit.device->power_on(unit.now());
+  EXPECT_EQ(identifiers(unit.wait(100ms)), std::vector{0xB1U}) << "without power there is nothing on the line";
 }
 
 TEST(Stim300Time, IsStartingForSevenTenthsOfASecond) {
@@ -103,6 +123,44 @@ TEST(Stim300Time, ARequestDuringTheStartWaitsWithoutASample) {
   EXPECT_TRUE(unit.run(3).empty());
   unit.device->trigger(unit.now() + 400us);
   EXPECT_EQ(identifiers(unit.run(1)), std::vector{0xB5U});
+}
+
+TEST(Stim300Time, ARequestThatHasWaitedIsNoFault) {
+  Stim300Unit unit("");
+  unit.wait(1ms);
+  unit.say("N");
+  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  EXPECT_TRUE(unit.wait(1s).empty());
+  unit.ask("xn");
+  EXPECT_EQ(identifiers(unit.wait(1s)), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xB1U}));
+  unit.say("I");
+  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  EXPECT_EQ(unit.ask("ie"), no_errors);
+  EXPECT_TRUE(unit.wait(1s).empty());
+  unit.ask("xn");
+  EXPECT_EQ(identifiers(unit.wait(1s)), std::vector{0xB5U});
+
+  // Samples begin in the instant in which it is answered.
+  Stim300Unit other("start_up=false");
+  other.say("N");
+  EXPECT_EQ(identifiers(other.wait(1ms)), std::vector{0xB1U});
+  EXPECT_TRUE(other.run(1).empty());
+  EXPECT_EQ(identifiers(other.run(2)), std::vector{0xA7U});
+  other.say("UTILITYMODE");
+  EXPECT_EQ(other.ask("ie"), no_errors);
+}
+
+// An edge is executed in its order, when a deadline that is no sample's time comes before it.
+TEST(Stim300Time, AnEdgeWaitsForItsTime) {
+  Stim300Unit unit("sample_rate=0");
+  unit.wait(123us);
+  EXPECT_EQ(identifiers(unit.run(1400)), start);
+  ASSERT_EQ(unit.device->deadline(), DeviceTime{} + 700ms);
+  unit.device->trigger(DeviceTime{} + 700'100us);
+  FrameBuffer out;
+  unit.device->poll(DeviceTime{} + 700ms, out);
+  EXPECT_TRUE(out.frames().empty());
+  EXPECT_EQ(identifiers(unit.run(1)), std::vector{0xA7U});
 }
 
 TEST(Stim300Time, HoldTimesPassWithoutASample) {
@@ -169,6 +227,36 @@ TEST(Stim300Time, PowerOnForgets) {
     EXPECT_EQ(identifiers({after.begin(), after.begin() + 3}), start);
     EXPECT_EQ(after[3][10], std::byte{0x40});
   }
+}
+
+TEST(Stim300Time, AnEdgeBeforeAnySampleSendsNothing) {
+  Stim300Unit unit("start_up=false,sample_rate=0");
+  unit.device->trigger(unit.now());
+  EXPECT_TRUE(unit.run(2).empty());
+  unit.device->trigger(unit.now() + 400us);
+  EXPECT_EQ(unit.run(1).size(), 1U);
+}
+
+TEST(Stim300Time, PowerOnForgetsTheLineAndTheTrigger) {
+  Stim300Unit unit("start_up=false,sample_rate=0");
+  unit.say("UTILITYMODE");
+  unit.ask("st,1500,1,n,1,0,0");
+  unit.ask("save");
+  unit.ask("xn");
+  unit.run(2);
+  unit.device->trigger(unit.now() + 400us);
+  EXPECT_EQ(unit.run(1).size(), 1U);
+  unit.device->power_on(unit.now() + 100us);
+  unit.run(2);
+  unit.device->trigger(unit.now() + 1us);
+  EXPECT_EQ(unit.run(1).size(), 1U) << "its 59 characters took 433 ms";
+  unit.device->trigger(unit.now() + 400us);
+  EXPECT_EQ(unit.run(1).size(), 0U) << "it is busy again";
+  unit.device->trigger(unit.now() + 400us);
+  unit.device->power_on(unit.now() + 450us);
+  unit.run(1);
+  unit.device->trigger(unit.now() + 300us);
+  EXPECT_EQ(unit.run(1).size(), 1U) << "400 us after an edge before the power failed";
 }
 
 // At any time, also in the middle of the start, and wherever they lie on the grid since power-on.
