@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -122,8 +123,28 @@ struct Product {
   BarometerErrors barometer;
 };
 
-// One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) holds every entry to what it
-// says of itself here, with the settings as they are initially.
+struct Protocol;
+
+// A configuration that the conformance test runs.
+struct ConformanceSettings {
+  // "key=value key=value ...", with which each sample gives a frame at once. The others are as initially.
+  std::string_view settings = "";
+  // Changes a copy of the entry, where its fields, resolution, range or the like differ with these settings.
+  void (*adapt)(Protocol& entry) = nullptr;
+};
+
+// Inputs of the host's that the fuzz test starts from. A body is an input without its framing.
+struct HostInputs {
+  std::string (*frame)(std::string_view body) = nullptr;
+  std::span<const std::string_view> bodies = {};  // of every kind
+  // Sent one after another, in any state, these bring the device to where it answers the body `last` with bytes that
+  // have `answer` among them; after a pause in which what was cut off is forgotten.
+  std::span<const std::string_view> revive = {};
+  std::string_view last = "", answer = "";
+};
+
+// One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) verifies all that an entry
+// states here, with each of its conformance settings.
 struct Protocol {
   std::string_view name;     // keyword in the configuration: the file's stem with '-' for '_'
   std::string_view summary;  // one line
@@ -146,9 +167,9 @@ struct Protocol {
   std::int64_t time_period_ns = 0;  // after which the time on the wire overflows; 0: never
   unsigned counter_bits = 64;       // this many low bits of the counter come back
   bool sends_some_samples = false;  // of many that it counts: steps of the counter are some multiple
-  std::uint32_t status_bits = ~0U;  // these bits of Sample::status come back
+  std::uint32_t status_bits = ~0U;  // these bits of Sample::status come back; the others mean nothing
 
-  bool has_checksum = false;  // every one-bit error of a frame is refused
+  bool has_checksum = false;  // every one-bit error of a frame is refused; false: some are not
   unsigned burst_bits = 0;    // so is every burst of errors up to this long, bits counted from the LSB of each byte
 
   bool has_sync_pins = false;  // Device's trigger(), pps() and pulse()
@@ -161,8 +182,10 @@ struct Protocol {
 
   // nullptr: no product, the configuration says all. Throws as make.
   Product (*product)(const Settings& settings) = nullptr;
-  // Settings, "key=value key=value ...", with which each sample gives a frame at once: for the conformance test.
-  std::string_view trial = "";
+  // None: the initial settings alone.
+  std::span<const ConformanceSettings> conformance_settings = {};
+  // With bodies if, and only if, the device overrides receive().
+  HostInputs host_inputs = {};
 
   // Both throw std::invalid_argument that says what would be right, for settings that exclude one another.
   std::unique_ptr<Device> (*make)(const Settings& settings);

@@ -9,6 +9,7 @@
 
 #include "core/units.hpp"
 #include "protocols/frame_search.hpp"
+#include "protocols/mip/conformance.hpp"
 #include "protocols/mip/mip.hpp"
 #include "protocols/protocol.hpp"
 
@@ -228,7 +229,8 @@ constexpr Protocol mip_protocol = {
     .has_checksum = true,
     .burst_bits = 8,
     .product = product,
-    .trial = "sensor_rate_hz=1000 filter_fields=",
+    .conformance_settings = mip::conformance_settings,
+    .host_inputs = mip::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<MipDevice>(model_of(settings), configuration(settings));
     },

@@ -35,6 +35,7 @@
 
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
+#include "protocols/stim300/conformance.hpp"
 #include "protocols/stim300/datagram.hpp"
 #include "protocols/stim300/measured.hpp"
 #include "protocols/stim300/service.hpp"
@@ -353,7 +354,8 @@ constexpr Protocol stim300_protocol = {
     .burst_bits = 32,
     .has_sync_pins = true,
     .product = product,
-    .trial = "sample_rate=2000 bit_rate=1843200 start_up=false",
+    .conformance_settings = conformance_settings,
+    .host_inputs = host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<Stim300Device>(configuration(settings), settings.flag("start_up"));
     },

@@ -234,9 +234,10 @@ inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;
 inline constexpr std::string_view serial_number = "N25582405002002";
 
-// Utility Mode: the word that one comes in by, and a line of the host, without its end. Append the answer. False if
-// Utility Mode is left.
+// Utility Mode: greet() answers the word by which a host enters it. execute() executes one line of the host's,
+// without its end, appends the answer and returns false if the line leaves Utility Mode.
 void greet(FrameBuffer& replies) noexcept;
 bool execute(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept;
+unsigned crc8(std::string_view text) noexcept;  // of a command up to its last comma (section 10.2)
 
 }  // namespace imud::stim300

@@ -12,13 +12,13 @@
 
 namespace imud::stim300 {
 
-namespace {
-
 unsigned crc8(std::string_view text) noexcept {
   boost::crc_optimal<8, 0x07, 0xFF, 0, false, false> crc;
   crc.process_bytes(text.data(), text.size());
   return crc.checksum();
 }
+
+namespace {
 
 // "#", words with a comma after each, the CRC in decimals, CR (section 10.2.2).
 class Answer {

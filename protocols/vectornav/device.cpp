@@ -10,6 +10,7 @@
 #include "core/units.hpp"
 #include "protocols/command_reader.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/vectornav/conformance.hpp"
 #include "protocols/vectornav/vectornav.hpp"
 
 namespace imud {
@@ -338,7 +339,8 @@ constexpr Protocol vectornav_protocol = {
     .has_checksum = true,
     .burst_bits = 16,
     .product = product,
-    .trial = "async_type=0 binary_1=1,1,04,0ED0",
+    .conformance_settings = vectornav::conformance_settings,
+    .host_inputs = vectornav::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<VectorNavDevice>(model_of(settings), configuration(settings));
     },

@@ -5,27 +5,27 @@
 #include <memory>
 #include <utility>
 
+#include "tests/protocols/conformance_cases.hpp"
 #include "tests/protocols/recording.hpp"
-#include "tests/protocols/table_names.hpp"
 
 namespace imud {
 namespace {
 
 using Identifier = std::pair<std::uint32_t, bool>;  // and whether it is extended
 
-class CanMessages : public testing::TestWithParam<const Protocol*> {};
+class CanMessages : public testing::TestWithParam<ConformanceCase> {};
 
 TEST_P(CanMessages, AreListedByWhatSendsOnCan) {
-  const Protocol& protocol = *GetParam();
+  const Protocol& protocol = GetParam().protocol;
   EXPECT_EQ(protocol.can_messages != nullptr, protocol.link == Link::can);
   EXPECT_EQ(protocol.can_filters != nullptr, protocol.link == Link::can);
 }
 
 // Three seconds of a device without host.
 TEST_P(CanMessages, CoverEveryFrameThatADeviceSends) {
-  const Protocol& protocol = *GetParam();
+  const Protocol& protocol = GetParam().protocol;
   if (protocol.link != Link::can) return;
-  const Settings settings = trial_settings(protocol);
+  const Settings& settings = GetParam().settings;
   const double rate_hz = protocol.product != nullptr ? protocol.product(settings).rate_hz : 100.0;
   const std::vector<CanMessage> messages = protocol.can_messages(settings, rate_hz);
   std::map<Identifier, CanMessage> listed;
@@ -67,8 +67,8 @@ TEST_P(CanMessages, CoverEveryFrameThatADeviceSends) {
   EXPECT_GT(seen.size(), 0U) << "the device sent nothing: the test proves nothing";
 }
 
-INSTANTIATE_TEST_SUITE_P(AllProtocols, CanMessages, testing::ValuesIn(protocols().begin(), protocols().end()),
-                         test_name<Protocol>);
+INSTANTIATE_TEST_SUITE_P(AllProtocols, CanMessages,
+                         testing::ValuesIn(conformance_cases([](const Protocol&) { return true; })), case_name);
 
 TEST(CanMessagesTest, OfNativeCan) {
   const Protocol& protocol = protocol_named("native-can");

@@ -31,10 +31,10 @@ class Recording final : public MeasurementSink {
   std::vector<Measurement> measurements;
 };
 
-// Those with which each sample gives a frame at once.
-inline Settings trial_settings(const Protocol& protocol) {
+// "key=value key=value ..."; the others are as initially.
+inline Settings settings_of(const Protocol& protocol, std::string_view texts) {
   Settings settings(protocol.settings);
-  for (std::string_view rest = protocol.trial; !rest.empty();) {
+  for (std::string_view rest = texts; !rest.empty();) {
     const std::string_view one = rest.substr(0, rest.find(' '));
     rest.remove_prefix(std::min(rest.size(), one.size() + 1));
     const std::size_t equals = one.find('=');
@@ -46,7 +46,7 @@ inline Settings trial_settings(const Protocol& protocol) {
 // A device and its decoder, with the same settings.
 class Line {
  public:
-  explicit Line(const Protocol& protocol) : Line(protocol, trial_settings(protocol)) {}
+  explicit Line(const Protocol& protocol) : Line(protocol, Settings(protocol.settings)) {}
   Line(const Protocol& protocol, const Settings& settings)
       : device(protocol.make(settings)), decoder(protocol.make_decoder(settings)) {}
 
