@@ -14,11 +14,14 @@ namespace {
 
 class Extension : public RunTest {
  protected:
-  // imud, with truth by the throw-away transport; and the simulator's end of that.
+  // Starts imud, with truth by the throw-away transport, and opens the simulator's end of that. imud has opened its
+  // ports once their paths are there: that of the truth, and that of a pty.
   void start(const std::string& protocol, const std::string& imu_port) {
     const std::string c = config("lockstep", "throwaway:" + path("truth"), "native", 100, protocol, imu_port);
     imud_.start({"run", c, "--summary", path("summary.json")});
-    ASSERT_TRUE(eventually([&] { return std::filesystem::exists(path("truth")) || !imud_.is_running(); }));
+    ASSERT_TRUE(eventually([&] {
+      return !imud_.is_running() || (std::filesystem::exists(path("truth")) && std::filesystem::exists(path("imu")));
+    }));
     simulator_ = open_port("throwaway:" + path("truth"), Role::device);
   }
 
