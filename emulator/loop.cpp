@@ -45,7 +45,7 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
 }
 
 void Loop::run() noexcept {
-  if (options_.live) {
+  if (!waits_for_truth_) {
     origin_ = host_.now() + pause;
     for (std::size_t i = 0; i < session_.channels().size(); ++i) {
       Channel& channel = *session_.channels()[i];
@@ -109,8 +109,8 @@ TruthTime Loop::earliest_sample() noexcept {
 void Loop::take_truth() noexcept {
   more_truth_ = has_room_ = true;
   int taken = 0;
-  if (waits_for_truth_) settle();
-  // Where samples wait for truth there is room for it: settle() advances the imus.
+  if (waits_for_truth_) apply_truth();
+  // Where samples wait for truth there is room for it: apply_truth() advances the imus.
   for (bool wants = true; wants && more_truth_ && !ended_ && taken < budget_ && !is_due() &&
                           (has_room_ = waits_for_truth_ || session_.has_room_for_truth(earliest_sample()));) {
     const TruthIntake::Outcome outcome = intake_.take(session_.watermark());
@@ -120,13 +120,13 @@ void Loop::take_truth() noexcept {
     bool begins = outcome == TruthIntake::Outcome::new_run;
     if (begins || outcome == TruthIntake::Outcome::accepted) newest_arrival_ = intake_.arrival();
     if (outcome == TruthIntake::Outcome::accepted) {
-      unreviewed_ = unsettled_ = true;
+      unreviewed_ = unapplied_ = true;
       begins = !pacer_.observe(timeline_.newest(), newest_arrival_, next_due());
       if (begins) forget_past();
     }
     if (begins) begin_run();
     wants = wants_truth();
-    if (wants) settle();
+    if (wants) apply_truth();
   }
   ended_ = ended_ || (!more_truth_ && intake_.at_end());
   // A capture may have no descriptor to wait for.
@@ -138,9 +138,10 @@ void Loop::take_truth() noexcept {
   begin_run();
 }
 
-// The samples that the truth so far allows have left, or leave by the host's clock.
-void Loop::settle() noexcept {
-  if (std::exchange(unsettled_, false)) session_.advance(earliest_sample());
+// The samples for which the truth so far suffices have left, or leave by the host's clock: advances the imus over the
+// others and answers the truth's sender.
+void Loop::apply_truth() noexcept {
+  if (std::exchange(unapplied_, false)) session_.advance(earliest_sample());
   if (waits_for_truth_ && session_.in_run()) {
     session_.raise_watermark(timeline_.newest());
     ended_ = last_to_sample() < timeline_.newest();
@@ -161,7 +162,7 @@ void Loop::begin_run() noexcept {
     channel.start_samples();
     schedule_.start(i, begin - origin_);
   };
-  if (!options_.live) {
+  if (waits_for_truth_) {
     origin_ = begin;
     for (std::size_t i = 0; i < session_.channels().size(); ++i) start(i);
   } else if (is_first) {
@@ -204,7 +205,7 @@ void Loop::serve_all() noexcept {
 // Makes the frames of all samples of the instant `due_`.
 void Loop::prepare() noexcept {
   session_.cycle_power_if_requested(due_);
-  const bool at_rest = prepared_at_rest_ = options_.live && is_at_rest(due_);
+  const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {
     const Schedule::Slot slot = schedule_.next();
@@ -239,6 +240,7 @@ void Loop::transmit(HostTime now) noexcept {
       session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
   }
   for (Channel* channel : prepared_) channel->count_sample();
+  if (!prepared_at_rest_) session_.count_samples(prepared_.size());
   prepared_.clear();
   if (!paced_ || std::exchange(waited_, false)) return;
   truth_waits_ = true;  // poll() was not asked

@@ -15,7 +15,6 @@ namespace imud {
 struct LoopOptions {
   Nanoseconds spin{0};               // the thread spins for this long before each instant
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
-  bool live = true;                  // truth comes while the sensors have power; false: a capture, or in lockstep
 };
 
 // Drives a Session by a Pacer. One round does the first of these that there is to do: takes truth that waits;
@@ -34,7 +33,7 @@ class Loop {
   // Truth.
   bool wants_truth() const noexcept;
   void take_truth() noexcept;
-  void settle() noexcept;
+  void apply_truth() noexcept;
   void begin_run() noexcept;
   void forget_past() noexcept;
   TruthTime earliest_sample() noexcept;
@@ -58,7 +57,7 @@ class Loop {
   TruthIntake& intake_;
   Timeline& timeline_;
   const bool paced_;            // by the host's clock
-  const bool waits_for_truth_;  // a sample waits for its truth
+  const bool waits_for_truth_;  // a sample waits for its truth; false: the sensors have power before there is any
   Schedule schedule_;
   HostTime origin_;                 // of the schedule
   HostTime first_truth_;            // the instant at which the first truth is sampled; before, a vehicle at rest
@@ -74,7 +73,7 @@ class Loop {
   bool more_truth_ = false;  // more of it waits than could be taken
   bool has_room_ = true;     // for truth
   bool unreviewed_ = false;  // truths were observed since the last review
-  bool unsettled_ = false;   // a truth was accepted since settle()
+  bool unapplied_ = false;   // a truth was accepted since apply_truth()
   bool answer_due_ = false;  // its sender waits for an answer
   bool waited_ = false;      // since the last transmission
 };

@@ -1,4 +1,4 @@
-// Pacer: says "now". The three clocks of a run differ in nothing else.
+// Pacer: decides when a sample is due, and of which truth. The three clocks of a run differ in nothing else.
 #pragma once
 
 #include <memory>
@@ -36,7 +36,7 @@ class Pacer {
   virtual TruthTime use(HostTime instant) noexcept { return truth(instant); }
 };
 
-// `lockstep` and `fast`: truth says "now". A sample leaves as soon as the truth up to its instant is there.
+// `lockstep` and `fast`: truth is the clock. A sample leaves as soon as the truth up to its instant is there.
 class TruthPacer : public Pacer {
  public:
   bool waits_for_truth() const noexcept final { return true; }
@@ -59,7 +59,8 @@ class CapturePacer final : public TruthPacer {
   bool is_paced() const noexcept override { return true; }
 };
 
-// `realtime` with live truth: the host's clock says "now", and the TruthClock what is sampled then. Writes what it
+// `realtime` with live truth: a sample leaves at its instant by the host's clock, and the TruthClock estimates which
+// truth it samples. Writes what it
 // estimates of the simulator's clock to `quality`.
 class HostPacer final : public Pacer {
  public:

@@ -26,7 +26,6 @@ void Session::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds sin
 }
 
 void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
-  ++samples_in_run_;
   Sample sample = channel.sense(timeline_, time, k);
   watermark_ = std::max(watermark_, time);
 

@@ -35,8 +35,9 @@ class Session {
   void begin_run() noexcept;
   // True from the first run on.
   bool in_run() const noexcept { return in_run_; }
-  // Samples taken since begin_run(), of all channels.
+  // Samples of the truth that were transmitted since begin_run(), of all channels.
   std::uint64_t samples_in_run() const noexcept { return samples_in_run_; }
+  void count_samples(std::size_t transmitted) noexcept { samples_in_run_ += transmitted; }
 
   // Makes the frames of the channel's sample `k` of its grid, of the truth at `time`; or of the vehicle at rest.
   void prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept;

@@ -53,7 +53,7 @@ std::size_t encode_native_truth(const Truth& truth, std::span<std::byte, native_
 struct NativeAcknowledgement {
   std::uint32_t stream = 0;
   std::uint32_t sequence = 0;  // of the truth answered
-  TruthTime time;              // i64 ns; reached by the answer
+  TruthTime time;              // i64 ns; truth up to here is in use
   std::uint64_t samples = 0;   // emitted so far in the run
 };
 

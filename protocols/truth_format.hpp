@@ -75,9 +75,10 @@ class TruthDecoder {
   // Does what is due at `now`, which is deadline() or later, and appends what the simulator is to be sent. Afterwards
   // deadline() is later than `now`.
   virtual void poll(HostTime now, FrameBuffer& out) noexcept;
-  // Appends the answer to a truth whose `acknowledge` is set: the truth answered, the time reached and the samples
-  // emitted so far in the run. Default: the format has none.
-  virtual void acknowledge(const Truth& truth, TruthTime reached, std::uint64_t samples, FrameBuffer& out) noexcept;
+  // Appends the answer to a truth whose `acknowledge` is set: the truth answered, the time up to which truth is in
+  // use, and the samples emitted so far in the run. Default: the format has none.
+  virtual void acknowledge(const Truth& truth, TruthTime used_until, std::uint64_t samples,
+                           FrameBuffer& out) noexcept;
 
   const StreamLosses& losses() const noexcept { return losses_; }
 

@@ -63,7 +63,8 @@ std::uint16_t flags_of(const Truth& truth) noexcept {
 
 class NativeTruthDecoder final : public DatagramTruthDecoder {
  public:
-  void acknowledge(const Truth& truth, TruthTime reached, std::uint64_t samples, FrameBuffer& out) noexcept override {
+  void acknowledge(const Truth& truth, TruthTime used_until, std::uint64_t samples,
+                   FrameBuffer& out) noexcept override {
     const std::span<std::byte> room = out.room(sizeof(AcknowledgementWire));
     if (room.empty()) return;
     AcknowledgementWire wire;
@@ -72,7 +73,7 @@ class NativeTruthDecoder final : public DatagramTruthDecoder {
     wire.reserved = 0;
     wire.stream = truth.stream;
     wire.sequence = truth.sequence;
-    wire.time_ns = reached.ns;
+    wire.time_ns = used_until.ns;
     wire.samples = samples;
     write_wire(wire, room);
     out.push(sizeof(AcknowledgementWire));

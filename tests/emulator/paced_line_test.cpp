@@ -100,7 +100,7 @@ TEST_F(PacedLine, APacedReplayWakesForIt) {
   });
   const HostTime begin = host.now();
   CapturePacer pacer;
-  Loop(session, host, pacer, {.spin = {}, .limit = {}, .live = false}, host.stop).run();
+  Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();
   ASSERT_GT(heard.sent.size(), 390U);
   for (std::size_t k = 0; k < heard.sent.size(); ++k) ASSERT_EQ(heard.sent[k], begin + 5ms * k) << k;
   expect_pace(heard, 1ns);  // instants are rounded up

@@ -210,14 +210,14 @@ TEST_F(TruthIntakeTest, NothingIsSentToACapture) {
 TEST_F(TruthIntakeTest, GapsOfTheSequenceAreLossesUnlessTheyAreALeap) {
   make(*find_truth_format("native"), "udp:127.0.0.1:9810");
   constexpr std::uint32_t begin = 0xFFFF'FFFE;
-  const auto send = [&](std::int64_t ms, std::uint32_t sequence, TruthTime settled = Timeline::never) {
+  const auto send = [&](std::int64_t ms, std::uint32_t sequence, TruthTime watermark = Timeline::never) {
     Truth truth;
     truth.time.ns = 1'000'000 * ms;
     truth.sequence = sequence;
     std::string datagram(native_truth_size, '\0');
     encode_native_truth(truth, std::span<std::byte, native_truth_size>(std::as_writable_bytes(std::span(datagram))));
     port_->waiting.push_back(datagram);
-    const Outcome outcome = intake_->take(settled);
+    const Outcome outcome = intake_->take(watermark);
     return std::pair<Outcome, std::uint64_t>(outcome, intake_->counters().lost);
   };
   using Seen = std::pair<Outcome, std::uint64_t>;
