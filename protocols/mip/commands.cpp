@@ -11,7 +11,7 @@ struct Command {
   std::uint8_t set, command;
   unsigned models = all;
 };
-// All commands but those of a kept setting and those that are merely acknowledged.
+// All commands, except those of kept settings and those that are merely acknowledged.
 constexpr Command commands[] = {
     {base, 0x01},
     {base, 0x02},
@@ -52,7 +52,7 @@ constexpr Command commands[] = {
 
 void Memory::execute(std::span<const std::byte> packet, DeviceTime now, Fields& fields,
                      FrameBuffer& replies) noexcept {
-  constexpr std::size_t longest_answer = 105, longest_list = 252;  // an answer that would not fit begins a packet
+  constexpr std::size_t longest_answer = 105, longest_list = 252;  // an answer that might not fit begins a new packet
   const auto set = std::to_integer<std::uint8_t>(packet[2]);
   std::optional<Packet> answer(std::in_place, replies, set);
   for_each_field(packet, [&](std::uint8_t command, Data data) {
@@ -218,7 +218,7 @@ Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer,
   return ok;
 }
 
-// Sets the week or the second of the week; the other stays.
+// Sets the week or the second of the week, and keeps the other.
 Memory::Code Memory::update_gps_time(Reader& reader, const Context& context) noexcept {
   enum Part : std::uint8_t { week = 1, time_of_week = 2 };
   constexpr std::int64_t second_ns = 1'000'000'000, week_s = 604'800, week_ns = week_s * second_ns, last_week = 9999;
@@ -252,7 +252,8 @@ bool Memory::is_poll(std::uint8_t set, std::uint8_t command) const noexcept {
   return set == three_dm && (command <= 0x03 || command == 0x0D) && has(set, command);
 }
 
-// 0C:01, 02, 03 poll sensor, gnss, filter, with a rate beside each descriptor; 0C:0D polls the set that it names.
+// 0C:01, 0C:02 and 0C:03 poll sensor, GNSS and filter data, with a rate beside each descriptor; 0C:0D polls the set
+// that it names.
 Memory::Poll Memory::parse_poll(std::uint8_t command, Data data) const noexcept {
   Reader reader(data);
   const bool is_named = command == 0x0D;
@@ -377,7 +378,7 @@ void Memory::put_device_info(Packet& answer) const noexcept {
   answer.end();
 }
 
-// The first list has as many as fit a packet, the extended one the rest.
+// The first list has as many descriptors as fit in a packet, the extended list has the rest.
 void Memory::put_descriptors(Packet& answer, bool extended) const noexcept {
   constexpr std::size_t list = 124;
   std::size_t count = 0;

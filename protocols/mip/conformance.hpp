@@ -1,4 +1,4 @@
-// The configurations in which MIP devices are tested, and the inputs that their fuzz test starts from.
+// The configurations in which MIP devices are tested, and the inputs from which their fuzz test starts.
 #pragma once
 
 #include <string>
@@ -24,7 +24,7 @@ inline constexpr ConformanceSettings conformance_settings[] = {
      [](Protocol& entry) { entry.fields = Measurement::delta_velocity | Measurement::status | Measurement::rate; }},
 };
 
-// The descriptor set, then the fields.
+// Each body is a descriptor set, then the fields.
 inline constexpr std::string_view host_bodies[] = {
     "\x01\x02\x01"sv,
     "\x01\x02\x02"sv,

@@ -6,7 +6,7 @@ namespace imud::mip {
 
 namespace {
 
-// Decodes sensor data packets. Packets of other sets are framed, checked and left out.
+// Decodes sensor data packets. Packets of other sets are checked, and then ignored.
 class MipDecoder final : public Decoder {
  public:
   void feed(const Frame& frame, MeasurementSink& sink) override {

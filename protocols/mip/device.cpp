@@ -3,7 +3,7 @@
 //
 // Where the document is silent, the device does as a user would expect: it streams out of the box (ArduPilot sends
 // nothing and waits for that); reference time is the sensor's own clock; filter and receiver report the truth.
-// Settings of the filter and of events are kept and read back, and change nothing; biases and mounting are applied.
+// Settings of the filter and of events can be written and read, but change nothing; biases and mounting are applied.
 #include <algorithm>
 #include <stdexcept>
 
@@ -67,8 +67,9 @@ class MipDevice final : public Device {
  private:
   using Search = FrameSearch<longest>;
 
-  // A command times out so long after its first byte: mip_parser.h, MIP_PARSER_DEFAULT_TIMEOUT_MS; on a line on which
-  // the longest packet takes longer, mip_parser.c, mip_timeout_from_baudrate(): one and a half times that packet.
+  // Returns the time after its first byte at which an unfinished command is discarded: 100 ms (mip_parser.h,
+  // MIP_PARSER_DEFAULT_TIMEOUT_MS), or one and a half times the duration of the longest packet if that is more
+  // (mip_parser.c, mip_timeout_from_baudrate()).
   Nanoseconds timeout() const noexcept {
     constexpr std::int64_t bits_a_byte = 10, milliseconds = 1500 * bits_a_byte * longest;
     return std::chrono::milliseconds(std::max<std::int64_t>(100, milliseconds / memory_.active().baud));
@@ -77,7 +78,7 @@ class MipDevice final : public Device {
   std::size_t parse(std::span<const std::byte> held, DeviceTime now, FrameBuffer& replies) noexcept {
     const auto size = packet_size(held);
     if (size && held.size() < *size) return Search::need_more;
-    begun_ = now;  // of the bytes that follow
+    begun_ = now;  // the bytes after this packet begin now
     if (!size || !is_intact(held.first(*size))) return Search::reject;
     memory_.execute(held.first(*size), now, fields_, replies);
     return *size;
@@ -101,7 +102,7 @@ class MipDevice final : public Device {
 
   Memory memory_;
   Fields fields_{memory_};
-  DeviceTime begun_;  // when the first of the bytes held came
+  DeviceTime begun_;  // time at which the first of the held bytes was received
   Search search_;
 };
 
@@ -148,7 +149,7 @@ std::uint8_t descriptor_of(const Model& model, std::uint8_t set, std::string_vie
     known += " " + std::string(field.name);
   }
   throw std::invalid_argument(key + ": there is no \"" + std::string(name) + "\"; known:" + known +
-                              "; or default, alone");
+                              "; or give default alone");
 }
 
 Stream stream(const Settings& settings, const Model& model, std::uint8_t set, const std::string& prefix,
@@ -173,8 +174,9 @@ Stream stream(const Settings& settings, const Model& model, std::uint8_t set, co
   else
     for (const std::string& name : fields) stream.add(descriptor_of(model, set, name, fields_key), decimation);
   if (fields.size() > stream.format.size() || !fits_a_packet(model, stream))
-    throw std::invalid_argument(fields_key + ": they do not fit one packet; give at most " +
-                                std::to_string(stream.format.size()) + " fields, of 255 bytes with 2 for each");
+    throw std::invalid_argument(fields_key + ": they do not fit in one packet; give at most " +
+                                std::to_string(stream.format.size()) +
+                                " fields, and 255 bytes with the 2 bytes that each field adds");
   return stream;
 }
 
@@ -189,8 +191,8 @@ Configuration configuration(const Settings& settings) {
   return c;
 }
 
-// The magnetometer's 8 G and 400 uG/sqrt(Hz), and the barometer's 0.01 hPa, are from the 3DM-GX5-25's data sheet as
-// remembered.
+// The magnetometer's 8 G and 400 uG/sqrt(Hz), and the barometer's 0.01 hPa, were taken from memory of the
+// 3DM-GX5-25's data sheet.
 Product product(const Settings& settings) {
   const Model& model = model_of(settings);
   Product product;

@@ -233,8 +233,8 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
     case 0x0C:
       put_euler(packet);
       break;
-    case 0x12: {  // flags: a receiver's pulse; a bit that each update turns; time was ever set; time of week is
-                  // valid; week is valid
+    case 0x12: {  // flags: a receiver's pulse is present; a bit that each update toggles; the time was set; the
+                  // time of week is valid; the week is valid
       const bool has_receiver = memory_.model().gnss_hz > 0 && is_known();
       const std::int64_t updates = memory_.gps_update().count + (has_receiver ? true_gps_ns(at) / second_ns : 0);
       put_gps_time(packet, gps_ns(at));
@@ -267,7 +267,7 @@ void Fields::put_quaternion(Packet& packet) const noexcept {  // v_V = q* v_L q
   for (const double part : {q.w(), q.x(), q.y(), q.z()}) packet.put_float(part);
 }
 
-// Roll, pitch and yaw, of rotations in the order 3-2-1.
+// Writes roll, pitch and yaw of the rotation sequence 3-2-1.
 void Fields::put_euler(Packet& packet) const noexcept {
   const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
   packet.put_floats({ypr[2], ypr[1], ypr[0]});

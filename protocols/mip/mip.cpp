@@ -21,7 +21,8 @@ constexpr std::string_view gx5_gnss[] = {"gnss_position", "gnss_velocity", "gnss
 }  // namespace
 
 // Model numbers are those of mip_sdk, mip_device_models.h. The rates of 4 Hz and 500 Hz, and the densities (GX5:
-// 0.005 deg/s/sqrt(Hz), 80 ug/sqrt(Hz); CV7: 0.17 deg/sqrt(h), 0.03 m/s/sqrt(h)) are the data sheets' as remembered.
+// 0.005 deg/s/sqrt(Hz), 80 ug/sqrt(Hz); CV7: 0.17 deg/sqrt(h), 0.03 m/s/sqrt(h)) were taken from memory of the data
+// sheets.
 constinit const std::array<Model, 4> models = {{
     {gx5_25,
      "3dm-gx5-25",

@@ -1,10 +1,10 @@
-// MicroStrain MIP: what the device (device.cpp), its data fields (fields.cpp, navigation_fields.cpp), its commands
-// (commands.cpp), its settings (settings.cpp) and the decoder (decoder.cpp) share. Source: MicroStrain's mip_sdk
-// (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
+// MicroStrain MIP: the declarations shared by the device (device.cpp), its data fields (fields.cpp,
+// navigation_fields.cpp), its commands (commands.cpp), its settings (settings.cpp) and the decoder (decoder.cpp).
+// Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
 //
-// A packet is big-endian: 0x75 0x65, descriptor set, length of the fields, fields, two bytes of checksum: the sum of
-// all bytes before, and the sum of these sums. A field is its own length, a descriptor, and data. The answer to a
-// command is a packet of the same set: field 0xF1 {command, code} for each command, followed by its data.
+// A packet is big-endian: 0x75 0x65, descriptor set, length of the fields, fields, two bytes of checksum (Fletcher,
+// modulo 256). A field is its own length, a descriptor, and data. The answer to a command is a packet of the same
+// set: field 0xF1 {command, code} for each command, followed by its data.
 #pragma once
 
 #include <array>
@@ -23,17 +23,20 @@ namespace imud::mip {
 
 inline constexpr std::uint8_t sync[2] = {0x75, 0x65};
 inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = header_size + 255 + checksum_size;
-inline constexpr double internal_hz = 1000;  // the rate at which a device samples
-// Descriptor sets of commands, and of data.
+inline constexpr double internal_hz = 1000;  // the internal sample rate
+// Descriptor sets of commands and of data.
 enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };
 enum DataSet : std::uint8_t { sensor = 0x80, gnss = 0x81, filter = 0x82 };
 inline constexpr std::uint8_t reply = 0xF1;
 
 // --- Packets ---
 
+// Returns the two bytes of checksum of the bytes before them.
 std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept;
-// The size of the packet that the bytes held begin; it may be more than they are. nullopt: no packet begins so.
+// Returns the size of the packet that begins with `held`, which may be longer than `held`; as long as the header is
+// incomplete, the size of the header. Returns nullopt if no packet begins with these bytes.
 std::optional<std::size_t> packet_size(std::span<const std::byte> held) noexcept;
+// Returns true if the checksum of a whole packet is right.
 bool is_intact(std::span<const std::byte> packet) noexcept;
 
 // Calls `act(descriptor, data)` for each field. Returns false if the fields do not fill the packet.
@@ -51,13 +54,15 @@ bool for_each_field(std::span<const std::byte> packet, Act&& act) {
 
 using Reader = FieldReader<boost::endian::order::big>;
 
-// Writes a packet: each field between begin() and end(). finish() completes it; without fields nothing is sent.
+// Writes a packet: each field between begin() and end(). finish() completes the packet; a packet without fields is
+// not sent.
 class Packet : public FrameWriter<boost::endian::order::big> {
  public:
   Packet(FrameBuffer& out, std::uint8_t set) noexcept;
   void begin(std::uint8_t descriptor) noexcept;
   void end() noexcept { set_byte(field_, size() - field_); }
-  void put_padded(std::string_view text, std::size_t width) noexcept;  // with blanks
+  void put_padded(std::string_view text, std::size_t width) noexcept;  // padded with blanks
+  // Returns true if a field with `data` bytes of data fits.
   bool has_room_for(std::size_t data) const noexcept { return size() + 2 + data <= longest - checksum_size; }
   void finish() noexcept;
 
@@ -74,10 +79,10 @@ inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, ins =
 struct Model {
   unsigned bit;
   std::string_view keyword, name, number, serial, options;
-  std::uint16_t filter_hz, gnss_hz;                                             // base rates; 0: no receiver
+  std::uint16_t filter_hz, gnss_hz;                                             // Hz, base rates; 0: no receiver
   double gyro_max, accelerometer_max_g;                                         // rad/s
   double gyro_noise, accelerometer_noise;                                       // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
-  std::span<const std::string_view> sensor_fields, filter_fields, gnss_fields;  // out of the box
+  std::span<const std::string_view> sensor_fields, filter_fields, gnss_fields;  // as delivered
 
   bool is(unsigned set) const noexcept { return (bit & set) != 0; }
 };
@@ -88,12 +93,13 @@ extern const std::array<Model, 4> models;
 struct DataField {
   std::string_view name;               // in the configuration
   std::uint8_t set, descriptor, size;  // of the data
-  unsigned models;                     // a set of models: those with this field
+  unsigned models;                     // the models that have this field
 };
 std::span<const DataField> data_fields() noexcept;
+// Returns nullptr if the model has no such field.
 const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t descriptor) noexcept;
 
-// The stream of a descriptor set; set 0: the model has none.
+// The stream of a descriptor set. Set 0: the model does not have this stream.
 struct Stream {
   struct Rate {
     std::uint8_t descriptor = 0;
@@ -110,7 +116,7 @@ struct Stream {
   }
 };
 
-// Whether all fields of the stream fit one packet: they are all due at the first sample.
+// Returns true if all fields of the stream fit in one packet. Sample 0 sends them all.
 bool fits_a_packet(const Model& model, const Stream& stream) noexcept;
 
 class Memory;
@@ -120,27 +126,28 @@ class Fields {
  public:
   explicit Fields(const Memory& memory) noexcept : memory_(memory) {}
   void set_sample(const Sample& sample) noexcept;
-  // A power-on or a reset: nothing is measured yet, and reference time and ticks count from `now`. A device's first
-  // sample sets the reference time to the sensor's own clock again: so sample 0 carries its own time.
+  // Power-on or reset: discards the measurements; reference time and ticks count from `now`. The very first sample of
+  // a device sets the reference time back to the sensor's clock, so that sample 0 carries its own time.
   void restart(DeviceTime now) noexcept;
-  // Increments and differences of that set's stream count from the newest sample, or from `now` if samples have
-  // ceased. 0: every set's.
+  // Restarts the increments and time differences of that set's stream (0: of every stream) at the newest sample, or,
+  // if samples have ceased, one sample period before `now`.
   void begin(std::uint8_t set, DeviceTime now) noexcept;
   void step_clock(Nanoseconds by) noexcept;
-  // GPS time at `at`, which is not before the newest sample, as it is reported; ns since 1980-01-06.
+  // Returns the GPS time that the device reports for `at`, ns since 1980-01-06. `at` is not before the newest sample.
   std::int64_t gps_ns(DeviceTime at) const noexcept;
   // Appends a streamed field; nothing if there is no such field, or no room for it.
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
     put(packet, set, descriptor, since_[set - sensor], sample_.time);
   }
-  // Appends a field that the host asked for at `now`: times are those at `now`, increments and differences are those
-  // of the set's last base period.
+  // Appends a field that the host polls at `now`. Its times are those at `now`; its increments and time differences
+  // are those of the set's last base period.
   void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now) const noexcept;
-  // The field was streamed; called once for each packet, however often the field is in it.
+  // Restarts the increments and time differences of a streamed field. Call it when the packet is finished, as a
+  // packet may contain a field twice.
   void sent(std::uint8_t set, std::uint8_t descriptor) noexcept;
 
  private:
-  struct Since {  // when, and what has accumulated since then
+  struct Since {  // the time of the last transmission, and what has accumulated since
     DeviceTime delta_time, reference;
     std::uint64_t tick = 0;
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
@@ -158,7 +165,7 @@ class Fields {
   static void put_gps_time(Packet& packet, std::int64_t ns) noexcept;
   void put_position(Packet& packet) const noexcept;
   bool is_known() const noexcept { return sample_.navigation.is_known; }
-  std::int64_t true_gps_ns(DeviceTime at) const noexcept;  // of a receiver; 0 where the truth has none
+  std::int64_t true_gps_ns(DeviceTime at) const noexcept;  // GPS time of a receiver; 0 if the truth has none
   bool has_week() const noexcept;
   bool has_time_of_week() const noexcept;
   Vector3 gravity() const noexcept;  // m/s^2, in V
@@ -166,34 +173,35 @@ class Fields {
   const Memory& memory_;
   Sample sample_;  // in V
   bool has_sampled_ = false;
-  std::array<Since, 3> since_;           // since each set's stream was sent last
+  std::array<Since, 3> since_;           // since each set's stream was last sent; index: set - sensor
   std::optional<DeviceTime> restarted_;  // nullopt: reference time is the sensor's own clock
   std::uint64_t restarted_tick_ = 0;
 };
 
 // --- Settings ---
 
-// A setting that is kept and read back, and changes nothing: it belongs to the filter, which reports the truth, or to
-// events, which never occur. A command's data are a function, a key (which of several), and a value.
+// A setting that can be written and read, but changes nothing: it belongs to the filter, which reports the truth, or
+// to events, which never occur. The data of its command are a function, a key (which of several slots) and a value.
 struct KeptSetting {
   enum Kind : std::uint8_t { any, flag, numbers };  // numbers: finite
 
   std::uint8_t set, command, reply;
   unsigned models;
   std::uint8_t key_size, first_key, slots;
-  std::uint8_t least, most;               // bytes of key and value
-  std::span<const std::uint8_t> initial;  // value; the rest is 0
-  Kind kind = any;                        // others are refused
+  std::uint8_t least, most;               // fewest and most bytes of key and value
+  std::span<const std::uint8_t> initial;  // value; missing bytes are 0
+  Kind kind = any;                        // values of another kind are refused
 };
 std::span<const KeptSetting> kept_settings() noexcept;
 
-// A command that is acknowledged if its data have that many bytes, and changes nothing.
+// A command that changes nothing, and is acknowledged if its data have `size` bytes.
 struct Acknowledged {
   std::uint8_t set, command, size;
   unsigned models;
 };
 std::span<const Acknowledged> acknowledged_commands() noexcept;
 
+// One slot of a kept setting: its key and value.
 struct Kept {
   std::uint8_t size = 0;
   std::array<std::uint8_t, 40> bytes = {};
@@ -204,16 +212,17 @@ struct Configuration {
 
   std::array<Stream, 3> streams;  // sensor, filter, gnss
   std::uint32_t baud = 115200;
-  Vector3 gyro_bias = Vector3::Zero(), accelerometer_bias = Vector3::Zero();  // rad/s, m/s^2; are subtracted in P
+  Vector3 gyro_bias = Vector3::Zero(), accelerometer_bias = Vector3::Zero();  // rad/s, m/s^2; subtracted in P
   Quaternion q_PV = Quaternion::Identity();                                   // v_P = q_PV * v_V, V: the vehicle
-  std::array<Kept, 52> kept;                                                  // one after another, slot by slot
+  std::array<Kept, 52> kept;  // the slots of all kept settings, one after another
 
   const Stream* find(std::uint8_t set) const noexcept;  // nullptr if there is none
   Stream* find(std::uint8_t set) noexcept { return const_cast<Stream*>(std::as_const(*this).find(set)); }
-  const Kept& first_of(std::uint8_t set, std::uint8_t command) const noexcept;  // slot of a kept setting
+  const Kept& first_of(std::uint8_t set, std::uint8_t command) const noexcept;  // its first slot
 };
 
-// All that a unit keeps, and how it executes commands. Times are the sensor's own.
+// The settings of a unit as delivered, as saved and as active; executes the host's commands. Times are those of the
+// sensor's clock.
 class Memory {
  public:
   Memory(const Model& model, const Configuration& configuration) noexcept
@@ -230,13 +239,12 @@ class Memory {
   const Configuration& active() const noexcept { return active_; }
   const GpsUpdate& gps_update() const noexcept { return gps_update_; }
   bool is_idle() const noexcept { return is_idle_; }
-  void restart(Fields& fields, DeviceTime now) noexcept;  // only what was saved stays
-  // Executes an intact packet of the host; appends the answer, and the data that it polls.
+  void restart(Fields& fields, DeviceTime now) noexcept;  // keeps only what was saved
+  // Executes an intact packet of the host; appends the answer and the polled data.
   void execute(std::span<const std::byte> packet, DeviceTime now, Fields& fields, FrameBuffer& replies) noexcept;
   // Adds the sample to a capture of the gyro bias; appends the answer if the capture ends with this sample.
   void capture(const Sample& sample, FrameBuffer& out) noexcept;
-  // A capture whose last sample does not come ends without it: deadline() is then in the past, and poll() appends the
-  // answer.
+  // If the last sample of a capture does not arrive, poll() ends the capture at deadline() and appends the answer.
   std::optional<DeviceTime> deadline() const noexcept;
   void poll(DeviceTime now, FrameBuffer& out) noexcept;
   void step_clock(Nanoseconds by) noexcept;
@@ -248,10 +256,10 @@ class Memory {
   struct Poll {
     Code code = bad_parameter;
     bool is_silent = false;  // no acknowledgement, whatever the code
-    Stream stream;           // the fields asked for, once
+    Stream stream;           // the polled fields
   };
 
-  struct Context {  // of a command
+  struct Context {  // of the command being executed
     DeviceTime now;
     Packet& answer;
     Fields& fields;
@@ -270,7 +278,7 @@ class Memory {
   Code format(std::uint8_t function, std::uint8_t set, std::uint8_t descriptor, Reader& reader,
               const Context& context, bool with_set) noexcept;
   Code stream_control(Reader& reader, Packet& answer) noexcept;
-  // `unit`: the wire's, in SI.
+  // `unit`: one unit of the wire, in SI.
   Code vector(Vector3 Configuration::*vector, double unit, std::uint8_t descriptor, Reader& reader,
               Packet& answer) noexcept;
   Code rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept;
@@ -304,7 +312,7 @@ class Memory {
   Configuration stored_, active_;
   GpsUpdate gps_update_;
   bool is_idle_ = false;
-  std::optional<DeviceTime> capture_end_;  // nullopt: none is going on; a sample at this time is the last one
+  std::optional<DeviceTime> capture_end_;  // nullopt: no capture is running; a sample at this time is the last one
   unsigned capture_count_ = 0;             // samples in the sum
   Vector3 capture_sum_ = Vector3::Zero();  // rad/s
 };

@@ -74,9 +74,9 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
   packet.put(valid);
 }
 
-// State, dynamics mode, flags. A GX5 is in state 1, initializing, without position and velocity, else in 2, running
-// and valid. A CV7 is in state 3, AHRS, or 4, full navigation; its flags are 1, stable (the GQ7's manual as
-// remembered).
+// Writes state, dynamics mode and flags. A GX5 is in state 1, initializing, without position and velocity, else in 2,
+// running and valid. A CV7 is in state 3, AHRS, or 4, full navigation; its flags are 1, stable (from memory of the
+// GQ7's manual).
 void Fields::put_filter_status(Packet& packet) const noexcept {
   const bool navigates = memory_.model().is(ins) && is_known();
   const bool waits = memory_.model().is(gx5_45) && !navigates;
@@ -85,7 +85,7 @@ void Fields::put_filter_status(Packet& packet) const noexcept {
   packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? 1 : (waits ? 0x2000 : 0)));
 }
 
-// The receiver reports the truth; it reports no accuracy, and does not set the flag of that.
+// The receiver reports the truth. It reports no accuracy, and leaves the flags of accuracies unset.
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const Vector3& v = navigation.v_L;
@@ -93,7 +93,7 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
   switch (descriptor) {
     case 0x03:
       put_position(packet);
-      packet.put(navigation.height);  // in place of the height above the sea, which is flagged not valid
+      packet.put(navigation.height);  // in place of the height above mean sea level, which is flagged as invalid
       for (int i = 0; i < 2; ++i) packet.put(0.0F);
       packet.put(if_known(0x03));
       break;

@@ -157,7 +157,7 @@ Memory::Code Memory::vector(Vector3 Configuration::*vector, double unit, std::ui
   return transfer(function, [&](Configuration& to, const Configuration& from) { to.*vector = from.*vector; });
 }
 
-// One rotation, in four forms: 0D:11 the Euler angles of V relative to P, 0C:31 those of P relative to V, 0C:32 the
+// One rotation in four forms: 0D:11 the Euler angles of V relative to P, 0C:31 those of P relative to V, 0C:32 the
 // quaternion with v_V = q* v_P q, 0C:33 dcm_VP by rows.
 Memory::Code Memory::rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept {
   enum class Form { euler_VP, euler_PV, quaternion, matrix };
@@ -232,7 +232,7 @@ void Memory::poll(DeviceTime now, FrameBuffer& out) noexcept {
   if (capture_end_ && now > *capture_end_) end_capture(out);
 }
 
-// A capture without samples has failed.
+// A capture without samples fails.
 void Memory::end_capture(FrameBuffer& out) noexcept {
   capture_end_.reset();
   if (capture_count_ > 0) active_.gyro_bias = capture_sum_ / capture_count_;
