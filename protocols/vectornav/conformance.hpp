@@ -1,4 +1,4 @@
-// The configurations in which VectorNav devices are tested, and the inputs that their fuzz test starts from.
+// The configurations in which VectorNav devices are tested, and the inputs from which their fuzz test starts.
 #pragma once
 
 #include <cstdio>

@@ -131,7 +131,7 @@ class VectorNavDecoder final : public Decoder {
   }
 
   static void measure(const Words& words, MeasurementSink& sink) {
-    // Where the first number of each quantity stands; 0: the message does not have it.
+    // The index of the word with the first number of each quantity; 0: the message does not have it.
     struct Layout {
       std::string_view name;
       std::size_t count, acceleration, rate, temperature = 0, delta_angle = 0, delta_velocity = 0;
@@ -147,7 +147,8 @@ class VectorNavDecoder final : public Decoder {
                                                 {"VNISL", 16, 10, 13}}};
     std::size_t count = std::min(words.count, words.words.size());
     const auto is_appended = [](std::string_view word) { return word.starts_with('T') || word.starts_with('S'); };
-    while (count > 1 && is_appended(words[count - 1])) --count;  // as register 30 adds them
+    while (count > 1 && is_appended(words[count - 1]))
+      --count;  // count and status, appended as register 30 configures
     for (const Layout& layout : layouts) {
       if (words[0] != layout.name || count != layout.count) continue;
       Measurement m;

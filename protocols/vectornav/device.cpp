@@ -1,6 +1,6 @@
-// VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The truth stands in for the
-// estimates of the product's filter, whose settings are kept and read back, and change nothing. Compensations
-// (registers 23, 25, 84) act at once, the reference frame (26) from the next reset on, as in the product.
+// VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The estimates of the product's
+// filter are the truth; the filter's settings can be written and read, but change nothing. As in the product,
+// compensations (registers 23, 25, 84) take effect immediately, and the reference frame (26) at the next reset.
 #include <algorithm>
 #include <cstdio>
 #include <stdexcept>
@@ -69,13 +69,13 @@ class VectorNavDevice final : public Device {
     std::string_view name;
     std::size_t fewest, most;  // parameters
   };
-  static constexpr Command commands[] = {// the last ones change nothing
+  static constexpr Command commands[] = {// those from VNSGB on change nothing
                                          {"VNRRG", 1, 2},   {"VNWRG", 1, any}, {"VNASY", 1, 1},   {"VNBOM", 1, 1},
                                          {"VNWNV", 0, 0},   {"VNTAR", 0, 0},   {"VNRFS", 0, 0},   {"VNRST", 0, 0},
                                          {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any},
                                          {"VNKAD", 0, any}, {"VNCMD", 0, any}};
 
-  // Only what was stored stays; nothing is measured yet, and time since start-up counts from `now`.
+  // Keeps only what was stored; discards the measurements. The time since start-up counts from `now`.
   void reset(DeviceTime now) noexcept {
     active_ = stored_;
     dcm_ = active_.reference_frame;
@@ -155,7 +155,7 @@ class VectorNavDevice final : public Device {
     if (error != none) send_error(error, form, replies);
   }
 
-  // Register 30 has the mode of errors: 0, no message; 1, a message; 2, a message, and the stream of text ends.
+  // Register 30 has the error mode: 0: no message; 1: a message; 2: a message, and the text stream stops.
   void send_error(Error error, Form form, FrameBuffer& replies) noexcept {
     const double mode = active_.number_of(30, 6);
     if (mode == 0) return;
@@ -194,7 +194,7 @@ class VectorNavDevice final : public Device {
     } else if (name == "VNWNV") {
       stored_ = active_;
     } else if (name == "VNTAR") {
-      tare_ = sample_.q_LP.conjugate();  // the present attitude is level and north from now on
+      tare_ = sample_.q_LP.conjugate();  // the present attitude becomes level and north
     } else if (name == "VNRFS") {
       stored_ = factory_;
     }
@@ -238,11 +238,11 @@ class VectorNavDevice final : public Device {
   const Configuration factory_;
   Configuration stored_, active_;
   bool paused_ = false;
-  DeviceTime start_;                   // of the unit: power-on or reset
+  DeviceTime start_;                   // time of power-on or reset
   Matrix3 dcm_ = Matrix3::Identity();  // register 26: to the host's axes
   Quaternion tare_ = Quaternion::Identity();
-  Sample raw_, sample_;       // the newest, as sensed, and compensated
-  std::array<Sums, 5> sums_;  // since the binary outputs, text and register 80 were sent last
+  Sample raw_, sample_;       // the newest sample, as sensed and compensated
+  std::array<Sums, 5> sums_;  // since the binary outputs, text and register 80 were last sent
   CommandReader<256> reader_;
 };
 
@@ -300,8 +300,8 @@ Configuration configuration(const Settings& settings) {
   return c;
 }
 
-// The numbers are those of the VN-100's data sheet: 0.0035 deg/s, 0.14 mg and 140 uG per sqrt(Hz); 2000 deg/s, 16
-// g, 2.5 G; the barometer's resolution of 0.042 mbar.
+// From the VN-100's data sheet: 0.0035 deg/s, 0.14 mg and 140 uG per sqrt(Hz); 2000 deg/s, 16 g, 2.5 G; the
+// barometer's resolution of 0.042 mbar.
 Product product(const Settings& settings) {
   configuration(settings);
   constexpr double gauss = 1e-4;

@@ -25,7 +25,7 @@ template <auto Quantity>
 void doubles(const Quantities& now, BinaryFrame& frame) {
   frame.put_doubles((now.*Quantity)());
 }
-// One after another.
+// Writes several quantities one after another.
 template <Put... Parts>
 void all(const Quantities& now, BinaryFrame& frame) {
   (Parts(now, frame), ...);
@@ -166,7 +166,7 @@ constexpr BinaryField fields[] = {
     {ins, 12, 64},
 };
 
-// Where each group's fields begin in the table: they stand there bit by bit.
+// The index in the table of each group's first field. The fields of a group are in the order of their bits.
 constexpr std::array<std::size_t, groups + 1> first_of_group = [] {
   std::array<std::size_t, groups + 1> first = {};
   for (unsigned g = 0; g <= groups; ++g)

@@ -1,4 +1,4 @@
-// The messages of text: one table for streams, for the registers of measurements, and for the load of the line.
+// The text messages: one table for the stream, the measurement registers and the load of the line.
 #include <cstdio>
 
 #include "protocols/vectornav/quantities.hpp"
@@ -19,7 +19,7 @@ void put_hexadecimal(unsigned bits, const char* format, Message& message) noexce
 using Part = void (*)(const Quantities& now, Message& message);
 using Q = Quantities;
 
-// A vector in one of the formats above.
+// Writes a vector in one of the formats above.
 template <auto Quantity, const char* const& Format>
 void vector(const Q& now, Message& message) {
   message.put((now.*Quantity)(), Format);
@@ -69,10 +69,10 @@ struct MessageType {
   unsigned type;
   std::string_view name;
   unsigned register_id;  // the register of the same content
-  unsigned receivers;    // that a model with this message has
-  std::size_t size;      // of the longest, from '$' to LF, with two digits of checksum
+  unsigned receivers;    // fewest GNSS receivers of a model with this message
+  std::size_t size;      // of the longest message, from '$' to LF, with a checksum of two digits
   std::array<Part, 6> parts;
-  bool has_increments = false;  // whose sums restart after it
+  bool has_increments = false;  // the sums restart after the message
 };
 constexpr MessageType messages[] = {
     {1, "VNYPR", 8, 0, 38, {ypr}},

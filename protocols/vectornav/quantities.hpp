@@ -1,5 +1,6 @@
-// Quantities: what VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the product's units.
-// Attitude, position and velocity are the truth's. The quality of a GNSS solution is made up: the constants below.
+// Quantities: the quantities that VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the
+// product's units. Attitude, position and velocity are the truth's. The accuracy figures of a GNSS solution are the
+// constants below.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +15,8 @@ namespace imud::vectornav {
 inline constexpr int leap_seconds = 18;
 inline constexpr double dilution = 1.0;
 
-// A view of a reading and of the increments of an output, both of which must outlive it. Without a fix, everything
-// that comes from GNSS is zero.
+// A view of a reading and of the increments of an output, both of which must outlive it. Without a fix, all GNSS
+// quantities are zero.
 class Quantities {
  public:
   Quantities(const Reading& reading, const Sums& sums) noexcept
@@ -47,7 +48,7 @@ class Quantities {
     return static_cast<std::uint16_t>((s_.status >> 3 & 7U) << 3 | (s_.status & 7U) << 6);
   }
 
-  // --- Attitude; only what is said to be tared is ---
+  // --- Attitude; only tared_q() and tared_ypr_deg() include the tare ---
   Quaternion tared_q() const noexcept { return r_.tare * s_.q_LP; }
   Vector3 tared_ypr_deg() const noexcept {
     return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
@@ -76,7 +77,7 @@ class Quantities {
   Vector3 magnetic_E() const noexcept { return to_E(magnetic_L()); }
   Vector3 acceleration_E() const noexcept { return to_E(acceleration_L()); }
   Vector3 linear_E() const noexcept { return to_E(linear_L()); }
-  // Mode 2 (tracking) and the fix; a VN-300's heading by two antennas (vnproglib, InsStatus).
+  // Flags: mode 2 (tracking) and fix; for a VN-300 also the heading from two antennas (vnproglib, InsStatus).
   std::uint16_t ins_status() const noexcept {
     if (!has_fix()) return 0;
     return r_.model.receivers == 2 ? 0x0306 : 0x0006;

@@ -209,7 +209,7 @@ constexpr std::array<unsigned, 3> calibrations = {23, 25, 84};
 bool is_in_range(unsigned id, const Words& words) noexcept {
   constexpr std::array<double, 7> most_of_30 = {5, 6, 5, 6, 3, 3, 2};  // SDK 0.99, ProtocolControl
   constexpr std::array<double, 4> most_of_35 = {1, 2, 1, 1};           // its VpeBasicControl
-  constexpr double largest = 1000;  // of gains and biases: beyond it, they are no calibration
+  constexpr double largest = 1000;                                     // limit of gains and biases
   constexpr std::size_t longest_tag = 20;
   if (id == 0) return words[0].size() <= longest_tag;
   const bool is_matrix = id == 26 || std::find(calibrations.begin(), calibrations.end(), id) != calibrations.end();
@@ -255,7 +255,7 @@ Error write_register(Configuration& c, const Model& model, std::string_view rest
     if (words.count > kept[i].count) return too_many;
     if (value.size() >= Configuration::register_size || !is_in_range(*id, words)) return bad_parameter;
     if (*id == 33)
-      return none;  // zeros reset the counts, which stand at zero: nothing is connected to SyncIn and SyncOut
+      return none;  // zeros reset the counts, which are always zero, as nothing is connected to SyncIn and SyncOut
     if (*id == 26) {
       constexpr double tolerance = 1e-3;
       const Matrix3 frame = matrix_in(words);

@@ -1,12 +1,12 @@
-// VectorNav VN-100, VN-200, VN-300: what the device (device.cpp), its registers (registers.cpp), its messages of text
-// (messages.cpp), its binary fields (fields.cpp) and its decoder (decoder.cpp) share. Layouts and sizes are those of
-// VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav 6824e8b) and of ArduPilot's
-// driver (AP_ExternalAHRS_VectorNav.cpp).
+// VectorNav VN-100, VN-200, VN-300: the declarations shared by the device (device.cpp), its registers
+// (registers.cpp), its text messages (messages.cpp), its binary fields (fields.cpp) and its decoder (decoder.cpp).
+// Layouts and sizes are those of VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav
+// 6824e8b) and of ArduPilot's driver (AP_ExternalAHRS_VectorNav.cpp).
 //
 // ASCII: '$', body, '*', checksum of the body, CR LF: two hexadecimal digits of its XOR, or four of its CRC-16
-// (0x1021 from 0), or "XX" for none; the answer has the form that the host used. Binary: 0xFA, groups, a mask of 16
-// bits for each group, little-endian; the fields in order of groups and bits; the CRC-16 of all after 0xFA,
-// big-endian.
+// (0x1021 from 0), or "XX" for none. The answer has the kind of checksum that the host used. Binary: 0xFA, groups, a
+// mask of 16 bits for each group, little-endian; the fields in order of groups and bits; the CRC-16 of all after
+// 0xFA, big-endian.
 #pragma once
 
 #include <array>
@@ -38,39 +38,39 @@ enum Error : unsigned {
   unauthorised,
   insufficient_baud = 12
 };
-inline constexpr std::size_t longest = 1024;  // of a frame
+inline constexpr std::size_t longest = 1024;  // bytes of the longest frame
 inline constexpr std::array<std::uint32_t, 9> bauds = {9600,   19200,  38400,  57600, 115200,
                                                        128000, 230400, 460800, 921600};
 
 // Groups of binary fields, each with a mask of its own.
 enum Group : unsigned { common, time_group, imu, gnss1, attitude, ins, gnss2, groups };
 inline constexpr unsigned mask_bits = 16;
-// The size of a field in bytes; 0: there is none.
+// Returns the size of a field in bytes; 0: there is no such field.
 std::size_t field_size(unsigned group, unsigned bit) noexcept;
 
 unsigned xor_of(std::string_view text) noexcept;
 unsigned crc16(std::span<const std::byte> bytes) noexcept;
 unsigned crc16(std::string_view text) noexcept;
-// Whether `sum`, what stands after the '*', is that of `body`.
+// Returns true if `sum`, the text after '*', is the checksum of `body`.
 bool is_checksum_of(std::string_view body, std::string_view sum) noexcept;
 
-// The words between commas; `count` is beyond words.size() if there are more.
+// The words between commas. `count` is greater than words.size() if there are more words than that.
 struct Words {
   explicit Words(std::string_view text) noexcept;
   std::string_view operator[](std::size_t i) const noexcept { return words[i]; }
   std::array<std::string_view, 20> words;
   std::size_t count = 0;
 };
-// A number as hosts write it, with a plus or without; nullopt if it is no finite number.
+// Parses a number, on which a plus is allowed. Returns nullopt if the text is not a finite number.
 std::optional<double> real_in(std::string_view text) noexcept;
 
-// A message of text: its body, then the checksum in the form asked for.
-enum class Form : std::uint8_t { two_digits, four_digits };
+// Writes a text message; send() adds the checksum and sends the message.
+enum class Form : std::uint8_t { two_digits, four_digits };  // of the checksum: XOR, CRC-16
 class Message {
  public:
   Message(FrameBuffer& out, Form form) noexcept : out_(out), form_(form) { text_[size_++] = '$'; }
   Message& put(std::string_view text) noexcept;
-  Message& put(double number, const char* format) noexcept;  // after a comma
+  Message& put(double number, const char* format) noexcept;  // both: a comma first, in printf()'s format
   Message& put(const Vector3& vector, const char* format) noexcept;
   void send() noexcept;
 
@@ -95,25 +95,25 @@ struct BinaryOutput {
   unsigned mode = 0, divisor = 1;  // divisor 0: sent only when polled (VN-100 user manual UM001, page 56)
   std::array<std::uint16_t, groups> masks = {};
 
-  bool is_streamed() const noexcept { return (mode & 1U) != 0 && divisor != 0; }  // at the host's port
+  bool is_streamed() const noexcept { return (mode & 1U) != 0 && divisor != 0; }  // to the host's port
   unsigned group_bits() const noexcept;
   std::size_t size() const noexcept;  // of the frame, in bytes; 0 if it has no fields
   // "3,16,01,0721": mode, divisor, groups and their masks in hexadecimal digits.
   static std::optional<BinaryOutput> parse(std::string_view text, Error& error) noexcept;
 };
 
-// A register that is read as it was written.
+// A register that returns what was written to it.
 struct Register {
   unsigned id;
   unsigned count;  // parameters
   std::string_view initial;
-  unsigned receivers = 0;  // how many a model has that has this register
+  unsigned receivers = 0;  // fewest GNSS receivers of a model with this register
   bool is_read_only = false;
 };
 inline constexpr std::size_t kept_count = 26;
 extern const std::array<Register, kept_count> kept;
 
-// Registers 23, 25 and 84: compensated from sensed values.
+// Registers 23, 25 and 84: turns sensed values into compensated ones.
 struct Calibration {
   Matrix3 gain = Matrix3::Identity();
   Vector3 bias = Vector3::Zero();
@@ -127,7 +127,7 @@ struct Configuration {
     unsigned baud = 115200, async_type = 14, async_hz = 40;
   };
 
-  // The host's, and the other connector's, whose settings are read back; nothing is sent there.
+  // The host's port, and the other one, whose settings can be written and read; nothing is sent there.
   std::array<SerialPort, 2> ports;
   std::array<BinaryOutput, 3> binary = {};
   std::array<Text, 3> binary_text = {};
@@ -137,25 +137,25 @@ struct Configuration {
 
   Configuration() noexcept;
   static void store(Text& place, std::string_view text) noexcept;
-  // The parameters of a kept register; empty if there is none of that number.
+  // Returns the parameters of a kept register; empty if there is no such register.
   std::string_view text_of(unsigned id) const noexcept;
-  // "1,2,3,...": a kept register's parameter, counted from 0.
+  // Returns one parameter of a kept register, counted from 0; 0 if there is no such parameter.
   double number_of(unsigned id, std::size_t parameter) const noexcept;
 };
 
-// Writes a register, `rest` being its number and parameters ("06,14"); changes the configuration alone.
+// Writes a register of `configuration`. `rest` is the number of the register and its parameters ("06,14").
 Error write_register(Configuration& configuration, const Model& model, std::string_view rest) noexcept;
-// The share of the host's serial line that the streams need; above 1 it cannot carry them.
+// Returns the load of the host's serial line by all streams; the line cannot carry more than 1.
 double line_load(const Configuration& configuration, const Model& model) noexcept;
-// Appends the parameters of register `id`, which is not one of measurements. `port` matters for registers 5 to 7:
-// "1" and "2" are the serial ports, "0" and "?" the host's, and the answer ends in the port's number; if it is empty,
-// the answer is the host's port's without that number.
+// Appends the parameters of register `id`, which is not a measurement register. Only registers 5 to 7 use `port`: "1"
+// and "2" are the serial ports, "0" and "?" the host's, and the answer ends with the number of the port. If `port` is
+// empty, the answer is that of the host's port, without a number.
 Error put_register(const Configuration& configuration, const Model& model, unsigned id, std::string_view port,
                    Message& message) noexcept;
 
 // --- Measurements ---
 
-// Increments since an output was sent last.
+// Increments since an output was last sent.
 struct Sums {
   double dt = 0;  // s
   Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
@@ -166,33 +166,34 @@ struct Sums {
   }
 };
 
-// The source of messages and fields.
+// The data that messages and fields report.
 struct Reading {
   const Model& model;
-  const Sample& sample;    // compensated, in the host's reference frame; zeros before the first one
-  const Sample& raw;       // as sensed
-  const Quaternion& tare;  // from north-east-down to what VNTAR made level and north; only reported attitudes have it
+  const Sample& sample;  // compensated, in the host's reference frame; zeros before the first one
+  const Sample& raw;     // as sensed
+  const Quaternion&
+      tare;  // rotation from north-east-down to the frame set by VNTAR; applied to reported attitudes only
   Nanoseconds since_start;  // at the time of the message
   Nanoseconds age;          // of the sample, at the time of the message
 };
 
-// The name of the message of that type; empty if the model has none.
+// Returns the name of the message of that type; empty if the model has no such message.
 std::string_view name_of(unsigned type, const Model& model) noexcept;
-// The size of the longest message of that type, in bytes: from '$' to LF, with two digits of checksum and nothing
-// appended.
+// Returns the size of the longest message of that type, in bytes: from '$' to LF, with a checksum of two digits and
+// nothing appended.
 std::size_t size_of(unsigned type) noexcept;
-// The type of the message with the content of that measurement register; 0: it is no measurement register.
+// Returns the type of the message with the content of measurement register `id`; 0: it is not a measurement register.
 unsigned type_of_register(unsigned id) noexcept;
 // Appends the content of a message. If the message has increments, `sums` restarts at 0.
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;
-// Appends what register 30 adds to streamed text: a status ("S"; mode 0: none, 1: VPE, 2: INS), then a count ("T";
-// mode 0: none) (UM001, page 69).
+// Appends to a streamed message the status ("S"; mode 0: none, 1: VPE, 2: INS) and the count ("T"; mode 0: none) that
+// register 30 configures (UM001, page 69).
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept;
 using BinaryFrame = FrameWriter<boost::endian::order::little>;
-// Appends all fields of an output; zeros for those that the device does not know.
+// Appends all fields of an output, with zeros for those that the emulated device does not have.
 void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& sums, BinaryFrame& frame) noexcept;
 
-// Decodes binary frames, and the messages of text that have rates or accelerations.
+// Decodes binary frames, and the text messages that have rates, accelerations or increments.
 std::unique_ptr<Decoder> make_decoder();
 
 }  // namespace imud::vectornav
