@@ -1,4 +1,4 @@
-// The configurations in which the STIM300 is tested, and the inputs that its fuzz test starts from.
+// The configurations in which the STIM300 is tested, and the inputs from which its fuzz test starts.
 #pragma once
 
 #include <string>
@@ -16,8 +16,8 @@ constexpr void set_accelerometer_lsb(Protocol& entry, double lsb_g) {
   entry.range.specific_force = (0x1p23 - 1) * lsb_g * units::standard_gravity;
 }
 
-// The CRC does not cover CR LF. Increments beyond 24 bits set bits of overload (Table 5-2, note 9), which are not
-// those of the sample.
+// The CRC does not cover CR LF. Increments beyond 24 bits set overload bits (Table 5-2, note 9) that are not in the
+// sample's status.
 inline constexpr ConformanceSettings conformance_settings[] = {
     {"sample_rate=2000 bit_rate=1843200 start_up=false"},
     {"sample_rate=2000 bit_rate=1843200 start_up=false cr_lf=true pps=true accelerometer_range_g=5",

@@ -1,4 +1,4 @@
-// Datagrams of the STIM300: what encoder and decoder share.
+// Datagrams of the STIM300: the declarations shared by encoder and decoder.
 #pragma once
 
 #include <boost/crc.hpp>
@@ -15,7 +15,8 @@ namespace imud::stim300 {
 
 inline constexpr std::size_t longest_datagram = 65;
 
-// Table 5-21; with AUX that of earlier revisions (a real unit's 0xAF: see the test).
+// Returns the identifier of a Normal Mode datagram (Table 5-21; for AUX, that of earlier revisions: a capture of a
+// real unit has 0xAF).
 constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
   if (content > 7 && !has_aux) return 0xF0 + (content & 7U);
   return ((content & 7U) > 4 ? 0xA0 : 0x90) + content;
@@ -23,7 +24,7 @@ constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
 static_assert(identifier(0b0111, false) == 0xA7 && identifier(0b1111, true) == 0xAF &&
               identifier(0b1100, true) == 0x9C);
 
-// Section 5.5.7.
+// Returns the CRC-32 of a datagram's fields, padded with zeros to a multiple of 4 bytes (section 5.5.7).
 inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
   boost::crc_optimal<32, 0x04C11DB7, 0xFFFFFFFF, 0, false, false> crc;
   crc.process_bytes(bytes.data(), bytes.size());
@@ -31,14 +32,14 @@ inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
   return crc.checksum();
 }
 
-// Writes one into a FrameBuffer.
+// Writes one datagram into a FrameBuffer.
 class Datagram {
  public:
   explicit Datagram(FrameBuffer& out) noexcept : frame_(out, longest_datagram) {}
   void put(std::uint64_t number, unsigned bytes) noexcept { frame_.put_low_bytes(number, bytes); }
   void put_number(double number, unsigned bytes) noexcept { frame_.put_rounded(number, bytes); }
   void put_halves(unsigned high, unsigned low) noexcept { put(high << 4 | low, 1); }
-  // How many characters it is.
+  // Appends the CRC, and CR LF if wanted; completes the frame. Returns the number of characters of the datagram.
   std::size_t finish(bool cr_lf) noexcept {
     put(crc_of(frame_.written()), 4);
     if (cr_lf) put(0x0D0A, 2);
@@ -50,16 +51,17 @@ class Datagram {
   FrameWriter<boost::endian::order::big> frame_;
 };
 
-// The special datagrams, in the order of the start (section 7.5.1); each is a bit.
+// The special datagrams, in the order in which Init Mode sends them (section 7.5.1); each is a bit.
 enum Special : unsigned { of_part = 1, of_serial = 2, of_configuration = 4, of_trim = 8, of_errors = 16 };
-// How many characters it is. That of the errors clears them.
+// Writes a special datagram and returns its number of characters. Writing of_errors clears the errors.
 std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noexcept;
 
-// A Normal Mode datagram; how many characters it is.
+// Writes a Normal Mode datagram and returns its number of characters.
 std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& reading, Memory& memory,
                               FrameBuffer& out) noexcept;
 
-// Understands every datagram; learns the units, which only the configuration datagram tells, from that.
+// Decodes every datagram. Units and range are those of `configuration` until a configuration datagram is received,
+// which is the only one that carries them.
 std::unique_ptr<Decoder> make_decoder(const Configuration& configuration);
 
 }  // namespace imud::stim300

@@ -28,7 +28,7 @@ class DatagramDecoder final : public Decoder {
     return std::nullopt;
   }
 
-  // Without CR LF; `none` if no datagram begins so.
+  // Returns the size in bytes without CR LF; `none` if `id` is not an identifier.
   static std::size_t size_of(unsigned id) noexcept {
     switch (id) {
       case 0xB1:
@@ -74,15 +74,15 @@ class DatagramDecoder final : public Decoder {
       return Search::reject;
     }
     const bool special = size == 20 || size == 26 || size == 40 || size == 21;
-    // Its end, where there is one: what the datagram itself says, or the last that did.
+    // Special datagrams show by their identifier whether CR LF follows; all others are as the last special datagram.
     if (special) c_.cr_lf = id == 0xB3 || id == 0xB7 || id == 0xBD || id == 0xD2 || id == 0xBF;
     if (c_.cr_lf && held.size() < size + 2) return Search::need_more;
-    if (size == 26) learn(held);
+    if (size == 26) set_units(held);
     if (!special) measure(held.subspan(1, size - 5), id, sink);
     return c_.cr_lf ? size + 2 : size;
   }
 
-  void learn(std::span<const std::byte> held) noexcept {
+  void set_units(std::span<const std::byte> held) noexcept {
     const auto at = [&](std::size_t i) { return std::to_integer<unsigned>(held[i]); };
     c_.units = {at(5) & 15U, at(8) & 15U, at(11) & 15U};
     c_.accelerometer_range = at(17) >> 4;

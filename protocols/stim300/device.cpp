@@ -1,6 +1,6 @@
 // Sensonor STIM300: Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are named below.
 //
-// A Normal Mode datagram (Table 5-20), big-endian, two's complement; what is not in brackets is always there:
+// A Normal Mode datagram (Table 5-20), big-endian, two's complement; fields in brackets are optional:
 //
 // | bytes  | field                                                                                  |
 // |--------|----------------------------------------------------------------------------------------|
@@ -8,26 +8,26 @@
 // | 9, 1   | gyro x, y, z, 24 bits each; status (Table 5-23)                                        |
 // | [9, 1] | accelerometer                                                                          |
 // | [9, 1] | inclinometer                                                                           |
-// | [6, 1] | temperature of x, y, z, 16 bits each, 2^-8 deg C; status: for each of the three above  |
+// | [6, 1] | temperature of x, y, z, 16 bits each, 2^-8 deg C; status: for each cluster above       |
 // | [3, 1] | PPS, or the AUX of older units; status                                                 |
 // | 1      | counter of the internal samples, 2000 a second                                         |
 // | 2      | latency, us                                                                            |
-// | 4      | CRC-32 with the polynomial 0x04C11DB7 from 0xFFFFFFFF, of these and zeros up to a multiple of 4 bytes |
+// | 4      | CRC-32: polynomial 0x04C11DB7, initial value 0xFFFFFFFF; see crc_of()                  |
 // | [2]    | CR LF                                                                                  |
 //
-// What the datasheet leaves open follows captures of real units: rates end at 480 deg/s, with overload (UBC-Rocket,
-// Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README).
+// Where the datasheet is silent, the device does as captures of real units show: rates saturate at 480 deg/s, with
+// the overload bit (UBC-Rocket, Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README).
 //
-// A frame leaves at its sample's instant, not a compensation of 0.5 ms later as a unit's (figure 7-4). What it says
-// is what a unit says: TOV falls, and the time since PPS ends, when the latency has gone by since the sample. With an
-// external trigger the sample that is sent is the newest whose compensation is done at the edge, 0.3 ms after it was
-// digitized (figure 7-3); the latency is the time from it to the edge (section 7.2), and the frame leaves at the next
-// sample. The PPS level behind the unit "filtered" is that of an open input.
+// A frame is sent at the instant of its sample; a unit needs another 0.5 ms for compensation (figure 7-4). The
+// reported times are those of a unit: the TOV pulse begins, and the time since PPS is measured, one latency after the
+// sample. With an external trigger, the frame has the newest sample whose compensation is complete at the edge, 0.3
+// ms after the sample was digitized (figure 7-3); the latency is the time from that sample to the edge (section 7.2),
+// and the frame is sent at the next sample. With the PPS unit "filtered", the level is that of an open input.
 //
-// Configured and reported, but without effect: the low-pass filters and what they delay (group delays of Tables 5-3
-// to 5-9). Hence the gyros' units "delayed", too: on a unit they hold the gyros back by the 4 ms by which the
-// accelerometers come later (section 7.5.2.2.1); here both come together already. The g-compensation
-// (section 7.5.2.2.6) takes away an error that the modelled gyros do not have.
+// Three settings are stored and reported, but have no effect: the low-pass filters with their group delays (Tables
+// 5-3 to 5-9); the gyros' units "delayed", by which a unit delays the gyros by 4 ms to align them with the
+// accelerometers (section 7.5.2.2.1), as here both are aligned already; and the g-compensation (section 7.5.2.2.6),
+// which removes an error that the modelled gyros do not have.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -51,12 +51,12 @@ constexpr Nanoseconds own_latency = std::chrono::microseconds(506);
 // Table 5-2.
 constexpr Nanoseconds between_triggers = std::chrono::microseconds(500), shortest_tov = std::chrono::microseconds(50);
 constexpr Nanoseconds to_first_datagram = std::chrono::milliseconds(100), to_valid = std::chrono::milliseconds(700);
-constexpr Nanoseconds compensation = std::chrono::microseconds(300);  // drawn in figure 7-3
+constexpr Nanoseconds compensation = std::chrono::microseconds(300);  // read off figure 7-3
 constexpr Nanoseconds internal_step = std::chrono::microseconds(500);
 
-// Time passes in advance(), which sample() and poll() begin with: whether a deadline is polled before a sample of the
-// same time, or the sample comes alone, makes no difference. What the unit does by itself happens at the instants of
-// its internal samples: the grid of those that were given, or, as long as there are none, of 0.5 ms since power-on.
+// sample() and poll() begin with advance(), so that it makes no difference whether a deadline at the time of a sample
+// is polled first. The unit acts on its own only at the instants of its internal samples, which are multiples of 0.5
+// ms from the newest sample, or from power-on if there was none.
 class Stim300Device final : public Device {
  public:
   Stim300Device(const Configuration& configuration, bool starts_up) noexcept : starts_up_(starts_up) {
@@ -101,14 +101,14 @@ class Stim300Device final : public Device {
   void pps(DeviceTime time) noexcept override { pps_ = time; }
   std::optional<Pulse> pulse() const noexcept override { return pulse_; }
 
-  // Section 8: nothing is echoed, and what is not right is not answered.
+  // Section 8: input is not echoed, and wrong input is not answered.
   void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override {
     for (std::span<const std::byte> bytes = from_host.bytes; !bytes.empty();) {
       std::size_t taken = 1;
       if (mode_ == Mode::service) {
         const DeviceTime measured_at = measured_.time().value_or(now);
-        taken = service_.take(bytes, next_instant(now) - internal_step, memory_, measured_.axes(),
-                              reading(measured_at + own_latency, own_latency), replies);
+        taken = service_.receive(bytes, next_instant(now) - internal_step, memory_, measured_.axes(),
+                                 reading(measured_at + own_latency, own_latency), replies);
         leave_service(now);
       } else {
         reader_.feed(bytes.first(1), now, [&](std::string_view line) { execute_line(line, now, replies); });
@@ -150,7 +150,7 @@ class Stim300Device final : public Device {
  private:
   enum class Mode { normal, utility, service };
 
-  // The next internal sample's, at `now` or later.
+  // Returns the instant of the next internal sample, at `now` or later.
   DeviceTime next_instant(DeviceTime now) const noexcept {
     const std::int64_t step = internal_step.count(), since = (now - grid_).count();
     return grid_ + std::max<std::int64_t>(1, (since + step - 1) / step) * internal_step;
@@ -165,7 +165,7 @@ class Stim300Device final : public Device {
         {{"N", of_part}, {"I", of_serial}, {"C", of_configuration}, {"T", of_trim}, {"E", of_errors}}};
     for (const auto& [word, special] : requests)
       if (line == word) {
-        requested_ = special;  // the last one asked for
+        requested_ = special;  // a newer request replaces an older one
         await_slot(now);
       }
     if (line == "R") reset(next_instant(now));
@@ -191,7 +191,7 @@ class Stim300Device final : public Device {
     if (service_.exit() == Service::Exit::to_init) reset(next_instant(now));
   }
 
-  // The special datagrams of the start are out: those asked for wait for their slot.
+  // Returns true if Init Mode has sent all its special datagrams, and none of them at this very instant.
   bool is_running(DeviceTime now) const noexcept {
     return starting_ == 0 && (!special_sent_ || now > *special_sent_);
   }
@@ -199,7 +199,7 @@ class Stim300Device final : public Device {
   std::uint64_t samples_per_slot() const noexcept { return 2000 / sample_rates[memory_.active.sample_rate]; }
   bool is_slot(std::uint64_t counter) const noexcept { return !is_external() && counter % samples_per_slot() == 0; }
 
-  // `first`: the instant of its first internal sample.
+  // Restarts the unit. `first` is the instant of its first internal sample.
   void reset(DeviceTime first) noexcept {
     memory_.load();
     memory_.errors = {};
@@ -215,7 +215,7 @@ class Stim300Device final : public Device {
     pps_.reset();
   }
 
-  // All that happens up to `now`, in its order.
+  // Performs all that is scheduled up to `now`, in order of time.
   void advance(DeviceTime now, FrameBuffer& out) noexcept {
     if (special_sent_ != now) pulse_.reset();
     become_valid(now);
@@ -239,7 +239,7 @@ class Stim300Device final : public Device {
     memory_.errors = {};
   }
 
-  // Section 7.5.1. In the other modes the special datagrams wait.
+  // Section 7.5.1. In modes other than Normal Mode the special datagrams wait.
   void start_up(DeviceTime now, FrameBuffer& out) noexcept {
     if (mode_ != Mode::normal || starting_ == 0 || now < special_at_) return;
     const DeviceTime validity = now + own_latency;
@@ -252,7 +252,8 @@ class Stim300Device final : public Device {
     special_at_ = std::max(next_instant(busy_until_ - own_latency), next_instant(now + Nanoseconds{1}));
   }
 
-  // A host that asks for a special datagram is answered in the slot of a sample, or, if no sample comes, then.
+  // A special datagram that the host requests is sent in the slot of a sample, or by poll() at `slot_` if no sample
+  // arrives until then.
   bool waits_for_slot() const noexcept {
     return requested_ != 0 && starting_ == 0 && mode_ == Mode::normal && !is_external();
   }
@@ -266,8 +267,8 @@ class Stim300Device final : public Device {
     raw_.reset();
   }
 
-  // What is measured goes on in every mode; what is not sent in its slot is lost. `validity`: `latency` after the
-  // sample.
+  // Measurement continues in every mode; a measurement that is not sent in its slot is lost. `validity` is the time
+  // of the sample plus `latency`.
   void transmit(DeviceTime validity, Nanoseconds latency, FrameBuffer& out) noexcept {
     if (mode_ == Mode::normal) send(validity, latency, out);
     measured_.begin_sums();
@@ -291,8 +292,8 @@ class Stim300Device final : public Device {
     if (toggles_tov) pulse_ = {validity, validity + nanoseconds(80e-6 + on_line)};
   }
 
-  // AUX: 0 V. Filtered PPS: 1, of the pull-up. Otherwise in us (section 7.4.1); without an edge as long as can be
-  // said.
+  // Returns the content of the PPS or AUX field. AUX: 0 V. Filtered PPS: 1, the level of the pull-up. Otherwise the
+  // time since the last edge in us (section 7.4.1), or the largest time if there was no edge.
   std::uint32_t pps_at(DeviceTime instant) const noexcept {
     if (memory_.active.has_aux) return 0;
     if (!memory_.active.pps_is_time()) return 1U << 22;
@@ -304,7 +305,7 @@ class Stim300Device final : public Device {
     return measured_.reading(pps_at(validity), latency);
   }
 
-  // The first of them, which is done with then.
+  // Sends the first of `specials` and removes it from the set. Returns its number of characters.
   std::size_t send_special(unsigned& specials, FrameBuffer& out) noexcept {
     const auto first = static_cast<Special>(specials & (~specials + 1));
     specials &= ~first;
@@ -317,17 +318,17 @@ class Stim300Device final : public Device {
   Service service_;
   unsigned starting_ = 0;   // Specials that Init Mode still has to send (section 7.5.1)
   unsigned requested_ = 0;  // the Special that takes the place of the next measurement, or none (section 8)
-  DeviceTime grid_;         // of the newest internal sample
-  DeviceTime special_at_;   // the next of `starting_` is sent
-  DeviceTime slot_;         // `requested_` is sent, if there is no sample before
-  DeviceTime busy_until_;   // the UART
-  std::optional<DeviceTime> valid_at_;      // "start-up" ends; none: it is over
-  std::optional<DeviceTime> special_sent_;  // the newest special datagram that left without a sample
-  std::optional<Sample> raw_;               // whose compensation is not done
+  DeviceTime grid_;         // time of the newest internal sample
+  DeviceTime special_at_;   // time at which the next of `starting_` is sent
+  DeviceTime slot_;         // time at which `requested_` is sent, if there is no sample before
+  DeviceTime busy_until_;   // until when the UART is sending
+  std::optional<DeviceTime> valid_at_;      // end of the status "start-up"; nullopt: it has ended
+  std::optional<DeviceTime> special_sent_;  // the newest special datagram that was sent without a sample
+  std::optional<Sample> raw_;               // the newest sample, until it is compensated
   std::optional<DeviceTime> triggered_, triggered_last_, pps_;
   std::optional<Pulse> pulse_;
   Measured measured_;
-  CommandReader<99> reader_;  // and CR (section 10.2.1)
+  CommandReader<99> reader_;  // 99 characters and CR (section 10.2.1)
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Figures 9-57 to 9-72.
+// The help texts of Service Mode (figures 9-57 to 9-72).
 #include <array>
 #include <utility>
 

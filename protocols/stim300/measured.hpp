@@ -11,27 +11,29 @@ namespace imud::stim300 {
 
 class Measured {
  public:
-  // Adds a compensated sample, with the bias trim offsets; counts its overloads among the errors of `memory`.
+  // Adds a compensated sample and the bias trim offsets; records overloads in the errors of `memory`.
   void add(const Sample& sample, bool is_starting, Memory& memory) noexcept;
+  // Restarts the sums, after a transmission.
   void begin_sums() noexcept {
     for (Axes& axes : axes_) axes.begin();
   }
 
   const std::array<Axes, 3>& axes() const noexcept { return axes_; }
-  // Of the newest sample; nullopt as long as there is none.
+  // The time of the newest sample; nullopt before the first sample.
   std::optional<DeviceTime> time() const noexcept { return time_; }
-  // `latency`: from the newest sample to the datagram's time of validity.
+  // Returns the fields that the clusters share. `latency` is the time from the newest sample to the datagram's time
+  // of validity.
   Reading reading(std::uint32_t pps, Nanoseconds latency) const noexcept;
 
-  // Device::step_clock().
+  // See Device::step_clock().
   void step_clock(Nanoseconds by) noexcept {
     if (time_) time_ = *time_ + by;
   }
 
  private:
-  std::array<Axes, 3> axes_;  // of the clusters
+  std::array<Axes, 3> axes_;  // index: Cluster
   std::optional<DeviceTime> time_;
-  unsigned status_ = 0;  // bits of all
+  unsigned status_ = 0;  // status bits common to all clusters
   unsigned counter_ = 0;
   double temperature_c_ = 0;
 };

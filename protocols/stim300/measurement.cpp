@@ -17,7 +17,7 @@ std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& re
     const double scale = (in_m ? units::standard_gravity : 1.0) / lsb(c, cluster, unit);
     unsigned status = of.status;
     for (unsigned i = 0; i < 3; ++i) {
-      if (unit == integrated || unit == integrated_m_per_s) {  // wraps
+      if (unit == integrated || unit == integrated_m_per_s) {  // the integral wraps
         datagram.put(static_cast<std::uint64_t>(std::llround(std::remainder(scale * of.integral[i], 0x1p24))), 3);
         continue;
       }

@@ -1,4 +1,4 @@
-// Lines end with CR and are echoed, as is each character when it comes (section 9). A lone CR is answered by the
+// Each character is echoed when it is received, and CR ends a line (section 9). An empty line is answered with the
 // prompt.
 #include "protocols/stim300/service.hpp"
 
@@ -19,7 +19,7 @@ constexpr std::array<std::string_view, 9> errors = {"",
                                                     "DATAGRAM WILL BE TOO LONG TO TRANSMIT",
                                                     "BIAS TRIM OFFSET(S) SET TO MIN OR MAX"};
 
-// Which of the letters; nothing if it is none, or no letter.
+// Returns the index in `letters` of a parameter of one letter; nullopt if it is not there.
 std::optional<unsigned> index(std::string_view parameter, std::string_view letters) noexcept {
   const std::size_t at = letters.find(parameter);
   if (parameter.size() != 1 || parameter == " " || at == std::string_view::npos) return std::nullopt;
@@ -30,7 +30,7 @@ constexpr std::string_view axes = "xyz", sensors = "gai";
 
 }  // namespace
 
-// One line of the host.
+// Executes one line of the host.
 class Service::Menu {
  public:
   Menu(Service& service, Memory& memory, const std::array<Axes, 3>& measured, const Reading& reading,
@@ -60,11 +60,11 @@ class Service::Menu {
     switch (letter) {
       case 'a':
         if (c_.sample_rate == external_trigger) return unknown;
-        return count_ != 0 ? bad_count : (say_measurement(text_, measured_, reading_), none);
+        return count_ != 0 ? bad_count : (print_measurement(text_, measured_, reading_), none);
       case 'b':
         return trim();
       case 'c':
-        return count_ != 0 ? bad_count : (say_diagnostic(text_, memory_), none);
+        return count_ != 0 ? bad_count : (print_diagnostic(text_, memory_), none);
       case 'd':
         return datagram();
       case 'f':
@@ -92,7 +92,7 @@ class Service::Menu {
         if (count_ == 1 && parameters_[0] != "s") return bad_parameter;
         return ask(count_ == 1 ? Question::factory_and_save : Question::factory);
       default:
-        return say_help();
+        return print_help();
     }
   }
 
@@ -103,7 +103,7 @@ class Service::Menu {
       if (!reference) return bad_parameter;
       memory_.trim_reference = *reference;
       text_.line("BIAS TRIM OFFSET:");
-      say_reference(text_, memory_);
+      print_reference(text_, memory_);
       return none;
     }
     const auto offset = number_in<double>(parameters_[0]);
@@ -119,7 +119,7 @@ class Service::Menu {
         const double from = *axis == i ? memory_.trim[cluster][i] : 0;
         as_wanted = memory_.set_trim(cluster, i, from + *offset) && as_wanted;
       }
-      say_trims(text_, memory_, cluster, *axis);
+      print_trims(text_, memory_, cluster, *axis);
     }
     return as_wanted ? none : limited;
   }
@@ -133,7 +133,7 @@ class Service::Menu {
     changed.cr_lf = *cr_lf != 0;
     if (!can_transmit(changed)) return too_long;
     c_ = changed;
-    say_datagram(text_, c_);
+    print_datagram(text_, c_);
     return none;
   }
 
@@ -147,16 +147,16 @@ class Service::Menu {
       if (*sensor != 4 && *sensor != cluster) continue;
       for (unsigned i = 0; i < 3; ++i)
         if (*axis == 3 || *axis == i) c_.filters[cluster][i] = *code;
-      say_filters(text_, c_, cluster, *axis);
+      print_filters(text_, c_, cluster, *axis);
     }
     if (*sensor < 3) return none;
     c_.pps_filter = *code;
-    say_pps_filter(text_, c_);
+    print_pps_filter(text_, c_);
     return none;
   }
 
-  // Table 9-21: one of the standard ones, or four parameters; before these, which axes, after them, the filter's
-  // frequency.
+  // Table 9-21: the code of a standard compensation, or four parameters, which may follow three for the axes; the
+  // frequency of the filter may follow as the last parameter.
   Error g_compensation() noexcept {
     const bool standard = count_ == 1 || count_ == 2, by_axis = count_ == 7 || count_ == 8;
     if (!standard && !by_axis && count_ != 4 && count_ != 5) return bad_count;
@@ -186,9 +186,9 @@ class Service::Menu {
     }
     for (unsigned i = 0; i < 3; ++i) c_.g_compensation[i] = applied[i] != 0 ? g : GCompensation();
     c_.g_filter_hz = filter_hz;
-    // The note of Table 9-22.
+    // See the note of Table 9-22.
     const bool in_step = (g.bias_source == 0 || g.bias_filter) && (g.scale_source == 0 || g.scale_filter);
-    say_g_compensation(
+    print_g_compensation(
         text_, c_, in_step || c_.units[gyro] >= delayed ? "" : " WARNING: DELAYED GYRO OUTPUT UNIT IS RECOMMENDED");
     return none;
   }
@@ -200,17 +200,17 @@ class Service::Menu {
     const auto setting = index(parameters_[1], *which == 0 ? "53" : "01");
     if (!setting) return bad_parameter;
     (*which == 0 ? c_.tov_3v3 : *which == 1 ? c_.tov_toggles : c_.bias_trim_at_start) = *setting != 0;
-    say_system(text_, c_, parameters_[0][0]);
+    print_system(text_, c_, parameters_[0][0]);
     return none;
   }
 
   Error information() noexcept {
     if (count_ > 1) return bad_count;
     if (count_ == 0) {
-      say_information(text_, memory_);
+      print_information(text_, memory_);
       return none;
     }
-    const bool is_part = parameters_[0].size() == 1 && say_part(text_, memory_, parameters_[0][0]);
+    const bool is_part = parameters_[0].size() == 1 && print_part(text_, memory_, parameters_[0][0]);
     return is_part ? none : unknown;
   }
 
@@ -219,8 +219,8 @@ class Service::Menu {
     const auto code = index(parameters_[0], "012345");
     if (!code) return bad_parameter;
     c_.sample_rate = *code;
-    say_sample_rate(text_, c_);
-    return can_transmit(c_) ? none : too_long;  // is set nevertheless (section 9.9)
+    print_sample_rate(text_, c_);
+    return can_transmit(c_) ? none : too_long;  // the rate is set nevertheless (section 9.9)
   }
 
   Error line_termination() noexcept {
@@ -228,7 +228,7 @@ class Service::Menu {
     const auto on = index(parameters_[0], "01");
     if (!on) return bad_parameter;
     c_.line_termination = *on != 0;
-    say_line_termination(text_, c_);
+    print_line_termination(text_, c_);
     return none;
   }
 
@@ -252,7 +252,7 @@ class Service::Menu {
     }
     if (!can_transmit(changed)) return too_long;
     c_ = changed;
-    say_transmission(text_, c_.line());
+    print_transmission(text_, c_.line());
     return none;
   }
 
@@ -264,10 +264,10 @@ class Service::Menu {
     if (!code) return bad_parameter;
     if (*sensor == 3) {
       c_.pps_unit = *code;
-      say_pps_unit(text_, c_);
+      print_pps_unit(text_, c_);
     } else {
       c_.units[*sensor] = *code;
-      say_unit(text_, c_, clusters[*sensor]);
+      print_unit(text_, c_, clusters[*sensor]);
     }
     return none;
   }
@@ -287,7 +287,7 @@ class Service::Menu {
     service_.leaves_at_ = service_.typed_at_ + (at_once ? Nanoseconds{} : hold_time);
   }
 
-  Error say_help() noexcept {
+  Error print_help() noexcept {
     if (count_ > 1) return bad_count;
     const std::string_view about = count_ == 0 ? "?" : parameters_[0];
     if (about.size() != 1 || help(about[0]).empty() || (count_ == 1 && about == "?")) return bad_parameter;
@@ -316,7 +316,7 @@ class Service::Menu {
       case Question::factory_line:
       case Question::factory_line_and_save:
         text_.line("THE TRANSMISSION CONFIGURATION WILL BE CHANGED TO:");
-        say_transmission(text_, memory_.factory.line());
+        print_transmission(text_, memory_.factory.line());
         text_.add("PLEASE CONFIRM (Y/N): ");
         break;
     }
@@ -380,13 +380,13 @@ class Service::Menu {
 void Service::enter(const Memory& memory, FrameBuffer& replies) noexcept {
   *this = Service();
   ServiceText text(replies);
-  say_information(text, memory);
+  print_information(text, memory);
   text.add('>');
 }
 
-std::size_t Service::take(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
-                          const std::array<Axes, 3>& measured, const Reading& reading,
-                          FrameBuffer& replies) noexcept {
+std::size_t Service::receive(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
+                             const std::array<Axes, 3>& measured, const Reading& reading,
+                             FrameBuffer& replies) noexcept {
   constexpr char backspace = 8;
   if (now - typed_at_ >= typing_timeout) line_.drop_line();
   typed_at_ = now;
@@ -396,7 +396,7 @@ std::size_t Service::take(std::span<const std::byte> typed, DeviceTime now, Memo
     char c = 0;
     while (taken < typed.size() && c != '\r') {
       c = static_cast<char>(typed[taken++]);
-      // What has no effect is not echoed.
+      // Characters without effect are not echoed.
       if (c == '\r' || (c == backspace ? line_.erase_last() : c != '\n' && line_.append(c))) text.add(c);
     }
     if (c != '\r') break;

@@ -1,6 +1,6 @@
-// Service Mode of the STIM300, its menu for people (section 9). Answers are those of the datasheet's figures, with
-// hyphens for its dashes, and ISO 8859-1 for the signs of degree and plus-minus, which the ASCII it speaks of does
-// not have.
+// Service Mode of the STIM300, a menu for people (section 9). Answers are those of the datasheet's figures, with
+// hyphens instead of dashes. The datasheet specifies ASCII, which has no degree and plus-minus signs: they are sent
+// in ISO 8859-1.
 #pragma once
 
 #include <array>
@@ -19,16 +19,17 @@ class Service {
  public:
   enum class Exit { none, to_normal, to_init };
 
+  // Enters Service Mode; appends the list of the configuration and the prompt.
   void enter(const Memory& memory, FrameBuffer& replies) noexcept;
-  // Executes what the host typed at `now`, at most up to an exit; how many characters that was. Appends their echo
-  // and the answers; what many lines at once are answered beyond the room of `replies` is lost. A line longer than
-  // the input buffer is forgotten, as is one that was left half typed for a minute.
-  std::size_t take(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
-                   const std::array<Axes, 3>& measured, const Reading& reading, FrameBuffer& replies) noexcept;
-  // The mode that follows Service Mode, from leaves_at() on; none as long as nobody asked for one.
+  // Processes what the host typed at `now`, up to a command that exits, and returns the number of characters
+  // processed. Appends their echo and the answers to `replies`; an answer that does not fit is lost. A line longer
+  // than the input buffer is discarded, as is an unfinished line after a minute without a character.
+  std::size_t receive(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
+                      const std::array<Axes, 3>& measured, const Reading& reading, FrameBuffer& replies) noexcept;
+  // The mode that follows Service Mode at leaves_at(); none if no exit was requested.
   Exit exit() const noexcept { return exit_; }
   DeviceTime leaves_at() const noexcept { return leaves_at_; }
-  // Device::step_clock().
+  // See Device::step_clock().
   void step_clock(Nanoseconds by) noexcept {
     typed_at_ = typed_at_ + by;
     leaves_at_ = leaves_at_ + by;
@@ -38,7 +39,7 @@ class Service {
   static constexpr Nanoseconds hold_time = std::chrono::seconds(3);       // Table 9-54
   static constexpr Nanoseconds typing_timeout = std::chrono::minutes(1);  // the datasheet gives none
 
-  // What a "Y" is waited for to confirm.
+  // The action that waits for the confirmation "Y".
   enum class Question {
     none,
     save,
@@ -55,10 +56,11 @@ class Service {
   LineAssembler<80> line_{"\r"};
   Question question_ = Question::none;
   Exit exit_ = Exit::none;
-  DeviceTime typed_at_, leaves_at_;  // typed_at_: the last character
+  DeviceTime typed_at_, leaves_at_;  // typed_at_: time of the last character
 };
 
-// What command ? says of a command, in lines that end with CR; of all for '?'. Empty if there is no such command.
+// Returns the help text of a command, in lines that end with CR; for '?' the list of all commands. Empty if there is
+// no such command.
 std::string_view help(char command) noexcept;
 
 }  // namespace imud::stim300

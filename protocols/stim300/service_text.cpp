@@ -18,7 +18,7 @@ constexpr std::array<std::string_view, 3> sources = {"OFF", "ACC", "INC"}, parit
 
 std::string_view on_off(bool on) noexcept { return on ? "ON" : "OFF"; }
 
-void say_status(ServiceText& text, std::string_view what, unsigned status) noexcept {
+void print_status(ServiceText& text, std::string_view what, unsigned status) noexcept {
   text.add(what, " STATUS = ");
   for (unsigned bit = 8; bit-- > 0;) text.add((status >> bit & 1U) != 0 ? '1' : '0');
   text.line(status == 0 ? " = OK" : " = NOT OK");
@@ -29,10 +29,10 @@ void say_status(ServiceText& text, std::string_view what, unsigned status) noexc
     if ((status >> bit & 1U) != 0) text.line(" BIT ", bit, ": ", bits[bit]);
 }
 
-// Lines of the diagnostic, "NAME = OK", with their bit in Table 5-19; `never` for what the emulator never fails in.
+// Bits of Table 5-19 for the lines "NAME = OK" of the diagnostic; `never`: the emulated unit never fails this check.
 constexpr unsigned never = 128, start_up = 16, uart = 68, first_overload = 101, pps_overflow = 112;
 
-// Calls say(heading) and say(name, bit) for all of figure 9-8.
+// Calls heading(words...) and check(axis, name, bit) for each line of figure 9-8.
 template <class Heading, class Check>
 void for_all_checks(Heading&& heading, Check&& check) noexcept {
   heading("SYSTEM STATUS:");
@@ -79,11 +79,11 @@ std::string_view result(const Memory& memory, unsigned bit) noexcept {
   return bit != never && memory.has_error(bit) ? "FAIL" : "OK";
 }
 
-void say_part_number(ServiceText& text, const Configuration& c) noexcept {
+void print_part_number(ServiceText& text, const Configuration& c) noexcept {
   text.line("PART NUMBER = ", range_of(c).part_number, " REV ", part_revision);
 }
 
-void say_axes(ServiceText& text, const Configuration& c) noexcept {
+void print_axes(ServiceText& text, const Configuration& c) noexcept {
   for (const std::string_view cluster : cluster_names) text.line(cluster, " CONFIG = XYZ");
   for (const Cluster cluster : clusters) {
     text.line(cluster_names[cluster], " RANGE:");
@@ -96,7 +96,7 @@ void say_axes(ServiceText& text, const Configuration& c) noexcept {
   }
 }
 
-bool say_failures(ServiceText& text, const Memory& memory) noexcept {
+bool print_failures(ServiceText& text, const Memory& memory) noexcept {
   bool some = false;
   for_all_checks([](auto...) {},
                  [&](std::string_view axis, std::string_view name, unsigned bit) {
@@ -109,57 +109,57 @@ bool say_failures(ServiceText& text, const Memory& memory) noexcept {
 
 }  // namespace
 
-void say_unit(ServiceText& text, const Configuration& c, Cluster cluster) noexcept {
+void print_unit(ServiceText& text, const Configuration& c, Cluster cluster) noexcept {
   const unsigned unit = c.units[cluster];
   text.line(cluster_names[cluster],
             " OUTPUT UNIT = ", cluster == gyro ? gyro_units[unit % delayed] : force_units[unit],
             unit >= delayed ? " DELAYED" : "");
 }
 
-void say_pps_unit(ServiceText& text, const Configuration& c) noexcept {
+void print_pps_unit(ServiceText& text, const Configuration& c) noexcept {
   text.line("PPS OUTPUT UNIT = ", pps_units[c.pps_unit]);
 }
 
-void say_sample_rate(ServiceText& text, const Configuration& c) noexcept {
+void print_sample_rate(ServiceText& text, const Configuration& c) noexcept {
   if (c.sample_rate == external_trigger)
     text.line("SAMPLE RATE = EXTERNAL TRIGGER");
   else
     text.line("SAMPLE RATE [samples/s] = ", sample_rates[c.sample_rate]);
 }
 
-void say_filters(ServiceText& text, const Configuration& c, Cluster cluster, unsigned only) noexcept {
+void print_filters(ServiceText& text, const Configuration& c, Cluster cluster, unsigned only) noexcept {
   for (unsigned i = 0; i < 3; ++i)
     if (only == 3 || only == i)
       text.line(cluster_names[cluster], " LP FILTER -3dB FREQUENCY, ", axis_names[i],
                 "-AXIS [Hz] = ", filters_hz[c.filters[cluster][i]]);
 }
 
-void say_pps_filter(ServiceText& text, const Configuration& c) noexcept {
+void print_pps_filter(ServiceText& text, const Configuration& c) noexcept {
   text.line("PPS LP FILTER -3dB FREQUENCY [Hz] = ", filters_hz[c.pps_filter]);
 }
 
-void say_g_compensation(ServiceText& text, const Configuration& c, std::string_view warning) noexcept {
+void print_g_compensation(ServiceText& text, const Configuration& c, std::string_view warning) noexcept {
   text.line("GYRO G-COMPENSATION:", warning);
   for (unsigned i = 0; i < 3; ++i) {
     const GCompensation& g = c.g_compensation[i];
-    const auto say = [&](std::string_view what, unsigned source, bool filter) {
+    const auto print = [&](std::string_view what, unsigned source, bool filter) {
       text.line(' ', what, " SOURCE, ", axis_names[i], "-AXIS = ", sources[source]);
       text.line(' ', what, " G-COMP LP-FILTER, ", axis_names[i], "-AXIS = ", source == 0 ? "NA" : on_off(filter));
     };
-    say("BIAS", g.bias_source, g.bias_filter);
-    say("SCALE", g.scale_source, g.scale_filter);
+    print("BIAS", g.bias_source, g.bias_filter);
+    print("SCALE", g.scale_source, g.scale_filter);
   }
   text.line(" G-COMP LP-FILTER CUTOFF = ", ServiceText::Fixed{c.g_filter_hz, 3}, " HZ");
 }
 
-void say_trims(ServiceText& text, const Memory& memory, Cluster cluster, unsigned only) noexcept {
+void print_trims(ServiceText& text, const Memory& memory, Cluster cluster, unsigned only) noexcept {
   for (unsigned i = 0; i < 3; ++i)
     if (only == 3 || only == i)
       text.line(' ', cluster_names[cluster], ' ', axis_names[i], "-AXIS [", cluster == gyro ? "\xB0/s" : "g",
                 "] = ", ServiceText::Fixed{memory.trim[cluster][i], 5 + static_cast<int>(cluster)});
 }
 
-void say_datagram(ServiceText& text, const Configuration& c) noexcept {
+void print_datagram(ServiceText& text, const Configuration& c) noexcept {
   text.add("DATAGRAM = RATE");
   if (c.has(accelerometer)) text.add(", ACCELERATION");
   if (c.has(inclinometer)) text.add(", INCLINATION");
@@ -168,66 +168,66 @@ void say_datagram(ServiceText& text, const Configuration& c) noexcept {
   text.line("\rDATAGRAM TERMINATION = ", c.cr_lf ? "<CR><LF>" : "NONE");
 }
 
-void say_transmission(ServiceText& text, const UartSettings& line) noexcept {
+void print_transmission(ServiceText& text, const UartSettings& line) noexcept {
   text.line("BIT-RATE [bits/s] = ", line.baud);
   text.line("DATA LENGTH = 8");
   text.line("STOP BITS = ", line.stop_bits);
   text.line("PARITY = ", parities[static_cast<std::size_t>(line.parity)]);
 }
 
-void say_line_termination(ServiceText& text, const Configuration& c) noexcept {
+void print_line_termination(ServiceText& text, const Configuration& c) noexcept {
   text.line("LINE TERMINATION = ", on_off(c.line_termination));
 }
 
-void say_system(ServiceText& text, const Configuration& c, char which) noexcept {
+void print_system(ServiceText& text, const Configuration& c, char which) noexcept {
   if (which == 'v') text.line("VOLTAGE-LEVEL OF DIGITAL OUTPUT SIGNALS: ", c.tov_3v3 ? "3.3V" : "5V");
   if (which == 't') text.line("TOV ACTIVE FOR SPECIAL DATAGRAMS AFTER POWER-ON/RESET: ", on_off(c.tov_toggles));
   if (which == 'b') text.line("BTO-DATAGRAM TRANSMISSION AFTER POWER-ON/RESET: ", on_off(c.bias_trim_at_start));
 }
 
-void say_reference(ServiceText& text, const Memory& memory) noexcept {
+void print_reference(ServiceText& text, const Memory& memory) noexcept {
   text.line(" REFERENCE INFO = ", unsigned{memory.trim_reference});
 }
 
-void say_information(ServiceText& text, const Memory& memory) noexcept {
+void print_information(ServiceText& text, const Memory& memory) noexcept {
   Memory shown = memory;
-  for (const char part : std::string_view("snxpumafgbdtrh")) say_part(text, shown, part);
+  for (const char part : std::string_view("snxpumafgbdtrh")) print_part(text, shown, part);
 }
 
-bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
+bool print_part(ServiceText& text, Memory& memory, char part) noexcept {
   const Configuration& c = memory.active;
   switch (part) {
     case 'a':
-      say_axes(text, c);
+      print_axes(text, c);
       break;
     case 'b':
       text.line("BIAS TRIM OFFSET:");
-      for (const Cluster cluster : clusters) say_trims(text, memory, cluster);
-      say_reference(text, memory);
+      for (const Cluster cluster : clusters) print_trims(text, memory, cluster);
+      print_reference(text, memory);
       break;
     case 'd':
-      say_datagram(text, c);
+      print_datagram(text, c);
       break;
     case 'e':
-      text.line(say_failures(text, memory) ? "LAST ERROR HISTORY IS NOW CLEARED" : "NO ERRORS DETECTED");
+      text.line(print_failures(text, memory) ? "LAST ERROR HISTORY IS NOW CLEARED" : "NO ERRORS DETECTED");
       memory.errors = {};
       break;
     case 'f':
-      for (const Cluster cluster : clusters) say_filters(text, c, cluster);
-      say_pps_filter(text, c);
+      for (const Cluster cluster : clusters) print_filters(text, c, cluster);
+      print_pps_filter(text, c);
       break;
     case 'g':
-      say_g_compensation(text, c);
+      print_g_compensation(text, c);
       break;
     case 'h':
       text.line("SYSTEM CONFIGURATIONS:");
       for (const char which : std::string_view("vtb")) {
         text.add(' ');
-        say_system(text, c, which);
+        print_system(text, c, which);
       }
       break;
     case 'm':
-      say_sample_rate(text, c);
+      print_sample_rate(text, c);
       break;
     case 'n':
       text.line("PRODUCT = ", product_name);
@@ -236,20 +236,20 @@ bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
       text.line("FW CONFIG = ", firmware);
       break;
     case 'r':
-      say_line_termination(text, c);
+      print_line_termination(text, c);
       break;
     case 's':
       text.line("SERIAL NUMBER = ", serial_number);
       break;
     case 't':
-      say_transmission(text, c.line());
+      print_transmission(text, c.line());
       break;
     case 'u':
-      for (const Cluster cluster : clusters) say_unit(text, c, cluster);
-      say_pps_unit(text, c);
+      for (const Cluster cluster : clusters) print_unit(text, c, cluster);
+      print_pps_unit(text, c);
       break;
     case 'x':
-      say_part_number(text, memory.active);
+      print_part_number(text, memory.active);
       break;
     default:
       return false;
@@ -257,31 +257,31 @@ bool say_part(ServiceText& text, Memory& memory, char part) noexcept {
   return true;
 }
 
-void say_measurement(ServiceText& text, const std::array<Axes, 3>& measured, const Reading& reading) noexcept {
+void print_measurement(ServiceText& text, const std::array<Axes, 3>& measured, const Reading& reading) noexcept {
   for (const Cluster cluster : clusters) {
     for (unsigned i = 0; i < 3; ++i)
       text.line(cluster_names[cluster], ' ', axis_names[i],
                 "-AXIS = ", ServiceText::Fixed{measured[cluster].now[i], 5 + static_cast<int>(cluster)},
                 cluster == gyro ? " \xB0/s" : " g");
-    say_status(text, cluster_names[cluster], measured[cluster].status_now);
+    print_status(text, cluster_names[cluster], measured[cluster].status_now);
   }
   for (const std::string_view cluster : {"GYRO", "ACC", "INC"}) {
     for (const char axis : axis_names)
       text.line("TEMPERATURE ", cluster, ' ', axis, "-AXIS = ", ServiceText::Fixed{reading.temperature_c, 3},
                 " \xB0"
                 "C");
-    say_status(text, "TEMPERATURE", reading.status);
+    print_status(text, "TEMPERATURE", reading.status);
   }
   text.line("PPS = ", unsigned{reading.pps}, " us");
-  say_status(text, "PPS", reading.pps_status);
+  print_status(text, "PPS", reading.pps_status);
   text.line("COUNTER = ", reading.counter);
   text.line("LATENCY = ", reading.latency_us, " us");
 }
 
-void say_diagnostic(ServiceText& text, const Memory& memory) noexcept {
+void print_diagnostic(ServiceText& text, const Memory& memory) noexcept {
   text.line("SERIAL NUMBER = ", serial_number);
   text.line("PRODUCT = ", product_name);
-  say_part_number(text, memory.active);
+  print_part_number(text, memory.active);
   text.line("HW CONFIG = ", hardware);
   text.line("FW CONFIG = ", firmware);
   for_all_checks([&](auto... heading) { text.line(heading...); },

@@ -1,4 +1,4 @@
-// What Service Mode of the STIM300 says of a unit.
+// The texts by which Service Mode of the STIM300 describes a unit.
 #pragma once
 
 #include <cmath>
@@ -10,7 +10,8 @@ namespace imud::stim300 {
 inline constexpr std::array<std::string_view, 3> cluster_names = {"GYRO", "ACCELEROMETER", "INCLINOMETER"};
 inline constexpr std::string_view axis_names = "XYZ";
 
-// One frame of text in lines that end with CR; nothing at all if there is no room for it.
+// Writes one frame of text, in lines that end with CR; the destructor completes the frame. Writes nothing if `out`
+// has no room for the longest text.
 class ServiceText {
  public:
   explicit ServiceText(FrameBuffer& out) noexcept : out_(out), room_(out.room(longest)) {}
@@ -20,7 +21,7 @@ class ServiceText {
   ServiceText(const ServiceText&) = delete;
   ServiceText& operator=(const ServiceText&) = delete;
 
-  struct Fixed {
+  struct Fixed {  // a number with a fixed number of decimals
     double value;
     int decimals;
   };
@@ -58,26 +59,27 @@ class ServiceText {
   std::size_t size_ = 0;
 };
 
-// All that command i lists, or its part of that letter (Table 9-35): false if there is none. 'e' clears the errors.
-void say_information(ServiceText& text, const Memory& memory) noexcept;
-bool say_part(ServiceText& text, Memory& memory, char part) noexcept;
+// Print the whole list of command i, or its part with that letter (Table 9-35); print_part() returns false if there
+// is no such part. Part 'e' clears the errors.
+void print_information(ServiceText& text, const Memory& memory) noexcept;
+bool print_part(ServiceText& text, Memory& memory, char part) noexcept;
 
-// What commands answer; `only`: the axis, 3 for all.
-void say_unit(ServiceText& text, const Configuration& c, Cluster cluster) noexcept;
-void say_pps_unit(ServiceText& text, const Configuration& c) noexcept;
-void say_sample_rate(ServiceText& text, const Configuration& c) noexcept;
-void say_filters(ServiceText& text, const Configuration& c, Cluster cluster, unsigned only = 3) noexcept;
-void say_pps_filter(ServiceText& text, const Configuration& c) noexcept;
-void say_g_compensation(ServiceText& text, const Configuration& c, std::string_view warning = "") noexcept;
-void say_trims(ServiceText& text, const Memory& memory, Cluster cluster, unsigned only = 3) noexcept;
-void say_reference(ServiceText& text, const Memory& memory) noexcept;
-void say_datagram(ServiceText& text, const Configuration& c) noexcept;
-void say_transmission(ServiceText& text, const UartSettings& line) noexcept;
-void say_line_termination(ServiceText& text, const Configuration& c) noexcept;
-void say_system(ServiceText& text, const Configuration& c, char which) noexcept;  // of "vtb"
+// Print the answers of commands. `only` is the index of the axis to print; 3: all axes.
+void print_unit(ServiceText& text, const Configuration& c, Cluster cluster) noexcept;
+void print_pps_unit(ServiceText& text, const Configuration& c) noexcept;
+void print_sample_rate(ServiceText& text, const Configuration& c) noexcept;
+void print_filters(ServiceText& text, const Configuration& c, Cluster cluster, unsigned only = 3) noexcept;
+void print_pps_filter(ServiceText& text, const Configuration& c) noexcept;
+void print_g_compensation(ServiceText& text, const Configuration& c, std::string_view warning = "") noexcept;
+void print_trims(ServiceText& text, const Memory& memory, Cluster cluster, unsigned only = 3) noexcept;
+void print_reference(ServiceText& text, const Memory& memory) noexcept;
+void print_datagram(ServiceText& text, const Configuration& c) noexcept;
+void print_transmission(ServiceText& text, const UartSettings& line) noexcept;
+void print_line_termination(ServiceText& text, const Configuration& c) noexcept;
+void print_system(ServiceText& text, const Configuration& c, char which) noexcept;  // `which`: a letter of "vtb"
 
-void say_measurement(ServiceText& text, const std::array<Axes, 3>& measured, const Reading& reading) noexcept;
-// Every check, with the errors accumulated.
-void say_diagnostic(ServiceText& text, const Memory& memory) noexcept;
+void print_measurement(ServiceText& text, const std::array<Axes, 3>& measured, const Reading& reading) noexcept;
+// Prints every check with its result, from the accumulated errors.
+void print_diagnostic(ServiceText& text, const Memory& memory) noexcept;
 
 }  // namespace imud::stim300

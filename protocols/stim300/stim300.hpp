@@ -1,6 +1,7 @@
-// What the STIM300 keeps, shared by the device (device.cpp), its datagrams (datagram.hpp: measurement.cpp
-// and special.cpp write, decoder.cpp reads), its Utility Mode (utility.cpp) and its Service Mode (service.hpp).
-// Sensonor STIM300 Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are named here.
+// The configuration and memory of the STIM300, shared by the device (device.cpp), its datagrams (datagram.hpp:
+// measurement.cpp and special.cpp write, decoder.cpp reads), its Utility Mode (utility.cpp) and its Service Mode
+// (service.hpp). Sensonor STIM300 Datasheet TS1524 rev. 31 (February 2024), whose tables, sections and equations are
+// named here.
 #pragma once
 
 #include <algorithm>
@@ -21,16 +22,16 @@ namespace imud::stim300 {
 enum Cluster : std::size_t { gyro, accelerometer, inclinometer };
 inline constexpr std::array<Cluster, 3> clusters = {gyro, accelerometer, inclinometer};
 
-// Units of output, by the datasheet's numbers; gyro: in deg, s; the others: g, s, m/s.
+// Output units, with the datasheet's numbers. Gyro: in deg, s; the others: in g, s, m/s.
 enum Unit : unsigned { value, increment, average, integrated, integrated_m_per_s };
-inline constexpr unsigned delayed = 8;  // is added; gyro only
+inline constexpr unsigned delayed = 8;  // added to the unit; gyro only
 
 inline constexpr double internal_hz = 2000;
 inline constexpr std::array<unsigned, 5> sample_rates = {125, 250, 500, 1000, 2000};
 inline constexpr std::array<unsigned, 4> bit_rates = {374400, 460800, 921600, 1843200};
 inline constexpr unsigned external_trigger = 5, user_defined = 15;
 
-// The bit-rate of UARTs nearest to one within 1500 to 5184000 bit/s (Equation 13).
+// Returns the bit rate of the unit's UART nearest to `wanted`, which is 1500 to 5184000 bit/s (Equation 13).
 constexpr unsigned nearest_bit_rate(unsigned wanted) noexcept {
   constexpr unsigned clock = 82'944'000;
   const unsigned n = clock / wanted;
@@ -38,8 +39,8 @@ constexpr unsigned nearest_bit_rate(unsigned wanted) noexcept {
   return above - wanted < wanted - below ? above : below;
 }
 
-// Of an axis of the gyros, from what is measured as acceleration (section 7.5.2.2.6). Sources: 0 none, 1
-// accelerometers, 2 inclinometers.
+// The g-compensation of one gyro axis (section 7.5.2.2.6). Sources of the acceleration: 0: none, 1: accelerometers,
+// 2: inclinometers.
 struct GCompensation {
   unsigned bias_source = 0;
   bool bias_filter = false;
@@ -62,22 +63,23 @@ inline constexpr std::array<GCompensation, 13> standard_g_compensations = {{{0, 
                                                                             {1, true, 1, true},
                                                                             {2, true, 2, true}}};
 
-// Table 5-16, by its numbers.
+// The configuration of a unit, in the codes of Table 5-16.
 struct Configuration {
-  unsigned sample_rate = 3;  // of sample_rates, or external_trigger
-  unsigned content = 7;      // beside the rate; bit 0: acceleration, 1: inclination, 2: temperature, 3: PPS or AUX
-  bool has_aux = false;      // an older unit: an AUX input in PPS's place, in the datagram and on the connector
+  unsigned sample_rate = 3;  // index in sample_rates, or external_trigger
+  unsigned content =
+      7;  // of the datagram beside the gyros; bit 0: acceleration, 1: inclination, 2: temperature, 3: PPS or AUX
+  bool has_aux = false;  // an older unit: an AUX input in PPS's place, in the datagram and on the connector
   bool cr_lf = false;
-  unsigned bit_rate = 2;  // of bit_rates, or user_defined:
-  unsigned user_bit_rate = 0;
+  unsigned bit_rate = 2;       // index in bit_rates, or user_defined
+  unsigned user_bit_rate = 0;  // bit/s, if user_defined
   Parity parity = Parity::none;
   unsigned stop_bits = 1;
   bool line_termination = true;
-  std::array<unsigned, 3> units = {value, value, value};  // of the clusters
+  std::array<unsigned, 3> units = {value, value, value};  // index: Cluster
   unsigned pps_unit = 3;
   std::array<std::array<unsigned, 3>, 3> filters = {{{4, 4, 4}, {4, 4, 4}, {4, 4, 4}}};  // 4: 262 Hz
   unsigned pps_filter = 4;
-  std::array<GCompensation, 3> g_compensation = {};  // of the axes
+  std::array<GCompensation, 3> g_compensation = {};  // index: axis
   double g_filter_hz = 0.01;
   unsigned accelerometer_range = 0;  // 0: 10 g, 3: 5 g, 4: 30 g, 6: 80 g
   bool tov_3v3 = false, tov_toggles = false, bias_trim_at_start = false;
@@ -89,7 +91,7 @@ struct Configuration {
   UartSettings line() const noexcept {
     return {bit_rate == user_defined ? user_bit_rate : bit_rates[bit_rate], parity, stop_bits};
   }
-  void set_bit_rate(unsigned wanted) noexcept {  // 1500 to 5184000
+  void set_bit_rate(unsigned wanted) noexcept {  // 1500 to 5184000 bit/s
     const auto known = std::find(bit_rates.begin(), bit_rates.end(), wanted);
     bit_rate = known == bit_rates.end() ? user_defined : static_cast<unsigned>(known - bit_rates.begin());
     user_bit_rate = bit_rate == user_defined ? nearest_bit_rate(wanted) : 0;
@@ -123,14 +125,14 @@ constexpr const AccelerometerRange& range_of(const Configuration& c) noexcept {
 inline constexpr double inclinometer_overload_g = 1.87,
                         inclinometer_end_g = 2;  // Table 5-8, note 1; 24 bits of 2^-22 g
 
-// One bit of a cluster's output in its unit (Equations 1 to 6): deg/s or deg; g, g s or m/s.
+// Returns the LSB of a cluster's output (Equations 1 to 6), in deg/s or deg; g, g s or m/s.
 constexpr double lsb(const Configuration& c, Cluster cluster, unsigned unit) noexcept {
   const bool plain = unit % delayed == value || unit % delayed == average;
   if (cluster == gyro) return plain ? 0x1p-14 : 0x1p-21;
   return (cluster == accelerometer ? range_of(c).lsb_g : 0x1p-22) / (plain ? 1 : 8);
 }
 
-// Without CR LF.
+// Returns the size of a Normal Mode datagram in bytes, without CR LF.
 constexpr std::size_t datagram_size(unsigned content) noexcept {
   const std::size_t clusters_in_it = 1 + (content & 1U) + (content >> 1 & 1U);
   return 1 + 10 * clusters_in_it + ((content & 4U) != 0 ? 7 * clusters_in_it : 0) + ((content & 8U) != 0 ? 4 : 0) +
@@ -138,13 +140,13 @@ constexpr std::size_t datagram_size(unsigned content) noexcept {
 }
 static_assert(datagram_size(0b0111) == 59 && datagram_size(0b1111) == 63);
 
-// From one datagram of so many characters to the next, at least (Equation 12, which gives Table 5-12).
+// Returns the shortest period of datagrams with that many characters (Equation 12, which gives Table 5-12).
 constexpr Nanoseconds least_period(const UartSettings& line, std::size_t characters) noexcept {
   const auto tenths = static_cast<std::int64_t>(11 * characters * line.bits_per_character());
   return Nanoseconds((tenths * 100'000'000 + line.baud - 1) / line.baud);
 }
 
-// Whether the line carries the datagrams.
+// Returns true if the line can carry the datagrams at their rate.
 constexpr bool can_transmit(const Configuration& c) noexcept {
   if (c.sample_rate == external_trigger) return true;
   const std::size_t characters = datagram_size(c.content) + (c.cr_lf ? 2 : 0);
@@ -156,7 +158,7 @@ namespace status_bit {
 inline constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10;
 }
 
-// A cluster since the last transmission; deg or g, s.
+// The samples of a cluster since the last transmission, in deg or g, and s.
 struct Axes {
   Vector3 now = Vector3::Zero(), sum = Vector3::Zero(), integral = Vector3::Zero();
   std::uint64_t samples = 0;
@@ -169,26 +171,26 @@ struct Axes {
     status_now = bits;
     status |= bits;
   }
-  void begin() noexcept {
+  void begin() noexcept {  // restarts the sums; `integral` runs on
     sum.setZero();
     samples = 0;
     status = 0;
   }
 };
 
-// The rest of a measurement.
+// The fields of a measurement that the clusters share.
 struct Reading {
   double temperature_c;
-  unsigned status;  // bits of all
+  unsigned status;  // status bits common to all clusters
   std::uint32_t pps;
   unsigned pps_status;
   unsigned counter, latency_us;
 };
-inline constexpr std::uint32_t longest_pps = 0x7FFFFF;  // us, or longer
+inline constexpr std::uint32_t longest_pps = 0x7FFFFF;  // us; also stands for any longer time
 
-// All that a unit keeps beside its measurements.
+// The settings and errors of a unit.
 struct Memory {
-  Configuration active, stored;  // stored: in flash, taken at reset
+  Configuration active, stored;  // stored: in flash, loaded at reset
   Configuration factory;
   std::array<Vector3, 3> trim = {Vector3::Zero(), Vector3::Zero(), Vector3::Zero()};  // bias offsets: deg/s, g, g
   std::array<Vector3, 3> stored_trim = trim;
@@ -197,14 +199,14 @@ struct Memory {
   std::uint16_t saves_left = saves;
   std::array<std::uint8_t, 16> errors = {};  // accumulated, bytes 1 to 16 of Table 5-18
 
-  // The bits of status that say so.
+  // Records an overload as an error, and returns its status bits.
   unsigned overload(Cluster cluster, unsigned axis) noexcept {
     set_error(101 + 3 * static_cast<unsigned>(cluster) + axis);  // Table 5-19: in the order of the datagram
     return status_bit::overload | 1U << axis;
   }
   void set_error(unsigned bit) noexcept { errors[15 - bit / 8] |= static_cast<std::uint8_t>(1U << bit % 8); }
   bool has_error(unsigned bit) const noexcept { return (errors[15 - bit / 8] >> bit % 8 & 1U) != 0; }
-  // Up to its limit (Tables 5-3 to 5-8). False if that was less than wanted.
+  // Sets a bias trim offset, clamped to its limit (Tables 5-3 to 5-8). Returns false if it was clamped.
   bool set_trim(Cluster cluster, unsigned axis, double wanted) noexcept {
     const unsigned range = range_of(active).g;
     const double limit = cluster == gyro ? 1 : cluster == inclinometer ? 0.02 : range == 5 ? 0.1 : range / 100.0;
@@ -213,7 +215,7 @@ struct Memory {
   bool is_saved() const noexcept {
     return active == stored && trim == stored_trim && trim_reference == stored_trim_reference;
   }
-  // False if there had been all the saves that flash is made for.
+  // Saves in flash. Returns false if the number of saves that flash is specified for was already used up.
   bool save() noexcept {
     stored = active;
     stored_trim = trim;
@@ -234,10 +236,10 @@ inline constexpr char part_revision = 'K';
 inline constexpr unsigned firmware_revision = 0;
 inline constexpr std::string_view serial_number = "N25582405002002";
 
-// Utility Mode: greet() answers the word by which a host enters it. execute() executes one line of the host's,
-// without its end, appends the answer and returns false if the line leaves Utility Mode.
+// Utility Mode. greet() appends the answer to the command that enters it. execute() executes one line of the host,
+// given without its end, and appends the answer; it returns false if the line exits Utility Mode.
 void greet(FrameBuffer& replies) noexcept;
 bool execute(Memory& memory, std::string_view line, FrameBuffer& replies) noexcept;
-unsigned crc8(std::string_view text) noexcept;  // of a command up to its last comma (section 10.2)
+unsigned crc8(std::string_view text) noexcept;  // of a command up to and including its last comma (section 10.2)
 
 }  // namespace imud::stim300

@@ -1,5 +1,5 @@
-// Section 10: lines of text for machines, with a CRC-8. The answers' form is that of its figures, also where these
-// leave out the status (iconf, sconf, ibto, irf): their CRCs are right for what they show.
+// Utility Mode (section 10): lines of text for machines, with a CRC-8. Answers have the format of the figures, even
+// where these omit the status (iconf, sconf, ibto, irf), because the CRCs in the figures are right without it.
 #include <algorithm>
 #include <boost/crc.hpp>
 #include <charconv>
@@ -20,7 +20,7 @@ unsigned crc8(std::string_view text) noexcept {
 
 namespace {
 
-// "#", words with a comma after each, the CRC in decimals, CR (section 10.2.2).
+// An answer: "#", words with a comma after each, the CRC as a decimal number, CR (section 10.2.2).
 class Answer {
  public:
   Answer(FrameBuffer& out, std::string_view name) noexcept : out_(out) {
@@ -62,7 +62,7 @@ class Answer {
 
 enum Code : unsigned { no_command = 1, bad_crc, unknown, bad_count, bad_parameter, too_many_saves, reduced = 8 };
 
-// One command. What it returns goes into the answer's status; 0 and `reduced`: answered already.
+// One command. execute() returns 0 if it has sent the answer, otherwise the status for the caller to send.
 class Command {
  public:
   Command(Memory& memory, std::string_view name, std::span<const std::string_view> parameters,
@@ -72,15 +72,15 @@ class Command {
   unsigned execute() noexcept {
     if (const auto code = choice()) return *code;
     if (const auto code = filter()) return *code;
-    if (const auto code = fact()) return *code;
+    if (const auto code = property()) return *code;
     if (name_ == "ig" || name_ == "sg") return g_compensation();
     if (name_ == "it" || name_ == "st") return transmission();
     if (name_ == "iconf" || name_ == "sconf") return system();
-    if (name_ == "ibto") return count(0) ? bad_count : trims(Answer(out_, name_));
+    if (name_ == "ibto") return has_wrong_count(0) ? bad_count : trims(Answer(out_, name_));
     if (name_ == "sbto") return set_trim();
     if (name_ == "sdbto") return adjust_trims();
     if (name_ == "ie") {
-      if (count(0)) return bad_count;
+      if (has_wrong_count(0)) return bad_count;
       Answer answer = ok();
       for (const std::uint8_t byte : memory_.errors) answer.number(std::uint64_t{byte});
       memory_.errors = {};
@@ -88,24 +88,24 @@ class Command {
     }
     if (name_ == "srf") {
       const auto reference = parameters_.size() == 1 ? number_in<std::uint32_t>(parameters_[0]) : std::nullopt;
-      if (count(1)) return bad_count;
+      if (has_wrong_count(1)) return bad_count;
       if (!reference) return bad_parameter;
       memory_.trim_reference = *reference;
       return sent(ok().number(std::uint64_t{*reference}));
     }
     if (name_ == "sfs") {
-      if (count(1)) return bad_count;
+      if (has_wrong_count(1)) return bad_count;
       if (parameters_[0] != "0" && parameters_[0] != "1") return bad_parameter;
       c_ = memory_.factory;
       if (parameters_[0] == "1") memory_.save();
       return sent(ok().word(parameters_[0]));
     }
     if (name_ == "save") {
-      if (count(0)) return bad_count;
+      if (has_wrong_count(0)) return bad_count;
       const unsigned code = memory_.save() ? 0U : unsigned{too_many_saves};
       return sent(Answer(out_, name_).number(std::uint64_t{code}).number(std::uint64_t{memory_.saves_left}));
     }
-    if (name_ == "xn") return count(0) ? bad_count : sent(ok());
+    if (name_ == "xn") return has_wrong_count(0) ? bad_count : sent(ok());
     return unknown;
   }
 
@@ -116,7 +116,7 @@ class Command {
     return 0;
   }
   static unsigned sent(Answer&& answer) noexcept { return sent(answer); }
-  bool count(std::size_t wanted) const noexcept { return parameters_.size() != wanted; }  // true if wrong
+  bool has_wrong_count(std::size_t wanted) const noexcept { return parameters_.size() != wanted; }
   static std::optional<unsigned> index(std::string_view parameter, std::string_view letters) noexcept {
     const std::size_t at = letters.find(parameter);
     if (parameter.size() != 1 || parameter == " " || at == std::string_view::npos) return std::nullopt;
@@ -124,7 +124,7 @@ class Command {
   }
   static constexpr std::string_view axes = "xyz", capitals = "XYZ";
 
-  // Numbers that "i..." tells and "s..." sets, each a letter of a list.
+  // Settings that a command "i..." reads and "s..." writes, each as one letter of a list.
   std::optional<unsigned> choice() noexcept {
     struct Choice {
       std::string_view name, letters;
@@ -140,11 +140,11 @@ class Command {
     for (const Choice& choice : choices) {
       if (name_.substr(1) != choice.name || (name_[0] != 'i' && name_[0] != 's')) continue;
       if (name_[0] == 's') {
-        if (count(1)) return bad_count;
+        if (has_wrong_count(1)) return bad_count;
         const auto at = index(parameters_[0], choice.letters);
         if (!at) return bad_parameter;
         *choice.number = *at;
-      } else if (count(0)) {
+      } else if (has_wrong_count(0)) {
         return bad_count;
       }
       return sent(ok().letter(choice.letters[*choice.number]));
@@ -152,19 +152,19 @@ class Command {
     return std::nullopt;
   }
 
-  // The low-pass filters, an axis each.
+  // The low-pass filters, one for each axis.
   std::optional<unsigned> filter() noexcept {
     constexpr std::array<std::string_view, 3> names = {"gf", "af", "if"};
     for (const Cluster cluster : clusters) {
       if (name_.substr(1) != names[cluster] || (name_[0] != 'i' && name_[0] != 's')) continue;
       std::array<unsigned, 3>& filters = c_.filters[cluster];
       if (name_[0] == 'i') {
-        if (count(0)) return bad_count;
+        if (has_wrong_count(0)) return bad_count;
         Answer answer = ok();
         for (const unsigned filter : filters) answer.number(std::uint64_t{filter});
         return sent(answer);
       }
-      if (count(2)) return bad_count;
+      if (has_wrong_count(2)) return bad_count;
       const auto axis = index(parameters_[0], axes);
       const auto at = index(parameters_[1], "01234");
       if (!axis || !at) return bad_parameter;
@@ -174,25 +174,25 @@ class Command {
     return std::nullopt;
   }
 
-  // What is only told.
-  std::optional<unsigned> fact() noexcept {
-    const auto tell = [&](auto&&... words) -> unsigned {
-      if (count(0)) return bad_count;
+  // Properties that can only be read.
+  std::optional<unsigned> property() noexcept {
+    const auto reply = [&](auto&&... words) -> unsigned {
+      if (has_wrong_count(0)) return bad_count;
       Answer answer = ok();
       (answer.word(words), ...);
       return sent(answer);
     };
-    if (name_ == "in") return tell(product_name);
-    if (name_ == "isn") return tell(serial_number);
-    if (name_ == "ix") return tell(range_of(c_).part_number, std::string_view(&part_revision, 1));
-    if (name_ == "ifw") return tell(firmware);
-    if (name_ == "ihw") return tell(hardware);
-    if (name_ == "iax") return tell("XYZ", "XYZ", "XYZ");
-    if (name_ == "isv") return count(0) ? bad_count : sent(ok().number(std::uint64_t{memory_.saves_left}));
+    if (name_ == "in") return reply(product_name);
+    if (name_ == "isn") return reply(serial_number);
+    if (name_ == "ix") return reply(range_of(c_).part_number, std::string_view(&part_revision, 1));
+    if (name_ == "ifw") return reply(firmware);
+    if (name_ == "ihw") return reply(hardware);
+    if (name_ == "iax") return reply("XYZ", "XYZ", "XYZ");
+    if (name_ == "isv") return has_wrong_count(0) ? bad_count : sent(ok().number(std::uint64_t{memory_.saves_left}));
     if (name_ == "irf")
-      return count(0) ? bad_count : sent(Answer(out_, name_).number(std::uint64_t{memory_.trim_reference}));
+      return has_wrong_count(0) ? bad_count : sent(Answer(out_, name_).number(std::uint64_t{memory_.trim_reference}));
     if (name_ == "irng") {
-      if (count(0)) return bad_count;
+      if (has_wrong_count(0)) return bad_count;
       Answer answer = ok();
       answer.word("400").word("400").word("400");
       for (int i = 0; i < 3; ++i) answer.number(std::uint64_t{range_of(c_).g});
@@ -203,7 +203,7 @@ class Command {
 
   unsigned g_compensation() noexcept {
     const bool sets = name_[0] == 's';
-    if (count(sets ? 6 : 1)) return bad_count;
+    if (has_wrong_count(sets ? 6 : 1)) return bad_count;
     const auto axis = index(parameters_[0], axes);
     if (!axis) return bad_parameter;
     GCompensation& g = c_.g_compensation[*axis];
@@ -225,7 +225,7 @@ class Command {
   unsigned transmission() noexcept {
     constexpr std::string_view parities = "neo", shown = "NEO";
     const bool sets = name_[0] == 's';
-    if (count(sets ? 6 : 0)) return bad_count;
+    if (has_wrong_count(sets ? 6 : 0)) return bad_count;
     if (sets) {
       const auto rate = number_in<unsigned>(parameters_[0]);
       const auto stop = index(parameters_[1], "12"), parity = index(parameters_[2], parities);
@@ -247,7 +247,7 @@ class Command {
 
   unsigned system() noexcept {
     const bool sets = name_[0] == 's';
-    if (count(sets ? 2 : 1)) return bad_count;
+    if (has_wrong_count(sets ? 2 : 1)) return bad_count;
     const auto which = index(parameters_[0], "vtb");
     if (!which) return bad_parameter;
     bool& setting = *which == 0 ? c_.tov_3v3 : *which == 1 ? c_.tov_toggles : c_.bias_trim_at_start;
@@ -284,7 +284,7 @@ class Command {
   }
 
   unsigned adjust_trims() noexcept {
-    if (count(9)) return bad_count;
+    if (has_wrong_count(9)) return bad_count;
     std::array<double, 9> by;
     for (std::size_t i = 0; i < by.size(); ++i) {
       const auto number = number_in<double>(parameters_[i]);
@@ -319,7 +319,7 @@ bool execute(Memory& memory, std::string_view line, FrameBuffer& replies) noexce
   if (last == std::string_view::npos) return refuse("", bad_crc);
   const auto crc = number_in<unsigned>(line.substr(last + 1));
   if (!crc || *crc != crc8(line.substr(0, last + 1))) return refuse("", bad_crc);
-  // The command and its parameters; blanks may stand before each of these.
+  // Splits the line into the command and its parameters; blanks may precede a parameter.
   std::array<std::string_view, 16> words;
   std::size_t count = 0;
   for (std::size_t begin = 1; begin <= last && count < words.size();) {
