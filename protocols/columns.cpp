@@ -93,7 +93,7 @@ TruthResult Columns::split(std::string_view row) noexcept {
 
 TruthResult Columns::read(std::size_t first, double& number) const noexcept {
   std::optional<double> parsed = parse_real(fields_[first]);
-  if (!parsed) parsed = parse_real(field(first));  // as spreadsheets quote numbers
+  if (!parsed) parsed = parse_real(field(first));  // spreadsheets may quote numbers
   if (!parsed) return TruthResult::bad_number;
   number = *parsed;
   return TruthResult::ok;
@@ -139,7 +139,7 @@ void ColumnTruthDecoder::configure(const Settings& settings, std::size_t require
   for (std::size_t i = 0; i < required && names.size() <= Columns::max_columns; ++i)
     if (!columns_.has(i)) missing.append(missing.empty() ? "missing " : ", ").append(columns_.name(i));
   if (!missing.empty()) missing += "; ";
-  throw std::invalid_argument("columns: " + missing + "wanted are at most " + std::to_string(Columns::max_columns) +
+  throw std::invalid_argument("columns: " + missing + "give at most " + std::to_string(Columns::max_columns) +
                               " names, among them " + std::string(wanted));
 }
 

@@ -10,16 +10,16 @@
 
 namespace imud {
 
-// A line ends with CR or LF and has at most `Max` characters; a longer one is discarded whole. The beginning of a
-// line times out when no byte follows it for `timeout`: it is discarded as soon as more comes. So a reader has no
-// deadline.
+// A line ends with CR or LF and has at most `Max` characters; a longer one is discarded whole. An unfinished line
+// that receives no byte for `timeout` is discarded when the next byte arrives; a reader therefore needs no deadline.
+// Allocates nothing. One thread.
 template <std::size_t Max>
 class CommandReader {
  public:
   static constexpr Nanoseconds timeout = std::chrono::seconds(1);
 
-  // `now` does not decrease, except by step_clock(). `act(std::string_view)` is given each line, without its end; no
-  // empty ones. `overflow()` is called at the end of one that is too long.
+  // Calls `act(std::string_view)` with each line that is not empty, without its end, and `overflow()` at the end of
+  // each line that is too long. `now` does not decrease, except by step_clock().
   template <class Act, class Overflow>
   void feed(std::span<const std::byte> bytes, DeviceTime now, Act&& act, Overflow&& overflow) {
     if (now - last_ > timeout) lines_.drop_line();
@@ -37,13 +37,13 @@ class CommandReader {
     feed(bytes, now, act, [] {});
   }
 
-  // Discards the beginning of a line.
+  // Discards an unfinished line.
   void clear() noexcept { lines_.drop_line(); }
   void step_clock(Nanoseconds by) noexcept { last_ = last_ + by; }
 
  private:
   LineAssembler<Max> lines_{"\r\n"};
-  DeviceTime last_;
+  DeviceTime last_;  // of the newest byte
 };
 
 }  // namespace imud

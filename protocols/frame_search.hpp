@@ -1,4 +1,4 @@
-// FrameSearch: finds frames in a byte stream and finds its way back after any corruption.
+// FrameSearch: finds frames in a byte stream, and resynchronises after any corruption.
 #pragma once
 
 #include <algorithm>
@@ -10,15 +10,15 @@
 
 namespace imud {
 
-// Holds the bytes of at most one frame of up to `MaxFrame` bytes, and asks a parser how they begin. After a rejection
-// it searches again from the very next byte, so that no good frame that follows is lost, wherever a false start was
-// seen. It owns no policy: the parser knows what a frame is. It allocates nothing. One thread.
+// Holds the bytes of at most one frame of up to `MaxFrame` bytes, and calls a parser, which defines what a frame is.
+// After a rejection the search continues at the very next byte, so that a false start never hides a good frame.
+// Allocates nothing. One thread.
 template <std::size_t MaxFrame>
 class FrameSearch {
  public:
-  // A parser is a std::size_t(std::span<const std::byte> held). It is given the bytes held, at least one, and returns
-  // the length of the frame that they begin with, once it has dealt with that frame; `reject` if no frame begins with
-  // the first of them; `need_more` if one may, but bytes are missing (never for MaxFrame bytes).
+  // A parser is a std::size_t(std::span<const std::byte> held); `held` has at least one byte. If `held` begins with a
+  // whole frame, the parser processes it and returns its length. It returns `reject` if no frame begins at the first
+  // byte, and `need_more` if one may begin there, but bytes are missing (never for MaxFrame bytes).
   static constexpr std::size_t reject = 0;
   static constexpr std::size_t need_more = ~std::size_t{0};
 
@@ -38,14 +38,14 @@ class FrameSearch {
 
   bool is_empty() const noexcept { return count_ == 0; }
 
-  // The frame that the held bytes begin was not completed in time: discards its first byte and searches on. Returns
-  // as feed() does.
+  // Discards the first of the held bytes and searches the rest: for a frame that was not completed in time. Returns
+  // how many bytes belonged to no frame.
   template <class Parser>
   std::uint64_t resync(Parser&& parse) {
     return is_empty() ? 0 : search(parse, 1);
   }
 
-  // No more bytes will come: discards the bytes held, which are part of a frame at most. Returns how many they were.
+  // Ends the input: discards the held bytes, which are an incomplete frame at most, and returns their number.
   std::uint64_t finish() noexcept {
     const std::uint64_t skipped = count_;
     count_ = 0;

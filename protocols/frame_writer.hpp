@@ -1,4 +1,4 @@
-// FrameWriter and FieldReader: numbers one after another, in one byte order.
+// FrameWriter and FieldReader: write and read numbers one after another, in one byte order.
 #pragma once
 
 #include <algorithm>
@@ -16,8 +16,8 @@
 
 namespace imud {
 
-// Writes one frame of at most `longest` bytes into a FrameBuffer; what is beyond is left out. Integers are as wide as
-// their type.
+// Writes one frame of at most `longest` bytes into a FrameBuffer; a number that does not fit is left out. Integers
+// are as wide as their type. Allocates nothing.
 template <boost::endian::order Order>
 class FrameWriter {
  public:
@@ -42,18 +42,18 @@ class FrameWriter {
     for (int i = 0; i < 3; ++i) put(vector[i]);
   }
   void put_text(std::string_view text) noexcept { put_bytes(text.data(), text.size()); }
-  // The lowest `bytes` bytes, 1 to 8, big-endian.
+  // Writes the lowest `bytes` bytes, 1 to 8, big-endian.
   void put_low_bytes(std::uint64_t number, unsigned bytes) noexcept {
     static_assert(Order == boost::endian::order::big);
     const std::uint64_t ordered = boost::endian::native_to_big(number << (64 - 8 * bytes));
     put_bytes(&ordered, bytes);
   }
-  // In two's complement of so many bytes, to the nearest, up to its ends.
+  // Writes `number` in two's complement of `bytes` bytes, rounded to the nearest integer and saturated.
   void put_rounded(double number, unsigned bytes) noexcept {
     const auto end = static_cast<double>(std::uint64_t{1} << (8 * bytes - 1));
     put_low_bytes(static_cast<std::uint64_t>(std::llround(std::clamp(number, -end, end - 1))), bytes);
   }
-  void fill(std::size_t size) noexcept {  // with zeros up to there
+  void fill(std::size_t size) noexcept {  // appends zeros up to `size` bytes
     while (size_ < std::min(size, room_.size())) put(std::uint8_t{0});
   }
   void set_byte(std::size_t at, std::size_t byte) noexcept {
@@ -62,7 +62,7 @@ class FrameWriter {
 
   std::size_t size() const noexcept { return size_; }
   std::span<const std::byte> written() const noexcept { return room_.first(size_); }
-  // Completes the frame.
+  // Completes the frame, if it is not empty.
   void push() noexcept {
     if (size_ > 0) out_.push(size_);
   }
@@ -79,7 +79,7 @@ class FrameWriter {
   std::size_t size_ = 0;
 };
 
-// Takes numbers from bytes; zeros when there are no more.
+// Reads numbers from bytes; returns 0 when too few bytes are left.
 template <boost::endian::order Order>
 class FieldReader {
  public:
@@ -105,8 +105,8 @@ class FieldReader {
     for (int i = 0; i < 3; ++i) vector[i] = static_cast<double>(take<float>());
     return vector;
   }
-  bool is_whole() const noexcept { return is_whole_; }  // nothing was missing
-  bool is_done() const noexcept { return is_whole_ && rest_.empty(); }
+  bool is_whole() const noexcept { return is_whole_; }                  // no read lacked bytes
+  bool is_done() const noexcept { return is_whole_ && rest_.empty(); }  // is_whole(), and no byte is left
 
  private:
   std::span<const std::byte> rest_;

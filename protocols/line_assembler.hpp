@@ -1,4 +1,4 @@
-// LineAssembler: pieces of text in, whole lines out.
+// LineAssembler: assembles whole lines from pieces of text.
 #pragma once
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 
 namespace imud {
 
-// Any cutting of a text into pieces gives the same lines. A line is whole when its end is there. Holds at most `Max`
-// characters of one unfinished line, in memory of its own; allocates nothing. One thread.
+// The lines do not depend on how the text is cut into pieces. Stores at most `Max` characters of one unfinished line;
+// allocates nothing. One thread.
 //
 // feed() and next() are for text that arrives in pieces; append(), erase_last() and finish_line() for a device that
 // echoes and corrects each character as a person types it.
@@ -20,17 +20,17 @@ template <std::size_t Max>
 class LineAssembler {
  public:
   struct Line {
-    std::string_view text;  // without its end; of a line that is too long, its first `Max` characters
+    std::string_view text;  // without its end; only the first `Max` characters of a line that is too long
     std::size_t size = 0;   // of the whole line, without its end
 
     bool is_too_long() const noexcept { return size > Max; }
   };
 
-  // Each of `ends`, a text that outlives this, ends a line; where CR and LF both do, CR LF ends a line and an empty
-  // one.
+  // Each character of `ends`, which must outlive this, ends a line. If CR and LF both do, CR LF ends a line and then
+  // an empty one.
   explicit LineAssembler(std::string_view ends = "\n") : ends_(ends) {}
 
-  // Sets the next piece, which has to stay valid until next() has returned nothing.
+  // Sets the next piece, which must stay valid until next() has returned nothing.
   void feed(std::string_view piece) noexcept { piece_ = piece; }
 
   // Returns the next whole line, valid until the next call; nothing when the piece is used up.
@@ -48,23 +48,23 @@ class LineAssembler {
     return finish_line();
   }
 
-  // The size of the line that has no end yet.
+  // Returns the size of the unfinished line.
   std::size_t size() const noexcept { return size_; }
-  // Ends that line here, as the end of a datagram does. The line is valid until the next call.
+  // Ends the unfinished line, as the end of a datagram does, and returns it. It is valid until the next call.
   Line finish_line() noexcept {
     const std::size_t size = std::exchange(size_, 0);
     return {{held_.data(), std::min(size, Max)}, size};
   }
-  // Drops that line. Returns its size.
+  // Drops the unfinished line and returns its size.
   std::size_t drop_line() noexcept { return std::exchange(size_, 0); }
 
-  // Adds one character to that line, an end being no exception. Returns false if there is no room: the line is too
-  // long from then on.
+  // Appends one character to the unfinished line, even a character of `ends`. Returns false if there is no room; the
+  // line is then too long.
   bool append(char c) noexcept {
     hold({&c, 1});
     return size_ <= Max;
   }
-  // Takes its last character back. Returns false if it is empty, or too long.
+  // Removes the last character of the unfinished line. Returns false if the line is empty or too long.
   bool erase_last() noexcept {
     if (size_ == 0 || size_ > Max) return false;
     --size_;
@@ -81,7 +81,7 @@ class LineAssembler {
   std::string_view ends_;
   std::string_view piece_;
   std::array<char, Max> held_;
-  std::size_t size_ = 0;  // of the line so far, even where it exceeds the room for it
+  std::size_t size_ = 0;  // of the unfinished line, including characters beyond `Max`
 };
 
 }  // namespace imud

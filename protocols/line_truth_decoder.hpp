@@ -10,11 +10,11 @@
 
 namespace imud {
 
-// A record ends with a line feed. In a datagram the last one needs none, and an empty datagram is one empty record;
-// in a stream a record without its line feed is incomplete.
+// A record ends with a line feed. The last record of a datagram needs none, and an empty datagram is one empty
+// record. In a stream a record without its line feed is incomplete.
 class LineTruthDecoder : public TruthDecoder {
  public:
-  // Characters, more than fit into a datagram. A longer line of a stream is left out and counted.
+  // In characters; no datagram is as long. A longer line of a stream is dropped and counted.
   static constexpr std::size_t max_line = 65536;
 
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept final;
@@ -22,11 +22,11 @@ class LineTruthDecoder : public TruthDecoder {
   void finish() noexcept override;
 
  private:
-  // As next(), of one line without its line feed.
+  // Decodes one line, given without its line feed; returns as next() does.
   virtual TruthResult decode(std::string_view line, Truth& truth) noexcept = 0;
 
   LineAssembler<max_line> lines_;
-  bool ends_here_ = false;  // what was fed is a datagram whose last record has not been decoded yet
+  bool ends_here_ = false;  // the last record of a datagram, without a line feed, is still to be decoded
 };
 
 }  // namespace imud

@@ -37,12 +37,12 @@ class RowWriter {
   char* end_;
 };
 
-// Reads fields one after the other; after one that is wrong, `good` stays false.
+// Reads fields one after another. After a wrong field `good` stays false.
 class RowReader {
  public:
   explicit RowReader(std::string_view row) : rest_(row) {}
 
-  // Whether the next field is there and not empty; sets `number` if so.
+  // Returns true if the next field exists and is not empty; sets `number` if it is a finite number.
   bool field(double& number) noexcept {
     const std::string_view text = next();
     if (text.empty()) return false;

@@ -24,8 +24,8 @@ inline constexpr std::size_t measurement_csv_row_max = 384;
 std::size_t write_measurement_csv(const Measurement& measurement,
                                   std::span<char, measurement_csv_row_max> row) noexcept;
 
-// Reads a row without its end of line. False, and `measurement` is unspecified, if it is none: other than 16 columns,
-// text that is no number, NaN or infinity, a vector with some components empty.
+// Reads a row, given without its end of line. Returns false, with `measurement` unspecified, if the row is malformed:
+// it has not 16 columns, a field is not a finite number, or only some components of a vector are empty.
 bool read_measurement_csv(std::string_view row, Measurement& measurement) noexcept;
 
 }  // namespace imud

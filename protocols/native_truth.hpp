@@ -22,8 +22,8 @@
 // | 196    | u32     | CRC-32C of bytes 0 to 195                                                   |
 // | 200    | u8[8]   | reserved                                                                    |
 //
-// A sender writes 0 in what is reserved and in the flags that version 1 does not define; a receiver ignores them, so
-// that what is added later does no harm. A quantity whose flag is not set is not looked at.
+// A sender writes 0 to the reserved fields and to the flags that version 1 does not define; a receiver ignores them,
+// so that later additions stay compatible. A quantity whose flag is not set is ignored.
 #pragma once
 
 #include <cstddef>
@@ -53,11 +53,11 @@ std::size_t encode_native_truth(const Truth& truth, std::span<std::byte, native_
 struct NativeAcknowledgement {
   std::uint32_t stream = 0;
   std::uint32_t sequence = 0;  // of the truth answered
-  TruthTime time;              // i64 ns; truth up to here is in use
+  TruthTime time;              // i64, ns; truth up to this time has been used
   std::uint64_t samples = 0;   // emitted so far in the run
 };
 
-// False, and `acknowledgement` is untouched, if the datagram is none: wrong size, magic or version.
+// Returns false, with `acknowledgement` unchanged, if size, magic or version of the datagram are wrong.
 bool decode_native_acknowledgement(std::span<const std::byte> datagram,
                                    NativeAcknowledgement& acknowledgement) noexcept;
 

@@ -1,4 +1,4 @@
-// Numbers in the text that hosts send.
+// Parses numbers in the text that hosts send.
 #pragma once
 
 #include <charconv>
@@ -8,7 +8,8 @@
 
 namespace imud {
 
-// The number that the whole of `text` is; nullopt if it is none, or none of that type's range. No plus, no blanks.
+// Parses the whole of `text`, in which neither a plus nor blanks are allowed. Returns nullopt if it is not a number,
+// or out of the type's range. `radix` applies to integers.
 template <class Number>
 std::optional<Number> number_in(std::string_view text, int radix = 10) noexcept {
   Number number{};

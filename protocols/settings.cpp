@@ -20,7 +20,7 @@ struct Overloaded : Alternatives... {
 template <class... Alternatives>
 Overloaded(Alternatives...) -> Overloaded<Alternatives...>;
 
-// The value that a declaration's `initial` stands for, of the type that the setting has from then on.
+// Converts `initial`; the setting keeps the type of the result.
 SettingValue initial_value(const Setting& setting) {
   return std::visit(
       Overloaded{
@@ -44,7 +44,7 @@ std::string number_text(double value, bool integer) {
   return {text, end};
 }
 
-std::string wanted(const Setting& setting) {
+std::string valid_values(const Setting& setting) {
   const auto number = [&setting](std::string kind, bool integer) {
     if (setting.min < setting.max)
       kind += " from " + number_text(setting.min, integer) + " to " + number_text(setting.max, integer);
@@ -62,7 +62,7 @@ std::string wanted(const Setting& setting) {
 }
 
 [[noreturn]] void refuse(const Setting& setting) {
-  throw std::invalid_argument(std::string(setting.key) + ": wanted is " + wanted(setting));
+  throw std::invalid_argument(std::string(setting.key) + ": must be " + valid_values(setting));
 }
 
 bool acceptable(const Setting& setting, const SettingValue& value) {
@@ -135,7 +135,7 @@ void Settings::set(std::string_view key, SettingValue value) {
     std::vector<std::string_view> keys;
     for (const Setting& setting : declared_) keys.push_back(setting.key);
     throw std::invalid_argument("unknown setting \"" + std::string(key) + "\"; " +
-                                (keys.empty() ? "there are none" : "there are " + join(keys)));
+                                (keys.empty() ? "there are no settings" : "the settings are " + join(keys)));
   }
   if (std::holds_alternative<double>(values_[i]) && std::holds_alternative<std::int64_t>(value))
     value = static_cast<double>(std::get<std::int64_t>(value));
@@ -145,7 +145,7 @@ void Settings::set(std::string_view key, SettingValue value) {
 
 void Settings::set_text(std::string_view key, std::string_view text) {
   const std::size_t i = find(key);
-  if (i == declared_.size()) return set(key, false);  // which says so
+  if (i == declared_.size()) return set(key, false);  // throws, as the key is unknown
   const Setting& setting = declared_[i];
   const auto parsed = [&setting](const auto& number) -> SettingValue {
     if (!number) refuse(setting);
@@ -168,7 +168,8 @@ template <class T>
 const T& Settings::get(std::string_view key) const {
   const std::size_t i = find(key);
   const T* value = i < values_.size() ? std::get_if<T>(&values_[i]) : nullptr;
-  if (value == nullptr) throw std::logic_error("setting \"" + std::string(key) + "\" is not declared, or not so");
+  if (value == nullptr)
+    throw std::logic_error("setting \"" + std::string(key) + "\" is not declared, or has another type");
   return *value;
 }
 

@@ -1,4 +1,4 @@
-// Settings: the options that one protocol or truth format offers beside what all of them have.
+// Settings: the options that one protocol or truth format has beside those common to all.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,8 @@ namespace imud {
 
 using SettingValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
-// One setting that a table entry declares. `initial` decides the type; a number stays within [min, max] (equal: any
-// finite number); a text is one of `choices` (empty: any).
+// One setting that a table entry declares. The type is that of `initial`. A number must be within [min, max] (if they
+// are equal: any finite number), a text must be one of `choices` (if empty: any text).
 struct Setting {
   std::string_view key;
   std::string_view help;  // one line, with the unit
@@ -30,8 +30,8 @@ class Settings {
  public:
   explicit Settings(std::span<const Setting> declared = {});
 
-  // Sets a declared key. Throws std::invalid_argument that says what would be right: an unknown key, another type
-  // (an integer is taken where a double is wanted), a number out of range, a text that is not among the choices.
+  // Sets a declared key; an integer is accepted for a double. Throws std::invalid_argument, whose message gives the
+  // valid values, for an unknown key, another type, a number out of range, or a text that is not among the choices.
   void set(std::string_view key, SettingValue value);
   // As set(), from "true", "12", "0x7F", "1.5", "text" or "a,b,c".
   void set_text(std::string_view key, std::string_view text);

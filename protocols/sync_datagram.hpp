@@ -1,12 +1,12 @@
-// The pins of a sensor as datagrams: edges that come in, pulses that go out.
+// The synchronisation pins of a sensor as datagrams: edges are received, pulses are sent.
 //
 // | datagram | offset | type | field                                              |
 // |----------|--------|------|----------------------------------------------------|
 // | edge     | 0      | i64  | simulation time of the edge, ns, little-endian     |
 // | pulse    | 0      | i64  | simulation time at which the pulse begins, ns      |
-// |          | 8      | i64  | and at which it ends                               |
+// |          | 8      | i64  | simulation time at which the pulse ends, ns        |
 //
-// An edge of any other length carries no time.
+// An edge may be a datagram of any other length, which carries no time.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@
 
 namespace imud {
 
-// The time of an edge; nullopt if the datagram carries none.
+// Returns the time of an edge, or nullopt if the datagram carries none.
 inline std::optional<TruthTime> decode_edge(std::span<const std::byte> datagram) noexcept {
   if (datagram.size() != sizeof(TruthTime::ns)) return std::nullopt;
   return TruthTime{boost::endian::load_little_s64(reinterpret_cast<const unsigned char*>(datagram.data()))};

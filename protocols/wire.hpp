@@ -17,7 +17,7 @@ namespace imud {
 template <class T>
 concept WireLayout = std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> && alignof(T) == 1;
 
-// `bytes` holds at least sizeof(T).
+// Both: `bytes` has at least sizeof(T) elements.
 template <WireLayout T>
 T read_wire(std::span<const std::byte> bytes) noexcept {
   T wire;
@@ -30,12 +30,12 @@ void write_wire(const T& wire, std::span<std::byte> bytes) noexcept {
   std::memcpy(bytes.data(), &wire, sizeof(T));
 }
 
-// A double as the nearest float, the largest one where it is beyond.
+// Returns the nearest float; saturates at FLT_MAX.
 inline float to_float(double value) noexcept {
   return static_cast<float>(std::clamp(value, -double{FLT_MAX}, double{FLT_MAX}));
 }
 
-// Three numbers in wire order x, y, z; Buffer is a floating-point Boost.Endian buffer.
+// Writes x, y, z in this order. `Buffer` is a floating-point Boost.Endian buffer; a 32-bit one saturates at FLT_MAX.
 template <class Buffer>
 void put_vector(const Vector3& vector, Buffer (&wire)[3]) noexcept {
   for (int i = 0; i < 3; ++i) {

@@ -1,7 +1,7 @@
 // The measurement CSV (protocols/measurement_csv.hpp) as a device: the header row before the first sample, then a row
 // per sample, each in its own frame, LF at the end.
 //
-// Text has no checksum: a reader that joins within a row may take the rest of its first number for a whole one.
+// Text has no checksum: a reader that joins within a row may mistake the rest of its first number for a whole number.
 #include <array>
 #include <cstring>
 
@@ -40,7 +40,7 @@ class CsvDecoder final : public Decoder {
     while (const auto line = lines_.next()) decode(*line, sink);
   }
 
-  // A row without its end may lack digits, too.
+  // A row without its line feed may lack digits, and is therefore refused.
   void finish(MeasurementSink&) override {
     if (const std::size_t size = lines_.drop_line(); size > 0) refuse(size);
   }

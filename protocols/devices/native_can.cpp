@@ -1,8 +1,8 @@
 // imud's own frames for CAN: classic, seven frames of 8 bytes per sample, or FD, one of 64. All little-endian.
-// native_can.dbc and native_can_fd.dbc beside this file say the same to CAN tools.
+// native_can.dbc and native_can_fd.dbc beside this file describe the same layouts for CAN tools.
 //
-// Classic, identifiers `can_id` + 0 to + 6, leaving in this order. The counter is that of the sample, the same in all
-// seven, so that a decoder never mixes two samples.
+// Classic: identifiers `can_id` + 0 to + 6, sent in this order. All seven frames carry the sample's counter, so that
+// a decoder never mixes two samples.
 //
 // | frame  | bits    | type | field                                                       |
 // |--------|---------|------|-------------------------------------------------------------|
@@ -92,19 +92,19 @@ std::int64_t microseconds(DeviceTime time) noexcept {
   return time.ns / 1000 + (remainder >= 500 ? 1 : remainder < -500 ? -1 : 0);
 }
 
-// Two values, the counter above them.
+// Packs two values, and the counter in the bits above them.
 std::uint64_t pack(std::int64_t first, std::int64_t second, std::uint8_t counter) noexcept {
   constexpr std::uint64_t mask = (std::uint64_t{1} << value_bits) - 1;
   return (static_cast<std::uint64_t>(first) & mask) | (static_cast<std::uint64_t>(second) & mask) << value_bits |
          std::uint64_t{counter} << (2 * value_bits);
 }
 
-// Value `index` (0, 1) of a packed frame.
+// Returns value `index` (0, 1) of a packed frame.
 std::int64_t unpack(std::uint64_t frame, int index) noexcept {
   return static_cast<std::int64_t>(frame << (64 - value_bits * (index + 1))) >> (64 - value_bits);
 }
 
-// Where on the bus the frames are, checked.
+// The identifiers of the frames. Throws std::invalid_argument if one exceeds the range.
 struct Identifiers {
   explicit Identifiers(const Settings& settings)
       : id(static_cast<std::uint32_t>(settings.integer("can_id"))),
@@ -112,8 +112,8 @@ struct Identifiers {
         fd(settings.flag("fd")) {
     const std::uint32_t highest = (extended ? 0x1FFF'FFFFU : 0x7FFU) - (fd ? 0 : classic_frames - 1);
     if (id > highest)
-      throw std::invalid_argument("can_id: wanted is at most " + std::to_string(highest) +
-                                  (extended ? "" : "; beyond, with extended = true"));
+      throw std::invalid_argument("can_id: must be at most " + std::to_string(highest) +
+                                  (extended ? "" : "; with extended = true it may be higher"));
   }
 
   CanHeader header(std::uint32_t frame) const noexcept {
@@ -181,7 +181,7 @@ class NativeCanDevice final : public Device {
   Identifiers identifiers_;
 };
 
-// Understands both kinds, whatever `fd` says.
+// Decodes both kinds, whatever the setting `fd`.
 class NativeCanDecoder final : public Decoder {
  public:
   explicit NativeCanDecoder(const Settings& settings) : identifiers_(settings) {}
@@ -205,7 +205,7 @@ class NativeCanDecoder final : public Decoder {
   void finish(MeasurementSink&) override { abandon(); }
 
  private:
-  // The set begun, if there is one, stays incomplete.
+  // Drops an unfinished set, if there is one, and counts it as incomplete.
   void abandon() noexcept {
     if (next_ == head_frame) return;
     ++errors_.incomplete;
@@ -216,7 +216,8 @@ class NativeCanDecoder final : public Decoder {
   void decode_head(std::span<const std::byte> bytes) noexcept {
     abandon();
     const auto wire = read_wire<HeadWire>(bytes);
-    // The nearest to the time before that agrees in the low 32 bits; the first as it is.
+    // Unwraps the time: of those with these low 32 bits, the nearest to the previous one; the first is taken as it
+    // is.
     const std::uint32_t low = wire.time_us.value();
     const auto step = static_cast<std::int32_t>(low - static_cast<std::uint32_t>(time_us_.value_or(low)));
     time_us_ = time_us_.value_or(low) + static_cast<std::uint64_t>(std::int64_t{step});
@@ -235,7 +236,7 @@ class NativeCanDecoder final : public Decoder {
     const auto counter = static_cast<std::uint8_t>(frame >> (2 * value_bits));
     if (index != next_ || counter != set_.sample.counter) {
       abandon();
-      if (refused_ != counter) ++errors_.incomplete;  // a set whose beginning was never seen
+      if (refused_ != counter) ++errors_.incomplete;  // a set whose first frame is missing
       refused_ = counter;
       return;
     }
@@ -271,7 +272,7 @@ class NativeCanDecoder final : public Decoder {
 
   Identifiers identifiers_;
   Measurement set_;
-  std::uint32_t next_ = head_frame;       // the frame that the set waits for; head_frame: no set is begun
+  std::uint32_t next_ = head_frame;       // the next frame of the set; head_frame: no set has begun
   std::optional<std::uint8_t> refused_;   // the counter of the set last refused, so that it is counted once
   std::optional<std::uint64_t> time_us_;  // unwrapped, modulo 2^64
 };
@@ -293,7 +294,7 @@ constexpr Setting settings[] = {
     {.key = "fd", .help = "one CAN FD frame of 64 bytes per sample, in float32, in place of seven", .initial = false},
 };
 
-// FD: float32, whose LSB is 2^-24 of the number; here, of numbers up to 1.
+// FD: the LSB of a float32 is 2^-24 of the number; the test uses numbers up to 1.
 constexpr ConformanceSettings conformance_settings[] = {
     {""},
     {"extended=true can_id=419419136"},

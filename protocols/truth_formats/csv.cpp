@@ -2,8 +2,8 @@
 //
 // `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required. `r_BN_N_x..z` (m),
 // `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific force, m/s^2) and
-// `TotalAccumDV_BN_B_x..z` (m/s) count as given if all three columns are there. Others are ignored, and so are lines
-// that begin with '#'. The names are those of Basilisk's SCStatesMsgPayload.
+// `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present. Other columns, and lines that begin with
+// '#', are ignored. The names are those of Basilisk's SCStatesMsgPayload.
 #include <cmath>
 
 #include "core/attitude.hpp"
@@ -58,7 +58,7 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
 
   bool enough() const noexcept override { return columns().has(time_ns, required_columns); }
 
-  // Nanoseconds in 64 bits; a float text such as 5e7 is taken as well.
+  // Reads nanoseconds as a 64-bit integer; a floating-point text such as 5e7 is accepted, too.
   TruthResult read_time(TruthTime& time) const noexcept {
     if (const auto integer = parse_integer(columns().field(time_ns))) {
       time.ns = *integer;
@@ -105,8 +105,8 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
 
 constexpr Setting settings[] = {
     {.key = "accumulated_dv",
-     .help =
-         "how TotalAccumDV_BN_B was summed up: in inertial space, each step in its own body axes, or not to be used",
+     .help = "how TotalAccumDV_BN_B was accumulated: in inertial space, or each step in its own body axes; none: not "
+             "used",
      .initial = std::string_view("inertial"),
      .choices = accumulations},
     columns_setting,

@@ -1,15 +1,15 @@
-// JSBSim's `<output type="SOCKET" protocol="UDP">`: a row of text per datagram, padded numbers, after a row of labels
-// (`<LABELS> ,Time,...`) that is sent only once; a listener that joins later is told the `columns`. Set the output's
-// `precision` to 16.
+// JSBSim's `<output type="SOCKET" protocol="UDP">`: each datagram is a row of padded numbers. A row of labels
+// (`<LABELS> ,Time,...`) is sent once, before them; a listener that joins later needs the setting `columns`. Set the
+// output's `precision` to 16.
 //
-// A label is the last part of a property's name, its underscores turned into spaces; both spellings are taken.
+// A label is the last part of a property's name, with spaces for its underscores; both spellings are accepted.
 // Required are the simulation time `Time` (s), `lat-geod-rad`, `long-gc-rad`, `epa-rad` (Earth position angle),
 // `phi-rad`, `theta-rad`, `psi-rad` (front-right-down relative to local north-east-down) and the rate: `pi-rad_sec`
 // to `ri-rad_sec` (relative to inertial space), or else `p-rad_sec` to `r-rad_sec` (relative to the Earth, whose
-// rotation is added). Taken if all three components are there: `eci-x-ft`, `eci-x-fps`, `pidot-rad_sec2`,
-// `a-pilot-x-ft_sec2` and their like. Feet become metres.
+// rotation is added). Optional, and used if all three components are present, are the vectors of `eci-x-ft`,
+// `eci-x-fps`, `pidot-rad_sec2` and `a-pilot-x-ft_sec2`. Feet are converted to metres.
 //
-// The specific force is that of the pilot's eye point: for it, B's origin is there, and r_SB_B counts from there.
+// The specific force is that of the pilot's eye point, which therefore is B's origin: r_SB_B is measured from there.
 // JSBSim's `eci-*` are those of the centre of gravity.
 #include <cmath>
 
@@ -39,9 +39,9 @@ constexpr std::string_view names[] = {
 constexpr std::size_t required_columns = 7;  // and one of the two rates
 
 constexpr double metres_per_foot = 0.3048;
-constexpr double earth_rate = 7.292115e-5;  // rad/s; what epa-rad grows by in a second
+constexpr double earth_rate = 7.292115e-5;  // rad/s; the rate of epa-rad
 constexpr double half_pi = 0x1.921fb54442d18p0;
-constexpr double largest_angle = 1e5;    // rad; elementary::sincos
+constexpr double largest_angle = 1e5;    // rad; the limit of elementary::sincos
 constexpr double longest_time = 0x1p32;  // s
 
 bool same_label(std::string_view given, std::string_view wanted) {

@@ -82,17 +82,16 @@ TEST(Settings, TakeTexts) {
 
 TEST(Settings, RefusalsSayWhatWouldBeRight) {
   EXPECT_EQ(refusal([](Settings& s) { s.set("colr", true); }),
-            "unknown setting \"colr\"; there are flag, integer, real, free_real, text, colour, list");
+            "unknown setting \"colr\"; the settings are flag, integer, real, free_real, text, colour, list");
   EXPECT_EQ(refusal([](Settings& s) { s.set_text("colr", "1"); }),
-            "unknown setting \"colr\"; there are flag, integer, real, free_real, text, colour, list");
-  EXPECT_EQ(refusal([](Settings& s) { s.set("flag", std::int64_t{1}); }), "flag: wanted is true or false");
+            "unknown setting \"colr\"; the settings are flag, integer, real, free_real, text, colour, list");
+  EXPECT_EQ(refusal([](Settings& s) { s.set("flag", std::int64_t{1}); }), "flag: must be true or false");
   EXPECT_EQ(refusal([](Settings& s) { s.set("integer", std::int64_t{2048}); }),
-            "integer: wanted is an integer from -10 to 2047");
-  EXPECT_EQ(refusal([](Settings& s) { s.set("real", 0.25); }), "real: wanted is a finite number from 0.5 to 2");
-  EXPECT_EQ(refusal([](Settings& s) { s.set("colour", std::string("blue")); }),
-            "colour: wanted is one of red, green");
-  EXPECT_EQ(refusal([](Settings& s) { s.set("text", true); }), "text: wanted is a text");
-  EXPECT_EQ(refusal([](Settings& s) { s.set("list", std::string("a")); }), "list: wanted is a list of texts");
+            "integer: must be an integer from -10 to 2047");
+  EXPECT_EQ(refusal([](Settings& s) { s.set("real", 0.25); }), "real: must be a finite number from 0.5 to 2");
+  EXPECT_EQ(refusal([](Settings& s) { s.set("colour", std::string("blue")); }), "colour: must be one of red, green");
+  EXPECT_EQ(refusal([](Settings& s) { s.set("text", true); }), "text: must be a text");
+  EXPECT_EQ(refusal([](Settings& s) { s.set("list", std::string("a")); }), "list: must be a list of texts");
   Settings none;
   EXPECT_THROW(none.set("x", true), std::invalid_argument);
 }

@@ -162,7 +162,7 @@ TEST_F(CsvTruth, ConfiguredColumnsThatAreMissingAreNamed) {
     }
     return "";
   };
-  const std::string wanted = "wanted are at most 256 names, among them time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z";
+  const std::string wanted = "give at most 256 names, among them time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z";
   EXPECT_EQ(refusal({"time_ns", "omega_BN_B_x", "sigma_BN_2", "sigma_BN_3", "omega_BN_B_y", "x"}),
             "columns: missing sigma_BN_1, omega_BN_B_z; " + wanted);
   EXPECT_EQ(refusal(std::vector<std::string>(257, "time_ns")), "columns: " + wanted);
