@@ -11,19 +11,19 @@ namespace imud {
 
 class DatagramFaults {
  public:
-  struct Rates {
+  struct Rates {  // percentages: of all datagrams
     double drop_percent = 0;
     double duplicate_percent = 0;
     double reorder_percent = 0;
     double corrupt_percent = 0;
-    double jitter_ms = 0;
+    double jitter_ms = 0;  // longest delay; delays are uniformly distributed
     std::uint64_t seed = 1;
   };
   // The faults of one datagram.
   struct Fate {
     bool drop = false;
     bool duplicate = false;
-    bool reorder = false;  // it leaves after the next one
+    bool reorder = false;  // it is sent after the next one
     bool corrupt = false;  // bit `bit` of it is flipped
     std::size_t bit = 0;
     Nanoseconds delay{};

@@ -12,12 +12,12 @@ namespace imud {
 
 namespace {
 
-// Sleeps until an absolute instant, so that no delay adds up; returns early if stop_wished().
+// Sleeps until an absolute instant, so that no delay adds up; returns early if stop_requested().
 void sleep_until(HostTime time) noexcept {
   timespec instant{};
   instant.tv_sec = time.ns / 1'000'000'000;
   instant.tv_nsec = time.ns % 1'000'000'000;
-  while (!stop_wished() && ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &instant, nullptr) == EINTR) continue;
+  while (!stop_requested() && ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &instant, nullptr) == EINTR) continue;
 }
 
 // Returns the milliseconds until `time` for poll(), rounded up and not negative.
@@ -36,7 +36,7 @@ void DatagramSender::send(std::span<const std::byte> datagram, std::optional<Hos
   if (due) {
     last_due_ = std::max(last_due_, *due + fate.delay);
     sleep_until(last_due_);
-    if (stop_wished()) return;
+    if (stop_requested()) return;
     lateness_.add(std::max(0.0, seconds(host_now() - last_due_)));
   }
 
@@ -90,11 +90,11 @@ void DatagramSender::transmit(std::span<const std::byte> datagram) {
 std::optional<NativeAcknowledgement> DatagramSender::send_and_wait(std::span<const std::byte> datagram,
                                                                    std::optional<HostTime> due, std::uint32_t stream,
                                                                    std::uint32_t sequence) {
-  for (unsigned attempt = 0; attempt <= options_.resend_at_most && !stop_wished(); ++attempt) {
+  for (unsigned attempt = 0; attempt <= options_.resend_at_most && !stop_requested(); ++attempt) {
     if (attempt > 0) ++counters_.resent;
     send(datagram, attempt == 0 ? due : std::nullopt);
     const HostTime sent = host_now();
-    if (const auto answer = wait_for_answer(stream, sequence, sent + options_.answer_time_out)) {
+    if (const auto answer = wait_for_answer(stream, sequence, sent + options_.answer_timeout)) {
       round_trip_.add(seconds(host_now() - sent));
       return answer;
     }
@@ -105,7 +105,7 @@ std::optional<NativeAcknowledgement> DatagramSender::send_and_wait(std::span<con
 // Ignores answers to earlier datagrams, which may be late or belong to a duplicate.
 std::optional<NativeAcknowledgement> DatagramSender::wait_for_answer(std::uint32_t stream, std::uint32_t sequence,
                                                                      HostTime until) {
-  while (!stop_wished()) {
+  while (!stop_requested()) {
     while (const auto received = port_.receive()) {
       NativeAcknowledgement answer;
       if (decode_native_acknowledgement(received->frame.bytes, answer) && answer.stream == stream &&

@@ -1,4 +1,4 @@
-// DatagramSender: sends datagrams, with the faults of a bad network if wanted; in lockstep, waits for the answer to
+// DatagramSender: sends datagrams, optionally with the faults of a bad network; in lockstep, waits for the answer to
 // each.
 #pragma once
 
@@ -18,8 +18,8 @@ class DatagramSender {
  public:
   struct Options {
     DatagramFaults::Rates faults;
-    unsigned resend_at_most = 10;  // lockstep
-    Nanoseconds answer_time_out = std::chrono::milliseconds(200);
+    unsigned resend_at_most = 10;  // lockstep: repetitions of one datagram
+    Nanoseconds answer_timeout = std::chrono::milliseconds(200);
   };
   struct Counters {
     std::uint64_t sent = 0;  // datagrams that the kernel accepted, faulty ones included
@@ -32,20 +32,20 @@ class DatagramSender {
     std::uint64_t resent = 0;
   };
 
-  // `port` must be connected, and outlive this.
+  // `port` must be connected, and must outlive this.
   DatagramSender(Port& port, const Options& options);
 
   // Waits until `due` if it is given, and for the fault's jitter, then sends `datagram`.
   void send(std::span<const std::byte> datagram, std::optional<HostTime> due);
   // Sends likewise and waits for the acknowledgement of `sequence`; sends again when none comes in time. Returns
-  // nullopt if no attempt was answered, or stop_wished().
+  // nullopt if no attempt was answered, or stop_requested().
   std::optional<NativeAcknowledgement> send_and_wait(std::span<const std::byte> datagram, std::optional<HostTime> due,
                                                      std::uint32_t stream, std::uint32_t sequence);
-  // Sends a datagram that is still held back because it is reordered.
+  // Sends the datagram that is held back for reordering, if there is one.
   void finish();
 
   const Counters& counters() const noexcept { return counters_; }
-  const DurationHistogram& lateness() const noexcept { return lateness_; }      // from `due` to the sending
+  const DurationHistogram& lateness() const noexcept { return lateness_; }      // from `due` to sending
   const DurationHistogram& round_trip() const noexcept { return round_trip_; }  // of the attempt that was answered
 
  private:

@@ -75,8 +75,8 @@ const Protocol& protocol_for(const Options& options) {
   const Transport* transport = find_transport(scheme);
   const bool wants_can = protocol->link == Link::can;
   if (transport != nullptr && transport->carries_can != wants_can)
-    throw std::invalid_argument(fmt::format("{} is spoken {}; {}: carries {}", protocol->name,
-                                            wants_can ? "on CAN" : "on byte links", scheme,
+    throw std::invalid_argument(fmt::format("{} needs a {}; {}: carries {}", protocol->name,
+                                            wants_can ? "CAN port" : "port for bytes", scheme,
                                             wants_can ? "bytes" : "CAN frames"));
   return *protocol;
 }
@@ -90,7 +90,7 @@ bool is_regular_file(const Port& port) {
   return port.descriptor() >= 0 && ::fstat(port.descriptor(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
-// Writes and counts measurements until there are enough.
+// Writes and counts measurements, up to the number wanted.
 class Recorder final : public MeasurementSink {
  public:
   Recorder(const Protocol& protocol, const Options& options, TextOutput& csv)
@@ -118,29 +118,29 @@ class Recorder final : public MeasurementSink {
   std::optional<HostTime> arrival_;
 };
 
-// Waits for input, for a limited time. Some descriptors are always ready without any input (those of an interface
+// Waits for input, for a limited time. Some descriptors are always ready without input (such as those of an interface
 // that is down); they are read every 10 ms.
 class Waiting {
  public:
   void until_ready(const Port& port, Nanoseconds longest) {
     using namespace std::chrono_literals;
     const Nanoseconds pause =
-        ready_in_vain_ ? std::min<Nanoseconds>(longest, 10ms) : std::min<Nanoseconds>(longest, 100ms);
+        ready_without_input_ ? std::min<Nanoseconds>(longest, 10ms) : std::min<Nanoseconds>(longest, 100ms);
     const auto ms = static_cast<int>((pause + 999'999ns) / 1ms);
-    pollfd descriptor{ready_in_vain_ ? -1 : port.descriptor(), POLLIN, 0};
-    ready_in_vain_ = ::poll(&descriptor, 1, ms) > 0;
+    pollfd descriptor{ready_without_input_ ? -1 : port.descriptor(), POLLIN, 0};
+    ready_without_input_ = ::poll(&descriptor, 1, ms) > 0;
   }
-  void received() { ready_in_vain_ = false; }
+  void received() { ready_without_input_ = false; }
 
  private:
-  bool ready_in_vain_ = false;
+  bool ready_without_input_ = false;
 };
 
 // Reports when a device is lost and when it is back.
 class LossNotice {
  public:
   explicit LossNotice(std::string port) : port_(std::move(port)) {}
-  void look_at(const Port& port) {
+  void update(const Port& port) {
     const bool lost = port.state() == PortState::lost;
     if (lost != lost_) fmt::print(stderr, "imu-decode: {} is {}\n", port_, lost ? "lost; waiting for it" : "back");
     lost_ = lost;
@@ -154,13 +154,14 @@ class LossNotice {
 std::string_view receive_all(Port& port, Decoder& decoder, Recorder& recorder, TextOutput& csv,
                              const Options& options) {
   const bool is_live = !is_capture(port) && !is_regular_file(port);
-  bool arrival_counts = is_capture(port);  // frames in a live port before the first receive() have come earlier
+  bool arrival_counts =
+      is_capture(port);  // frames that are in a live port before the first receive() arrived earlier
   const HostTime start = host_now();
   const auto elapsed_s = [&] { return seconds(host_now() - start); };
   Waiting waiting;
   LossNotice loss(options.port);
   while (true) {
-    if (stop_wished()) return "signal";
+    if (stop_requested()) return "signal";
     if (!csv.is_open()) return "closed output";
     if (recorder.is_full()) return "count";
     const double left_s = options.for_s - elapsed_s();
@@ -177,7 +178,7 @@ std::string_view receive_all(Port& port, Decoder& decoder, Recorder& recorder, T
       return "end of input";
     }
     if (is_capture(port)) continue;  // packets to other ports are skipped
-    loss.look_at(port);
+    loss.update(port);
     csv.flush();
     arrival_counts = arrival_counts || is_live;
     waiting.until_ready(port, Nanoseconds(static_cast<std::int64_t>(std::min(left_s, 1.0) * 1e9)));
@@ -215,7 +216,8 @@ int decode(const Options& options, bool& running) {
   if (!csv.is_open() && csv.error() != EPIPE)
     throw std::runtime_error(std::string("standard output: ") + std::strerror(csv.error()));
   if (recorder.statistics().samples() == 0) {
-    fmt::print(stderr, "imu-decode: not one sample was decoded; is it {} that is spoken there?\n", protocol.name);
+    fmt::print(stderr, "imu-decode: no sample was decoded; does {} use this protocol ({})?\n", options.port,
+               protocol.name);
     return failed;
   }
   return 0;
@@ -228,26 +230,25 @@ int main(int argc, char** argv) {
       "imu-decode");
   app.set_version_flag("--version", "imu-decode " IMUD_VERSION);
   Options options;
-  app.add_option("PROTOCOL", options.protocol, "what is spoken, see below")->required()->type_name("");
-  app.add_option("PORT", options.port, "where, see below")->required()->type_name("");
+  app.add_option("PROTOCOL", options.protocol, "protocol of the device, see below")->required()->type_name("");
+  app.add_option("PORT", options.port, "port to receive from, see below")->required()->type_name("");
   app.add_option("--set", options.settings, "a setting of the protocol; may be repeated")
       ->allow_extra_args(false)
       ->type_name("KEY=VALUE");
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
-  app.add_option("--json", options.json_path, "writes the report as JSON, too; - is standard output")
+  app.add_option("--json", options.json_path, "also writes the report as JSON; - is standard output")
       ->type_name("FILE");
-  app.add_option("--for", options.for_s, "ends after that long by the host's clock")
+  app.add_option("--for", options.for_s, "ends after this time of the host's clock")
       ->check(number_check(0, 1e9))
       ->type_name("SECONDS");
-  app.add_option("--count", options.count, "ends after that many samples")
+  app.add_option("--count", options.count, "ends after this number of samples")
       ->check(number_check(1, 1e18))
       ->type_name("N");
-  app.footer(
-      fmt::format("\n{}\n{}\nExit codes: 0 done, 1 failed while running or not one sample decoded, 2 the command "
-                  "line is wrong or "
-                  "the port cannot be opened.\n"
-                  "Example: imu-decode native pty:imu1 --for 60 > imu1.csv",
-                  known_protocols(), known_ports()));
+  app.footer(fmt::format(
+      "\n{}\n{}\nExit codes: 0 done, 1 failed while running or no sample decoded, 2 the command line is wrong or "
+      "the port cannot be opened.\n"
+      "Example: imu-decode native pty:imu1 --for 60 > imu1.csv",
+      known_protocols(), known_ports()));
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

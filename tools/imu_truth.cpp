@@ -50,10 +50,10 @@ constexpr struct {
 } motion_options[] = {
     {"--rate-rad-per-s", &MotionParameters::rate_rad_per_s, "angular rate, rad/s"},
     {"--half-angle-rad", &MotionParameters::half_angle_rad, "half-angle of the cone, rad"},
-    {"--frequency-hz", &MotionParameters::frequency_hz, "of the coning, Hz"},
-    {"--acceleration-m-per-s2", &MotionParameters::acceleration_m_per_s2, "m/s^2"},
-    {"--jerk-m-per-s3", &MotionParameters::jerk_m_per_s3, "m/s^3"},
-    {"--gravity-m-per-s2", &MotionParameters::gravity_m_per_s2, "along +z of N (down), m/s^2"},
+    {"--frequency-hz", &MotionParameters::frequency_hz, "frequency of the coning, Hz"},
+    {"--acceleration-m-per-s2", &MotionParameters::acceleration_m_per_s2, "acceleration, m/s^2"},
+    {"--jerk-m-per-s3", &MotionParameters::jerk_m_per_s3, "jerk, m/s^3"},
+    {"--gravity-m-per-s2", &MotionParameters::gravity_m_per_s2, "gravity along +z of N (down), m/s^2"},
 };
 
 std::string known_motions() {
@@ -80,7 +80,7 @@ void check(const CLI::App& app, Options& options) {
   const bool is_capture = options.what == "capture";
   if (is_capture) {
     if (options.capture.empty())
-      throw std::invalid_argument("capture: which? right would be capture FILE.pcap?port=N");
+      throw std::invalid_argument("capture: no file is given; right would be capture FILE.pcap?port=N");
     refuse_unused(app, "a capture is sent as it is",
                   {"--rate", "--start", "--stream", "--format", "--no-new-run", "--lockstep", "--csv"});
     for (const auto& entry : motion_options) refuse_unused(app, "a capture is sent as it is", {entry.option});
@@ -92,23 +92,23 @@ void check(const CLI::App& app, Options& options) {
       throw std::invalid_argument(options.capture + ": only 'capture' is followed by a file");
     for (const auto& entry : motion_options)
       if (app.get_option(entry.option)->count() > 0 && !uses(*options.motion.motion, entry.parameter))
-        throw std::invalid_argument(
-            fmt::format("{}: {} has none: {}", entry.option, options.what, options.motion.motion->summary));
+        throw std::invalid_argument(fmt::format("{}: {} has no such parameter: {}", entry.option, options.what,
+                                                options.motion.motion->summary));
   }
   if (!options.csv_path.empty())
     refuse_unused(app, "not with --csv, which sends nothing",
                   {"--to", "--fast", "--lockstep", "--format", "--stream", "--no-new-run", "--drop", "--duplicate",
                    "--reorder", "--jitter", "--corrupt"});
   if (options.lockstep) {
-    refuse_unused(app, "not in lockstep, where the next datagram waits for the answer to this one", {"--reorder"});
+    refuse_unused(app, "not in lockstep, where each datagram waits for the answer to the one before", {"--reorder"});
     if (options.format != "native") throw std::invalid_argument("--lockstep: only native datagrams are answered");
   } else {
     refuse_unused(app, "only with --lockstep", {"--resend"});
   }
-  if (options.format == "csv") refuse_unused(app, "only native datagrams have it", {"--stream", "--no-new-run"});
-  if (options.fast) refuse_unused(app, "not with --fast, which has no pace", {"--jitter"});
+  if (options.format == "csv") refuse_unused(app, "only for native datagrams", {"--stream", "--no-new-run"});
+  if (options.fast) refuse_unused(app, "not with --fast, which sends without pacing", {"--jitter"});
   if (!is_capture && !options.motion.for_s && ((options.fast && !options.lockstep) || !options.csv_path.empty()))
-    throw std::invalid_argument("--for: how long? A motion has no end, and without pace nothing slows it");
+    throw std::invalid_argument("--for: must be given with --fast or --csv, as a motion has no end");
 
   options.motion.acknowledge = options.lockstep;
   options.motion.new_run = !options.no_new_run;
@@ -120,7 +120,7 @@ int write_csv(const Options& options, bool& running) {
   csv.write(truth_csv_header);
   MotionTruths truths(options.motion);
   std::uint64_t rows = 0;
-  while (!stop_wished() && csv.is_open()) {
+  while (!stop_requested() && csv.is_open()) {
     const auto truth = truths.next();
     if (!truth) break;
     csv.write(truth_csv_row(*truth));
@@ -186,7 +186,7 @@ int send(const Options& options, bool& running) {
   std::string failure;
   const HostTime start = host_now();
   std::uint64_t datagrams = 0;
-  while (!stop_wished() && failure.empty()) {
+  while (!stop_requested() && failure.empty()) {
     const auto datagram = source->next();
     if (!datagram) break;
     ++datagrams;
@@ -196,10 +196,10 @@ int send(const Options& options, bool& running) {
     } else if (const auto answer = sender.send_and_wait(datagram->bytes, due, datagram->stream, datagram->sequence)) {
       ++answers.count;
       answers.last = *answer;
-    } else if (!stop_wished()) {
-      failure =
-          fmt::format("no answer to sequence {} from {}, asked {} times; is imud there, with clock = \"lockstep\"?",
-                      datagram->sequence, options.to, options.sender.resend_at_most + 1);
+    } else if (!stop_requested()) {
+      failure = fmt::format(
+          "no answer to sequence {} from {}, sent {} times; is imud running there with clock = \"lockstep\"?",
+          datagram->sequence, options.to, options.sender.resend_at_most + 1);
     }
   }
   sender.finish();
@@ -207,7 +207,7 @@ int send(const Options& options, bool& running) {
   print_report(sender, answers, options.lockstep, seconds(host_now() - start));
   if (!source->warning().empty()) fmt::print(stderr, "{:<12} {}\n", "capture", source->warning());
   if (!failure.empty()) throw std::runtime_error(failure);
-  if (datagrams == 0 && !stop_wished())
+  if (datagrams == 0 && !stop_requested())
     throw std::runtime_error(fmt::format("{}: no datagram in it{}", options.capture,
                                          capture->counters().not_ours > 0 ? " for that port" : ""));
   return 0;
@@ -215,52 +215,54 @@ int send(const Options& options, bool& running) {
 
 void define(CLI::App& app, Options& options) {
   app.set_version_flag("--version", "imu-truth " IMUD_VERSION);
-  app.add_option("MOTION", options.what, "which motion, 'capture', or 'list'; see below")->required()->type_name("");
+  app.add_option("MOTION", options.what, "a motion, 'capture', or 'list'; see below")->required()->type_name("");
   app.add_option("FILE", options.capture, "the capture")->type_name("");
   const auto add = [&app](const char* name, auto& value, const char* unit, const char* help) {
     return app.add_option(name, value, help)->type_name(unit);
   };
-  add("--to", options.to, "PORT", "where to, udp:ADDR:PORT")->capture_default_str();
+  add("--to", options.to, "PORT", "destination, udp:ADDR:PORT")->capture_default_str();
   add("--rate", options.motion.rate_hz, "HZ", "truths per second")
       ->check(number_check(Grid::min_rate_hz, Grid::max_rate_hz))
       ->capture_default_str();
   add("--for", options.motion.for_s, "SECONDS",
-      "of the motion or capture, the truth at its end included; without it, until interrupted")
+      "duration of the motion or capture, with the truth at its end; default: until interrupted")
       ->check(number_check(0, 1e9));
-  add("--start", options.motion.start_s, "SECONDS", "simulation time, and the motion's own, of the first truth")
+  add("--start", options.motion.start_s, "SECONDS", "simulation time and motion time of the first truth")
       ->check(number_check(-1e9, 1e9))
       ->capture_default_str();
-  add("--stream", options.motion.stream, "N", "which vehicle")->capture_default_str();
+  add("--stream", options.motion.stream, "N", "number of the vehicle")->capture_default_str();
   add("--format", options.format, "native|csv", "csv: a row per datagram, the header row first")
       ->check(CLI::IsMember({"native", "csv"}).description(""))
       ->capture_default_str();
-  add("--csv", options.csv_path, "FILE", "writes truth CSV to it and sends nothing; - is standard output");
-  app.add_flag("--no-new-run", options.no_new_run, "the first datagram does not say that a new run begins");
-  app.add_flag("--fast", options.fast, "without pace; may outrun the receiver, except with --lockstep");
+  add("--csv", options.csv_path, "FILE", "writes truth CSV to FILE and sends nothing; - is standard output");
+  app.add_flag("--no-new-run", options.no_new_run, "does not mark the first datagram as the beginning of a run");
+  app.add_flag("--fast", options.fast, "sends without pacing; may outrun the receiver, except with --lockstep");
   app.add_flag("--lockstep", options.lockstep, "waits for the acknowledgement of each datagram before the next one");
   add("--resend", options.sender.resend_at_most, "N",
-      "lockstep: how often to send again what is not answered within 200 ms")
+      "lockstep: how often a datagram not answered within 200 ms is sent again")
       ->capture_default_str();
 
   for (const auto& entry : motion_options)
     add(entry.option, options.motion.parameters.*entry.parameter, "X", entry.help)
         ->check(number_check(-1e6, 1e6))
         ->capture_default_str()
-        ->group("What the motion is like");
+        ->group("Parameters of the motion");
 
   DatagramFaults::Rates& faults = options.sender.faults;
-  constexpr auto fault_group = "Faults, to try a receiver with";
+  constexpr auto fault_group = "Network faults, to test a receiver";
   const auto add_fault = [&](const char* name, double& percent, const char* help) {
     add(name, percent, "PERCENT", help)->check(number_check(0, 100))->group(fault_group);
   };
   add_fault("--drop", faults.drop_percent, "are not sent");
   add_fault("--duplicate", faults.duplicate_percent, "are sent twice");
-  add_fault("--reorder", faults.reorder_percent, "leave after the next one");
-  add_fault("--corrupt", faults.corrupt_percent, "have one bit flipped, any of them");
-  add("--jitter", faults.jitter_ms, "MS", "each leaves late by chance, up to this, in order")
+  add_fault("--reorder", faults.reorder_percent, "are sent after the next one");
+  add_fault("--corrupt", faults.corrupt_percent, "have one random bit flipped");
+  add("--jitter", faults.jitter_ms, "MS", "delays each datagram by a random time up to this; the order is kept")
       ->check(number_check(0, 60'000))
       ->group(fault_group);
-  add("--seed", faults.seed, "N", "the same seed, the same faults")->capture_default_str()->group(fault_group);
+  add("--seed", faults.seed, "N", "seed of the faults; the same seed gives the same faults")
+      ->capture_default_str()
+      ->group(fault_group);
   app.footer(
       fmt::format("\n{}\nExit codes: 0 done, 1 failed while running or not answered, 2 the command line is wrong.\n"
                   "Example: imu-truth coning --half-angle-rad 0.1 --to udp:127.0.0.1:9810 --rate 100 --for 10",

@@ -69,10 +69,10 @@ struct Answer {
 
 struct Options {
   std::chrono::milliseconds timeout{200};  // of an attempt
-  unsigned attempts = 50;                  // many, as imud may start later than the simulator, or have much to emit
-  std::uint32_t stream = 0;                // number of the vehicle; an imud accepts the truth of one
-  // Taken from the clock if not given, because imud takes the same first truth with the same sequence for a
-  // repetition instead of a new run.
+  unsigned attempts = 50;    // imud may start later than the simulator, or take long to emit many samples
+  std::uint32_t stream = 0;  // number of the vehicle; imud accepts the truth of one vehicle only
+  // Default: taken from the clock, because imud would take a first truth with an old time and sequence for a
+  // repetition, not for a new run.
   std::optional<std::uint32_t> first_sequence;
 };
 
@@ -136,11 +136,11 @@ inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t s
   return datagram;
 }
 
-// One run of one vehicle: the first truth is marked as the beginning of a run. For one thread at a time.
+// One run of one vehicle: the first truth is marked as the beginning of a run. Use it from one thread at a time.
 class LockstepClient {
  public:
   // `address`: numeric, IPv4 or IPv6, as in imud's truth.port. Throws std::invalid_argument if it is no address, and
-  // std::system_error if nothing can be sent there. A missing imud is found by step().
+  // std::system_error if nothing can be sent there. Whether imud is running is found out by step().
   LockstepClient(const std::string& address, std::uint16_t port, const Options& options = {})
       : options_(options),
         name_("udp:" + (address.find(':') == std::string::npos ? address : "[" + address + "]") + ":" +
@@ -152,7 +152,8 @@ class LockstepClient {
     hints.ai_socktype = SOCK_DGRAM;
     addrinfo* found = nullptr;
     if (const int error = ::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found); error != 0)
-      throw std::invalid_argument(name_ + ": " + ::gai_strerror(error) + "; right would be the like of 127.0.0.1");
+      throw std::invalid_argument(name_ + ": " + ::gai_strerror(error) +
+                                  "; right would be an address such as 127.0.0.1");
     socket_.descriptor = ::socket(found->ai_family, SOCK_DGRAM, 0);
     // A connected socket receives from its peer only, and reports an error if the peer's port is not open.
     const bool connected =
@@ -199,15 +200,15 @@ class LockstepClient {
     int descriptor = -1;
   };
 
-  // Returns 0 or errno. An error is no reason to stop: the answer is missing then, and the next attempt follows.
+  // Returns 0 or errno. After an error no answer arrives, and the next attempt follows.
   int send(const Datagram& datagram) const noexcept {
-    // The first error may belong to a datagram that was sent before; therefore send once more.
+    // The first error may belong to an earlier datagram; therefore try once more.
     for (int i = 0; i < 2; ++i)
       if (::send(socket_.descriptor, datagram.data(), datagram.size(), 0) >= 0) return 0;
     return errno;
   }
 
-  // Ignores all datagrams but the answer to `sequence`.
+  // Returns the answer to `sequence`, or nullopt after the timeout; ignores all other datagrams.
   std::optional<Answer> wait(std::uint32_t sequence, int& error) const {
     const Clock::time_point until = Clock::now() + options_.timeout;
     for (Clock::time_point now = Clock::now(); now < until; now = Clock::now()) {

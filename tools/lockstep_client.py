@@ -12,7 +12,7 @@ Copy this file into a simulator. It needs Python 3.9 and its standard library. I
                 specific_force_B=vehicle.specific_force_B,
             ))
             if not answer.accepted:
-                raise RuntimeError("imud refused the truth; its log says why")
+                raise RuntimeError("imud refused the truth; its log has the cause")
             vehicle.integrate(0.01)
 
 Frames: N inertial, B the vehicle's body. x_BN_N: of B relative to N, in N components. The datagram's layout, version
@@ -108,7 +108,7 @@ def encode(truth: Truth, stream: int, sequence: int, new_run: bool) -> bytes:
 
 
 class LockstepClient:
-    """One run of one vehicle: the first truth is marked as the beginning of a run. For one thread at a time."""
+    """One run of one vehicle: the first truth is marked as the beginning of a run. Use it from one thread at a time."""
 
     def __init__(
         self,
@@ -116,10 +116,10 @@ class LockstepClient:
         port: int,
         *,
         timeout: float = 0.2,  # s; of an attempt
-        attempts: int = 50,  # many, as imud may start later than the simulator, or have much to emit
-        stream: int = 0,  # number of the vehicle; an imud accepts the truth of one
-        # Taken from the clock if not given, because imud takes the same first truth with the same sequence for a
-        # repetition instead of a new run.
+        attempts: int = 50,  # imud may start later than the simulator, or take long to emit many samples
+        stream: int = 0,  # number of the vehicle; imud accepts the truth of one vehicle only
+        # Default: taken from the clock, because imud would take a first truth with an old time and sequence for a
+        # repetition, not for a new run.
         first_sequence: Optional[int] = None,
     ):
         self._timeout = timeout
@@ -134,10 +134,10 @@ class LockstepClient:
                 address, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST
             )[0]
         except socket.gaierror as error:
-            raise ValueError(f"{self._name}: {error.strerror}; right would be the like of 127.0.0.1") from error
+            raise ValueError(f"{self._name}: {error.strerror}; right would be an address such as 127.0.0.1") from error
         self._socket = socket.socket(family, kind)
         try:
-            self._socket.connect(peer)  # receives from the peer only; an error if the port is not open
+            self._socket.connect(peer)  # receives from the peer only, and reports an error if its port is not open
         except OSError:
             self._socket.close()
             raise
@@ -166,8 +166,8 @@ class LockstepClient:
             answer = self._wait(sequence)
             if answer is not None:
                 self._first = False
-                reached_ns, samples = answer
-                return Answer(self._stream, sequence, reached_ns, samples, reached_ns == truth.simulation_time_ns)
+                time_ns, samples = answer
+                return Answer(self._stream, sequence, time_ns, samples, time_ns == truth.simulation_time_ns)
         reason = f" ({self._error.strerror})" if self._error else ""
         raise RuntimeError(
             f"no answer from {self._name} to the truth of {truth.simulation_time_ns} ns, sent {self._attempts} "
@@ -178,16 +178,16 @@ class LockstepClient:
 
     def _send(self, datagram: bytes) -> None:
         self._socket.settimeout(None)
-        for _ in range(2):  # the first error may belong to a datagram that was sent before
+        for _ in range(2):  # the first error may belong to an earlier datagram
             try:
                 self._socket.send(datagram)
                 return
             except OSError as error:
                 last = error
-        self._error = last  # no reason to stop: the next attempt follows
+        self._error = last  # no answer arrives, and the next attempt follows
 
     def _wait(self, sequence: int) -> Optional[Tuple[int, int]]:
-        """Passes over all but the answer to `sequence`; the time reached, ns, and the samples."""
+        """Returns simulation time, ns, and samples of the answer to `sequence`; ignores all other datagrams."""
         until = time.monotonic() + self._timeout
         while (left := until - time.monotonic()) > 0:
             self._socket.settimeout(left)
@@ -200,17 +200,17 @@ class LockstepClient:
                 continue
             if len(answer) != 32:
                 continue
-            magic, version, _, stream, answered, reached_ns, samples = struct.unpack("<4sHHIIqQ", answer)
+            magic, version, _, stream, answered, time_ns, samples = struct.unpack("<4sHHIIqQ", answer)
             if (magic, version, stream, answered) == (b"IMUA", 1, self._stream, sequence):
-                return reached_ns, samples
+                return time_ns, samples
         return None
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="Turns imud about the z axis of a level table, in lockstep.")
-    parser.add_argument("address", nargs="?", default="127.0.0.1", help="of imud's truth.port (%(default)s)")
-    parser.add_argument("port", nargs="?", type=int, default=9810, help="(%(default)s)")
-    parser.add_argument("--rate-rad-per-s", type=float, default=0.5, help="of the table (%(default)s)")
+    parser = argparse.ArgumentParser(description="Sends imud the motion of a level turntable about its z axis, in lockstep.")
+    parser.add_argument("address", nargs="?", default="127.0.0.1", help="address of imud's truth.port (%(default)s)")
+    parser.add_argument("port", nargs="?", type=int, default=9810, help="UDP port of imud's truth.port (%(default)s)")
+    parser.add_argument("--rate-rad-per-s", type=float, default=0.5, help="rate of the turntable (%(default)s)")
     parser.add_argument("--for", dest="duration_s", type=float, default=2, help="simulated seconds (%(default)s)")
     options = parser.parse_args()
     try:

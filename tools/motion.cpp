@@ -10,7 +10,7 @@ namespace {
 
 constexpr double two_pi = 6.283185307179586;
 
-// Returns (cos x - 1 + x^2/2)/x^4 for x^2 = z, the next one of elementary::EvenSeries.
+// Returns (cos x - 1 + x^2/2)/x^4 for x^2 = z, the next member of elementary::EvenSeries.
 double next_even(double z, double versine) {
   return z < 1.0 ? elementary::detail::alternating_series<4, 8>(z) / 24.0 : (0.5 - versine) / z;
 }

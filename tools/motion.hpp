@@ -1,5 +1,4 @@
-// Motion: analytic motions, of which every derivative and integral is known in closed form, for tests of the whole
-// chain.
+// Motion: analytic motions with derivatives and integrals in closed form, to test the whole chain.
 #pragma once
 
 #include <span>
@@ -29,6 +28,7 @@ struct Motion {
 
 // The motions: rest, turntable, coning, spiral, boost.
 std::span<const Motion> motions() noexcept;
+// Returns nullptr if no motion has that name.
 const Motion* find_motion(std::string_view name) noexcept;
 
 }  // namespace imud

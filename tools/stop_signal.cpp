@@ -6,18 +6,18 @@
 namespace imud {
 
 namespace {
-std::atomic<bool> wished = false;
+std::atomic<bool> requested = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
 }  // namespace
 
 void catch_stop_signals() {
   struct sigaction action = {};
-  action.sa_handler = [](int) { wished = true; };  // without SA_RESTART: poll, sleep and write return
+  action.sa_handler = [](int) { requested = true; };  // without SA_RESTART: poll, sleep and write return
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-bool stop_wished() noexcept { return wished; }
+bool stop_requested() noexcept { return requested; }
 
 }  // namespace imud

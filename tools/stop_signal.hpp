@@ -3,10 +3,11 @@
 
 namespace imud {
 
-// Makes SIGINT and SIGTERM set stop_wished() and interrupt waiting system calls, and makes write() return an error
-// for a closed pipe.
+// Makes SIGINT and SIGTERM set stop_requested() and interrupt waiting system calls, and makes write() to a closed
+// pipe return an error.
 void catch_stop_signals();
 
-bool stop_wished() noexcept;
+// Returns true after SIGINT or SIGTERM. Any thread.
+bool stop_requested() noexcept;
 
 }  // namespace imud

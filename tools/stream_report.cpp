@@ -47,16 +47,16 @@ std::string StreamReport::text() const {
   line("rate", rates(statistics));
   if (statistics.jitter().count() > 0)
     line("jitter", percentiles_text(statistics.jitter()) + " (arrival against a fitted line)");
-  if (statistics.can_see_gaps())
+  if (statistics.can_detect_gaps())
     line("gaps", fmt::format("{} ({} missing)", statistics.gaps(), plural(statistics.missing(), "sample")));
   else
-    line("gaps", "unknown: neither counter nor time to tell");
+    line("gaps", "unknown: the protocol carries neither counter nor time");
   line("checksum", fmt::format("{}, {} malformed, {} incomplete, {} skipped",
                                protocol.has_checksum ? plural(errors.checksum, "failure") : "none in this protocol",
                                errors.malformed, errors.incomplete, plural(errors.skipped_bytes, "byte")));
 
   if (statistics.repeated() + statistics.back() > 0)
-    line("order", fmt::format("{} repeated, {} back (a restart, or disorder)",
+    line("order", fmt::format("{} repeated, {} back (a restart, or reordering)",
                               plural(statistics.repeated(), "sample"), statistics.back()));
   if (statistics.time_jumps() > 0)
     line("clock", plural(statistics.time_jumps(), "jump") + " of the device's time stamps");
@@ -84,7 +84,7 @@ std::string StreamReport::json() const {
   } else {
     report["jitter_us"] = nullptr;
   }
-  if (statistics.can_see_gaps()) {
+  if (statistics.can_detect_gaps()) {
     report["gaps"] = statistics.gaps();
     report["missing"] = statistics.missing();
   } else {

@@ -18,7 +18,7 @@ struct StreamReport {
   std::string warning;   // of the port's end; usually empty
   std::string ended_by;  // end of input, signal, time, count, closed output
 
-  // Returns one line for each subject. Lines about faults come last, and only if there were any.
+  // Returns a line for each subject; lines about faults, if there were any, are the last.
   std::string text() const;
   // Returns one object; an unknown quantity is null.
   std::string json() const;

@@ -9,13 +9,13 @@ namespace imud {
 namespace {
 
 constexpr std::size_t half_window = 4096;
-constexpr std::size_t shortest_line = 8;  // points; a fit through fewer has no meaning
+constexpr std::size_t shortest_line = 8;  // points; a fit through fewer is meaningless
 
-// A narrower counter overflows so often that a step of half its range is no sign of a restart.
+// A narrower counter overflows so often that a step of half its range does not indicate a restart.
 constexpr std::uint64_t wide_counter = 0xFFFF;
 
-// The largest difference in rate of two clocks at which missing samples are counted right and are not taken for a
-// jump.
+// The largest relative difference of two clocks' rates at which missing samples are still counted correctly, and not
+// taken for a jump.
 constexpr double clock_tolerance = 1e-3;
 
 std::uint64_t low_bits(unsigned bits) { return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1; }
@@ -52,25 +52,25 @@ void StreamStatistics::add(const Measurement& measurement, std::optional<HostTim
     unwrap(entry, before);
     if (goes_back(entry, before)) {
       ++back_;
-      settle();
+      evaluate_window();
       window_.clear();
-      judged_ = 0;
+      evaluated_ = 0;
     }
   }
   if (window_.size() == 2 * half_window) {
-    settle();
+    evaluate_window();
     window_.erase(window_.begin(), window_.begin() + half_window);
-    judged_ = window_.size();
+    evaluated_ = window_.size();
   }
   window_.push_back(entry);
 }
 
 void StreamStatistics::finish() {
-  settle();
-  judged_ = window_.size();
+  evaluate_window();
+  evaluated_ = window_.size();
 }
 
-// Returns the time nearest to that of the sample before, among those that agree with the time on the wire.
+// Unwraps the entry's time: of the times that agree with the time on the wire, the one nearest to the sample before.
 void StreamStatistics::unwrap(Entry& entry, const Entry& before) const noexcept {
   if (time_period_ns_ <= 0 || !carried(Measurement::time, entry, before)) return;
   std::int64_t step = (entry.time_ns - before.time_ns) % time_period_ns_;
@@ -85,11 +85,11 @@ bool StreamStatistics::goes_back(const Entry& entry, const Entry& before) const 
   return carried(Measurement::counter, entry, before) && counter_mask_ >= wide_counter && step > counter_mask_ / 2;
 }
 
-void StreamStatistics::settle() {
+void StreamStatistics::evaluate_window() {
   const double period_ns = median_step();
   if (counts_unsent_) counter_step_ = median_counter_step();
-  for (std::size_t i = std::max<std::size_t>(judged_, 1); i < window_.size(); ++i)
-    judge(window_[i], window_[i - 1], period_ns);
+  for (std::size_t i = std::max<std::size_t>(evaluated_, 1); i < window_.size(); ++i)
+    evaluate(window_[i], window_[i - 1], period_ns);
   for (std::size_t begin = 0; begin < window_.size();) {
     std::size_t end = begin + 1;
     while (end < window_.size() && !window_[end].starts_line) ++end;
@@ -123,7 +123,7 @@ double StreamStatistics::median_counter_step() const {
   return std::max(1.0, static_cast<double>(*middle));
 }
 
-void StreamStatistics::judge(Entry& entry, const Entry& before, double period_ns) {
+void StreamStatistics::evaluate(Entry& entry, const Entry& before, double period_ns) {
   const bool has_counter = carried(Measurement::counter, entry, before);
   const bool has_time = carried(Measurement::time, entry, before);
   const double step_ns = has_time ? static_cast<double>(entry.time_ns - before.time_ns) : 0;
@@ -132,14 +132,14 @@ void StreamStatistics::judge(Entry& entry, const Entry& before, double period_ns
   double steps = std::max(steps_by_time, 1.0);
   if (has_counter) {
     steps = static_cast<double>((entry.counter - before.counter) & counter_mask_);
-    const double turn = static_cast<double>(counter_mask_) + 1;
-    steps += turn * std::max(0.0, std::round((steps_by_time - steps) / turn));
+    const double wrap = static_cast<double>(counter_mask_) + 1;
+    steps += wrap * std::max(0.0, std::round((steps_by_time - steps) / wrap));
     steps = std::round(steps / counter_step_);
   } else if (has_time && step_ns == 0 && period_ns > 0) {
     steps = 0;
   }
 
-  can_see_gaps_ = can_see_gaps_ || has_counter || (has_time && period_ns > 0);
+  can_detect_gaps_ = can_detect_gaps_ || has_counter || (has_time && period_ns > 0);
   if (steps == 0) ++repeated_;
   if (steps > 1) {
     ++gaps_;
@@ -166,7 +166,7 @@ double StreamStatistics::x(const Entry& entry, bool by_time) const noexcept {
 // Fits the entries from `begin` to `end`, which no jump separates, and counts the deviations of those not yet
 // evaluated.
 void StreamStatistics::fit(std::size_t begin, std::size_t end, bool by_time) {
-  if (end <= judged_) return;
+  if (end <= evaluated_) return;
   std::size_t count = 0;
   std::int64_t origin_ns = 0;
   for (std::size_t i = begin; i < end; ++i) {
@@ -191,7 +191,7 @@ void StreamStatistics::fit(std::size_t begin, std::size_t end, bool by_time) {
     xy += dx * (y(window_[i]) - mean_y);
   }
   const double slope = xx > 0 ? xy / xx : 0;
-  for (std::size_t i = std::max(begin, judged_); i < end; ++i) {
+  for (std::size_t i = std::max(begin, evaluated_); i < end; ++i) {
     if (!window_[i].arrival_ns) continue;
     const double line = mean_y + slope * (x(window_[i], by_time) - mean_x);
     jitter_.add(std::abs(y(window_[i]) - line) * 1e-9);

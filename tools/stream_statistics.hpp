@@ -23,8 +23,8 @@ class StreamStatistics {
   // `protocol` gives the width of the counter, and period and resolution of the time.
   explicit StreamStatistics(const Protocol& protocol);
 
-  // `arrival` is empty where it has no meaning: for regular files, and for samples that had waited in the port before
-  // the first receive().
+  // `arrival` is empty where it has no meaning: for regular files, and for samples that were in the port before the
+  // first receive().
   void add(const Measurement& measurement, std::optional<HostTime> arrival);
   // Ends the stream. The figures below are complete only after this.
   void finish();
@@ -34,20 +34,20 @@ class StreamStatistics {
   // back.
   const Rate& device() const noexcept { return device_; }
   const Rate& arrival() const noexcept { return arrival_; }
-  // The distances of the arrivals from the straight line of a window: the least-squares fit of arrival over device
-  // time, or over the sample's number if the time is absent or too coarse. A window has 4096 to 8192 samples, so that
-  // the drift of the clocks does not count as jitter.
+  // The distances in s of the arrivals from a straight line: the least-squares fit, over a window, of arrival over
+  // device time, or over the sample's number if the time is absent or too coarse. A window has 4096 to 8192 samples,
+  // so that the drift of the clocks does not count as jitter.
   const DurationHistogram& jitter() const noexcept { return jitter_; }
 
-  // Steps over missing samples, and the number of these samples: by the counter, with its overflows found by the
-  // device time, or by the device time alone if there is no counter.
+  // The number of gaps, and of the samples missing in them. They are found by the counter, whose overflows are found
+  // by the device time, or without a counter by the device time alone.
   std::uint64_t gaps() const noexcept { return gaps_; }
   std::uint64_t missing() const noexcept { return missing_; }
-  bool can_see_gaps() const noexcept { return can_see_gaps_; }
+  bool can_detect_gaps() const noexcept { return can_detect_gaps_; }
   // Steps of the device time that differ from the expected ones by more than half the median step of the window,
   // after missing samples are accounted for.
   std::uint64_t time_jumps() const noexcept { return time_jumps_; }
-  // Samples whose counter (without one, whose time) is that of the sample before.
+  // Samples with the counter, or without a counter the time, of the sample before.
   std::uint64_t repeated() const noexcept { return repeated_; }
   // Samples whose counter or time is before that of the sample before: a restart of the device, or reordering.
   std::uint64_t back() const noexcept { return back_; }
@@ -55,9 +55,9 @@ class StreamStatistics {
  private:
   struct Entry {
     std::uint32_t fields = 0;   // time, counter, or both
-    std::int64_t time_ns = 0;   // with the overflows of the protocol's time
-    std::uint64_t counter = 0;  // its low counter_bits
-    std::uint64_t number = 0;   // of the sample, missing ones counted
+    std::int64_t time_ns = 0;   // unwrapped
+    std::uint64_t counter = 0;  // the low counter_bits bits
+    std::uint64_t number = 0;   // of the sample, with missing samples counted
     std::optional<std::int64_t> arrival_ns;
     bool starts_line = false;  // the sample before belongs to another line
   };
@@ -67,21 +67,21 @@ class StreamStatistics {
   }
   void unwrap(Entry& entry, const Entry& before) const noexcept;
   bool goes_back(const Entry& entry, const Entry& before) const noexcept;
-  void settle();
+  void evaluate_window();
   double median_step() const;
   double median_counter_step() const;
-  void judge(Entry& entry, const Entry& before, double period_ns);
+  void evaluate(Entry& entry, const Entry& before, double period_ns);
   double x(const Entry& entry, bool by_time) const noexcept;
   void fit(std::size_t begin, std::size_t end, bool by_time);
 
   const std::uint64_t counter_mask_;
-  const bool counts_unsent_;  // counters count samples that are not sent, too
+  const bool counts_unsent_;  // the counter also counts samples that are not sent
   double counter_step_ = 1;   // median step from one sent sample to the next
   const std::int64_t time_period_ns_;
   const double time_resolution_ns_;
 
-  std::vector<Entry> window_;  // evaluated entries, then the others
-  std::size_t judged_ = 0;
+  std::vector<Entry> window_;  // evaluated entries, then entries not yet evaluated
+  std::size_t evaluated_ = 0;
 
   std::uint64_t samples_ = 0;
   Rate device_;
@@ -92,7 +92,7 @@ class StreamStatistics {
   std::uint64_t time_jumps_ = 0;
   std::uint64_t repeated_ = 0;
   std::uint64_t back_ = 0;
-  bool can_see_gaps_ = false;
+  bool can_detect_gaps_ = false;
 };
 
 }  // namespace imud

@@ -39,8 +39,8 @@ void TextOutput::flush() {
   std::string_view rest = held_;
   while (!rest.empty() && error_ == 0) {
     // POLLOUT guarantees that PIPE_BUF bytes can be written without blocking.
-    const std::size_t piece = stop_wished() ? std::min<std::size_t>(rest.size(), PIPE_BUF) : rest.size();
-    if (stop_wished() && !is_writable()) {
+    const std::size_t piece = stop_requested() ? std::min<std::size_t>(rest.size(), PIPE_BUF) : rest.size();
+    if (stop_requested() && !is_writable()) {
       error_ = EPIPE;
       break;
     }

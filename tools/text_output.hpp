@@ -1,4 +1,4 @@
-// TextOutput: buffered text to a file or to standard output. A reader that leaves is no error.
+// TextOutput: writes buffered text to a file or to standard output. That the reader closes its end is no error.
 #pragma once
 
 #include <string>
@@ -10,16 +10,17 @@ namespace imud {
 
 class TextOutput {
  public:
-  // "-" is standard output. Throws std::runtime_error, which names the file and the cause.
+  // Opens `path`; "-" is standard output. Throws std::runtime_error, which names the file and the cause.
   explicit TextOutput(const std::string& path);
 
+  // Appends to the buffer, and flushes a full buffer.
   void write(std::string_view text);
-  // Writes the buffer out. Waits for the reader, but for a second at most after stop_wished().
+  // Writes the buffer out. Waits for a slow reader; after stop_requested() for a second at most.
   void flush();
 
-  // Returns false after the reader has left or the disk is full: nothing more is written.
+  // Returns false after the reader has closed its end, or a write has failed: nothing more is written.
   bool is_open() const noexcept { return error_ == 0; }
-  // Returns the errno that ended the output: EPIPE if the reader has left, 0 while the output is open.
+  // Returns the errno that ended the output: EPIPE if the reader has closed its end, 0 while the output is open.
   int error() const noexcept { return error_; }
 
  private:

@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// Returns the header row, with its LF.
+// The header row, with its LF.
 inline constexpr std::string_view truth_csv_header =
     "time_ns,r_BN_N_x,r_BN_N_y,r_BN_N_z,v_BN_N_x,v_BN_N_y,v_BN_N_z,sigma_BN_1,sigma_BN_2,sigma_BN_3,"
     "omega_BN_B_x,omega_BN_B_y,omega_BN_B_z,omegaDot_BN_B_x,omegaDot_BN_B_y,omegaDot_BN_B_z,"

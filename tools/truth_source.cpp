@@ -88,8 +88,8 @@ std::optional<Truth> MotionTruths::next() {
   truth.acknowledge = options_.acknowledge;
   truth.new_run = options_.new_run && next_ == 0;
   if (!is_finite(truth) || !is_in_range(truth))
-    throw std::runtime_error(
-        fmt::format("at {} s the motion leaves what truth may be (core/truth.hpp)", seconds(time - TruthTime{})));
+    throw std::runtime_error(fmt::format("at {} s the motion exceeds the valid range of truth (core/truth.hpp)",
+                                         seconds(time - TruthTime{})));
   ++next_;
   return truth;
 }

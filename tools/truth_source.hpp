@@ -16,9 +16,9 @@
 namespace imud {
 
 struct TimedDatagram {
-  Nanoseconds offset;                // from the start to the instant of sending
+  Nanoseconds offset;                // from the start to the instant at which it is to be sent
   std::span<const std::byte> bytes;  // valid until the next call of the source
-  std::uint32_t stream = 0;          // the stream in its acknowledgement; for native datagrams of a motion only
+  std::uint32_t stream = 0;  // stream and sequence of the acknowledgement; for native datagrams of a motion only
   std::uint32_t sequence = 0;
 };
 
@@ -39,7 +39,7 @@ class MotionTruths {
     MotionParameters parameters;
     double rate_hz = 100;
     double start_s = 0;
-    std::optional<double> for_s;  // nullopt: without end; the truth at the end of this time is the last
+    std::optional<double> for_s;  // nullopt: without end; the last truth is the one at the end of this time
     std::uint32_t stream = 0;
     bool acknowledge = false;
     bool new_run = true;  // the first truth is marked as the beginning of a run

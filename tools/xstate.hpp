@@ -1,4 +1,5 @@
-// ptrace() for a tracer whose idea of the processor's extended state (x87, SSE, AVX, ...) is shorter than the host's.
+// ptrace() for a tracer that assumes a shorter extended state of the processor (x87, SSE, AVX, ...) than the host
+// has.
 //
 // Linux accepts PTRACE_SETREGSET of NT_X86_XSTATE in the host's whole size only; a shorter set fails with EFAULT. The
 // kernel of Debian 12's user-mode-linux always sets 2696 bytes, which end with PKRU. It therefore cannot run on
@@ -22,7 +23,7 @@ struct XstateComponent {
   std::uint32_t size = 0;
 };
 // The index is the component's bit in xstate_bv. Elements 0 and 1 (x87, SSE) are ignored, because these components
-// always stand in the first 512 bytes.
+// are always in the first 512 bytes.
 using XstateLayout = std::array<XstateComponent, 64>;
 
 // Returns the bits of xstate_bv whose components lie within the first `length` bytes. `length` is at least 576, so

@@ -132,7 +132,7 @@ TEST(ImuDecode, ARowIsThereAtOnceAndASignalEndsIt) {
 TEST(ImuDecode, EndsAfterItsTime) {
   const auto result = run_program("imu-decode", {"native", free_udp_port(), "--for", "0.2"});
   EXPECT_EQ(result.exit_code, 1);  // nothing came
-  EXPECT_TRUE(contains(result.errors, "not one sample was decoded")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "no sample was decoded")) << result.errors;
   EXPECT_EQ(result.output, measurement_csv_header);
 }
 
@@ -219,8 +219,8 @@ TEST(ImuDecode, WrongCommandLineIsSaid) {
       {{"nativ", file}, "there is no protocol 'nativ'\nProtocols:\n  csv "},
       {{"native", "nonsense"}, "no scheme"},
       {{"native", "floppy:a"}, "there is no transport 'floppy'"},
-      {{"native", "can:can0"}, "native is spoken on byte links; can: carries CAN frames"},
-      {{"native-can", file}, "native-can is spoken on CAN; file: carries bytes"},
+      {{"native", "can:can0"}, "native needs a port for bytes; can: carries CAN frames"},
+      {{"native-can", file}, "native-can needs a CAN port; file: carries bytes"},
       {{"native", "file:/does/not/exist"}, "cannot read it"},
       {{"native", file, "--json", "/does/not/exist"}, "cannot write it"},
       {{"native", file, "--set", "fd=true"}, "fd"},

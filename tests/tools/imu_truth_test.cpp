@@ -264,7 +264,7 @@ TEST(ImuTruth, LockstepFailsWithoutAnswer) {
       run_program("imu-truth", {"rest", "--to", silent.spec(), "--for", "1", "--lockstep", "--resend", "2"});
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_TRUE(contains(result.errors, "no answer to sequence 0 from udp:127.0.0.1:")) << result.errors;
-  EXPECT_TRUE(contains(result.errors, "asked 3 times")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "sent 3 times")) << result.errors;
   EXPECT_EQ(silent.receive_all().size(), 3U);
 
   const std::string nobody = LoopbackSocket().spec();
@@ -332,10 +332,10 @@ TEST(ImuTruth, WrongCommandLineIsSaid) {
       {{}, "MOTION"},
       {{"dance"}, "there is no motion 'dance'\nMotions:\n  rest "},
       {{"rest", "file"}, "only 'capture' is followed by a file"},
-      {{"rest", "--rate-rad-per-s", "1"}, "--rate-rad-per-s: rest has none"},
-      {{"coning", "--jerk-m-per-s3", "1"}, "--jerk-m-per-s3: coning has none"},
-      {{"rest", "--fast"}, "--for: how long?"},
-      {{"rest", "--csv", folder / "x.csv"}, "--for: how long?"},
+      {{"rest", "--rate-rad-per-s", "1"}, "--rate-rad-per-s: rest has no such parameter"},
+      {{"coning", "--jerk-m-per-s3", "1"}, "--jerk-m-per-s3: coning has no such parameter"},
+      {{"rest", "--fast"}, "--for: must be given"},
+      {{"rest", "--csv", folder / "x.csv"}, "--for: must be given"},
       {{"rest", "--csv", "/does/not/exist", "--for", "1"}, "cannot write it"},
       {{"rest", "--csv", folder / "x.csv", "--for", "1", "--to", "udp:127.0.0.1:1"}, "--to: not with --csv"},
       {{"rest", "--to", "file:x"}, "right would be udp:ADDR:PORT"},
@@ -348,7 +348,7 @@ TEST(ImuTruth, WrongCommandLineIsSaid) {
       {{"rest", "--resend", "3"}, "--resend: only with --lockstep"},
       {{"rest", "--format", "csv", "--stream", "3"}, "--stream: only native datagrams"},
       {{"rest", "--format", "xml"}, "--format"},
-      {{"capture"}, "capture: which?"},
+      {{"capture"}, "capture: no file is given"},
       {{"capture", file, "--rate", "10"}, "--rate: a capture is sent as it is"},
       {{"capture", file, "--jerk-m-per-s3", "10"}, "--jerk-m-per-s3: a capture is sent as it is"},
       {{"capture", "/does/not/exist.pcap"}, "/does/not/exist.pcap"},

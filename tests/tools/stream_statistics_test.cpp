@@ -46,7 +46,7 @@ TEST(StreamStatistics, SteadyStream) {
     EXPECT_NEAR(statistics.device().hz().value(), 300.0, 1e-4);
     EXPECT_FALSE(statistics.arrival().hz().has_value());
     EXPECT_EQ(statistics.jitter().count(), 0U);
-    EXPECT_TRUE(statistics.can_see_gaps());
+    EXPECT_TRUE(statistics.can_detect_gaps());
     EXPECT_EQ(statistics.gaps() + statistics.missing() + statistics.time_jumps(), 0U);
     EXPECT_EQ(statistics.repeated() + statistics.back(), 0U);
   }
@@ -57,7 +57,7 @@ TEST(StreamStatistics, FewSamplesSayNothing) {
     const auto statistics = statistics_of(steady_samples(count, 300), protocol_like(32));
     EXPECT_EQ(statistics.samples(), count);
     EXPECT_FALSE(statistics.device().hz().has_value());
-    EXPECT_FALSE(statistics.can_see_gaps());
+    EXPECT_FALSE(statistics.can_detect_gaps());
   }
 }
 
@@ -151,7 +151,7 @@ TEST(StreamStatistics, CoarseDeviceClock) {
   const auto statistics = statistics_of(samples, protocol_like(32, 0, 1e-3));
   EXPECT_EQ(statistics.gaps() + statistics.time_jumps() + statistics.repeated(), 0U);
   EXPECT_NEAR(statistics.device().hz().value(), 2000.0, 3.0);
-  EXPECT_FALSE(statistics_of(samples, protocol_like(32, 0, 1e-3), only_time).can_see_gaps());
+  EXPECT_FALSE(statistics_of(samples, protocol_like(32, 0, 1e-3), only_time).can_detect_gaps());
 }
 
 // Arrival: an offset, a clock that is 50 ppm off, and every tenth sample 1 ms late.
