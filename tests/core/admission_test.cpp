@@ -1,4 +1,4 @@
-// Which truths the timeline takes, and what it calls those that it does not.
+// Which truths the timeline accepts, and the cause that it returns for each refusal.
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -180,7 +180,7 @@ TEST(Restart, NearbyAfterTwentyInARow) {
 
 TEST(Restart, NotByABurstThatTheNetworkRepeats) {
   Timeline timeline = second_of_truths();
-  for (int i = 0; i < 100; ++i)  // the same few again and again: not each later than the one before
+  for (int i = 0; i < 100; ++i)  // the same few repeated: they are not in ascending order
     for (std::uint32_t k = 81; k <= 99; ++k) ASSERT_EQ(timeline.push(truth_at(k * 10ms, k)), Admission::duplicate);
   for (int i = 0; i < 100; ++i) ASSERT_EQ(timeline.push(truth_at(-10s, 0)), Admission::reordered);
 }
@@ -206,12 +206,12 @@ TEST(Range, EndsOfTimeDoNotOverflow) {
   last.new_run = true;
   EXPECT_EQ(timeline.push(last), Admission::new_run);
   EXPECT_EQ(timeline.push(first), Admission::time_back);
-  EXPECT_EQ(timeline.push(last), Admission::duplicate);  // the run's first once more
+  EXPECT_EQ(timeline.push(last), Admission::duplicate);  // the first truth of the run, repeated
   ++last.sequence;
   EXPECT_EQ(timeline.push(last), Admission::new_run);
 }
 
-TEST(Range, EveryNumberIsLookedAt) {
+TEST(Range, EveryNumberIsChecked) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto refused = [](auto change) {
     Truth truth;

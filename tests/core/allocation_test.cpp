@@ -1,4 +1,4 @@
-// The sample path takes no memory.
+// The sample path allocates no memory.
 #include <gtest/gtest.h>
 
 #include <memory>
@@ -33,13 +33,13 @@ TEST(Allocations, NoneAfterTheConstructors) {
         const Motion& motion = *find_motion("coning");
         const std::uint64_t before = allocations();
         for (std::int64_t ms = 0; ms < 3000; ++ms) {  // more than the timeline keeps
-          if (ms % 500 > 400) continue;               // and gaps to extrapolate over
+          if (ms % 500 > 400) continue;               // gaps force extrapolation
           Truth truth = motion.at({ms * 1'000'000}, {});
           truth.accumulated_dv = kind;
           truth.new_run = ms == 2000;
           if (truth.new_run) imu.begin_run();
           timeline.push(truth);
-          timeline.push(truth);  // a duplicate, or the run's beginning again
+          timeline.push(truth);  // a duplicate, or a restart
           if (ms % 7 == 3) imu.advance(timeline, truth.time);
           if (ms % 7 == 0) imu.sample(timeline, truth.time + 3500us, {});
         }

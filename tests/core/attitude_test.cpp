@@ -70,7 +70,7 @@ TEST(Attitude, NoDeadZoneNearZero) {
   EXPECT_EQ(exp(Vector3::Zero()).w(), 1.0);
 }
 
-// Memo Eq. 3 as it must be; typeset, it gives 2.5 here.
+// Memo Eq. 3, corrected; as printed it gives 2.5 here.
 TEST(Attitude, RotationVectorOfAnMrp) {
   EXPECT_NEAR(rotation_vector_from_mrp({0.1, 0.0, 0.0}).x(), 4.0 * std::atan(0.1), 1e-16);
   EXPECT_NEAR(rotation_vector_from_mrp({0.1, 0.0, 0.0}).x(), 0.3987, 5e-5);
@@ -142,7 +142,7 @@ TEST(Attitude, InverseRightJacobianIsTheInverse) {
 
 TEST(Attitude, YawPitchRollAreTheThreeTurns) {
   const double yaw = 0.7854, pitch = 1.0, roll = 0.1;
-  // Each turns the axes, hence the components the other way.
+  // Each rotation turns the axes, and therefore the components the other way.
   const Matrix3 expected = (Eigen::AngleAxisd(-roll, Vector3::UnitX()) * Eigen::AngleAxisd(-pitch, Vector3::UnitY()) *
                             Eigen::AngleAxisd(-yaw, Vector3::UnitZ()))
                                .toRotationMatrix();

@@ -32,7 +32,7 @@ inline BodyMotion smooth_motion() {
           }};
 }
 
-// Of its rate and specific force, from 0 to t, in closed form.
+// The integrals of its rate and specific force from 0 to t, in closed form.
 inline Vector3 smooth_rate_integral(double t) {
   return {0.05 * t + 0.30 / 0.7 * (1.0 - std::cos(0.7 * t)),
           -0.04 * t - 0.20 / 0.5 * (std::sin(0.5 * t + 0.2) - std::sin(0.2)),
@@ -56,7 +56,7 @@ class IntegratedMotion {
   Quaternion q_NB(double t) const { return near(t).q_NB; }
   Vector3 dv_N(double t) const { return near(t).dv_N; }
 
-  // All that a truth can carry; times count from 0.
+  // Gives every quantity of a truth; times count from 0.
   Truth truth(TruthTime time) const {
     const double t = seconds(time - TruthTime{});
     const Knot at = near(t);
@@ -85,7 +85,7 @@ class IntegratedMotion {
     return angle > 0.0 ? Quaternion(Eigen::AngleAxisd(angle, phi / angle)) : Quaternion::Identity();
   }
 
-  // The turn over h from t: Magnus expansion, fourth order.
+  // The rotation from t to t + h: Magnus expansion of fourth order.
   Vector3 rotation(double t, double h) const {
     const Vector3 w1 = motion_.omega(t + h * (0.5 - std::sqrt(3.0) / 6.0));
     const Vector3 w2 = motion_.omega(t + h * (0.5 + std::sqrt(3.0) / 6.0));

@@ -1,4 +1,4 @@
-// Drives an Imu as the emulator does: truths one after the other, and after each the samples that are due.
+// Drives an Imu as the emulator does: pushes one truth after another, and takes the samples up to each.
 #pragma once
 
 #include <vector>
@@ -16,7 +16,8 @@ inline std::vector<TruthTime> instants(double rate_hz, Nanoseconds duration) {
   return times;
 }
 
-// `truth_at` gives the truth at a time; both lists are in order. Samples after the last truth are not taken.
+// `truth_at` returns the truth at a time; both lists are in ascending order. Samples after the last truth are not
+// taken.
 template <class TruthAt>
 std::vector<Sample> drive(const ImuModel& model, TruthAt truth_at, const std::vector<TruthTime>& truth_times,
                           const std::vector<TruthTime>& sensor_times, std::uint64_t seed = 1) {

@@ -71,7 +71,7 @@ TEST(Earth, NothingIsKnownWithoutFrameOrPosition) {
   EXPECT_TRUE(Earth(inertial()).navigation({true, {}, {7e6, 0, 0}, Vector3::Zero()}).is_known);
 }
 
-// Something that stands on the equator of an Earth that turns.
+// A vehicle that stands on the equator of the rotating Earth.
 TEST(Earth, AnInertialFrameTurnsUnderneath) {
   const Earth earth(inertial(0.3));
   const TruthTime time{1'000'000'000'000};
@@ -86,7 +86,7 @@ TEST(Earth, AnInertialFrameTurnsUnderneath) {
   const Quaternion q = earth.q_LN(time, navigation);
   EXPECT_LT((q * Vector3::UnitZ() - Vector3::UnitX()).norm(), 1e-12);
   EXPECT_LT((q * Vector3(-r.normalized()) - Vector3::UnitZ()).norm(), 1e-12);
-  // What flies east in N at 100 m/s above that.
+  // A vehicle that flies east in N at 100 m/s above that point.
   const Vector3 east(-std::sin(angle + 0.5), std::cos(angle + 0.5), 0);
   const Vector3 v = earth.navigation({true, time, r, Vector3(0, 0, units::earth_rate).cross(r) + 100 * east}).v_L;
   EXPECT_LT((v - Vector3(0, 100, 0)).norm(), 1e-9);
@@ -177,7 +177,7 @@ TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   EXPECT_EQ(held.time.ns, 2'100'000'000);
   EXPECT_LT((held.r_N - at(2).r_N - 0.1 * at(2).v_N).norm(), 1e-9);
   EXPECT_EQ(timeline.position(TruthTime{-5}).time.ns, 0);
-  Truth blind;  // knows no position
+  Truth blind;  // without a position
   blind.time.ns = 2'100'000'000;
   timeline.push(blind);
   EXPECT_FALSE(timeline.position(TruthTime{2'050'000'000}).is_known);
@@ -216,8 +216,8 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
   EXPECT_LT((sample.magnetic_field - Vector3(field_L.y(), -field_L.x(), field_L.z())).norm(), 1e-12);
   EXPECT_LT((sample.q_LP * Vector3::UnitX() - Vector3::UnitY()).norm(), 1e-9) << "the sensor looks east";
 
-  // Noise: its standard deviation, 5 sigma of 4000 samples (false alarm below 1e-6 for each), and its place in the
-  // sequence.
+  // Noise: its standard deviation, within 5 sigma of 4000 samples (each check fails without cause below 1e-6), and
+  // its place in the sequence.
   model.magnetometer = TriadErrors::white(1e-8, 100, 1e-3);
   model.barometer.noise = 3;
   constexpr int n = 4000;
@@ -237,7 +237,7 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
   EXPECT_EQ(sense(0).pressure, 0);
 }
 
-// A random walk: sample k has the same error whether the samples before had a place, or were taken at all.
+// A random walk: the error of sample k does not depend on whether earlier samples had a position, or were taken.
 TEST(Earth, TheMagnetometersWalkGoesOnWherePlacesAreUnknown) {
   ImuModel model;
   model.earth = local(47, 11, 500);
@@ -264,8 +264,8 @@ TEST(Earth, TheMagnetometersWalkGoesOnWherePlacesAreUnknown) {
   EXPECT_GT((last - first).norm(), 1e-7);
 }
 
-// On the equator of an Earth that turns: before the run and after truth has stopped it stands on the ground, not in
-// space.
+// On the equator of the rotating Earth: before the run, and after truth has stopped, the vehicle is at rest on the
+// ground, not in inertial space.
 TEST(Earth, WhatIsHeldStaysWhereItIsOnTheGround) {
   ImuModel model;
   model.earth = inertial(0.3);
@@ -295,7 +295,7 @@ TEST(Earth, WhatIsHeldStaysWhereItIsOnTheGround) {
   }
 }
 
-// A lever arm to the east of a body that looks east and turns about the vertical.
+// A lever arm to the east, on a body that faces east and turns about the vertical.
 TEST(Earth, TheLeverArmHasItsPlaceAndSpeed) {
   ImuModel model;
   model.earth = local(0, 0, 0);

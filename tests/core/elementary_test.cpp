@@ -54,7 +54,7 @@ TEST(Elementary, EvenSeriesWithinTwoUlpOfOne) {
     EXPECT_LT(worst(
                   0, to, 100'000, [](double x) { return even_series(x * x).cubic; }, cubic, absolute),
               2.0);
-    // x^2 as it is given here is rounded, of which the cosine makes up to x/4 ulp of 1.
+    // x^2 is rounded here, which changes the cosine by up to x/4 ulp of 1.
     const auto cosine = [](double x) { return std::cos(static_cast<long double>(x)); };
     EXPECT_LT(worst(
                   0, to, 100'000, [](double x) { return even_series(x * x).cos; }, cosine, absolute),
@@ -137,7 +137,7 @@ TEST(Elementary, SinCosWithinTwoUlpOfOne) {
                   -to, to, 200'000, [](double x) { return sincos(x).cos; }, cosine, absolute),
               2.0);
   }
-  // At multiples of pi/2, where one of the two is 0 but for the rounding of the angle itself, which it shows in full.
+  // At multiples of pi/2 one of the two is nearly 0, and equals the rounding error of the angle.
   for (int k = -60'000; k <= 60'000; k += 7) {
     const double x = k * 1.5707963267948966;
     const bool even = k % 2 == 0;
@@ -151,7 +151,7 @@ TEST(Elementary, SmallSineKeepsAllDigits) {
   for (double x = 1e-300; x < 1e-3; x *= 11.0) EXPECT_NEAR(sincos(x).sin / std::sin(x), 1.0, 2.0 * ulp_of_1) << x;
 }
 
-// The promise of "the same bits on every machine". Any compiler, any level of optimisation, any processor.
+// The same bits on every machine: any compiler, any level of optimisation, any processor.
 TEST(Elementary, PinnedBits) {
   testing::Hash hash;
   for (int i = 0; i < 100'000; ++i) {

@@ -82,7 +82,7 @@ TEST(Extrapolation, NoneHoldsAtOnce) {
   EXPECT_EQ(timeline.at({1}).omega_BN_B, Vector3::Zero());
 }
 
-// A rolling vehicle: many turns within the limit, at a constant rate, so that all is known in closed form.
+// A rolling vehicle: many turns within the limit, at a constant rate, for which the solution is known in closed form.
 TEST(Extrapolation, FastSpin) {
   Timeline timeline;
   Truth truth;
@@ -100,7 +100,7 @@ TEST(Extrapolation, FastSpin) {
   }
 }
 
-// With an angular acceleration across the axis too, nothing jumps on the way, however far it turns.
+// Also with an angular acceleration across the axis, nothing jumps, however far the vehicle turns.
 TEST(Extrapolation, IsContinuousHoweverFarItTurns) {
   Timeline timeline;
   Truth truth;
@@ -120,7 +120,7 @@ TEST(Extrapolation, IsContinuousHoweverFarItTurns) {
   }
 }
 
-// Truths far too rare for what they say: the curve is meaningless, but it must stay a motion, with numbers.
+// Truths far too rare for their motion: the curve is meaningless, but must stay continuous and finite.
 TEST(Undersampled, StaysFinite) {
   for (const double rate : {1.0, 3.0, 10.0, 1e3, 1e5})
     for (const Nanoseconds step : {Nanoseconds(1us), Nanoseconds(100ms), Nanoseconds(1s), Nanoseconds(60s)}) {

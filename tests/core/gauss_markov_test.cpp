@@ -87,7 +87,7 @@ TEST(GaussMarkov, SeekGivesTheSameAsTheSequence) {
 TEST(GaussMarkov, SeekOfWhiteNoiseIsImmediate) {
   const Normals normals(5, 6);
   GaussMarkov process(walk(0.0, 1e-3), Quantity::rate);
-  process.seek(normals, 1'000'000'000'000'000'000U);  // step by step it would take a thousand years
+  process.seek(normals, 1'000'000'000'000'000'000U);  // step by step this would take a thousand years
   EXPECT_LT((process.step(normals, 1'000'000'000'000'000'000U) -
              1e-3 * normals(Quantity::rate, Process::gauss_markov, 1'000'000'000'000'000'000U))
                 .norm(),
@@ -142,7 +142,7 @@ struct Statistics {
   }
   static constexpr int batches_per_axis = 30;
 
-  // Of the ratio of two means: by the scatter of product - ratio * square.
+  // The standard error of the ratio of two means, from the scatter of product - ratio * square.
   testing::BatchMean lag1() const {
     const double ratio = testing::BatchMean(product).mean / testing::BatchMean(square).mean;
     std::vector<double> residual(square.size());
@@ -178,12 +178,12 @@ TEST(NoiseStatistics, AreThoseOfTheReferenceModule) {
       // The module scales its noise with the truth; here a scale factor acts on the truth alone.
       const double p = table.number(row, "P_" + channel.suffix + "_diag") *
                        table.number(row, channel.suffix == "gyro" ? "gyroScale" : "accelScale");
-      // In steps, of the square: a walk between bounds 2B apart forgets as a string of that length comes to rest.
+      // The correlation time of the square, in steps: the decay of a random walk between bounds 2B apart.
       const double memory = a < 1.0 ? 1.0 / (1.0 - a) : 0.2 * (bound / p) * (bound / p);
       const auto batch = static_cast<std::uint64_t>(std::max(2'000.0, 20.0 * memory));
       const Statistics ours(walk(a, p, bound), channel.quantity, batch, batch);
 
-      double variance = 0, lag1 = 0;  // of the module: three axes, rows apart
+      double variance = 0, lag1 = 0;  // of the module: three axes, in rows of their own
       for (const char axis : {'x', 'y', 'z'}) {
         std::size_t other = row;
         while (table.text(other, "config") != config || table.text(other, "channel") != channel.name + "_" + axis)
@@ -197,12 +197,13 @@ TEST(NoiseStatistics, AreThoseOfTheReferenceModule) {
 
       const testing::BatchMean our_variance(ours.square);
       EXPECT_LT(std::abs(our_variance.mean - variance), sigmas * both * our_variance.standard_error);
-      EXPECT_LT(our_variance.standard_error, 0.06 * variance);  // or the line above would say nothing
+      EXPECT_LT(our_variance.standard_error, 0.06 * variance);  // otherwise the line above is meaningless
       const testing::BatchMean our_lag1 = ours.lag1();
       EXPECT_LT(std::abs(our_lag1.mean - lag1), sigmas * both * our_lag1.standard_error + 1e-6);
       if (bound > 0.0 && channel.suffix == "gyro") {
         const testing::BatchMean fraction(ours.at_bound);
-        const double at_x = std::sqrt(1.0 + 3.0 * n_ours / table.number(row, "N"));  // the module's is of one axis
+        const double at_x =
+            std::sqrt(1.0 + 3.0 * n_ours / table.number(row, "N"));  // the module's figure is for one axis
         EXPECT_LT(std::abs(fraction.mean - table.number(row, "fraction_at_bound_gyro_x")),
                   sigmas * at_x * fraction.standard_error + 5e-6);
       }

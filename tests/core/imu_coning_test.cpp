@@ -1,4 +1,4 @@
-// Coning and sculling: motions whose increments are known in closed form and whose neglected terms are, too.
+// Coning and sculling: motions whose increments, and whose neglected terms, are known in closed form.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,12 +48,12 @@ double drift(const std::vector<Vector3>& angles, std::size_t n, Combine combine)
 
 struct Rates {
   double truth_hz, sensor_hz;
-  // What the interpolation between truths may cost, as a part of the whole; its own error is (W/truth_hz)^4/384.
+  // The relative error that interpolation between truths may cause; its own error is (W/truth_hz)^4/384.
   double interpolation() const { return truth_hz < sensor_hz ? std::pow(W / truth_hz, 4) / 300.0 : 1e-12; }
 };
 class Coning : public ::testing::TestWithParam<Rates> {};
 
-// W (1 - cos a), the rate that the gyro about z sees all the time.
+// W (1 - cos a), the constant rate about z.
 TEST_P(Coning, RectifiedRate) {
   const Rates& rates = GetParam();
   const double rectified = mean_z_rate(delta_angles(DeltaAngle::integral, rates.truth_hz, rates.sensor_hz));
@@ -80,7 +80,7 @@ TEST_P(Coning, RotationVectorsDoNotDrift) {
   const Rates& rates = GetParam();
   const std::vector<Vector3> angles = delta_angles(DeltaAngle::rotation_vector, rates.truth_hz, rates.sensor_hz);
   EXPECT_NEAR(drift(angles, 1, [](const Vector3* v) { return v[0]; }), 0.0, 1e-13);
-  // Their mean about z is the rectified rate without what the raw sum drifts.
+  // Their mean about z is the rectified rate less the drift of the raw sum.
   const double WT = W / rates.sensor_hz;
   EXPECT_NEAR(mean_z_rate(angles), -W * (1.0 - std::cos(a)) + a * a * W / 2.0 * (1.0 - std::sin(WT) / WT), 1e-6);
 }
@@ -127,7 +127,7 @@ Truth sculling_truth(TruthTime time) {
 // Its velocity in N: the integral of B sin Wt (cos, sin)(A sin Wt), by Simpson's rule over each truth step.
 struct ScullingStream {
   Vector3 dv_N = Vector3::Zero();
-  TruthTime reached = {};
+  TruthTime previous = {};
 
   Truth operator()(TruthTime time) {
     const auto force_N = [](double t) {
@@ -135,12 +135,12 @@ struct ScullingStream {
       return Vector3(0.0, B * s * std::cos(A * s), B * s * std::sin(A * s));
     };
     constexpr int n = 8;
-    const double from = seconds(reached - TruthTime{}), h = seconds(time - reached) / n;
+    const double from = seconds(previous - TruthTime{}), h = seconds(time - previous) / n;
     for (int i = 0; i < n; ++i) {
       const double t = from + h * i;
       dv_N += h / 6.0 * (force_N(t) + 4.0 * force_N(t + 0.5 * h) + force_N(t + h));
     }
-    reached = time;
+    previous = time;
     Truth truth = sculling_truth(time);
     truth.accumulated_dv = AccumulatedDv::inertial;
     truth.accumulated_dv_B = truth.q_NB.conjugate() * dv_N;
@@ -165,8 +165,8 @@ TEST(Sculling, EndFrameNavigatesToTheRectifiedVelocity) {
   EXPECT_NEAR(v_N.z() / T, B * std::cyl_bessel_j(1.0, A), 1e-10);
 }
 
-// The accelerometers along z feel nothing; a navigator that takes half the rotation vector for the attitude at the
-// middle of its steps T finds sin(WT)/WT of the velocity and must compensate for the rest.
+// The accelerometer along z senses nothing; a navigator that uses half the rotation vector for the attitude in the
+// middle of its steps T finds sin(WT)/WT of the velocity, and must compensate for the rest.
 TEST(Sculling, IntegralIsWhatTheAccelerometersFeel) {
   for (const double truth_hz : {100.0, 1000.0}) {
     Quaternion q_NB = sculling_truth({}).q_NB;

@@ -20,7 +20,7 @@ using testing::instants;
 
 const Vector3 r_SB_B(0.5, -0.3, 0.8);
 
-// Faster than the vectors' motion, rocking and pushing in phase (sculling), about all axes.
+// A faster motion than that of the vectors, with rates and forces in phase (sculling) in all axes.
 testing::BodyMotion lively_motion() {
   return {[](double t) {
             return Vector3(1.0 * std::cos(9.0 * t), 0.6 * std::sin(7.0 * t + 0.4), 0.5 - 0.8 * std::cos(5.0 * t));
@@ -39,7 +39,7 @@ const testing::IntegratedMotion& lively() {
 
 double at(TruthTime t) { return seconds(t - TruthTime{}); }
 
-// What the accelerometers at the sensor's point feel, in B.
+// The specific force at the sensor's point, in B.
 Vector3 force_at_sensor(double t) {
   const Vector3 omega = lively().omega_BN_B(t);
   return lively().specific_force_B(t) + lively_motion().omega_dot(t).cross(r_SB_B) + omega.cross(omega.cross(r_SB_B));
@@ -77,8 +77,8 @@ Vector3 end_frame(double t1, double t2) {
 struct Rates {
   std::string name;
   double truth_hz, sensor_hz;
-  // m/s in a step; increments are about 10 m/s^2 times the step. Between truths h apart it is the lever arm's rate,
-  // interpolated, that counts: 2 * 0.008 h^3 * 729 rad/s^4 * 1 m.
+  // Tolerance, m/s per step; increments are about 10 m/s^2 times the step. Between truths h apart, the error of the
+  // interpolated rate at the lever arm dominates: 2 * 0.008 h^3 * 729 rad/s^4 * 1 m.
   double tolerance;
 };
 
@@ -121,8 +121,8 @@ INSTANTIATE_TEST_SUITE_P(Rates, DeltaVelocities,
                                            Rates{"incommensurate_slow_truth", 97.3, 400, 1.3e-5}),
                          [](const auto& test) { return test.param.name; });
 
-// A lever arm on a turntable. The accelerometers feel the centripetal force all the time; the memo's Eq. 12, a
-// difference of components in the body, knows nothing of it.
+// A lever arm on a turntable. The accelerometers sense the constant centripetal force; the memo's Eq. 12, a
+// difference of body components, does not contain it.
 TEST(DeltaVelocity, CentripetalForceOnALeverArm) {
   const double omega = 2.0, h = 0.05;
   const auto truth_at = [&](TruthTime t) {

@@ -1,4 +1,4 @@
-// Rounding, carry and saturation, and what they do to the increments.
+// Rounding, carry and saturation, and their effect on the increments.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,7 +14,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// What the accelerometers say, one sample per force, 10 ms apart.
+// Returns the accelerometers' output, one sample per force, 10 ms apart.
 std::vector<Sample> samples_of(const TriadErrors& errors, const std::vector<Vector3>& forces) {
   ImuModel model;
   model.accelerometer = errors;
@@ -78,7 +78,7 @@ TEST(Rounding, OfNumbersTooLargeToRound) {
   }
 }
 
-// A force that a coarse LSB takes much from, over many samples; all axes differ.
+// A force that a coarse LSB rounds strongly, over many samples; all axes differ.
 std::vector<Vector3> varied_forces() {
   std::vector<Vector3> forces;
   for (int k = 0; k < 3'000; ++k)
@@ -102,7 +102,7 @@ TEST(Rounding, IncrementsLoseTheRemainder) {
         ASSERT_LT((coarse[k].delta_velocity - (exact[k].delta_velocity - 0.01 * lost)).norm(), 1e-15);
         const Vector3 lost_rate = exact[k].rate - coarse[k].rate;
         ASSERT_LT((coarse[k].delta_angle - (exact[k].delta_angle - 0.01 * lost_rate)).norm(), 1e-15);
-        // And what is said lies on the grid.
+        // The output lies on the grid.
         const Vector3 counts = coarse[k].specific_force / 0.01;
         for (int i = 0; i < 3; ++i) ASSERT_NEAR(counts[i], std::round(counts[i]), 1e-9);
       }
@@ -182,7 +182,7 @@ TEST(Saturation, ComesAfterScaleBiasAndNoise) {
   EXPECT_EQ(sample.status & 7U, 0b101U);
 }
 
-// The scale factor acts on the truth alone: bias and noise are what the data sheet says they are.
+// The scale factor acts on the truth only: bias and noise have the configured values.
 TEST(ScaleFactor, ActsOnTheTruthAlone) {
   TriadErrors errors;
   errors.scale_factor = {2.0, 0.5, -1.0};

@@ -42,8 +42,8 @@ struct Rates {
   bool jitter = false;
 };
 
-// The truths' instants: on their grid or scattered about it, and at the sensor's last instant too, so that what the
-// sums must come to is known exactly.
+// The truths' instants: on their grid or scattered about it, and also at the sensor's last instant, so that the sums
+// are known exactly.
 std::vector<TruthTime> truth_times(const Rates& rates, TruthTime last) {
   std::vector<TruthTime> times = instants(rates.truth_hz, last - TruthTime{});
   if (rates.jitter) {
@@ -62,7 +62,7 @@ class Sums : public ::testing::TestWithParam<Rates> {
   const std::vector<TruthTime> sensor = instants(GetParam().sensor_hz, 3s);
   const TruthTime last = sensor.back();
   const double T = seconds(last - TruthTime{});
-  // What interpolation and quadrature are as good as: both go from truth to truth.
+  // The accuracy of interpolation and quadrature, both of which go from truth to truth.
   const double h = 1.0 / GetParam().truth_hz;
 
   template <class TruthAt>
@@ -128,8 +128,8 @@ TEST_P(Sums, IntegralOfTheForceOnALeverArm) {
   EXPECT_LT((sum - exact).norm(), 1e-12 + 1e-2 * std::pow(h, 4));
 }
 
-// What a strapdown navigator makes of the increments, with the attitude at the middle of each step: the truth's own
-// velocity but for the terms of second order that it neglects, sculling among them.
+// A strapdown navigator that uses the attitude in the middle of each step finds the velocity of the truth, except for
+// the second-order terms that it neglects, such as sculling.
 TEST_P(Sums, NavigatedVelocity) {
   ImuModel model = model_of(DeltaAngle::rotation_vector, DeltaVelocity::integral);
   model.r_SB_B.setZero();
@@ -158,8 +158,8 @@ INSTANTIATE_TEST_SUITE_P(Rates, Sums,
 // --- Truth that comes late
 // ------------------------------------------------------------------------------------------
 
-// Truths arrive `delay` after their time, and not at all for a while: samples are extrapolated, held, and put right
-// by those that come after them.
+// Truths arrive `delay` after their time, and not at all for a while: samples are extrapolated and held, and later
+// samples correct the sums.
 class LateTruth : public ::testing::TestWithParam<Nanoseconds> {
  protected:
   std::vector<Sample> samples(const ImuModel& model) const {
@@ -199,8 +199,8 @@ TEST_P(LateTruth, SumsTelescopeAgain) {
   EXPECT_LT((sum_N - (smooth().dv_N(2.0) + lever_N(2.0) - lever_N(0.0))).norm(), 1e-11);
 }
 
-// The integrals have no exact sum here: what an outage of 0.3 s takes in body axes (and the lever arm's centripetal
-// force on the way) is put right by one increment along the chord.
+// The integrals have no exact sum here: the error of an outage of 0.3 s in body axes (with the lever arm's
+// centripetal force) is corrected by one increment along the chord.
 TEST_P(LateTruth, IntegralsAreNearlyRightAgain) {
   ImuModel model = model_of(DeltaAngle::integral, DeltaVelocity::integral);
   model.r_SB_B.setZero();

@@ -1,6 +1,5 @@
-// The memo's own test (its section 4): the motion of the sensor is formulated about the centre of mass C, which
-// wanders in the body, where the model knows of the body frame's origin alone. All vectors in N unless named
-// otherwise.
+// The memo's own test (its section 4): the motion of the sensor is formulated about the centre of mass C, which moves
+// in the body, while the model uses only the origin of the body frame. All vectors in N unless named otherwise.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -194,7 +193,7 @@ TEST_P(Memo, DeltaVelocityInTheBodyFrame) {
   }
 }
 
-// And the same test sees the difference between the definitions, so that neither passes for the other.
+// The same test distinguishes the definitions: neither passes for the other.
 TEST_P(Memo, DefinitionsDiffer) {
   const std::vector<Sample> a = samples(DeltaVelocity::memo, AccumulatedDv::inertial);
   const std::vector<Sample> b = samples(DeltaVelocity::end_frame, AccumulatedDv::inertial);

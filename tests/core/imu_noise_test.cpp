@@ -1,4 +1,4 @@
-// The errors of an Imu as random numbers: what depends on what, and what does not.
+// The errors of an Imu as random numbers: which inputs they depend on.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -42,7 +42,7 @@ ImuModel every_effect() {
   return model;
 }
 
-// Truth at 100 Hz of a motion with all in it, sensor at 333 Hz: nothing falls together.
+// Truth at 100 Hz of a motion in all axes, sensor at 333 Hz: no instants coincide.
 std::vector<Sample> run(const ImuModel& model, std::uint64_t seed = 1, Nanoseconds duration = 3s) {
   MotionParameters parameters;
   parameters.half_angle_rad = 0.1;
@@ -65,7 +65,7 @@ std::uint64_t fingerprint(const std::vector<Sample>& samples) {
   return hash.value();
 }
 
-// At rest, every sample for itself: the errors alone.
+// At rest each sample consists of the errors alone.
 std::vector<Sample> errors_alone(const ImuModel& model, std::size_t count, std::uint64_t seed = 1,
                                  std::uint32_t stream = 1) {
   Timeline::Limits limits;
@@ -89,7 +89,7 @@ ImuModel white() {
 
 TEST(ImuNoise, SameRunSameBits) { EXPECT_EQ(fingerprint(run(every_effect())), fingerprint(run(every_effect()))); }
 
-// The promise of "the same bytes on every machine": any compiler, optimisation and processor.
+// The same bits on every machine: any compiler, optimisation and processor.
 TEST(ImuNoise, PinnedBits) {
   ImuModel model = every_effect();
   std::vector<Sample> samples = run(model, 12345, 31s);
@@ -107,7 +107,8 @@ TEST(ImuNoise, SeedsAndNamesDiffer) {
   EXPECT_EQ(fingerprint(one), fingerprint(errors_alone(white(), 100, 1, stream_id("imu1"))));
 }
 
-// Eq. 15-18: what is added to the rate is added to the delta-angle times the step; not to the first, which has none.
+// Eq. 15-18: an error of the rate, times the step, is added to the delta-angle, except to the first, which has no
+// step.
 TEST(ImuNoise, IncrementsHaveTheErrorTimesTheStep) {
   ImuModel model = every_effect();
   model.gyro.lsb = model.accelerometer.lsb = 0.0;
@@ -233,7 +234,7 @@ TEST(Seek, BackAndForth) {
   }
 }
 
-// --- A run that begins anew
+// --- A restart
 // -----------------------------------------------------------------------------------------
 
 TEST(NewRun, HasNoIncrementsAndCountsOn) {

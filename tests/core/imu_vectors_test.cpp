@@ -127,7 +127,7 @@ INSTANTIATE_TEST_SUITE_P(Files, ReferenceVectors,
                                            Case{"all", all()}),
                          [](const auto& test) { return test.param.file; });
 
-// The shadow set is taken over in the middle of the table.
+// The table changes to the shadow set in its middle.
 TEST(ReferenceModule, VectorsHaveAShadowSwitch) {
   const VectorTable table("clean");
   EXPECT_LT(table.vector(11, "sigma_BN_", "123").dot(table.vector(12, "sigma_BN_", "123")), 0.0);
@@ -147,7 +147,7 @@ TEST(ReferenceModule, SaturationIsFlaggedPerAxis) {
     }
     ever |= samples[i].status;
   }
-  EXPECT_EQ(ever, 0b101'111U);  // all, but that the force along y stays within +-0.3
+  EXPECT_EQ(ever, 0b101'111U);  // all except y of the accelerometer, whose force stays within +-0.3
 }
 
 // Fed with the sum of body-axes increments that Basilisk's spacecraft publishes, the module takes it for an inertial
@@ -164,10 +164,10 @@ TEST(ReferenceModule, SpuriousVelocityIsNotReproduced) {
     EXPECT_LT((samples[i].delta_velocity - clean_table.vector(i, "DVFramePlatform_")).cwiseAbs().maxCoeff(), bar);
     spurious = std::max(spurious, (samples[i].delta_velocity - table.vector(i, "DVFramePlatform_")).norm());
   }
-  EXPECT_GT(spurious, 0.01);  // m/s in a step of 0.05 s: what the module makes up, at the worst
+  EXPECT_GT(spurious, 0.01);  // m/s in a step of 0.05 s: the module's largest spurious velocity
 }
 
-// The convention is not a matter of taste: either stream read as the other is wrong by the same amount.
+// The convention matters: each stream, read by the other convention, is wrong by the same amount.
 TEST(ReferenceModule, TheConventionMatters) {
   const VectorTable table("clean");
   const std::vector<Sample> right = samples_of(clean(), truths_of(table));

@@ -15,7 +15,7 @@
 namespace imud {
 namespace {
 
-// The library's own known answers (Random123's kat_vectors), so that another version of it would be seen.
+// The library's own known answers (Random123's kat_vectors), to detect another version of it.
 TEST(Random123, KnownAnswers) {
   const r123::Philox4x32 philox32;
   using Words = r123::Philox4x32::ctr_type;

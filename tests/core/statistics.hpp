@@ -1,4 +1,4 @@
-// Statistics of a series, for tests that compare them with what theory says.
+// Statistics of a series, for tests that compare them with theory.
 #pragma once
 
 #include <algorithm>
@@ -26,7 +26,7 @@ struct Moments {
   }
 };
 
-// Of x[i + lag] with y[i]; the autocorrelation of x if y is x.
+// The correlation of x[i + lag] with y[i]; the autocorrelation of x if y is x.
 inline double correlation(const std::vector<double>& x, const std::vector<double>& y, std::size_t lag = 0) {
   const Moments of_x(x), of_y(y);
   double sum = 0;

@@ -24,7 +24,7 @@ concept Comparable = requires(A a, B b) {
 }
 || requires(A a, B b) { a == b; };
 
-// What must not compile.
+// These must not compile.
 static_assert(!Addable<TruthTime, TruthTime>);
 static_assert(!Addable<HostTime, HostTime>);
 static_assert(!Addable<DeviceTime, DeviceTime>);
@@ -41,7 +41,7 @@ static_assert(!std::convertible_to<TruthTime, HostTime> && !std::constructible_f
 static_assert(!std::assignable_from<DeviceTime&, TruthTime>);
 static_assert(!std::convertible_to<TruthTime, std::int64_t> && !std::convertible_to<std::int64_t, TruthTime>);
 
-// And what must, so that the lines above fail for the right reason.
+// These must compile, so that the lines above fail for the right reason.
 static_assert(Addable<TruthTime, Nanoseconds> && Subtractable<TruthTime, Nanoseconds>);
 static_assert(Subtractable<TruthTime, TruthTime> && Comparable<TruthTime, TruthTime>);
 static_assert(std::same_as<decltype(HostTime{} - HostTime{}), Nanoseconds>);

@@ -1,4 +1,4 @@
-// What was true between two truths, before the first and after the last. (Which truths are taken:
+// The motion between two truths, before the first and after the last. (Which truths are accepted:
 // admission_test.cpp.)
 #include "core/timeline.hpp"
 
@@ -109,7 +109,7 @@ TEST(Timeline, RateAndForceAreTheDerivatives) {
     const Vector3 rate = (8.0 * (turned(1) - turned(-1)) - (turned(2) - turned(-2))) / 0.012;
     const Vector3 acceleration_N =
         (8.0 * (state(1).dv_N - state(-1).dv_N) - (state(2).dv_N - state(-2).dv_N)) / 0.012;
-    // Where a truth lies within the stencil the third derivative has a jump, which the stencil feels.
+    // Where a truth lies within the stencil, the third derivative jumps, which affects the stencil.
     ASSERT_LT((rate - now.omega_BN_B).norm(), 3e-7) << t.ns;
     ASSERT_LT((acceleration_N - now.q_NB * now.specific_force_B).norm(), 3e-7) << t.ns;
   }
@@ -133,7 +133,7 @@ TEST(Timeline, StateIsContinuousAtTruths) {
 TEST(Timeline, SignOfTheQuaternionAndMrpShadowDoNotMatter) {
   const Timeline expected = timeline_of(50ms, 5s);
   const Timeline shadowed = timeline_of(50ms, 5s, [](Truth& truth) {
-    // As a simulator that goes over to the shadow set in the middle and back again.
+    // As a simulator that changes to the shadow set in the middle, and back again.
     const bool shadow = truth.sequence >= 30 && truth.sequence < 70;
     const Vector3 sigma = mrp_from_quaternion(truth.q_NB);
     truth.q_NB = quaternion_from_mrp(shadow ? mrp_shadow(sigma) : sigma);
@@ -146,7 +146,7 @@ TEST(Timeline, SignOfTheQuaternionAndMrpShadowDoNotMatter) {
   }
 }
 
-// As it comes from a simulator that integrates it, or from fewer digits.
+// As from a simulator that integrates the quaternion, or sends few digits.
 TEST(Timeline, QuaternionsAreMadeUnit) {
   const Timeline expected = timeline_of(50ms, 1s);
   const Timeline timeline = timeline_of(50ms, 1s, [](Truth& truth) {
@@ -163,11 +163,11 @@ TEST(Timeline, QuaternionsAreMadeUnit) {
 TEST(Timeline, AngularAccelerationOfTheRatesWhereNoneIsGiven) {
   const auto without = [](Truth& truth) {
     truth.has_angular_acceleration = false;
-    truth.omegaDot_BN_B = {1e3, 1e3, 1e3};  // not to be looked at
+    truth.omegaDot_BN_B = {1e3, 1e3, 1e3};  // to be ignored
   };
   EXPECT_LT(errors_of(timeline_of(10ms, 9s, without), 10ms, 10ms, 9s).acceleration, 1e-3);  // the first interval's
   EXPECT_LT(errors_of(timeline_of(100ms, 20s, without), 100ms, 100ms, 20s).acceleration, 3e-2);
-  // At truths as well, where a lever arm makes specific force of it.
+  // At truths as well, where a lever arm turns it into specific force.
   const Timeline timeline = timeline_of(10ms, 9s, without);
   for (std::int64_t k = 2; k < 900; ++k)
     ASSERT_LT(

@@ -15,7 +15,7 @@ namespace imud::testing {
 
 class VectorTable {
  public:
-  // `name` without path and extension. Throws if the file is not there or not as described.
+  // `name` has neither path nor extension. Throws if the file is missing, or not as described.
   explicit VectorTable(const std::string& name) {
     std::ifstream file(std::string(IMUD_TEST_DATA) + "/vectors/" + name + ".csv");
     std::string line;
@@ -42,7 +42,7 @@ class VectorTable {
     return value;
   }
 
-  // Of the columns prefix + "x", "y", "z" (or what `names` gives).
+  // The vector in the columns prefix + "x", "y", "z" (or + `names`).
   Vector3 vector(std::size_t row, const std::string& prefix, std::string_view names = "xyz") const {
     return {number(row, prefix + names[0]), number(row, prefix + names[1]), number(row, prefix + names[2])};
   }
