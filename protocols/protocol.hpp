@@ -160,7 +160,7 @@ struct Protocol {
 
   std::uint32_t fields = Measurement::all;  // carried by every measurement
 
-  // The LSB of each quantity, SI: decode(encode(x)) differs from x by half of it at most. 0: by nothing.
+  // The LSB of each quantity, SI: decode(encode(x)) differs from x by half of it at most. 0: not at all.
   struct Resolution {
     double time_s = 0, rate = 0, specific_force = 0, delta_angle = 0, delta_velocity = 0, temperature_c = 0;
   } resolution = {};
@@ -176,8 +176,8 @@ struct Protocol {
   std::uint32_t status_bits = ~0U;  // bits of Sample::status that the wire carries
 
   bool has_checksum = false;  // every one-bit error of a frame is detected; false: some are not
-  unsigned burst_bits =
-      0;  // longest burst of errors that is always detected; bits are counted from the LSB of each byte
+  // The longest burst of errors that is always detected, in bits; each byte is counted from its LSB.
+  unsigned burst_bits = 0;
 
   bool has_sync_pins = false;  // Device's trigger(), pps() and pulse()
 
