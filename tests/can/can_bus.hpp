@@ -1,4 +1,4 @@
-// What the tests of CAN ports share: frames to send, what is received, an interface of the test's own.
+// Shared by the tests of CAN ports: frames to send, received frames, and an interface for the test alone.
 #pragma once
 
 #include <fmt/format.h>
@@ -36,15 +36,17 @@ class SampleFrames {
   FrameBuffer buffer_;
 };
 
-// `count` classic frames whose identifiers tell their place and whose data tell the sample.
+// Sends `count` classic frames. The identifier is 0x100 plus the frame's index; the data begin with the sample's
+// number.
 inline void send_sample(Port& port, std::uint8_t number, std::uint32_t count = 1) {
   SampleFrames sample;
   for (std::uint32_t i = 0; i < count; ++i) sample.add({.id = 0x100 + i}, 8, number);
   port.send(sample);
 }
 
-// What the port receives next; a vcan hands a frame over a little later.
-inline std::optional<Port::Received> hear(Port& port) {
+// Returns the next frame that the port receives; nullopt if there is none for 2 s. A vcan delivers a frame with a
+// short delay.
+inline std::optional<Port::Received> receive_next(Port& port) {
   for (int i = 0; i < 20; ++i) {
     pollfd ready{port.descriptor(), POLLIN, 0};
     if (::poll(&ready, 1, 100) == 1)
@@ -53,7 +55,7 @@ inline std::optional<Port::Received> hear(Port& port) {
   return std::nullopt;
 }
 
-// Flushes the port whenever it asks for it. False if it still holds frames back after a minute.
+// Flushes the port whenever it requests it. Returns false if it still holds frames after a minute.
 inline bool drain(Port& port) {
   const HostTime end = host_now() + 60s;
   while (!port.is_drained()) {
@@ -77,7 +79,7 @@ inline void wait_until_back(Port& port) {
 
 class Can : public ::testing::Test {
  protected:
-  // An interface of the test's own, to be taken down and removed.
+  // An interface that the test may take down and remove.
   static constexpr const char* own = "imudcan";
   void SetUp() override {
     ASSERT_NE(::if_nametoindex("vcan0"), 0U) << "run it in tools/with-vcan";

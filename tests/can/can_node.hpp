@@ -1,4 +1,4 @@
-// The rest of a CAN bus: its interfaces, other nodes, and a controller that is made of a pseudo-terminal.
+// The rest of a CAN bus: its interfaces, other nodes, and a controller simulated by a pseudo-terminal.
 #pragma once
 
 #include <fcntl.h>
@@ -33,7 +33,7 @@ inline bool ip(const std::string& arguments) { return run_command("ip " + argume
 // Another node on the bus.
 class Node {
  public:
-  enum class Buffer { large, by_default };  // for what it has received and not read
+  enum class Buffer { large, by_default };  // the receive buffer of its socket
   explicit Node(const std::string& interface, Buffer buffer = Buffer::large) {
     socket_.reset(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW));
     const int on = 1, room = 4 << 20;
@@ -45,42 +45,42 @@ class Node {
     EXPECT_NE(address.can_ifindex, 0) << interface;
     EXPECT_EQ(::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0) << interface;
   }
-  struct Heard {
+  struct Received {
     canfd_frame frame;
     bool fd;
   };
-  // The next frame; nullopt when none comes for a while.
-  std::optional<Heard> hear(int patience_ms = 200) const {
+  // Returns the next frame; nullopt if none arrives within `timeout_ms`.
+  std::optional<Received> receive(int timeout_ms = 200) const {
     pollfd ready{socket_.get(), POLLIN, 0};
-    Heard heard{};
-    if (::poll(&ready, 1, patience_ms) != 1) return std::nullopt;
-    const ssize_t size = ::read(socket_.get(), &heard.frame, sizeof heard.frame);
+    Received got{};
+    if (::poll(&ready, 1, timeout_ms) != 1) return std::nullopt;
+    const ssize_t size = ::read(socket_.get(), &got.frame, sizeof got.frame);
     if (size < 0) return std::nullopt;
-    heard.fd = size == CANFD_MTU;
-    return heard;
+    got.fd = size == CANFD_MTU;
+    return got;
   }
-  std::vector<Heard> hear_all() const {
-    std::vector<Heard> all;
-    while (const auto heard = hear()) all.push_back(*heard);
+  std::vector<Received> receive_all() const {
+    std::vector<Received> all;
+    while (const auto got = receive()) all.push_back(*got);
     return all;
   }
-  void say(const canfd_frame& frame, bool fd) const {
+  void send(const canfd_frame& frame, bool fd) const {
     const auto size = static_cast<ssize_t>(fd ? CANFD_MTU : CAN_MTU);
     EXPECT_EQ(::write(socket_.get(), &frame, static_cast<std::size_t>(size)), size);
   }
-  void say(canid_t id, std::initializer_list<std::uint8_t> data) const {
+  void send(canid_t id, std::initializer_list<std::uint8_t> data) const {
     canfd_frame frame{};
     frame.can_id = id;
     frame.len = static_cast<std::uint8_t>(data.size());
     std::copy(data.begin(), data.end(), frame.data);
-    say(frame, false);
+    send(frame, false);
   }
 
  private:
   FileDescriptor socket_;
 };
 
-// A controller on a serial line, as far as its driver (slcan) can tell: the line's other end is a thread here.
+// A controller on a serial line for the driver slcan; the other end of the line is a thread of the test.
 class LineController {
  public:
   LineController() {
@@ -104,10 +104,10 @@ class LineController {
     ending_ = true;
     answering_.join();
   }
-  void say(std::string_view command) const {
+  void send(std::string_view command) const {
     EXPECT_EQ(::write(master_.get(), command.data(), command.size()), static_cast<ssize_t>(command.size()));
   }
-  // Frames that have come over the line once it is quiet.
+  // Waits until the line is quiet, and returns the number of frames received over it.
   unsigned frames() const {
     for (unsigned before = frames_ + 1; before != frames_;
          std::this_thread::sleep_for(std::chrono::milliseconds(200)))
@@ -131,7 +131,7 @@ class LineController {
       if (first == 0) first = byte;
       if (byte != '\r') continue;
       frames_ += first == 't';
-      say("\r");
+      send("\r");
       first = 0;
     }
   }

@@ -1,4 +1,4 @@
-// Runs in tools/with-vcan: vcan0 exists, and the right to make, change and remove interfaces.
+// Runs in tools/with-vcan: vcan0 exists, and the test may make, change and remove interfaces.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <linux/can/error.h>
@@ -29,19 +29,19 @@ TEST_F(Can, EveryKindOfFrameInOneSample) {
   EXPECT_EQ(port->counters().sent, 6U);
   EXPECT_EQ(port->counters().dropped, 0U);
 
-  const auto heard = node.hear_all();
-  ASSERT_EQ(heard.size(), 6U);
+  const auto got = node.receive_all();
+  ASSERT_EQ(got.size(), 6U);
   const canid_t ids[] = {0x7FF, 0x1FFFFFFF | CAN_EFF_FLAG, 0x123 | CAN_EFF_FLAG, 0x055 | CAN_RTR_FLAG,
                          0x201, 0x18FF0000 | CAN_EFF_FLAG};
   const unsigned sizes[] = {8, 0, 3, 0, 64, 12};
   for (std::size_t i = 0; i < 6; ++i) {
-    EXPECT_EQ(heard[i].frame.can_id, ids[i]) << i;
-    EXPECT_EQ(heard[i].frame.len, sizes[i]) << i;
-    EXPECT_EQ(heard[i].fd, i >= 4) << i;
-    for (std::uint8_t k = 0; k < sizes[i]; ++k) EXPECT_EQ(heard[i].frame.data[k], k + 1) << i;
+    EXPECT_EQ(got[i].frame.can_id, ids[i]) << i;
+    EXPECT_EQ(got[i].frame.len, sizes[i]) << i;
+    EXPECT_EQ(got[i].fd, i >= 4) << i;
+    for (std::uint8_t k = 0; k < sizes[i]; ++k) EXPECT_EQ(got[i].frame.data[k], k + 1) << i;
   }
-  EXPECT_EQ(heard[4].frame.flags & CANFD_BRS, 0);
-  EXPECT_EQ(heard[5].frame.flags & CANFD_BRS, CANFD_BRS);
+  EXPECT_EQ(got[4].frame.flags & CANFD_BRS, 0);
+  EXPECT_EQ(got[5].frame.flags & CANFD_BRS, CANFD_BRS);
   EXPECT_EQ(port->receive(), std::nullopt) << "own frames are not received";
 }
 
@@ -51,14 +51,14 @@ TEST_F(Can, FdLengthIsPaddedWithZerosToTheNextThatADlcStandsFor) {
   for (unsigned size = 0; size <= 64; ++size) {
     SampleFrames sample;
     port->send(sample.add({.id = 1, .fd = true}, size, 0x80));
-    const auto heard = node.hear();
-    ASSERT_TRUE(heard.has_value()) << size;
+    const auto got = node.receive();
+    ASSERT_TRUE(got.has_value()) << size;
     unsigned legal = size;
     while (legal > 8 && legal != 12 && legal != 16 && legal != 20 && legal != 24 && legal != 32 && legal != 48 &&
            legal != 64)
       ++legal;
-    EXPECT_EQ(heard->frame.len, legal) << size;
-    for (unsigned k = 0; k < legal; ++k) EXPECT_EQ(heard->frame.data[k], k < size ? 0x80 + k : 0) << size;
+    EXPECT_EQ(got->frame.len, legal) << size;
+    for (unsigned k = 0; k < legal; ++k) EXPECT_EQ(got->frame.data[k], k < size ? 0x80 + k : 0) << size;
   }
 }
 
@@ -77,10 +77,10 @@ TEST_F(Can, WhatTheInterfaceCannotCarryIsDroppedAlone) {
   port->send(sample);
   EXPECT_EQ(port->counters().sent, 2U);
   EXPECT_EQ(port->counters().dropped, 6U);
-  const auto heard = node.hear_all();
-  ASSERT_EQ(heard.size(), 2U);
-  EXPECT_EQ(heard[0].frame.can_id, 1U);
-  EXPECT_EQ(heard[1].frame.can_id, 6U);
+  const auto got = node.receive_all();
+  ASSERT_EQ(got.size(), 2U);
+  EXPECT_EQ(got[0].frame.can_id, 1U);
+  EXPECT_EQ(got[1].frame.can_id, 6U);
 }
 
 TEST_F(Can, FdFramesNeedTheInterfacesMtu) {
@@ -106,42 +106,42 @@ TEST_F(Can, FdFramesNeedTheInterfacesMtu) {
   EXPECT_EQ(classic_only->counters().dropped, 1U);
 }
 
-TEST_F(Can, ReceivesWhatOthersSay) {
+TEST_F(Can, ReceivesFramesOfOthers) {
   const Node node("vcan0");
   const auto port = open("vcan0");
   EXPECT_EQ(port->receive(), std::nullopt);
-  node.say(0x080, {7});
-  node.say(0x18EA80F9 | CAN_EFF_FLAG, {1, 2, 3});
-  node.say(0x701 | CAN_RTR_FLAG, {});
+  node.send(0x080, {7});
+  node.send(0x18EA80F9 | CAN_EFF_FLAG, {1, 2, 3});
+  node.send(0x701 | CAN_RTR_FLAG, {});
   canfd_frame fd{};
   fd.can_id = 0x123;
   fd.len = 64;
   fd.flags = CANFD_BRS;
   fd.data[63] = 0xEE;
-  node.say(fd, true);
-  node.say(CAN_ERR_FLAG | CAN_ERR_CRTL, {0, CAN_ERR_CRTL_TX_WARNING, 0, 0, 0, 0, 96, 0});
+  node.send(fd, true);
+  node.send(CAN_ERR_FLAG | CAN_ERR_CRTL, {0, CAN_ERR_CRTL_TX_WARNING, 0, 0, 0, 0, 96, 0});
 
-  auto received = hear(*port);
+  auto received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->frame.can.id, 0x080U);
   EXPECT_FALSE(received->frame.can.extended || received->frame.can.fd || received->frame.can.remote);
   ASSERT_EQ(received->frame.bytes.size(), 1U);
   EXPECT_EQ(received->frame.bytes[0], std::byte{7});
-  received = hear(*port);
+  received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->frame.can.id, 0x18EA80F9U);
   EXPECT_TRUE(received->frame.can.extended);
   EXPECT_EQ(received->frame.bytes.size(), 3U);
-  received = hear(*port);
+  received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->frame.can.id, 0x701U);
   EXPECT_TRUE(received->frame.can.remote);
-  received = hear(*port);
+  received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_TRUE(received->frame.can.fd && received->frame.can.bit_rate_switch);
   ASSERT_EQ(received->frame.bytes.size(), 64U);
   EXPECT_EQ(received->frame.bytes[63], std::byte{0xEE});
-  received = hear(*port);
+  received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_TRUE(received->frame.can.error);
   EXPECT_EQ(received->frame.can.id, canid_t{CAN_ERR_CRTL});
@@ -154,17 +154,17 @@ TEST_F(Can, ReceivesWhatOthersSay) {
 TEST_F(Can, BusOffIsALossUntilTheControllerRestarts) {
   const Node node("vcan0");
   const auto port = open("vcan0");
-  node.say(CAN_ERR_FLAG | CAN_ERR_BUSOFF, {0, 0, 0, 0, 0, 0, 0, 0});
-  node.say(CAN_ERR_FLAG | CAN_ERR_CRTL, {0, 0, 0, 0, 0, 0, 0, 0});
-  EXPECT_TRUE(hear(*port).has_value());
+  node.send(CAN_ERR_FLAG | CAN_ERR_BUSOFF, {0, 0, 0, 0, 0, 0, 0, 0});
+  node.send(CAN_ERR_FLAG | CAN_ERR_CRTL, {0, 0, 0, 0, 0, 0, 0, 0});
+  EXPECT_TRUE(receive_next(*port).has_value());
   EXPECT_EQ(port->state(), PortState::lost);
-  EXPECT_TRUE(hear(*port).has_value());
+  EXPECT_TRUE(receive_next(*port).has_value());
   send_sample(*port, 1, 3);
   EXPECT_EQ(port->state(), PortState::lost);
   EXPECT_EQ(port->counters().dropped, 3U);
   EXPECT_EQ(port->counters().lost_count, 1U);
-  node.say(CAN_ERR_FLAG | CAN_ERR_RESTARTED, {0, 0, 0, 0, 0, 0, 0, 0});
-  EXPECT_TRUE(hear(*port).has_value());
+  node.send(CAN_ERR_FLAG | CAN_ERR_RESTARTED, {0, 0, 0, 0, 0, 0, 0, 0});
+  EXPECT_TRUE(receive_next(*port).has_value());
   EXPECT_EQ(port->state(), PortState::ready);
   send_sample(*port, 2, 3);
   EXPECT_EQ(port->counters().sent, 3U);
@@ -179,8 +179,8 @@ TEST_F(Can, RealDriverInBusOff) {
   EXPECT_EQ(port->counters().sent, 30U);
   EXPECT_EQ(controller.frames(), 30U);
 
-  controller.say("sb000256\r");
-  auto received = hear(*port);
+  controller.send("sb000256\r");
+  auto received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_TRUE(received->frame.can.error && (received->frame.can.id & CAN_ERR_BUSOFF) != 0);
   EXPECT_EQ(port->state(), PortState::lost);
@@ -214,10 +214,10 @@ TEST_F(Can, DownAndUp) {
     EXPECT_EQ(port->counters().dropped, 30 * time) << "the first sample that can go does go";
   }
   EXPECT_EQ(port->counters().sent, 9U);
-  // The node's own socket reports the interface down before it goes on.
-  std::size_t heard = 0;
-  for (int i = 0; i < 20; ++i) heard += node.hear().has_value();
-  EXPECT_EQ(heard, 9U);
+  // The node's own socket reports once that the interface was down.
+  std::size_t got = 0;
+  for (int i = 0; i < 20; ++i) got += node.receive().has_value();
+  EXPECT_EQ(got, 9U);
 }
 
 TEST_F(Can, DownAndUpUnnoticedLosesNothing) {
@@ -226,18 +226,18 @@ TEST_F(Can, DownAndUpUnnoticedLosesNothing) {
   const Node node(own);
   send_sample(*port, 1, 3);
   EXPECT_EQ(port->counters().sent, 3U);
-  EXPECT_EQ(node.hear_all().size(), 3U);
+  EXPECT_EQ(node.receive_all().size(), 3U);
   ASSERT_TRUE(ip(fmt::format("link set {} down", own)) && ip(fmt::format("link set {} up", own)));
   const Node other(own);
-  other.say(0x123, {1});
-  EXPECT_TRUE(hear(*port).has_value());
+  other.send(0x123, {1});
+  EXPECT_TRUE(receive_next(*port).has_value());
   EXPECT_EQ(port->state(), PortState::ready);
 }
 
 TEST_F(Can, FramesFromBeforeDoNotMakeItUp) {
   const Node node(own);
   const auto port = open(own);
-  node.say(0x123, {1});
+  node.send(0x123, {1});
   pollfd ready{port->descriptor(), POLLIN, 0};
   ASSERT_EQ(::poll(&ready, 1, 5000), 1);
   ASSERT_TRUE(ip(fmt::format("link set {} down", own)));
@@ -274,9 +274,9 @@ TEST_F(Can, RemovedAndMadeAgain) {
     EXPECT_GE(port->descriptor(), 0);
     const Node node(own);
     send_sample(*port, 2, 3);
-    EXPECT_EQ(node.hear_all().size(), 3U);
-    node.say(0x321, {1});
-    ASSERT_TRUE(hear(*port).has_value());
+    EXPECT_EQ(node.receive_all().size(), 3U);
+    node.send(0x321, {1});
+    ASSERT_TRUE(receive_next(*port).has_value());
   }
 }
 
@@ -292,11 +292,11 @@ TEST_F(Can, ReceivingNoticesTheRemovalAndTheReturn) {
   }
   ASSERT_EQ(port->state(), PortState::ready);
   const Node node(own);
-  node.say(0x321, {1});
-  EXPECT_TRUE(hear(*port).has_value());
+  node.send(0x321, {1});
+  EXPECT_TRUE(receive_next(*port).has_value());
 }
 
-TEST_F(Can, SaysWhyItCannotBeOpened) {
+TEST_F(Can, NamesTheCauseIfItCannotBeOpened) {
   EXPECT_TRUE(mentions(error_of("can:nosuchcan"), "no such interface"));
   EXPECT_TRUE(mentions(error_of("can:lo"), "is it a CAN interface?"));
   EXPECT_TRUE(mentions(error_of("can:namelongerthan15"), "so long a name"));

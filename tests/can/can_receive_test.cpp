@@ -1,4 +1,4 @@
-// What a port receives: by filters, and of its own frames. Runs in tools/with-vcan.
+// The frames that a port receives: filters, and the confirmation of its own frames. Runs in tools/with-vcan.
 #include <linux/can/error.h>
 #include <poll.h>
 
@@ -16,10 +16,10 @@ class CanFilters : public Can {
  protected:
   // The identifiers, as sent, of the frames of `sent` that the port receives.
   std::vector<canid_t> received(std::initializer_list<canid_t> sent) {
-    for (const canid_t id : sent) node_->say(id, {});
-    node_->say(CAN_ERR_FLAG | CAN_ERR_PROT, {});  // passes always: the end
+    for (const canid_t id : sent) node_->send(id, {});
+    node_->send(CAN_ERR_FLAG | CAN_ERR_PROT, {});  // error frames pass every filter: it marks the end
     std::vector<canid_t> all;
-    while (const auto got = hear(*port_)) {
+    while (const auto got = receive_next(*port_)) {
       const CanHeader& can = got->frame.can;
       if (can.error && can.id == CAN_ERR_PROT) return all;
       all.push_back(can.id | (can.extended ? CAN_EFF_FLAG : 0) | (can.remote ? CAN_RTR_FLAG : 0) |
@@ -105,7 +105,7 @@ TEST_F(CanFilters, AsManyAsThereIsRoomForAndMore) {
 
 // --- The port's own frames
 
-// Lets the port receive until nothing more comes: nothing but confirmations.
+// Lets the port receive until nothing more arrives; expects nothing but confirmations.
 void collect_confirmations(Port& port) {
   pollfd ready{port.descriptor(), POLLIN, 0};
   while (::poll(&ready, 1, 200) == 1) EXPECT_EQ(port.receive(), std::nullopt);
@@ -116,17 +116,17 @@ TEST_F(Can, OwnFramesAreConfirmedAndNotReceived) {
   const auto port = open("vcan0?confirm=yes");
   const HostTime before = host_now();
   send_sample(*port, 1, 2);
-  node.say(0x055, {1});
+  node.send(0x055, {1});
   SampleFrames sample;
   port->send(sample.add({.id = 0x1ABCDEF, .extended = true}, 8).add({.id = 0x7F, .fd = true}, 12));
-  const auto received = hear(*port);
+  const auto received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->frame.can.id, 0x055U);
   EXPECT_EQ(port->receive(), std::nullopt);
   const HostTime after = host_now();
   EXPECT_EQ(port->counters().received, 1U);
   EXPECT_EQ(port->counters().confirmed, 4U);
-  HostTime last = before - 20ms;  // the guest's stamps are of its last tick
+  HostTime last = before - 20ms;  // the guest's stamps have the resolution of its tick
   for (const std::uint32_t id : {0x100U, 0x101U, 0x1ABCDEFU, 0x7FU}) {
     const auto confirmation = port->next_confirmation();
     ASSERT_TRUE(confirmation.has_value());
@@ -170,12 +170,12 @@ TEST_F(Can, WithoutConfirmationOwnFramesDoNotComeBack) {
   EXPECT_EQ(port->counters().confirmed, 0U);
 }
 
-// Two units on one bus, of the same process: the other's frames are no echo.
+// Two units on one bus in the same process: the frames of the other one are not taken for an echo.
 TEST_F(Can, AnotherPortsFramesWithTheSameIdentifierAreReceived) {
   const auto port = open("vcan0?confirm=yes");
   const auto other = open("vcan0?confirm=yes");
   send_sample(*other, 9);
-  const auto received = hear(*port);
+  const auto received = receive_next(*port);
   ASSERT_TRUE(received.has_value());
   EXPECT_EQ(received->frame.can.id, 0x100U);
   EXPECT_EQ(port->counters().confirmed, 0U);
@@ -192,8 +192,8 @@ TEST_F(Can, ARealDriversFramesAreConfirmed) {
   EXPECT_EQ(port->counters().confirmed, 50U);
 }
 
-// A driver that returns its frames by itself does it once it has sent them, as vcan with echo=1 (WITH_VCAN_ECHO=1);
-// otherwise the kernel returns them when the interface's queue takes them.
+// A driver that echoes frames itself, as vcan does with echo=1 (WITH_VCAN_ECHO=1), does so after it has sent them;
+// otherwise the kernel echoes them when the interface's queue accepts them.
 TEST_F(Can, FramesInTheInterfacesQueueAreConfirmedAsTheDriverDoes) {
   ASSERT_TRUE(run_command(fmt::format("tc qdisc add dev {} root netem delay 200s limit 100", own)));
   const auto port = open(std::string(own) + "?confirm=yes");
@@ -207,7 +207,7 @@ TEST_F(Can, ArrivalIsStampedByTheKernel) {
   const Node node("vcan0");
   const auto port = open("vcan0");
   const HostTime before = host_now();
-  node.say(0x123, {1});
+  node.send(0x123, {1});
   pollfd ready{port->descriptor(), POLLIN, 0};
   ASSERT_EQ(::poll(&ready, 1, 5000), 1);
   const HostTime there = host_now();

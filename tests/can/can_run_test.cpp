@@ -1,4 +1,5 @@
-// The whole line on a real SocketCAN interface: imud to vcan0 to imu-decode and candump. Runs inside tools/with-vcan.
+// The whole chain on a real SocketCAN interface: imud sends to vcan0, imu-decode and candump receive. Runs in
+// tools/with-vcan.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,13 +22,14 @@ class CanRunTest : public LiveTest {
     return static_cast<std::size_t>(std::count_if(
         lines.begin(), lines.end(), [](const std::string& line) { return line.starts_with("   vcan0 "); }));
   }
-  // Starts candump with `options`, on vcan0; it has its socket, and a buffer for all that comes, when this returns.
+  // Starts candump with `options` on vcan0. When this returns, its socket is open, with a buffer for all frames.
   static void start_candump(Program& candump, std::vector<std::string> options) {
     options.insert(options.end(), {"-L", "-r", "8388608", "vcan0"});
     candump.start(options);
     EXPECT_TRUE(eventually([] { return receivers() == 1; }));
   }
-  // The sample, by its low 8 bits, of each frame that candump has printed; the frames of a sample are in order.
+  // Returns the low 8 bits of the sample counter of each frame that candump has printed, and expects the frames of a
+  // sample to be in order.
   static void expect_every_frame(const std::vector<std::string>& lines, std::size_t samples) {
     ASSERT_EQ(lines.size(), 7 * samples);
     for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -115,7 +117,7 @@ TEST_F(CanRunTest, NothingIsLostInFastOnASlowBus) {
 
 TEST_F(CanRunTest, NothingIsLostInLockstep) {
   const std::string c = config("lockstep", simulator_.port(), "native", 500, "native-can", "can:vcan0");
-  constexpr std::size_t samples = 1001;  // ten in each step
+  constexpr std::size_t samples = 1001;  // ten per step
   Program candump("/usr/bin/candump");
   start_candump(candump, {"-n", std::to_string(7 * samples), "-T", "20000"});
   Program imud("imud");
@@ -141,7 +143,7 @@ TEST_F(CanRunTest, AFullQueueDropsFramesAndTheRunGoesOn) {
   ASSERT_EQ(std::system("tc qdisc add dev vcan0 root netem rate 40kbit limit 10"), 0);
   Program imud("imud");
   imud.start({"replay", c, flight, "--summary", path("summary.json")});
-  // Each of these attempts came half a millisecond after the one before: the queue has been full for 0.2 s.
+  // Attempts are half a millisecond apart: the queue has been full for 0.2 s.
   EXPECT_TRUE(eventually([] {
     const std::string statistics = run_program("/usr/sbin/tc", {"-s", "qdisc", "show", "dev", "vcan0"}).output;
     const std::size_t at = statistics.find("(dropped ");

@@ -1,5 +1,5 @@
-// A port's transmit queue on real interfaces: full ones, slow ones, and ones that carry as much as they are given.
-// Runs in tools/with-vcan, whose guest has a coarse clock: times are compared with lower bounds alone.
+// The transmit queue of a port on real interfaces: full ones, slow ones, and unlimited ones. Runs in tools/with-vcan,
+// whose guest has a coarse clock: times are compared with lower bounds only.
 #include <poll.h>
 
 #include <thread>
@@ -9,7 +9,7 @@
 namespace imud {
 namespace {
 
-// A pair of interfaces that carries only what the first one's queue lets through, with room for ten frames in it.
+// A pair of interfaces. The queue of the first one limits the rate, and has room for ten frames.
 class SlowBus {
  public:
   SlowBus() {
@@ -28,7 +28,7 @@ TEST_F(Can, ATransferLongerThanTheInterfacesQueueLeavesWholeAndInOrder) {
   std::uint64_t sent = 0;
   for (const std::uint32_t count : {15U, 60U}) {
     send_sample(*port, 1, count);
-    if (count == 60) {  // a bus that has time while the test is held up may be done with 15
+    if (count == 60) {  // if the test is held up, the bus may have sent 15 by then
       EXPECT_LT(port->counters().sent, sent + count) << "the queue was never full: the test proves nothing";
       EXPECT_TRUE(port->next_flush().has_value());
       EXPECT_FALSE(port->wants_output()) << "poll() would return at once";
@@ -37,9 +37,9 @@ TEST_F(Can, ATransferLongerThanTheInterfacesQueueLeavesWholeAndInOrder) {
     sent += count;
     EXPECT_EQ(port->counters().sent, sent);
     EXPECT_EQ(port->next_flush(), std::nullopt);
-    const auto heard = node.hear_all();
-    ASSERT_EQ(heard.size(), count);
-    for (std::uint32_t i = 0; i < count; ++i) EXPECT_EQ(heard[i].frame.can_id, 0x100 + i);
+    const auto got = node.receive_all();
+    ASSERT_EQ(got.size(), count);
+    for (std::uint32_t i = 0; i < count; ++i) EXPECT_EQ(got[i].frame.can_id, 0x100 + i);
   }
   EXPECT_EQ(port->counters().dropped, 0U);
   EXPECT_EQ(port->state(), PortState::ready);
@@ -63,16 +63,16 @@ TEST_F(Can, AFullQueueDropsWholeSamplesAndNeverMixesTwo) {
   EXPECT_EQ(port->state(), PortState::ready);
   EXPECT_EQ(port->counters().lost_count, 0U);
 
-  const auto heard = node.hear_all();
-  ASSERT_EQ(heard.size(), port->counters().sent);
+  const auto got = node.receive_all();
+  ASSERT_EQ(got.size(), port->counters().sent);
   int last = -1;
-  for (std::size_t i = 0; i < heard.size(); ++i) {
-    EXPECT_EQ(heard[i].frame.can_id, 0x100 + i % frames);
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    EXPECT_EQ(got[i].frame.can_id, 0x100 + i % frames);
     if (i % frames == 0) {
-      EXPECT_GT(heard[i].frame.data[0], last);
-      last = heard[i].frame.data[0];
+      EXPECT_GT(got[i].frame.data[0], last);
+      last = got[i].frame.data[0];
     }
-    EXPECT_EQ(heard[i].frame.data[0], last);
+    EXPECT_EQ(got[i].frame.data[0], last);
   }
 }
 
@@ -100,7 +100,7 @@ TEST_F(Can, OldSamplesAreNotSentWhenABusMovesAgain) {
   EXPECT_EQ(controller.frames(), port->counters().sent);
 }
 
-// A long queue of the interface: here it is the socket's send buffer that is full first, which poll() knows.
+// With a long queue of the interface, the socket's send buffer is full first, which poll() reports.
 TEST_F(Can, AFullSendBufferWaitsForPoll) {
   LineController controller;
   ASSERT_TRUE(ip(fmt::format("link set {} txqueuelen 1000 up type can bitrate 500000", controller.name)));
@@ -108,14 +108,14 @@ TEST_F(Can, AFullSendBufferWaitsForPoll) {
   controller.reading = false;
   std::uint64_t handed = 0;
   for (; !port->wants_output() && handed < 10'000; handed += 60) send_sample(*port, 1, 60);
-  send_sample(*port, 2, 60);  // none of which can leave
+  send_sample(*port, 2, 60);  // none of them can be sent
   handed += 60;
   EXPECT_TRUE(port->wants_output());
   EXPECT_EQ(port->next_flush(), std::nullopt);
   EXPECT_EQ(port->counters().dropped, 0U);
   pollfd room{port->descriptor(), POLLOUT, 0};
   EXPECT_EQ(::poll(&room, 1, 0), 0);
-  std::this_thread::sleep_for(30ms);  // which would be too old in realtime
+  std::this_thread::sleep_for(30ms);  // too old in realtime
   controller.reading = true;
   EXPECT_EQ(::poll(&room, 1, 20'000), 1);
   ASSERT_TRUE(drain(*port));
@@ -146,7 +146,7 @@ TEST_F(Can, WhatWaitsIsDroppedWhenTheInterfaceGoesDown) {
   EXPECT_EQ(port->counters().sent + port->counters().dropped, 60U);
 }
 
-// An MTU that is changed under frames that wait: the others leave.
+// The MTU is lowered while frames wait: frames that still fit are sent.
 TEST_F(Can, FdFramesThatTheInterfaceNoLongerCarriesAreDroppedAlone) {
   ASSERT_TRUE(run_command(fmt::format("tc qdisc add dev {} root netem rate 500kbit limit 10", own)));
   const auto port = open(own, Delivery::timely);
@@ -164,7 +164,7 @@ TEST_F(Can, FdFramesThatTheInterfaceNoLongerCarriesAreDroppedAlone) {
 
 // --- Virtual interfaces, where nothing may be lost
 
-// How long `samples` of 20 frames take to leave, the first of them at once.
+// Returns how long the sending of `samples` samples of 20 frames takes; the first frame is sent immediately.
 Nanoseconds time_to_send(Port& port, int samples) {
   const HostTime begin = host_now();
   for (int i = 0; i < samples; ++i) {
@@ -177,13 +177,13 @@ Nanoseconds time_to_send(Port& port, int samples) {
 }
 
 TEST_F(Can, FramesToAVirtualInterfaceKeepARate) {
-  // The last of 60 frames leaves 59 ms after the first, less 5 ms that a paced queue may catch up.
+  // The last of 60 frames is sent 59 ms after the first, less 5 ms that a paced queue may catch up.
   EXPECT_GE(time_to_send(*open("vcan0?frames_per_s=1000", Delivery::complete), 3), 54ms);
   // 135 bits each: 27 ms at 5 kbit/s.
   EXPECT_GE(time_to_send(*open("vcan0?bitrate=5000", Delivery::complete), 1), 19 * 27ms - 5ms);
   EXPECT_GE(time_to_send(*open("vcan0?bitrate=5000&frames_per_s=1000", Delivery::complete), 1), 19 * 27ms - 5ms);
   EXPECT_GE(time_to_send(*open("vcan0?bitrate=1000000&frames_per_s=100", Delivery::complete), 1), 185ms);
-  // Unless anything else is wanted: 5000 in a second.
+  // The default is 5000 frames per second.
   EXPECT_GE(time_to_send(*open("vcan0", Delivery::complete), 25), 499 * 200us - 5ms);
   const SlowBus bus;
   EXPECT_GE(time_to_send(*open("imudfar?frames_per_s=100", Delivery::complete), 1), 185ms)
@@ -203,14 +203,13 @@ TEST_F(Can, FramesLeaveAtOnceWhereNoRateIsWanted) {
   }
 }
 
-// The receiver gets to read every 5 ms, however the processor is shared: 25 frames later, and as many that a flush
-// that comes late catches up.
+// The receiver reads at least every 5 ms: meanwhile 25 frames arrive, and 25 more after a late flush.
 TEST_F(Can, AReceiverWithADefaultBufferSeesEveryPacedFrame) {
   constexpr std::uint32_t count = 10'000;
   const Node node("vcan0", Node::Buffer::by_default);
   std::size_t seen = 0;
-  const auto read_all = [&](int patience_ms) {
-    for (auto frame = node.hear(patience_ms); frame; frame = node.hear(patience_ms))
+  const auto read_all = [&](int timeout_ms) {
+    for (auto frame = node.receive(timeout_ms); frame; frame = node.receive(timeout_ms))
       EXPECT_EQ(frame->frame.can_id, 0x100 + seen++ % 50);
   };
   const auto port = open("vcan0", Delivery::complete);
@@ -232,7 +231,7 @@ TEST_F(Can, AReceiverWithADefaultBufferSeesEveryPacedFrame) {
   const auto unlimited = open("vcan0?frames_per_s=unlimited", Delivery::complete);
   for (int i = 0; i < 20; ++i) send_sample(*unlimited, 1, 50);
   EXPECT_EQ(unlimited->counters().sent, 1000U);
-  EXPECT_LT(node.hear_all().size(), 1000U) << "the buffer holds everything: the test above proves nothing";
+  EXPECT_LT(node.receive_all().size(), 1000U) << "the buffer holds everything: the test above proves nothing";
 }
 
 }  // namespace

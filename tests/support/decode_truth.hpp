@@ -7,7 +7,7 @@
 
 namespace imud {
 
-// `datagram` has to hold one record, no more.
+// `datagram` must contain exactly one record.
 inline TruthResult decode_truth(TruthDecoder& decoder, std::span<const std::byte> datagram, Truth& truth) {
   decoder.feed(datagram, TruthInput::datagram, {});
   const auto result = decoder.next(truth);

@@ -10,7 +10,7 @@ namespace {
 std::atomic<std::uint64_t> taken = 0;
 thread_local bool counts = false;
 
-// Calls what the symbol means without us.
+// Calls the replaced function.
 template <class Lock>
 int count_and_call(std::atomic<int (*)(Lock*)>& known, const char* name, Lock* lock) noexcept {
   if (counts) ++taken;

@@ -16,7 +16,7 @@
 namespace imud {
 namespace {
 
-// The smallest pipe there is: one page.
+// The smallest possible pipe: one page.
 class ByteWriterTest : public ::testing::Test {
  protected:
   ByteWriterTest() {
@@ -49,7 +49,7 @@ TEST_F(ByteWriterTest, SeveralFramesGoWhole) {
 }
 
 TEST_F(ByteWriterTest, ReaderThatTakesLittleGetsWholeFramesInOrder) {
-  // A pipe takes up to 4096 bytes whole or not at all, and more in part.
+  // A pipe accepts up to 4096 bytes whole or not at all, and more in part.
   std::size_t torn = 0;
   for (int i = 0; i < 4000; ++i) {
     EXPECT_EQ(writer.write(in.get(), frames.next(1 + static_cast<std::size_t>(i) % 60), counters), 0);
@@ -123,7 +123,7 @@ TEST_F(ByteWriterTest, FrameLongerThanTheLimitIsDroppedAloneAndWhole) {
   EXPECT_EQ(reader.numbers, (std::vector<std::uint32_t>{0, 1}));
 }
 
-TEST_F(ByteWriterTest, FailureIsToldAndTheRestCanBeForgotten) {
+TEST_F(ByteWriterTest, FailureIsReportedAndTheRestCanBeDropped) {
   while (counters.dropped == 0) writer.write(in.get(), frames.next(60), counters);
   EXPECT_EQ(counters.sent + counters.dropped, frames.made() - 1) << "one is taken in part";
   out.reset();

@@ -7,7 +7,7 @@ namespace {
 
 // Frame lengths of ISO 11898-1 as other tools calculate them: 8 data bytes are at most 135 (11-bit identifier) and
 // 160 (29-bit) bits with interframe space; none, 55 and 80.
-TEST(CanBits, ClassicFramesAreAsLongAsOtherToolsSay) {
+TEST(CanBits, ClassicFramesAreAsLongAsInOtherTools) {
   const CanHeader standard{};
   const CanHeader extended{.extended = true};
   EXPECT_EQ(can_bits(standard, 0).nominal, 55.0);

@@ -1,4 +1,4 @@
-// Instants at which frames may leave for a CAN interface: exact, as the queue has no clock of its own.
+// The instants at which frames may be sent to a CAN interface: they are exact, as the queue has no clock of its own.
 #include "transports/can_queue.hpp"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ constexpr HostTime start{1'000'000'000};
 
 class CanQueueTest : public testing::Test {
  protected:
-  // Queues `count` frames together, numbered on.
+  // Queues `count` frames together, with consecutive numbers.
   void queue(std::size_t count, Nanoseconds at, Nanoseconds spacing = Nanoseconds{0}) {
     for (std::size_t i = 0; i < count; ++i) {
       CanQueue::Queued queued{};
@@ -26,7 +26,7 @@ class CanQueueTest : public testing::Test {
       queue_.push(queued);
     }
   }
-  // The frames that leave at `at`, of which the interface takes at most `room`.
+  // Returns the frames that are sent at `at` to an interface that accepts at most `room`.
   std::vector<canid_t> leave(Nanoseconds at, std::size_t room = CanQueue::max_frames) {
     std::vector<canid_t> left;
     const std::size_t count = std::min(queue_.ready(start + at), room);
@@ -52,7 +52,7 @@ TEST_F(CanQueueTest, UnpacedFramesLeaveAtOnceAndInOrder) {
   EXPECT_TRUE(queue_.is_empty());
   EXPECT_EQ(queue_.next(), std::nullopt);
   EXPECT_EQ(queue_.ready(start), 0U);
-  for (int round = 0; round < 10; ++round) {  // round the ring
+  for (int round = 0; round < 10; ++round) {  // the ring wraps
     const canid_t first = made_;
     queue(60, milliseconds(round));
     queue(40, milliseconds(round));
@@ -64,7 +64,7 @@ TEST_F(CanQueueTest, UnpacedFramesLeaveAtOnceAndInOrder) {
   }
 }
 
-// Ten places in the interface, which the bus empties slowly.
+// The interface has room for ten frames, which the bus sends slowly.
 TEST_F(CanQueueTest, AFullInterfaceIsTriedAgainAfterAPause) {
   queue(15, milliseconds(0));
   EXPECT_EQ(leave(milliseconds(0), 10), numbers(0, 10));
@@ -99,7 +99,7 @@ TEST_F(CanQueueTest, APacedQueueIsNeverFasterThanItsRateButForABurst) {
   std::size_t left = 0;
   Nanoseconds at{0};
   for (int step = 0; step < 1000; ++step) {
-    at += microseconds(37 * (step % 50));  // flushed now and then, at times late
+    at += microseconds(37 * (step % 50));  // flushed irregularly, sometimes late
     if (queue_.room() >= 50) queue(50, at, spacing);
     left += leave(at).size();
     ASSERT_LE(spacing * left, at + CanQueue::max_burst + spacing) << step;

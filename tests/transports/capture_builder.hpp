@@ -57,7 +57,7 @@ inline Bytes cooked2(unsigned type, const Bytes& packet) {
   return be16(type) + be16(0) + be32(1) + be16(1) + u8(4) + u8(6) + Bytes(8, '\3') + packet;
 }
 
-// Numbers in the byte order of the machine that captures.
+// Writes numbers in the byte order of the capturing machine.
 class Order {
  public:
   explicit Order(bool big) : big_(big) {}
@@ -72,7 +72,7 @@ class Order {
 struct Record {
   std::int64_t ns;
   Bytes packet;
-  std::size_t cut = 0;  // bytes that the snap length took from the end
+  std::size_t cut = 0;  // bytes that the snap length removed from the end
 };
 
 struct Format {

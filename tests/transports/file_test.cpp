@@ -173,7 +173,7 @@ TEST_F(Fifo, ReaderThatLeavesEndsNothing) {
   const auto port = open_port("file:" + path, Role::device);
   NumberedFrames frames;
   NumberedReader reader;
-  // Until a frame is taken in part.
+  // Until a frame is written in part.
   for (std::size_t i = 0; i < 1000 && decided(*port) == frames.made(); ++i) {
     port->send(frames.next(40 + i % 20));
     if (port->counters().dropped > 0 && decided(*port) == frames.made()) drain(out.get(), reader, 5000);
@@ -214,7 +214,7 @@ TEST_F(Fifo, ListenerWaitsForTheWriterAndEndsWithIt) {
   EXPECT_TRUE(port->at_end());
 }
 
-// Puts `fd` in the place of a standard stream while it lives.
+// Replaces a standard stream by `fd` until it is destroyed.
 class Redirected {
  public:
   Redirected(int stream, int fd) : stream_(stream), kept_(::dup(stream)) { ::dup2(fd, stream); }
@@ -259,7 +259,7 @@ TEST(File, StandardStreamsThatArePipes) {
   EXPECT_FALSE(port->at_end());
 }
 
-TEST(File, SaysWhyItCannotBeOpened) {
+TEST(File, NamesTheCauseIfItCannotBeOpened) {
   const ScratchFolder folder;
   EXPECT_TRUE(mentions(error_of("file:" + folder / "none", Role::listener), "No such file"));
   EXPECT_TRUE(mentions(error_of("file:" + folder / "none/out", Role::device), "No such file"));

@@ -1,4 +1,4 @@
-// Frames that carry their number and a checksum, and the reader that tells whether a stream consists of them.
+// Frames that carry their number and a checksum, and a reader that checks whether a stream consists of such frames.
 #pragma once
 
 #include <cstddef>
@@ -11,13 +11,13 @@
 
 namespace imud {
 
-// Makes frames 0, 1, 2, ... of uneven lengths: mark, length, number, filling, sum.
+// Makes frames 0, 1, 2, ... of different lengths: mark, length, number, filling, sum.
 class NumberedFrames {
  public:
   static constexpr std::size_t head = 8;
   static constexpr std::uint8_t mark = 0xA5;
 
-  // The next `count` frames; they stay until the next call.
+  // Returns the next `count` frames, valid until the next call.
   std::span<const Frame> next(std::size_t count) {
     buffer_.clear();
     for (std::size_t i = 0; i < count; ++i) {
@@ -47,7 +47,7 @@ class NumberedFrames {
   std::uint32_t made_ = 0;
 };
 
-// Takes a stream in pieces of any length.
+// Reads a stream in pieces of any length.
 class NumberedReader {
  public:
   void feed(std::span<const std::byte> bytes) {
@@ -73,11 +73,11 @@ class NumberedReader {
     }
     stream_.erase(stream_.begin(), stream_.begin() + static_cast<std::ptrdiff_t>(at));
   }
-  // Bytes of a frame that has not come whole yet.
+  // Returns the number of bytes of an incomplete frame.
   std::size_t unfinished() const { return stream_.size(); }
 
   std::vector<std::uint32_t> numbers;  // of the whole frames, in order
-  std::size_t broken = 0;              // bytes that belong to no frame, or to one out of order
+  std::size_t broken = 0;              // bytes that belong to no frame, or to a frame out of order
 
  private:
   std::vector<std::byte> stream_;

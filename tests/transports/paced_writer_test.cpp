@@ -1,4 +1,4 @@
-// Instants at which characters are let go of: exact, as the writer has no clock of its own.
+// The instants at which characters are written: they are exact, as the writer has no clock of its own.
 #include "transports/paced_writer.hpp"
 
 #include <gtest/gtest.h>
@@ -15,17 +15,17 @@ namespace {
 
 constexpr HostTime start{1'000'000'000};
 
-// Who writes whatever is ready whenever that is due.
+// Writes every portion at the time at which the writer has it ready.
 class PacedWriting : public testing::Test {
  protected:
-  Nanoseconds patience = std::chrono::hours(1);
+  Nanoseconds longest_wait = std::chrono::hours(1);
   void queue(std::size_t size, Nanoseconds at, const UartSettings& line = {10'000}) {
     std::vector<std::byte> bytes(size);
     for (std::byte& byte : bytes) byte = static_cast<std::byte>(made_++);
     const Frame frame{bytes};
-    writer_->queue({&frame, 1}, line, start + at, patience, counters_);
+    writer_->queue({&frame, 1}, line, start + at, longest_wait, counters_);
   }
-  // Everything that is due by then; when, how many characters.
+  // Writes every portion up to `until`; returns the time and number of characters of each.
   std::vector<std::pair<std::int64_t, std::size_t>> run(Nanoseconds until = std::chrono::hours(1)) {
     std::vector<std::pair<std::int64_t, std::size_t>> all;
     while (const auto due = writer_->next_flush()) {
@@ -121,11 +121,11 @@ TEST_F(PacedWriting, AFullKernelIsTriedAgain) {
   EXPECT_EQ(counters_.dropped, 1U);
   EXPECT_EQ(writer_->next_flush(), std::nullopt);
   seen_ = made_;
-  queue(1, microseconds(2000));  // the line is free at once
+  queue(1, microseconds(2000));  // the line is free immediately
   EXPECT_EQ(run(), (Portions{{3000, 1}}));
 }
 
-// The ring goes round many times, at any speed and in any format, with pauses.
+// The ring wraps many times, at any speed and in any format, with pauses.
 TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   NumberedFrames frames;
   NumberedReader reader;
@@ -134,7 +134,7 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   for (int i = 0; i < 3000; ++i) {
     const unsigned baud = 50U + static_cast<unsigned>(i) * 1301 % 4'000'000;
     const UartSettings line{baud, static_cast<Parity>(i % 3), i % 14 < 7 ? 1U : 2U};
-    writer_->queue(frames.next(1 + static_cast<std::size_t>(i) % 5), line, now, patience, counters_);
+    writer_->queue(frames.next(1 + static_cast<std::size_t>(i) % 5), line, now, longest_wait, counters_);
     for (int k = 0; k < i % 40; ++k) {
       if (const auto due = writer_->next_flush()) now = std::max(now, *due);
       for (auto bytes = writer_->ready(now); !bytes.empty(); bytes = writer_->ready(now)) {
@@ -153,14 +153,14 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   EXPECT_EQ(counters_.sent + counters_.dropped, frames.made());
 }
 
-// 10 characters take 10 ms: a frame that would begin later than the longest wait is dropped, whatever its own length.
+// 10 characters take 10 ms. A frame that would begin after the longest wait is dropped, whatever its length.
 TEST_F(PacedWriting, WhatWouldWaitTooLongIsDropped) {
-  patience = std::chrono::milliseconds(15);
+  longest_wait = std::chrono::milliseconds(15);
   queue(10, microseconds(0));
   queue(100, microseconds(0));
   queue(1, microseconds(0));
   EXPECT_EQ(counters_.dropped, 1U);
-  patience = std::chrono::milliseconds(200);
+  longest_wait = std::chrono::milliseconds(200);
   --made_;
   queue(1, microseconds(0));
   run();

@@ -33,7 +33,7 @@ class Pcap : public ::testing::Test {
 
   static std::vector<std::string> payloads(Port& port) {
     std::vector<std::string> found;
-    while (!port.at_end())  // nothing may come before, when many packets are not ours
+    while (!port.at_end())  // receive() may return nothing earlier, if many packets are for other ports
       if (const auto received = port.receive())
         found.emplace_back(reinterpret_cast<const char*>(received->frame.bytes.data()), received->frame.bytes.size());
     EXPECT_EQ(port.counters().received, found.size());
@@ -47,7 +47,7 @@ class Pcap : public ::testing::Test {
     EXPECT_EQ(port->counters().truncated + port->counters().not_ours, 0U);
     EXPECT_EQ(port->end_warning(), "");
 
-    // However much of it the snap length takes, nothing that is not whole comes out.
+    // However much the snap length removes, no incomplete datagram is delivered.
     Bytes content = file_header({}, link_type);
     for (std::size_t cut = 1; cut <= packet.size(); ++cut) content += file_record({}, {0, packet, cut});
     write_file(path, content);
@@ -214,7 +214,7 @@ TEST_F(Pcap, AnyBytesAreHarmless) {
   }
 }
 
-TEST_F(Pcap, SaysWhyItCannotBeOpened) {
+TEST_F(Pcap, NamesTheCauseIfItCannotBeOpened) {
   EXPECT_TRUE(mentions(error_of("pcap:" + folder / "none", Role::listener), "No such file"));
   write_file(path, "");
   EXPECT_TRUE(mentions(error_of(spec(), Role::listener), "pcapng"));

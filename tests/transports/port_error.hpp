@@ -1,4 +1,4 @@
-// What a port's error says.
+// The message of a port's error.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// The message of the PortError that opening `spec` throws; empty if it opens.
+// Returns the message of the PortError that opening `spec` throws; empty if it opens.
 inline std::string error_of(std::string_view spec, const PortSettings& settings = Role::device) {
   try {
     open_port(spec, settings);

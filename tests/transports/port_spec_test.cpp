@@ -75,7 +75,7 @@ TEST(UdpAddress, TakesNumericAddressesOfBothKinds) {
   EXPECT_EQ(UdpAddress::parse("[fe80::1%eth0]:65535").port, 65535);
 }
 
-TEST(UdpAddress, RefusesTheRestAndSaysWhatIsRight) {
+TEST(UdpAddress, RefusesTheRestAndNamesTheRemedy) {
   for (const char* text :
        {"", "127.0.0.1", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:65536", "127.0.0.1:-1", "localhost:1",
         "127.0.0.1:1x", "::1:9810", "[]:1", "[::1]", "[127.0.0.1]:1", "127.0.0.256:1", ":9810"})

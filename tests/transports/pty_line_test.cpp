@@ -1,4 +1,4 @@
-// A pty as a serial line: the speeds of both ends, and the time that characters take.
+// A pty as a serial line: the speeds of both ends, and the duration of characters.
 #include <gtest/gtest.h>
 
 #include "tests/transports/port_error.hpp"
@@ -27,7 +27,7 @@ class PtyLine : public ::testing::Test {
   }
   std::unique_ptr<Port> paced_device(const UartSettings& uart) const { return open_port("pty:" + link, paced(uart)); }
 
-  // What is received of frames back to back before an idle line.
+  // Returns what is received of frames sent back to back before an idle line.
   static Bytes garbled(const UartSettings& sender, unsigned receiver, std::span<const Frame> sent) {
     UartWire wire;
     wire.set(sender, receiver);
@@ -49,8 +49,8 @@ class PtyLine : public ::testing::Test {
     for (const Frame& frame : some) all.insert(all.end(), frame.bytes.begin(), frame.bytes.end());
     return all;
   }
-  static Bytes heard(Port& port, int client, const Bytes& said) {
-    EXPECT_EQ(::write(client, said.data(), said.size()), static_cast<ssize_t>(said.size()));
+  static Bytes received(Port& port, int client, const Bytes& sent) {
+    EXPECT_EQ(::write(client, sent.data(), sent.size()), static_cast<ssize_t>(sent.size()));
     pollfd ready{port.descriptor(), POLLIN, 0};
     EXPECT_EQ(::poll(&ready, 1, 5000), 1);
     const auto received = port.receive();
@@ -64,16 +64,16 @@ class PtyLine : public ::testing::Test {
   NumberedReader reader;
 };
 
-TEST_F(PtyLine, AClientAtAnotherSpeedReadsAndSaysGarbage) {
+TEST_F(PtyLine, AClientAtAnotherSpeedReceivesAndSendsGarbage) {
   const auto port = device("?baud=115200");
   const FileDescriptor client = open_terminal(link);
   const Bytes word = {std::byte{'$'}, std::byte{'V'}, std::byte{'N'}, std::byte{'\n'}};
-  // As it finds it; then at another; then well again, 2 % off.
+  // First at the speed of the device; then at another speed; then at a speed 2 % off, which is received correctly.
   port->send(frames.next(3));
   EXPECT_EQ(port->state(), PortState::ready);
   drain(client.get(), reader);
   EXPECT_EQ(reader.numbers.size(), 3U);
-  EXPECT_EQ(heard(*port, client.get(), word), word);
+  EXPECT_EQ(received(*port, client.get(), word), word);
 
   ASSERT_TRUE(set_line_speed(client.get(), 9600));
   const auto some = frames.next(5);
@@ -84,7 +84,7 @@ TEST_F(PtyLine, AClientAtAnotherSpeedReadsAndSaysGarbage) {
   const Bytes seen = read_all(client.get());
   EXPECT_EQ(seen, garbled({115'200}, 9600, some));
   EXPECT_FALSE(seen.empty());
-  EXPECT_EQ(heard(*port, client.get(), word), garbled({9600}, 115'200, {{Frame{word}}}));
+  EXPECT_EQ(received(*port, client.get(), word), garbled({9600}, 115'200, {{Frame{word}}}));
 
   ASSERT_TRUE(set_line_speed(client.get(), 117'000));
   port->send(frames.next(3));
@@ -92,7 +92,7 @@ TEST_F(PtyLine, AClientAtAnotherSpeedReadsAndSaysGarbage) {
   drain(client.get(), reader);
   EXPECT_EQ(reader.numbers.size(), 6U);
   EXPECT_EQ(reader.broken + reader.unfinished(), 0U);
-  EXPECT_EQ(heard(*port, client.get(), word), word);
+  EXPECT_EQ(received(*port, client.get(), word), word);
   EXPECT_EQ(port->counters().sent, 11U);
 }
 
@@ -128,7 +128,7 @@ TEST_F(PtyLine, OnlyALineOfKnownSpeedIsChecked) {
   }
 }
 
-// cfsetspeed(B0) is what a client does that hangs up; it has no speed then that could be wrong.
+// A client hangs up by cfsetspeed(B0); it then has no speed that could be wrong.
 TEST_F(PtyLine, AClientWithoutSpeedReadsWhatIsSent) {
   const auto port = device("?baud=115200");
   const FileDescriptor client = open_terminal(link);
@@ -150,12 +150,12 @@ TEST_F(PtyLine, TheDevicesUartTakesThePlaceOfTheOptions) {
   EXPECT_EQ(line_speed(open_terminal(link).get()), 374'400U);
 }
 
-// A reader of garbage that stalls, leaves and comes again at the right speed.
-TEST_F(PtyLine, GarbageIsNeitherHoardedNorTorn) {
+// A reader of garbage that stalls, closes the pty, and opens it again at the right speed.
+TEST_F(PtyLine, GarbageIsNeitherBufferedNorTorn) {
   const auto port = device("?baud=115200");
   {
     const FileDescriptor client = open_terminal(link);
-    for (int i = 0; i < 300; ++i) port->send(frames.next(3));  // full, with a frame taken in part
+    for (int i = 0; i < 300; ++i) port->send(frames.next(3));  // full, with a frame written in part
     const std::uint64_t sent = port->counters().sent;
     ASSERT_TRUE(set_line_speed(client.get(), 230'400));
     for (int i = 0; i < 300; ++i) port->send(frames.next(3));
@@ -181,7 +181,7 @@ TEST_F(PtyLine, GarbageIsNeitherHoardedNorTorn) {
   EXPECT_EQ(port->counters().sent + port->counters().dropped, frames.made());
 }
 
-// On the real clock: nothing is early, nothing is lost, all is in order.
+// On the real clock: nothing is early, nothing is lost, everything is in order.
 TEST_F(PtyLine, CharactersTakeTheirTime) {
   const auto port = paced_device({57'600, Parity::odd, 2});  // 12 bits: 208 us
   EXPECT_EQ(port->next_flush(), std::nullopt);
@@ -265,7 +265,7 @@ TEST_F(PtyLine, APacedLineKeepsNothingForTheNextReader) {
   EXPECT_EQ(reader.numbers, (std::vector<std::uint32_t>{21}));
 }
 
-// Whatever it is that stops it: a full pty neither tears frames nor keeps whoever waits for next_flush() busy.
+// A full pty neither tears frames nor makes a loop that waits for next_flush() spin.
 TEST_F(PtyLine, AReaderOfAPacedLineThatStopsTearsNoFrame) {
   const auto port = paced_device({4'000'000});
   const FileDescriptor client = open_terminal(link);
@@ -285,7 +285,7 @@ TEST_F(PtyLine, AReaderOfAPacedLineThatStopsTearsNoFrame) {
   EXPECT_EQ(port->counters().sent + port->counters().dropped, frames.made());
 }
 
-TEST_F(PtyLine, SaysWhatIsWrong) {
+TEST_F(PtyLine, NamesTheFault) {
   EXPECT_TRUE(mentions(error_of("pty:" + link, paced({})), "give baud"));
   EXPECT_EQ(error_of("pty:" + link + "?baud=9600", paced({})), "");
   EXPECT_TRUE(mentions(error_of("pty:" + link + "?speed=5"), "right would be one of: line any"));

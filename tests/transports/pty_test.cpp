@@ -38,8 +38,9 @@ TEST_F(Pty, LinkIsMadeAndRemoved) {
   EXPECT_FALSE(fs::exists(fs::symlink_status(link)));
 }
 
-TEST_F(Pty, TellsWhetherTheReaderHasReadAll) {
-  // The reader is another process that only begins to read; closing at once would take frames away in most rounds.
+TEST_F(Pty, ReportsWhetherTheReaderHasReadAll) {
+  // The reader is another process, which has just begun to read; closing immediately would lose frames in most
+  // rounds.
   for (int round = 0; round < 20; ++round) {
     auto port = device();
     FILE* client = ::popen(("exec 3<'" + link + "'; echo ready; cat <&3 2>/dev/null | wc -c").c_str(), "r");
@@ -123,7 +124,7 @@ TEST_F(Pty, LinkThatIsNoLongerOursIsNotRemoved) {
   EXPECT_EQ(target(), "/dev/null");
 }
 
-TEST_F(Pty, WithoutAReaderFramesAreDiscardedNotHoarded) {
+TEST_F(Pty, WithoutAReaderFramesAreDiscarded) {
   const auto port = device();
   EXPECT_EQ(port->state(), PortState::no_reader);
   EXPECT_EQ(port->descriptor(), -1);
@@ -145,7 +146,7 @@ TEST_F(Pty, WithoutAReaderFramesAreDiscardedNotHoarded) {
 
 TEST_F(Pty, NextReaderGetsNothingThatTheLastOneLeft) {
   const auto port = device();
-  for (const int amount : {3, 1000}) {  // the line half empty; full, with a frame taken in part
+  for (const int amount : {3, 1000}) {  // a half-empty line; a full one, with a frame written in part
     FileDescriptor client = open_terminal(link);
     for (int i = 0; i < amount; ++i) port->send(frames.next(1));
     EXPECT_EQ(port->state(), PortState::ready);
@@ -174,7 +175,7 @@ TEST_F(Pty, ReaderThatStopsTearsNoFrame) {
   EXPECT_GT(port->counters().dropped, 0U);
   EXPECT_EQ(port->state(), PortState::ready);
   EXPECT_EQ(port->wants_output(), decided(*port) < frames.made());
-  // It resumes slowly, stops again, and then takes all.
+  // It resumes slowly, stops again, and then reads everything.
   for (int i = 0; i < 2000; ++i) {
     if (i % 500 < 300) reader.feed(read_some(client.get(), 400, 0));
     port->send(frames.next(2));
@@ -213,7 +214,7 @@ TEST_F(Pty, EveryByteValuePassesBothWays) {
   EXPECT_TRUE(read_some(client.get()).empty()) << "no echo";
 }
 
-TEST_F(Pty, WhatAReaderSaidBeforeItLeftIsHeard) {
+TEST_F(Pty, InputOfAReaderThatHasLeftIsReceived) {
   const auto port = device();
   FileDescriptor client = open_terminal(link);
   port->send(frames.next(1));

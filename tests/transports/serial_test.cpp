@@ -20,7 +20,7 @@ class Serial : public ::testing::Test {
   std::unique_ptr<Port> open(const std::string& options = "") const {
     return open_port("serial:" + path + options, Role::device);
   }
-  // Sends single frames, as if at 1 kHz, until the port has its device back.
+  // Sends single frames, at about 1 kHz, until the port has its device again.
   void send_until_back(Port& port) {
     for (int i = 0; i < 30'000 && port.state() == PortState::lost; ++i) {
       port.send(frames.next(1));
@@ -67,7 +67,7 @@ TEST_F(Serial, AnySpeedIsSetAndReadBack) {
 }
 
 TEST_F(Serial, CharacterFormat) {
-  // A pty keeps these three bits of it, and forces eight bits without parity.
+  // A pty keeps only these three bits of the format, and forces eight bits without parity.
   SerialDevice device(path);
   auto port = open("?stop=2&flow=rtscts&parity=odd&baud=1843200");
   EXPECT_EQ(device.line().c_cflag & (CSTOPB | CRTSCTS | PARODD), tcflag_t{CSTOPB | CRTSCTS | PARODD});
@@ -103,7 +103,7 @@ TEST_F(Serial, ADeviceThatChangesItsLineIsFollowed) {
   EXPECT_EQ(format(), 0U);
 }
 
-// A second program that opened the line would take bytes away unnoticed.
+// A second program that opened the line would read bytes unnoticed.
 TEST_F(Serial, TheLineIsHeldExclusively) {
   SerialDevice device(path);
   auto port = open();
@@ -158,7 +158,7 @@ TEST_F(Serial, UnpluggedAndBack) {
   const auto before = open_descriptors();
   const auto port = open("?baud=374400&stop=2");
   for (std::uint64_t time = 1; time <= 3; ++time) {
-    // The line full, so that a frame is torn by the loss.
+    // The line is full, so that the loss tears a frame.
     for (int i = 0; i < 1000; ++i) port->send(frames.next(1));
     device.unplug();
     const std::uint64_t sent = port->counters().sent;
@@ -172,12 +172,12 @@ TEST_F(Serial, UnpluggedAndBack) {
 
     device.plug_in();
     send_until_back(*port);
-    NumberedReader anew;
+    NumberedReader fresh;
     for (int i = 0; i < 20; ++i) port->send(frames.next(1));
-    drain(device.fd(), anew);
-    EXPECT_EQ(anew.broken + anew.unfinished(), 0U);
-    EXPECT_EQ(anew.numbers.size(), 21U);
-    EXPECT_EQ(anew.numbers.back(), frames.made() - 1);
+    drain(device.fd(), fresh);
+    EXPECT_EQ(fresh.broken + fresh.unfinished(), 0U);
+    EXPECT_EQ(fresh.numbers.size(), 21U);
+    EXPECT_EQ(fresh.numbers.back(), frames.made() - 1);
     EXPECT_EQ(line_speed(device.fd()), 374400U);
     EXPECT_NE(device.line().c_cflag & CSTOPB, 0U);
     EXPECT_TRUE(is_exclusive(port->descriptor()));
@@ -218,7 +218,7 @@ TEST_F(Serial, ClosedWhileUnplugged) {
   EXPECT_EQ(open_descriptors(), before);
 }
 
-TEST_F(Serial, SaysWhyItCannotBeOpened) {
+TEST_F(Serial, NamesTheCauseIfItCannotBeOpened) {
   const auto before = open_descriptors();
   EXPECT_EQ(error_of("serial:" + path), "serial:" + path + ": cannot open it: No such file or directory");
   std::ofstream(path) << "x";

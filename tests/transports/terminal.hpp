@@ -1,4 +1,4 @@
-// The far end of a pty, or a serial device that a test plugs in and out.
+// The client's end of a pty, or a serial device that a test plugs in and unplugs.
 #pragma once
 
 #include <fcntl.h>
@@ -17,24 +17,25 @@
 
 namespace imud {
 
-// A client's end: opened as a serial driver does.
+// Opens a client's end as a serial driver does.
 inline FileDescriptor open_terminal(const std::string& path) {
   FileDescriptor fd(::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!fd) throw std::runtime_error("cannot open " + path);
   return fd;
 }
 
-// The next bytes, at most `most`; empty when none come for `patience_ms`. A pty hands bytes over a little later.
-inline std::vector<std::byte> read_some(int fd, std::size_t most = 65536, int patience_ms = 100) {
+// Returns the next bytes, at most `most`; empty if none arrive within `timeout_ms`. A pty delivers bytes with a short
+// delay.
+inline std::vector<std::byte> read_some(int fd, std::size_t most = 65536, int timeout_ms = 100) {
   pollfd ready{fd, POLLIN, 0};
-  if (::poll(&ready, 1, patience_ms) <= 0) return {};
+  if (::poll(&ready, 1, timeout_ms) <= 0) return {};
   std::vector<std::byte> bytes(most);
   const ssize_t size = ::read(fd, bytes.data(), bytes.size());
   bytes.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
   return bytes;
 }
 
-// Reads until nothing more comes.
+// Reads until nothing more arrives.
 inline void drain(int fd, NumberedReader& reader) {
   for (auto bytes = read_some(fd); !bytes.empty(); bytes = read_some(fd)) reader.feed(bytes);
 }
@@ -57,7 +58,7 @@ class SerialDevice {
     master_.reset();
   }
   int fd() const { return master_.get(); }
-  // The line as the port has set it.
+  // Returns the settings of the line as the port has made them.
   termios line() const {
     termios settings{};
     ::tcgetattr(master_.get(), &settings);

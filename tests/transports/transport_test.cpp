@@ -1,4 +1,4 @@
-// What the entries of the table say of their transports.
+// The properties that the entries of the table declare.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

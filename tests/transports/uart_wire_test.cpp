@@ -1,4 +1,4 @@
-// What one UART receives of another that runs at another speed, worked out by hand from the wave forms.
+// What a UART receives from another one that runs at another speed, worked out by hand from the waveforms.
 #include "transports/uart_wire.hpp"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ Bytes random_bytes(std::size_t count, std::mt19937& random) {
   return all;
 }
 
-// All that is received of `sent`, given in pieces of up to `piece` characters, before an idle line.
+// Returns all that is received of `sent`, fed in pieces of up to `piece` characters, before an idle line.
 Bytes received(const UartSettings& sender, unsigned receiver_baud, const Bytes& sent, std::size_t piece = 1'000'000) {
   UartWire wire;
   wire.set(sender, receiver_baud);
@@ -61,10 +61,10 @@ TEST(UartWire, SpeedsThatAreNearlyEqualAreUnderstood) {
 }
 
 TEST(UartWire, AReceiverAtTwiceTheSpeed) {
-  // U is 0x55: start 0, data 1 0 1 0 1 0 1 0, stop 1. In bits of the receiver, of which each sees the half of one:
-  // 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1, then idle 1. Bit 0 starts a character, 1 to 8 are its data, 0 1 1 0 0 1
-  // 1 0, least significant first: 0x66; bit 9, a stop bit by rights, is 0. The next edge down is that of bit 12; data
-  // 13 to 20: 0 1 1 0 0 1 1 1: 0xE6.
+  // U is 0x55: start 0, data 1 0 1 0 1 0 1 0, stop 1. In bits of the receiver, each of which is half a bit of the
+  // sender: 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1 0 0 1 1, then idle 1. Bit 0 starts a character, 1 to 8 are its data, 0 1
+  // 1 0 0 1 1 0, least significant first: 0x66; bit 9, a stop bit by rights, is 0. The next edge down is that of bit
+  // 12; data 13 to 20: 0 1 1 0 0 1 1 1: 0xE6.
   EXPECT_EQ(received({9600}, 19'200, bytes({0x55})), bytes({0x66, 0xE6}));
   // 0xFF is low for the start bit alone, two bits of the receiver: a start bit and a first data bit 0.
   EXPECT_EQ(received({9600}, 19'200, bytes({0xFF})), bytes({0xFE}));
@@ -76,12 +76,12 @@ TEST(UartWire, AReceiverThatIsSlower) {
   EXPECT_EQ(received({28'800}, 9600, bytes({0x00})), bytes({0xFC}));
   // At half the speed at 1, 3, 5, 7 and 9, where the stop bit has just begun.
   EXPECT_EQ(received({19'200}, 9600, bytes({0x00})), bytes({0xF8}));
-  // A start bit that is over when its middle is looked at is none, and 0xFF has nothing else.
+  // A start bit that has ended at the sampling time of its middle is not detected, and 0xFF has no other edge.
   EXPECT_EQ(received({28'800}, 9600, bytes({0xFF, 0xFF, 0xFF})), bytes({}));
 }
 
 TEST(UartWire, ALineThatStaysLowIsOneZero) {
-  // 108 bits of the receiver, which takes a break for one character and waits for the line to rise.
+  // 108 bits of the receiver, which receives a break as one character, and waits for the line to rise.
   EXPECT_EQ(received({9600}, 115'200, bytes({0x00})), bytes({0x00}));
 }
 

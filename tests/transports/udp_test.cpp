@@ -11,7 +11,7 @@
 namespace imud {
 namespace {
 
-// A UDP port that nobody has bound just now.
+// Returns a UDP port that is not bound.
 int free_port(int family = AF_INET) {
   const FileDescriptor probe(::socket(family, SOCK_DGRAM, 0));
   sockaddr_in6 address{};
@@ -130,7 +130,7 @@ TEST(Udp, RefusalIsNotTakenForWhatCameBack) {
   EXPECT_EQ(text_of(device->receive().value()), "answer");
 }
 
-TEST(Udp, SaysWhyItCannotBeOpened) {
+TEST(Udp, NamesTheCauseIfItCannotBeOpened) {
   const std::string spec = local_spec();
   const auto listener = open_port(spec, Role::listener);
   EXPECT_TRUE(mentions(error_of(spec, Role::listener), spec.substr(4)));
