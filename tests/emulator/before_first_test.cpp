@@ -1,4 +1,4 @@
-// Sensors that have power before there is truth, on a simulated host: they start up, answer, and sample a vehicle at
+// Sensors that have power before the first truth, on a simulated host: they start up, answer, and sample a vehicle at
 // rest; then the simulator takes over.
 #include <string>
 
@@ -89,7 +89,7 @@ class Line final : public Port {
 
 class ProductBeforeFirst : public BeforeFirst {
  protected:
-  // Runs `keys` for `for_s`; without any truth, unless `send_truth` sends some.
+  // Runs the configuration `keys` for `for_s`, without truth unless `send_truth` sends some.
   std::vector<Line::Chunk> run(const std::string& keys, double for_s,
                                std::vector<std::pair<double, std::string>> writes = {},
                                void (*send_truth)(SimulatedRun& run) = nullptr) {
@@ -123,8 +123,8 @@ TEST_F(ProductBeforeFirst, AMipDeviceStreamsAndAnswers) {
   EXPECT_EQ(replies_, 1U);
 }
 
-// A command that was cut off is forgotten, though no sample ever comes.
-TEST_F(ProductBeforeFirst, AMipDeviceForgetsACutCommandWhileItIsSilent) {
+// An unfinished command is discarded, although no sample ever arrives.
+TEST_F(ProductBeforeFirst, AMipDeviceDiscardsACutCommandWhileItIsSilent) {
   const auto sent = run("protocol = \"mip\"\nbefore_first = \"silence\"", 10,
                         {{1, std::string("\x75\x65\x01\xff", 4)}, {3, ping}, {5, ping}, {7, ping}});
   EXPECT_EQ(count(sent, "\x75\x65\x80"), 0U);

@@ -1,4 +1,5 @@
-// What a configuration makes of a CAN bus: its load, the identifiers that two imus share, what a port is opened with.
+// CAN buses in a configuration: the bus load, identifiers that two imus share, and the settings with which a port is
+// opened.
 #include <gtest/gtest.h>
 
 #include "emulator/config.hpp"
@@ -66,7 +67,7 @@ TEST_F(CanConfig, OnlyRealtimeMayDropFramesThatAreLate) {
 TEST_F(CanConfig, LoadIsOfEveryMessageThatIsListed) {
   Config config = load({"imu.1.device.can_id=0x200"});
   EXPECT_NEAR(line_load(config.imus[0]).percent, 100.0 * 7 * 135 * 200 / 1e6, 1e-9);
-  // Whatever a sample has: a heartbeat of one byte, and a transfer of three frames in extended format.
+  // Messages that no sample causes: a heartbeat of one byte, and a transfer of three frames in extended format.
   Protocol product = *config.imus[0].protocol;
   product.can_messages = [](const Settings&, double rate_hz) {
     return std::vector<CanMessage>{{{.id = 0x700}, 1, 2.0}, {{.id = 0x1000, .extended = true}, 8, 3 * rate_hz}};

@@ -1,4 +1,4 @@
-// A channel's waiting for a reader that is slow, or has stopped reading.
+// How a channel waits for a reader that is slow, or has stopped reading.
 #include "emulator/channel.hpp"
 
 #include <fcntl.h>
@@ -38,7 +38,7 @@ constexpr Protocol kilobytes = {
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return nullptr; },
 };
 
-// Holds back all frames that a pipe does not take at once, without end.
+// A port that holds, without limit, all frames that a pipe does not accept immediately.
 class PipePort final : public Port {
  public:
   explicit PipePort(int pipe) : pipe_(pipe) {}
@@ -59,7 +59,7 @@ class PipePort final : public Port {
 
  private:
   void write_waiting() noexcept {
-    const std::array<char, 1024> frame{};  // a pipe takes it whole or not at all
+    const std::array<char, 1024> frame{};  // a pipe accepts it whole or not at all
     for (; waiting_ > 0 && ::write(pipe_, frame.data(), frame.size()) > 0; --waiting_) ++counters_.sent;
   }
   const int pipe_;
@@ -83,7 +83,7 @@ class ChannelTest : public RunTest {
     });
     channel_->start_samples();
   }
-  // More than the pipe takes.
+  // More than the pipe accepts.
   void fill() {
     for (int i = 0; i < 100; ++i, ++handed_) {
       channel_->encode(channel_->sense_at_rest(Nanoseconds{}, handed_), std::nullopt, false);
@@ -91,13 +91,13 @@ class ChannelTest : public RunTest {
     }
     ASSERT_LT(port_->counters().sent, handed_) << "the pipe holds everything: the test proves nothing";
   }
-  // Reads all that waits.
+  // Reads everything in the pipe.
   void read_all() {
     std::array<char, 4096> buffer;
     while (::read(reader_.get(), buffer.data(), buffer.size()) > 0) {
     }
   }
-  // Waits as lockstep does, but a minute at most.
+  // Waits as lockstep does, for a minute at most.
   void wait_until_sent() {
     std::atomic<bool> stop = false, done = false;
     std::thread timeout([&] { stop = !eventually([&] { return done.load(); }); });
@@ -133,7 +133,7 @@ TEST_F(ChannelTest, AReaderThatDoesNotReadIsNotWaitedForLong) {
   EXPECT_LT(port_->counters().sent, handed_);
   EXPECT_GT(port_->flushes, 10U);
 
-  // From now on it is not waited for at all.
+  // From now on the channel does not wait at all.
   port_->flushes = 0;
   for (int i = 0; i < 10; ++i) wait_until_sent();
   EXPECT_EQ(port_->flushes, 10U);
@@ -153,7 +153,7 @@ TEST_F(ChannelTest, AReaderThatReadsAgainIsWaitedForAgain) {
 
   fill();
   port_->on_flush = [this, n = 0]() mutable {
-    if (++n > 2) read_all();  // after it was waited for
+    if (++n > 2) read_all();  // after the channel has waited
   };
   wait_until_sent();
   EXPECT_EQ(port_->counters().sent, handed_);

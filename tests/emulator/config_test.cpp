@@ -41,7 +41,7 @@ class ConfigTest : public testing::Test {
     }
     return {};
   }
-  // The only fault of `text`, without the path in front.
+  // Returns the only fault of `text`, without the leading path.
   std::string fault(const std::string& text, const std::vector<std::string>& overrides = {}) {
     const auto all = faults(text, overrides);
     if (all.size() != 1) return fmt::format("{} faults", all.size());
@@ -263,7 +263,7 @@ TEST_F(ConfigTest, YawPitchRollIsThreeTwoOne) {
       dcm_from_yaw_pitch_roll(10 * units::degree, 20 * units::degree, 30 * units::degree), 1e-15));
 }
 
-TEST_F(ConfigTest, EachFaultSaysLineKeyAndRemedy) {
+TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   const auto with = [](const std::string& line) { return good + line + "\n"; };
   EXPECT_EQ(fault(with("[imu.gyr]")), "11: imu.0.gyr: unknown key; did you mean \"gyro\"?");
   EXPECT_EQ(fault(with("rate = 5")), "11: imu.0.rate: unknown key; did you mean \"rate_hz\"?");
@@ -483,7 +483,7 @@ TEST_F(ConfigTest, CanLoadIsOfTheWorstCase) {
   EXPECT_FALSE(faults(good, overloaded).empty());
 }
 
-TEST_F(ConfigTest, EarthIsOffUntilItIsSaidHowNStandsToIt) {
+TEST_F(ConfigTest, EarthIsOffUntilTheFrameOfNIsConfigured) {
   EXPECT_EQ(load(good).imus[0].model.earth.frame, EarthModel::Frame::none);
   const std::string local = std::string(good) +
                             "magnetometer.bias_t = [1e-6, 0, 0]\nbarometer = { bias_pa = 12, noise_pa = 3 }\n"

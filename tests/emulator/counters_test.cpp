@@ -65,7 +65,7 @@ TEST(Counters, ASnapshotKeepsWhatStoodThere) {
   EXPECT_EQ(snapshot.total(), 7U);
 }
 
-// Counts are differences, levels are as they are now, durations are those added.
+// In an interval, counts are differences, levels are the present ones, and durations are those that were added.
 TEST(Counters, AnIntervalHasWhatCameToIt) {
   TruthQuality quality;
   quality.stops.count(3);
@@ -85,7 +85,7 @@ TEST(Counters, AnIntervalHasWhatCameToIt) {
   EXPECT_NEAR(interval[&TruthQuality::age].percentile(99), 0.01, 0.001);
 }
 
-// A reordered truth that arrives takes back the loss that was counted for it.
+// When a reordered truth arrives, the loss counted for it is subtracted again.
 TEST(Counters, ACountThatFellIsZeroInTheInterval) {
   TruthCounters truth;
   truth.lost.count(5);

@@ -61,8 +61,8 @@ TEST(DeviceClock, IsSetWhenTheFirstTruthComes) {
   EXPECT_EQ(clock.stamp(0), DeviceTime{1'000'000'000});
 }
 
-// The host time of a deadline is one at which the clock shows it: a wake-up then is not a moment too early. What the
-// clock shows only after a sample that is still to be taken has no host time.
+// At the host time of a deadline the clock has reached the deadline: a wake-up at that time is never too early. A
+// deadline after the next sample has no host time yet.
 TEST(DeviceClock, GivesHostTimesThatItKeeps) {
   DeviceClock clock(Grid(400, 333.3, 137us));
   clock.power_on(power);

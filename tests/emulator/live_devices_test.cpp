@@ -1,4 +1,4 @@
-// Products behind a pty: clients that leave and come back, and power that does.
+// Products behind a pty: clients that close and reopen it, and power that is switched off and on.
 #include <fcntl.h>
 #include <signal.h>
 #include <termios.h>
@@ -19,7 +19,7 @@ class DeviceTest : public LiveTest {
     ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
     ASSERT_TRUE(step());
   }
-  // A truth, 10 ms after the one before, and its samples.
+  // Sends the next truth, 10 ms after the one before, and waits for its samples.
   bool step() {
     const bool done = simulator_.exchange(Simulator::truth(10 * sequence_, sequence_, true)).has_value();
     ++sequence_;
@@ -33,10 +33,10 @@ class DeviceTest : public LiveTest {
     ::tcsetattr(tty.get(), TCSANOW, &settings);
     return tty;
   }
-  static void say(const FileDescriptor& client, std::string_view text) {
+  static void send(const FileDescriptor& client, std::string_view text) {
     ASSERT_EQ(::write(client.get(), text.data(), text.size()), static_cast<ssize_t>(text.size()));
   }
-  // What arrives while so many truths go by.
+  // Returns what the client receives during that many truths.
   std::string listen(const FileDescriptor& client, int truths) {
     std::string bytes;
     std::array<char, 4096> buffer;
@@ -64,12 +64,12 @@ TEST_F(DeviceTest, AClientThatReturnsFindsTheDeviceAsItLeftIt) {
   {
     const FileDescriptor client = open_client();
     EXPECT_GT(count(listen(client, 100), "$VNYMR,"), 30U) << "out of the box";
-    say(client, "$VNWRG,06,0*6C\r\n$VNWRG,75,3,20,1,529*4A\r\n");
+    send(client, "$VNWRG,06,0*6C\r\n$VNWRG,75,3,20,1,529*4A\r\n");
     const std::string bytes = listen(client, 20);
     EXPECT_EQ(count(bytes, "$VNWRG,06,0*6C\r\n"), 1U);
     EXPECT_GT(count(bytes, std::string("\xFA\x01\x29\x05", 4)), 3U);
   }
-  listen(FileDescriptor(), 20);  // nobody is there
+  listen(FileDescriptor(), 20);  // without a client
   const FileDescriptor client = open_client();
   const std::string bytes = listen(client, 100);
   EXPECT_NEAR(static_cast<double>(count(bytes, std::string("\xFA\x01\x29\x05", 4))), 40, 2);
@@ -77,11 +77,11 @@ TEST_F(DeviceTest, AClientThatReturnsFindsTheDeviceAsItLeftIt) {
   imud_.stop();
 }
 
-// After an answer a run that is not in real time still waits for its reader.
+// Also after an answer, a run that is not in real time waits for its reader.
 TEST_F(DeviceTest, AfterAReplyASlowReaderMissesNothing) {
   begin("protocol = \"vectornav\"");
   const FileDescriptor client = open_client();
-  say(client, "$VNRRG,01*72\r\n");
+  send(client, "$VNRRG,01*72\r\n");
   ASSERT_EQ(count(listen(client, 20), "$VNRRG,01,"), 1U);
   constexpr std::uint32_t truths = 200;  // 20 s of 40 messages of some 120 bytes: four times what a pty holds
   for (std::uint32_t i = 1; i <= truths; ++i)
@@ -100,13 +100,13 @@ TEST_F(DeviceTest, AfterAReplyASlowReaderMissesNothing) {
   EXPECT_EQ(summary()["imus"][0]["dropped"], 1) << "the message before the client was there";
 }
 
-// As often as it is switched.
+// Power may be switched repeatedly.
 TEST_F(DeviceTest, PowerOffAndOnShowsAVectorNavsStoredSettings) {
   begin("protocol = \"vectornav\"");
   const FileDescriptor client = open_client();
-  say(client, "$VNWRG,06,1*6D\r\n$VNWNV*57\r\n");
+  send(client, "$VNWRG,06,1*6D\r\n$VNWNV*57\r\n");
   for (std::size_t times = 1; times <= 3; ++times) {
-    say(client, "$VNWRG,06,0*6C\r\n");
+    send(client, "$VNWRG,06,0*6C\r\n");
     listen(client, 2);
     EXPECT_EQ(count(listen(client, 50), "$VN"), 0U);
     imud_.kill(SIGUSR1);
@@ -116,12 +116,12 @@ TEST_F(DeviceTest, PowerOffAndOnShowsAVectorNavsStoredSettings) {
   imud_.stop();
 }
 
-// At the line's speed that was stored, too: the client's is that of before, and what it hears is no noise any more.
+// The stored speed of the line returns, too: the client, still at its old speed, receives valid data again.
 TEST_F(DeviceTest, PowerOffAndOnBringsBackTheLinesSpeed) {
   begin("protocol = \"vectornav\"");
   const FileDescriptor client = open_client();
   EXPECT_GT(count(listen(client, 50), "$VNYMR,"), 10U);
-  say(client, "$VNWRG,05,921600*53\r\n");
+  send(client, "$VNWRG,05,921600*53\r\n");
   listen(client, 2);
   EXPECT_EQ(count(listen(client, 50), "$VNYMR,"), 0U);
   imud_.kill(SIGUSR1);
@@ -130,7 +130,7 @@ TEST_F(DeviceTest, PowerOffAndOnBringsBackTheLinesSpeed) {
   imud_.stop();
 }
 
-// Part number, serial number, configuration; then measurements that say that it starts.
+// Part number, serial number, configuration; then measurements with the status start-up.
 TEST_F(DeviceTest, PowerOffAndOnShowsAStim300sStart) {
   begin("protocol = \"stim300\"");
   const FileDescriptor client = open_client();
@@ -155,7 +155,7 @@ TEST_F(DeviceTest, PowerOffAndOnEndsAMipDevicesIdle) {
   const FileDescriptor client = open_client();
   const std::string packet("\x75\x65\x80", 3);
   EXPECT_GT(count(listen(client, 50), packet), 30U);
-  say(client, std::string("\x75\x65\x01\x02\x02\x02\xE1\xC7", 8));
+  send(client, std::string("\x75\x65\x01\x02\x02\x02\xE1\xC7", 8));
   listen(client, 2);
   EXPECT_EQ(count(listen(client, 50), packet), 0U);
   imud_.kill(SIGUSR1);

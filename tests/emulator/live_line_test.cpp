@@ -18,8 +18,8 @@ class LiveLine : public LiveTest {
     return write("config.toml", truth + fmt::format("[[imu]]\nprotocol = \"{}\"\nport = \"pty:{}\"\npace = \"{}\"\n",
                                                     protocol, path("imu"), pace));
   }
-  // Reads until `text` is among it; false if it does not come.
-  static bool hears(int client, const std::string& text) {
+  // Reads until `text` is received; returns false if it does not arrive.
+  static bool receives(int client, const std::string& text) {
     std::string all;
     return eventually([&] {
       all += read_for(client, 1ms);
@@ -39,7 +39,7 @@ class LiveLine : public LiveTest {
     for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++times;
     return times;
   }
-  static void say(int client, const std::string& body) {
+  static void send(int client, const std::string& body) {
     unsigned sum = 0;
     for (const char c : body) sum ^= static_cast<unsigned char>(c);
     const std::string words = fmt::format("${}*{:02X}\r\n", body, sum);
@@ -56,10 +56,10 @@ TEST_F(LiveLine, AChangeOfSpeedIsAnsweredAtTheOldOneAndThenHolds) {
     EXPECT_EQ(line_speed(client.get()), 115'200U);
     Program truth("imu-truth");
     truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "60"});
-    ASSERT_TRUE(hears(client.get(), "$VNYMR,"));
+    ASSERT_TRUE(receives(client.get(), "$VNYMR,"));
 
-    say(client.get(), "VNWRG,05,921600");
-    ASSERT_TRUE(hears(client.get(), "$VNWRG,05,921600*"));
+    send(client.get(), "VNWRG,05,921600");
+    ASSERT_TRUE(receives(client.get(), "$VNWRG,05,921600*"));
     std::string garbage;
     EXPECT_TRUE(eventually([&] { return (garbage += read_for(client.get(), 1ms)).size() > 300; }));
     EXPECT_EQ(garbage.find("VN"), std::string::npos);
@@ -67,9 +67,9 @@ TEST_F(LiveLine, AChangeOfSpeedIsAnsweredAtTheOldOneAndThenHolds) {
         << imud.errors();
 
     ASSERT_TRUE(set_line_speed(client.get(), 921'600));
-    EXPECT_TRUE(hears(client.get(), "$VNYMR,"));
-    say(client.get(), "VNRRG,05");
-    EXPECT_TRUE(hears(client.get(), "$VNRRG,05,921600*"));
+    EXPECT_TRUE(receives(client.get(), "$VNYMR,"));
+    send(client.get(), "VNRRG,05");
+    EXPECT_TRUE(receives(client.get(), "$VNRRG,05,921600*"));
     EXPECT_TRUE(eventually([&] {
       read_for(client.get(), 1ms);
       const std::string log = imud.errors();
@@ -77,14 +77,14 @@ TEST_F(LiveLine, AChangeOfSpeedIsAnsweredAtTheOldOneAndThenHolds) {
       return good != std::string::npos && good > log.rfind("garbage");
     })) << imud.errors();
 
-    // What is said at another speed is not understood.
+    // Commands at another speed are not understood.
     ASSERT_TRUE(set_line_speed(client.get(), 9600));
     EXPECT_TRUE(imud.wait_for_errors("the line has 921600 baud and the client 9600"));
-    read_for(client.get(), 50ms);  // what came before
-    say(client.get(), "VNWRG,05,9600");
+    read_for(client.get(), 50ms);  // everything sent before
+    send(client.get(), "VNWRG,05,9600");
     EXPECT_EQ(read_for(client.get(), 200ms).find("VN"), std::string::npos);
     ASSERT_TRUE(set_line_speed(client.get(), 921'600));
-    EXPECT_TRUE(hears(client.get(), "$VNYMR,"));
+    EXPECT_TRUE(receives(client.get(), "$VNYMR,"));
     truth.kill();
     EXPECT_EQ(imud.stop(), 0);
   }
@@ -125,7 +125,7 @@ TEST_F(LiveLine, NothingIsEarlyAndNothingIsLostBelowItsLoad) {
   const HostTime begin = host_now();
   truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "2"});
   std::string bytes;
-  Nanoseconds longest{};  // that nothing was read
+  Nanoseconds longest{};  // longest time without data
   HostTime last = begin;
   const auto read = [&] {
     bytes += read_for(client.get(), 1ms);
@@ -137,7 +137,7 @@ TEST_F(LiveLine, NothingIsEarlyAndNothingIsLostBelowItsLoad) {
     ASSERT_GE(seconds(host_now() - begin), static_cast<double>(bytes.size()) * 10 / 115'200);
   }
   imud.kill();
-  while (imud.is_running()) read();  // what was on its way
+  while (imud.is_running()) read();  // the rest
   EXPECT_EQ(imud.wait(), 0);
   write("bytes", bytes);
   const ProgramResult decoded = run_program("imu-decode", {"native", "file:" + path("bytes")});
@@ -149,8 +149,8 @@ TEST_F(LiveLine, NothingIsEarlyAndNothingIsLostBelowItsLoad) {
   EXPECT_EQ(frames + dropped, samples);
   const std::size_t arrived = rows(decoded.output).size();
   EXPECT_LE(arrived, frames);
-  // A pty holds a third of a second, and waits at the end for half a second; samples that leave late find the line
-  // busy.
+  // A pty holds the data of a third of a second, and waits for half a second at the end; samples that are late find
+  // the line busy.
   if (longest < 200ms && imu["lateness_us"]["max"].get<double>() < 50'000) {
     EXPECT_EQ(dropped, 0U);
     EXPECT_EQ(arrived, frames);

@@ -1,4 +1,4 @@
-// imud run and the misfortunes of its ports.
+// imud run with ports that fail or stall.
 #include <fcntl.h>
 #include <termios.h>
 
@@ -7,13 +7,13 @@
 namespace imud {
 namespace {
 
-// Reads a tty until `size` bytes have come; returns all, or what has come when the other end is closed or silent.
+// Reads `size` bytes from a tty; returns fewer if the other end closes it or falls silent.
 std::string read_bytes(int descriptor, std::size_t size) {
   std::string bytes;
   std::array<char, 4096> buffer;
   while (bytes.size() < size) {
     pollfd ready{descriptor, POLLIN, 0};
-    if (::poll(&ready, 1, static_cast<int>(Program::patience.count())) <= 0) break;
+    if (::poll(&ready, 1, static_cast<int>(Program::default_timeout.count())) <= 0) break;
     const ssize_t got = ::read(descriptor, buffer.data(), buffer.size());
     if (got <= 0) break;
     bytes.append(buffer.data(), static_cast<std::size_t>(got));
@@ -40,10 +40,10 @@ TEST_F(LiveTest, AReaderThatComesLateStopsAndReturnsSeesWholeFrames) {
   // The figures of each second.
   const auto quality = [&] { return lines_of(read_file(path("quality.jsonl"))); };
   const auto figure = [](const std::string& line, const char* key) {
-    const auto second = nlohmann::json::parse(line, nullptr, false);  // the last one may not be whole
+    const auto second = nlohmann::json::parse(line, nullptr, false);  // the last line may be incomplete
     return second.is_discarded() ? 0 : second["imus"][0][key].get<std::int64_t>();
   };
-  ASSERT_TRUE(eventually([&] {  // nobody reads
+  ASSERT_TRUE(eventually([&] {  // without a reader
     const auto lines = quality();
     return !lines.empty() && figure(lines.back(), "samples") > 200;
   }));
@@ -69,7 +69,8 @@ TEST_F(LiveTest, AReaderThatComesLateStopsAndReturnsSeesWholeFrames) {
   const auto all = rows(decoded.output);
   frames = all.size();
   ASSERT_GT(frames, 0U);
-  // Nothing stale from before the reader came, frames lost while it was busy, and every frame sent or dropped.
+  // There is no old data from before the reader opened the pty; frames were lost while it was busy; every frame was
+  // sent or dropped.
   EXPECT_GT(std::stoul(all[0][1]), 100U);
   const auto s = summary();
   EXPECT_EQ(s["imus"][0]["frames"].get<std::uint64_t>() + s["imus"][0]["dropped"].get<std::uint64_t>(),
@@ -83,8 +84,8 @@ TEST_F(LiveTest, AReaderThatComesLateStopsAndReturnsSeesWholeFrames) {
   EXPECT_GT(missing, 0U);
 }
 
-// What a host says is taken from the pty in every clock: more than a pty holds goes through.
-TEST_F(LiveTest, AHostIsHeardWhileACaptureIsReplayed) {
+// Input from a host is read in every clock: more than a pty holds passes.
+TEST_F(LiveTest, HostInputIsReadWhileACaptureIsReplayed) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "120"}).exit_code, 0);
   const std::string c = config("realtime", simulator_.port(), "csv", 1000, "native", "pty:" + path("imu"));
   Program imud("imud");
@@ -93,15 +94,15 @@ TEST_F(LiveTest, AHostIsHeardWhileACaptureIsReplayed) {
   const FileDescriptor host = open_raw(path("imu"));
   const std::string words(1000, 'x');
   std::array<char, 4096> ignored;
-  std::size_t said = 0;
-  while (imud.is_running() && said < 80'000) {
+  std::size_t sent = 0;
+  while (imud.is_running() && sent < 80'000) {
     if (const ssize_t size = ::write(host.get(), words.data(), words.size()); size > 0)
-      said += static_cast<std::size_t>(size);
+      sent += static_cast<std::size_t>(size);
     while (::read(host.get(), ignored.data(), ignored.size()) > 0) {
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  EXPECT_GE(said, 80'000U);
+  EXPECT_GE(sent, 80'000U);
 }
 
 // A serial device made of a pty behind a link, so that it can be unplugged and come back.
@@ -129,7 +130,7 @@ TEST_F(LiveTest, ASerialDeviceThatIsUnpluggedAndReturns) {
   Program imud("imud");
   start(imud, c);
   Program truth("imu-truth");
-  ASSERT_TRUE(eventually([&] {  // until it listens
+  ASSERT_TRUE(eventually([&] {  // until it reads
     simulator_.send(Simulator::encode(Simulator::truth(0, 0, false)));
     pollfd ready{device->get(), POLLIN, 0};
     return ::poll(&ready, 1, 50) == 1;
@@ -148,7 +149,7 @@ TEST_F(LiveTest, ASerialDeviceThatIsUnpluggedAndReturns) {
   const ProgramResult decoded = run_program("imu-decode", {"native", "file:" + path("bytes")});
   EXPECT_NE(decoded.errors.find("checksum   0 failures, 0 malformed"), std::string::npos) << decoded.errors;
   EXPECT_NE(decoded.errors.find("0 bytes skipped"), std::string::npos)
-      << decoded.errors;  // begins with a whole frame
+      << decoded.errors;  // the data begin with a whole frame
   const auto s = summary();
   EXPECT_GT(s["imus"][0]["dropped"], 0);
   EXPECT_EQ(s["imus"][0]["frames"].get<std::uint64_t>() + s["imus"][0]["dropped"].get<std::uint64_t>(),

@@ -1,5 +1,5 @@
-// imud run in real time, by the real clock: counts and states only, with wide margins. The logic's tests have a
-// simulated clock: realtime_*_test.cpp.
+// imud run in real time on the real clock: counts and states only, with wide margins. The logic is tested on a
+// simulated clock in realtime_*_test.cpp.
 #include "tests/emulator/live_test.hpp"
 
 #include <fcntl.h>
@@ -11,7 +11,7 @@
 namespace imud {
 namespace {
 
-// The reader is a process behind a pty of 4 kB: what it misses while the machine is busy with others is dropped.
+// The reader is a process behind a pty of 4 kB: data that it does not read in time on a busy machine are dropped.
 TEST_F(LiveTest, RealtimeKeepsTheGrid) {
   const std::string c = config("realtime", simulator_.port(), "native", 500, "native", "pty:" + path("imu"));
   Program imud("imud");
@@ -30,7 +30,7 @@ TEST_F(LiveTest, RealtimeKeepsTheGrid) {
   EXPECT_GE(s["imus"][0]["samples"], samples);
   const auto all = rows(decode.output());
   ASSERT_EQ(all.size(), samples);
-  // Each on its instant.
+  // Each sample is at its instant.
   std::uint64_t next = 0, missing = 0;
   for (const auto& row : all) {
     const std::uint64_t k = std::stoul(row[1]);
@@ -42,7 +42,7 @@ TEST_F(LiveTest, RealtimeKeepsTheGrid) {
   EXPECT_LE(missing, s["imus"][0]["dropped"]);
 }
 
-TEST_F(LiveTest, SigtermIsHeardThoughTheReaderStallsAndSamplesAreDue) {
+TEST_F(LiveTest, SigtermIsHandledThoughTheReaderStallsAndSamplesAreDue) {
   for (const std::string clock : {"lockstep", "realtime"}) {
     const std::string c = config(clock, simulator_.port(), "native", 10'000, "native", "pty:" + path("imu"));
     Program imud("imud");
@@ -53,7 +53,7 @@ TEST_F(LiveTest, SigtermIsHeardThoughTheReaderStallsAndSamplesAreDue) {
       simulator_.send(Simulator::encode(Simulator::truth(50'000 * i, i, false)));  // half a million samples each
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
-    EXPECT_EQ(imud.stop(), 0);  // without a look at `stop` it takes half an hour
+    EXPECT_EQ(imud.stop(), 0);  // a loop that ignores the stop request takes half an hour
     EXPECT_FALSE(std::filesystem::is_symlink(path("imu")));
   }
 }
@@ -76,14 +76,14 @@ TEST_F(LiveTest, ADisturbedNetworkMakesNoGapInRealtime) {
     EXPECT_EQ(all[k][1], std::to_string(k));
     if ((std::stoul(all[k].back()) & status::truth_extrapolated) != 0) continue;  // on a loaded machine
     ++known;
-    // Coning of 0.02 rad at 10 Hz: the rate is 1.26 rad/s at most, whatever was lost; two lost in a row bend the
-    // curve.
+    // Coning of 0.02 rad at 10 Hz: the rate is 1.26 rad/s at most, whatever was lost. Two truths lost in a row
+    // distort the curve.
     EXPECT_LT(std::abs(std::stod(all[k][2])), 5.0);
   }
   EXPECT_GT(known, 100U);
 }
 
-// Motion would be held half a second after the newest truth, which the simulator may take on a loaded machine.
+// Motion is held half a second after the newest truth, a pause that the simulator may make on a loaded machine.
 TEST_F(LiveTest, AHoldUpLosesNoTruthThatWaits) {
   const std::string c = config("realtime", simulator_.port(), "native", 200, "csv", "file:" + path("out"));
   Program imud("imud");

@@ -1,4 +1,4 @@
-// What the tests of `imud run` with truth by UDP share: a simulator, and the program's start.
+// Shared by the tests of `imud run` with truth by UDP: a simulator, and the start of the program.
 #pragma once
 
 #include <arpa/inet.h>
@@ -15,11 +15,11 @@
 
 namespace imud {
 
-// A simulator of our own.
+// The simulator of the test.
 class Simulator {
  public:
   Simulator() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
-    // A port that is free now; imud binds it a moment later.
+    // A port that is free now; imud binds it later.
     const FileDescriptor probe(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
     address_.sin_family = AF_INET;
     address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -47,7 +47,7 @@ class Simulator {
     ::sendto(socket_.get(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&address_),
              sizeof address_);
   }
-  // The answer; nullopt if none comes within `timeout_ms`.
+  // Returns the answer; nullopt if none arrives within `timeout_ms`.
   std::optional<NativeAcknowledgement> answer(int timeout_ms) {
     pollfd ready{socket_.get(), POLLIN, 0};
     if (::poll(&ready, 1, timeout_ms) <= 0) return std::nullopt;
@@ -59,12 +59,12 @@ class Simulator {
       return std::nullopt;
     return acknowledgement;
   }
-  // Sends until the answer comes: imud may not be there yet.
+  // Sends until the answer arrives: imud may not run yet.
   std::optional<NativeAcknowledgement> exchange(const Truth& t) {
     const Datagram d = encode(t);
     for (int i = 0; i < 100; ++i) {
       send(d);
-      // On a loaded machine the answers to repetitions of the truth before may still come.
+      // On a loaded machine, answers to repetitions of the truth before may still arrive.
       while (const auto acknowledgement = answer(200))
         if (acknowledgement->sequence == t.sequence) return acknowledgement;
     }

@@ -1,4 +1,4 @@
-// imud run in lockstep: what is refused, what is answered, and that nothing else changes a byte.
+// imud run in lockstep: which truths are refused and answered, and that nothing else changes a byte.
 #include <cstring>
 #include <limits>
 #include <numeric>
@@ -8,7 +8,7 @@
 namespace imud {
 namespace {
 
-// Patches a field and mends the checksum, so that only the patched field is wrong.
+// Patches a field and corrects the checksum, so that only the patched field is wrong.
 Simulator::Datagram patched(Simulator::Datagram d, std::size_t offset, double value) {
   std::memcpy(d.data() + offset, &value, sizeof value);
   std::uint32_t crc = ~0U;  // CRC-32C, bit by bit: independent of the library under test
@@ -59,7 +59,7 @@ TEST_F(LiveTest, EveryBadTruthIsCountedByCauseAndNeverReachesTheModel) {
   simulator_.send(wrong);
   good();
 
-  // Order: a duplicate, an overtaken one, a clock that ran back, another vehicle.
+  // Order: a duplicate, a reordered truth, a time step back, another vehicle.
   simulator_.send(Simulator::encode(Simulator::truth(ms - 10, sequence - 1, false)));
   simulator_.send(Simulator::encode(Simulator::truth(ms - 15, sequence - 2, false)));
   simulator_.send(Simulator::encode(Simulator::truth(ms - 15, sequence + 5, false)));
@@ -131,7 +131,7 @@ TEST_F(LiveTest, LockstepAndFastGiveTheSameBytesUnderLoadToo) {
       fast.push_back(fmt::format("imu.{0}.port=file:{1}/fast{0}", i, folder_));
     }
     ASSERT_EQ(run_program("imud", fast).exit_code, 0);
-    for (const int burning : {0, 4}) {  // threads that want the processors
+    for (const int burning : {0, 4}) {  // busy threads
       std::vector<std::jthread> load;
       for (int i = 0; i < burning; ++i)
         load.emplace_back([](const std::stop_token& stop) {
@@ -152,7 +152,7 @@ TEST_F(LiveTest, LockstepAndFastGiveTheSameBytesUnderLoadToo) {
   }
 }
 
-// Whoever has the answer finds the samples in the file.
+// When the answer has arrived, the samples are in the file.
 TEST_F(LiveTest, WhatIsAnsweredIsWritten) {
   const std::string c = config("lockstep", simulator_.port(), "native", 100, "csv", "file:" + path("out"));
   Program imud("imud");
@@ -188,7 +188,7 @@ TEST_F(LiveTest, ALostAnswerIsRepeatedAndNothingIsEmittedTwice) {
   start(imud, c);
   for (std::uint32_t i = 0; i < 20; ++i) {
     const auto first = simulator_.exchange(Simulator::truth(10 * i, i, true));
-    const auto second = simulator_.exchange(Simulator::truth(10 * i, i, true));  // the answer was lost: sent again
+    const auto second = simulator_.exchange(Simulator::truth(10 * i, i, true));  // as if the answer was lost
     ASSERT_TRUE(first && second);
     EXPECT_EQ(second->sequence, i);
     EXPECT_EQ(second->time.ns, first->time.ns);
@@ -215,7 +215,7 @@ TEST_F(LiveTest, ARestartedSimulatorBeginsANewRun) {
   const auto all = rows(read_file(path("out")));
   ASSERT_EQ(all.size(), 362U);
   EXPECT_EQ(all[181][0], "0");
-  EXPECT_EQ(all[181][1], "181");  // the device counts on
+  EXPECT_EQ(all[181][1], "181");  // the device's counter continues
   for (std::size_t field = 8; field < 14; ++field) EXPECT_EQ(all[181][field], "0");
 }
 

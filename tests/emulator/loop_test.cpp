@@ -1,4 +1,4 @@
-// The order of calls that a device sees, and the loop's waiting and spinning; on a simulated host.
+// The order of a device's calls, and how the loop waits and spins; on a simulated host.
 #include <algorithm>
 #include <deque>
 #include <map>
@@ -15,7 +15,7 @@ using testing::SimulatedRun;
 using testing::SimulatedTruth;
 using testing::Swing;
 
-// A device that writes down what happens to it, and wants to be polled each 70 ms.
+// A device that records its calls, and has a deadline every 70 ms.
 class Diary final : public Device {
  public:
   struct Entry {
@@ -70,7 +70,7 @@ constexpr Protocol diary_protocol = {
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return nullptr; },
 };
 
-// The frames that left with their times; `input` is what the host writes, and when.
+// Runs the device; returns the frames with their times. `input` is what the host writes, and when.
 struct DiaryPort final : Port {
   DiaryPort(SimulatedHost& host_, std::vector<std::pair<HostTime, char>>& sent_, std::deque<HostTime> input_)
       : host(host_), sent(sent_), input(std::move(input_)) {}
@@ -119,8 +119,8 @@ class LoopTest : public RealtimeTest {
   }
 };
 
-// Whatever comes from where, and after a hold-up of the host: the device's time never decreases, and each deadline is
-// polled at its own time.
+// With input from every source, and after the host was stopped for a while, the device's time never decreases, and
+// each deadline is polled at its time.
 TEST_F(LoopTest, ADevicesTimesIncrease) {
   for (const std::string before : {"silence", "rest"}) {
     SimulatedRun run(diary_config("delay_ms = 20", "before_first = \"" + before + "\"\nclock_error_ppm = 5000"));
@@ -145,7 +145,7 @@ TEST_F(LoopTest, ADevicesTimesIncrease) {
       due = due + 70ms;
       ASSERT_EQ(entry.time, due);
     }
-    // What the device sends by itself leaves then, by the host's clock.
+    // Frames that the device sends on its own are transmitted at that time of the host's clock.
     HostTime last{};
     std::size_t even = 0;
     for (const auto& [time, letter] : sent) {
@@ -199,7 +199,7 @@ TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
   EXPECT_EQ(count('t'), 2U) << "those of 0.5 s and 2.5 s";
 }
 
-TEST_F(LoopTest, SpinsAsLongAsItIsTold) {
+TEST_F(LoopTest, SpinsAsLongAsConfigured) {
   for (const bool capture : {false, true}) {
     Config c = config(200, "delay_ms = 20");
     SimulatedHost host;
@@ -257,7 +257,7 @@ TEST_F(LoopTest, EachRunOfAPacedCaptureHasItsOwnBegin) {
   }
 }
 
-// Bad datagrams that come faster than they can be taken cost the samples little, from the first one on.
+// Bad datagrams that arrive faster than they can be decoded delay the samples little, from the first one on.
 TEST_F(LoopTest, AFloodFasterThanTheLoopDelaysFewSamples) {
   SimulatedRun run(config(1000, ""));
   for (int k = 0; k <= 200; ++k) run.truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
@@ -267,7 +267,8 @@ TEST_F(LoopTest, AFloodFasterThanTheLoopDelaysFewSamples) {
   EXPECT_LT(run.counters().missed, 20U);
 }
 
-// A sensor far behind fast truth: the timeline keeps what the sensor still needs, and the rest of the truth waits.
+// A sensor far behind fast truth: the timeline keeps the truths that the sensor still needs; the others wait in the
+// port.
 TEST_F(LoopTest, TruthWaitsWhileTheTimelineIsFull) {
   SimulatedRun run(config(100, "delay_ms = 1000"));
   for (int k = 0; k <= 8000; ++k) {
@@ -307,7 +308,8 @@ TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
   for (const auto& r : navigate(left, 0)) EXPECT_NEAR(r.angle, Swing::angle(r.time_s), 1e-9);
 }
 
-// The sensor's own clock stamps nominal periods in every mode, whatever its error: here it is one per cent fast.
+// The time stamps are one nominal period apart in every mode, whatever the clock error: here the sensor's clock is
+// one per cent fast.
 TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
   Config c = config(100, "", "clock_error_ppm = 10000");
   SimulatedHost host;

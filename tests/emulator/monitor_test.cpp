@@ -1,4 +1,4 @@
-// Monitor: what it writes to the log, and how often, on counters that nobody else writes.
+// Monitor: what it writes to the log, and how often, from counters that only the test changes.
 #include "emulator/monitor.hpp"
 
 #include <spdlog/sinks/ostream_sink.h>
@@ -25,7 +25,7 @@ class MonitorTest : public RunTest {
   Monitor monitor(const Monitor::Options& options = {.log_every_s = 0, .quality_file = {}}) const {
     return Monitor({&truth_, &quality_, {{"imu1", &imu_}}}, config_, options);
   }
-  // The lines logged since the last call.
+  // Returns the lines logged since the last call.
   std::vector<std::string> logged() {
     std::vector<std::string> lines = lines_of(log_.str());
     log_.str({});

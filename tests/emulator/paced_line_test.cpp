@@ -1,4 +1,5 @@
-// The real-time loops wake for the pace of a line, and sample when they would without it; on a simulated clock.
+// The real-time loops wake up for a paced line, and take their samples at the same times as without it; on a
+// simulated clock.
 #include "tests/emulator/realtime_test.hpp"
 #include "transports/paced_writer.hpp"
 #include "transports/port.hpp"
@@ -15,18 +16,18 @@ using testing::Swing;
 constexpr UartSettings line{460'800};
 constexpr std::size_t frame_size = 124;  // of the native protocol
 
-struct Heard {
-  std::vector<HostTime> sent;                                // a frame each
-  std::vector<std::pair<HostTime, std::size_t>> characters;  // how many came together
+struct Recording {
+  std::vector<HostTime> sent;                                // of each frame
+  std::vector<std::pair<HostTime, std::size_t>> characters;  // time and number of characters sent together
 };
 
-// A pty's line without the pty.
+// The paced line of a pty, without the pty.
 class PacedSensor final : public Port {
  public:
-  PacedSensor(SimulatedHost& host, Heard& heard) : host_(host), heard_(heard) {}
+  PacedSensor(SimulatedHost& host, Recording& recording) : host_(host), recording_(recording) {}
   void send(std::span<const Frame> frames) noexcept override {
     flush();
-    for (std::size_t i = 0; i < frames.size(); ++i) heard_.sent.push_back(host_.now());
+    for (std::size_t i = 0; i < frames.size(); ++i) recording_.sent.push_back(host_.now());
     writer_.queue(frames, line, host_.now(), std::chrono::milliseconds(100), counters_);
   }
   void flush() noexcept override {
@@ -36,30 +37,30 @@ class PacedSensor final : public Port {
       together += bytes.size();
       writer_.written(bytes.size(), now, counters_);
     }
-    if (together > 0) heard_.characters.emplace_back(now, together);
+    if (together > 0) recording_.characters.emplace_back(now, together);
   }
   std::optional<Received> receive() noexcept override { return std::nullopt; }
   std::optional<HostTime> next_flush() const noexcept override { return writer_.next_flush(); }
 
  private:
   SimulatedHost& host_;
-  Heard& heard_;
+  Recording& recording_;
   PacedWriter writer_;
 };
 
 class PacedLine : public RealtimeTest {
  protected:
-  // Portions of 14 and a last one of 12 of each frame, when they have come, or a little later by what else there was
-  // to do.
-  static void expect_pace(const Heard& heard, Nanoseconds late) {
+  // Each frame is sent in portions of 14 characters and a last one of 12, each when its characters are complete on
+  // the line, or up to `late` later.
+  static void expect_pace(const Recording& recording, Nanoseconds late) {
     std::size_t next = 0;
-    for (std::size_t frame = 0; frame + 1 < heard.sent.size(); ++frame)
+    for (std::size_t frame = 0; frame + 1 < recording.sent.size(); ++frame)
       for (std::size_t seen = 0; seen < frame_size;) {
-        ASSERT_LT(next, heard.characters.size());
-        const auto [time, together] = heard.characters[next++];
+        ASSERT_LT(next, recording.characters.size());
+        const auto [time, together] = recording.characters[next++];
         seen += together;
         ASSERT_TRUE(together == PacedWriter::fifo || seen == frame_size) << together;
-        const Nanoseconds lateness = time - (heard.sent[frame] + Nanoseconds(seen * 10'000'000'000 / line.baud));
+        const Nanoseconds lateness = time - (recording.sent[frame] + Nanoseconds(seen * 10'000'000'000 / line.baud));
         ASSERT_GE(lateness.count(), 0) << frame;
         ASSERT_LE(lateness, late) << frame << " " << seen;
       }
@@ -71,20 +72,20 @@ TEST_F(PacedLine, TheRealtimeLoopWakesForIt) {
     Config c = config(200, "delay_ms = 20");
     c.realtime.spin = nanoseconds(1e-6 * std::stod(spin));
     SimulatedRun unpaced(c), run(c);
-    Heard heard;
-    run.make_sensor = [&](SimulatedHost& host) { return std::make_unique<PacedSensor>(host, heard); };
+    Recording recording;
+    run.make_sensor = [&](SimulatedHost& host) { return std::make_unique<PacedSensor>(host, recording); };
     for (SimulatedRun* each : {&unpaced, &run}) {
       for (int k = 0; k < 200; ++k)
         each->truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
       each->run(2);
     }
-    ASSERT_GT(heard.sent.size(), 300U);
-    ASSERT_EQ(heard.sent.size(), unpaced.left().size());
-    for (std::size_t k = 0; k < heard.sent.size(); ++k) {
-      ASSERT_GE(heard.sent[k], unpaced.left()[k].time - 20us) << k;
-      ASSERT_LE(heard.sent[k], unpaced.left()[k].time + 20us) << k;
+    ASSERT_GT(recording.sent.size(), 300U);
+    ASSERT_EQ(recording.sent.size(), unpaced.left().size());
+    for (std::size_t k = 0; k < recording.sent.size(); ++k) {
+      ASSERT_GE(recording.sent[k], unpaced.left()[k].time - 20us) << k;
+      ASSERT_LE(recording.sent[k], unpaced.left()[k].time + 20us) << k;
     }
-    expect_pace(heard, c.realtime.spin + 50us);
+    expect_pace(recording, c.realtime.spin + 50us);
   }
 }
 
@@ -94,16 +95,17 @@ TEST_F(PacedLine, APacedReplayWakesForIt) {
       load_config(RunTest::config("realtime", "file:" + path("truth.csv"), "csv", 200, "native", "file:any"));
   SimulatedHost host;
   host.end = host.now() + 100s;
-  Heard heard;
+  Recording recording;
   Session session(c, [&](std::string_view port, const PortSettings& settings) {
-    return settings.role == Role::listener ? open_port(port, settings) : std::make_unique<PacedSensor>(host, heard);
+    return settings.role == Role::listener ? open_port(port, settings)
+                                           : std::make_unique<PacedSensor>(host, recording);
   });
   const HostTime begin = host.now();
   CapturePacer pacer;
   Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();
-  ASSERT_GT(heard.sent.size(), 390U);
-  for (std::size_t k = 0; k < heard.sent.size(); ++k) ASSERT_EQ(heard.sent[k], begin + 5ms * k) << k;
-  expect_pace(heard, 1ns);  // instants are rounded up
+  ASSERT_GT(recording.sent.size(), 390U);
+  for (std::size_t k = 0; k < recording.sent.size(); ++k) ASSERT_EQ(recording.sent[k], begin + 5ms * k) << k;
+  expect_pace(recording, 1ns);  // instants are rounded up
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The real-time loop under what networks and simulators do to truth, on a simulated clock.
+// The real-time loop with truth disturbed by networks and simulators, on a simulated clock.
 #include "tests/emulator/realtime_test.hpp"
 
 namespace imud {
@@ -12,7 +12,7 @@ using testing::Swing;
 
 struct Network {
   double jitter_s = 0, lost = 0, repeated = 0, overtaken = 0;
-  double rate = 1;  // simulation seconds in a host second
+  double rate = 1;  // simulation seconds per host second
 };
 
 TruthTime at_s(double s) { return TruthTime{} + nanoseconds(s); }
@@ -41,7 +41,7 @@ class DisturbedTruth : public RealtimeTest {
     const auto [at, fresh] = arrivals_.emplace(t, arrival_s);
     if (!fresh) at->second = std::min(at->second, arrival_s);
   }
-  // The newest truth that has come by then, and the longest step to a truth before that is not yet bridged.
+  // The newest truth that has arrived by then, and the longest gap before it that is not yet filled.
   double newest(double host_s) const {
     double t = 0;
     for (const auto& [time, arrival] : arrivals_)
@@ -60,7 +60,7 @@ TEST_F(DisturbedTruth, WithoutDelayTheSumsFollowAndReturn) {
     arrivals_.clear();
     SimulatedRun run(config(1000, "", "increments.delta_angle = \"" + angle + "\""));
     send(run, 10, bad);
-    // Then all that is still to come at once: the stream is whole.
+    // Then all missing truths arrive at once: the stream is complete.
     for (int k = 1; k <= 20; ++k) put(run, 10.11, 10 + step_s * k);
     run.run(10.2);
     ASSERT_GT(run.left().size(), 10'050U);
@@ -84,7 +84,7 @@ TEST_F(DisturbedTruth, WithoutDelayTheSumsFollowAndReturn) {
         ASSERT_LT((r.dv_N - Swing::dv_N(9) - state.dv_N).norm(), 1e-9) << host_s;
         continue;
       }
-      // Frames are made 150 us before they leave.
+      // Frames are prepared 150 us before they are sent.
       const double h = std::max(step_s, r.time_s - newest(host_s - 150e-6 - 20e-6));
       extrapolated += (r.sample.status & status::truth_extrapolated) != 0;
       ASSERT_LT(angle_error, Swing::angle_error(h)) << host_s;
@@ -229,7 +229,7 @@ TEST_F(DisturbedTruth, AnAutomaticDelayIsJustEnough) {
 TEST_F(DisturbedTruth, AFloodOfGarbageDelaysNoSample) {
   SimulatedRun run(config(1000, ""));
   send(run, 2, {});
-  for (int i = 0; i < 400'000; ++i) run.garbage(0.5 + 2.5e-6 * i);  // as fast as they can be taken
+  for (int i = 0; i < 400'000; ++i) run.garbage(0.5 + 2.5e-6 * i);  // as fast as they can be decoded
   run.run(2.1);
   expect_grid(run.left(), Grid(1000), run.at(0.1), 300us);
   EXPECT_EQ(run.counters().missed, 0U);

@@ -1,5 +1,5 @@
-// The real-time loop when truth stops, pauses, jumps or begins anew, when the host stands still, and with many imus;
-// on a simulated clock.
+// The real-time loop when truth stops, pauses, jumps or restarts, when the host is stopped for a while, and with many
+// imus; on a simulated clock.
 #include "tests/emulator/realtime_test.hpp"
 
 namespace imud {
@@ -15,7 +15,8 @@ TruthTime at_s(double s) { return TruthTime{} + nanoseconds(s); }
 
 class RealtimeRun : public RealtimeTest {
  protected:
-  // Truths from `from_s` to `until_s` of simulation time, each 10 ms, arriving at 0.1 s + that + `late_s`.
+  // Sends truths from `from_s` to `until_s` of simulation time, every 10 ms; each arrives 0.1 s + `late_s` after its
+  // time.
   static void send(SimulatedRun& run, double from_s, double until_s, double late_s = 0, bool new_run = false) {
     for (int k = static_cast<int>(std::lround(from_s * 100)); k <= std::lround(until_s * 100); ++k) {
       Truth truth = Swing::truth(at_s(0.01 * k));
@@ -23,7 +24,7 @@ class RealtimeRun : public RealtimeTest {
       run.truth(0.1 + 0.01 * k + late_s, truth);
     }
   }
-  // Those that left within that time.
+  // The frames sent within that time.
   static std::vector<Left> within(const SimulatedRun& run, double from_s, double until_s) {
     std::vector<Left> some;
     for (const Left& left : run.left())
@@ -32,7 +33,7 @@ class RealtimeRun : public RealtimeTest {
   }
   static constexpr std::uint32_t held = status::truth_stale | status::truth_extrapolated;
 
-  // What left within that time is what was true `ahead_s` later than the time since the simulator's begin.
+  // Frames sent within that time show the motion `ahead_s` later than the time since the simulator's start.
   static void expect_truth(const SimulatedRun& run, double from_s, double until_s, double ahead_s) {
     const std::vector<Left> some = within(run, from_s, until_s);
     ASSERT_GT(static_cast<double>(some.size()), 900 * (until_s - from_s)) << "at 1 kHz";
@@ -44,7 +45,7 @@ class RealtimeRun : public RealtimeTest {
   }
 };
 
-// Truth is missing from 2 s to 3 s of the simulation, which goes on meanwhile.
+// Truth is missing from 2 s to 3 s of the simulation, which continues meanwhile.
 TEST_F(RealtimeRun, WhenTruthStopsMotionIsHeldAndTheSumsReturn) {
   SimulatedRun run(config(1000, "extrapolate_ms = 100"));
   send(run, 0, 2);
@@ -73,7 +74,7 @@ TEST_F(RealtimeRun, WhenTruthStopsMotionIsHeldAndTheSumsReturn) {
     }
 }
 
-TEST_F(RealtimeRun, WhenTruthStopsTheSampleSaysSoOrIsNotSent) {
+TEST_F(RealtimeRun, WhenTruthStopsTheSampleIsFlaggedOrNotSent) {
   for (const std::string reaction : {"flag", "silence"}) {
     SimulatedRun run(config(1000, "extrapolate_ms = 100\nwhen_stopped = \"" + reaction + "\""));
     send(run, 0, 2);
@@ -90,7 +91,7 @@ TEST_F(RealtimeRun, WhenTruthStopsTheSampleSaysSoOrIsNotSent) {
       EXPECT_TRUE(some.empty());
       EXPECT_NEAR(static_cast<double>(run.counters().silent), 900, 2);
       EXPECT_EQ(run.counters().samples, run.left().size() + run.counters().silent);
-      // The counter runs on, so that a host sees how much it has missed; the instants stay on the grid.
+      // The counter continues, so that a host sees how many samples it has missed; the instants stay on the grid.
       for (const Left& left : run.left())
         ASSERT_EQ((left.time - run.at(0.1)) / 1ms, static_cast<std::int64_t>(left.sample.counter));
     }
@@ -98,7 +99,7 @@ TEST_F(RealtimeRun, WhenTruthStopsTheSampleSaysSoOrIsNotSent) {
   }
 }
 
-// The simulator's user pressed pause for 3 s: its time goes on where it was.
+// The simulator's user pauses it for 3 s: its time continues where it stopped.
 TEST_F(RealtimeRun, AfterAPauseANewRunBegins) {
   SimulatedRun run(config(1000, "delay_ms = 20"));
   send(run, 0, 2);
@@ -120,8 +121,8 @@ TEST_F(RealtimeRun, AJumpAheadBeginsANewRun) {
   expect_truth(run, 2.2, 4, 9.87);
 }
 
-// With the flag, and without, when twenty in a row say so.
-TEST_F(RealtimeRun, ASimulatorThatBeginsAnewBeginsANewRun) {
+// With the flag, and without it after twenty truths in a row.
+TEST_F(RealtimeRun, ASimulatorThatRestartsBeginsANewRun) {
   for (const bool flag : {true, false}) {
     SimulatedRun run(config(1000, "delay_ms = 20"));
     send(run, 10, 12);
@@ -134,8 +135,8 @@ TEST_F(RealtimeRun, ASimulatorThatBeginsAnewBeginsANewRun) {
   }
 }
 
-// Samples that were due while nothing ran leave at once afterwards; none is left out, and what had arrived is in
-// them.
+// Samples of the time in which the host was stopped are sent immediately afterwards; none is left out, and they use
+// the truth that had arrived.
 TEST_F(RealtimeRun, AHoldUpOfTheHostMissesNoSample) {
   SimulatedRun run(config(1000, "delay_ms = 20"));
   send(run, 0, 3);
@@ -157,7 +158,7 @@ TEST_F(RealtimeRun, AHoldUpOfTheHostMissesNoSample) {
   }
 }
 
-// While the estimate of the simulator's clock is still being approached.
+// While the map of the simulator's clock is still being slewed to the estimate.
 TEST_F(RealtimeRun, AfterAHoldUpTheSampledTimeGoesOnEvenly) {
   struct Case {
     double rate, jitter_s, held_up_s, imu_hz;
@@ -184,7 +185,7 @@ TEST_F(RealtimeRun, AfterAHoldUpTheSampledTimeGoesOnEvenly) {
 }
 
 // More truths between two samples than the timeline keeps.
-TEST_F(RealtimeRun, ASlowSensorTakesInFastTruth) {
+TEST_F(RealtimeRun, ASlowSensorUsesFastTruth) {
   for (const auto& [imu_hz, truth_hz] : {std::pair{0.5, 1000.0}, {0.1, 200.0}, {1.0, 2000.0}}) {
     SimulatedRun run(config(imu_hz, "delay_ms = 50"));
     for (int k = 0; k <= 8 / imu_hz * truth_hz; ++k) {
@@ -200,7 +201,7 @@ TEST_F(RealtimeRun, ASlowSensorTakesInFastTruth) {
   }
 }
 
-// Rates of truth, and of its lateness, that look like a pause and are none.
+// Truth rates and delays that resemble a pause, but are none.
 TEST_F(RealtimeRun, LateTruthIsNoPause) {
   struct Case {
     double truth_hz, jitter_s;
@@ -222,7 +223,7 @@ TEST_F(RealtimeRun, LateTruthIsNoPause) {
   }
 }
 
-// Between the return of truth and the moment, one delay later, at which the sensor reaches it.
+// Between the return of truth and the time, one delay later, at which the sensor samples it.
 TEST_F(RealtimeRun, AStoppedSensorIsStoppedUntilItMovesAgain) {
   for (const std::string reaction : {"flag", "silence"}) {
     SimulatedRun run(config(1000, "delay_ms = 500\nwhen_stopped = \"" + reaction + "\""));
@@ -264,7 +265,7 @@ TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
     EXPECT_EQ(run.counters(i).extrapolated, 0U);
     EXPECT_EQ(run.counters(i).missed, 0U);
   }
-  // All sample the same motion, each at its own instants.
+  // All imus sample the same motion, each at its own instants.
   for (const std::size_t i : {0U, 5U, 15U})
     for (const Left& left : run.left(i))
       ASSERT_NEAR(left.sample.rate.z(), Swing::truth(at_s(run.since_begin(left.time) - 0.12)).omega_BN_B.z(), 1e-3)
@@ -272,7 +273,7 @@ TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
 }
 
 }  // namespace
-// A host that never stops talking, each 256 bytes of which take the device 200 us.
+// A host that sends without pause; 256 bytes of its data take the device 200 us.
 TEST_F(RealtimeRun, AFloodFromTheHostDelaysNoSample) {
   class Flood final : public Port {
    public:

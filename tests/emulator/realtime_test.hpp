@@ -1,4 +1,5 @@
-// What the tests of the real-time loop share: a motion that tells the time, a configuration, a simulated run.
+// Shared by the tests of the real-time loop: a motion from which the time can be found, a configuration, a simulated
+// run.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -13,9 +14,9 @@
 
 namespace imud::testing {
 
-// Swings about z, under a force that turns and swells in the inertial x-y plane. The force along z is constant, so
-// that a sensor's sum of delta-velocities along z, which no extrapolation can get wrong, says which instant it has
-// reached.
+// Swings about z, under a force in the inertial x-y plane whose direction and magnitude change. The force along z is
+// constant and therefore extrapolated without error: a sensor's sum of delta-velocities along z gives the time up to
+// which it has sampled.
 struct Swing {
   static constexpr double amplitude = 0.5, frequency = 2 * units::pi;  // rad, rad/s: up to 3.1 rad/s, 20 rad/s^2
   static constexpr double push = 4, push_frequency = 5, lift = 8;      // m/s^2, rad/s, m/s^2
@@ -42,18 +43,18 @@ struct Swing {
     return truth;
   }
 
-  // The errors of extrapolating by h: bounds from the next derivatives.
+  // The errors of extrapolation by h, bounded by the next derivatives.
   static double angle_error(double h) { return amplitude * std::pow(frequency * h, 3) / 6; }
   static double dv_error(double h) {
     return (push * push_frequency + amplitude * frequency * push * std::sqrt(2.0)) * h * h / 2;
   }
-  // Of interpolating between truths h apart: the cubic Hermite curve's.
+  // The error of interpolation between truths h apart by the cubic Hermite curve.
   static double angle_between(double h) { return amplitude * std::pow(frequency * h, 4) / 384; }
 };
 
-// What a navigator that adds up the increments has, after each sample.
+// The state of a navigator that adds up the increments, after each sample.
 struct Reached {
-  HostTime host;      // when the sample left
+  HostTime host;      // time at which the sample was sent
   double time_s = 0;  // of the truth, since its time 0, from the sum along z
   double angle = 0;   // about z
   Vector3 dv_N = Vector3::Zero();
@@ -62,7 +63,7 @@ struct Reached {
 
 class RealtimeTest : public RunTest {
  protected:
-  // One imu at `rate_hz`, and more keys.
+  // Returns a configuration with one imu at `rate_hz`, and more keys.
   Config config(double rate_hz, const std::string& truth, const std::string& imu = "", int imus = 1) const {
     std::string text = "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n" + truth;
     for (int i = 0; i < imus; ++i)
@@ -91,7 +92,7 @@ class RealtimeTest : public RunTest {
     return all;
   }
 
-  // No gap, no instant but the grid's: counter k at start + k/rate, with the device's time. At least 4 samples.
+  // Expects at least 4 samples without a gap and on the grid: counter k at start + k/rate, with the device's time.
   static void expect_grid(const std::vector<Left>& left, const Grid& grid, HostTime start, Nanoseconds late) {
     ASSERT_GE(left.size(), 4U);
     for (std::size_t k = 0; k < left.size(); ++k) {

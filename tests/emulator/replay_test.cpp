@@ -82,7 +82,7 @@ TEST_F(ReplayTest, ALateListenerNamesTheColumns) {
 
   const ProgramResult nameless =
       run_program("imud", {"replay", c, path("rows.csv"), "--summary", path("summary.json")});
-  EXPECT_EQ(nameless.exit_code, 1);  // nothing came of it
+  EXPECT_EQ(nameless.exit_code, 1);  // no truth was accepted
   EXPECT_EQ(summary()["truth"]["refused"]["columns"], 2001);
   EXPECT_NE(nameless.errors.find("truth refused: columns"), std::string::npos);
 
@@ -136,7 +136,7 @@ TEST_F(ReplayTest, ACsvCutShortIsReadToTheLastWholeRow) {
   }
 }
 
-TEST_F(ReplayTest, WhatIsWrongIsSaidWithExitCodeTwo) {
+TEST_F(ReplayTest, AFaultIsReportedWithExitCodeTwo) {
   const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 100, "csv", "file:" + path("out"));
   EXPECT_EQ(run_program("imud", {"replay", c, path("nothing.pcap")}).exit_code, 2);
   EXPECT_EQ(run_program("imud", {"replay", c, c}).exit_code, 2);  // no capture
@@ -157,7 +157,7 @@ TEST_F(ReplayTest, WhatIsWrongIsSaidWithExitCodeTwo) {
   EXPECT_EQ(version.output, "imud " IMUD_VERSION "\n");
 }
 
-TEST_F(ReplayTest, CheckSaysLoadOrFaults) {
+TEST_F(ReplayTest, CheckReportsLoadOrFaults) {
   const std::string c =
       config("realtime", "udp:127.0.0.1:5140", "jsbsim", 200, "native", "serial:/dev/ttyUSB0?baud=921600");
   const ProgramResult good = run_program("imud", {"check", c});
@@ -178,7 +178,7 @@ TEST_F(ReplayTest, DataOnStandardOutputIsDataAlone) {
   EXPECT_NE(result.errors.find("received"), std::string::npos);
 }
 
-TEST_F(ReplayTest, SigtermIsHeardWhileInputIsSkipped) {
+TEST_F(ReplayTest, SigtermIsHandledWhileInputIsSkipped) {
   const std::string c = config("fast", "file:/dev/zero", "csv", 20, "csv", "file:" + path("out"));
   Program imud("imud");
   imud.start({"run", c});
@@ -196,7 +196,7 @@ TEST_F(ReplayTest, ListShowsEveryEntry) {
   EXPECT_NE(settings.output.find("Hz; a divisor of 1000 (100; 1 to 1000)\n"), std::string::npos) << settings.output;
 }
 
-// What takes time at its recorded pace does not in a fast replay, whatever clock the configuration says.
+// A fast replay does not take the recorded time, whatever clock is configured.
 TEST_F(ReplayTest, FastIsAnotherClock) {
   const std::string c = write("config.toml",
                               "[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n[[imu]]\n"

@@ -1,4 +1,4 @@
-// The files that a run is asked to write beside what the sensors send.
+// The files that a run writes beside the sensors' output.
 #include "tests/emulator/run_test.hpp"
 
 namespace imud {
@@ -6,7 +6,7 @@ namespace {
 
 using RunFiles = RunTest;
 
-TEST_F(RunFiles, ASummaryThatCannotBeWrittenIsSaidBeforeTheRunBegins) {
+TEST_F(RunFiles, ASummaryThatCannotBeWrittenIsReportedBeforeTheRun) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
   const std::string c = config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"));
   const ProgramResult good = run_program("imud", {"run", c, "--summary", path("summary.json")});

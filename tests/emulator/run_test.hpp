@@ -1,4 +1,4 @@
-// What the tests of the whole daemon share: a folder of their own, a configuration, the closing summary.
+// Shared by the tests of the whole daemon: a folder for the test alone, a configuration, the closing summary.
 #pragma once
 
 #include <fmt/format.h>
@@ -47,7 +47,7 @@ accelerometer.max_m_per_s2 = 1000
                                             clock, truth_port, truth_format, rate_hz, protocol, port));
   }
 
-  // Of the run that wrote it to path("summary.json").
+  // The summary of the run that wrote it to path("summary.json").
   nlohmann::json summary() const { return nlohmann::json::parse(read_file(path("summary.json"))); }
 
   // Rows of measurement CSV as text fields, without the header row.
@@ -69,10 +69,10 @@ accelerometer.max_m_per_s2 = 1000
   std::string folder_;
 };
 
-// True once `condition` holds; false if it does not within the patience of Program.
+// Waits until `condition` holds; returns false if it does not within Program::default_timeout.
 template <class Condition>
 bool eventually(Condition condition) {
-  const auto until = std::chrono::steady_clock::now() + Program::patience;
+  const auto until = std::chrono::steady_clock::now() + Program::default_timeout;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > until) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));

@@ -33,7 +33,7 @@ TEST(Schedule, MergesEveryGridInOrder) {
   }
 }
 
-// A grid that starts later than the others, or starts again, has its instants from there on; the others keep theirs.
+// A grid may start later than the others, or restart: its instants begin there, and the others do not change.
 TEST(Schedule, StartsEachGridByItself) {
   const std::vector<Grid> grids = {Grid(1000), Grid(500), Grid(1000, 0, 250us)};
   Schedule schedule(grids);

@@ -12,7 +12,7 @@ class MachineTest : public RunTest {
     std::filesystem::create_directories(std::filesystem::path(path(file)).parent_path());
     std::ofstream(path(file)) << text << "\n";
   }
-  // Whether one of the lines has that in it.
+  // Returns true if one of the lines contains `what`.
   static bool has(const std::vector<std::string>& lines, std::string_view what) {
     return std::any_of(lines.begin(), lines.end(),
                        [&](const std::string& line) { return line.find(what) != std::string::npos; });
@@ -67,13 +67,13 @@ TEST_F(SelftestTest, MeasuresWhatTheConfigurationNames) {
   const ProgramResult result =
       run_program("imud", {"selftest", "--timing", c, "--for", "0.2", "--set", "realtime.spin_us=50"});
   EXPECT_EQ(result.exit_code, 0) << result.errors;
-  for (const char* said : {"the machine", "500 Hz, 0.2 s each", "as any thread", "spin_us = 50",
+  for (const char* text : {"the machine", "500 Hz, 0.2 s each", "as any thread", "spin_us = 50",
                            "imu1 to file:", "to expect", "500 Hz is ", "to improve"})
-    EXPECT_NE(result.output.find(said), std::string::npos) << said << "\n" << result.output;
+    EXPECT_NE(result.output.find(text), std::string::npos) << text << "\n" << result.output;
   EXPECT_FALSE(std::filesystem::exists(path("untouched")));
 }
 
-TEST_F(SelftestTest, NeedsNoConfigurationAndSaysWhatIsWrongWithOne) {
+TEST_F(SelftestTest, NeedsNoConfigurationAndNamesTheFaultWithOne) {
   const ProgramResult alone = run_program("imud", {"selftest", "--timing", "--for", "0.1"});
   EXPECT_EQ(alone.exit_code, 0) << alone.errors;
   EXPECT_NE(alone.output.find("imu to pty:imu"), std::string::npos) << alone.output;

@@ -1,4 +1,4 @@
-// A host, a network and sensor ports without a clock: whatever happens there happens at the instant said.
+// A simulated host, network and sensor ports: events happen exactly at the given instants of a simulated clock.
 #pragma once
 
 #include <atomic>
@@ -38,9 +38,9 @@ class SimulatedHost final : public Host {
     inputs[0].revents = comes ? POLLIN : 0;
     return comes || others;
   }
-  // The sum of what the loop wanted to spin.
+  // The sum of the times for which the loop was to spin.
   Nanoseconds spun() const { return spun_; }
-  // Frozen from then until then.
+  // Stops the host from `from` until `until`.
   void freeze(HostTime from, HostTime until) { freezes_.push_back({from, until}); }
   void spend(Nanoseconds time) noexcept { go_to(now_ + time); }
 
@@ -61,7 +61,7 @@ class SimulatedHost final : public Host {
   std::vector<std::pair<HostTime, HostTime>> freezes_;
 };
 
-// Truth that arrives at its time, which costs a little to receive; or a capture of it, which is there at once and
+// Truth that arrives at its time, and takes a little time to receive; or a capture, which is available at once, and
 // ends.
 class SimulatedTruth final : public Port {
  public:
@@ -85,7 +85,7 @@ class SimulatedTruth final : public Port {
   Arrival newest_;
 };
 
-// What left, decoded from the native protocol.
+// The frames that were sent, decoded from the native protocol.
 struct Left {
   HostTime time;
   Sample sample;
@@ -108,19 +108,19 @@ class SimulatedSensor final : public Port, private MeasurementSink {
   std::unique_ptr<Decoder> decoder_;
 };
 
-// `imud run` in real time, of a configuration whose ports are simulated. Truth port "udp:...", imu ports "file:NAME".
+// `imud run` in real time with simulated ports. Truth port "udp:...", imu ports "file:NAME".
 class SimulatedRun {
  public:
   explicit SimulatedRun(const Config& config) : config_(config) {}
 
   SimulatedHost& host() { return host_; }
-  // Instead of a SimulatedSensor.
+  // Replaces the SimulatedSensor.
   std::function<std::unique_ptr<Port>(SimulatedHost&)> make_sensor;
-  // Since the simulation's beginning.
+  // Time since the simulation's start.
   HostTime at(double s) const { return begin_ + nanoseconds(s); }
   double since_begin(HostTime time) const { return seconds(time - begin_); }
 
-  // A truth that arrives at `arrival_s`; in any order.
+  // Adds a truth that arrives at `arrival_s`; call it in any order.
   void truth(double arrival_s, const Truth& truth) {
     std::vector<std::byte> bytes(native_truth_size);
     encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));

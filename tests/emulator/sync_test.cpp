@@ -1,4 +1,4 @@
-// Edges by UDP: when devices receive them, and what is sent.
+// Edges by UDP: when devices receive them, and which pulses are sent.
 #include "emulator/sync.hpp"
 
 #include <gtest/gtest.h>
@@ -72,7 +72,7 @@ TEST(Sync, DeliversAnEdgeBeforeTheSampleAfterIt) {
       << "in order; that without a time came by 2000, that of long ago counts as of the last sample";
 }
 
-// The device's clock counts its own seconds, of which a slow simulator's second has several.
+// The device's clock counts its own seconds; a second of a slow simulator takes several of them.
 TEST(Sync, AnEdgeIsStampedAtTheSimulatorsRate) {
   for (const std::int64_t rate : {1, 4}) {
     Pins pins;
@@ -106,7 +106,7 @@ TEST(Sync, BearsAnyTimeAndAnyNumber) {
   pins.sync.begin_run();
   pins.sample(1'000'000);
   pins.sample(6'000'000);
-  EXPECT_EQ(pins.device.triggers.size(), 66U) << "time began anew: without edges of the old run";
+  EXPECT_EQ(pins.device.triggers.size(), 66U) << "time restarted: without edges of the old run";
   EXPECT_EQ(pins.sync.refused(), 1U + 1000 - 64);
 }
 
@@ -133,7 +133,7 @@ TEST(Sync, SendsThePulseInTheSimulationsTime) {
   EXPECT_EQ(pins.ports["tov"]->sent, std::vector<Bytes>{wanted});
 }
 
-// The STIM300 in lockstep: an edge in each truth interval, so many datagrams.
+// The STIM300 in lockstep: an edge in each truth interval, and a datagram for each edge.
 TEST_F(LiveTest, TriggersByUdpMakeTheSensorSend) {
   Simulator edges;
   const std::string c = write("config.toml", fmt::format(R"(clock = "lockstep"
@@ -163,7 +163,7 @@ sync.trigger_port = "{}"
   }
 }
 
-// Each sample's pulse leaves by UDP, in the simulation's time.
+// The pulse of each sample is sent by UDP, in simulation time.
 TEST_F(LiveTest, ThePulseOfEachSampleLeavesByUdp) {
   const FileDescriptor listener(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in address{};
@@ -187,7 +187,7 @@ sync.tov_port = "udp:127.0.0.1:{}"
     ASSERT_TRUE(simulator_.exchange(Simulator::truth(ms, static_cast<std::uint32_t>(ms), true)));
   EXPECT_EQ(imud.stop(), 0);
   for (std::int64_t k = 0; k <= 10; ++k) {
-    std::array<std::int64_t, 2> pulse{};  // little-endian here
+    std::array<std::int64_t, 2> pulse{};  // on a little-endian host
     pollfd ready{listener.get(), POLLIN, 0};
     ASSERT_EQ(::poll(&ready, 1, 1000), 1) << k;
     ASSERT_EQ(::recv(listener.get(), pulse.data(), sizeof pulse, 0), 16);

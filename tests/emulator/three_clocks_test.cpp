@@ -1,5 +1,5 @@
-// The clocks differ in who says "now", and in no byte: every protocol in real time, in lockstep and fast, with a
-// clock error and a phase, on a simulated host.
+// All clocks give the same bytes: every protocol in real time, in lockstep and fast, with a clock error and a phase,
+// on a simulated host.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -15,8 +15,7 @@ using testing::SimulatedHost;
 using testing::SimulatedTruth;
 using testing::Swing;
 
-// Everything that a port was given, each frame with its identifier; gives the device its host's bytes after some of
-// it.
+// Records all frames sent to a port, with their identifiers; feeds the host's bytes to the device after some of them.
 class RecordingPort final : public Port {
  public:
   RecordingPort(std::string& record, std::string host_bytes) : record_(record), host_bytes_(std::move(host_bytes)) {}
@@ -50,7 +49,7 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     return "";
   }
 
-  // Six seconds of truth; a run begins anew in between if `restarts`.
+  // Six seconds of truth, with a restart in between if `restarts`.
   std::string record(ClockMode clock, bool capture, bool restarts) {
     const Protocol& protocol = *GetParam();
     const bool can = protocol.link == Link::can;
@@ -72,7 +71,7 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
         encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));
         host.arrivals.push_back({begin + nanoseconds(0.1 + 0.01 * k + 10 * run), std::move(bytes)});
       }
-    // In real time the last truths are not sampled any more.
+    // In real time the last truths are not sampled.
     host.end = begin + std::chrono::seconds(clock == ClockMode::realtime && !capture ? 6 : 100);
     std::string record;
     Session session(config, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
@@ -101,7 +100,7 @@ TEST_P(ThreeClocks, GiveTheSameBytes) {
   EXPECT_TRUE(fast.starts_with(live)) << std::mismatch(live.begin(), live.end(), fast.begin()).first - live.begin();
 }
 
-// A second run sets the sensor's clock to its own first truth: in the clocks that truth paces.
+// In the clocks that truth paces, a second run sets the sensor's clock to its first truth.
 TEST_P(ThreeClocks, GiveTheSameBytesOverARestart) {
   const std::string fast = record(ClockMode::fast, true, true);
   EXPECT_GT(fast.size(), 30'000U);

@@ -17,15 +17,15 @@ HostTime host(double s) { return t0 + nanoseconds(s); }
 TruthTime truth(double s) { return TruthTime{} + nanoseconds(s); }
 double since(TruthTime t) { return seconds(t - TruthTime{}); }
 
-// A simulator whose time at host time h is `simulated(h)`; truths each 10 ms, late by `delay` at random; the clock is
-// used each ms.
+// A simulator that sends the truth of every 10 ms: that of t s at host time sent_at(t) s. The network delays each by
+// a random time of mean `mean_delay_s`. The clock is read every ms.
 class Stream {
  public:
   Stream(const TruthClock::Options& options, std::function<double(double)> sent_at, double mean_delay_s)
       : clock(options), sent_at_(std::move(sent_at)), delay_(1 / mean_delay_s) {}
 
-  // Up to truth time `until_s`. What the sensors sample must rise, and not by more than 5 % (twice if the delay moves
-  // too) faster or slower than the simulator runs, within `fastest` and `slowest` of it.
+  // Runs up to truth time `until_s`. The sampled time must always advance at a rate from `slowest` to `fastest`, in
+  // seconds per second of the host. The slewing of 5 % (10 % if the delay changes, too) is within these limits.
   void run(double until_s, double slowest, double fastest) {
     for (; k_ * 0.01 < until_s; ++k_) {
       const double t = k_ * 0.01;
@@ -74,7 +74,7 @@ TEST(TruthClock, ARateIsFollowed) {
   for (const double rate : {0.9, 1.1, 0.999, 0.5, 1.5}) {
     Stream stream(
         {.delay = 30ms}, [rate](double t) { return t / rate; }, 1e-3);
-    stream.run(20 * rate, 0, 10);  // until it is known, anything that rises
+    stream.run(20 * rate, 0, 10);  // until the rate is known, any increasing time will do
     EXPECT_NEAR(stream.clock.rate(), rate, 1e-3 * rate);
     stream.run(30 * rate, 0.95 * rate, 1.05 * rate);
     EXPECT_NEAR(since(stream.clock.truth(host(30))), 30 * rate - 0.03, 2e-3) << rate;
@@ -83,7 +83,7 @@ TEST(TruthClock, ARateIsFollowed) {
   }
 }
 
-// What a noisy network makes of a rate of 1 is measured, but not followed.
+// The rate that a noisy network simulates at a true rate of 1 is measured, but not applied.
 TEST(TruthClock, ARateThatCannotBeToldFromOneIsOne) {
   Stream stream(
       {}, [](double t) { return t; }, 5e-3);
@@ -97,7 +97,7 @@ TEST(TruthClock, ARateThatCannotBeToldFromOneIsOne) {
 }
 
 TEST(TruthClock, AStepOfTheNetworksDelayIsSlewed) {
-  // From 10 s on the way takes 40 ms longer, from 20 s on it is as before.
+  // The network delays truth by 40 ms more from 10 s to 20 s.
   Stream stream(
       {}, [](double t) { return t + (t > 10 && t < 20 ? 0.04 : 0.0); }, 1e-4);
   stream.run(9.9, 0.95, 1.05);

@@ -1,5 +1,4 @@
-// TruthIntake on a port that a test fills: what a datagram is and what a stream, sequence numbers, and a format that
-// speaks.
+// TruthIntake on a port filled by the test: datagrams and streams, sequence numbers, and a format that sends.
 #include "emulator/truth_intake.hpp"
 
 #include <gtest/gtest.h>
@@ -49,8 +48,8 @@ class ScriptedPort final : public Port {
   std::string newest_;
 };
 
-// A simulator that is greeted first, wants to be sent something each second, and waits for the answer to each truth.
-// Its truth is 'T' and the time, 8 bytes.
+// A format that sends a greeting first, a message every second, and an answer to each truth. A truth is 'T' and the
+// time, 8 bytes.
 class TalkerDecoder final : public TruthDecoder {
  public:
   static constexpr Nanoseconds period = std::chrono::seconds(1);
@@ -138,7 +137,7 @@ class TruthIntakeTest : public testing::Test {
     intake_ = std::make_unique<TruthIntake>(config, timeline_, std::move(scripted));
   }
 
-  // Takes all that is there, and answers each truth that wants an answer.
+  // Reads all input, and answers each truth that requests it.
   Outcomes take_all() {
     Outcomes outcomes;
     while (true) {
@@ -198,7 +197,7 @@ TEST_F(TruthIntakeTest, AStreamsLastLineCountsWhenItsLineFeedIsThere) {
   EXPECT_EQ(intake_->counters().received, 4U);
 }
 
-// Nobody is at the other end of a capture.
+// A capture has nobody at its other end.
 TEST_F(TruthIntakeTest, NothingIsSentToACapture) {
   make(talker, "file:some.capture");
   EXPECT_FALSE(intake_->deadline());
@@ -207,7 +206,7 @@ TEST_F(TruthIntakeTest, NothingIsSentToACapture) {
   EXPECT_EQ(sent(), std::vector<std::string>{});
 }
 
-TEST_F(TruthIntakeTest, GapsOfTheSequenceAreLossesUnlessTheyAreALeap) {
+TEST_F(TruthIntakeTest, GapsOfTheSequenceAreLossesUnlessItJumps) {
   make(*find_truth_format("native"), "udp:127.0.0.1:9810");
   constexpr std::uint32_t begin = 0xFFFF'FFFE;
   const auto send = [&](std::int64_t ms, std::uint32_t sequence, TruthTime watermark = Timeline::never) {
@@ -223,17 +222,18 @@ TEST_F(TruthIntakeTest, GapsOfTheSequenceAreLossesUnlessTheyAreALeap) {
   using Seen = std::pair<Outcome, std::uint64_t>;
   EXPECT_EQ(send(1, begin), Seen(Outcome::new_run, 0));
   EXPECT_EQ(send(2, begin + 1), Seen(Outcome::accepted, 0));
-  EXPECT_EQ(send(6, begin + 5), Seen(Outcome::accepted, 3));  // the number wraps on the way
+  EXPECT_EQ(send(6, begin + 5), Seen(Outcome::accepted, 3));  // the number wraps in between
   EXPECT_EQ(send(5, begin + 4, TruthTime{0}), Seen(Outcome::inserted, 2));
   EXPECT_EQ(send(7, begin + 6), Seen(Outcome::accepted, 2));
   EXPECT_EQ(send(8, begin + 6 + 99'999), Seen(Outcome::accepted, 2 + 99'998));
-  EXPECT_EQ(send(9, begin + 6 + 99'999 + 100'000), Seen(Outcome::accepted, 100'000));  // another count
+  EXPECT_EQ(send(9, begin + 6 + 99'999 + 100'000),
+            Seen(Outcome::accepted, 100'000));  // the sender counts from elsewhere
   EXPECT_EQ(send(10, 3), Seen(Outcome::accepted, 100'000));
   EXPECT_EQ(send(11, 5), Seen(Outcome::accepted, 100'001));
   EXPECT_EQ(send(12, 5), Seen(Outcome::accepted, 100'001));  // a sender that does not count
 }
 
-TEST_F(TruthIntakeTest, AFormatMaySpeakFirstAndEachSecond) {
+TEST_F(TruthIntakeTest, AFormatMaySendFirstAndEachSecond) {
   make(talker, "udp:127.0.0.1:9810");
   EXPECT_EQ(intake_->deadline(), HostTime{});
   EXPECT_EQ(sent(), std::vector<std::string>{});
@@ -271,7 +271,7 @@ TEST_F(TruthIntakeTest, EachOfTwoTruthsInADatagramIsAnswered) {
   EXPECT_EQ(sent(), (std::vector<std::string>{"answer 1", "answer 2"}));
   EXPECT_EQ(receive(talk(3) + "Tx"), (Outcomes{Outcome::accepted, Outcome::ignored}));
   EXPECT_EQ(receive(talk(4)),
-            Outcomes{Outcome::accepted});  // what was short in a datagram does not go on in the next
+            Outcomes{Outcome::accepted});  // an incomplete record of a datagram does not continue in the next one
   EXPECT_EQ(sent(), (std::vector<std::string>{"answer 3", "answer 4"}));
   EXPECT_EQ(intake_->counters().received, 5U);
   EXPECT_EQ(refused(Refusal::too_short), 1U);
@@ -287,7 +287,7 @@ TEST_F(TruthIntakeTest, AConversationOverAStreamInPiecesOfOneByte) {
   EXPECT_EQ(refused(Refusal::not_this_kind), 1U);
 }
 
-// Nothing is lost that was whole, and the next one to connect is greeted.
+// No whole record is lost, and the next simulator that connects is greeted.
 TEST_F(TruthIntakeTest, ASimulatorDisconnectsWithinARecordAndComesBack) {
   make(talker, "serial:/dev/ttyUSB0");
   port_->disconnect();

@@ -19,7 +19,8 @@ TEST(TruthMonitor, AJumpIsATruthFarTooEarly) {
   EXPECT_TRUE(monitor.has_jumped(truth(5), host(0.3), truth(0.3)));
 }
 
-// A jump a minute is a user's; two within a second are a simulator that runs fast, at the rate seen between them.
+// One jump in a minute is a user's action; two within a second are a simulator that runs fast, at the rate between
+// them.
 TEST(TruthMonitor, JumpsOneAfterTheOtherAreAFastSimulator) {
   TruthMonitor monitor(100ms);
   monitor.begin_run(truth(0), host(0));
@@ -43,7 +44,7 @@ TEST(TruthMonitor, APauseIsTruthThatStaysLate) {
   EXPECT_EQ(monitor.rate(), 1) << "its time goes by as before";
 }
 
-// Late now and then, however often, does not add up; nor do two late truths with long in between.
+// Single late truths do not add up to a pause, however many; nor do two late truths far apart.
 TEST(TruthMonitor, LateTruthsAmongOthersAreNoPause) {
   TruthMonitor monitor(100ms);
   monitor.begin_run(truth(0), host(0));

@@ -14,8 +14,8 @@ namespace {
 
 class Extension : public RunTest {
  protected:
-  // Starts imud, with truth by the throw-away transport, and opens the simulator's end of that. imud has opened its
-  // ports once their paths are there: that of the truth, and that of a pty.
+  // Starts imud with truth by the throw-away transport, and opens the simulator's end of it. imud has opened its
+  // ports when the paths of the truth port and of the pty exist.
   void start(const std::string& protocol, const std::string& imu_port) {
     const std::string c = config("lockstep", "throwaway:" + path("truth"), "native", 100, protocol, imu_port);
     imud_.start({"run", c, "--summary", path("summary.json")});
@@ -25,8 +25,8 @@ class Extension : public RunTest {
     simulator_ = open_port("throwaway:" + path("truth"), Role::device);
   }
 
-  // Sends a truth every 10 ms of simulation, each after the answer to the one before and `after_each`. Returns the
-  // number of samples up to the last.
+  // Sends a truth for every 10 ms of simulation, each after the answer to the one before, and calls `after_each`.
+  // Returns the number of samples up to the last truth.
   std::uint64_t simulate(
       int truths, const std::function<void()>& after_each = [] {}) {
     std::array<std::byte, native_truth_size> datagram;
@@ -54,7 +54,7 @@ class Extension : public RunTest {
 
   static bool wait_for(const Port& port) {
     pollfd ready{port.descriptor(), POLLIN, 0};
-    return ::poll(&ready, 1, static_cast<int>(Program::patience.count())) == 1;
+    return ::poll(&ready, 1, static_cast<int>(Program::default_timeout.count())) == 1;
   }
 
   void stop() {
@@ -110,7 +110,7 @@ TEST_F(Extension, ADeviceSendsAndAnswersOnItsLine) {
   const auto decoder = find_protocol("throwaway-imu")->make_decoder(Settings());
   std::size_t bytes = 0;
   while (bytes < 20 * 24 + 4) {
-    const auto some = read_some(client.get(), 65536, static_cast<int>(Program::patience.count()));
+    const auto some = read_some(client.get(), 65536, static_cast<int>(Program::default_timeout.count()));
     ASSERT_FALSE(some.empty()) << bytes;
     bytes += some.size();
     decoder->feed({some}, recording);

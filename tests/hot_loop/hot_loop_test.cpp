@@ -1,4 +1,4 @@
-// The thread that samples allocates nothing, takes no lock and logs nothing, whatever comes in.
+// The sampling thread allocates nothing, takes no lock and logs nothing, whatever input arrives.
 #include <fcntl.h>
 #include <poll.h>
 #include <spdlog/sinks/ostream_sink.h>
@@ -20,7 +20,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Locks, AreCountedOnThreadsThatSaySo) {
+TEST(Locks, AreCountedOnThreadsThatEnableIt) {
   std::mutex mutex;
   const std::uint64_t before = locks_taken();
   { const std::lock_guard lock(mutex); }
@@ -101,7 +101,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   const auto refused = [&](Refusal refusal) -> std::uint64_t {
     return session.intake().counters().refused[static_cast<std::size_t>(refusal)];
   };
-  // Busy with all of that.
+  // The counters show that all of this happened.
   const bool is_busy = eventually([&] {
     play(100);
     return counters(0).samples - samples > 1000 && counters(0).frames > 500 && counters(1).dropped > 500 &&
