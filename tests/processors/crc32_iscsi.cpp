@@ -1,4 +1,4 @@
-// ISA-L's function where ISA-L is not at hand, for run_hashes alone.
+// ISA-L's function for run_hashes, which is built without ISA-L.
 #include <boost/crc.hpp>
 
 extern "C" unsigned crc32_iscsi(unsigned char* bytes, int size, unsigned seed) {

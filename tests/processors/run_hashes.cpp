@@ -1,10 +1,10 @@
-// Hashes of what every product sends during the captured flight, compared with those in a file. It needs core,
-// protocols and the standard library alone, so that it runs wherever these can be cross-compiled to.
+// Hashes of what every product sends during the captured flight, compared with those in a file. It needs only core,
+// protocols and the standard library, so that it runs wherever these can be cross-compiled to.
 //
 //   run_hashes CAPTURE.pcap HASHES
 //
-// A line of HASHES is a 64-bit FNV-1a hash, the number of frames, a protocol and its settings (key=value ...). Exit
-// code 1 if a line does not hold; the lines as they would be right go to standard output.
+// A line of HASHES is a 64-bit FNV-1a hash, the number of frames, a protocol and its settings (key=value ...). The
+// exit code is 1 if a line is wrong; the correct lines go to standard output.
 #include <cstring>
 #include <fstream>
 #include <iomanip>
@@ -97,7 +97,7 @@ ImuModel every_effect() {
   return model;
 }
 
-// The frames of `device` in the flight.
+// The frames that `device` sends during the flight.
 class Run {
  public:
   Run(Device& device, double rate_hz, Link link) : device_(device), grid_(rate_hz), is_can_(link == Link::can) {}
@@ -144,7 +144,7 @@ class Run {
   std::size_t count_ = 0;
 };
 
-// The line that is right for the protocol and settings of `line`.
+// Returns the correct line for the protocol and settings of `line`.
 std::string right_line(const std::string& line, const std::vector<Truth>& flight) {
   std::istringstream words(line);
   std::string hash, frames, name;

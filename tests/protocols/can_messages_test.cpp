@@ -1,4 +1,4 @@
-// Holds every protocol on CAN to the identifiers, lengths and rates that its entry lists.
+// Every protocol on CAN sends only the identifiers, lengths and rates that its entry lists.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -11,7 +11,7 @@
 namespace imud {
 namespace {
 
-using Identifier = std::pair<std::uint32_t, bool>;  // and whether it is extended
+using Identifier = std::pair<std::uint32_t, bool>;  // identifier, and whether it is extended
 
 class CanMessages : public testing::TestWithParam<ConformanceCase> {};
 

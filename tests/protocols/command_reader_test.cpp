@@ -7,7 +7,7 @@
 namespace imud {
 namespace {
 
-// Logs a host's lines, and what is left out of them.
+// Records the lines of a host, and the overflows.
 class CommandReaderTest : public testing::Test {
  protected:
   void feed(std::string_view text, DeviceTime now) {
@@ -24,7 +24,7 @@ TEST_F(CommandReaderTest, LeavesOutLinesThatAreEmptyOrTooLong) {
   EXPECT_EQ(log_, "[ab](left out)[hijk]");
 }
 
-TEST_F(CommandReaderTest, ForgetsWhatWasCutOffOnlyAfterItsTime) {
+TEST_F(CommandReaderTest, DiscardsAnUnfinishedLineAfterItsTimeoutOnly) {
   constexpr DeviceTime begin{7};
   feed("ab", begin);
   feed("c", begin + CommandReader<4>::timeout);
@@ -35,7 +35,7 @@ TEST_F(CommandReaderTest, ForgetsWhatWasCutOffOnlyAfterItsTime) {
   EXPECT_EQ(log_, "[abcd][e]");
 }
 
-TEST_F(CommandReaderTest, NothingIsForgottenWhenTheClockIsSet) {
+TEST_F(CommandReaderTest, NothingIsDiscardedWhenTheClockIsSet) {
   constexpr Nanoseconds step = std::chrono::hours(1);
   feed("ab", {});
   reader_.step_clock(step);

@@ -15,7 +15,7 @@ namespace imud {
 struct ConformanceCase {
   Protocol protocol;  // the entry, adapted to the settings
   Settings settings;
-  std::string name;  // the protocol's and the settings', in characters that a test's name may have
+  std::string name;  // of protocol and settings, in characters that are allowed in the name of a test
 };
 inline std::ostream& operator<<(std::ostream& out, const ConformanceCase& one) { return out << one.name; }
 inline std::string case_name(const testing::TestParamInfo<ConformanceCase>& parameter) {

@@ -1,5 +1,5 @@
-// Holds every entry of the protocol table to what it says of itself (protocols/protocol.hpp). Random inputs come from
-// fixed seeds: nothing here is statistical.
+// Checks what every entry of the protocol table declares (protocols/protocol.hpp). Random inputs come from fixed
+// seeds: no check is statistical.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -15,7 +15,7 @@
 namespace imud {
 namespace {
 
-// --- What decode(encode(x)) must be
+// --- The value of decode(encode(x))
 // ----------------------------------------------------------------------------------
 
 // `what` names the quantity.
@@ -27,7 +27,7 @@ void expect_near(double got, double sent, double lsb, double range, const std::s
   } else if (lsb == 0.0) {
     EXPECT_EQ(std::bit_cast<std::uint64_t>(got), std::bit_cast<std::uint64_t>(sent)) << got << ", sent " << sent;
   } else {
-    // A decimal LSB is no exact double: some last bits of the product may differ.
+    // A decimal LSB is not an exact double: the last bits of the product may differ.
     EXPECT_LE(std::abs(got - sent), 0.5 * lsb + 4e-16 * std::abs(sent)) << got << ", sent " << sent;
   }
 }
@@ -153,7 +153,7 @@ INSTANTIATE_TEST_SUITE_P(Protocols, ByteLinkConformance, testing::ValuesIn(confo
                          })),
                          case_name);
 
-TEST_P(Conformance, SaysWhatItIs) {
+TEST_P(Conformance, DescribesItself) {
   for (const std::string_view text : {protocol().summary, protocol().document}) {
     EXPECT_FALSE(text.empty());
     EXPECT_EQ(text.find('\n'), std::string_view::npos);
@@ -193,7 +193,7 @@ TEST_P(Conformance, AllocatesNothingOnceMade) {
   EXPECT_GE(recording.measurements.size(), samples.size());
 }
 
-// Garbage, then good frames: only the first sample after it may be lost to it.
+// Garbage, then good frames: only the first sample after the garbage may be lost.
 TEST_P(Conformance, DecodesOnAfterAnyBytes) {
   std::vector<Sample> samples = random_samples(50, protocol(), random_);
   const Nanoseconds span = samples.back().time - DeviceTime{};
@@ -202,7 +202,7 @@ TEST_P(Conformance, DecodesOnAfterAnyBytes) {
   Recording recording(100'000);
   for (int round = 0; round < 80; ++round) {
     for (int i = 0; i < 30; ++i) {
-      StoredFrame frame = pattern[random_() % pattern.size()];  // so that identifiers and beginnings are right
+      StoredFrame frame = pattern[random_() % pattern.size()];  // so that the identifier and the beginning are right
       if (random_() % 4 == 0) frame.bytes = random_bytes(random_() % 300, random_);
       if (frame.bytes.size() > 4)
         for (std::size_t k = random_() % 4; k > 0; --k)
@@ -256,7 +256,7 @@ class Flipper {
   void flip(std::size_t frame, std::size_t bit) {
     frames_[frame].bytes[bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
   }
-  // How many measurements the frames give as they are now.
+  // Returns the number of measurements that the frames now yield.
   std::size_t measurements() {
     Recording recording(2);
     line_.feed(frames_, recording);
@@ -269,7 +269,7 @@ class Flipper {
   std::vector<StoredFrame> frames_;
 };
 
-// All of them with a checksum, some without: an entry that has one cannot keep that from the test.
+// With a checksum every error is detected, without one some are not: an entry cannot hide its checksum from the test.
 TEST_P(Conformance, AChecksumRefusesEveryOneBitError) {
   std::size_t accepted = 0;
   for (int round = 0; round < 5; ++round) {
@@ -290,7 +290,7 @@ TEST_P(Conformance, AChecksumRefusesEveryOneBitError) {
   EXPECT_EQ(accepted == 0, protocol().has_checksum);
 }
 
-// Every place and length, both ends in error; between them none, all or some bits, in turn.
+// Every position and length, with errors at both ends, and in between no bits, all bits or some bits in error.
 TEST_P(Conformance, AChecksumRefusesEveryBurst) {
   Flipper flipper(GetParam(), random_);
   std::size_t bursts = 0;

@@ -1,4 +1,4 @@
-"""The DBC files say of the native CAN frames what the decoder says: canmatrix decodes them to the same numbers.
+"""Checks that the DBC files agree with the decoder: canmatrix decodes the native CAN frames to the same numbers.
 
 Usage: dbc_test.py DUMP_CAN_FRAMES FOLDER_OF_THE_DBC_FILES. Needs python3-canmatrix.
 """

@@ -1,5 +1,4 @@
-// MIP and VectorNav under random calls at increasing times: the contract of Device about time
-// (protocols/protocol.hpp).
+// MIP and VectorNav under random calls at increasing times: the rules of Device about time (protocols/protocol.hpp).
 #include <gtest/gtest.h>
 
 #include <random>
@@ -25,8 +24,8 @@ std::string mip(std::uint8_t set, std::uint8_t descriptor, const mip_test::Bytes
   return {packet.begin(), packet.end()};
 }
 
-// Commands of every kind that hangs on time, and some that do not. None asks MIP for the sensor's own clock, as all
-// else must not change when the clock is set.
+// Commands of every kind that depends on time, and some others. None reads MIP's reference time, which is the only
+// output that may change when the clock is set.
 std::vector<std::string> commands(std::string_view protocol) {
   if (protocol == "mip")
     return {mip(1, 1),
@@ -53,7 +52,7 @@ std::vector<std::string> commands(std::string_view protocol) {
   return all;
 }
 
-// A device and its clock, which is `offset` ahead of the one that the calls are made by.
+// A device and its clock, which is `offset` ahead of the clock of the calls.
 struct Clocked {
   explicit Clocked(const Product& product) {
     const Protocol& protocol = *find_protocol(product.protocol);
@@ -119,7 +118,7 @@ INSTANTIATE_TEST_SUITE_P(Devices, DeviceTimes,
                            return name;
                          });
 
-// One device, and one whose clock is set at random: they send the same bytes, and have the same deadlines.
+// Of two devices, one has its clock set at random: both send the same bytes, and have the same deadlines.
 TEST_P(DeviceTimes, KeepTheContractUnderRandomCalls) {
   const Product& product = GetParam();
   const std::vector<std::string> known = commands(product.protocol);
@@ -198,7 +197,7 @@ TEST_P(DeviceTimes, KeepTheContractUnderRandomCalls) {
       one.sent.clear();
       other.sent.clear();
     }
-    // Whatever was cut off has timed out, without a sample.
+    // An unfinished command has timed out, without a sample.
     now = now + 2s;
     const std::string last = product.protocol == std::string_view("mip") ? mip(1, 1) : known[0];
     both([&](Clocked& c) {

@@ -1,5 +1,5 @@
 // Prints frames of native-can, one a line, for dbc_test.py: {"dbc": FILE, "frame": "ID#HEX" as candump writes it
-// ("ID##FLAGS" for FD), "values": what the decoder makes of the sample that the frame belongs to}.
+// ("ID##FLAGS" for FD), "values": the decoded values of the sample to which the frame belongs}.
 #include <cstdio>
 #include <random>
 #include <string>

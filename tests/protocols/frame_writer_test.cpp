@@ -1,4 +1,4 @@
-// FrameWriter, FieldReader and number_in: what the devices share.
+// FrameWriter, FieldReader and number_in.
 #include "protocols/frame_writer.hpp"
 
 #include <gtest/gtest.h>

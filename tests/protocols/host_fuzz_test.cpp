@@ -1,7 +1,7 @@
-// What hosts may send to the devices that listen: the inputs that their entries name, changed at random, half of them
-// with a checksum that is right all the same, while time passes with samples or without. Nothing crashes, hangs or
-// allocates, and a good command is answered afterwards. As many inputs as IMUD_FUZZ_INPUTS says, for each
-// configuration of each device; from fixed seeds.
+// Random changes of the host inputs in the entries of the devices that have a host, half of them with a right
+// checksum, while time passes with samples or without. No input makes a device crash, hang or allocate, and a good
+// command is answered afterwards. The environment variable IMUD_FUZZ_INPUTS sets the number of inputs for each
+// configuration of each device. Seeds are fixed.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -19,7 +19,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Whether the sources of an entry override Device::receive().
+// Returns true if the sources of an entry override Device::receive().
 bool overrides_receive(const Protocol& protocol) {
   namespace fs = std::filesystem;
   std::string stem(protocol.name);
@@ -127,7 +127,7 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
     ASSERT_TRUE(baud >= 1500 && baud <= 5'184'000) << baud;
     if (n % 1000 != 999) continue;
     const bool with_samples = below(2) == 0;
-    for (int i = 0; i < 7000; ++i) pass(1ms, with_samples);  // what was cut off is forgotten, a hold time has gone by
+    for (int i = 0; i < 7000; ++i) pass(1ms, with_samples);  // an unfinished input times out, and a hold time ends
     answers.clear();
     for (const std::string_view one : host.revive) receive(host.frame(one));
     receive(host.frame(host.last));

@@ -8,14 +8,15 @@
 namespace imud {
 namespace {
 
-// The lines of `text`, fed in pieces that end at `cuts`; "(n)" in the place of one of n characters that is too long.
+// Returns the lines of `text`, fed in pieces that end at `cuts`; "(n)" stands for a line of n characters that is too
+// long.
 template <std::size_t Max>
 std::vector<std::string> assemble(LineAssembler<Max>& lines, std::string_view text,
                                   const std::vector<std::size_t>& cuts) {
   std::vector<std::string> all;
   std::size_t begin = 0;
   const auto feed = [&](std::size_t end) {
-    const std::string piece(text.substr(begin, end - begin));  // of its own: the next one overwrites nothing
+    const std::string piece(text.substr(begin, end - begin));  // a copy: the next piece does not overwrite it
     lines.feed(piece);
     while (const auto line = lines.next()) {
       EXPECT_EQ(line->text.size(), std::min(line->size, Max));

@@ -91,7 +91,7 @@ TEST(MipCommands, AValueBesideReadSaveLoadDefaultIsIgnored) {
   }
 }
 
-// Commands that change nothing have their size all the same.
+// Commands that change nothing must have their size, too.
 TEST(MipCommands, AnAcknowledgedCommandHasItsSize) {
   int tried = 0;
   for (const char* model : {"3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"}) {
@@ -112,7 +112,7 @@ TEST(MipCommands, AnAcknowledgedCommandHasItsSize) {
   EXPECT_EQ(tried, 26);
 }
 
-// commands_base.h, comm speed: port 0 stands for all, 1 is the main one; there is no other.
+// commands_base.h, comm speed: port 0 stands for all ports, 1 is the main port; there is no other.
 TEST(MipCommands, SpeedsBelongToThePortsThatThereAre) {
   Unit unit;
   for (const std::uint8_t port : Bytes{2, 3, 0x11, 0xFF})

@@ -1,5 +1,5 @@
-// Increments, and time and tick differences, count from the last packet with them (mip_sdk e5a847d, data_sensor.h,
-// delta theta: over the period set by the message format; data_shared.h).
+// Increments, and differences of time and ticks, are those since the last packet that contained them (mip_sdk
+// e5a847d, data_sensor.h, delta theta: over the period set by the message format; data_shared.h).
 #include <gtest/gtest.h>
 
 #include "tests/protocols/mip_unit.hpp"
@@ -25,7 +25,7 @@ void set_format(Unit& unit, const Bytes& descriptors, std::uint8_t decimation, s
     for (const std::uint8_t byte : {descriptor, std::uint8_t{0}, decimation}) format.push_back(byte);
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, format)), 0);
 }
-// The next packet of that set.
+// Returns the next packet of that set.
 Bytes first(Unit& unit, std::uint8_t set = 0x80) {
   for (int k = 0; k < 2000; ++k)
     for (const Bytes& packet : unit.run(1))

@@ -1,4 +1,4 @@
-// Place, time and magnetic field, as a MIP device reports them.
+// Position, time and magnetic field, as a MIP device reports them.
 #include <gtest/gtest.h>
 
 #include "core/attitude.hpp"
@@ -166,7 +166,7 @@ TEST(MipNavigation, Receiver) {
   EXPECT_EQ(field(lost, 0x0B), (Bytes{3, 0, 0, 0, 0, 7})) << "no fix";
 }
 
-// ArduPilot's driver waits for these, and sends nothing.
+// ArduPilot's driver sends nothing, and waits for these packets.
 TEST(MipNavigation, StreamsOutOfTheBox) {
   Unit unit({{"model", std::string("3dm-gx5-45")}});
   unit.sample = known();

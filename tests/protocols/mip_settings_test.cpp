@@ -146,7 +146,7 @@ TEST(MipSettings, KeysChooseOneOfSeveral) {
   EXPECT_EQ(source(5), (Bytes{0, 5, 1}));
   EXPECT_EQ(unit.code(command(0x0D, 0x50, {1, 0, 9, 0})), 3) << "no such source";
   EXPECT_EQ(unit.code(command(0x0D, 0x50, {2, 0xFF, 0xFF})), 3) << "one at a time is read";
-  // mip_aiding_read_frame_config names the form that it wants.
+  // mip_aiding_read_frame_config sends the form of rotation that it requests.
   EXPECT_EQ(unit.code(hex("756513050501020301fe12")), 0);
   EXPECT_EQ(unit.code(command(0x13, 0x01, {2, 5})), 3) << "four frames";
   EXPECT_EQ(unit.code(command(0x0C, 0x2B, {1, 0, 1})), 3) << "event 0 stands for all, to save, load and default";
@@ -182,7 +182,7 @@ TEST(MipSettings, CapturesTheGyroBias) {
   EXPECT_TRUE(vector_of(field(now, 0x05)).isApprox(Vector3(0.25, 0, 0)));
   EXPECT_TRUE(vector_of(field(now, 0x07)).isApprox(Vector3(-0.25e-3, 0, 0), 1e-6));
   EXPECT_EQ(vector_of(field(unit.send(command(0x0C, 0x38, {2})).at(0), 0x9B)), Vector3(0.5, -0.5, 0.125));
-  // In volatile memory only, of which a second capture does not see the first.
+  // The bias is in volatile memory only; a second capture is not affected by the first.
   EXPECT_EQ(unit.code(command(0x01, 0x7E)), 0);
   EXPECT_EQ(vector_of(field(unit.send(command(0x0C, 0x38, {2})).at(0), 0x9B)), Vector3::Zero());
   for (const Bytes& wrong : {Bytes{0x03, 0xE7}, {0x75, 0x31}, {0x03}, {0x03, 0xE8, 0}})  // 999 ms, 30 001 ms

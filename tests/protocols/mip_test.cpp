@@ -16,7 +16,8 @@ namespace {
 
 using namespace mip_test;
 
-// mip_sdk e5a847d, test/data/mip_data.bin: a device's, offsets 10 and 84, of which the third field is no measurement.
+// mip_sdk e5a847d, test/data/mip_data.bin: packets of a device at offsets 10 and 84, whose third field is not part of
+// a measurement.
 TEST(Mip, DecodesARealDevicesPackets) {
   const auto decoder = find_protocol("mip")->make_decoder(Settings(find_protocol("mip")->settings));
   Recording recording;
@@ -39,7 +40,7 @@ TEST(Mip, DecodesARealDevicesPackets) {
       units::standard_gravity * Vector3(0.01741764321923256, -0.006665240973234177, -0.9856400489807129), 1e-15));
 }
 
-// The same packet, made: 80:{D5, 04, 05} of the values above; D6 by hand.
+// The same packet, encoded: 80:{D5, 04, 05} from the values above; D6 by hand.
 TEST(Mip, EncodesThemToTheSameBytes) {
   Unit unit({{"sensor_rate_hz", std::int64_t{1000}},
              {"sensor_fields", std::vector<std::string>{"reference_time", "reference_delta", "acceleration", "rate"}},
@@ -136,7 +137,8 @@ TEST(Mip, AnswersResumeWithTheSameBytes) {
   EXPECT_EQ(unit.send(command(0x01, 0x06)), (std::vector<Bytes>{hex("7565010404f10600da74")}));
 }
 
-// Shared fields are in packets of any set: 0xA0 is the system's (mip_sdk e5a847d, data_system.h), of no measurement.
+// Shared fields occur in packets of any set: 0xA0 is the system's (mip_sdk e5a847d, data_system.h), and has no
+// measurement.
 TEST(Mip, DecodesNothingOfAnotherSet) {
   const auto decoder = find_protocol("mip")->make_decoder(Settings(find_protocol("mip")->settings));
   Recording recording;
@@ -150,9 +152,9 @@ TEST(Mip, DecodesNothingOfAnotherSet) {
   EXPECT_EQ(decoder->errors().checksum + decoder->errors().malformed + decoder->errors().skipped_bytes, 0U);
 }
 
-// mip_sdk e5a847d, test/data/packet_example_cpp_check.txt. Its poll has set and "no acknowledgement" in the other
-// order than the library's own function (commands_3dm.c, insert_mip_3dm_poll_data_command): of a set 0 there is
-// nothing to poll, and no NACK either.
+// mip_sdk e5a847d, test/data/packet_example_cpp_check.txt. Its poll has the set and "no acknowledgement" in the
+// opposite order of the library's function (commands_3dm.c, insert_mip_3dm_poll_data_command): set 0 has nothing to
+// poll, and no NACK is sent either.
 TEST(Mip, ExecutesTheLibrarysOwnCommands) {
   Unit unit;
   unit.run(10);
@@ -210,7 +212,7 @@ TEST_P(MipModel, ReportsItsNameAndDescriptors) {
           unit.code(command(static_cast<std::uint8_t>(set), static_cast<std::uint8_t>(descriptor), {2, 0x80}));
       EXPECT_EQ(code == 1, !known.contains(set * 256 + descriptor)) << set << ' ' << descriptor;
     }
-  // Every field in it can be streamed, alone, and no other.
+  // Every field in the list can be streamed alone, and no other field.
   const auto streams = [&](unsigned set, unsigned descriptor) {
     Unit one({{"model", std::string(GetParam())}});
     const Bytes format = {1, static_cast<std::uint8_t>(set), 1, static_cast<std::uint8_t>(descriptor), 0, 1};

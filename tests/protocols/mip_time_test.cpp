@@ -58,7 +58,7 @@ TEST(MipTime, TheDeadlineIsThatOfTheFirstByte) {
   EXPECT_EQ(unit.send({ping.back()}), std::vector<Bytes>{pong});
 }
 
-TEST(MipTime, PowerOnForgetsAHalfCommand) {
+TEST(MipTime, PowerOnDiscardsAnUnfinishedCommand) {
   Unit unit;
   unit.send(hex("756501ff"));
   unit.device->power_on(unit.now);
@@ -98,7 +98,7 @@ TEST(MipTime, TheFirstSampleCarriesTheSensorsClock) {
 }
 
 // Measurements do not outlive the power.
-TEST(MipTime, PowerOnForgetsTheNewestSample) {
+TEST(MipTime, PowerOnDiscardsTheNewestSample) {
   Unit unit;
   unit.sample.rate = {1, 2, 3};
   unit.run(10);

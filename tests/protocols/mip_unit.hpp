@@ -21,7 +21,7 @@ inline Bytes hex(std::string_view text) {
   return bytes;
 }
 
-// With header and checksum, which is computed here on its own.
+// Adds header and checksum, which is computed independently.
 inline Bytes packet(std::uint8_t set, const Bytes& fields) {
   Bytes all = {0x75, 0x65, set, static_cast<std::uint8_t>(fields.size())};
   for (const std::uint8_t byte : fields) all.push_back(byte);
@@ -36,7 +36,8 @@ inline Bytes command(std::uint8_t set, std::uint8_t descriptor, Bytes data = {})
   return packet(set, data);
 }
 
-// A device on its own clock, which runs by samples, one a millisecond, and by wait(). Its deadlines are polled.
+// A device with its clock, which is advanced by samples, one per millisecond, and by wait(). Its deadlines are
+// polled.
 class Unit {
  public:
   explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
@@ -45,7 +46,7 @@ class Unit {
     for (const auto& [key, value] : values) settings.set(key, value);
     device = protocol.make(settings);
   }
-  // The first sample is at `now`, each other one a millisecond later.
+  // The first sample is at `now`, each further one a millisecond later.
   std::vector<Bytes> run(int samples) {
     std::vector<Bytes> all;
     for (int k = 0; k < samples; ++k) {
@@ -59,7 +60,7 @@ class Unit {
     }
     return all;
   }
-  // Lets the clock run without samples.
+  // Advances the clock without samples.
   std::vector<Bytes> wait(Nanoseconds duration) {
     std::vector<Bytes> all;
     const DeviceTime end = now + duration;
@@ -82,7 +83,7 @@ class Unit {
     device->receive({std::as_bytes(std::span(bytes))}, now, *frames_);
     return frames();
   }
-  // The code that the only command of the packet is answered with; -1: there is no answer.
+  // Returns the code in the answer to the only command of the packet; -1: there is no answer.
   int code(const Bytes& bytes) {
     const auto answers = send(bytes);
     if (answers.empty() || answers[0].size() < 8 || answers[0][5] != 0xF1 || answers[0][6] != bytes[5]) return -1;

@@ -1,4 +1,4 @@
-// The native CAN frames: their bytes, both kinds, and sets that are not whole.
+// The native CAN frames: the bytes of both kinds, and incomplete sets.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -42,7 +42,7 @@ class NativeCan : public testing::Test {
     return Line(protocol_named("native-can"), settings).encode_all(samples);
   }
 
-  // The counters of what a new decoder makes of `frames`.
+  // Returns the counters that a new decoder decodes from `frames`.
   std::vector<std::uint64_t> counters_in(std::span<const StoredFrame> frames,
                                          const Settings& settings = settings_of({})) {
     Line line(protocol_named("native-can"), settings);
@@ -150,7 +150,7 @@ TEST_F(NativeCan, ASetOutOfOrderIsIncomplete) {
 }
 
 TEST_F(NativeCan, TwoSamplesAreNeverMixed) {
-  // The end of one sample and the beginning of the next are lost, so that the rest is a set by its identifiers.
+  // The end of one sample and the beginning of the next are lost: the rest has the identifiers of one complete set.
   for (std::ptrdiff_t cut = 1; cut < 7; ++cut) {
     std::vector<StoredFrame> frames = frames_of(4);
     frames.erase(frames.begin() + 7 + cut, frames.begin() + 14 + cut);

@@ -1,4 +1,4 @@
-// The native frame: its bytes, and how its decoder finds its way back.
+// The native frame: its bytes, and the resynchronisation of its decoder.
 #include <gtest/gtest.h>
 
 #include <bit>
@@ -134,7 +134,7 @@ TEST_F(NativeTest, InsertedBytesLoseOnlyTheFrameHit) {
     Bytes stream = stream_of(20);
     const std::size_t at = random_() % stream.size();
     Bytes inserted = random_bytes(1 + random_() % 300, random_);
-    inserted[0] = ~stream[at];  // so that it is an error, whatever follows
+    inserted[0] = ~stream[at];  // so that the insertion is an error in any case
     stream.insert(stream.begin() + static_cast<std::ptrdiff_t>(at), inserted.begin(), inserted.end());
     std::set<std::uint64_t> hit;
     if (at % frame_size != 0) hit.insert(at / frame_size);
@@ -142,8 +142,8 @@ TEST_F(NativeTest, InsertedBytesLoseOnlyTheFrameHit) {
   }
 }
 
-// The beginning of a frame stands many times in the payload, and the true beginning is lost: after each false start
-// the search goes on right behind it.
+// The payload contains the beginning of a frame many times, and the true beginning is lost: after each false start
+// the search continues at the next byte.
 TEST_F(NativeTest, FalseStartsInThePayloadHideNoFrame) {
   constexpr std::uint64_t look_alike = 0x7C014D49'7C014D49;  // "IM", 1, 124, twice
   Sample sample;

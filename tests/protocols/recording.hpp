@@ -1,4 +1,4 @@
-// What the protocol tests share: samples, their frames with their own bytes, and what a decoder made of them.
+// Shared by the protocol tests: samples, copies of their frames, and the measurements that a decoder returned.
 #pragma once
 
 #include <algorithm>
@@ -31,7 +31,7 @@ class Recording final : public MeasurementSink {
   std::vector<Measurement> measurements;
 };
 
-// "key=value key=value ..."; the others are as initially.
+// "key=value key=value ..."; other settings have their initial values.
 inline Settings settings_of(const Protocol& protocol, std::string_view texts) {
   Settings settings(protocol.settings);
   for (std::string_view rest = texts; !rest.empty();) {
@@ -105,7 +105,7 @@ inline std::vector<Sample> random_samples(std::size_t count, const Protocol& pro
   std::vector<Sample> samples(count);
   std::int64_t time = 0;
   for (Sample& sample : samples) {
-    time += 500'000 + static_cast<std::int64_t>(random() % 100'000'000);  // a line needs time for a frame
+    time += 500'000 + static_cast<std::int64_t>(random() % 100'000'000);  // a line needs time to send a frame
     sample.time.ns = time;
     sample.counter = random();
     sample.rate = vector(protocol.range.rate);

@@ -21,7 +21,7 @@ constexpr Setting declared[] = {
 };
 using List = std::vector<std::string>;
 
-// What `change` is refused with; "" if it is not.
+// Returns the message of the refusal of `change`; "" if it is accepted.
 template <class Change>
 std::string refusal(Change change) {
   Settings settings(declared);
@@ -80,7 +80,7 @@ TEST(Settings, TakeTexts) {
   EXPECT_TRUE(settings.list("list").empty());
 }
 
-TEST(Settings, RefusalsSayWhatWouldBeRight) {
+TEST(Settings, RefusalsNameTheValidValues) {
   EXPECT_EQ(refusal([](Settings& s) { s.set("colr", true); }),
             "unknown setting \"colr\"; the settings are flag, integer, real, free_real, text, colour, list");
   EXPECT_EQ(refusal([](Settings& s) { s.set_text("colr", "1"); }),

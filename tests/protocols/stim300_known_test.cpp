@@ -1,4 +1,4 @@
-// Datagrams of real STIM300s: decoded to what they say, and written again to the same bytes.
+// Datagrams of real STIM300s: decoded to their values, and encoded to the same bytes.
 #include <gtest/gtest.h>
 
 #include "core/units.hpp"
@@ -11,7 +11,7 @@ namespace {
 using namespace stim300_test;
 using Bytes = std::vector<std::byte>;
 
-// Numbers of a cluster as they stand, and its status.
+// The raw numbers of a cluster, and its status.
 struct Known {
   std::array<double, 3> of;
   unsigned status;
@@ -50,7 +50,7 @@ TEST(Stim300Known, AHealthyDatagram) {
   EXPECT_EQ(s.counter, 225U);
   EXPECT_EQ(s.status, 0U);
 
-  // The emulator has one temperature for these nine: they differ, and with them the CRC.
+  // The emulator has one temperature for these nine, which therefore differ, as does the CRC.
   stim300::Configuration c;
   c.content = 15;
   c.has_aux = true;
@@ -124,7 +124,7 @@ TEST(Stim300Known, DatagramsOfAUnitInTrouble) {
   EXPECT_EQ(unit.decoder->errors().skipped_bytes, 0U);
 }
 
-// The end of a datagram that was cut off is searched for the next one's beginning.
+// The decoder searches the rest of an incomplete datagram for the beginning of the next one.
 TEST(Stim300Decoder, ADatagramCutOffTakesNoneWithIt) {
   Stim300Unit unit("start_up=false,sample_rate=2000,bit_rate=1843200");
   const auto datagrams = unit.run(4);
@@ -143,12 +143,12 @@ TEST(Stim300Decoder, ADatagramCutOffTakesNoneWithIt) {
 }
 
 // Table 5-11: each special datagram has an identifier of its own with CR LF.
-TEST(Stim300Decoder, LearnsTheEndOfDatagramsFromTheSpecialOnes) {
+TEST(Stim300Decoder, TakesTheTerminationOfDatagramsFromTheSpecialOnes) {
   for (const bool cr_lf : {false, true})
     for (const char* request : {"N", "I", "C", "T", "E"}) {
       Stim300Unit unit(cr_lf ? "start_up=false,cr_lf=true" : "start_up=false");
       Stim300Unit reader(cr_lf ? "" : "cr_lf=true");
-      unit.say(request);
+      unit.send_line(request);
       const auto datagrams = unit.run(21);
       ASSERT_EQ(datagrams.size(), 11U);
       EXPECT_EQ(reader.decode(datagrams).measurements.size(), 10U) << request;

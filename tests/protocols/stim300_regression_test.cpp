@@ -1,5 +1,6 @@
-// The STIM300's frames in operation by samples: hashes of what it sent, at which sample, before its time-outs hung on
-// device time (44251d1). Polling its deadlines, and when within a step the host's bytes come, changes nothing.
+// The STIM300's frames when only samples advance its time: hashes of what it sent, and at which sample, before its
+// timeouts used device time (44251d1). Polling its deadlines, and the time within a step at which the host's bytes
+// arrive, change nothing.
 #include <gtest/gtest.h>
 
 #include <boost/crc.hpp>
@@ -20,7 +21,7 @@ struct Command {
   const char* text;
 };
 
-// Start-up, every special datagram, Utility and Service Mode, resets, a request that waits.
+// Start-up, every special datagram, Utility and Service Mode, resets, and a request that waits.
 constexpr Command short_session[] = {
     {150, "N"},        {700, "I"},      {1500, "N"},           {1520, "C"},           {1600, "E"},
     {1650, "T"},       {1651, "I"},     {1700, "UTILITYM"},    {1701, "ODE"},         {1750, "$ie,"},
@@ -28,7 +29,7 @@ constexpr Command short_session[] = {
     {2000, "u a,1"},   {2001, "d t,1"}, {2010, "x N"},         {2200, "R"},           {2250, "UTILITYMODE"},
     {2500, "$xn,"},    {3200, "E"},     {3700, "SERVICEMODE"}, {3750, "x I"},
 };
-// A system that is saved, hold times, a line that is half typed for a minute.
+// A saved configuration, hold times, and a line left unfinished for a minute.
 constexpr Command long_session[] = {
     {1500, "SERVICEMODE"}, {1510, "h t,1"},       {1520, "h b,1"}, {1530, "m 3"},
     {1540, "s"},           {1550, "Y"},           {1600, "x n"},   {1700, "i"},
@@ -66,8 +67,8 @@ class Hash {
 
 enum class Drive { by_samples, by_deadlines_too };
 
-// What a unit of these settings sent in so many samples, and its pulses. `latest`: how long after a sample the host's
-// bytes come, at most 0.5 ms.
+// The hash of what a unit with these settings sent in that many samples, and of its pulses. `latest`: the longest
+// time after a sample at which the host's bytes arrive, 0.5 ms at most.
 std::uint64_t recorded(const std::string& texts, std::span<const Command> session, int samples,
                        [[maybe_unused]] Drive drive, [[maybe_unused]] Nanoseconds latest) {
   const Protocol& protocol = protocol_named("stim300");
@@ -82,7 +83,7 @@ std::uint64_t recorded(const std::string& texts, std::span<const Command> sessio
   const auto frames = std::make_unique<FrameBuffer>();
   std::mt19937_64 random(5);
   const auto number = [&](double range) { return range * (static_cast<double>(random() % 2'000'001) / 1e6 - 1); };
-  // The order in which a call's arguments are evaluated is the compiler's.
+  // The order in which arguments are evaluated is unspecified.
   const auto vector = [&](double range) {
     const double z = number(range), y = number(range), x = number(range);
     return Vector3(x, y, z);
@@ -126,7 +127,7 @@ std::uint64_t recorded(const std::string& texts, std::span<const Command> sessio
   return hash.value();
 }
 
-// Every bit-rate, end and start of these, and what each of them hashes to.
+// Combinations of bit rate, termination and start-up, each with its hash.
 std::uint64_t recorded_all(int sample_rate, bool start_up, Drive drive, Nanoseconds latest) {
   Hash all;
   for (const char* bit_rate : {"374400", "460800", "921600", "1843200"})

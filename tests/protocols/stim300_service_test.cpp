@@ -9,10 +9,10 @@ namespace {
 
 using namespace stim300_test;
 
-// Lines with LF in place of CR, and "deg" and "+-" for the signs.
-std::string legible(const std::string& said) {
+// Replaces CR by LF, and the signs by "deg" and "+-".
+std::string legible(const std::string& raw) {
   std::string text;
-  for (const char c : said) {
+  for (const char c : raw) {
     if (c == '\r')
       text += '\n';
     else if (c == '\xB0')
@@ -28,14 +28,14 @@ std::string legible(const std::string& said) {
 class InService : public Stim300Unit {
  public:
   explicit InService(std::string_view settings = "start_up=false") : Stim300Unit(settings) {
-    entry = legible(say("SERVICEMODE"));
+    entry = legible(send_line("SERVICEMODE"));
   }
-  // After the echo of the line, which must be right, and up to the prompt, which must be there.
+  // Returns the text between the echo of the line and the prompt, both of which it checks.
   std::string type(const std::string& line) {
-    const std::string said = legible(say(line)), echo = line + "\n";
-    if (!said.starts_with(echo)) return "no echo: " + said;
-    if (!said.ends_with("\n>")) return "no prompt: " + said;
-    return said.substr(echo.size(), said.size() - echo.size() - 1);
+    const std::string text = legible(send_line(line)), echo = line + "\n";
+    if (!text.starts_with(echo)) return "no echo: " + text;
+    if (!text.ends_with("\n>")) return "no prompt: " + text;
+    return text.substr(echo.size(), text.size() - echo.size() - 1);
   }
   std::string entry;
 };
@@ -56,8 +56,8 @@ constexpr const char* g_compensation_off = R"(GYRO G-COMPENSATION:
  G-COMP LP-FILTER CUTOFF = 0.010 HZ
 )";
 
-// Figure 9-21, in its order, and that Service Mode begins with it (section 8.7).
-TEST(Stim300Service, BeginsWithWhatTheUnitIs) {
+// Figure 9-21, in its order, with which Service Mode begins (section 8.7).
+TEST(Stim300Service, BeginsWithTheDescriptionOfTheUnit) {
   InService unit("start_up=false,gyro_unit=rate,temperature=false,bit_rate=1843200,sample_rate=2000");
   const std::string wanted = std::string(R"(SERIAL NUMBER = N25582405002002
 PRODUCT = STIM300
@@ -119,7 +119,7 @@ SYSTEM CONFIGURATIONS:
 )";
   EXPECT_EQ(unit.entry, wanted + ">");
   EXPECT_EQ(unit.type("i"), wanted);
-  // Its parts, all of them, are in it.
+  // It contains all of its parts.
   std::string parts;
   for (const char part : std::string("snxpumafgbdtrh")) {
     parts = unit.type(std::string("i ") + part);
@@ -152,7 +152,7 @@ TEST(Stim300Service, TrimsBiases) {
   EXPECT_EQ(unit.type("b 0.5,g,x,1"), "E002 INCORRECT NUMBER OF PARAMETERS\n");
   EXPECT_EQ(unit.type("b inf"), "E003 INVALID PARAMETER\n");
   EXPECT_EQ(unit.type("b 0.1,p"), "E003 INVALID PARAMETER\n");
-  unit.say("x N");
+  unit.send_line("x N");
   unit.sample.rate = {0, 0, 0};
   const Recording recording = unit.decode(unit.run(2));
   EXPECT_NEAR(recording.measurements.at(0).sample.rate.x(), 0.03443 * units::degree, 0x1p-15 * units::degree);
@@ -249,17 +249,17 @@ TEST(Stim300Service, MeasuresOnce) {
   unit.sample.temperature_c = 32.326;
   unit.sample.status = status::gyro_saturated_x << 2;
   EXPECT_TRUE(unit.run(11).empty());
-  const std::string said = unit.type("a");
+  const std::string text = unit.type("a");
   EXPECT_TRUE(
-      said.starts_with("GYRO X-AXIS = 1.43253 deg/s\nGYRO Y-AXIS = 2.34525 deg/s\nGYRO Z-AXIS = 243.33628 deg/s\n"
+      text.starts_with("GYRO X-AXIS = 1.43253 deg/s\nGYRO Y-AXIS = 2.34525 deg/s\nGYRO Z-AXIS = 243.33628 deg/s\n"
                        "GYRO STATUS = 00010100 = NOT OK\n BIT 4: OVERLOAD\n BIT 2: ERROR IN Z-CHANNEL\n"
                        "ACCELEROMETER X-AXIS = 0.042113 g\nACCELEROMETER Y-AXIS = 0.000342 g\n"
                        "ACCELEROMETER Z-AXIS = 0.929376 g\nACCELEROMETER STATUS = 00000000 = OK\n"
                        "INCLINOMETER X-AXIS = 0.0421130 g\n"))
-      << said;
-  EXPECT_NE(said.find("TEMPERATURE ACC Y-AXIS = 32.326 degC\n"), std::string::npos);
-  EXPECT_NE(said.find("\nCOUNTER = 10\nLATENCY = 506 us\n"), std::string::npos);
-  EXPECT_EQ(unit.type("a "), said) << "a blank is no parameter";
+      << text;
+  EXPECT_NE(text.find("TEMPERATURE ACC Y-AXIS = 32.326 degC\n"), std::string::npos);
+  EXPECT_NE(text.find("\nCOUNTER = 10\nLATENCY = 506 us\n"), std::string::npos);
+  EXPECT_EQ(unit.type("a "), text) << "a blank is no parameter";
   EXPECT_EQ(unit.type("a 1"), "E002 INCORRECT NUMBER OF PARAMETERS\n");
 }
 
@@ -281,7 +281,7 @@ TEST(Stim300Service, Diagnoses) {
   EXPECT_EQ(unit.type("i e"), "NO ERRORS DETECTED\n");
 }
 
-TEST(Stim300Service, RefusesAsTheTablesOfErrorsSay) {
+TEST(Stim300Service, RefusesAsInTheTablesOfErrors) {
   InService unit;
   for (const char* line : {"n", "A", "$isn,28", "UTILITYMODE", "i q", "i ab"})
     EXPECT_EQ(unit.type(line), "E001 UNKNOWN COMMAND\n") << line;
@@ -293,7 +293,7 @@ TEST(Stim300Service, RefusesAsTheTablesOfErrorsSay) {
        {"d u,0", "d 1,2",    "d L,0",       "f 5",     "f 4,q", "f 4,p,x", "h q,1", "h v,1", "m 6", "m 55", "r 2",
         "t 4",   "t f,1499", "t f,5184001", "t 1,3,0", "u g,4", "u p,4",   "x q",   "z q",   "? q", "m -1"})
     EXPECT_EQ(unit.type(line), "E003 INVALID PARAMETER\n") << line;
-  // Table 5-12: 63 characters at 374400 bit/s go 500 times a second.
+  // Table 5-12: 374400 bit/s carry 63 characters 500 times per second.
   EXPECT_EQ(unit.type("t 0"), "E007 DATAGRAM WILL BE TOO LONG TO TRANSMIT\n");
   EXPECT_EQ(unit.device->uart().baud, 921600U);
   EXPECT_EQ(unit.type("m 2"), "SAMPLE RATE [samples/s] = 500\n");
@@ -311,14 +311,14 @@ TEST(Stim300Service, EchoesAndTakesBack) {
   const auto send = [&](std::string_view typed) {
     replies.clear();
     unit.device->receive({std::as_bytes(std::span(typed))}, unit.now(), replies);
-    std::string said;
+    std::string text;
     for (const Frame& frame : replies.frames())
-      for (const std::byte byte : frame.bytes) said += static_cast<char>(byte);
-    return said;
+      for (const std::byte byte : frame.bytes) text += static_cast<char>(byte);
+    return text;
   };
   EXPECT_EQ(send("m"), "m");
   EXPECT_EQ(send(" 7"), " 7");
-  unit.run(20'000);  // somebody thinks for ten seconds
+  unit.run(20'000);  // ten seconds between two characters
   EXPECT_EQ(send("\b"), "\b");
   EXPECT_EQ(send("2\r"), "2\rSAMPLE RATE [samples/s] = 500\r>");
   EXPECT_EQ(send("\b\b\r\n"), "\r>") << "nothing to take back";
@@ -339,21 +339,21 @@ TEST(Stim300Service, EchoesAndTakesBack) {
 TEST(Stim300Service, SavesWhatIsConfirmed) {
   InService unit;
   const std::string question = "s\nSYSTEM PARAMETERS WILL BE PERMANENTLY CHANGED. CONFIRM SAVE(Y/N): ";
-  EXPECT_EQ(legible(unit.say("s")), question);
+  EXPECT_EQ(legible(unit.send_line("s")), question);
   EXPECT_EQ(unit.type("N"), "SAVE COMMAND ABORTED.\n");
-  EXPECT_EQ(legible(unit.say("s")), question);
+  EXPECT_EQ(legible(unit.send_line("s")), question);
   EXPECT_EQ(unit.type("y"), "SAVE COMMAND ABORTED.\nE003 INVALID PARAMETER\n");
   unit.type("t 3,2,1");
   unit.type("m 1");
   EXPECT_EQ(unit.device->uart(), (UartSettings{1843200, Parity::odd, 2}));
-  unit.say("s");
+  unit.send_line("s");
   unit.type("N");
   EXPECT_EQ(unit.device->uart(), (UartSettings{921600, Parity::none, 1}))
       << "the line's settings go back (Table 9-43)";
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 250\n");
-  unit.say("s");
+  unit.send_line("s");
   EXPECT_EQ(unit.type("Y"), "SYSTEM PARAMETERS SUCCESSFULLY STORED IN FLASH.\nNUMBER OF SAVES = 1\n");
-  unit.say("x I");
+  unit.send_line("x I");
   unit.run(2000);
   EXPECT_EQ(unit.run(16).size(), 2U) << "250 a second, also after a reset";
 }
@@ -363,30 +363,30 @@ TEST(Stim300Service, LeavesForNormalOrInitMode) {
   InService unit;
   unit.run(2);
   const unsigned before = std::to_integer<unsigned>([&] {
-    unit.say("x N");
+    unit.send_line("x N");
     return unit.run(2).at(0);
   }()[52]);
-  EXPECT_EQ(unit.say("i"), "") << "in Normal Mode";
-  unit.say("SERVICEMODE");
+  EXPECT_EQ(unit.send_line("i"), "") << "in Normal Mode";
+  unit.send_line("SERVICEMODE");
   EXPECT_TRUE(unit.run(100).empty()) << "no datagrams meanwhile";
-  EXPECT_EQ(legible(unit.say("x n")), "x n\nSYSTEM RETURNING TO NORMAL MODE.\n");
-  EXPECT_EQ(unit.say("i"), "");
+  EXPECT_EQ(legible(unit.send_line("x n")), "x n\nSYSTEM RETURNING TO NORMAL MODE.\n");
+  EXPECT_EQ(unit.send_line("i"), "");
   EXPECT_TRUE(unit.run(5998).empty()) << "a hold time of 3 s";
   const auto datagrams = unit.run(4);
   ASSERT_FALSE(datagrams.empty());
   EXPECT_EQ(datagrams[0][10], std::byte{0}) << "without a start-up (section 7.5.2.1)";
-  // The counter went on: 100 samples, 6000, and two to the next datagram.
+  // The counter has continued: 100 samples, 6000, and two up to the next datagram.
   EXPECT_EQ((std::to_integer<unsigned>(datagrams[0][52]) - before) % 256, 6102 % 256);
 
   const std::string question = "CURRENT SYSTEM PARAMETERS DO NOT MATCH FLASH CONTENT. CONFIRM EXIT(Y/N): ";
-  unit.say("SERVICEMODE");
+  unit.send_line("SERVICEMODE");
   unit.type("m 4");
-  EXPECT_EQ(legible(unit.say("x i")), "x i\n" + question);
+  EXPECT_EQ(legible(unit.send_line("x i")), "x i\n" + question);
   EXPECT_EQ(unit.type("N"), "");
-  EXPECT_EQ(legible(unit.say("x n")), "x n\n" + question);
+  EXPECT_EQ(legible(unit.send_line("x n")), "x n\n" + question);
   EXPECT_EQ(unit.type("n"), "E003 INVALID PARAMETER\n");
-  EXPECT_EQ(legible(unit.say("x i")), "x i\n" + question);
-  EXPECT_EQ(legible(unit.say("Y")), "Y\nSYSTEM RETURNING TO INIT MODE.\n");
+  EXPECT_EQ(legible(unit.send_line("x i")), "x i\n" + question);
+  EXPECT_EQ(legible(unit.send_line("Y")), "Y\nSYSTEM RETURNING TO INIT MODE.\n");
   EXPECT_TRUE(unit.run(6199).empty());
   EXPECT_EQ(first(unit.run(10).at(0)), 0xB1U) << "from the part number on";
   unit.run(1400);
@@ -398,21 +398,21 @@ TEST(Stim300Service, GoesBackToTheFactorySettings) {
   InService unit("start_up=false,parity=even,sample_rate=250");
   const std::string confirm = "RESTORE TO FACTORY SETTINGS.\nCONFIRM CHANGE TO FACTORY SETTINGS";
   unit.type("m 3");
-  EXPECT_EQ(legible(unit.say("z")), "z\n" + confirm + "(Y/N): ");
+  EXPECT_EQ(legible(unit.send_line("z")), "z\n" + confirm + "(Y/N): ");
   EXPECT_EQ(unit.type("Y"),
             "APPLYING FACTORY SETTINGS\nFACTORY SETTINGS APPLIED. TO PERMANENTLY STORE THE SETTINGS, USE THE SAVE "
             "OR 'z s' COMMAND.\n");
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 250\n");
   unit.type("m 2");
   unit.type("t 3,1,0");
-  EXPECT_EQ(legible(unit.say("z s")), "z s\n" + confirm + " AND SAVING(Y/N): ");
-  EXPECT_EQ(legible(unit.say("Y")),
+  EXPECT_EQ(legible(unit.send_line("z s")), "z s\n" + confirm + " AND SAVING(Y/N): ");
+  EXPECT_EQ(legible(unit.send_line("Y")),
             "Y\nTHE TRANSMISSION CONFIGURATION WILL BE CHANGED TO:\nBIT-RATE [bits/s] = 921600\n"
             "DATA LENGTH = 8\nSTOP BITS = 1\nPARITY = EVEN\nPLEASE CONFIRM (Y/N): ");
   EXPECT_EQ(unit.type("N"), "");
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 500\n");
-  unit.say("z s");
-  unit.say("Y");
+  unit.send_line("z s");
+  unit.send_line("Y");
   EXPECT_EQ(unit.type("Y"), "APPLYING FACTORY SETTINGS\nFACTORY SETTINGS APPLIED AND SAVED.\nNUMBER OF SAVES = 1\n");
   EXPECT_EQ(unit.device->uart(), (UartSettings{921600, Parity::even, 1}));
   EXPECT_EQ(unit.type("i m"), "SAMPLE RATE [samples/s] = 250\n");

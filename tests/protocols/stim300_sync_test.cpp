@@ -26,12 +26,12 @@ unsigned pps_status(const Bytes& datagram) { return number(datagram, 8, 1); }
 class Triggered : public Stim300Unit {
  public:
   explicit Triggered(const std::string& settings = "start_up=false") : Stim300Unit(settings) {
-    say("UTILITYMODE");
+    send_line("UTILITYMODE");
     ask("sm,5");
     ask("xn");
     run(10);
   }
-  // The datagrams of an edge so long after the last sample, and of the samples that follow.
+  // Returns the datagrams after an edge at that time after the last sample, with those of the samples that follow.
   std::vector<Bytes> trigger(Nanoseconds after, int samples = 1) {
     device->trigger(now() + after);
     return run(samples);
@@ -75,7 +75,7 @@ TEST(Stim300Trigger, EdgesAreHalfAMillisecondApart) {
   EXPECT_EQ(unit.trigger(300us).size(), 1U) << "a second later; the counter has wrapped (note 7)";
 }
 
-// Where the line would carry all of them: 18 characters take 0.11 ms.
+// The line could carry all of them: 18 characters take 0.11 ms.
 TEST(Stim300Trigger, AnEdgeTooSoonIsNoneOnAnyLine) {
   Triggered unit("start_up=false,bit_rate=1843200,acceleration=false,inclination=false,temperature=false");
   const auto sent = [&](std::initializer_list<Nanoseconds> edges) {  // one after each sample
@@ -95,23 +95,23 @@ TEST(Stim300Trigger, AnEdgeOnABusyLineIsLost) {
   for (int i = 0; i < 100; ++i) sent += static_cast<int>(unit.trigger(200us).size());
   EXPECT_EQ(sent, 25);
   unit.run(10);
-  unit.say("E");
+  unit.send_line("E");
   EXPECT_EQ(unit.trigger(0us).at(0)[8] & std::byte{0x10}, std::byte{0x10}) << "E68";
 }
 
 TEST(Stim300Trigger, SpecialDatagramsWaitForAnEdge) {
   Triggered unit;
-  unit.say("N");
-  unit.say("C");
+  unit.send_line("N");
+  unit.send_line("C");
   EXPECT_TRUE(unit.run(100).empty());
   EXPECT_EQ(first(unit.trigger(100us).at(0)), 0xBCU) << "the last that was asked for";
   unit.run(10);
   EXPECT_EQ(first(unit.trigger(100us).at(0)), 0xA7U);
-  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
   EXPECT_TRUE(unit.trigger(100us, 10).empty()) << "not in Utility Mode";
   unit.ask("save");
   unit.ask("xn");
-  unit.say("R");
+  unit.send_line("R");
   unit.device->trigger(unit.now() + 100us);
   const auto start = unit.run(2000);
   ASSERT_EQ(start.size(), 3U) << "the special ones of the start need no edge (section 7.2)";
@@ -120,7 +120,7 @@ TEST(Stim300Trigger, SpecialDatagramsWaitForAnEdge) {
 }
 
 // Table 5-2, note 9: 2^23 steps of 2^-21 deg.
-TEST(Stim300Trigger, AnIncrementOfTooLongSaysSo) {
+TEST(Stim300Trigger, AnIncrementBeyondItsRangeIsOverload) {
   Triggered unit("start_up=false,gyro_unit=increment");
   unit.sample.delta_angle = Vector3(0, 200, 0) * units::degree / 2000;
   unit.trigger(0us);
@@ -145,7 +145,7 @@ TEST(Stim300Pps, CountsFromTheEdge) {
   const auto later = unit.run(9000);
   EXPECT_EQ(pps_us(later.back()), 0x7FFFFFU) << "8.4 s are over";
   EXPECT_EQ(pps_status(later.back()), 0x10U);
-  unit.say("E");
+  unit.send_line("E");
   EXPECT_EQ(unit.run(4).at(0)[2] & std::byte{1}, std::byte{1}) << "E112";
 
   Triggered triggered("start_up=false,pps=true");
@@ -154,20 +154,20 @@ TEST(Stim300Pps, CountsFromTheEdge) {
   EXPECT_EQ(pps_us(triggered.trigger(100us).at(0)), 250U + 500 + 100) << "to the trigger's edge";
 }
 
-TEST(Stim300Pps, AResetForgetsTheEdge) {
+TEST(Stim300Pps, AResetDiscardsTheEdge) {
   Stim300Unit unit("pps=true");
   unit.run(2000);
   unit.device->pps(unit.now() + 250us);
   EXPECT_EQ(pps_us(unit.run(2).at(0)) % 500, 256U);
-  unit.say("R");
+  unit.send_line("R");
   EXPECT_EQ(pps_us(unit.run(300).back()), 0x7FFFFFU);
 }
 
 TEST(Stim300Pps, FilteredIsTheLevelOfAnOpenInput) {
   Stim300Unit unit("start_up=false,pps=true");
-  unit.say("SERVICEMODE");
-  unit.say("u p,0");
-  unit.say("x N");
+  unit.send_line("SERVICEMODE");
+  unit.send_line("u p,0");
+  unit.send_line("x N");
   EXPECT_EQ(pps_us(unit.run(2).at(0)), 1U << 22) << "1 (Equation 8)";
 }
 
@@ -182,11 +182,11 @@ TEST(Stim300Tov, IsLowWhileADatagramIsSent) {
     EXPECT_EQ(pulse->begin - unit.now(), 506us) << "the latency";
     EXPECT_EQ(pulse->end - pulse->begin, nanoseconds(80e-6 + 59 * 10 / 921600.0));
   }
-  unit.say("SERVICEMODE");
+  unit.send_line("SERVICEMODE");
   unit.run(2);
   EXPECT_FALSE(unit.device->pulse());
-  unit.say("m 5");
-  unit.say("x N");
+  unit.send_line("m 5");
+  unit.send_line("x N");
   for (int i = 0; i < 10; ++i) {
     EXPECT_TRUE(unit.run(1).empty());
     const auto pulse = unit.device->pulse();
@@ -198,11 +198,11 @@ TEST(Stim300Tov, IsLowWhileADatagramIsSent) {
 TEST(Stim300Tov, RestsForTheSpecialDatagramsOfTheStart) {
   for (const bool toggles : {false, true}) {
     Stim300Unit unit;
-    unit.say("SERVICEMODE");
-    unit.say(toggles ? "h t,1" : "h t,0");
-    unit.say("s");
-    unit.say("Y");
-    unit.say("x I");
+    unit.send_line("SERVICEMODE");
+    unit.send_line(toggles ? "h t,1" : "h t,0");
+    unit.send_line("s");
+    unit.send_line("Y");
+    unit.send_line("x I");
     int pulses = 0, specials = 0, measurements = 0;
     for (int k = 0; k < 10'000 && measurements == 0; ++k)
       for (const Bytes& sent : unit.run(1)) {

@@ -105,30 +105,30 @@ TEST(Stim300, StartsUpAsAfterPowerOn) {
     EXPECT_EQ(unit.run(6).back()[10], std::byte{0});
   };
   check();
-  EXPECT_EQ(unit.say("R"), "");
+  EXPECT_EQ(unit.send_line("R"), "");
   check();
 }
 
-// Sections 7.5.2.1 and 8.7: samples that no datagram carries do not go into the next one.
-TEST(Stim300, SumsBeginAnewInServiceMode) {
+// Sections 7.5.2.1 and 8.7: samples that were not sent in a datagram are not part of the next one.
+TEST(Stim300, SumsRestartInServiceMode) {
   Stim300Unit unit("start_up=false,sample_rate=500,gyro_unit=increment");
   unit.sample.delta_angle = {0.001, 0, 0};
   unit.run(401);
-  unit.say("SERVICEMODE");
+  unit.send_line("SERVICEMODE");
   unit.run(4002);
-  unit.say("x N");
+  unit.send_line("x N");
   const Recording recording = unit.decode(unit.run(8));
   ASSERT_EQ(recording.measurements.size(), 2U);
   for (const Measurement& measurement : recording.measurements)
     EXPECT_NEAR(measurement.sample.delta_angle.x(), 0.004, 1e-8) << "four internal samples";
 }
 
-// Table 5-18, byte 14: error 16 is there as long as the unit starts up.
+// Table 5-18, byte 14: error 16 is set during start-up.
 TEST(Stim300, TheErrorsOfTheStartAreOverWithIt) {
   for (const int samples : {1398, 1402}) {
     Stim300Unit unit("");
     unit.run(samples);
-    unit.say("E");
+    unit.send_line("E");
     const auto datagram = unit.run(2).at(0);
     ASSERT_EQ(first(datagram), 0xBEU);
     for (std::size_t byte = 1; byte <= 16; ++byte)
@@ -138,7 +138,7 @@ TEST(Stim300, TheErrorsOfTheStartAreOverWithIt) {
 
 TEST(Stim300, ABiasTrimOffsetIsInTheIncrements) {
   Stim300Unit unit("start_up=false,sample_rate=250,gyro_unit=increment,accelerometer_unit=increment");
-  unit.say("UTILITYMODE");
+  unit.send_line("UTILITYMODE");
   EXPECT_EQ(unit.ask("sbto,0.5,g,y").substr(0, 15), "#sbto,0,0.00000");
   EXPECT_EQ(unit.ask("sbto,0.05,a,z").substr(0, 15), "#sbto,0,0.00000");
   unit.ask("xn");
@@ -150,7 +150,7 @@ TEST(Stim300, ABiasTrimOffsetIsInTheIncrements) {
   EXPECT_NEAR(s.delta_velocity.z() / units::standard_gravity, 0.05 * 8 / 2000, 0x1p-22);
 }
 
-// Sections 7.5.1 and 8: what is asked for in Init Mode takes the place of the first Normal Mode datagram.
+// Sections 7.5.1 and 8: a request during Init Mode replaces the first Normal Mode datagram.
 TEST(Stim300, ARequestDuringTheStartWaitsForNormalMode) {
   const auto identifiers = [](Stim300Unit& unit) {
     std::vector<unsigned> all;
@@ -160,24 +160,24 @@ TEST(Stim300, ARequestDuringTheStartWaitsForNormalMode) {
   };
   Stim300Unit unit("");
   unit.run(100);
-  unit.say("N");
-  unit.say("C");
+  unit.send_line("N");
+  unit.send_line("C");
   EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xBCU, 0xA7U})) << "the last that was asked for";
-  EXPECT_EQ(unit.say("E\rR\rI"), "");
+  EXPECT_EQ(unit.send_line("E\rR\rI"), "");
   EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xB5U, 0xA7U}))
       << "a reset forgets what was asked before";
-  unit.say("R");
-  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  unit.send_line("R");
+  EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
   EXPECT_TRUE(unit.run(1000).empty());
   EXPECT_EQ(unit.ask("xn"), "#xn,0");
   EXPECT_EQ(identifiers(unit), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xA7U, 0xA7U})) << "those of the start are not lost";
 }
 
-TEST(Stim300, SaysWhoItIsAsTheDatasheetPacksIt) {
+TEST(Stim300, IdentifiesItselfInTheDatasheetsFormat) {
   Stim300Unit unit;
   for (const char* command : {"N", "I", "C", "E", "T"}) {
     unit.run(1);
-    EXPECT_EQ(unit.say(command), "") << "nothing is echoed";
+    EXPECT_EQ(unit.send_line(command), "") << "nothing is echoed";
     const auto datagrams = unit.run(2);
     ASSERT_EQ(datagrams.size(), 1U);
     const std::span<const std::byte> body(datagrams[0].data(), datagrams[0].size() - 4);
@@ -204,9 +204,9 @@ TEST(Stim300, SaysWhoItIsAsTheDatasheetPacksIt) {
     EXPECT_EQ(unit.decoder->errors().skipped_bytes + unit.decoder->errors().checksum, 0U);
   }
   EXPECT_EQ(first(unit.run(2)[0]), 0xA7U);
-  unit.say("n");
-  unit.say("CC");
-  unit.say(std::string(300, 'N'));
+  unit.send_line("n");
+  unit.send_line("CC");
+  unit.send_line(std::string(300, 'N'));
   EXPECT_EQ(first(unit.run(2)[0]), 0xA7U) << "what is not a command is nothing";
 }
 
@@ -238,7 +238,7 @@ TEST(Stim300, ALineTooSlowLosesSamples) {
                          ",inclination=" + flag(1) + ",temperature=" + flag(2) + ",pps=" + flag(3));
         const auto arrived = static_cast<int>(unit.run(2000).size());
         EXPECT_EQ(arrived == rate, rate <= table[content][i]) << content << ' ' << bit_rates[i] << ' ' << rate;
-        unit.say("E");
+        unit.send_line("E");
         const auto errors = unit.run(16);
         ASSERT_FALSE(errors.empty());
         EXPECT_EQ((errors[0][8] & std::byte{0x10}) != std::byte{0}, arrived < rate) << "E68, UART unable to transmit";
@@ -267,16 +267,16 @@ TEST(Stim300, ALineCarriesWhatTheEquationAllows) {
                        ",pps=" + word(content & 8U) + ",cr_lf=" + word(cr_lf) +
                        ",parity=" + (parity ? "odd" : "none") + ",stop_bits=" + (two_stops ? "2" : "1"));
       EXPECT_EQ(unit.run(200).size() == static_cast<std::size_t>(rate / 10), fits) << at << ' ' << rate;
-      unit.say("SERVICEMODE");
-      const std::string said = unit.say(std::string("m ") + (rate == 500 ? '2' : rate == 1000 ? '3' : '4'));
-      EXPECT_EQ(said.find("E007") == std::string::npos, fits) << at << ' ' << rate;
+      unit.send_line("SERVICEMODE");
+      const std::string text = unit.send_line(std::string("m ") + (rate == 500 ? '2' : rate == 1000 ? '3' : '4'));
+      EXPECT_EQ(text.find("E007") == std::string::npos, fits) << at << ' ' << rate;
     }
   }
   EXPECT_GT(allowed, 500);
   EXPECT_LT(allowed, 1400);
 }
 
-TEST(Stim300, StatusSaysWhatIsTheMatter) {
+TEST(Stim300, StatusBitsReportFaults) {
   Stim300Unit unit;
   const auto status = [&](std::size_t at) {
     unit.run(2);
@@ -308,8 +308,8 @@ TEST(Stim300, StatusSaysWhatIsTheMatter) {
   EXPECT_EQ(std::to_integer<unsigned>(after[0][10]), 0x11U);
 }
 
-// Tables 5-4 to 5-7, note 1. 24 bits say up to 32 g at 30 g.
-TEST(Stim300, AccelerometersSayOverloadATenthBeyondTheirRange) {
+// Tables 5-4 to 5-7, note 1. At a range of 30 g, 24 bits hold up to 32 g.
+TEST(Stim300, AccelerometersReportOverloadATenthBeyondTheirRange) {
   for (const auto& [range, overload, shown] :
        {std::tuple{"5", 5.5, 0x580000}, {"10", 11.0, 0x580000}, {"30", 33.0, 0x7FFFFF}, {"80", 96.0, 0x600000}}) {
     Settings settings(find_protocol("stim300")->settings);
@@ -339,27 +339,27 @@ TEST(Stim300, ThePartNumberIsThatOfItsAccelerometers) {
   for (const auto& [range, id] : {std::pair{"5", "84458"}, {"10", "84167"}, {"30", "84461"}, {"80", "84615"}}) {
     Stim300Unit unit(std::string("start_up=false,accelerometer_range_g=") + range);
     const std::string number = id;
-    unit.say("N");
+    unit.send_line("N");
     const auto datagram = unit.run(2).at(0);
     EXPECT_EQ((std::vector<std::byte>(datagram.begin(), datagram.begin() + 5)), hex("b10" + number + "2d"));
-    unit.say("UTILITYMODE");
+    unit.send_line("UTILITYMODE");
     EXPECT_EQ(unit.ask("ix"), "#ix,0," + number + "-4400003-321,K");
     unit.ask("xn");
     const std::string line = "PART NUMBER = " + number + "-4400003-321 REV K\r";
-    EXPECT_NE(unit.say("SERVICEMODE").find(line), std::string::npos);
-    EXPECT_EQ(unit.say("i x"), "i x\r" + line + '>');
-    EXPECT_NE(unit.say("c").find(line), std::string::npos);
+    EXPECT_NE(unit.send_line("SERVICEMODE").find(line), std::string::npos);
+    EXPECT_EQ(unit.send_line("i x"), "i x\r" + line + '>');
+    EXPECT_NE(unit.send_line("c").find(line), std::string::npos);
   }
 }
 
-TEST(Stim300, ACommandCutOffIsForgotten) {
+TEST(Stim300, ACommandCutOffIsDiscarded) {
   Stim300Unit unit;
   FrameBuffer replies;
   const std::string half = "UTILITY";
   unit.device->receive({std::as_bytes(std::span(half))}, unit.now(), replies);
   unit.run(2100);
-  EXPECT_EQ(unit.say("MODE"), "");
-  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  EXPECT_EQ(unit.send_line("MODE"), "");
+  EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
 }
 
 }  // namespace

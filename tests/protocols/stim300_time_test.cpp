@@ -1,4 +1,4 @@
-// The STIM300's own time, with and without samples: start-up, time-outs, deadlines, a clock that is set.
+// The STIM300's time, with and without samples: start-up, timeouts, deadlines, a clock that is set.
 #include <gtest/gtest.h>
 
 #include "core/units.hpp"
@@ -34,16 +34,16 @@ TEST(Stim300Time, BootsWithoutASample) {
     EXPECT_TRUE(unit.wait(10s).empty()) << "no measurement without a sample";
   };
   check();
-  EXPECT_EQ(unit.say("R"), "");
+  EXPECT_EQ(unit.send_line("R"), "");
   check();
   unit.wait(123us);
   unit.device->power_on(unit.now());
   check();
-  unit.say("UTILITYMODE");
+  unit.send_line("UTILITYMODE");
   EXPECT_EQ(unit.ask("st,184320,1,n,1,0,0"), "#st,0,184320,1,N,1,0,0");
   unit.ask("save");
   unit.device->power_on(unit.now());
-  EXPECT_EQ(unit.say("$xn,150"), "") << "in Normal Mode";
+  EXPECT_EQ(unit.send_line("$xn,150"), "") << "in Normal Mode";
   EXPECT_EQ(identifiers(unit.wait(101'499us)), std::vector{0xB1U});
   EXPECT_EQ(identifiers(unit.wait(1us)), std::vector{0xB5U});
   EXPECT_EQ(identifiers(unit.wait(1500us)), std::vector{0xBCU});
@@ -53,13 +53,13 @@ TEST(Stim300Time, BootsWithoutASample) {
 TEST(Stim300Time, TheStartWaitsForTheLine) {
   Stim300Unit unit("");
   unit.wait(1s);
-  unit.say("UTILITYMODE");
+  unit.send_line("UTILITYMODE");
   unit.ask("st,1500,1,n,1,0,0");
   unit.ask("save");
   unit.ask("xn");
-  unit.say("N");
+  unit.send_line("N");
   EXPECT_EQ(identifiers(unit.wait(1ms)), std::vector{0xB1U});
-  unit.say("R");
+  unit.send_line("R");
   EXPECT_TRUE(unit.wait(146ms).empty());
   EXPECT_EQ(identifiers(unit.wait(1ms)), std::vector{0xB1U});
   EXPECT_TRUE(unit.wait(146ms).empty());
@@ -74,12 +74,12 @@ TEST(Stim300Time, IsStartingForSevenTenthsOfASecond) {
     const auto pass = [&](int steps) { has_samples ? unit.run(steps) : unit.wait(steps * 500us); };
     for (int i = 0; i < 2; ++i) {
       pass(1399);
-      unit.say("UTILITYMODE");
+      unit.send_line("UTILITYMODE");
       EXPECT_EQ(unit.ask("ie"), start_up_active);
       unit.ask("xn");
-      unit.say("R");
+      unit.send_line("R");
       pass(1402);
-      unit.say("UTILITYMODE");
+      unit.send_line("UTILITYMODE");
       EXPECT_EQ(unit.ask("ie"), no_errors) << "it is over, and nothing else went wrong";
       unit.ask("xn");
       unit.device->power_on(unit.now());
@@ -90,35 +90,35 @@ TEST(Stim300Time, IsStartingForSevenTenthsOfASecond) {
 TEST(Stim300Time, AnswersWithoutASample) {
   for (const char* settings : {"", "start_up=false"}) {
     Stim300Unit unit(settings);
-    EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
-    EXPECT_EQ(unit.say("$isn,28"), "#isn,0,N25582405002002,252\r");
+    EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
+    EXPECT_EQ(unit.send_line("$isn,28"), "#isn,0,N25582405002002,252\r");
     EXPECT_TRUE(unit.wait(1s).empty());
     EXPECT_EQ(unit.ask("xn"), "#xn,0");
     EXPECT_EQ(identifiers(unit.wait(1s)), *settings == 0 ? start : std::vector<unsigned>{})
         << "those of the start have waited";
-    EXPECT_TRUE(unit.say("SERVICEMODE").starts_with("SERIAL NUMBER = "));
-    EXPECT_EQ(unit.say("i n"), "i n\rPRODUCT = STIM300\r>");
-    EXPECT_TRUE(unit.say("a").starts_with("a\rGYRO X-AXIS = 0.00000 \xB0/s\r"));
-    unit.say("x N");
+    EXPECT_TRUE(unit.send_line("SERVICEMODE").starts_with("SERIAL NUMBER = "));
+    EXPECT_EQ(unit.send_line("i n"), "i n\rPRODUCT = STIM300\r>");
+    EXPECT_TRUE(unit.send_line("a").starts_with("a\rGYRO X-AXIS = 0.00000 \xB0/s\r"));
+    unit.send_line("x N");
     for (const auto& [request, id] :
          {std::pair{"N", 0xB1U}, {"I", 0xB5U}, {"C", 0xBCU}, {"T", 0xD1U}, {"E", 0xBEU}}) {
-      EXPECT_EQ(unit.say(request), "");
+      EXPECT_EQ(unit.send_line(request), "");
       EXPECT_TRUE(unit.wait(999us).empty()) << "the slot of a sample that may still come";
       EXPECT_EQ(identifiers(unit.wait(1s)), std::vector{id}) << request;
     }
-    EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+    EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
     EXPECT_EQ(unit.ask("ie"), no_errors);
   }
 }
 
 TEST(Stim300Time, ARequestDuringTheStartWaitsWithoutASample) {
   Stim300Unit unit("bit_rate=374400");
-  unit.say("N");
+  unit.send_line("N");
   EXPECT_EQ(identifiers(unit.wait(1s)), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xB1U}));
-  unit.say("SERVICEMODE");
-  unit.say("m 5");
-  unit.say("x N");
-  unit.say("I");
+  unit.send_line("SERVICEMODE");
+  unit.send_line("m 5");
+  unit.send_line("x N");
+  unit.send_line("I");
   EXPECT_TRUE(unit.wait(1s).empty()) << "an edge";
   EXPECT_TRUE(unit.run(3).empty());
   unit.device->trigger(unit.now() + 400us);
@@ -128,29 +128,29 @@ TEST(Stim300Time, ARequestDuringTheStartWaitsWithoutASample) {
 TEST(Stim300Time, ARequestThatHasWaitedIsNoFault) {
   Stim300Unit unit("");
   unit.wait(1ms);
-  unit.say("N");
-  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  unit.send_line("N");
+  EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
   EXPECT_TRUE(unit.wait(1s).empty());
   unit.ask("xn");
   EXPECT_EQ(identifiers(unit.wait(1s)), (std::vector{0xB1U, 0xB5U, 0xBCU, 0xB1U}));
-  unit.say("I");
-  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  unit.send_line("I");
+  EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
   EXPECT_EQ(unit.ask("ie"), no_errors);
   EXPECT_TRUE(unit.wait(1s).empty());
   unit.ask("xn");
   EXPECT_EQ(identifiers(unit.wait(1s)), std::vector{0xB5U});
 
-  // Samples begin in the instant in which it is answered.
+  // Samples begin at the instant at which the request is answered.
   Stim300Unit other("start_up=false");
-  other.say("N");
+  other.send_line("N");
   EXPECT_EQ(identifiers(other.wait(1ms)), std::vector{0xB1U});
   EXPECT_TRUE(other.run(1).empty());
   EXPECT_EQ(identifiers(other.run(2)), std::vector{0xA7U});
-  other.say("UTILITYMODE");
+  other.send_line("UTILITYMODE");
   EXPECT_EQ(other.ask("ie"), no_errors);
 }
 
-// An edge is executed in its order, when a deadline that is no sample's time comes before it.
+// Edges and deadlines are executed in order of time, also if a deadline is not at the time of a sample.
 TEST(Stim300Time, AnEdgeWaitsForItsTime) {
   Stim300Unit unit("sample_rate=0");
   unit.wait(123us);
@@ -165,29 +165,29 @@ TEST(Stim300Time, AnEdgeWaitsForItsTime) {
 
 TEST(Stim300Time, HoldTimesPassWithoutASample) {
   Stim300Unit unit;
-  unit.say("SERVICEMODE");
-  EXPECT_EQ(unit.say("x n"), "x n\rSYSTEM RETURNING TO NORMAL MODE.\r");
+  unit.send_line("SERVICEMODE");
+  EXPECT_EQ(unit.send_line("x n"), "x n\rSYSTEM RETURNING TO NORMAL MODE.\r");
   EXPECT_TRUE(unit.wait(2999ms).empty());
-  EXPECT_EQ(unit.say("UTILITYMODE"), "");
+  EXPECT_EQ(unit.send_line("UTILITYMODE"), "");
   unit.wait(1ms);
-  EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r");
+  EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r");
   unit.ask("xn");
-  unit.say("SERVICEMODE");
-  unit.say("x i");
+  unit.send_line("SERVICEMODE");
+  unit.send_line("x i");
   EXPECT_TRUE(unit.wait(3099ms).empty());
   EXPECT_EQ(identifiers(unit.wait(1s)), start);
 }
 
-TEST(Stim300Time, WhatIsHalfTypedIsForgottenWithoutASample) {
+TEST(Stim300Time, AnUnfinishedLineTimesOutWithoutASample) {
   Stim300Unit unit;
   unit.send("UTILITY");
   unit.wait(1001ms);
-  EXPECT_EQ(unit.say("MODE"), "");
+  EXPECT_EQ(unit.send_line("MODE"), "");
   unit.send("UTILITY");
   unit.wait(1000ms);
-  EXPECT_EQ(unit.say("MODE"), "#UTILITYMODE,234\r");
+  EXPECT_EQ(unit.send_line("MODE"), "#UTILITYMODE,234\r");
   unit.ask("xn");
-  unit.say("SERVICEMODE");
+  unit.send_line("SERVICEMODE");
   EXPECT_EQ(unit.send("m "), "m ");
   unit.wait(59'999ms);
   EXPECT_EQ(unit.send("1"), "1");
@@ -202,12 +202,12 @@ TEST(Stim300Time, PowerOnForgets) {
   for (const bool starts : {false, true}) {
     Stim300Unit unit(starts ? "" : "start_up=false");
     unit.run(3000);
-    unit.say("UTILITYMODE");
+    unit.send_line("UTILITYMODE");
     unit.ask("sgu,1");
     unit.send("$xn,");
     unit.device->power_on(unit.now() + 1s);
     unit.wait(1s);
-    EXPECT_EQ(unit.say("UTILITYMODE"), "#UTILITYMODE,234\r") << "in Normal Mode, no half line before it";
+    EXPECT_EQ(unit.send_line("UTILITYMODE"), "#UTILITYMODE,234\r") << "in Normal Mode, no half line before it";
     EXPECT_EQ(unit.ask("igu"), "#igu,0,0") << "not saved";
     unit.ask("xn");
     unit.device->power_on(unit.now() + 10ms);
@@ -220,7 +220,7 @@ TEST(Stim300Time, PowerOnForgets) {
     }
     EXPECT_GE(datagrams.size(), 101U) << "at once";
     EXPECT_EQ(datagrams[0][10], std::byte{0}) << "valid";
-    unit.say("R");
+    unit.send_line("R");
     EXPECT_TRUE(unit.run(200).empty()) << "a host's reset starts up all the same";
     const auto after = unit.run(100);
     ASSERT_GT(after.size(), 40U);
@@ -237,9 +237,9 @@ TEST(Stim300Time, AnEdgeBeforeAnySampleSendsNothing) {
   EXPECT_EQ(unit.run(1).size(), 1U);
 }
 
-TEST(Stim300Time, PowerOnForgetsTheLineAndTheTrigger) {
+TEST(Stim300Time, PowerOnDiscardsTheLineAndTheTrigger) {
   Stim300Unit unit("start_up=false,sample_rate=0");
-  unit.say("UTILITYMODE");
+  unit.send_line("UTILITYMODE");
   unit.ask("st,1500,1,n,1,0,0");
   unit.ask("save");
   unit.ask("xn");
@@ -259,7 +259,7 @@ TEST(Stim300Time, PowerOnForgetsTheLineAndTheTrigger) {
   EXPECT_EQ(unit.run(1).size(), 1U) << "400 us after an edge before the power failed";
 }
 
-// At any time, also in the middle of the start, and wherever they lie on the grid since power-on.
+// Samples may begin at any time, even during start-up, and anywhere on the grid since power-on.
 TEST(Stim300Time, SamplesMayBeginLater) {
   int begun = 0;
   for (const Nanoseconds wait : {0us, 50'000us, 50'123us, 100'000us, 100'001us, 100'500us, 101'100us, 5'000'250us}) {
@@ -272,7 +272,7 @@ TEST(Stim300Time, SamplesMayBeginLater) {
     EXPECT_EQ(std::count(sent.begin(), sent.end(), 0xA7U), static_cast<long>(sent.size()) - 3) << wait.count();
     begun += datagrams[3][10] == std::byte{0x40} ? 1 : 0;
     EXPECT_EQ(datagrams.back()[10], std::byte{0});
-    unit.say("UTILITYMODE");
+    unit.send_line("UTILITYMODE");
     EXPECT_EQ(unit.ask("ie"), no_errors) << wait.count();
   }
   EXPECT_EQ(begun, 7);
@@ -285,7 +285,7 @@ constexpr const char* commands[] = {"N\r",           "I\r",   "C\r",    "T\r",  
                                     "x n\rY\r",      "m 5\r", "m 4\r",  "m 1\r",         "h t,1\r", "s\rY\r",
                                     "UTIL",          "a\r",   "t 0\r",  "t 3\r",         "d t,1\r", "i p\r"};
 
-// Makes the same random calls of any number of devices, each with a clock of its own, and compares what they do.
+// Makes the same random calls of several devices, each with a clock of its own, and compares their output.
 class Calls {
  public:
   explicit Calls(std::vector<const char*> settings, std::uint64_t seed) : random_(seed) {

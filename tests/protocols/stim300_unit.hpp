@@ -24,7 +24,7 @@ inline std::vector<std::byte> hex(std::string_view text) {
 
 using Datagrams = std::vector<std::vector<std::byte>>;
 
-// A unit, sampled at its 2000 Hz or left without samples, with a host. Its deadlines are polled when they are due.
+// A unit with a host, sampled at its 2000 Hz or left without samples. Its deadlines are polled.
 class Stim300Unit {
  public:
   explicit Stim300Unit(std::string_view settings = "start_up=false") {
@@ -39,7 +39,7 @@ class Stim300Unit {
     decoder = protocol.make_decoder(all);
   }
 
-  // The datagrams of so many samples, the first of them at time 0 or half a millisecond after now().
+  // Returns the datagrams of that many samples, the first of them at time 0, or later half a millisecond after now().
   Datagrams run(int samples) {
     Datagrams all;
     for (int k = 0; k < samples; ++k) {
@@ -52,14 +52,14 @@ class Stim300Unit {
     }
     return all;
   }
-  // The datagrams of a time without samples.
+  // Returns the datagrams of a time without samples.
   Datagrams wait(Nanoseconds duration) {
     Datagrams all;
     poll_until(now_ + duration, all);
     return all;
   }
-  // What is answered at once.
-  std::string say(std::string_view line) { return send(std::string(line) + "\r"); }
+  // Send to the unit, and return its immediate answer.
+  std::string send_line(std::string_view line) { return send(std::string(line) + "\r"); }
   std::string send(std::string_view text) {
     frames_->clear();
     device->receive({std::as_bytes(std::span(text))}, now_, *frames_);
@@ -68,14 +68,14 @@ class Stim300Unit {
       for (const std::byte byte : frame.bytes) answer += static_cast<char>(byte);
     return answer;
   }
-  // In Utility Mode, with its checksum; the answer without its own, which must be right.
+  // Sends a command of Utility Mode with its checksum. Returns the answer without its checksum, which it checks.
   std::string ask(const std::string& words) {
     const auto crc = [](const std::string& text) {
       boost::crc_optimal<8, 0x07, 0xFF, 0, false, false> sum;
       sum.process_bytes(text.data(), text.size());
       return std::to_string(sum.checksum());
     };
-    const std::string answer = say("$" + words + "," + crc("$" + words + ","));
+    const std::string answer = send_line("$" + words + "," + crc("$" + words + ","));
     const std::size_t comma = answer.rfind(',');
     if (comma == std::string::npos || answer.substr(comma + 1) != crc(answer.substr(0, comma + 1)) + "\r")
       return "bad " + answer;

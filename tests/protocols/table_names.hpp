@@ -1,4 +1,4 @@
-// Names of the entries of a table that the build makes from a folder.
+// The names of the entries of a table that the build makes from a folder.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,8 +10,8 @@
 
 namespace imud {
 
-// The names that the sources must have given to their entries, sorted: those of the .cpp files in `folder` (below the
-// project's own), and of the folders beside it that hold a device.cpp.
+// Returns the expected names of the entries, sorted: those of the .cpp files in `folder` (relative to the project),
+// and of the folders beside it that contain a device.cpp.
 inline std::vector<std::string> names_from_files(const std::string& folder) {
   namespace fs = std::filesystem;
   const fs::path path = fs::path(IMUD_SOURCE_DIR) / folder;

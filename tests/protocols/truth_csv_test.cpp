@@ -168,7 +168,7 @@ TEST_F(CsvTruth, ConfiguredColumnsThatAreMissingAreNamed) {
   EXPECT_EQ(refusal(std::vector<std::string>(257, "time_ns")), "columns: " + wanted);
 }
 
-// As spreadsheets write it.
+// As spreadsheets write them.
 TEST_F(CsvTruth, AByteOrderMarkAndQuotesAreIgnored) {
   const auto quoted = [](std::string_view row) {
     std::string text;

@@ -1,4 +1,4 @@
-// Holds every entry of the truth format table to what holds for all of them (protocols/truth_format.hpp).
+// Checks for every entry of the truth format table what holds for all of them (protocols/truth_format.hpp).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -33,7 +33,7 @@ class TruthFormats : public testing::TestWithParam<const TruthFormat*> {};
 
 INSTANTIATE_TEST_SUITE_P(All, TruthFormats, testing::ValuesIn(truth_formats()), test_name<TruthFormat>);
 
-TEST_P(TruthFormats, SaysWhatItIs) {
+TEST_P(TruthFormats, DescribesItself) {
   for (const std::string_view text : {GetParam()->summary, GetParam()->document}) {
     EXPECT_FALSE(text.empty());
     EXPECT_EQ(text.find('\n'), std::string_view::npos);
@@ -47,7 +47,7 @@ TEST_P(TruthFormats, AnswersIfItsEntryStatesIt) {
   EXPECT_EQ(!answers->frames().empty(), GetParam()->acknowledges);
 }
 
-// Text made of what truth formats are made of.
+// Random text made of parts of the truth formats.
 std::vector<std::byte> random_text(std::mt19937_64& random) {
   constexpr std::string_view pieces[] = {
       "time_ns", "sigma_BN_1", "<LABELS> ", "Time", "pi-rad sec", ",",   ",",     ",",    ",",       "\n",
@@ -62,7 +62,7 @@ std::vector<std::byte> random_text(std::mt19937_64& random) {
   return text;
 }
 
-// Decodes what was fed last; all of it is refused, or a truth that is in range, without an allocation.
+// Decodes the last input. Every record must be refused, or yield a truth in range, without an allocation.
 std::vector<TruthResult> results(TruthDecoder& decoder) {
   std::vector<TruthResult> all;
   all.reserve(2000);
@@ -93,9 +93,9 @@ TEST_P(TruthFormats, AnyBytesAreHarmless) {
   EXPECT_GT(records, 10'000U);
 }
 
-// A stream in any pieces is the same as each line in a datagram of its own.
+// A stream cut into any pieces gives the same records as each line in a datagram of its own.
 TEST_P(TruthFormats, AnyPiecesOfAStreamGiveTheSameRecords) {
-  if (!GetParam()->delimits_itself) return;  // a stream of it is refused by the configuration
+  if (!GetParam()->delimits_itself) return;  // the configuration refuses such a format on a stream
   std::mt19937_64 random(6);
   const auto whole = GetParam()->make(Settings(GetParam()->settings));
   const auto cut = GetParam()->make(Settings(GetParam()->settings));
@@ -122,7 +122,7 @@ TEST_P(TruthFormats, AnyPiecesOfAStreamGiveTheSameRecords) {
   EXPECT_GT(records, 1'000U);
 }
 
-// What the end of the input cut short is no record, is counted, and spoils nothing that follows.
+// A record cut short by the end of the input is counted, is not decoded, and does not affect later input.
 TEST_P(TruthFormats, AnUnfinishedRecordIsCountedWhenTheStreamEnds) {
   if (!GetParam()->delimits_itself) return;
   const auto decoder = GetParam()->make(Settings(GetParam()->settings));

@@ -62,7 +62,7 @@ class JsbsimTruth : public testing::Test {
     return decode_truth(*decoder_, std::as_bytes(std::span(text)), truth_);
   }
   void make(const Settings& settings) { decoder_ = find_truth_format("jsbsim")->make(settings); }
-  // `row` with another text in the place of column `number`.
+  // Returns `row` with another text in column `number`.
   static std::string with(std::string_view row, std::size_t number, std::string_view text) {
     std::string changed;
     for (std::size_t i = 0; row.data() != nullptr; ++i) {
@@ -154,7 +154,7 @@ TEST_F(JsbsimTruth, OptionalColumnsMayBeMissing) {
   EXPECT_TRUE(truth_.r_BN_N.isZero() && truth_.v_BN_N.isZero() && truth_.specific_force_B.isZero());
 }
 
-// A listener that joined late is told the columns; the properties' own names serve as well.
+// A listener that joined late needs the setting `columns`; the names of the properties are accepted as well.
 TEST_F(JsbsimTruth, ConfiguredColumns) {
   ASSERT_EQ(decode(labels), TruthResult::no_state);
   ASSERT_EQ(decode(row_1), TruthResult::ok);

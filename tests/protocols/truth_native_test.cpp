@@ -51,7 +51,7 @@ class NativeTruth : public testing::Test {
   NativeTruth() { encode_native_truth(known_truth(), datagram_); }
 
   TruthResult decode(std::span<const std::byte> bytes) { return decode_truth(*decoder_, bytes, truth_); }
-  // Of the known datagram with `value` at `offset`, its checksum right.
+  // Decodes the known datagram with `value` at `offset` and a right checksum.
   template <class T>
   TruthResult decode_with(std::size_t offset, T value) {
     Datagram changed = datagram_;
@@ -85,7 +85,7 @@ TEST_F(NativeTruth, BytesByHand) {
   at(128 + 6, {0xC0, 0x3F});          // omegaDot y 0.125
   at(160 + 6, {0x20, 0xC0});          // specific force z -8
   at(168 + 6, {0x10, 0x40});          // accumulated x 4
-  at(196, {0xAD, 0xAA, 0x67, 0x27});  // worked out bit by bit elsewhere
+  at(196, {0xAD, 0xAA, 0x67, 0x27});  // computed bit by bit elsewhere
 
   ASSERT_EQ(decode(bytes), TruthResult::ok);
   EXPECT_EQ(truth_.time.ns, 123456789);
@@ -161,15 +161,15 @@ TEST_F(NativeTruth, EveryCauseInItsOrder) {
   for (std::size_t offset = 24; offset < 192; offset += 8) {
     EXPECT_EQ(decode_with(offset, nan), TruthResult::not_finite) << offset;
     EXPECT_EQ(decode_with(offset, -infinity), TruthResult::not_finite) << offset;
-    EXPECT_EQ(decode_with(offset, 1e200), TruthResult::out_of_range) << offset;  // |sigma|^2 is no double
+    EXPECT_EQ(decode_with(offset, 1e200), TruthResult::out_of_range) << offset;  // |sigma|^2 overflows
   }
   EXPECT_EQ(decode_with(16, std::numeric_limits<std::int64_t>::max()), TruthResult::out_of_range);
   EXPECT_EQ(decode_with(6, std::uint16_t{flag::accumulated_dv_inertial | flag::accumulated_dv_body_sum}),
             TruthResult::out_of_range);
 }
 
-TEST_F(NativeTruth, WhatIsNotGivenOrReservedIsNotLookedAt) {
-  put(datagram_, 6, std::uint16_t{0xFFC0});  // flags of a later time, none of these
+TEST_F(NativeTruth, FieldsNotGivenOrReservedAreIgnored) {
+  put(datagram_, 6, std::uint16_t{0xFFC0});  // flags of a later version, none of version 1
   for (std::size_t offset = 120; offset < 192; offset += 8) put(datagram_, offset, nan);
   put(datagram_, 192, 1U);
   seal(datagram_);

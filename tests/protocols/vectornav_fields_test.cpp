@@ -39,7 +39,7 @@ Sample on_earth() {
   return sample;
 }
 
-// The frame of one output alone.
+// The frame of a single output.
 std::string binary(Unit& unit, const std::string& output) {
   EXPECT_EQ(unit.ask("VNWRG,05,921600"), with_xor("VNWRG,05,921600"));
   EXPECT_EQ(unit.ask("VNWRG,75,1,8," + output), with_xor("VNWRG,75,1,8," + output));
@@ -48,7 +48,7 @@ std::string binary(Unit& unit, const std::string& output) {
   return sent.empty() ? "" : sent[0];
 }
 
-// The worked example of VectorNav's manuals, as remembered; its CRC is right for its content.
+// The worked example of VectorNav's manuals, from memory; its CRC is right for its content.
 TEST(VectorNavFields, TheManualsYawPitchRoll) {
   Unit unit;
   unit.sample.q_LP =
@@ -187,7 +187,7 @@ TEST(VectorNavFields, TheReferenceFrameTurnsEverything) {
   EXPECT_EQ(unit.ask("VNRRG,19"), with_xor("VNRRG,19,-00.200000,+00.100000,+00.300000"));
   EXPECT_EQ(unit.ask("VNRRG,18"), with_xor("VNRRG,18,+00.000,+00.500,-09.807"));
   EXPECT_EQ(unit.ask("VNRRG,17"), with_xor("VNRRG,17,+00.0500,+00.2000,+00.4500"));
-  // The sensor's x, which looked east, is the host's y now: the host's x looks north.
+  // The sensor's x, which pointed east, is now the host's y: the host's x points north.
   EXPECT_EQ(unit.ask("VNRRG,8").substr(0, 17), "$VNRRG,8,+000.000");
 }
 

@@ -42,7 +42,7 @@ TEST(VectorNavRegisters, TheOtherPortKeepsItsOwn) {
   EXPECT_EQ(unit.ask("VNWRG,07,20,3"), with_xor("VNERR,07"));
 }
 
-// RegisterScan writes back what it has read, and takes every error but 8 and 9 for its end.
+// RegisterScan writes back what it has read, and ends at every error except 8 and 9.
 TEST(VectorNavRegisters, AreWrittenAsTheyAreRead) {
   for (const char* model : {"vn-100", "vn-200", "vn-300"}) {
     Unit unit({{"model", std::string(model)}});
@@ -101,7 +101,7 @@ TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsAnError) {
   EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,40"));
 }
 
-// The load is computed from them.
+// The load of the line is computed from these sizes.
 TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
   for (const unsigned type :
        {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U, 28U, 29U, 30U, 32U, 33U}) {

@@ -108,7 +108,7 @@ TEST(VectorNav, EveryMessageHasItsName) {
   }
 }
 
-// ArduPilot's dialogue for a VN-100, each answer compared in its first two words by it.
+// ArduPilot's dialogue with a VN-100; ArduPilot compares the first two words of each answer.
 TEST(VectorNav, ArduPilotsDialogue) {
   Unit unit;
   for (const char* body :
@@ -168,7 +168,7 @@ TEST(VectorNav, IncrementsAreThoseSinceTheLastOne) {
   EXPECT_FLOAT_EQ(real_at(sent[2], 4 + 20), 0.04F);
 }
 
-// UM001, page 56: with divisor 0 an output is sent when it is asked for, and not by itself.
+// UM001, page 56: with divisor 0 an output is sent only when it is polled.
 TEST(VectorNav, AnOutputWithoutDivisorIsPolled) {
   for (const char* mode : {"1", "3"}) {
     Unit unit({{"async_type", std::int64_t{0}}});

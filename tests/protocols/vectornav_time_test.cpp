@@ -10,7 +10,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace vectornav_test;
 
-// TimeStartup of the polled output 2, which is Common TimeStartup alone, ns.
+// Polls output 2, which consists of Common TimeStartup, and returns it, ns.
 std::uint64_t polled_startup(Unit& unit) {
   unit.ask("VNWRG,76,1,0,01,0001");
   return number_at<std::uint64_t>(unit.ask("VNBOM,2"), 4);
@@ -31,7 +31,7 @@ TEST(VectorNavTime, ACommandCutOffTimesOutWithoutSamples) {
   }
 }
 
-TEST(VectorNavTime, PowerOnForgetsAHalfCommand) {
+TEST(VectorNavTime, PowerOnDiscardsAnUnfinishedCommand) {
   Unit unit;
   unit.send("$VNRRG,0");
   unit.device->power_on(unit.now);
@@ -121,7 +121,7 @@ TEST(VectorNavTime, GpsTimeRunsOnFromTheNewestSample) {
 }
 
 // Measurements do not outlive the power.
-TEST(VectorNavTime, PowerOnForgetsTheNewestSample) {
+TEST(VectorNavTime, PowerOnDiscardsTheNewestSample) {
   Unit unit;
   unit.sample.rate = {1, 2, 3};
   unit.run(10);

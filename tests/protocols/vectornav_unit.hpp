@@ -1,4 +1,4 @@
-// A VectorNav on the bench, and its checksums, computed here on their own.
+// A VectorNav under test, and its checksums, computed independently.
 #pragma once
 
 #include <boost/crc.hpp>
@@ -30,7 +30,7 @@ inline std::string with_crc(std::string_view body) {
   return "$" + std::string(body) + "*" + hex_digits(crc16(body), 4) + "\r\n";
 }
 
-// A device on its own clock, which runs by samples, at the product's rate, and by wait().
+// A device with its clock, which is advanced by samples, at the product's rate, and by wait().
 class Unit {
  public:
   explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
@@ -41,7 +41,7 @@ class Unit {
     period = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / protocol.product(settings).rate_hz));
     sample.specific_force = {0, 0, -9.80665};
   }
-  // The first sample is at `now`, each other one a period later.
+  // The first sample is at `now`, each further one a period later.
   std::vector<std::string> run(int samples) {
     std::vector<std::string> all;
     for (int k = 0; k < samples; ++k) {
@@ -54,7 +54,7 @@ class Unit {
     }
     return all;
   }
-  // Lets the clock run without samples.
+  // Advances the clock without samples.
   void wait(Nanoseconds duration) { now = now + duration; }
   std::string send(std::string_view line) {
     frames_->clear();
