@@ -1,4 +1,4 @@
-// What the model costs. Every number is per step and on one core; `allocations` must be 0.
+// The cost of the model. Every figure is per step on one core; `allocations` must be 0.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
@@ -44,7 +44,7 @@ ImuModel every_effect(Coupling coupling, DeltaVelocity delta_velocity, DeltaAngl
   return model;
 }
 
-// A truth stream without end: 200 truths of a coning motion (10 turns at 5 ms), then the same again, later.
+// An endless truth stream: 200 truths of a coning motion (10 turns at 5 ms), repeated with later times.
 class Truths {
  public:
   explicit Truths(Nanoseconds step) : length_(step * 200) {
@@ -70,8 +70,8 @@ class Truths {
 
 enum class Push : std::uint8_t { free, counted };
 
-// One iteration is one sample. Truths come in batches of `truths`, the samples due with them follow; as the reference
-// module is fed, if truth_step is sensor_step.
+// One iteration is one sample. Truths are pushed in batches of `truths`, and the samples up to the newest truth
+// follow. With truth_step equal to sensor_step, the model gets the same input as the reference module.
 void steps(benchmark::State& state, const ImuModel& model, Nanoseconds truth_step, Nanoseconds sensor_step,
            int truths, Push push) {
   Truths stream(truth_step);
@@ -103,11 +103,11 @@ void at_truth(benchmark::State& state, const ImuModel& model) { steps(state, mod
 void at_truth_with_push(benchmark::State& state, const ImuModel& model) {
   steps(state, model, 5_ms, 5_ms, 8, Push::counted);
 }
-// Ten samples in a truth interval, all of them (but the last) between truths.
+// Ten samples per truth interval, all but the last between truths.
 void between_truths(benchmark::State& state, const ImuModel& model) {
   steps(state, model, 50_ms, 5_ms, 1, Push::free);
 }
-// Four truths in a sample's step.
+// Four truths per sample.
 void over_truths(benchmark::State& state, const ImuModel& model) { steps(state, model, 5_ms, 20_ms, 8, Push::free); }
 
 #define STEP(how, coupling, velocity, angle)                                                      \
@@ -148,7 +148,7 @@ void gauss_markov(benchmark::State& state, Coupling coupling) {
 BENCHMARK_CAPTURE(gauss_markov, diagonal, Coupling::diagonal);
 BENCHMARK_CAPTURE(gauss_markov, full, Coupling::full);
 
-// `back` truths before the newest.
+// At a time `back` truths before the newest.
 void timeline_at(benchmark::State& state, int back) {
   Truths stream(5_ms);
   Timeline timeline;

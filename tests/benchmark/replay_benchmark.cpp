@@ -22,7 +22,7 @@ struct Usage {
   double peak_mb = 0;
 };
 
-// Runs a program with its output discarded; what it used.
+// Runs a program, discards its output, and returns the resources that it used.
 Usage run(const std::string& program, const std::vector<std::string>& arguments) {
   const pid_t child = ::fork();
   if (child == 0) {
@@ -86,7 +86,7 @@ accelerometer.max_m_per_s2 = 1000
 const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap?port=5140";
 const std::string imud = IMUD_BIN_DIR "/imud";
 
-// 10,001 samples at 1 kHz take little more than the start of the process: at 10 kHz the samples dominate.
+// 10,001 samples at 1 kHz take little longer than starting the process; at 10 kHz the samples dominate.
 void fast_replay(benchmark::State& state) {
   const Folder folder;
   const std::string c = config(folder, state.range(0) != 0);
@@ -123,7 +123,7 @@ void bare_copy(benchmark::State& state) {
 }
 BENCHMARK(bare_copy)->Unit(benchmark::kMillisecond);
 
-// Truth of so many seconds at 100 Hz; the peak must not follow.
+// Truth at 100 Hz for several durations; the peak memory must not depend on the duration.
 void memory(benchmark::State& state) {
   const Folder folder;
   const std::string seconds = std::to_string(state.range(0));

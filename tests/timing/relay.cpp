@@ -75,7 +75,7 @@ FileDescriptor open_link(const std::string& link) {
   throw std::runtime_error(link + " did not appear");
 }
 
-// One path from truth to bytes, seen from both its ends.
+// One path from truth to bytes, measured at both ends.
 class Path {
  public:
   Path(int port, const std::string& link) : socket_(truth_socket(port)), pty_(open_link(link)) {}
@@ -117,7 +117,7 @@ Latencies measure_latency(const Folder& folder, int steps) {
   imud.start({"run", folder / "lockstep.toml", "--set", "clock=lockstep"});
   Path through_relay(relay.port(), folder / "relay");
   Path through_imud(imud_port, folder / "lockstep");
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until imud has seen that the pty is open
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until imud has noticed that the pty is open
 
   Latencies all;
   constexpr int block = 1000;

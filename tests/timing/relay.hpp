@@ -1,12 +1,13 @@
-// How long a truth takes to become a measurement, against a bare relay.
+// The latency from a truth to its measurement, compared with a bare relay.
 #pragma once
 
 #include "tests/timing/rig.hpp"
 
 namespace imud::timing {
 
-// us from before the truth's send() to after the read() of the measurement's first bytes, alternating by the thousand
-// between imud in lockstep and a relay: a process that receives a datagram and writes as many bytes as imud to a pty.
+// Latencies in us, from before the send() of a truth to after the read() of the first bytes of its measurement.
+// Thousands of truths to imud in lockstep alternate with thousands to a relay: a process that receives a datagram and
+// writes as many bytes as imud to a pty.
 struct Latencies {
   std::vector<double> imud, relay;
 };

@@ -1,4 +1,5 @@
-// What the timing benchmark puts around imud: a simulator that sends truth, readers, and the bare loop of cyclictest.
+// The environment of imud in the timing benchmark: a simulator that sends truth, readers, and the bare loop of
+// cyclictest.
 #pragma once
 
 #include <atomic>
@@ -17,10 +18,10 @@ namespace imud::timing {
 struct Percentiles {
   double p50 = 0, p99 = 0, p999 = 0, max = 0;
 };
-// Of each percentile the median.
+// The median of each percentile.
 Percentiles median(const std::vector<Percentiles>& rounds);
 double median(std::vector<double> values);
-// p: 0 to 100. Sorts.
+// Returns percentile `p`, 0 to 100; sorts the values.
 double percentile(std::vector<double>& values, double p);
 
 // The tumbling body's truth at `time`: rates and forces that change.
@@ -41,7 +42,7 @@ FileDescriptor truth_socket(int port);
 FileDescriptor bound_socket(int& port);
 int free_udp_port();
 
-// Sends truth at 100 Hz as long as it lives.
+// Sends truth at 100 Hz until it is destroyed.
 class Simulator {
  public:
   explicit Simulator(int port);
@@ -50,8 +51,7 @@ class Simulator {
   std::jthread thread_;
 };
 
-// Reads from the ptys behind these links, as soon as they are there, as a flight computer does; throws the bytes
-// away.
+// Reads from the ptys behind these links as soon as they exist, as a flight computer does; discards the bytes.
 class PtyReaders {
  public:
   explicit PtyReaders(std::vector<std::string> links);
@@ -60,13 +60,13 @@ class PtyReaders {
   std::jthread thread_;
 };
 
-// Notes when each datagram to it was sent: the kernel's receive time stamp, which on loopback the sender's call
-// makes.
+// Records when each datagram to it was sent: the kernel's receive time stamp, which on loopback is taken during the
+// sender's call.
 class DatagramTimes {
  public:
   DatagramTimes();
   int port() const { return port_; }
-  // Ends the listening. s, from the first on.
+  // Stops receiving. Returns the times since the first datagram, s.
   std::vector<double> take();
 
  private:
@@ -83,15 +83,16 @@ std::string config(int truth_port, const std::string& realtime, int imus, const 
 struct Run {
   nlohmann::json summary;
   double cpu_s = 0;
-  // Of all imus the worst.
+  // The worst of all imus.
   Percentiles lateness() const;
   std::uint64_t count(const std::string& key) const;  // summed
 };
-// `imud run` for so long with a simulator and readers of those links, cut off if it fails.
+// Runs `imud run` for that time with a simulator and readers of those links.
 Run run_imud(const Folder& folder, const std::string& config, int truth_port, double duration_s,
              std::vector<std::string> links = {});
 
-// The wake-ups of the bare loop, 1 kHz, at imud's priority. Adds to `missed` those a period late.
+// The latencies of the bare loop's wake-ups, at 1 kHz with imud's priority. Adds the number of wake-ups that are a
+// period late to `missed`.
 Percentiles cyclictest(double duration_s, std::uint64_t* missed = nullptr);
 
 }  // namespace imud::timing

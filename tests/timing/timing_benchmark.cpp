@@ -15,7 +15,7 @@ namespace {
 
 int not_met = 0;
 
-void say(const std::string& what, bool met, const std::string& figures) {
+void print_criterion(const std::string& what, bool met, const std::string& figures) {
   if (!met) ++not_met;
   fmt::print("  {:<4} {:<44} {}\n", met ? "ok" : "NOT", what, figures);
   std::fflush(stdout);
@@ -59,12 +59,12 @@ void against_cyclictest(const Folder& folder, int rounds, double s) {
   row("imud", median(plain));
   row("imud, spin_us = 100", median(spin));
   const auto p99 = [](const std::vector<Percentiles>& a) { return median(a).p99; };
-  say("without spin: p99 at most 1.5 x cyclictest's", ratio(p99(plain), p99(bare)) <= 1.5,
-      fmt::format("{:.2f} x", ratio(p99(plain), p99(bare))));
-  say("with spin: p99 at most 0.25 x cyclictest's", ratio(p99(spin), p99(bare)) <= 0.25,
-      fmt::format("{:.2f} x", ratio(p99(spin), p99(bare))));
-  say("processor without spin: under 3 % of a core", median(cpu) < 0.03,
-      fmt::format("{:.2f} % (with spin {:.1f} %)", 100 * median(cpu), 100 * median(cpu_spin)));
+  print_criterion("without spin: p99 at most 1.5 x cyclictest's", ratio(p99(plain), p99(bare)) <= 1.5,
+                  fmt::format("{:.2f} x", ratio(p99(plain), p99(bare))));
+  print_criterion("with spin: p99 at most 0.25 x cyclictest's", ratio(p99(spin), p99(bare)) <= 0.25,
+                  fmt::format("{:.2f} x", ratio(p99(spin), p99(bare))));
+  print_criterion("processor without spin: under 3 % of a core", median(cpu) < 0.03,
+                  fmt::format("{:.2f} % (with spin {:.1f} %)", 100 * median(cpu), 100 * median(cpu_spin)));
 }
 
 void many_imus(const Folder& folder, int rounds, double s) {
@@ -104,14 +104,14 @@ void many_imus(const Folder& folder, int rounds, double s) {
     const Percentiles late = median(c.late);
     row(c.name, late);
     const double times = ratio(late.p99, one);
-    say(fmt::format("p99 {:.2f} x one imu's, at most 2", times), times <= 2,
-        fmt::format("a period late {}, not taken by the reader {}, {:.1f} % of a core", c.missed, c.dropped,
-                    100 * c.cpu_s / (rounds * s)));
+    print_criterion(fmt::format("p99 {:.2f} x one imu's, at most 2", times), times <= 2,
+                    fmt::format("a period late {}, not taken by the reader {}, {:.1f} % of a core", c.missed,
+                                c.dropped, 100 * c.cpu_s / (rounds * s)));
   }
 }
 
-// The line's slope, as the median of the slopes between samples half the run apart: a hold-up of some ms does not
-// tilt it as it tilts that of the least squares. `at_once`: so many leave at each instant.
+// Returns the slope of the line as the median of the slopes between samples half the run apart, which a hold-up of
+// some ms changes less than a least-squares fit. `at_once`: number of samples sent at each instant.
 double fitted_step(const std::vector<double>& t, std::size_t at_once) {
   std::size_t half = t.size() / 2;
   half -= half % at_once;
@@ -140,11 +140,11 @@ void rates(const Folder& folder, double s) {
     const double step_s = fitted_step(all, static_cast<std::size_t>(c.imus));
     const double off_ppm = 1e6 * (1 / (step_s * each_hz * c.imus) - 1);
     const double wanted = ((all.back() - all.front()) * each_hz + 1) * c.imus;
-    say(fmt::format("{} x {} Hz, clock_error_ppm = {}", c.imus, c.rate_hz, c.error_ppm),
-        std::abs(off_ppm) < 1 && std::abs(wanted - static_cast<double>(all.size())) < c.imus &&
-            all.size() == run.count("samples"),
-        fmt::format("{:.6f} Hz, {:+.3f} ppm off; {} samples, rate x time {:.1f}", 1 / (step_s * c.imus), off_ppm,
-                    all.size(), wanted));
+    print_criterion(fmt::format("{} x {} Hz, clock_error_ppm = {}", c.imus, c.rate_hz, c.error_ppm),
+                    std::abs(off_ppm) < 1 && std::abs(wanted - static_cast<double>(all.size())) < c.imus &&
+                        all.size() == run.count("samples"),
+                    fmt::format("{:.6f} Hz, {:+.3f} ppm off; {} samples, rate x time {:.1f}", 1 / (step_s * c.imus),
+                                off_ppm, all.size(), wanted));
   }
 }
 
@@ -157,8 +157,8 @@ void latency(const Folder& folder, int steps) {
   const Percentiles relay = of(all.relay), imud = of(all.imud);
   row("bare relay", relay);
   row("imud", imud);
-  say("p50 at most 1.5 x the relay's", ratio(imud.p50, relay.p50) <= 1.5,
-      fmt::format("{:.2f} x", ratio(imud.p50, relay.p50)));
+  print_criterion("p50 at most 1.5 x the relay's", ratio(imud.p50, relay.p50) <= 1.5,
+                  fmt::format("{:.2f} x", ratio(imud.p50, relay.p50)));
 }
 
 }  // namespace
@@ -166,7 +166,8 @@ void latency(const Folder& folder, int steps) {
 
 int main(int argc, char** argv) {
   using namespace imud::timing;
-  // The long runs last so long, s; in shorter ones the rate is not known to 1 ppm. Then the parts, all if none.
+  // Arguments: the duration of the long runs, s (in shorter runs the rate is not known to 1 ppm), then the parts to
+  // run; default: all.
   const double s = argc > 1 ? std::atof(argv[1]) : 60;
   const auto wanted = [&](const std::string& part) {
     bool is = argc <= 2;

@@ -14,7 +14,7 @@ std::vector<DatagramFaults::Fate> fates(const DatagramFaults::Rates& rates) {
   return all;
 }
 
-// Which datagrams a fault strikes depends on its own rate alone.
+// Which datagrams have a fault depends only on the rate of that fault.
 TEST(DatagramFaults, AreIndependentOfOneAnother) {
   for (unsigned others = 0; others < 32; ++others) {
     const auto rate = [others](unsigned fault) { return (others >> fault & 1U) != 0 ? 30.0 : 0.0; };

@@ -70,7 +70,7 @@ TEST(ImuDecode, ReportsGapsAndChecksumFailures) {
   EXPECT_EQ(report["protocol"], "native");
 }
 
-TEST(ImuDecode, EmptyFieldsStayEmptyAndAreNotJudged) {
+TEST(ImuDecode, EmptyFieldsStayEmptyAndAreNotEvaluated) {
   const std::string header(measurement_csv_header);
   const std::string rows = ",,1,2,3,,,,,,,,,,,\n,,4,5,6,,,,,,,,,,,\n";
   const auto result = run_program("imu-decode", {"csv", "file:-"}, header + rows);
@@ -81,8 +81,8 @@ TEST(ImuDecode, EmptyFieldsStayEmptyAndAreNotJudged) {
   EXPECT_TRUE(contains(result.errors, "checksum   none in this protocol, 0 malformed")) << result.errors;
 }
 
-// A capture that was cut short: the last frame is not whole, or the last line has no end.
-TEST(ImuDecode, WhatTheInputEndsWithCounts) {
+// A capture that was cut short: the last frame is incomplete, or the last line has no line feed.
+TEST(ImuDecode, AnIncompleteEndOfTheInputIsCounted) {
   const ScratchFolder folder;
   const std::string bytes = bytes_of("native", steady_samples(10, 100));
   const auto cut = run_program("imu-decode", {"native", file_with(folder, bytes.substr(0, bytes.size() - 50))});
@@ -108,14 +108,14 @@ TEST(ImuDecode, EndsAfterCount) {
   EXPECT_EQ(nlohmann::json::parse(result.output.substr(csv.size()))["ended_by"], "count");
 }
 
-TEST(ImuDecode, ARowIsThereAtOnceAndASignalEndsIt) {
+TEST(ImuDecode, ARowIsWrittenAtOnceAndASignalEndsIt) {
   const ScratchFolder folder;
   for (const int signal : {SIGINT, SIGTERM}) {
     const std::string spec = free_udp_port();
     const auto samples = steady_samples(50, 100);
     Program decode("imu-decode");
     decode.start({"native", spec, "--json", folder / "report.json"});
-    ASSERT_TRUE(decode.wait_for_output("status\n"));  // it listens
+    ASSERT_TRUE(decode.wait_for_output("status\n"));  // it receives
     send_to(spec, "native", samples);
     EXPECT_TRUE(decode.wait_for_output("\n490000000,49,"));
     EXPECT_TRUE(decode.is_running());
@@ -131,12 +131,12 @@ TEST(ImuDecode, ARowIsThereAtOnceAndASignalEndsIt) {
 
 TEST(ImuDecode, EndsAfterItsTime) {
   const auto result = run_program("imu-decode", {"native", free_udp_port(), "--for", "0.2"});
-  EXPECT_EQ(result.exit_code, 1);  // nothing came
+  EXPECT_EQ(result.exit_code, 1);  // nothing was received
   EXPECT_TRUE(contains(result.errors, "no sample was decoded")) << result.errors;
   EXPECT_EQ(result.output, measurement_csv_header);
 }
 
-TEST(ImuDecode, WaitsWithoutTurningInCircles) {
+TEST(ImuDecode, WaitsWithoutSpinning) {
   const ScratchFolder folder;
   ASSERT_EQ(::mkfifo((folder / "fifo").c_str(), 0600), 0);
   Program decode("imu-decode");
@@ -207,12 +207,12 @@ TEST(ImuDecode, CaptureHasJitter) {
   EXPECT_NEAR(report["jitter_us"]["max"], 1960, 10);
 }
 
-TEST(ImuDecode, WrongCommandLineIsSaid) {
+TEST(ImuDecode, WrongCommandLineIsReported) {
   const ScratchFolder folder;
   const std::string file = file_with(folder, "");
   const struct {
     std::vector<std::string> arguments;
-    std::string_view says;
+    std::string_view message;
   } cases[] = {
       {{}, "PROTOCOL"},
       {{"native"}, "PORT"},
@@ -230,10 +230,10 @@ TEST(ImuDecode, WrongCommandLineIsSaid) {
       {{"native", file, "--count", "0"}, "--count"},
       {{"native", file, "--colour"}, "--colour"},
   };
-  for (const auto& [arguments, says] : cases) {
+  for (const auto& [arguments, message] : cases) {
     const auto result = run_program("imu-decode", arguments);
-    EXPECT_EQ(result.exit_code, 2) << says;
-    EXPECT_TRUE(contains(result.errors, says)) << result.errors << "\nlacks: " << says;
+    EXPECT_EQ(result.exit_code, 2) << message;
+    EXPECT_TRUE(contains(result.errors, message)) << result.errors << "\nlacks: " << message;
     EXPECT_EQ(result.output, "");
   }
 }

@@ -26,7 +26,7 @@ std::string text_of(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-// The truths in `records`, all of which must be good or carry no state.
+// Returns the truths in `records`, which must be good or carry no state.
 template <class Records>
 std::vector<Truth> truths_in(const Records& records, std::string_view format) {
   const auto decoder = decoder_of(format);
@@ -42,7 +42,7 @@ std::vector<Truth> truths_in(const Records& records, std::string_view format) {
   return truths;
 }
 
-// The same to the last bit, but for the attitude, whose MRPs round.
+// Expects the same bits, except for the attitude, which is rounded as MRPs.
 void expect_same(const Truth& is, const Truth& wanted) {
   EXPECT_EQ(is.time, wanted.time);
   EXPECT_EQ(is.r_BN_N, wanted.r_BN_N);
@@ -187,7 +187,7 @@ TEST(ImuTruth, FaultsAreTheSameForTheSameSeed) {
   EXPECT_GT(back, 0U);
 }
 
-// One fault does not change which datagrams another one strikes.
+// The rate of one fault does not change which datagrams have another fault.
 TEST(ImuTruth, FaultsAreIndependent) {
   const auto sequences = [](const std::vector<std::string>& more) {
     LoopbackSocket receiver;
@@ -231,7 +231,7 @@ std::vector<Truth> answer_all(LoopbackSocket& receiver, Program& sender, std::si
     if (truths.empty() || truths.back().sequence != truth.sequence) truths.push_back(truth);
     frames->clear();
     decoder->acknowledge(truth, truth.time, 2 * truths.size(), *frames);
-    // A stranger's answer, then the right one.
+    // An answer of another stream, then the right one.
     Truth other = truth;
     ++other.stream;
     decoder->acknowledge(other, truth.time, 0, *frames);
@@ -322,12 +322,12 @@ TEST(ImuTruth, ASignalEndsIt) {
   }
 }
 
-TEST(ImuTruth, WrongCommandLineIsSaid) {
+TEST(ImuTruth, WrongCommandLineIsReported) {
   const ScratchFolder folder;
   const std::string file = capture_file(folder);
   const struct {
     std::vector<std::string> arguments;
-    std::string_view says;
+    std::string_view message;
   } cases[] = {
       {{}, "MOTION"},
       {{"dance"}, "there is no motion 'dance'\nMotions:\n  rest "},
@@ -346,17 +346,17 @@ TEST(ImuTruth, WrongCommandLineIsSaid) {
       {{"rest", "--lockstep", "--reorder", "1"}, "--reorder: not in lockstep"},
       {{"rest", "--lockstep", "--format", "csv"}, "only native datagrams are answered"},
       {{"rest", "--resend", "3"}, "--resend: only with --lockstep"},
-      {{"rest", "--format", "csv", "--stream", "3"}, "--stream: only native datagrams"},
+      {{"rest", "--format", "csv", "--stream", "3"}, "--stream: only for native datagrams"},
       {{"rest", "--format", "xml"}, "--format"},
       {{"capture"}, "capture: no file is given"},
       {{"capture", file, "--rate", "10"}, "--rate: a capture is sent as it is"},
       {{"capture", file, "--jerk-m-per-s3", "10"}, "--jerk-m-per-s3: a capture is sent as it is"},
       {{"capture", "/does/not/exist.pcap"}, "/does/not/exist.pcap"},
   };
-  for (const auto& [arguments, says] : cases) {
+  for (const auto& [arguments, message] : cases) {
     const auto result = run_program("imu-truth", arguments);
-    EXPECT_EQ(result.exit_code, 2) << says;
-    EXPECT_TRUE(contains(result.errors, says)) << result.errors << "\nlacks: " << says;
+    EXPECT_EQ(result.exit_code, 2) << message;
+    EXPECT_TRUE(contains(result.errors, message)) << result.errors << "\nlacks: " << message;
   }
 }
 
@@ -372,11 +372,11 @@ TEST(ImuTruth, HelpListAndVersion) {
   EXPECT_TRUE(run_program("imu-truth", {"--version"}).output.starts_with("imu-truth "));
 }
 
-TEST(ImuTruth, AMotionThatLeavesTheModelIsSaid) {
+TEST(ImuTruth, AMotionBeyondTheRangeIsReported) {
   const auto result = run_program(
       "imu-truth", {"boost", "--acceleration-m-per-s2", "1e6", "--start", "1e8", "--for", "1", "--csv", "/dev/null"});
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_TRUE(contains(result.errors, "leaves what truth may be")) << result.errors;
+  EXPECT_TRUE(contains(result.errors, "exceeds the valid range of truth")) << result.errors;
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ bool contains(const std::string& text, std::string_view part) { return text.find
 
 lockstep::Vector3 vector_of(const Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
-// What a simulator would give the client for `truth`.
+// Converts `truth` to what a simulator passes to the client.
 lockstep::Truth client_truth(const Truth& truth) {
   lockstep::Truth t;
   t.simulation_time_ns = truth.time.ns;
@@ -120,7 +120,7 @@ def truths():
   return run_program(IMUD_PYTHON, all, input);
 }
 
-// A thread that answers as imud does, as far as it hears and is heard.
+// A thread that answers as imud does, except for lost datagrams and answers.
 class FakeImud {
  public:
   struct Network {
@@ -132,13 +132,13 @@ class FakeImud {
       : network_(network), thread_([this](std::stop_token stop) { serve(stop); }) {}
 
   int port() const { return socket_.port(); }
-  // Ends it; then what it has seen can be looked at.
+  // Ends the thread; afterwards its results may be read.
   void stop() {
     thread_.request_stop();
     thread_.join();
   }
 
-  std::vector<Truth> emitted;  // truths taken
+  std::vector<Truth> emitted;  // the accepted truths
   std::vector<std::vector<std::byte>> received;
 
  private:
@@ -259,7 +259,8 @@ except RuntimeError as error:
     sys.exit(str(error))
 )";
 
-// A line for each answer, from the client in C++ or the one in Python; the exception's text if there is one.
+// Returns a line for each answer, from the client in C++ or the one in Python; the text of the exception if there is
+// one.
 struct Steps {
   std::string answers;
   std::string failure;
@@ -290,7 +291,7 @@ Steps steps(bool python, int port, const lockstep::Options& options, const std::
   return result;
 }
 
-// Both clients keep to the same rules: the parameter is whether it is the one in Python.
+// Both clients follow the same rules. The parameter is true for the client in Python.
 class LockstepClients : public testing::TestWithParam<bool> {
  protected:
   Steps steps(int port, const lockstep::Options& options, const std::vector<lockstep::Truth>& truths) {
@@ -324,7 +325,7 @@ TEST_P(LockstepClients, WhatIsLostIsSentAgainAndEmittedOnce) {
   EXPECT_EQ(imud.received.size(), 4U);
 }
 
-TEST_P(LockstepClients, SilenceIsAnErrorThatSaysWhatWouldBeRight) {
+TEST_P(LockstepClients, SilenceIsAnErrorThatNamesTheRemedy) {
   lockstep::Options options;
   options.timeout = 20ms;
   options.attempts = 3;
@@ -370,7 +371,7 @@ TEST_P(LockstepClients, StrayDatagramsAreIgnored) {
   EXPECT_EQ(one.answers, "0 100 0 1 True\n");
 }
 
-// They come all the time, and do not keep the client from its time-out.
+// They arrive continuously, and do not keep the client from its timeout.
 TEST_P(LockstepClients, StrayDatagramsDoNotRestartTheTimeOut) {
   LoopbackSocket flooding;
   std::size_t received = 0;
@@ -385,7 +386,7 @@ TEST_P(LockstepClients, StrayDatagramsDoNotRestartTheTimeOut) {
   options.timeout = 50ms;
   options.attempts = 3;
   const auto running = std::async(std::launch::async, [&] { return steps(flooding.port(), options, {spiral(0)}); });
-  const bool ended = running.wait_for(Program::patience) == std::future_status::ready;
+  const bool ended = running.wait_for(Program::default_timeout) == std::future_status::ready;
   flood.request_stop();
   flood.join();
   received += flooding.receive_all().size();
@@ -428,7 +429,7 @@ accelerometer.walk_sqrt_cov = [0.1, 0.1, 0.1]
   }
   std::size_t rows(const std::string& name) const { return lines_of(read_file(folder_ / name)).size() - 1; }
 
-  // Patient with a loaded machine: only a test that fails waits so long.
+  // A long timeout for a loaded machine; only a test that fails waits so long.
   static lockstep::Options patient() {
     lockstep::Options options;
     options.attempts = 300;
@@ -437,7 +438,7 @@ accelerometer.walk_sqrt_cov = [0.1, 0.1, 0.1]
   }
 
   const ScratchFolder folder_;
-  const int port_ = LoopbackSocket().port();  // free now; imud binds it a moment later
+  const int port_ = LoopbackSocket().port();  // free now; imud binds it later
 };
 
 INSTANTIATE_TEST_SUITE_P(, LockstepRun, testing::Values(false, true),
@@ -477,8 +478,8 @@ TEST_P(LockstepRun, ATruthWhoseTimeRunsBackIsRefused) {
   EXPECT_EQ(rows("out_fast"), 11U);
 }
 
-// Also one that is as short as the first, and begins at the same time.
-TEST_P(LockstepRun, AClientMadeAnewBeginsANewRun) {
+// Also a client whose run is as short as the first, and begins at the same time.
+TEST_P(LockstepRun, ANewClientBeginsANewRun) {
   Program imud("imud");
   imud.start(arguments("out"));
   lockstep::Options options = patient();

@@ -1,4 +1,4 @@
-// LoopbackSocket: a UDP socket on 127.0.0.1 with a port of its own, that waits for datagrams and answers them.
+// LoopbackSocket: a UDP socket on 127.0.0.1, on a free port, that receives datagrams and answers them.
 #pragma once
 
 #include <arpa/inet.h>
@@ -36,7 +36,7 @@ class LoopbackSocket {
   int port() const { return port_; }
   std::string spec() const { return "udp:127.0.0.1:" + std::to_string(port_); }
 
-  // The next datagram; nullopt if none comes within `timeout_ms`.
+  // Returns the next datagram; nullopt if none arrives within `timeout_ms`.
   std::optional<std::vector<std::byte>> receive(int timeout_ms = 0) {
     pollfd ready{socket_.get(), POLLIN, 0};
     if (::poll(&ready, 1, timeout_ms) <= 0) return std::nullopt;
@@ -49,14 +49,14 @@ class LoopbackSocket {
     return bytes;
   }
 
-  // All that wait.
+  // Returns all datagrams received so far.
   std::vector<std::vector<std::byte>> receive_all() {
     std::vector<std::vector<std::byte>> all;
     while (auto datagram = receive()) all.push_back(std::move(*datagram));
     return all;
   }
 
-  // To whoever sent last.
+  // Sends to the sender of the last datagram.
   void answer(std::span<const std::byte> bytes) {
     ::sendto(socket_.get(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&peer_), sizeof peer_);
   }

@@ -1,4 +1,4 @@
-// Each motion is one motion: what it says of itself is checked by differences and by the sums of an Imu.
+// The quantities of each motion agree with one another: checked by differences, and by the sums of an Imu.
 #include "tools/motion.hpp"
 
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ class EveryMotion : public ::testing::TestWithParam<Case> {
   double step() const { return GetParam().name == "coning" ? 1e-4 : 1e-3; }
 };
 
-TEST_P(EveryMotion, SaysAllThatATruthCanSay) {
+TEST_P(EveryMotion, GivesEveryQuantityOfATruth) {
   const Truth truth = at(1.25);
   EXPECT_EQ(truth.time.ns, 1'250'000'000);
   EXPECT_TRUE(truth.has_angular_acceleration);
@@ -129,7 +129,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"boost", {}}, Case{"boost", with(0.0, 20.0, 1.0, 9.8)},
                       Case{"boost", with(1e-7, 20.0, 1.0, 9.8)}, Case{"boost", with(-0.05, 20.0, 1.0, 0.0)}));
 
-// The cone's rates change so fast that its own frequency is what differences can follow.
+// A slow cone, as differences cannot resolve the rates of the default one.
 MotionParameters slow_cone() {
   MotionParameters parameters;
   parameters.half_angle_rad = 0.4;
@@ -165,7 +165,7 @@ TEST(Motions, Turntable) {
   EXPECT_LT(testing::angle_between(truth.q_NB, Quaternion(Eigen::AngleAxisd(1.5, Vector3::UnitZ()))), 1e-15);
 }
 
-// facts: q = [cos a/2, sin a/2 cos Wt, sin a/2 sin Wt, 0], w = [-W sin a sin Wt, W sin a cos Wt, -2 W sin^2 a/2].
+// q = [cos a/2, sin a/2 cos Wt, sin a/2 sin Wt, 0], w = [-W sin a sin Wt, W sin a cos Wt, -2 W sin^2 a/2].
 TEST(Motions, Coning) {
   const double a = 0.02, W = 2.0 * 3.14159265358979324 * 10.0, t = 0.1234;
   const Truth truth = find_motion("coning")->at({123'400'000}, {});

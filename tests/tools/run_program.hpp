@@ -27,15 +27,15 @@
 
 namespace imud {
 
-// Output is read all the time by a thread, so that the program never waits for the test. The destructor kills what
-// still runs; so does the end of the test program.
+// A thread reads the output continuously, so that the program never waits for the test. The destructor kills the
+// program if it still runs; so does the end of the test program.
 class Program {
  public:
   using Timeout = std::chrono::milliseconds;
-  // Long enough for a loaded machine under sanitizers; only a test that fails waits for it.
-  static constexpr Timeout patience{60'000};
+  // Long enough for a loaded machine under sanitizers; only a test that fails waits so long.
+  static constexpr Timeout default_timeout{60'000};
 
-  // "imud" in the folder of the built programs; a name with a slash as it is.
+  // "imud" is found in the folder of the built programs; a name with a slash is used as it is.
   explicit Program(const std::string& name)
       : path_(name.find('/') == std::string::npos ? std::string(IMUD_BIN_DIR "/") + name : name) {}
   ~Program() {
@@ -47,8 +47,8 @@ class Program {
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;
 
-  // Starts it, once. `input` is all that its standard input will give; without it, that is /dev/null. Throws if the
-  // program cannot be run.
+  // Starts the program; call it once. `input` is the whole of its standard input; without it, that is /dev/null.
+  // Throws if the program cannot be run.
   void start(const std::vector<std::string>& arguments, std::optional<std::string> input = {}) {
     if (child_ != 0) throw std::logic_error("Program::start: started already");
     Pipe in, out, err, failure;
@@ -60,7 +60,7 @@ class Program {
 
     child_ = ::fork();
     if (child_ < 0) throw std::runtime_error("fork failed");
-    if (child_ == 0) {  // only what is safe after fork() in a program with threads
+    if (child_ == 0) {  // only calls that are safe after fork() in a program with threads
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       ::dup2(in.read.get(), STDIN_FILENO);
       ::dup2(out.write.get(), STDOUT_FILENO);
@@ -88,9 +88,9 @@ class Program {
     pump_ = std::jthread([this](std::stop_token stop) { pump(stop); });
   }
 
-  // Waits until it ends by itself: its exit code, or 128 + the signal that ended it. After `timeout` it is killed,
-  // the test fails, and -1 is returned.
-  int wait(Timeout timeout = patience) {
+  // Waits until the program ends on its own; returns its exit code, or 128 + the signal that ended it. After
+  // `timeout` it is killed, the test fails, and -1 is returned.
+  int wait(Timeout timeout = default_timeout) {
     const auto until = Clock::now() + timeout;
     while (is_running()) {
       if (Clock::now() > until) {
@@ -104,18 +104,18 @@ class Program {
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    // What it wrote last is still in the pipes; a process that it left behind may keep them open.
+    // Its last output is still in the pipes; a process that it left behind may keep them open.
     const auto drained = Clock::now() + std::chrono::seconds(2);
     while (!is_drained() && Clock::now() < drained) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return exit_code_.value_or(-1);
   }
 
-  // Sends a signal; nothing if it has ended.
+  // Sends a signal; does nothing if the program has ended.
   void kill(int signal = SIGTERM) {
     if (is_running()) ::kill(child_, signal);
   }
   // kill() and wait().
-  int stop(int signal = SIGTERM, Timeout timeout = patience) {
+  int stop(int signal = SIGTERM, Timeout timeout = default_timeout) {
     kill(signal);
     return wait(timeout);
   }
@@ -129,15 +129,20 @@ class Program {
   }
   pid_t pid() const { return child_; }
 
-  // What it has printed so far.
+  // Return what it has printed so far.
   std::string output() const { return text(out_); }
   std::string errors() const { return text(err_); }
 
-  // Waits until `text` is part of output() or errors(); false if the time is over or the program ended without it.
-  bool wait_for_output(std::string_view text, Timeout timeout = patience) { return wait_for(out_, text, timeout); }
-  bool wait_for_errors(std::string_view text, Timeout timeout = patience) { return wait_for(err_, text, timeout); }
+  // Wait until `text` is part of output() or errors(). Return false after the timeout, or if the program ended
+  // without it.
+  bool wait_for_output(std::string_view text, Timeout timeout = default_timeout) {
+    return wait_for(out_, text, timeout);
+  }
+  bool wait_for_errors(std::string_view text, Timeout timeout = default_timeout) {
+    return wait_for(err_, text, timeout);
+  }
 
-  // Nobody reads its standard output any more, as after `| head`.
+  // Closes the reading end of its standard output, as `| head` does.
   void close_output() {
     const std::lock_guard lock(mutex_);
     out_.pipe.reset();
@@ -180,7 +185,7 @@ class Program {
   }
 
   void pump(const std::stop_token& stop) {
-    // A program that leaves before it has read everything must not end the test.
+    // A program that ends before it has read everything must not end the test.
     sigset_t broken_pipe;
     ::sigemptyset(&broken_pipe);
     ::sigaddset(&broken_pipe, SIGPIPE);
@@ -220,7 +225,7 @@ class Program {
   std::string path_;
   pid_t child_ = 0;
   std::optional<int> exit_code_;
-  mutable std::mutex mutex_;  // guards what the pump uses
+  mutable std::mutex mutex_;  // guards the members that the pump uses
   FileDescriptor in_;
   std::string input_;
   std::size_t written_ = 0;
@@ -228,7 +233,7 @@ class Program {
   std::jthread pump_;  // last: ends before what it uses
 };
 
-// What a program did from start to end.
+// The result of a program that has ended.
 struct ProgramResult {
   int exit_code = -1;
   std::string output;
@@ -248,7 +253,7 @@ inline std::string read_file(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-// Without their LFs.
+// Returns the lines, without their LFs.
 inline std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
   for (std::size_t begin = 0; begin < text.size();) {

@@ -1,4 +1,4 @@
-// Streams of samples, and their bytes, to try imu-decode with.
+// Streams of samples, and their bytes, as input for imu-decode.
 #pragma once
 
 #include <cstdint>
@@ -46,7 +46,7 @@ inline std::string bytes_of(std::string_view protocol, std::span<const Sample> s
   return bytes;
 }
 
-// What imu-decode is to print.
+// Returns what imu-decode must print.
 inline std::string csv_of(std::span<const Sample> samples) {
   std::string csv(measurement_csv_header);
   for (const Sample& sample : samples) {

@@ -16,7 +16,7 @@ Protocol protocol_like(unsigned counter_bits, std::int64_t time_period_ns = 0, d
   return protocol;
 }
 
-// Samples as they come over the wire of `protocol`, without times of arrival.
+// Samples as received over the wire of `protocol`, without times of arrival.
 StreamStatistics statistics_of(std::vector<Sample> samples, const Protocol& protocol,
                                std::uint32_t fields = Measurement::all) {
   StreamStatistics statistics(protocol);
@@ -52,7 +52,7 @@ TEST(StreamStatistics, SteadyStream) {
   }
 }
 
-TEST(StreamStatistics, FewSamplesSayNothing) {
+TEST(StreamStatistics, FewSamplesGiveNoFigures) {
   for (const unsigned count : {0U, 1U}) {
     const auto statistics = statistics_of(steady_samples(count, 300), protocol_like(32));
     EXPECT_EQ(statistics.samples(), count);
@@ -61,7 +61,7 @@ TEST(StreamStatistics, FewSamplesSayNothing) {
   }
 }
 
-// Gaps anywhere: at the first step, across the seam of two windows, at the end of the stream.
+// Gaps anywhere: at the first step, across the border of two windows, at the end of the stream.
 TEST(StreamStatistics, MissingSamplesAreCountedByCounterOrTime) {
   auto samples = steady_samples(20000, 400);
   erase(samples, 19990, 3);
@@ -76,7 +76,7 @@ TEST(StreamStatistics, MissingSamplesAreCountedByCounterOrTime) {
   }
 }
 
-// A product that samples at 2000 Hz inside and sends 500 of them.
+// A product that samples at 2000 Hz internally, and sends 500 samples per second.
 TEST(StreamStatistics, ACounterOfUnsentSamples) {
   Protocol protocol = protocol_like(8);
   protocol.sends_some_samples = true;
@@ -90,7 +90,7 @@ TEST(StreamStatistics, ACounterOfUnsentSamples) {
   EXPECT_EQ(statistics.missing(), 4U);
 }
 
-TEST(StreamStatistics, CounterTurns) {
+TEST(StreamStatistics, CounterOverflows) {
   const auto samples = steady_samples(2000, 100);
   for (const unsigned bits : {8U, 16U, 32U, 64U})
     EXPECT_EQ(statistics_of(samples, protocol_like(bits)).gaps(), 0U) << bits;
@@ -100,8 +100,8 @@ TEST(StreamStatistics, CounterTurns) {
   EXPECT_EQ(statistics_of(from_the_end, protocol_like(32), only_counter).gaps(), 0U);
 }
 
-// 8 bits tell 300 missing samples from 44 only with the device's time.
-TEST(StreamStatistics, TimeTellsTheTurnsOfANarrowCounter) {
+// With 8 bits, 300 missing samples differ from 44 by the device's time only.
+TEST(StreamStatistics, TimeResolvesTheOverflowsOfANarrowCounter) {
   auto samples = steady_samples(2000, 100);
   erase(samples, 500, 300);
   const auto with_time = statistics_of(samples, protocol_like(8));
@@ -115,7 +115,7 @@ TEST(StreamStatistics, TimeTellsTheTurnsOfANarrowCounter) {
   EXPECT_EQ(statistics_of(whole_turn, protocol_like(8)).missing(), 255U);
 }
 
-TEST(StreamStatistics, TimeThatBeginsAnewIsNoJump) {
+TEST(StreamStatistics, TimeThatRestartsIsNoJump) {
   const auto statistics = statistics_of(steady_samples(5000, 100), protocol_like(32, 10'000'000'000));
   EXPECT_EQ(statistics.back(), 0U);
   EXPECT_EQ(statistics.time_jumps(), 0U);

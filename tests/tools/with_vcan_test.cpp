@@ -25,7 +25,7 @@ class WithVcanTest : public ::testing::Test {
     fs::permissions(folder_ / name, fs::perms::owner_all);
   }
 
-  // Runs `true` in the guest, which must fail with one line; returns it without the name of the log.
+  // Runs `true` in the guest, which must fail with one line. Returns that line without the name of the log.
   std::string failure(const std::vector<std::string>& environment = {}) {
     std::vector<std::string> arguments{"-u", "WITH_VCAN_PRELOAD", "WITH_VCAN=uml", "TMPDIR=" + folder_ / "",
                                        "PATH=" + folder_ / "" + ":/usr/sbin:/usr/bin:/sbin:/bin"};
@@ -41,7 +41,7 @@ class WithVcanTest : public ::testing::Test {
     log_ = match[2];
     return match[1];
   }
-  // What the file named by failure() has kept.
+  // Returns the content of the log that failure() names.
   std::string log() const { return read_file(log_); }
 
   ScratchFolder folder_;
@@ -67,7 +67,7 @@ TEST_F(WithVcanTest, WithoutAPanicTheLastLineIsTheCause) {
   EXPECT_TRUE(failure().starts_with("the guest did not boot: ip: not supported; use a host")) << log();
 }
 
-TEST_F(WithVcanTest, AGuestWithoutAWordFailsWithOne) {
+TEST_F(WithVcanTest, AGuestWithoutAMessageFailsWithOne) {
   make_script("linux.uml", "exit 3");
   EXPECT_TRUE(failure().starts_with("the guest did not boot: linux.uml left no message; ")) << log();
   ASSERT_FALSE(log_.empty());

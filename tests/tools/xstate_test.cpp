@@ -29,7 +29,7 @@ constexpr std::size_t uml_length = 2696;
 void* const xstate_type = reinterpret_cast<void*>(std::uintptr_t{NT_X86_XSTATE});
 
 // Sapphire Rapids: AVX, opmask, ZMM (two), PKRU, tile configuration, tile data. CPUID has more components (11, 12),
-// which stand in no standard format.
+// which are not part of the standard format.
 constexpr XstateLayout sapphire_rapids = [] {
   XstateLayout layout{};
   layout[2] = {576, 256};
@@ -52,7 +52,7 @@ void set_xstate_bv(Bytes& state, std::uint64_t bits) {
   std::memcpy(state.data() + xstate_bv_offset, &bits, sizeof bits);
 }
 
-// No byte is 0 or that of another `kind` at the same place.
+// No byte is 0, or equal to the byte of another `kind` at the same offset.
 Bytes pattern(std::size_t size, unsigned int kind) {
   Bytes bytes(size);
   for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::byte>(1 + (i * 7 + kind * 50) % 251);
@@ -223,7 +223,7 @@ TEST_F(XstateTest, ErrorsPassThrough) {
   host_ = {pattern(uml_length, 1)};
   host_.set_error = ESRCH;
   EXPECT_EQ(errno_of_set(1), ESRCH);
-  host_.set_error = EFAULT;  // in the right size: it must end
+  host_.set_error = EFAULT;  // in the right size: there must be no further attempt
   EXPECT_EQ(errno_of_set(2), EFAULT);
   host_ = {pattern(11008, 1)};
   host_.get_error = ESRCH;
@@ -295,7 +295,7 @@ TEST(XstatePreload, SetsStatesOfAnyLengthOnThisProcessor) {
   std::vector<std::size_t> lengths{header_end, whole_size, uml_length};
   if (whole_size >= avx_end) lengths.push_back(avx_end);
   for (const std::size_t length : lengths) {
-    // All of SSE and AVX is in use before.
+    // Before, all of SSE and AVX is in use.
     Bytes full = process.xstate();
     std::uint64_t bits = 0b10;
     std::fill(full.begin() + 160, full.begin() + 416, std::byte{0x5a});
@@ -325,7 +325,7 @@ TEST(XstatePreload, SetsStatesOfAnyLengthOnThisProcessor) {
     const auto rest = std::span(is).subspan(header_end);
     EXPECT_TRUE(
         std::ranges::equal(rest.first(kept - header_end), std::span(given).subspan(header_end, kept - header_end)));
-    // SSE is in use, AVX only if it was given. What is not in use reads as zeros.
+    // SSE is in use, AVX only if it was given. Components not in use read as zeros.
     EXPECT_EQ(xstate_bv_of(is) & 0b110, kept >= avx_end ? bits : 0b10) << length << " of " << whole_size;
     if (kept == header_end) {
       const auto avx = rest.first(std::min(whole_size, avx_end) - header_end);
