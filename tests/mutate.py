@@ -18,7 +18,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FOLDERS = ("core", "protocols", "transports", "emulator", "tools")
 
-# Binary operators stand between spaces, as clang-format leaves them; so brackets of templates do not match.
+# clang-format puts binary operators between spaces; the brackets of templates therefore do not match.
 OPERATORS = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==", "+": "-", "-": "+", "*": "/", "/": "*",
              "%": "*", "&&": "||", "||": "&&", "&": "|", "|": "&", "+=": "-=", "-=": "+=", "*=": "/="}
 SWAPS = {"true": "false", "false": "true", "std::min": "std::max", "std::max": "std::min", "++": "--", "--": "++"}
@@ -133,7 +133,7 @@ class Tree:
         self.limits[folder] = 30 + 3 * (time.monotonic() - built)
         print(f"{folder}_tests: built in {built - begin:.0f} s, passes in {time.monotonic() - built:.0f} s", flush=True)
 
-    def judge(self, mutant):
+    def test(self, mutant):
         folder = mutant.path.split("/")[0]
         file = self.root / mutant.path
         text = file.read_text()
@@ -151,26 +151,26 @@ class Tree:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("file", nargs="*", help="of which every line is eligible, such as core/timeline.cpp")
-    parser.add_argument("--since", metavar="REV", help="the lines changed since this revision")
+    parser.add_argument("file", nargs="*", help="file whose lines are all eligible, such as core/timeline.cpp")
+    parser.add_argument("--since", metavar="REV", help="make only the lines changed since this revision eligible")
     parser.add_argument("--count", type=int, default=20, help="mutants, drawn at random; 0: all (default: 20)")
-    parser.add_argument("--seed", type=int, default=1, help="of the draw (default: 1)")
-    parser.add_argument("--jobs", type=int, default=2, help="of the compiler (default: 2)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the draw (default: 1)")
+    parser.add_argument("--jobs", type=int, default=2, help="number of compiler jobs (default: 2)")
     parser.add_argument("--list", action="store_true", help="only print the mutants")
     options = parser.parse_args()
     if bool(options.file) == bool(options.since):
-        parser.error("give files, or --since")
+        parser.error("give either files or --since")
     where = changed_since(options.since) if options.since else dict.fromkeys(options.file)
     for path in where:
         if path.split("/")[0] not in FOLDERS or not (ROOT / path).is_file():
             parser.error(f"{path}: not a file in {', '.join(FOLDERS)}")
 
-    # The compiler's order: the mutants of one file follow one another.
+    # Sorted, so that the mutants of one file follow one another, and little is compiled again.
     drawn = [mutant for path, lines in sorted(where.items()) for mutant in mutants(path, lines)]
     if options.count and options.count < len(drawn):
         drawn = sorted(random.Random(options.seed).sample(drawn, options.count), key=lambda m: (m.path, m.line))
     if not drawn:
-        sys.exit("no mutants there")
+        sys.exit("these lines have no mutants")
 
     def show(result, mutant):
         print(f"{result:9} {mutant.path}:{mutant.line}\n  - {mutant.before.strip()}\n  + {mutant.after.strip()}", flush=True)
@@ -185,7 +185,7 @@ def main():
         for name in sorted({mutant.path.split("/")[0] for mutant in drawn}):
             tree.prepare(name)
         for mutant in drawn:
-            result = tree.judge(mutant)
+            result = tree.test(mutant)
             results[result] += 1
             show(result, mutant)
     counted = results["noticed"] + results["survived"]

@@ -1,7 +1,7 @@
-"""A tilted turntable on a vehicle that goes over the Earth: its truth as a file, and what a perfect sensor reads on it.
+"""A tilted turntable on a vehicle that moves over the Earth: its truth as a file, and the output of a perfect sensor on it.
 
-imud replays the truth that is written here; the tests beside take the bytes apart by the vendors' documents, with nothing of
-imud's, and compare them with the motion's own formulas: sign, axis, unit and scale to one LSB, or to a float's last digit.
+imud replays the truth that is written here. The tests beside this file decode its bytes by the vendors' documents, with no code
+of imud's, and compare them with the formulas of the motion: sign, axis, unit and scale to one LSB, or to a float's last digit.
 """
 import math
 import struct
@@ -25,7 +25,7 @@ _faults = []
 
 
 def check(what, got, wanted, lsb):
-    """Numbers, or as many in tuples, to one LSB."""
+    """Checks numbers, or tuples of equal length, to one LSB."""
     if not isinstance(got, (tuple, list)):
         got, wanted = (got,), (wanted,)
     for i, (a, b) in enumerate(zip(got, wanted, strict=True)):
@@ -34,14 +34,14 @@ def check(what, got, wanted, lsb):
 
 
 def check_floats(what, got, wanted, least=1e-3):
-    """As check(), for floats: to some last digits of the largest of them, or of `least`."""
+    """As check(), for floats: to the last digits of the largest of them, or of `least`."""
     if not isinstance(got, (tuple, list)):
         got, wanted = (got,), (wanted,)
     check(what, got, wanted, 5e-7 * max(least, *(abs(b) for b in wanted)))
 
 
 def same_rotation(q):
-    """The quaternion whose scalar is positive, of the two."""
+    """Returns q or -q, whichever has a positive scalar."""
     return q if q[0] >= 0 else tuple(-x for x in q)
 
 

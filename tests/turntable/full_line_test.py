@@ -1,5 +1,5 @@
-"""Three products at once at the largest of their loads, on ptys whose bytes take their time at 921600 bit/s: no frame is torn,
-and none is lost unless the machine holds up imud or this client, seen from the client's side.
+"""Three products at once, each at its largest load, on ptys paced at 921600 bit/s. The client checks that no frame is torn, and
+that none is lost unless the machine delays imud or this client.
 usage: full_line_test.py IMUD IMU_TRUTH [SECONDS]"""
 import json
 import os
@@ -30,7 +30,7 @@ def crc_msb_first(data, width, polynomial, crc):
 
 
 def stim300(data, at):
-    """Length of the datagram there, and its counter, of 2000 Hz: everything with PPS is 63 bytes, and CR LF."""
+    """Length of the datagram at `at`, and its counter of 2000 Hz: a datagram with everything and PPS has 63 bytes, and CR LF."""
     if data[at] != 0xF7 or data[at + 63:at + 65] != b"\r\n":
         return None
     good = crc_msb_first(data[at:at + 59] + b"\0", 32, 0x04C11DB7, 0xFFFFFFFF) == struct.unpack_from(">I", data, at + 59)[0]
@@ -57,7 +57,7 @@ def vectornav(data, at):
     return (size, struct.unpack_from("<Q", data, at + 4)[0] // 2500000) if crc_msb_first(data[at + 1:at + size], 16, 0x1021, 0) == 0 else None
 
 
-CLIENTS = {  # of each: its parser, the counter's step and period, the frames a second, the keys
+CLIENTS = {  # name: (parser, step and period of the counter, frames per second, configuration keys)
     "stim300": (stim300, 2, 256, 1000, "pps = true\ncr_lf = true"),
     "mip": (mip, 1, 2**40, 1000, 'baud = 921600\nsensor_rate_hz = 1000\nfilter_fields = []\n'
             'sensor_fields = ["reference_time", "acceleration", "rate", "delta_angle"]'),
@@ -65,7 +65,7 @@ CLIENTS = {  # of each: its parser, the counter's step and period, the frames a 
 }
 
 
-# A pty holds 4 kB, which is what comes in 44 ms; imud drops frames that would have to wait for the line for 100 ms.
+# A pty holds 4 kB, the data of 44 ms; imud drops frames that would wait more than 100 ms for the line.
 HELD_UP_CLIENT = 0.03  # s
 HELD_UP_IMUD = 0.05
 
@@ -87,7 +87,7 @@ def start():
                 return daemon, port
             time.sleep(0.01)
         errors = daemon.communicate()[1]
-        if "in use" not in errors:  # another program was given the port in between
+        if "in use" not in errors:  # another program has taken the port
             sys.exit(errors)
     sys.exit("no UDP port stays free")
 
@@ -96,22 +96,22 @@ def main():
     daemon, port = start()
     truth = subprocess.Popen([imu_truth, "turntable", "--to", port, "--rate", "100", "--for", str(seconds + 60)],
                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    heard = {}
+    received = {}
     for name in CLIENTS:
         line = os.open(folder / name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(line)
         settings = termios.tcgetattr(line)
         settings[4] = settings[5] = termios.B921600
         termios.tcsetattr(line, termios.TCSANOW, settings)
-        heard[line] = (name, bytearray())
+        received[line] = (name, bytearray())
     poller = select.poll()
-    for line in heard:
+    for line in received:
         poller.register(line, select.POLLIN)
     begun = last = None
-    longest = 0.0  # that nothing was read
+    longest = 0.0  # longest time without data
     while begun is None or last < begun + seconds:
         for line, _ in poller.poll(100):
-            heard[line][1].extend(os.read(line, 65536))
+            received[line][1].extend(os.read(line, 65536))
             begun = begun or time.monotonic()
         now = time.monotonic()
         if begun:
@@ -126,7 +126,7 @@ def main():
     held_up = longest > HELD_UP_CLIENT or late > HELD_UP_IMUD
     print(f"held up: the client {longest:.3f} s, imud {late:.6f} s")
     faults = []
-    for name, data in heard.values():
+    for name, data in received.values():
         parse, step, period, rate, _ = CLIENTS[name]
         data = bytes(data)
         at = next((i for i in range(len(data) - 400) if parse(data, i)), None)
@@ -151,7 +151,7 @@ def main():
         print(f"{name}: {count} frames, {10 * len(data) / seconds / 921600:.1%} of the line, {skipped} bytes before the first")
         if missing > imus[name]["dropped"]:
             faults.append(f"{name}: {missing} frames are missing, {imus[name]['dropped']} were dropped")
-        if count + missing < 0.8 * rate * (seconds - 1):  # started, or held up, for a second at most
+        if count + missing < 0.8 * rate * (seconds - 1):  # allow a second for the start and delays
             faults.append(f"{name}: {count} frames in {seconds} s")
     for fault in faults[:20]:
         print(fault)

@@ -12,7 +12,7 @@ GNSS_HZ = 4
 
 
 def gravity(place):
-    """Of the WGS 84 ellipsoid, m/s^2: Somigliana's formula, and its change with height."""
+    """Gravity of the WGS 84 ellipsoid, m/s^2: Somigliana's formula, and its change with height."""
     s2 = math.sin(place.latitude) ** 2
     surface = 9.7803253359 * (1 + 0.00193185265241 * s2) / math.sqrt(1 - 6.69437999014e-3 * s2)
     f, m, h = 1 / 298.257223563, 0.00344978650684, place.height / 6378137
@@ -162,7 +162,7 @@ def gnss(descriptor, b, t, before, k):
 
 
 SETS = {0x80: (sensor, HZ), 0x81: (gnss, GNSS_HZ), 0x82: (filtered, HZ)}
-FIELDS = {  # as `imud list` names them: all of a model with everything
+FIELDS = {  # all fields of a model that has every field, as `imud list` names them
     "sensor": "acceleration rate magnetic_field delta_angle delta_velocity quaternion euler gps_time temperature pressure overrange "
               "event_source ticks delta_ticks shared_gps_time delta_time reference_time",
     "filter": "filter_position filter_velocity filter_quaternion filter_matrix filter_euler filter_linear_acceleration filter_rate",
@@ -201,7 +201,7 @@ def test(model, wanted):
             seen.add((kind, descriptor))
             b.at += 2
             if k == 0 and descriptor in (0xD2, 0xD4, 0xD6):
-                b.at = end  # counts from a start that is not told
+                b.at = end  # counts from an unknown start
             elif not decode(descriptor, b, t, before, k):
                 shared(descriptor, b, t, before, k)
             check(f"{kind:X}:{descriptor:X} length", b.at, end, 0)

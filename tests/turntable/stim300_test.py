@@ -13,7 +13,7 @@ KINDS = {
     0x98: ("g", 0, 1), 0x99: ("ga", 0, 1), 0x9A: ("gi", 0, 1), 0x9B: ("gai", 0, 1),
     0x9C: ("g", 1, 1), 0xAD: ("ga", 1, 1), 0xAE: ("gi", 1, 1), 0xAF: ("gai", 1, 1),
 }
-# LSB: of a value, of a time's integral of it.
+# LSB of a value, and of its integral over time.
 LSB = {"g": (2**-14, 2**-21), "a5": (2**-20, 2**-23), "a10": (2**-19, 2**-22), "a30": (2**-18, 2**-21), "a80": (2**-16, 2**-19),
        "i": (2**-22, 2**-25)}
 INTERNAL = 2000
@@ -37,20 +37,20 @@ def crc_of_byte(byte):
 CRC_OF_BYTE = [crc_of_byte(byte) for byte in range(256)]
 
 
-# Of what an inclinometer sees at the internal samples, over time.
+# Sums over time of what an inclinometer senses at the internal samples.
 SUMS = list(itertools.accumulate((scale(1 / INTERNAL, specific_force(k / INTERNAL)) for k in range(int(SECONDS * INTERNAL) + 1)),
                                  lambda a, b: tuple(x + y for x, y in zip(a, b))))
 
 
 def check_axes(what, got, wanted, lsb):
-    """24 bits in two's complement, of what may have gone round."""
+    """Checks 24-bit numbers in two's complement, which may have wrapped."""
     for raw, value in zip(got, wanted, strict=True):
         off = (raw * lsb - value + 2**23 * lsb) % (2**24 * lsb) - 2**23 * lsb
         check(what, off, 0, lsb)
 
 
 def wanted(cluster, unit, t1, t):
-    """By the motion: value, increment, average, integrated (in g s), integrated in m/s."""
+    """The output by the formulas of the motion, in one of the units: value, increment, average, integrated (in g s), integrated in m/s."""
     if cluster == "g":
         turn = scale(1 / DEG, delta_angle(t1, t))
         return {"rate": scale(1 / DEG, rate), "increment": turn, "average": scale(1 / DEG, rate if t == 0 else scale(1 / (t - t1), delta_angle(t1, t))),
@@ -58,7 +58,7 @@ def wanted(cluster, unit, t1, t):
     if cluster == "a":
         change, all_change = delta_velocity(t1, t), delta_velocity(0, t)
         mean = specific_force(t) if t == 0 else scale(1 / (t - t1), change)
-    else:  # what it sees at the internal samples
+    else:  # what it senses at the internal samples
         all_change, before = SUMS[round(t * INTERNAL)], SUMS[round(t1 * INTERNAL)]
         change = tuple(x - y for x, y in zip(all_change, before))
         mean = specific_force(t) if t == 0 else scale(1 / (t - t1), change)

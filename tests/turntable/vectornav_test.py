@@ -1,5 +1,5 @@
-"""VectorNav: every binary field (sizes and types: vnproglib 1.2, packet.cpp and types.h) and every message of text (its
-parsers there). usage: vectornav_test.py IMUD"""
+"""VectorNav: every binary field (sizes and types: vnproglib 1.2, packet.cpp and types.h) and every text message (as vnproglib
+parses it). usage: vectornav_test.py IMUD"""
 from datetime import datetime, timedelta
 
 from bench import *  # noqa: F403
