@@ -73,7 +73,7 @@ Matrix3 dcm_from_yaw_pitch_roll(double yaw, double pitch, double roll);
 // and roll are not unique.
 Vector3 yaw_pitch_roll_from_dcm(const Matrix3& dcm_PB);
 
-// Returns by how much m fails to be a rotation: the largest element of |m m^T - I|, or 2 if det(m) < 0.
+// Returns the deviation of m from a rotation: the largest element of |m m^T - I|, or 2 if det(m) < 0.
 double rotation_defect(const Matrix3& m);
 
 }  // namespace imud

@@ -46,11 +46,12 @@ DurationHistogram DurationHistogram::since(const DurationHistogram& before) cons
 }
 
 double DurationHistogram::percentile(double percent) const {
-  const double rank = percent * static_cast<double>(count()) / 100.0;  // in this order: exact where it can be
-  double reached = 0;
+  // Multiplied before it is divided, so that whole ranks are exact.
+  const double rank = percent * static_cast<double>(count()) / 100.0;
+  double cumulative = 0;
   for (auto&& bucket : boost::histogram::indexed(histogram_, boost::histogram::coverage::all)) {
-    reached += static_cast<double>(std::uint64_t{*bucket});
-    if (reached < rank || reached == 0) continue;
+    cumulative += static_cast<double>(std::uint64_t{*bucket});
+    if (cumulative < rank || cumulative == 0) continue;
     if (bucket.index() < 0) return 0;
     return std::min(max(), std::sqrt(bucket.bin().lower() * bucket.bin().upper()));
   }

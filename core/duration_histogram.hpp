@@ -9,8 +9,8 @@
 namespace imud {
 
 // Counts durations from 100 ns to 1000 s in buckets 2.3 % wide. Shorter ones count as 0, longer ones as the maximum,
-// which is kept exactly. One thread may add() without a lock while others copy the histogram; they must query the
-// copy. Only construction and copying allocate.
+// which is kept exactly. While one thread adds, others may copy the histogram without a lock; they must query only
+// the copy. Only construction and copying allocate.
 class DurationHistogram {
  public:
   DurationHistogram();
@@ -20,16 +20,16 @@ class DurationHistogram {
   // Counts one duration, s, not negative.
   void add(double seconds) noexcept;
 
-  // Returns the histogram of what was added since `before`, an earlier copy of this one. Its maximum is exact if it
-  // is the maximum of all, otherwise rounded up to the end of its bucket.
+  // Returns the histogram of the durations added since `before`, an earlier copy of this one. Its maximum is exact
+  // if it is the maximum of all, otherwise rounded up to the end of its bucket.
   DurationHistogram since(const DurationHistogram& before) const;
 
   // The number of durations.
   std::uint64_t count() const noexcept { return count_.load(std::memory_order_relaxed); }
   // The longest duration, s; 0 if there is none.
   double max() const noexcept { return max_.load(std::memory_order_relaxed); }
-  // Returns the duration, s, that `percent` of them, in [0, 100], do not exceed, within half a bucket; 0 if there is
-  // none.
+  // Returns the duration, s, that `percent` of all durations do not exceed, within half a bucket; 0 if there is
+  // none. `percent` is in [0, 100].
   double percentile(double percent) const;
 
  private:

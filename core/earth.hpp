@@ -21,40 +21,40 @@ struct EarthModel {
   // The place of a vehicle at rest before the first truth; where the frame is local, N's origin as well. rad, and m
   // above the ellipsoid.
   double latitude = 0, longitude = 0, height = 0;
-  Vector3 rest_yaw_pitch_roll = Vector3::Zero();  // rad, of B relative to L, while the vehicle rests
+  Vector3 rest_yaw_pitch_roll = Vector3::Zero();  // rad, of B relative to L, at rest
   double angle = 0;               // rad, from N's x axis to the prime meridian at truth time 0; inertial only
   std::int64_t start_gps_ns = 0;  // GPS time at truth time 0, ns since 1980-01-06
 };
 
-// Returns GPS time, ns since 1980-01-06, of a UTC given as s since 1970-01-01. Valid from 2017 on, while GPS time is
-// 18 s ahead.
+// Returns GPS time, ns since 1980-01-06, of a UTC in s since 1970-01-01. Valid from 2017 on, while GPS time is 18 s
+// ahead.
 std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept;
 // Returns the Earth rotation angle at this UTC, taken as UT1, rad in [0, 2 pi) (IERS Conventions 2010, Eq. 5.15).
 double earth_rotation_angle(std::int64_t utc_s) noexcept;
 
-// Returns the pressure, Pa, at a geopotential altitude, m (U.S. Standard Atmosphere 1976, Eq. 33a and 33b). Above its
-// end at 84 852 m the last temperature continues, below sea level the first layer.
+// Returns the pressure, Pa, at a geopotential altitude, m (U.S. Standard Atmosphere 1976, Eq. 33a and 33b). Above
+// 84.852 km, where the standard ends, the temperature stays constant; below sea level the lowest layer continues.
 double standard_pressure(double geopotential_m) noexcept;
-// Returns the geopotential altitude, m, of a height, m, above -6 356 766 (the same, Eq. 18).
+// Returns the geopotential altitude, m, of a height, m, above -6 356 766 (U.S. Standard Atmosphere 1976, Eq. 18).
 double geopotential_altitude(double height_m) noexcept;
 
 // Returns normal gravity, gravitation and centrifugal acceleration together, m/s^2, at a latitude and a height above
-// the ellipsoid, m (NGA.STND.0036, Eq. 4-1 and 4-3: to the second order in the height: within 1e-6 m/s^2 at the
+// the ellipsoid, m (NGA.STND.0036, Eq. 4-1 and 4-3, to the second order in the height; within 1e-6 m/s^2 at the
 // equator up to 10 km).
 double normal_gravity(double latitude, double height) noexcept;
 
 // Returns the matrix v_E = dcm_EL * v_L at a latitude and longitude: its columns are north, east and down.
 Matrix3 dcm_EL(double latitude, double longitude) noexcept;
 
-// The Earth as the truth's frame N sees it. Immutable.
+// The Earth in relation to the truth's frame N. Immutable.
 class Earth {
  public:
   explicit Earth(const EarthModel& model);
 
-  // False where the frame is none: then no place is ever known.
+  // Returns false where the frame is none: then navigation() never knows a place.
   bool is_on() const noexcept { return model_.frame != EarthModel::Frame::none; }
-  // Returns the place of a point. It is unknown if `position` is, and deeper than some 100 km below the surface,
-  // where no sensor works.
+  // Returns the place of a point. It is unknown if `position` is, or if the point is more than some 100 km below the
+  // surface.
   Navigation navigation(const PositionVelocity& position) const noexcept;
   // Returns the rotation v_L = q_LN * v_N at a known place.
   Quaternion q_LN(TruthTime time, const Navigation& navigation) const noexcept;

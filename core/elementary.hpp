@@ -1,6 +1,6 @@
 // Elementary functions that give the same bits on every machine.
 //
-// A run must be the same bytes everywhere, and libm's results differ in the last bit between C libraries, their
+// A run must give the same bytes everywhere, but libm's results differ in the last bit between C libraries, their
 // versions, and processors with and without fused multiply-add. These use only +, -, *, / and sqrt, which IEEE 754
 // defines exactly. Errors are below 2 ulp of 1, those of atan and log below 3 ulp, over the stated ranges
 // (tests/core/elementary_test.cpp). All functions are pure and thread-safe and do not throw; angles are in rad.
@@ -32,7 +32,7 @@ constexpr std::array<double, Terms + 1> series_ratios() {
   return ratios;
 }
 
-// 1, 1/3, 1/5, ...: as a polynomial in x^2 it is atanh(x)/x, in -x^2 it is atan(x)/x.
+// 1, 1/3, 1/5, ...: the coefficients of atanh(x)/x as a polynomial in x^2, and of atan(x)/x in -x^2.
 template <std::size_t Terms>
 constexpr std::array<double, Terms> make_odd_reciprocals() {
   std::array<double, Terms> odd = {};
@@ -42,8 +42,8 @@ constexpr std::array<double, Terms> make_odd_reciprocals() {
 template <std::size_t Terms>
 inline constexpr std::array<double, Terms> odd_reciprocals = make_odd_reciprocals<Terms>();
 
-// c[0] + c[1] x + c[2] x^2 + ... by Estrin's scheme (pairs, pairs of pairs, ...), which waits for fewer results than
-// Horner's.
+// c[0] + c[1] x + c[2] x^2 + ... by Estrin's scheme (pairs, pairs of pairs, ...), whose chain of dependent
+// operations is shorter than that of Horner's rule.
 template <std::size_t N>
 constexpr double polynomial(const std::array<double, N>& c, double x) {
   if constexpr (N == 1) {

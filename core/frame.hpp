@@ -35,8 +35,8 @@ struct Frame {
   CanHeader can = {};
 };
 
-// The frames of one sample or of one answer, in order, with their bytes. It is made once, then cleared and refilled;
-// it does not allocate. Not thread-safe.
+// The frames of one sample or of one answer, in order, with their bytes. Make it once, then clear and refill it. It
+// does not allocate. Not thread-safe.
 class FrameBuffer {
  public:
   static constexpr std::size_t max_frames = 64;
@@ -48,8 +48,8 @@ class FrameBuffer {
     used_ = 0;
   }
 
-  // Returns room for one frame of at most `size` bytes, which push() completes, or an empty span if there is none. A
-  // Device that stays within the limits above always has room.
+  // Returns memory for one frame of at most `size` bytes, which push() completes, or an empty span if there is not
+  // enough. A Device that stays within the limits above always has room.
   std::span<std::byte> room(std::size_t size) noexcept {
     if (count_ == max_frames || size > max_bytes - used_) return {};
     return {bytes_.data() + used_, size};

@@ -68,8 +68,8 @@ void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
 // Extends the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
 void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept {
   if (advanced_.basis != MotionState::Basis::interpolated || timeline.revision() != revision_) {
-    // The state may have been extrapolated then, or interpolated across a truth that was late. The difference to what
-    // is known now goes into these increments.
+    // advanced_ was extrapolated, or interpolated across a truth that arrived late. These increments contain the
+    // difference between it and the state as it is known now.
     revision_ = timeline.revision();
     const MotionState known = timeline.at(advanced_.time);
     angle_sum_B_ += log(advanced_.q_NB.conjugate() * known.q_NB);
@@ -90,13 +90,13 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
 //
 // The specific force f is used only by its given integral V. By parts, in moving axes:
 //   integral of f = u2 + integral of omega x u,   u = C_BN (V - V1),   u' = f - omega x u,   u1 = 0;
-// so the sums agree with V, as the error of the rule is in the second, small term only.
+// so the sums agree with V, because only the second, small term has the error of the rule.
 void Imu::add_piece(const MotionState& end) noexcept {
   const MotionState& begin = advanced_;
   const double h = seconds(end.time - begin.time);
   const Vector3 u2 = end.q_NB.conjugate() * (end.dv_N - begin.dv_N);
   if (begin.basis == MotionState::Basis::held || end.basis == MotionState::Basis::held) {
-    // The motion began or stopped somewhere on the way; f is constant.
+    // The motion began or stopped within this step; f is constant.
     angle_sum_B_ += log(begin.q_NB.conjugate() * end.q_NB);
     velocity_sum_B_ += model_.delta_velocity == DeltaVelocity::integral ? Vector3(h * end.specific_force_B) : u2;
     advanced_ = end;
@@ -225,7 +225,7 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
   position.v_N += now.q_NB * now.omega_BN_B.cross(model_.r_SB_B);
   out.navigation = earth.navigation(position);
   if (out.navigation.is_known) {
-    // A vehicle whose motion is held stands on the Earth.
+    // A vehicle whose motion is held stands still relative to the Earth.
     if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
     out.navigation.gps_ns += (now.time - position.time).count();
     out.q_LP = earth.q_LN(position.time, out.navigation) * out.q_LP;
@@ -236,14 +236,15 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
     out.pressure = std::max(out.pressure, 0.0);
   }
   Vector3 field = out.magnetic_field, increment = Vector3::Zero();
-  magnetometer_.apply(normals_, counter_, 0.0, field, increment);  // its walk continues where no place is known
+  // The error process continues where no place is known.
+  magnetometer_.apply(normals_, counter_, 0.0, field, increment);
   if (out.navigation.is_known) out.magnetic_field = field;
 }
 
 namespace {
-// Floor, round or ceil of a magnitude, not negative, without a library call.
+// Returns the floor, nearest or ceiling integer of a magnitude, which is not negative, without a library call.
 double round_magnitude(double magnitude, Rounding rounding) noexcept {
-  if (!(magnitude < 0x1p52)) return magnitude;  // it is a whole number
+  if (!(magnitude < 0x1p52)) return magnitude;  // every such double is an integer
   const auto whole = static_cast<double>(static_cast<std::int64_t>(magnitude));
   switch (rounding) {
     case Rounding::nearest:

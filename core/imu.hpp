@@ -103,13 +103,13 @@ class Imu {
   // Makes the next sample the first of a run. Must be called when the timeline has begun a new run.
   void begin_run() noexcept { run_ = Run::none; }
 
-  // Integrates the truth up to `until`, so that the timeline may drop what is before; no later sample may precede
-  // `until`. Needed only where more truths than the timeline keeps lie between two samples. Does nothing outside a
-  // run, or if `until` is after the newest truth.
+  // Integrates the truth up to `until`, so that the timeline may drop the truths before it; no later sample may
+  // precede `until`. Needed only where more truths than the timeline keeps lie between two samples. Does nothing
+  // outside a run, or if `until` is after the newest truth.
   void advance(const Timeline& timeline, TruthTime until) noexcept;
 
-  // The time up to which truth is integrated: none before it is needed any more. Timeline::never outside a run, and
-  // while the vehicle is at rest.
+  // The time up to which truth is integrated: no truth before it is needed any more. It is Timeline::never outside a
+  // run, and while the vehicle is at rest.
   TruthTime advanced_to() const noexcept { return run_ == Run::truth ? advanced_.time : Timeline::never; }
 
   // Returns the sample at `time`, with the device's own time `stamp`. `time` is later than the sample before in this
@@ -119,8 +119,8 @@ class Imu {
   // Returns the sample of a vehicle at rest (core/rest.hpp), for a sensor that has power before the first truth; its
   // status is status::at_rest beside saturation. `since_power_on` is later than that of the sample before, and not
   // negative. The first sample at rest, and the first sample of a truth after it, begin a run: they have no
-  // increments, while the counter and the errors continue. With DeltaVelocity::memo the sensor's step stands for the
-  // truth's.
+  // increments, while the counter and the errors continue. With DeltaVelocity::memo, the sensor's step counts as one
+  // step of the truth.
   Sample sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcept;
 
   // Makes the next sample number k, with the errors that it has in the sequence from 0, except for a carried
@@ -162,7 +162,7 @@ class Imu {
   MotionState last_;            // the state at the last sample, as it was then known
   TruthTime last_time_;         // the time of the last sample; last_'s own differs if the timeline began later
   MotionState advanced_;        // the state at the end of the sums below
-  std::uint32_t revision_ = 0;  // the timeline's when advanced_ was taken from it
+  std::uint32_t revision_ = 0;  // Timeline::revision() when advanced_ was computed
   Vector3 angle_sum_B_;         // rad, integral of the rate since last_
   Vector3 velocity_sum_B_;      // m/s, of the specific force of B's origin, as model_.delta_velocity defines it
   Vector3 centripetal_sum_B_;   // m/s, of omega x (omega x r)

@@ -1,5 +1,5 @@
 // Random numbers: counter-based, so that each number of each stream can be computed alone, in any order, with the
-// same bits on every machine. All functions are pure and thread-safe, do not allocate or throw.
+// same bits on every machine. All functions are pure and thread-safe, and do not allocate or throw.
 #pragma once
 
 #include <array>
@@ -10,8 +10,8 @@
 
 namespace imud {
 
-// The quantity and the error process that a stream of numbers serves. A number once assigned is never assigned again,
-// so that a new process does not change the numbers of the others.
+// The quantity and the error process that a stream of numbers serves. The values below never change and are never
+// reused, so that a new process does not change the random numbers of the others.
 enum class Quantity : std::uint32_t { rate = 0, specific_force = 1, magnetic_field = 2, pressure = 3 };
 enum class Process : std::uint32_t { gauss_markov = 0 };
 
@@ -29,8 +29,8 @@ constexpr double uniform(std::uint64_t bits) noexcept {
 }
 
 // The normal deviates of one imu, one stream per quantity, axis and process, of Philox4x32-10 with the seed as key
-// and {k/2, k/2, process/quantity/axis, imu} as counter. Of its four words the first two give the normal of an even
-// k, the last two that of the odd one after it; each is independent of every other. (Salmon et al., "Parallel random
+// and {k/2, k/2, process/quantity/axis, imu} as counter. The first two of its four output words give the deviate of
+// an even k, the last two that of the odd k after it; all deviates are independent. (Salmon et al., "Parallel random
 // numbers: as easy as 1, 2, 3", SC 2011.)
 class Normals {
  public:

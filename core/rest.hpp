@@ -1,4 +1,4 @@
-// Rest: a vehicle that stands still, as its sensors have it before the simulator's first truth.
+// Rest: the vehicle that stands still before the simulator's first truth.
 #pragma once
 
 #include "core/earth.hpp"
@@ -21,12 +21,13 @@ class Rest {
  public:
   explicit Rest(const EarthModel& model);
 
-  // The vehicle at `time`, relative to the inertial frame N that coincides with L at the instant `aligned`; its
-  // velocity dv_N counts from there. The numbers are as small as the time between the two, so that increments are
-  // as exact after years as in the first second.
+  // Returns the state at `time`, relative to the inertial frame N that coincides with L at the instant `aligned`;
+  // dv_N is integrated from that instant. Choose `aligned` near `time`: then the numbers are small, and increments
+  // are as exact after years as in the first second.
   MotionState at(TruthTime time, TruthTime aligned) const noexcept;
 
-  // The Earth whose frame is `local`, with its origin at the vehicle's; off where the model's frame is none.
+  // Returns the Earth with a `local` frame whose origin is the vehicle's place; it is off where the model's frame is
+  // none.
   const Earth& earth() const noexcept { return earth_; }
 
  private:

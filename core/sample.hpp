@@ -29,7 +29,7 @@ struct Navigation {
   Vector3 v_L = Vector3::Zero();       // m/s, relative to the Earth
 };
 
-// One output of the sensor. It is a value; whoever holds it owns it.
+// One output of the sensor.
 struct Sample {
   DeviceTime time;                           // the device's own time at the end of the step
   std::uint64_t counter = 0;                 // 0 for the first sample after start, one more with each
@@ -38,8 +38,9 @@ struct Sample {
   Vector3 delta_angle = Vector3::Zero();     // rad, over the step that ends at `time`; 0 in the first sample of a run
   Vector3 delta_velocity = Vector3::Zero();  // m/s, likewise
   double temperature_c = 25.0;               // degrees Celsius
-  // For devices that know more than an IMU does: the true attitude of the platform relative to north-east-down, unit,
-  // v_L = q_LP * v_P. Where the relation of N to the Earth is unknown (EarthModel::Frame::none), N is taken as L.
+  // The true attitude of the platform relative to north-east-down, for products that report an attitude, as a unit
+  // quaternion: v_L = q_LP * v_P. Where the relation of N to the Earth is unknown (EarthModel::Frame::none), N is
+  // taken as L.
   Quaternion q_LP = Quaternion::Identity();
   Navigation navigation;                     // the sensor's point S
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown

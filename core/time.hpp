@@ -52,11 +52,11 @@ class Grid {
 
   // Returns the true time from the start to instant k, for k < 1e13 (30 years at 10 kHz).
   constexpr Nanoseconds offset(std::uint64_t k) const { return phase_ + steps(k, clock_rate_); }
-  // Returns the same as the clock itself counts it, without its error.
+  // Returns the same time as the clock counts it: nominal, without the clock's error.
   constexpr Nanoseconds nominal_offset(std::uint64_t k) const { return phase_ + steps(k, 1'000'000'000U); }
 
-  // Return the time that the clock counts while `elapsed` passes, and the time that passes while it counts `counted`;
-  // within +-9 years, rounded to the nearest ns.
+  // The first returns the time that the clock counts in the true time `elapsed`, the second the true time in which
+  // it counts `counted`. Both are valid within +-9 years and rounded to the nearest ns.
   constexpr Nanoseconds counted(Nanoseconds elapsed) const { return scaled(elapsed, clock_rate_, 1'000'000'000U); }
   constexpr Nanoseconds elapsed(Nanoseconds counted) const { return scaled(counted, 1'000'000'000U, clock_rate_); }
 
@@ -75,7 +75,7 @@ class Grid {
     return Nanoseconds{static_cast<std::int64_t>((scaled + divisor / 2) / divisor)};
   }
 
-  // `time` * numerator / denominator, to the nearest.
+  // Returns `time` * numerator / denominator, rounded to the nearest ns.
   static constexpr Nanoseconds scaled(Nanoseconds time, std::uint64_t numerator, std::uint64_t denominator) {
     const bool negative = time.count() < 0;
     const auto magnitude = static_cast<std::uint64_t>(negative ? -time.count() : time.count());

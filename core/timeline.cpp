@@ -38,8 +38,8 @@ Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity) {}
 Admission Timeline::classify(const Truth& truth) const noexcept {
   if (count_ == 0) return Admission::new_run;
   const Nanoseconds ahead = truth.time - newest();
-  // The run's first truth once more, as a network or a sender without an answer repeats it; or a simulator that was
-  // started again, when so much time has passed since.
+  // True if a network, or a sender that waits for an answer, has repeated the run's first truth. If the newest is
+  // later by more than `near`, the simulator has been restarted.
   const bool repeated = truth.time == run_start_ && truth.sequence == run_start_sequence_ && ahead >= -near;
   if (truth.new_run && !repeated) return Admission::new_run;
   if (ahead > limits_.max_gap) return Admission::time_jump;
@@ -96,7 +96,8 @@ void Timeline::forget_past() noexcept {
   run_start_sequence_ = newest_sequence_;
 }
 
-// Makes room for a knot that becomes number i; later ones move up. A full ring drops its oldest: i must be above 0.
+// Makes room for a knot that becomes number i, and moves later ones up. A full ring drops its oldest knot; then i
+// must be above 0.
 Timeline::Knot& Timeline::make_room(std::size_t i) noexcept {
   if (count_ == capacity) {
     first_ = (first_ + 1) % capacity;
@@ -126,7 +127,7 @@ void Timeline::insert(const Truth& truth) noexcept {
   for (i = count_ - 1 - later; i < count_; ++i) link(knot(i - 1), knot(i));
 }
 
-// Fills a knot with what its own truth carries.
+// Sets the members of a knot that depend on its own truth only.
 void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k = Knot{};
   k.state.time = truth.time;
@@ -142,7 +143,7 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.specific_force_N = k.state.q_NB * k.state.specific_force_B;
 }
 
-// Computes what depends on the truth before as well.
+// Sets the members of a knot that depend on the truth before as well.
 void Timeline::link(const Knot& before, Knot& k) noexcept {
   const Vector3 given_N = k.state.q_NB * k.accumulated_dv_B;  // if inertial
   k.dv_origin_N = before.dv_origin_N;
@@ -155,9 +156,10 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
     k.omegaDot_begin = before.state.omegaDot_BN_B;
     k.omegaDot_end = k.state.omegaDot_BN_B;
   } else {
-    // Not the curve's second derivative: that multiplies by 6/h what attitude and rate disagree by, and simulators
-    // that step the attitude by the old or the new rate (JSBSim) have them disagree by half a step's change of rate.
-    // Linear through the middles of this interval and the one before instead, where the rates' differences belong.
+    // The curve's second derivative is not used: it multiplies any disagreement of attitude and rate by 6/h, and in
+    // simulators that step the attitude by the old or the new rate (JSBSim) they disagree by half a step's change of
+    // rate. Instead, the angular acceleration is linear through the midpoints of this interval and the one before,
+    // where it equals the differences of the rates.
     constexpr double meaningful_s = 1e-5;
     k.rate_slope =
         k.h_s < meaningful_s ? before.rate_slope : Vector3((k.state.omega_BN_B - before.state.omega_BN_B) / k.h_s);
@@ -194,7 +196,7 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
         }
       }
       k.state.dv_N = before.state.dv_N + k.h_s * sum;
-      k.dv_origin_N = given_N - k.state.dv_N;  // should accumulated velocity begin here
+      k.dv_origin_N = given_N - k.state.dv_N;  // for accumulated velocity that begins with this truth
       break;
     }
   }
@@ -279,7 +281,7 @@ MotionState Timeline::extrapolate(TruthTime time) const noexcept {
   return state;
 }
 
-// The state before the first truth of a run: the vehicle stands where that truth has it.
+// Returns the state before the first truth of a run: the vehicle stands still in that truth's attitude.
 MotionState Timeline::before_run(TruthTime time) const noexcept {
   MotionState state = knot(0).state;
   state.dv_N -= seconds(state.time - time) * (state.q_NB * state.specific_force_B);

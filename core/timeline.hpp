@@ -37,13 +37,13 @@ struct PositionVelocity {
   Vector3 v_N = Vector3::Zero();  // m/s
 };
 
-// How the timeline received a truth.
+// The result of Timeline::push().
 enum class Admission : std::uint8_t {
-  accepted,   // it is the newest now
-  inserted,   // accepted: it was overtaken on its way, but is later than the watermark
+  accepted,   // it is now the newest
+  inserted,   // accepted: it arrived after a later truth, but is later than the watermark
   new_run,    // accepted: the timeline has discarded all others and begins a run with it
   duplicate,  // refused: there is a truth of this instant
-  reordered,  // refused: it was overtaken on its way, and is not later than the watermark
+  reordered,  // refused: it arrived after a later truth, and is not later than the watermark
   time_back,  // refused: it was sent after the newest, but its time is earlier
   time_jump,  // refused: its time is further ahead of the newest than Limits::max_gap
 };
@@ -66,7 +66,7 @@ class Timeline {
     // For this long after the newest truth, motion continues with constant angular acceleration and specific force;
     // then it is held. Not negative.
     Nanoseconds extrapolate = std::chrono::milliseconds(100);
-    // A truth further ahead of the newest than this is refused as time_jump, unless it is one of a restart (below).
+    // A truth further ahead of the newest than this is refused as time_jump, unless it completes a restart (below).
     // Above 0.
     Nanoseconds max_gap = std::chrono::seconds(60);
     // If this many truths in a row are refused, each later than the one before by at most max_gap, the simulator was
@@ -81,8 +81,8 @@ class Timeline {
 
   // Adds a truth, which must pass is_finite() and is_in_range(), or refuses it and leaves the timeline as it was. A
   // truth with `new_run` set begins a run, unless it repeats the run's first (the same time and sequence) within a
-  // second of it. What was true up to `watermark` is in use and does not change any more: a reordered truth is
-  // inserted if it is later, and neither the oldest of a full timeline nor before the run.
+  // second of it. The motion up to `watermark` has been used and is fixed: a reordered truth is inserted if it is
+  // later than the watermark and later than the oldest truth kept (than the second oldest if the timeline is full).
   Admission push(const Truth& truth, TruthTime watermark = never) noexcept;
 
   // Discards all truths but the newest, which becomes the first of a run. Must not be called if empty().
@@ -92,11 +92,11 @@ class Timeline {
   bool is_full_for(TruthTime time) const noexcept { return count_ == capacity && knot(1).state.time > time; }
 
   bool empty() const noexcept { return count_ == 0; }
-  // The times of the run's newest truth, and of its first, which need not be kept any more. Must not be called if
+  // Return the times of the run's newest truth, and of its first, which may have been dropped. Must not be called if
   // empty().
   TruthTime newest() const noexcept { return knot(count_ - 1).state.time; }
   TruthTime run_start() const noexcept { return run_start_; }
-  // A number that changes whenever a truth was inserted, so that at() has changed between truths that were there.
+  // Returns a number that changes with every inserted truth, because at() then changes between the truths beside it.
   std::uint32_t revision() const noexcept { return revision_; }
 
   // Returns the state at `time`, which may be any. Before the oldest truth kept it is the state at that truth (its

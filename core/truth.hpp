@@ -15,8 +15,8 @@ enum class AccumulatedDv : std::uint8_t {
   body_sum,  // sum of increments, each in the body axes at the end of its own truth step
 };
 
-// The motion of the vehicle body B relative to inertial space N (frames: core/README.md), in SI and radians. A member
-// whose `has_` is false is not to be read. It is a value; whoever holds it owns it.
+// The motion of the vehicle body B relative to inertial space N (frames: core/README.md), in SI and radians. A
+// member whose `has_` is false must not be read.
 struct Truth {
   TruthTime time;
   std::uint32_t stream = 0;    // the vehicle's number

@@ -1,4 +1,5 @@
-// Units: the factors from the units of configurations, data sheets and simulators to SI. They stand nowhere else.
+// Units: the factors from the units of configurations, data sheets and simulators to SI. They are defined nowhere
+// else.
 #pragma once
 
 namespace imud::units {
