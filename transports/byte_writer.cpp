@@ -8,7 +8,7 @@
 namespace imud {
 namespace {
 
-// The bytes of one writev; neighbours in memory, as a FrameBuffer's frames are, become one piece.
+// The pieces of one writev(). Frames that are adjacent in memory, as a FrameBuffer's are, become one piece.
 class Pieces {
  public:
   bool add(std::span<const std::byte> bytes) noexcept {
@@ -37,7 +37,7 @@ class Pieces {
 int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& counters) noexcept {
   int error = 0;
   std::size_t next = 0;   // the first frame that is neither sent nor dropped
-  std::size_t taken = 0;  // bytes of it that the kernel has
+  std::size_t taken = 0;  // bytes of `next` that the kernel has taken
   while (rest_begin_ != rest_end_ || next != frames.size()) {
     if (next != frames.size() && frames[next].bytes.size() > max_frame) {
       ++counters.dropped;
@@ -87,7 +87,7 @@ int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& count
   return error == EAGAIN ? 0 : error;
 }
 
-void ByteWriter::forget(PortCounters& counters) noexcept {
+void ByteWriter::discard(PortCounters& counters) noexcept {
   if (rest_begin_ == rest_end_) return;
   rest_begin_ = rest_end_;
   ++counters.dropped;

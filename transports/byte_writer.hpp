@@ -1,4 +1,4 @@
-// ByteWriter: hands whole frames to a non-blocking byte stream, none torn.
+// ByteWriter: writes whole frames to a non-blocking byte stream.
 #pragma once
 
 #include <array>
@@ -14,18 +14,19 @@ namespace imud {
 // at the next call; until it is gone, later frames are dropped whole. One thread.
 class ByteWriter {
  public:
-  // Longest frame; a longer one is dropped, because its rest could not be kept.
+  // The longest frame, bytes. A longer one is dropped, because its rest could not be kept.
   static constexpr std::size_t max_frame = FrameBuffer::max_bytes;
 
-  // Writes the rest, then `frames`, in one writev if the kernel takes it all. Every frame is counted once: as sent
+  // Writes the rest, then `frames`, by one writev() if the kernel takes it all. Every frame is counted once: as sent
   // when its last byte is taken, as dropped when the kernel takes none of it. Returns 0 ("full" is no failure), or
-  // the errno of the write that failed. `frames` may be empty: then only the rest is tried.
+  // the errno of the write that failed. If `frames` is empty, only the rest is written.
   int write(int fd, std::span<const Frame> frames, PortCounters& counters) noexcept;
 
+  // Returns true if there is no rest to be written.
   bool is_idle() const noexcept { return rest_begin_ == rest_end_; }
 
-  // Discards the rest, because the reader is gone; its frame counts as dropped.
-  void forget(PortCounters& counters) noexcept;
+  // Discards the rest, for example when the reader has gone; its frame counts as dropped.
+  void discard(PortCounters& counters) noexcept;
 
  private:
   std::array<std::byte, max_frame> rest_;

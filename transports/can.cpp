@@ -18,21 +18,22 @@
 namespace imud {
 namespace {
 
-// The kernel accepts FD lengths that no DLC stands for.
+// Returns the least length of a CAN FD frame that holds `size` bytes. The kernel also accepts lengths that no DLC
+// encodes.
 constexpr std::size_t fd_length(std::size_t size) {
   for (const std::size_t legal : {8UL, 12UL, 16UL, 20UL, 24UL, 32UL, 48UL})
     if (size <= legal) return size < 8 ? size : legal;
   return CANFD_MAX_DLEN;
 }
 
-// The bus that a spec describes, as an interface without bit timing does not know it.
+// The bit rates that a spec gives, because an interface without bit timing has none.
 struct Bus {
   explicit Bus(const PortSpec& spec)
       : bit_rate(static_cast<double>(spec.integer("bitrate", 5'000, 1'000'000).value_or(0))),
         data_bit_rate(static_cast<double>(
             spec.integer("data_bitrate", 5'000, 20'000'000).value_or(static_cast<std::int64_t>(bit_rate)))) {}
 
-  // The longest time that a frame can take; 0 if the bit rate is not given.
+  // Returns the longest time that a frame can take, s; 0 if the bit rate is not given.
   double wire_seconds(const CanHeader& header, std::size_t bytes) const noexcept {
     if (bit_rate == 0) return 0;
     const CanBits bits = can_bits(header, bytes);
@@ -42,8 +43,8 @@ struct Bus {
   double bit_rate, data_bit_rate;  // bit/s; 0: not given
 };
 
-// The frames in a second of a virtual interface that nothing may be lost on; nullopt: unlimited. 5000 unless there is
-// a bit rate: a receiver's default buffer (277 frames) then holds those of 55 ms.
+// Returns the highest rate at which frames leave to a virtual interface if none may be lost, frames/s; nullopt:
+// unlimited. The default without a bit rate is 5000: then a receiver's default buffer of 277 frames lasts for 55 ms.
 std::optional<double> max_frames_per_s(const PortSpec& spec) {
   if (spec.text("frames_per_s") == "unlimited") return std::nullopt;
   constexpr std::int64_t most = 1'000'000;
@@ -64,9 +65,9 @@ class CanPort final : public Port {
         socket_(spec.address, spec.one_of("confirm", "no yes") == "yes"),
         queue_(max_age(spec, delivery)) {
     if (spec.address.size() >= IFNAMSIZ)
-      throw spec.error("no interface has so long a name; right would be such as can0");
+      throw spec.error("the name is too long for an interface; right would be a name such as can0");
     if (::if_nametoindex(spec.address.c_str()) == 0)
-      throw spec.error("there is no such interface; 'ip link' shows those there are");
+      throw spec.error("there is no such interface; 'ip link' lists them");
     if (const int error = bind(); error == EAFNOSUPPORT || error == EPROTONOSUPPORT)
       throw spec.error("this kernel has no CAN; sudo modprobe can_raw");
     else if (error != 0)
@@ -93,8 +94,8 @@ class CanPort final : public Port {
       queue_.push(queued);
       queued.first = false;
     }
-    send_ready(
-        queued.since);  // not later: however long this thread is held up, no sample is too old for its first try
+    // At this time, not later: then no sample is stale at its first attempt, however long this thread is held up.
+    send_ready(queued.since);
   }
 
   void flush() noexcept override { send_ready(host_now()); }
@@ -138,7 +139,7 @@ class CanPort final : public Port {
   int bind() noexcept {
     if (const int error = socket_.bind(); error != 0) return error;
     bus_off_ = false;
-    look_at_mtu();
+    update_mtu();
     if (const int down = socket_.pending_error(); down != 0)
       lose(down);
     else
@@ -150,11 +151,11 @@ class CanPort final : public Port {
   // Returns false if frames would not reach the bus.
   bool is_connected() noexcept {
     if (!socket_.is_bound() && !rebind()) return false;
-    // In bus-off the kernel takes frames and discards them. It ends by a restart, which receive() finds, or with the
-    // interface taken down and up, which the socket reports.
+    // In bus-off the kernel takes frames and discards them. Bus-off ends by a restart, which receive() finds, or
+    // when the interface is taken down and up, which the socket reports.
     if (bus_off_ && socket_.pending_error() == 0) return false;
     bus_off_ = false;
-    if (state_ == PortState::lost) look_at_mtu();
+    if (state_ == PortState::lost) update_mtu();
     return true;
   }
 
@@ -166,10 +167,10 @@ class CanPort final : public Port {
       for (std::size_t i = 0; i < count; ++i) batch_[i] = {&queue_[i].frame, queue_[i].fd};
       const std::span<const CanSocket::Message> batch(batch_.data(), count);
       int taken = socket_.send(batch);
-      // A socket reports an interface that went down, perhaps long ago, by failing once: try again.
+      // The first call fails if the interface went down, perhaps long ago: try again.
       if (taken < 0 && errno == ENETDOWN) taken = socket_.send(batch);
       if (taken < 0) {
-        if (not_taken(errno, now)) continue;
+        if (handle_refusal(errno, now)) continue;
         return;
       }
       state_ = PortState::ready;
@@ -178,27 +179,27 @@ class CanPort final : public Port {
     }
   }
 
-  void look_at_mtu() noexcept { carries_fd_ = socket_.mtu() >= static_cast<int>(CANFD_MTU) && wanted_mtu_ != "16"; }
+  void update_mtu() noexcept { carries_fd_ = socket_.mtu() >= static_cast<int>(CANFD_MTU) && wanted_mtu_ != "16"; }
 
-  // The frames that wait would be old when the interface is back.
+  // Discards the waiting frames: they would be old when the interface is back.
   void lose(int error) noexcept {
     if (state_ != PortState::lost) ++counters_.lost_count;
     state_ = PortState::lost;
     counters_.dropped += queue_.clear();
-    if (error != ENODEV && error != ENXIO) return;  // down: bound still
+    if (error != ENODEV && error != ENXIO) return;  // the interface is down, and the socket still bound
     socket_.unbind();
     back_off_.start();
   }
 
   // The kernel has refused the oldest frame that is ready. Returns true if the next one may be tried.
-  bool not_taken(int error, HostTime now) noexcept {
+  bool handle_refusal(int error, HostTime now) noexcept {
     if (error == EINVAL || error == EMSGSIZE) {  // an FD frame, and the MTU was changed
-      look_at_mtu();
+      update_mtu();
       queue_.drop_first();
       ++counters_.dropped;
       return true;
     }
-    if (error == ENOBUFS)  // the interface's queue is full, which poll() does not know
+    if (error == ENOBUFS)  // the interface's queue is full, which poll() does not report
       queue_.interface_full(now);
     else if (error == EAGAIN)  // the socket's send buffer is full
       output_full_ = true;
@@ -266,7 +267,7 @@ class CanPort final : public Port {
   CanQueue queue_;
   bool carries_fd_ = false;
   bool bus_off_ = false;
-  bool output_full_ = false;  // the send buffer of the socket was, when a frame was last sent
+  bool output_full_ = false;  // the socket's send buffer was full at the last attempt
   BackOff back_off_;
   canfd_frame incoming_{};
   std::array<CanSocket::Message, CanSocket::max_batch> batch_;

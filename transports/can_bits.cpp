@@ -2,9 +2,10 @@
 
 namespace imud {
 
-// Classic: 47 (11-bit identifier) or 67 (29-bit) bits and the data with interframe space; a stuff bit after at worst
-// every fourth of the 34 or 54 bits and the data from start of frame to CRC (ISO 11898-1; Tindell's bound). FD: the
-// same rule over what is sent before the CRC; the CRC field with its fixed stuff bits is sent at the data rate.
+// Classic: 47 bits (11-bit identifier) or 67 bits (29-bit), interframe space included, and the data. At worst every
+// fourth of the 34 or 54 bits and the data from start of frame to CRC is followed by a stuff bit (ISO 11898-1;
+// Tindell's bound). FD: the same rule holds for the bits before the CRC; the CRC field with its fixed stuff bits is
+// sent at the data rate.
 CanBits can_bits(const CanHeader& header, std::size_t bytes) {
   const auto n = static_cast<double>(bytes);
   const double id = header.extended ? 20.0 : 0.0;

@@ -7,7 +7,7 @@
 
 namespace imud {
 
-// Bits at the nominal and at the data bit rate.
+// The bits of a frame that are sent at the nominal and at the data bit rate.
 struct CanBits {
   double nominal = 0, data = 0;
 };

@@ -25,9 +25,9 @@ void CanQueue::drop_first() noexcept {
 }
 
 std::size_t CanQueue::drop_stale(HostTime now) noexcept {
-  std::size_t begun = 0;  // frames at the front that belong to one that has left
+  std::size_t begun = 0;  // frames at the front whose first one has left
   while (begun < count_ && !(*this)[begun].first) ++begun;
-  std::size_t end = begun;  // of the stale ones behind them; the older the nearer to the front
+  std::size_t end = begun;  // of the stale frames behind them; older ones precede newer ones
   while (end < count_ && (!(*this)[end].first || now - (*this)[end].since > max_age_)) ++end;
   const std::size_t stale = end - begun;
   if (stale == 0) return 0;

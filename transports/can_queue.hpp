@@ -1,4 +1,4 @@
-// CanQueue: the frames that wait for a CAN interface, and when the next may leave.
+// CanQueue: the frames that wait for a CAN interface, and the time at which the next may leave.
 #pragma once
 
 #include <linux/can.h>
@@ -12,43 +12,44 @@
 
 namespace imud {
 
-// First in, first out. What is queued together (a sample, an answer, a transfer of several frames) leaves whole or
-// not at all. It is paced by the spacing of each frame, so that an interface without bit timing carries no more than
-// a bus would. Of fixed size; knows neither socket nor clock. One thread.
+// First in, first out. Frames queued together (a sample, an answer, a transfer of several frames) leave all or none.
+// Each frame has a spacing to the next, so that an interface without bit timing carries no more than a bus would.
+// The size is fixed; socket and clock are the caller's. One thread.
 class CanQueue {
  public:
   static constexpr std::size_t max_frames = 256;
-  // A paced queue whose flush came late catches up by at most so much, so that a receiver's default buffer (277
-  // frames of Linux) takes a burst: 106 frames at 1 Mbit/s, as the shortest takes 47 bits.
+  // A paced queue that is flushed late catches up by at most this time, so that a receiver's default buffer (277
+  // frames on Linux) holds the burst: 106 frames at 1 Mbit/s, because the shortest takes 47 bits.
   static constexpr Nanoseconds max_burst = std::chrono::milliseconds(5);
-  // A full interface is tried again after this: four frames at 1 Mbit/s, of the ten that an interface queues by
-  // default.
+  // A full interface is tried again after this time, in which a bus of 1 Mbit/s sends four of the ten frames that an
+  // interface queues by default.
   static constexpr Nanoseconds retry_pause = std::chrono::microseconds(500);
 
   struct Queued {
     canfd_frame frame;
     bool fd;              // written as a CAN FD frame
-    bool first;           // of the frames queued together
+    bool first;           // the first of the frames queued together
     HostTime since;       // when it was queued
     Nanoseconds spacing;  // least time from this frame to the next; 0: not paced
   };
 
-  // Frames queued together are stale when they have waited for longer than `max_age` and none has left.
+  // Frames queued together are stale if they have waited for longer than `max_age` and none of them has left.
   explicit CanQueue(Nanoseconds max_age) noexcept : max_age_(max_age) {}
 
+  // Returns the number of frames for which there is room.
   std::size_t room() const noexcept { return max_frames - count_; }
   bool is_empty() const noexcept { return count_ == 0; }
   // Appends a frame; there must be room.
   void push(const Queued& frame) noexcept { queue_[(first_ + count_++) % max_frames] = frame; }
 
-  // The number of frames, from the oldest, that may leave at `now`.
+  // Returns the number of frames, from the oldest, that may leave at `now`.
   std::size_t ready(HostTime now) const noexcept;
-  // Frame `i`, 0 the oldest; i < max_frames - room().
+  // Returns frame `i`, where 0 is the oldest and i < max_frames - room().
   const Queued& operator[](std::size_t i) const noexcept { return queue_[(first_ + i) % max_frames]; }
 
   // Removes the oldest `count` frames, which have left.
   void sent(std::size_t count, HostTime now) noexcept;
-  // The interface has no room: none is ready until retry_pause after `now`.
+  // Records that the interface has no room: no frame is ready until retry_pause after `now`.
   void interface_full(HostTime now) noexcept { retry_ = now + retry_pause; }
   // Removes the oldest frame, which the interface refused.
   void drop_first() noexcept;
@@ -57,7 +58,7 @@ class CanQueue {
   // Removes all frames. Returns their number.
   std::size_t clear() noexcept;
 
-  // When ready() is not 0 next, perhaps in the past; nullopt if nothing is queued.
+  // Returns the time from which ready() is not 0, which may be in the past; nullopt if nothing is queued.
   std::optional<HostTime> next() const noexcept;
 
  private:

@@ -26,7 +26,8 @@ can_filter kernel_filter(const CanFilter& filter) noexcept {
   return out;
 }
 
-// The kernel's stamps are of CLOCK_REALTIME. One that is not of the last second is due to a step of that clock.
+// Returns the arrival time of a kernel's stamp, which is of CLOCK_REALTIME. A stamp in the future or older than a
+// second means that this clock was stepped: then the arrival is now.
 HostTime arrival(const timespec& stamp) noexcept {
   constexpr Nanoseconds oldest = std::chrono::seconds(1);
   timespec now{};
@@ -41,7 +42,7 @@ int CanSocket::bind() noexcept {
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = static_cast<int>(::if_nametoindex(interface_.c_str()));
-  if (address.can_ifindex == 0) return ENODEV;  // 0 would be all interfaces
+  if (address.can_ifindex == 0) return ENODEV;  // 0 would bind all interfaces
   FileDescriptor fresh(::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW));
   const int on = 1;
   const int own = confirm_ ? 1 : 0;

@@ -23,23 +23,24 @@ class CanSocket {
   static constexpr std::size_t max_filters = 64;
   static constexpr std::size_t max_batch = 64;  // frames that one system call sends
 
-  // The socket is to be bound to `interface`, of less than IFNAMSIZ characters. With `confirm` it receives its own
-  // frames when they are sent: a controller's driver returns a frame when it was on the bus (IFF_ECHO); for vcan,
-  // vxcan and slcan the kernel does it when the interface takes the frame.
+  // Opens nothing yet. `interface` has less than IFNAMSIZ characters. With `confirm` it receives its own frames when
+  // they are sent: a controller's driver returns a frame when it was on the bus (IFF_ECHO); for vcan, vxcan and
+  // slcan the kernel does it when the interface takes the frame.
   CanSocket(std::string interface, bool confirm) : interface_(std::move(interface)), confirm_(confirm) {}
 
-  // Takes a new socket, as one whose interface was removed has lost its filters, and binds it. Returns 0 or an errno.
+  // Opens a new socket, because one whose interface was removed has lost its filters, and binds it. Returns 0 or an
+  // errno.
   int bind() noexcept;
   void unbind() noexcept { socket_.reset(); }
   bool is_bound() const noexcept { return static_cast<bool>(socket_); }
   int descriptor() const noexcept { return socket_.get(); }
 
-  // Receives what passes at least one of `filters`, now and after each bind(); until the first call, everything. More
-  // than max_filters pass everything, too.
+  // From now on, also after another bind(), receives only frames that pass at least one of `filters`. Before the
+  // first call, and with more than max_filters filters, every frame passes.
   void set_filters(std::span<const CanFilter> filters) noexcept;
 
-  // Returns the number of frames sent, or -1 with errno. Each message is a canfd_frame, its first CAN_MTU bytes for a
-  // classic one. frames.size() <= max_batch.
+  // Sends frames. Returns the number of frames sent, or -1 with errno. Each message is a canfd_frame, its first
+  // CAN_MTU bytes for a classic one. frames.size() <= max_batch.
   struct Message {
     const canfd_frame* frame;
     bool fd;
@@ -56,10 +57,10 @@ class CanSocket {
 
   // Returns the error that the next use of the socket would report, and clears it.
   int pending_error() const noexcept;
-  // The interface's MTU: CAN_MTU, CANFD_MTU, or 0 if it is gone.
+  // Returns the interface's MTU: CAN_MTU, CANFD_MTU, or 0 if the interface is gone.
   int mtu() const noexcept;
   bool is_up() const noexcept;
-  // True if the interface has no bit timing: it is a vcan or vxcan, or its driver is unknown.
+  // Returns true if the interface has no bit timing: it is a vcan or vxcan, or its driver is unknown.
   bool is_virtual() const noexcept;
 
  private:

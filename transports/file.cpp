@@ -25,8 +25,8 @@ bool is_regular(int fd) noexcept {
   return ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
 }
 
-// Writes. Frames for a regular file are gathered first; a pipe gets them at once, without ever waiting for its
-// reader.
+// Writes frames. Those for a regular file are buffered; a pipe gets them at once, and its reader is never waited
+// for.
 class FileWriter final : public Port {
  public:
   explicit FileWriter(const PortSpec& spec) {
@@ -43,7 +43,7 @@ class FileWriter final : public Port {
                                    errno == ENXIO ? "; a pipe needs its reader first" : ""));
     regular_ = is_regular(file_.get());
     if (!regular_) {
-      // A pipe whose reader leaves must not end the process; a handler that someone chose stays.
+      // A pipe whose reader leaves must not end the process; an installed handler stays.
       const auto before = std::signal(SIGPIPE, SIG_IGN);
       if (before != SIG_DFL) std::signal(SIGPIPE, before);
     }
@@ -74,7 +74,7 @@ class FileWriter final : public Port {
     if (error == 0) {
       state_ = PortState::ready;
     } else if (error == EPIPE) {
-      state_ = PortState::no_reader;  // what is in the pipe stays there for the next one
+      state_ = PortState::no_reader;  // bytes in the pipe stay there for the next reader
     } else {
       if (state_ != PortState::lost) ++counters_.lost_count;
       state_ = PortState::lost;
@@ -109,7 +109,7 @@ class FileReader final : public Port {
   void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
 
   std::optional<Received> receive() noexcept override {
-    // A fifo that no writer has opened yet reads as ended, but does not poll as hung up.
+    // For a fifo that no writer has opened yet, read() reports the end, but poll() reports nothing.
     pollfd ready{file_.get(), POLLIN, 0};
     if (at_end_ || ::poll(&ready, 1, 0) <= 0) return std::nullopt;
     const ssize_t size = ::read(file_.get(), buffer_.data(), buffer_.size());

@@ -9,22 +9,23 @@
 
 namespace imud {
 
-// CLOCK_MONOTONIC.
+// Returns the time of CLOCK_MONOTONIC.
 inline HostTime host_now() noexcept {
   timespec now{};
   ::clock_gettime(CLOCK_MONOTONIC, &now);
   return {std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec};
 }
 
-// 100 ms after the loss, then twice as long after each attempt that failed, up to 2 s.
+// Schedules the attempts to reopen a device: 100 ms after the loss, then twice as long after each attempt, up to 2
+// s.
 class BackOff {
  public:
-  // The device is lost now: the first attempt is due in 100 ms.
+  // Records that the device is lost now: the first attempt is due in 100 ms.
   void start() noexcept {
     pause_ = shortest;
     next_ = host_now() + pause_;
   }
-  // True once per pause; the next one is then twice as long.
+  // Returns true if an attempt is due, once per pause; the next pause is twice as long.
   bool due() noexcept {
     const HostTime now = host_now();
     if (now < next_) return false;

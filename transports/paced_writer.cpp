@@ -89,7 +89,7 @@ std::optional<HostTime> PacedWriter::next_flush() const noexcept {
   }
 }
 
-void PacedWriter::forget(PortCounters& counters) noexcept {
+void PacedWriter::discard(PortCounters& counters) noexcept {
   counters.dropped += frames_;
   first_ = count_ = first_frame_ = frames_ = of_first_ = free_ = 0;
   idle_at_ = HostTime{};

@@ -14,54 +14,54 @@
 
 namespace imud {
 
-// A queue of whole frames, first in, first out. A frame begins when it is queued, or when the one before is out;
-// character i of it is received (i + 1) * bits_per_character / baud later. Received characters are released as a
-// 16550 hands them over: 14 together, or fewer at the end of all that is queued. One thread; no clock of its own.
+// A queue of whole frames, first in, first out. A frame begins when it is queued, or when the one before has ended;
+// its character i is received (i + 1) * bits_per_character / baud later. Received characters are released as a 16550
+// passes them on: 14 together, or fewer at the end of the queue. One thread; the caller supplies the time.
 class PacedWriter {
  public:
   static constexpr std::size_t max_characters = FrameBuffer::max_bytes;
   static constexpr std::size_t max_frames = 512;
-  static constexpr std::size_t fifo =
-      14;  // trigger level of a 16550A's receive FIFO: PC16550D data sheet, FCR bits 6-7
+  // The trigger level of a 16550A's receive FIFO (PC16550D data sheet, FCR bits 6-7).
+  static constexpr std::size_t fifo = 14;
 
-  // Queues frames, each to be sent at `line` (baud not 0). One that does not fit is dropped whole and counted; all of
-  // them are if the first would have to wait for longer than `max_wait`.
+  // Queues frames, each to be sent at `line` (baud not 0). A frame for which there is no room is dropped whole and
+  // counted; all are dropped if the first would have to wait for longer than `max_wait`.
   void queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds max_wait,
              PortCounters& counters) noexcept;
 
-  // Returns the next characters to write, contiguous in memory and of one line setting; empty if none are received by
-  // `now`.
+  // Returns the next characters to write, contiguous in memory and with the same line settings; empty if none are
+  // received by `now`.
   std::span<const std::byte> ready(HostTime now) noexcept;
-  // Removes the first `count` of them, which the caller has written; a frame counts as sent with its last character.
-  // If some are left, the kernel is full, and next_flush() is a millisecond later.
+  // Removes the first `count` of these characters, which the caller has written; a frame counts as sent with its
+  // last character. If some are left, because the kernel took no more, next_flush() is a millisecond later.
   void written(std::size_t count, HostTime now, PortCounters& counters) noexcept;
 
-  // Returns when ready() has something next; nullopt if nothing is queued.
+  // Returns the time at which ready() next returns characters; nullopt if nothing is queued.
   std::optional<HostTime> next_flush() const noexcept;
   bool is_idle() const noexcept { return frames_ == 0; }
   std::size_t queued() const noexcept { return count_; }  // characters
   // The line settings of the next character; call it only if one is queued.
   const UartSettings& line() const noexcept { return queue_[first_frame_].line; }
   // Empties the queue; its frames count as dropped.
-  void forget(PortCounters& counters) noexcept;
+  void discard(PortCounters& counters) noexcept;
 
  private:
   struct Queued {
     HostTime begin;
     UartSettings line;
     std::size_t size = 0;                                      // at least 1
-    HostTime received(std::size_t characters) const noexcept;  // when so many are
-    std::size_t received_by(HostTime now) const noexcept;      // how many
+    HostTime received(std::size_t characters) const noexcept;  // the time at which so many are
+    std::size_t received_by(HostTime now) const noexcept;      // the number of them by `now`
   };
   const Queued& frame(std::size_t i) const noexcept { return queue_[(first_frame_ + i) % max_frames]; }
   void release(HostTime now) noexcept;
 
-  std::array<std::byte, max_characters> characters_;  // both are rings
+  std::array<std::byte, max_characters> characters_;  // a ring, as queue_
   std::size_t first_ = 0, count_ = 0;
   std::array<Queued, max_frames> queue_;
   std::size_t first_frame_ = 0, frames_ = 0;
   std::size_t of_first_ = 0;  // characters of the first frame that are written
-  std::size_t free_ = 0;      // characters that are released, but not written
+  std::size_t free_ = 0;      // characters released, but not written
   HostTime idle_at_;          // when all that was queued is out
   HostTime retry_;            // when to write again if free_ is not 0
 };

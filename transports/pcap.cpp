@@ -16,10 +16,10 @@ class PcapPort final : public Port {
  public:
   explicit PcapPort(const PortSpec& spec)
       : port_(static_cast<std::uint16_t>(spec.integer("port", 1, 65535).value_or(0))) {
-    // libpcap waits for what a pipe does not give.
+    // libpcap would wait for a pipe.
     std::error_code unknown;
     if (std::filesystem::exists(spec.address, unknown) && !std::filesystem::is_regular_file(spec.address, unknown))
-      throw spec.error("is no regular file; right would be a capture that is complete");
+      throw spec.error("is not a regular file; right would be a complete capture");
     std::array<char, PCAP_ERRBUF_SIZE> error{};
     capture_.reset(
         ::pcap_open_offline_with_tstamp_precision(spec.address.c_str(), PCAP_TSTAMP_PRECISION_NANO, error.data()));
@@ -27,7 +27,7 @@ class PcapPort final : public Port {
       throw spec.error(
           fmt::format("{}; right would be a pcap or pcapng file, as tcpdump -w and Wireshark write", error.data()));
     link_type_ = ::pcap_datalink(capture_.get());
-    if (!knows_link_type(link_type_)) {
+    if (!supports_link_type(link_type_)) {
       const char* name = ::pcap_datalink_val_to_description_or_dlt(link_type_);
       throw spec.error(
           fmt::format("captured on link type {} ({}); right would be Ethernet, Linux cooked, raw IP or "
@@ -39,7 +39,7 @@ class PcapPort final : public Port {
   void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
 
   std::optional<Received> receive() noexcept override {
-    constexpr int most = 1024;  // packets that are not ours, before the caller may look at other things
+    constexpr int most = 1024;  // packets that are skipped in one call, so that the caller can do other work
     for (int i = 0; i < most && !at_end_; ++i) {
       pcap_pkthdr* record = nullptr;
       const unsigned char* bytes = nullptr;
@@ -69,7 +69,7 @@ class PcapPort final : public Port {
   std::string_view end_warning() const noexcept override { return {warning_.data(), warning_size_}; }
 
  private:
-  // With nanosecond precision tv_usec holds ns. A stamp that is no time does not overflow, it wraps.
+  // With nanosecond precision tv_usec holds ns. An invalid stamp wraps around instead of overflowing.
   static HostTime stamp(const pcap_pkthdr& record) noexcept {
     const auto s = static_cast<std::uint64_t>(record.ts.tv_sec);
     const auto ns = static_cast<std::uint64_t>(record.ts.tv_usec);

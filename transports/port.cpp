@@ -8,7 +8,7 @@
 namespace imud {
 namespace {
 
-// Whether `path` ends in one of `suffixes`, which are separated by blanks.
+// Returns whether `path` ends in one of `suffixes`, which are separated by blanks.
 bool ends_in_one_of(std::string_view path, std::string_view suffixes) {
   while (!suffixes.empty()) {
     const std::string_view suffix = suffixes.substr(0, suffixes.find(' '));
@@ -29,7 +29,7 @@ void check_port(const Transport& transport, const PortSpec& spec, const PortSett
   if (settings.role == Role::listener || transport.serves_device) return;
   const auto others =
       port_examples([&](const Transport& t) { return t.serves_device && t.carries_can == transport.carries_can; });
-  throw spec.error(fmt::format("is only read; right to send to would be {}", fmt::join(others, " or ")));
+  throw spec.error(fmt::format("can only be read; right for output would be {}", fmt::join(others, " or ")));
 }
 
 std::unique_ptr<Port> open_port(std::string_view text, const PortSettings& settings) {

@@ -28,23 +28,23 @@ enum class Delivery : std::uint8_t {
   complete,  // the sender waits until all frames have left: lockstep, fast
 };
 
-// How a port is opened, beside what its text says. A role alone leaves everything to the text.
+// The settings of a port that are not in its text. All but the role have defaults.
 struct PortSettings {
   constexpr PortSettings(Role port_role) noexcept : role(port_role) {}
 
   Role role;
-  // The UART of the device behind the port, as it is when the port opens (Port::set_line() changes it). Takes the
-  // place of the text's `baud`, `parity` and `stop`. baud 0: the device has none, the text counts.
+  // The UART of the device behind the port when the port opens (Port::set_line() changes it). It replaces the text's
+  // `baud`, `parity` and `stop`. If its baud is 0, the device has no UART and the text applies.
   UartSettings uart;
   // Emulated UART only: characters arrive when the line would have carried them, not at once.
   bool paced = false;
   Delivery delivery = Delivery::timely;  // of a queue for a CAN interface
 };
 
-// The state that send() found. A lost device is a state, never an exit.
+// The state of a port, as its last call found it. A lost device is a state, never an exit.
 enum class PortState : std::uint8_t {
   ready,
-  no_reader,    // nobody has the other end open: frames are discarded
+  no_reader,    // no process has the other end open: frames are discarded
   wrong_speed,  // the client of a pty has set another speed than the line's: both sides read garbage, and frames
                 // count as sent
   lost,         // unplugged, removed, or down: the port reopens itself with back-off
@@ -70,8 +70,7 @@ class Port {
   // not drop a frame, and may wait, polls descriptor() for POLLOUT first.
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
-  // Sends an answer to the host, as send() does. On a line that is asked to carry more than it can, answers are
-  // dropped later than samples.
+  // Sends an answer to the host, as send() does. On an overloaded line, samples are dropped before answers.
   virtual void reply(std::span<const Frame> frames) noexcept { send(frames); }
   // Drops the frames that are held back, and counts them. Called at the end of a run.
   virtual void discard_pending() noexcept {}
@@ -89,11 +88,11 @@ class Port {
   // Describes how a capture ended if it is damaged ("cut short in record 12"); empty otherwise.
   virtual std::string_view end_warning() const noexcept { return {}; }
 
-  // Changes the UART's settings for all that is sent from now on. Until the frames sent before are out, new ones are
-  // dropped. A port without UART ignores it.
+  // Changes the UART's settings for all that is sent from now on. A real line drops new frames until those sent
+  // before have left. A port without UART ignores it.
   virtual void set_line(const UartSettings&) noexcept {}
 
-  // Sends what is held back as far as that is possible now: a file's buffer, the rest of a frame taken in part, the
+  // Sends what is held back, as far as possible now: a file's buffer, the rest of a frame taken in part, the
   // characters that a paced line has carried by now.
   virtual void flush() noexcept {}
   // Returns when flush() can send something more, if that depends on time alone; otherwise nullopt.
@@ -122,7 +121,7 @@ class Port {
   virtual std::optional<Confirmation> next_confirmation() noexcept { return std::nullopt; }
   // Returns the descriptor for poll(), or -1 if there is nothing to wait for: a capture, a regular file, a lost
   // device, a pty that nobody has open. It changes when the port reopens. While it is -1, call send() or receive()
-  // now and then: they look whether the device is back.
+  // periodically: they check whether the device is back.
   virtual int descriptor() const noexcept { return -1; }
 
   // The speeds that both ends of a pty are set to, in bit/s, as last seen; 0: not known.
@@ -149,13 +148,13 @@ enum class Uart : std::uint8_t {
 
 // How long a frame occupies the wire.
 struct WireTime {
-  double bits = 0;      // on the wire, with framing; the most that there can be where the data decide
+  double bits = 0;      // on the wire, with framing; the maximum where the number depends on the data
   double bit_rate = 0;  // bit/s, a CAN FD bus's nominal one; 0: not known
   double seconds = 0;   // 0: not known
 };
 
-// One entry of the table: all that the rest of the project knows of a kind of port. Nothing outside of its file asks
-// for its name. The functions get a spec that has passed check(), except check() itself.
+// One entry of the table: everything that other folders know of a kind of port. Code outside of its file uses the
+// properties, never the name. Except for check(), the functions require a spec that has passed check().
 struct Transport {
   std::string_view name;      // the word before the colon in a port: the file's stem
   std::string_view summary;   // one line
@@ -165,27 +164,27 @@ struct Transport {
   bool carries_can = false;       // frames have an identifier; otherwise they are bytes
   bool keeps_datagrams = false;   // one frame sent is one frame received; otherwise a stream of bytes
   bool ends = false;              // a listener reads something recorded, up to its end
-  bool brings_truth = false;      // truth may come by it
+  bool brings_truth = false;      // may be the port of the truth
   bool serves_device = true;      // Role::device is possible, beside Role::listener
   bool is_shared = false;         // several imus may have the same address: a bus, a receiver of datagrams
-  bool has_private_copy = false;  // a port at any other path serves as well to measure what a write costs
-  Uart uart = Uart::none;         // with one, the options `baud`, `parity` and `stop` are its settings
+  bool has_private_copy = false;  // a port at another path serves to measure the duration of writes
+  Uart uart = Uart::none;         // if there is one, the options `baud`, `parity` and `stop` set it
 
   // Files that `imud replay` and `imu-truth capture` open by this transport if no transport is named: suffixes of
   // their names (".csv .txt"); "*" stands for those that no other transport claims.
   std::string_view suffixes = {};
 
-  // Throws PortError with what is wrong with the spec and what would be right: an unknown option, a value out of
-  // range, settings that such a port cannot have. Does not touch the system. check_port() refuses a role by the
-  // properties.
+  // Throws PortError if an option is unknown, a value is out of range, or such a port cannot have these settings;
+  // its text has the fault and what would be right. Does not touch the system. check_port() checks the role.
   void (*check)(const PortSpec& spec, const PortSettings& settings);
   // Opens a port. Throws PortError with what failed on what.
   std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);
 
   // Returns how long `frame` occupies the wire. nullptr: frames leave instantly.
   WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
-  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all. Throws PortError if the spec has
-  // not passed check(). nullptr: no UDP. A transport that `ends` takes it from its option `port`.
+  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all ports. Throws PortError if the
+  // spec has not passed check(). nullptr: the transport does not use UDP. A transport that `ends` has it as its
+  // option `port`.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
   // Returns true if a device's frames go to standard output. nullptr: never.
   bool (*is_standard_output)(const PortSpec& spec) = nullptr;
@@ -207,7 +206,7 @@ std::vector<std::string_view> port_examples(Condition condition) {
   return all;
 }
 
-// Throws PortError if the transport has not that role, or its check() fails.
+// Throws PortError if the transport does not support the role of `settings`, or if its check() throws.
 void check_port(const Transport& transport, const PortSpec& spec, const PortSettings& settings);
 
 // Opens "scheme:address?key=value&...". Throws PortError.

@@ -10,7 +10,7 @@
 namespace imud {
 namespace {
 
-// The whole of `text` as an integer.
+// Returns the integer that `text` is; nullopt if it is anything else.
 template <class Integer>
 std::optional<Integer> whole_number(std::string_view text) {
   Integer value = 0;
@@ -56,7 +56,7 @@ PortSpec PortSpec::parse(std::string_view text) {
   for (const std::string_view option : words(rest.substr(question_mark + 1), '&')) {
     const std::size_t equals = option.find('=');
     if (equals == std::string_view::npos || equals == 0 || equals + 1 == option.size())
-      throw wrong(fmt::format("'{}' is no key=value", option));
+      throw wrong(fmt::format("'{}' is not key=value", option));
     const auto [entry, is_new] = spec.options.emplace(option.substr(0, equals), option.substr(equals + 1));
     if (!is_new) throw wrong(fmt::format("'{}' is given twice", entry->first));
   }

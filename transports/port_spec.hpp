@@ -1,4 +1,4 @@
-// PortSpec: a port's name in the configuration, taken apart.
+// PortSpec: the parsed text of a port in the configuration.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace imud {
 
-// A fault of a port; the text has the fault and what would be right.
+// A fault of a port; its text names the fault and what would be right.
 struct PortError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -18,21 +18,23 @@ struct PortError : std::runtime_error {
 // "serial:/dev/ttyUSB0?baud=921600&parity=even": scheme, address, options.
 struct PortSpec {
   std::string scheme;
-  std::string address;  // all between the first colon and the question mark
+  std::string address;  // everything between the first colon and the question mark
   std::map<std::string, std::string, std::less<>> options;
 
-  // Throws PortError on a text that has not this form.
+  // Throws PortError on a text of another form.
   static PortSpec parse(std::string_view text);
 
-  // An integer option within [min, max]; nullopt if absent. Throws PortError.
+  // Returns an integer option; nullopt if absent. Throws PortError if it is not an integer within [min, max].
   std::optional<std::int64_t> integer(std::string_view key, std::int64_t min, std::int64_t max) const;
+  // Returns an option as it is; nullopt if absent.
   std::optional<std::string> text(std::string_view key) const;
-  // An option that is one of `choices` ("none even odd"); the first of them if absent. Throws PortError.
+  // Returns an option that is one of `choices` ("none even odd"); the first of them if absent. Throws PortError if
+  // it is none of them.
   std::string one_of(std::string_view key, std::string_view choices) const;
   // Throws PortError if an option is none of `known` ("baud parity stop").
   void allow_only(std::string_view known) const;
 
-  // The error to throw: "scheme:address: what".
+  // Returns the error to throw: "scheme:address: what".
   PortError error(std::string_view what) const;
 };
 

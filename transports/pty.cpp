@@ -57,9 +57,10 @@ class PtyDevice final : public Port {
       return spec.error(fmt::format("{}: {}", what, std::strerror(errno)));
     };
     master_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    if (!master_ || ::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0) throw failed("no pty to be had");
+    if (!master_ || ::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0)
+      throw failed("cannot make a pty");
     int number = 0;
-    if (::ioctl(master_.get(), TIOCGPTN, &number) != 0) throw failed("no pty to be had");
+    if (::ioctl(master_.get(), TIOCGPTN, &number) != 0) throw failed("cannot make a pty");
     slave_ = fmt::format("{}{}", slaves, number);
 
     // After the slave was opened and closed once, poll() shows whether a client has it open.
@@ -79,7 +80,7 @@ class PtyDevice final : public Port {
   void send(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(100)); }
   void reply(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(500)); }
   void discard_pending() noexcept override {
-    if (paced_) paced_->forget(counters_);
+    if (paced_) paced_->discard(counters_);
   }
 
   // Paced: drops frames that would have to wait for the line for longer than `max_wait`.
@@ -102,10 +103,10 @@ class PtyDevice final : public Port {
     const ssize_t size =
         ::read(master_.get(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
     if (size <= 0) {
-      look_for_reader();
+      check_reader();
       return std::nullopt;
     }
-    const auto bytes = heard(std::span(buffer_).first(static_cast<std::size_t>(size)));
+    const auto bytes = as_device_receives(std::span(buffer_).first(static_cast<std::size_t>(size)));
     if (bytes.empty()) return std::nullopt;
     ++counters_.received;
     return Received{{bytes}, host_now()};
@@ -125,7 +126,7 @@ class PtyDevice final : public Port {
   bool wants_output() const noexcept override { return !writer_.is_idle(); }
 
   bool is_drained() noexcept override {
-    if (!look_for_reader()) return true;
+    if (!check_reader()) return true;
     flush();
     if (paced_ && !paced_->is_idle()) return false;
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
@@ -134,7 +135,7 @@ class PtyDevice final : public Port {
     return !slave || ::poll(&unread, 1, 0) <= 0;
   }
 
-  // Without a reader poll() would return at once for ever.
+  // -1 without a reader, because poll() would always return at once.
   int descriptor() const noexcept override { return state_ == PortState::no_reader ? -1 : master_.get(); }
 
  private:
@@ -152,10 +153,10 @@ class PtyDevice final : public Port {
                         "link",
                         target));
     } else if (fs::exists(old)) {
-      throw spec.error("exists and is no link; it is left alone, choose another name");
+      throw spec.error("exists and is not a link; it is left alone, choose another name");
     }
 
-    // The new link takes the old one's place in one step.
+    // The new link replaces the old one in one step.
     const std::string fresh = fmt::format("{}.{}.{}", link_, ::getpid(), slave_.substr(slaves.size()));
     fs::create_symlink(slave_, fresh, error);
     if (!error) fs::rename(fresh, link_, error);
@@ -166,33 +167,34 @@ class PtyDevice final : public Port {
     }
   }
 
-  // Looks for the reader at most every 5 ms. What a reader that has left did not read is discarded then.
+  // Checks for a reader at most every 5 ms. When it finds that the reader has left, it discards what that reader had
+  // not read.
   bool has_reader() noexcept {
-    constexpr Nanoseconds often_enough = std::chrono::milliseconds(5);
-    if (state_ == PortState::no_reader || host_now() - looked_ >= often_enough) return look_for_reader();
+    constexpr Nanoseconds between_checks = std::chrono::milliseconds(5);
+    if (state_ == PortState::no_reader || host_now() - checked_ >= between_checks) return check_reader();
     state_ = state_with_reader();
     return true;
   }
 
-  bool look_for_reader() noexcept {
+  bool check_reader() noexcept {
     pollfd master{master_.get(), 0, 0};
     ::poll(&master, 1, 0);
     const bool present = (master.revents & POLLHUP) == 0;
     if (!present && state_ != PortState::no_reader) discard_unread();
     state_ = present ? state_with_reader() : PortState::no_reader;
-    looked_ = host_now();
+    checked_ = host_now();
     return present;
   }
 
-  // Compares the client's speed with the line's; 0 is no speed. The master has the slave's settings.
+  // Compares the client's speed with the line's; 0 means no speed. The master reports the slave's settings.
   PortState state_with_reader() noexcept {
     speeds_ = {line_now().baud, line_speed(master_.get()).value_or(0)};
     const bool checked = !any_speed_ && speeds_.line != 0 && speeds_.client != 0;
-    return checked && !understand(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed
-                                                                            : PortState::ready;
+    return checked && !speeds_match(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed
+                                                                              : PortState::ready;
   }
 
-  // Characters on their way are sent with the settings that held when they were queued.
+  // Queued characters are sent with the settings that applied when they were queued.
   const UartSettings& line_now() const noexcept { return paced_ && !paced_->is_idle() ? paced_->line() : line_; }
 
   void write_received() noexcept {
@@ -201,7 +203,7 @@ class PtyDevice final : public Port {
       state_ = state_with_reader();
       std::size_t count = bytes.size();
       if (state_ == PortState::wrong_speed) {
-        const auto garbage = garbled(bytes, count == paced_->queued());
+        const auto garbage = as_client_receives(bytes, count == paced_->queued());
         static_cast<void>(::write(master_.get(), garbage.data(), garbage.size()));
       } else {
         count = static_cast<std::size_t>(std::max<ssize_t>(::write(master_.get(), bytes.data(), count), 0));
@@ -215,25 +217,25 @@ class PtyDevice final : public Port {
   void write_garbage(std::span<const Frame> frames) noexcept {
     writer_.write(master_.get(), {}, counters_);
     for (const Frame& frame : frames) {
-      const auto garbage = garbled(frame.bytes, &frame == &frames.back());
+      const auto garbage = as_client_receives(frame.bytes, &frame == &frames.back());
       const bool taken = writer_.is_idle() && ::write(master_.get(), garbage.data(), garbage.size()) >= 0;
       ++(taken ? counters_.sent : counters_.dropped);
     }
   }
 
   // Returns what the client receives at its own speed. `last`: the line is idle afterwards.
-  std::span<const std::byte> garbled(std::span<const std::byte> bytes, bool last) noexcept {
+  std::span<const std::byte> as_client_receives(std::span<const std::byte> bytes, bool last) noexcept {
     to_client_.set(line_now(), speeds_.client);
     return through(to_client_, bytes, last, garbage_);
   }
 
   // Returns what the device receives at the line's speed.
-  std::span<const std::byte> heard(std::span<const std::byte> bytes) noexcept {
+  std::span<const std::byte> as_device_receives(std::span<const std::byte> bytes) noexcept {
     if (state_with_reader() != PortState::wrong_speed) return bytes;
     UartSettings client = line_now();
     client.baud = speeds_.client;
     from_client_.set(client, speeds_.line);
-    return through(from_client_, bytes, true, heard_);
+    return through(from_client_, bytes, true, incoming_);
   }
 
   static std::span<const std::byte> through(UartWire& wire, std::span<const std::byte> bytes, bool last,
@@ -244,11 +246,11 @@ class PtyDevice final : public Port {
     return received.first(count);
   }
 
-  // Discards what the last reader left unread, so that the next one does not get it; only the slave can flush all of
-  // it. What the reader sent to imud stays.
+  // Discards what the last reader left unread, so that the next one does not receive it; only the slave can flush
+  // all of it. Bytes that the reader sent to imud stay.
   void discard_unread() noexcept {
-    writer_.forget(counters_);
-    if (paced_) paced_->forget(counters_);
+    writer_.discard(counters_);
+    if (paced_) paced_->discard(counters_);
     to_client_.idle();
     const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (slave) ::tcflush(slave.get(), TCIFLUSH);
@@ -261,13 +263,13 @@ class PtyDevice final : public Port {
   const bool any_speed_;
   std::string slave_;
   FileDescriptor master_;
-  HostTime looked_;  // when a reader was last looked for
+  HostTime checked_;  // when has_reader() last checked for a reader
   ByteWriter writer_;
   std::optional<PacedWriter> paced_;
   UartWire to_client_, from_client_;
   std::array<std::byte, most_read> buffer_;
-  std::array<std::byte, UartWire::most * most_read + 1> heard_;
-  std::array<std::byte, UartWire::most * ByteWriter::max_frame + 1> garbage_;
+  std::array<std::byte, UartWire::max_received * most_read + 1> incoming_;
+  std::array<std::byte, UartWire::max_received * ByteWriter::max_frame + 1> garbage_;
 };
 
 // The client's end of a terminal that another process serves.
@@ -276,9 +278,10 @@ class PtyListener final : public Port {
   explicit PtyListener(const PortSpec& spec) {
     tty_.reset(::open(spec.address.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     if (!tty_)
-      throw spec.error(fmt::format("cannot open it: {}{}", std::strerror(errno),
-                                   errno == ENOENT || errno == EIO ? "; is the one running that serves it?" : ""));
-    if (!make_raw(tty_.get())) throw spec.error("is no terminal");
+      throw spec.error(
+          fmt::format("cannot open it: {}{}", std::strerror(errno),
+                      errno == ENOENT || errno == EIO ? "; is the process running that serves it?" : ""));
+    if (!make_raw(tty_.get())) throw spec.error("is not a terminal");
     if (const auto baud = spec.integer("baud", 50, 4'000'000))
       set_line_speed(tty_.get(), static_cast<unsigned>(*baud));
   }

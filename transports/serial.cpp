@@ -60,10 +60,11 @@ class SerialPort final : public Port {
       const int error = errno;
       throw spec.error(fmt::format("cannot open it: {}{}", std::strerror(error),
                                    error == EACCES  ? "; sudo adduser $USER dialout, then log in again"
-                                   : error == EBUSY ? "; another process has it for itself"
+                                   : error == EBUSY ? "; another process has locked it"
                                                     : ""));
     }
-    if (::isatty(probe.get()) == 0) throw spec.error("is no serial line; right would be a tty, such as /dev/ttyUSB0");
+    if (::isatty(probe.get()) == 0)
+      throw spec.error("is not a serial line; right would be a tty, such as /dev/ttyUSB0");
     try {
       configure();
     } catch (const std::exception& error) {
@@ -76,12 +77,12 @@ class SerialPort final : public Port {
 
   ~SerialPort() override {
     ::ioctl(line_.get(), TIOCNXCL);
-    // A peer that holds CTS back would let close() wait for half a minute.
+    // If the peer withholds CTS, close() would wait for half a minute.
     if (settings_.has_flow_control) ::tcflush(line_.get(), TCOFLUSH);
   }
 
   void send(std::span<const Frame> frames) noexcept override {
-    if ((!line_ && !reopen()) || !settle()) {
+    if ((!line_ && !reopen()) || !apply_line()) {
       counters_.dropped += frames.size();
       return;
     }
@@ -107,12 +108,12 @@ class SerialPort final : public Port {
 
   void set_line(const UartSettings& line) noexcept override {
     wanted_ = line;
-    settle();
+    apply_line();
   }
 
  private:
-  // Executes a change of the line when the last byte is out. Returns false until then.
-  bool settle() noexcept {
+  // Applies a change of the line when the last byte has left. Returns false until then.
+  bool apply_line() noexcept {
     if (!wanted_) return true;
     if (!line_) return false;
     int unsent = 0;
@@ -168,7 +169,7 @@ class SerialPort final : public Port {
     const int flags = ::fcntl(fd, F_GETFL);
     if (flags < 0 || ::fcntl(fd, F_SETFL, flags | O_NONBLOCK) != 0) return false;
 
-    // If the driver knows the flag, an FTDI chip does not gather bytes for 16 ms.
+    // With this flag the driver of an FTDI chip does not let it buffer bytes for 16 ms. Other drivers ignore it.
     serial_struct driver{};
     if (::ioctl(fd, TIOCGSERIAL, &driver) == 0) {
       driver.flags |= ASYNC_LOW_LATENCY;
@@ -178,10 +179,10 @@ class SerialPort final : public Port {
     return true;
   }
 
-  // The descriptor is closed at once, or the device would come back under another name.
+  // Closes the descriptor at once, because otherwise the device would come back under another name.
   void lose() noexcept {
     line_.reset();
-    writer_.forget(counters_);
+    writer_.discard(counters_);
     state_ = PortState::lost;
     ++counters_.lost_count;
     back_off_.start();
@@ -197,10 +198,10 @@ class SerialPort final : public Port {
   }
 
   const std::string path_;
-  const Settings settings_;  // when opened
-  termios configured_{};     // to be set again when the device is back
+  const Settings settings_;  // at the time of opening
+  termios configured_{};     // applied again when the device is back
   unsigned baud_ = settings_.uart.baud;
-  std::optional<UartSettings> wanted_;  // to be set as soon as what was sent is out
+  std::optional<UartSettings> wanted_;  // settings to apply when all bytes sent have left
   FileDescriptor line_;                 // closed while the device is lost
   BackOff back_off_;
   ByteWriter writer_;
@@ -226,7 +227,7 @@ WireTime wire_time(const PortSpec& spec, const PortSettings& settings, const Fra
 extern const Transport serial_transport;
 constexpr Transport serial_transport = {
     .name = "serial",
-    .summary = "a serial line; reopened by itself when it was unplugged",
+    .summary = "a serial line; reopened automatically after it was unplugged",
     .syntax = "serial:/dev/ttyUSB0?baud=921600&parity=none|even|odd&stop=1|2&bits=8|7&flow=none|rtscts",
     .document = "termios(3)",
     .uart = Uart::real,

@@ -1,4 +1,4 @@
-// ioctl_tty(2). A file of its own because the kernel's struct termios2 clashes with <termios.h>.
+// ioctl_tty(2). This is a file of its own because the kernel's struct termios2 clashes with <termios.h>.
 #include "transports/termios2.hpp"
 
 #include <asm/termbits.h>

@@ -6,7 +6,7 @@
 namespace imud {
 namespace {
 
-// The levels of characters back to back, before and after them idle.
+// The levels of characters that are sent back to back; the line is idle before and after them.
 class Waveform {
  public:
   Waveform(std::span<const std::byte> characters, const UartSettings& line) noexcept
@@ -76,7 +76,7 @@ std::size_t UartWire::carry(std::span<const std::byte> sent, std::span<std::byte
 std::optional<std::byte> UartWire::idle() noexcept {
   const unsigned bit = bit_;
   next_ = bit_ = 0;
-  if (bit <= 1) return std::nullopt;  // a start bit that is over before its middle is none
+  if (bit <= 1) return std::nullopt;  // no character: the start bit ended before its middle
   unsigned data = data_;
   for (unsigned rest = bit; rest <= 9; ++rest) data |= 1U << (rest - 2);
   return static_cast<std::byte>(data);

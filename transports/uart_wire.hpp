@@ -1,4 +1,4 @@
-// UartWire: what a UART receives of characters that were sent at another speed than its own.
+// UartWire: computes what a UART receives if characters are sent at another speed than its own.
 #pragma once
 
 #include <cstddef>
@@ -10,39 +10,42 @@
 
 namespace imud {
 
-// Whether two UARTs understand one another: by the middle of the stop bit the slower one is less than half a bit
-// behind.
-constexpr bool understand(unsigned baud, unsigned other, const UartSettings& characters) noexcept {
+// Returns whether two UARTs receive one another's characters: until the middle of the stop bit, the slower one falls
+// behind by less than half a bit. Speeds in bit/s.
+constexpr bool speeds_match(unsigned baud, unsigned other, const UartSettings& characters) noexcept {
   const std::uint64_t bits = 10 + (characters.parity == Parity::none ? 0 : 1);  // to the end of the first stop bit
   const std::uint64_t fast = baud > other ? baud : other, slow = baud > other ? other : baud;
   return (2 * bits - 1) * fast < 2 * bits * slow;
 }
 
-// The wire as wave forms: idle 1, start bit 0, data bits, least significant first, parity, stop bits 1. The receiver
-// waits for a falling edge and samples the middle of each bit at its own speed; a start bit that is none by then is
-// noise. A character whose stop bit is missing comes as sampled, a break as 0: what a tty gives whose client has not
-// set INPCK (termios(3); n_tty_receive_parity_error() in Linux' n_tty.c). Parity is not checked, as there.
+// The wire is a waveform: idle 1, start bit 0, data bits, least significant first, parity, stop bits 1. The receiver
+// waits for a falling edge and samples the middle of each bit at its own speed; a start bit that is not 0 in its
+// middle is noise. A character without a stop bit is received as sampled, a break as 0, and parity is not checked:
+// so does a tty whose client has not set INPCK (termios(3); n_tty_receive_parity_error() in Linux' n_tty.c).
 class UartWire {
  public:
-  // Most characters received for one sent: so many falling edges it has.
-  static constexpr std::size_t most = 5;
+  // The most characters received for one sent, which is the most falling edges that one has.
+  static constexpr std::size_t max_received = 5;
 
-  // `sender.baud` and `receiver_baud` from 50 to 4'000'000. A change forgets the character under way.
+  // `sender.baud` and `receiver_baud` are from 50 to 4'000'000 bit/s. A change discards the character that is being
+  // received.
   void set(const UartSettings& sender, unsigned receiver_baud) noexcept;
 
-  // Sends characters back to back, at once after those of the call before. Returns how many were received by their
-  // end, put into `received`; those for which there is no room are lost.
+  // Sends characters back to back, directly after those of the call before. Writes the characters received by the
+  // end of these to `received` and returns their number; those for which there is no room are lost.
   std::size_t carry(std::span<const std::byte> sent, std::span<std::byte> received) noexcept;
 
-  // The line is idle from now on: the character that was under way.
+  // Makes the line idle from now on. Returns the character that was being received; nullopt if there was none.
   std::optional<std::byte> idle() noexcept;
 
  private:
   UartSettings sender_;
   unsigned receiver_baud_ = 0;
-  std::int64_t next_ = 0;  // sample, or look for an edge, after the end of what was sent, in 1/(2 sender receiver) s
-  unsigned bit_ = 0;       // of the character under way that is sampled next, the start bit being 1; 0: none is
-  unsigned data_ = 0;      // sampled so far
+  // When to sample, or from when to expect an edge, after the end of the last call, in s/(2 * sender * receiver
+  // baud).
+  std::int64_t next_ = 0;
+  unsigned bit_ = 0;   // next bit to sample, the start bit being 1; 0: no character is being received
+  unsigned data_ = 0;  // data bits sampled so far
 };
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// A frame is a datagram. udp(7), ip(7), ipv6(7).
+// UDP sockets; a frame is a datagram. udp(7), ip(7), ipv6(7).
 #include <fmt/format.h>
 #include <netdb.h>
 #include <sys/socket.h>
@@ -66,7 +66,7 @@ class UdpPort final : public Port {
 
   void send(std::span<const Frame> frames) noexcept override {
     for (const Frame& frame : frames) {
-      if (sent(frame)) {
+      if (try_send(frame)) {
         ++counters_.sent;
         state_ = PortState::ready;
       } else {
@@ -76,7 +76,7 @@ class UdpPort final : public Port {
   }
 
   std::optional<Received> receive() noexcept override {
-    // One attempt more: the first may only report the fate of a datagram sent before.
+    // The first attempt may only report that an earlier datagram failed: try again.
     for (int attempt = 0; attempt < 2; ++attempt) {
       Peer from;
       from.size = sizeof from.address;
@@ -95,9 +95,9 @@ class UdpPort final : public Port {
   int descriptor() const noexcept override { return socket_.get(); }
 
  private:
-  bool sent(const Frame& frame) noexcept {
+  bool try_send(const Frame& frame) noexcept {
     if (!connected_ && peer_.size == 0) return false;
-    // A socket reports what became of an earlier datagram (ECONNREFUSED, EHOSTUNREACH) by failing once: try again.
+    // The first attempt may only report that an earlier datagram failed (ECONNREFUSED, EHOSTUNREACH): try again.
     for (int attempt = 0; attempt < 2; ++attempt) {
       const ssize_t size =
           ::sendto(socket_.get(), frame.bytes.data(), frame.bytes.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
@@ -110,7 +110,7 @@ class UdpPort final : public Port {
     return false;
   }
 
-  const bool connected_;  // to the address given; otherwise bound to it
+  const bool connected_;  // the socket is connected to the address given; otherwise bound to it
   FileDescriptor socket_;
   Peer peer_;  // a listener's: the sender of the last datagram
   std::vector<std::byte> buffer_;

@@ -100,14 +100,15 @@ UdpPacket ether_type(std::uint16_t type, Bytes bytes, std::uint16_t port) {
   return not_ours;
 }
 
-// Where a link type has its EtherType, and how long its header is; `type_at` is -1 if IP follows at once.
+// A link type's header: the offset of its EtherType, or -1 if IP follows without one, and its length, both in bytes.
 struct LinkLayer {
   int link_type;
   int type_at;
   std::size_t header;
 };
 
-// The address family of null and loop differs from system to system, and in byte order: IP's own version decides.
+// The address family in null and loop headers differs between systems, and so does its byte order: the IP version is
+// used instead.
 constexpr LinkLayer link_layers[] = {
     {DLT_EN10MB, 12, 14}, {DLT_LINUX_SLL, 14, 16}, {DLT_LINUX_SLL2, 0, 20}, {DLT_NULL, -1, 4},
     {DLT_LOOP, -1, 4},    {DLT_RAW, -1, 0},        {DLT_IPV4, -1, 0},       {DLT_IPV6, -1, 0},
@@ -121,7 +122,7 @@ const LinkLayer* find(int link_type) {
 
 }  // namespace
 
-bool knows_link_type(int link_type) noexcept { return find(link_type) != nullptr; }
+bool supports_link_type(int link_type) noexcept { return find(link_type) != nullptr; }
 
 UdpPacket udp_packet(int link_type, Bytes captured, std::uint16_t port) noexcept {
   const LinkLayer* layer = find(link_type);

@@ -1,4 +1,4 @@
-// The UDP datagram in a captured packet.
+// Extracts the UDP datagram from a captured packet.
 #pragma once
 
 #include <cstddef>
@@ -16,11 +16,11 @@ struct UdpPacket {
   std::span<const std::byte> payload;
 };
 
-// Whether udp_packet() knows the link type, a DLT_ number of libpcap.
-bool knows_link_type(int link_type) noexcept;
+// Returns whether udp_packet() supports the link type, a DLT_ number of libpcap.
+bool supports_link_type(int link_type) noexcept;
 
-// Takes a packet apart: Ethernet (also with VLAN tags), Linux cooked 1 and 2, raw IP, null and loop; IPv4 with
-// options, IPv6 with extension headers. `port` is the destination's; 0 takes any. Any bytes are harmless.
+// Parses a packet: Ethernet (also with VLAN tags), Linux cooked 1 and 2, raw IP, null and loop; IPv4 with options,
+// IPv6 with extension headers. `port` is the destination's; 0 accepts any. Any content of `captured` is safe.
 UdpPacket udp_packet(int link_type, std::span<const std::byte> captured, std::uint16_t port) noexcept;
 
 }  // namespace imud

@@ -299,7 +299,7 @@ TEST_F(Can, ReceivingNoticesTheRemovalAndTheReturn) {
 TEST_F(Can, NamesTheCauseIfItCannotBeOpened) {
   EXPECT_TRUE(mentions(error_of("can:nosuchcan"), "no such interface"));
   EXPECT_TRUE(mentions(error_of("can:lo"), "is it a CAN interface?"));
-  EXPECT_TRUE(mentions(error_of("can:namelongerthan15"), "so long a name"));
+  EXPECT_TRUE(mentions(error_of("can:namelongerthan15"), "too long for an interface"));
   EXPECT_TRUE(mentions(error_of("can:vcan0?bitrate=0"), "from 5000 to 1000000"));
   EXPECT_TRUE(mentions(error_of("can:vcan0?data_bitrate=1"), "data_bitrate=1"));
   EXPECT_TRUE(mentions(error_of("can:vcan0?mtu=73"), "any 16 72"));

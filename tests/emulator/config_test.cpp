@@ -313,7 +313,7 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   EXPECT_TRUE(fault(replaced(good, "udp:127.0.0.1:9810", "")).starts_with("4: truth.port: '': no scheme"));
   EXPECT_EQ(fault(replaced(good, "\"native\"", "3")), "7: imu.0.protocol: give text in quotes");
   EXPECT_EQ(fault(replaced(good, "\"pty:imu1\"", "3")), "8: imu.0.port: give text in quotes");
-  EXPECT_NE(fault(good, {"imu.0.port=pcap:x"}).find("imu.0.port: pcap:x: is only read"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.port=pcap:x"}).find("imu.0.port: pcap:x: can only be read"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.format=xplane"}).find("truth.format: there is no \"xplane\""), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.device.can_id=3"}).find("imu.0.device.can_id: unknown key"), std::string::npos);
   EXPECT_NE(fault(good, {"imu.7.rate_hz=3"}).find("\"7\" is no index below 1"), std::string::npos);

@@ -129,8 +129,8 @@ TEST_F(ByteWriterTest, FailureIsReportedAndTheRestCanBeDropped) {
   out.reset();
   std::signal(SIGPIPE, SIG_IGN);
   EXPECT_EQ(writer.write(in.get(), frames.next(1), counters), EPIPE);
-  writer.forget(counters);
-  writer.forget(counters);
+  writer.discard(counters);
+  writer.discard(counters);
   std::signal(SIGPIPE, SIG_DFL);
   EXPECT_EQ(counters.sent + counters.dropped, frames.made());
 }

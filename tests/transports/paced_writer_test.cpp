@@ -117,7 +117,7 @@ TEST_F(PacedWriting, AFullKernelIsTriedAgain) {
   seen_ = 3;
   EXPECT_EQ(counters_.sent, 0U);
   writer_->written(0, due, counters_);
-  writer_->forget(counters_);
+  writer_->discard(counters_);
   EXPECT_EQ(counters_.dropped, 1U);
   EXPECT_EQ(writer_->next_flush(), std::nullopt);
   seen_ = made_;
@@ -149,7 +149,7 @@ TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   EXPECT_EQ(reader.broken, 0U);
   EXPECT_EQ(reader.numbers.size(), counters_.sent);
   EXPECT_GT(characters, 5 * PacedWriter::max_characters);
-  writer_->forget(counters_);
+  writer_->discard(counters_);
   EXPECT_EQ(counters_.sent + counters_.dropped, frames.made());
 }
 

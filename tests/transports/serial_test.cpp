@@ -222,8 +222,8 @@ TEST_F(Serial, NamesTheCauseIfItCannotBeOpened) {
   const auto before = open_descriptors();
   EXPECT_EQ(error_of("serial:" + path), "serial:" + path + ": cannot open it: No such file or directory");
   std::ofstream(path) << "x";
-  EXPECT_TRUE(mentions(error_of("serial:" + path), "is no serial line"));
-  EXPECT_TRUE(mentions(error_of("serial:/dev/null"), "is no serial line"));
+  EXPECT_TRUE(mentions(error_of("serial:" + path), "is not a serial line"));
+  EXPECT_TRUE(mentions(error_of("serial:/dev/null"), "is not a serial line"));
   EXPECT_TRUE(mentions(error_of("serial:" + path + "?baud=49"), "from 50 to 4000000"));
   EXPECT_TRUE(mentions(error_of("serial:" + path + "?baud=4000001"), "from 50 to 4000000"));
   EXPECT_TRUE(mentions(error_of("serial:" + path + "?parity=mark"), "none even odd"));

@@ -72,7 +72,7 @@ TEST(Transports, ThoseThatEndAreOpenedByListeners) {
   EXPECT_EQ(devices, static_cast<int>(transports().size()) - 1);
   const ScratchFolder folder;
   EXPECT_EQ(error_of("pcap:" + folder / "x"), "pcap:" + folder / "x" +
-                                                  ": is only read; right to send to would be file:PATH or pty:LINK "
+                                                  ": can only be read; right for output would be file:PATH or pty:LINK "
                                                   "or serial:/dev/ttyUSB0 or udp:ADDR:PORT");
 }
 

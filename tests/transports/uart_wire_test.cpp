@@ -32,7 +32,7 @@ Bytes received(const UartSettings& sender, unsigned receiver_baud, const Bytes& 
   Bytes all;
   for (std::size_t at = 0; at < sent.size(); at += piece) {
     const auto part = std::span(sent).subspan(at, std::min(piece, sent.size() - at));
-    Bytes some(UartWire::most * part.size());
+    Bytes some(UartWire::max_received * part.size());
     some.resize(wire.carry(part, some));
     all.insert(all.end(), some.begin(), some.end());
   }
@@ -48,16 +48,16 @@ TEST(UartWire, SpeedsThatAreNearlyEqualAreUnderstood) {
       for (const unsigned baud : {115'200U, 112'900U, 117'500U, 110'600U, 119'800U}) {  // 0, +-2 %, +-4 %
         const UartSettings line{115'200, parity, stop_bits};
         const Bytes sent = random_bytes(1000, random);
-        EXPECT_TRUE(understand(115'200, baud, line)) << baud;
+        EXPECT_TRUE(speeds_match(115'200, baud, line)) << baud;
         EXPECT_EQ(received(line, baud, sent), sent) << baud;
       }
   // The stop bit's middle is 9.5 bits after the edge, so that 10 / 9.5 is the limit: 5.26 %; with parity 11
   // / 10.5, 4.76 %.
-  EXPECT_TRUE(understand(100'000, 105'200, {}));
-  EXPECT_FALSE(understand(100'000, 105'300, {}));
-  EXPECT_FALSE(understand(105'300, 100'000, {}));
-  EXPECT_FALSE(understand(100'000, 105'000, {.parity = Parity::even}));
-  EXPECT_FALSE(understand(50, 4'000'000, {}));
+  EXPECT_TRUE(speeds_match(100'000, 105'200, {}));
+  EXPECT_FALSE(speeds_match(100'000, 105'300, {}));
+  EXPECT_FALSE(speeds_match(105'300, 100'000, {}));
+  EXPECT_FALSE(speeds_match(100'000, 105'000, {.parity = Parity::even}));
+  EXPECT_FALSE(speeds_match(50, 4'000'000, {}));
 }
 
 TEST(UartWire, AReceiverAtTwiceTheSpeed) {
@@ -107,13 +107,13 @@ TEST(UartWire, NeverMoreThanFits) {
     const unsigned receiver = any_speed();
     const Bytes sent = random_bytes(random() % 200, random);
     const Bytes seen = received(line, receiver, sent);
-    if (understand(line.baud, receiver, line)) {
+    if (speeds_match(line.baud, receiver, line)) {
       EXPECT_EQ(seen, sent);
     }
     // From a falling edge to the middle of the stop bit it is 9.5 bits at least; one may be under way at the end.
     const double bits = static_cast<double>(sent.size() * line.bits_per_character()) * receiver / line.baud;
     EXPECT_LE(static_cast<double>(seen.size()), bits / 9.5 + 1);
-    EXPECT_LE(seen.size(), UartWire::most * sent.size());
+    EXPECT_LE(seen.size(), UartWire::max_received * sent.size());
   }
 }
 
