@@ -21,7 +21,8 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       uart_(device_->uart()) {
   if (config.sync.is_connected()) sync_.emplace(config.sync, open);
   if (is_can_) {
-    // Also its own identifiers, so that the port can confirm its frames, and the device sees who else uses them.
+    // The device's own identifiers pass too, so that the port can confirm its frames and the device detects other
+    // users.
     std::vector<CanFilter> filters = config.protocol->can_filters(config.settings);
     for (const CanMessage& message : config.protocol->can_messages(config.settings, config.rate_hz))
       filters.push_back({.id = message.can.id, .extended = message.can.extended});
@@ -40,7 +41,7 @@ void Channel::set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcep
 }
 
 void Channel::begin_run() noexcept {
-  if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth does
+  if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
   has_sampled_ = false;
   if (sync_) sync_->begin_run();
 }
@@ -84,10 +85,10 @@ void Channel::transmit() noexcept {
 void Channel::send(const FrameBuffer& frames) noexcept {
   if (frames.frames().empty()) return;
   port_->send(frames.frames());
-  handed_ += frames.frames().size();
+  passed_ += frames.frames().size();
 }
 
-void Channel::note_times(Nanoseconds lateness, Nanoseconds write) noexcept {
+void Channel::record_times(Nanoseconds lateness, Nanoseconds write) noexcept {
   counters_.lateness.add(seconds(lateness));
   counters_.write.add(seconds(write));
   if (lateness >= grid_.period()) counters_.missed.count();
@@ -112,8 +113,8 @@ void Channel::poll_until(DeviceTime now) noexcept {
 }
 
 bool Channel::serve(HostTime now) noexcept {
-  // So much between two looks at the time that a flood from the host does not delay samples; more than any line
-  // carries in that time.
+  // The limit of one call, so that a flood from the host does not delay samples. Between two calls no line carries
+  // as much.
   constexpr std::size_t most = 256, per_frame = 16;
   const DeviceTime time = clock_.now(now);
   std::size_t received = 0;
@@ -130,7 +131,7 @@ bool Channel::serve(HostTime now) noexcept {
     device_->receive(chunk->frame, time, others_);
     if (const auto replies = others_.frames(); !replies.empty()) {
       port_->reply(replies);
-      handed_ += replies.size();
+      passed_ += replies.size();
       counters_.replies.count(replies.size());
     }
     apply_uart();
@@ -139,7 +140,7 @@ bool Channel::serve(HostTime now) noexcept {
   return may_wait;
 }
 
-// A device answers with its old settings; the new ones hold for what is sent after that.
+// A device answers with its old settings; the new ones apply to all that is sent afterwards.
 void Channel::apply_uart() noexcept {
   const UartSettings uart = device_->uart();
   if (uart == uart_) return;
@@ -158,12 +159,12 @@ void Channel::publish() noexcept {
 
 bool Channel::holds_back() const noexcept {
   const PortCounters& port = port_->counters();
-  return port.sent + port.dropped != handed_;
+  return port.sent + port.dropped != passed_;
 }
 
 void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
-  if (port_->descriptor() < 0) return;  // a file, which takes all, or a port that is lost
+  if (port_->descriptor() < 0) return;  // a file, which accepts everything, or a port that is lost
   HostTime progress = host_now();
   std::uint64_t sent = port_->counters().sent;
   while (!stop.load(std::memory_order_relaxed)) {
@@ -179,7 +180,7 @@ void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
     if (std::exchange(sent, port_->counters().sent) != port_->counters().sent) progress = now;
     is_stalled_ = is_stalled_ || now - progress > timeout;
     if (is_stalled_) return;
-    // A port with a pace of its own is ready for output all the time.
+    // A port that paces its frames is always ready for output.
     const Nanoseconds pause = std::min(step, port_->next_flush() ? *port_->next_flush() - now : step);
     if (ready)
       ::poll(nullptr, 0, std::max(1, static_cast<int>(pause.count() / 1'000'000)));

@@ -16,10 +16,9 @@
 
 namespace imud {
 
-// Imu, device, port, pins and the sensor's clock. A sample goes through sense(), encode() and transmit(), in this
-// order; encode() polls the device's deadlines up to the sample first. The host is served and deadlines are polled at
-// any time between two of these calls. After construction nothing here allocates, locks, logs or throws, and only
-// wait_until_sent() waits. One thread; the counters may be read by any.
+// An imu with its device, port, pins and clock. A sample goes through sense(), encode() and transmit(), in this
+// order. serve() and poll() may be called between any two of these calls. After construction nothing here allocates,
+// locks, logs or throws, and only wait_until_sent() waits. One thread; the counters may be read by any.
 class Channel {
  public:
   // Opens the port and the pins. Throws PortError.
@@ -28,57 +27,59 @@ class Channel {
   const std::string& name() const noexcept { return name_; }
   const Grid& grid() const noexcept { return grid_; }
   const ImuCounters& counters() const noexcept { return counters_; }
-  // True if its port is a CAN bus.
+  // Returns true if the port is a CAN bus.
   bool is_can() const noexcept { return is_can_; }
-  // True if the sensor samples a vehicle at rest until there is truth.
+  // Returns true if the sensor samples a vehicle at rest until the first truth.
   bool rests_before_truth() const noexcept { return rests_before_truth_; }
 
   // --- Time ---
-  // Power comes on at host time `origin`; the sensor's clock runs with the host's from there.
+  // Switches the power on at host time `origin`, from which the sensor's clock runs with the host's.
   void power_on(HostTime origin) noexcept;
-  // Sets the clock as DeviceClock::set(), and the device's times with it.
+  // Sets the clock (DeviceClock::set()), and shifts the times that the device keeps by the same step.
   void set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept;
-  // The grid starts: the next sample is that of instant 0.
+  // Starts the grid: the next sample is that of instant 0.
   void start_samples() noexcept { clock_.start_samples(); }
-  // A run of the truth begins: its first sample has no increments.
+  // Begins a run of the truth, whose first sample has no increments.
   void begin_run() noexcept;
-  // Switches the device's supply off and on.
+  // Switches the device's supply off and on at host time `now`.
   void cycle_power(HostTime now) noexcept;
 
   // --- Samples ---
-  // Takes the sample of instant `k` of the grid, from the truth at `time`, or from the vehicle at rest.
+  // Return the sample of instant `k` of the grid: of the truth at `time`, or of the vehicle at rest.
   Sample sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept;
   Sample sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept;
-  // Makes the sample's frames, after those of the device's deadlines up to it have left. `truth`: the time whose
-  // edges the device receives first; nullopt: edges are discarded. `silent`: the frames are discarded.
+  // Polls the device's deadlines up to the sample, and sends their frames. Then makes the sample's frames, which are
+  // discarded if `silent`. The device first receives the edges up to the truth time `truth`; if it is nullopt, edges
+  // are discarded.
   void encode(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept;
-  // Hands the frames to the port.
+  // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;
-  // Counts the sample as sent, with its lateness and the time that transmit() took if a clock paces it.
+  // Counts the sample as sent.
   void count_sample() noexcept;
-  void note_times(Nanoseconds lateness, Nanoseconds write) noexcept;
-  // Waits until the port has passed on all frames handed to it and has room for more, as long as its reader, or its
-  // bus, accepts some within 2 s; after that it returns at once until all is accepted again. So nothing is dropped
-  // where no instant is missed by waiting. Returns when `stop` is set.
+  // Records how late after its instant a sample was transmitted, and how long transmit() took.
+  void record_times(Nanoseconds lateness, Nanoseconds write) noexcept;
+  // Waits until the port has sent all frames and has room for more, so that nothing is dropped where the host's
+  // clock does not pace. If the reader or the bus accepts nothing for 2 s, it returns, and then always at once until
+  // all frames have been accepted. It also returns when `stop` is set.
   void wait_until_sent(const std::atomic<bool>& stop) noexcept;
 
   // --- Host and deadlines ---
-  // Executes what the host has sent, at most some 256 bytes. Returns false if there may be more, or an error that
-  // stays: poll() would return at once again.
+  // Receives the host's commands, at most some 256 bytes, and sends the replies. Returns false if ::poll() would
+  // return at once again, because of more bytes or a lasting error.
   bool serve(HostTime now) noexcept;
-  // Polls the device's deadlines up to `now`; its frames leave at once.
+  // Polls the device's deadlines up to `now`, and sends their frames.
   void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
-  // Hands on what the port holds back.
+  // Sends the frames that the port holds back, as far as it can now.
   void flush() noexcept;
-  // The next time at which flush() or poll() has something to do; nullopt: not by time.
+  // Returns when flush() or poll() has to be called next; nullopt if neither waits for a time.
   std::optional<HostTime> next_wake() const noexcept;
-  // Discards what the port still holds back: it counts as dropped.
+  // Discards the frames that the port still holds back; they count as dropped.
   void discard_pending() noexcept;
 
   Port& port() noexcept { return *port_; }
-  // The time up to which the imu has used the truth of this run; nullopt before its first sample.
+  // Returns the time up to which the imu has used the truth of this run; nullopt before its first sample.
   std::optional<TruthTime> used_until() const noexcept;
-  // Uses the truth up to `until`, which is not after the imu's next sample.
+  // Integrates the truth up to `until`, which is not after the imu's next sample (Imu::advance()).
   void advance(const Timeline& timeline, TruthTime until) noexcept {
     if (has_sampled_) imu_.advance(timeline, until);
   }
@@ -97,15 +98,15 @@ class Channel {
   Imu imu_;
   std::unique_ptr<Device> device_;
   std::unique_ptr<Port> port_;
-  std::optional<Sync> sync_;  // nothing if no pin is connected
+  std::optional<Sync> sync_;  // nullopt if no pin is connected
   DeviceClock clock_;
-  UartSettings uart_;          // the device's, as the port knows them
-  std::uint64_t handed_ = 0;   // frames given to the port
+  UartSettings uart_;          // the device's settings that the port has
+  std::uint64_t passed_ = 0;   // frames passed to the port
   bool is_resting_ = false;    // the last sample was taken at rest
   bool has_sampled_ = false;   // in this run
-  bool is_stalled_ = false;    // the port accepted nothing for too long
+  bool is_stalled_ = false;    // the port has accepted nothing for 2 s
   FrameBuffer frames_;         // of the sample prepared
-  FrameBuffer others_;         // of a deadline, of an answer, or discarded
+  FrameBuffer others_;         // of a deadline or an answer, or of a silent sample
   std::uint32_t status_ = 0;   // of the sample prepared
   bool silent_ = false;        // likewise
   bool senses_truth_ = false;  // likewise

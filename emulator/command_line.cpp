@@ -53,7 +53,7 @@ void list_table(const char* title, const Table& table) {
   for (const auto* entry : table) fmt::print("  {:<12} {} [{}]\n", entry->name, entry->summary, entry->document);
 }
 
-// The keys of [imu.device] or [truth] that an entry has beside the common ones.
+// Prints the keys of [imu.device] or [truth] that only this entry has.
 template <class Entry>
 void list_settings(const Entry& entry) {
   fmt::print("{}: {}\n", entry.name, entry.summary);
@@ -127,16 +127,18 @@ int command_line(int argc, const char* const* argv) {
   };
   const auto with_run = [&](CLI::App* command) {
     with_config(command);
-    command->add_option("--for", arguments.run.duration_s, "End after so many seconds")
+    command->add_option("--for", arguments.run.duration_s, "End after this many seconds")
         ->type_name("SECONDS")
         ->check([](const std::string& text) {
           double value = 0;
           const bool good = CLI::detail::lexical_cast(text, value) && value >= 1e-3 && value <= 1e9;
           return good ? std::string() : "give seconds from 0.001 to 1e9";
         });
-    command->add_option("--summary", arguments.run.summary_file, "Write the closing summary as JSON, too")
+    command->add_option("--summary", arguments.run.summary_file, "Also write the closing summary as JSON")
         ->type_name("FILE");
-    command->add_option("--log-every", arguments.run.monitor.log_every_s, "Log the figures so often; 0: never (10)")
+    command
+        ->add_option("--log-every", arguments.run.monitor.log_every_s,
+                     "Interval of the figures in the log; 0: none (10)")
         ->type_name("SECONDS")
         ->check(CLI::Range(0.0, 1e9));
     command
@@ -146,26 +148,27 @@ int command_line(int argc, const char* const* argv) {
   };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
   with_run(run_command);
-  auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, and end with it");
+  auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
   with_run(replay_command);
   replay_command->add_option("CAPTURE", arguments.capture, "X.pcap, X.pcap?port=N, or X.csv")->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
-  auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or what it would do");
+  auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);
-  auto* selftest_command = app.add_subcommand("selftest", "Measure what timing this machine allows");
+  auto* selftest_command = app.add_subcommand("selftest", "Measure the timing that this machine allows");
   bool timing = false;
   double measure_s = 2;
   selftest_command
-      ->add_flag("--timing", timing, "Wake-ups, writes to the ports (frames are sent), and what to improve")
+      ->add_flag("--timing", timing,
+                 "Measure wake-ups and writes to the ports (frames are sent), and list improvements")
       ->required();
   selftest_command->add_option("CONFIG", arguments.config,
                                "Configuration, TOML; without it one imu at 1 kHz to a pty");
   with_set(selftest_command);
-  selftest_command->add_option("--for", measure_s, "Each measurement lasts so long (2)")
+  selftest_command->add_option("--for", measure_s, "Duration of each measurement (2)")
       ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0));
   auto* list_command =
-      app.add_subcommand("list", "Show protocols, truth formats and transports; of one of these its settings");
+      app.add_subcommand("list", "Show protocols, truth formats and transports, or the settings of NAME");
   list_command->add_option("NAME", arguments.name, "A protocol or truth format");
 
   try {

@@ -73,8 +73,8 @@ EarthModel read_earth(TableReader table) {
   const std::int64_t start = table.utc_s("start", in_2025, 2017, 2100);
   earth.start_gps_ns = gps_ns_from_unix(start);
   if (earth.frame == EarthModel::Frame::local) {
-    table.require("latitude_deg", "where N's origin is");
-    table.require("longitude_deg", "where N's origin is");
+    table.require("latitude_deg", "the latitude of N's origin");
+    table.require("longitude_deg", "the longitude of N's origin");
   }
   // The place of the vehicle at rest: the origin of a local frame, or in an inertial frame the keys rest_*.
   for (const std::string prefix : {"", "rest_"}) {
@@ -96,13 +96,13 @@ EarthModel read_earth(TableReader table) {
     only_for(key, EarthModel::Frame::inertial, "inertial");
   earth.rest_yaw_pitch_roll = units::degree * table.vector3("rest_yaw_pitch_roll_deg", Vector3::Zero());
   if (earth.rest_yaw_pitch_roll.cwiseAbs().maxCoeff() > 1e4)
-    table.fault("rest_yaw_pitch_roll_deg", "give angles within some turns");
+    table.fault("rest_yaw_pitch_roll_deg", "give angles from -572957 to 572957");
   table.finish();
   return earth;
 }
 
 // Returns the UDP port on which a listener at `port` receives; nullopt if it receives on all or none, or if the text
-// cannot be parsed.
+// is malformed.
 std::optional<std::uint16_t> udp_port(const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || transport->udp_port == nullptr) return std::nullopt;
@@ -113,8 +113,7 @@ std::optional<std::uint16_t> udp_port(const std::string& port) {
   }
 }
 
-// Returns the capture with which to replace `port`: if it names no UDP port of its own, it is limited to that of
-// `port`.
+// Returns the capture that replaces `port`. If it does not name a UDP port, it is limited to that of `port`.
 std::string in_place_of(const std::string& port, const std::string& capture) {
   const Transport* transport = transport_of(capture);
   const auto number = udp_port(port);
@@ -131,8 +130,8 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
     table.require("port", "where the truth comes from, for example \"udp:127.0.0.1:9810\"");
   const Transport* transport = read_port(table, "port", truth.port, Role::listener);
   if (transport != nullptr && !transport->brings_truth)
-    table.fault("port",
-                fmt::format("truth comes by {}", ports_that([](const Transport& t) { return t.brings_truth; })));
+    table.fault("port", fmt::format("cannot carry truth; give {}",
+                                    ports_that([](const Transport& t) { return t.brings_truth; })));
 
   const std::string format = table.text("format", "native");
   truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
@@ -140,7 +139,7 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
     truth.settings = read_settings(table, truth.format->settings);
     if (transport != nullptr && transport->brings_truth && !transport->keeps_datagrams &&
         !truth.format->delimits_itself)
-      table.fault("port", fmt::format("{} truth is binary datagrams, which {}: does not delimit; give {}",
+      table.fault("port", fmt::format("{} truth is binary datagrams, whose borders {}: does not keep; give {}",
                                       truth.format->name, transport->name, ports_that([](const Transport& t) {
                                         return t.brings_truth && t.keeps_datagrams;
                                       })));
@@ -181,7 +180,7 @@ RealtimeConfig read_realtime(TableReader table) {
   return realtime;
 }
 
-// Executes an assignment such as "imu.0.rate_hz=400".
+// Applies an assignment such as "imu.0.rate_hz=400".
 void override_key(toml::table& root, const std::string& assignment, Faults& faults) {
   const auto fault = [&](std::string_view what) { faults.add(0, fmt::format("--set {}", assignment), what); };
   const std::size_t equals = assignment.find('=');
@@ -202,7 +201,7 @@ void override_key(toml::table& root, const std::string& assignment, Faults& faul
       const bool digits =
           !step.empty() && step.size() < 6 && step.find_first_not_of("0123456789") == std::string::npos;
       if (!digits || std::stoul(step) >= array->size() || dot == std::string::npos)
-        return fault(fmt::format("\"{}\" is no index below {}", step, array->size()));
+        return fault(fmt::format("\"{}\" is not an index below {}", step, array->size()));
       at = &(*array)[std::stoul(step)];
     } else if (auto* table = at->as_table()) {
       if (dot == std::string::npos) {
@@ -212,7 +211,7 @@ void override_key(toml::table& root, const std::string& assignment, Faults& faul
       if (!table->contains(step)) table->insert(step, toml::table{});
       at = table->get(step);
     } else {
-      return fault(fmt::format("\"{}\" stands below a plain value", step));
+      return fault(fmt::format("\"{}\" is below a plain value", step));
     }
     path = path.substr(dot + 1);
   }

@@ -47,10 +47,10 @@ struct TruthConfig {
 
 // The thread that samples, for ClockMode::realtime.
 struct RealtimeConfig {
-  int priority = 70;  // SCHED_FIFO; 0: an ordinary thread
-  std::optional<unsigned> cpu;
+  int priority = 70;            // SCHED_FIFO; 0: an ordinary thread
+  std::optional<unsigned> cpu;  // nullopt: any
   bool lock_memory = true;
-  Nanoseconds spin{0};
+  Nanoseconds spin{0};  // time for which the thread spins before each instant, not negative
 };
 
 struct ImuConfig {
@@ -85,7 +85,7 @@ struct ConfigError : std::runtime_error {
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {});
 
-// Returns true if the truth port's transport ends, so that truth is read ahead of the clock.
+// Returns true if the truth port is a capture, whose truth can be read ahead of the clock.
 bool is_capture(const std::string& truth_port) noexcept;
 
 }  // namespace imud

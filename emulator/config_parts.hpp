@@ -23,7 +23,7 @@ std::vector<std::string> names(std::span<const Entry* const> table) {
 }
 
 // Returns `found`, the table entry that `word` names. Adds a fault of `key` if there is none, unless `word` is empty
-// because the key is absent or no text: then there is a fault already.
+// because the key is absent or not text: then there is a fault already.
 template <class Entry>
 const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
                    std::span<const Entry* const> entries, const Entry* found) {
@@ -35,7 +35,7 @@ const Entry* entry(TableReader& table, std::string_view key, const std::string& 
   return nullptr;
 }
 
-// Reads every declared setting that the table has.
+// Reads the declared settings that the table has. Adds a fault for each value that is refused.
 Settings read_settings(TableReader& table, std::span<const Setting> declared);
 
 // Returns the transport that the port's text names, if check_port() accepts the text with `settings`. Otherwise
@@ -51,7 +51,7 @@ std::string ports_that(Condition condition) {
 
 // Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);
-// Adds a fault for two imus that exclude one another, such as imus of the same name or port.
+// Adds a fault for each two imus that exclude one another, such as imus of the same name or port.
 void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array* tables,
                          Faults& faults);
 // Returns true if the imu's protocol transmits these bits of Sample::status.

@@ -31,8 +31,8 @@ namespace {
 
 struct RefusalRow {
   Refusal refusal;
-  std::optional<TruthResult> result;  // of the decoder, which has the word for it then
-  std::string_view cause;             // otherwise
+  std::optional<TruthResult> result;  // of the decoder, whose cause() is the word; nullopt: the next member is
+  std::string_view cause;
   std::string_view remedy;
 };
 
@@ -43,9 +43,9 @@ constexpr auto refusals = std::to_array<RefusalRow>({
     {Refusal::not_this_kind, TruthResult::not_this_kind, {}, another_format},
     {Refusal::bad_version, TruthResult::bad_version, {}, another_format},
     {Refusal::bad_checksum, TruthResult::bad_checksum, {}, "damaged on its way, or another CRC than CRC-32C"},
-    {Refusal::bad_number, TruthResult::bad_number, {}, "not a number where one is wanted"},
+    {Refusal::bad_number, TruthResult::bad_number, {}, "a field that must be a number is not one"},
     {Refusal::not_finite, TruthResult::not_finite, {}, "NaN or infinity: the simulation has diverged"},
-    {Refusal::out_of_range, TruthResult::out_of_range, {}, "no vehicle does that: check units"},
+    {Refusal::out_of_range, TruthResult::out_of_range, {}, "beyond the motion of any vehicle: check units"},
     {Refusal::no_columns,
      TruthResult::no_columns,
      {},

@@ -58,7 +58,7 @@ class Durations : public DurationHistogram {
   const std::string_view key;
 };
 
-// Lists the figures that are its members, in the order of their declaration.
+// Lists the figures that are members of the derived group, in the order of their declaration.
 struct CounterGroup {
   CounterGroup() = default;
   CounterGroup(const CounterGroup&) = delete;
@@ -94,7 +94,7 @@ struct ImuCounters : CounterGroup {
   std::atomic<Port::Speeds> speeds = Port::Speeds{};
 };
 
-// Why a truth did not reach the model.
+// The cause for which a truth was refused.
 enum class Refusal : std::uint8_t {
   too_short,
   too_long,
@@ -112,11 +112,11 @@ enum class Refusal : std::uint8_t {
   other_stream,
   count
 };
-// The word for it in the summary and the JSON: "crc".
+// Returns the word for the cause in the summary and the JSON: "crc".
 std::string_view cause(Refusal refusal) noexcept;
-// A phrase for the log that explains the cause and how to mend it.
+// Returns a phrase for the log that explains the cause and its remedy.
 std::string_view remedy(Refusal refusal) noexcept;
-// The refusal that a decoder's result leads to; not_this_kind for a result that is none.
+// Returns the refusal for a decoder's result; not_this_kind for a result that is not a refusal.
 Refusal refusal(TruthResult result) noexcept;
 
 // One counter for each cause.
@@ -136,7 +136,7 @@ struct TruthCounters : CounterGroup {
   Counter accepted{*this, {"accepted", "accepted", Show::always}};
   // Records without a state, such as header rows and blank lines.
   Counter no_state{*this, {"no_state", "without state", Show::always}};
-  // Truths accepted though a later one had arrived before.
+  // Truths accepted although a later one had arrived before.
   Counter inserted{*this, {"inserted", "reordered but in time"}};
   // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
   Counter lost{*this, {"lost", "lost"}};
@@ -185,7 +185,7 @@ struct SnapshotValues {
   std::vector<DurationHistogram> durations;
 
   explicit SnapshotValues(const CounterGroup& group);
-  // Turns them into those of the interval that began at `before`.
+  // Turns the numbers into those of the interval that began at `before`.
   void subtract(const SnapshotValues& before);
   std::uint64_t total() const noexcept;  // of all counts
 };
@@ -197,7 +197,7 @@ class Snapshot : public SnapshotValues {
   Snapshot() : Snapshot(declared()) {}
   explicit Snapshot(const Group& group) : SnapshotValues(group) {}
 
-  // A group for its declarations only. Its figures keep their initial values.
+  // Returns a group that serves for its declarations only; its figures keep their initial values.
   static const Group& declared() {
     static const Group group;
     return group;

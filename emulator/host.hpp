@@ -1,4 +1,4 @@
-// Host: the host's clock, and waiting by it. Tests replace it with a simulated one.
+// Host: the host's clock, and functions that wait by it. Tests replace it with a simulated one.
 #pragma once
 
 #include <poll.h>
@@ -12,9 +12,10 @@ namespace imud {
 class Host {
  public:
   virtual ~Host() = default;
+  // Returns the current time.
   virtual HostTime now() noexcept = 0;
-  // Waits until `time`, spinning for the last `spin` of it so that no wake-up delays the return. Returns the time of
-  // the return.
+  // Waits until `time`, and spins for the last `spin` of the wait, so that no wake-up delays the return. Returns the
+  // time of the return.
   virtual HostTime sleep_until(HostTime time, Nanoseconds spin = {}) noexcept = 0;
   // Waits as poll() does until an input is ready, at most until `time`. Returns true if an input is ready.
   virtual bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept = 0;

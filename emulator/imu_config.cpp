@@ -41,15 +41,16 @@ void read_mounting(TableReader table, ImuModel& model) {
     table.fault("dcm_PB", "give either this or yaw_pitch_roll_deg, not both");
   const Vector3 ypr = units::degree * table.vector3("yaw_pitch_roll_deg", Vector3::Zero());
   if (ypr.cwiseAbs().maxCoeff() > 1e4)
-    table.fault("yaw_pitch_roll_deg", "give angles within some turns");
+    table.fault("yaw_pitch_roll_deg", "give angles from -572957 to 572957");
   else if (!ypr.isZero(0.0))
     model.dcm_PB = dcm_from_yaw_pitch_roll(ypr[0], ypr[1], ypr[2]);
   const Matrix3 dcm = table.matrix3("dcm_PB", model.dcm_PB, false);
   constexpr double tolerance = 1e-6;
   if (const double defect = rotation_defect(dcm); defect > tolerance)
-    table.fault("dcm_PB", fmt::format("no rotation: its rows are not orthonormal and right-handed within {} (off by "
-                                      "{:.2g}); write the numbers with more digits, or give yaw_pitch_roll_deg",
-                                      tolerance, defect));
+    table.fault("dcm_PB",
+                fmt::format("not a rotation: its rows are not orthonormal and right-handed within {} (off by "
+                            "{:.2g}); write the numbers with more digits, or give yaw_pitch_roll_deg",
+                            tolerance, defect));
   model.dcm_PB = dcm;
   table.finish();
 }
@@ -63,14 +64,14 @@ bool has_option(const std::string& port, std::string_view key) {
   }
 }
 
-// Executes pace = "line" for a port that can be opened: its characters are paced. imu.port_settings.uart is set.
+// Applies pace = "line" to a valid port. imu.port_settings.uart must be set.
 void pace_line(TableReader& table, const Transport& transport, ImuConfig& imu) {
   if (transport.uart == Uart::real) return;
   if (transport.uart == Uart::none) {
     std::vector<std::string_view> emulated;
     for (const Transport* other : transports())
       if (other->uart == Uart::emulated) emulated.push_back(other->name);
-    table.fault("pace", fmt::format("\"line\" is for a {}; {}: has no characters to be paced, give \"none\"",
+    table.fault("pace", fmt::format("\"line\" is for a {}; {}: has no characters to pace, give \"none\"",
                                     fmt::join(emulated, " or "), transport.name));
   } else if (imu.port_settings.uart.baud == 0 && !has_option(imu.port, "baud")) {
     table.fault("pace", fmt::format("\"line\" needs the line's speed; give it in port, for example "
@@ -81,7 +82,8 @@ void pace_line(TableReader& table, const Transport& transport, ImuConfig& imu) {
   }
 }
 
-// Reads `port` and `pace`. imu.port_settings.uart is set. Returns nullptr with a fault if no port can be opened.
+// Reads `port` and `pace`. imu.port_settings.uart must be set. Returns nullptr and adds a fault if the port is not
+// valid.
 const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
   table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
@@ -95,7 +97,8 @@ const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
   if (transport->uart != Uart::none && imu.port_settings.uart.baud != 0)
     for (const char* key : {"baud", "parity", "stop", "bits"})
       if (has_option(imu.port, key))
-        table.fault("port", fmt::format("{} is the device's; omit it here, and set the line in [imu.device]", key));
+        table.fault("port",
+                    fmt::format("{} is set by the device; omit it here, and set the line in [imu.device]", key));
   if (paced) pace_line(table, *transport, imu);
   return transport;
 }
@@ -152,7 +155,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     imu.rate_hz = table.real("rate_hz", product->rate_hz, Grid::min_rate_hz, Grid::max_rate_hz);
     if (imu.rate_hz != product->rate_hz)
       table.fault("rate_hz",
-                  fmt::format("{} samples at {} Hz inside; how often it sends is set in [imu.device]; omit "
+                  fmt::format("{} always samples at {} Hz; the rate of its output is set in [imu.device]; omit "
                               "this key",
                               imu.protocol->name, product->rate_hz));
   } else {
@@ -172,12 +175,12 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     if (transport->carries_can != can)
       table.fault(
           "port",
-          fmt::format("{} speaks on {}; give {}", imu.protocol->name, can ? "a CAN bus" : "byte links",
+          fmt::format("{} is for {}; give {}", imu.protocol->name, can ? "a CAN bus" : "byte links",
                       ports_that([&](const Transport& t) { return t.serves_device && t.carries_can == can; })));
     else if (const LineLoad load = line_load(imu); load.percent > 100.0)
       table.fault(product ? "device" : "rate_hz",
                   fmt::format("{}; {}", load.text(),
-                              product ? "let it send less, or less often, or on a faster line"
+                              product ? "reduce what it sends or how often, or give a faster line"
                                       : "give a lower rate or a faster line"));
   }
 
@@ -218,20 +221,20 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
     const auto clash = [&](std::string_view key, std::size_t other, std::string_view what) {
       faults.add(line, fmt::format("imu.{}.{}", i, key), fmt::format("{} as imu.{}; give another", what, other));
     };
-    if (const auto [at, fresh] = by_name.emplace(imus[i].name, i); !fresh)
+    if (const auto [at, is_new] = by_name.emplace(imus[i].name, i); !is_new)
       clash("name", at->second, "the same");
-    else if (const auto [same, alone] = by_stream.emplace(stream_id(imus[i].name), i); !alone)
+    else if (const auto [same, is_alone] = by_stream.emplace(stream_id(imus[i].name), i); !is_alone)
       clash("name", same->second, "the same random numbers");
     const SyncConfig& sync = imus[i].sync;
     for (const auto& [name, edges] : {std::pair{"trigger_port", &sync.trigger_port}, {"pps_port", &sync.pps_port}}) {
       const std::string key = fmt::format("imu.{}.sync.{}", i, name);
       if (edges->empty()) continue;
-      if (const auto [at, fresh] = listeners.emplace(*edges, key); !fresh)
+      if (const auto [at, is_new] = listeners.emplace(*edges, key); !is_new)
         faults.add(line, key, fmt::format("the same as {}; give another", at->second));
     }
     const std::string port = imus[i].port.substr(0, imus[i].port.find('?'));
     if (const Transport* transport = transport_of(port); transport != nullptr && !transport->is_shared) {
-      if (const auto [at, fresh] = by_port.emplace(port, i); !fresh) clash("port", at->second, "the same");
+      if (const auto [at, is_new] = by_port.emplace(port, i); !is_new) clash("port", at->second, "the same");
       continue;
     }
     if (imus[i].protocol == nullptr || imus[i].protocol->link != Link::can) continue;
@@ -239,7 +242,7 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
     for (const SentFrames& sent : sent_frames(imus[i]))
       ids.insert(sent.can.id | (sent.can.extended ? 1U << 31U : 0U));
     for (const std::uint32_t id : ids)
-      if (const auto [at, fresh] = by_can_id.emplace(std::pair{port, id}, i); !fresh) {
+      if (const auto [at, is_new] = by_can_id.emplace(std::pair{port, id}, i); !is_new) {
         clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & 0x1FFF'FFFFU));
         break;
       }

@@ -21,8 +21,8 @@ struct LineLoad {
   std::string text() const;    // one line for people
 };
 
-// Returns a sample of typical magnitudes, whose numbers have as many digits as a double holds: a text of them is as
-// long as any.
+// Returns a sample of typical magnitudes. Its numbers have all the digits that a double holds, so that a text format
+// makes its longest rows.
 Sample typical_sample();
 
 // Frames of one kind that an imu sends.

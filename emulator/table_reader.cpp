@@ -57,7 +57,7 @@ std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t 
   if (const auto* integer = found->as_integer();
       integer != nullptr && integer->get() >= 0 && static_cast<std::uint64_t>(integer->get()) <= max)
     return static_cast<std::uint64_t>(integer->get());
-  if (const auto* text = found->as_string()) {  // TOML's integers end at 2^63 - 1
+  if (const auto* text = found->as_string()) {  // the largest integer of TOML is 2^63 - 1
     std::uint64_t value = 0;
     const char* end = text->get().data() + text->get().size();
     const auto [stop, error] = std::from_chars(text->get().data(), end, value);

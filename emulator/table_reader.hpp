@@ -61,7 +61,7 @@ class TableReader {
   void fault(std::string_view key, std::string_view what);
   // Adds a fault if the key is absent.
   void require(std::string_view key, std::string_view what_it_is);
-  // Adds a fault for every key that no function above was called with; it names the nearest known key.
+  // Adds a fault for every key that no function above was called with. The fault suggests the nearest known key.
   void finish();
 
  private:

@@ -190,9 +190,9 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
   EXPECT_EQ(load(bare, {"imu.0.gyro.max_rad_per_s=5"}).imus[0].model.gyro.max, 5.0);
   EXPECT_EQ(load(bare, {"imu.0.device.accelerometer_range_g=30"}).imus[0].model.accelerometer.max,
             33 * units::standard_gravity);
-  EXPECT_NE(fault(bare, {"imu.0.rate_hz=1000"}).find("imu.0.rate_hz: stim300 samples at 2000 Hz inside"),
+  EXPECT_NE(fault(bare, {"imu.0.rate_hz=1000"}).find("imu.0.rate_hz: stim300 always samples at 2000 Hz"),
             std::string::npos);
-  EXPECT_NE(fault(bare, {"imu.0.port=pty:imu1?baud=115200"}).find("imu.0.port: baud is the device's"),
+  EXPECT_NE(fault(bare, {"imu.0.port=pty:imu1?baud=115200"}).find("imu.0.port: baud is set by the device"),
             std::string::npos);
   EXPECT_NE(fault(bare, {"imu.0.device.bit_rate=500000"}).find("give 374400, 460800, 921600 or 1843200"),
             std::string::npos);
@@ -283,7 +283,7 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
             "11: imu.0.gyro.walk_transition: give three finite numbers (the diagonal), or three rows of three: "
             "[[..], [..], [..]]");
   EXPECT_NE(fault(with("mounting.dcm_PB = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]"))
-                .find("11: imu.0.mounting.dcm_PB: no rotation"),
+                .find("11: imu.0.mounting.dcm_PB: not a rotation"),
             std::string::npos);
   EXPECT_NE(fault(with("mounting.dcm_PB = [[1, 0, 0], [0, 1, 0.001], [0, 0, 1]]")).find("off by 0.001"),
             std::string::npos);
@@ -298,10 +298,10 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
             std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.port=tty:x"}).find("there is no \"tty\""), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.port=nonsense"}).find("imu.0.port: "), std::string::npos);
-  EXPECT_NE(fault(good, {"imu.0.port=can:vcan0"}).find("native speaks on byte links"), std::string::npos);
-  EXPECT_NE(fault(good, {"imu.0.protocol=native-can"}).find("native-can speaks on a CAN bus"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.port=can:vcan0"}).find("native is for byte links"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.0.protocol=native-can"}).find("native-can is for a CAN bus"), std::string::npos);
   EXPECT_NE(fault(good, {"clock=fast"}).find("clock: \"fast\" reads a capture"), std::string::npos);
-  EXPECT_NE(fault(good, {"truth.port=pty:x"}).find("truth.port: truth comes by"), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.port=pty:x"}).find("truth.port: cannot carry truth; give "), std::string::npos);
   EXPECT_NE(fault(good, {"truth.port=file:x.csv"}).find("truth.port: native truth is binary"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.format="}).find("truth.format: there is no \"\"; known: csv, "), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.protocol="}).find("imu.0.protocol: there is no \"\"; known: csv, "),
@@ -316,7 +316,7 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"imu.0.port=pcap:x"}).find("imu.0.port: pcap:x: can only be read"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.format=xplane"}).find("truth.format: there is no \"xplane\""), std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.device.can_id=3"}).find("imu.0.device.can_id: unknown key"), std::string::npos);
-  EXPECT_NE(fault(good, {"imu.7.rate_hz=3"}).find("\"7\" is no index below 1"), std::string::npos);
+  EXPECT_NE(fault(good, {"imu.7.rate_hz=3"}).find("\"7\" is not an index below 1"), std::string::npos);
   EXPECT_NE(
       fault(good, {"truth.delay_ms=soon"}).find("truth.delay_ms: give milliseconds from 0 to 1000, or \"auto\""),
       std::string::npos);
@@ -521,7 +521,8 @@ TEST_F(ConfigTest, EarthIsOffUntilTheFrameOfNIsConfigured) {
   EXPECT_EQ(rest.height, 7);
   EXPECT_LT((rest.rest_yaw_pitch_roll - units::degree * Vector3(90, 2, -3)).norm(), 1e-15);
   EXPECT_NE(fault(local + "rest_height_m = 3\n").find("needs frame = \"inertial\""), std::string::npos);
-  EXPECT_NE(fault(local + "rest_yaw_pitch_roll_deg = [1e7, 0, 0]\n").find("within some turns"), std::string::npos);
+  EXPECT_NE(fault(local + "rest_yaw_pitch_roll_deg = [1e7, 0, 0]\n").find("give angles from -572957 to 572957"),
+            std::string::npos);
 
   EXPECT_NE(fault(inertial + "height_m = 3\n").find("needs frame = \"local\""), std::string::npos);
   EXPECT_NE(fault(local + "angle_deg = 3\n").find("needs frame = \"inertial\""), std::string::npos);
