@@ -9,17 +9,17 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Nanoseconds between_looks = 20ms;  // at `stop`, and at hosts that poll() reports nothing of
-// Time for all that has to be done before an instant and the spinning.
+constexpr Nanoseconds longest_wait = 20ms;  // until `stop`, and ports that poll() does not report, are checked again
+// The time for preparing an instant's samples, before the spinning.
 constexpr Nanoseconds preparation = 150us;
-// A sample whose truth is known may be prepared this early: one wake-up less for a fast sensor, and time enough for
-// reordered truths for a slow one.
+// A sample whose truth is known may be prepared this early. This saves a fast sensor a wake-up, and leaves reordered
+// truths time to arrive for a slow one.
 constexpr Nanoseconds early = 2ms;
-// Truths taken at once. After a hold-up all that wait are taken, so that no sample is extrapolated while its truth is
-// there; in a flood only some between two samples.
+// The truths taken at once. After a hold-up all waiting truths are taken, so that no sample is extrapolated although
+// its truth has arrived. In a flood only some are taken between two samples.
 constexpr int most_truths = 4096;
 constexpr int most_in_flood = 64;
-constexpr Nanoseconds pause = 1ms;  // where poll() would return at once again
+constexpr Nanoseconds pause = 1ms;  // if poll() would return at once again
 
 std::vector<Grid> grids(const Session& session) {
   std::vector<Grid> all;
@@ -67,11 +67,11 @@ void Loop::round() noexcept {
     wants = wants_truth();
   }
   if (wants && waits_for_truth_) {
-    if (!truth_waits_) wait(host_.now() + between_looks);
+    if (!truth_waits_) wait(host_.now() + longest_wait);
     return;
   }
   const HostTime now = paced_ ? host_.now() : HostTime{};
-  if (schedule_.empty()) return wait(now + between_looks);
+  if (schedule_.empty()) return wait(now + longest_wait);
   if (prepared_.empty()) {
     due_ = next_due();
     const Nanoseconds ahead = due_ - now;
@@ -79,27 +79,28 @@ void Loop::round() noexcept {
       const bool is_known = is_at_rest(due_) || pacer_.truth(due_) <= timeline_.newest();
       const std::optional<HostTime> wake = session_.next_wake();  // a deadline is not polled early
       if (!is_known || ahead > options_.spin + early || (wake && *wake < due_))
-        return wait(std::min(due_ - options_.spin - preparation, now + between_looks));
+        return wait(std::min(due_ - options_.spin - preparation, now + longest_wait));
     }
     prepare();
   }
-  if (paced_ && due_ - now > options_.spin) return wait(std::min(due_ - options_.spin, now + between_looks));
+  if (paced_ && due_ - now > options_.spin) return wait(std::min(due_ - options_.spin, now + longest_wait));
   transmit(now);
 }
 
-// Live truth is always wanted; where samples wait for it, only when the next one needs it.
+// Returns whether to take truth: live truth always; where samples wait for truth, only if the next sample needs
+// more.
 bool Loop::wants_truth() const noexcept {
   if (!waits_for_truth_) return true;
-  return prepared_.empty() && (!session_.in_run() || pacer_.truth(next_due()) > last_to_sample());
+  return prepared_.empty() && (!session_.in_run() || pacer_.truth(next_due()) > latest_sample());
 }
 
-// Where samples wait for truth: the latest one whose truth is there, and wanted.
-TruthTime Loop::last_to_sample() const noexcept {
+// Where samples wait for truth: returns the latest truth time that can be sampled now, and is within the limit.
+TruthTime Loop::latest_sample() const noexcept {
   const TruthTime newest = timeline_.newest();
   return options_.limit ? std::min(newest, timeline_.run_start() + *options_.limit) : newest;
 }
 
-// No sample before this time will be taken any more.
+// Returns the truth time before which no sample will be taken any more.
 TruthTime Loop::earliest_sample() noexcept {
   if (!session_.in_run()) return session_.watermark();
   if (waits_for_truth_) return timeline_.newest();
@@ -110,7 +111,7 @@ void Loop::take_truth() noexcept {
   more_truth_ = has_room_ = true;
   int taken = 0;
   if (waits_for_truth_) apply_truth();
-  // Where samples wait for truth there is room for it: apply_truth() advances the imus.
+  // Where samples wait for truth there is always room, because apply_truth() advances the imus.
   for (bool wants = true; wants && more_truth_ && !ended_ && taken < budget_ && !is_due() &&
                           (has_room_ = waits_for_truth_ || session_.has_room_for_truth(earliest_sample()));) {
     const TruthIntake::Outcome outcome = intake_.take(session_.watermark());
@@ -138,16 +139,16 @@ void Loop::take_truth() noexcept {
   begin_run();
 }
 
-// The samples for which the truth so far suffices have left, or leave by the host's clock: advances the imus over the
-// others and answers the truth's sender.
+// Advances slow imus and answers the truth's sender. Called when the samples that the truth so far allows have left,
+// or leave by the host's clock.
 void Loop::apply_truth() noexcept {
   if (std::exchange(unapplied_, false)) session_.advance(earliest_sample());
   if (waits_for_truth_ && session_.in_run()) {
     session_.raise_watermark(timeline_.newest());
-    ended_ = last_to_sample() < timeline_.newest();
+    ended_ = latest_sample() < timeline_.newest();
   }
   if (!std::exchange(answer_due_, false)) return;
-  session_.flush();  // whoever has the answer has the samples
+  session_.flush();  // the samples leave before the answer
   intake_.answer(timeline_.newest(), session_.samples_in_run());
 }
 
@@ -172,27 +173,28 @@ void Loop::begin_run() noexcept {
   }
 }
 
-// The simulator's time has jumped, or it was paused: nothing connects the truth to come with that before.
+// Discards the truth before the newest, because the simulator's time has jumped or the simulator was paused.
 void Loop::forget_past() noexcept {
   session_.quality().resumed.count();
   timeline_.forget_past();
 }
 
-// Until `until`, for truth, for what the hosts send, for deadlines of the devices, and for the pace of the lines.
+// Waits at most until `until`, for truth, for commands of the hosts, for the devices' deadlines, and for paced
+// lines.
 void Loop::wait(HostTime until) noexcept {
   session_.poll(host_.now());
   until = std::min(until, session_.next_wake().value_or(until));
   const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
   if (flood) until = std::min(until, host_.now() + pause);
-  // poll() is not to return for truth that there is no time, or no room, to take.
+  // poll() must not return for truth that cannot be taken now, for want of time or room.
   const std::span<pollfd> inputs = session_.inputs(!more_truth_ && wants_truth());
   waited_ = true;
-  const bool come = host_.wait_for_input(inputs, until);
-  truth_waits_ = more_truth_ || (come && inputs[0].revents != 0);
+  const bool is_ready = host_.wait_for_input(inputs, until);
+  truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
   if (prepared_.empty()) session_.cycle_power_if_requested(now);
-  if (come && !session_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
-  if (now - served_ <= between_looks) return;
+  if (is_ready && !session_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
+  if (now - served_ <= longest_wait) return;
   serve_all();
   truth_waits_ = true;  // a port that was lost may be back
 }
@@ -228,13 +230,13 @@ void Loop::transmit(HostTime now) noexcept {
       channel->serve(now);
     }
     for (Channel* channel : prepared_)
-      if (channel->is_can()) channel->wait_until_sent(stop_);  // a bus has no reader that reads on later
+      if (channel->is_can()) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
   } else {
     if (now < due_) host_.sleep_until(due_, options_.spin);
     for (Channel* channel : prepared_) {
       const HostTime begin = host_.now();
       channel->transmit();
-      channel->note_times(begin - due_, host_.now() - begin);
+      channel->record_times(begin - due_, host_.now() - begin);
     }
     if (!waits_for_truth_ && !prepared_at_rest_)
       session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
@@ -243,7 +245,7 @@ void Loop::transmit(HostTime now) noexcept {
   if (!prepared_at_rest_) session_.count_samples(prepared_.size());
   prepared_.clear();
   if (!paced_ || std::exchange(waited_, false)) return;
-  truth_waits_ = true;  // poll() was not asked
+  truth_waits_ = true;  // poll() was not called
   serve_all();
 }
 

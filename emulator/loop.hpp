@@ -17,14 +17,14 @@ struct LoopOptions {
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
 };
 
-// Drives a Session by a Pacer. One round does the first of these that there is to do: takes truth that waits;
-// prepares the next instant's samples; waits by poll() for truth, hosts, deadlines and lines with a pace; transmits.
+// Drives a Session by a Pacer. One round does the first of these that is pending: take truth from the port; prepare
+// the next instant's samples; wait by poll() for the instant, truth, hosts, deadlines and paced lines; transmit.
 // Allocates nothing after construction. One thread.
 class Loop {
  public:
   Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
 
-  // Returns when `stop` is set, within 20 ms, or when the capture has ended, or at its limit.
+  // Returns within 20 ms after `stop` is set, and when the capture ends or reaches its limit.
   void run() noexcept;
 
  private:
@@ -37,7 +37,7 @@ class Loop {
   void begin_run() noexcept;
   void forget_past() noexcept;
   TruthTime earliest_sample() noexcept;
-  TruthTime last_to_sample() const noexcept;
+  TruthTime latest_sample() const noexcept;
 
   // Samples.
   HostTime next_due() const noexcept { return origin_ + schedule_.next().offset; }
@@ -57,25 +57,25 @@ class Loop {
   TruthIntake& intake_;
   Timeline& timeline_;
   const bool paced_;            // by the host's clock
-  const bool waits_for_truth_;  // a sample waits for its truth; false: the sensors have power before there is any
+  const bool waits_for_truth_;  // samples wait for their truth; false: the sensors have power before the first truth
   Schedule schedule_;
   HostTime origin_;                 // of the schedule
-  HostTime first_truth_;            // the instant at which the first truth is sampled; before, a vehicle at rest
+  HostTime first_truth_;            // the instant at which the first truth is sampled; earlier samples are at rest
   std::vector<Channel*> prepared_;  // the channels whose samples of the instant due_ are prepared, in order
-  HostTime due_;
+  HostTime due_;                    // the instant whose samples are prepared, or are prepared next
   bool prepared_at_rest_ = false;
 
   bool ended_ = false;
-  HostTime newest_arrival_;  // of truth
+  HostTime newest_arrival_;  // of the newest truth
   HostTime served_;          // when all hosts were served last
   int budget_;               // how many truths may be taken before the next sample
-  bool truth_waits_ = true;  // truth may wait at its port
-  bool more_truth_ = false;  // more of it waits than could be taken
-  bool has_room_ = true;     // for truth
+  bool truth_waits_ = true;  // truth may be waiting at its port
+  bool more_truth_ = false;  // more truth is waiting than was taken
+  bool has_room_ = true;     // the timeline has room for more truth
   bool unreviewed_ = false;  // truths were observed since the last review
   bool unapplied_ = false;   // a truth was accepted since apply_truth()
-  bool answer_due_ = false;  // its sender waits for an answer
-  bool waited_ = false;      // since the last transmission
+  bool answer_due_ = false;  // the sender of the last truth waits for an answer
+  bool waited_ = false;      // wait() was called since the last transmission
 };
 
 }  // namespace imud

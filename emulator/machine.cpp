@@ -60,7 +60,7 @@ Machine inspect_machine(const std::string& root, bool spins, const std::vector<s
         processors - 1));
   if (!preempt_rt)
     machine.advice.emplace_back(
-        "the kernel may hold a wake-up back for long: use one with PREEMPT_RT (Debian: linux-image-rt)");
+        "the kernel may delay a wake-up for long: use one with PREEMPT_RT (Debian: linux-image-rt)");
   const std::string share_us = text_of(root + "/proc/sys/kernel/sched_rt_runtime_us");
   if (spins && !share_us.empty() && share_us != "-1")
     machine.advice.push_back(
@@ -69,15 +69,15 @@ Machine inspect_machine(const std::string& root, bool spins, const std::vector<s
                     share_us, text_of(root + "/proc/sys/kernel/sched_rt_period_us")));
   if (guest)
     machine.advice.emplace_back(
-        "the hypervisor stops the whole machine now and then, which nothing in it can prevent: measure on the "
+        "the hypervisor stops the whole machine at times, which nothing in it can prevent: measure on the "
         "bench's own computer");
   for (const std::string& device : serial) {
     const std::string name = fs::path(device).filename();
     const fs::path timer = root + "/sys/class/tty/" + name + "/device/latency_timer";
     const std::string ms = text_of(timer);
     if (!ms.empty() && ms != "1")
-      machine.advice.push_back(fmt::format("{} hands over what it receives only after {} ms: echo 1 | sudo tee {}",
-                                           device, ms, timer.string()));
+      machine.advice.push_back(
+          fmt::format("{} delays what it receives by up to {} ms: echo 1 | sudo tee {}", device, ms, timer.string()));
   }
   return machine;
 }

@@ -31,7 +31,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
 
 Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - begin_), line_loads_); }
 
-void Monitor::look() {
+void Monitor::update() {
   report_refusals();
   report_interruptions();
   report_imus();
@@ -73,7 +73,7 @@ void Monitor::report_refusals() {
 void Monitor::report_interruptions() {
   if (runs_.of(counters_.truth->runs) > 0)
     if (const std::uint64_t runs = counters_.truth->runs; runs > 1)
-      spdlog::info("simulation time began anew: run {}", runs);
+      spdlog::info("simulation time has restarted: run {}", runs);
 
   const TruthQuality& quality = *counters_.quality;
   if (const std::uint64_t n = stops_.of(quality.stops); n > 0) {

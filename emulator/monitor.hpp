@@ -24,9 +24,9 @@ class Monitor {
   Monitor(RunCounters counters, const Config& config, const Options& options);
 
   // Logs the events since the last call, and writes the lines of figures that are due.
-  void look();
-  // Does the same after the sampling thread has ended, and returns the figures of the whole run. `capture_warning`:
-  // see TruthIntake::end_warning().
+  void update();
+  // Logs the last events after the sampling thread has ended, and returns the figures of the whole run.
+  // `capture_warning`: see TruthIntake::end_warning().
   Summary finish(std::string capture_warning);
 
  private:
@@ -56,8 +56,8 @@ class Monitor {
   std::ofstream quality_;
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
-  // The reports so far: causes of refusal, imus that refuse edges, states of ports, and counts of
-  // PortState::wrong_speed.
+  // The reports so far: which causes of refusal, which imus that refuse edges, the last state of each port, and its
+  // number of reports of a wrong speed.
   std::vector<bool> refusals_, edges_refused_;
   std::vector<PortState> states_;
   std::vector<int> wrong_speeds_;

@@ -16,7 +16,7 @@ HostTime HostPacer::begin_run(TruthTime truth, HostTime arrival, HostTime) noexc
 
 bool HostPacer::observe(TruthTime truth, HostTime arrival, HostTime due) noexcept {
   if (monitor_.has_jumped(truth, arrival, clock_.truth(arrival) + nanoseconds(clock_.delay_s()))) return false;
-  // After a hold-up samples are due that are older than the arrival.
+  // After a hold-up, samples may be due that are older than the arrival.
   clock_.observe(truth, arrival, std::min(arrival, due));
   quality_.jitter.add(clock_.lateness_s());
   return true;

@@ -1,4 +1,4 @@
-// Pacer: decides when a sample is due, and of which truth. The three clocks of a run differ in nothing else.
+// Pacer: decides when a sample is due, and which truth it samples. The three clocks of a run differ in nothing else.
 #pragma once
 
 #include <memory>
@@ -11,32 +11,34 @@
 
 namespace imud {
 
-// Maps the instants at which sensors sample to the truth that they sample. Instants are host times; where no host
-// clock paces they are only counted from the run's begin. No allocation. One thread.
+// Maps the instants at which sensors sample to the truth that they sample. Instants are host times; where the host's
+// clock does not pace, they only count from the beginning of the run. No allocation. One thread.
 class Pacer {
  public:
   virtual ~Pacer() = default;
-  // True if a sample waits for its truth, however long; false if it leaves at its instant in any case.
+  // Returns true if a sample waits for its truth, however long; false if it leaves at its instant in any case.
   virtual bool waits_for_truth() const noexcept = 0;
-  // True if samples leave at their instants by the host's clock; false: as soon as their truth is there.
+  // Returns true if samples leave at their instants by the host's clock; false if they leave as soon as their truth
+  // has arrived.
   virtual bool is_paced() const noexcept = 0;
 
-  // A run begins with `truth`, which arrived at `arrival`; it is `now`. Returns the instant at which it is sampled.
+  // Begins a run with `truth`, which arrived at `arrival` and is processed at `now`. Returns the instant at which it
+  // is sampled.
   virtual HostTime begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept = 0;
-  // `truth` is the newest of the run and arrived at `arrival`; the next sample is due at `due`. Returns false if the
-  // simulator's time has jumped, so that a new run must begin.
+  // Updates the map by `truth`, the newest of the run, which arrived at `arrival`; the next sample is due at `due`.
+  // Returns false if the simulator's time has jumped, so that a new run must begin.
   virtual bool observe(TruthTime truth, HostTime arrival, HostTime due) noexcept;
-  // All truths that had waited are observed, the newest is `truth`. Returns false if the simulator was paused, so
-  // that a new run must begin.
+  // Called when all waiting truths have been observed; the newest is `truth`. Returns false if the simulator was
+  // paused, so that a new run must begin.
   virtual bool review(TruthTime truth, HostTime now) noexcept;
 
-  // The truth that is sampled at `instant`. Rises with it.
+  // Returns the truth time that is sampled at `instant`. It never decreases with `instant`.
   virtual TruthTime truth(HostTime instant) const noexcept = 0;
-  // The same; what was so used is not changed any more by truths observed later.
+  // Returns the same and fixes the map up to `instant`: truths observed later change it only after `instant`.
   virtual TruthTime use(HostTime instant) noexcept { return truth(instant); }
 };
 
-// `lockstep` and `fast`: truth is the clock. A sample leaves as soon as the truth up to its instant is there.
+// `lockstep` and `fast`: truth is the clock. A sample leaves as soon as the truth up to its instant has arrived.
 class TruthPacer : public Pacer {
  public:
   bool waits_for_truth() const noexcept final { return true; }
@@ -52,16 +54,15 @@ class TruthPacer : public Pacer {
   HostTime run_begin_;
 };
 
-// `realtime` with a capture as truth: each sample leaves when as much host time has passed since the run's begin as
-// simulation time.
+// `realtime` with a capture as truth: a sample leaves when as much host time as simulation time has passed since the
+// run began.
 class CapturePacer final : public TruthPacer {
  public:
   bool is_paced() const noexcept override { return true; }
 };
 
 // `realtime` with live truth: a sample leaves at its instant by the host's clock, and the TruthClock estimates which
-// truth it samples. Writes what it
-// estimates of the simulator's clock to `quality`.
+// truth it samples. Writes the estimates to `quality`.
 class HostPacer final : public Pacer {
  public:
   HostPacer(const TruthClock::Options& options, Nanoseconds extrapolate, TruthQuality& quality) noexcept
@@ -83,7 +84,7 @@ class HostPacer final : public Pacer {
   TruthQuality& quality_;
 };
 
-// The pacer of the configured clock: truth's for `fast` and `lockstep`, a capture's or the host's for `realtime`.
+// Returns the pacer for the configured clock and truth port.
 std::unique_ptr<Pacer> make_pacer(const Config& config, TruthQuality& quality);
 
 }  // namespace imud

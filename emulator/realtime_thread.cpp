@@ -50,7 +50,7 @@ RealtimeProcess::RealtimeProcess(const RealtimeConfig& config) {
   ::pthread_setattr_default_np(&attributes);
   ::pthread_attr_destroy(&attributes);
 
-  if (config.priority > 0) {  // An improvement that only root may make: no warning where it is not permitted.
+  if (config.priority > 0) {  // Only root may do this: it is not reported where it is not permitted.
     cpu_dma_latency_.reset(::open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
     const std::int32_t microseconds = 0;
     if (cpu_dma_latency_ && ::write(cpu_dma_latency_.get(), &microseconds, sizeof microseconds) < 0)

@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// Prepares the process; made before its threads. Limits the size of new stacks, because locking memory allocates
-// all of a stack. As long as this lives, it keeps the processors out of deep idle states, if that is permitted.
+// Prepares the process. Make it before any thread: it limits the size of new stacks, because locking memory
+// allocates all of a stack. While it exists, it keeps the processors out of deep idle states, if that is permitted.
 class RealtimeProcess {
  public:
   explicit RealtimeProcess(const RealtimeConfig& config);
@@ -20,8 +20,8 @@ class RealtimeProcess {
 };
 
 // Locks the memory of the process, with the stack of the calling thread, and sets the thread's processor and
-// SCHED_FIFO priority. Call it when all memory that the thread will need is allocated. Returns a line for each that
-// failed, with the command that would permit it.
+// SCHED_FIFO priority. Call it when all memory that the thread will need is allocated. Returns a line for each step
+// that failed, with the command that would permit it.
 std::vector<std::string> make_thread_realtime(const RealtimeConfig& config);
 
 }  // namespace imud

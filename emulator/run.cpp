@@ -26,14 +26,14 @@ namespace {
 
 namespace asio = boost::asio;
 
-// Calls Monitor::look() ten times a second.
+// Calls Monitor::update() ten times a second.
 class Ticker {
  public:
   Ticker(asio::io_context& io, Monitor& monitor) : timer_(io), monitor_(monitor) { tick(); }
 
  private:
   void tick() {
-    monitor_.look();
+    monitor_.update();
     timer_.expires_after(std::chrono::milliseconds(100));
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) tick();

@@ -14,8 +14,9 @@ struct RunOptions {
   Monitor::Options monitor;
 };
 
-// Runs until the capture ends, the duration is over, or SIGINT or SIGTERM comes, and prints the summary. Returns the
-// exit code. Throws PortError if a port cannot be opened, std::runtime_error if a file cannot be written.
+// Runs until the capture ends, the duration is over, or SIGINT or SIGTERM arrives, and prints the summary. Returns
+// the exit code: 0, or 1 if a capture has ended without any accepted truth. Throws PortError if a port cannot be
+// opened, std::runtime_error if a file cannot be written.
 int run(const Config& config, const RunOptions& options);
 
 }  // namespace imud

@@ -10,11 +10,11 @@
 
 namespace imud {
 
-// Merges the grids of all imus, sorted by time; among equal instants, by imu. A grid takes part from its start() on.
-// Allocates only in the constructor. One thread.
+// Merges the grids of all imus, sorted by time; among equal instants, by imu. A grid is included from its start()
+// on. Allocates only in the constructor. One thread.
 class Schedule {
  public:
-  // At least one grid; none is started.
+  // `grids` has at least one grid; none is started yet.
   explicit Schedule(std::span<const Grid> grids);
 
   struct Slot {
@@ -22,10 +22,11 @@ class Schedule {
     std::uint64_t index = 0;  // on the imu's grid
     std::size_t imu = 0;      // index into the constructor's grids
   };
-  // True while no grid is started: there is no next() then.
+  // Returns true while no grid is started; then next() must not be called.
   bool empty() const noexcept { return heap_.empty(); }
+  // Returns the earliest slot that advance() has not passed.
   const Slot& next() const noexcept { return heap_.front(); }
-  // Moves on to the slot after next().
+  // Advances to the slot after next().
   void advance() noexcept;
 
   // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(k).

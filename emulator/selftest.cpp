@@ -19,7 +19,7 @@ namespace imud {
 
 namespace {
 
-constexpr double us = 1e6;  // in a second
+constexpr double us = 1e6;  // microseconds in a second
 
 void print_row(const std::string& what, const DurationHistogram& h) {
   fmt::print("  {:<34} p50 {:8.1f}  p99 {:8.1f}  p99.9 {:8.1f}  max {:8.1f}\n", what, us * h.percentile(50),
@@ -27,8 +27,8 @@ void print_row(const std::string& what, const DurationHistogram& h) {
   std::fflush(stdout);
 }
 
-// Calls `act` at the instants of a grid, in a thread of the given kind. Returns the lateness of the calls, and what
-// was not permitted in `shortfalls`.
+// Calls `act` at the instants of a grid, in a thread set up by `realtime`. Returns the lateness of the calls, and in
+// `shortfalls` the steps of the set-up that were not permitted.
 template <class Act>
 DurationHistogram loop(const RealtimeConfig& realtime, double rate_hz, double duration_s,
                        std::vector<std::string>& shortfalls, Act&& act) {
@@ -96,7 +96,7 @@ DurationHistogram measure_writes(const RealtimeConfig& realtime, const ImuConfig
   FrameBuffer frames;
   Sample sample = typical_sample();
   DurationHistogram took;
-  std::vector<std::string> shortfalls;  // The caller has reported them.
+  std::vector<std::string> shortfalls;  // not used: the caller has reported them
   loop(realtime, imu.rate_hz, duration_s, shortfalls, [&](Host& host) {
     frames.clear();
     ++sample.counter;
@@ -142,14 +142,14 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
 
   const auto nothing = [](Host&) {};
   RealtimeConfig kind = config.realtime;
-  fmt::print("how late a bare loop wakes, {} Hz, {} s each, us\n", rate_hz, options.measure_s);
+  fmt::print("lateness of a bare loop, {} Hz, {} s each, us\n", rate_hz, options.measure_s);
   std::vector<std::string> advice;
   kind.priority = 0;
   kind.spin = {};
   DurationHistogram plain = loop(kind, rate_hz, options.measure_s, advice, nothing);
-  print_row("as any thread", plain);
+  print_row("ordinary thread", plain);
   kind.priority = config.realtime.priority;
-  const std::string as = kind.priority > 0 ? fmt::format("priority {}", kind.priority) : "as any thread";
+  const std::string as = kind.priority > 0 ? fmt::format("priority {}", kind.priority) : "ordinary thread";
   if (kind.priority > 0) {
     plain = loop(kind, rate_hz, options.measure_s, advice, nothing);
     print_row(as + (advice.empty() ? "" : " (if permitted: see below)"), plain);
@@ -159,7 +159,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   print_row(fmt::format("{}, spin_us = {:g}", as, us * seconds(kind.spin)), spun);
   advice.insert(advice.end(), machine.advice.begin(), machine.advice.end());
 
-  fmt::print("how long a write takes, us\n");
+  fmt::print("duration of a write, us\n");
   double all_p50 = 0, all_p999 = 0;  // sums over all imus, which may write at the same instant
   for (const ImuConfig& imu : config.imus) {
     PortCounters counters;
@@ -167,7 +167,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
     print_row(fmt::format("{} to {}", imu.name, imu.port), took);
     if (counters.dropped > 0)
       advice.push_back(
-          fmt::format("{}: {} of {} frames were not taken by {}: is somebody there, and the line fast enough?",
+          fmt::format("{}: {} of {} frames were not accepted by {}: is its other end open, and the line fast enough?",
                       imu.name, counters.dropped, counters.dropped + counters.sent, imu.port));
     all_p50 += took.percentile(50);
     all_p999 += took.percentile(99.9);
@@ -180,7 +180,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   };
   const double busy_s = wakes.percentile(99.9) + all_p999;
   const double best_hz = std::min(Grid::max_rate_hz, 1 / std::max(busy_s, 1e-6));
-  fmt::print("to expect\n  samples begin to leave with {}; with spin_us = {:g}: {}\n", row(plain),
+  fmt::print("to expect\n  samples start to leave with {}; with spin_us = {:g}: {}\n", row(plain),
              us * seconds(kind.spin), row(spun));
   if (config.imus.size() > 1)
     fmt::print("  the last of {} imus at one instant {:.1f} us after the first; phase_us sets them apart\n",
@@ -188,7 +188,7 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
   fmt::print("  up to {:.0f} Hz, 99.9 % of them have left before the next is due; {} Hz is {}\n", best_hz, rate_hz,
              rate_hz <= best_hz ? "within that" : "beyond that");
   fmt::print("to improve\n");
-  if (advice.empty()) fmt::print("  nothing left to do\n");
+  if (advice.empty()) fmt::print("  nothing\n");
   for (const std::string& line : advice) fmt::print("  - {}\n", line);
   return 0;
 }

@@ -30,7 +30,8 @@ void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcep
   watermark_ = std::max(watermark_, time);
 
   const bool held = (sample.status & status::truth_stale) != 0;
-  // Until there is motion again; a run that begins with its truth still to come does not begin with a stop.
+  // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
+  // not begin a stop.
   const bool stopped = held && (stopped_ || time > timeline_.newest());
   if (std::exchange(stopped_, stopped) != stopped) (stopped ? quality_.stops : quality_.returns).count();
   const bool silent = stopped && when_stopped_ == WhenStopped::silence;
@@ -39,8 +40,8 @@ void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcep
 }
 
 void Session::advance(TruthTime until) noexcept {
-  constexpr std::size_t often_enough = Timeline::capacity / 2;
-  if (++truths_since_advance_ < often_enough) return;
+  constexpr std::size_t between_advances = Timeline::capacity / 2;
+  if (++truths_since_advance_ < between_advances) return;
   truths_since_advance_ = 0;
   advance_imus(until);
 }
@@ -76,15 +77,15 @@ std::span<pollfd> Session::inputs(bool truth) noexcept {
 }
 
 bool Session::serve_inputs(HostTime now) noexcept {
-  bool good = true;
+  bool may_poll = true;
   for (std::size_t i = 0; i < inputs_.size(); ++i) {
     const short seen = inputs_[i].revents;
-    if ((seen & (POLLERR | POLLHUP | POLLNVAL)) != 0) good = false;
+    if ((seen & (POLLERR | POLLHUP | POLLNVAL)) != 0) may_poll = false;
     if (seen == 0 || i == 0) continue;
     if ((seen & POLLOUT) != 0) channels_[i - 1]->flush();
-    if (!channels_[i - 1]->serve(now) && (seen & POLLOUT) == 0) good = false;
+    if (!channels_[i - 1]->serve(now) && (seen & POLLOUT) == 0) may_poll = false;
   }
-  return good;
+  return may_poll;
 }
 
 void Session::serve_all(HostTime now) noexcept {

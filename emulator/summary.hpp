@@ -29,7 +29,7 @@ struct Summary {
   std::vector<Imu> imus;
 
   // Returns the figures of the interval that began at `before`, an earlier summary of the same run. Warning, levels
-  // and loads are those of this summary.
+  // and line loads are those of this summary.
   Summary since(const Summary& before) const;
 };
 

@@ -44,7 +44,7 @@ void Sync::receive(Input& input, TruthTime time) noexcept {
     else
       ++refused_;
   }
-  // An edge of a run whose time was later is not waited for.
+  // After a restart of simulation time, edges of the old run may be too far ahead: they are refused.
   const auto begin = input.edges.begin(), end = begin + static_cast<std::ptrdiff_t>(input.count);
   const auto kept = std::remove_if(begin, end, [&](TruthTime at) { return at > time + furthest_ahead; });
   refused_ += static_cast<std::size_t>(end - kept);
@@ -55,7 +55,7 @@ void Sync::deliver(Device& device, void (Device::*edge)(DeviceTime) noexcept, In
                    DeviceTime stamp) noexcept {
   if (input.port == nullptr) return;
   receive(input, time);
-  // Device seconds in a second of the simulation, which may run at any rate.
+  // Device seconds per second of the simulation, which may run at any rate.
   const double rate = last_ && time > *last_ ? seconds(stamp - stamp_) / seconds(time - *last_) : 1.0;
   const auto begin = input.edges.begin(), end = begin + static_cast<std::ptrdiff_t>(input.count);
   const auto later = std::find_if(begin, end, [&](TruthTime at) { return at > time; });

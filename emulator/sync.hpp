@@ -14,29 +14,30 @@
 
 namespace imud {
 
-// Ports of the pins; empty: not connected.
+// The ports of the pins; an empty one is not connected.
 struct SyncConfig {
   std::string trigger_port, pps_port, tov_port;
   bool is_connected() const { return !(trigger_port + pps_port + tov_port).empty(); }
 };
 
-// An edge with a time waits for the sample at or after it, up to 10 s ahead and 64 at most, in order; one whose time
-// is past counts as an edge at the last sample, and one without a time as an edge at the next sample. An edge that is
-// further ahead, or one too many, is refused and counted. No function waits or allocates. One thread.
+// An edge with a time waits for the first sample at or after it. An edge whose time is past is delivered as one at
+// the last sample, an edge without a time as one at the next sample. An edge more than 10 s ahead, or beyond 64 that
+// wait at a pin, is refused and counted. No function waits or allocates. One thread.
 class Sync {
  public:
   using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>;
   Sync(const SyncConfig& config, const OpenPort& open);  // throws PortError
 
-  // Gives the device the edges up to `time`, before its sample of that time, which is stamped `stamp`.
+  // Delivers the edges up to `time` to the device. Call it before the device's sample at `time`, whose stamp is
+  // `stamp`.
   void deliver_edges(Device& device, TruthTime time, DeviceTime stamp) noexcept;
-  // Sends the pulse that follows from the device's last sample, if there is one, in simulation time.
+  // Sends the output pulse of the device's last sample, if there is one, in simulation time.
   void send_pulse(const Device& device) noexcept;
-  // Discards all edges, those that have come and those that wait: the sensor does not sample the truth now.
+  // Discards all edges, because the sensor does not sample the truth now.
   void discard_edges() noexcept;
-  // Forgets the last sample: the simulation's time may begin again.
+  // Discards the time of the last sample, because simulation time may restart.
   void begin_run() noexcept { last_.reset(); }
-  // The number of edges refused.
+  // Returns the number of edges refused.
   std::uint64_t refused() const noexcept { return refused_; }
 
  private:
@@ -53,7 +54,7 @@ class Sync {
   std::unique_ptr<Port> tov_;
   std::uint64_t refused_ = 0;
   std::optional<TruthTime> last_;  // time of the last sample
-  TruthTime time_;                 // likewise, and its stamp
+  TruthTime time_;                 // time of the last sample of any run, and its stamp
   DeviceTime stamp_;
 };
 

@@ -10,9 +10,9 @@ namespace {
 constexpr double window_s = 4;
 constexpr double offset_window_s = 0.5;
 constexpr double block_s = window_s / 64;
-constexpr std::size_t fewest_points = 8;  // kept beyond the window, up to oldest_s, if a simulator sends seldom
+constexpr std::size_t fewest_points = 8;  // kept beyond the window, up to oldest_s, for a low truth rate
 constexpr double oldest_s = 60;
-constexpr double shortest_span_s = 0.2;  // of arrivals from which a rate is estimated
+constexpr double shortest_span_s = 0.2;  // the shortest span of arrivals from which a rate is estimated
 constexpr double time_constant_s = 0.5;  // of slewing
 constexpr double first_automatic_delay_s = 0.05;
 constexpr double longest_delay_s = 1;

@@ -26,7 +26,7 @@ class TruthClock {
   explicit TruthClock(const Options& options) noexcept;
 
   // Begins a run with `truth`, which arrived at `arrival`. Returns the instant at which the sensors sample it, which
-  // is later than `arrival` by the delay. The simulator's rate is taken as `rate` until 0.2 s of the run have come.
+  // is later than `arrival` by the delay. The simulator's rate is taken as `rate` for the first 0.2 s of arrivals.
   HostTime begin(TruthTime truth, HostTime arrival, double rate) noexcept;
   // Updates the estimate by the newest truth of the run, which arrived at `arrival` and is processed at `now`.
   void observe(TruthTime truth, HostTime arrival, HostTime now) noexcept;
@@ -40,7 +40,7 @@ class TruthClock {
   double rate() const noexcept { return measured_rate_; }
   // The rate of the map: exactly 1 where the estimate differs from 1 by less than its uncertainty.
   double used_rate() const noexcept { return rate_; }
-  // The time by which the simulator has fallen behind the host since begin(), s.
+  // The time by which the simulator has fallen behind the host's clock since begin(), s.
   double offset_s() const noexcept { return offset_s_; }
   // The delay, s of truth time. Automatic: the given percentile, over the last 512 arrivals, of the delay that would
   // have avoided extrapolation since the arrival before; raised at once, lowered gradually, at most 1 s.
@@ -82,8 +82,8 @@ class TruthClock {
   std::size_t sufficient_delay_count_ = 0;     // since construction
   double last_truth_s_ = 0;
 
-  // The map: from the anchor on, truth time rises by rate_, and by correction_s_ in all within slew_s_. The sensors
-  // sample this less the applied delay, which slews towards delay_s_.
+  // The map: from the anchor on, truth time rises at rate_, and additionally by correction_s_, spread over slew_s_.
+  // The sensors sample this time less the applied delay, which slews towards delay_s_.
   HostTime anchor_;
   double line_s_ = 0;  // at the anchor, since truth_origin_
   double rate_ = 1;

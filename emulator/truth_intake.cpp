@@ -9,7 +9,7 @@ namespace imud {
 
 namespace {
 
-// Returns true for a file, a fifo or a connection, whose bytes come in pieces of any length.
+// Returns true for a file, a fifo or a connection, whose bytes arrive in pieces of any length.
 bool is_stream(const std::string& port) noexcept {
   const Transport* transport = transport_of(port);
   return transport == nullptr || !transport->keeps_datagrams;
@@ -32,7 +32,7 @@ void TruthIntake::finish_input() noexcept {
 }
 
 std::optional<TruthResult> TruthIntake::next_record() noexcept {
-  constexpr int most = 256;  // pieces without a record; then the caller continues with other work
+  constexpr int most = 256;  // pieces without a record in one call, so that the caller can do other work
   for (int i = 0; i < most; ++i) {
     if (const auto result = decoder_->next(truth_)) return result;
     const auto received = port_->receive();

@@ -1,5 +1,5 @@
-// TruthIntake: takes records from the truth port to the timeline, counts refused ones by cause, and sends to the
-// simulator what the truth format has to send.
+// TruthIntake: moves records from the truth port to the timeline, counts refused ones by cause, and sends the
+// messages of the truth format to the simulator.
 #pragma once
 
 #include <cstdint>
@@ -22,30 +22,30 @@ class TruthIntake {
   TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port);
 
   enum class Outcome : std::uint8_t {
-    nothing,   // no record is there; wait for the descriptor, unless at_end()
+    nothing,   // no record has arrived; wait for the descriptor, unless at_end()
     ignored,   // the record had no state, or was refused
     accepted,  // the truth is now the newest of the timeline
-    inserted,  // the truth was reordered, and is now in its place before the newest
+    inserted,  // the truth was reordered, and is inserted before the newest
     new_run,   // the truth has begun a new run of the timeline
   };
-  // Takes one record, if there is one. Never waits. One datagram may hold several records: call it until it returns
-  // `nothing` before waiting for the descriptor. `watermark`: see Timeline::push().
+  // Takes one record, if one has arrived. Never waits. One datagram may hold several records: wait for the
+  // descriptor only after take() has returned `nothing`. `watermark`: see Timeline::push().
   Outcome take(TruthTime watermark = Timeline::never) noexcept;
 
   // The truth of the last record; valid unless the record was ignored.
   const Truth& truth() const noexcept { return truth_; }
-  // True if the sender of the last record waits for an answer. A refused repetition needs one, too.
+  // Returns true if the sender of the last record waits for an answer; that of a refused repetition does, too.
   bool answer_due() const noexcept { return answer_due_; }
   // Answers the last record with the time up to which samples were emitted, and their number in the run.
   void answer(TruthTime emitted_until, std::uint64_t samples) noexcept;
 
   // Returns when poll() has to be called next, for the messages of the format and the frames that the port holds
-  // back; nullopt: not by time; HostTime{}: at once. take() and answer() change it, too.
+  // back; nullopt: it need not be; HostTime{}: at once. take() and answer() change it.
   std::optional<HostTime> deadline() const noexcept;
   // Sends the messages that are due at `now`. Never waits.
   void poll(HostTime now) noexcept;
 
-  // True once take() will never take another record; valid after take() has returned `nothing`.
+  // Returns true once take() will never take another record; valid after take() has returned `nothing`.
   bool at_end() const noexcept { return finished_; }
   int descriptor() const noexcept { return port_->descriptor(); }
   // Returns true if the truth comes from a simulator, false if from a capture.
@@ -69,7 +69,7 @@ class TruthIntake {
   std::unique_ptr<TruthDecoder> decoder_;
   std::optional<std::uint32_t> stream_;
   const bool is_stream_;          // the port does not keep datagrams apart
-  const bool is_live_;            // there is a simulator at the port's other end, which can receive
+  const bool is_live_;            // a simulator is at the port's other end, and can receive
   bool started_ = false;          // the decoder's start() was called, and the simulator has not disconnected since
   bool finished_ = false;         // the port's input has ended, and every record of it was taken
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record

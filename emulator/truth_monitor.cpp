@@ -10,16 +10,17 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// No network and no clock brings a truth this much early: the simulator's time has jumped.
+// A truth that is early by more than this means that the simulator's time has jumped.
 constexpr Nanoseconds jump = 250ms;
-// Two jumps within this time are a simulator that runs fast.
+// Two jumps within this time mean that the simulator runs fast.
 constexpr Nanoseconds between_jumps = 1s;
-// Truths that come late for this long are no hold-up; by this much at least, and this many.
+// Truths are late because of a pause, not of a hold-up, if they are late for this long, by at least this much, and
+// at least this many in a row.
 constexpr Nanoseconds late_for = 200ms;
 constexpr Nanoseconds late_by = 50ms;
 constexpr int late_truths = 3;
 
-constexpr double slowest = 0.1, fastest = 10;  // simulators that are followed
+constexpr double slowest = 0.1, fastest = 10;  // limits of the simulator's rate
 
 }  // namespace
 
@@ -42,7 +43,7 @@ bool TruthMonitor::has_jumped(TruthTime truth, HostTime arrival, TruthTime expec
 }
 
 bool TruthMonitor::was_paused(TruthTime truth, TruthTime sampled, HostTime now, double rate) noexcept {
-  // A simulator that sends seldom is late by much now and then.
+  // At a low truth rate, a single truth may be late by much.
   const Nanoseconds tolerated = std::max({extrapolate_, late_by, 2 * step_});
   if (truth - sampled >= -tolerated) {
     late_since_.reset();
@@ -57,7 +58,8 @@ bool TruthMonitor::was_paused(TruthTime truth, TruthTime sampled, HostTime now, 
   }
   if (++late_count_ < late_truths || now - *late_since_ < late_for) return false;
   const double seen = seconds(truth - late_from_) / seconds(now - *late_since_);
-  if (std::abs(seen - rate_) > 0.1 * rate_) rate_ = std::clamp(seen, slowest, fastest);  // no pause: it is slow
+  if (std::abs(seen - rate_) > 0.1 * rate_)
+    rate_ = std::clamp(seen, slowest, fastest);  // not a pause: the simulator is slow
   return true;
 }
 

@@ -7,23 +7,22 @@
 
 namespace imud {
 
-// Watches a live stream of truth beside the TruthClock, which only estimates: the clock follows small deviations, and
-// the monitor decides when the deviation is none that a network or a scheduler makes, so that a new run has to begin.
-// No allocation. One thread.
+// Watches a live stream of truth beside the TruthClock. The clock tracks small deviations; the monitor detects those
+// that neither a network nor a scheduler causes, after which a new run has to begin. No allocation. One thread.
 class TruthMonitor {
  public:
   // `extrapolate`: how long motion is extrapolated after the newest truth; a truth that is later than this is late.
   explicit TruthMonitor(Nanoseconds extrapolate) noexcept : extrapolate_(extrapolate) {}
 
-  // A run begins with `truth`, which arrived at `arrival`.
+  // Begins a run with `truth`, which arrived at `arrival`.
   void begin_run(TruthTime truth, HostTime arrival) noexcept;
 
-  // `truth` is the newest of the run and arrived at `arrival`, when a truth of `expected` at the latest was expected.
-  // Returns true if the simulator's time has jumped ahead: a new run begins.
+  // Called for the newest truth of the run, which arrived at `arrival`; `expected` is the latest truth time that can
+  // arrive then. Returns true if the simulator's time has jumped ahead: a new run begins.
   bool has_jumped(TruthTime truth, HostTime arrival, TruthTime expected) noexcept;
-  // All truths that had waited are taken, the newest is `truth`; at `now` the sensors sample `sampled`, while the
-  // clock uses `rate` truth seconds per host second. Returns true if truth has been late for so long that the
-  // simulator was paused, or is slower than estimated: a new run begins.
+  // Called when all waiting truths have been taken; the newest is `truth`. At `now` the sensors sample `sampled`,
+  // and the clock runs at `rate` truth seconds per host second. Returns true if truth has been late for so long that
+  // the simulator was paused, or is slower than estimated: a new run begins.
   bool was_paused(TruthTime truth, TruthTime sampled, HostTime now, double rate) noexcept;
 
   // The simulator's rate with which a new run has to begin, truth seconds per host second.
@@ -35,7 +34,7 @@ class TruthMonitor {
   Nanoseconds step_{0};  // from the truth before the newest
   HostTime begun_;       // when the run's first truth arrived
   TruthTime begun_with_;
-  bool has_jumped_ = false;  // not long ago
+  bool has_jumped_ = false;  // a jump was less than 1 s ago
   std::optional<HostTime> late_since_;
   TruthTime late_from_;
   int late_count_ = 0;

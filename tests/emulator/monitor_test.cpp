@@ -45,11 +45,11 @@ class MonitorTest : public RunTest {
 
 TEST_F(MonitorTest, ACauseOfRefusalIsReportedOnce) {
   Monitor monitor = this->monitor();
-  monitor.look();
+  monitor.update();
   EXPECT_EQ(logged(), Lines{});
   for (int i = 0; i < 3; ++i) {
     truth_.refused[static_cast<std::size_t>(Refusal::bad_checksum)].count(5);
-    monitor.look();
+    monitor.update();
   }
   EXPECT_EQ(logged(), Lines{"warning truth refused: crc: damaged on its way, or another CRC than CRC-32C (counted; "
                             "reported once)"});
@@ -64,17 +64,17 @@ TEST_F(MonitorTest, AnInterruptionIsReportedEachTime) {
   Monitor monitor = this->monitor();
   for (int i = 0; i < 2; ++i) {
     quality_.stops.count();
-    monitor.look();
+    monitor.update();
     EXPECT_EQ(logged(), Lines{"warning no truth for 100 ms: motion is held"});
     quality_.returns.count();
-    monitor.look();
-    monitor.look();
+    monitor.update();
+    monitor.update();
     EXPECT_EQ(logged(), Lines{"info truth has resumed"});
   }
   quality_.stops.count(3);
   quality_.returns.count(2);
   quality_.resumed.count(1);
-  monitor.look();
+  monitor.update();
   EXPECT_EQ(logged(),
             (Lines{"warning no truth for 100 ms: motion is held (3 times)", "info truth has resumed (2 times)",
                    "warning truth had paused or its time had jumped: a new run begins"}));
@@ -87,7 +87,7 @@ TEST_F(MonitorTest, TheReactionToAnInterruptionIsTheConfiguredOne) {
     quality_.stops.store(0);
     Monitor monitor = this->monitor();
     quality_.stops.count();
-    monitor.look();
+    monitor.update();
     EXPECT_EQ(logged(), Lines{std::string("warning no truth for 100 ms: ") + words});
   }
 }
@@ -95,19 +95,19 @@ TEST_F(MonitorTest, TheReactionToAnInterruptionIsTheConfiguredOne) {
 TEST_F(MonitorTest, TheFirstRunIsNoNews) {
   Monitor monitor = this->monitor();
   truth_.runs.count();
-  monitor.look();
+  monitor.update();
   EXPECT_EQ(logged(), Lines{});
   truth_.runs.count();
-  monitor.look();
-  monitor.look();
-  EXPECT_EQ(logged(), Lines{"info simulation time began anew: run 2"});
+  monitor.update();
+  monitor.update();
+  EXPECT_EQ(logged(), Lines{"info simulation time has restarted: run 2"});
 }
 
 TEST_F(MonitorTest, RefusedEdgesAreReportedOnce) {
   Monitor monitor = this->monitor();
   for (int i = 0; i < 3; ++i) {
     imu_.edges_refused.count();
-    monitor.look();
+    monitor.update();
   }
   const Lines lines = logged();
   ASSERT_EQ(lines.size(), 1U);
@@ -118,10 +118,10 @@ TEST_F(MonitorTest, AChangeOfAPortIsReported) {
   Monitor monitor = this->monitor();
   const std::string port = "pty:" + path("imu");
   imu_.port_state = PortState::no_reader;
-  monitor.look();
-  monitor.look();
+  monitor.update();
+  monitor.update();
   imu_.port_state = PortState::ready;
-  monitor.look();
+  monitor.update();
   imu_.port_state = PortState::lost;
   monitor.finish({});
   EXPECT_EQ(logged(), (Lines{"info imu1: nobody has " + port + " open; frames are discarded",
@@ -134,9 +134,9 @@ TEST_F(MonitorTest, AClientThatTriesSpeedsIsReportedTenTimes) {
   imu_.speeds = Port::Speeds{921'600, 9600};
   for (int i = 0; i < 20; ++i) {
     imu_.port_state = PortState::wrong_speed;
-    monitor.look();
+    monitor.update();
     imu_.port_state = PortState::ready;
-    monitor.look();
+    monitor.update();
   }
   std::size_t wrong = 0, last = 0;
   for (const std::string& line : logged()) {

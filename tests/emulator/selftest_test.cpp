@@ -42,7 +42,7 @@ TEST_F(MachineTest, EachShortcomingHasItsAdvice) {
   EXPECT_TRUE(has(machine.advice, "PREEMPT_RT"));
   EXPECT_TRUE(has(machine.advice, "sched_rt_runtime_us=-1"));
   EXPECT_TRUE(has(machine.advice, "hypervisor"));
-  EXPECT_TRUE(has(machine.advice, "/dev/ttyUSB3 hands over what it receives only after 16 ms: echo 1 | sudo tee"));
+  EXPECT_TRUE(has(machine.advice, "/dev/ttyUSB3 delays what it receives by up to 16 ms: echo 1 | sudo tee"));
   EXPECT_EQ(inspect_machine(folder_, false, {}).advice.size(), 4U);
 }
 
@@ -67,7 +67,7 @@ TEST_F(SelftestTest, MeasuresWhatTheConfigurationNames) {
   const ProgramResult result =
       run_program("imud", {"selftest", "--timing", c, "--for", "0.2", "--set", "realtime.spin_us=50"});
   EXPECT_EQ(result.exit_code, 0) << result.errors;
-  for (const char* text : {"the machine", "500 Hz, 0.2 s each", "as any thread", "spin_us = 50",
+  for (const char* text : {"the machine", "500 Hz, 0.2 s each", "ordinary thread", "spin_us = 50",
                            "imu1 to file:", "to expect", "500 Hz is ", "to improve"})
     EXPECT_NE(result.output.find(text), std::string::npos) << text << "\n" << result.output;
   EXPECT_FALSE(std::filesystem::exists(path("untouched")));
