@@ -67,7 +67,7 @@ class CanPort final : public Port {
     if (spec.address.size() >= IFNAMSIZ)
       throw spec.error("the name is too long for an interface; right would be a name such as can0");
     if (::if_nametoindex(spec.address.c_str()) == 0)
-      throw spec.error("there is no such interface; 'ip link' lists them");
+      throw spec.error("there is no such interface; 'ip link' lists the interfaces");
     if (const int error = bind(); error == EAFNOSUPPORT || error == EPROTONOSUPPORT)
       throw spec.error("this kernel has no CAN; sudo modprobe can_raw");
     else if (error != 0)

@@ -227,7 +227,7 @@ TEST_F(Pcap, NamesTheCauseIfItCannotBeOpened) {
   EXPECT_TRUE(mentions(error_of(spec(), Role::listener), "right would be Ethernet"));
   write_file(path, file_header({}, 1));
   EXPECT_EQ(error_of(spec(), Role::listener), "");
-  EXPECT_TRUE(mentions(error_of(spec(), Role::device), "only read"));
+  EXPECT_TRUE(mentions(error_of(spec(), Role::device), "only be read"));
   EXPECT_TRUE(mentions(error_of("pcap:" + path + "?port=0", Role::listener), "from 1 to 65535"));
 }
 

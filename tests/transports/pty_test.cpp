@@ -270,7 +270,7 @@ TEST_F(Pty, ListenerReadsUntilTheDeviceIsGone) {
 
 TEST_F(Pty, ListenerNeedsATerminal) {
   EXPECT_TRUE(mentions(error_of("pty:" + link, Role::listener), "No such file"));
-  EXPECT_TRUE(mentions(error_of("pty:/dev/null", Role::listener), "no terminal"));
+  EXPECT_TRUE(mentions(error_of("pty:/dev/null", Role::listener), "is not a terminal"));
 }
 
 }  // namespace

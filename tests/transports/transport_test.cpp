@@ -71,9 +71,10 @@ TEST(Transports, ThoseThatEndAreOpenedByListeners) {
   EXPECT_EQ(captures, 2);
   EXPECT_EQ(devices, static_cast<int>(transports().size()) - 1);
   const ScratchFolder folder;
-  EXPECT_EQ(error_of("pcap:" + folder / "x"), "pcap:" + folder / "x" +
-                                                  ": can only be read; right for output would be file:PATH or pty:LINK "
-                                                  "or serial:/dev/ttyUSB0 or udp:ADDR:PORT");
+  EXPECT_EQ(error_of("pcap:" + folder / "x"),
+            "pcap:" + folder / "x" +
+                ": can only be read; right for output would be file:PATH or pty:LINK "
+                "or serial:/dev/ttyUSB0 or udp:ADDR:PORT");
 }
 
 TEST(Transports, StandardOutputIsKnownByEachOfItsNames) {
