@@ -9,7 +9,7 @@
 
 #include "core/truth.hpp"
 
-namespace imud::testing {
+namespace imud {
 
 struct BodyMotion {
   Vector3 (*omega)(double t);
@@ -121,4 +121,4 @@ inline double angle_between(const Quaternion& a, const Quaternion& b) {
   return 2.0 * std::min((a.coeffs() - b.coeffs()).norm(), (a.coeffs() + b.coeffs()).norm());
 }
 
-}  // namespace imud::testing
+}  // namespace imud

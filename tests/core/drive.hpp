@@ -5,8 +5,11 @@
 
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
+#include "tools/motion.hpp"
 
-namespace imud::testing {
+namespace imud {
+
+inline Truth coning_truth(TruthTime t) { return find_motion("coning")->at(t, {}); }
 
 // The instants k/rate from 0 to `duration`.
 inline std::vector<TruthTime> instants(double rate_hz, Nanoseconds duration) {
@@ -34,4 +37,4 @@ std::vector<Sample> drive(const ImuModel& model, TruthAt truth_at, const std::ve
   return samples;
 }
 
-}  // namespace imud::testing
+}  // namespace imud

@@ -153,7 +153,7 @@ TEST(Elementary, SmallSineKeepsAllDigits) {
 
 // The same bits on every machine: any compiler, any level of optimisation, any processor.
 TEST(Elementary, PinnedBits) {
-  testing::Hash hash;
+  Hash hash;
   for (int i = 0; i < 100'000; ++i) {
     const double x = i * 1e-5;
     hash.add(atan_over_x(x));

@@ -12,7 +12,6 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::angle_between;
 
 TruthTime at_ms(std::int64_t ms) { return {ms * 1'000'000}; }
 
@@ -23,7 +22,7 @@ Timeline::Limits extrapolate_for(Nanoseconds limit) {
 }
 
 TEST(Extrapolation, ContinuesWithConstantAccelerations) {
-  const testing::IntegratedMotion motion(testing::smooth_motion(), 2.0);
+  const IntegratedMotion motion(smooth_motion(), 2.0);
   for (const std::int64_t step_ms : {1, 10, 30}) {
     Timeline timeline;
     for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(at_ms(ms)));
@@ -42,7 +41,7 @@ TEST(Extrapolation, ContinuesWithConstantAccelerations) {
 }
 
 TEST(Extrapolation, BeginsWhereTheNewestTruthIs) {
-  const testing::IntegratedMotion motion(testing::smooth_motion(), 2.0);
+  const IntegratedMotion motion(smooth_motion(), 2.0);
   Timeline timeline;
   timeline.push(motion.truth(at_ms(0)));
   timeline.push(motion.truth(at_ms(10)));
@@ -55,7 +54,7 @@ TEST(Extrapolation, BeginsWhereTheNewestTruthIs) {
 }
 
 TEST(Extrapolation, ThenHolds) {
-  const testing::IntegratedMotion motion(testing::smooth_motion(), 2.0);
+  const IntegratedMotion motion(smooth_motion(), 2.0);
   Timeline timeline(extrapolate_for(50ms));
   for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(at_ms(ms)));
   const MotionState last = timeline.at(at_ms(1050));

@@ -143,13 +143,13 @@ struct Statistics {
   static constexpr int batches_per_axis = 30;
 
   // The standard error of the ratio of two means, from the scatter of product - ratio * square.
-  testing::BatchMean lag1() const {
-    const double ratio = testing::BatchMean(product).mean / testing::BatchMean(square).mean;
+  BatchMean lag1() const {
+    const double ratio = BatchMean(product).mean / BatchMean(square).mean;
     std::vector<double> residual(square.size());
     for (std::size_t i = 0; i < square.size(); ++i) residual[i] = product[i] - ratio * square[i];
-    testing::BatchMean result(residual);
+    BatchMean result(residual);
     result.mean = ratio;
-    result.standard_error /= testing::BatchMean(square).mean;
+    result.standard_error /= BatchMean(square).mean;
     return result;
   }
 };
@@ -165,7 +165,7 @@ struct Channel {
 };
 
 TEST(NoiseStatistics, AreThoseOfTheReferenceModule) {
-  const testing::VectorTable table("noise_stats");
+  const VectorTable table("noise_stats");
   int compared = 0;
   for (std::size_t row = 0; row < table.rows(); ++row)
     for (const Channel& channel :
@@ -195,13 +195,13 @@ TEST(NoiseStatistics, AreThoseOfTheReferenceModule) {
       const double n_ours = static_cast<double>(batch) * Statistics::batches_per_axis;
       const double both = std::sqrt(1.0 + n_ours / table.number(row, "N"));
 
-      const testing::BatchMean our_variance(ours.square);
+      const BatchMean our_variance(ours.square);
       EXPECT_LT(std::abs(our_variance.mean - variance), sigmas * both * our_variance.standard_error);
       EXPECT_LT(our_variance.standard_error, 0.06 * variance);  // otherwise the line above is meaningless
-      const testing::BatchMean our_lag1 = ours.lag1();
+      const BatchMean our_lag1 = ours.lag1();
       EXPECT_LT(std::abs(our_lag1.mean - lag1), sigmas * both * our_lag1.standard_error + 1e-6);
       if (bound > 0.0 && channel.suffix == "gyro") {
-        const testing::BatchMean fraction(ours.at_bound);
+        const BatchMean fraction(ours.at_bound);
         const double at_x =
             std::sqrt(1.0 + 3.0 * n_ours / table.number(row, "N"));  // the module's figure is for one axis
         EXPECT_LT(std::abs(fraction.mean - table.number(row, "fraction_at_bound_gyro_x")),
@@ -222,7 +222,7 @@ TEST(NoiseStatistics, ClampedWhiteNoiseByTheory) {
     const double outside = std::erfc(bound / std::sqrt(2.0));
     const double density = std::exp(-0.5 * bound * bound) / std::sqrt(2.0 * 3.14159265358979324);
     const double variance = (1.0 - outside) - 2.0 * bound * density + bound * bound * outside;
-    const testing::BatchMean square(ours.square), fraction(ours.at_bound);
+    const BatchMean square(ours.square), fraction(ours.at_bound);
     EXPECT_LT(std::abs(square.mean - variance), sigmas * square.standard_error) << bound;
     EXPECT_LT(std::abs(fraction.mean - outside), sigmas * fraction.standard_error) << bound;
   }

@@ -6,7 +6,7 @@
 
 #include "core/vector.hpp"
 
-namespace imud::testing {
+namespace imud {
 
 class Hash {  // FNV-1a, 64 bits, over words
  public:
@@ -23,4 +23,4 @@ class Hash {  // FNV-1a, 64 bits, over words
   std::uint64_t value_ = 14695981039346656037U;
 };
 
-}  // namespace imud::testing
+}  // namespace imud

@@ -13,15 +13,11 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::drive;
-using testing::instants;
 
 constexpr double a = 0.02;                              // half-angle, rad
 constexpr double W = 2.0 * 3.14159265358979324 * 10.0;  // 10 Hz
 constexpr Nanoseconds duration = 10s;                   // 100 turns
 constexpr double T = 10.0;
-
-Truth coning_truth(TruthTime t) { return find_motion("coning")->at(t, {}); }
 
 std::vector<Vector3> delta_angles(DeltaAngle kind, double truth_hz, double sensor_hz) {
   ImuModel model;

@@ -15,13 +15,11 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::drive;
-using testing::instants;
 
-const Vector3 r_SB_B(0.5, -0.3, 0.8);
+const Vector3 lever_arm_B(0.5, -0.3, 0.8);
 
 // A faster motion than that of the vectors, with rates and forces in phase (sculling) in all axes.
-testing::BodyMotion lively_motion() {
+BodyMotion lively_motion() {
   return {[](double t) {
             return Vector3(1.0 * std::cos(9.0 * t), 0.6 * std::sin(7.0 * t + 0.4), 0.5 - 0.8 * std::cos(5.0 * t));
           },
@@ -32,8 +30,8 @@ testing::BodyMotion lively_motion() {
             return Vector3(2.0 + 3.0 * std::sin(7.0 * t), 4.0 * std::sin(9.0 * t), -9.8 + 2.0 * std::cos(11.0 * t));
           }};
 }
-const testing::IntegratedMotion& lively() {
-  static const testing::IntegratedMotion motion(lively_motion(), 2.5);
+const IntegratedMotion& lively() {
+  static const IntegratedMotion motion(lively_motion(), 2.5);
   return motion;
 }
 
@@ -42,7 +40,8 @@ double at(TruthTime t) { return seconds(t - TruthTime{}); }
 // The specific force at the sensor's point, in B.
 Vector3 force_at_sensor(double t) {
   const Vector3 omega = lively().omega_BN_B(t);
-  return lively().specific_force_B(t) + lively_motion().omega_dot(t).cross(r_SB_B) + omega.cross(omega.cross(r_SB_B));
+  return lively().specific_force_B(t) + lively_motion().omega_dot(t).cross(lever_arm_B) +
+         omega.cross(omega.cross(lever_arm_B));
 }
 
 Vector3 integral_of_force(double t1, double t2) {  // Simpson's rule
@@ -55,7 +54,7 @@ Vector3 integral_of_force(double t1, double t2) {  // Simpson's rule
 
 // Eq. 10-14, each truth's increment in the body axes at its end, and the last piece's at the sensor's instant.
 Vector3 memo(TruthTime t1, TruthTime t2, const std::vector<TruthTime>& truths) {
-  Vector3 sum = (lively().omega_BN_B(at(t2)) - lively().omega_BN_B(at(t1))).cross(r_SB_B);
+  Vector3 sum = (lively().omega_BN_B(at(t2)) - lively().omega_BN_B(at(t1))).cross(lever_arm_B);
   double from = at(t1);
   const auto add = [&](double to) {
     sum += lively().q_NB(to).conjugate() * (lively().dv_N(to) - lively().dv_N(from));
@@ -69,12 +68,12 @@ Vector3 memo(TruthTime t1, TruthTime t2, const std::vector<TruthTime>& truths) {
 
 Vector3 end_frame(double t1, double t2) {
   const auto velocity_N = [](double t) {
-    return Vector3(lively().dv_N(t) + lively().q_NB(t) * lively().omega_BN_B(t).cross(r_SB_B));
+    return Vector3(lively().dv_N(t) + lively().q_NB(t) * lively().omega_BN_B(t).cross(lever_arm_B));
   };
   return lively().q_NB(t2).conjugate() * (velocity_N(t2) - velocity_N(t1));
 }
 
-struct Rates {
+struct StepRates {
   std::string name;
   double truth_hz, sensor_hz;
   // Tolerance, m/s per step; increments are about 10 m/s^2 times the step. Between truths h apart, the error of the
@@ -82,14 +81,14 @@ struct Rates {
   double tolerance;
 };
 
-class DeltaVelocities : public ::testing::TestWithParam<Rates> {
+class DeltaVelocities : public ::testing::TestWithParam<StepRates> {
  protected:
   const std::vector<TruthTime> truths = instants(GetParam().truth_hz, 2s);
   const std::vector<TruthTime> sensor = instants(GetParam().sensor_hz, 2s);
 
   void compare(DeltaVelocity kind, const std::function<Vector3(TruthTime, TruthTime)>& expected) const {
     ImuModel model;
-    model.r_SB_B = r_SB_B;
+    model.r_SB_B = lever_arm_B;
     model.dcm_PB = dcm_from_yaw_pitch_roll(0.5, -0.3, 2.0);
     model.delta_velocity = kind;
     const std::vector<Sample> samples = drive(
@@ -113,12 +112,12 @@ TEST_P(DeltaVelocities, EndFrame) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Rates, DeltaVelocities,
-                         ::testing::Values(Rates{"equal", 100, 100, 1e-7},
-                                           Rates{"many_truths_in_a_step", 1000, 20, 1e-9},
-                                           Rates{"many_steps_between_truths", 50, 1000, 9e-5},
-                                           Rates{"truth_much_faster", 1000, 100, 1e-10},
-                                           Rates{"incommensurate", 333.333, 77.7, 3.2e-7},
-                                           Rates{"incommensurate_slow_truth", 97.3, 400, 1.3e-5}),
+                         ::testing::Values(StepRates{"equal", 100, 100, 1e-7},
+                                           StepRates{"many_truths_in_a_step", 1000, 20, 1e-9},
+                                           StepRates{"many_steps_between_truths", 50, 1000, 9e-5},
+                                           StepRates{"truth_much_faster", 1000, 100, 1e-10},
+                                           StepRates{"incommensurate", 333.333, 77.7, 3.2e-7},
+                                           StepRates{"incommensurate_slow_truth", 97.3, 400, 1.3e-5}),
                          [](const auto& test) { return test.param.name; });
 
 // A lever arm on a turntable. The accelerometers sense the constant centripetal force; the memo's Eq. 12, a

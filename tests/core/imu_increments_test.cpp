@@ -16,16 +16,12 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::angle_between;
-using testing::drive;
-using testing::instants;
 
-const testing::IntegratedMotion& smooth() {
-  static const testing::IntegratedMotion motion(testing::smooth_motion(), 4.0);
+const IntegratedMotion& smooth() {
+  static const IntegratedMotion motion(smooth_motion(), 4.0);
   return motion;
 }
 Truth smooth_truth(TruthTime t) { return smooth().truth(t); }
-Truth coning_truth(TruthTime t) { return find_motion("coning")->at(t, {}); }
 
 ImuModel model_of(DeltaAngle delta_angle, DeltaVelocity delta_velocity) {
   ImuModel model;
@@ -36,7 +32,7 @@ ImuModel model_of(DeltaAngle delta_angle, DeltaVelocity delta_velocity) {
   return model;
 }
 
-struct Rates {
+struct SumRates {
   std::string name;
   double truth_hz, sensor_hz;
   bool jitter = false;
@@ -44,7 +40,7 @@ struct Rates {
 
 // The truths' instants: on their grid or scattered about it, and also at the sensor's last instant, so that the sums
 // are known exactly.
-std::vector<TruthTime> truth_times(const Rates& rates, TruthTime last) {
+std::vector<TruthTime> truth_times(const SumRates& rates, TruthTime last) {
   std::vector<TruthTime> times = instants(rates.truth_hz, last - TruthTime{});
   if (rates.jitter) {
     std::mt19937 random(3);
@@ -57,7 +53,7 @@ std::vector<TruthTime> truth_times(const Rates& rates, TruthTime last) {
   return times;
 }
 
-class Sums : public ::testing::TestWithParam<Rates> {
+class Sums : public ::testing::TestWithParam<SumRates> {
  protected:
   const std::vector<TruthTime> sensor = instants(GetParam().sensor_hz, 3s);
   const TruthTime last = sensor.back();
@@ -102,7 +98,7 @@ TEST_P(Sums, IntegralOfTheRate) {
   const ImuModel model = model_of(DeltaAngle::integral, DeltaVelocity::end_frame);
   Vector3 sum = Vector3::Zero();
   for (const Sample& sample : samples(model, smooth_truth)) sum += model.dcm_PB.transpose() * sample.delta_angle;
-  EXPECT_LT((sum - testing::smooth_rate_integral(T)).norm(), 1e-13 + 5e-3 * std::pow(h, 4));
+  EXPECT_LT((sum - smooth_rate_integral(T)).norm(), 1e-13 + 5e-3 * std::pow(h, 4));
 }
 
 TEST_P(Sums, IntegralOfTheForce) {
@@ -110,15 +106,14 @@ TEST_P(Sums, IntegralOfTheForce) {
   model.r_SB_B.setZero();
   Vector3 sum = Vector3::Zero();
   for (const Sample& sample : samples(model, smooth_truth)) sum += model.dcm_PB.transpose() * sample.delta_velocity;
-  EXPECT_LT((sum - testing::smooth_force_integral(T)).norm(), 1e-13 + 1e-2 * std::pow(h, 4));
+  EXPECT_LT((sum - smooth_force_integral(T)).norm(), 1e-13 + 1e-2 * std::pow(h, 4));
 }
 
 TEST_P(Sums, IntegralOfTheForceOnALeverArm) {
   const ImuModel model = model_of(DeltaAngle::rotation_vector, DeltaVelocity::integral);
   Vector3 sum = Vector3::Zero();
   for (const Sample& sample : samples(model, smooth_truth)) sum += model.dcm_PB.transpose() * sample.delta_velocity;
-  Vector3 exact =
-      testing::smooth_force_integral(T) + (smooth().omega_BN_B(T) - smooth().omega_BN_B(0)).cross(model.r_SB_B);
+  Vector3 exact = smooth_force_integral(T) + (smooth().omega_BN_B(T) - smooth().omega_BN_B(0)).cross(model.r_SB_B);
   constexpr int n = 1000;  // Simpson
   for (int i = 0; i <= 2 * n; ++i) {
     const Vector3 omega = smooth().omega_BN_B(T * i / (2 * n));
@@ -144,16 +139,15 @@ TEST_P(Sums, NavigatedVelocity) {
   EXPECT_LT((sum_N - smooth().dv_N(T)).norm(), 1e-12 + 0.1 * step * step + 1e-2 * std::pow(h, 4));
 }
 
-INSTANTIATE_TEST_SUITE_P(Rates, Sums,
-                         ::testing::Values(Rates{"equal", 100, 100}, Rates{"equal_slow", 20, 20},
-                                           Rates{"truth_faster", 1000, 100}, Rates{"truth_much_faster", 1000, 7},
-                                           Rates{"truth_slower", 100, 1000}, Rates{"truth_much_slower", 10, 1000},
-                                           Rates{"two_to_three", 200, 300}, Rates{"incommensurate", 333.333, 77.7},
-                                           Rates{"incommensurate_slow", 23.976, 819.2},
-                                           Rates{"jitter", 100, 100, true},
-                                           Rates{"jitter_fast_truth", 1000, 59.94, true},
-                                           Rates{"jitter_slow_truth", 50, 400, true}),
-                         [](const auto& test) { return test.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    Rates, Sums,
+    ::testing::Values(SumRates{"equal", 100, 100}, SumRates{"equal_slow", 20, 20},
+                      SumRates{"truth_faster", 1000, 100}, SumRates{"truth_much_faster", 1000, 7},
+                      SumRates{"truth_slower", 100, 1000}, SumRates{"truth_much_slower", 10, 1000},
+                      SumRates{"two_to_three", 200, 300}, SumRates{"incommensurate", 333.333, 77.7},
+                      SumRates{"incommensurate_slow", 23.976, 819.2}, SumRates{"jitter", 100, 100, true},
+                      SumRates{"jitter_fast_truth", 1000, 59.94, true}, SumRates{"jitter_slow_truth", 50, 400, true}),
+    [](const auto& test) { return test.param.name; });
 
 // --- Truth that comes late
 // ------------------------------------------------------------------------------------------
@@ -209,8 +203,8 @@ TEST_P(LateTruth, IntegralsAreNearlyRightAgain) {
     angle += model.dcm_PB.transpose() * sample.delta_angle;
     velocity += model.dcm_PB.transpose() * sample.delta_velocity;
   }
-  EXPECT_LT((angle - testing::smooth_rate_integral(2.0)).norm(), 5e-4);
-  EXPECT_LT((velocity - testing::smooth_force_integral(2.0)).norm(), 2e-2);
+  EXPECT_LT((angle - smooth_rate_integral(2.0)).norm(), 5e-4);
+  EXPECT_LT((velocity - smooth_force_integral(2.0)).norm(), 2e-2);
 }
 
 TEST_P(LateTruth, IsFlagged) {

@@ -47,13 +47,13 @@ std::vector<Sample> run(const ImuModel& model, std::uint64_t seed = 1, Nanosecon
   MotionParameters parameters;
   parameters.half_angle_rad = 0.1;
   parameters.frequency_hz = 1.3;
-  return testing::drive(
-      model, [&](TruthTime t) { return find_motion("coning")->at(t, parameters); },
-      testing::instants(100.0, duration), testing::instants(333.0, duration), seed);
+  return drive(
+      model, [&](TruthTime t) { return find_motion("coning")->at(t, parameters); }, instants(100.0, duration),
+      instants(333.0, duration), seed);
 }
 
 std::uint64_t fingerprint(const std::vector<Sample>& samples) {
-  testing::Hash hash;
+  Hash hash;
   for (const Sample& sample : samples) {
     hash.add(sample.rate);
     hash.add(sample.specific_force);
@@ -139,15 +139,15 @@ TEST(ImuNoise, TriadsAxesAndImusAreUncorrelated) {
         force.push_back(sample.specific_force[axis]);
       }
       // 4.9 standard errors of 1/sqrt(2n): 1e-6 each.
-      EXPECT_LT(std::abs(std::sqrt(testing::Moments(rate).variance) / 1e-3 - 1.0), 4.9 / std::sqrt(2.0 * n));
-      EXPECT_LT(std::abs(std::sqrt(testing::Moments(force).variance) / 1e-2 - 1.0), 4.9 / std::sqrt(2.0 * n));
+      EXPECT_LT(std::abs(std::sqrt(Moments(rate).variance) / 1e-3 - 1.0), 4.9 / std::sqrt(2.0 * n));
+      EXPECT_LT(std::abs(std::sqrt(Moments(force).variance) / 1e-2 - 1.0), 4.9 / std::sqrt(2.0 * n));
       all.push_back(std::move(rate));
       all.push_back(std::move(force));
     }
   }
   for (std::size_t i = 0; i < all.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
-      EXPECT_LT(std::abs(testing::correlation(all[i], all[j])), 4.9 / std::sqrt(double{n})) << i << " " << j;
+      EXPECT_LT(std::abs(correlation(all[i], all[j])), 4.9 / std::sqrt(double{n})) << i << " " << j;
 }
 
 // --- Effects do not shift one another's numbers

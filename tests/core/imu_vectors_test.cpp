@@ -11,8 +11,6 @@
 namespace imud {
 namespace {
 
-using testing::VectorTable;
-
 constexpr double bar = 1e-12;
 
 std::vector<Truth> truths_of(const VectorTable& table, AccumulatedDv kind = AccumulatedDv::inertial) {

@@ -122,14 +122,14 @@ TEST_F(NormalSeries, MomentsAndDistribution) {
   for (const Quantity quantity : {Quantity::rate, Quantity::specific_force})
     for (int axis = 0; axis < 3; ++axis) {
       std::vector<double> x = series(quantity, axis);
-      const testing::Moments moments(x);
+      const Moments moments(x);
       EXPECT_LT(std::abs(moments.mean), 4.9 / std::sqrt(n));
       EXPECT_LT(std::abs(moments.variance - 1.0), 4.9 * std::sqrt(2.0 / n));
       EXPECT_LT(std::abs(moments.skewness), 4.9 * std::sqrt(6.0 / n));
       EXPECT_LT(std::abs(moments.kurtosis - 3.0), 4.9 * std::sqrt(24.0 / n));
-      EXPECT_LT(std::abs(testing::correlation(x, x, 1)), 4.9 / std::sqrt(n));
+      EXPECT_LT(std::abs(correlation(x, x, 1)), 4.9 / std::sqrt(n));
       // Kolmogorov-Smirnov: P(D sqrt(n) > 2.70) = 2 exp(-2 * 2.70^2) = 1e-6.
-      EXPECT_LT(testing::kolmogorov_distance(std::move(x)) * std::sqrt(n), 2.70);
+      EXPECT_LT(kolmogorov_distance(std::move(x)) * std::sqrt(n), 2.70);
     }
 }
 
@@ -144,8 +144,7 @@ TEST_F(NormalSeries, AxesQuantitiesImusAndSeedsAreUncorrelated) {
   for (std::size_t i = 0; i < all.size(); ++i)
     for (std::size_t j = 0; j < i; ++j)
       for (const std::size_t lag : {0U, 1U})
-        EXPECT_LT(std::abs(testing::correlation(all[i], all[j], lag)), 4.9 / std::sqrt(double{count}))
-            << i << " " << j;
+        EXPECT_LT(std::abs(correlation(all[i], all[j], lag)), 4.9 / std::sqrt(double{count})) << i << " " << j;
 }
 
 // Chi-square over pairs of successive numbers and over pairs of axes, 16 x 16 cells of equal probability: 255 degrees

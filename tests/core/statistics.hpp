@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace imud::testing {
+namespace imud {
 
 struct Moments {
   double mean = 0, variance = 0, skewness = 0, kurtosis = 0;
@@ -59,4 +59,4 @@ struct BatchMean {
   }
 };
 
-}  // namespace imud::testing
+}  // namespace imud

@@ -13,11 +13,9 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::angle_between;
-using testing::IntegratedMotion;
 
 const IntegratedMotion& smooth() {
-  static const IntegratedMotion motion(testing::smooth_motion(), 21.0);
+  static const IntegratedMotion motion(smooth_motion(), 21.0);
   return motion;
 }
 
@@ -56,8 +54,7 @@ Errors errors_of(const Timeline& timeline, Nanoseconds step, Nanoseconds from, N
     worst.rate = std::max(worst.rate, (state.omega_BN_B - smooth().omega_BN_B(s)).norm());
     worst.dv = std::max(worst.dv, (state.dv_N - smooth().dv_N(s)).norm());
     worst.force = std::max(worst.force, (state.specific_force_B - smooth().specific_force_B(s)).norm());
-    worst.acceleration =
-        std::max(worst.acceleration, (state.omegaDot_BN_B - testing::smooth_motion().omega_dot(s)).norm());
+    worst.acceleration = std::max(worst.acceleration, (state.omegaDot_BN_B - smooth_motion().omega_dot(s)).norm());
   }
   return worst;
 }
@@ -171,8 +168,7 @@ TEST(Timeline, AngularAccelerationOfTheRatesWhereNoneIsGiven) {
   const Timeline timeline = timeline_of(10ms, 9s, without);
   for (std::int64_t k = 2; k < 900; ++k)
     ASSERT_LT(
-        (timeline.at(at_ms(10 * k)).omegaDot_BN_B - testing::smooth_motion().omega_dot(0.01 * static_cast<double>(k)))
-            .norm(),
+        (timeline.at(at_ms(10 * k)).omegaDot_BN_B - smooth_motion().omega_dot(0.01 * static_cast<double>(k))).norm(),
         5e-5)
         << k;
 }

@@ -11,7 +11,7 @@
 
 #include "core/vector.hpp"
 
-namespace imud::testing {
+namespace imud {
 
 class VectorTable {
  public:
@@ -62,4 +62,4 @@ class VectorTable {
   std::vector<std::vector<std::string>> rows_;
 };
 
-}  // namespace imud::testing
+}  // namespace imud

@@ -8,13 +8,8 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::Left;
-using testing::RealtimeTest;
-using testing::SimulatedHost;
-using testing::SimulatedRun;
-using testing::Swing;
 
-class BeforeFirst : public RealtimeTest {
+class BeforeFirstTest : public RealtimeTest {
  protected:
   static void send(SimulatedRun& run, double arrival_s, double for_s, double truth_s) {
     for (int k = 0; k <= std::lround(100 * for_s); ++k)
@@ -22,7 +17,7 @@ class BeforeFirst : public RealtimeTest {
   }
 };
 
-TEST_F(BeforeFirst, ASensorAtRestIsTakenOverWithoutAGap) {
+TEST_F(BeforeFirstTest, ASensorAtRestIsTakenOverWithoutAGap) {
   SimulatedRun run(config(1000, "delay_ms = 20", "before_first = \"rest\"\nclock_error_ppm = 200"));
   send(run, 60, 2, 1000);
   run.run(62);
@@ -51,7 +46,7 @@ TEST_F(BeforeFirst, ASensorAtRestIsTakenOverWithoutAGap) {
   EXPECT_EQ(run.quality().stops, 0U);
 }
 
-TEST_F(BeforeFirst, ASilentSensorBeginsWithTheFirstTruth) {
+TEST_F(BeforeFirstTest, ASilentSensorBeginsWithTheFirstTruth) {
   SimulatedRun run(config(1000, "delay_ms = 20"));
   send(run, 5, 1, 7);
   run.run(6);
@@ -87,7 +82,7 @@ class Line final : public Port {
   std::size_t next_ = 0;
 };
 
-class ProductBeforeFirst : public BeforeFirst {
+class ProductBeforeFirst : public BeforeFirstTest {
  protected:
   // Runs the configuration `keys` for `for_s`, without truth unless `send_truth` sends some.
   std::vector<Line::Chunk> run(const std::string& keys, double for_s,

@@ -9,11 +9,6 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::RealtimeTest;
-using testing::SimulatedHost;
-using testing::SimulatedRun;
-using testing::SimulatedTruth;
-using testing::Swing;
 
 // A device that records its calls, and has a deadline every 70 ms.
 class Diary final : public Device {
@@ -297,10 +292,10 @@ TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
     encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
-  std::vector<testing::Left> left;
+  std::vector<Left> left;
   Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
     if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true);
-    return std::make_unique<testing::SimulatedSensor>(host, left);
+    return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;
   Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();
@@ -320,10 +315,10 @@ TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
                         std::span<std::byte, native_truth_size>(bytes));
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
-  std::vector<testing::Left> left;
+  std::vector<Left> left;
   Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
     if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true);
-    return std::make_unique<testing::SimulatedSensor>(host, left);
+    return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;
   Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();

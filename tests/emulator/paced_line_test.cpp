@@ -8,10 +8,6 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::RealtimeTest;
-using testing::SimulatedHost;
-using testing::SimulatedRun;
-using testing::Swing;
 
 constexpr UartSettings line{460'800};
 constexpr std::size_t frame_size = 124;  // of the native protocol

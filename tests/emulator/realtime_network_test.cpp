@@ -5,10 +5,6 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::Reached;
-using testing::RealtimeTest;
-using testing::SimulatedRun;
-using testing::Swing;
 
 struct Network {
   double jitter_s = 0, lost = 0, repeated = 0, overtaken = 0;
@@ -219,8 +215,7 @@ TEST_F(DisturbedTruth, AnAutomaticDelayIsJustEnough) {
   // 95 % of the lateness, uniform over 20 ms, and the interval before: 19 + 10 ms.
   EXPECT_NEAR(run.quality().delay_s, 0.029, 0.002);
   std::size_t extrapolated = 0;
-  for (const testing::Left& left : run.left())
-    extrapolated += left.sample.status != 0 && left.sample.counter > 20'000;
+  for (const Left& left : run.left()) extrapolated += left.sample.status != 0 && left.sample.counter > 20'000;
   EXPECT_LT(extrapolated, 40'000U / 20);
   EXPECT_GT(extrapolated, 0U);
   expect_grid(run.left(), Grid(1000), run.at(0.15), 20us);

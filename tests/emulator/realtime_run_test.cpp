@@ -6,10 +6,6 @@ namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-using testing::Left;
-using testing::RealtimeTest;
-using testing::SimulatedRun;
-using testing::Swing;
 
 TruthTime at_s(double s) { return TruthTime{} + nanoseconds(s); }
 
@@ -277,7 +273,7 @@ TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
 TEST_F(RealtimeRun, AFloodFromTheHostDelaysNoSample) {
   class Flood final : public Port {
    public:
-    explicit Flood(imud::testing::SimulatedHost& host) : host_(host) {}
+    explicit Flood(SimulatedHost& host) : host_(host) {}
     void send(std::span<const Frame> frames) noexcept override { counters_.sent += frames.size(); }
     std::optional<Received> receive() noexcept override {
       host_.spend(200us);
@@ -285,11 +281,11 @@ TEST_F(RealtimeRun, AFloodFromTheHostDelaysNoSample) {
     }
 
    private:
-    imud::testing::SimulatedHost& host_;
+    SimulatedHost& host_;
     std::array<std::byte, 256> bytes_{};
   };
   SimulatedRun run(config(1000, "delay_ms = 20"));
-  run.make_sensor = [](imud::testing::SimulatedHost& host) { return std::make_unique<Flood>(host); };
+  run.make_sensor = [](SimulatedHost& host) { return std::make_unique<Flood>(host); };
   send(run, 0, 3);
   run.run(3);
   EXPECT_GT(run.counters().samples, 2800U);

@@ -12,7 +12,7 @@
 #include "tests/emulator/run_test.hpp"
 #include "tests/emulator/simulated.hpp"
 
-namespace imud::testing {
+namespace imud {
 
 // Swings about z, under a force in the inertial x-y plane whose direction and magnitude change. The force along z is
 // constant and therefore extrapolated without error: a sensor's sum of delta-velocities along z gives the time up to
@@ -106,4 +106,4 @@ class RealtimeTest : public RunTest {
   }
 };
 
-}  // namespace imud::testing
+}  // namespace imud

@@ -12,7 +12,7 @@
 #include "emulator/loop.hpp"
 #include "protocols/native_truth.hpp"
 
-namespace imud::testing {
+namespace imud {
 
 struct Arrival {
   HostTime time;
@@ -156,4 +156,4 @@ class SimulatedRun {
   std::unique_ptr<Session> session_;
 };
 
-}  // namespace imud::testing
+}  // namespace imud

@@ -6,6 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tests/support/text.hpp"
+
 namespace imud {
 namespace {
 
@@ -30,8 +32,6 @@ class SummaryTest : public testing::Test {
   TruthQuality quality_;
   ImuCounters imus_[2];
 };
-
-bool contains(const std::string& text, std::string_view part) { return text.find(part) != text.npos; }
 
 TEST_F(SummaryTest, AnUneventfulRunIsThreeLines) {
   accept_truths();

@@ -10,11 +10,6 @@
 namespace imud {
 namespace {
 
-using testing::RealtimeTest;
-using testing::SimulatedHost;
-using testing::SimulatedTruth;
-using testing::Swing;
-
 // Records all frames sent to a port, with their identifiers; feeds the host's bytes to the device after some of them.
 class RecordingPort final : public Port {
  public:

@@ -6,15 +6,13 @@
 #include <functional>
 #include <random>
 
+#include "tests/emulator/instants.hpp"
+
 namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr HostTime t0{5'000'000'000};
-
-HostTime host(double s) { return t0 + nanoseconds(s); }
-TruthTime truth(double s) { return TruthTime{} + nanoseconds(s); }
 double since(TruthTime t) { return seconds(t - TruthTime{}); }
 
 // A simulator that sends the truth of every 10 ms: that of t s at host time sent_at(t) s. The network delays each by
@@ -38,7 +36,7 @@ class Stream {
       }
       for (; use_ <= host(arrival); use_ = use_ + 1ms) {
         const TruthTime next = clock.use(use_);
-        if (use_ > t0 + 1s) {
+        if (use_ > host_begin + 1s) {
           ASSERT_GE(seconds(next - at_), 1e-3 * slowest - 2e-9) << t;
           ASSERT_LE(seconds(next - at_), 1e-3 * fastest + 2e-9) << t;
         }

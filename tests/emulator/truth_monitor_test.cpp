@@ -2,14 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/emulator/instants.hpp"
+
 namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-
-constexpr HostTime t0{5'000'000'000};
-HostTime host(double s) { return t0 + nanoseconds(s); }
-TruthTime truth(double s) { return TruthTime{} + nanoseconds(s); }
 
 TEST(TruthMonitor, AJumpIsATruthFarTooEarly) {
   TruthMonitor monitor(100ms);

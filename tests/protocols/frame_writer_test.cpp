@@ -18,7 +18,7 @@ std::vector<unsigned> bytes_of(std::span<const std::byte> bytes) {
   for (const std::byte byte : bytes) all.push_back(std::to_integer<unsigned>(byte));
   return all;
 }
-using Bytes = std::vector<unsigned>;
+using Octets = std::vector<unsigned>;
 
 TEST(FrameWriter, PutsNumbersInItsOrder) {
   const auto out = std::make_unique<FrameBuffer>();
@@ -31,13 +31,13 @@ TEST(FrameWriter, PutsNumbersInItsOrder) {
   big.put_text("ok");
   big.set_byte(0, 0x65);
   EXPECT_EQ(bytes_of(big.written()),
-            (Bytes{0x65, 1, 2, 0x3F, 0x80, 0, 0, 0xC0, 0, 0, 0, 0, 0, 0, 0, 0xAB, 0xCD, 0xEF, 'o', 'k'}));
+            (Octets{0x65, 1, 2, 0x3F, 0x80, 0, 0, 0xC0, 0, 0, 0, 0, 0, 0, 0, 0xAB, 0xCD, 0xEF, 'o', 'k'}));
   big.push();
   FrameWriter<order::little> little(*out, 64);
   little.put(std::uint32_t{0x01020304});
   little.put_floats({1, 0, -2});
   little.fill(18);
-  EXPECT_EQ(bytes_of(little.written()), (Bytes{4, 3, 2, 1, 0, 0, 0x80, 0x3F, 0, 0, 0, 0, 0, 0, 0, 0xC0, 0, 0}));
+  EXPECT_EQ(bytes_of(little.written()), (Octets{4, 3, 2, 1, 0, 0, 0x80, 0x3F, 0, 0, 0, 0, 0, 0, 0, 0xC0, 0, 0}));
   little.push();
   ASSERT_EQ(out->frames().size(), 2U);
   EXPECT_EQ(out->frames()[0].bytes.size(), 20U);
@@ -48,7 +48,7 @@ TEST(FrameWriter, RoundsUpToTheEndsOfTwosComplement) {
   const auto out = std::make_unique<FrameBuffer>();
   FrameWriter<order::big> writer(*out, 64);
   for (const double number : {-1.4, 1.5, 1e30, -1e30}) writer.put_rounded(number, 2);
-  EXPECT_EQ(bytes_of(writer.written()), (Bytes{0xFF, 0xFF, 0, 2, 0x7F, 0xFF, 0x80, 0}));
+  EXPECT_EQ(bytes_of(writer.written()), (Octets{0xFF, 0xFF, 0, 2, 0x7F, 0xFF, 0x80, 0}));
 }
 
 TEST(FrameWriter, LeavesOutWhatIsBeyond) {

@@ -9,9 +9,6 @@ namespace {
 
 using namespace mip_test;
 
-constexpr std::uint8_t angle = 0x07, velocity = 0x08, delta_ticks = 0xD2, delta_time = 0xD4, reference = 0xD5,
-                       reference_delta = 0xD6;
-
 // A unit at a constant rate: 1 mrad and 1 g ms in each sample.
 Unit turning() {
   Unit unit;
@@ -34,14 +31,14 @@ Bytes first(Unit& unit, std::uint8_t set = 0x80) {
 }
 void expect_milliseconds(const Bytes& packet, int milliseconds, const char* what) {
   SCOPED_TRACE(what);
-  EXPECT_FLOAT_EQ(number(field(packet, angle), 0), 1e-3F * static_cast<float>(milliseconds));
-  EXPECT_FLOAT_EQ(number(field(packet, velocity), 0), 1e-3F * static_cast<float>(milliseconds));
+  EXPECT_FLOAT_EQ(number(field(packet, delta_angle), 0), 1e-3F * static_cast<float>(milliseconds));
+  EXPECT_FLOAT_EQ(number(field(packet, delta_velocity), 0), 1e-3F * static_cast<float>(milliseconds));
   EXPECT_EQ(number_at<std::uint32_t>(field(packet, delta_ticks), 0), static_cast<std::uint32_t>(milliseconds));
   EXPECT_DOUBLE_EQ(number_at<double>(field(packet, delta_time), 0), 1e-3 * milliseconds);
   EXPECT_EQ(number_at<std::uint64_t>(field(packet, reference_delta), 0),
             1'000'000U * static_cast<unsigned>(milliseconds));
 }
-const Bytes all_of_them = {angle, velocity, delta_ticks, delta_time, reference_delta};
+const Bytes all_of_them = {delta_angle, delta_velocity, delta_ticks, delta_time, reference_delta};
 
 TEST(MipIncrements, BeginWithTheStream) {
   Unit unit = turning();
@@ -78,23 +75,24 @@ TEST(MipIncrements, BeginWithTheStream) {
 
 TEST(MipIncrements, EachHasItsOwnPeriod) {
   Unit unit = turning();
-  EXPECT_EQ(unit.code(command(0x0C, 0x0F, {1, 0x80, 3, reference_delta, 0, 10, delta_time, 0, 20, angle, 0, 5})), 0);
+  EXPECT_EQ(
+      unit.code(command(0x0C, 0x0F, {1, 0x80, 3, reference_delta, 0, 10, delta_time, 0, 20, delta_angle, 0, 5})), 0);
   unit.run(101);
   std::vector<Bytes> sent;
   while (sent.size() < 4) sent.push_back(first(unit));
-  for (const Bytes& packet : sent) EXPECT_FLOAT_EQ(number(field(packet, angle), 0), 5e-3F);
+  for (const Bytes& packet : sent) EXPECT_FLOAT_EQ(number(field(packet, delta_angle), 0), 5e-3F);
   EXPECT_EQ(number_at<std::uint64_t>(field(sent[3], reference_delta), 0), 10'000'000U);
   EXPECT_DOUBLE_EQ(number_at<double>(field(sent[3], delta_time), 0), 0.02) << "whatever the other was sent";
 }
 
 TEST(MipIncrements, TwiceInAPacketIsTheSameTwice) {
   Unit unit = turning();
-  set_format(unit, {angle, angle, reference_delta, reference_delta}, 10);
+  set_format(unit, {delta_angle, delta_angle, reference_delta, reference_delta}, 10);
   const Bytes packet = first(unit), data(packet.begin() + 4, packet.end() - 2);
   ASSERT_EQ(data.size(), 48U);
   EXPECT_TRUE(std::equal(data.begin(), data.begin() + 14, data.begin() + 14));
   EXPECT_TRUE(std::equal(data.begin() + 28, data.begin() + 38, data.begin() + 38));
-  EXPECT_NE(number(field(packet, angle), 0), 0);
+  EXPECT_NE(number(field(packet, delta_angle), 0), 0);
 }
 
 TEST(MipIncrements, APollTakesNothingFromTheStream) {

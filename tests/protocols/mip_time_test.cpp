@@ -9,7 +9,6 @@ namespace {
 using namespace mip_test;
 
 const Bytes ping = hex("756501020201e0c6"), pong = hex("7565010404f10100d56a");
-constexpr std::uint8_t ticks = 0xD1, delta_time = 0xD4, reference = 0xD5, reference_delta = 0xD6, gps = 0xD3;
 
 Bytes polled(Unit& unit, std::uint8_t descriptor) {
   const auto answers = unit.send(command(0x0C, 0x0D, {0x80, 1, 1, descriptor}));
@@ -147,7 +146,7 @@ TEST(MipTime, GpsTimeOfTheHostRunsOnTheDevicesClock) {
   EXPECT_EQ(unit.code(command(0x01, 0x72, {1, 1, 0, 0, 0x09, 0x68})), 0) << "week 2408";
   unit.wait(2250ms);
   const auto expect = [&](double seconds) {
-    const Bytes time = polled(unit, gps);
+    const Bytes time = polled(unit, gps_time);
     EXPECT_DOUBLE_EQ(number_at<double>(time, 0), seconds);
     EXPECT_EQ(number_at<std::uint16_t>(time, 8), 2408);
     EXPECT_EQ(number_at<std::uint16_t>(time, 10), 3);

@@ -14,6 +14,10 @@ namespace imud::mip_test {
 using namespace std::chrono_literals;
 using Bytes = std::vector<std::uint8_t>;
 
+// Field descriptors: increments of the sensor set, and times of any set.
+constexpr std::uint8_t delta_angle = 0x07, delta_velocity = 0x08, ticks = 0xD1, delta_ticks = 0xD2, gps_time = 0xD3,
+                       delta_time = 0xD4, reference = 0xD5, reference_delta = 0xD6;
+
 inline Bytes hex(std::string_view text) {
   Bytes bytes;
   for (std::size_t i = 0; i + 1 < text.size(); i += 2)

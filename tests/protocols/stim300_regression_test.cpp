@@ -139,18 +139,18 @@ std::uint64_t recorded_all(int sample_rate, bool start_up, Drive drive, Nanoseco
   return all.value();
 }
 
-struct Known {
+struct KnownHash {
   int sample_rate;
   bool start_up;
   std::uint64_t hash;
 };
-constexpr Known known[] = {
+constexpr KnownHash known[] = {
     {0, false, 0xCB8B878092A64E7B},   {0, true, 0x897DF215B2F67097},     {125, false, 0x47D08C1C24B4A2CA},
     {125, true, 0x68257A8F52DCF2FD},  {250, false, 0x6D22BD074C5E5233},  {250, true, 0xABF3D4D8F2FD6232},
     {500, false, 0x8177C412FE64AC7A}, {500, true, 0xF28BD75D4552CA72},   {1000, false, 0xEEA74AD416594EE0},
     {1000, true, 0xCEC7999DB5172710}, {2000, false, 0xB1F59C2BF5F4547E}, {2000, true, 0xAB92A6842BC91504},
 };
-constexpr Known known_long[] = {
+constexpr KnownHash known_long[] = {
     {0, true, 0xB80A091B96B7702F},
     {250, false, 0xE0E1ECAF72DB3756},
     {1000, true, 0x89F641F7603F4538},
@@ -167,13 +167,13 @@ INSTANTIATE_TEST_SUITE_P(Drives, Stim300Regression,
                                          How(Drive::by_deadlines_too, 500)));
 
 TEST_P(Stim300Regression, EveryFrameLeavesAtItsSample) {
-  for (const Known& one : known)
+  for (const KnownHash& one : known)
     EXPECT_EQ(recorded_all(one.sample_rate, one.start_up, drive(), latest()), one.hash)
         << one.sample_rate << (one.start_up ? " true" : " false");
 }
 
 TEST_P(Stim300Regression, HoldTimesEndAtTheirSample) {
-  for (const Known& one : known_long)
+  for (const KnownHash& one : known_long)
     EXPECT_EQ(recorded("pps=true sample_rate=" + std::to_string(one.sample_rate) +
                            " start_up=" + (one.start_up ? "true" : "false"),
                        long_session, 137'000, drive(), latest()),

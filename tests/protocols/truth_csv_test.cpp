@@ -13,7 +13,7 @@ namespace {
 
 const std::string required = "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z";
 
-Settings settings_of(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
+Settings csv_settings(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
   Settings settings(find_truth_format("csv")->settings);
   for (const auto& [key, value] : values) settings.set(key, value);
   return settings;
@@ -26,7 +26,7 @@ class CsvTruth : public testing::Test {
   }
   void make(const Settings& settings) { decoder_ = find_truth_format("csv")->make(settings); }
 
-  std::unique_ptr<TruthDecoder> decoder_ = find_truth_format("csv")->make(settings_of());
+  std::unique_ptr<TruthDecoder> decoder_ = find_truth_format("csv")->make(csv_settings());
   Truth truth_;
 };
 
@@ -63,14 +63,14 @@ TEST_F(CsvTruth, AccumulatedDvIsWhatTheSettingSays) {
   for (const auto& [word, kind] : {std::pair{"inertial", AccumulatedDv::inertial},
                                    {"body_sum", AccumulatedDv::body_sum},
                                    {"none", AccumulatedDv::none}}) {
-    make(settings_of({{"accumulated_dv", std::string(word)}}));
+    make(csv_settings({{"accumulated_dv", std::string(word)}}));
     ASSERT_EQ(decode(required + ",TotalAccumDV_BN_B_x,TotalAccumDV_BN_B_y,TotalAccumDV_BN_B_z"),
               TruthResult::no_state);
     ASSERT_EQ(decode("0,0,0,0,0,0,0,1,2,3"), TruthResult::ok);
     EXPECT_EQ(truth_.accumulated_dv, kind);
     EXPECT_EQ(truth_.accumulated_dv_B, kind == AccumulatedDv::none ? Vector3(0, 0, 0) : Vector3(1, 2, 3));
   }
-  EXPECT_THROW(settings_of({{"accumulated_dv", std::string("sometimes")}}), std::invalid_argument);
+  EXPECT_THROW(csv_settings({{"accumulated_dv", std::string("sometimes")}}), std::invalid_argument);
 }
 
 TEST_F(CsvTruth, AGroupCountsOnlyIfItIsWhole) {
@@ -101,16 +101,16 @@ TEST_F(CsvTruth, RowsWithoutTheirColumns) {
 TEST_F(CsvTruth, ConfiguredColumnsNeedNoHeaderAndYieldToOne) {
   const std::vector<std::string> names = {"omega_BN_B_x", "omega_BN_B_y", "omega_BN_B_z", " sigma_BN_1",
                                           "sigma_BN_2",   "sigma_BN_3",   "time_ns"};
-  make(settings_of({{"columns", names}}));
+  make(csv_settings({{"columns", names}}));
   ASSERT_EQ(decode("1,2,3,0,0,0,7"), TruthResult::ok);
   EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
   EXPECT_EQ(truth_.time.ns, 7);
   ASSERT_EQ(decode(required), TruthResult::no_state);
   ASSERT_EQ(decode("7,0,0,0,1,2,3"), TruthResult::ok);
   EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
-  EXPECT_THROW(make(settings_of({{"columns", std::vector<std::string>(names.begin() + 1, names.end())}})),
+  EXPECT_THROW(make(csv_settings({{"columns", std::vector<std::string>(names.begin() + 1, names.end())}})),
                std::invalid_argument);
-  EXPECT_THROW(make(settings_of({{"columns", std::vector<std::string>(Columns::max_columns + 1, "time_ns")}})),
+  EXPECT_THROW(make(csv_settings({{"columns", std::vector<std::string>(Columns::max_columns + 1, "time_ns")}})),
                std::invalid_argument);
 }
 
@@ -156,7 +156,7 @@ TEST_F(CsvTruth, OfTwoColumnsWithOneNameTheFirstCounts) {
 TEST_F(CsvTruth, ConfiguredColumnsThatAreMissingAreNamed) {
   const auto refusal = [&](std::vector<std::string> names) -> std::string {
     try {
-      make(settings_of({{"columns", std::move(names)}}));
+      make(csv_settings({{"columns", std::move(names)}}));
     } catch (const std::invalid_argument& error) {
       return error.what();
     }
@@ -178,7 +178,7 @@ TEST_F(CsvTruth, AByteOrderMarkAndQuotesAreIgnored) {
   EXPECT_EQ(decode("\xEF\xBB\xBF" + required + "\r\n"), TruthResult::no_state);
   ASSERT_EQ(decode("7,0,0,0,1,2,3"), TruthResult::ok);
   EXPECT_EQ(truth_.time.ns, 7);
-  make(settings_of());
+  make(csv_settings());
   EXPECT_EQ(decode("\xEF\xBB\xBF# a comment"), TruthResult::no_state);
   EXPECT_EQ(decode("\xEF\xBB\xBF" + quoted(required)), TruthResult::no_state);
   ASSERT_EQ(decode(quoted("8,0,0,0,1,2, 3 ")), TruthResult::ok);
@@ -189,7 +189,7 @@ TEST_F(CsvTruth, AByteOrderMarkAndQuotesAreIgnored) {
   EXPECT_EQ(decode("8,0,0,0,1,2,\"3"), TruthResult::bad_number);
   std::vector<std::string> names;
   for (std::string_view rest = required; rest.data() != nullptr;) names.push_back(quoted(take_field(rest)));
-  make(settings_of({{"columns", names}}));
+  make(csv_settings({{"columns", names}}));
   EXPECT_EQ(decode("9,0,0,0,1,2,3"), TruthResult::ok);
 }
 

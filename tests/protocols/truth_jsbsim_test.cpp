@@ -43,7 +43,7 @@ constexpr std::string_view row_2 =
     "0.4563463968514265,-19.1612193723748,-0.9992229210661758,11.34609072004657,-9.137458848064041,"
     "32.19979750485849\n";
 
-Settings settings_of(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
+Settings jsbsim_settings(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
   Settings settings(find_truth_format("jsbsim")->settings);
   for (const auto& [key, value] : values) settings.set(key, value);
   return settings;
@@ -72,7 +72,7 @@ class JsbsimTruth : public testing::Test {
     return changed;
   }
 
-  std::unique_ptr<TruthDecoder> decoder_ = find_truth_format("jsbsim")->make(settings_of());
+  std::unique_ptr<TruthDecoder> decoder_ = find_truth_format("jsbsim")->make(jsbsim_settings());
   Truth truth_;
 };
 
@@ -163,13 +163,13 @@ TEST_F(JsbsimTruth, ConfiguredColumns) {
   std::string_view rest = labels;
   for (take_field(rest); rest.data() != nullptr;)
     names.push_back("some/path/" + replaced(trim(take_field(rest)), " ", "_"));
-  make(settings_of({{"columns", names}}));
+  make(jsbsim_settings({{"columns", names}}));
   ASSERT_EQ(decode(row_1), TruthResult::ok);
   EXPECT_EQ(truth_.q_NB.coeffs(), wanted.q_NB.coeffs());
   EXPECT_EQ(truth_.omega_BN_B, wanted.omega_BN_B);
   EXPECT_EQ(truth_.specific_force_B, wanted.specific_force_B);
   names.erase(names.begin());
-  EXPECT_THROW(make(settings_of({{"columns", names}})), std::invalid_argument);
+  EXPECT_THROW(make(jsbsim_settings({{"columns", names}})), std::invalid_argument);
 }
 
 TEST_F(JsbsimTruth, EveryCause) {

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/text.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/tools/sample_stream.hpp"
@@ -13,8 +14,6 @@
 
 namespace imud {
 namespace {
-
-bool contains(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 std::string file_with(const ScratchFolder& folder, const std::string& content) {
   capture::write_file(folder / "input", content);

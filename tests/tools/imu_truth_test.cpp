@@ -4,6 +4,7 @@
 
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
+#include "tests/support/text.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/capture_builder.hpp"
@@ -14,8 +15,6 @@ namespace imud {
 namespace {
 
 using Datagrams = std::vector<std::vector<std::byte>>;
-
-bool contains(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 std::unique_ptr<TruthDecoder> decoder_of(std::string_view format) {
   const TruthFormat* found = find_truth_format(format);

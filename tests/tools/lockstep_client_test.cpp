@@ -18,6 +18,7 @@
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
+#include "tests/support/text.hpp"
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
@@ -30,8 +31,6 @@ using namespace std::chrono_literals;
 namespace lockstep = imud_lockstep;
 
 constexpr std::string_view tools_folder = IMUD_SOURCE_DIR "/tools";
-
-bool contains(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 lockstep::Vector3 vector_of(const Vector3& v) { return {v.x(), v.y(), v.z()}; }
 

@@ -93,13 +93,13 @@ TEST_P(EveryMotion, SumsOfAnImuComeToTheMotion) {
   model.delta_velocity = DeltaVelocity::end_frame;
   Quaternion q_NB = at(0.0).q_NB;
   Vector3 dv_N = Vector3::Zero();
-  for (const Sample& sample : testing::drive(
-           model, [&](TruthTime t) { return at(seconds(t - TruthTime{})); }, testing::instants(100.0, 5s),
-           testing::instants(400.0, 5s))) {
+  for (const Sample& sample : drive(
+           model, [&](TruthTime t) { return at(seconds(t - TruthTime{})); }, instants(100.0, 5s),
+           instants(400.0, 5s))) {
     q_NB = q_NB * exp(sample.delta_angle);
     dv_N += q_NB * sample.delta_velocity;
   }
-  EXPECT_LT(testing::angle_between(q_NB, at(5.0).q_NB), 1e-12);
+  EXPECT_LT(angle_between(q_NB, at(5.0).q_NB), 1e-12);
   EXPECT_LT((dv_N - at(5.0).q_NB * at(5.0).accumulated_dv_B).norm(), 1e-11);
 }
 
@@ -162,7 +162,7 @@ TEST(Motions, Turntable) {
   const Truth truth = find_motion("turntable")->at({3'000'000'000}, {});
   EXPECT_EQ(truth.omega_BN_B, Vector3(0.0, 0.0, 0.5));
   EXPECT_EQ(truth.specific_force_B, Vector3(0.0, 0.0, -9.80665));
-  EXPECT_LT(testing::angle_between(truth.q_NB, Quaternion(Eigen::AngleAxisd(1.5, Vector3::UnitZ()))), 1e-15);
+  EXPECT_LT(angle_between(truth.q_NB, Quaternion(Eigen::AngleAxisd(1.5, Vector3::UnitZ()))), 1e-15);
 }
 
 // q = [cos a/2, sin a/2 cos Wt, sin a/2 sin Wt, 0], w = [-W sin a sin Wt, W sin a cos Wt, -2 W sin^2 a/2].
@@ -170,7 +170,7 @@ TEST(Motions, Coning) {
   const double a = 0.02, W = 2.0 * 3.14159265358979324 * 10.0, t = 0.1234;
   const Truth truth = find_motion("coning")->at({123'400'000}, {});
   const Quaternion q(std::cos(a / 2), std::sin(a / 2) * std::cos(W * t), std::sin(a / 2) * std::sin(W * t), 0.0);
-  EXPECT_LT(testing::angle_between(truth.q_NB, q), 1e-15);
+  EXPECT_LT(angle_between(truth.q_NB, q), 1e-15);
   EXPECT_LT((truth.omega_BN_B - Vector3(-W * std::sin(a) * std::sin(W * t), W * std::sin(a) * std::cos(W * t),
                                         -2.0 * W * std::sin(a / 2) * std::sin(a / 2)))
                 .norm(),
@@ -184,7 +184,7 @@ TEST(Motions, ConingKeepsItsPhase) {
   parameters.half_angle_rad = 0.5;
   const Truth start = find_motion("coning")->at({}, parameters);
   const Truth days_later = find_motion("coning")->at({100 * 86'400'000'000'000}, parameters);
-  EXPECT_LT(testing::angle_between(days_later.q_NB, start.q_NB), 1e-15);
+  EXPECT_LT(angle_between(days_later.q_NB, start.q_NB), 1e-15);
   EXPECT_EQ(days_later.omega_BN_B, start.omega_BN_B);
 }
 

@@ -13,7 +13,7 @@
 namespace imud {
 namespace {
 
-constexpr HostTime start{1'000'000'000};
+constexpr HostTime begin{1'000'000'000};
 
 // Writes every portion at the time at which the writer has it ready.
 class PacedWriting : public testing::Test {
@@ -23,13 +23,13 @@ class PacedWriting : public testing::Test {
     std::vector<std::byte> bytes(size);
     for (std::byte& byte : bytes) byte = static_cast<std::byte>(made_++);
     const Frame frame{bytes};
-    writer_->queue({&frame, 1}, line, start + at, longest_wait, counters_);
+    writer_->queue({&frame, 1}, line, begin + at, longest_wait, counters_);
   }
   // Writes every portion up to `until`; returns the time and number of characters of each.
   std::vector<std::pair<std::int64_t, std::size_t>> run(Nanoseconds until = std::chrono::hours(1)) {
     std::vector<std::pair<std::int64_t, std::size_t>> all;
     while (const auto due = writer_->next_flush()) {
-      if (*due > start + until) break;
+      if (*due > begin + until) break;
       EXPECT_TRUE(writer_->ready(*due - Nanoseconds(1)).empty());
       std::size_t together = 0;
       for (auto bytes = writer_->ready(*due); !bytes.empty(); bytes = writer_->ready(*due)) {
@@ -37,7 +37,7 @@ class PacedWriting : public testing::Test {
         together += bytes.size();
         writer_->written(bytes.size(), *due, counters_);
       }
-      all.emplace_back((*due - start).count() / 1000, together);
+      all.emplace_back((*due - begin).count() / 1000, together);
     }
     return all;
   }
@@ -84,7 +84,7 @@ TEST_F(PacedWriting, WhatIsQueuedGoesOutAtTheOldRate) {
 
 TEST_F(PacedWriting, LateIsAsMuchAsThenHasCome) {
   queue(100, microseconds(0));
-  EXPECT_EQ(writer_->ready(start + microseconds(43'999)).size(), 42U);
+  EXPECT_EQ(writer_->ready(begin + microseconds(43'999)).size(), 42U);
 }
 
 TEST_F(PacedWriting, WhatDoesNotFitIsDroppedWhole) {
@@ -129,7 +129,7 @@ TEST_F(PacedWriting, AFullKernelIsTriedAgain) {
 TEST_F(PacedWriting, EveryFrameComesWholeAndInOrder) {
   NumberedFrames frames;
   NumberedReader reader;
-  HostTime now = start;
+  HostTime now = begin;
   std::uint64_t characters = 0;
   for (int i = 0; i < 3000; ++i) {
     const unsigned baud = 50U + static_cast<unsigned>(i) * 1301 % 4'000'000;
