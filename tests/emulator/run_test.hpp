@@ -69,15 +69,4 @@ accelerometer.max_m_per_s2 = 1000
   std::string folder_;
 };
 
-// Waits until `condition` holds; returns false if it does not within Program::default_timeout.
-template <class Condition>
-bool eventually(Condition condition) {
-  const auto until = std::chrono::steady_clock::now() + Program::default_timeout;
-  while (!condition()) {
-    if (std::chrono::steady_clock::now() > until) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
-}
-
 }  // namespace imud

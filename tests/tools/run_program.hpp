@@ -264,4 +264,15 @@ inline std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
+// Waits until `condition` holds; returns false if it does not within Program::default_timeout.
+template <class Condition>
+bool eventually(Condition condition) {
+  const auto until = std::chrono::steady_clock::now() + Program::default_timeout;
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > until) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return true;
+}
+
 }  // namespace imud
