@@ -268,7 +268,6 @@ TEST_F(RealtimeRun, SixteenImusKeepSixteenGrids) {
           << i;
 }
 
-}  // namespace
 // A host that sends without pause; 256 bytes of its data take the device 200 us.
 TEST_F(RealtimeRun, AFloodFromTheHostDelaysNoSample) {
   class Flood final : public Port {
@@ -293,4 +292,5 @@ TEST_F(RealtimeRun, AFloodFromTheHostDelaysNoSample) {
   EXPECT_LT(run.counters().lateness.max(), 250e-6) << "one look";
 }
 
+}  // namespace
 }  // namespace imud
