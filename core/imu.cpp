@@ -144,6 +144,46 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   }
 }
 
+// Returns what the gyros and accelerometers measure at `now`, with the increments since the last sample of the run.
+// Inline: it is most of a step, and a Sample is large.
+[[gnu::always_inline]] inline Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first,
+                                                DeviceTime stamp) noexcept {
+  Sample out;
+  out.time = stamp;
+  out.counter = counter_;
+  out.temperature_c = model_.temperature_c;
+
+  Vector3 rate = model_.dcm_PB * now.omega_BN_B;  // Eq. 1
+  const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
+                                   now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
+  Vector3 specific_force = model_.dcm_PB * specific_force_B;                                   // Eq. 9
+  Vector3 delta_angle = Vector3::Zero();
+  Vector3 delta_velocity = Vector3::Zero();
+  double dt = 0.0;
+  if (!is_first) {
+    dt = seconds(time - last_time_);
+    delta_angle = model_.dcm_PB * true_delta_angle_B(now);        // Eq. 4
+    delta_velocity = model_.dcm_PB * true_delta_velocity_B(now);  // Eq. 14
+  }
+  last_ = now;
+  last_time_ = time;
+  angle_sum_B_.setZero();
+  velocity_sum_B_.setZero();
+  centripetal_sum_B_.setZero();
+
+  const std::uint32_t gyro_saturated = gyro_.apply(normals_, counter_, dt, rate, delta_angle);
+  const std::uint32_t accelerometer_saturated =
+      accelerometer_.apply(normals_, counter_, dt, specific_force, delta_velocity);
+  out.rate = rate;
+  out.specific_force = specific_force;
+  out.delta_angle = delta_angle;
+  out.delta_velocity = delta_velocity;
+  out.q_LP = now.q_NB * q_BP_;
+  out.status =
+      gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
+  return out;
+}
+
 Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
   const MotionState now = timeline.at(time);
   const bool is_first = run_ != Run::truth;
@@ -178,44 +218,6 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   }
   out.status |= status::at_rest;
   ++counter_;
-  return out;
-}
-
-// Returns what the gyros and accelerometers measure at `now`, with the increments since the last sample of the run.
-Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept {
-  Sample out;
-  out.time = stamp;
-  out.counter = counter_;
-  out.temperature_c = model_.temperature_c;
-
-  Vector3 rate = model_.dcm_PB * now.omega_BN_B;  // Eq. 1
-  const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
-                                   now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
-  Vector3 specific_force = model_.dcm_PB * specific_force_B;                                   // Eq. 9
-  Vector3 delta_angle = Vector3::Zero();
-  Vector3 delta_velocity = Vector3::Zero();
-  double dt = 0.0;
-  if (!is_first) {
-    dt = seconds(time - last_time_);
-    delta_angle = model_.dcm_PB * true_delta_angle_B(now);        // Eq. 4
-    delta_velocity = model_.dcm_PB * true_delta_velocity_B(now);  // Eq. 14
-  }
-  last_ = now;
-  last_time_ = time;
-  angle_sum_B_.setZero();
-  velocity_sum_B_.setZero();
-  centripetal_sum_B_.setZero();
-
-  const std::uint32_t gyro_saturated = gyro_.apply(normals_, counter_, dt, rate, delta_angle);
-  const std::uint32_t accelerometer_saturated =
-      accelerometer_.apply(normals_, counter_, dt, specific_force, delta_velocity);
-  out.rate = rate;
-  out.specific_force = specific_force;
-  out.delta_angle = delta_angle;
-  out.delta_velocity = delta_velocity;
-  out.q_LP = now.q_NB * q_BP_;
-  out.status =
-      gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
   return out;
 }
 
