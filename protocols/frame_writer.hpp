@@ -51,7 +51,7 @@ class FrameWriter {
   // Writes `number` in two's complement of `bytes` bytes, rounded to the nearest integer and saturated.
   void put_rounded(double number, unsigned bytes) noexcept {
     const auto end = static_cast<double>(std::uint64_t{1} << (8 * bytes - 1));
-    put_low_bytes(static_cast<std::uint64_t>(std::llround(std::clamp(number, -end, end - 1))), bytes);
+    put_low_bytes(static_cast<std::uint64_t>(to_integer(std::clamp(number, -end, end - 1))), bytes);
   }
   void fill(std::size_t size) noexcept {  // appends zeros up to `size` bytes
     while (size_ < std::min(size, room_.size())) put(std::uint8_t{0});

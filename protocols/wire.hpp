@@ -6,6 +6,7 @@
 #include <boost/endian/buffers.hpp>
 #include <cfloat>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <span>
 #include <type_traits>
@@ -33,6 +34,14 @@ void write_wire(const T& wire, std::span<std::byte> bytes) noexcept {
 // Returns the nearest float; saturates at FLT_MAX.
 inline float to_float(double value) noexcept {
   return static_cast<float>(std::clamp(value, -double{FLT_MAX}, double{FLT_MAX}));
+}
+
+// Returns the nearest integer, a half away from zero, as std::llround() does in ten times the instructions. The
+// integer must fit.
+constexpr std::int64_t to_integer(double value) noexcept {
+  const auto whole = static_cast<std::int64_t>(value);
+  const double rest = value - static_cast<double>(whole);  // exact
+  return whole + (rest >= 0.5) - (rest <= -0.5);
 }
 
 // Writes x, y, z in this order. `Buffer` is a floating-point Boost.Endian buffer; a 32-bit one saturates at FLT_MAX.

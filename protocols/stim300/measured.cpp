@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/units.hpp"
+#include "protocols/wire.hpp"
 
 namespace imud::stim300 {
 
@@ -32,12 +33,13 @@ void Measured::add(const Sample& sample, bool is_starting, Memory& memory) noexc
 }
 
 Reading Measured::reading(std::uint32_t pps, Nanoseconds latency) const noexcept {
-  return {.temperature_c = temperature_c_,
-          .status = status_,
-          .pps = pps,
-          .pps_status = status_ | (pps == longest_pps ? status_bit::overload : 0U),
-          .counter = counter_,
-          .latency_us = static_cast<unsigned>(std::clamp(std::llround(1e6 * seconds(latency)), 0LL, 0xFFFFLL))};
+  return {
+      .temperature_c = temperature_c_,
+      .status = status_,
+      .pps = pps,
+      .pps_status = status_ | (pps == longest_pps ? status_bit::overload : 0U),
+      .counter = counter_,
+      .latency_us = static_cast<unsigned>(std::clamp<std::int64_t>(to_integer(1e6 * seconds(latency)), 0, 0xFFFF))};
 }
 
 }  // namespace imud::stim300

@@ -18,11 +18,13 @@ std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& re
     unsigned status = of.status;
     for (unsigned i = 0; i < 3; ++i) {
       if (unit == integrated || unit == integrated_m_per_s) {  // the integral wraps
-        datagram.put(static_cast<std::uint64_t>(std::llround(std::remainder(scale * of.integral[i], 0x1p24))), 3);
+        datagram.put(static_cast<std::uint64_t>(to_integer(std::remainder(scale * of.integral[i], 0x1p24))), 3);
         continue;
       }
-      const double mean = internal_hz * of.sum[i] / static_cast<double>(std::max<std::uint64_t>(of.samples, 1));
-      const double number = scale * (unit == value ? of.now[i] : unit == increment ? of.sum[i] : mean);
+      const auto samples = static_cast<double>(std::max<std::uint64_t>(of.samples, 1));
+      const double number = scale * (unit == value       ? of.now[i]
+                                     : unit == increment ? of.sum[i]
+                                                         : internal_hz * of.sum[i] / samples);  // the mean
       if (unit == increment && std::abs(number) >= 0x1p23)
         status |= memory.overload(cluster, i);  // Table 5-2, note 9
       datagram.put_number(number, 3);

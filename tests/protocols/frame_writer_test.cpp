@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <memory>
+#include <random>
 #include <vector>
 
 #include "protocols/number_text.hpp"
@@ -49,6 +51,17 @@ TEST(FrameWriter, RoundsUpToTheEndsOfTwosComplement) {
   FrameWriter<order::big> writer(*out, 64);
   for (const double number : {-1.4, 1.5, 1e30, -1e30}) writer.put_rounded(number, 2);
   EXPECT_EQ(bytes_of(writer.written()), (Octets{0xFF, 0xFF, 0, 2, 0x7F, 0xFF, 0x80, 0}));
+}
+
+TEST(ToInteger, IsLlround) {
+  for (const double number :
+       {0.0, -0.0, 0.49999999999999994, 0.5, 0.50000000000000011, 1.5, 2.5, 8388606.5, 4503599627370495.5, 9e18})
+    for (const double value : {number, -number}) EXPECT_EQ(to_integer(value), std::llround(value)) << value;
+  std::mt19937_64 random(1);
+  for (int i = 0; i < 100'000; ++i) {
+    const double value = std::ldexp(std::uniform_real_distribution(-1.0, 1.0)(random), i % 62);
+    ASSERT_EQ(to_integer(value), std::llround(value)) << value;
+  }
 }
 
 TEST(FrameWriter, LeavesOutWhatIsBeyond) {
