@@ -254,6 +254,8 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
       if (config.clock != ClockMode::realtime) config.imus.back().port_settings.delivery = Delivery::complete;
+      if (config.clock != ClockMode::realtime || is_capture(config.truth.port))
+        config.imus.back().before_first = BeforeFirst::silence;  // sample 0 is at the first truth
       const ImuConfig& read = config.imus.back();
       if (read.port_settings.paced && config.clock != ClockMode::realtime)
         faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),

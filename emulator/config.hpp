@@ -60,8 +60,8 @@ struct ImuConfig {
   const Protocol* protocol = nullptr;
   Settings settings;
   std::string port;
-  PortSettings port_settings = Role::device;  // with the device's UART, and whether its characters are paced
-  BeforeFirst before_first = BeforeFirst::silence;
+  PortSettings port_settings = Role::device;        // with the device's UART, and whether its characters are paced
+  BeforeFirst before_first = BeforeFirst::silence;  // always silence unless live truth drives it in realtime
   SyncConfig sync;
   ImuModel model;
 };

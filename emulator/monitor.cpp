@@ -4,12 +4,16 @@
 #include <spdlog/spdlog.h>
 
 #include <array>
+#include <string_view>
 
 #include "emulator/line_load.hpp"
 
 namespace imud {
 
 namespace {
+std::string names(const std::vector<std::string_view>& all) {
+  return all.empty() ? "none" : fmt::format("{}", fmt::join(all, ", "));
+}
 std::string times(std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); }
 }  // namespace
 
@@ -32,6 +36,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
 Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - begin_), line_loads_); }
 
 void Monitor::update() {
+  report_first_truth();
   report_refusals();
   report_interruptions();
   report_imus();
@@ -59,6 +64,19 @@ Summary Monitor::finish(std::string capture_warning) {
     if (!quality_) spdlog::error("{}: cannot be written", options_.quality_file);
   }
   return all;
+}
+
+void Monitor::report_first_truth() {
+  if (has_truth_) return;
+  has_truth_ = counters_.truth->runs > 0;
+  if (has_truth_ && no_truth_reported_) spdlog::info("the first truth has come");
+  if (has_truth_ || no_truth_reported_ || seconds(host_now() - begin_) < options_.first_truth_s) return;
+  no_truth_reported_ = true;
+  std::vector<std::string_view> at_rest, silent;
+  for (const ImuConfig& imu : config_.imus)
+    (imu.before_first == BeforeFirst::rest ? at_rest : silent).push_back(imu.name);
+  spdlog::info("no truth from {} yet; sampling a vehicle at rest: {}; silent: {}", config_.truth.port, names(at_rest),
+               names(silent));
 }
 
 void Monitor::report_refusals() {

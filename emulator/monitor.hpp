@@ -18,6 +18,7 @@ class Monitor {
   struct Options {
     double log_every_s = 10;   // interval of the line of figures; 0: none
     std::string quality_file;  // a line of JSON a second; empty: none
+    double first_truth_s = 1;  // the log states what the sensors do if no truth has come for so long from the start
   };
   // `counters` has the imus of `config` in the same order. The counters and `config` must outlive this. Throws
   // std::runtime_error if the file cannot be written.
@@ -42,6 +43,7 @@ class Monitor {
     std::uint64_t seen_ = 0;
   };
 
+  void report_first_truth();
   void report_refusals();
   void report_interruptions();
   void report_imus();
@@ -56,6 +58,7 @@ class Monitor {
   std::ofstream quality_;
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
+  bool no_truth_reported_ = false, has_truth_ = false;
   // The reports so far: which causes of refusal, which imus that refuse edges, the last state of each port, and its
   // number of reports of a wrong speed.
   std::vector<bool> refusals_, edges_refused_;

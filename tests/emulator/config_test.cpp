@@ -538,6 +538,8 @@ TEST_F(ConfigTest, BeforeTheFirstTruthAProductRests) {
       "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:v\"\n";
   EXPECT_EQ(load(product).imus[0].before_first, BeforeFirst::rest);
   EXPECT_EQ(load(product, {"imu.0.before_first=silence"}).imus[0].before_first, BeforeFirst::silence);
+  for (const std::string paced_by_truth : {"clock=lockstep", "truth.port=\"pcap:flight.pcap\""})
+    EXPECT_EQ(load(product, {paced_by_truth}).imus[0].before_first, BeforeFirst::silence) << paced_by_truth;
   EXPECT_NE(faults(good, {"imu.0.before_first=off"})[0].find("silence"), std::string::npos);
 }
 

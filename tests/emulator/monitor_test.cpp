@@ -22,7 +22,8 @@ class MonitorTest : public RunTest {
   }
   ~MonitorTest() override { spdlog::set_default_logger(before_); }
 
-  Monitor monitor(const Monitor::Options& options = {.log_every_s = 0, .quality_file = {}}) const {
+  Monitor monitor(const Monitor::Options& options = {
+                      .log_every_s = 0, .quality_file = {}, .first_truth_s = 3600}) const {
     return Monitor({&truth_, &quality_, {{"imu1", &imu_}}}, config_, options);
   }
   // Returns the lines logged since the last call.
@@ -101,6 +102,22 @@ TEST_F(MonitorTest, TheFirstRunIsNoNews) {
   monitor.update();
   monitor.update();
   EXPECT_EQ(logged(), Lines{"info simulation time has restarted: run 2"});
+}
+
+TEST_F(MonitorTest, TruthThatDoesNotComeIsReportedOnceAndSoIsTheFirst) {
+  config_.imus.push_back(config_.imus[0]);
+  config_.imus[1].name = "imu2";
+  config_.imus[1].before_first = BeforeFirst::rest;
+  Monitor monitor({&truth_, &quality_, {{"imu1", &imu_}, {"imu2", &imu_}}}, config_,
+                  {.log_every_s = 0, .quality_file = {}, .first_truth_s = 0});
+  monitor.update();
+  monitor.update();
+  EXPECT_EQ(logged(),
+            Lines{"info no truth from udp:127.0.0.1:9810 yet; sampling a vehicle at rest: imu2; silent: imu1"});
+  truth_.runs.count();
+  monitor.update();
+  monitor.update();
+  EXPECT_EQ(logged(), Lines{"info the first truth has come"});
 }
 
 TEST_F(MonitorTest, RefusedEdgesAreReportedOnce) {
