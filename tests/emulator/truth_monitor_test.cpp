@@ -32,6 +32,18 @@ TEST(TruthMonitor, JumpsOneAfterTheOtherAreAFastSimulator) {
   EXPECT_DOUBLE_EQ(monitor.rate(), 4);
 }
 
+// A restart begins a run, too. A jump soon after it is a single one if no other jump was within a second before it.
+TEST(TruthMonitor, AJumpSoonAfterARestartIsTheFirst) {
+  TruthMonitor monitor(100ms);
+  monitor.begin_run(truth(0), host(0));
+  ASSERT_TRUE(monitor.has_jumped(truth(10), host(1), truth(1)));
+  monitor.begin_run(truth(10), host(1));
+  for (int k = 1; k <= 60; ++k) ASSERT_FALSE(monitor.has_jumped(truth(10 + k), host(1 + k), truth(10 + k)));
+  monitor.begin_run(truth(0), host(62));
+  ASSERT_TRUE(monitor.has_jumped(truth(5), host(62.5), truth(0.5)));
+  EXPECT_EQ(monitor.rate(), 1);
+}
+
 TEST(TruthMonitor, APauseIsTruthThatStaysLate) {
   TruthMonitor monitor(100ms);
   monitor.begin_run(truth(0), host(0));
