@@ -281,8 +281,9 @@ TEST_F(LoopTest, TruthWaitsWhileTheTimelineIsFull) {
 }
 
 // More truths between two samples than the timeline keeps, where truth paces: the slow imu is advanced in between.
+// The other definitions of increments are differences of two states, and need no truth between them.
 TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
-  Config c = config(0.5, "");
+  Config c = config(0.5, "", "increments.delta_angle = \"integral\"");
   SimulatedHost host;
   host.end = host.now() + 100s;
   for (int k = 0; k <= 12'000; ++k) {
