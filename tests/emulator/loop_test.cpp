@@ -18,14 +18,17 @@ class Diary final : public Device {
     DeviceTime time;
   };
   static std::vector<Entry> entries;
+  static std::function<void()> on_sample, on_power_on;
 
   void power_on(DeviceTime now) noexcept override {
     add('o', now);
+    if (on_power_on) on_power_on();
     next_ = now + period;
   }
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     add('s', sample.time);
     frame('s', out);
+    if (on_sample) on_sample();
   }
   void receive(const Frame&, DeviceTime now, FrameBuffer& replies) noexcept override {
     add('r', now);
@@ -53,6 +56,7 @@ class Diary final : public Device {
   DeviceTime next_ = DeviceTime{} + period;
 };
 std::vector<Diary::Entry> Diary::entries;
+std::function<void()> Diary::on_sample, Diary::on_power_on;
 
 constexpr Protocol diary_protocol = {
     .name = "diary",
@@ -92,6 +96,7 @@ class LoopTest : public RealtimeTest {
     Config c = config(rate_hz, truth, imu);
     c.imus[0].protocol = &diary_protocol;
     Diary::entries.clear();
+    Diary::on_sample = Diary::on_power_on = nullptr;
     return c;
   }
   static void expect_increasing_times() {
@@ -166,6 +171,29 @@ TEST_F(LoopTest, PowerGoesOffAndOnBetweenTwoSamplesOnly) {
   run.run(3);
   EXPECT_NEAR(static_cast<double>(count('o')), 29, 2);
   expect_increasing_times();
+}
+
+// At 100 Hz the thread waits for the instant after the sample is prepared.
+TEST_F(LoopTest, PowerStaysOnFromThePreparationOfASampleToItsTransmission) {
+  SimulatedRun run(diary_config("delay_ms = 20", "", 100));
+  std::vector<std::pair<HostTime, char>> sent;
+  run.make_sensor = [&](SimulatedHost& host) {
+    return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
+  };
+  std::vector<std::size_t> transmitted;  // samples, at each power-on
+  const auto samples_sent = [&] {
+    return static_cast<std::size_t>(
+        std::count_if(sent.begin(), sent.end(), [](const auto& frame) { return frame.second == 's'; }));
+  };
+  Diary::on_sample = [&, n = std::size_t{0}]() mutable {
+    EXPECT_EQ(samples_sent(), n) << "the sample before is transmitted";
+    if (++n % 10 == 0) run.session().request_power_cycle();
+  };
+  Diary::on_power_on = [&] { transmitted.push_back(samples_sent()); };
+  for (int k = 0; k <= 300; ++k) run.truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
+  run.run(3);
+  ASSERT_GT(transmitted.size(), 20U);
+  for (std::size_t i = 1; i < transmitted.size(); ++i) EXPECT_EQ(transmitted[i], 10 * i);
 }
 
 TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
