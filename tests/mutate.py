@@ -118,21 +118,24 @@ class Tree:
         return subprocess.run(["ninja", "-C", "build", f"-j{self.jobs}", f"{folder}_tests"], cwd=self.root,
                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode == 0
 
-    def passes(self, folder, limit=None):
+    def failure(self, folder, limit=None):
+        """The first test that fails, or how else the program ends; empty if all tests pass."""
         try:
-            return subprocess.run([f"build/tests/{folder}_tests", "--gtest_fail_fast", "--gtest_brief=1"], cwd=self.root,
-                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
-                                  timeout=limit).returncode == 0
+            run = subprocess.run([f"build/tests/{folder}_tests", "--gtest_fail_fast", "--gtest_brief=1"], cwd=self.root,
+                                 stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
+                                 timeout=limit)
         except subprocess.TimeoutExpired:
-            return False
+            return "time limit"
+        failed = re.search(rb"^\[  FAILED  \] ([\w./]+)", run.stdout, re.MULTILINE)
+        return failed[1].decode() if failed else f"exit code {run.returncode}" if run.returncode else ""
 
     def prepare(self, folder):
         begin = time.monotonic()
         if not self.builds(folder):
             sys.exit(f"{folder}_tests does not build")
         built = time.monotonic()
-        if not self.passes(folder):
-            sys.exit(f"{folder}_tests fails without a mutant")
+        if failure := self.failure(folder):
+            sys.exit(f"{folder}_tests fails without a mutant: {failure}")
         self.limits[folder] = 30 + 3 * (time.monotonic() - built)
         print(f"{folder}_tests: built in {built - begin:.0f} s, passes in {time.monotonic() - built:.0f} s", flush=True)
 
@@ -146,8 +149,9 @@ class Tree:
         file.write_text("".join(lines))
         try:
             if not self.builds(folder):
-                return "refused"
-            return "survived" if self.passes(folder, self.limits[folder]) else "noticed"
+                return "refused", ""
+            failure = self.failure(folder, self.limits[folder])
+            return ("noticed", failure) if failure else ("survived", "")
         finally:
             file.write_text(text)
 
@@ -175,8 +179,9 @@ def main():
     if not drawn:
         sys.exit("these lines have no mutants")
 
-    def show(result, mutant):
-        print(f"{result:9} {mutant.path}:{mutant.line}\n  - {mutant.before.strip()}\n  + {mutant.after.strip()}", flush=True)
+    def show(result, mutant, by=""):
+        print(f"{result:9} {mutant.path}:{mutant.line} {by}".rstrip(), flush=True)
+        print(f"  - {mutant.before.strip()}\n  + {mutant.after.strip()}", flush=True)
 
     if options.list:
         for mutant in drawn:
@@ -188,9 +193,9 @@ def main():
         for name in sorted({mutant.path.split("/")[0] for mutant in drawn}):
             tree.prepare(name)
         for mutant in drawn:
-            result = tree.test(mutant)
+            result, failure = tree.test(mutant)
             results[result] += 1
-            show(result, mutant)
+            show(result, mutant, failure and f"by {failure}")
     counted = results["noticed"] + results["survived"]
     print(f"{results['noticed']} of {counted} noticed ({100 * results['noticed'] / max(counted, 1):.0f} %), "
           f"{results['refused']} refused by the compiler")
