@@ -1,7 +1,9 @@
 // Which truths the timeline accepts, and the cause that it returns for each refusal.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include "core/timeline.hpp"
 
@@ -171,6 +173,17 @@ TEST(Restart, FarAheadAfterThreeInARow) {
   EXPECT_EQ(timeline.push(truth_at(1002s, 2)), Admission::new_run);
 }
 
+TEST(Restart, ByTruthsThatAreTheLargestGapApart) {
+  Timeline::Limits limits;
+  limits.max_gap = 2s;
+  for (const auto& [gap, third] : {std::pair{2s + 0ns, Admission::new_run}, {2s + 1ns, Admission::time_jump}}) {
+    Timeline timeline = second_of_truths(limits);
+    for (std::uint32_t k = 0; k < 2; ++k)
+      EXPECT_EQ(timeline.push(truth_at(1000s + k * gap, k)), Admission::time_jump);
+    EXPECT_EQ(timeline.push(truth_at(1000s + 2 * gap, 2)), third);
+  }
+}
+
 TEST(Restart, NearbyAfterTwentyInARow) {
   Timeline timeline = second_of_truths();
   for (std::uint32_t k = 0; k < 19; ++k)
@@ -229,6 +242,29 @@ TEST(Range, EveryNumberIsChecked) {
     EXPECT_TRUE(refused([&](Truth& t) { t.accumulated_dv_B.x() = bad; }));
   }
   EXPECT_TRUE(refused([](Truth& t) { t.q_NB.w() = 1.00001; }));
+}
+
+TEST(Range, EndsAtItsLimits) {
+  const auto accepted = [](auto member, double value) {
+    Truth truth;
+    (truth.*member).x() = value;
+    return is_in_range(truth);
+  };
+  for (const auto& [member, limit] : {std::pair{&Truth::r_BN_N, 1e15},
+                                      {&Truth::v_BN_N, 1e9},
+                                      {&Truth::omega_BN_B, 1e5},
+                                      {&Truth::omegaDot_BN_B, 1e8},
+                                      {&Truth::specific_force_B, 1e8},
+                                      {&Truth::accumulated_dv_B, 1e9}}) {
+    EXPECT_TRUE(accepted(member, limit) && accepted(member, -limit)) << limit;
+    EXPECT_FALSE(accepted(member, limit * 1.001) || accepted(member, -limit * 1.001)) << limit;
+  }
+  for (const auto& [excess, is_accepted] :
+       {std::pair{-2.1e-6, false}, {-1.9e-6, true}, {1.9e-6, true}, {2.1e-6, false}}) {
+    Truth truth;
+    truth.q_NB.w() = std::sqrt(1 + excess);
+    EXPECT_EQ(is_in_range(truth), is_accepted) << excess;
+  }
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <thread>
+#include <utility>
 
 namespace imud {
 namespace {
@@ -20,6 +21,15 @@ TEST(DurationHistogram, Percentiles) {
   EXPECT_EQ(histogram.percentile(0.01), 0.0);
   EXPECT_EQ(histogram.percentile(100), 1e6);
   EXPECT_EQ(histogram.count(), 1002U);
+}
+
+TEST(DurationHistogram, ShorterThanTheFirstBucketIsZero) {
+  for (const auto& [duration, shown] : {std::pair{0.99e-7, 0.0}, {1.01e-7, 1.01e-7}, {1.03e-7, 1.03e-7}}) {
+    DurationHistogram histogram;
+    histogram.add(duration);
+    histogram.add(1);
+    EXPECT_NEAR(histogram.percentile(50), shown, 0.012 * shown) << duration;
+  }
 }
 
 TEST(DurationHistogram, SinceAnEarlierCopy) {
