@@ -137,6 +137,12 @@ TEST(MipTime, ACaptureEndsWithoutSamples) {
   EXPECT_TRUE(unit.send(capture).empty());
   EXPECT_EQ(unit.wait(2s), (std::vector<Bytes>{packet(0x0C, {4, 0xF1, 0x39, 4})})) << "of none";
   EXPECT_EQ(field(unit.send(command(0x0C, 0x38, {2})).at(0), 0x9B), Bytes(answer.begin() + 6, answer.end()));
+
+  unit.sample.rate.x() = 0.5;
+  EXPECT_TRUE(unit.send(capture).empty());
+  unit.run(1);
+  answer[6] = 0x3F, answer[7] = 0;
+  EXPECT_EQ(unit.wait(2s), std::vector<Bytes>{packet(0x0C, answer)}) << "of one";
 }
 
 TEST(MipTime, GpsTimeOfTheHostRunsOnTheDevicesClock) {

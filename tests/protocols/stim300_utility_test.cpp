@@ -48,6 +48,9 @@ TEST(Stim300Utility, UtilityModeAnswersAsTheDatasheetShows) {
   EXPECT_EQ(unit.send_line("$ig,x,167"), "#ig,0,X,1,1,2,0,0.500,150\r");
   EXPECT_EQ(unit.ask("ig,y"), "#ig,0,Y,0,0,0,0,0.500") << "one filter for all axes";
   EXPECT_EQ(unit.ask("sg,y,1,1,2,0,0.0009"), "#sg,5");
+  EXPECT_EQ(unit.ask("sg,y,1,1,2,0,5.001"), "#sg,5");
+  EXPECT_EQ(unit.ask("sg,y,1,1,2,0,0.001"), "#sg,0,Y,1,1,2,0,0.001");
+  EXPECT_EQ(unit.ask("sg,y,1,1,2,0,5"), "#sg,0,Y,1,1,2,0,5.000");
   EXPECT_EQ(unit.ask("sg,y,1,1,3,0,0.5"), "#sg,5");
   EXPECT_EQ(unit.send_line("$sfs,1,70"), "#sfs,0,1,115\r");
   EXPECT_EQ(unit.ask("ig,x"), "#ig,0,X,0,0,0,0,0.010");

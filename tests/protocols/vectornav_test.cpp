@@ -58,7 +58,7 @@ TEST(VectorNav, ErrorsHaveTheirCodes) {
   EXPECT_EQ(unit.ask("VNRRG,99,1"), error(8)) << "asked so by the SDK's RegisterScan, which ends at any other error";
   EXPECT_EQ(unit.ask("VNRRG,80,1"), error(6));
   EXPECT_EQ(unit.ask("VNWRG,99,1"), error(8));
-  EXPECT_EQ(unit.ask("VNWRG,1,VN-1"), error(9));
+  for (const char* id : {"1", "2", "3", "4"}) EXPECT_EQ(unit.ask("VNWRG," + std::string(id) + ",1"), error(9)) << id;
   for (const char* body : {"VNRRG,", "VNWRG,", "VNASY,", "VNBOM,"}) EXPECT_EQ(unit.ask(body), error(5)) << body;
   for (const char* body : {"VNRRG,01,1", "VNRRG,01,1,2", "VNRRG,05,1,2", "VNTAR,1,2", "VNWNV,1", "VNRST,5", "VNRFS,1",
                            "VNASY,0,1", "VNBOM,1,2"})
