@@ -61,6 +61,29 @@ TEST(MipCommands, Polls) {
       << "the others' answers";
 }
 
+// The longest answers need 107 of a packet's 255 bytes: they fit behind 37 of a ping's 4 bytes.
+TEST(MipCommands, AnAnswerThatMightNotFitBeginsANewPacket) {
+  Unit unit;
+  const Bytes ack = {4, 0xF1, 0x01, 0};
+  EXPECT_EQ(unit.send(packet(0x01, repeated({}, 39, {2, 0x01}))),
+            (std::vector<Bytes>{packet(0x01, repeated({}, 38, ack)), packet(0x01, ack)}));
+}
+
+TEST(MipCommands, EachFieldIsAsLongAsItsEntry) {
+  std::size_t fields = 0;
+  for (const mip::Model& model : mip::models) {
+    Unit unit({{"model", std::string(model.keyword)}});
+    for (const mip::DataField& one : mip::data_fields()) {
+      if (!model.is(one.models)) continue;
+      const auto sent = unit.send(command(0x0C, 0x0D, {one.set, 0, 1, one.descriptor}));
+      ASSERT_EQ(sent.size(), 2U) << one.name;
+      EXPECT_EQ(field(sent[1], one.descriptor).size(), one.size) << one.name;
+      ++fields;
+    }
+  }
+  EXPECT_GT(fields, mip::data_fields().size());
+}
+
 // "For all functions except 0x01 (use new settings), the new baud rate value is ignored", and of the others alike.
 TEST(MipCommands, AValueBesideReadSaveLoadDefaultIsIgnored) {
   struct Case {
