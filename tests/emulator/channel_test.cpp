@@ -38,7 +38,7 @@ constexpr Protocol kilobytes = {
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return nullptr; },
 };
 
-// A port that holds, without limit, all frames that a pipe does not accept immediately.
+// A port that holds, without limit, all frames that a pipe does not accept immediately, or that are not due.
 class PipePort final : public Port {
  public:
   explicit PipePort(int pipe) : pipe_(pipe) {}
@@ -53,14 +53,18 @@ class PipePort final : public Port {
   }
   std::optional<Received> receive() noexcept override { return std::nullopt; }
   int descriptor() const noexcept override { return pipe_; }
+  std::optional<HostTime> next_flush() const noexcept override {
+    return is_paced ? std::optional(host_now() + 5s) : std::nullopt;
+  }
 
+  bool is_paced = false;  // no frame is due
   std::uint64_t flushes = 0;
   std::function<void()> on_flush;
 
  private:
   void write_waiting() noexcept {
     const std::array<char, 1024> frame{};  // a pipe accepts it whole or not at all
-    for (; waiting_ > 0 && ::write(pipe_, frame.data(), frame.size()) > 0; --waiting_) ++counters_.sent;
+    for (; !is_paced && waiting_ > 0 && ::write(pipe_, frame.data(), frame.size()) > 0; --waiting_) ++counters_.sent;
   }
   const int pipe_;
   std::uint64_t waiting_ = 0;
@@ -161,6 +165,16 @@ TEST_F(ChannelTest, AReaderThatReadsAgainIsWaitedForAgain) {
 
 TEST_F(ChannelTest, AStopEndsTheWaiting) {
   fill();
+  std::atomic<bool> stop = false;
+  port_->on_flush = [&, n = 0]() mutable { stop = ++n == 5; };
+  channel_->wait_until_sent(stop);
+  EXPECT_EQ(port_->flushes, 5U);
+}
+
+TEST_F(ChannelTest, AStopEndsTheWaitingForAFrameThatIsNotDue) {
+  port_->is_paced = true;
+  channel_->encode(channel_->sense_at_rest(Nanoseconds{}, 0), std::nullopt, false);
+  channel_->transmit();
   std::atomic<bool> stop = false;
   port_->on_flush = [&, n = 0]() mutable { stop = ++n == 5; };
   channel_->wait_until_sent(stop);

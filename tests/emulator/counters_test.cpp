@@ -47,6 +47,8 @@ TEST(Counters, BeginAtZero) {
   ASSERT_EQ(imu.counts.size(), 10U);
   EXPECT_EQ(imu.total(), 0U);
   EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::rate], 1.0);
+  EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::offset_s], 0.0);
+  EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::delay_s], 0.0);
 }
 
 TEST(Counters, ASnapshotKeepsWhatStoodThere) {
