@@ -107,11 +107,13 @@ class LineController {
   void send(std::string_view command) const {
     EXPECT_EQ(::write(master_.get(), command.data(), command.size()), static_cast<ssize_t>(command.size()));
   }
-  // Waits until the line is quiet, and returns the number of frames received over it.
-  unsigned frames() const {
-    for (unsigned before = frames_ + 1; before != frames_;
-         std::this_thread::sleep_for(std::chrono::milliseconds(200)))
-      before = frames_;
+  // Returns the number of frames received over the line. It waits until there are as many as expected, 20 s at most
+  // (the guest may be held up for long), and then 200 ms in which any frame too many arrives.
+  std::uint64_t frames(std::uint64_t expected) const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (frames_ < expected && std::chrono::steady_clock::now() < end)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
     return frames_;
   }
 
@@ -138,7 +140,7 @@ class LineController {
 
   FileDescriptor master_, line_;
   std::atomic<bool> ending_ = false;
-  std::atomic<unsigned> frames_ = 0;
+  std::atomic<std::uint64_t> frames_ = 0;
   std::thread answering_;
 };
 

@@ -177,7 +177,7 @@ TEST_F(Can, RealDriverInBusOff) {
   for (std::uint8_t i = 0; i < 10; ++i) send_sample(*port, i, 3);
   ASSERT_TRUE(drain(*port));
   EXPECT_EQ(port->counters().sent, 30U);
-  EXPECT_EQ(controller.frames(), 30U);
+  EXPECT_EQ(controller.frames(30U), 30U);
 
   controller.send("sb000256\r");
   auto received = receive_next(*port);
@@ -194,7 +194,7 @@ TEST_F(Can, RealDriverInBusOff) {
   EXPECT_EQ(port->state(), PortState::ready);
   EXPECT_EQ(port->counters().dropped, 30U);
   EXPECT_EQ(port->counters().sent, 33U);
-  EXPECT_EQ(controller.frames(), 33U);
+  EXPECT_EQ(controller.frames(33U), 33U);
 }
 
 TEST_F(Can, DownAndUp) {

@@ -187,7 +187,7 @@ TEST_F(Can, ARealDriversFramesAreConfirmed) {
   const auto port = open(controller.name + "?confirm=yes");
   send_sample(*port, 1, 50);
   ASSERT_TRUE(drain(*port));
-  EXPECT_EQ(controller.frames(), 50U);
+  EXPECT_EQ(controller.frames(50U), 50U);
   collect_confirmations(*port);
   EXPECT_EQ(port->counters().confirmed, 50U);
 }
