@@ -116,7 +116,6 @@ bool Channel::serve(HostTime now) noexcept {
   // The limit of one call, so that a flood from the host does not delay samples. Between two calls no line carries
   // as much.
   constexpr std::size_t most = 256, per_frame = 16;
-  const DeviceTime time = clock_.now(now);
   std::size_t received = 0;
   bool may_wait = false;
   while (received < most) {
@@ -126,6 +125,7 @@ bool Channel::serve(HostTime now) noexcept {
       break;
     }
     received += per_frame + chunk->frame.bytes.size();
+    const DeviceTime time = clock_.now(now);
     poll_until(time);
     others_.clear();
     device_->receive(chunk->frame, time, others_);
