@@ -73,7 +73,7 @@ Machine inspect_machine(const std::string& root, bool spins, const std::vector<s
         "bench's own computer");
   for (const std::string& device : serial) {
     const std::string name = fs::path(device).filename();
-    const fs::path timer = root + "/sys/class/tty/" + name + "/device/latency_timer";
+    const fs::path timer = fmt::format("{}/sys/class/tty/{}/device/latency_timer", root, name);
     const std::string ms = text_of(timer);
     if (!ms.empty() && ms != "1")
       machine.advice.push_back(

@@ -47,7 +47,7 @@ long ptrace_any_xstate(Ptrace real, const XstateLayout& layout, int request, pid
     return -1;
   }
   std::memcpy(state.data(), given.iov_base, given.iov_len);
-  std::uint64_t xstate_bv;
+  std::uint64_t xstate_bv = 0;
   std::memcpy(&xstate_bv, state.data() + xstate_bv_offset, sizeof xstate_bv);
   xstate_bv &= components_within(given.iov_len, layout);
   std::memcpy(state.data() + xstate_bv_offset, &xstate_bv, sizeof xstate_bv);
