@@ -2,6 +2,7 @@
 // whose guest has a coarse clock: times are compared with lower bounds only.
 #include <poll.h>
 
+#include <string_view>
 #include <thread>
 
 #include "tests/can/can_bus.hpp"
@@ -9,14 +10,17 @@
 namespace imud {
 namespace {
 
-// A pair of interfaces. The queue of the first one limits the rate, and has room for ten frames.
+// A queue for an interface that has room for ten frames, and delays them for longer than any test takes.
+constexpr std::string_view stuck = "netem delay 100s limit 10";
+
+// A pair of interfaces. The queue of the first one has room for ten frames, one of which takes 6 ms.
 class SlowBus {
  public:
-  SlowBus() {
+  explicit SlowBus(std::string_view queue = "netem rate 20kbit limit 10") {
     ip("link del imudfar");
     EXPECT_TRUE(ip("link add imudnear type vxcan peer name imudfar"));
     EXPECT_TRUE(ip("link set imudnear up") && ip("link set imudfar up"));
-    EXPECT_TRUE(run_command("tc qdisc add dev imudnear root netem rate 100kbit limit 10"));
+    EXPECT_TRUE(run_command(fmt::format("tc qdisc add dev imudnear root {}", queue)));
   }
   ~SlowBus() { ip("link del imudnear"); }
 };
@@ -125,7 +129,7 @@ TEST_F(Can, AFullSendBufferWaitsForPoll) {
 }
 
 TEST_F(Can, WhatIsLeftAtTheEndCountsAsDropped) {
-  const SlowBus bus;
+  const SlowBus bus(stuck);
   const auto port = open("imudnear");
   send_sample(*port, 1, 60);
   EXPECT_FALSE(port->is_drained());
@@ -136,7 +140,7 @@ TEST_F(Can, WhatIsLeftAtTheEndCountsAsDropped) {
 }
 
 TEST_F(Can, WhatWaitsIsDroppedWhenTheInterfaceGoesDown) {
-  const SlowBus bus;
+  const SlowBus bus(stuck);
   const auto port = open("imudnear");
   send_sample(*port, 1, 60);
   ASSERT_TRUE(ip("link set imudnear down"));
@@ -148,7 +152,7 @@ TEST_F(Can, WhatWaitsIsDroppedWhenTheInterfaceGoesDown) {
 
 // The MTU is lowered while frames wait: frames that still fit are sent.
 TEST_F(Can, FdFramesThatTheInterfaceNoLongerCarriesAreDroppedAlone) {
-  ASSERT_TRUE(run_command(fmt::format("tc qdisc add dev {} root netem rate 500kbit limit 10", own)));
+  ASSERT_TRUE(run_command(fmt::format("tc qdisc add dev {} root {}", own, stuck)));
   const auto port = open(own, Delivery::timely);
   SampleFrames sample;
   for (std::uint32_t i = 0; i < 20; ++i) sample.add({.id = i, .fd = i == 19}, 8);
