@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TruthTime at_ms(std::int64_t ms) { return {ms * 1'000'000}; }
+TruthTime truth_at_ms(std::int64_t ms) { return {ms * 1'000'000}; }
 
 Timeline::Limits extrapolate_for(Nanoseconds limit) {
   Timeline::Limits limits;
@@ -25,27 +25,27 @@ TEST(Extrapolation, ContinuesWithConstantAccelerations) {
   const IntegratedMotion motion(smooth_motion(), 2.0);
   for (const std::int64_t step_ms : {1, 10, 30}) {
     Timeline timeline;
-    for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(at_ms(ms)));
-    const MotionState state = timeline.at(at_ms(1000 + step_ms));
+    for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(truth_at_ms(ms)));
+    const MotionState state = timeline.at(truth_at_ms(1000 + step_ms));
     const double h = 1e-3 * static_cast<double>(step_ms);
     const double t = 1.0 + h;
     EXPECT_EQ(state.basis, MotionState::Basis::extrapolated);
-    EXPECT_EQ(state.time, at_ms(1000 + step_ms));
+    EXPECT_EQ(state.time, truth_at_ms(1000 + step_ms));
     // The motion's next derivatives are below 1 rad/s^3 and 2 m/s^3.
     EXPECT_LT(angle_between(state.q_NB, motion.q_NB(t)), 1.0 * h * h * h / 6.0);
     EXPECT_LT((state.omega_BN_B - motion.omega_BN_B(t)).norm(), 1.0 * h * h / 2.0);
     EXPECT_LT((state.specific_force_B - motion.specific_force_B(t)).norm(), 2.0 * h);
     EXPECT_LT((state.dv_N - motion.dv_N(t)).norm(), 2.0 * h * h / 2.0);
-    EXPECT_EQ(state.omegaDot_BN_B, timeline.at(at_ms(1000)).omegaDot_BN_B);
+    EXPECT_EQ(state.omegaDot_BN_B, timeline.at(truth_at_ms(1000)).omegaDot_BN_B);
   }
 }
 
 TEST(Extrapolation, BeginsWhereTheNewestTruthIs) {
   const IntegratedMotion motion(smooth_motion(), 2.0);
   Timeline timeline;
-  timeline.push(motion.truth(at_ms(0)));
-  timeline.push(motion.truth(at_ms(10)));
-  const MotionState at = timeline.at(at_ms(10)), after = timeline.at(at_ms(10) + 1ns);
+  timeline.push(motion.truth(truth_at_ms(0)));
+  timeline.push(motion.truth(truth_at_ms(10)));
+  const MotionState at = timeline.at(truth_at_ms(10)), after = timeline.at(truth_at_ms(10) + 1ns);
   EXPECT_EQ(at.basis, MotionState::Basis::interpolated);
   EXPECT_EQ(after.basis, MotionState::Basis::extrapolated);
   EXPECT_LT(angle_between(at.q_NB, after.q_NB), 2e-9);
@@ -56,11 +56,11 @@ TEST(Extrapolation, BeginsWhereTheNewestTruthIs) {
 TEST(Extrapolation, ThenHolds) {
   const IntegratedMotion motion(smooth_motion(), 2.0);
   Timeline timeline(extrapolate_for(50ms));
-  for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(at_ms(ms)));
-  const MotionState last = timeline.at(at_ms(1050));
+  for (std::int64_t ms = 0; ms <= 1000; ms += 10) timeline.push(motion.truth(truth_at_ms(ms)));
+  const MotionState last = timeline.at(truth_at_ms(1050));
   EXPECT_EQ(last.basis, MotionState::Basis::extrapolated);
   for (const Nanoseconds later : {Nanoseconds(1), Nanoseconds(1ms), Nanoseconds(10s), Nanoseconds(24h)}) {
-    const MotionState held = timeline.at(at_ms(1050) + later);
+    const MotionState held = timeline.at(truth_at_ms(1050) + later);
     EXPECT_EQ(held.basis, MotionState::Basis::held);
     EXPECT_EQ(held.q_NB.coeffs(), last.q_NB.coeffs());
     EXPECT_EQ(held.omega_BN_B, Vector3::Zero());

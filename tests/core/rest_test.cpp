@@ -15,27 +15,27 @@ namespace {
 
 using namespace std::chrono_literals;
 using Frame = EarthModel::Frame;
-constexpr double degree = units::degree;
 constexpr DeltaAngle delta_angles[] = {DeltaAngle::rotation_vector, DeltaAngle::integral};
 constexpr DeltaVelocity delta_velocities[] = {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame};
 
 EarthModel place(Frame frame, double latitude_deg, double longitude_deg, double height, const Vector3& angles_deg) {
   EarthModel model;
   model.frame = frame;
-  model.latitude = latitude_deg * degree;
-  model.longitude = longitude_deg * degree;
+  model.latitude = latitude_deg * units::degree;
+  model.longitude = longitude_deg * units::degree;
   model.height = height;
   model.angle = 1.0;
   model.start_gps_ns = gps_ns_from_unix(1'735'689'600);
-  model.rest_yaw_pitch_roll = degree * angles_deg;
+  model.rest_yaw_pitch_roll = units::degree * angles_deg;
   return model;
 }
 
 // From L to B by Eigen's own rotations, not by the model's.
 Matrix3 dcm_BL(const Vector3& angles_deg) {
   using Eigen::AngleAxisd;
-  return (AngleAxisd(angles_deg[0] * degree, Vector3::UnitZ()) *
-          AngleAxisd(angles_deg[1] * degree, Vector3::UnitY()) * AngleAxisd(angles_deg[2] * degree, Vector3::UnitX()))
+  return (AngleAxisd(angles_deg[0] * units::degree, Vector3::UnitZ()) *
+          AngleAxisd(angles_deg[1] * units::degree, Vector3::UnitY()) *
+          AngleAxisd(angles_deg[2] * units::degree, Vector3::UnitX()))
       .toRotationMatrix()
       .transpose();
 }
@@ -44,10 +44,10 @@ Matrix3 dcm_BL(const Vector3& angles_deg) {
 // formula differs from that of WGS 84 by 1e-6 m/s^2): 45 deg, and the decrease with height there.
 TEST(Rest, NormalGravityIsThePublishedOne) {
   EXPECT_NEAR(normal_gravity(0, 0), 9.7803253359, 1e-10);
-  EXPECT_NEAR(normal_gravity(90 * degree, 0), 9.8321849379, 1e-9);
-  EXPECT_NEAR(normal_gravity(-90 * degree, 0), 9.8321849379, 1e-9);
-  EXPECT_NEAR(normal_gravity(45 * degree, 0), 9.80619920, 2e-6);
-  EXPECT_NEAR(normal_gravity(45 * degree, 0) - normal_gravity(45 * degree, 1000), 3.085e-3, 1e-6);
+  EXPECT_NEAR(normal_gravity(90 * units::degree, 0), 9.8321849379, 1e-9);
+  EXPECT_NEAR(normal_gravity(-90 * units::degree, 0), 9.8321849379, 1e-9);
+  EXPECT_NEAR(normal_gravity(45 * units::degree, 0), 9.80619920, 2e-6);
+  EXPECT_NEAR(normal_gravity(45 * units::degree, 0) - normal_gravity(45 * units::degree, 1000), 3.085e-3, 1e-6);
   // In the equator's plane, of the zonal harmonics of the normal field (NGA.STND.0036: GM, J2, J4) and the rotation.
   for (const double height : {0.0, 5e3, 10e3}) {
     const double r = 6'378'137.0 + height, ratio2 = std::pow(6'378'137.0 / r, 2);
@@ -67,16 +67,16 @@ TEST(Rest, SensorsMeasureEarthRateAndNormalGravity) {
         model.earth = place(frame, latitude, 11, 300, angles);
         Imu imu(model, 1, 1);
         const Sample sample = imu.sample_at_rest(0ns, DeviceTime{7});
-        const Vector3 rate_L(7.292115e-5 * std::cos(latitude * degree), 0,
-                             -7.292115e-5 * std::sin(latitude * degree));
-        const Vector3 reaction_L(0, 0, -normal_gravity(latitude * degree, 300));
+        const Vector3 rate_L(7.292115e-5 * std::cos(latitude * units::degree), 0,
+                             -7.292115e-5 * std::sin(latitude * units::degree));
+        const Vector3 reaction_L(0, 0, -normal_gravity(latitude * units::degree, 300));
         const Matrix3 dcm_PL = model.dcm_PB * dcm_BL(angles);
         EXPECT_LT((sample.rate - dcm_PL * rate_L).norm(), 1e-18) << latitude;
         EXPECT_LT((sample.specific_force - dcm_PL * reaction_L).norm(), 1e-13) << latitude;
         EXPECT_LT((sample.q_LP.toRotationMatrix() - dcm_PL.transpose()).norm(), 1e-13) << latitude;
         ASSERT_TRUE(sample.navigation.is_known);
-        EXPECT_NEAR(sample.navigation.latitude, latitude * degree, 1e-13);
-        EXPECT_NEAR(sample.navigation.longitude, 11 * degree, 1e-13);
+        EXPECT_NEAR(sample.navigation.latitude, latitude * units::degree, 1e-13);
+        EXPECT_NEAR(sample.navigation.longitude, 11 * units::degree, 1e-13);
         EXPECT_NEAR(sample.navigation.height, 300, 1e-8);
         EXPECT_NEAR(sample.pressure, standard_pressure(geopotential_altitude(300)), 1e-6);
         EXPECT_TRUE(sample.navigation.v_L.isZero(0.0));

@@ -14,7 +14,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-const IntegratedMotion& smooth() {
+const IntegratedMotion& integrated_motion() {
   static const IntegratedMotion motion(smooth_motion(), 21.0);
   return motion;
 }
@@ -27,7 +27,7 @@ Timeline timeline_of(Nanoseconds step, Nanoseconds duration, Change change) {
   Timeline timeline;
   std::uint32_t sequence = 0;
   for (TruthTime t = {}; t - TruthTime{} <= duration; t = t + step) {
-    Truth truth = smooth().truth(t);
+    Truth truth = integrated_motion().truth(t);
     truth.sequence = sequence++;
     change(truth);
     EXPECT_NE(timeline.push(truth), Admission::duplicate);
@@ -50,10 +50,10 @@ Errors errors_of(const Timeline& timeline, Nanoseconds step, Nanoseconds from, N
     const double s = seconds(t);
     EXPECT_EQ(state.time.ns, t.count());
     EXPECT_EQ(state.basis, MotionState::Basis::interpolated);
-    worst.attitude = std::max(worst.attitude, angle_between(state.q_NB, smooth().q_NB(s)));
-    worst.rate = std::max(worst.rate, (state.omega_BN_B - smooth().omega_BN_B(s)).norm());
-    worst.dv = std::max(worst.dv, (state.dv_N - smooth().dv_N(s)).norm());
-    worst.force = std::max(worst.force, (state.specific_force_B - smooth().specific_force_B(s)).norm());
+    worst.attitude = std::max(worst.attitude, angle_between(state.q_NB, integrated_motion().q_NB(s)));
+    worst.rate = std::max(worst.rate, (state.omega_BN_B - integrated_motion().omega_BN_B(s)).norm());
+    worst.dv = std::max(worst.dv, (state.dv_N - integrated_motion().dv_N(s)).norm());
+    worst.force = std::max(worst.force, (state.specific_force_B - integrated_motion().specific_force_B(s)).norm());
     worst.acceleration = std::max(worst.acceleration, (state.omegaDot_BN_B - smooth_motion().omega_dot(s)).norm());
   }
   return worst;
@@ -83,14 +83,14 @@ TEST(Timeline, HermiteAccuracy) {
 TEST(Timeline, TruthsAreExact) {
   const Timeline timeline = timeline_of(50ms, 20s);
   for (std::int64_t k = 0; k <= 400; ++k) {
-    const Truth truth = smooth().truth(at_ms(50 * k));
+    const Truth truth = integrated_motion().truth(at_ms(50 * k));
     const MotionState state = timeline.at(truth.time);
     ASSERT_EQ(state.time, truth.time);
     ASSERT_LT(angle_between(state.q_NB, truth.q_NB), 1e-15);
     ASSERT_EQ(state.omega_BN_B, truth.omega_BN_B);
     ASSERT_EQ(state.omegaDot_BN_B, truth.omegaDot_BN_B);
     ASSERT_EQ(state.specific_force_B, truth.specific_force_B);
-    ASSERT_LT((state.dv_N - smooth().dv_N(0.05 * static_cast<double>(k))).norm(), 1e-14);
+    ASSERT_LT((state.dv_N - integrated_motion().dv_N(0.05 * static_cast<double>(k))).norm(), 1e-14);
   }
 }
 
@@ -224,7 +224,8 @@ TEST(Timeline, IntegratesTheForceWhereNoVelocityIsGiven) {
   };
   const Timeline turning = timeline_of(100ms, 5s, constant);
   Vector3 exact = Vector3::Zero();
-  for (int i = 0; i < 5000; ++i) exact += 1e-3 * (smooth().q_NB(1e-3 * (i + 0.5)) * Vector3(1.0, 2.0, -3.0));
+  for (int i = 0; i < 5000; ++i)
+    exact += 1e-3 * (integrated_motion().q_NB(1e-3 * (i + 0.5)) * Vector3(1.0, 2.0, -3.0));
   EXPECT_LT((turning.at(at_ms(5000)).dv_N - exact).norm(), 2e-6);
 }
 
@@ -235,8 +236,9 @@ TEST(Timeline, LinearVelocityWhereNoForceIsGiven) {
   EXPECT_LT(errors.dv, 3e-3);  // 2.2e-3 was measured
   EXPECT_GT(errors.dv, 3e-4);
   for (std::int64_t k = 1; k < 200; ++k) {
-    const Vector3 slope_N =
-        (smooth().dv_N(0.1 * static_cast<double>(k)) - smooth().dv_N(0.1 * static_cast<double>(k - 1))) / 0.1;
+    const Vector3 slope_N = (integrated_motion().dv_N(0.1 * static_cast<double>(k)) -
+                             integrated_motion().dv_N(0.1 * static_cast<double>(k - 1))) /
+                            0.1;
     for (const std::int64_t ms : {100 * k, 100 * k - 30}) {
       const MotionState state = timeline.at(at_ms(ms));
       ASSERT_LT((state.q_NB * state.specific_force_B - slope_N).norm(), 1e-12);
@@ -252,7 +254,7 @@ TEST(Timeline, ZeroWhereNeitherIsGiven) {
   for (TruthTime t = {}; t < at_ms(5000); t = t + 37ms) {
     ASSERT_EQ(timeline.at(t).dv_N, Vector3::Zero());
     ASSERT_EQ(timeline.at(t).specific_force_B, Vector3::Zero());
-    ASSERT_LT((timeline.at(t).omega_BN_B - smooth().omega_BN_B(seconds(t - TruthTime{}))).norm(), 6e-6);
+    ASSERT_LT((timeline.at(t).omega_BN_B - integrated_motion().omega_BN_B(seconds(t - TruthTime{}))).norm(), 6e-6);
   }
 }
 
@@ -267,7 +269,8 @@ TEST(Timeline, BodySumIsTheSameVelocity) {
     truth.accumulated_dv = AccumulatedDv::body_sum;
     truth.accumulated_dv_B = sum;
   });
-  EXPECT_GT((sum - smooth().q_NB(20.0).conjugate() * smooth().dv_N(20.0)).norm(), 0.5);  // another vector altogether
+  EXPECT_GT((sum - integrated_motion().q_NB(20.0).conjugate() * integrated_motion().dv_N(20.0)).norm(),
+            0.5);  // another vector altogether
   const Errors errors = errors_of(timeline, 50ms, 0s, 20s);
   EXPECT_LT(errors.dv, 3e-7);
 }
@@ -307,7 +310,8 @@ TEST(Timeline, OwnForceOfATruthCountsAtItsInstant) {
   const Timeline timeline =
       timeline_of(50ms, 2s, [](Truth& truth) { truth.has_specific_force = truth.sequence % 2 == 1; });
   for (std::int64_t k = 1; k < 40; k += 2)
-    EXPECT_EQ(timeline.at(at_ms(50 * k)).specific_force_B, smooth().truth(at_ms(50 * k)).specific_force_B) << k;
+    EXPECT_EQ(timeline.at(at_ms(50 * k)).specific_force_B, integrated_motion().truth(at_ms(50 * k)).specific_force_B)
+        << k;
 }
 
 TEST(Timeline, BeforeTheRunIsAsIfItHadWaitedThere) {
@@ -335,7 +339,7 @@ TEST(Timeline, AnInsertedTruthIsAsIfItHadComeInOrder) {
       const Timeline in_order = timeline_of(10ms, 200ms, change);
       Timeline overtaken;
       for (const std::int64_t k : {0, 1, 2, 4, 5, 8, 9, 7, 3, 10, 6, 12, 11, 13, 14, 15, 16, 17, 18, 19, 20}) {
-        Truth truth = smooth().truth(at_ms(10 * k));
+        Truth truth = integrated_motion().truth(at_ms(10 * k));
         truth.sequence = static_cast<std::uint32_t>(k);
         change(truth);
         overtaken.push(truth, {});
@@ -370,7 +374,7 @@ TEST(Timeline, NextTruth) {
   constexpr TruthTime never{std::numeric_limits<std::int64_t>::max()};
   EXPECT_EQ(timeline.next_truth({}), never);
   for (std::int64_t k = 0; k < 100; ++k) {
-    timeline.push(smooth().truth(at_ms(10 * k)));
+    timeline.push(integrated_motion().truth(at_ms(10 * k)));
     EXPECT_EQ(timeline.next_truth(at_ms(10 * k)), never);
     EXPECT_EQ(timeline.next_truth(at_ms(10 * k + 3)), never);
     EXPECT_EQ(timeline.next_truth(at_ms(-7)), at_ms(0));

@@ -144,7 +144,7 @@ struct KnownHash {
   bool start_up;
   std::uint64_t hash;
 };
-constexpr KnownHash known[] = {
+constexpr KnownHash known_hashes[] = {
     {0, false, 0xCB8B878092A64E7B},   {0, true, 0x897DF215B2F67097},     {125, false, 0x47D08C1C24B4A2CA},
     {125, true, 0x68257A8F52DCF2FD},  {250, false, 0x6D22BD074C5E5233},  {250, true, 0xABF3D4D8F2FD6232},
     {500, false, 0x8177C412FE64AC7A}, {500, true, 0xF28BD75D4552CA72},   {1000, false, 0xEEA74AD416594EE0},
@@ -167,7 +167,7 @@ INSTANTIATE_TEST_SUITE_P(Drives, Stim300Regression,
                                          How(Drive::by_deadlines_too, 500)));
 
 TEST_P(Stim300Regression, EveryFrameLeavesAtItsSample) {
-  for (const KnownHash& one : known)
+  for (const KnownHash& one : known_hashes)
     EXPECT_EQ(recorded_all(one.sample_rate, one.start_up, drive(), latest()), one.hash)
         << one.sample_rate << (one.start_up ? " true" : " false");
 }

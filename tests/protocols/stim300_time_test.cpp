@@ -280,10 +280,10 @@ TEST(Stim300Time, SamplesMayBeginLater) {
 
 // --- Random calls
 
-constexpr const char* commands[] = {"N\r",           "I\r",   "C\r",    "T\r",           "E\r",     "R\r",
-                                    "UTILITYMODE\r", "$xn",   ",150\r", "SERVICEMODE\r", "x N\r",   "x i\rY\r",
-                                    "x n\rY\r",      "m 5\r", "m 4\r",  "m 1\r",         "h t,1\r", "s\rY\r",
-                                    "UTIL",          "a\r",   "t 0\r",  "t 3\r",         "d t,1\r", "i p\r"};
+constexpr const char* short_commands[] = {"N\r",           "I\r",   "C\r",    "T\r",           "E\r",     "R\r",
+                                          "UTILITYMODE\r", "$xn",   ",150\r", "SERVICEMODE\r", "x N\r",   "x i\rY\r",
+                                          "x n\rY\r",      "m 5\r", "m 4\r",  "m 1\r",         "h t,1\r", "s\rY\r",
+                                          "UTIL",          "a\r",   "t 0\r",  "t 3\r",         "d t,1\r", "i p\r"};
 
 // Makes the same random calls of several devices, each with a clock of its own, and compares their output.
 class Calls {
@@ -300,7 +300,7 @@ class Calls {
     const auto below = [&](std::uint64_t n) { return random_() % n; };
     switch (below(8)) {
       case 0: {
-        const std::string_view text = commands[below(std::size(commands))];
+        const std::string_view text = short_commands[below(std::size(short_commands))];
         each([&](Device& device, DeviceTime now) { device.receive({std::as_bytes(std::span(text))}, now, *out_); });
         break;
       }
