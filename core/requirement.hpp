@@ -1,0 +1,29 @@
+// Requirement: a limit that a figure of a run must keep, such as "imu1.samples>=1000" or "truth.refused<=1%".
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace imud {
+
+struct Requirement {
+  enum class Relation : std::uint8_t { at_least, at_most, equal, more, less };
+
+  std::string text;    // as it was given
+  std::string figure;  // its name, "imu1.samples"; the reader of the requirement knows which there are
+  Relation relation = Relation::equal;
+  double limit = 0;      // in the figure's unit, or percent
+  bool percent = false;  // of the whole that belongs to the figure
+
+  // Returns true if `value` keeps the limit. `whole` is what 100 % is; of a whole of 0 every value is 0 %.
+  bool holds(double value, double whole) const noexcept;
+};
+
+// Reads "FIGURE>=NUMBER", or with <=, =, ==, > or <, or with a % after the number; several are separated by commas.
+// Throws std::invalid_argument, whose text has the fault and what would be right.
+std::vector<Requirement> parse_requirements(std::string_view text);
+
+}  // namespace imud
