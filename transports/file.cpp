@@ -68,6 +68,7 @@ class FileWriter final : public Port {
   bool can_receive() const noexcept override { return false; }  // a terminal's input is not read
 
   void flush() noexcept override {
+    const std::uint64_t dropped = counters_.dropped;
     const int error = writer_.write(file_.get(), {held_.data(), held_count_}, counters_);
     held_count_ = 0;
     used_ = 0;
@@ -78,6 +79,8 @@ class FileWriter final : public Port {
     } else {
       if (state_ != PortState::lost) ++counters_.lost_count;
       state_ = PortState::lost;
+      error_ = error;
+      counters_.failed += counters_.dropped - dropped;
     }
   }
 

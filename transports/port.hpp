@@ -53,6 +53,7 @@ enum class PortState : std::uint8_t {
 struct PortCounters {
   std::uint64_t sent = 0;        // frames that the kernel took whole
   std::uint64_t dropped = 0;     // frames that it did not take; one that it took in part is not counted yet
+  std::uint64_t failed = 0;      // of these, frames lost to an error of a file, such as a full disk
   std::uint64_t received = 0;    // frames or chunks
   std::uint64_t confirmed = 0;   // frames whose transmission was confirmed, see next_confirmation()
   std::uint64_t lost_count = 0;  // times the device was lost
@@ -130,11 +131,14 @@ class Port {
   };
 
   PortState state() const noexcept { return state_; }
+  // Returns the errno of the last write to a file that failed; 0: none has.
+  int error() const noexcept { return error_; }
   Speeds speeds() const noexcept { return speeds_; }
   const PortCounters& counters() const noexcept { return counters_; }
 
  protected:
   PortState state_ = PortState::ready;
+  int error_ = 0;
   Speeds speeds_;
   PortCounters counters_;
 };
