@@ -42,7 +42,7 @@ Admission Timeline::classify(const Truth& truth) const noexcept {
   // later by more than `near`, the simulator has been restarted.
   const bool repeated = truth.time == run_start_ && truth.sequence == run_start_sequence_ && ahead >= -near;
   if (truth.new_run && !repeated) return Admission::new_run;
-  if (ahead > limits_.max_gap) return Admission::time_jump;
+  if (ahead > limits_.max_gap) return limits_.gap_begins_run ? Admission::new_run : Admission::time_jump;
   if (ahead.count() > 0) return Admission::accepted;
   if (ahead.count() == 0) return Admission::duplicate;
   for (std::size_t i = 0; i + 1 < count_; ++i)

@@ -69,6 +69,8 @@ class Timeline {
     // A truth further ahead of the newest than this is refused as time_jump, unless it completes a restart (below).
     // Above 0.
     Nanoseconds max_gap = std::chrono::seconds(60);
+    // If true, such a truth is not refused but begins a new run: in a capture it is no error of a network.
+    bool gap_begins_run = false;
     // If this many truths in a row are refused, each later than the one before by at most max_gap, the simulator was
     // restarted: the last of them begins a new run. The number for truths within 1 s of the newest is higher, because
     // a network may repeat or delay a burst by that much.

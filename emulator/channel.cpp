@@ -152,6 +152,8 @@ void Channel::publish() noexcept {
   const PortCounters& port = port_->counters();
   counters_.frames.store(port.sent, std::memory_order_relaxed);
   counters_.dropped.store(port.dropped, std::memory_order_relaxed);
+  counters_.failed.store(port.failed, std::memory_order_relaxed);
+  counters_.port_error.store(port_->error(), std::memory_order_relaxed);
   if (sync_) counters_.edges_refused.store(sync_->refused(), std::memory_order_relaxed);
   counters_.speeds.store(port_->speeds(), std::memory_order_relaxed);
   counters_.port_state.store(port_->state(), std::memory_order_release);

@@ -75,6 +75,8 @@ struct ImuCounters : CounterGroup {
   // Frames that the port took whole, and frames that it did not take.
   Counter frames{*this, {"frames", "frames sent", Show::always}};
   Counter dropped{*this, {"dropped", "dropped", Show::always, Show::always}};
+  // Of the dropped, frames lost to an error of a file, such as a full disk.
+  Counter failed{*this, {"failed", "lost to errors of the file", Show::if_not_zero, Show::if_not_zero}};
   // Samples that left a whole period late, or later.
   Counter missed{*this, {"missed", "missed", Show::always, Show::always}};
   // Samples after the newest truth; of these, samples with motion held; of these, samples that were not sent.
@@ -91,6 +93,7 @@ struct ImuCounters : CounterGroup {
   Durations lateness{*this, "lateness_us"};
   Durations write{*this, "write_us"};
   std::atomic<PortState> port_state = PortState::ready;
+  std::atomic<int> port_error = 0;  // Port::error()
   std::atomic<Port::Speeds> speeds = Port::Speeds{};
 };
 
@@ -140,6 +143,8 @@ struct TruthCounters : CounterGroup {
   Counter inserted{*this, {"inserted", "reordered but in time"}};
   // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
   Counter lost{*this, {"lost", "lost"}};
+  // Times that a truth was later than the one before by more than StepWatch::far_above usual steps.
+  Counter gaps{*this, {"gaps", "gaps", Show::if_not_zero, Show::if_not_zero}};
   // Runs of the timeline, the first included.
   Counter runs{*this, {"runs", "runs", Show::if_several}};
   // Records of a capture or a stream that are incomplete or too long.
@@ -148,6 +153,9 @@ struct TruthCounters : CounterGroup {
   // Arrival of the first and of the newest truth accepted, by the port's clock.
   std::atomic<std::int64_t> first_ns = 0;
   std::atomic<std::int64_t> newest_ns = 0;
+  std::atomic<std::int64_t> longest_gap_ns = 0;
+  // The simulation time from the first to the newest truth of each run, summed over the runs.
+  std::atomic<std::int64_t> simulated_ns = 0;
 };
 
 // The relation of truth to the host's clock. Levels and durations are valid if `known`: in realtime, from a live

@@ -21,15 +21,12 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
     : counters_(std::move(counters)),
       config_(config),
       options_(options),
+      quality_(options.quality_file),
       refusals_(counters_.truth->refused.counters.size()),
       edges_refused_(config.imus.size()),
       states_(config.imus.size(), PortState::ready),
       wrong_speeds_(config.imus.size()) {
   for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
-  if (!options.quality_file.empty()) {
-    quality_.open(options.quality_file);
-    if (!quality_) throw std::runtime_error(fmt::format("{}: cannot be written", options.quality_file));
-  }
   last_quality_ = last_log_ = now();
 }
 
@@ -43,7 +40,7 @@ void Monitor::update() {
   const double now_s = seconds(host_now() - begin_);
   if (quality_.is_open() && now_s - last_quality_.duration_s >= 1.0) {
     Summary all = now();
-    quality_ << json(all.since(last_quality_), JsonLayout::line) << std::endl;
+    write_quality(all);
     last_quality_ = std::move(all);
   }
   if (options_.log_every_s > 0 && now_s - last_log_.duration_s >= options_.log_every_s) {
@@ -59,11 +56,29 @@ Summary Monitor::finish(std::string capture_warning) {
   report_imus();
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
-  if (quality_.is_open()) {
-    quality_ << json(all.since(last_quality_), JsonLayout::line) << std::endl;
-    if (!quality_) spdlog::error("{}: cannot be written", options_.quality_file);
-  }
+  if (all.truth.counters[&TruthCounters::accepted] == 0 && !is_capture(config_.truth.port))
+    all.truth.warning = "no truth was accepted";
+  if (quality_.is_open()) write_quality(all);
   return all;
+}
+
+// A failure ends the figures, not the run.
+void Monitor::write_quality(const Summary& all) {
+  try {
+    quality_.write(json(all.since(last_quality_), JsonLayout::line) + "\n");
+  } catch (const std::runtime_error& error) {
+    spdlog::error("{}", error.what());
+    quality_ = {};
+  }
+}
+
+void Monitor::reopen() {
+  try {
+    quality_.reopen();
+    spdlog::info("SIGHUP: the file of the figures is opened anew");
+  } catch (const std::runtime_error& error) {
+    spdlog::error("{}", error.what());
+  }
 }
 
 void Monitor::report_first_truth() {
@@ -137,7 +152,11 @@ void Monitor::report_port(std::size_t i) {
                    speeds.line, speeds.client, ++wrong_speeds_[i] == most ? " (reported for the last time)" : "");
       break;
     case PortState::lost:
-      spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port);
+      if (const int error = counters.port_error; error != 0)
+        spdlog::error("{}: {}: {}; frames are lost until it can be written again", imu.name, imu.port,
+                      strerrordesc_np(error));
+      else
+        spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port);
       break;
   }
 }

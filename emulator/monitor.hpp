@@ -1,13 +1,13 @@
 // Monitor: reports the counters of the sampling thread in the log and in the file of `--quality`.
 #pragma once
 
-#include <fstream>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "emulator/config.hpp"
 #include "emulator/summary.hpp"
+#include "emulator/text_file.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -17,7 +17,7 @@ class Monitor {
  public:
   struct Options {
     double log_every_s = 10;   // interval of the line of figures; 0: none
-    std::string quality_file;  // a line of JSON a second; empty: none
+    std::string quality_file;  // a line of JSON a second; - is standard output; empty: none
     double first_truth_s = 1;  // the log states what the sensors do if no truth has come for so long from the start
   };
   // `counters` has the imus of `config` in the same order. The counters and `config` must outlive this. Throws
@@ -26,6 +26,8 @@ class Monitor {
 
   // Logs the events since the last call, and writes the lines of figures that are due.
   void update();
+  // Opens the file of figures anew, so that log rotation may rename it.
+  void reopen();
   // Logs the last events after the sampling thread has ended, and returns the figures of the whole run.
   // `capture_warning`: see TruthIntake::end_warning().
   Summary finish(std::string capture_warning);
@@ -48,6 +50,7 @@ class Monitor {
   void report_interruptions();
   void report_imus();
   void report_port(std::size_t imu);
+  void write_quality(const Summary& all);
   Summary now() const;
 
   const RunCounters counters_;
@@ -55,7 +58,7 @@ class Monitor {
   const Options options_;
   const HostTime begin_ = host_now();
   std::vector<double> line_loads_;
-  std::ofstream quality_;
+  TextFile quality_;
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
   bool no_truth_reported_ = false, has_truth_ = false;

@@ -68,6 +68,21 @@ void TruthIntake::count_lost(Admission admission) noexcept {
   newest_sequence_ = truth_.sequence;
 }
 
+// `step`: from the truth that was the newest.
+void TruthIntake::count_step(Admission admission, Nanoseconds step) noexcept {
+  bool is_gap = false;
+  if (admission == Admission::new_run) {
+    is_gap = step.count() > 0 && !truth_.new_run;
+    steps_.begin_run();
+  } else if (admission == Admission::accepted) {
+    is_gap = steps_.is_gap(step);
+    counters_.simulated_ns.fetch_add(step.count(), std::memory_order_relaxed);
+  }
+  if (!is_gap) return;
+  counters_.gaps.count();
+  counters_.longest_gap_ns = std::max(counters_.longest_gap_ns.load(), step.count());
+}
+
 TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   answer_due_ = false;
   const auto result = next_record();
@@ -85,6 +100,7 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   if (truth_.stream != *stream_) return refuse(Refusal::other_stream);
 
   answer_due_ = truth_.acknowledge;
+  const TruthTime before = timeline_.empty() ? truth_.time : timeline_.newest();
   const Admission admission = timeline_.push(truth_, watermark);
   switch (admission) {
     case Admission::accepted:
@@ -94,6 +110,7 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
       counters_.newest_ns.store(arrival_.ns, std::memory_order_relaxed);
       counters_.accepted.count();
       count_lost(admission);
+      count_step(admission, truth_.time - before);
       break;
     default:
       break;

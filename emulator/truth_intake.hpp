@@ -11,6 +11,7 @@
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"
+#include "emulator/step_watch.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
 
@@ -62,6 +63,7 @@ class TruthIntake {
   bool is_reachable() const noexcept;
   void count_truncated() noexcept;
   void count_lost(Admission admission) noexcept;
+  void count_step(Admission admission, Nanoseconds step) noexcept;
   Outcome refuse(Refusal refusal) noexcept;
 
   Timeline& timeline_;
@@ -75,6 +77,7 @@ class TruthIntake {
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
   Truth truth_;
   std::uint32_t newest_sequence_ = 0;
+  StepWatch steps_;
   bool answer_due_ = false;
   HostTime arrival_;
   FrameBuffer outgoing_;

@@ -1,0 +1,37 @@
+// TextFile: a file or standard stream for text, whose failures are reported.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "transports/file_descriptor.hpp"
+
+namespace imud {
+
+// A file that cannot be opened; the text names the file and the cause.
+struct OpenError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+class TextFile {
+ public:
+  TextFile() = default;  // writes nothing
+  // Opens and empties `path`; "-" is standard output, and for "" nothing is written. Throws OpenError.
+  explicit TextFile(const std::string& path);
+  static TextFile standard_error();
+
+  bool is_open() const noexcept { return static_cast<bool>(file_); }
+  // Writes all of it, and waits for a slow reader. A reader that has closed its end is no error. Throws
+  // std::runtime_error, which names the file and the cause.
+  void write(std::string_view text);
+  // Opens the file anew, which creates it if it was renamed or removed; what it holds stays. Throws
+  // OpenError. Standard streams stay as they are.
+  void reopen();
+
+ private:
+  std::string path_;
+  FileDescriptor file_;
+};
+
+}  // namespace imud
