@@ -11,6 +11,7 @@
 #include <exception>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "protocols/measurement_csv.hpp"
@@ -28,11 +29,13 @@ namespace {
 
 constexpr int failed = 1;
 constexpr int wrong_command_line = 2;
+constexpr int limit_broken = 3;
 
 struct Options {
   std::string protocol;
   std::string port;
   std::vector<std::string> settings;
+  std::vector<std::string> limits;
   std::string json_path;
   double for_s = std::numeric_limits<double>::infinity();
   std::uint64_t count = std::numeric_limits<std::uint64_t>::max();
@@ -187,6 +190,11 @@ std::string_view receive_all(Port& port, Decoder& decoder, Recorder& recorder, T
 
 int decode(const Options& options, bool& running) {
   const Protocol& protocol = protocol_for(options);
+  std::vector<Requirement> required;
+  for (const std::string& limits : options.limits)
+    for (Requirement& limit : parse_requirements(limits)) required.push_back(std::move(limit));
+  for (const Requirement& limit : required)
+    StreamReport{protocol, {}, StreamStatistics(protocol), {}, {}, {}, {}, {}}.seen(limit);
   const auto decoder = protocol.make_decoder(read_settings(protocol, options.settings));
   const auto port = open_port(options.port, Role::listener);
   TextOutput csv("-");
@@ -206,7 +214,8 @@ int decode(const Options& options, bool& running) {
                             errors,
                             port->counters(),
                             std::string(port->end_warning()),
-                            std::string(ended_by)};
+                            std::string(ended_by),
+                            std::move(required)};
   std::fputs(report.text().c_str(), stderr);
   if (json) {
     json->write(report.json());
@@ -220,7 +229,7 @@ int decode(const Options& options, bool& running) {
                protocol.name);
     return failed;
   }
-  return 0;
+  return report.keeps_all_limits() ? 0 : limit_broken;
 }
 
 int main(int argc, char** argv) {
@@ -235,6 +244,11 @@ int main(int argc, char** argv) {
   app.add_option("--set", options.settings, "a setting of the protocol; may be repeated")
       ->allow_extra_args(false)
       ->type_name("KEY=VALUE");
+  app.add_option("--require", options.limits,
+                 "exits with 3 if a figure of the report breaks this limit, such as gaps=0 or jitter_p99_us<500;\n"
+                 "several with commas; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("LIMIT");
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
   app.add_option("--json", options.json_path, "also writes the report as JSON; - is standard output")
       ->type_name("FILE");
@@ -246,7 +260,7 @@ int main(int argc, char** argv) {
       ->type_name("N");
   app.footer(fmt::format(
       "\n{}\n{}\nExit codes: 0 done, 1 failed while running or no sample decoded, 2 the command line is wrong or "
-      "the port cannot be opened.\n"
+      "the port cannot be opened, 3 a limit of --require is broken.\n"
       "Example: imu-decode native pty:imu1 --for 60 > imu1.csv",
       known_protocols(), known_ports()));
   try {

@@ -2,9 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <optional>
+#include <stdexcept>
 
 #include "tools/duration_text.hpp"
 
@@ -37,6 +38,54 @@ nlohmann::json number_or_null(std::optional<double> number) {
 
 }  // namespace
 
+std::vector<StreamReport::Figure> StreamReport::figures() const {
+  const auto count = [](std::uint64_t n) { return std::optional(static_cast<double>(n)); };
+  const auto gaps = [&](std::uint64_t n) { return statistics.can_detect_gaps() ? count(n) : std::nullopt; };
+  const DurationHistogram& jitter = statistics.jitter();
+  const auto jitter_us = [&](double percent) {
+    return jitter.count() > 0 ? std::optional(1e6 * jitter.percentile(percent)) : std::nullopt;
+  };
+  return {
+      {"samples", count(statistics.samples())},
+      {"gaps", gaps(statistics.gaps())},
+      {"missing", gaps(statistics.missing())},
+      {"checksum", count(errors.checksum)},
+      {"malformed", count(errors.malformed)},
+      {"incomplete", count(errors.incomplete)},
+      {"skipped_bytes", count(errors.skipped_bytes)},
+      {"repeated", count(statistics.repeated())},
+      {"back", count(statistics.back())},
+      {"time_jumps", count(statistics.time_jumps())},
+      {"device_lost", count(counters.lost_count)},
+      {"truncated_records", count(counters.truncated)},
+      {"rate_hz", statistics.device().hz() ? statistics.device().hz() : statistics.arrival().hz()},
+      {"arrival_rate_hz", statistics.arrival().hz()},
+      {"jitter_p50_us", jitter_us(50)},
+      {"jitter_p99_us", jitter_us(99)},
+      {"jitter_p999_us", jitter_us(99.9)},
+      {"jitter_max_us", jitter.count() > 0 ? std::optional(1e6 * jitter.max()) : std::nullopt},
+  };
+}
+
+std::optional<double> StreamReport::seen(const Requirement& requirement) const {
+  std::string names;
+  for (const Figure& figure : figures()) {
+    if (figure.name == requirement.figure) return figure.value;
+    fmt::format_to(std::back_inserter(names), "{}{}", names.empty() ? "" : ", ", figure.name);
+  }
+  throw std::invalid_argument(
+      fmt::format("\"{}\": there is no figure {}; there are {}", requirement.text, requirement.figure, names));
+}
+
+bool StreamReport::holds(const Requirement& requirement) const {
+  const auto value = seen(requirement);
+  return value && requirement.holds(*value, static_cast<double>(statistics.samples()));
+}
+
+bool StreamReport::keeps_all_limits() const {
+  return std::all_of(required.begin(), required.end(), [this](const Requirement& limit) { return holds(limit); });
+}
+
 std::string StreamReport::text() const {
   std::string text;
   const auto line = [&text](std::string_view subject, std::string_view what) {
@@ -63,6 +112,11 @@ std::string StreamReport::text() const {
   if (counters.lost_count > 0) line("device", fmt::format("lost {}", plural(counters.lost_count, "time")));
   if (counters.truncated > 0) line("capture", fmt::format("{} cut short", plural(counters.truncated, "record")));
   if (!warning.empty()) line("warning", warning);
+  for (const Requirement& limit : required) {
+    const auto value = seen(limit);
+    line("required", fmt::format("{}: {}, {}", limit.text, holds(limit) ? "holds" : "VIOLATED",
+                                 value ? fmt::format("{:.6g}", *value) : "unknown"));
+  }
   return text;
 }
 
@@ -101,6 +155,10 @@ std::string StreamReport::json() const {
   report["device_lost"] = counters.lost_count;
   report["truncated_records"] = counters.truncated;
   report["warning"] = warning;
+  report["required"] = nlohmann::ordered_json::array();
+  for (const Requirement& limit : required)
+    report["required"].push_back(
+        {{"limit", limit.text}, {"seen", number_or_null(seen(limit))}, {"holds", holds(limit)}});
   return report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 

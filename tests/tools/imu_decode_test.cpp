@@ -69,6 +69,34 @@ TEST(ImuDecode, ReportsGapsAndChecksumFailures) {
   EXPECT_EQ(report["protocol"], "native");
 }
 
+TEST(ImuDecode, LimitsThatAreRequiredDecideTheExitCode) {
+  const ScratchFolder folder;
+  auto frames = frames_of("native", steady_samples(1000, 100));
+  frames[100][50] = static_cast<char>(frames[100][50] ^ 1);
+  std::string bytes;
+  for (const std::string& frame : frames) bytes += frame;
+  const std::string file = file_with(folder, bytes);
+  const auto with = [&](const std::string& limits) {
+    return run_program("imu-decode",
+                       {"native", file, "--quiet", "--json", folder / "report.json", "--require", limits});
+  };
+  EXPECT_EQ(with("samples=999,gaps<=1,missing<0.2%,checksum=1,malformed=0,rate_hz>99.8,rate_hz<100.2").exit_code, 0);
+  const auto kept = nlohmann::json::parse(read_file(folder / "report.json"))["required"];
+  ASSERT_EQ(kept.size(), 7U);
+  for (const auto& limit : kept) EXPECT_EQ(limit["holds"], true) << limit;
+
+  const auto broken = with("samples>=999,gaps=0");
+  EXPECT_EQ(broken.exit_code, 3);
+  EXPECT_TRUE(contains(broken.errors, "required   samples>=999: holds, 999\n")) << broken.errors;
+  EXPECT_TRUE(contains(broken.errors, "required   gaps=0: VIOLATED, 1\n")) << broken.errors;
+  const auto limits = nlohmann::json::parse(read_file(folder / "report.json"))["required"];
+  EXPECT_EQ(limits.at(1), nlohmann::json::parse(R"({"limit": "gaps=0", "seen": 1.0, "holds": false})"));
+
+  const auto unknown = with("jitter_p99_us<1000");  // files have no jitter
+  EXPECT_EQ(unknown.exit_code, 3);
+  EXPECT_TRUE(contains(unknown.errors, "jitter_p99_us<1000: VIOLATED, unknown")) << unknown.errors;
+}
+
 TEST(ImuDecode, EmptyFieldsStayEmptyAndAreNotEvaluated) {
   const std::string header(measurement_csv_header);
   const std::string rows = ",,1,2,3,,,,,,,,,,,\n,,4,5,6,,,,,,,,,,,\n";
@@ -234,6 +262,8 @@ TEST(ImuDecode, WrongCommandLineIsReported) {
       {{"native-can", "can:can0", "--set", "can_id=maybe"}, "can_id"},
       {{"native", file, "--for", "nan"}, "--for"},
       {{"native", file, "--count", "0"}, "--count"},
+      {{"native", file, "--require", "gap=0"}, "there is no figure gap; there are samples, gaps, missing, checksum"},
+      {{"native", file, "--require", "gaps"}, "right would be FIGURE>=NUMBER"},
       {{"native", file, "--colour"}, "--colour"},
   };
   for (const auto& [arguments, message] : cases) {
