@@ -7,7 +7,9 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "emulator/config.hpp"
@@ -26,6 +28,7 @@ struct Arguments {
   std::string name;
   bool fast = false;
   std::vector<std::string> overrides;
+  std::vector<std::string> limits;  // as on the command line
   RunOptions run;
 };
 
@@ -138,6 +141,13 @@ int command_line(int argc, const char* const* argv) {
     command->add_option("--summary", arguments.run.summary_file, "Also write the closing summary as JSON")
         ->type_name("FILE");
     command
+        ->add_option("--require", arguments.limits,
+                     "Exit with 3 if a figure of the summary breaks this limit, such as imu1.samples>=1000 or "
+                     "truth.refused<=1%; several with commas; repeatable")
+        ->type_name("LIMIT")
+        ->take_all()
+        ->expected(1);
+    command
         ->add_option("--log-every", arguments.run.monitor.log_every_s,
                      "Interval of the figures in the log; 0: none (10)")
         ->type_name("SECONDS")
@@ -178,6 +188,8 @@ int command_line(int argc, const char* const* argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   try {
+    for (const std::string& limits : arguments.limits)
+      for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     if (list_command->parsed()) return list(arguments.name);
     if (check_command->parsed()) return check(arguments);
     if (selftest_command->parsed()) {
@@ -193,6 +205,12 @@ int command_line(int argc, const char* const* argv) {
     return 2;
   } catch (const PortError& error) {
     fmt::print(stderr, "{}: {}\n", arguments.config, error.what());
+    return 2;
+  } catch (const std::invalid_argument& error) {
+    fmt::print(stderr, "imud: --require {}\n", error.what());
+    return 2;
+  } catch (const OpenError& error) {
+    fmt::print(stderr, "imud: {}\n", error.what());
     return 2;
   } catch (const std::exception& error) {
     fmt::print(stderr, "imud: {}\n", error.what());

@@ -1,7 +1,15 @@
 #include "emulator/config.hpp"
 
+#include <sha256.h>
+
 #include <array>
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <iterator>
 #include <optional>
+#include <system_error>
 #include <thread>
 
 #include "core/units.hpp"
@@ -16,6 +24,32 @@ bool is_capture(const std::string& truth_port) noexcept {
   const Transport* transport = transport_of(truth_port);
   return transport != nullptr && transport->ends;
 }
+
+namespace {
+
+// Returns the file's content. Throws std::system_error.
+std::string read_file(const std::string& path) {
+  const auto check = [](bool good) {
+    if (!good) throw std::system_error(errno == 0 ? EIO : errno, std::generic_category());
+  };
+  if (path == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  check(file.is_open());
+  if (std::filesystem::is_directory(path)) throw std::system_error(EISDIR, std::generic_category());
+  std::string content(std::istreambuf_iterator<char>(file), {});
+  check(!file.bad());
+  return content;
+}
+
+// Returns it in hexadecimal.
+std::string sha256(const std::string& bytes) {
+  std::array<char, SHA256_DIGEST_STRING_LENGTH> text;
+  SHA256Data(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), text.data());
+  return text.data();
+}
+
+}  // namespace
 
 Settings read_settings(TableReader& table, std::span<const Setting> declared) {
   Settings settings(declared);
@@ -162,6 +196,7 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   truth.when_stopped = reactions[table.choice("when_stopped", {"hold", "flag", "silence"}, 0)];
   truth.limits.extrapolate = milliseconds("extrapolate_ms", truth.limits.extrapolate, 0.0, 10'000.0);
   truth.limits.max_gap = milliseconds("max_gap_ms", truth.limits.max_gap, 1.0, 3.6e6);
+  truth.limits.gap_begins_run = is_capture(truth.port);
   table.finish();
   return truth;
 }
@@ -222,8 +257,13 @@ void override_key(toml::table& root, const std::string& assignment, Faults& faul
 Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture) {
   Faults faults(path);
   toml::table root;
+  std::string content;
   try {
-    root = toml::parse_file(path);
+    content = read_file(path);
+    root = toml::parse(content, path);
+  } catch (const std::system_error& error) {
+    faults.add(0, "cannot be read", error.code().message());
+    throw ConfigError(faults.all());
   } catch (const toml::parse_error& error) {
     faults.add(error.source().begin.line, "TOML", error.description());
     throw ConfigError(faults.all());
@@ -232,6 +272,8 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
 
   TableReader table(&root, "", 0, faults);
   Config config;
+  for (const std::string& assignment : overrides) content += assignment + "\n";
+  config.sha256 = sha256(content);
   config.seed = table.unsigned_integer("seed", config.seed, ~std::uint64_t{0});
   constexpr ClockMode clocks[] = {ClockMode::realtime, ClockMode::lockstep, ClockMode::fast};
   config.clock = clocks[table.choice("clock", {"realtime", "lockstep", "fast"}, 0)];

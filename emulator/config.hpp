@@ -72,6 +72,8 @@ struct Config {
   TruthConfig truth;
   RealtimeConfig realtime;
   std::vector<ImuConfig> imus;
+  // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
+  std::string sha256;
 };
 
 // Every fault of a configuration, a line each: "file:line: key: what is wrong; what would be right".
@@ -80,8 +82,8 @@ struct ConfigError : std::runtime_error {
   std::vector<std::string> faults;
 };
 
-// Reads `path`, then sets each override, such as "imu.0.rate_hz=400" (the value as in TOML; a bare word is text). A
-// `capture` that is not empty replaces truth.port. Throws ConfigError with every fault.
+// Reads `path` (- is standard input), then sets each override, such as "imu.0.rate_hz=400" (the value as in TOML; a
+// bare word is text). A `capture` that is not empty replaces truth.port. Throws ConfigError with every fault.
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {});
 

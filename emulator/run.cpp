@@ -1,6 +1,7 @@
 #include "emulator/run.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -9,9 +10,7 @@
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <csignal>
-#include <cstdio>
 #include <exception>
-#include <fstream>
 #include <functional>
 #include <memory>
 #include <thread>
@@ -19,6 +18,7 @@
 
 #include "emulator/loop.hpp"
 #include "emulator/realtime_thread.hpp"
+#include "emulator/text_file.hpp"
 
 namespace imud {
 
@@ -71,44 +71,59 @@ bool writes_to_stdout(const Config& config) {
   });
 }
 
+// Logs what is missing.
+void report(const Outcome& outcome, const Summary& summary, const Config& config) {
+  if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
+  if (!outcome.is_complete()) spdlog::error("incomplete: {}", fmt::join(outcome.shortfalls, "; "));
+  for (const Outcome::Required& limit : outcome.required)
+    if (!limit.holds)
+      spdlog::error("required {}, but {} is {}", limit.requirement.text, limit.requirement.figure, limit.seen);
+}
+
 }  // namespace
 
 int run(const Config& config, const RunOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
   asio::io_context io;
   std::atomic<bool> stop = false;
+  EndedBy stopped_by = EndedBy::signal;
   asio::signal_set signals(io, SIGINT, SIGTERM);
   signals.async_wait([&](const boost::system::error_code& error, int) {
     if (!error) stop = true;
   });
-  asio::signal_set power(io, SIGUSR1);
-  std::ofstream summary_file;
-  if (!options.summary_file.empty()) {
-    summary_file.open(options.summary_file);
-    if (!summary_file) throw std::runtime_error(fmt::format("{}: cannot be written", options.summary_file));
-  }
+  check_figures(options.required, config);
+  asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
+  TextFile summary_file(options.summary_file);
 
   std::optional<RealtimeProcess> process;
   if (config.clock == ClockMode::realtime) {
     process.emplace(config.realtime);
   }
   Session session(config);
-  const std::function<void()> wait_for_power = [&] {
-    power.async_wait([&](const boost::system::error_code& error, int) {
+  Monitor monitor(counters_of(session), config, options.monitor);
+  const std::function<void()> wait_for_others = [&] {
+    others.async_wait([&](const boost::system::error_code& error, int signal) {
       if (error) return;
-      session.request_power_cycle();
-      spdlog::info("SIGUSR1: power off and on for every imu");
-      wait_for_power();
+      if (signal == SIGUSR1) {
+        session.request_power_cycle();
+        spdlog::info("SIGUSR1: power off and on for every imu");
+      } else if (signal == SIGHUP) {
+        monitor.reopen();
+      } else {
+        spdlog::warn("SIGUSR2 is ignored");
+      }
+      wait_for_others();
     });
   };
-  wait_for_power();
-  Monitor monitor(counters_of(session), config, options.monitor);
+  wait_for_others();
   Ticker ticker(io, monitor);
   asio::steady_timer end(io);
   if (options.duration_s && !is_capture(config.truth.port)) {
     end.expires_after(nanoseconds(*options.duration_s));
     end.async_wait([&](const boost::system::error_code& error) {
-      if (!error) stop = true;
+      if (error || stop) return;
+      stopped_by = EndedBy::duration;
+      stop = true;
     });
   }
 
@@ -125,21 +140,17 @@ int run(const Config& config, const RunOptions& options) {
   worker.join();
   if (failure) std::rethrow_exception(failure);
 
-  const Summary summary = monitor.finish(session.intake().end_warning());
-  if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
-  const std::string printed = text(summary);
-  std::fputs(printed.c_str(), writes_to_stdout(config) ? stderr : stdout);
-  std::fflush(stdout);
-  if (summary_file.is_open()) {
-    summary_file << json(summary, JsonLayout::indented);
-    summary_file.flush();
-    if (!summary_file) throw std::runtime_error(fmt::format("{}: cannot be written", options.summary_file));
-  }
-  if (summary.truth.counters[&TruthCounters::accepted] == 0 && is_capture(config.truth.port) && !stop) {
-    spdlog::error("{}: it contains no truth of the format {}", config.truth.port, config.truth.format->name);
-    return 1;
-  }
-  return 0;
+  EndedBy ended_by = stopped_by;
+  if (is_capture(config.truth.port))
+    ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? EndedBy::signal : EndedBy::duration;
+  Summary summary = monitor.finish(session.intake().end_warning());
+  summary.whole = {judge(summary, config, ended_by, options.required), config.seed, config.sha256};
+  const Outcome& outcome = summary.whole->outcome;
+  report(outcome, summary, config);
+  TextFile printed = writes_to_stdout(config) ? TextFile::standard_error() : TextFile("-");
+  printed.write(text(summary));
+  summary_file.write(json(summary, JsonLayout::indented));
+  return outcome.exit_code();
 }
 
 }  // namespace imud

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "emulator/monitor.hpp"
 
@@ -10,13 +11,15 @@ namespace imud {
 
 struct RunOptions {
   std::optional<double> duration_s;  // host time; simulation time if the truth is a capture
-  std::string summary_file;          // for the summary as JSON; empty: none
+  std::string summary_file;          // for the summary as JSON; - is standard output; empty: none
+  std::vector<Requirement> required;
   Monitor::Options monitor;
 };
 
 // Runs until the capture ends, the duration is over, or SIGINT or SIGTERM arrives, and prints the summary. Returns
-// the exit code: 0, or 1 if a capture has ended without any accepted truth. Throws PortError if a port cannot be
-// opened, std::runtime_error if a file cannot be written.
+// Outcome::exit_code(). SIGUSR1 switches the devices' supply off and on, SIGHUP opens the file of `--quality` anew,
+// as log rotation needs it, and SIGUSR2 is ignored. Throws PortError if a port cannot be opened, std::runtime_error
+// if a file cannot be written, std::invalid_argument if a requirement is about an unknown figure.
 int run(const Config& config, const RunOptions& options);
 
 }  // namespace imud

@@ -18,6 +18,8 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   summary.truth.quality = Snapshot(*counters.quality);
   const double span_s = 1e-9 * static_cast<double>(truth.newest_ns - truth.first_ns);
   const std::uint64_t accepted = summary.truth.counters[&TruthCounters::accepted];
+  summary.truth.longest_gap_s = 1e-9 * static_cast<double>(truth.longest_gap_ns);
+  summary.simulated_s = 1e-9 * static_cast<double>(truth.simulated_ns);
   if (span_s > 0) summary.truth.rate_hz = static_cast<double>(accepted - 1) / span_s;
   for (std::size_t i = 0; i < counters.imus.size(); ++i)
     summary.imus.push_back({counters.imus[i].first, Snapshot(*counters.imus[i].second), line_loads[i]});
@@ -27,6 +29,7 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
 Summary Summary::since(const Summary& before) const {
   Summary rest = *this;
   rest.duration_s -= before.duration_s;
+  rest.simulated_s -= before.simulated_s;
   rest.truth.counters.subtract(before.truth.counters);
   rest.truth.refused.subtract(before.truth.refused);
   rest.truth.quality.subtract(before.truth.quality);
@@ -66,6 +69,20 @@ std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view
     if (const auto count = count_of(imu.counters, key)) sum = sum.value_or(0) + *count;
   }
   return sum;
+}
+
+std::vector<std::string> count_names(const Summary& summary) {
+  std::vector<std::string> names;
+  const auto add = [&names](std::string_view prefix, const auto& snapshot) {
+    for (const Counter* counter : snapshot.declared().counters)
+      names.push_back(fmt::format("{}{}", prefix, counter->info.key));
+  };
+  add("", Snapshot<ImuCounters>());
+  add("truth.", summary.truth.counters);
+  names.emplace_back("truth.refused");
+  add("truth.refused.", summary.truth.refused);
+  add("truth.", summary.truth.quality);
+  return names;
 }
 
 namespace {
@@ -124,17 +141,28 @@ std::string counts_text(const Snapshot<Group>& snapshot, Show CounterInfo::*wher
   return fmt::format("{}", fmt::join(shown, ", "));
 }
 
+// Returns the lines that state how the run ended.
+std::string text(const Outcome& outcome) {
+  std::string out =
+      fmt::format("ended    by {}, {}{}\n", word(outcome.ended_by),
+                  outcome.is_complete() ? "complete" : "incomplete: ", fmt::join(outcome.shortfalls, "; "));
+  for (const Outcome::Required& limit : outcome.required)
+    out +=
+        fmt::format("required {}: {}, {}\n", limit.requirement.text, limit.holds ? "holds" : "VIOLATED", limit.seen);
+  return out;
+}
+
 }  // namespace
 
 std::string text(const Summary& s) {
   constexpr auto where = &CounterInfo::summary;
-  std::string out = fmt::format("ran      {:.3f} s\n", s.duration_s);
+  std::string out = fmt::format("ran      {:.3f} s, simulated {:.3f} s\n", s.duration_s, s.simulated_s);
   const std::string refused = counts_text(s.truth.refused, where), quality = counts_text(s.truth.quality, where);
   out += fmt::format("truth    {}, refused: {}\n", counts_text(s.truth.counters, where),
                      refused.empty() ? "none" : refused);
   if (s.truth.has_clock) out += fmt::format("         {}\n", rate_text(s.truth));
   if (!quality.empty()) out += fmt::format("         {}\n", quality);
-  if (!s.truth.warning.empty()) out += fmt::format("         capture {}\n", s.truth.warning);
+  if (!s.truth.warning.empty()) out += fmt::format("         warning: {}\n", s.truth.warning);
   for (const Summary::Imu& imu : s.imus) {
     out += fmt::format("{:<8} {}", imu.name, counts_text(imu.counters, where));
     const DurationHistogram& lateness = imu.counters[&ImuCounters::lateness];
@@ -142,6 +170,7 @@ std::string text(const Summary& s) {
     if (imu.line_load_percent > 0) out += fmt::format("; line {:.1f} %", imu.line_load_percent);
     out += "\n";
   }
+  if (s.whole) out += text(s.whole->outcome);
   return out;
 }
 
@@ -190,6 +219,20 @@ void add_estimates(nlohmann::ordered_json& json, const Snapshot<Group>& snapshot
     json[std::string(durations[i]->key)] = Percentiles(snapshot.durations[i]).json();
 }
 
+void add(nlohmann::ordered_json& json, const Summary::Whole& whole) {
+  const Outcome& outcome = whole.outcome;
+  json["exit_code"] = outcome.exit_code();
+  json["complete"] = outcome.is_complete();
+  json["ended_by"] = word(outcome.ended_by);
+  json["shortfalls"] = outcome.shortfalls;
+  json["required"] = nlohmann::ordered_json::array();
+  for (const Outcome::Required& limit : outcome.required)
+    json["required"].push_back({{"limit", limit.requirement.text}, {"seen", limit.seen}, {"holds", limit.holds}});
+  json["version"] = IMUD_VERSION;
+  json["seed"] = whole.seed;
+  json["config_sha256"] = whole.config_sha256;
+}
+
 }  // namespace
 
 std::string json(const Summary& s, JsonLayout layout) {
@@ -198,6 +241,7 @@ std::string json(const Summary& s, JsonLayout layout) {
   add_counts(refused, s.truth.refused, Show::if_not_zero);
   truth["refused"] = refused;
   add_counts(truth, s.truth.quality);
+  truth["longest_gap_s"] = s.truth.longest_gap_s;
   truth["rate_hz"] = s.truth.rate_hz;
   if (!s.truth.warning.empty()) truth["warning"] = s.truth.warning;
   if (s.truth.has_clock) add_estimates(truth, s.truth.quality);
@@ -210,7 +254,10 @@ std::string json(const Summary& s, JsonLayout layout) {
     add_estimates(object, imu.counters);
     if (imu.line_load_percent > 0) object["line_load_percent"] = imu.line_load_percent;
   }
-  const nlohmann::ordered_json all = {{"duration_s", s.duration_s}, {"truth", truth}, {"imus", imus}};
+  nlohmann::ordered_json all = {{"duration_s", s.duration_s}, {"simulated_s", s.simulated_s}};
+  if (s.whole) add(all, *s.whole);
+  all["truth"] = truth;
+  all["imus"] = imus;
   return layout == JsonLayout::line ? all.dump() : all.dump(2) + "\n";
 }
 

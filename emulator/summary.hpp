@@ -8,18 +8,21 @@
 #include <vector>
 
 #include "emulator/counters.hpp"
+#include "emulator/outcome.hpp"
 
 namespace imud {
 
 struct Summary {
-  double duration_s = 0;  // host time
+  double duration_s = 0;   // host time
+  double simulated_s = 0;  // from the first to the newest truth of each run, summed over the runs
   struct Truth {
     Snapshot<TruthCounters> counters;
     Snapshot<RefusalCounters> refused;
     Snapshot<TruthQuality> quality;
     bool has_clock = false;  // levels and durations of `quality` are valid
     double rate_hz = 0;      // truths accepted in a second, by their arrivals
-    std::string warning;     // describes the end of a damaged capture; empty: none
+    double longest_gap_s = 0;
+    std::string warning;     // no truth has come, or how a damaged capture ends; empty: none
   } truth;
   struct Imu {
     std::string name;
@@ -27,6 +30,14 @@ struct Summary {
     double line_load_percent = 0;    // 0: the line has no bit rate
   };
   std::vector<Imu> imus;
+
+  // The whole run's only.
+  struct Whole {
+    Outcome outcome;
+    std::uint64_t seed = 0;
+    std::string config_sha256;
+  };
+  std::optional<Whole> whole;
 
   // Returns the figures of the interval that began at `before`, an earlier summary of the same run. Warning, levels
   // and line loads are those of this summary.
@@ -39,6 +50,8 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
 // Returns the count of that name: "imu1.samples", "truth.lost", "truth.refused.crc"; "truth.refused" is the sum of
 // all causes, "samples" the sum over all imus. nullopt if no counter or no imu has that name.
 std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view name);
+// Returns the names of all counts, those of the imus without the imu's name.
+std::vector<std::string> count_names(const Summary& summary);
 
 // Returns the closing summary: several lines, each with its line feed.
 std::string text(const Summary& summary);

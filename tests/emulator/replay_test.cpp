@@ -50,13 +50,13 @@ TEST_F(ReplayTest, AThousandHertzWithoutAGap) {
 TEST_F(ReplayTest, ThePaceChangesNoByte) {
   const std::string c = config("realtime", "udp:127.0.0.1:5140", "jsbsim", 400, "native", "file:" + path("paced"));
   ASSERT_EQ(run_program("imud", {"replay", c, flight, "--for", "1.5", "--summary", path("summary.json")}).exit_code,
-            0);
+            3);
   EXPECT_EQ(summary()["imus"][0]["samples"], 601);
   EXPECT_GE(summary()["duration_s"], 1.5);
   ASSERT_EQ(
       run_program("imud", {"replay", c, flight, "--fast", "--for", "1.5", "--set", "imu.0.port=file:" + path("fast")})
           .exit_code,
-      0);
+      3);
   EXPECT_EQ(read_file(path("paced")).size(), 601U * 124U);
   EXPECT_TRUE(read_file(path("paced")) == read_file(path("fast")));
 }
@@ -112,7 +112,7 @@ TEST_F(ReplayTest, ACaptureCutShortIsReadToTheLastWholeRecord) {
   write("cut.pcap", whole.substr(0, whole.size() - 300));
   const ProgramResult result =
       run_program("imud", {"replay", c, path("cut.pcap"), "--summary", path("summary.json")});
-  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_EQ(result.exit_code, 3);
   EXPECT_EQ(summary()["truth"]["accepted"], 2000);
   EXPECT_EQ(summary()["truth"]["truncated"], 1);
   EXPECT_EQ(summary()["imus"][0]["samples"], 2000);
@@ -128,7 +128,7 @@ TEST_F(ReplayTest, ACsvCutShortIsReadToTheLastWholeRow) {
   for (const std::size_t missing : {std::size_t{1}, std::size_t{2}, std::size_t{40}}) {
     write("cut.csv", whole.substr(0, whole.size() - missing));
     const ProgramResult result = run_program("imud", {"run", c, "--summary", path("summary.json")});
-    EXPECT_EQ(result.exit_code, 0);
+    EXPECT_EQ(result.exit_code, 3);
     EXPECT_EQ(summary()["truth"]["accepted"], 200) << missing;
     EXPECT_EQ(summary()["truth"]["truncated"], 1);
     EXPECT_TRUE(summary()["truth"]["refused"].empty());
@@ -183,7 +183,7 @@ TEST_F(ReplayTest, SigtermIsHandledWhileInputIsSkipped) {
   Program imud("imud");
   imud.start({"run", c});
   ASSERT_TRUE(eventually([&] { return std::filesystem::exists(path("out")); }));
-  EXPECT_EQ(imud.stop(), 0);
+  EXPECT_EQ(imud.stop(), 3);
 }
 
 TEST_F(ReplayTest, ListShowsEveryEntry) {
@@ -207,7 +207,7 @@ TEST_F(ReplayTest, FastIsAnotherClock) {
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.errors.find("pace"), std::string::npos) << refused.errors;
   EXPECT_EQ(run_program("imud", {"replay", c, flight, "--fast", "--for", "1", "--set", "imu.0.pace=none"}).exit_code,
-            0);
+            3);
 }
 
 }  // namespace

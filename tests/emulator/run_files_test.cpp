@@ -15,7 +15,7 @@ TEST_F(RunFiles, ASummaryThatCannotBeWrittenIsReportedBeforeTheRun) {
   std::filesystem::remove(path("out.csv"));
 
   const ProgramResult result = run_program("imud", {"run", c, "--summary", path("none/summary.json")});
-  EXPECT_NE(result.exit_code, 0);
+  EXPECT_EQ(result.exit_code, 2);
   EXPECT_NE(result.errors.find(path("none/summary.json")), std::string::npos) << result.errors;
   EXPECT_FALSE(std::filesystem::exists(path("out.csv"))) << "a run whose summary is lost is not begun";
 }

@@ -41,7 +41,7 @@ TEST_F(SummaryTest, AnUneventfulRunIsThreeLines) {
   imus_[0].frames.count(1999);
   imus_[0].dropped.count(2);
   EXPECT_EQ(text(summarize(10)),
-            "ran      10.000 s\n"
+            "ran      10.000 s, simulated 0.000 s\n"
             "truth    103 received, 101 accepted, 2 without state, refused: none\n"
             "imu1     2001 samples, 1999 frames sent, 2 dropped, 0 missed; line 12.5 %\n"
             "left.wing 0 samples, 0 frames sent, 0 dropped, 0 missed\n");
@@ -58,7 +58,7 @@ TEST_F(SummaryTest, TheTextHasEveryCounterThatIsNotZero) {
       *const_cast<Counter*>(counter) = number;
       EXPECT_TRUE(contains(text(summarize(1)), words)) << text(summarize(1));
     }
-  EXPECT_EQ(number, 70U + 7U + 14U + 3U + 10U);
+  EXPECT_EQ(number, 70U + 8U + 14U + 3U + 11U);
   EXPECT_TRUE(contains(text(summarize(1)), " not sent"));
 }
 
@@ -77,7 +77,7 @@ TEST_F(SummaryTest, TheTextHasTheClockAndTheWarning) {
                                           ", age p99 0.0 ms, rate 0.900000, offset -12.1 ms, delay 30.0 ms\n"))
       << text(summary);
   summary.truth.warning = "cut short after record 3";
-  EXPECT_TRUE(contains(text(summary), "\n         capture cut short after record 3\n"));
+  EXPECT_TRUE(contains(text(summary), "\n         warning: cut short after record 3\n"));
   EXPECT_EQ(parsed(summary)["truth"]["warning"], "cut short after record 3");
 }
 

@@ -1,0 +1,48 @@
+// Outcome: how a run ended, whether it is complete, and whether it kept the limits that were required of it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/requirement.hpp"
+#include "emulator/config.hpp"
+
+namespace imud {
+
+struct Summary;
+
+enum class EndedBy : std::uint8_t { end_of_capture, duration, signal, failure };
+// Returns the word of the JSON: "end_of_capture", "for", "signal", "failure".
+std::string_view word(EndedBy ended_by) noexcept;
+
+struct Outcome {
+  EndedBy ended_by = EndedBy::signal;
+  // What is missing, a phrase each: "99 truths refused (99 crc)". If it is empty, the run is complete.
+  std::vector<std::string> shortfalls;
+  // A limit that was required, and the figure that it is about.
+  struct Required {
+    Requirement requirement;
+    std::uint64_t seen = 0;
+    bool holds = false;
+  };
+  std::vector<Required> required;
+
+  bool is_complete() const noexcept { return shortfalls.empty(); }
+  // Returns 0 if the run is complete and every limit holds, 1 after a failure, otherwise 3.
+  int exit_code() const noexcept;
+};
+
+// Throws std::invalid_argument if a requirement is about a figure that a run of `config` does not have.
+void check_figures(std::span<const Requirement> requirements, const Config& config);
+
+// Judges a run of `config`. With a capture as truth nothing may be missing: the capture was read to its end, every
+// truth in it was accepted, and every frame was written; at the recorded pace, frames that a line dropped are not
+// missing. With live truth only frames lost to errors of a file are missing. Percentages are those of the truths
+// received, or of the imu's samples.
+Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
+              std::span<const Requirement> requirements);
+
+}  // namespace imud
