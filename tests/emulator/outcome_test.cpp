@@ -1,6 +1,9 @@
 // How a run ends: its exit code, the line that names what is missing, and the JSON, for every way to be incomplete.
+#include "emulator/outcome.hpp"
+
 #include <csignal>
 
+#include "emulator/summary.hpp"
 #include "tests/emulator/live_test.hpp"
 #include "tests/support/text.hpp"
 
@@ -162,6 +165,57 @@ TEST_F(OutcomeTest, ALiveRunIsCompleteUnlessAFileFails) {
   const ProgramResult full = run({"--set", "imu.0.port=file:/dev/full", "--set", "imu.0.before_first=rest"});
   EXPECT_EQ(full.exit_code, 3) << full.errors;
   EXPECT_TRUE(contains(full.errors, "lost to errors of the file")) << full.errors;
+}
+
+// The judgement of counters, without a run.
+class Judge : public testing::Test {
+ protected:
+  Judge() {
+    config_.clock = ClockMode::fast;
+    config_.truth.port = "pcap:flight.pcap";
+    config_.truth.format = find_truth_format("native");
+    config_.imus.resize(2);
+    config_.imus[0].name = "left";
+    config_.imus[1].name = "right";
+    truth_.received.count(200);
+    truth_.accepted.count(100);
+    imus_[0].samples.count(1000);
+    imus_[1].samples.count(3000);
+  }
+  Outcome outcome(const std::string& limits = {}) const {
+    const RunCounters counters{&truth_, &quality_, {{"left", &imus_[0]}, {"right", &imus_[1]}}};
+    return judge(summarize(counters, 1, {0, 0}), config_, EndedBy::end_of_capture,
+                 limits.empty() ? std::vector<Requirement>() : parse_requirements(limits));
+  }
+
+  Config config_;
+  TruthCounters truth_;
+  TruthQuality quality_;
+  ImuCounters imus_[2];
+};
+
+TEST_F(Judge, ACaptureMustHaveEveryTruth) {
+  EXPECT_EQ(outcome().exit_code(), 0);
+  truth_.refused[static_cast<std::size_t>(Refusal::other_stream)].count(7);
+  EXPECT_EQ(outcome().exit_code(), 0) << "another vehicle's";
+  truth_.lost.count(5);
+  EXPECT_EQ(outcome().exit_code(), 3);
+  EXPECT_EQ(outcome().shortfalls, std::vector<std::string>{"5 truths missing by the sequence numbers"});
+  truth_.refused[static_cast<std::size_t>(Refusal::bad_checksum)].count(2);
+  ASSERT_EQ(outcome().shortfalls.size(), 2U);
+  EXPECT_EQ(outcome().shortfalls[0], "2 truths refused (2 crc)");
+  config_.truth.port = "udp:127.0.0.1:9810";
+  EXPECT_EQ(outcome().exit_code(), 0) << "live truth may be lost";
+}
+
+TEST_F(Judge, PercentagesAreThoseOfTheTruthsReceivedOrOfTheImusSamples) {
+  truth_.lost.count(3);
+  imus_[0].missed.count(10);
+  config_.truth.port = "udp:127.0.0.1:9810";
+  for (const char* kept : {"truth.lost<=1.5%", "left.missed<=1%", "missed<=0.25%", "right.missed=0%"})
+    EXPECT_EQ(outcome(kept).exit_code(), 0) << kept;
+  for (const char* broken : {"truth.lost<=1.4%", "left.missed<=0.9%", "missed<=0.24%", "right.missed>0%"})
+    EXPECT_EQ(outcome(broken).exit_code(), 3) << broken;
 }
 
 }  // namespace
