@@ -1,9 +1,11 @@
 #include "core/earth.hpp"
 
 #include <array>
+#include <chrono>
 #include <cmath>
 
 #include "core/elementary.hpp"
+#include "core/igrf.hpp"
 #include "core/units.hpp"
 
 namespace imud {
@@ -60,6 +62,17 @@ std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept {
   return (utc_s - gps_began + leap_seconds) * 1'000'000'000;
 }
 
+double decimal_year(std::int64_t gps_ns) noexcept {
+  using std::chrono::sys_days, std::chrono::sys_seconds, std::chrono::year, std::chrono::years;
+  const sys_seconds now{std::chrono::seconds(gps_began - leap_seconds + gps_ns / 1'000'000'000)};
+  const year today = std::chrono::year_month_day(std::chrono::floor<std::chrono::days>(now)).year();
+  const auto seconds_until = [now](year next) {
+    return static_cast<double>((sys_seconds(sys_days(next / 1 / 1)) - now).count());
+  };
+  const double since = -seconds_until(today), until = seconds_until(today + years(1));
+  return static_cast<int>(today) + since / (since + until);
+}
+
 double earth_rotation_angle(std::int64_t utc_s) noexcept {
   const double days = static_cast<double>(utc_s - 946'728'000) / 86'400.0;  // since 2000-01-01 12:00
   const double turns = 0.7790572732640 + 0.00273781191135448 * days + (days - std::floor(days));
@@ -109,13 +122,8 @@ double standard_pressure(double geopotential_m) noexcept {
 Earth::Earth(const EarthModel& model)
     : model_(model),
       q_EN_local_(Quaternion(dcm_EL(model.latitude, model.longitude)).normalized()),
-      origin_E_(from_geodetic(model.latitude, model.longitude, model.height)) {
-  // IAGA, IGRF-14: g11, h11, g10 in nT, and their change in a year.
-  const Vector3 in_2025 = {-1410.3, 4545.5, -29350.0}, yearly = {10.0, -21.5, 12.6};
-  constexpr double year_s = 31'556'952.0, in_2025_s = 1'419'724'818.0;  // GPS time at 2025-01-01
-  const double years = (1e-9 * static_cast<double>(model.start_gps_ns) - in_2025_s) / year_s;
-  dipole_ = 1e-9 * (in_2025 + years * yearly);
-}
+      origin_E_(from_geodetic(model.latitude, model.longitude, model.height)),
+      magnetic_field_(igrf14(decimal_year(model.start_gps_ns))) {}
 
 Quaternion Earth::q_NE(TruthTime time) const noexcept {
   const double t = seconds(time - TruthTime{});
@@ -150,12 +158,7 @@ Quaternion Earth::q_LN(TruthTime time, const Navigation& navigation) const noexc
 }
 
 Vector3 Earth::magnetic_field_L(const Navigation& navigation) const noexcept {
-  constexpr double reference = 6'371'200.0;  // m
-  const double r = navigation.r_E.norm();
-  const Vector3 up = navigation.r_E / r;
-  const double ratio = reference / r;
-  const Vector3 field_E = ratio * ratio * ratio * (3.0 * dipole_.dot(up) * up - dipole_);
-  return dcm_EL(navigation.latitude, navigation.longitude).transpose() * field_E;
+  return dcm_EL(navigation.latitude, navigation.longitude).transpose() * magnetic_field_.at(navigation.r_E);
 }
 
 }  // namespace imud

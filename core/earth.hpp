@@ -5,6 +5,7 @@
 // Latitudes and longitudes are geodetic, on WGS 84 (NGA.STND.0036), in rad.
 #pragma once
 
+#include "core/magnetic_field.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
 
@@ -29,6 +30,9 @@ struct EarthModel {
 // Returns GPS time, ns since 1980-01-06, of a UTC in s since 1970-01-01. Valid from 2017 on, while GPS time is 18 s
 // ahead.
 std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept;
+// Returns a GPS time, ns since 1980-01-06, as a decimal year: the calendar year and the fraction of it that has
+// passed.
+double decimal_year(std::int64_t gps_ns) noexcept;
 // Returns the Earth rotation angle at this UTC, taken as UT1, rad in [0, 2 pi) (IERS Conventions 2010, Eq. 5.15).
 double earth_rotation_angle(std::int64_t utc_s) noexcept;
 
@@ -58,8 +62,8 @@ class Earth {
   Navigation navigation(const PositionVelocity& position) const noexcept;
   // Returns the rotation v_L = q_LN * v_N at a known place.
   Quaternion q_LN(TruthTime time, const Navigation& navigation) const noexcept;
-  // Returns the magnetic field at a known place, T, in L: the dipole of IGRF-14 (first degree of 2025, with its
-  // secular variation) at the model's start.
+  // Returns the magnetic field at a known place, T, in L: that of IGRF-14 at the model's start (igrf.hpp), which is
+  // the field of the core. The crust and the ionosphere, which it leaves out, add some 0.1 uT.
   Vector3 magnetic_field_L(const Navigation& navigation) const noexcept;
   // Returns the pressure at a known place, Pa.
   double pressure(const Navigation& navigation) const noexcept {
@@ -72,7 +76,7 @@ class Earth {
   EarthModel model_;
   Quaternion q_EN_local_;  // where the frame is local
   Vector3 origin_E_;       // m, likewise
-  Vector3 dipole_;         // T, in E: its norm is the field at the magnetic equator of the reference sphere
+  MagneticField magnetic_field_;
 };
 
 }  // namespace imud
