@@ -68,8 +68,8 @@ std::vector<Truth> read_flight(const std::string& path) {
   return truths;
 }
 
-// The imu "every-effect" of the regression run, and the sensors that its protocol does not carry: so the hash of
-// `native` is also that of the regression's file.
+// The imu "every-effect" of the regression run, and place and sensors that its protocol does not carry: so the hash
+// of `native` is also that of the regression's file.
 ImuModel every_effect() {
   ImuModel model;
   model.r_SB_B = Vector3(0.5, -0.25, 1.0);
@@ -94,6 +94,8 @@ ImuModel every_effect() {
   model.temperature_c = 31.5;
   model.magnetometer = TriadErrors::white(1e-9, 200, 1e-3);
   model.barometer.noise = 3;
+  model.earth.frame = EarthModel::Frame::inertial;
+  model.earth.start_gps_ns = gps_ns_from_unix(1'782'993'600);  // 2026-07-02T12:00:00Z
   return model;
 }
 
