@@ -131,9 +131,12 @@ def delta_angle(t1, t2):
     return scale(t2 - t1, rate)
 
 
-# --- The Earth: WGS 84, the first degree of IGRF-14 in 2025, the U.S. Standard Atmosphere of 1976 ---
+# --- The Earth: WGS 84, IGRF-14, the U.S. Standard Atmosphere of 1976 ---
 _A, _F = 6378137.0, 1 / 298.257223563
 _E2 = _F * (2 - _F)
+# The magnetic field at START, nT north, east and down, at the places of t = 0 and t = 1.5 s: computed with pyIGRF 1.0.0
+# (zzyztyy/pyIGRF, 89d2f50).
+_FIELD_AT_0, _FIELD_AT_1_5 = (21676.648, 1497.768, 43197.843), (21676.601, 1497.764, 43197.982)
 
 
 def _dcm_LE(latitude, longitude):
@@ -167,12 +170,7 @@ class Place:
         self.dcm_LE = _dcm_LE(self.latitude, self.longitude)
         self.v_L = times(self.dcm_LE, self.v_E)
         self.dcm_PL = product(dcm_BN(t), product(_LOCAL, transpose(self.dcm_LE)))
-        years = (GPS_START - 1419724818) / 31556952
-        m = tuple(1e-9 * (g + years * yearly) for g, yearly in ((-1410.3, 10.0), (4545.5, -21.5), (-29350.0, 12.6)))
-        norm = math.sqrt(dot(self.r_E, self.r_E))
-        up = scale(1 / norm, self.r_E)
-        field_E = tuple((6371200 / norm) ** 3 * (3 * dot(m, up) * u - x) for u, x in zip(up, m))
-        self.field_L = times(self.dcm_LE, field_E)
+        self.field_L = tuple(1e-9 * (a + t / 1.5 * (b - a)) for a, b in zip(_FIELD_AT_0, _FIELD_AT_1_5))
         geopotential = 6356766 * self.height / (6356766 + self.height)
         self.pressure = 101325 * (1 - 6.5e-3 * geopotential / 288.15) ** (9.80665 * 28.9644e-3 / 8.31432 / 6.5e-3)
 
