@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/igrf.hpp"
 #include "core/imu.hpp"
 #include "tests/support/allocations.hpp"
 #include "tools/motion.hpp"
@@ -163,6 +164,17 @@ void timeline_at(benchmark::State& state, int back) {
 BENCHMARK_CAPTURE(timeline_at, newest interval, 0);
 BENCHMARK_CAPTURE(timeline_at, 3 intervals back, 3);
 BENCHMARK_CAPTURE(timeline_at, 500 intervals back, 500);
+
+void magnetic_field(benchmark::State& state) {
+  const MagneticField field(igrf14(2025));
+  Vector3 r_E = {4e6, 1e6, -5e6};  // m
+  for (auto _ : state) {
+    r_E.x() += 1;
+    Vector3 at = field.at(r_E);
+    benchmark::DoNotOptimize(at);
+  }
+}
+BENCHMARK(magnetic_field);
 
 void timeline_push(benchmark::State& state, AccumulatedDv kind) {
   Truths stream(5_ms);
