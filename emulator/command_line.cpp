@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/igrf.hpp"
 #include "emulator/config.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/run.hpp"
@@ -41,6 +42,10 @@ int check(const Arguments& arguments) {
   fmt::print("{}: good\n", arguments.config);
   fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
   fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
+  const EarthModel& earth = config.imus.front().model.earth;  // the same for all
+  if (earth.frame != EarthModel::Frame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
+    fmt::print("{:<8} warning: IGRF-14 ends in {}; the magnetic field at `start` is extrapolated\n", "earth",
+               igrf14_end);
   for (const ImuConfig& imu : config.imus) {
     const LineLoad load = line_load(imu);
     fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port, load.text());

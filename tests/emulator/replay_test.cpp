@@ -167,6 +167,16 @@ TEST_F(ReplayTest, CheckReportsLoadOrFaults) {
   const ProgramResult bad = run_program("imud", {"check", c, "--set", "imu.0.rate_hz=2000"});
   EXPECT_EQ(bad.exit_code, 2);
   EXPECT_NE(bad.errors.find("269.1 %"), std::string::npos) << bad.errors;
+
+  const auto warns = [&](const std::string& frame, const std::string& start) {
+    const ProgramResult checked =
+        run_program("imud", {"check", c, "--set", "earth.frame=" + frame, "--set", "earth.start=" + start});
+    EXPECT_EQ(checked.exit_code, 0) << checked.errors;
+    return checked.output.find("warning: IGRF-14 ends in 2030;") != std::string::npos;
+  };
+  EXPECT_FALSE(warns("inertial", "2029-12-31T23:59:59Z"));
+  EXPECT_TRUE(warns("inertial", "2030-01-01T00:00:01Z"));
+  EXPECT_FALSE(warns("none", "2030-01-01T00:00:01Z"));
 }
 
 TEST_F(ReplayTest, DataOnStandardOutputIsDataAlone) {
