@@ -102,6 +102,7 @@ TEST(TruthClock, AStepOfTheNetworksDelayIsSlewed) {
   EXPECT_NEAR(since(stream.clock.truth(host(10))), 10.0, 2e-3);
   stream.run(19.9, 0.85, 1.15);
   EXPECT_NEAR(since(stream.clock.truth(host(19.9))), 19.86, 2e-3);
+  EXPECT_NEAR(stream.clock.lateness_s(), 0, 2e-3) << "against those of the new delay";
   stream.run(30, 0.85, 1.15);
   EXPECT_NEAR(since(stream.clock.truth(host(30))), 30.0, 2e-3);
 }

@@ -198,6 +198,14 @@ TEST_F(TruthIntakeTest, AStreamsLastLineCountsWhenItsLineFeedIsThere) {
 }
 
 // A capture has nobody at its other end.
+TEST_F(TruthIntakeTest, ALineThatIsTooLongIsCountedAsCutShort) {
+  make(*find_truth_format("csv"), "file:truth.csv");
+  port_->waiting = {std::string(100'000, 'x'), "\n"};
+  port_->ends = true;
+  while (!intake_->at_end()) intake_->take();
+  EXPECT_EQ(intake_->counters().truncated, 1U);
+}
+
 TEST_F(TruthIntakeTest, NothingIsSentToACapture) {
   make(talker, "file:some.capture");
   EXPECT_FALSE(intake_->deadline());
