@@ -62,23 +62,26 @@ Sample Channel::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexc
   return imu_.sample_at_rest(since_power_on, clock_.stamp(k));
 }
 
-void Channel::encode(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept {
-  poll_until(sample.time);
-  clock_.take_sample(sample.time);
-  status_ = sample.status;
+void Channel::prepare(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept {
+  sample_ = sample;
+  truth_ = truth;
   silent_ = silent;
-  senses_truth_ = truth.has_value();
+}
+
+void Channel::encode() noexcept {
+  poll_until(sample_.time);
+  clock_.take_sample(sample_.time);
   frames_.clear();
   others_.clear();
-  if (sync_ && truth)
-    sync_->deliver_edges(*device_, *truth, sample.time);
+  if (sync_ && truth_)
+    sync_->deliver_edges(*device_, *truth_, sample_.time);
   else if (sync_)
     sync_->discard_edges();
-  device_->sample(sample, silent ? others_ : frames_);
+  device_->sample(sample_, silent_ ? others_ : frames_);
 }
 
 void Channel::transmit() noexcept {
-  if (sync_ && senses_truth_) sync_->send_pulse(*device_);
+  if (sync_ && truth_) sync_->send_pulse(*device_);
   send(frames_);
 }
 
@@ -96,9 +99,9 @@ void Channel::record_times(Nanoseconds lateness, Nanoseconds write) noexcept {
 
 void Channel::count_sample() noexcept {
   counters_.samples.count();
-  if ((status_ & status::truth_extrapolated) != 0) counters_.extrapolated.count();
-  if ((status_ & status::truth_stale) != 0) counters_.held.count();
-  if ((status_ & status::at_rest) != 0) counters_.at_rest.count();
+  if ((sample_.status & status::truth_extrapolated) != 0) counters_.extrapolated.count();
+  if ((sample_.status & status::truth_stale) != 0) counters_.held.count();
+  if ((sample_.status & status::at_rest) != 0) counters_.at_rest.count();
   if (silent_) counters_.silent.count();
   publish();
 }

@@ -16,9 +16,11 @@
 
 namespace imud {
 
-// An imu with its device, port, pins and clock. A sample goes through sense(), encode() and transmit(), in this
-// order. serve() and poll() may be called between any two of these calls. After construction nothing here allocates,
-// locks, logs or throws, and only wait_until_sent() waits. One thread; the counters may be read by any.
+// An imu with its device, port, pins and clock. A sample goes through sense(), prepare(), encode() and transmit(), in
+// this order. The device receives it by encode(), at its instant: until then serve(), poll() and cycle_power() may
+// change what the device sends of it, but not between encode() and transmit(). So frames leave in the order of the
+// device's calls, and those calls in the order of time. After construction nothing here allocates, locks, logs or
+// throws, and only wait_until_sent() waits. One thread; the counters may be read by any.
 class Channel {
  public:
   // Opens the port and the pins. Throws PortError.
@@ -48,10 +50,11 @@ class Channel {
   // Return the sample of instant `k` of the grid: of the truth at `time`, or of the vehicle at rest.
   Sample sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept;
   Sample sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept;
-  // Polls the device's deadlines up to the sample, and sends their frames. Then makes the sample's frames, which are
-  // discarded if `silent`. The device first receives the edges up to the truth time `truth`; if it is nullopt, edges
-  // are discarded.
-  void encode(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept;
+  // Keeps a sample for encode(), and the truth time up to which the device receives edges before the sample; if it is
+  // nullopt, edges are discarded. The frames of a `silent` sample are discarded.
+  void prepare(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept;
+  // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample.
+  void encode() noexcept;
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;
   // Counts the sample as sent.
@@ -100,16 +103,16 @@ class Channel {
   std::unique_ptr<Port> port_;
   std::optional<Sync> sync_;  // nullopt if no pin is connected
   DeviceClock clock_;
-  UartSettings uart_;          // the device's settings that the port has
-  std::uint64_t passed_ = 0;   // frames passed to the port
-  bool is_resting_ = false;    // the last sample was taken at rest
-  bool has_sampled_ = false;   // in this run
-  bool is_stalled_ = false;    // the port has accepted nothing for 2 s
-  FrameBuffer frames_;         // of the sample prepared
-  FrameBuffer others_;         // of a deadline or an answer, or of a silent sample
-  std::uint32_t status_ = 0;   // of the sample prepared
-  bool silent_ = false;        // likewise
-  bool senses_truth_ = false;  // likewise
+  UartSettings uart_;         // the device's settings that the port has
+  std::uint64_t passed_ = 0;  // frames passed to the port
+  bool is_resting_ = false;   // the last sample was taken at rest
+  bool has_sampled_ = false;  // in this run
+  bool is_stalled_ = false;   // the port has accepted nothing for 2 s
+  Sample sample_;             // prepare() sets these three
+  std::optional<TruthTime> truth_;
+  bool silent_ = false;
+  FrameBuffer frames_;  // of the sample
+  FrameBuffer others_;  // of a deadline or an answer, or of a silent sample
   ImuCounters counters_;
 };
 

@@ -10,7 +10,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Nanoseconds longest_wait = 20ms;  // until `stop`, and ports that poll() does not report, are checked again
-// The time for preparing an instant's samples, before the spinning.
+// The time for preparing an instant's samples, before the spinning. Their frames are made while spinning, or at the
+// instant, so that what a host sends before it is executed before it.
 constexpr Nanoseconds preparation = 150us;
 // A sample whose truth is known may be prepared this early. This saves a fast sensor a wake-up, and leaves reordered
 // truths time to arrive for a slow one.
@@ -77,8 +78,7 @@ void Loop::round() noexcept {
     const Nanoseconds ahead = due_ - now;
     if (paced_ && ahead > options_.spin + preparation) {
       const bool is_known = is_at_rest(due_) || pacer_.truth(due_) <= timeline_.newest();
-      const std::optional<HostTime> wake = session_.next_wake();  // a deadline is not polled early
-      if (!is_known || ahead > options_.spin + early || (wake && *wake < due_))
+      if (!is_known || ahead > options_.spin + early)
         return wait(std::min(due_ - options_.spin - preparation, now + longest_wait));
     }
     prepare();
@@ -192,7 +192,7 @@ void Loop::wait(HostTime until) noexcept {
   const bool is_ready = host_.wait_for_input(inputs, until);
   truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
-  if (prepared_.empty()) session_.cycle_power_if_requested(now);
+  session_.cycle_power_if_requested(now);
   if (is_ready && !session_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
   if (now - served_ <= longest_wait) return;
   serve_all();
@@ -204,16 +204,14 @@ void Loop::serve_all() noexcept {
   session_.serve_all(served_);
 }
 
-// Makes the frames of all samples of the instant `due_`.
+// Takes all samples of the instant `due_`.
 void Loop::prepare() noexcept {
-  session_.cycle_power_if_requested(due_);
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {
     const Schedule::Slot slot = schedule_.next();
     Channel& channel = *session_.channels()[slot.imu];
     schedule_.advance();
-    if (!paced_) channel.wait_until_sent(stop_);  // frames of deadlines leave before the sample's
     if (at_rest)
       session_.prepare_at_rest(channel, slot.index, slot.offset);
     else
@@ -223,6 +221,11 @@ void Loop::prepare() noexcept {
 }
 
 void Loop::transmit(HostTime now) noexcept {
+  session_.cycle_power_if_requested(now);
+  for (Channel* channel : prepared_) {
+    if (!paced_) channel->wait_until_sent(stop_);  // frames of deadlines leave before the sample's
+    channel->encode();
+  }
   if (!paced_) {
     for (Channel* channel : prepared_) channel->wait_until_sent(stop_);
     for (Channel* channel : prepared_) {

@@ -18,8 +18,8 @@ struct LoopOptions {
 };
 
 // Drives a Session by a Pacer. One round does the first of these that is pending: take truth from the port; prepare
-// the next instant's samples; wait by poll() for the instant, truth, hosts, deadlines and paced lines; transmit.
-// Allocates nothing after construction. One thread.
+// the next instant's samples; wait by poll() for the instant, truth, hosts, deadlines and paced lines; encode and
+// transmit the samples. Allocates nothing after construction. One thread.
 class Loop {
  public:
   Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);

@@ -22,7 +22,7 @@ void Session::begin_run() noexcept {
 }
 
 void Session::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept {
-  channel.encode(channel.sense_at_rest(since_power_on, k), std::nullopt, false);
+  channel.prepare(channel.sense_at_rest(since_power_on, k), std::nullopt, false);
 }
 
 void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
@@ -36,7 +36,7 @@ void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcep
   if (std::exchange(stopped_, stopped) != stopped) (stopped ? quality_.stops : quality_.returns).count();
   const bool silent = stopped && when_stopped_ == WhenStopped::silence;
   if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
-  channel.encode(sample, silent ? std::nullopt : std::optional(time), silent);
+  channel.prepare(sample, silent ? std::nullopt : std::optional(time), silent);
 }
 
 void Session::advance(TruthTime until) noexcept {

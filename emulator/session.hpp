@@ -39,7 +39,7 @@ class Session {
   std::uint64_t samples_in_run() const noexcept { return samples_in_run_; }
   void count_samples(std::size_t transmitted) noexcept { samples_in_run_ += transmitted; }
 
-  // Make the frames of sample `k` of the channel's grid: of the truth at `time`, or of the vehicle at rest.
+  // Take sample `k` of the channel's grid, of the truth at `time` or of the vehicle at rest, for Channel::encode().
   void prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept;
   void prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept;
 
@@ -73,7 +73,7 @@ class Session {
 
   // Switches the supply of all devices off and on, between two samples. Any thread.
   void request_power_cycle() noexcept { power_cycle_.store(true, std::memory_order_relaxed); }
-  // Does so if it was requested. Must not be called between prepare() and the sample's transmission.
+  // Does so if it was requested. Must not be called between a channel's encode() and transmit().
   void cycle_power_if_requested(HostTime now) noexcept;
 
  private:

@@ -90,7 +90,8 @@ class ChannelTest : public RunTest {
   // More than the pipe accepts.
   void fill() {
     for (int i = 0; i < 100; ++i, ++handed_) {
-      channel_->encode(channel_->sense_at_rest(Nanoseconds{}, handed_), std::nullopt, false);
+      channel_->prepare(channel_->sense_at_rest(Nanoseconds{}, handed_), std::nullopt, false);
+      channel_->encode();
       channel_->transmit();
     }
     ASSERT_LT(port_->counters().sent, handed_) << "the pipe holds everything: the test proves nothing";
@@ -173,7 +174,8 @@ TEST_F(ChannelTest, AStopEndsTheWaiting) {
 
 TEST_F(ChannelTest, AStopEndsTheWaitingForAFrameThatIsNotDue) {
   port_->is_paced = true;
-  channel_->encode(channel_->sense_at_rest(Nanoseconds{}, 0), std::nullopt, false);
+  channel_->prepare(channel_->sense_at_rest(Nanoseconds{}, 0), std::nullopt, false);
+  channel_->encode();
   channel_->transmit();
   std::atomic<bool> stop = false;
   port_->on_flush = [&, n = 0]() mutable { stop = ++n == 5; };

@@ -83,9 +83,11 @@ struct DiaryPort final : Port {
     input.pop_front();
     return Received{{byte}, host.now()};
   }
+  int descriptor() const noexcept override { return is_waited_for ? 1001 : -1; }
   SimulatedHost& host;
   std::vector<std::pair<HostTime, char>>& sent;
   std::deque<HostTime> input;
+  bool is_waited_for = false;
   std::function<void()> on_send;
   std::array<std::byte, 1> byte{};
 };
@@ -153,6 +155,39 @@ TEST_F(LoopTest, ADevicesTimesIncrease) {
       even += std::abs(seconds(time - std::exchange(last, time)) - 0.07 / 1.005) < 2.5e-3;
     }
     EXPECT_GE(even, count('p') - 8) << "all but those of the hold-up";
+  }
+}
+
+// A sample is prepared up to 2 ms before its instant. Until then the device does not receive it, so that what the
+// host sends is executed before it, at its own time, and answered before it.
+TEST_F(LoopTest, ACommandThatArrivesBeforeAnInstantIsExecutedBeforeItsSample) {
+  SimulatedRun run(diary_config("", "before_first = \"rest\""));
+  std::vector<std::pair<HostTime, char>> sent;
+  std::deque<HostTime> input;
+  constexpr std::array<Nanoseconds, 5> ahead = {3ms, 1ms, 100us, 10us, 1us};
+  for (int i = 0; i < 200; ++i) input.push_back(run.at(1.001 + 0.01 * i) - ahead[static_cast<std::size_t>(i) % 5]);
+  const std::deque<HostTime> commands = input;
+  run.make_sensor = [&](SimulatedHost& host) {
+    auto port = std::make_unique<DiaryPort>(host, sent, input);
+    port->is_waited_for = true;
+    host.next_input = [port = port.get()](int) {
+      return port->input.empty() ? SimulatedHost::never : port->input.front();
+    };
+    return port;
+  };
+  run.run(4);
+  ASSERT_EQ(count('r'), 200U);
+  expect_increasing_times();
+  std::size_t commanded = 0, frame = 0;
+  for (std::size_t i = 0; i < Diary::entries.size(); ++i) {
+    const auto& [call, time] = Diary::entries[i];
+    if (call == 's' || call == 'r' || call == 'p') {
+      ASSERT_EQ(sent[frame++].second, call) << "frames leave in the order of the calls";
+    }
+    if (call != 'r') continue;
+    const HostTime written = commands[commanded++];
+    EXPECT_EQ(sent[frame - 1].first, written);
+    EXPECT_EQ(time - DeviceTime{}, written - run.at(0.001)) << "power comes on at 1 ms";
   }
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
@@ -28,15 +29,16 @@ class SimulatedHost final : public Host {
     return now_;
   }
   bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept override {
-    bool others = false;
-    for (pollfd& input : inputs.subspan(1)) {
-      input.revents = input.fd >= 0 && is_readable && is_readable(input.fd) ? POLLIN : 0;
-      others = others || input.revents != 0;
+    HostTime until = time;
+    for (const pollfd& input : inputs) until = std::min(until, readable_at(input, &input == inputs.data()));
+    go_to(std::max(now_, until));
+    bool any = false;
+    for (pollfd& input : inputs) {
+      input.revents = readable_at(input, &input == inputs.data()) <= now_ ? POLLIN : 0;
+      any = any || input.revents != 0;
     }
-    const bool comes = inputs[0].fd >= 0 && !arrivals.empty() && arrivals.front().time <= (others ? now_ : time);
-    if (!others) go_to(comes ? std::max(now_, arrivals.front().time) : time);
-    inputs[0].revents = comes ? POLLIN : 0;
-    return comes || others;
+    if (on_wait) on_wait();
+    return any;
   }
   // The sum of the times for which the loop was to spin.
   Nanoseconds spun() const { return spun_; }
@@ -44,12 +46,19 @@ class SimulatedHost final : public Host {
   void freeze(HostTime from, HostTime until) { freezes_.push_back({from, until}); }
   void spend(Nanoseconds time) noexcept { go_to(now_ + time); }
 
-  std::deque<Arrival> arrivals;             // of truth, in order
-  std::function<bool(int fd)> is_readable;  // of the sensors' ports
+  std::deque<Arrival> arrivals;                // of truth, in order
+  std::function<HostTime(int fd)> next_input;  // when a sensor's port is readable, or `never`
+  static constexpr HostTime never{std::numeric_limits<std::int64_t>::max()};
+  std::function<void()> on_wait;  // called at the end of each wait for input
   HostTime end;
   std::atomic<bool> stop = false;
 
  private:
+  HostTime readable_at(const pollfd& input, bool is_truth) const {
+    if (input.fd < 0) return never;
+    if (is_truth) return arrivals.empty() ? never : arrivals.front().time;
+    return next_input ? next_input(input.fd) : never;
+  }
   void go_to(HostTime time) noexcept {
     now_ = std::max(now_, time);
     for (const auto& [from, until] : freezes_)

@@ -72,7 +72,9 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     Session session(config, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
       if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, capture, Nanoseconds{0});
       auto recording = std::make_unique<RecordingPort>(record, host_bytes(protocol.name));
-      host.is_readable = [recording = recording.get()](int) { return recording->has_input(); };
+      host.next_input = [recording = recording.get()](int) {
+        return recording->has_input() ? HostTime{} : SimulatedHost::never;
+      };
       return recording;
     });
     std::unique_ptr<Pacer> pacer = std::make_unique<TruthPacer>();
