@@ -25,8 +25,8 @@ class DeviceTest : public LiveTest {
     ++sequence_;
     return done;
   }
-  FileDescriptor open_client() const {
-    FileDescriptor tty(::open(path("imu").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  FileDescriptor open_client(const std::string& name = "imu") const {
+    FileDescriptor tty(::open(path(name).c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     termios settings{};
     ::tcgetattr(tty.get(), &settings);
     ::cfmakeraw(&settings);
@@ -162,6 +162,59 @@ TEST_F(DeviceTest, PowerOffAndOnEndsAMipDevicesIdle) {
   ASSERT_TRUE(imud_.wait_for_errors("power off and on"));
   EXPECT_GT(count(listen(client, 50), packet), 30U);
   imud_.stop();
+}
+
+// In real time, a sample is prepared when the command arrives in most cases.
+TEST_F(DeviceTest, NoDatagramFollowsTheAnswerToACommandThatEndsNormalMode) {
+  std::size_t entered = 0;
+  for (const std::string rate : {"1000", "2000"}) {
+    Program imud("imud");
+    start(imud, write("config.toml",
+                      fmt::format("[truth]\nport = \"{}\"\n[[imu]]\nprotocol = \"stim300\"\nport = \"pty:{}\"\n"
+                                  "device.sample_rate = {}\ndevice.bit_rate = 1843200\ndevice.start_up = false\n",
+                                  simulator_.port(), path("imu" + rate), rate)));
+    ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu" + rate)); }));
+    const FileDescriptor client = open_client("imu" + rate);
+    std::string bytes;
+    // Reads until `end` is received, and returns everything up to there.
+    const auto read_to = [&](std::string_view end) {
+      std::array<char, 4096> buffer;
+      bytes.clear();
+      const bool found = eventually([&] {
+        const ssize_t size = ::read(client.get(), buffer.data(), buffer.size());
+        if (size > 0) bytes.append(buffer.data(), static_cast<std::size_t>(size));
+        return bytes.find(end) != std::string::npos;
+      });
+      return found ? bytes.substr(bytes.find(end) + end.size()) : "no end";
+    };
+    const std::string measurement = "\xA7";
+    for (int i = 0; i < 40; ++i) {
+      ASSERT_NE(read_to(measurement), "no end");
+      send(client, "SERVICEMODE\r");
+      ASSERT_NE(read_to("SERIAL NUMBER = "), "no end");
+      std::string after = bytes.substr(bytes.find("SERIAL NUMBER = "));
+      if (after.find("\r>") == std::string::npos) {
+        ASSERT_NE(read_to("\r>"), "no end");
+        after += bytes;
+      }
+      EXPECT_TRUE(after.ends_with("\r>")) << i << " at " << rate << " Hz";
+      send(client, "\r");
+      EXPECT_EQ(read_to("\r>"), "");
+      EXPECT_EQ(bytes, "\r>") << i << " at " << rate << " Hz";
+      send(client, "x N\r");
+      ASSERT_NE(read_to(measurement), "no end");
+
+      send(client, "UTILITYMODE\r");
+      EXPECT_EQ(read_to("#UTILITYMODE,234\r"), "") << i << " at " << rate << " Hz";
+      send(client, "$isn,28\r");
+      EXPECT_EQ(read_to("\r"), "");
+      EXPECT_TRUE(bytes.starts_with("#isn,0,N")) << i << " at " << rate << " Hz";
+      send(client, "$xn,150\r");
+      entered += 2;
+    }
+    imud.stop();
+  }
+  EXPECT_EQ(entered, 160U);
 }
 
 }  // namespace
