@@ -2,23 +2,20 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/ioctl.h>
-#include <sys/stat.h>
 #include <termios.h>
 
 #include <array>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <optional>
-#include <tuple>
 
 #include "transports/byte_writer.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/paced_writer.hpp"
 #include "transports/port.hpp"
+#include "transports/pty_keeper.hpp"
+#include "transports/pty_pair.hpp"
 #include "transports/termios2.hpp"
 #include "transports/uart_options.hpp"
 #include "transports/uart_wire.hpp"
@@ -26,55 +23,19 @@
 namespace imud {
 namespace {
 
-constexpr std::string_view slaves = "/dev/pts/";
-
-bool make_raw(int fd) noexcept {
-  termios line{};
-  if (::tcgetattr(fd, &line) != 0) return false;
-  ::cfmakeraw(&line);
-  return ::tcsetattr(fd, TCSANOW, &line) == 0;
-}
-
-// Returns true if the pty that `link` points to still belongs to the process that made the link. The kernel reuses a
-// number as soon as it is free, so a pty that is younger than the link is another process's. I/O does not change
-// st_ctim.
-bool is_served(const std::string& link) noexcept {
-  struct stat made {
-  }, pty{};
-  if (::lstat(link.c_str(), &made) != 0 || ::stat(link.c_str(), &pty) != 0) return false;
-  return std::tie(pty.st_ctim.tv_sec, pty.st_ctim.tv_nsec) <= std::tie(made.st_mtim.tv_sec, made.st_mtim.tv_nsec);
-}
-
-// imud's end as the sensor. The other end is a client that opens and closes it at will.
+// imud's end as the sensor. The other end is a client that opens and closes it at will. If the link has a keeper, the
+// pty is the keeper's: speed and settings are those that the client has left.
 class PtyDevice final : public Port {
  public:
   PtyDevice(const PortSpec& spec, const PortSettings& settings)
-      : link_(spec.address),
+      : kept_(take_kept_pty(spec)),
+        pty_(kept_ ? PtyPair(spec, std::move(kept_->master)) : PtyPair(spec)),
         line_(uart_settings(spec, settings, 0)),
         any_speed_(spec.one_of("speed", "line any") == "any") {
     if (settings.paced) paced_.emplace();
-    const auto failed = [&](std::string_view what) {
-      return spec.error(fmt::format("{}: {}", what, std::strerror(errno)));
-    };
-    master_.reset(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    if (!master_ || ::grantpt(master_.get()) != 0 || ::unlockpt(master_.get()) != 0)
-      throw failed("cannot make a pty");
-    int number = 0;
-    if (::ioctl(master_.get(), TIOCGPTN, &number) != 0) throw failed("cannot make a pty");
-    slave_ = fmt::format("{}{}", slaves, number);
-
-    // After the slave was opened and closed once, poll() shows whether a client has it open.
-    const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-    if (!slave || !make_raw(slave.get())) throw failed(slave_);
-    if (line_.baud != 0 && !set_line_speed(slave.get(), line_.baud)) throw failed("baud");
-
-    make_link(spec);
+    set_first_speed(spec);
     state_ = PortState::no_reader;
-  }
-
-  ~PtyDevice() override {
-    std::error_code error;
-    if (std::filesystem::read_symlink(link_, error) == slave_) std::filesystem::remove(link_, error);
+    if (kept_) resume();
   }
 
   void send(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(100)); }
@@ -93,7 +54,7 @@ class PtyDevice final : public Port {
     } else if (state_ == PortState::wrong_speed) {
       write_garbage(frames);
     } else {
-      writer_.write(master_.get(), frames, counters_);
+      writer_.write(pty_.master(), frames, counters_);
     }
   }
 
@@ -101,7 +62,7 @@ class PtyDevice final : public Port {
     // Garbage is computed bit by bit: only a little is read at a time, so that a flood does not delay samples.
     constexpr std::size_t little = 64;
     const ssize_t size =
-        ::read(master_.get(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
+        ::read(pty_.master(), buffer_.data(), state_ == PortState::wrong_speed ? little : buffer_.size());
     if (size <= 0) {
       check_reader();
       return std::nullopt;
@@ -129,42 +90,30 @@ class PtyDevice final : public Port {
     if (!check_reader()) return true;
     flush();
     if (paced_ && !paced_->is_idle()) return false;
-    const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    const FileDescriptor slave = pty_.open_slave();
     // poll(), unlike FIONREAD, also finds what is still on its way from the master.
     pollfd unread{slave.get(), POLLIN, 0};
     return !slave || ::poll(&unread, 1, 0) <= 0;
   }
 
   // -1 without a reader, because poll() would always return at once.
-  int descriptor() const noexcept override { return state_ == PortState::no_reader ? -1 : master_.get(); }
+  int descriptor() const noexcept override { return state_ == PortState::no_reader ? -1 : pty_.master(); }
 
  private:
-  void make_link(const PortSpec& spec) const {
-    namespace fs = std::filesystem;
-    std::error_code error;
-    const fs::file_status old = fs::symlink_status(link_, error);
-    if (fs::is_symlink(old)) {
-      const std::string target = fs::read_symlink(link_, error).string();
-      if (!target.starts_with(slaves))
-        throw spec.error(fmt::format("is a link to {}, not to a pty; it is left alone, choose another name", target));
-      if (target != slave_ && is_served(link_))
-        throw spec.error(
-            fmt::format("another process serves it ({}); stop that one, choose another name, or remove the "
-                        "link",
-                        target));
-    } else if (fs::exists(old)) {
-      throw spec.error("exists and is not a link; it is left alone, choose another name");
-    }
+  // Sets the line's speed, unless a client of a kept pty has set one.
+  void set_first_speed(const PortSpec& spec) const {
+    constexpr unsigned of_new_pty = 38400;  // tty_std_termios in Linux' tty_io.c
+    if (line_.baud == 0 || line_speed(pty_.master()) != of_new_pty) return;
+    const FileDescriptor slave = pty_.open_slave();
+    if (!set_line_speed(slave.get(), line_.baud)) throw spec.error(fmt::format("baud: {}", std::strerror(errno)));
+  }
 
-    // The new link replaces the old one in one step.
-    const std::string fresh = fmt::format("{}.{}.{}", link_, ::getpid(), slave_.substr(slaves.size()));
-    fs::create_symlink(slave_, fresh, error);
-    if (!error) fs::rename(fresh, link_, error);
-    if (error) {
-      std::error_code ignored;
-      fs::remove(fresh, ignored);
-      throw spec.error(fmt::format("cannot make the link: {}", error.message()));
+  // Discards what the client sent while no device was there, and what a client that has left did not read.
+  void resume() noexcept {
+    while (::read(pty_.master(), buffer_.data(), buffer_.size()) > 0) {
     }
+    state_ = PortState::ready;
+    check_reader();
   }
 
   // Checks for a reader at most every 5 ms. When it finds that the reader has left, it discards what that reader had
@@ -177,7 +126,7 @@ class PtyDevice final : public Port {
   }
 
   bool check_reader() noexcept {
-    pollfd master{master_.get(), 0, 0};
+    pollfd master{pty_.master(), 0, 0};
     ::poll(&master, 1, 0);
     const bool present = (master.revents & POLLHUP) == 0;
     if (!present && state_ != PortState::no_reader) discard_unread();
@@ -188,7 +137,7 @@ class PtyDevice final : public Port {
 
   // Compares the client's speed with the line's; 0 means no speed. The master reports the slave's settings.
   PortState state_with_reader() noexcept {
-    speeds_ = {line_now().baud, line_speed(master_.get()).value_or(0)};
+    speeds_ = {line_now().baud, line_speed(pty_.master()).value_or(0)};
     const bool checked = !any_speed_ && speeds_.line != 0 && speeds_.client != 0;
     return checked && !speeds_match(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed
                                                                               : PortState::ready;
@@ -204,9 +153,9 @@ class PtyDevice final : public Port {
       std::size_t count = bytes.size();
       if (state_ == PortState::wrong_speed) {
         const auto garbage = as_client_receives(bytes, count == paced_->queued());
-        static_cast<void>(::write(master_.get(), garbage.data(), garbage.size()));
+        static_cast<void>(::write(pty_.master(), garbage.data(), garbage.size()));
       } else {
-        count = static_cast<std::size_t>(std::max<ssize_t>(::write(master_.get(), bytes.data(), count), 0));
+        count = static_cast<std::size_t>(std::max<ssize_t>(::write(pty_.master(), bytes.data(), count), 0));
       }
       paced_->written(count, now, counters_);
       if (count < bytes.size()) break;
@@ -215,10 +164,10 @@ class PtyDevice final : public Port {
 
   // Garbage that the kernel does not take is dropped.
   void write_garbage(std::span<const Frame> frames) noexcept {
-    writer_.write(master_.get(), {}, counters_);
+    writer_.write(pty_.master(), {}, counters_);
     for (const Frame& frame : frames) {
       const auto garbage = as_client_receives(frame.bytes, &frame == &frames.back());
-      const bool taken = writer_.is_idle() && ::write(master_.get(), garbage.data(), garbage.size()) >= 0;
+      const bool taken = writer_.is_idle() && ::write(pty_.master(), garbage.data(), garbage.size()) >= 0;
       ++(taken ? counters_.sent : counters_.dropped);
     }
   }
@@ -252,17 +201,16 @@ class PtyDevice final : public Port {
     writer_.discard(counters_);
     if (paced_) paced_->discard(counters_);
     to_client_.idle();
-    const FileDescriptor slave(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+    const FileDescriptor slave = pty_.open_slave();
     if (slave) ::tcflush(slave.get(), TCIFLUSH);
   }
 
   static constexpr std::size_t most_read = 256;
 
-  const std::string link_;
+  std::optional<KeptPty> kept_;
+  PtyPair pty_;
   UartSettings line_;  // of the device; baud 0: not known
   const bool any_speed_;
-  std::string slave_;
-  FileDescriptor master_;
   HostTime checked_;  // when has_reader() last checked for a reader
   ByteWriter writer_;
   std::optional<PacedWriter> paced_;

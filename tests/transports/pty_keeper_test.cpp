@@ -1,0 +1,174 @@
+// A pty whose keeper holds it while its device comes and goes.
+#include "transports/pty_keeper.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+
+#include <thread>
+
+#include "tests/transports/port_error.hpp"
+#include "tests/transports/scratch_folder.hpp"
+#include "tests/transports/terminal.hpp"
+#include "transports/termios2.hpp"
+
+namespace imud {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Keeper : public ::testing::Test {
+ protected:
+  Keeper() { begin(); }
+  ~Keeper() override { end(); }
+  void begin() {
+    std::array<int, 2> ends{};
+    if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
+    stopped_.reset(ends[0]);
+    stop_.reset(ends[1]);
+    keepers_.push_back(std::make_unique<PtyKeeper>(link));
+    keepers_.push_back(std::make_unique<PtyKeeper>(folder / "imu2"));
+    thread_ = std::jthread([this] { PtyKeeper::serve(keepers_, stopped_.get()); });
+  }
+  void end() {
+    stop_.reset();
+    if (thread_.joinable()) thread_.join();
+    keepers_.clear();
+  }
+  std::unique_ptr<Port> device(const std::string& options = "") const {
+    return open_port("pty:" + link + options, Role::device);
+  }
+  static bool is_hung_up(const FileDescriptor& client) {
+    pollfd events{client.get(), POLLIN, 0};
+    ::poll(&events, 1, 0);
+    return (events.revents & (POLLHUP | POLLERR)) != 0;
+  }
+
+  ScratchFolder folder;
+  const std::string link = folder / "imu1";
+  NumberedFrames frames;
+  NumberedReader reader;
+
+ private:
+  FileDescriptor stopped_, stop_;
+  std::vector<std::unique_ptr<PtyKeeper>> keepers_;
+  std::jthread thread_;
+};
+
+TEST_F(Keeper, AClientIsNotHungUpWhileItsDeviceIsAway) {
+  const FileDescriptor client = open_terminal(link);
+  for (std::size_t round = 1; round <= 3; ++round) {
+    const auto port = device();
+    port->send(frames.next(10));
+    EXPECT_EQ(port->counters().dropped, 0U);
+    drain(client.get(), reader);
+    EXPECT_EQ(reader.numbers.size(), 10 * round);
+    const std::string command = "command";
+    ASSERT_EQ(::write(client.get(), command.data(), command.size()), 7);
+    pollfd ready{port->descriptor(), POLLIN, 0};
+    ASSERT_EQ(::poll(&ready, 1, 5000), 1);
+    const auto received = port->receive();
+    ASSERT_TRUE(received);
+    EXPECT_EQ(received->frame.bytes.size(), 7U);
+    EXPECT_FALSE(is_hung_up(client));
+  }
+  EXPECT_FALSE(is_hung_up(client));
+  EXPECT_TRUE(fs::is_symlink(link));
+  end();
+  EXPECT_TRUE(is_hung_up(client)) << "otherwise is_hung_up() proves nothing";
+}
+
+// A sensor without power receives nothing.
+TEST_F(Keeper, WhatAClientSendsWhileItsDeviceIsAwayIsLost) {
+  device();
+  const FileDescriptor client = open_terminal(link);
+  ASSERT_EQ(::write(client.get(), "lost", 4), 4);
+  const auto port = device();
+  ASSERT_EQ(::write(client.get(), "new", 3), 3);
+  pollfd ready{port->descriptor(), POLLIN, 0};
+  ASSERT_EQ(::poll(&ready, 1, 5000), 1);
+  const auto received = port->receive();
+  ASSERT_TRUE(received);
+  EXPECT_EQ(received->frame.bytes.size(), 3U);
+}
+
+TEST_F(Keeper, ANewClientGetsNothingThatAFormerOneLeft) {
+  {
+    const FileDescriptor former = open_terminal(link);
+    device()->send(frames.next(10));
+  }
+  const auto port = device();
+  const FileDescriptor client = open_terminal(link);
+  port->send(frames.next(1));
+  drain(client.get(), reader);
+  EXPECT_EQ(reader.numbers, std::vector<std::uint32_t>{10});
+}
+
+TEST_F(Keeper, TheClientsSpeedRemainsAndIsCompared) {
+  const FileDescriptor client = open_terminal(link);
+  auto port = device("?baud=115200");
+  EXPECT_EQ(line_speed(client.get()), 115200U) << "the first device sets the line's speed";
+  ASSERT_TRUE(set_line_speed(client.get(), 921600));
+  port.reset();
+  port = device("?baud=115200");
+  EXPECT_EQ(line_speed(client.get()), 921600U);
+  port->send(frames.next(1));
+  EXPECT_EQ(port->state(), PortState::wrong_speed);
+}
+
+TEST_F(Keeper, OneDeviceHasThePty) {
+  const auto port = device();
+  EXPECT_TRUE(mentions(error_of("pty:" + link), "another process has it"));
+  EXPECT_EQ(error_of("pty:" + (folder / "imu2")), "") << "each link has a pty of its own";
+  const FileDescriptor client = open_terminal(link);
+  port->send(frames.next(1));
+  drain(client.get(), reader);
+  EXPECT_EQ(reader.numbers.size(), 1U);
+}
+
+TEST_F(Keeper, OneKeeperHoldsALink) {
+  EXPECT_THROW(PtyKeeper(this->link), PortError);
+  EXPECT_NE(device(), nullptr);
+}
+
+// As for a device without a keeper.
+TEST_F(Keeper, WithoutItsKeeperADeviceGoesOnUntilItEnds) {
+  auto port = device();
+  const FileDescriptor client = open_terminal(link);
+  end();
+  EXPECT_FALSE(fs::exists(fs::symlink_status(link)));
+  EXPECT_FALSE(fs::exists(link + ".keeper"));
+  port->send(frames.next(5));
+  drain(client.get(), reader);
+  EXPECT_EQ(reader.numbers.size(), 5U);
+  port.reset();
+  EXPECT_TRUE(is_hung_up(client));
+}
+
+TEST_F(Keeper, TheSocketOfAKeeperThatWasKilledIsReplaced) {
+  end();
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string path = link + ".keeper";
+  ASSERT_LT(path.size(), sizeof address.sun_path);
+  path.copy(address.sun_path, path.size());
+  {
+    const FileDescriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  }
+  ASSERT_TRUE(fs::exists(path));
+  EXPECT_NE(device(), nullptr) << "which makes its own pty";
+  begin();
+  device();
+  EXPECT_TRUE(fs::is_symlink(link)) << "the keeper's";
+}
+
+TEST_F(Keeper, APathThatIsTooLongForASocketIsNamed) {
+  const std::string long_link = folder / std::string(100, 'x');
+  EXPECT_THROW(PtyKeeper{long_link}, PortError);
+  EXPECT_FALSE(fs::exists(fs::symlink_status(long_link)));
+  EXPECT_NE(open_port("pty:" + long_link, Role::device), nullptr) << "without a keeper any length will do";
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,104 @@
+#include "transports/pty_pair.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <termios.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <tuple>
+#include <utility>
+
+namespace imud {
+namespace {
+
+constexpr std::string_view slaves = "/dev/pts/";
+
+// Returns true if the pty that `link` points to still belongs to the process that made the link. The kernel reuses a
+// number as soon as it is free, so a pty that is younger than the link is another process's. I/O does not change
+// st_ctim.
+bool is_served(const std::string& link) noexcept {
+  struct stat made {
+  }, pty{};
+  if (::lstat(link.c_str(), &made) != 0 || ::stat(link.c_str(), &pty) != 0) return false;
+  return std::tie(pty.st_ctim.tv_sec, pty.st_ctim.tv_nsec) <= std::tie(made.st_mtim.tv_sec, made.st_mtim.tv_nsec);
+}
+
+PortError failed(const PortSpec& spec, std::string_view what) {
+  return spec.error(fmt::format("{}: {}", what, std::strerror(errno)));
+}
+
+std::string slave_of(const PortSpec& spec, const FileDescriptor& master) {
+  int number = 0;
+  if (!master || ::ioctl(master.get(), TIOCGPTN, &number) != 0) throw failed(spec, "cannot make a pty");
+  return fmt::format("{}{}", slaves, number);
+}
+
+FileDescriptor new_master(const PortSpec& spec) {
+  FileDescriptor master(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0)
+    throw failed(spec, "cannot make a pty");
+  return master;
+}
+
+}  // namespace
+
+bool make_raw(int fd) noexcept {
+  termios line{};
+  if (::tcgetattr(fd, &line) != 0) return false;
+  ::cfmakeraw(&line);
+  return ::tcsetattr(fd, TCSANOW, &line) == 0;
+}
+
+PtyPair::PtyPair(const PortSpec& spec) : PtyPair(spec, new_master(spec)) {
+  const FileDescriptor slave = open_slave();
+  if (!slave || !make_raw(slave.get())) throw failed(spec, slave_);
+  make_link(spec);
+  link_ = spec.address;
+}
+
+PtyPair::PtyPair(const PortSpec& spec, FileDescriptor master)
+    : master_(std::move(master)), slave_(slave_of(spec, master_)) {}
+
+PtyPair::~PtyPair() {
+  if (link_.empty()) return;
+  std::error_code error;
+  if (std::filesystem::read_symlink(link_, error) == slave_) std::filesystem::remove(link_, error);
+}
+
+FileDescriptor PtyPair::open_slave() const noexcept {
+  return FileDescriptor(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+}
+
+void PtyPair::make_link(const PortSpec& spec) const {
+  namespace fs = std::filesystem;
+  const std::string& link = spec.address;
+  std::error_code error;
+  const fs::file_status old = fs::symlink_status(link, error);
+  if (fs::is_symlink(old)) {
+    const std::string target = fs::read_symlink(link, error).string();
+    if (!target.starts_with(slaves))
+      throw spec.error(fmt::format("is a link to {}, not to a pty; it is left alone, choose another name", target));
+    if (target != slave_ && is_served(link))
+      throw spec.error(fmt::format(
+          "another process serves it ({}); stop that one, choose another name, or remove the link", target));
+  } else if (fs::exists(old)) {
+    throw spec.error("exists and is not a link; it is left alone, choose another name");
+  }
+
+  // The new link replaces the old one in one step.
+  const std::string fresh = fmt::format("{}.{}.{}", link, ::getpid(), slave_.substr(slaves.size()));
+  fs::create_symlink(slave_, fresh, error);
+  if (!error) fs::rename(fresh, link, error);
+  if (error) {
+    std::error_code ignored;
+    fs::remove(fresh, ignored);
+    throw spec.error(fmt::format("cannot make the link: {}", error.message()));
+  }
+}
+
+}  // namespace imud

@@ -1,0 +1,41 @@
+// PtyPair: the master of a pseudo-terminal, and a link to its slave. pty(7), ioctl_tty(2).
+#pragma once
+
+#include <string>
+
+#include "transports/file_descriptor.hpp"
+#include "transports/port_spec.hpp"
+
+namespace imud {
+
+// Sets a terminal to raw mode. Returns false if it is none.
+bool make_raw(int fd) noexcept;
+
+// A pty whose slave is raw and was opened and closed once, so that poll() on the master shows whether a client has it
+// open. Client and imud use it through the link; the kernel hangs the client up when the last copy of the master is
+// closed.
+class PtyPair {
+ public:
+  // Makes a pty, and the link spec.address, which replaces one that a process that has ended left behind. Throws
+  // PortError.
+  explicit PtyPair(const PortSpec& spec);
+  // Uses an open master; the link remains its owner's. Throws PortError if it is no master of a pty.
+  PtyPair(const PortSpec& spec, FileDescriptor master);
+  ~PtyPair();  // removes the link that the constructor has made, if it is still there
+  PtyPair(const PtyPair&) = delete;
+  PtyPair& operator=(const PtyPair&) = delete;
+
+  int master() const noexcept { return master_.get(); }
+  const std::string& slave() const noexcept { return slave_; }  // "/dev/pts/3"
+  // Opens the slave, without waiting and not as the controlling terminal.
+  FileDescriptor open_slave() const noexcept;
+
+ private:
+  void make_link(const PortSpec& spec) const;
+
+  FileDescriptor master_;
+  std::string slave_;
+  std::string link_;  // empty if it is another's
+};
+
+}  // namespace imud
