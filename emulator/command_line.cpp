@@ -4,9 +4,12 @@
 #include <fmt/ranges.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/signalfd.h>
 
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -18,6 +21,7 @@
 #include "emulator/run.hpp"
 #include "emulator/selftest.hpp"
 #include "transports/port.hpp"
+#include "transports/pty_keeper.hpp"
 
 namespace imud {
 
@@ -105,6 +109,23 @@ int list(const std::string& name) {
   return 0;
 }
 
+// Holds ptys until SIGINT, SIGTERM or SIGHUP.
+int keep_ptys(const std::vector<std::string>& links) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals, signal);
+  sigprocmask(SIG_BLOCK, &signals, nullptr);
+  const FileDescriptor stop(::signalfd(-1, &signals, SFD_CLOEXEC));
+  std::vector<std::unique_ptr<PtyKeeper>> keepers;
+  for (const std::string& link : links) {
+    keepers.push_back(std::make_unique<PtyKeeper>(link));
+    fmt::print("{} is held, as {}\n", link, keepers.back()->slave());
+  }
+  std::fflush(stdout);
+  PtyKeeper::serve(keepers, stop.get());
+  return 0;
+}
+
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   if (arguments.fast) overrides.emplace_back("clock=fast");
@@ -186,6 +207,10 @@ int command_line(int argc, const char* const* argv) {
   auto* list_command =
       app.add_subcommand("list", "Show protocols, truth formats and transports, or the settings of NAME");
   list_command->add_option("NAME", arguments.name, "A protocol or truth format");
+  auto* pty_command = app.add_subcommand(
+      "pty", "Hold pseudo-terminals, so that their clients are not hung up while imud restarts; until SIGTERM");
+  std::vector<std::string> links;
+  pty_command->add_option("LINK", links, "As in port = \"pty:LINK\" of the configuration")->required();
 
   try {
     app.parse(argc, argv);
@@ -197,6 +222,7 @@ int command_line(int argc, const char* const* argv) {
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     if (list_command->parsed()) return list(arguments.name);
     if (check_command->parsed()) return check(arguments);
+    if (pty_command->parsed()) return keep_ptys(links);
     if (selftest_command->parsed()) {
       const Config config =
           arguments.config.empty() ? selftest_config() : load_config(arguments.config, arguments.overrides);
@@ -209,7 +235,7 @@ int command_line(int argc, const char* const* argv) {
     fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");
     return 2;
   } catch (const PortError& error) {
-    fmt::print(stderr, "{}: {}\n", arguments.config, error.what());
+    fmt::print(stderr, "{}: {}\n", arguments.config.empty() ? "imud" : arguments.config, error.what());
     return 2;
   } catch (const std::invalid_argument& error) {
     fmt::print(stderr, "imud: --require {}\n", error.what());

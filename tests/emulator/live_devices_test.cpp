@@ -217,5 +217,36 @@ TEST_F(DeviceTest, NoDatagramFollowsTheAnswerToACommandThatEndsNormalMode) {
   EXPECT_EQ(entered, 160U);
 }
 
+// imud is killed and begins again; its client, which has the pty open all the time, notices only a pause.
+TEST_F(DeviceTest, AClientOfAKeptPtyIsNotHungUpWhenImudIsKilled) {
+  Program keeper("imud");
+  keeper.start({"pty", path("imu")});
+  ASSERT_TRUE(keeper.wait_for_output("is held"));
+  const FileDescriptor client = open_client();
+  const std::string config = write(
+      "config.toml", fmt::format("[truth]\nport = \"{}\"\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:{}\"\n",
+                                 simulator_.port(), path("imu")));
+  for (int i = 0; i < 3; ++i) {
+    Program imud("imud");
+    start(imud, config);
+    std::string bytes;
+    std::array<char, 4096> buffer;
+    ASSERT_TRUE(eventually([&] {
+      const ssize_t size = ::read(client.get(), buffer.data(), buffer.size());
+      if (size > 0) bytes.append(buffer.data(), static_cast<std::size_t>(size));
+      return count(bytes, "$VNYMR,") > 5;
+    })) << i;
+    EXPECT_EQ(imud.stop(SIGKILL), 128 + SIGKILL);
+    while (::read(client.get(), buffer.data(), buffer.size()) > 0) {
+    }
+    EXPECT_EQ(errno, EAGAIN) << "no end of the file";
+    pollfd events{client.get(), POLLIN | POLLOUT, 0};
+    EXPECT_EQ(::poll(&events, 1, 0), 1);
+    EXPECT_EQ(events.revents, POLLOUT) << "no hang-up";
+  }
+  EXPECT_EQ(keeper.stop(), 0);
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(path("imu"))));
+}
+
 }  // namespace
 }  // namespace imud
