@@ -11,8 +11,6 @@ struct Network {
   double rate = 1;  // simulation seconds per host second
 };
 
-TruthTime network_at_s(double s) { return TruthTime{} + nanoseconds(s); }
-
 class DisturbedTruth : public RealtimeTest {
  protected:
   // Truths every 10 ms from 0 to `until_s`. Remembers when each arrives.
@@ -33,7 +31,7 @@ class DisturbedTruth : public RealtimeTest {
     }
   }
   void put(SimulatedRun& run, double arrival_s, double t) {
-    run.truth(arrival_s, Swing::truth(network_at_s(t)));
+    run.truth(arrival_s, Swing::truth(at_s(t)));
     const auto [at, fresh] = arrivals_.emplace(t, arrival_s);
     if (!fresh) at->second = std::min(at->second, arrival_s);
   }
@@ -67,7 +65,7 @@ TEST_F(DisturbedTruth, WithoutDelayTheSumsFollowAndReturn) {
     EXPECT_EQ(run.counters().held, 0U);
 
     Timeline undisturbed;
-    for (int k = 900; k <= 1020; ++k) undisturbed.push(Swing::truth(network_at_s(step_s * k)));
+    for (int k = 900; k <= 1020; ++k) undisturbed.push(Swing::truth(at_s(step_s * k)));
     std::size_t whole = 0, extrapolated = 0;
     for (const Reached& r : navigate(run.left(), 0)) {
       const double host_s = run.since_begin(r.host);
@@ -75,7 +73,7 @@ TEST_F(DisturbedTruth, WithoutDelayTheSumsFollowAndReturn) {
       const double dv_error = (r.dv_N - Swing::dv_N(r.time_s)).norm();
       if (host_s > 10.115 && (r.sample.status & status::truth_extrapolated) == 0) {
         ++whole;
-        const MotionState state = undisturbed.at(network_at_s(r.time_s));
+        const MotionState state = undisturbed.at(at_s(r.time_s));
         ASSERT_NEAR(r.angle, log(state.q_NB).z(), 1e-9) << host_s;
         ASSERT_LT((r.dv_N - Swing::dv_N(9) - state.dv_N).norm(), 1e-9) << host_s;
         continue;
@@ -107,9 +105,9 @@ TEST_F(DisturbedTruth, WithEnoughDelayItIsTheUndisturbedStream) {
 
     // The model on the same truths in order, at the same instants.
     Timeline timeline;
-    for (int k = 0; k <= 1000; ++k) timeline.push(Swing::truth(network_at_s(step_s * k)));
+    for (int k = 0; k <= 1000; ++k) timeline.push(Swing::truth(at_s(step_s * k)));
     for (const Reached& r : navigate(run.left(), 0)) {
-      const MotionState state = timeline.at(network_at_s(r.time_s));
+      const MotionState state = timeline.at(at_s(r.time_s));
       ASSERT_NEAR(r.angle, log(state.q_NB).z(), 1e-9) << r.time_s;
       ASSERT_NEAR(r.sample.rate.z(), state.omega_BN_B.z(), 1e-9) << r.time_s;
       ASSERT_LT((r.sample.specific_force - state.specific_force_B).norm(), 1e-9) << r.time_s;
@@ -200,8 +198,8 @@ TEST_F(DisturbedTruth, TheSlowClockOf42) {
       ASSERT_NEAR(r.angle, Swing::angle(r.time_s), Swing::angle_error(h)) << r.time_s;
       ASSERT_LT((r.dv_N - Swing::dv_N(r.time_s)).norm(), Swing::dv_error(h)) << r.time_s;
       if (!enough) continue;
-      for (; step_s * k < r.time_s + 2 * step_s; ++k) undisturbed.push(Swing::truth(network_at_s(step_s * k)));
-      const MotionState state = undisturbed.at(network_at_s(r.time_s));
+      for (; step_s * k < r.time_s + 2 * step_s; ++k) undisturbed.push(Swing::truth(at_s(step_s * k)));
+      const MotionState state = undisturbed.at(at_s(r.time_s));
       ASSERT_NEAR(r.angle, log(state.q_NB).z(), 1e-9) << r.time_s;
       ASSERT_LT((r.dv_N - state.dv_N).norm(), 1e-8) << r.time_s;
     }

@@ -7,8 +7,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TruthTime at_s(double s) { return TruthTime{} + nanoseconds(s); }
-
 class RealtimeRun : public RealtimeTest {
  protected:
   // Sends truths from `from_s` to `until_s` of simulation time, every 10 ms; each arrives 0.1 s + `late_s` after its

@@ -14,6 +14,8 @@
 
 namespace imud {
 
+inline TruthTime at_s(double s) { return TruthTime{} + nanoseconds(s); }
+
 // Swings about z, under a force in the inertial x-y plane whose direction and magnitude change. The force along z is
 // constant and therefore extrapolated without error: a sensor's sum of delta-velocities along z gives the time up to
 // which it has sampled.
