@@ -147,6 +147,27 @@ TEST_F(ProductBeforeFirst, AStim300StartsUp) {
   }
 }
 
+// A rig whose simulator waits for the flight computer, and that one for its sensor, must start.
+TEST_F(ProductBeforeFirst, AStim300ExecutesTheCommandsOfNormalMode) {
+  for (const std::string before : {"rest", "silence"}) {
+    SCOPED_TRACE(before);
+    const auto sent = run("protocol = \"stim300\"\nbefore_first = \"" + before + "\"", 4,
+                          {{1, "N\r"}, {1.2, "I\r"}, {1.4, "C\r"}, {1.6, "T\r"}, {1.8, "E\r"}, {2, "R\r"}});
+    std::vector<std::pair<std::string, double>> specials;
+    for (const Line::Chunk& chunk : sent)
+      if (!chunk.bytes.starts_with("\xA7"))
+        specials.emplace_back(chunk.bytes.substr(0, 1), seconds(chunk.time - begin_));
+    const std::vector<std::pair<std::string, double>> expected = {
+        {"\xB1", 0.102}, {"\xB5", 0.102}, {"\xBC", 0.102}, {"\xB1", 1},   {"\xB5", 1.2}, {"\xBC", 1.4},
+        {"\xD1", 1.6},   {"\xBE", 1.8},   {"\xB1", 2.1},   {"\xB5", 2.1}, {"\xBC", 2.1}};
+    ASSERT_EQ(specials.size(), expected.size());
+    for (std::size_t i = 0; i < specials.size(); ++i) {
+      EXPECT_EQ(specials[i].first, expected[i].first) << i;
+      EXPECT_NEAR(specials[i].second, expected[i].second, 0.025) << i << ": the line is served every 20 ms";
+    }
+  }
+}
+
 // The numbers and times on the wire go on when the simulator starts, when it stops, and when it starts again.
 class Takeover : public ProductBeforeFirst {
  protected:
