@@ -14,7 +14,8 @@ namespace imud {
 using SettingValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
 // One setting that a table entry declares. The type is that of `initial`. A number must be within [min, max] (if they
-// are equal: any finite number), a text must be one of `choices` (if empty: any text).
+// are equal: any finite number), a text must be one of `choices` (if empty: any text); the entry itself checks a
+// list, whose choices are only listed.
 struct Setting {
   std::string_view key;
   std::string_view help;  // one line, with the unit

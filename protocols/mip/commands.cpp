@@ -38,13 +38,15 @@ constexpr Command commands[] = {
     {three_dm, 0x0F},
     {three_dm, 0x11},
     {three_dm, 0x30},
-    {three_dm, 0x31, cv7},
-    {three_dm, 0x32, cv7},
-    {three_dm, 0x33, cv7},
+    {three_dm, 0x31, series_7},
+    {three_dm, 0x32, series_7},
+    {three_dm, 0x33, series_7},
     {three_dm, 0x37},
     {three_dm, 0x38},
     {three_dm, 0x39},
     {three_dm, 0x40},
+    {three_dm, 0x42, series_7},
+    {three_dm, 0x64, gx5},
     {filter_command, 0x11, gx5},
 };
 
@@ -68,7 +70,7 @@ void Memory::execute(std::span<const std::byte> packet, DeviceTime now, Fields& 
     const std::size_t at = answer->size();
     answer->put(std::uint8_t{ok});
     answer->end();
-    std::array<bool, 3> streamed = {};
+    std::array<bool, streams_of_a_device> streamed = {};
     for (std::size_t i = 0; i < streamed.size(); ++i) streamed[i] = is_streaming(active_.streams[i]);
     answer->set_byte(at, execute(set, command, data, {now, *answer, fields}));
     for (std::size_t i = 0; i < streamed.size(); ++i)
@@ -92,8 +94,11 @@ Memory::Code Memory::execute(std::uint8_t set, std::uint8_t command, Data data, 
     if (kept.set == set && kept.command == command && model_.is(kept.models))
       return execute_kept(kept, data, context.answer);
   for (const Acknowledged& one : acknowledged_commands())
-    if (one.set == set && one.command == command && model_.is(one.models))
-      return data.size() == one.size ? ok : bad_parameter;
+    if (one.set == set && one.command == command && model_.is(one.models)) {
+      if (data.size() != one.size) return bad_parameter;
+      if (set == filter_command && command == 0x01) context.fields.reset_filter();
+      return ok;
+    }
   if (!has(set, command)) return unknown_command;
   if (is_poll(set, command)) return parse_poll(command, data).code;
   Reader reader(data);
@@ -177,6 +182,10 @@ Memory::Code Memory::execute_3dm(std::uint8_t command, Reader& reader, const Con
       return vector(&Configuration::gyro_bias, 1, 0x9B, reader, answer);
     case 0x39:
       return capture_end_ ? failed : bad_parameter;
+    case 0x42:
+      return pin_state(reader, answer);
+    case 0x64:
+      return device_status(reader, context);
     case 0x40: {
       const auto function = reader.take<std::uint8_t>();
       return baud(function, reader, answer, 0x87, false);
@@ -189,6 +198,9 @@ Memory::Code Memory::execute_3dm(std::uint8_t command, Reader& reader, const Con
 void Memory::restart(Fields& fields, DeviceTime now) noexcept {
   active_ = stored_;
   gps_update_ = {};
+  pulses_ = {};
+  bytes_read_ = bytes_written_ = 0;
+  reset_pins();
   capture_end_.reset();
   is_idle_ = false;
   fields.restart(now);
@@ -197,6 +209,7 @@ void Memory::restart(Fields& fields, DeviceTime now) noexcept {
 void Memory::step_clock(Nanoseconds by) noexcept {
   gps_update_.offset_ns -= by.count();
   if (capture_end_) capture_end_ = *capture_end_ + by;
+  if (pulses_.last) pulses_.last = *pulses_.last + by;
 }
 
 Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor,
@@ -218,7 +231,44 @@ Memory::Code Memory::baud(std::uint8_t function, Reader& reader, Packet& answer,
   return ok;
 }
 
-// Sets the week or the second of the week, and keeps the other.
+void Memory::count_bytes(std::size_t received, std::size_t sent) noexcept {
+  bytes_read_ += static_cast<std::uint32_t>(received);
+  bytes_written_ += static_cast<std::uint32_t>(sent);
+}
+
+// Writes the basic structure, or the diagnostic one. Their layouts are those of the manual of the 3DM-GX5-45
+// (8500-0064 C, 4.2.25) and of imu_3dm_gx4 (imu.hpp, DiagnosticFields). Nothing is ever lost, and there is no USB.
+Memory::Code Memory::device_status(Reader& reader, const Context& context) noexcept {
+  enum Selector : std::uint8_t { basic = 1, diagnostic = 2 };
+  const auto model = reader.take<std::uint16_t>();
+  const auto selector = reader.take<std::uint8_t>();
+  unsigned number = 0;
+  for (const char digit : model_.number.substr(0, 4)) number = 10 * number + static_cast<unsigned>(digit - '0');
+  if (!reader.is_done() || model != number || selector < basic || selector > diagnostic) return bad_parameter;
+  const auto milliseconds = [&](DeviceTime at) {
+    return static_cast<std::uint32_t>(context.fields.since_start(at).count() / 1'000'000);
+  };
+  const auto put = [&](std::initializer_list<std::uint32_t> numbers) {
+    for (const std::uint32_t one : numbers) context.answer.put(one);
+  };
+  context.answer.begin(0x90);
+  context.answer.put(model);
+  context.answer.put(selector);
+  put({0, milliseconds(context.now)});  // flags; system timer
+  if (selector == diagnostic) {
+    put({pulses_.count, pulses_.last ? milliseconds(*pulses_.last) : 0});
+    for (const std::uint8_t set : {sensor, filter})
+      context.answer.put(static_cast<std::uint8_t>(is_streaming(active_.streams[slot_of(set)])));
+    put({0, 0, bytes_written_, bytes_read_, 0, 0});  // dropped packets; serial line: bytes, overruns
+    put({0, 0, 0, 0, 0});                            // USB; parsing errors
+    put({static_cast<std::uint32_t>(context.fields.samples()), milliseconds(context.fields.newest().time)});
+  }
+  context.answer.end();
+  return ok;
+}
+
+// Sets the week or the second of the week, and keeps the other. A second is that which began with the last valid edge
+// of the pulse-per-second input; without one, it begins now.
 Memory::Code Memory::update_gps_time(Reader& reader, const Context& context) noexcept {
   enum Part : std::uint8_t { week = 1, time_of_week = 2 };
   constexpr std::int64_t second_ns = 1'000'000'000, week_s = 604'800, week_ns = week_s * second_ns, last_week = 9999;
@@ -232,7 +282,9 @@ Memory::Code Memory::update_gps_time(Reader& reader, const Context& context) noe
     gps_update_.offset_ns = value * week_ns + into_week_ns - context.now.ns;
     gps_update_.has_week = true;
   } else if (part == time_of_week && value < week_s) {
-    gps_update_.offset_ns = now_ns - into_week_ns + value * second_ns - context.now.ns;
+    const bool is_pulsed = pulse_source() == PulseSource::gpio && context.fields.has_pulse(context.now);
+    const DeviceTime begun = is_pulsed ? *pulses_.last : context.now;
+    gps_update_.offset_ns = now_ns - into_week_ns + value * second_ns - begun.ns;
     gps_update_.has_time_of_week = true;
   } else {
     return bad_parameter;
@@ -245,7 +297,9 @@ Memory::Code Memory::device_settings(Reader& reader, const Context& context) noe
   const auto function = reader.take<std::uint8_t>();
   if (!reader.is_done()) return bad_parameter;
   if (function == load || function == to_default) context.fields.begin(0, context.now);
-  return transfer(function, [](Configuration& to, const Configuration& from) { to = from; });
+  const Code code = transfer(function, [](Configuration& to, const Configuration& from) { to = from; });
+  if (function == load || function == to_default) reset_pins();
+  return code;
 }
 
 bool Memory::has(std::uint8_t set, std::uint8_t command) const noexcept {
@@ -273,7 +327,11 @@ void Memory::put_descriptors(Packet& answer, bool extended) const noexcept {
   for (const Command& c : commands) put(c.set, c.command, c.models);
   for (const KeptSetting& kept : kept_settings()) put(kept.set, kept.command, kept.models);
   for (const Acknowledged& one : acknowledged_commands()) put(one.set, one.command, one.models);
-  for (const DataField& field : data_fields()) put(field.set, field.descriptor, field.models);
+  for (const DataField& field : data_fields()) {
+    if (field.set != gnss) put(field.set, field.descriptor, field.models);
+    for (const std::uint8_t receiver : model_.receivers)
+      if (field.set == gnss && receiver != 0) put(receiver, field.descriptor, field.models);
+  }
   answer.end();
 }
 

@@ -11,15 +11,20 @@ namespace imud::mip {
 
 using namespace std::string_view_literals;
 
-constexpr void remove_increments(Protocol& entry) {
-  entry.fields &= ~(std::uint32_t{Measurement::delta_angle} | Measurement::delta_velocity);
+constexpr void add_time(Protocol& entry) {
+  entry.fields |= Measurement::time | Measurement::temperature | Measurement::status;
+}
+constexpr void add_increments(Protocol& entry) {
+  add_time(entry);
+  entry.fields |= Measurement::delta_angle | Measurement::delta_velocity;
 }
 
 inline constexpr ConformanceSettings conformance_settings[] = {
-    {"sensor_rate_hz=1000 filter_fields="},
-    {"model=3dm-gx5-45 sensor_rate_hz=1000 filter_fields= gnss_fields=", remove_increments},
-    {"model=3dm-cv7-ahrs sensor_rate_hz=1000 filter_fields="},
-    {"model=3dm-cv7-ins sensor_rate_hz=1000 filter_fields=", remove_increments},
+    {"sensor_rate_hz=1000"},
+    {"model=3dm-gx5-45 sensor_rate_hz=1000"},
+    {"model=3dm-cv7-ahrs sensor_rate_hz=1000 filter_fields=", add_increments},
+    {"model=3dm-cv7-ins sensor_rate_hz=1000 filter_fields=", add_time},
+    {"model=3dm-gq7 sensor_rate_hz=1000 filter_fields= gnss_fields="},
     {"sensor_rate_hz=1000 sensor_fields=delta_velocity,overrange,rate filter_fields=",
      [](Protocol& entry) { entry.fields = Measurement::delta_velocity | Measurement::status | Measurement::rate; }},
 };

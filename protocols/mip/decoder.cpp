@@ -32,7 +32,7 @@ class MipDecoder final : public Decoder {
     Sample& sample = measurement.sample;
     bool is_finite = true;
     const bool is_good = for_each_field(packet, [&](std::uint8_t descriptor, std::span<const std::byte> data) {
-      const DataField* field = find_field(models[0], sensor, descriptor);
+      const DataField* field = find_field(models.back(), sensor, descriptor);
       if (field == nullptr || data.size() != field->size) return;
       Reader reader(data);
       const auto vector = [&](double unit, Measurement::Field carried) {

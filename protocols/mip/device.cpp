@@ -1,8 +1,8 @@
-// MicroStrain MIP as the 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS and 3DM-CV7-INS use it. The layouts are those of
-// MicroStrain's mip_sdk (mip/mip.hpp); the tests compare them with its capture of a real device.
+// MicroStrain MIP as the 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS, 3DM-CV7-INS and 3DM-GQ7 use it. The layouts are those
+// of MicroStrain's mip_sdk (mip/mip.hpp); the tests compare them with its capture of a real device.
 //
-// Where the document is silent, the device does as a user would expect: it streams out of the box (ArduPilot sends
-// nothing and waits for that); reference time is the sensor's own clock; filter and receiver report the truth.
+// Where the document is silent, the device does as a user would expect: it streams out of the box (mip.cpp);
+// reference time is the sensor's own clock; filter and receivers report the truth.
 // Settings of the filter and of events can be written and read, but change nothing; biases and mounting are applied.
 #include <algorithm>
 #include <stdexcept>
@@ -10,7 +10,9 @@
 #include "core/units.hpp"
 #include "protocols/frame_search.hpp"
 #include "protocols/mip/conformance.hpp"
+#include "protocols/mip/field_table.hpp"
 #include "protocols/mip/mip.hpp"
+#include "protocols/mip/pins.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {
@@ -24,16 +26,21 @@ class MipDevice final : public Device {
   MipDevice(const Model& model, const Configuration& configuration) noexcept : memory_(model, configuration) {}
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
-    poll(sample.time, out);
+    const std::size_t before = out.frames().size();
+    advance(sample.time, out);
     fields_.set_sample(sample);
     if (!memory_.is_idle()) stream(sample, out);
+    pins_.sample(sample.time, out);
     memory_.capture(sample, out);
+    count(0, out, before);
   }
 
   void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override {
-    poll(now, replies);
+    const std::size_t before = replies.frames().size();
+    advance(now, replies);
     if (search_.is_empty()) begun_ = now;
     search_.feed(from_host.bytes, [&](std::span<const std::byte> held) { return parse(held, now, replies); });
+    count(from_host.bytes.size(), replies, before);
   }
 
   std::optional<DeviceTime> deadline() const noexcept override {
@@ -44,25 +51,29 @@ class MipDevice final : public Device {
   }
 
   void poll(DeviceTime now, FrameBuffer& out) noexcept override {
-    if (!search_.is_empty() && now >= begun_ + timeout()) {
-      begun_ = now;
-      search_.resync([&](std::span<const std::byte> held) { return parse(held, now, out); });
-    }
-    memory_.poll(now, out);
+    const std::size_t before = out.frames().size();
+    advance(now, out);
+    count(0, out, before);
   }
 
   void power_on(DeviceTime now) noexcept override {
     search_.finish();
+    pins_.restart();
     memory_.restart(fields_, now);
   }
 
   void step_clock(Nanoseconds by) noexcept override {
     begun_ = begun_ + by;
+    pins_.step_clock(by);
     fields_.step_clock(by);
     memory_.step_clock(by);
   }
 
   UartSettings uart() const noexcept override { return {memory_.active().baud}; }
+
+  void trigger(DeviceTime time) noexcept override { pins_.trigger(time); }
+  void pps(DeviceTime time) noexcept override { pins_.pps(time); }
+  std::optional<Pulse> pulse() const noexcept override { return pins_.pulse(); }
 
  private:
   using Search = FrameSearch<longest>;
@@ -73,6 +84,21 @@ class MipDevice final : public Device {
   Nanoseconds timeout() const noexcept {
     constexpr std::int64_t bits_a_byte = 10, milliseconds = 1500 * bits_a_byte * longest;
     return std::chrono::milliseconds(std::max<std::int64_t>(100, milliseconds / memory_.active().baud));
+  }
+
+  // Executes a command that was cut off, and ends a capture, if their time is over.
+  void advance(DeviceTime now, FrameBuffer& out) noexcept {
+    if (!search_.is_empty() && now >= begun_ + timeout()) {
+      begun_ = now;
+      search_.resync([&](std::span<const std::byte> held) { return parse(held, now, out); });
+    }
+    memory_.poll(now, out);
+  }
+
+  void count(std::size_t read, const FrameBuffer& out, std::size_t before) noexcept {
+    std::size_t written = 0;
+    for (const Frame& frame : out.frames().subspan(before)) written += frame.bytes.size();
+    memory_.count_bytes(read, written);
   }
 
   std::size_t parse(std::span<const std::byte> held, DeviceTime now, FrameBuffer& replies) noexcept {
@@ -102,12 +128,14 @@ class MipDevice final : public Device {
 
   Memory memory_;
   Fields fields_{memory_};
+  Pins pins_{memory_, fields_};
   DeviceTime begun_;  // time at which the first of the held bytes was received
   Search search_;
 };
 
-constexpr std::array<std::string_view, 4> model_names = {"3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"};
-constexpr std::array<std::string_view, 1> models_own = {"default"};
+constexpr std::array<std::string_view, 5> model_names = {"3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins",
+                                                         "3dm-gq7"};
+constexpr std::array<std::string_view, 1> models_own = {default_name};
 constexpr std::span<const std::string_view> own = models_own;
 constexpr Setting declared[] = {
     {.key = "model", .help = "the device", .initial = model_names[0], .choices = model_names},
@@ -117,22 +145,32 @@ constexpr Setting declared[] = {
      .min = 1,
      .max = 1000},
     {.key = "sensor_fields",
-     .help = "fields of the sensor data that are streamed; default: those of the model as delivered",
-     .initial = own},
+     .help = "fields of the sensor data that are streamed, in this order; default: of a GX5 and a GQ7 acceleration, "
+             "rate, magnetic_field, pressure; of a CV7 reference_time, acceleration, rate, then of an AHRS "
+             "delta_angle, delta_velocity, of an INS magnetic_field, pressure, then temperature, overrange",
+     .initial = own,
+     .choices = field_names<sensor>},
     {.key = "filter_rate_hz",
-     .help = "rate of the filter data, Hz; a divisor of its base rate",
-     .initial = std::int64_t{10},
-     .min = 1,
+     .help = "rate of the filter data, Hz; a divisor of its base rate; 0: that of the model as delivered",
+     .initial = std::int64_t{0},
+     .min = 0,
      .max = 1000},
-    {.key = "filter_fields", .help = "fields of the filter data that are streamed", .initial = own},
+    {.key = "filter_fields",
+     .help = "fields of the filter data that are streamed; default: of a GX5 none; of a CV7-AHRS "
+             "filter_reference_time, filter_status, filter_euler; of a CV7-INS and a GQ7 filter_shared_gps_time, "
+             "filter_status, filter_position, filter_velocity, filter_quaternion, then of a CV7-INS filter_euler",
+     .initial = own,
+     .choices = field_names<filter>},
     {.key = "gnss_rate_hz",
-     .help = "rate of the receiver's data, Hz; a divisor of 4",
-     .initial = std::int64_t{4},
-     .min = 1,
+     .help = "rate of the receivers' data, Hz; a divisor of their base rate (GX5-45: 4, GQ7: 2); 0: that rate",
+     .initial = std::int64_t{0},
+     .min = 0,
      .max = 4},
     {.key = "gnss_fields",
-     .help = "fields of the receiver's data that are streamed, by a model with a receiver",
-     .initial = own},
+     .help = "fields of the receivers' data that are streamed, by a model with a receiver; default: of a GX5-45 "
+             "none; of a GQ7 gnss_position, gnss_velocity, gnss_dop, gnss_fix",
+     .initial = own,
+     .choices = field_names<gnss>},
     {.key = "baud", .help = "speed of the line, bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
 };
 
@@ -144,7 +182,7 @@ const Model& model_of(const Settings& settings) {
 std::uint8_t descriptor_of(const Model& model, std::uint8_t set, std::string_view name, const std::string& key) {
   std::string known;
   for (const DataField& field : data_fields()) {
-    if (field.set != set || !model.is(field.models)) continue;
+    if (find_field(model, set, field.descriptor) != &field || field.name.empty()) continue;
     if (field.name == name) return field.descriptor;
     known += " " + std::string(field.name);
   }
@@ -153,17 +191,17 @@ std::uint8_t descriptor_of(const Model& model, std::uint8_t set, std::string_vie
 }
 
 Stream stream(const Settings& settings, const Model& model, std::uint8_t set, const std::string& prefix,
-              std::uint16_t base_hz, std::span<const std::string_view> delivered) {
+              std::uint16_t base_hz, std::uint16_t delivered_hz, std::span<const std::string_view> delivered) {
   const std::string rate_key = prefix + "_rate_hz", fields_key = prefix + "_fields";
   const std::vector<std::string>& fields = settings.list(fields_key);
   const bool is_default = fields.size() == 1 && fields[0] == models_own[0];
   Stream stream;
-  if (base_hz == 0) {
+  if (set == 0) {
     if (!is_default && !fields.empty())
       throw std::invalid_argument(fields_key + ": a " + std::string(model.name) + " has none; leave it out");
     return stream;
   }
-  const std::int64_t hz = settings.integer(rate_key);
+  const std::int64_t wanted_hz = settings.integer(rate_key), hz = wanted_hz == 0 ? delivered_hz : wanted_hz;
   if (hz > base_hz || base_hz % hz != 0)
     throw std::invalid_argument(rate_key + ": give a divisor of " + std::to_string(base_hz));
   const auto decimation = static_cast<std::uint16_t>(base_hz / hz);
@@ -184,10 +222,20 @@ Configuration configuration(const Settings& settings) {
   const Model& model = model_of(settings);
   Configuration c;
   c.baud = static_cast<std::uint32_t>(settings.integer("baud"));
-  c.streams = {
-      stream(settings, model, sensor, "sensor", static_cast<std::uint16_t>(internal_hz), model.sensor_fields),
-      stream(settings, model, filter, "filter", model.filter_hz, model.filter_fields),
-      stream(settings, model, gnss, "gnss", model.gnss_hz, model.gnss_fields)};
+  const auto read = [&](std::uint8_t set, const char* prefix, std::uint16_t base_hz, std::uint16_t delivered_hz,
+                        std::span<const std::string_view> delivered) {
+    c.streams[slot_of(set == 0 ? std::uint8_t{gnss} : set)] =
+        stream(settings, model, set, prefix, base_hz, delivered_hz, delivered);
+  };
+  constexpr auto sensor_hz = static_cast<std::uint16_t>(internal_hz);
+  read(sensor, "sensor", sensor_hz, sensor_hz, model.sensor_fields);
+  read(filter, "filter", model.filter_hz, model.filter_stream_hz, model.filter_fields);
+  read(model.receivers[0], "gnss", model.gnss_hz, model.gnss_hz, model.gnss_fields);
+  if (model.receivers[1] != 0) read(model.receivers[1], "gnss", model.gnss_hz, model.gnss_hz, model.gnss_fields);
+  if (model.is(series_7)) {
+    c.streams[slot_of(system)].set = system;
+    c.streams[slot_of(system)].base_hz = sensor_hz;
+  }
   return c;
 }
 
@@ -210,12 +258,11 @@ Product product(const Settings& settings) {
 extern const Protocol mip_protocol;
 constexpr Protocol mip_protocol = {
     .name = "mip",
-    .summary = "MicroStrain 3DM-GX5-25, -45, 3DM-CV7-AHRS, -INS: MIP commands, sensor, filter and GNSS data",
+    .summary = "MicroStrain 3DM-GX5-25, -45, 3DM-CV7-AHRS, -INS, 3DM-GQ7: MIP commands, sensor, filter and GNSS data",
     .link = Link::bytes,
     .document = "mip_sdk e5a847d, src/c/mip/definitions",
     .settings = declared,
-    .fields = Measurement::time | Measurement::rate | Measurement::specific_force | Measurement::delta_angle |
-              Measurement::delta_velocity | Measurement::temperature | Measurement::status,
+    .fields = Measurement::rate | Measurement::specific_force,
     .resolution = {.rate = 0x1p-21,
                    .specific_force = 0x1p-20 * units::standard_gravity,
                    .delta_angle = 0x1p-24,
@@ -230,6 +277,7 @@ constexpr Protocol mip_protocol = {
     .status_bits = 0x3F,
     .has_checksum = true,
     .burst_bits = 8,
+    .has_sync_pins = true,
     .product = product,
     .conformance_settings = mip::conformance_settings,
     .host_inputs = mip::host_inputs,

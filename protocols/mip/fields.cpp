@@ -3,60 +3,12 @@
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
+#include "protocols/mip/field_table.hpp"
 #include "protocols/mip/mip.hpp"
 
 namespace imud::mip {
 
 namespace {
-
-constexpr DataField fields[] = {
-    {"acceleration", sensor, 0x04, 12, all},
-    {"rate", sensor, 0x05, 12, all},
-    {"magnetic_field", sensor, 0x06, 12, all},
-    {"delta_angle", sensor, 0x07, 12, all},
-    {"delta_velocity", sensor, 0x08, 12, all},
-    {"quaternion", sensor, 0x0A, 16, all},
-    {"euler", sensor, 0x0C, 12, all},
-    {"gps_time", sensor, 0x12, 12, all},
-    {"temperature", sensor, 0x14, 12, all},
-    {"pressure", sensor, 0x17, 4, all},
-    {"overrange", sensor, 0x18, 2, all},
-    {"event_source", sensor, 0xD0, 1, all},
-    {"ticks", sensor, 0xD1, 4, all},
-    {"delta_ticks", sensor, 0xD2, 4, all},
-    {"shared_gps_time", sensor, 0xD3, 12, all},
-    {"delta_time", sensor, 0xD4, 8, all},
-    {"reference_time", sensor, 0xD5, 8, all},
-    {"reference_delta", sensor, 0xD6, 8, all},
-
-    {"gnss_position", gnss, 0x03, 42, gx5_45},
-    {"gnss_position_ecef", gnss, 0x04, 30, gx5_45},
-    {"gnss_velocity", gnss, 0x05, 34, gx5_45},
-    {"gnss_dop", gnss, 0x07, 30, gx5_45},
-    {"gnss_utc", gnss, 0x08, 13, gx5_45},
-    {"gnss_gps_time", gnss, 0x09, 12, gx5_45},
-    {"gnss_fix", gnss, 0x0B, 6, gx5_45},
-    {"gnss_hardware", gnss, 0x0D, 5, gx5_45},
-    {"gnss_shared_gps_time", gnss, 0xD3, 12, gx5_45},
-    {"gnss_reference_time", gnss, 0xD5, 8, gx5_45},
-    {"gnss_reference_delta", gnss, 0xD6, 8, gx5_45},
-
-    {"filter_position", filter, 0x01, 26, ins},
-    {"filter_velocity", filter, 0x02, 14, ins},
-    {"filter_quaternion", filter, 0x03, 18, all},
-    {"filter_matrix", filter, 0x04, 38, all},
-    {"filter_euler", filter, 0x05, 14, all},
-    {"filter_linear_acceleration", filter, 0x0D, 14, all},
-    {"filter_rate", filter, 0x0E, 14, all},
-    {"filter_status", filter, 0x10, 6, all},
-    {"filter_gps_time", filter, 0x11, 12, all},
-    {"filter_gravity", filter, 0x13, 14, all},
-    {"filter_acceleration", filter, 0x1C, 14, all},
-    {"filter_position_ecef", filter, 0x40, 26, ins},
-    {"filter_shared_gps_time", filter, 0xD3, 12, all},
-    {"filter_reference_time", filter, 0xD5, 8, all},
-    {"filter_reference_delta", filter, 0xD6, 8, all},
-};
 
 constexpr double gauss = 1e-4;    // T
 constexpr double millibar = 100;  // Pa
@@ -64,11 +16,14 @@ constexpr std::int64_t second_ns = 1'000'000'000;
 
 }  // namespace
 
-std::span<const DataField> data_fields() noexcept { return fields; }
+std::span<const DataField> data_fields() noexcept { return field_table; }
 
 const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t descriptor) noexcept {
-  for (const DataField& field : fields)
-    if (field.set == set && field.descriptor == descriptor && model.is(field.models)) return &field;
+  const bool is_receiver = set != 0 && (set == model.receivers[0] || set == model.receivers[1]);
+  if (!is_receiver && set == gnss) return nullptr;
+  const std::uint8_t listed = is_receiver ? std::uint8_t{gnss} : set;
+  for (const DataField& field : field_table)
+    if (field.descriptor == descriptor && field.set == listed && model.is(field.models)) return &field;
   return nullptr;
 }
 
@@ -94,6 +49,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
   sample_.q_LP = sample.q_LP * c.q_PV;
   sample_.delta_angle = q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
   sample_.delta_velocity = q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
+  if (!filter_began_ && has_pulse(sample.time)) filter_began_ = sample.time;
   for (Since& since : since_) {
     since.delta_angle += sample_.delta_angle;
     since.delta_velocity += sample_.delta_velocity;
@@ -103,6 +59,7 @@ void Fields::set_sample(const Sample& sample) noexcept {
 void Fields::restart(DeviceTime now) noexcept {
   restarted_ = now;
   restarted_tick_ = sample_.counter;
+  filter_began_.reset();
   sample_ = {};
   sample_.time = now;
   sample_.counter = restarted_tick_;
@@ -112,12 +69,13 @@ void Fields::restart(DeviceTime now) noexcept {
 void Fields::begin(std::uint8_t set, DeviceTime now) noexcept {
   const DeviceTime begun = std::max(sample_.time, now - nanoseconds(1 / internal_hz));
   for (std::size_t i = 0; i < since_.size(); ++i)
-    if (set == 0 || set == sensor + i) since_[i] = {.delta_time = begun, .reference = begun, .tick = sample_.counter};
+    if (set == 0 || slot_of(set) == i) since_[i] = {.delta_time = begun, .reference = begun, .tick = sample_.counter};
 }
 
 void Fields::step_clock(Nanoseconds by) noexcept {
   sample_.time = sample_.time + by;
   if (restarted_) restarted_ = *restarted_ + by;
+  if (filter_began_) filter_began_ = *filter_began_ + by;
   for (Since& since : since_) {
     since.delta_time = since.delta_time + by;
     since.reference = since.reference + by;
@@ -125,7 +83,7 @@ void Fields::step_clock(Nanoseconds by) noexcept {
 }
 
 void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
-  Since& since = since_[set - sensor];
+  Since& since = since_[slot_of(set)];
   switch (descriptor) {
     case 0x07:
       since.delta_angle.setZero();
@@ -137,6 +95,7 @@ void Fields::sent(std::uint8_t set, std::uint8_t descriptor) noexcept {
       since.tick = sample_.counter;
       break;
     case 0xD4:
+    case 0xD8:
       since.delta_time = sample_.time;
       break;
     case 0xD6:
@@ -154,16 +113,35 @@ std::int64_t Fields::gps_ns(DeviceTime at) const noexcept {
   if (memory_.gps_update().count > 0) return at.ns + memory_.gps_update().offset_ns;
   return is_known() ? true_gps_ns(at) : at.ns;
 }
+bool Fields::has_pulse(DeviceTime at) const noexcept {
+  constexpr Nanoseconds longest_period = std::chrono::milliseconds(1100);
+  switch (memory_.pulse_source()) {
+    case PulseSource::receiver_1:
+    case PulseSource::receiver_2:
+      return is_known();
+    case PulseSource::gpio:
+      return memory_.pulses().last && at - *memory_.pulses().last <= longest_period;
+    default:
+      return memory_.pulse_source() == PulseSource::generated;
+  }
+}
+
+std::optional<std::int64_t> Fields::seconds_clock(PulseSource source, DeviceTime at) const noexcept {
+  if (source == PulseSource::generated) return since_start(at).count();
+  if ((source == PulseSource::receiver_1 || source == PulseSource::receiver_2) && is_known()) return true_gps_ns(at);
+  return std::nullopt;
+}
 bool Fields::has_week() const noexcept { return is_known() || memory_.gps_update().has_week; }
 bool Fields::has_time_of_week() const noexcept { return is_known() || memory_.gps_update().has_time_of_week; }
 
-void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now) const noexcept {
+void Fields::poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now,
+                  std::uint8_t event) const noexcept {
   const Stream* stream = memory_.active().find(set);
   if (stream == nullptr) return;
   const auto samples = static_cast<std::uint64_t>(internal_hz) / stream->base_hz;
   const DeviceTime before = now - Nanoseconds(std::chrono::seconds(1)) / stream->base_hz;
   put(packet, set, descriptor,
-      {before, before, sample_.counter - samples, sample_.delta_angle, sample_.delta_velocity}, now);
+      {before, before, sample_.counter - samples, event, sample_.delta_angle, sample_.delta_velocity}, now);
 }
 
 void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since,
@@ -175,10 +153,12 @@ void Fields::put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, cons
     put_shared(packet, descriptor, since, at);
   else if (set == sensor)
     put_sensor(packet, descriptor, since, at);
-  else if (set == gnss)
-    put_gnss(packet, descriptor, at);
-  else
+  else if (set == filter)
     put_filter(packet, descriptor, at);
+  else if (set == system)
+    put_system(packet, descriptor, at);
+  else
+    put_gnss(packet, descriptor, at);
   packet.end();
 }
 
@@ -186,7 +166,7 @@ void Fields::put_shared(Packet& packet, std::uint8_t descriptor, const Since& si
   const auto put_ns = [&](Nanoseconds ns) { packet.put(static_cast<std::uint64_t>(ns.count())); };
   switch (descriptor) {
     case 0xD0:
-      packet.put(std::uint8_t{0});
+      packet.put(since.event);
       break;
     case 0xD1:
       packet.put(static_cast<std::uint32_t>(sample_.counter - restarted_tick_));
@@ -202,7 +182,15 @@ void Fields::put_shared(Packet& packet, std::uint8_t descriptor, const Since& si
       packet.put(seconds(at - since.delta_time));
       break;
     case 0xD5:
-      put_ns(at - restarted_.value_or(DeviceTime{}));
+      put_ns(since_start(at));
+      break;
+    case 0xD7:
+      packet.put(static_cast<std::uint64_t>(gps_ns(at)));
+      packet.put(std::uint16_t{has_pulse(at) && has_time_of_week() && has_week()});
+      break;
+    case 0xD8:
+      put_ns(at - since.delta_time);
+      packet.put(std::uint16_t{has_pulse(at)});
       break;
     default:
       put_ns(at - since.reference);
@@ -233,12 +221,12 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
     case 0x0C:
       put_euler(packet);
       break;
-    case 0x12: {  // flags: a receiver's pulse is present; a bit that each update toggles; the time was set; the
+    case 0x12: {  // flags: a pulse per second is present; a bit that each update toggles; the time was set; the
                   // time of week is valid; the week is valid
       const bool has_receiver = memory_.model().gnss_hz > 0 && is_known();
       const std::int64_t updates = memory_.gps_update().count + (has_receiver ? true_gps_ns(at) / second_ns : 0);
       put_gps_time(packet, gps_ns(at));
-      packet.put(static_cast<std::uint16_t>(has_receiver | (updates & 1) << 1 |
+      packet.put(static_cast<std::uint16_t>(has_pulse(at) | (updates & 1) << 1 |
                                             (has_time_of_week() || has_week()) << 2 | has_time_of_week() << 3 |
                                             has_week() << 4));
       break;
@@ -253,6 +241,18 @@ void Fields::put_sensor(Packet& packet, std::uint8_t descriptor, const Since& si
       packet.put(static_cast<std::uint16_t>((sample_.status & 7U) << 4 | (sample_.status >> 3 & 7U)));
       break;
   }
+}
+
+// Writes the state of synchronization and the seconds since the last pulse, or the states of the pins.
+void Fields::put_system(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
+  if (descriptor == 0x03) return packet.put(memory_.pin_states());
+  const auto& last = memory_.pulses().last;
+  const bool is_input = memory_.pulse_source() == PulseSource::gpio;
+  const std::int64_t never = 255, since_s = !is_input ? (has_pulse(at) ? 0 : never)
+                                            : last    ? (at - *last).count() / second_ns
+                                                      : never;
+  packet.put(std::uint8_t{has_pulse(at)});
+  packet.put(static_cast<std::uint8_t>(std::min(since_s, never)));
 }
 
 void Fields::put_gps_time(Packet& packet, std::int64_t ns) noexcept {

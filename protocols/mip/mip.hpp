@@ -26,7 +26,8 @@ inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = heade
 inline constexpr double internal_hz = 1000;  // the internal sample rate
 // Descriptor sets of commands and of data.
 enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };
-enum DataSet : std::uint8_t { sensor = 0x80, gnss = 0x81, filter = 0x82 };
+// gnss: the only receiver of a 5-series device; gnss_1 and gnss_2: those of a 7-series device.
+enum DataSet : std::uint8_t { sensor = 0x80, gnss, filter, gnss_1 = 0x91, gnss_2, system = 0xA0 };
 inline constexpr std::uint8_t reply = 0xF1;
 
 // --- Packets ---
@@ -73,31 +74,40 @@ class Packet : public FrameWriter<boost::endian::order::big> {
 // --- Models ---
 
 // Sets of models.
-inline constexpr unsigned gx5_25 = 1, cv7_ahrs = 2, gx5_45 = 4, cv7_ins = 8;
-inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, ins = gx5_45 | cv7_ins, all = gx5 | cv7;
+inline constexpr unsigned gx5_25 = 1, cv7_ahrs = 2, gx5_45 = 4, cv7_ins = 8, gq7 = 16;
+inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, series_7 = cv7 | gq7;
+inline constexpr unsigned with_receiver = gx5_45 | gq7, ins = with_receiver | cv7_ins, all = gx5 | series_7;
 
 struct Model {
   unsigned bit;
   std::string_view keyword, name, number, serial, options;
+  std::array<std::uint8_t, 2> receivers;                                        // their descriptor sets; 0: none
   std::uint16_t filter_hz, gnss_hz;                                             // Hz, base rates; 0: no receiver
+  std::uint16_t filter_stream_hz;                                               // Hz, of the stream as delivered
   double gyro_max, accelerometer_max_g;                                         // rad/s
   double gyro_noise, accelerometer_noise;                                       // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
   std::span<const std::string_view> sensor_fields, filter_fields, gnss_fields;  // as delivered
 
   bool is(unsigned set) const noexcept { return (bit & set) != 0; }
 };
-extern const std::array<Model, 4> models;
+extern const std::array<Model, 5> models;
 
 // --- Data ---
 
 struct DataField {
-  std::string_view name;               // in the configuration
-  std::uint8_t set, descriptor, size;  // of the data
+  std::string_view name;               // in the configuration; empty: it has no name there
+  std::uint8_t set, descriptor, size;  // of the data; the set gnss stands for that of any receiver
   unsigned models;                     // the models that have this field
 };
 std::span<const DataField> data_fields() noexcept;
 // Returns nullptr if the model has no such field.
 const DataField* find_field(const Model& model, std::uint8_t set, std::uint8_t descriptor) noexcept;
+
+// The place of a descriptor set among the streams of a device.
+inline constexpr std::size_t streams_of_a_device = 5;
+constexpr std::size_t slot_of(std::uint8_t set) noexcept {
+  return set == sensor ? 0U : set == filter ? 1U : set == gnss || set == gnss_1 ? 2U : set == gnss_2 ? 3U : 4U;
+}
 
 // The stream of a descriptor set. Set 0: the model does not have this stream.
 struct Stream {
@@ -121,6 +131,20 @@ bool fits_a_packet(const Model& model, const Stream& stream) noexcept;
 
 class Memory;
 
+// The source of the pulse per second.
+enum class PulseSource : std::uint8_t { disabled, receiver_1, receiver_2, gpio, generated };
+
+// The use of a user GPIO pin.
+struct Pin {
+  enum Feature : std::uint8_t { unused, gpio, pps, encoder, timestamp };
+  // The meaning depends on the feature.
+  enum Behavior : std::uint8_t { input = 1, output = 2, output_low = 2, output_high = 3 };
+  enum Edges : std::uint8_t { rising = 1, falling, either };
+  std::uint8_t feature = unused, behavior = 0;
+  bool operator==(const Pin&) const = default;
+};
+inline constexpr std::uint8_t events = 8;  // triggers, and actions
+
 // Writes data fields from the newest sample, less the configured biases, in the axes V of the vehicle.
 class Fields {
  public:
@@ -132,16 +156,26 @@ class Fields {
   // Restarts the increments and time differences of that set's stream (0: of every stream) at the newest sample, or,
   // if samples have ceased, one sample period before `now`.
   void begin(std::uint8_t set, DeviceTime now) noexcept;
+  // The filter of a GQ7 initializes again.
+  void reset_filter() noexcept { filter_began_.reset(); }
   void step_clock(Nanoseconds by) noexcept;
+  // Returns the time since power-on or reset, or that of the sensor's own clock before the first of these.
+  Nanoseconds since_start(DeviceTime at) const noexcept { return at - restarted_.value_or(DeviceTime{}); }
+  // Returns the time, ns, at whose full seconds a pulse from this source begins; nullopt: it sends none.
+  std::optional<std::int64_t> seconds_clock(PulseSource source, DeviceTime at) const noexcept;
+  bool has_pulse(DeviceTime at) const noexcept;  // a valid pulse per second
+  const Sample& newest() const noexcept { return sample_; }
+  std::uint64_t samples() const noexcept { return sample_.counter - restarted_tick_; }  // since power-on or reset
   // Returns the GPS time that the device reports for `at`, ns since 1980-01-06. `at` is not before the newest sample.
   std::int64_t gps_ns(DeviceTime at) const noexcept;
   // Appends a streamed field; nothing if there is no such field, or no room for it.
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
-    put(packet, set, descriptor, since_[set - sensor], sample_.time);
+    put(packet, set, descriptor, since_[slot_of(set)], sample_.time);
   }
-  // Appends a field that the host polls at `now`. Its times are those at `now`; its increments and time differences
-  // are those of the set's last base period.
-  void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now) const noexcept;
+  // Appends a field that the host polls at `now`, or that an event sends whose trigger has this number. Its times are
+  // those at `now`; its increments and time differences are those of the set's last base period.
+  void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now,
+            std::uint8_t event = 0) const noexcept;
   // Restarts the increments and time differences of a streamed field. Call it when the packet is finished, as a
   // packet may contain a field twice.
   void sent(std::uint8_t set, std::uint8_t descriptor) noexcept;
@@ -150,16 +184,23 @@ class Fields {
   struct Since {  // the time of the last transmission, and what has accumulated since
     DeviceTime delta_time, reference;
     std::uint64_t tick = 0;
+    std::uint8_t event = 0;  // the trigger that sends the field; 0: none
     Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
   };
+
+  // As a device of the 7 series numbers them (mip_sdk, data_filter.h). A GX5 has but 1 and 2, running.
+  enum class FilterState : std::uint16_t { initialization = 1, vertical_gyro, ahrs, full_navigation };
+  FilterState filter_state() const noexcept;
 
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor, const Since& since,
            DeviceTime at) const noexcept;
   void put_shared(Packet& packet, std::uint8_t descriptor, const Since& since, DeviceTime at) const noexcept;
   void put_sensor(Packet& packet, std::uint8_t descriptor, const Since& since, DeviceTime at) const noexcept;
   void put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
-  void put_filter_status(Packet& packet) const noexcept;
+  void put_filter_status(Packet& packet, DeviceTime at) const noexcept;
+  void put_dual_antenna(Packet& packet, DeviceTime at) const noexcept;
   void put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
+  void put_system(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept;
   void put_quaternion(Packet& packet) const noexcept;
   void put_euler(Packet& packet) const noexcept;
   static void put_gps_time(Packet& packet, std::int64_t ns) noexcept;
@@ -173,17 +214,19 @@ class Fields {
   const Memory& memory_;
   Sample sample_;  // in V
   bool has_sampled_ = false;
-  std::array<Since, 3> since_;           // since each set's stream was last sent; index: set - sensor
-  std::optional<DeviceTime> restarted_;  // nullopt: reference time is the sensor's own clock
+  std::array<Since, streams_of_a_device> since_;  // since each stream was last sent
+  std::optional<DeviceTime> filter_began_;        // the first sample at which the filter could begin
+  std::optional<DeviceTime> restarted_;           // nullopt: reference time is the sensor's own clock
   std::uint64_t restarted_tick_ = 0;
 };
 
 // --- Settings ---
 
-// A setting that can be written and read, but changes nothing: it belongs to the filter, which reports the truth, or
-// to events, which never occur. The data of its command are a function, a key (which of several slots) and a value.
+// A setting that can be written and read, but changes nothing where it belongs to the filter, which reports the
+// truth, or to an event other than that of an edge. The data of its command are a function, a key (which of several
+// slots) and a value.
 struct KeptSetting {
-  enum Kind : std::uint8_t { any, flag, numbers };  // numbers: finite
+  enum Kind : std::uint8_t { any, flag, numbers, source, pin };  // numbers: finite; source, pin: see pins.hpp
 
   std::uint8_t set, command, reply;
   unsigned models;
@@ -210,15 +253,16 @@ struct Kept {
 struct Configuration {
   Configuration() noexcept;
 
-  std::array<Stream, 3> streams;  // sensor, filter, gnss
+  std::array<Stream, streams_of_a_device> streams;  // at slot_of() their sets
   std::uint32_t baud = 115200;
   Vector3 gyro_bias = Vector3::Zero(), accelerometer_bias = Vector3::Zero();  // rad/s, m/s^2; subtracted in P
   Quaternion q_PV = Quaternion::Identity();                                   // v_P = q_PV * v_V, V: the vehicle
-  std::array<Kept, 52> kept;  // the slots of all kept settings, one after another
+  std::array<Kept, 65> kept;  // the slots of all kept settings, one after another
 
   const Stream* find(std::uint8_t set) const noexcept;  // nullptr if there is none
   Stream* find(std::uint8_t set) noexcept { return const_cast<Stream*>(std::as_const(*this).find(set)); }
-  const Kept& first_of(std::uint8_t set, std::uint8_t command) const noexcept;  // its first slot
+  // Returns nullptr if the model has no such setting, or none of that key.
+  const Kept* find_kept(const Model& model, std::uint8_t set, std::uint8_t command, unsigned key = 0) const noexcept;
 };
 
 // The settings of a unit as delivered, as saved and as active; executes the host's commands. Times are those of the
@@ -238,6 +282,21 @@ class Memory {
   const Model& model() const noexcept { return model_; }
   const Configuration& active() const noexcept { return active_; }
   const GpsUpdate& gps_update() const noexcept { return gps_update_; }
+  // The edges of the pulse-per-second input that were valid.
+  struct Pulses {
+    std::uint32_t count = 0;
+    std::optional<DeviceTime> last;
+  };
+  const Pulses& pulses() const noexcept { return pulses_; }
+  PulseSource pulse_source() const noexcept;
+  Pin pin(std::uint8_t number) const noexcept;                      // numbered from 1
+  bool has_pin(Pin wanted) const noexcept;                          // some pin is configured so
+  std::uint8_t pin_states() const noexcept { return pin_states_; }  // bit 0: pin 1 is high
+  void set_pin_state(std::uint8_t number, bool is_high) noexcept;
+  // Processes an edge of the pulse-per-second input. Returns false if no input is configured.
+  bool pps(DeviceTime at) noexcept;
+  // Counts the bytes on the line.
+  void count_bytes(std::size_t received, std::size_t sent) noexcept;
   bool is_idle() const noexcept { return is_idle_; }
   void restart(Fields& fields, DeviceTime now) noexcept;  // keeps only what was saved
   // Executes an intact packet of the host; appends the answer and the polled data.
@@ -272,6 +331,10 @@ class Memory {
   Code baud(std::uint8_t function, Reader& reader, Packet& answer, std::uint8_t descriptor, bool with_port) noexcept;
   Code update_gps_time(Reader& reader, const Context& context) noexcept;
   Code device_settings(Reader& reader, const Context& context) noexcept;
+  Code device_status(Reader& reader, const Context& context) noexcept;
+  Code pin_state(Reader& reader, Packet& answer) noexcept;
+  void configure_pin(std::uint8_t number) noexcept;
+  void reset_pins() noexcept;  // to the states of the configuration
   Poll parse_poll(std::uint8_t command, Data data) const noexcept;
   bool is_poll(std::uint8_t set, std::uint8_t command) const noexcept;
   Code base_rate(std::uint8_t set, std::uint8_t descriptor, Reader& reader, Packet& answer, bool with_set) noexcept;
@@ -311,6 +374,9 @@ class Memory {
   const Configuration factory_;
   Configuration stored_, active_;
   GpsUpdate gps_update_;
+  Pulses pulses_;
+  std::uint8_t pin_states_ = 0;
+  std::uint32_t bytes_read_ = 0, bytes_written_ = 0;
   bool is_idle_ = false;
   std::optional<DeviceTime> capture_end_;  // nullopt: no capture is running; a sample at this time is the last one
   unsigned capture_count_ = 0;             // samples in the sum

@@ -1,6 +1,7 @@
-// The fields of the filter and of the receiver, which report the truth.
+// The fields of the filter and of the receivers, which report the truth.
 #include <chrono>
 
+#include "core/attitude.hpp"
 #include "core/earth.hpp"
 #include "core/elementary.hpp"
 #include "core/units.hpp"
@@ -10,8 +11,11 @@ namespace imud::mip {
 
 namespace {
 
+constexpr std::int64_t leap_s = 18;  // GPS time less UTC
+constexpr double heading_uncertainty_deg = 0.5;
+
 void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept {
-  constexpr std::int64_t gps_began_s = 315'964'800, leap_s = 18, day_ms = 86'400'000;
+  constexpr std::int64_t gps_began_s = 315'964'800, day_ms = 86'400'000;
   const std::int64_t utc_ms = gps_ns / 1'000'000 + (gps_began_s - leap_s) * 1000, of_day = utc_ms % day_ms;
   const std::chrono::year_month_day date(std::chrono::sys_days(std::chrono::days(utc_ms / day_ms)));
   packet.put(static_cast<std::uint16_t>(static_cast<int>(date.year())));
@@ -26,18 +30,38 @@ void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept 
 
 }  // namespace
 
+// The filter's states take these times after the first sample with a valid pulse per second (an assumption; the
+// manual of the GQ7, "Filter States" and "PPS", gives only their order and their conditions).
+Fields::FilterState Fields::filter_state() const noexcept {
+  constexpr Nanoseconds initialization = std::chrono::seconds(1), alignment = std::chrono::seconds(3);
+  const Model& model = memory_.model();
+  if (model.is(cv7)) return model.is(ins) && is_known() ? FilterState::full_navigation : FilterState::ahrs;
+  if (model.is(gx5)) return model.is(ins) && !is_known() ? FilterState::initialization : FilterState::vertical_gyro;
+  const Nanoseconds age = filter_began_ ? sample_.time - *filter_began_ : Nanoseconds(0);
+  if (age < initialization) return FilterState::initialization;
+  const Kept& setting = *memory_.active().find_kept(model, filter_command, 0x52);
+  enum HeadingSource : std::uint8_t { antennas = 1, motion = 2, magnetometer = 4 };
+  const unsigned manual = setting.bytes[1], sources = setting.bytes[2];
+  const bool from_receivers = (sources & (antennas | motion)) != 0 && is_known() && age >= alignment;
+  if (manual == 0 && (sources & magnetometer) == 0 && !from_receivers) return FilterState::vertical_gyro;
+  return is_known() ? FilterState::full_navigation : FilterState::ahrs;
+}
+
+// A filter that reports the truth has no biases, and a constant uncertainty: that of a unit under an open sky.
 void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
-  if (descriptor == 0x10) return put_filter_status(packet);
-  std::uint16_t valid = 1;
+  const FilterState state = filter_state();
+  const bool navigates = is_known() && (!memory_.model().is(gq7) || state == FilterState::full_navigation);
+  const bool is_stable = !memory_.model().is(gq7) || state != FilterState::initialization;
+  std::uint16_t valid = is_stable;
   switch (descriptor) {
     case 0x01:
       put_position(packet);
-      valid = is_known();
+      valid = navigates;
       break;
     case 0x02:
       packet.put_floats(navigation.v_L);
-      valid = is_known();
+      valid = navigates;
       break;
     case 0x03:
       put_quaternion(packet);
@@ -50,15 +74,37 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
     case 0x05:
       put_euler(packet);
       break;
+    case 0x06:
+      packet.put_floats(Vector3::Zero());
+      break;
+    case 0x08:
+      packet.put_floats({0.5, 0.5, 0.8});  // m: north, east, down
+      valid = navigates;
+      break;
+    case 0x09:
+      packet.put_floats({0.03, 0.03, 0.05});  // m/s
+      valid = navigates;
+      break;
+    case 0x0A:
+      packet.put_floats(units::degree * Vector3(0.25, 0.25, heading_uncertainty_deg));
+      break;
+    case 0x0B:
+      packet.put_floats(Vector3::Constant(1e-4));  // rad/s
+      break;
     case 0x0D:
       packet.put_floats(sample_.specific_force + gravity());
       break;
     case 0x0E:
       packet.put_floats(sample_.rate);
       break;
+    case 0x10:
+      return put_filter_status(packet, at);
     case 0x11:
       put_gps_time(packet, gps_ns(at));
       valid = has_time_of_week() && has_week();
+      break;
+    case 0x12:
+      for (int i = 0; i < 4; ++i) packet.put(0.004F);
       break;
     case 0x13:
       packet.put_floats(gravity());
@@ -66,41 +112,61 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
     case 0x1C:
       packet.put_floats(sample_.specific_force);
       break;
+    case 0x49:
+      return put_dual_antenna(packet, at);
     default:
       packet.put_doubles(navigation.r_E);
-      valid = is_known();
+      valid = navigates;
       break;
   }
   packet.put(valid);
 }
 
 // Writes state, dynamics mode and flags. A GX5 is in state 1, initializing, without position and velocity, else in 2,
-// running and valid. A CV7 is in state 3, AHRS, or 4, full navigation; its flags are 1, stable (from memory of the
-// GQ7's manual).
-void Fields::put_filter_status(Packet& packet) const noexcept {
-  const bool navigates = memory_.model().is(ins) && is_known();
-  const bool waits = memory_.model().is(gx5_45) && !navigates;
-  packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? (navigates ? 4 : 3) : (waits ? 1 : 2)));
-  packet.put(std::uint16_t{memory_.active().first_of(filter_command, 0x10).bytes[0]});
-  packet.put(static_cast<std::uint16_t>(memory_.model().is(cv7) ? 1 : (waits ? 0x2000 : 0)));
+// running and valid. A device of the 7 series has flags: 1, stable, or 2, converging; 0x400, no pulse per second.
+void Fields::put_filter_status(Packet& packet, DeviceTime at) const noexcept {
+  const Model& model = memory_.model();
+  const FilterState state = filter_state();
+  const bool waits = state == FilterState::initialization;
+  const Kept* dynamics = memory_.active().find_kept(model, filter_command, 0x10);
+  unsigned flags = model.is(gx5) && waits ? 0x2000 : model.is(gx5) ? 0 : 1;
+  if (model.is(gq7)) flags = (state == FilterState::full_navigation ? 1U : 2U) | (has_pulse(at) ? 0U : 0x400U);
+  packet.put(static_cast<std::uint16_t>(state));
+  packet.put(static_cast<std::uint16_t>(dynamics != nullptr ? dynamics->bytes[0] : 1));
+  packet.put(static_cast<std::uint16_t>(flags));
 }
 
-// The receiver reports the truth. It reports no accuracy, and leaves the flags of accuracies unset.
+// Writes the second of the week, heading, its uncertainty, and flags: integers fixed, both receivers and the offsets
+// of their antennas valid.
+void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
+  constexpr std::int64_t week_ns = 604'800'000'000'000;
+  const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
+  packet.put_float(is_known() ? 1e-9 * static_cast<double>(true_gps_ns(at) % week_ns) : 0.0);
+  packet.put_float(is_known() ? ypr[0] : 0.0);
+  packet.put_float(is_known() ? heading_uncertainty_deg * units::degree : 0.0);
+  packet.put(static_cast<std::uint8_t>(is_known() ? 2 : 0));
+  packet.put(static_cast<std::uint16_t>(is_known() ? 0x07 : 0));
+  packet.put(std::uint16_t{is_known()});
+}
+
+// The receiver reports the truth, with the constant accuracies of one under an open sky.
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const Vector3& v = navigation.v_L;
   const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
+  const auto put_accuracy = [&](float accuracy) { packet.put(is_known() ? accuracy : 0.0F); };
   switch (descriptor) {
     case 0x03:
       put_position(packet);
       packet.put(navigation.height);  // in place of the height above mean sea level, which is flagged as invalid
-      for (int i = 0; i < 2; ++i) packet.put(0.0F);
-      packet.put(if_known(0x03));
+      put_accuracy(1.2F);             // m, horizontal
+      put_accuracy(1.8F);             // m, vertical
+      packet.put(if_known(0x1B));
       break;
     case 0x04:
       packet.put_doubles(navigation.r_E);
-      packet.put(0.0F);
-      packet.put(if_known(0x01));
+      put_accuracy(2.2F);  // m
+      packet.put(if_known(0x03));
       break;
     case 0x05: {
       const double course = elementary::atan2(v.y(), v.x()) / units::degree;
@@ -108,8 +174,9 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       packet.put_float(v.norm());
       packet.put_float(v.head<2>().norm());
       packet.put_float(course < 0 ? course + 360 : course);
-      for (int i = 0; i < 2; ++i) packet.put(0.0F);
-      packet.put(if_known(0x0F));
+      put_accuracy(0.05F);  // m/s
+      put_accuracy(0.5F);   // deg
+      packet.put(if_known(0x3F));
       break;
     }
     case 0x07:  // under an open sky: geometric, position, horizontal, vertical, time, north, east
@@ -128,6 +195,10 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       packet.put(static_cast<std::uint8_t>(is_known() ? 12 : 0));
       packet.put(std::uint16_t{0});
       packet.put(std::uint16_t{0x07});
+      break;
+    case 0x11:
+      packet.put(static_cast<std::uint8_t>(leap_s));
+      packet.put(if_known(0x02));
       break;
     default:  // on; antenna good, powered
       for (const int state : {1, 4, 1}) packet.put(static_cast<std::uint8_t>(state));

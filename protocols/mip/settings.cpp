@@ -12,47 +12,59 @@ constexpr std::uint8_t on[] = {1};
 constexpr std::uint8_t bias_estimation[] = {0, 1};  // of the gyro
 constexpr std::uint8_t identity_matrix[36] = {0x3F, 0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,    0x3F,
                                               0x80, 0,    0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x3F, 0x80};
-constexpr std::uint8_t initialization[40] = {0, 0, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
-                                             0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2};
+constexpr std::uint8_t accelerometer_and_magnetometer[] = {0, 3};
+// Initialization of the filter: source of heading, position in latitude and longitude.
+constexpr std::uint8_t from_antennas[40] = {0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+                                            0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2};
+constexpr std::uint8_t from_magnetometer[40] = {0, 0, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+                                                0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2};
 
 // Columns: set, command, reply; models; size of the key, first key, number of keys; fewest and most bytes; initial
 // value; kind. Initial values, and the number of events, are guesses where the SDK is silent.
 constexpr KeptSetting settings[] = {
-    {three_dm, 0x2B, 0xB5, cv7, 1, 1, 8, 2, 2, {}},                                       // event control
-    {three_dm, 0x2E, 0xB8, cv7, 1, 1, 8, 2, 22, {}},                                      // event trigger
-    {three_dm, 0x2F, 0xB9, cv7, 1, 1, 8, 3, 19, {}},                                      // event action
+    {three_dm, 0x28, 0xA8, cv7, 0, 0, 1, 1, 1, {}, KeptSetting::source},                  // pulse per second: none
+    {three_dm, 0x28, 0xA8, gq7, 0, 0, 1, 1, 1, on, KeptSetting::source},                  // receiver 1
+    {three_dm, 0x2B, 0xB5, series_7, 1, 1, 8, 2, 2, {}},                                  // event control
+    {three_dm, 0x2E, 0xB8, series_7, 1, 1, 8, 2, 22, {}},                                 // event trigger
+    {three_dm, 0x2F, 0xB9, series_7, 1, 1, 8, 3, 19, {}},                                 // event action
     {three_dm, 0x3A, 0x9C, all, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},               // hard iron offset
     {three_dm, 0x3B, 0x9D, all, 0, 0, 1, 36, 36, identity_matrix, KeptSetting::numbers},  // soft iron matrix
     {three_dm, 0x3E, 0x9E, all, 0, 0, 1, 1, 1, on, KeptSetting::flag},                    // coning and sculling
-    {filter_command, 0x10, 0x80, gx5_45, 0, 0, 1, 1, 1, on},                       // vehicle dynamics mode: portable
-    {filter_command, 0x13, 0x83, ins, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},  // antenna offset
+    {three_dm, 0x41, 0xC1, series_7, 1, 1, 4, 4, 4, {}, KeptSetting::pin},
+    {filter_command, 0x10, 0x80, gx5_45, 0, 0, 1, 1, 1, on},  // vehicle dynamics mode: portable
+    {filter_command, 0x13, 0x83, gx5_45 | cv7_ins, 0, 0, 1, 12, 12, {}, KeptSetting::numbers},  // antenna offset
     {filter_command, 0x14, 0x84, all, 0, 0, 1, 2, 2, bias_estimation},
+    {filter_command, 0x15, 0x86, with_receiver, 0, 0, 1, 1, 1, on},           // source of GNSS aiding: all receivers
     {filter_command, 0x18, 0x87, gx5, 0, 0, 1, 1, 1, on},                     // heading source: magnetometer
     {filter_command, 0x19, 0x88, gx5, 0, 0, 1, 1, 1, on, KeptSetting::flag},  // automatic initialization
     {filter_command, 0x1E, 0x8D, gx5_45, 0, 0, 1, 5, 5, {}},                  // zero-velocity update
     {filter_command, 0x20, 0x8E, gx5_45, 0, 0, 1, 5, 5, {}},                  // zero-angular-rate update
     {filter_command, 0x26, 0x90, gx5, 0, 0, 1, 25, 25, {}},                   // reference position
-    {filter_command, 0x43, 0xB2, gx5, 0, 0, 1, 5, 5, on},                     // declination source: none
-    {filter_command, 0x47, 0xB7, gx5, 0, 0, 1, 1, 1, {}},                     // altitude aiding
-    {filter_command, 0x4B, 0xBB, gx5, 0, 0, 1, 1, 1, {}},                     // pitch and roll aiding
-    {filter_command, 0x50, 0xD0, cv7, 2, 0, 9, 3, 3, on},                     // aiding measurement, by its source
-    {filter_command, 0x52, 0xD2, cv7, 0, 0, 1, 40, 40, initialization},
+    {filter_command, 0x41, 0xB0, gx5_25, 0, 0, 1, 2, 2, accelerometer_and_magnetometer},  // measurements that aid
+    {filter_command, 0x43, 0xB2, gx5, 0, 0, 1, 5, 5, on},                                 // declination source: none
+    {filter_command, 0x47, 0xB7, gx5, 0, 0, 1, 1, 1, {}},                                 // altitude aiding
+    {filter_command, 0x4B, 0xBB, gx5, 0, 0, 1, 1, 1, {}},                                 // pitch and roll aiding
+    {filter_command, 0x50, 0xD0, cv7_ahrs, 2, 4, 2, 3, 3, on},       // aiding measurement, by its source: 4 is
+    {filter_command, 0x50, 0xD0, cv7_ins | gq7, 2, 0, 9, 3, 3, on},  // the magnetometer, 5 an external heading
+    {filter_command, 0x52, 0xD2, cv7, 0, 0, 1, 40, 40, from_magnetometer},
+    {filter_command, 0x52, 0xD2, gq7, 0, 0, 1, 40, 40, from_antennas},
+    {filter_command, 0x54, 0xD4, gq7, 1, 1, 2, 13, 13, {}, KeptSetting::numbers},  // offset of an antenna
     {aiding, 0x01, 0x81, cv7_ins, 1, 1, 4, 27, 31, on},  // frame: Euler angles or quaternion
 };
 
 constexpr Acknowledged acknowledged[] = {
-    {filter_command, 0x01, 0, all},                                                                // reset
-    {filter_command, 0x02, 12, all},                                                               // initial attitude
-    {filter_command, 0x03, 4, all},                                                                // initial heading
-    {filter_command, 0x05, 0, cv7},                                                                // run
-    {filter_command, 0x16, 70, gx5_45},                                                            // external GNSS
-    {filter_command, 0x17, 9, gx5},                                                                // external heading
-    {aiding, 0x21, 49, cv7_ins},                                                                   // position
-    {aiding, 0x22, 49, cv7_ins},        {aiding, 0x23, 21, cv7_ins},                               // height
-    {aiding, 0x28, 37, cv7_ins},                                                                   // velocity
-    {aiding, 0x29, 37, cv7_ins},        {aiding, 0x2A, 37, cv7_ins}, {aiding, 0x31, 21, cv7_ins},  // heading
-    {aiding, 0x32, 37, cv7_ins},                                                                   // magnetic field
-    {aiding, 0x33, 21, cv7_ins},                                                                   // pressure
+    {filter_command, 0x01, 0, all},                                    // reset
+    {filter_command, 0x02, 12, all},                                   // initial attitude
+    {filter_command, 0x03, 4, all},                                    // initial heading
+    {filter_command, 0x05, 0, series_7},                               // run
+    {filter_command, 0x16, 70, gx5_45},                                // external GNSS
+    {filter_command, 0x17, 9, gx5},                                    // external heading
+    {aiding, 0x21, 49, cv7_ins},                                       // position
+    {aiding, 0x22, 49, cv7_ins},         {aiding, 0x23, 21, cv7_ins},  // height
+    {aiding, 0x28, 37, cv7_ins},                                       // velocity
+    {aiding, 0x29, 37, cv7_ins},         {aiding, 0x2A, 37, cv7_ins}, {aiding, 0x31, 21, cv7_ins},  // heading
+    {aiding, 0x32, 37, cv7_ins},                                                                    // magnetic field
+    {aiding, 0x33, 21, cv7_ins},                                                                    // pressure
 };
 
 constexpr std::size_t slots_before(std::size_t setting) {
@@ -66,7 +78,22 @@ std::size_t first_slot(const KeptSetting& setting) noexcept {
   return slots_before(static_cast<std::size_t>(&setting - settings));
 }
 
-bool is_good(const KeptSetting& setting, std::span<const std::byte> value) noexcept {
+// The features that a pin may have: those of the manual of the CV7; an encoder, on a GQ7, is kept and changes
+// nothing.
+bool is_good_pin(const Model& model, std::uint8_t feature, std::uint8_t behavior, std::uint8_t mode) noexcept {
+  constexpr std::uint8_t most[] = {0, 3, 2, 2, 3}, pulls = 0x06;  // the highest behavior of each feature
+  if (feature >= std::size(most) || (feature == Pin::encoder && !model.is(gq7))) return false;
+  return behavior <= most[feature] && (feature == Pin::unused || behavior > 0) && mode < 8 && (mode & pulls) != pulls;
+}
+
+bool is_good(const KeptSetting& setting, const Model& model, std::span<const std::byte> value) noexcept {
+  const auto byte = [&](std::size_t i) { return std::to_integer<std::uint8_t>(value[i]); };
+  if (setting.kind == KeptSetting::source) {
+    const auto source = static_cast<PulseSource>(byte(0));
+    const bool is_receiver = source == PulseSource::receiver_1 || source == PulseSource::receiver_2;
+    return source <= PulseSource::generated && (!is_receiver || model.is(with_receiver));
+  }
+  if (setting.kind == KeptSetting::pin) return is_good_pin(model, byte(0), byte(1), byte(2));
   if (setting.kind == KeptSetting::flag) return value[0] <= std::byte{1};
   if (setting.kind == KeptSetting::numbers)
     for (Reader reader(value); !reader.is_done();)
@@ -96,10 +123,13 @@ const Stream* Configuration::find(std::uint8_t set) const noexcept {
   return nullptr;
 }
 
-const Kept& Configuration::first_of(std::uint8_t set, std::uint8_t command) const noexcept {
+const Kept* Configuration::find_kept(const Model& model, std::uint8_t set, std::uint8_t command,
+                                     unsigned key) const noexcept {
   for (const KeptSetting& setting : settings)
-    if (setting.set == set && setting.command == command) return kept[first_slot(setting)];
-  return kept[0];
+    if (setting.set == set && setting.command == command && model.is(setting.models) && key >= setting.first_key &&
+        key - setting.first_key < setting.slots)
+      return &kept[first_slot(setting) + key - setting.first_key];
+  return nullptr;
 }
 
 Memory::Code Memory::execute_kept(const KeptSetting& setting, Data data, Packet& answer) noexcept {
@@ -114,11 +144,12 @@ Memory::Code Memory::execute_kept(const KeptSetting& setting, Data data, Packet&
   switch (function) {
     case write: {
       if (!is_one || value.size() < setting.least || value.size() > setting.most) return bad_parameter;
-      if (!is_good(setting, value.subspan(setting.key_size))) return bad_parameter;
+      if (!is_good(setting, model_, value.subspan(setting.key_size))) return bad_parameter;
       Kept& kept = active_.kept[slot];
       kept.size = static_cast<std::uint8_t>(value.size());
       std::transform(value.begin(), value.end(), kept.bytes.begin(),
                      [](std::byte b) { return std::to_integer<std::uint8_t>(b); });
+      if (setting.kind == KeptSetting::pin) configure_pin(static_cast<std::uint8_t>(key));
       return ok;
     }
     case read: {

@@ -96,13 +96,14 @@ Memory::Code Memory::stream_control(Reader& reader, Packet& answer) noexcept {
   const std::uint8_t set =
       named < std::size(as_older_devices_number_them) ? as_older_devices_number_them[named] : named;
   Stream* active = active_.find(set);
-  const bool is_every = set == 0 && function != write && function != read;
+  const bool is_every = set == 0 && function != read;
   if ((active == nullptr && !is_every) || !reader.is_whole()) return bad_parameter;
   switch (function) {
     case write: {
       const auto enable = reader.take<std::uint8_t>();
       if (!reader.is_done() || enable > 1) return bad_parameter;
-      active->enabled = enable != 0;
+      for (Stream& stream : active_.streams)
+        if (is_every || stream.set == set) stream.enabled = enable != 0;
       return ok;
     }
     case read:
