@@ -59,9 +59,13 @@ struct Clocked {
     Settings settings(protocol.settings);
     settings.set("model", std::string(product.model));
     if (product.protocol == std::string_view("mip")) {
-      settings.set("sensor_fields",
-                   std::vector<std::string>{"delta_time", "reference_delta", "delta_angle", "ticks"});
-      settings.set("filter_fields", std::vector<std::string>{"filter_reference_delta", "filter_status"});
+      const bool has_shared_fields = std::string_view(product.model).find("gx5") == std::string_view::npos;
+      settings.set("sensor_fields", has_shared_fields ? std::vector<std::string>{"delta_time", "reference_delta",
+                                                                                 "delta_angle", "ticks"}
+                                                      : std::vector<std::string>{"delta_angle", "gps_time"});
+      settings.set("filter_fields", has_shared_fields
+                                        ? std::vector<std::string>{"filter_reference_delta", "filter_status"}
+                                        : std::vector<std::string>{"filter_status"});
     }
     device = protocol.make(settings);
     sent.reserve(1 << 21);
@@ -109,7 +113,7 @@ class DeviceTimes : public testing::TestWithParam<Product> {};
 INSTANTIATE_TEST_SUITE_P(Devices, DeviceTimes,
                          testing::Values(Product{"mip", "3dm-gx5-25", 1ms}, Product{"mip", "3dm-gx5-45", 1ms},
                                          Product{"mip", "3dm-cv7-ahrs", 1ms}, Product{"mip", "3dm-cv7-ins", 1ms},
-                                         Product{"vectornav", "vn-100", 1250us},
+                                         Product{"mip", "3dm-gq7", 1ms}, Product{"vectornav", "vn-100", 1250us},
                                          Product{"vectornav", "vn-200", 1250us},
                                          Product{"vectornav", "vn-300", 2500us}),
                          [](const auto& product) {

@@ -41,7 +41,7 @@ Bytes sent(const std::string& model, std::uint8_t set, std::vector<std::uint8_t>
 }
 
 TEST(MipNavigation, MagneticFieldAndPressure) {
-  for (const char* model : {"3dm-gx5-25", "3dm-cv7-ahrs", "3dm-gx5-45", "3dm-cv7-ins"}) {
+  for (const char* model : {"3dm-gx5-25", "3dm-cv7-ahrs", "3dm-gx5-45", "3dm-cv7-ins", "3dm-gq7"}) {
     const Bytes packet = sent(model, 0x80, {0x06, 0x17}, known());
     const Bytes field_G = field(packet, 0x06);
     EXPECT_FLOAT_EQ(number(field_G, 0), 0.2F);
@@ -60,7 +60,7 @@ TEST(MipNavigation, GpsTime) {
     EXPECT_EQ(number_at<std::uint16_t>(data, 8), 2408);
     EXPECT_EQ(number_at<std::uint16_t>(data, 10), valid);
   };
-  const Bytes imu = sent("3dm-gx5-25", 0x80, {0x12, 0xD3}, known());
+  const Bytes imu = sent("3dm-cv7-ahrs", 0x80, {0x12, 0xD3}, known());
   check(field(imu, 0x12), 0x1C);
   check(field(imu, 0xD3), 3);
   check(field(sent("3dm-cv7-ins", 0x82, {0xD3}, known()), 0xD3), 3);
@@ -144,19 +144,25 @@ TEST(MipNavigation, Receiver) {
   EXPECT_DOUBLE_EQ(number_at<double>(position, 0), 40);
   EXPECT_DOUBLE_EQ(number_at<double>(position, 8), -105.25);
   EXPECT_DOUBLE_EQ(number_at<double>(position, 16), 1655);
-  EXPECT_EQ(number_at<std::uint16_t>(position, 40), 3) << "position and height above the ellipsoid";
+  EXPECT_EQ(number_at<std::uint16_t>(position, 40), 0x1B) << "but for the height above mean sea level";
+  EXPECT_EQ(number_at<float>(position, 32), 1.2F) << "accuracies are those under an open sky, m";
+  EXPECT_EQ(number_at<float>(position, 36), 1.8F);
   EXPECT_EQ(number(velocity, 0), 30);
   EXPECT_EQ(number(velocity, 2), -5);
   EXPECT_FLOAT_EQ(number(velocity, 3), 50.24938F) << "speed";
   EXPECT_EQ(number(velocity, 4), 50) << "over ground";
   EXPECT_FLOAT_EQ(number(velocity, 5), 306.8699F) << "course, deg";
-  EXPECT_EQ(number_at<std::uint16_t>(velocity, 32), 0x0F);
+  EXPECT_EQ(number(velocity, 6), 0.05F) << "m/s";
+  EXPECT_EQ(number(velocity, 7), 0.5F) << "deg";
+  EXPECT_EQ(number_at<std::uint16_t>(velocity, 32), 0x3F);
   const Bytes dop = field(packet, 0x07);
   EXPECT_NEAR(number(dop, 0) * number(dop, 0), number(dop, 1) * number(dop, 1) + number(dop, 4) * number(dop, 4),
               0.02);
   EXPECT_EQ(number_at<std::uint16_t>(dop, 28), 0x7F);
   EXPECT_EQ(field(packet, 0x0B), (Bytes{0, 12, 0, 0, 0, 7}));
   EXPECT_EQ(number_at<double>(field(packet, 0x04), 16), 4e6);
+  EXPECT_EQ(number_at<float>(field(packet, 0x04), 24), 2.2F) << "m";
+  EXPECT_EQ(number_at<std::uint16_t>(field(packet, 0x04), 28), 3);
   EXPECT_EQ(field(packet, 0x0D), (Bytes{1, 4, 1, 0, 7}));
 
   const Bytes lost = sent("3dm-gx5-45", 0x81, {0x03, 0x05, 0x07, 0x0B}, Sample());
@@ -166,28 +172,20 @@ TEST(MipNavigation, Receiver) {
   EXPECT_EQ(field(lost, 0x0B), (Bytes{3, 0, 0, 0, 0, 7})) << "no fix";
 }
 
-// ArduPilot's driver sends nothing, and waits for these packets.
-TEST(MipNavigation, StreamsOutOfTheBox) {
-  Unit unit({{"model", std::string("3dm-gx5-45")}});
-  unit.sample = known();
-  int packets[3] = {}, bytes = 0;
-  for (const Bytes& packet : unit.run(1000)) {
-    ASSERT_TRUE(packet[2] >= 0x80 && packet[2] <= 0x82);
-    ++packets[packet[2] - 0x80];
-    bytes += static_cast<int>(packet.size());
-    if (packet[2] != 0x81) continue;
-    for (const std::uint8_t descriptor : Bytes{0x03, 0x05, 0x07, 0x08, 0x09, 0x0B})
-      EXPECT_FALSE(field(packet, descriptor).empty()) << unsigned{descriptor};
-  }
-  EXPECT_EQ(packets[0], 100);
-  EXPECT_EQ(packets[1], 4) << "of the receiver";
-  EXPECT_EQ(packets[2], 10);
-  EXPECT_LT(10 * bytes, 115200) << "does not fit the line";
+// GNSS data are configured, stopped and polled by the commands of the 5 series.
+TEST(MipNavigation, TheReceiversStream) {
+  Unit unit({{"model", std::string("3dm-gx5-45")}, {"gnss_fields", std::vector<std::string>{"gnss_fix"}}});
+  const auto packets = [&] {
+    const auto sent = unit.run(1000);
+    return std::count_if(sent.begin(), sent.end(), [](const Bytes& packet) { return packet[2] == 0x81; });
+  };
+  EXPECT_EQ(packets(), 4);
   EXPECT_EQ(field(unit.send(command(0x0C, 0x07))[0], 0x84), (Bytes{0, 4}));
   EXPECT_EQ(unit.code(command(0x0C, 0x09, {1, 1, 0x0B, 0, 2})), 0);
   EXPECT_EQ(field(unit.send(command(0x0C, 0x09, {2}))[0], 0x81), (Bytes{1, 0x0B, 0, 2}));
-  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 2, 0})), 0) << "receiver's stream off";
-  for (const Bytes& packet : unit.run(1000)) EXPECT_NE(packet[2], 0x81);
+  EXPECT_EQ(packets(), 2);
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 2, 0})), 0) << "off";
+  EXPECT_EQ(packets(), 0);
   EXPECT_EQ(unit.send(command(0x0C, 0x02, {0, 1, 0x0B, 0, 0})).size(), 2U) << "but it can be polled";
 }
 

@@ -182,7 +182,8 @@ TEST(Mip, ExecutesTheLibrarysOwnCommands) {
 }
 
 class MipModel : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Models, MipModel, testing::Values("3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins"),
+INSTANTIATE_TEST_SUITE_P(Models, MipModel,
+                         testing::Values("3dm-gx5-25", "3dm-gx5-45", "3dm-cv7-ahrs", "3dm-cv7-ins", "3dm-gq7"),
                          [](const auto& model) {
                            std::string name = model.param;
                            std::erase(name, '-');
@@ -222,7 +223,7 @@ TEST_P(MipModel, ReportsItsNameAndDescriptors) {
       return packet[2] == set && packet[5] == descriptor && packet.size() == 6U + packet[4] && packet[4] == packet[3];
     });
   };
-  for (const unsigned set : {0x80U, 0x81U, 0x82U, 0x91U})
+  for (const unsigned set : {0x80U, 0x81U, 0x82U, 0x91U, 0x92U, 0xA0U})
     for (unsigned descriptor = 1; descriptor < 256; ++descriptor)
       EXPECT_EQ(streams(set, descriptor), known.contains(set * 256 + descriptor)) << set << ' ' << descriptor;
 }
@@ -244,7 +245,7 @@ TEST(Mip, IdleResumeAndStreamControl) {
 TEST(Mip, RatesAndFormatsAreReadSavedAndLoaded) {
   Unit unit;
   EXPECT_EQ(field(unit.send(command(0x0C, 0x06))[0], 0x83), (Bytes{0x03, 0xE8}));
-  EXPECT_EQ(field(unit.send(command(0x0C, 0x0E, {0x82}))[0], 0x8E), (Bytes{0x82, 0x01, 0xF4}));
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x0E, {0x82}))[0], 0x8E), (Bytes{0x82, 0x03, 0xE8}));
   EXPECT_EQ(unit.code(command(0x0C, 0x08, {1, 2, 0x05, 0, 4, 0x04, 0, 8})), 0);
   EXPECT_EQ(field(unit.send(command(0x0C, 0x0F, {2, 0x80}))[0], 0x8F), (Bytes{0x80, 2, 0x05, 0, 4, 0x04, 0, 8}));
   int rates = 0, forces = 0;
@@ -348,7 +349,7 @@ TEST(Mip, AttitudeAndIncrementsAreTheModels) {
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x08), 2), 0.04F);
   EXPECT_FLOAT_EQ(number(field(sent[0], 0x14), 2), 31.5F);
   EXPECT_EQ(field(sent[0], 0x18), (Bytes{0, 0x42}));
-  EXPECT_EQ(field(sent[1], 0x10), (Bytes{0, 2, 0, 1, 0, 0}));
+  EXPECT_EQ(field(sent[1], 0x10), (Bytes{0, 3, 0, 1, 0, 1}));
 }
 
 // mip_sdk e5a847d, mip_parser.c, mip_parser_parse: a packet's time is counted from its first byte, by default 100 ms.

@@ -41,12 +41,13 @@ inline Bytes command(std::uint8_t set, std::uint8_t descriptor, Bytes data = {})
 }
 
 // A device with its clock, which is advanced by samples, one per millisecond, and by wait(). Its deadlines are
-// polled.
+// polled. It is a 3DM-CV7-AHRS, which has the shared fields, unless another model is given.
 class Unit {
  public:
   explicit Unit(std::initializer_list<std::pair<std::string_view, SettingValue>> values = {}) {
     const Protocol& protocol = *find_protocol("mip");
     Settings settings(protocol.settings);
+    settings.set("model", std::string("3dm-cv7-ahrs"));
     for (const auto& [key, value] : values) settings.set(key, value);
     device = protocol.make(settings);
   }
