@@ -48,6 +48,12 @@ def shared(descriptor, b, t, before, k):
         check("delta time", b.take("d"), t - before, 1e-12)
     elif descriptor == 0xD5:
         check("reference time", b.take("Q"), round(t * 1e9), 0)
+    elif descriptor == 0xD7:
+        check("external time", b.take("Q"), round((GPS_START + t) * 1e9), 1000)  # seconds as a double
+        check("external time is not synchronized", b.take("H"), 0, 0)
+    elif descriptor == 0xD8:
+        check("external time delta", b.take("Q"), round((t - before) * 1e9), 0)
+        check("external time delta is not synchronized", b.take("H"), 0, 0)
     else:
         check("reference time delta", b.take("Q"), round((t - before) * 1e9), 0)
 
@@ -106,6 +112,18 @@ def filtered(descriptor, b, t, before, k):
         check_floats("linear acceleration", b.take("3f"), tuple(f + g for f, g in zip(force, down)), 10)
     elif descriptor == 0x0E:
         check_floats("filter rate", b.take("3f"), rate)
+    elif descriptor == 0x06:
+        check_floats("gyro bias", b.take("3f"), (0, 0, 0))
+    elif descriptor in (0x08, 0x09, 0x0A, 0x0B):
+        check(f"uncertainty {descriptor:X} is there", [0 < u < 1 for u in b.take("3f")], [True] * 3, 0)
+    elif descriptor == 0x12:
+        check("uncertainty of the quaternion is there", [0 < u < 1 for u in b.take("4f")], [True] * 4, 0)
+    elif descriptor == 0x49:
+        check("antennas' second of the week", b.take("f"), (GPS_START + t) % WEEK, 0.05)
+        check_floats("antennas' heading", b.take("f"), roll_pitch_yaw(p)[2])
+        check("antennas' uncertainty is there", 0 < b.take("f") < 0.1, True, 0)
+        check("antennas' state", b.take("BHH"), (2, 7, 1), 0)
+        return True
     elif descriptor == 0x10:
         b.take("HH")
     elif descriptor == 0x11:
@@ -130,18 +148,19 @@ def gnss(descriptor, b, t, before, k):
     speed = math.hypot(p.v_L[0], p.v_L[1])
     if descriptor == 0x03:
         position(b, p)
-        b.at += 16
-        check("GNSS position valid", b.take("H") & 3, 3, 0)
+        b.at += 8
+        check("GNSS position accuracies are there", [0 < a < 10 for a in b.take("2f")], [True] * 2, 0)
+        check("GNSS position valid", b.take("H"), 0x1B, 0)
     elif descriptor == 0x04:
         check("GNSS ECEF", b.take("3d"), p.r_E, 1e-6)
-        b.at += 4
-        check("GNSS ECEF valid", b.take("H") & 1, 1, 0)
+        check("GNSS ECEF accuracy is there", 0 < b.take("f") < 10, True, 0)
+        check("GNSS ECEF valid", b.take("H"), 3, 0)
     elif descriptor == 0x05:
         check_floats("GNSS velocity", b.take("3f"), p.v_L)
         check_floats("GNSS speeds", b.take("2f"), (math.hypot(speed, p.v_L[2]), speed))
         check_floats("GNSS course", b.take("f") % 360, math.atan2(p.v_L[1], p.v_L[0]) / DEG % 360)
-        b.at += 8
-        check("GNSS velocity valid", b.take("H") & 0x0F, 0x0F, 0)
+        check("GNSS velocity accuracies are there", [0 < a < 1 for a in b.take("2f")], [True] * 2, 0)
+        check("GNSS velocity valid", b.take("H"), 0x3F, 0)
     elif descriptor == 0x07:
         check("DOP are there", [0 < dop < 5 for dop in b.take("7f")], [True] * 7, 0)
         b.take("H")
@@ -156,24 +175,23 @@ def gnss(descriptor, b, t, before, k):
         b.at += 5
     elif descriptor == 0x0D:
         b.at += 5
+    elif descriptor == 0x11:
+        check("leap seconds", b.take("BH"), (LEAP, 2), 0)
     else:
         return False
     return True
 
 
-SETS = {0x80: (sensor, HZ), 0x81: (gnss, GNSS_HZ), 0x82: (filtered, HZ)}
-FIELDS = {  # all fields of a model that has every field, as `imud list` names them
-    "sensor": "acceleration rate magnetic_field delta_angle delta_velocity quaternion euler gps_time temperature pressure overrange "
-              "event_source ticks delta_ticks shared_gps_time delta_time reference_time",
-    "filter": "filter_position filter_velocity filter_quaternion filter_matrix filter_euler filter_linear_acceleration filter_rate",
-    "gnss": "gnss_position gnss_position_ecef gnss_velocity gnss_dop gnss_utc gnss_gps_time gnss_fix gnss_hardware",
-}
-MORE = {
-    "sensor": "reference_delta rate",
-    "filter": "filter_status filter_gps_time filter_gravity filter_acceleration filter_position_ecef filter_shared_gps_time "
-              "filter_reference_time filter_reference_delta",
-    "gnss": "gnss_shared_gps_time gnss_reference_time gnss_reference_delta",
-}
+SETS = {0x80: (sensor, HZ), 0x81: (gnss, GNSS_HZ), 0x82: (filtered, HZ), 0x91: (gnss, 2), 0x92: (gnss, 2)}
+# All fields, as `imud list` names them.
+SENSOR = "acceleration rate magnetic_field delta_angle delta_velocity quaternion euler gps_time temperature pressure overrange"
+FILTER = "filter_position filter_velocity filter_quaternion filter_matrix filter_euler filter_linear_acceleration filter_rate"
+GNSS = "gnss_position gnss_position_ecef gnss_velocity gnss_dop gnss_utc gnss_gps_time gnss_fix"
+SHARED = " event_source ticks delta_ticks shared_gps_time delta_time reference_time"
+MORE = "filter_status filter_gps_time filter_gravity filter_acceleration filter_position_ecef filter_shared_gps_time "
+UNCERTAINTIES = ("filter_gyro_bias filter_position_uncertainty filter_velocity_uncertainty filter_euler_uncertainty "
+                 "filter_gyro_bias_uncertainty filter_quaternion_uncertainty")
+TIMES = ("shared_gps_time", "reference_time", "reference_delta")
 
 
 def test(model, wanted):
@@ -200,7 +218,7 @@ def test(model, wanted):
             descriptor = data[b.at + 1]
             seen.add((kind, descriptor))
             b.at += 2
-            if k == 0 and descriptor in (0xD2, 0xD4, 0xD6):
+            if k == 0 and descriptor in (0xD2, 0xD4, 0xD6, 0xD8):
                 b.at = end  # counts from an unknown start
             elif not decode(descriptor, b, t, before, k):
                 shared(descriptor, b, t, before, k)
@@ -213,12 +231,21 @@ def test(model, wanted):
     return len(seen)
 
 
-names = sum(len(v.split()) for v in FIELDS.values())
-check("fields", test("3dm-gx5-45", FIELDS), names, 0)
-check("fields", test("3dm-gx5-45", MORE), sum(len(v.split()) for v in MORE.values()), 0)
-ahrs = {"sensor": FIELDS["sensor"], "filter": "filter_quaternion filter_euler"}
-for ahrs_model in ("3dm-gx5-25", "3dm-cv7-ahrs"):
-    check("fields", test(ahrs_model, ahrs), sum(len(v.split()) for v in ahrs.values()), 0)
-check("fields", test("3dm-cv7-ins", {kind: FIELDS[kind] for kind in ("sensor", "filter")}),
-      sum(len(FIELDS[kind].split()) for kind in ("sensor", "filter")), 0)
+def expect(model, **wanted):
+    """All of these fields of a model are sent, and right."""
+    fields = sum(len(names.split()) for names in wanted.values())
+    receivers = 2 if model == "3dm-gq7" else 1
+    check(f"fields of {model}", test(model, wanted), fields + (receivers - 1) * len(wanted.get("gnss", "").split()), 0)
+
+
+expect("3dm-gx5-45", sensor=SENSOR, filter=FILTER, gnss=GNSS + " gnss_hardware")
+expect("3dm-gx5-45", sensor="rate", filter=MORE, gnss="gnss_shared_gps_time")
+expect("3dm-gx5-45", sensor="rate", filter=UNCERTAINTIES, gnss="gnss_fix")
+for ahrs in ("3dm-gx5-25", "3dm-cv7-ahrs"):
+    expect(ahrs, sensor=SENSOR, filter="filter_quaternion filter_euler")
+expect("3dm-cv7-ins", sensor=SENSOR + SHARED, filter=FILTER)
+expect("3dm-cv7-ins", sensor="reference_delta external_time external_delta rate",
+       filter=MORE + " filter_reference_time filter_reference_delta filter_event_source filter_external_time")
+expect("3dm-gq7", sensor="rate", filter="filter_dual_antenna", gnss=GNSS)
+expect("3dm-gq7", sensor="rate", filter="filter_gps_time", gnss="gnss_leap_seconds " + " ".join("gnss_" + time for time in TIMES))
 finish()
