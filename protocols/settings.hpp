@@ -13,9 +13,8 @@ namespace imud {
 
 using SettingValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
-// One setting that a table entry declares. The type is that of `initial`. A number must be within [min, max] (if they
-// are equal: any finite number), a text must be one of `choices` (if empty: any text); the entry itself checks a
-// list, whose choices are only listed.
+// A setting of a table entry, of the type of `initial`. A number is in [min, max] (if they are equal: finite), a
+// text is one of `choices` (if empty: any); those of a list are only listed, and its entry checks it.
 struct Setting {
   std::string_view key;
   std::string_view help;  // one line, with the unit
