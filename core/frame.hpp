@@ -33,6 +33,7 @@ struct CanFilter {
 struct Frame {
   std::span<const std::byte> bytes;
   CanHeader can = {};
+  std::uint8_t uart = 0;  // of a product with two UARTs: 0 for the one at the port, 1 for the one at the second port
 };
 
 // The frames of one sample or of one answer, in order, with their bytes. Make it once, then clear and refill it. It
@@ -56,9 +57,15 @@ class FrameBuffer {
   }
 
   // Adds a frame of the first `size` bytes of the last room(), which must be at least as large.
-  void push(std::size_t size, CanHeader can = {}) noexcept {
-    frames_[count_++] = Frame{{bytes_.data() + used_, size}, can};
+  void push(std::size_t size, CanHeader can = {}, std::uint8_t uart = 0) noexcept {
+    frames_[count_++] = Frame{{bytes_.data() + used_, size}, can, uart};
     used_ += size;
+  }
+  // Adds the bytes of the last frame once more, for another UART. Does nothing if there is no frame, or no room.
+  void repeat(std::uint8_t uart) noexcept {
+    if (count_ == 0 || count_ == max_frames) return;
+    frames_[count_] = Frame{frames_[count_ - 1].bytes, {}, uart};
+    ++count_;
   }
 
   // Returns the frames, valid until the next change of the buffer.

@@ -62,9 +62,9 @@ class FrameWriter {
 
   std::size_t size() const noexcept { return size_; }
   std::span<const std::byte> written() const noexcept { return room_.first(size_); }
-  // Completes the frame, if it is not empty.
-  void push() noexcept {
-    if (size_ > 0) out_.push(size_);
+  // Completes the frame, if it is not empty. `uart`: Frame::uart.
+  void push(std::uint8_t uart = 0) noexcept {
+    if (size_ > 0) out_.push(size_, {}, uart);
   }
 
  private:

@@ -8,6 +8,9 @@ std::optional<DeviceTime> Device::deadline() const noexcept { return std::nullop
 void Device::poll(DeviceTime, FrameBuffer&) noexcept {}
 void Device::step_clock(Nanoseconds) noexcept {}
 UartSettings Device::uart() const noexcept { return {}; }
+void Device::connect_second_uart() noexcept {}
+UartSettings Device::second_uart() const noexcept { return {}; }
+std::uint64_t Device::unconnected_outputs() const noexcept { return 0; }
 void Device::trigger(DeviceTime) noexcept {}
 void Device::pps(DeviceTime) noexcept {}
 std::optional<Device::Pulse> Device::pulse() const noexcept { return std::nullopt; }

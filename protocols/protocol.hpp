@@ -35,7 +35,8 @@ class Device {
   // Appends the frames of one sample (none, one or several) to `out`. The time is sample.time.
   virtual void sample(const Sample& sample, FrameBuffer& out) noexcept = 0;
   // Processes bytes of the host, which come in pieces of any length, or a CAN frame; appends the answers to
-  // `replies`. Default: ignores them, for a product that has no receiver.
+  // `replies`, for the UART at which the bytes came (Frame::uart). Default: ignores them, for a product that has no
+  // receiver.
   virtual void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept;
   // Returns the time at which poll() must be called next (a step of the start-up, a timeout, a heartbeat), or nullopt
   // if nothing is scheduled. Any other call may change it.
@@ -51,6 +52,17 @@ class Device {
   // for a product whose UART cannot be set.
   virtual UartSettings uart() const noexcept;
 
+  // --- The second UART of a product that has two (Protocol::has_second_uart) ---
+  // Connects it: from now on the device also makes the frames that leave there, with Frame::uart 1. Default: does
+  // nothing.
+  virtual void connect_second_uart() noexcept;
+  // Returns its settings, as uart() does. Default: a UartSettings{}.
+  virtual UartSettings second_uart() const noexcept;
+  // Returns how many times the host has turned an output to the second UART alone while it was not connected.
+  // Default: 0.
+  virtual std::uint64_t unconnected_outputs() const noexcept;
+
+  // --- Synchronisation pins (Protocol::has_sync_pins) ---
   // Report a valid edge on the trigger input, or on the pulse-per-second input. `time` is in (last sample, next
   // sample]; called in order of time, before the next sample. Default: do nothing, for a product without these
   // inputs.
@@ -179,7 +191,8 @@ struct Protocol {
   // The longest burst of errors that is always detected, in bits; each byte is counted from its LSB.
   unsigned burst_bits = 0;
 
-  bool has_sync_pins = false;  // Device's trigger(), pps() and pulse()
+  bool has_sync_pins = false;    // Device's trigger(), pps() and pulse()
+  bool has_second_uart = false;  // Device's connect_second_uart() and second_uart()
 
   // Set if, and only if, the link is Link::can; both throw as make does. can_messages: every identifier that the
   // product ever sends with these settings, to compute the bus load and to find two products that use the same;
