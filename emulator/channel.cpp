@@ -16,9 +16,13 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       is_can_(config.protocol->link == Link::can),
       imu_(config.model, seed, stream_id(config.name)),
       device_(config.protocol->make(config.settings)),
-      port_(open(config.port, config.port_settings)),
-      clock_(config.grid),
-      uart_(device_->uart()) {
+      clock_(config.grid) {
+  lines_[0] = {open(config.port, config.port_settings), device_->uart()};
+  if (!config.second_port.empty()) {
+    device_->connect_second_uart();
+    lines_[1] = {open(config.second_port, config.second_port_settings), device_->second_uart()};
+    line_count_ = 2;
+  }
   if (config.sync.is_connected()) sync_.emplace(config.sync, open);
   if (is_can_) {
     // The device's own identifiers pass too, so that the port can confirm its frames and the device detects other
@@ -26,7 +30,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
     std::vector<CanFilter> filters = config.protocol->can_filters(config.settings);
     for (const CanMessage& message : config.protocol->can_messages(config.settings, config.rate_hz))
       filters.push_back({.id = message.can.id, .extended = message.can.extended});
-    port_->set_filters(filters);
+    lines_[0].port->set_filters(filters);
   }
   publish();
 }
@@ -48,7 +52,7 @@ void Channel::begin_run() noexcept {
 
 void Channel::cycle_power(HostTime now) noexcept {
   device_->power_on(clock_.now(now));
-  apply_uart();
+  apply_uarts();
 }
 
 Sample Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
@@ -82,13 +86,18 @@ void Channel::encode() noexcept {
 
 void Channel::transmit() noexcept {
   if (sync_ && truth_) sync_->send_pulse(*device_);
-  send(frames_);
+  send(frames_.frames());
 }
 
-void Channel::send(const FrameBuffer& frames) noexcept {
-  if (frames.frames().empty()) return;
-  port_->send(frames.frames());
-  passed_ += frames.frames().size();
+void Channel::send(std::span<const Frame> frames, void (Port::*how)(std::span<const Frame>) noexcept) noexcept {
+  while (!frames.empty()) {
+    const std::size_t uart = frames.front().uart;
+    std::size_t size = 1;
+    while (size < frames.size() && frames[size].uart == uart) ++size;
+    (lines_[uart].port.get()->*how)(frames.first(size));
+    lines_[uart].passed += size;
+    frames = frames.subspan(size);
+  }
 }
 
 void Channel::record_times(Nanoseconds lateness, Nanoseconds write) noexcept {
@@ -110,83 +119,115 @@ void Channel::poll_until(DeviceTime now) noexcept {
   for (auto deadline = device_->deadline(); deadline && *deadline <= now; deadline = device_->deadline()) {
     others_.clear();
     device_->poll(*deadline, others_);
-    send(others_);
+    send(others_.frames());
     publish();
   }
 }
 
+namespace {
+// The limit of one call of serve(), so that a flood from the host does not delay samples. Between two calls no line
+// carries as much.
+constexpr std::size_t most_served = 256, per_frame = 16;
+}  // namespace
+
 bool Channel::serve(HostTime now) noexcept {
-  // The limit of one call, so that a flood from the host does not delay samples. Between two calls no line carries
-  // as much.
-  constexpr std::size_t most = 256, per_frame = 16;
   std::size_t received = 0;
-  bool may_wait = false;
-  while (received < most) {
-    const auto chunk = port_->receive();
-    if (!chunk) {
-      may_wait = received > 0;
-      break;
-    }
+  bool is_flooded = false;
+  for (std::size_t uart = 0; uart < line_count_; ++uart) {
+    const std::size_t here = serve(uart, now);
+    received += here;
+    is_flooded = is_flooded || here >= most_served;
+  }
+  const bool has_changed =
+      lines_[0].port->state() != counters_.port_state.load(std::memory_order_relaxed) ||
+      (line_count_ == 2 && lines_[1].port->state() != counters_.second_port_state.load(std::memory_order_relaxed));
+  if (received > 0 || has_changed) publish();
+  return received > 0 && !is_flooded;
+}
+
+// Returns the number of bytes received at one port, with a surcharge for each frame.
+std::size_t Channel::serve(std::size_t uart, HostTime now) noexcept {
+  std::size_t received = 0;
+  while (received < most_served) {
+    const auto chunk = lines_[uart].port->receive();
+    if (!chunk) break;
     received += per_frame + chunk->frame.bytes.size();
     const DeviceTime time = clock_.now(now);
     poll_until(time);
     others_.clear();
-    device_->receive(chunk->frame, time, others_);
+    Frame frame = chunk->frame;
+    frame.uart = static_cast<std::uint8_t>(uart);
+    device_->receive(frame, time, others_);
     if (const auto replies = others_.frames(); !replies.empty()) {
-      port_->reply(replies);
-      passed_ += replies.size();
+      send(replies, &Port::reply);
       counters_.replies.count(replies.size());
     }
-    apply_uart();
+    apply_uarts();
   }
-  if (received > 0 || port_->state() != counters_.port_state.load(std::memory_order_relaxed)) publish();
-  return may_wait;
+  return received;
 }
 
 // A device answers with its old settings; the new ones apply to all that is sent afterwards.
-void Channel::apply_uart() noexcept {
-  const UartSettings uart = device_->uart();
-  if (uart == uart_) return;
-  uart_ = uart;
-  port_->set_line(uart);
+void Channel::apply_uarts() noexcept {
+  for (std::size_t i = 0; i < line_count_; ++i) {
+    const UartSettings uart = i == 0 ? device_->uart() : device_->second_uart();
+    if (uart == lines_[i].uart) continue;
+    lines_[i].uart = uart;
+    lines_[i].port->set_line(uart);
+  }
 }
 
 void Channel::publish() noexcept {
-  const PortCounters& port = port_->counters();
-  counters_.frames.store(port.sent, std::memory_order_relaxed);
-  counters_.dropped.store(port.dropped, std::memory_order_relaxed);
-  counters_.failed.store(port.failed, std::memory_order_relaxed);
-  counters_.port_error.store(port_->error(), std::memory_order_relaxed);
+  std::uint64_t sent = 0, dropped = 0, failed = 0;
+  for (const Line& line : lines()) {
+    sent += line.port->counters().sent;
+    dropped += line.port->counters().dropped;
+    failed += line.port->counters().failed;
+  }
+  counters_.frames.store(sent, std::memory_order_relaxed);
+  counters_.dropped.store(dropped, std::memory_order_relaxed);
+  counters_.failed.store(failed, std::memory_order_relaxed);
+  counters_.unconnected_outputs.store(device_->unconnected_outputs(), std::memory_order_relaxed);
   if (sync_) counters_.edges_refused.store(sync_->refused(), std::memory_order_relaxed);
-  counters_.speeds.store(port_->speeds(), std::memory_order_relaxed);
-  counters_.port_state.store(port_->state(), std::memory_order_release);
+  counters_.speeds.store(lines_[0].port->speeds(), std::memory_order_relaxed);
+  counters_.port_error.store(lines_[0].port->error(), std::memory_order_relaxed);
+  counters_.port_state.store(lines_[0].port->state(), std::memory_order_release);
+  if (line_count_ == 1) return;
+  counters_.second_speeds.store(lines_[1].port->speeds(), std::memory_order_relaxed);
+  counters_.second_port_error.store(lines_[1].port->error(), std::memory_order_relaxed);
+  counters_.second_port_state.store(lines_[1].port->state(), std::memory_order_release);
 }
 
-bool Channel::holds_back() const noexcept {
-  const PortCounters& port = port_->counters();
-  return port.sent + port.dropped != passed_;
+bool Channel::Line::holds_back() const noexcept {
+  const PortCounters& counters = port->counters();
+  return counters.sent + counters.dropped != passed;
 }
 
 void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
+  for (Line& line : lines()) wait_until_sent(line, stop);
+}
+
+void Channel::wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
-  if (port_->descriptor() < 0) return;  // a file, which accepts everything, or a port that is lost
+  Port& port = *line.port;
+  if (port.descriptor() < 0) return;  // a file, which accepts everything, or a port that is lost
   HostTime progress = host_now();
-  std::uint64_t sent = port_->counters().sent;
+  std::uint64_t sent = port.counters().sent;
   while (!stop.load(std::memory_order_relaxed)) {
-    if (holds_back()) port_->flush();
-    pollfd room{port_->descriptor(), POLLOUT, 0};
+    if (line.holds_back()) port.flush();
+    pollfd room{port.descriptor(), POLLOUT, 0};
     if (room.fd < 0) return;
     const bool ready = ::poll(&room, 1, 0) != 0;
-    if (ready && !holds_back()) {
-      is_stalled_ = false;
+    if (ready && !line.holds_back()) {
+      line.is_stalled = false;
       return;
     }
     const HostTime now = host_now();
-    if (std::exchange(sent, port_->counters().sent) != port_->counters().sent) progress = now;
-    is_stalled_ = is_stalled_ || now - progress > timeout;
-    if (is_stalled_) return;
+    if (std::exchange(sent, port.counters().sent) != port.counters().sent) progress = now;
+    line.is_stalled = line.is_stalled || now - progress > timeout;
+    if (line.is_stalled) return;
     // A port that paces its frames is always ready for output.
-    const Nanoseconds pause = std::min(step, port_->next_flush() ? *port_->next_flush() - now : step);
+    const Nanoseconds pause = std::min(step, port.next_flush() ? *port.next_flush() - now : step);
     if (ready)
       ::poll(nullptr, 0, std::max(1, static_cast<int>(pause.count() / 1'000'000)));
     else
@@ -195,20 +236,26 @@ void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
 }
 
 void Channel::flush() noexcept {
-  if (!holds_back()) return;
-  port_->flush();
-  publish();
+  bool holds_back = false;
+  for (Line& line : lines()) {
+    if (!line.holds_back()) continue;
+    holds_back = true;
+    line.port->flush();
+  }
+  if (holds_back) publish();
 }
 
 std::optional<HostTime> Channel::next_wake() const noexcept {
-  std::optional<HostTime> first = port_->next_flush();
+  std::optional<HostTime> first;
+  for (const Line& line : lines())
+    if (const auto at = line.port->next_flush(); at && (!first || *at < *first)) first = at;
   if (const auto deadline = device_->deadline())
     if (const auto at = clock_.host_time(*deadline); at && (!first || *at < *first)) first = at;
   return first;
 }
 
 void Channel::discard_pending() noexcept {
-  port_->discard_pending();
+  for (Line& line : lines()) line.port->discard_pending();
   publish();
 }
 

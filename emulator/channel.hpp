@@ -1,10 +1,12 @@
 // Channel: one emulated sensor, from the truth at an instant to the bytes on its port, and back from its host.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "core/imu.hpp"
@@ -16,14 +18,14 @@
 
 namespace imud {
 
-// An imu with its device, port, pins and clock. A sample goes through sense(), prepare(), encode() and transmit(), in
-// this order. The device receives it by encode(), at its instant: until then serve(), poll() and cycle_power() may
+// An imu with its device, ports, pins and clock. A sample goes through sense(), prepare(), encode() and transmit(),
+// in this order. The device receives it by encode(), at its instant: until then serve(), poll() and cycle_power() may
 // change what the device sends of it, but not between encode() and transmit(). So frames leave in the order of the
 // device's calls, and those calls in the order of time. After construction nothing here allocates, locks, logs or
 // throws, and only wait_until_sent() waits. One thread; the counters may be read by any.
 class Channel {
  public:
-  // Opens the port and the pins. Throws PortError.
+  // Opens the ports and the pins. Throws PortError.
   Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open);
 
   const std::string& name() const noexcept { return name_; }
@@ -61,25 +63,27 @@ class Channel {
   void count_sample() noexcept;
   // Records how late after its instant a sample was transmitted, and how long transmit() took.
   void record_times(Nanoseconds lateness, Nanoseconds write) noexcept;
-  // Waits until the port has sent all frames and has room for more, so that nothing is dropped where the host's
-  // clock does not pace. If the reader or the bus accepts nothing for 2 s, it returns, and then always at once until
-  // all frames have been accepted. It also returns when `stop` is set.
+  // Waits until the ports have sent all frames and have room for more, so that nothing is dropped where the host's
+  // clock does not pace. If the reader or the bus accepts nothing for 2 s, the port is no longer waited for until it
+  // has accepted all frames. It also returns when `stop` is set.
   void wait_until_sent(const std::atomic<bool>& stop) noexcept;
 
   // --- Host and deadlines ---
-  // Receives the host's commands, at most some 256 bytes, and sends the replies. Returns false if ::poll() would
-  // return at once again, because of more bytes or a lasting error.
+  // Receives the host's commands, at most some 256 bytes from each port, and sends the replies. Returns false if
+  // ::poll() would return at once again, because of more bytes or a lasting error.
   bool serve(HostTime now) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
   void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
-  // Sends the frames that the port holds back, as far as it can now.
+  // Sends the frames that the ports hold back, as far as they can now.
   void flush() noexcept;
   // Returns when flush() or poll() has to be called next; nullopt if neither waits for a time.
   std::optional<HostTime> next_wake() const noexcept;
-  // Discards the frames that the port still holds back; they count as dropped.
+  // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
 
-  Port& port() noexcept { return *port_; }
+  // The number of ports: 1, or 2 if the product's second UART is connected; `i` is the frames' Frame::uart.
+  std::size_t port_count() const noexcept { return line_count_; }
+  Port& port(std::size_t i) noexcept { return *lines_[i].port; }
   // Returns the time up to which the imu has used the truth of this run; nullopt before its first sample.
   std::optional<TruthTime> used_until() const noexcept;
   // Integrates the truth up to `until`, which is not after the imu's next sample (Imu::advance()).
@@ -88,10 +92,23 @@ class Channel {
   }
 
  private:
+  // A port with the UART of the device behind it.
+  struct Line {
+    std::unique_ptr<Port> port;
+    UartSettings uart;         // the device's settings that the port has
+    std::uint64_t passed = 0;  // frames passed to the port
+    bool is_stalled = false;   // the port has accepted nothing for 2 s
+    bool holds_back() const noexcept;
+  };
+  std::span<Line> lines() noexcept { return {lines_.data(), line_count_}; }
+  std::span<const Line> lines() const noexcept { return {lines_.data(), line_count_}; }
+
   void poll_until(DeviceTime now) noexcept;
-  void send(const FrameBuffer& frames) noexcept;
-  void apply_uart() noexcept;
-  bool holds_back() const noexcept;
+  // Passes frames to the ports of their UARTs by Port::send() or Port::reply().
+  void send(std::span<const Frame> frames, void (Port::*how)(std::span<const Frame>) noexcept = &Port::send) noexcept;
+  std::size_t serve(std::size_t uart, HostTime now) noexcept;
+  void apply_uarts() noexcept;
+  void wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcept;
   void publish() noexcept;
 
   const std::string name_;
@@ -100,14 +117,12 @@ class Channel {
   const bool is_can_;
   Imu imu_;
   std::unique_ptr<Device> device_;
-  std::unique_ptr<Port> port_;
+  std::array<Line, 2> lines_;  // by Frame::uart
+  std::size_t line_count_ = 1;
   std::optional<Sync> sync_;  // nullopt if no pin is connected
   DeviceClock clock_;
-  UartSettings uart_;         // the device's settings that the port has
-  std::uint64_t passed_ = 0;  // frames passed to the port
   bool is_resting_ = false;   // the last sample was taken at rest
   bool has_sampled_ = false;  // in this run
-  bool is_stalled_ = false;   // the port has accepted nothing for 2 s
   Sample sample_;             // prepare() sets these three
   std::optional<TruthTime> truth_;
   bool silent_ = false;

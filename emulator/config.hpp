@@ -60,7 +60,9 @@ struct ImuConfig {
   const Protocol* protocol = nullptr;
   Settings settings;
   std::string port;
-  PortSettings port_settings = Role::device;        // with the device's UART, and whether its characters are paced
+  PortSettings port_settings = Role::device;  // with the device's UART, and whether its characters are paced
+  std::string second_port;                    // of the product's other UART; empty: not connected
+  PortSettings second_port_settings = Role::device;
   BeforeFirst before_first = BeforeFirst::silence;  // always silence unless live truth drives it in realtime
   SyncConfig sync;
   ImuModel model;

@@ -89,12 +89,14 @@ struct ImuCounters : CounterGroup {
   Counter replies{*this, {"replies", "replies sent"}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
+  // Times that the host turned an output to a UART that is not connected.
+  Counter unconnected_outputs{*this, {"unconnected_outputs", "outputs turned to a UART that is not connected"}};
   // From a sample's instant to the beginning of its write, and the duration of that write.
   Durations lateness{*this, "lateness_us"};
   Durations write{*this, "write_us"};
-  std::atomic<PortState> port_state = PortState::ready;
-  std::atomic<int> port_error = 0;  // Port::error()
-  std::atomic<Port::Speeds> speeds = Port::Speeds{};
+  std::atomic<PortState> port_state = PortState::ready, second_port_state = PortState::ready;
+  std::atomic<int> port_error = 0, second_port_error = 0;  // Port::error()
+  std::atomic<Port::Speeds> speeds = Port::Speeds{}, second_speeds = Port::Speeds{};
 };
 
 // The cause for which a truth was refused.

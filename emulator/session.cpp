@@ -10,7 +10,8 @@ Session::Session(const Config& config, const Sync::OpenPort& open)
       timeline_(config.truth.limits),
       intake_(config.truth, timeline_, open(config.truth.port, Role::listener)) {
   for (const ImuConfig& imu : config.imus) channels_.push_back(std::make_unique<Channel>(imu, config.seed, open));
-  inputs_.reserve(channels_.size() + 1);
+  constexpr std::size_t most_ports = 2;
+  inputs_.reserve(most_ports * channels_.size() + 1);
 }
 
 void Session::begin_run() noexcept {
@@ -68,22 +69,26 @@ bool Session::has_room_for_truth(TruthTime until) noexcept {
 std::span<pollfd> Session::inputs(bool truth) noexcept {
   inputs_.clear();
   inputs_.push_back({truth ? intake_.descriptor() : -1, POLLIN, 0});
-  for (const auto& channel : channels_) {
-    const Port& port = channel->port();
-    const int events = (port.can_receive() ? POLLIN : 0) | (port.wants_output() ? POLLOUT : 0);
-    inputs_.push_back({events != 0 ? port.descriptor() : -1, static_cast<short>(events), 0});
-  }
+  for (const auto& channel : channels_)
+    for (std::size_t i = 0; i < channel->port_count(); ++i) {
+      const Port& port = channel->port(i);
+      const int events = (port.can_receive() ? POLLIN : 0) | (port.wants_output() ? POLLOUT : 0);
+      inputs_.push_back({events != 0 ? port.descriptor() : -1, static_cast<short>(events), 0});
+    }
   return inputs_;
 }
 
 bool Session::serve_inputs(HostTime now) noexcept {
-  bool may_poll = true;
-  for (std::size_t i = 0; i < inputs_.size(); ++i) {
-    const short seen = inputs_[i].revents;
-    if ((seen & (POLLERR | POLLHUP | POLLNVAL)) != 0) may_poll = false;
-    if (seen == 0 || i == 0) continue;
-    if ((seen & POLLOUT) != 0) channels_[i - 1]->flush();
-    if (!channels_[i - 1]->serve(now) && (seen & POLLOUT) == 0) may_poll = false;
+  constexpr int failures = POLLERR | POLLHUP | POLLNVAL;
+  bool may_poll = (inputs_[0].revents & failures) == 0;
+  auto input = inputs_.begin() + 1;
+  for (const auto& channel : channels_) {
+    int seen = 0;
+    for (std::size_t i = 0; i < channel->port_count(); ++i) seen |= (input++)->revents;
+    if ((seen & failures) != 0) may_poll = false;
+    if (seen == 0) continue;
+    if ((seen & POLLOUT) != 0) channel->flush();
+    if (!channel->serve(now) && (seen & POLLOUT) == 0) may_poll = false;
   }
   return may_poll;
 }
@@ -118,13 +123,17 @@ std::optional<HostTime> Session::next_wake() const noexcept {
 void Session::drain() noexcept {
   constexpr int readers_ms = 50, lines_ms = 500;
   const auto has_pace = [&] {
-    return std::any_of(channels_.begin(), channels_.end(),
-                       [](const auto& channel) { return channel->port().next_flush().has_value(); });
+    for (const auto& channel : channels_)
+      for (std::size_t i = 0; i < channel->port_count(); ++i)
+        if (channel->port(i).next_flush()) return true;
+    return false;
   };
   flush();
   for (int ms = 0; ms < (has_pace() ? lines_ms : readers_ms); ++ms) {
     bool read = true;
-    for (const auto& channel : channels_) read = channel->port().is_drained() && read;  // which flushes
+    for (const auto& channel : channels_)
+      for (std::size_t i = 0; i < channel->port_count(); ++i)
+        read = channel->port(i).is_drained() && read;  // which flushes
     if (read) break;
     ::poll(nullptr, 0, 1);
   }
