@@ -8,7 +8,7 @@ namespace {
 
 using namespace mip_test;
 
-Unit unit_of(const char* model) { return Unit({{"model", std::string(model)}}); }
+Unit unit_with_pins(const char* model) { return Unit({{"model", std::string(model)}}); }
 
 Bytes polled(Unit& unit, std::uint8_t set, std::uint8_t descriptor) {
   const auto answers = unit.send(command(0x0C, 0x0D, {set, 0, 1, descriptor}));
@@ -29,7 +29,7 @@ std::vector<Device::Pulse> run_with_pulses(Unit& unit, int seconds, Nanoseconds 
 
 // The packet is that of the manual of the CV7, "Synchronized Square Wave Output".
 TEST(MipPins, AreConfiguredSavedAndRead) {
-  Unit unit = unit_of("3dm-cv7-ins");
+  Unit unit = unit_with_pins("3dm-cv7-ins");
   const auto pin = [&](std::uint8_t number) {
     return field(unit.send(command(0x0C, 0x41, {2, number})).at(0), 0xC1);
   };
@@ -56,14 +56,14 @@ TEST(MipPins, AreConfiguredSavedAndRead) {
     data.insert(data.begin(), 1);
     EXPECT_EQ(unit.code(command(0x0C, 0x41, data)), 3) << unsigned{wrong[0]} << ' ' << unsigned{wrong[1]};
   }
-  Unit gq7 = unit_of("3dm-gq7"), gx5 = unit_of("3dm-gx5-25");
+  Unit gq7 = unit_with_pins("3dm-gq7"), gx5 = unit_with_pins("3dm-gx5-25");
   EXPECT_EQ(gq7.code(command(0x0C, 0x41, {1, 3, 3, 1, 0})), 0) << "a GQ7 has an encoder";
   EXPECT_EQ(gx5.code(command(0x0C, 0x41, {1, 1, 2, 1, 0})), 1);
   EXPECT_EQ(gx5.code(command(0x0C, 0x28, {1, 3})), 1);
 }
 
 TEST(MipPins, TheSourceOfThePulse) {
-  Unit unit = unit_of("3dm-cv7-ins"), gq7 = unit_of("3dm-gq7");
+  Unit unit = unit_with_pins("3dm-cv7-ins"), gq7 = unit_with_pins("3dm-gq7");
   const auto source = [](Unit& of) { return field(of.send(command(0x0C, 0x28, {2})).at(0), 0xA8); };
   EXPECT_EQ(source(unit), Bytes{0});
   EXPECT_EQ(source(gq7), Bytes{1});
@@ -77,7 +77,7 @@ TEST(MipPins, TheSourceOfThePulse) {
 }
 
 TEST(MipPins, APulseSynchronizesTheTime) {
-  Unit unit = unit_of("3dm-cv7-ins");
+  Unit unit = unit_with_pins("3dm-cv7-ins");
   run_with_pulses(unit, 2, 300us);
   EXPECT_EQ(synchronization(unit), (Bytes{0, 255})) << "no pin is an input";
   EXPECT_EQ(unit.code(hex("75650c07074101010201003a65")), 0) << "pin 1: pulse per second, input";
@@ -120,7 +120,7 @@ TEST(MipPins, APulseSynchronizesTheTime) {
 }
 
 TEST(MipPins, AGx5HasAnInputWithoutSettings) {
-  Unit unit = unit_of("3dm-gx5-25");
+  Unit unit = unit_with_pins("3dm-gx5-25");
   unit.run(10);
   EXPECT_EQ(number_at<std::uint16_t>(polled(unit, 0x80, 0x12), 10), 0);
   unit.device->pps(unit.now);
@@ -133,7 +133,7 @@ TEST(MipPins, AGx5HasAnInputWithoutSettings) {
 
 // The manual of the CV7, "PPS": a square wave of 50 %, whose rising edge begins a second.
 TEST(MipPins, APulsePerSecondOut) {
-  Unit unit = unit_of("3dm-cv7-ins");
+  Unit unit = unit_with_pins("3dm-cv7-ins");
   EXPECT_EQ(unit.code(command(0x0C, 0x28, {1, 4})), 0) << "generated";
   EXPECT_TRUE(run_with_pulses(unit, 2, 300us).empty()) << "no pin is an output";
   EXPECT_EQ(unit.code(command(0x0C, 0x41, {1, 2, 2, 2, 0})), 0);
@@ -151,7 +151,7 @@ TEST(MipPins, APulsePerSecondOut) {
   EXPECT_EQ(unit.code(command(0x0C, 0x41, {1, 1, 2, 1, 0})), 0);
   const std::int64_t begun = unit.now.ns % 1'000'000'000;
   check(Nanoseconds(begun) + 300us);  // the input is passed on
-  Unit gq7 = unit_of("3dm-gq7");
+  Unit gq7 = unit_with_pins("3dm-gq7");
   EXPECT_EQ(gq7.code(command(0x0C, 0x41, {1, 1, 2, 2, 0})), 0);
   EXPECT_TRUE(run_with_pulses(gq7, 2, 0ns).empty()) << "no fix";
   gq7.sample.navigation.is_known = true;
@@ -215,7 +215,7 @@ TEST(MipPins, AnEdgeTriggersAMessage) {
 }
 
 TEST(MipPins, AnEdgeDrivesAnOutput) {
-  Unit unit = unit_of("3dm-cv7-ahrs");
+  Unit unit = unit_with_pins("3dm-cv7-ahrs");
   unit.run(1);
   const auto states = [&] { return polled(unit, 0xA0, 0x03).at(0); };
   const auto edge = [&] {
