@@ -8,10 +8,8 @@
 #include "core/units.hpp"
 #include "tests/protocols/mip_unit.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 using Names = std::vector<std::string>;
 
@@ -251,7 +249,7 @@ TEST(MipClients, StatesOfTheFilterOfAGq7) {
 
 // --- PX4 00c59fa, src/drivers/ins/microstrain/MicroStrain.cpp ---
 
-struct ClientCall {
+struct Px4Call {
   const char* packet;
   const char* call;
 };
@@ -273,7 +271,7 @@ TEST(MipClients, Px4InitializesACv7Ins) {
     EXPECT_EQ(std::ranges::count(supported, needed), 1) << std::hex << needed;
   EXPECT_EQ(unit.code(hex("7565010808090101000e100014f9")), 0) << "write_comm_speed(1, 921600)";
   EXPECT_EQ(unit.device->uart().baud, 921600U);
-  const ClientCall calls[] = {
+  const Px4Call calls[] = {
       {"756501020202e1c7", "set_idle"},
       {"75650c03030e807a7e", "get_base_rate(sensor)"},
       {"75650c14140f018005040002050002060014170014d30002ca03", "write_message_format(sensor)"},
@@ -293,7 +291,7 @@ TEST(MipClients, Px4InitializesACv7Ins) {
       {"75650d020201ecf6", "filter_reset"},
       {"75650c0505110100010318", "write_datastream_control(all, true)"},
       {"756501020206e5cb", "resume"}};
-  for (const ClientCall& call : calls) EXPECT_EQ(unit.code(hex(call.packet)), 0) << call.call;
+  for (const Px4Call& call : calls) EXPECT_EQ(unit.code(hex(call.packet)), 0) << call.call;
   for (const char* receiver : {"75650c03030e918b8f", "75650c03030e928c90"})
     EXPECT_EQ(unit.code(hex(receiver)), 3) << "it has none; the driver goes on";
   std::map<std::uint8_t, int> count;
@@ -325,7 +323,7 @@ TEST(MipClients, Px4ConfiguresTwoReceivers) {
   unit.sample = flying();
   EXPECT_EQ(unit.send(hex("75650c03030e918b8f")).at(0), packet(0x0C, {4, 0xF1, 0x0E, 0, 5, 0x8E, 0x91, 0, 2}))
       << "2 Hz, as its manual says";
-  const ClientCall calls[] = {
+  const Px4Call calls[] = {
       {"75650c26260f01820b0100040300040200040d00040800040900040a00040e0004100004490004d300046328",
        "write_message_format(filter)"},
       {"75650c17170f019106030001070001050001d300011100010b0001bf23", "write_message_format(GNSS 1)"},
@@ -334,7 +332,7 @@ TEST(MipClients, Px4ConfiguresTwoReceivers) {
       {"75650d10105401013f80000000000000bf8000005b94", "write_multi_antenna_offset(1)"},
       {"75650d1010540102bf80000000000000bf800000dca1", "write_multi_antenna_offset(2)"},
       {"75650d06065001000101466c", "write_aiding_measurement_enable(GNSS heading, true)"}};
-  for (const ClientCall& call : calls) EXPECT_EQ(unit.code(hex(call.packet)), 0) << call.call;
+  for (const Px4Call& call : calls) EXPECT_EQ(unit.code(hex(call.packet)), 0) << call.call;
   std::map<std::uint8_t, int> count;
   for (const Bytes& packet : unit.run(1000)) {
     ++count[packet[2]];
@@ -348,4 +346,4 @@ TEST(MipClients, Px4ConfiguresTwoReceivers) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test

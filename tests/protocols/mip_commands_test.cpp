@@ -6,10 +6,8 @@
 #include "protocols/mip/mip.hpp"
 #include "tests/protocols/mip_unit.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 Bytes repeated(Bytes head, std::size_t times, const Bytes& one) {
   for (std::size_t k = 0; k < times; ++k)
@@ -172,4 +170,4 @@ TEST(MipCommands, ValuesThatAreNoneAreRefused) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test

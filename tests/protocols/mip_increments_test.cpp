@@ -4,10 +4,8 @@
 
 #include "tests/protocols/mip_unit.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 // A unit at a constant rate: 1 mrad and 1 g ms in each sample.
 Unit turning() {
@@ -127,4 +125,4 @@ TEST(MipIncrements, ReferenceTimeBeginsWithTheDevice) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test

@@ -6,10 +6,8 @@
 #include "core/units.hpp"
 #include "tests/protocols/mip_unit.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 using std::int64_t;
 
@@ -215,4 +213,4 @@ TEST(MipNavigation, ProductHasMagnetometerAndBarometer) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test

@@ -3,10 +3,8 @@
 
 #include "tests/protocols/mip_unit.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 Unit unit_with_pins(const char* model) { return Unit({{"model", std::string(model)}}); }
 
@@ -259,4 +257,4 @@ TEST(MipPins, AnEdgeDrivesAnOutput) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test

@@ -7,10 +7,8 @@
 #include "core/units.hpp"
 #include "tests/protocols/mip_unit.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 Unit unit_of(const char* model) { return Unit({{"model", std::string(model)}}); }
 
@@ -300,4 +298,4 @@ TEST(MipSettings, GpsTimeUpdate) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test

@@ -11,10 +11,8 @@
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 // mip_sdk e5a847d, test/data/mip_data.bin: packets of a device at offsets 10 and 84, whose third field is not part of
 // a measurement.
@@ -390,4 +388,4 @@ TEST(Mip, ACommandCutOffIsDiscarded) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test

@@ -3,10 +3,8 @@
 
 #include "tests/protocols/mip_unit.hpp"
 
-namespace imud {
+namespace imud::mip_test {
 namespace {
-
-using namespace mip_test;
 
 const Bytes ping = hex("756501020201e0c6"), pong = hex("7565010404f10100d56a");
 
@@ -196,4 +194,4 @@ TEST(MipTime, AClockThatIsSetChangesNoDuration) {
 }
 
 }  // namespace
-}  // namespace imud
+}  // namespace imud::mip_test
