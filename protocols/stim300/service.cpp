@@ -282,7 +282,9 @@ class Service::Menu {
     return none;
   }
   void leave(bool to_init, bool at_once) noexcept {
-    text_.line("SYSTEM RETURNING TO ", to_init ? "INIT" : "NORMAL", " MODE.");
+    // A real unit sends no full stop, unlike figures 9-49 and 9-50 (cookednoodle/pystim300 cd54334,
+    // tests/test_client.py).
+    text_.line("SYSTEM RETURNING TO ", to_init ? "INIT" : "NORMAL", " MODE");
     service_.exit_ = to_init ? Exit::to_init : Exit::to_normal;
     service_.leaves_at_ = service_.typed_at_ + (at_once ? Nanoseconds{} : hold_time);
   }

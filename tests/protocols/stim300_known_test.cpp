@@ -156,5 +156,13 @@ TEST(Stim300Decoder, TakesTheTerminationOfDatagramsFromTheSpecialOnes) {
     }
 }
 
+// What a real unit answers: cookednoodle/pystim300 cd54334, tests/test_client.py,
+// test_exit_service_real_hardware_no_period.
+TEST(Stim300Known, TheEndOfServiceMode) {
+  Stim300Unit unit;
+  unit.send_line("SERVICEMODE");
+  EXPECT_EQ(unit.send_line("x N"), "x N\rSYSTEM RETURNING TO NORMAL MODE\r");
+}
+
 }  // namespace
 }  // namespace imud

@@ -369,7 +369,7 @@ TEST(Stim300Service, LeavesForNormalOrInitMode) {
   EXPECT_EQ(unit.send_line("i"), "") << "in Normal Mode";
   unit.send_line("SERVICEMODE");
   EXPECT_TRUE(unit.run(100).empty()) << "no datagrams meanwhile";
-  EXPECT_EQ(legible(unit.send_line("x n")), "x n\nSYSTEM RETURNING TO NORMAL MODE.\n");
+  EXPECT_EQ(legible(unit.send_line("x n")), "x n\nSYSTEM RETURNING TO NORMAL MODE\n");
   EXPECT_EQ(unit.send_line("i"), "");
   EXPECT_TRUE(unit.run(5998).empty()) << "a hold time of 3 s";
   const auto datagrams = unit.run(4);
@@ -386,7 +386,7 @@ TEST(Stim300Service, LeavesForNormalOrInitMode) {
   EXPECT_EQ(legible(unit.send_line("x n")), "x n\n" + question);
   EXPECT_EQ(unit.type("n"), "E003 INVALID PARAMETER\n");
   EXPECT_EQ(legible(unit.send_line("x i")), "x i\n" + question);
-  EXPECT_EQ(legible(unit.send_line("Y")), "Y\nSYSTEM RETURNING TO INIT MODE.\n");
+  EXPECT_EQ(legible(unit.send_line("Y")), "Y\nSYSTEM RETURNING TO INIT MODE\n");
   EXPECT_TRUE(unit.run(6199).empty());
   EXPECT_EQ(first(unit.run(10).at(0)), 0xB1U) << "from the part number on";
   unit.run(1400);

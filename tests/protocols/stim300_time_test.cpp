@@ -166,7 +166,7 @@ TEST(Stim300Time, AnEdgeWaitsForItsTime) {
 TEST(Stim300Time, HoldTimesPassWithoutASample) {
   Stim300Unit unit;
   unit.send_line("SERVICEMODE");
-  EXPECT_EQ(unit.send_line("x n"), "x n\rSYSTEM RETURNING TO NORMAL MODE.\r");
+  EXPECT_EQ(unit.send_line("x n"), "x n\rSYSTEM RETURNING TO NORMAL MODE\r");
   EXPECT_TRUE(unit.wait(2999ms).empty());
   EXPECT_EQ(unit.send_line("UTILITYMODE"), "");
   unit.wait(1ms);
