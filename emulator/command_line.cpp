@@ -145,7 +145,10 @@ int command_line(int argc, const char* const* argv) {
   Arguments arguments;
 
   const auto with_set = [&](CLI::App* command) {
-    command->add_option("--set", arguments.overrides, "Override a key, such as imu.0.rate_hz=400; repeatable")
+    command
+        ->add_option("--set", arguments.overrides,
+                     "Override a key, such as imu.0.rate_hz=400, or a list, such as "
+                     "'imu.0.device.sensor_fields=[\"rate\", \"acceleration\"]'; repeatable")
         ->type_name("KEY=VALUE")
         ->take_all()
         ->expected(1);

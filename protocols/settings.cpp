@@ -56,7 +56,7 @@ std::string valid_values(const Setting& setting) {
           [&](std::int64_t) { return number("an integer", true); },
           [&](double) { return number("a finite number", false); },
           [&](std::string_view) { return setting.choices.empty() ? "a text" : "one of " + join(setting.choices); },
-          [](std::span<const std::string_view>) -> std::string { return "a list of texts"; },
+          [](std::span<const std::string_view>) -> std::string { return "a list of texts, such as [\"a\", \"b\"]"; },
       },
       setting.initial);
 }

@@ -91,7 +91,8 @@ TEST(Settings, RefusalsNameTheValidValues) {
   EXPECT_EQ(refusal([](Settings& s) { s.set("real", 0.25); }), "real: must be a finite number from 0.5 to 2");
   EXPECT_EQ(refusal([](Settings& s) { s.set("colour", std::string("blue")); }), "colour: must be one of red, green");
   EXPECT_EQ(refusal([](Settings& s) { s.set("text", true); }), "text: must be a text");
-  EXPECT_EQ(refusal([](Settings& s) { s.set("list", std::string("a")); }), "list: must be a list of texts");
+  EXPECT_EQ(refusal([](Settings& s) { s.set("list", std::string("a")); }),
+            "list: must be a list of texts, such as [\"a\", \"b\"]");
   Settings none;
   EXPECT_THROW(none.set("x", true), std::invalid_argument);
 }

@@ -24,5 +24,19 @@ TEST(Examples, ImudAcceptsEach) {
   EXPECT_EQ(checked, 7U);
 }
 
+// The line is less loaded by two fields than by those that the device has as delivered.
+TEST(Examples, ImudAcceptsAListAsTheHelpOfSetWritesIt) {
+  const std::string list = "imu.0.device.sensor_fields=[\"rate\", \"acceleration\"]";
+  std::string help;  // on one line
+  for (const std::string& line : lines_of(run_program("imud", {"check", "--help"}).output))
+    help += line.substr(std::min(line.find_first_not_of(' '), line.size())) + ' ';
+  EXPECT_NE(help.find(list), std::string::npos) << help;
+  const std::string example = IMUD_SOURCE_DIR "/tools/examples/ros-microstrain.toml";
+  const ProgramResult plain = run_program("imud", {"check", example});
+  const ProgramResult changed = run_program("imud", {"check", example, "--set", list});
+  EXPECT_EQ(changed.exit_code, 0) << changed.errors;
+  EXPECT_NE(changed.output, plain.output);
+}
+
 }  // namespace
 }  // namespace imud
