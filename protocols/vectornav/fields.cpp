@@ -83,7 +83,7 @@ struct BinaryField {
 constexpr BinaryField fields[] = {
     {common, 0, 8, integer<&Q::since_start_ns>},
     {common, 1, 8, integer<&Q::gps_ns>},
-    {common, 2, 8},  // time since SyncIn
+    {common, 2, 8, integer<&Q::since_sync_in_ns>},
     {common, 3, 12, floats<&Q::tared_ypr_deg>},
     {common, 4, 16, quaternion},
     {common, 5, 12, floats<&Q::rate>},
@@ -94,18 +94,18 @@ constexpr BinaryField fields[] = {
     {common, 10, 20, all<floats<&Q::magnetic>, sensors>},
     {common, 11, 28, all<delta_theta, floats<&Q::delta_velocity>>},
     {common, 12, 2, integer<&Q::ins_status>},
-    {common, 13, 4},  // count of SyncIn
-    {common, 14, 8},  // time since GPS's pulse
+    {common, 13, 4, integer<&Q::sync_in_count>},
+    {common, 14, 8, integer<&Q::since_pulse_ns>},
 
     {time_group, 0, 8, integer<&Q::since_start_ns>},
     {time_group, 1, 8, integer<&Q::gps_ns>},
     {time_group, 2, 8, integer<&Q::time_of_week_ns>},
     {time_group, 3, 2, integer<&Q::week>},
-    {time_group, 4, 8},  // time since SyncIn
-    {time_group, 5, 8},  // time since GPS's pulse
+    {time_group, 4, 8, integer<&Q::since_sync_in_ns>},
+    {time_group, 5, 8, integer<&Q::since_pulse_ns>},
     {time_group, 6, 8, utc},
-    {time_group, 7, 4},  // count of SyncIn
-    {time_group, 8, 4},  // count of SyncOut
+    {time_group, 7, 4, integer<&Q::sync_in_count>},
+    {time_group, 8, 4, integer<&Q::sync_out_count>},
     {time_group, 9, 1, integer<&Q::time_status>},
 
     {imu, 0, 2},  // status

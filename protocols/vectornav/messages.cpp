@@ -8,7 +8,7 @@ namespace imud::vectornav {
 namespace {
 
 constexpr const char *angle = "%+08.3f", *rates = "%+010.6f", *speed = "%+08.3f", *metres = "%+010.3f",
-                     *accelerations = "%+07.3f", *magnetics = "%+08.4f", *r_E = "%+012.3f";
+                     *accelerations = "%+07.3f", *magnetics = "%+08.4f", *r_E = "%+012.3f", *metres_heave = "%+08.3f";
 
 void put_hexadecimal(unsigned bits, const char* format, Message& message) noexcept {
   std::array<char, 8> text;
@@ -52,6 +52,24 @@ void increments(const Q& now, Message& message) {
   message.put(now.dt(), "%+09.6f").put(now.delta_angle_deg(), angle).put(now.delta_velocity(), speed);
 }
 
+// Firmware 3 (SDK 0.99, Interface/Registers.hpp). The sea is calm: heave, heave rate and delayed heave are zero.
+void heave(const Q&, Message& message) { message.put(Vector3::Zero(), metres_heave); }
+void sync_status(const Q& now, Message& message) {
+  for (const std::uint32_t number : {now.sync_in_count(), now.since_sync_in_us(), now.sync_out_count()})
+    message.put(number, "%.0f");
+}
+// Satellites for position, and for the baseline, and carrier-to-noise density in dBHz: of receiver A, of B; the
+// satellites that both have.
+void signal_health(const Q& now, Message& message) {
+  const double satellites = now.satellites(), density = now.has_fix() ? 50 : 0;
+  for (const double number :
+       {satellites, satellites, density, satellites, satellites, density, satellites, satellites})
+    message.put(number, "%.1f");
+}
+void compass_startup(const Q& now, Message& message) {
+  message.put(now.has_fix() ? 100 : 0, "%.0f").put(now.has_fix() ? now.tared_ypr_deg()[0] : 0, angle);
+}
+
 constexpr Part ypr = vector<&Q::tared_ypr_deg, angle>;
 constexpr Part magnetic = vector<&Q::magnetic, magnetics>;
 constexpr Part acceleration = vector<&Q::acceleration, accelerations>;
@@ -65,36 +83,41 @@ constexpr Part ecef = vector<&Q::r_E, r_E>;
 constexpr Part v_L = vector<&Q::v_L, speed>;
 constexpr Part v_E = vector<&Q::v_E, speed>;
 
+constexpr unsigned register_only = 1000;  // added to the register's number, the type of what is no message
 struct MessageType {
   unsigned type;
-  std::string_view name;
-  unsigned register_id;  // the register of the same content
-  unsigned receivers;    // fewest GNSS receivers of a model with this message
-  std::size_t size;      // of the longest message, from '$' to LF, with a checksum of two digits
+  std::string_view name;  // empty: a register without a message
+  unsigned register_id;   // the register of the same content
+  Since since;
+  std::size_t size;  // of the longest message, from '$' to LF, with a checksum of two digits
   std::array<Part, 6> parts;
   bool has_increments = false;  // the sums restart after the message
 };
 constexpr MessageType messages[] = {
-    {1, "VNYPR", 8, 0, 38, {ypr}},
-    {2, "VNQTN", 9, 0, 51, {quaternion}},
-    {8, "VNQMR", 15, 0, 135, {quaternion, magnetic, acceleration, rate}},
-    {10, "VNMAG", 17, 0, 38, {magnetic}},
-    {11, "VNACC", 18, 0, 35, {acceleration}},
-    {12, "VNGYR", 19, 0, 44, {rate}},
-    {13, "VNMAR", 20, 0, 95, {magnetic, acceleration, rate}},
-    {14, "VNYMR", 27, 0, 122, {ypr, magnetic, acceleration, rate}},
-    {16, "VNYBA", 239, 0, 95, {ypr, linear_P, rate}},
-    {17, "VNYIA", 240, 0, 95, {ypr, linear_L, rate}},
-    {19, "VNIMU", 54, 0, 110, {raw_magnetic, raw_acceleration, raw_rate, environment}},
-    {20, "VNGPS", 58, 1, 145, {gps_time, fix, lla, v_L, gnss_errors}},
-    {21, "VNGPE", 59, 1, 146, {gps_time, fix, ecef, v_E, gnss_errors}},
-    {22, "VNINS", 63, 1, 142, {gps_time, ins_status, ypr, lla, v_L, ins_errors}},
-    {23, "VNINE", 64, 1, 143, {gps_time, ins_status, ypr, ecef, v_E, ins_errors}},
-    {28, "VNISL", 72, 1, 160, {ypr, lla, v_L, acceleration, rate}},
-    {29, "VNISE", 73, 1, 161, {ypr, ecef, v_E, acceleration, rate}},
-    {30, "VNDTV", 80, 0, 75, {increments}, true},
-    {32, "VNG2S", 103, 2, 145, {gps_time, fix, lla, v_L, gnss_errors}},
-    {33, "VNG2E", 104, 2, 146, {gps_time, fix, ecef, v_E, gnss_errors}},
+    {1, "VNYPR", 8, {}, 38, {ypr}},
+    {2, "VNQTN", 9, {}, 51, {quaternion}},
+    {8, "VNQMR", 15, {}, 135, {quaternion, magnetic, acceleration, rate}},
+    {10, "VNMAG", 17, {}, 38, {magnetic}},
+    {11, "VNACC", 18, {}, 35, {acceleration}},
+    {12, "VNGYR", 19, {}, 44, {rate}},
+    {13, "VNMAR", 20, {}, 95, {magnetic, acceleration, rate}},
+    {14, "VNYMR", 27, {}, 122, {ypr, magnetic, acceleration, rate}},
+    {16, "VNYBA", 239, {}, 95, {ypr, linear_P, rate}},
+    {17, "VNYIA", 240, {}, 95, {ypr, linear_L, rate}},
+    {19, "VNIMU", 54, {}, 110, {raw_magnetic, raw_acceleration, raw_rate, environment}},
+    {20, "VNGPS", 58, {1}, 145, {gps_time, fix, lla, v_L, gnss_errors}},
+    {21, "VNGPE", 59, {1}, 146, {gps_time, fix, ecef, v_E, gnss_errors}},
+    {22, "VNINS", 63, {1}, 142, {gps_time, ins_status, ypr, lla, v_L, ins_errors}},
+    {23, "VNINE", 64, {1}, 143, {gps_time, ins_status, ypr, ecef, v_E, ins_errors}},
+    {28, "VNISL", 72, {1}, 160, {ypr, lla, v_L, acceleration, rate}},
+    {29, "VNISE", 73, {1}, 161, {ypr, ecef, v_E, acceleration, rate}},
+    {30, "VNDTV", 80, {}, 75, {increments}, true},
+    {32, "VNG2S", 103, {2}, 145, {gps_time, fix, lla, v_L, gnss_errors}},
+    {33, "VNG2E", 104, {2}, 146, {gps_time, fix, ecef, v_E, gnss_errors}},
+    {34, "VNHVE", 115, {0, firmware_3}, 38, {heave}},
+    {register_only + 33, "", 33, {}, 0, {sync_status}},
+    {register_only + 86, "", 86, {2, firmware_3}, 0, {signal_health}},
+    {register_only + 98, "", 98, {2, firmware_3}, 0, {compass_startup}},
 };
 
 const MessageType* find(unsigned type) noexcept {
@@ -105,9 +128,13 @@ const MessageType* find(unsigned type) noexcept {
 
 }  // namespace
 
-std::string_view name_of(unsigned type, const Model& model) noexcept {
+bool is_measured(unsigned type, const Model& model) noexcept {
   const MessageType* known = find(type);
-  return known != nullptr && known->receivers <= model.receivers ? known->name : "";
+  return known != nullptr && known->since.includes(model);
+}
+
+std::string_view name_of(unsigned type, const Model& model) noexcept {
+  return is_measured(type, model) ? find(type)->name : "";
 }
 
 std::size_t size_of(unsigned type) noexcept {
@@ -132,11 +159,15 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
 
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept {
   const Sums none;
-  if (status_mode != 0) {
-    const Quantities now(reading, none);
-    put_hexadecimal(status_mode == 2 ? now.ins_status() : 0U, ",S%04X", message);
-  }
-  if (count_mode != 0) message.put(",T0");  // nothing is connected to SyncIn, SyncOut and PPS
+  const Quantities now(reading, none);
+  if (status_mode != 0) put_hexadecimal(status_mode == 2 ? now.ins_status() : 0U, ",S%04X", message);
+  const std::array<std::uint32_t, 5> counts = {0, now.sync_in_count(), now.since_sync_in_us(), now.sync_out_count(),
+                                               now.since_pulse_us()};
+  const auto mode = static_cast<std::size_t>(count_mode);
+  if (mode == 0) return;
+  std::array<char, 16> text;
+  std::snprintf(text.data(), text.size(), ",T%u", mode < counts.size() ? counts[mode] : 0U);
+  message.put(text.data());
 }
 
 }  // namespace imud::vectornav

@@ -31,6 +31,12 @@ class Quantities {
   std::uint64_t time_of_week_ns() const noexcept { return gps_ns() % week_ns; }
   double time_of_week_s() const noexcept { return 1e-9 * static_cast<double>(time_of_week_ns()); }
   std::uint8_t time_status() const noexcept { return has_fix() ? 7 : 0; }  // time, date and UTC are valid
+  std::uint64_t since_sync_in_ns() const noexcept { return static_cast<std::uint64_t>(r_.sync.since_in.count()); }
+  std::uint32_t since_sync_in_us() const noexcept { return static_cast<std::uint32_t>(since_sync_in_ns() / 1000); }
+  std::uint64_t since_pulse_ns() const noexcept { return static_cast<std::uint64_t>(r_.sync.since_pulse.count()); }
+  std::uint32_t since_pulse_us() const noexcept { return static_cast<std::uint32_t>(since_pulse_ns() / 1000); }
+  std::uint32_t sync_in_count() const noexcept { return r_.sync.in_count; }
+  std::uint32_t sync_out_count() const noexcept { return r_.sync.out_count; }
 
   // --- Inertial and other sensors; `raw`: not compensated ---
   Vector3 acceleration() const noexcept { return s_.specific_force; }  // m/s^2

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <boost/crc.hpp>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -8,66 +7,6 @@
 #include "protocols/vectornav/vectornav.hpp"
 
 namespace imud::vectornav {
-
-unsigned xor_of(std::string_view text) noexcept {
-  unsigned sum = 0;
-  for (const char c : text) sum ^= static_cast<unsigned char>(c);
-  return sum;
-}
-
-unsigned crc16(std::span<const std::byte> bytes) noexcept {
-  boost::crc_optimal<16, 0x1021, 0, 0, false, false> crc;
-  crc.process_bytes(bytes.data(), bytes.size());
-  return crc.checksum();
-}
-unsigned crc16(std::string_view text) noexcept { return crc16(std::as_bytes(std::span(text))); }
-
-bool is_checksum_of(std::string_view body, std::string_view sum) noexcept {
-  const auto given = number_in<unsigned>(sum, 16);
-  return given && ((sum.size() == 2 && *given == xor_of(body)) || (sum.size() == 4 && *given == crc16(body)));
-}
-
-Words::Words(std::string_view text) noexcept {
-  while (count < words.size()) {
-    const std::size_t comma = text.find(',');
-    words[count++] = text.substr(0, comma);
-    if (comma == std::string_view::npos) return;
-    text.remove_prefix(comma + 1);
-  }
-  ++count;
-}
-
-std::optional<double> real_in(std::string_view text) noexcept {
-  if (text.starts_with('+')) text.remove_prefix(1);
-  const auto number = number_in<double>(text);
-  return number && std::isfinite(*number) ? number : std::nullopt;
-}
-
-Message& Message::put(std::string_view text) noexcept {
-  for (const char c : text)
-    if (size_ < text_.size() - 16) text_[size_++] = c;
-  return *this;
-}
-Message& Message::put(double number, const char* format) noexcept {
-  std::array<char, 40> digits;
-  const int size = std::snprintf(digits.data(), digits.size(), format, number);
-  return put(",").put({digits.data(), static_cast<std::size_t>(std::clamp(size, 0, 39))});
-}
-Message& Message::put(const Vector3& vector, const char* format) noexcept {
-  for (int i = 0; i < 3; ++i) put(vector[i], format);
-  return *this;
-}
-void Message::send() noexcept {
-  const std::string_view body(text_.data() + 1, size_ - 1);
-  const bool is_short = form_ == Form::two_digits;
-  const unsigned sum = is_short ? xor_of(body) : crc16(body);
-  size_ +=
-      static_cast<std::size_t>(std::snprintf(text_.data() + size_, 16, is_short ? "*%02X\r\n" : "*%04X\r\n", sum));
-  const std::span<std::byte> room = out_.room(size_);
-  if (room.empty()) return;
-  std::memcpy(room.data(), text_.data(), size_);
-  out_.push(size_);
-}
 
 unsigned BinaryOutput::group_bits() const noexcept {
   unsigned bits = 0;
@@ -128,26 +67,36 @@ const std::array<Register, kept_count> kept = {{
     {25, 12, no_calibration},
     {26, 9, "+1.00000,+0.00000,+0.00000,+0.00000,+1.00000,+0.00000,+0.00000,+0.00000,+1.00000"},
     {30, 7, "0,0,0,0,1,0,1"},
-    {32, 9, "3,0,0,0,0,0,1,0,100000000"},
+    {32, 9, "3,0,0,0,6,1,0,100000000,0"},
     {33, 3, "0,0,0"},
     {35, 4, "1,1,1,1"},
     {36, 9, "+04.00,+04.00,+04.00,+05.00,+05.00,+05.00,+05.50,+05.50,+05.50"},
     {38, 9, "+05.00,+05.00,+05.00,+03.00,+03.00,+03.00,+04.00,+04.00,+04.00"},
     {43, 3, "+00.000000,+00.000000,+00.000000"},
     {44, 3, "1,3,5"},
-    {47, 12, no_calibration, 0, true},
+    {47, 12, no_calibration, {}, true},
     {50, 3, "+000.000,+000.000,+000.000"},
     {51, 3, "1,+0.10,+0.01"},
-    {55, 5, "0,0,5,0,0", 1},
-    {57, 3, "+00.000,+00.000,+00.000", 1},
-    {67, 4, "0,1,1,0", 1},
-    {74, 7, "+00.000000,+00.000000,+00.000000,+00.000000,+00.000000,+00.000000,+00.000000", 1},
+    {55, 5, "0,0,5,0,0", {1}},
+    {57, 3, "+00.000,+00.000,+00.000", {1}},
+    {67, 4, "0,1,1,0", {1}},
+    {74, 7, "+00.000000,+00.000000,+00.000000,+00.000000,+00.000000,+00.000000,+00.000000", {1}},
     {82, 5, "0,0,0,0,0"},
     {83, 9, "0,0,0,0,1000,+0000.000,+00.00000000,+000.00000000,+00000.000"},
     {84, 12, no_calibration},
     {85, 10, "0,4,4,0,0,0,3,3,0,0"},
-    {93, 6, "+01.000,+00.000,+00.000,+00.025,+00.025,+00.025", 2},
-    {97, 9, "0,0,0,+00.000,+00.000,+00.000,+00.000,+00.000,+00.000", 2, true},
+    {93, 6, "+01.000,+00.000,+00.000,+00.025,+00.025,+00.025", {2}},
+    {97, 9, "0,0,0,+00.000,+00.000,+00.000,+00.000,+00.000,+00.000", {2}, true},
+    // Firmware 3: the parameters of the SDK 0.99 (Interface/Registers.cpp); the initial values are assumed.
+    {99, 8, "0001,0,0,0,00,0000,0000,0000", {1, firmware_3}, false, 0xF1},
+    {100, 7, "0,0,0,0,0,0,0", {1, firmware_3}},
+    {101, 5, "0,0,0,0,0", {1, firmware_3}, false, 0x10},
+    {102, 5, "0,0,0,0,0", {1, firmware_3}, false, 0x10},
+    {105, 6, "+00.000,+00.000,+00.000,+00.000,+00.000,+00.000", {1, firmware_3}},
+    {116, 7, "+00.000,+00.000,+00.000,+00.000,+00.000,+00.000,+00.000", {0, firmware_3}},
+    {144, 6, "1,0,0,0,0,0", {1, firmware_3}},
+    {157, 3, "+00.000,+00.000,+00.000", {1, firmware_3}},
+    {206, 4, "0,0,0,0", {0, firmware_3}},
 }};
 
 Configuration::Configuration() noexcept {
@@ -173,25 +122,21 @@ double Configuration::number_of(unsigned id, std::size_t parameter) const noexce
 
 namespace {
 
-std::optional<std::size_t> port_in(std::string_view text) noexcept {
-  if (text == "0" || text == "1" || text == "?") return 0;
-  return text == "2" ? std::optional<std::size_t>(1) : std::nullopt;
-}
-
 unsigned& number_of(Configuration::SerialPort& port, unsigned id) noexcept {
   return id == 5 ? port.baud : id == 6 ? port.async_type : port.async_hz;
 }
 
-Error write_number(Configuration& c, const Model& model, unsigned id, const Words& words) noexcept {
+Error write_number(Configuration& c, const Model& model, unsigned asking, unsigned id, const Words& words) noexcept {
   if (words.count > 2) return too_many;
   const auto number = number_in<unsigned>(words[0]);
-  const auto port = port_in(words.count == 2 ? words[1] : "1");
-  if (!number || !port) return bad_parameter;
-  constexpr std::array<unsigned, 11> rates = {1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200};
+  const auto uart = uart_in(words.count == 2 ? words[1] : "?", asking);
+  if (!number || !uart) return bad_parameter;
+  // 0 is off (github.com/winksaville/rw-vn100 4c70450, README.md, with firmware 3.1.0.0).
+  constexpr std::array<unsigned, 12> rates = {0, 1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200};
   if (id == 5 && std::find(bauds.begin(), bauds.end(), *number) == bauds.end()) return bad_parameter;
   if (id == 6 && *number != 0 && name_of(*number, model).empty()) return bad_parameter;
   if (id == 7 && std::find(rates.begin(), rates.end(), *number) == rates.end()) return bad_parameter;
-  number_of(c.ports[*port], id) = *number;
+  number_of(c.ports[*uart], id) = *number;
   return none;
 }
 
@@ -206,7 +151,32 @@ Error write_binary(Configuration& c, std::size_t which, std::string_view value) 
 
 constexpr std::array<unsigned, 3> calibrations = {23, 25, 84};
 
-bool is_in_range(unsigned id, const Words& words) noexcept {
+// Returns nullopt if a parameter of register 32 is out of range.
+std::optional<SyncControl> sync_control_in(const Words& words) noexcept {
+  std::array<std::uint32_t, 9> numbers;
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    const auto number = number_in<std::uint32_t>(words[k]);
+    if (!number) return std::nullopt;
+    numbers[k] = *number;
+  }
+  const auto [in, in_edge, in_skip, in_reserved, out, out_polarity, out_skip, width, out_reserved] = numbers;
+  constexpr std::uint32_t most_skipped = 0xFFFF;
+  if (!SyncControl::is_in_mode(in) || in_edge > 1 || in_skip > most_skipped || !SyncControl::is_out_mode(out) ||
+      out_polarity > 1 || out_skip > most_skipped)
+    return std::nullopt;
+  return SyncControl{static_cast<SyncControl::In>(in), static_cast<SyncControl::Out>(out), in_skip, out_skip,
+                     Nanoseconds(width)};
+}
+
+// Register 55: the receiver's mode, 1 and 2 for an external one, and the source of an external one's pulse.
+PulseSource pulse_source_in(const Words& words) noexcept {
+  const unsigned mode = number_in<unsigned>(words[0]).value_or(0), source = number_in<unsigned>(words[1]).value_or(0);
+  if (mode != 1 && mode != 2) return PulseSource::receiver;
+  return source < 2 ? PulseSource::pps_pin : source < 4 ? PulseSource::sync_in : PulseSource::none;
+}
+
+bool is_in_range(const Register& kept_one, const Words& words) noexcept {
+  const unsigned id = kept_one.id;
   constexpr std::array<double, 7> most_of_30 = {5, 6, 5, 6, 3, 3, 2};  // SDK 0.99, ProtocolControl
   constexpr std::array<double, 4> most_of_35 = {1, 2, 1, 1};           // its VpeBasicControl
   constexpr double largest = 1000;                                     // limit of gains and biases
@@ -214,6 +184,10 @@ bool is_in_range(unsigned id, const Words& words) noexcept {
   if (id == 0) return words[0].size() <= longest_tag;
   const bool is_matrix = id == 26 || std::find(calibrations.begin(), calibrations.end(), id) != calibrations.end();
   for (std::size_t k = 0; k < words.count; ++k) {
+    if ((kept_one.hexadecimal >> k & 1U) != 0) {
+      if (!number_in<std::uint32_t>(words[k], 16)) return false;
+      continue;
+    }
     const auto number = real_in(words[k]);
     if (!number) return false;
     if (id == 30 && (*number < 0 || *number > most_of_30[k])) return false;
@@ -235,27 +209,38 @@ Matrix3 matrix_in(const Words& words) noexcept {
 
 }  // namespace
 
-Error write_register(Configuration& c, const Model& model, std::string_view rest) noexcept {
+std::optional<unsigned> uart_in(std::string_view text, unsigned asking) noexcept {
+  if (text == "0" || text == "?") return asking;
+  return text == "1" ? std::optional(0U) : text == "2" ? std::optional(1U) : std::nullopt;
+}
+
+Error write_register(Configuration& c, const Model& model, unsigned asking, std::string_view rest) noexcept {
   const std::size_t comma = rest.find(',');
   const auto id = number_in<unsigned>(rest.substr(0, comma));
   if (!id) return bad_parameter;
-  if (const unsigned type = type_of_register(*id); type != 0 && name_of(type, model).empty()) return bad_register;
-  if ((*id >= 1 && *id <= 4) || type_of_register(*id) != 0) return unauthorised;
+  constexpr unsigned sync_status = 33;  // measured, but can be written
+  if (const unsigned type = type_of_register(*id); type != 0 && !is_measured(type, model)) return bad_register;
+  if ((*id >= 1 && *id <= 4) || (type_of_register(*id) != 0 && *id != sync_status)) return unauthorised;
   const bool has_value = comma != std::string_view::npos;
   const std::string_view value = has_value ? rest.substr(comma + 1) : std::string_view();
   const Words words(value);
   if ((*id >= 5 && *id <= 7) || (*id >= 75 && *id <= 77)) {
     if (!has_value) return too_few;
-    return *id <= 7 ? write_number(c, model, *id, words) : write_binary(c, *id - 75, value);
+    return *id <= 7 ? write_number(c, model, asking, *id, words) : write_binary(c, *id - 75, value);
   }
   for (std::size_t i = 0; i < kept.size(); ++i) {
-    if (kept[i].id != *id || kept[i].receivers > model.receivers) continue;
+    if (kept[i].id != *id || !kept[i].since.includes(model)) continue;
     if (kept[i].is_read_only) return unauthorised;
     if (!has_value || words.count < kept[i].count) return too_few;
     if (words.count > kept[i].count) return too_many;
-    if (value.size() >= Configuration::register_size || !is_in_range(*id, words)) return bad_parameter;
-    if (*id == 33)
-      return none;  // zeros reset the counts, which are always zero, as nothing is connected to SyncIn and SyncOut
+    if (value.size() >= Configuration::register_size || !is_in_range(kept[i], words)) return bad_parameter;
+    if (*id == sync_status) return none;
+    if (*id == 32) {
+      const auto sync = sync_control_in(words);
+      if (!sync) return bad_parameter;
+      c.sync = *sync;
+    }
+    if (*id == 55) c.pulse_source = pulse_source_in(words);
     if (*id == 26) {
       constexpr double tolerance = 1e-3;
       const Matrix3 frame = matrix_in(words);
@@ -270,8 +255,8 @@ Error write_register(Configuration& c, const Model& model, std::string_view rest
   return bad_register;
 }
 
-double line_load(const Configuration& c, const Model& model) noexcept {
-  const Configuration::SerialPort& port = c.ports[0];
+double line_load(const Configuration& c, const Model& model, unsigned uart) noexcept {
+  const Configuration::SerialPort& port = c.ports[uart];
   double bytes_per_s = 0;
   if (port.async_type != 0) {
     const std::size_t appended = (c.number_of(30, 0) != 0 ? std::string_view(",T0").size() : 0U) +
@@ -280,12 +265,13 @@ double line_load(const Configuration& c, const Model& model) noexcept {
     bytes_per_s += static_cast<double>((size_of(port.async_type) + appended + more_digits) * port.async_hz);
   }
   for (const BinaryOutput& output : c.binary)
-    if (output.is_streamed()) bytes_per_s += static_cast<double>(output.size()) * model.internal_hz / output.divisor;
+    if (output.goes_to(uart) && output.divisor != 0)
+      bytes_per_s += static_cast<double>(output.size()) * model.internal_hz / output.divisor;
   constexpr double bits_per_byte = 10;
   return bits_per_byte * bytes_per_s / port.baud;
 }
 
-Error put_register(const Configuration& c, const Model& model, unsigned id, std::string_view port,
+Error put_register(const Configuration& c, const Model& model, unsigned id, unsigned asking, std::string_view uart,
                    Message& message) noexcept {
   const auto text = [&](std::string_view value) { message.put(",").put(value); };
   switch (id) {
@@ -299,16 +285,16 @@ Error put_register(const Configuration& c, const Model& model, unsigned id, std:
       text("0100012345");
       return none;
     case 4:
-      text("2.1.0.0");
+      text(model.firmware.data());
       return none;
     case 5:
     case 6:
     case 7: {
-      const auto which = port_in(port.empty() ? "1" : port);
+      const auto which = uart_in(uart.empty() ? "?" : uart, asking);
       if (!which) return bad_parameter;
       Configuration::SerialPort settings = c.ports[*which];
       message.put(number_of(settings, id), "%.0f");
-      if (!port.empty()) text(*which == 0 ? "1" : "2");
+      if (!uart.empty()) text(*which == 0 ? "1" : "2");
       return none;
     }
     case 75:
@@ -320,7 +306,7 @@ Error put_register(const Configuration& c, const Model& model, unsigned id, std:
       break;
   }
   for (std::size_t i = 0; i < kept.size(); ++i)
-    if (kept[i].id == id && kept[i].receivers <= model.receivers) {
+    if (kept[i].id == id && kept[i].since.includes(model)) {
       text(c.registers[i].data());
       return none;
     }

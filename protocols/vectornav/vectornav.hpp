@@ -1,5 +1,6 @@
-// VectorNav VN-100, VN-200, VN-300: the declarations shared by the device (device.cpp), its registers
-// (registers.cpp), its text messages (messages.cpp), its binary fields (fields.cpp) and its decoder (decoder.cpp).
+// VectorNav VN-100, VN-200, VN-300: the declarations shared by the device (device.cpp), its settings (settings.cpp),
+// registers (registers.cpp), text (text.cpp), text messages (messages.cpp), binary fields (fields.cpp), pins
+// (sync_pins.cpp) and decoder (decoder.cpp).
 // Layouts and sizes are those of VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav
 // 6824e8b) and of ArduPilot's driver (AP_ExternalAHRS_VectorNav.cpp).
 //
@@ -7,6 +8,8 @@
 // (0x1021 from 0), or "XX" for none. The answer has the kind of checksum that the host used. Binary: 0xFA, groups, a
 // mask of 16 bits for each group, little-endian; the fields in order of groups and bits; the CRC-16 of all after
 // 0xFA, big-endian.
+//
+// A product has two UARTs, 1 and 2, each with registers 5 to 7 of its own. Here they are counted from 0.
 #pragma once
 
 #include <array>
@@ -22,6 +25,7 @@
 #include "protocols/frame_writer.hpp"
 #include "protocols/number_text.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/vectornav/sync_pins.hpp"
 
 namespace imud::vectornav {
 
@@ -68,7 +72,10 @@ std::optional<double> real_in(std::string_view text) noexcept;
 enum class Form : std::uint8_t { two_digits, four_digits };  // of the checksum: XOR, CRC-16
 class Message {
  public:
-  Message(FrameBuffer& out, Form form) noexcept : out_(out), form_(form) { text_[size_++] = '$'; }
+  // `uart`: Frame::uart.
+  Message(FrameBuffer& out, Form form, std::uint8_t uart) noexcept : out_(out), form_(form), uart_(uart) {
+    text_[size_++] = '$';
+  }
   Message& put(std::string_view text) noexcept;
   Message& put(double number, const char* format) noexcept;  // both: a comma first, in printf()'s format
   Message& put(const Vector3& vector, const char* format) noexcept;
@@ -77,6 +84,7 @@ class Message {
  private:
   FrameBuffer& out_;
   Form form_;
+  std::uint8_t uart_;
   std::array<char, 300> text_;
   std::size_t size_ = 0;
 };
@@ -85,17 +93,28 @@ struct Model {
   std::string_view keyword, name;
   double internal_hz;
   unsigned receivers;  // GNSS
+  std::array<char, 20> firmware = {"2.1.0.0"};
+  unsigned major = 2;  // the first number of the firmware's version
 };
 inline constexpr Model models[] = {
     {"vn-100", "VN-100S-CR", 800, 0}, {"vn-200", "VN-200S-CR", 800, 1}, {"vn-300", "VN-300S-CR", 400, 2}};
 
+// The models that have a register or a message.
+struct Since {
+  unsigned receivers = 0;  // at least so many GNSS receivers
+  unsigned major = 0;      // at least this firmware
+  bool includes(const Model& model) const noexcept { return receivers <= model.receivers && major <= model.major; }
+};
+inline constexpr unsigned firmware_3 = 3;
+
 // --- Registers ---
 
 struct BinaryOutput {
-  unsigned mode = 0, divisor = 1;  // divisor 0: sent only when polled (VN-100 user manual UM001, page 56)
+  unsigned mode = 0;     // a bit for each UART
+  unsigned divisor = 1;  // 0: sent only when polled (UM001, page 56), or at an event of SyncIn
   std::array<std::uint16_t, groups> masks = {};
 
-  bool is_streamed() const noexcept { return (mode & 1U) != 0 && divisor != 0; }  // to the host's port
+  bool goes_to(unsigned uart) const noexcept { return (mode >> uart & 1U) != 0; }
   unsigned group_bits() const noexcept;
   std::size_t size() const noexcept;  // of the frame, in bytes; 0 if it has no fields
   // "3,16,01,0721": mode, divisor, groups and their masks in hexadecimal digits.
@@ -107,10 +126,11 @@ struct Register {
   unsigned id;
   unsigned count;  // parameters
   std::string_view initial;
-  unsigned receivers = 0;  // fewest GNSS receivers of a model with this register
+  Since since = {};
   bool is_read_only = false;
+  unsigned hexadecimal = 0;  // a bit for each parameter that is a hexadecimal number
 };
-inline constexpr std::size_t kept_count = 26;
+inline constexpr std::size_t kept_count = 35;
 extern const std::array<Register, kept_count> kept;
 
 // Registers 23, 25 and 84: turns sensed values into compensated ones.
@@ -127,13 +147,14 @@ struct Configuration {
     unsigned baud = 115200, async_type = 14, async_hz = 40;
   };
 
-  // The host's port, and the other one, whose settings can be written and read; nothing is sent there.
-  std::array<SerialPort, 2> ports;
+  std::array<SerialPort, 2> ports;  // UART 1 and 2
   std::array<BinaryOutput, 3> binary = {};
   std::array<Text, 3> binary_text = {};
   std::array<Text, kept_count> registers = {};
-  std::array<Calibration, 3> calibrations;        // magnetometer, accelerometer, gyro: registers 23, 25, 84
-  Matrix3 reference_frame = Matrix3::Identity();  // register 26
+  std::array<Calibration, 3> calibrations;           // magnetometer, accelerometer, gyro: registers 23, 25, 84
+  Matrix3 reference_frame = Matrix3::Identity();     // register 26
+  SyncControl sync;                                  // register 32
+  PulseSource pulse_source = PulseSource::receiver;  // register 55
 
   Configuration() noexcept;
   static void store(Text& place, std::string_view text) noexcept;
@@ -143,15 +164,18 @@ struct Configuration {
   double number_of(unsigned id, std::size_t parameter) const noexcept;
 };
 
+// Returns the UART that a host means by `text`, as a parameter of registers 5 to 7: "1" or "2", or "0" or "?" for
+// `asking`, at which the command came; nullopt if it is none of these.
+std::optional<unsigned> uart_in(std::string_view text, unsigned asking) noexcept;
 // Writes a register of `configuration`. `rest` is the number of the register and its parameters ("06,14").
-Error write_register(Configuration& configuration, const Model& model, std::string_view rest) noexcept;
-// Returns the load of the host's serial line by all streams; the line cannot carry more than 1.
-double line_load(const Configuration& configuration, const Model& model) noexcept;
-// Appends the parameters of register `id`, which is not a measurement register. Only registers 5 to 7 use `port`: "1"
-// and "2" are the serial ports, "0" and "?" the host's, and the answer ends with the number of the port. If `port` is
-// empty, the answer is that of the host's port, without a number.
-Error put_register(const Configuration& configuration, const Model& model, unsigned id, std::string_view port,
-                   Message& message) noexcept;
+Error write_register(Configuration& configuration, const Model& model, unsigned asking,
+                     std::string_view rest) noexcept;
+// Returns the load of a UART by all streams; it cannot carry more than 1.
+double line_load(const Configuration& configuration, const Model& model, unsigned uart) noexcept;
+// Appends the parameters of register `id`, which is not a measurement register. Only registers 5 to 7 use `uart` (see
+// uart_in()), and the answer ends with its number. If it is empty, the answer is that of `asking`, without a number.
+Error put_register(const Configuration& configuration, const Model& model, unsigned id, unsigned asking,
+                   std::string_view uart, Message& message) noexcept;
 
 // --- Measurements ---
 
@@ -175,6 +199,7 @@ struct Reading {
       tare;  // rotation from north-east-down to the frame set by VNTAR; applied to reported attitudes only
   Nanoseconds since_start;  // at the time of the message
   Nanoseconds age;          // of the sample, at the time of the message
+  SyncStatus sync;          // at the time of the message
 };
 
 // Returns the name of the message of that type; empty if the model has no such message.
@@ -184,6 +209,8 @@ std::string_view name_of(unsigned type, const Model& model) noexcept;
 std::size_t size_of(unsigned type) noexcept;
 // Returns the type of the message with the content of measurement register `id`; 0: it is not a measurement register.
 unsigned type_of_register(unsigned id) noexcept;
+// Returns true if the model has the content of that type, as a message or as a register only.
+bool is_measured(unsigned type, const Model& model) noexcept;
 // Appends the content of a message. If the message has increments, `sums` restarts at 0.
 void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message& message) noexcept;
 // Appends to a streamed message the status ("S"; mode 0: none, 1: VPE, 2: INS) and the count ("T"; mode 0: none) that
@@ -192,6 +219,16 @@ void put_appended(double count_mode, double status_mode, const Reading& reading,
 using BinaryFrame = FrameWriter<boost::endian::order::little>;
 // Appends all fields of an output, with zeros for those that the emulated device does not have.
 void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& sums, BinaryFrame& frame) noexcept;
+
+// --- Settings ---
+
+extern const Setting declared_settings[9];
+// Returns the UART, counted from 0, that is at the port.
+unsigned uart_of(const Settings& settings);
+// The following throw std::invalid_argument as Protocol::make does. The model has the firmware of the settings.
+Model model_of(const Settings& settings);
+Configuration configuration_of(const Settings& settings);
+Product product_of(const Settings& settings);
 
 // Decodes binary frames, and the text messages that have rates, accelerations or increments.
 std::unique_ptr<Decoder> make_decoder();

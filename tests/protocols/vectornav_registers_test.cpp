@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <stdexcept>
+#include <tuple>
 
 #include "protocols/vectornav/vectornav.hpp"
 #include "tests/protocols/recording.hpp"
@@ -44,8 +46,12 @@ TEST(VectorNavRegisters, TheOtherPortKeepsItsOwn) {
 
 // RegisterScan writes back what it has read, and ends at every error except 8 and 9.
 TEST(VectorNavRegisters, AreWrittenAsTheyAreRead) {
-  for (const char* model : {"vn-100", "vn-200", "vn-300"}) {
-    Unit unit({{"model", std::string(model)}});
+  for (const auto& [model, firmware] : {std::pair{"vn-100", "2.1.0.0"},
+                                        {"vn-200", "2.1.0.0"},
+                                        {"vn-300", "2.1.0.0"},
+                                        {"vn-100", "3.1.0.0"},
+                                        {"vn-300", "3.1.0.0"}}) {
+    Unit unit({{"model", std::string(model)}, {"firmware", std::string(firmware)}});
     int accepted = 0;
     for (int id = 0; id < 256; ++id) {
       const std::string answer = unit.ask("VNRRG," + std::to_string(id));
@@ -104,8 +110,9 @@ TEST(VectorNavRegisters, ALineLongerThanTheInputBufferIsAnError) {
 // The load of the line is computed from these sizes.
 TEST(VectorNavRegisters, MessagesAreAsLongAsTheirLoad) {
   for (const unsigned type :
-       {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U, 28U, 29U, 30U, 32U, 33U}) {
-    Unit unit({{"model", std::string("vn-300")}, {"async_type", std::int64_t{type}}});
+       {1U, 2U, 8U, 10U, 11U, 12U, 13U, 14U, 16U, 17U, 19U, 20U, 21U, 22U, 23U, 28U, 29U, 30U, 32U, 33U, 34U}) {
+    Unit unit(
+        {{"model", std::string("vn-300")}, {"firmware", std::string("3.1.0.0")}, {"async_type", std::int64_t{type}}});
     for (const bool is_placed : {false, true}) {
       unit.sample.navigation.is_known = is_placed;
       unit.sample.rate = {-30, 30, 0};
@@ -191,6 +198,74 @@ TEST(VectorNavRegisters, ReceiversAreConfiguredInModelsThatHaveThem) {
     EXPECT_EQ(vn200.ask("VNRRG," + std::string(id)), with_xor("VNERR,08")) << id;
     EXPECT_NE(vn300.ask("VNRRG," + std::string(id)), with_xor("VNERR,08")) << id;
   }
+}
+
+// The SDK 0.99's registers (Interface/Registers.cpp) that firmware 2 does not have.
+TEST(VectorNavRegisters, NewerFirmwareHasMore) {
+  for (const auto& [model, receivers] : {std::pair{"vn-100", 0}, {"vn-200", 1}, {"vn-300", 2}}) {
+    Unit older({{"model", std::string(model)}}),
+        newer({{"model", std::string(model)}, {"firmware", std::string("3.1.0.0")}});
+    EXPECT_EQ(older.ask("VNRRG,04"), with_xor("VNRRG,04,2.1.0.0"));
+    EXPECT_EQ(newer.ask("VNRRG,04"), with_xor("VNRRG,04,3.1.0.0"));
+    for (const auto& [id, count, fewest] : std::initializer_list<std::tuple<int, int, int>>{{86, 8, 2},
+                                                                                            {98, 2, 2},
+                                                                                            {99, 8, 1},
+                                                                                            {100, 7, 1},
+                                                                                            {101, 5, 1},
+                                                                                            {102, 5, 1},
+                                                                                            {105, 6, 1},
+                                                                                            {115, 3, 0},
+                                                                                            {116, 7, 0},
+                                                                                            {144, 6, 1},
+                                                                                            {157, 3, 1},
+                                                                                            {206, 4, 0}}) {
+      const std::string question = "VNRRG," + std::to_string(id), answer = newer.ask(question);
+      EXPECT_EQ(older.ask(question), with_xor("VNERR,08")) << id;
+      if (receivers < fewest)
+        EXPECT_EQ(answer, with_xor("VNERR,08")) << model << " " << id;
+      else
+        EXPECT_EQ(std::count(answer.begin(), answer.end(), ','), count + 1) << answer;
+    }
+  }
+}
+
+TEST(VectorNavRegisters, NewerFirmwareHasHeave) {
+  Unit older, newer({{"firmware", std::string("3.1.0.0")}});
+  EXPECT_EQ(older.ask("VNWRG,06,34"), with_xor("VNERR,07"));
+  EXPECT_EQ(newer.ask("VNWRG,06,34"), with_xor("VNWRG,06,34"));
+  EXPECT_EQ(newer.run(1).at(0), with_xor("VNHVE,+000.000,+000.000,+000.000"));
+  EXPECT_EQ(newer.ask("VNRRG,115"), with_xor("VNRRG,115,+000.000,+000.000,+000.000"));
+  EXPECT_EQ(newer.ask("VNWRG,115,0,0,0"), with_xor("VNERR,09"));
+  EXPECT_EQ(newer.ask("VNWRG,06,1086"), with_xor("VNERR,07")) << "no message";
+}
+
+TEST(VectorNavRegisters, SomeParametersAreHexadecimal) {
+  Unit unit({{"model", std::string("vn-200")}, {"firmware", std::string("3.1.0.0")}});
+  for (const char* body : {"VNWRG,99,005F,5,5,32,07,00FF,FFFF,007F", "VNWRG,101,2,5,0,0,1FAB"}) {
+    EXPECT_EQ(unit.ask(body), with_xor(body));
+  }
+  EXPECT_EQ(unit.ask("VNRRG,99"), with_xor("VNRRG,99,005F,5,5,32,07,00FF,FFFF,007F"));
+  for (const char* body : {"VNWRG,99,005G,5,5,32,07,00FF,FFFF,007F", "VNWRG,99,005F,5,5,3A,07,00FF,FFFF,007F"})
+    EXPECT_EQ(unit.ask(body), with_xor("VNERR,07")) << body;
+}
+
+TEST(VectorNavRegisters, AFirmwareHasFourNumbers) {
+  const Protocol& protocol = *find_protocol("vectornav");
+  for (const char* wrong : {"", "3", "3.1.0", "3.1.0.0.0", "a.1.0.0", ".1.0.0", "3.1.0.0-beta", "300.0.0.0"}) {
+    Settings settings(protocol.settings);
+    settings.set("firmware", std::string(wrong));
+    EXPECT_THROW(protocol.make(settings), std::invalid_argument) << wrong;
+  }
+}
+
+// github.com/winksaville/rw-vn100 4c70450, README.md, with firmware 3.1.0.0.
+TEST(VectorNavRegisters, ARateOf0IsOff) {
+  Unit unit;
+  EXPECT_EQ(unit.send("$VNWRG,07,0*6D\r\n"), "$VNWRG,07,0*6D\r\n");
+  EXPECT_EQ(unit.ask("VNRRG,07"), with_xor("VNRRG,07,0"));
+  EXPECT_TRUE(unit.run(800).empty());
+  EXPECT_EQ(unit.ask("VNWRG,07,1"), with_xor("VNWRG,07,1"));
+  EXPECT_EQ(unit.run(800).size(), 1U);
 }
 
 TEST(VectorNavRegisters, TheSecondReceiverHasMessages) {

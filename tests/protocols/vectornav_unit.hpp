@@ -1,10 +1,14 @@
 // A VectorNav under test, and its checksums, computed independently.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <array>
 #include <boost/crc.hpp>
 #include <cstring>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "protocols/protocol.hpp"
@@ -41,9 +45,18 @@ class Unit {
     period = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / protocol.product(settings).rate_hz));
     sample.specific_force = {0, 0, -9.80665};
   }
-  // The first sample is at `now`, each further one a period later.
+  // Frames by Frame::uart: those at the port, and those at the second port.
+  using Sent = std::array<std::vector<std::string>, 2>;
+
+  // The first sample is at `now`, each further one a period later. Returns the frames at the port; all others are
+  // unexpected.
   std::vector<std::string> run(int samples) {
-    std::vector<std::string> all;
+    Sent sent = run_both(samples);
+    EXPECT_TRUE(sent[1].empty());
+    return std::move(sent[0]);
+  }
+  Sent run_both(int samples) {
+    Sent all;
     for (int k = 0; k < samples; ++k) {
       if (count_ > 0) wait(period);
       sample.counter = static_cast<std::uint64_t>(count_++);
@@ -56,16 +69,18 @@ class Unit {
   }
   // Advances the clock without samples.
   void wait(Nanoseconds duration) { now = now + duration; }
-  std::string send(std::string_view line) {
+  // Returns the answers, all of which must leave at the UART at which the line came.
+  std::string send(std::string_view line, std::uint8_t uart = 0) {
     frames_->clear();
-    device->receive({std::as_bytes(std::span(line))}, now, *frames_);
-    std::vector<std::string> all;
+    device->receive({std::as_bytes(std::span(line)), {}, uart}, now, *frames_);
+    Sent all;
     append_frames(all);
+    EXPECT_TRUE(all[1 - uart].empty());
     std::string text;
-    for (const std::string& one : all) text += one;
+    for (const std::string& one : all[uart]) text += one;
     return text;
   }
-  std::string ask(std::string_view body) { return send(with_xor(body)); }
+  std::string ask(std::string_view body, std::uint8_t uart = 0) { return send(with_xor(body), uart); }
 
   DeviceTime now;
   Nanoseconds period{};
@@ -73,11 +88,11 @@ class Unit {
   std::unique_ptr<Device> device;
 
  private:
-  void append_frames(std::vector<std::string>& all) const {
+  void append_frames(Sent& all) const {
     for (const Frame& frame : frames_->frames()) {
       std::string text(frame.bytes.size(), '\0');
       std::memcpy(text.data(), frame.bytes.data(), text.size());
-      all.push_back(std::move(text));
+      all.at(frame.uart).push_back(std::move(text));
     }
   }
   int count_ = 0;

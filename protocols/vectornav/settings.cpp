@@ -1,0 +1,111 @@
+// The keys of [imu.device], and the product as delivered.
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "core/units.hpp"
+#include "protocols/vectornav/vectornav.hpp"
+
+namespace imud::vectornav {
+
+namespace {
+
+constexpr std::array<std::string_view, 3> model_names = {models[0].keyword, models[1].keyword, models[2].keyword};
+
+}  // namespace
+
+constinit const Setting declared_settings[9] = {
+    {.key = "model", .help = "the device", .initial = models[0].keyword, .choices = model_names},
+    {.key = "firmware",
+     .help = "version; from 3.0.0.0 on with the registers 86, 98 to 102, 105, 115, 116, 144, 157, 206, and VNHVE",
+     .initial = std::string_view("2.1.0.0")},
+    {.key = "uart",
+     .help = "number of the UART at port; the other one is at second_port",
+     .initial = std::int64_t{1},
+     .min = 1,
+     .max = 2},
+    {.key = "baud",
+     .help = "register 5: speed of both UARTs, bit/s",
+     .initial = std::int64_t{115200},
+     .min = 9600,
+     .max = 921600},
+    {.key = "async_type",
+     .help = "register 6 of the UART at port: number of the text message that is streamed; 0: none",
+     .initial = std::int64_t{14},
+     .min = 0,
+     .max = 34},
+    {.key = "async_hz",
+     .help = "register 7 of the UART at port: text messages per second, Hz; 0: none",
+     .initial = std::int64_t{40},
+     .min = 0,
+     .max = 200},
+    {.key = "binary_1",
+     .help = "register 75: binary output 1 in the register's format, such as \"1,16,01,0029\"; its first number is "
+             "1 or 2 for a UART, 3 for both",
+     .initial = std::string_view("")},
+    {.key = "binary_2", .help = "register 76: binary output 2", .initial = std::string_view("")},
+    {.key = "binary_3", .help = "register 77: binary output 3", .initial = std::string_view("")},
+};
+
+Model model_of(const Settings& settings) {
+  Model model = models[0];
+  for (const Model& known : models)
+    if (known.keyword == settings.text("model")) model = known;
+  const std::string& version = settings.text("firmware");
+  const std::size_t dots = static_cast<std::size_t>(std::count(version.begin(), version.end(), '.'));
+  const auto major = number_in<std::uint8_t>(version.substr(0, version.find('.')));
+  if (!major || dots != 3 || version.size() >= model.firmware.size() ||
+      version.find_first_not_of("0123456789.") != std::string::npos)
+    throw std::invalid_argument("firmware: give four numbers, such as \"2.1.0.0\" or \"3.1.0.0\"");
+  model.firmware = {};
+  std::copy(version.begin(), version.end(), model.firmware.begin());
+  model.major = *major;
+  return model;
+}
+
+unsigned uart_of(const Settings& settings) { return static_cast<unsigned>(settings.integer("uart")) - 1; }
+
+Configuration configuration_of(const Settings& settings) {
+  Configuration c;
+  const Model model = model_of(settings);
+  Configuration::SerialPort& port = c.ports[uart_of(settings)];
+  for (Configuration::SerialPort& each : c.ports) each.baud = static_cast<unsigned>(settings.integer("baud"));
+  if (std::find(bauds.begin(), bauds.end(), port.baud) == bauds.end())
+    throw std::invalid_argument("baud: give 9600, 19200, 38400, 57600, 115200, 128000, 230400, 460800 or 921600");
+  port.async_type = static_cast<unsigned>(settings.integer("async_type"));
+  if (port.async_type != 0 && name_of(port.async_type, model).empty())
+    throw std::invalid_argument("async_type: this model has no such message; register 6 of its manual lists them");
+  port.async_hz = static_cast<unsigned>(settings.integer("async_hz"));
+  if (port.async_hz != 0 && static_cast<unsigned>(model.internal_hz) % port.async_hz != 0)
+    throw std::invalid_argument("async_hz: give 1, 2, 4, 5, 10, 20, 25, 40, 50, 100 or 200, or 0 for none");
+  constexpr std::array<const char*, 3> keys = {"binary_1", "binary_2", "binary_3"};
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const std::string& text = settings.text(keys[i]);
+    if (text.empty()) continue;
+    Error error{};
+    const auto output = BinaryOutput::parse(text, error);
+    if (!output || text.size() >= Configuration::register_size)
+      throw std::invalid_argument(std::string(keys[i]) +
+                                  ": give mode, divisor, groups and their masks, such as \"1,16,01,0029\"");
+    c.binary[i] = *output;
+    Configuration::store(c.binary_text[i], text);
+  }
+  return c;
+}
+
+// From the VN-100's data sheet: 0.0035 deg/s, 0.14 mg and 140 uG per sqrt(Hz); 2000 deg/s, 16 g, 2.5 G; the
+// barometer's resolution of 0.042 mbar.
+Product product_of(const Settings& settings) {
+  configuration_of(settings);
+  constexpr double gauss = 1e-4;
+  Product product;
+  product.rate_hz = model_of(settings).internal_hz;
+  product.gyro = TriadErrors::white(0.0035 * units::degree, product.rate_hz, 2000 * units::degree);
+  product.accelerometer =
+      TriadErrors::white(0.14e-3 * units::standard_gravity, product.rate_hz, 16 * units::standard_gravity);
+  product.magnetometer = TriadErrors::white(140e-6 * gauss, product.rate_hz, 2.5 * gauss);
+  product.barometer.noise = 4.2;
+  return product;
+}
+
+}  // namespace imud::vectornav
