@@ -75,7 +75,7 @@ struct ImuCounters : CounterGroup {
   // Frames that the port took whole, and frames that it did not take.
   Counter frames{*this, {"frames", "frames sent", Show::always}};
   Counter dropped{*this, {"dropped", "dropped", Show::always, Show::always}};
-  // Of the dropped, frames lost to an error of a file, such as a full disk.
+  // Those of the dropped frames that were lost to an error of a file, such as a full disk.
   Counter failed{*this, {"failed", "lost to errors of the file", Show::if_not_zero, Show::if_not_zero}};
   // Samples that left a whole period late, or later.
   Counter missed{*this, {"missed", "missed", Show::always, Show::always}};

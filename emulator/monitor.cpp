@@ -56,7 +56,8 @@ Summary Monitor::finish(std::string capture_warning) {
   report_imus();
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
-  if (all.truth.counters[&TruthCounters::accepted] == 0 && !is_capture(config_.truth.port))
+  if (all.truth.warning.empty() && all.truth.counters[&TruthCounters::accepted] == 0 &&
+      !is_capture(config_.truth.port))
     all.truth.warning = "no truth was accepted";
   if (quality_.is_open()) write_quality(all);
   return all;
@@ -75,7 +76,7 @@ void Monitor::write_quality(const Summary& all) {
 void Monitor::reopen() {
   try {
     quality_.reopen();
-    spdlog::info("SIGHUP: the file of the figures is opened anew");
+    spdlog::info("SIGHUP: the file of the figures is opened again");
   } catch (const std::runtime_error& error) {
     spdlog::error("{}", error.what());
   }

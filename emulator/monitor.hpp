@@ -26,7 +26,7 @@ class Monitor {
 
   // Logs the events since the last call, and writes the lines of figures that are due.
   void update();
-  // Opens the file of figures anew, so that log rotation may rename it.
+  // Opens the file of figures again, after log rotation has renamed it.
   void reopen();
   // Logs the last events after the sampling thread has ended, and returns the figures of the whole run.
   // `capture_warning`: see TruthIntake::end_warning().

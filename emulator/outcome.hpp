@@ -20,7 +20,7 @@ std::string_view word(EndedBy ended_by) noexcept;
 
 struct Outcome {
   EndedBy ended_by = EndedBy::signal;
-  // What is missing, a phrase each: "99 truths refused (99 crc)". If it is empty, the run is complete.
+  // A phrase for each thing that is missing: "99 truths refused (99 crc)". Empty: the run is complete.
   std::vector<std::string> shortfalls;
   // A limit that was required, and the figure that it is about.
   struct Required {

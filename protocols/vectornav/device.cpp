@@ -272,7 +272,7 @@ class VectorNavDevice final : public Device {
   Error write(std::string_view rest, const Dialogue& dialogue) noexcept {
     Configuration changed = active_;
     if (const Error error = write_register(changed, model_, dialogue.uart, rest); error != none) return error;
-    // What nothing is connected to has no load that matters; count_unconnected() reports it.
+    // The load of a UART that is not connected does not matter; count_unconnected() reports it.
     for (unsigned uart = 0; uart < uarts; ++uart) {
       const double load = line_load(changed, model_, uart);
       if (is_connected(uart) && load > 1 && load > line_load(active_, model_, uart)) return insufficient_baud;

@@ -62,7 +62,7 @@ struct Clocked {
       const bool has_shared_fields = std::string_view(product.model).find("gx5") == std::string_view::npos;
       settings.set("sensor_fields", has_shared_fields ? std::vector<std::string>{"delta_time", "reference_delta",
                                                                                  "delta_angle", "ticks"}
-                                                      : std::vector<std::string>{"delta_angle", "gps_time"});
+                                                      : std::vector<std::string>{"delta_angle", "delta_velocity"});
       settings.set("filter_fields", has_shared_fields
                                         ? std::vector<std::string>{"filter_reference_delta", "filter_status"}
                                         : std::vector<std::string>{"filter_status"});

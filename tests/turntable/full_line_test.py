@@ -59,7 +59,7 @@ def vectornav(data, at):
 
 CLIENTS = {  # name: (parser, step and period of the counter, frames per second, configuration keys)
     "stim300": (stim300, 2, 256, 1000, "pps = true\ncr_lf = true"),
-    "mip": (mip, 1, 2**40, 1000, 'baud = 921600\nsensor_rate_hz = 1000\nfilter_fields = []\n'
+    "mip": (mip, 1, 2**40, 1000, 'model = "3dm-cv7-ahrs"\nbaud = 921600\nsensor_rate_hz = 1000\nfilter_fields = []\n'
             'sensor_fields = ["reference_time", "acceleration", "rate", "delta_angle"]'),
     "vectornav": (vectornav, 1, 2**40, 400, 'baud = 921600\nasync_type = 0\nbinary_1 = "1,2,01,0F79"'),
 }

@@ -62,7 +62,12 @@ def common(b, t, t1, p):
     check_floats("MagPres pressure", b.take("f"), p.pressure / 1000)
     check_deltas(b, t1, t, "angle velocity")
     check("InsStatus", b.take("H"), 6, 0)
-    check("SyncInCnt, TimeGpsPps", b.take("IQ"), (0, 0), 0)
+    check("SyncInCnt, TimeGpsPps", b.take("IQ"), (0, since_pulse(t)), 1)
+
+
+def since_pulse(t):
+    """Time since the receiver's pulse per second, ns; the first one is that of the second after the first sample."""
+    return round(t * 1e9) % 10**9 if t >= 1 else 0
 
 
 def time_group(b, t, _t1, _p):
@@ -72,9 +77,9 @@ def time_group(b, t, _t1, _p):
     check("TimeGps", b.take("Q"), GPS_START * 10**9 + ns, 1)
     check("GpsTow", b.take("Q"), tow, 1)
     check("GpsWeek", b.take("H"), week, 0)
-    check("TimeSyncIn, TimeGpsPps", b.take("QQ"), (0, 0), 0)
+    check("TimeSyncIn, TimeGpsPps", b.take("QQ"), (0, since_pulse(t)), 1)
     check("TimeUtc", b.take("bBBBBBH"), utc(t), 0)
-    check("SyncInCnt, SyncOutCnt, TimeStatus", b.take("IIB"), (0, 0, 7), 0)
+    check("SyncInCnt, SyncOutCnt, TimeStatus", b.take("IIB"), (0, int(t), 7), 0)  # SyncOut sends the receiver's pulses
 
 
 def imu(b, t, t1, p):
