@@ -94,8 +94,8 @@ class VectorNavDevice final : public Device {
 
  private:
   static constexpr unsigned uarts = 2;
-  // Indices of sums_: those of the binary outputs come first.
-  static constexpr std::size_t of_text = 3, of_polled = of_text + uarts;
+  // Indices of sums_: those of the binary outputs come first, that of the second port's text is the last.
+  static constexpr std::size_t of_polled = 3, of_text = 4;
   static constexpr std::size_t any = 99;
   using Reader = CommandReader<256>;
   struct Command {
@@ -145,9 +145,11 @@ class VectorNavDevice final : public Device {
     sample_.delta_velocity = accelerometer.gain * (sample_.delta_velocity - dt * accelerometer.bias);
     sample_.delta_angle = gyro.gain * (sample_.delta_angle - dt * gyro.bias);
     sample_.q_LP = sample.q_LP * Quaternion(dcm_.transpose()).normalized();
-    for (Sums& sums : sums_) sums.add(sample_, dt);
+    const std::size_t used = is_second_connected_ ? sums_.size() : sums_.size() - 1;
+    for (std::size_t i = 0; i < used; ++i) sums_[i].add(sample_, dt);
   }
 
+  Sums& text_sums(unsigned uart) noexcept { return sums_[of_text + frame_uart(uart)]; }
   std::uint8_t frame_uart(unsigned uart) const noexcept { return uart == host_uart_ ? 0 : 1; }
   bool is_connected(unsigned uart) const noexcept { return uart == host_uart_ || is_second_connected_; }
   bool is_streaming(unsigned uart) const noexcept { return is_connected(uart) && !paused_[uart]; }
@@ -166,7 +168,7 @@ class VectorNavDevice final : public Device {
     Message message(out, async_form(), frame_uart(uart));
     message.put(name_of(type, model_));
     const Reading now = reading(sample_.time);
-    put_measurement(type, now, sums_[of_text + uart], message);
+    put_measurement(type, now, text_sums(uart), message);
     put_appended(active_.number_of(30, 0), active_.number_of(30, 1), now, message);
     message.send();
   }
@@ -266,7 +268,7 @@ class VectorNavDevice final : public Device {
   void resume(unsigned uart) noexcept {
     for (std::size_t i = 0; i < active_.binary.size(); ++i)
       if (active_.binary[i].goes_to(uart)) sums_[i] = {};
-    sums_[of_text + uart] = {};
+    text_sums(uart) = {};
   }
 
   Error write(std::string_view rest, const Dialogue& dialogue) noexcept {
@@ -284,7 +286,7 @@ class VectorNavDevice final : public Device {
     count_unconnected(id, uart);
     // Writing an output restarts its increments.
     if (id >= 75 && id <= 77) sums_[id - 75] = {};
-    if (id == 6 || id == 7) sums_[of_text + uart] = {};
+    if (id == 6 || id == 7) text_sums(uart) = {};
     if (id == 33) {
       if (number_in<unsigned>(words[1]) == 0U) pins_.reset_in_count();
       if (number_in<unsigned>(words[3]) == 0U) pins_.reset_out_count();
@@ -337,8 +339,8 @@ class VectorNavDevice final : public Device {
   DeviceTime start_;                   // time of power-on or reset
   Matrix3 dcm_ = Matrix3::Identity();  // register 26: to the host's axes
   Quaternion tare_ = Quaternion::Identity();
-  Sample raw_, sample_;                   // the newest sample, as sensed and compensated
-  std::array<Sums, of_polled + 1> sums_;  // since the binary outputs, text and register 80 were last sent
+  Sample raw_, sample_;                     // the newest sample, as sensed and compensated
+  std::array<Sums, of_text + uarts> sums_;  // since the binary outputs, text and register 80 were last sent
   std::array<Reader, uarts> readers_;
 };
 
