@@ -89,13 +89,16 @@ void Channel::transmit() noexcept {
   send(frames_.frames());
 }
 
-void Channel::send(std::span<const Frame> frames, void (Port::*how)(std::span<const Frame>) noexcept) noexcept {
+void Channel::send(std::span<const Frame> frames, bool is_reply) noexcept {
   while (!frames.empty()) {
-    const std::size_t uart = frames.front().uart;
+    Line& line = lines_[frames.front().uart];
     std::size_t size = 1;
-    while (size < frames.size() && frames[size].uart == uart) ++size;
-    (lines_[uart].port.get()->*how)(frames.first(size));
-    lines_[uart].passed += size;
+    while (size < frames.size() && frames[size].uart == frames.front().uart) ++size;
+    if (is_reply)
+      line.port->reply(frames.first(size));
+    else
+      line.port->send(frames.first(size));
+    line.passed += size;
     frames = frames.subspan(size);
   }
 }
@@ -131,18 +134,13 @@ constexpr std::size_t most_served = 256, per_frame = 16;
 }  // namespace
 
 bool Channel::serve(HostTime now) noexcept {
-  std::size_t received = 0;
-  bool is_flooded = false;
-  for (std::size_t uart = 0; uart < line_count_; ++uart) {
-    const std::size_t here = serve(uart, now);
-    received += here;
-    is_flooded = is_flooded || here >= most_served;
-  }
-  const bool has_changed =
-      lines_[0].port->state() != counters_.port_state.load(std::memory_order_relaxed) ||
-      (line_count_ == 2 && lines_[1].port->state() != counters_.second_port_state.load(std::memory_order_relaxed));
-  if (received > 0 || has_changed) publish();
-  return received > 0 && !is_flooded;
+  const std::size_t first = serve(0, now), second = line_count_ == 2 ? serve(1, now) : 0;
+  const bool has_received = first + second > 0;
+  if (has_received) counters_.unconnected_outputs.store(device_->unconnected_outputs(), std::memory_order_relaxed);
+  if (has_received || lines_[0].port->state() != counters_.port_state.load(std::memory_order_relaxed) ||
+      (line_count_ == 2 && lines_[1].port->state() != counters_.second_port_state.load(std::memory_order_relaxed)))
+    publish();
+  return has_received && first < most_served && second < most_served;
 }
 
 // Returns the number of bytes received at one port, with a surcharge for each frame.
@@ -159,7 +157,7 @@ std::size_t Channel::serve(std::size_t uart, HostTime now) noexcept {
     frame.uart = static_cast<std::uint8_t>(uart);
     device_->receive(frame, time, others_);
     if (const auto replies = others_.frames(); !replies.empty()) {
-      send(replies, &Port::reply);
+      send(replies, true);
       counters_.replies.count(replies.size());
     }
     apply_uarts();
@@ -178,24 +176,24 @@ void Channel::apply_uarts() noexcept {
 }
 
 void Channel::publish() noexcept {
-  std::uint64_t sent = 0, dropped = 0, failed = 0;
-  for (const Line& line : lines()) {
-    sent += line.port->counters().sent;
-    dropped += line.port->counters().dropped;
-    failed += line.port->counters().failed;
+  const Port& port = *lines_[0].port;
+  std::uint64_t sent = port.counters().sent, dropped = port.counters().dropped, failed = port.counters().failed;
+  counters_.speeds.store(port.speeds(), std::memory_order_relaxed);
+  counters_.port_error.store(port.error(), std::memory_order_relaxed);
+  if (line_count_ == 2) {
+    const Port& second = *lines_[1].port;
+    sent += second.counters().sent;
+    dropped += second.counters().dropped;
+    failed += second.counters().failed;
+    counters_.second_speeds.store(second.speeds(), std::memory_order_relaxed);
+    counters_.second_port_error.store(second.error(), std::memory_order_relaxed);
+    counters_.second_port_state.store(second.state(), std::memory_order_release);
   }
   counters_.frames.store(sent, std::memory_order_relaxed);
   counters_.dropped.store(dropped, std::memory_order_relaxed);
   counters_.failed.store(failed, std::memory_order_relaxed);
-  counters_.unconnected_outputs.store(device_->unconnected_outputs(), std::memory_order_relaxed);
   if (sync_) counters_.edges_refused.store(sync_->refused(), std::memory_order_relaxed);
-  counters_.speeds.store(lines_[0].port->speeds(), std::memory_order_relaxed);
-  counters_.port_error.store(lines_[0].port->error(), std::memory_order_relaxed);
-  counters_.port_state.store(lines_[0].port->state(), std::memory_order_release);
-  if (line_count_ == 1) return;
-  counters_.second_speeds.store(lines_[1].port->speeds(), std::memory_order_relaxed);
-  counters_.second_port_error.store(lines_[1].port->error(), std::memory_order_relaxed);
-  counters_.second_port_state.store(lines_[1].port->state(), std::memory_order_release);
+  counters_.port_state.store(port.state(), std::memory_order_release);
 }
 
 bool Channel::Line::holds_back() const noexcept {
@@ -204,7 +202,8 @@ bool Channel::Line::holds_back() const noexcept {
 }
 
 void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
-  for (Line& line : lines()) wait_until_sent(line, stop);
+  wait_until_sent(lines_[0], stop);
+  if (line_count_ == 2) wait_until_sent(lines_[1], stop);
 }
 
 void Channel::wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcept {

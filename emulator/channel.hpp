@@ -104,8 +104,8 @@ class Channel {
   std::span<const Line> lines() const noexcept { return {lines_.data(), line_count_}; }
 
   void poll_until(DeviceTime now) noexcept;
-  // Passes frames to the ports of their UARTs by Port::send() or Port::reply().
-  void send(std::span<const Frame> frames, void (Port::*how)(std::span<const Frame>) noexcept = &Port::send) noexcept;
+  // Passes frames to the ports of their UARTs, by Port::reply() or by Port::send().
+  void send(std::span<const Frame> frames, bool is_reply = false) noexcept;
   std::size_t serve(std::size_t uart, HostTime now) noexcept;
   void apply_uarts() noexcept;
   void wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcept;

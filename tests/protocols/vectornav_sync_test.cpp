@@ -137,6 +137,7 @@ TEST(VectorNavSync, TheImuSamplesAtEventsInMode4) {
   EXPECT_TRUE(unit.run(100).empty());
   EXPECT_FALSE(unit.device->pulse());
   EXPECT_EQ(unit.ask("VNRRG,19"), with_xor("VNRRG,19,+00.000000,+00.000000,+00.000000")) << "no sample yet";
+  EXPECT_EQ(unit.ask("VNRRG,54").find("+00.500000"), std::string::npos) << "nor as sensed";
   EXPECT_EQ(after_edge(unit).size(), 1U);
   EXPECT_TRUE(unit.device->pulse());
   EXPECT_EQ(unit.ask("VNRRG,19"), with_xor("VNRRG,19,+00.500000,+00.000000,+00.000000"));
