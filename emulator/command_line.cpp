@@ -53,6 +53,8 @@ int check(const Arguments& arguments) {
   for (const ImuConfig& imu : config.imus) {
     const LineLoad load = line_load(imu);
     fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port, load.text());
+    if (!imu.second_port.empty())
+      fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
     if (load.percent > 70.0 && imu.protocol->link == Link::can)
       fmt::print("{:<8} warning: above 70 % a CAN bus delays frames of low priority\n", "");
     if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");

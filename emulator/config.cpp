@@ -295,7 +295,9 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults);
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
-      if (config.clock != ClockMode::realtime) config.imus.back().port_settings.delivery = Delivery::complete;
+      if (config.clock != ClockMode::realtime)
+        for (PortSettings* port : {&config.imus.back().port_settings, &config.imus.back().second_port_settings})
+          port->delivery = Delivery::complete;
       if (config.clock != ClockMode::realtime || is_capture(config.truth.port))
         config.imus.back().before_first = BeforeFirst::silence;  // sample 0 is at the first truth
       const ImuConfig& read = config.imus.back();

@@ -64,8 +64,8 @@ bool has_option(const std::string& port, std::string_view key) {
   }
 }
 
-// Applies pace = "line" to a valid port. imu.port_settings.uart must be set.
-void pace_line(TableReader& table, const Transport& transport, ImuConfig& imu) {
+// Applies pace = "line" to a valid port. settings.uart must be set.
+void pace_line(TableReader& table, const Transport& transport, const std::string& port, PortSettings& settings) {
   if (transport.uart == Uart::real) return;
   if (transport.uart == Uart::none) {
     std::vector<std::string_view> emulated;
@@ -73,33 +73,53 @@ void pace_line(TableReader& table, const Transport& transport, ImuConfig& imu) {
       if (other->uart == Uart::emulated) emulated.push_back(other->name);
     table.fault("pace", fmt::format("\"line\" is for a {}; {}: has no characters to pace, give \"none\"",
                                     fmt::join(emulated, " or "), transport.name));
-  } else if (imu.port_settings.uart.baud == 0 && !has_option(imu.port, "baud")) {
+  } else if (settings.uart.baud == 0 && !has_option(port, "baud")) {
     table.fault("pace", fmt::format("\"line\" needs the line's speed; give it in port, for example "
                                     "\"{}{}baud=115200\"",
-                                    imu.port, imu.port.find('?') == std::string::npos ? '?' : '&'));
+                                    port, port.find('?') == std::string::npos ? '?' : '&'));
   } else {
-    imu.port_settings.paced = true;
+    settings.paced = true;
   }
 }
 
-// Reads `port` and `pace`. imu.port_settings.uart must be set. Returns nullptr and adds a fault if the port is not
-// valid.
-const Transport* read_device_port(TableReader& table, ImuConfig& imu) {
-  table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
-  imu.port = table.text("port", "");
+// Checks the port of the device that `key` names, and applies `pace`. settings.uart must be set. Returns nullptr and
+// adds a fault if the port is not valid.
+const Transport* check_device_port(TableReader& table, std::string_view key, const std::string& port,
+                                   PortSettings& settings) {
   const bool paced = table.choice("pace", {"none", "line"}, 0) == 1;
-  if (has_option(imu.port, "pace")) {
-    table.fault("port", "pace is a key of [[imu]]; give it there");
+  if (has_option(port, "pace")) {
+    table.fault(key, "pace is a key of [[imu]]; give it there");
     return nullptr;
   }
-  const Transport* transport = read_port(table, "port", imu.port, imu.port_settings);
+  const Transport* transport = read_port(table, key, port, settings);
   if (transport == nullptr) return nullptr;
-  if (transport->uart != Uart::none && imu.port_settings.uart.baud != 0)
-    for (const char* key : {"baud", "parity", "stop", "bits"})
-      if (has_option(imu.port, key))
-        table.fault("port",
-                    fmt::format("{} is set by the device; omit it here, and set the line in [imu.device]", key));
-  if (paced) pace_line(table, *transport, imu);
+  if (transport->uart != Uart::none && settings.uart.baud != 0)
+    for (const char* option : {"baud", "parity", "stop", "bits"})
+      if (has_option(port, option))
+        table.fault(key,
+                    fmt::format("{} is set by the device; omit it here, and set the line in [imu.device]", option));
+  if (paced) pace_line(table, *transport, port, settings);
+  return transport;
+}
+
+// Reads `second_port`. imu.second_port_settings.uart must be set. Returns nullptr if there is none, or if it is not
+// valid.
+const Transport* read_second_port(TableReader& table, ImuConfig& imu) {
+  if (!table.has("second_port")) return nullptr;
+  imu.second_port = table.text("second_port", "");
+  if (imu.protocol != nullptr && !imu.protocol->has_second_uart) {
+    table.fault("second_port", fmt::format("{} has no second UART; omit the key", imu.protocol->name));
+    imu.second_port.clear();
+    return nullptr;
+  }
+  const Transport* transport = check_device_port(table, "second_port", imu.second_port, imu.second_port_settings);
+  if (transport != nullptr && (transport->carries_can || !transport->serves_device)) {
+    table.fault("second_port",
+                fmt::format("a UART needs a port for bytes; give {}",
+                            ports_that([](const Transport& t) { return t.serves_device && !t.carries_can; })));
+    transport = nullptr;
+  }
+  if (transport == nullptr) imu.second_port.clear();
   return transport;
 }
 
@@ -141,7 +161,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     device.finish();
     try {
       if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
-      imu.port_settings.uart = imu.protocol->make(imu.settings)->uart();
+      const std::unique_ptr<Device> made = imu.protocol->make(imu.settings);
+      imu.port_settings.uart = made->uart();
+      imu.second_port_settings.uart = made->second_uart();
     } catch (const std::invalid_argument& error) {
       table.fault("device", error.what());
       imu.settings = Settings(imu.protocol->settings);
@@ -169,7 +191,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   constexpr BeforeFirst reactions[] = {BeforeFirst::silence, BeforeFirst::rest};
   imu.before_first = reactions[table.choice("before_first", {"silence", "rest"}, product ? 1 : 0)];
 
-  const Transport* transport = read_device_port(table, imu);
+  table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
+  imu.port = table.text("port", "");
+  const Transport* transport = check_device_port(table, "port", imu.port, imu.port_settings);
   if (transport != nullptr && imu.protocol != nullptr) {
     const bool can = imu.protocol->link == Link::can;
     if (transport->carries_can != can)
@@ -183,6 +207,11 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                               product ? "reduce what it sends or how often, or give a faster line"
                                       : "give a lower rate or a faster line"));
   }
+  if (read_second_port(table, imu) != nullptr && imu.protocol != nullptr)
+    if (const LineLoad load = line_load(imu, 1); load.percent > 100.0)
+      table.fault("device",
+                  fmt::format("at the second port {}; reduce what it sends or how often, or give a faster line",
+                              load.text()));
 
   imu.sync = read_sync(table.child("sync"), imu.protocol);
 
@@ -232,11 +261,17 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
       if (const auto [at, is_new] = listeners.emplace(*edges, key); !is_new)
         faults.add(line, key, fmt::format("the same as {}; give another", at->second));
     }
-    const std::string port = imus[i].port.substr(0, imus[i].port.find('?'));
-    if (const Transport* transport = transport_of(port); transport != nullptr && !transport->is_shared) {
-      if (const auto [at, is_new] = by_port.emplace(port, i); !is_new) clash("port", at->second, "the same");
-      continue;
-    }
+    const auto address = [](const std::string& text) { return text.substr(0, text.find('?')); };
+    const auto is_taken = [&](std::string_view key, const std::string& text) {
+      const Transport* transport = transport_of(text);
+      if (transport == nullptr || transport->is_shared) return false;
+      if (const auto [at, is_new] = by_port.emplace(text, i); !is_new) clash(key, at->second, "the same");
+      return true;
+    };
+    const std::string port = address(imus[i].port);
+    const bool is_alone = is_taken("port", port);
+    if (!imus[i].second_port.empty()) is_taken("second_port", address(imus[i].second_port));
+    if (is_alone) continue;
     if (imus[i].protocol == nullptr || imus[i].protocol->link != Link::can) continue;
     std::set<std::uint32_t> ids;
     for (const SentFrames& sent : sent_frames(imus[i]))

@@ -24,9 +24,10 @@ void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {
 }
 
 // Counts the frames of the second second; the first one contains the start-up.
-std::vector<SentFrames> sent_by_product(const ImuConfig& imu) {
+std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart) {
   constexpr Nanoseconds begin = std::chrono::seconds(1), end = std::chrono::seconds(2);
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  if (uart != 0) device->connect_second_uart();
   const auto frames = std::make_unique<FrameBuffer>();
   const Grid grid(imu.rate_hz);
   Sample sample = typical_sample();
@@ -34,7 +35,8 @@ std::vector<SentFrames> sent_by_product(const ImuConfig& imu) {
   for (std::uint64_t k = 0; grid.nominal_offset(k) < end; ++k) {
     const auto count = [&] {
       if (grid.nominal_offset(k) >= begin)
-        for (const Frame& frame : frames->frames()) add(all, frame, 1.0);
+        for (const Frame& frame : frames->frames())
+          if (frame.uart == uart) add(all, frame, 1.0);
       frames->clear();
     };
     sample.time = DeviceTime{} + grid.nominal_offset(k);
@@ -75,27 +77,28 @@ Sample typical_sample() {
   return sample;
 }
 
-std::vector<SentFrames> sent_frames(const ImuConfig& imu) {
+std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart) {
   if (imu.protocol->link == Link::can) {
     std::vector<SentFrames> all;
     for (const CanMessage& message : imu.protocol->can_messages(imu.settings, imu.rate_hz))
       all.push_back({message.can, message.max_size, message.max_frames_per_s});
     return all;
   }
-  return imu.protocol->product != nullptr ? sent_by_product(imu) : sent_by_sample(imu);
+  return imu.protocol->product != nullptr ? sent_by_product(imu, uart) : sent_by_sample(imu);
 }
 
-LineLoad line_load(const ImuConfig& imu) {
-  const PortSpec spec = PortSpec::parse(imu.port);
+LineLoad line_load(const ImuConfig& imu, std::uint8_t uart) {
+  const PortSpec spec = PortSpec::parse(uart == 0 ? imu.port : imu.second_port);
+  const PortSettings& settings = uart == 0 ? imu.port_settings : imu.second_port_settings;
   const Transport& transport = *find_transport(spec.scheme);
   const std::vector<std::byte> data(FrameBuffer::max_bytes);
   LineLoad load;
   double frames_per_sample = 0, bytes_per_sample = 0, busy = 0;
-  for (const SentFrames& sent : sent_frames(imu)) {
+  for (const SentFrames& sent : sent_frames(imu, uart)) {
     const Frame frame{std::span(data).first(sent.bytes), sent.can};
     WireTime time;
     if (transport.wire_time != nullptr)
-      time = transport.wire_time(spec, imu.port_settings, frame);
+      time = transport.wire_time(spec, settings, frame);
     else
       time.bits = 8.0 * static_cast<double>(sent.bytes);
     load.frames_per_s += sent.per_s;

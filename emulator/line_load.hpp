@@ -34,10 +34,12 @@ struct SentFrames {
 
 // Returns all frames that an imu sends. On a CAN bus these are the identifiers that its protocol lists, at their
 // highest rates. Otherwise its protocol encodes typical samples: those of a product's second second, after its
-// start-up, or one sample of any other protocol. The imu's protocol must be valid.
-std::vector<SentFrames> sent_frames(const ImuConfig& imu);
+// start-up, or one sample of any other protocol. The imu's protocol must be valid. `uart`: those with this
+// Frame::uart.
+std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart = 0);
 
-// Returns the load of the port's wire by sent_frames(). The imu's protocol and port must be valid.
-LineLoad line_load(const ImuConfig& imu);
+// Returns the load of the wire of the port, or of the second port (`uart` 1), by sent_frames(). The imu's protocol
+// and that port must be valid.
+LineLoad line_load(const ImuConfig& imu, std::uint8_t uart = 0);
 
 }  // namespace imud

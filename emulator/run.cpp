@@ -65,9 +65,12 @@ RunCounters counters_of(const Session& session) {
 
 bool writes_to_stdout(const Config& config) {
   return std::any_of(config.imus.begin(), config.imus.end(), [](const ImuConfig& imu) {
-    const Transport* transport = transport_of(imu.port);
-    return transport != nullptr && transport->is_standard_output != nullptr &&
-           transport->is_standard_output(PortSpec::parse(imu.port));
+    const auto is_stdout = [](const std::string& port) {
+      const Transport* transport = transport_of(port);
+      return transport != nullptr && transport->is_standard_output != nullptr &&
+             transport->is_standard_output(PortSpec::parse(port));
+    };
+    return is_stdout(imu.port) || is_stdout(imu.second_port);
   });
 }
 

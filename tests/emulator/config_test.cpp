@@ -254,6 +254,33 @@ TEST_F(ConfigTest, AVectorNavIsItsDefaults) {
             std::string::npos);
 }
 
+TEST_F(ConfigTest, ASecondPortIsForAProductWithASecondUart) {
+  const std::string bare =
+      "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"vectornav\"\nport = \"pty:imu1\"\n";
+  EXPECT_EQ(load(bare).imus[0].second_port, "");
+  const std::string second = "imu.0.second_port=pty:imu2";
+  const ImuConfig imu =
+      load(bare, {second, "imu.0.pace=line", "imu.0.device.uart=2", "imu.0.device.baud=230400"}).imus[0];
+  EXPECT_EQ(imu.second_port, "pty:imu2");
+  EXPECT_EQ(imu.second_port_settings.uart, UartSettings{230'400});
+  EXPECT_TRUE(imu.second_port_settings.paced);
+  EXPECT_EQ(load(bare, {second, "clock=lockstep"}).imus[0].second_port_settings.delivery, Delivery::complete);
+  EXPECT_NE(fault(good, {second}).find("imu.0.second_port: native has no second UART; omit the key"),
+            std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.second_port=pty:imu1"}).find("imu.0.second_port: the same as imu.0; give another"),
+            std::string::npos);
+  EXPECT_NE(fault(bare, {"imu.0.second_port=can:vcan0"}).find("imu.0.second_port: a UART needs a port for bytes"),
+            std::string::npos);
+  EXPECT_NE(
+      fault(bare, {"imu.0.second_port=pty:imu2?baud=9600"}).find("imu.0.second_port: baud is set by the device"),
+      std::string::npos);
+  EXPECT_EQ(faults(bare, {"imu.0.second_port=ptty:imu2"}).size(), 1U);
+  EXPECT_NE(fault(bare, {"imu.0.device.binary_1=\"2,1,01,7FFF\"", second}).find("at the second port"),
+            std::string::npos);
+  EXPECT_TRUE(faults(bare, {"imu.0.device.binary_1=\"2,1,01,7FFF\""}).empty()) << "nothing is connected there";
+  EXPECT_EQ(faults(bare, {"imu.0.device.uart=3"}).size(), 1U);
+}
+
 TEST_F(ConfigTest, YawPitchRollIsThreeTwoOne) {
   const Config c = load(good, {"imu.0.mounting.yaw_pitch_roll_deg=[90, 0, 0]"});
   // The platform is turned by +90 deg about z: the body's x axis is the platform's -y.
