@@ -24,8 +24,9 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       quality_(options.quality_file),
       refusals_(counters_.truth->refused.counters.size()),
       edges_refused_(config.imus.size()),
-      states_(config.imus.size(), PortState::ready),
-      wrong_speeds_(config.imus.size()) {
+      unconnected_reported_(config.imus.size()),
+      ports_(config.imus.size()),
+      second_ports_(config.imus.size()) {
   for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
   last_quality_ = last_log_ = now();
 }
@@ -122,8 +123,20 @@ void Monitor::report_interruptions() {
 }
 
 void Monitor::report_imus() {
-  for (std::size_t i = 0; i < states_.size(); ++i) {
-    report_port(i);
+  for (std::size_t i = 0; i < ports_.size(); ++i) {
+    const ImuConfig& imu = config_.imus[i];
+    const ImuCounters& counters = *counters_.imus[i].second;
+    report_port(ports_[i], imu.name, imu.port, {counters.port_state, counters.speeds, counters.port_error});
+    if (!imu.second_port.empty())
+      report_port(second_ports_[i], imu.name, imu.second_port,
+                  {counters.second_port_state, counters.second_speeds, counters.second_port_error});
+    if (!unconnected_reported_[i] && counters.unconnected_outputs > 0) {
+      unconnected_reported_[i] = true;
+      spdlog::warn(
+          "{}: the host has turned an output to the UART that is not connected; give second_port, or device.uart for "
+          "the UART at port (counted; reported once)",
+          imu.name);
+    }
     if (edges_refused_[i] || counters_.imus[i].second->edges_refused == 0) continue;
     edges_refused_[i] = true;
     spdlog::warn(
@@ -132,32 +145,30 @@ void Monitor::report_imus() {
   }
 }
 
-void Monitor::report_port(std::size_t i) {
+void Monitor::report_port(ReportedPort& reported, const std::string& imu, const std::string& port,
+                          const PortFigures& now) {
   constexpr int most = 10;  // reports; a client may try wrong speeds for ever
-  const ImuConfig& imu = config_.imus[i];
-  const ImuCounters& counters = *counters_.imus[i].second;
-  const PortState state = counters.port_state;
-  if (state == PortState::wrong_speed && wrong_speeds_[i] == most) return;
-  if (std::exchange(states_[i], state) == state) return;
-  const Port::Speeds speeds = counters.speeds;
+  const PortState state = now.state;
+  if (state == PortState::wrong_speed && reported.wrong_speeds == most) return;
+  if (std::exchange(reported.state, state) == state) return;
+  const Port::Speeds speeds = now.speeds;
   switch (state) {
     case PortState::ready:
-      spdlog::info("{}: {} takes frames", imu.name, imu.port);
+      spdlog::info("{}: {} takes frames", imu, port);
       break;
     case PortState::no_reader:
-      wrong_speeds_[i] = 0;
-      spdlog::info("{}: nobody has {} open; frames are discarded", imu.name, imu.port);
+      reported.wrong_speeds = 0;
+      spdlog::info("{}: nobody has {} open; frames are discarded", imu, port);
       break;
     case PortState::wrong_speed:
-      spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu.name, imu.port,
-                   speeds.line, speeds.client, ++wrong_speeds_[i] == most ? " (reported for the last time)" : "");
+      spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu, port, speeds.line,
+                   speeds.client, ++reported.wrong_speeds == most ? " (reported for the last time)" : "");
       break;
     case PortState::lost:
-      if (const int error = counters.port_error; error != 0)
-        spdlog::error("{}: {}: {}; frames are lost until it can be written again", imu.name, imu.port,
-                      strerrordesc_np(error));
+      if (const int error = now.error; error != 0)
+        spdlog::error("{}: {}: {}; frames are lost until it can be written again", imu, port, strerrordesc_np(error));
       else
-        spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu.name, imu.port);
+        spdlog::warn("{}: {} is lost; frames are dropped until it is back", imu, port);
       break;
   }
 }

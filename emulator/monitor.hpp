@@ -49,7 +49,19 @@ class Monitor {
   void report_refusals();
   void report_interruptions();
   void report_imus();
-  void report_port(std::size_t imu);
+  // The reports about a port so far.
+  struct ReportedPort {
+    PortState state = PortState::ready;
+    int wrong_speeds = 0;  // reports of a wrong speed
+  };
+  // The figures of a port that another thread writes.
+  struct PortFigures {
+    const std::atomic<PortState>& state;
+    const std::atomic<Port::Speeds>& speeds;
+    const std::atomic<int>& error;
+  };
+  static void report_port(ReportedPort& reported, const std::string& imu, const std::string& port,
+                          const PortFigures& now);
   void write_quality(const Summary& all);
   Summary now() const;
 
@@ -62,11 +74,10 @@ class Monitor {
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
   bool no_truth_reported_ = false, has_truth_ = false;
-  // The reports so far: which causes of refusal, which imus that refuse edges, the last state of each port, and its
-  // number of reports of a wrong speed.
-  std::vector<bool> refusals_, edges_refused_;
-  std::vector<PortState> states_;
-  std::vector<int> wrong_speeds_;
+  // The reports so far: which causes of refusal; which imus that refuse edges, or whose host uses a UART that is not
+  // connected; the ports.
+  std::vector<bool> refusals_, edges_refused_, unconnected_reported_;
+  std::vector<ReportedPort> ports_, second_ports_;
 };
 
 }  // namespace imud

@@ -131,6 +131,31 @@ TEST_F(MonitorTest, RefusedEdgesAreReportedOnce) {
   EXPECT_TRUE(lines[0].starts_with("warning imu1: edges refused: ")) << lines[0];
 }
 
+TEST_F(MonitorTest, AnOutputToAUartThatIsNotConnectedIsReportedOnce) {
+  Monitor monitor = this->monitor();
+  monitor.update();
+  EXPECT_EQ(logged(), Lines{});
+  for (int i = 0; i < 3; ++i) {
+    imu_.unconnected_outputs.count();
+    monitor.update();
+  }
+  EXPECT_EQ(logged(), Lines{"warning imu1: the host has turned an output to the UART that is not connected; give "
+                            "second_port, or device.uart for the UART at port (counted; reported once)"});
+}
+
+TEST_F(MonitorTest, AChangeOfTheSecondPortIsReported) {
+  config_.imus[0].second_port = "pty:second";
+  Monitor monitor = this->monitor();
+  imu_.second_speeds = Port::Speeds{115'200, 9600};
+  imu_.second_port_state = PortState::wrong_speed;
+  monitor.update();
+  imu_.second_port_state = PortState::ready;
+  monitor.finish({});
+  EXPECT_EQ(logged(),
+            (Lines{"warning imu1: pty:second: the line has 115200 baud and the client 9600: both read garbage",
+                   "info imu1: pty:second takes frames"}));
+}
+
 TEST_F(MonitorTest, AChangeOfAPortIsReported) {
   Monitor monitor = this->monitor();
   const std::string port = "pty:" + path("imu");
