@@ -1,8 +1,12 @@
 // Edges by UDP: when devices receive them, and which pulses are sent.
 #include "emulator/sync.hpp"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <termios.h>
+#include <unistd.h>
 
+#include <array>
 #include <boost/endian/conversion.hpp>
 #include <cstring>
 #include <deque>
@@ -196,6 +200,65 @@ sync.tov_port = "udp:127.0.0.1:{}"
     EXPECT_GT(pulse[1] - pulse[0], 59 * 10 * 1'000'000 / 922) << "as long as the datagram is on the line";
     EXPECT_LT(pulse[1] - pulse[0], 1'000'000);
   }
+}
+
+// A VectorNav whose host sets SyncIn to mode 5: a message for each edge, and none without.
+TEST_F(LiveTest, SyncInMakesAVectorNavSend) {
+  Simulator edges;
+  Program imud("imud");
+  start(imud, write("config.toml", fmt::format(R"(clock = "lockstep"
+truth.port = "{}"
+[[imu]]
+protocol = "vectornav"
+port = "pty:{}"
+sync.trigger_port = "{}"
+)",
+                                               simulator_.port(), path("imu"), edges.port())));
+  std::int64_t ms = 0;
+  const auto step = [&] {
+    ms += 10;
+    return simulator_.exchange(Simulator::truth(ms, static_cast<std::uint32_t>(ms), true)).has_value();
+  };
+  ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
+  ASSERT_TRUE(step());
+  const FileDescriptor host(::open(path("imu").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  termios raw{};
+  ::tcgetattr(host.get(), &raw);
+  ::cfmakeraw(&raw);
+  ::tcsetattr(host.get(), TCSANOW, &raw);
+  const std::string command = "$VNWRG,32,5,0,0,0,0,0,0,0,0*XX\r\n$VNWRG,30,1,0,0,0,1,0,1*XX\r\n";
+  ASSERT_EQ(::write(host.get(), command.data(), command.size()), static_cast<ssize_t>(command.size()));
+  std::string received;
+  const auto receive = [&] {
+    std::array<char, 4096> buffer;
+    for (ssize_t size = 1; size > 0;) {
+      size = ::read(host.get(), buffer.data(), buffer.size());
+      if (size > 0) received.append(buffer.data(), static_cast<std::size_t>(size));
+    }
+  };
+  for (int i = 0; i < 30; ++i) {
+    ASSERT_TRUE(step());
+    receive();
+  }
+  EXPECT_NE(received.find("$VNWRG,30,1"), received.npos);
+  received.clear();
+  constexpr int events = 12;
+  for (int i = 0; i < events; ++i) {
+    edges.send(number(1'000'000 * ms + 4'800'000));
+    ASSERT_TRUE(step());
+    receive();
+    ASSERT_TRUE(step());
+    receive();
+  }
+  EXPECT_EQ(imud.stop(), 0);
+  receive();
+  std::vector<std::string> counts;
+  for (const std::string& line : lines_of(received)) {
+    EXPECT_TRUE(line.starts_with("$VNYMR,")) << line;
+    counts.push_back(line.substr(line.rfind(',') + 1, line.find('*') - line.rfind(',') - 1));
+  }
+  ASSERT_EQ(counts.size(), static_cast<std::size_t>(events));
+  for (int i = 0; i < events; ++i) EXPECT_EQ(counts[static_cast<std::size_t>(i)], fmt::format("T{}", i + 1));
 }
 
 }  // namespace
