@@ -33,7 +33,7 @@ class Program {
  public:
   using Timeout = std::chrono::milliseconds;
   // Long enough for a loaded machine under sanitizers; only a test that fails waits so long.
-  static constexpr Timeout default_timeout{60'000};
+  static constexpr Timeout default_timeout{300'000};
 
   // "imud" is found in the folder of the built programs; a name with a slash is used as it is.
   explicit Program(const std::string& name)
