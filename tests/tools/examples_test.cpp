@@ -21,7 +21,7 @@ TEST(Examples, ImudAcceptsEach) {
     EXPECT_NE(text.find("imud pty imu1"), std::string::npos) << "the other side survives a restart of imud";
     ++checked;
   }
-  EXPECT_EQ(checked, 7U);
+  EXPECT_EQ(checked, 8U);
 }
 
 // The line is less loaded by two fields than by those that the device has as delivered.
