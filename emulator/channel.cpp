@@ -23,6 +23,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
     lines_[1] = {open(config.second_port, config.second_port_settings), device_->second_uart()};
     line_count_ = 2;
   }
+  for (Line& line : lines()) line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
   if (config.sync.is_connected()) sync_.emplace(config.sync, open);
   if (is_can_) {
     // The device's own identifiers pass too, so that the port can confirm its frames and the device detects other
@@ -146,7 +147,7 @@ bool Channel::serve(HostTime now) noexcept {
 // Returns the number of bytes received at one port, with a surcharge for each frame.
 std::size_t Channel::serve(std::size_t uart, HostTime now) noexcept {
   std::size_t received = 0;
-  while (received < most_served) {
+  while (received < most_served && !lines_[uart].is_file) {
     const auto chunk = lines_[uart].port->receive();
     if (!chunk) break;
     received += per_frame + chunk->frame.bytes.size();
@@ -208,8 +209,9 @@ void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
 
 void Channel::wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
+  if (line.is_file) return;
   Port& port = *line.port;
-  if (port.descriptor() < 0) return;  // a file, which accepts everything, or a port that is lost
+  if (port.descriptor() < 0) return;  // a port that is lost
   HostTime progress = host_now();
   std::uint64_t sent = port.counters().sent;
   while (!stop.load(std::memory_order_relaxed)) {

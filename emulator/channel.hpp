@@ -97,6 +97,7 @@ class Channel {
     std::unique_ptr<Port> port;
     UartSettings uart;         // the device's settings that the port has
     std::uint64_t passed = 0;  // frames passed to the port
+    bool is_file = false;      // a regular file, which accepts everything and never answers
     bool is_stalled = false;   // the port has accepted nothing for 2 s
     bool holds_back() const noexcept;
   };

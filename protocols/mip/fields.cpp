@@ -50,10 +50,9 @@ void Fields::set_sample(const Sample& sample) noexcept {
   sample_.delta_angle = q_VP * (sample.delta_angle - c.gyro_bias / internal_hz);
   sample_.delta_velocity = q_VP * (sample.delta_velocity - c.accelerometer_bias / internal_hz);
   if (!filter_began_ && has_pulse(sample.time)) filter_began_ = sample.time;
-  for (Since& since : since_) {
-    since.delta_angle += sample_.delta_angle;
-    since.delta_velocity += sample_.delta_velocity;
-  }
+  Since& since = since_[slot_of(sensor)];  // no other set has increments
+  since.delta_angle += sample_.delta_angle;
+  since.delta_velocity += sample_.delta_velocity;
 }
 
 void Fields::restart(DeviceTime now) noexcept {
