@@ -1,55 +1,41 @@
 #include "emulator/config.hpp"
 
-#include <sha256.h>
-
-#include <array>
-#include <cerrno>
 #include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <iterator>
+#include <map>
 #include <optional>
 #include <system_error>
 #include <thread>
+#include <utility>
 
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
+#include "emulator/config_text.hpp"
 
 namespace imud {
 
 ConfigError::ConfigError(std::vector<std::string> all)
     : std::runtime_error(fmt::format("{}", fmt::join(all, "\n"))), faults(std::move(all)) {}
 
+std::string regular_file(const std::string& path) {
+  std::error_code error;
+  const auto type = std::filesystem::status(path, error).type();
+  if (type != std::filesystem::file_type::regular && type != std::filesystem::file_type::not_found) return {};
+  const auto canonical = std::filesystem::weakly_canonical(std::filesystem::absolute(path, error), error);
+  return error ? std::string() : canonical.string();
+}
+
 bool is_capture(const std::string& truth_port) noexcept {
   const Transport* transport = transport_of(truth_port);
   return transport != nullptr && transport->ends;
 }
 
-namespace {
-
-// Returns the file's content. Throws std::system_error.
-std::string read_file(const std::string& path) {
-  const auto check = [](bool good) {
-    if (!good) throw std::system_error(errno == 0 ? EIO : errno, std::generic_category());
-  };
-  if (path == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
-  errno = 0;
-  std::ifstream file(path, std::ios::binary);
-  check(file.is_open());
-  if (std::filesystem::is_directory(path)) throw std::system_error(EISDIR, std::generic_category());
-  std::string content(std::istreambuf_iterator<char>(file), {});
-  check(!file.bad());
-  return content;
+std::string file_of(const std::string& port) {
+  const Transport* transport = transport_of(port);
+  if (transport == nullptr || !transport->has_path) return {};
+  const std::size_t begin = transport->name.size() + 1;
+  const std::string address = port.substr(begin, port.find('?') - begin);
+  return address.empty() || address == "-" ? std::string() : regular_file(address);
 }
-
-// Returns it in hexadecimal.
-std::string sha256(const std::string& bytes) {
-  std::array<char, SHA256_DIGEST_STRING_LENGTH> text;
-  SHA256Data(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), text.data());
-  return text.data();
-}
-
-}  // namespace
 
 Settings read_settings(TableReader& table, std::span<const Setting> declared) {
   Settings settings(declared);
@@ -215,40 +201,27 @@ RealtimeConfig read_realtime(TableReader table) {
   return realtime;
 }
 
-// Applies an assignment such as "imu.0.rate_hz=400".
-void override_key(toml::table& root, const std::string& assignment, Faults& faults) {
-  const auto fault = [&](std::string_view what) { faults.add(0, fmt::format("--set {}", assignment), what); };
-  const std::size_t equals = assignment.find('=');
-  if (equals == std::string::npos || equals == 0) return fault("give KEY=VALUE, for example imu.0.rate_hz=400");
-  const std::string value = assignment.substr(equals + 1);
-  toml::table parsed;
-  try {
-    parsed = toml::parse("v = " + value);
-  } catch (const toml::parse_error&) {
-    parsed.insert_or_assign("v", value);  // a bare word
-  }
-  toml::node* at = &root;
-  std::string path = assignment.substr(0, equals);
-  while (true) {
-    const std::size_t dot = path.find('.');
-    const std::string step = path.substr(0, dot);
-    if (auto* array = at->as_array()) {
-      const bool digits =
-          !step.empty() && step.size() < 6 && step.find_first_not_of("0123456789") == std::string::npos;
-      if (!digits || std::stoul(step) >= array->size() || dot == std::string::npos)
-        return fault(fmt::format("\"{}\" is not an index below {}", step, array->size()));
-      at = &(*array)[std::stoul(step)];
-    } else if (auto* table = at->as_table()) {
-      if (dot == std::string::npos) {
-        table->insert_or_assign(step, *parsed.get("v"));
-        return;
-      }
-      if (!table->contains(step)) table->insert(step, toml::table{});
-      at = table->get(step);
-    } else {
-      return fault(fmt::format("\"{}\" is below a plain value", step));
+}  // namespace
+
+namespace {
+
+// Lists the files in config.files. Adds a fault for each imu that would write over one of them.
+void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults) {
+  std::map<std::string, std::string_view> inputs;
+  if (path != "-") inputs.emplace(regular_file(path), "the configuration");
+  if (std::string truth = file_of(config.truth.port); !truth.empty()) inputs.emplace(std::move(truth), "the truth");
+  for (const auto& [file, use] : inputs) config.files.push_back(file);
+  for (std::size_t i = 0; i < config.imus.size(); ++i) {
+    const std::pair<std::string_view, std::string> ports[] = {{"port", config.imus[i].port},
+                                                              {"second_port", config.imus[i].second_port}};
+    for (const auto& [key, port] : ports) {
+      const std::string file = file_of(port);
+      if (file.empty()) continue;
+      if (const auto input = inputs.find(file); input != inputs.end())
+        faults.add(tables[i].source().begin.line, fmt::format("imu.{}.{}", i, key),
+                   fmt::format("is the file of {}; give another", input->second));
+      config.files.push_back(file);
     }
-    path = path.substr(dot + 1);
   }
 }
 
@@ -256,24 +229,11 @@ void override_key(toml::table& root, const std::string& assignment, Faults& faul
 
 Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture) {
   Faults faults(path);
-  toml::table root;
-  std::string content;
-  try {
-    content = read_file(path);
-    root = toml::parse(content, path);
-  } catch (const std::system_error& error) {
-    faults.add(0, "cannot be read", error.code().message());
-    throw ConfigError(faults.all());
-  } catch (const toml::parse_error& error) {
-    faults.add(error.source().begin.line, "TOML", error.description());
-    throw ConfigError(faults.all());
-  }
-  for (const std::string& assignment : overrides) override_key(root, assignment, faults);
-
+  ConfigText text = read_config_text(path, overrides, faults);
+  const toml::table& root = text.root;
   TableReader table(&root, "", 0, faults);
   Config config;
-  for (const std::string& assignment : overrides) content += assignment + "\n";
-  config.sha256 = sha256(content);
+  config.sha256 = std::move(text.sha256);
   config.seed = table.unsigned_integer("seed", config.seed, ~std::uint64_t{0});
   constexpr ClockMode clocks[] = {ClockMode::realtime, ClockMode::lockstep, ClockMode::fast};
   config.clock = clocks[table.choice("clock", {"realtime", "lockstep", "fast"}, 0)];
@@ -314,6 +274,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
                         read.protocol->name));
     }
     check_imus_together(config.imus, config.truth.port, array, faults);
+    check_files(config, path, *array, faults);
   }
   table.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());

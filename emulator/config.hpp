@@ -76,6 +76,8 @@ struct Config {
   std::vector<ImuConfig> imus;
   // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
   std::string sha256;
+  // The canonical paths of the regular files that it was read from, reads truth from, or writes.
+  std::vector<std::string> files;
 };
 
 // Every fault of a configuration, a line each: "file:line: key: what is wrong; what would be right".
@@ -88,6 +90,9 @@ struct ConfigError : std::runtime_error {
 // bare word is text). A `capture` that is not empty replaces truth.port. Throws ConfigError with every fault.
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {});
+
+// Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
+std::string regular_file(const std::string& path);
 
 // Returns true if the truth port is a capture, whose truth can be read ahead of the clock.
 bool is_capture(const std::string& truth_port) noexcept;

@@ -35,6 +35,9 @@ const Entry* entry(TableReader& table, std::string_view key, const std::string& 
   return nullptr;
 }
 
+// Returns the regular file that a port reads or writes (regular_file()); empty if it has none.
+std::string file_of(const std::string& port);
+
 // Reads the declared settings that the table has. Adds a fault for each value that is refused.
 Settings read_settings(TableReader& table, std::span<const Setting> declared);
 

@@ -265,7 +265,9 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
     const auto is_taken = [&](std::string_view key, const std::string& text) {
       const Transport* transport = transport_of(text);
       if (transport == nullptr || transport->is_shared) return false;
-      if (const auto [at, is_new] = by_port.emplace(text, i); !is_new) clash(key, at->second, "the same");
+      std::string file = file_of(text);  // one file may have several spellings
+      if (const auto [at, is_new] = by_port.emplace(file.empty() ? text : std::move(file), i); !is_new)
+        clash(key, at->second, "the same");
       return true;
     };
     const std::string port = address(imus[i].port);

@@ -159,6 +159,7 @@ constexpr Transport file_transport = {
     .document = "open(2), pipe(7)",
     .ends = true,
     .brings_truth = true,
+    .has_path = true,
     .has_private_copy = true,
     .suffixes = ".csv .txt",
     .check = check,

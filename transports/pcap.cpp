@@ -124,6 +124,7 @@ constexpr Transport pcap_transport = {
     .ends = true,
     .brings_truth = true,
     .serves_device = false,
+    .has_path = true,
     .suffixes = ".pcap .pcapng *",
     .check = check,
     .open = open,

@@ -171,6 +171,7 @@ struct Transport {
   bool brings_truth = false;      // may be the port of the truth
   bool serves_device = true;      // Role::device is possible, beside Role::listener
   bool is_shared = false;         // several imus may have the same address: a bus, a receiver of datagrams
+  bool has_path = false;          // the address is a path in the file system; - is a standard stream
   bool has_private_copy = false;  // a port at another path serves to measure the duration of writes
   Uart uart = Uart::none;         // if there is one, the options `baud`, `parity` and `stop` set it
 

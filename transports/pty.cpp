@@ -284,6 +284,7 @@ constexpr Transport pty_transport = {
     .summary = "a serial line without hardware: a pseudo-terminal behind the link of that name",
     .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any",
     .document = "pty(7)",
+    .has_path = true,
     .has_private_copy = true,
     .uart = Uart::emulated,
     .check = check,

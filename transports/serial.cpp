@@ -230,6 +230,7 @@ constexpr Transport serial_transport = {
     .summary = "a serial line; reopened automatically after it was unplugged",
     .syntax = "serial:/dev/ttyUSB0?baud=921600&parity=none|even|odd&stop=1|2&bits=8|7&flow=none|rtscts",
     .document = "termios(3)",
+    .has_path = true,
     .uart = Uart::real,
     .check = check,
     .open = open,

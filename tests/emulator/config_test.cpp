@@ -557,6 +557,27 @@ TEST_F(ConfigTest, EarthIsOffUntilTheFrameOfNIsConfigured) {
   EXPECT_EQ(faults(std::string(good) + "[earth]\nframe = \"local\"\n").size(), 2U) << "latitude and longitude";
 }
 
+TEST_F(ConfigTest, NoFileIsWrittenOverAnother) {
+  const std::string out = folder_ / "out.bin", truth = folder_ / "flight.pcap";
+  std::ofstream(truth) << "a capture";
+  std::filesystem::create_symlink(truth, folder_ / "same.pcap");
+  const std::vector<std::string> capture = {"truth.port=pcap:" + truth + "?port=9810"};
+  const auto with_port = [&](const std::string& port) {
+    return fault(good, {capture[0], "imu.0.port=\"file:" + port + "\""});
+  };
+  EXPECT_EQ(with_port(out), "0 faults");
+  EXPECT_EQ(with_port("/dev/null"), "0 faults");
+  EXPECT_NE(with_port(truth).find("imu.0.port: is the file of the truth; give another"), std::string::npos);
+  EXPECT_NE(with_port(folder_ / "same.pcap").find("is the file of the truth"), std::string::npos);
+  EXPECT_NE(with_port(path_).find("is the file of the configuration"), std::string::npos);
+  const std::string second =
+      "[[imu]]\nname = \"b\"\nprotocol = \"vectornav\"\nport = \"file:" + (folder_ / "./out.bin") + "\"\n";
+  EXPECT_NE(fault(good + second, {"imu.0.port=\"file:" + out + "\""}).find("imu.1.port: the same as imu.0"),
+            std::string::npos);
+  std::ofstream(out) << "old";
+  EXPECT_EQ(load(good, {capture[0], "imu.0.port=\"file:" + out + "\""}).files.size(), 3U);
+}
+
 // A product samples a vehicle at rest before the first truth, imud's own protocols are silent.
 TEST_F(ConfigTest, BeforeTheFirstTruthAProductRests) {
   EXPECT_EQ(load(good).imus[0].before_first, BeforeFirst::silence);

@@ -1,0 +1,144 @@
+#include "emulator/config_text.hpp"
+
+#include <fmt/format.h>
+#include <sha256.h>
+
+#include <array>
+#include <cctype>
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "emulator/config.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns the file's content. Throws std::system_error.
+std::string read_file(const std::string& path) {
+  const auto check = [](bool good) {
+    if (!good) throw std::system_error(errno == 0 ? EIO : errno, std::generic_category());
+  };
+  if (path == "-") return {std::istreambuf_iterator<char>(std::cin), {}};
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  check(file.is_open());
+  if (std::filesystem::is_directory(path)) throw std::system_error(EISDIR, std::generic_category());
+  std::string content(std::istreambuf_iterator<char>(file), {});
+  check(!file.bad());
+  return content;
+}
+
+// Returns it in hexadecimal.
+std::string sha256(const std::string& bytes) {
+  std::array<char, SHA256_DIGEST_STRING_LENGTH> text;
+  SHA256Data(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), text.data());
+  return text.data();
+}
+
+// Returns true if the value on this line is a word without quotes, which TOML does not have.
+bool has_bare_word(const std::string& content, std::uint32_t line) {
+  std::string_view rest = content;
+  for (; line > 1 && !rest.empty(); --line) rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1);
+  rest = rest.substr(0, rest.find('\n'));
+  const std::size_t equals = rest.find('=');
+  if (equals == rest.npos) return false;
+  const std::size_t value = rest.find_first_not_of(" \t", equals + 1);
+  return value != rest.npos && std::isalpha(static_cast<unsigned char>(rest[value])) != 0;
+}
+
+// The items of an array that the first step of a path chooses, and the path below them.
+struct Chosen {
+  std::vector<toml::node*> items;
+  std::string_view below;
+};
+
+// By number, by name, or by * all of them. A name may have dots in it.
+Chosen choose(toml::array& array, std::string_view path) {
+  const std::size_t dot = path.find('.');
+  Chosen chosen{{}, dot == path.npos ? std::string_view() : path.substr(dot + 1)};
+  for (std::size_t i = 0; i < array.size(); ++i)
+    if (const std::string_view step = path.substr(0, dot); step == "*" || step == std::to_string(i))
+      chosen.items.push_back(&array[i]);
+  if (!chosen.items.empty()) return chosen;
+  for (std::size_t i = 0; i < array.size(); ++i) {
+    const toml::table* table = array[i].as_table();
+    if (table == nullptr) continue;
+    const std::string name = (*table)["name"].value_or(fmt::format("imu{}", i + 1));
+    if (!path.starts_with(name + ".")) continue;
+    return {{&array[i]}, path.substr(name.size() + 1)};
+  }
+  return chosen;
+}
+
+// Sets the key that `path` names below `at`. Returns what is wrong; empty if it is set.
+std::string set_key(toml::node& at, std::string_view path, const toml::node& value) {
+  if (auto* array = at.as_array()) {
+    const Chosen chosen = choose(*array, path);
+    if (chosen.items.empty() || chosen.below.empty())
+      return fmt::format("\"{}\" does not begin with an index below {}, a name or *, and a key", path, array->size());
+    for (toml::node* item : chosen.items)
+      if (std::string fault = set_key(*item, chosen.below, value); !fault.empty()) return fault;
+    return {};
+  }
+  const std::size_t dot = path.find('.');
+  const std::string step(path.substr(0, dot));
+  auto* table = at.as_table();
+  if (table == nullptr) return fmt::format("\"{}\" is below a plain value", step);
+  if (dot == path.npos) {
+    table->insert_or_assign(step, value);
+    return {};
+  }
+  if (!table->contains(step)) table->insert(step, toml::table{});
+  return set_key(*table->get(step), path.substr(dot + 1), value);
+}
+
+void override_key(toml::table& root, const std::string& assignment, Faults& faults) {
+  const auto fault = [&](std::string_view what) { faults.add(0, fmt::format("--set {}", assignment), what); };
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos || equals == 0) return fault("give KEY=VALUE, for example imu.0.rate_hz=400");
+  const std::string value = assignment.substr(equals + 1);
+  toml::table parsed;
+  try {
+    parsed = toml::parse("v = " + value);
+  } catch (const toml::parse_error&) {
+    parsed.insert_or_assign("v", value);  // a bare word
+  }
+  if (const std::string what = set_key(root, assignment.substr(0, equals), *parsed.get("v")); !what.empty())
+    fault(what);
+}
+
+}  // namespace
+
+ConfigText read_config_text(const std::string& path, std::span<const std::string> overrides, Faults& faults) {
+  ConfigText text;
+  std::string content;
+  try {
+    content = read_file(path);
+    text.root = toml::parse(content, path);
+  } catch (const std::system_error& error) {
+    faults.add(0, "cannot be read", error.code().message());
+    throw ConfigError(faults.all());
+  } catch (const toml::parse_error& error) {
+    const auto& [line, column] = error.source().begin;
+    faults.add(line, "TOML",
+               fmt::format("column {}: {}{}", column, error.description(),
+                           has_bare_word(content, line) ? "; put text in quotes" : ""));
+    throw ConfigError(faults.all());
+  }
+  for (const std::string& assignment : overrides) {
+    override_key(text.root, assignment, faults);
+    content += assignment + "\n";
+  }
+  text.sha256 = sha256(content);
+  return text;
+}
+
+}  // namespace imud
