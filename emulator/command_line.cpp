@@ -9,6 +9,7 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -139,6 +140,9 @@ int replay(const Arguments& arguments) {
 int command_line(int argc, const char* const* argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("imud"));
   spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
+  if (std::getenv("NO_COLOR") != nullptr)
+    std::static_pointer_cast<spdlog::sinks::stderr_color_sink_mt>(spdlog::default_logger()->sinks().at(0))
+        ->set_color_mode(spdlog::color_mode::never);
 
   CLI::App app("Hardware-in-the-loop IMU emulator: truth in by UDP, IMU packets out on a serial line or a CAN bus.");
   app.name("imud");

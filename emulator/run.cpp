@@ -83,6 +83,18 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
       spdlog::error("required {}, but {} is {}", limit.requirement.text, limit.requirement.figure, limit.seen);
 }
 
+// Throws OpenError if a file of figures would be written over another file of the run.
+void check_outputs(const Config& config, const RunOptions& options) {
+  std::vector<std::string> files = config.files;
+  for (const std::string& path : {options.summary_file, options.monitor.quality_file}) {
+    const std::string file = path.empty() || path == "-" ? std::string() : regular_file(path);
+    if (file.empty()) continue;
+    if (std::find(files.begin(), files.end(), file) != files.end())
+      throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
+    files.push_back(file);
+  }
+}
+
 }  // namespace
 
 int run(const Config& config, const RunOptions& options) {
@@ -95,8 +107,11 @@ int run(const Config& config, const RunOptions& options) {
     if (!error) stop = true;
   });
   check_figures(options.required, config);
+  check_outputs(config, options);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
   TextFile summary_file(options.summary_file);
+  // The file of a run that was killed must not look like that of a whole run.
+  if (summary_file.clear()) summary_file.write("{\"complete\": false, \"ended_by\": null}\n");
 
   std::optional<RealtimeProcess> process;
   if (config.clock == ClockMode::realtime) {
@@ -152,6 +167,7 @@ int run(const Config& config, const RunOptions& options) {
   report(outcome, summary, config);
   TextFile printed = writes_to_stdout(config) ? TextFile::standard_error() : TextFile("-");
   printed.write(text(summary));
+  summary_file.clear();
   summary_file.write(json(summary, JsonLayout::indented));
   return outcome.exit_code();
 }

@@ -47,6 +47,10 @@ void TextFile::write(std::string_view text) {
   }
 }
 
+bool TextFile::clear() noexcept {
+  return path_ != "-" && ::ftruncate(file_.get(), 0) == 0 && ::lseek(file_.get(), 0, SEEK_SET) == 0;
+}
+
 void TextFile::reopen() {
   if (path_.empty() || path_ == "-") return;
   FileDescriptor file(::open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOCTTY, 0666));
