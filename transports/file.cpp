@@ -84,6 +84,12 @@ class FileWriter final : public Port {
     }
   }
 
+  void discard_pending() noexcept override {
+    const std::uint64_t dropped = counters_.dropped;
+    writer_.discard(counters_);
+    if (error_ != 0) counters_.failed += counters_.dropped - dropped;
+  }
+
   bool wants_output() const noexcept override { return !regular_ && !writer_.is_idle(); }
   int descriptor() const noexcept override { return regular_ ? -1 : file_.get(); }
 

@@ -41,6 +41,7 @@ class PtyDevice final : public Port {
   void send(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(100)); }
   void reply(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(500)); }
   void discard_pending() noexcept override {
+    writer_.discard(counters_);
     if (paced_) paced_->discard(counters_);
   }
 

@@ -103,6 +103,7 @@ class SerialPort final : public Port {
   void flush() noexcept override {
     if (line_) send({});
   }
+  void discard_pending() noexcept override { writer_.discard(counters_); }
   bool wants_output() const noexcept override { return !writer_.is_idle(); }
   int descriptor() const noexcept override { return line_.get(); }
 

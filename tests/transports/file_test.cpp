@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <fstream>
 #include <iterator>
@@ -116,6 +117,29 @@ TEST(File, FullDiskTearsNoFrameAndWritingResumes) {
   std::signal(SIGXFSZ, SIG_DFL);
 }
 
+// The disk is full within the last frame: it counts as lost when the run ends.
+TEST(File, AFrameThatIsTornAtTheEndIsLost) {
+  const ScratchFolder folder;
+  std::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  NumberedFrames frames;
+  const auto port = open_port("file:" + folder / "out", Role::device);
+  port->send(frames.next(1));
+  port->flush();
+  const rlimit full{content_of(folder / "out").size() + 1, before.rlim_max};
+  ::setrlimit(RLIMIT_FSIZE, &full);
+  port->send(frames.next(1));
+  port->flush();
+  EXPECT_EQ(port->counters().sent, 1U);
+  EXPECT_EQ(port->error(), EFBIG);
+  port->discard_pending();
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, SIG_DFL);
+  EXPECT_EQ(port->counters().dropped, 1U);
+  EXPECT_EQ(port->counters().failed, 1U);
+}
+
 TEST(File, FullDeviceDropsAndCounts) {
   const auto port = open_port("file:/dev/full", Role::device);
   NumberedFrames frames;
@@ -124,6 +148,8 @@ TEST(File, FullDeviceDropsAndCounts) {
   EXPECT_EQ(port->state(), PortState::lost);
   EXPECT_EQ(port->counters().lost_count, 1U);
   EXPECT_EQ(port->counters().dropped, 6U);
+  EXPECT_EQ(port->counters().failed, 6U);
+  EXPECT_EQ(port->error(), ENOSPC);
 }
 
 class Fifo : public ::testing::Test {
