@@ -5,11 +5,14 @@
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/signalfd.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -112,8 +115,8 @@ int list(const std::string& name) {
   return 0;
 }
 
-// Holds ptys until SIGINT, SIGTERM or SIGHUP.
-int keep_ptys(const std::vector<std::string>& links) {
+// Holds ptys until SIGINT, SIGTERM or SIGHUP. In the background the calling process returns when they are ready.
+int keep_ptys(const std::vector<std::string>& links, bool background) {
   sigset_t signals;
   sigemptyset(&signals);
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals, signal);
@@ -125,6 +128,8 @@ int keep_ptys(const std::vector<std::string>& links) {
     fmt::print("{} is held, as {}\n", link, keepers.back()->slave());
   }
   std::fflush(stdout);
+  if (background && ::daemon(1, 0) != 0)
+    throw std::runtime_error(fmt::format("cannot go to the background: {}", std::strerror(errno)));
   PtyKeeper::serve(keepers, stop.get());
   return 0;
 }
@@ -156,8 +161,7 @@ int command_line(int argc, const char* const* argv) {
                      "Override a key, such as imu.0.rate_hz=400, or a list, such as "
                      "'imu.0.device.sensor_fields=[\"rate\", \"acceleration\"]'; repeatable")
         ->type_name("KEY=VALUE")
-        ->take_all()
-        ->expected(1);
+        ->allow_extra_args(false);
     command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
   };
   const auto with_config = [&](CLI::App* command) {
@@ -180,8 +184,7 @@ int command_line(int argc, const char* const* argv) {
                      "Exit with 3 if a figure of the summary breaks this limit, such as imu1.samples>=1000 or "
                      "truth.refused<=1%; several with commas; repeatable")
         ->type_name("LIMIT")
-        ->take_all()
-        ->expected(1);
+        ->allow_extra_args(false);
     command
         ->add_option("--log-every", arguments.run.monitor.log_every_s,
                      "Interval of the figures in the log; 0: none (10)")
@@ -220,6 +223,8 @@ int command_line(int argc, const char* const* argv) {
       "pty", "Hold pseudo-terminals, so that their clients are not hung up while imud restarts; until SIGTERM");
   std::vector<std::string> links;
   pty_command->add_option("LINK", links, "As in port = \"pty:LINK\" of the configuration")->required();
+  bool background = false;
+  pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
 
   try {
     app.parse(argc, argv);
@@ -231,7 +236,7 @@ int command_line(int argc, const char* const* argv) {
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     if (list_command->parsed()) return list(arguments.name);
     if (check_command->parsed()) return check(arguments);
-    if (pty_command->parsed()) return keep_ptys(links);
+    if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =
           arguments.config.empty() ? selftest_config() : load_config(arguments.config, arguments.overrides);
