@@ -66,7 +66,8 @@ class Timeline {
     // For this long after the newest truth, motion continues with constant angular acceleration and specific force;
     // then it is held. Not negative.
     Nanoseconds extrapolate = std::chrono::milliseconds(100);
-    // A truth further ahead of the newest than this is refused as time_jump, unless it completes a restart (below).
+    // A truth further ahead of the newest than this is refused as time_jump, unless it completes a restart (below) or
+    // gap_begins_run is true.
     // Above 0.
     Nanoseconds max_gap = std::chrono::seconds(60);
     // If true, such a truth is not refused but begins a new run: in a capture it is no error of a network.

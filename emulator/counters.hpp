@@ -145,6 +145,8 @@ struct TruthCounters : CounterGroup {
   Counter inserted{*this, {"inserted", "reordered but in time"}};
   // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
   Counter lost{*this, {"lost", "lost"}};
+  // Those of the refused duplicates that repeat a truth by its sequence number, too.
+  Counter repeated{*this, {"repeated", "repeated"}};
   // Times that a truth was later than the one before by more than StepWatch::far_above usual steps.
   Counter gaps{*this, {"gaps", "gaps", Show::if_not_zero, Show::if_not_zero}};
   // Runs of the timeline, the first included.

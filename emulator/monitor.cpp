@@ -75,6 +75,7 @@ void Monitor::write_quality(const Summary& all) {
 }
 
 void Monitor::reopen() {
+  if (!quality_.is_open()) return;
   try {
     quality_.reopen();
     spdlog::info("SIGHUP: the file of the figures is opened again");
@@ -108,7 +109,7 @@ void Monitor::report_refusals() {
 void Monitor::report_interruptions() {
   if (runs_.of(counters_.truth->runs) > 0)
     if (const std::uint64_t runs = counters_.truth->runs; runs > 1)
-      spdlog::info("simulation time has restarted: run {}", runs);
+      spdlog::info("a new run of simulation time begins: run {}", runs);
 
   const TruthQuality& quality = *counters_.quality;
   if (const std::uint64_t n = stops_.of(quality.stops); n > 0) {

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "emulator/summary.hpp"
+#include "transports/port.hpp"
 
 namespace imud {
 
@@ -15,9 +17,10 @@ std::string plural(std::uint64_t count, std::string_view noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
-// Truths of other vehicles are no truths of this run.
+// Truths of other vehicles are no truths of this run, and those that a network has repeated are there already.
 std::uint64_t refused_truths(const Summary::Truth& truth) {
-  return truth.refused.total() - truth.refused.counts[static_cast<std::size_t>(Refusal::other_stream)];
+  return truth.refused.total() - truth.refused.counts[static_cast<std::size_t>(Refusal::other_stream)] -
+         truth.counters[&TruthCounters::repeated];
 }
 
 std::string causes(const Summary::Truth& truth) {
@@ -28,19 +31,31 @@ std::string causes(const Summary::Truth& truth) {
   return fmt::format("{}", fmt::join(all, ", "));
 }
 
-void judge_capture(const Summary::Truth& truth, EndedBy ended_by, std::vector<std::string>& shortfalls) {
+// `gaps_allowed`: a requirement limits them.
+void judge_capture(const Summary::Truth& truth, EndedBy ended_by, bool gaps_allowed,
+                   std::vector<std::string>& shortfalls) {
   if (ended_by == EndedBy::signal) shortfalls.emplace_back("a signal ended it before the capture's end");
   if (ended_by == EndedBy::duration) shortfalls.emplace_back("--for ended it before the capture's end");
   if (const auto n = refused_truths(truth); n > 0)
     shortfalls.push_back(fmt::format("{} refused ({})", plural(n, "truth"), causes(truth)));
   if (const auto n = truth.counters[&TruthCounters::lost]; n > 0)
     shortfalls.push_back(fmt::format("{} missing by the sequence numbers", plural(n, "truth")));
-  if (const auto n = truth.counters[&TruthCounters::gaps]; n > 0)
+  if (const auto n = truth.counters[&TruthCounters::gaps]; n > 0 && !gaps_allowed)
     shortfalls.push_back(
         fmt::format("{} in the truth's time, of up to {:.3f} s", plural(n, "gap"), truth.longest_gap_s));
-  if (const auto n = truth.counters[&TruthCounters::truncated]; n > 0 || !truth.warning.empty())
-    shortfalls.push_back(fmt::format("{} cut short{}{}", plural(n, "record"),
-                                     truth.warning.empty() ? "" : ": capture ", truth.warning));
+  if (!truth.warning.empty())
+    shortfalls.push_back(fmt::format("the capture is {}", truth.warning));
+  else if (const auto n = truth.counters[&TruthCounters::truncated]; n > 0)
+    shortfalls.push_back(fmt::format("{} cut short", plural(n, "record")));
+}
+
+// Returns true if a pty is the line of the imu: frames that nobody reads are discarded, as on a real one.
+bool is_emulated_line(const ImuConfig& imu) {
+  const auto is_emulated = [](const std::string& port) {
+    const Transport* transport = transport_of(port);
+    return transport != nullptr && transport->uart == Uart::emulated;
+  };
+  return is_emulated(imu.port) && (imu.second_port.empty() || is_emulated(imu.second_port));
 }
 
 // Returns what 100 % is for a figure.
@@ -86,19 +101,24 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
               std::span<const Requirement> requirements) {
   Outcome outcome{ended_by, {}, {}};
+  std::vector<std::string>& shortfalls = outcome.shortfalls;
   const bool capture = is_capture(config.truth.port);
-  if (capture) judge_capture(summary.truth, ended_by, outcome.shortfalls);
-  for (const Summary::Imu& imu : summary.imus) {
+  const bool gaps_allowed = std::any_of(requirements.begin(), requirements.end(),
+                                        [](const Requirement& limit) { return limit.figure == "truth.gaps"; });
+  if (capture) judge_capture(summary.truth, ended_by, gaps_allowed, shortfalls);
+  for (std::size_t i = 0; i < summary.imus.size(); ++i) {
+    const Summary::Imu& imu = summary.imus[i];
     const std::uint64_t dropped = imu.counters[&ImuCounters::dropped], failed = imu.counters[&ImuCounters::failed];
     if (failed > 0)
-      outcome.shortfalls.push_back(
-          fmt::format("{}: {} lost to errors of the file", imu.name, plural(failed, "frame")));
-    if (capture && config.clock != ClockMode::realtime && dropped > failed)
-      outcome.shortfalls.push_back(fmt::format("{}: {} dropped", imu.name, plural(dropped - failed, "frame")));
+      shortfalls.push_back(fmt::format("{}: {} lost to errors of the file", imu.name, plural(failed, "frame")));
+    const bool may_be_unread = config.clock == ClockMode::realtime && is_emulated_line(config.imus[i]);
+    if (capture && !may_be_unread && dropped > failed)
+      shortfalls.push_back(fmt::format("{}: {} dropped", imu.name, plural(dropped - failed, "frame")));
   }
   if (capture && ended_by == EndedBy::end_of_capture && summary.truth.counters[&TruthCounters::accepted] == 0) {
     outcome.ended_by = EndedBy::failure;
-    outcome.shortfalls.push_back(fmt::format("there is no truth of the format {}", config.truth.format->name));
+    if (refused_truths(summary.truth) == 0)
+      shortfalls.push_back(fmt::format("there is no truth of the format {}", config.truth.format->name));
   }
   for (const Requirement& requirement : requirements) {
     const std::uint64_t seen = find_count(summary, requirement.figure).value_or(0);

@@ -165,10 +165,12 @@ int run(const Config& config, const RunOptions& options) {
   summary.whole = {judge(summary, config, ended_by, options.required), config.seed, config.sha256};
   const Outcome& outcome = summary.whole->outcome;
   report(outcome, summary, config);
+  summary_file.clear();
+  const std::string figures = json(summary, JsonLayout::indented);
+  if (options.summary_file != "-") summary_file.write(figures);
   TextFile printed = writes_to_stdout(config) ? TextFile::standard_error() : TextFile("-");
   printed.write(text(summary));
-  summary_file.clear();
-  summary_file.write(json(summary, JsonLayout::indented));
+  if (options.summary_file == "-") summary_file.write(figures);
   return outcome.exit_code();
 }
 

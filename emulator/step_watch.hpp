@@ -1,21 +1,27 @@
 // StepWatch: finds gaps in a truth stream by its time steps.
 #pragma once
 
+#include <algorithm>
+
 #include "core/time.hpp"
 
 namespace imud {
 
 // Learns the usual step from the steps themselves, which may change: after a gap, a step may be twice as long before
-// it is a gap. The first step of a run is usual.
+// it is a gap. The first two steps of a run are usual.
 class StepWatch {
  public:
   static constexpr int far_above = 3;  // a step of more than so many usual ones is a gap
 
-  void begin_run() noexcept { usual_ = Nanoseconds{0}; }
+  void begin_run() noexcept {
+    usual_ = Nanoseconds{0};
+    count_ = 0;
+  }
   // Returns true if `step`, above 0, from one truth to the next is a gap.
   bool is_gap(Nanoseconds step) noexcept {
-    if (usual_.count() == 0) {
-      usual_ = step;
+    if (count_ < 2) {  // the first one may be short
+      ++count_;
+      usual_ = std::max(usual_, step);
       return false;
     }
     const bool gap = step > far_above * usual_;
@@ -24,7 +30,8 @@ class StepWatch {
   }
 
  private:
-  Nanoseconds usual_{0};  // 0: none yet
+  Nanoseconds usual_{0};
+  int count_ = 0;  // of the steps so far, up to 2
 };
 
 }  // namespace imud

@@ -100,6 +100,7 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   if (truth_.stream != *stream_) return refuse(Refusal::other_stream);
 
   answer_due_ = truth_.acknowledge;
+  has_sequence_ = has_sequence_ || truth_.sequence != 0;
   const TruthTime before = timeline_.empty() ? truth_.time : timeline_.newest();
   const Admission admission = timeline_.push(truth_, watermark);
   switch (admission) {
@@ -125,8 +126,11 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
       counters_.runs.count();
       return Outcome::new_run;
     case Admission::duplicate:
+      if (has_sequence_ && static_cast<std::int32_t>(newest_sequence_ - truth_.sequence) >= 0)
+        counters_.repeated.count();
       return refuse(Refusal::duplicate);
     case Admission::reordered:
+      if (counters_.lost > 0) counters_.lost.fetch_sub(1, std::memory_order_relaxed);  // it has arrived
       return refuse(Refusal::reordered);
     case Admission::time_back:
       return refuse(Refusal::time_back);

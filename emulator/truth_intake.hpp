@@ -77,6 +77,7 @@ class TruthIntake {
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
   Truth truth_;
   std::uint32_t newest_sequence_ = 0;
+  bool has_sequence_ = false;  // of a format without it, every number is 0
   StepWatch steps_;
   bool answer_due_ = false;
   HostTime arrival_;

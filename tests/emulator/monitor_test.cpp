@@ -101,7 +101,7 @@ TEST_F(MonitorTest, TheFirstRunIsNoNews) {
   truth_.runs.count();
   monitor.update();
   monitor.update();
-  EXPECT_EQ(logged(), Lines{"info simulation time has restarted: run 2"});
+  EXPECT_EQ(logged(), Lines{"info a new run of simulation time begins: run 2"});
 }
 
 TEST_F(MonitorTest, TruthThatDoesNotComeIsReportedOnceAndSoIsTheFirst) {

@@ -78,7 +78,8 @@ TEST_F(OutcomeTest, WhatIsMissingOfTheTruth) {
   EXPECT_EQ(summary()["truth"]["longest_gap_s"], 0.51);
   EXPECT_EQ(summary()["imus"][0]["samples"], 301) << "the gap is interpolated";
 
-  expect(3, "1 record cut short", capture(rows_from(0, 301) + truth_[301].substr(0, 20)));
+  expect(3, "the capture is cut short: 20 bytes after the last whole line",
+         capture(rows_from(0, 301) + truth_[301].substr(0, 20)));
   expect(1, "there is no truth of the format csv", capture(truth_[0] + "\n"));
   EXPECT_EQ(summary()["ended_by"], "failure");
 }
@@ -140,6 +141,10 @@ TEST_F(OutcomeTest, Requirements) {
   EXPECT_EQ(share.exit_code, 3) << share.errors;
   EXPECT_EQ(with("truth.no_state<0.34%").exit_code, 0);
 
+  EXPECT_EQ(run_program("imud", {"replay", "--require", "samples=301", config_, path("truth.csv")}).exit_code, 0)
+      << "an option takes one value only";
+  EXPECT_EQ(run_program("imud", {"replay", "--set", "seed=3", config_, path("truth.csv")}).exit_code, 0);
+
   for (const std::string unknown : {"imu2.samples>=1", "sample>=1", "truth.x=0", "truth.refused.x=0", "samples"}) {
     const ProgramResult refused = with(unknown);
     EXPECT_EQ(refused.exit_code, 2) << unknown;
@@ -198,6 +203,10 @@ TEST_F(Judge, ACaptureMustHaveEveryTruth) {
   EXPECT_EQ(outcome().exit_code(), 0);
   truth_.refused[static_cast<std::size_t>(Refusal::other_stream)].count(7);
   EXPECT_EQ(outcome().exit_code(), 0) << "another vehicle's";
+  truth_.refused[static_cast<std::size_t>(Refusal::duplicate)].count(3);
+  EXPECT_EQ(outcome().exit_code(), 3);
+  truth_.repeated.count(3);
+  EXPECT_EQ(outcome().exit_code(), 0) << "repeated by the network";
   truth_.lost.count(5);
   EXPECT_EQ(outcome().exit_code(), 3);
   EXPECT_EQ(outcome().shortfalls, std::vector<std::string>{"5 truths missing by the sequence numbers"});
@@ -206,6 +215,29 @@ TEST_F(Judge, ACaptureMustHaveEveryTruth) {
   EXPECT_EQ(outcome().shortfalls[0], "2 truths refused (2 crc)");
   config_.truth.port = "udp:127.0.0.1:9810";
   EXPECT_EQ(outcome().exit_code(), 0) << "live truth may be lost";
+}
+
+TEST_F(Judge, ALimitOfTheGapsReplacesTheRuleThatThereIsNone) {
+  truth_.gaps.count(2);
+  EXPECT_EQ(outcome().exit_code(), 3);
+  EXPECT_EQ(outcome("truth.gaps<=2").exit_code(), 0);
+  EXPECT_EQ(outcome("truth.gaps<=1").exit_code(), 3);
+}
+
+// At the recorded pace, frames that nobody reads from a pty are discarded; any other port must take them all.
+TEST_F(Judge, FramesAreMissingUnlessAPtyHasNoReader) {
+  config_.imus[0].port = "pty:left";
+  config_.imus[1].port = "serial:/dev/ttyUSB0";
+  config_.clock = ClockMode::realtime;
+  imus_[0].dropped.count(5);
+  EXPECT_EQ(outcome().exit_code(), 0);
+  EXPECT_EQ(outcome("left.dropped=0").exit_code(), 3);
+  imus_[1].dropped.count(2);
+  EXPECT_EQ(outcome().shortfalls, std::vector<std::string>{"right: 2 frames dropped"});
+  config_.imus[0].second_port = "file:out";
+  ASSERT_EQ(outcome().shortfalls.size(), 2U);
+  config_.clock = ClockMode::fast;
+  EXPECT_EQ(outcome().shortfalls.size(), 2U);
 }
 
 TEST_F(Judge, PercentagesAreThoseOfTheTruthsReceivedOrOfTheImusSamples) {

@@ -22,8 +22,10 @@ TEST(StepWatch, JitterAndAShortFirstStepAreNoGaps) {
   StepWatch steps;
   for (int i = 0; i < 1000; ++i) EXPECT_FALSE(steps.is_gap(i % 3 == 0 ? 20ms : 6ms)) << i;
   steps.begin_run();
-  EXPECT_FALSE(steps.is_gap(1s)) << "the first step of a run is usual";
+  EXPECT_FALSE(steps.is_gap(1ms)) << "the first step of a run is usual";
+  EXPECT_FALSE(steps.is_gap(1s)) << "and so is the second";
   EXPECT_FALSE(steps.is_gap(1s));
+  EXPECT_TRUE(steps.is_gap(4s));
 }
 
 TEST(StepWatch, ANewRateBecomesTheUsualOne) {
