@@ -18,7 +18,8 @@ TEST(Examples, ImudAcceptsEach) {
     EXPECT_NE(result.output.find("% of the line's"), std::string::npos) << "the line has a speed, and a load";
     const std::string text = read_file(path);
     EXPECT_NE(text.find("# Parameters of "), std::string::npos) << "the settings of the other side";
-    EXPECT_NE(text.find("imud pty --background imu1"), std::string::npos) << "the other side survives a restart of imud";
+    EXPECT_NE(text.find("imud pty --background imu1"), std::string::npos)
+        << "the other side survives a restart of imud";
     ++checked;
   }
   EXPECT_EQ(checked, 8U);
