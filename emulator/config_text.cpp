@@ -82,8 +82,10 @@ Chosen choose(toml::array& array, std::string_view path) {
 std::string set_key(toml::node& at, std::string_view path, const toml::node& value) {
   if (auto* array = at.as_array()) {
     const Chosen chosen = choose(*array, path);
-    if (chosen.items.empty() || chosen.below.empty())
-      return fmt::format("\"{}\" does not begin with an index below {}, a name or *, and a key", path, array->size());
+    if (chosen.items.empty())
+      return fmt::format("\"{}\" is not an index below {}, a name or *", path.substr(0, path.find('.')),
+                         array->size());
+    if (chosen.below.empty()) return fmt::format("give a key below \"{}\"", path);
     for (toml::node* item : chosen.items)
       if (std::string fault = set_key(*item, chosen.below, value); !fault.empty()) return fault;
     return {};

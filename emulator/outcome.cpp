@@ -25,9 +25,12 @@ std::uint64_t refused_truths(const Summary::Truth& truth) {
 
 std::string causes(const Summary::Truth& truth) {
   std::vector<std::string> all;
-  for (std::size_t i = 0; i < truth.refused.counts.size(); ++i)
-    if (const auto n = truth.refused.counts[i]; n > 0 && static_cast<Refusal>(i) != Refusal::other_stream)
-      all.push_back(fmt::format("{} {}", n, cause(static_cast<Refusal>(i))));
+  for (std::size_t i = 0; i < truth.refused.counts.size(); ++i) {
+    const auto refusal = static_cast<Refusal>(i);
+    std::uint64_t n = truth.refused.counts[i];
+    if (refusal == Refusal::duplicate) n -= truth.counters[&TruthCounters::repeated];
+    if (n > 0 && refusal != Refusal::other_stream) all.push_back(fmt::format("{} {}", n, cause(refusal)));
+  }
   return fmt::format("{}", fmt::join(all, ", "));
 }
 

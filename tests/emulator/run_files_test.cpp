@@ -24,7 +24,7 @@ TEST_F(RunFiles, FiguresAreNotWrittenOverAnotherFileOfTheRun) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
   const std::string c = config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"));
   const std::string truth = read_file(path("truth.csv")), configuration = read_file(c);
-  for (const std::string file : {c, path("truth.csv"), path("out.csv"), path("./out.csv")})
+  for (const std::string& file : {c, path("truth.csv"), path("out.csv"), path("./out.csv")})
     for (const std::string option : {"--summary", "--quality"}) {
       const ProgramResult refused = run_program("imud", {"run", c, option, file});
       EXPECT_EQ(refused.exit_code, 2) << option << file;
