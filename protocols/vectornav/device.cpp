@@ -180,25 +180,26 @@ class VectorNavDevice final : public Device {
       if (is_sent)
         out.repeat(frame_uart(uart));
       else
-        send_binary(which, uart, sample_.time, out);
-      is_sent = true;
+        is_sent = send_binary(which, uart, sample_.time, out);
     }
   }
 
-  void send_binary(std::size_t which, unsigned uart, DeviceTime now, FrameBuffer& out) noexcept {
+  // Returns false if there is no frame: the output has no fields, or there is no room.
+  bool send_binary(std::size_t which, unsigned uart, DeviceTime now, FrameBuffer& out) noexcept {
     const BinaryOutput& output = active_.binary[which];
-    if (output.size() == 0) return;
+    if (output.size() == 0) return false;
     BinaryFrame frame(out, longest);
     frame.put(std::uint8_t{0xFA});
     frame.put(static_cast<std::uint8_t>(output.group_bits()));
     for (const std::uint16_t mask : output.masks)
       if (mask != 0) frame.put(mask);
     put_fields(output, reading(now), std::exchange(sums_[which], {}), frame);
-    if (frame.size() == 0) return;
+    if (frame.size() == 0) return false;
     const unsigned crc = crc16(frame.written().subspan(1));
     frame.put(static_cast<std::uint8_t>(crc >> 8));
     frame.put(static_cast<std::uint8_t>(crc));
     frame.push(frame_uart(uart));
+    return true;
   }
 
   // --- Commands ---

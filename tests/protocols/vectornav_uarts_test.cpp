@@ -181,6 +181,21 @@ TEST(VectorNavUarts, APauseConcernsTheUartOfTheCommand) {
   EXPECT_EQ(beginning_with(sent[0], "$").at(1).substr(0, 16), "$VNDTV,+0.025000");
 }
 
+// An output without fields sends nothing, and what was sent before it is not sent once more.
+TEST(VectorNavUarts, AnEmptyOutputToBothSendsNothing) {
+  for (const char* empty : {"3,8,00", "3,8,01,0000"}) {
+    Unit unit;
+    unit.device->connect_second_uart();
+    const std::string body = "VNWRG,76," + std::string(empty);
+    EXPECT_EQ(unit.ask("VNWRG,06,0", 1), with_xor("VNWRG,06,0"));
+    EXPECT_EQ(unit.ask("VNWRG,75,1,8,01,0001"), with_xor("VNWRG,75,1,8,01,0001"));
+    EXPECT_EQ(unit.ask(body), with_xor(body));
+    const auto sent = unit.run_both(800);
+    EXPECT_EQ(sent[0].size(), 140U);
+    EXPECT_TRUE(sent[1].empty()) << empty;
+  }
+}
+
 TEST(VectorNavUarts, CommandsAtTheTwoDoNotMix) {
   Unit unit;
   unit.device->connect_second_uart();
