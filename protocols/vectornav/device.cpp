@@ -265,10 +265,13 @@ class VectorNavDevice final : public Device {
     return none;
   }
 
-  // Increments begin again at the outputs of that UART.
+  // Increments begin again at the outputs of that UART, except those that the other one streams all the time.
   void resume(unsigned uart) noexcept {
-    for (std::size_t i = 0; i < active_.binary.size(); ++i)
-      if (active_.binary[i].goes_to(uart)) sums_[i] = {};
+    const unsigned other = 1 - uart;
+    for (std::size_t i = 0; i < active_.binary.size(); ++i) {
+      const BinaryOutput& output = active_.binary[i];
+      if (output.goes_to(uart) && !(output.goes_to(other) && is_streaming(other))) sums_[i] = {};
+    }
     text_sums(uart) = {};
   }
 

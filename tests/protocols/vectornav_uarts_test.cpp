@@ -196,6 +196,25 @@ TEST(VectorNavUarts, AnEmptyOutputToBothSendsNothing) {
   }
 }
 
+TEST(VectorNavUarts, AResumedUartTakesNoIncrementsFromTheOther) {
+  Unit unit({{"async_type", std::int64_t{0}}, {"binary_1", std::string("3,8,01,0800")}});
+  unit.device->connect_second_uart();
+  EXPECT_EQ(unit.ask("VNWRG,06,0", 1), with_xor("VNWRG,06,0"));
+  unit.run_both(1);
+  for (const char* body : {"VNASY,0", "VNASY,1"}) {
+    unit.run_both(4);
+    EXPECT_EQ(unit.ask(body, 1), with_xor(body));
+    const auto sent = unit.run_both(4);
+    ASSERT_EQ(sent[0].size(), 1U);
+    EXPECT_FLOAT_EQ(real_at(sent[0][0], 4), 8 / 800.0F) << body;
+  }
+  EXPECT_EQ(unit.ask("VNASY,0"), with_xor("VNASY,0"));
+  EXPECT_EQ(unit.ask("VNASY,0", 1), with_xor("VNASY,0"));
+  unit.run_both(4);
+  EXPECT_EQ(unit.ask("VNASY,1"), with_xor("VNASY,1"));
+  EXPECT_FLOAT_EQ(real_at(unit.run_both(4)[0].at(0), 4), 4 / 800.0F) << "both had paused";
+}
+
 TEST(VectorNavUarts, CommandsAtTheTwoDoNotMix) {
   Unit unit;
   unit.device->connect_second_uart();
