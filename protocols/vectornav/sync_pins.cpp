@@ -5,7 +5,7 @@
 namespace imud::vectornav {
 
 void SyncPins::step_clock(Nanoseconds by) noexcept {
-  for (std::optional<DeviceTime>* time : {&last_in_, &last_pulse_})
+  for (std::optional<DeviceTime>* time : {&last_in_, &last_pulse_, &last_sample_})
     if (*time) *time = **time + by;
 }
 
@@ -40,9 +40,17 @@ bool SyncPins::sample(const SyncControl& control, PulseSource source, const Samp
   if (source == PulseSource::receiver && has_fix_) {
     constexpr std::int64_t second_ns = 1'000'000'000;
     const std::int64_t second = sample.navigation.gps_ns / second_ns;
-    if (std::exchange(gnss_second_, second).value_or(second) != second)
-      take_pulse(control, sample.time + Nanoseconds(second * second_ns - sample.navigation.gps_ns));
+    if (std::exchange(gnss_second_, second).value_or(second) != second) {
+      const Nanoseconds age{sample.navigation.gps_ns - second * second_ns};
+      // A second that began earlier than the last interval is due to a step of GPS time, without a pulse. Twice the
+      // interval allows for the error of the sensor's clock relative to GPS time.
+      if (last_sample_ && age < 2 * (sample.time - *last_sample_))
+        take_pulse(control, sample.time - age);
+      else
+        last_pulse_ = sample.time - age;
+    }
   }
+  last_sample_ = sample.time;
   const bool has_event = std::exchange(has_event_, false);
   const bool is_sampled = control.in != SyncControl::In::imu_sample || has_event;
   if (is_sampled && (control.out == Out::imu_start || control.out == Out::imu_ready || control.out == Out::nav_ready))

@@ -72,7 +72,7 @@ class SyncPins {
   unsigned in_skipped_ = 0, out_skipped_ = 0;
   bool has_event_ = false;  // since the last sample
   bool has_fix_ = false;    // at the last sample
-  std::optional<DeviceTime> last_in_, last_pulse_;
+  std::optional<DeviceTime> last_in_, last_pulse_, last_sample_;
   std::optional<std::int64_t> gnss_second_;  // of the last sample
   std::optional<Device::Pulse> pulse_, next_pulse_;
 };

@@ -209,6 +209,31 @@ TEST(VectorNavSync, TheReceiverHasAPulsePerSecond) {
   EXPECT_EQ(since_pulse(), 2'800'000U) << "the pin is for an external receiver";
 }
 
+// GPS time is stepped where the first truth follows rest, and where a run follows another.
+TEST(VectorNavSync, AStepOfGpsTimeIsNoPulse) {
+  Unit unit({{"model", std::string("vn-200")}});
+  unit.sample.navigation.is_known = true;
+  std::int64_t gps_ns = 1'420'000'000'000'300'000;
+  const auto run = [&] {
+    unit.sample.navigation.gps_ns = gps_ns;
+    gps_ns += unit.period.count();
+    unit.run(1);
+    return unit.device->pulse().has_value();
+  };
+  for (const std::int64_t step_ns : {0LL, 1'000'000'000LL, 7'300'000'000LL, -2'500'000'000LL}) {
+    gps_ns += step_ns;
+    for (int k = 0; k < 80; ++k) EXPECT_FALSE(run()) << step_ns << " ns, sample " << k;
+  }
+  gps_ns += 1'000'000'000 - gps_ns % 1'000'000'000 - 3 * unit.period.count() / 2;
+  for (const bool is_whole_second : {false, false, true, false}) EXPECT_EQ(run(), is_whole_second);
+  for (int k = 0; k < 796; ++k) EXPECT_FALSE(run());
+  unit.device->step_clock(-20s);
+  unit.now = unit.now - 20s;
+  EXPECT_FALSE(run());
+  EXPECT_FALSE(run());
+  EXPECT_TRUE(run()) << "a step of the sensor's clock changes nothing";
+}
+
 TEST(VectorNavSync, AnExternalReceiversPulseComesInByAPin) {
   for (const bool is_sync_in : {false, true}) {
     Unit unit({{"model", std::string("vn-200")},
