@@ -259,7 +259,7 @@ double line_load(const Configuration& c, const Model& model, unsigned uart) noex
   const Configuration::SerialPort& port = c.ports[uart];
   double bytes_per_s = 0;
   if (port.async_type != 0) {
-    const std::size_t appended = (c.number_of(30, 0) != 0 ? std::string_view(",T0").size() : 0U) +
+    const std::size_t appended = (c.number_of(30, 0) != 0 ? std::string_view(",T4294967295").size() : 0U) +
                                  (c.number_of(30, 1) != 0 ? std::string_view(",S0000").size() : 0U);
     const std::size_t more_digits = c.number_of(30, 4) >= 2 ? 2 : 0;
     bytes_per_s += static_cast<double>((size_of(port.async_type) + appended + more_digits) * port.async_hz);

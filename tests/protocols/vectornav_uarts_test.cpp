@@ -224,6 +224,14 @@ TEST(VectorNavUarts, CommandsAtTheTwoDoNotMix) {
   EXPECT_EQ(unit.ask("VNXYZ", 1), with_xor("VNERR,04"));
 }
 
+// VNYMR has 122 bytes, the longest count ",T4294967295" has 12, and the status ",S0000" has 6.
+TEST(VectorNavUarts, TheLoadHasTheLongestAppendedCount) {
+  Unit unit({{"baud", std::int64_t{128'000}}});
+  EXPECT_EQ(unit.ask("VNWRG,07,100"), with_xor("VNWRG,07,100"));
+  EXPECT_EQ(unit.ask("VNWRG,30,1,0,0,0,1,0,1"), with_xor("VNERR,0C"));
+  EXPECT_EQ(unit.ask("VNWRG,30,0,1,0,0,1,0,1"), with_xor("VNWRG,30,0,1,0,0,1,0,1"));
+}
+
 TEST(VectorNavUarts, TheLoadOfEachConnectedUartIsLimited) {
   Unit unit;
   unit.device->connect_second_uart();
