@@ -1,5 +1,6 @@
 // The keys of [imu.device], and the product as delivered.
 #include <algorithm>
+#include <ranges>
 #include <stdexcept>
 #include <string>
 
@@ -52,10 +53,14 @@ Model model_of(const Settings& settings) {
   for (const Model& known : models)
     if (known.keyword == settings.text("model")) model = known;
   const std::string& version = settings.text("firmware");
-  const std::size_t dots = static_cast<std::size_t>(std::count(version.begin(), version.end(), '.'));
+  std::size_t numbers = 0;
+  bool is_good = version.size() < model.firmware.size();
+  for (const auto part : std::views::split(version, '.')) {
+    is_good = is_good && number_in<std::uint16_t>(std::string_view(part.begin(), part.end()));
+    ++numbers;
+  }
   const auto major = number_in<std::uint8_t>(version.substr(0, version.find('.')));
-  if (!major || dots != 3 || version.size() >= model.firmware.size() ||
-      version.find_first_not_of("0123456789.") != std::string::npos)
+  if (!major || numbers != 4 || !is_good)
     throw std::invalid_argument("firmware: give four numbers, such as \"2.1.0.0\" or \"3.1.0.0\"");
   model.firmware = {};
   std::copy(version.begin(), version.end(), model.firmware.begin());

@@ -251,7 +251,8 @@ TEST(VectorNavRegisters, SomeParametersAreHexadecimal) {
 
 TEST(VectorNavRegisters, AFirmwareHasFourNumbers) {
   const Protocol& protocol = *find_protocol("vectornav");
-  for (const char* wrong : {"", "3", "3.1.0", "3.1.0.0.0", "a.1.0.0", ".1.0.0", "3.1.0.0-beta", "300.0.0.0"}) {
+  for (const char* wrong : {"", "3", "3.1.0", "3.1.0.0.0", "a.1.0.0", ".1.0.0", "3.1.0.0-beta", "300.0.0.0", "3...",
+                            "3.1..0", "3.1.0.", "3.1.0.70000"}) {
     Settings settings(protocol.settings);
     settings.set("firmware", std::string(wrong));
     EXPECT_THROW(protocol.make(settings), std::invalid_argument) << wrong;
