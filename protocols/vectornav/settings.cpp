@@ -15,7 +15,7 @@ constexpr std::array<std::string_view, 3> model_names = {models[0].keyword, mode
 
 }  // namespace
 
-constinit const Setting declared_settings[9] = {
+constinit const Setting declared_settings[11] = {
     {.key = "model", .help = "the device", .initial = models[0].keyword, .choices = model_names},
     {.key = "firmware",
      .help = "version; from 3.0.0.0 on with the registers 86, 98 to 102, 105, 115, 116, 144, 157, 206, and VNHVE",
@@ -37,6 +37,16 @@ constinit const Setting declared_settings[9] = {
      .max = 34},
     {.key = "async_hz",
      .help = "register 7 of the UART at port: text messages per second, Hz; 0: none",
+     .initial = std::int64_t{40},
+     .min = 0,
+     .max = 200},
+    {.key = "second_async_type",
+     .help = "async_type of the UART at second_port",
+     .initial = std::int64_t{14},
+     .min = 0,
+     .max = 34},
+    {.key = "second_async_hz",
+     .help = "async_hz of the UART at second_port",
      .initial = std::int64_t{40},
      .min = 0,
      .max = 200},
@@ -70,19 +80,30 @@ Model model_of(const Settings& settings) {
 
 unsigned uart_of(const Settings& settings) { return static_cast<unsigned>(settings.integer("uart")) - 1; }
 
+namespace {
+
+Configuration::SerialPort serial_port(const Settings& settings, const Model& model, unsigned baud,
+                                      const std::string& type_key, const std::string& hz_key) {
+  const auto type = static_cast<unsigned>(settings.integer(type_key)),
+             hz = static_cast<unsigned>(settings.integer(hz_key));
+  if (type != 0 && name_of(type, model).empty())
+    throw std::invalid_argument(type_key + ": this model has no such message; register 6 of its manual lists them");
+  if (hz != 0 && static_cast<unsigned>(model.internal_hz) % hz != 0)
+    throw std::invalid_argument(hz_key + ": give 1, 2, 4, 5, 10, 20, 25, 40, 50, 100 or 200, or 0 for none");
+  return {baud, type, hz};
+}
+
+}  // namespace
+
 Configuration configuration_of(const Settings& settings) {
   Configuration c;
   const Model model = model_of(settings);
-  Configuration::SerialPort& port = c.ports[uart_of(settings)];
-  for (Configuration::SerialPort& each : c.ports) each.baud = static_cast<unsigned>(settings.integer("baud"));
-  if (std::find(bauds.begin(), bauds.end(), port.baud) == bauds.end())
+  const auto baud = static_cast<unsigned>(settings.integer("baud"));
+  if (std::find(bauds.begin(), bauds.end(), baud) == bauds.end())
     throw std::invalid_argument("baud: give 9600, 19200, 38400, 57600, 115200, 128000, 230400, 460800 or 921600");
-  port.async_type = static_cast<unsigned>(settings.integer("async_type"));
-  if (port.async_type != 0 && name_of(port.async_type, model).empty())
-    throw std::invalid_argument("async_type: this model has no such message; register 6 of its manual lists them");
-  port.async_hz = static_cast<unsigned>(settings.integer("async_hz"));
-  if (port.async_hz != 0 && static_cast<unsigned>(model.internal_hz) % port.async_hz != 0)
-    throw std::invalid_argument("async_hz: give 1, 2, 4, 5, 10, 20, 25, 40, 50, 100 or 200, or 0 for none");
+  const unsigned uart = uart_of(settings);
+  c.ports[uart] = serial_port(settings, model, baud, "async_type", "async_hz");
+  c.ports[1 - uart] = serial_port(settings, model, baud, "second_async_type", "second_async_hz");
   constexpr std::array<const char*, 3> keys = {"binary_1", "binary_2", "binary_3"};
   for (std::size_t i = 0; i < keys.size(); ++i) {
     const std::string& text = settings.text(keys[i]);

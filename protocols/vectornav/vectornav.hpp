@@ -222,7 +222,7 @@ void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& 
 
 // --- Settings ---
 
-extern const Setting declared_settings[9];
+extern const Setting declared_settings[11];
 // Returns the UART, counted from 0, that is at the port.
 unsigned uart_of(const Settings& settings);
 // The following throw std::invalid_argument as Protocol::make does. The model has the firmware of the settings.

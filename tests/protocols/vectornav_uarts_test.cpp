@@ -146,6 +146,27 @@ TEST(VectorNavUarts, EachHasItsRegisters) {
   EXPECT_TRUE(unit.run_both(800)[1].empty());
 }
 
+TEST(VectorNavUarts, TheSecondsTextIsConfigured) {
+  for (const std::int64_t uart : {1, 2}) {
+    Unit unit({{"uart", uart},
+               {"baud", std::int64_t{9600}},
+               {"async_type", std::int64_t{0}},
+               {"second_async_type", std::int64_t{1}},
+               {"second_async_hz", std::int64_t{4}}});
+    unit.device->connect_second_uart();
+    const auto sent = unit.run_both(800);
+    EXPECT_TRUE(sent[0].empty());
+    EXPECT_EQ(beginning_with(sent[1], "$VNYPR,").size(), 4U);
+    EXPECT_EQ(sent[1].size(), 4U);
+  }
+  const Protocol& protocol = *find_protocol("vectornav");
+  for (const auto& [key, wrong] : {std::pair{"second_async_type", 22}, {"second_async_hz", 33}}) {
+    Settings settings(protocol.settings);
+    settings.set(key, std::int64_t{wrong});
+    EXPECT_THROW(protocol.make(settings), std::invalid_argument) << key;
+  }
+}
+
 TEST(VectorNavUarts, AnOutputLeavesAtItsUarts) {
   for (const auto& [mode, at_port, at_second] :
        {std::tuple{"0", 0U, 0U}, {"1", 100U, 0U}, {"2", 0U, 100U}, {"3", 100U, 100U}}) {
