@@ -26,6 +26,7 @@ class VectorNavDevice final : public Device {
   VectorNavDevice(const Model& model, unsigned host_uart, const Configuration& configuration) noexcept
       : model_(model), host_uart_(host_uart), factory_(configuration), stored_(configuration) {
     reset({});
+    for (unsigned id = 75; id <= 77; ++id) count_unconnected(id, host_uart_);
   }
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
@@ -84,7 +85,10 @@ class VectorNavDevice final : public Device {
 
   UartSettings uart() const noexcept override { return {active_.ports[host_uart_].baud}; }
 
-  void connect_second_uart() noexcept override { is_second_connected_ = true; }
+  void connect_second_uart() noexcept override {
+    is_second_connected_ = true;
+    unconnected_outputs_ = 0;
+  }
   UartSettings second_uart() const noexcept override { return {active_.ports[1 - host_uart_].baud}; }
   std::uint64_t unconnected_outputs() const noexcept override { return unconnected_outputs_; }
 

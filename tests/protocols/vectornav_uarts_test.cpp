@@ -68,6 +68,15 @@ TEST(VectorNavUarts, OnlyWhatGoesNowhereElseIsCounted) {
   EXPECT_EQ(both.device->unconnected_outputs(), 0U);
 }
 
+TEST(VectorNavUarts, AConfiguredOutputThatGoesNowhereIsCounted) {
+  for (const auto& [binary, count] : {std::pair{"2,8,01,0001", 1U}, {"1,8,01,0001", 0U}, {"3,8,01,0001", 0U}}) {
+    Unit unit({{"binary_2", std::string(binary)}});
+    EXPECT_EQ(unit.device->unconnected_outputs(), count) << binary;
+    unit.device->connect_second_uart();
+    EXPECT_EQ(unit.device->unconnected_outputs(), 0U) << binary;
+  }
+}
+
 // rw-vn100 4c70450, src/lib.rs, `set-bin-fields=time,accel`, `set-bin=on`, of a unit whose UART 2 is connected; the
 // answers are those of its test-data and notes.
 TEST(VectorNavUarts, RwVn100sSetBin) {
