@@ -1,8 +1,9 @@
 // Earth: place, gravity, magnetic field and pressure, for magnetometers, barometers, GNSS receivers and vehicles at
 // rest.
 //
-// All functions are pure and thread-safe, do not allocate or throw, and give the same bits on every machine.
-// Latitudes and longitudes are geodetic, on WGS 84 (NGA.STND.0036), in rad.
+// All functions are pure and thread-safe, and give the same bits on every machine. They do not allocate or throw,
+// except Earth's constructor, which may do both. Latitudes and longitudes are geodetic, on WGS 84 (NGA.STND.0036), in
+// rad.
 #pragma once
 
 #include "core/magnetic_field.hpp"

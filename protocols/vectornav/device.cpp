@@ -2,8 +2,8 @@
 // filter are the truth; the filter's settings can be written and read, but change nothing. As in the product,
 // compensations (registers 23, 25, 84) take effect immediately, and the reference frame (26) at the next reset.
 //
-// An answer leaves at the UART at which its command came; registers 5 to 7 and VNASY concern that UART, unless the
-// host names the other one (VN-200 user manual UM004, page 31; UM001, page 56).
+// An answer leaves at the UART at which its command came. VNASY concerns that UART, and so do registers 5 to 7,
+// unless the host names the other one (VN-200 user manual UM004, page 31; UM001, page 56).
 #include <algorithm>
 #include <cstdio>
 #include <utility>
