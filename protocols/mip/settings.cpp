@@ -146,7 +146,7 @@ Memory::Code Memory::execute_kept(const KeptSetting& setting, Data data, Packet&
       if (!is_one || value.size() < setting.least || value.size() > setting.most) return bad_parameter;
       if (!is_good(setting, model_, value.subspan(setting.key_size))) return bad_parameter;
       Kept& kept = active_.kept[slot];
-      kept.size = static_cast<std::uint8_t>(value.size());
+      kept = {static_cast<std::uint8_t>(value.size()), {}};
       std::transform(value.begin(), value.end(), kept.bytes.begin(),
                      [](std::byte b) { return std::to_integer<std::uint8_t>(b); });
       if (setting.kind == KeptSetting::pin) configure_pin(static_cast<std::uint8_t>(key));
@@ -163,8 +163,12 @@ Memory::Code Memory::execute_kept(const KeptSetting& setting, Data data, Packet&
     default:
       if (!is_one && !is_every) return bad_parameter;
       return transfer(function, [&](Configuration& to, const Configuration& from) {
-        for (std::size_t i = 0; i < setting.slots; ++i)
-          if (is_every || first + i == slot) to.kept[first + i] = from.kept[first + i];
+        for (std::size_t i = 0; i < setting.slots; ++i) {
+          if (!is_every && first + i != slot) continue;
+          to.kept[first + i] = from.kept[first + i];
+          if (setting.kind == KeptSetting::pin && &to == &active_)
+            configure_pin(static_cast<std::uint8_t>(setting.first_key + i));
+        }
       });
   }
 }

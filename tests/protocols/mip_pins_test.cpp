@@ -60,6 +60,33 @@ TEST(MipPins, AreConfiguredSavedAndRead) {
   EXPECT_EQ(gx5.code(command(0x0C, 0x28, {1, 3})), 1);
 }
 
+// The functions 4 and 5 of the command for one pin, or for all, have the effects of a write.
+TEST(MipPins, AreLoadedAndResetOneByOne) {
+  Unit unit = unit_with_pins("3dm-cv7-ins");
+  const auto feature = [&](std::uint8_t number) {
+    return field(unit.send(command(0x0C, 0x41, {2, number})).at(0), 0xC1).at(1);
+  };
+  const auto states = [&] { return polled(unit, 0xA0, 0x03).at(0); };
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {1, 1, 1, 3, 0})), 0) << "output, high";
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {1, 2, 2, 1, 0})), 0) << "pulse per second, input";
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {3, 0})), 0) << "saved";
+  EXPECT_EQ(states(), 1);
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {5, 1})), 0);
+  EXPECT_EQ(states(), 0) << "unused";
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {4, 1})), 0);
+  EXPECT_EQ(states(), 1);
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {1, 3, 2, 1, 0})), 0);
+  EXPECT_EQ(feature(2), 0) << "pin 3 is the input now";
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {4, 2})), 0);
+  EXPECT_EQ(feature(2), 2);
+  EXPECT_EQ(feature(3), 0) << "there is one input";
+  EXPECT_EQ(unit.code(command(0x0C, 0x42, {1, 1, 0})), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {3, 1})), 0);
+  EXPECT_EQ(states(), 0) << "a save drives no pin";
+  EXPECT_EQ(unit.code(command(0x0C, 0x41, {4, 0})), 0);
+  EXPECT_EQ(states(), 1) << "all are loaded";
+}
+
 TEST(MipPins, TheSourceOfThePulse) {
   Unit unit = unit_with_pins("3dm-cv7-ins"), gq7 = unit_with_pins("3dm-gq7");
   const auto source = [](Unit& of) { return field(of.send(command(0x0C, 0x28, {2})).at(0), 0xA8); };
@@ -240,6 +267,10 @@ TEST(MipPins, AnEdgeDrivesAnOutput) {
     EXPECT_FALSE(edge());
     EXPECT_EQ(states(), state) << unsigned{mode};
   }
+  EXPECT_EQ(act(5), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x2F, {1, 1, 1, 1})), 0) << "neither pin nor mode";
+  edge();
+  EXPECT_EQ(states(), 0) << "nothing is left of the action before";
   // The host sets and reads the pin itself.
   EXPECT_EQ(unit.code(command(0x0C, 0x42, {1, 1, 1})), 0);
   EXPECT_EQ(field(unit.send(command(0x0C, 0x42, {2, 1})).at(0), 0xC2), (Bytes{1, 1}));
