@@ -105,13 +105,13 @@ void Pins::step_clock(Nanoseconds by) noexcept {
 }
 
 void Pins::pps(DeviceTime at) noexcept {
-  if (memory_.pps(at)) passed_ = at;
+  if (fields_.since_start(at) >= 0ns && memory_.pps(at)) passed_ = at;
 }
 
 void Pins::trigger(DeviceTime at) noexcept {
   const bool is_stamped =
       memory_.has_pin({Pin::timestamp, Pin::rising}) || memory_.has_pin({Pin::timestamp, Pin::either});
-  if (is_stamped && count_ < edges_.size()) edges_[count_++] = at;
+  if (fields_.since_start(at) >= 0ns && is_stamped && count_ < edges_.size()) edges_[count_++] = at;
 }
 
 void Pins::sample(DeviceTime now, FrameBuffer& out) noexcept {

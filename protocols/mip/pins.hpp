@@ -19,7 +19,7 @@ class Pins {
 
   void restart() noexcept;
   void step_clock(Nanoseconds by) noexcept;
-  // A rising edge in (last sample, next sample].
+  // A rising edge in (last sample, next sample]. One from before power-on or reset is ignored.
   void trigger(DeviceTime at) noexcept;
   void pps(DeviceTime at) noexcept;
   // Executes the events since the last sample, and appends their messages; finds the pulse of this sample. Call it

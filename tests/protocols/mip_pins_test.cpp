@@ -239,6 +239,34 @@ TEST(MipPins, AnEdgeTriggersAMessage) {
   EXPECT_EQ(unit.run(1).size(), 16U);
 }
 
+// An edge may be delivered after a power cycle that follows it.
+TEST(MipPins, AnEdgeFromBeforePowerOnIsIgnored) {
+  Unit unit({{"model", std::string("3dm-cv7-ins")},
+             {"sensor_fields", std::vector<std::string>{}},
+             {"filter_fields", std::vector<std::string>{}}});
+  for (const auto& [setting, data] : {std::pair<std::uint8_t, Bytes>{0x41, {1, 3, 4, 1, 0}},
+                                      {0x41, {1, 1, 2, 1, 0}},
+                                      {0x28, {1, 3}},
+                                      {0x2E, {1, 2, 1, 3, 4}},
+                                      {0x2B, {1, 2, 1}},
+                                      {0x2F, {1, 5, 2, 2, 0x80, 0, 0, 1, 0xD5}},
+                                      {0x30, {3}}})
+    EXPECT_EQ(unit.code(command(0x0C, setting, data)), 0) << unsigned{setting};
+  unit.run(1000);
+  unit.wait(500us);
+  unit.device->power_on(unit.now);
+  unit.device->trigger(unit.now - 200us);
+  unit.device->pps(unit.now - 100us);
+  EXPECT_TRUE(unit.run(1).empty());
+  EXPECT_EQ(synchronization(unit), (Bytes{0, 255}));
+  unit.device->trigger(unit.now + 200us);
+  unit.device->pps(unit.now + 100us);
+  const auto sent = unit.run(1);
+  ASSERT_EQ(sent.size(), 1U);
+  EXPECT_EQ(number_at<std::uint64_t>(field(sent[0], 0xD5), 0), 1'200'000U) << "ns since power-on";
+  EXPECT_EQ(synchronization(unit), (Bytes{1, 0}));
+}
+
 TEST(MipPins, AnEdgeDrivesAnOutput) {
   Unit unit = unit_with_pins("3dm-cv7-ahrs");
   unit.run(1);
