@@ -3,7 +3,8 @@
 //
 // Where the document is silent, the device does as a user would expect: it streams out of the box (mip.cpp);
 // reference time is the sensor's own clock; filter and receivers report the truth.
-// Settings of the filter and of events can be written and read, but change nothing; biases and mounting are applied.
+// Biases, mounting, pins, and events that an edge triggers are applied. Other settings of the filter and of events
+// can be written and read, but change nothing.
 #include <algorithm>
 #include <stdexcept>
 

@@ -1,5 +1,6 @@
-// MicroStrain MIP: the declarations shared by the device (device.cpp), its data fields (fields.cpp,
-// navigation_fields.cpp), its commands (commands.cpp), its settings (settings.cpp) and the decoder (decoder.cpp).
+// MicroStrain MIP: the declarations shared by the device (device.cpp), its packets and models (mip.cpp), its data
+// fields (field_table.hpp, fields.cpp, navigation_fields.cpp), its commands (commands.cpp), its streams
+// (streams.cpp), its settings (settings.cpp), its pins (pins.hpp, pins.cpp) and the decoder (decoder.cpp).
 // Source: MicroStrain's mip_sdk (github.com/LORD-MicroStrain/mip_sdk e5a847d, src/c/mip/definitions).
 //
 // A packet is big-endian: 0x75 0x65, descriptor set, length of the fields, fields, two bytes of checksum (Fletcher,
@@ -166,7 +167,8 @@ class Fields {
   bool has_pulse(DeviceTime at) const noexcept;  // a valid pulse per second
   const Sample& newest() const noexcept { return sample_; }
   std::uint64_t samples() const noexcept { return sample_.counter - restarted_tick_; }  // since power-on or reset
-  // Returns the GPS time that the device reports for `at`, ns since 1980-01-06. `at` is not before the newest sample.
+  // Returns the GPS time that the device reports for `at`, ns since 1980-01-06. `at` is at most
+  // one sample period before the newest sample.
   std::int64_t gps_ns(DeviceTime at) const noexcept;
   // Appends a streamed field; nothing if there is no such field, or no room for it.
   void put(Packet& packet, std::uint8_t set, std::uint8_t descriptor) const noexcept {
