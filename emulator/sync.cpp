@@ -27,7 +27,10 @@ void Sync::discard_edges() noexcept {
 }
 
 void Sync::deliver_edges(Device& device, TruthTime time, DeviceTime stamp) noexcept {
-  if (time < time_) trigger_.count = pps_.count = 0;  // these edges are of a run that is over
+  if (time < time_) {  // a new run: these edges, and the time of the last sample, are those of the old one
+    trigger_.count = pps_.count = 0;
+    last_.reset();
+  }
   deliver(device, &Device::pps, pps_, time, stamp);
   deliver(device, &Device::trigger, trigger_, time, stamp);
   last_ = time_ = time;

@@ -114,6 +114,17 @@ TEST(Sync, BearsAnyTimeAndAnyNumber) {
   EXPECT_EQ(pins.sync.refused(), 1U + 1000 - 64);
 }
 
+// A live session may begin a run between the preparation of a sample and its delivery.
+TEST(Sync, ASampleOfTheOldRunMayFollowTheBeginOfANewOne) {
+  Pins pins;
+  pins.sample(1'000'000'000);
+  pins.sync.begin_run();
+  pins.sample(1'001'000'000);
+  pins.ports["trigger"]->waiting = {number(-2'000)};
+  pins.sample(0);
+  EXPECT_EQ(pins.device.triggers, std::vector<std::int64_t>{7'000}) << "as of the first sample of the new run";
+}
+
 TEST(Sync, DiscardsEdgesWhileTheSensorIsSilent) {
   Pins pins;
   pins.sample(1'000'000);
