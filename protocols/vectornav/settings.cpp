@@ -1,6 +1,5 @@
 // The keys of [imu.device], and the product as delivered.
 #include <algorithm>
-#include <ranges>
 #include <stdexcept>
 #include <string>
 
@@ -65,9 +64,10 @@ Model model_of(const Settings& settings) {
   const std::string& version = settings.text("firmware");
   std::size_t numbers = 0;
   bool is_good = version.size() < model.firmware.size();
-  for (const auto part : std::views::split(version, '.')) {
-    is_good = is_good && number_in<std::uint16_t>(std::string_view(part.begin(), part.end()));
+  for (std::string_view rest = version;; rest.remove_prefix(rest.find('.') + 1)) {
+    is_good = is_good && number_in<std::uint16_t>(rest.substr(0, rest.find('.')));
     ++numbers;
+    if (rest.find('.') == rest.npos) break;
   }
   const auto major = number_in<std::uint8_t>(version.substr(0, version.find('.')));
   if (!major || numbers != 4 || !is_good)
