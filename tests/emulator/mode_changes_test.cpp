@@ -67,8 +67,9 @@ TEST_F(RealtimeTest, NoProductSendsWhatItsModeForbids) {
       {"stim300", &stim300}, {"vectornav", &vectornav}, {"mip", &mip}};
   for (const Protocol* protocol : protocols())
     EXPECT_EQ(clients.contains(protocol->name), !protocol->host_inputs.bodies.empty()) << protocol->name;
-  for (const auto& [name, client] : clients) {
-    SCOPED_TRACE(name);
+  for (const auto& entry : clients) {
+    ModeClient* const client = entry.second;  // clang 14 captures no structured binding
+    SCOPED_TRACE(entry.first);
     SimulatedRun run(load_config(write("config.toml",
                                        "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n"
                                        "[[imu]]\nport = \"pty:imu\"\n" +
