@@ -1,7 +1,6 @@
 #include "emulator/command_line.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/signalfd.h>
@@ -19,9 +18,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/igrf.hpp"
+#include "emulator/check.hpp"
 #include "emulator/config.hpp"
-#include "emulator/line_load.hpp"
+#include "emulator/list.hpp"
 #include "emulator/run.hpp"
 #include "emulator/selftest.hpp"
 #include "transports/port.hpp"
@@ -40,80 +39,6 @@ struct Arguments {
   std::vector<std::string> limits;  // as on the command line
   RunOptions run;
 };
-
-std::string clock_word(ClockMode clock) {
-  return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
-}
-
-int check(const Arguments& arguments) {
-  const Config config = load_config(arguments.config, arguments.overrides);
-  fmt::print("{}: good\n", arguments.config);
-  fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
-  fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
-  const EarthModel& earth = config.imus.front().model.earth;  // the same for all
-  if (earth.frame != EarthModel::Frame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
-    fmt::print("{:<8} warning: IGRF-14 ends in {}; the magnetic field at `start` is extrapolated\n", "earth",
-               igrf14_end);
-  for (const ImuConfig& imu : config.imus) {
-    const LineLoad load = line_load(imu);
-    fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port, load.text());
-    if (!imu.second_port.empty())
-      fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
-    if (load.percent > 70.0 && imu.protocol->link == Link::can)
-      fmt::print("{:<8} warning: above 70 % a CAN bus delays frames of low priority\n", "");
-    if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
-  }
-  return 0;
-}
-
-template <class Table>
-void list_table(const char* title, const Table& table) {
-  fmt::print("{}\n", title);
-  for (const auto* entry : table) fmt::print("  {:<12} {} [{}]\n", entry->name, entry->summary, entry->document);
-}
-
-// Prints the keys of [imu.device] or [truth] that only this entry has.
-template <class Entry>
-void list_settings(const Entry& entry) {
-  fmt::print("{}: {}\n", entry.name, entry.summary);
-  if (entry.settings.empty()) fmt::print("  no settings of its own\n");
-  for (const Setting& setting : entry.settings) {
-    std::string initial = std::visit(
-        [](const auto& value) -> std::string {
-          using Value = std::decay_t<decltype(value)>;
-          if constexpr (std::is_same_v<Value, std::string_view>)
-            return fmt::format("\"{}\"", value);
-          else if constexpr (std::is_same_v<Value, std::span<const std::string_view>>)
-            return fmt::format("[{}]", fmt::join(value, ", "));
-          else
-            return fmt::format("{}", value);
-        },
-        setting.initial);
-    if (!setting.choices.empty()) initial += fmt::format("; one of {}", fmt::join(setting.choices, ", "));
-    if (setting.min != setting.max) initial += fmt::format("; {} to {}", setting.min, setting.max);
-    fmt::print("  {:<24} {} ({})\n", setting.key, setting.help, initial);
-  }
-}
-
-int list(const std::string& name) {
-  if (!name.empty()) {
-    const Protocol* protocol = find_protocol(name);
-    const TruthFormat* format = find_truth_format(name);
-    if (protocol == nullptr && format == nullptr) {
-      fmt::print(stderr, "there is no protocol and no truth format \"{}\"; see imud list\n", name);
-      return 2;
-    }
-    if (protocol != nullptr) list_settings(*protocol);
-    if (format != nullptr) list_settings(*format);
-    return 0;
-  }
-  list_table("protocols", protocols());
-  list_table("truth formats", truth_formats());
-  fmt::print("transports\n");
-  for (const Transport* transport : transports())
-    fmt::print("  {:<12} {}; {} [{}]\n", transport->name, transport->summary, transport->syntax, transport->document);
-  return 0;
-}
 
 // Holds ptys until SIGINT, SIGTERM or SIGHUP. In the background the calling process returns when they are ready.
 int keep_ptys(const std::vector<std::string>& links, bool background) {
@@ -235,7 +160,7 @@ int command_line(int argc, const char* const* argv) {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     if (list_command->parsed()) return list(arguments.name);
-    if (check_command->parsed()) return check(arguments);
+    if (check_command->parsed()) return check(arguments.config, load_config(arguments.config, arguments.overrides));
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =
