@@ -172,6 +172,7 @@ struct Transport {
   bool serves_device = true;      // Role::device is possible, beside Role::listener
   bool is_shared = false;         // several imus may have the same address: a bus, a receiver of datagrams
   bool has_path = false;          // the address is a path in the file system; - is a standard stream
+  bool makes_link = false;        // that path is a symbolic link that a device's port makes
   bool has_private_copy = false;  // a port at another path serves to measure the duration of writes
   Uart uart = Uart::none;         // if there is one, the options `baud`, `parity` and `stop` set it
 
@@ -191,6 +192,9 @@ struct Transport {
   // spec has not passed check(). nullptr: the transport does not use UDP. A transport that `ends` has it as its
   // option `port`.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
+  // Returns true if what a device at `device` sends arrives at a listener at `listener`. Both have passed check().
+  // nullptr: it never does.
+  bool (*reaches)(const PortSpec& device, const PortSpec& listener) = nullptr;
   // Returns true if a device's frames go to standard output. nullptr: never.
   bool (*is_standard_output)(const PortSpec& spec) = nullptr;
 };

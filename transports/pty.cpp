@@ -286,6 +286,7 @@ constexpr Transport pty_transport = {
     .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any",
     .document = "pty(7)",
     .has_path = true,
+    .makes_link = true,
     .has_private_copy = true,
     .uart = Uart::emulated,
     .check = check,

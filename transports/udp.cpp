@@ -1,10 +1,14 @@
 // UDP sockets; a frame is a datagram. udp(7), ip(7), ipv6(7).
 #include <fmt/format.h>
+#include <ifaddrs.h>
 #include <netdb.h>
+#include <netinet/in.h>
 #include <sys/socket.h>
 
 #include <cerrno>
 #include <cstring>
+#include <memory>
+#include <string_view>
 #include <vector>
 
 #include "transports/file_descriptor.hpp"
@@ -36,6 +40,22 @@ Peer resolve(const PortSpec& spec) {
   ::freeaddrinfo(found);
   return peer;
 }
+
+// Returns the bytes of an IPv4 or IPv6 address.
+std::string_view bytes_of(const sockaddr& address) {
+  const auto view = [](const auto& bytes) {
+    return std::string_view(reinterpret_cast<const char*>(&bytes), sizeof bytes);
+  };
+  if (address.sa_family == AF_INET) return view(reinterpret_cast<const sockaddr_in&>(address).sin_addr);
+  if (address.sa_family == AF_INET6) return view(reinterpret_cast<const sockaddr_in6&>(address).sin6_addr);
+  return {};
+}
+
+bool has_address(const Peer& peer, const sockaddr& address) {
+  return peer.get()->sa_family == address.sa_family && bytes_of(*peer.get()) == bytes_of(address);
+}
+
+bool is_any(const Peer& peer) { return bytes_of(*peer.get()).find_first_not_of('\0') == std::string_view::npos; }
 
 class UdpPort final : public Port {
  public:
@@ -125,6 +145,23 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<UdpPort>(spec, settings);
 }
 
+// Returns true if the address is one of this machine.
+bool is_local(const Peer& peer) {
+  ifaddrs* all = nullptr;
+  if (::getifaddrs(&all) != 0) return false;
+  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(all, &::freeifaddrs);
+  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next)
+    if (one->ifa_addr != nullptr && has_address(peer, *one->ifa_addr)) return true;
+  return false;
+}
+
+// A listener at 0.0.0.0 or [::] receives what is sent to any address of this machine.
+bool reaches(const PortSpec& device, const PortSpec& listener) {
+  if (UdpAddress::parse(device.address).port != UdpAddress::parse(listener.address).port) return false;
+  const Peer to = resolve(device), at = resolve(listener);
+  return has_address(to, *at.get()) || (is_any(at) && is_local(to));
+}
+
 std::optional<std::uint16_t> udp_port(const PortSpec& spec) { return UdpAddress::parse(spec.address).port; }
 
 }  // namespace
@@ -141,6 +178,7 @@ constexpr Transport udp_transport = {
     .check = check,
     .open = open,
     .udp_port = udp_port,
+    .reaches = reaches,
 };
 
 }  // namespace imud
