@@ -1,12 +1,10 @@
 #include "emulator/config.hpp"
 
-#include <filesystem>
-#include <map>
 #include <optional>
-#include <system_error>
 #include <thread>
 #include <utility>
 
+#include "core/igrf.hpp"
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/config_text.hpp"
@@ -16,25 +14,9 @@ namespace imud {
 ConfigError::ConfigError(std::vector<std::string> all)
     : std::runtime_error(fmt::format("{}", fmt::join(all, "\n"))), faults(std::move(all)) {}
 
-std::string regular_file(const std::string& path) {
-  std::error_code error;
-  const auto type = std::filesystem::status(path, error).type();
-  if (type != std::filesystem::file_type::regular && type != std::filesystem::file_type::not_found) return {};
-  const auto canonical = std::filesystem::weakly_canonical(std::filesystem::absolute(path, error), error);
-  return error ? std::string() : canonical.string();
-}
-
 bool is_capture(const std::string& truth_port) noexcept {
   const Transport* transport = transport_of(truth_port);
   return transport != nullptr && transport->ends;
-}
-
-std::string file_of(const std::string& port) {
-  const Transport* transport = transport_of(port);
-  if (transport == nullptr || !transport->has_path) return {};
-  const std::size_t begin = transport->name.size() + 1;
-  const std::string address = port.substr(begin, port.find('?') - begin);
-  return address.empty() || address == "-" ? std::string() : regular_file(address);
 }
 
 Settings read_settings(TableReader& table, std::span<const Setting> declared) {
@@ -65,6 +47,18 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared) {
       table.fault(setting.key, error.what());
     }
   }
+  for (const Setting& setting : declared)
+    std::visit(
+        [&](const auto& value) {
+          if constexpr (std::is_same_v<decltype(value), const std::vector<std::string>&>) {
+            toml::array list;
+            for (const std::string& item : value) list.push_back(item);
+            table.resolve(setting.key, std::move(list));
+          } else {
+            table.resolve(setting.key, value);
+          }
+        },
+        settings.value(setting.key));
   return settings;
 }
 
@@ -85,35 +79,36 @@ const Transport* read_port(TableReader& table, std::string_view key, const std::
 namespace {
 
 EarthModel read_earth(TableReader table) {
+  using Frame = EarthModel::Frame;
   EarthModel earth;
-  constexpr EarthModel::Frame frames[] = {EarthModel::Frame::none, EarthModel::Frame::local,
-                                          EarthModel::Frame::inertial};
+  constexpr Frame frames[] = {Frame::none, Frame::local, Frame::inertial};
   earth.frame = frames[table.choice("frame", {"none", "local", "inertial"}, 0)];
-  constexpr std::int64_t in_2025 = 1'735'689'600;
+  const toml::date_time in_2025(toml::date(2025, 1, 1), toml::time(0, 0, 0), toml::time_offset());
   const std::int64_t start = table.utc_s("start", in_2025, 2017, 2100);
   earth.start_gps_ns = gps_ns_from_unix(start);
-  if (earth.frame == EarthModel::Frame::local) {
+  if (earth.frame != Frame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
+    table.warn("start", fmt::format("IGRF-14 ends in {}; the magnetic field is extrapolated", igrf14_end));
+  // Reads a key that one frame alone has.
+  const auto angle = [&](const std::string& key, Frame frame, std::string_view name, double fallback, double min,
+                         double max) {
+    if (earth.frame != frame && !table.has(key)) return fallback;
+    if (earth.frame != frame) table.fault(key, fmt::format("needs frame = \"{}\"", name));
+    return table.real(key, fallback, min, max);
+  };
+  if (earth.frame == Frame::local) {
     table.require("latitude_deg", "the latitude of N's origin");
     table.require("longitude_deg", "the longitude of N's origin");
   }
   // The place of the vehicle at rest: the origin of a local frame, or in an inertial frame the keys rest_*.
-  for (const std::string prefix : {"", "rest_"}) {
-    const double latitude_deg = table.real(prefix + "latitude_deg", 0.0, -90.0, 90.0);
-    const double longitude_deg = table.real(prefix + "longitude_deg", 0.0, -180.0, 360.0);
-    const double height_m = table.real(prefix + "height_m", 0.0, -1e4, 1e8);
-    if (prefix.empty() == (earth.frame == EarthModel::Frame::inertial)) continue;
-    earth.latitude = units::degree * latitude_deg;
-    earth.longitude = units::degree * longitude_deg;
-    earth.height = height_m;
-  }
-  earth.angle = units::degree * table.real("angle_deg", earth_rotation_angle(start) / units::degree, -360.0, 360.0);
-  const auto only_for = [&](std::string_view key, EarthModel::Frame frame, std::string_view name) {
-    if (table.has(key) && earth.frame != frame) table.fault(key, fmt::format("needs frame = \"{}\"", name));
+  const auto place = [&](const std::string& prefix, Frame frame, std::string_view name) {
+    earth.latitude += units::degree * angle(prefix + "latitude_deg", frame, name, 0.0, -90.0, 90.0);
+    earth.longitude += units::degree * angle(prefix + "longitude_deg", frame, name, 0.0, -180.0, 360.0);
+    earth.height += angle(prefix + "height_m", frame, name, 0.0, -1e4, 1e8);
   };
-  for (const char* key : {"latitude_deg", "longitude_deg", "height_m"})
-    only_for(key, EarthModel::Frame::local, "local");
-  for (const char* key : {"angle_deg", "rest_latitude_deg", "rest_longitude_deg", "rest_height_m"})
-    only_for(key, EarthModel::Frame::inertial, "inertial");
+  place("", Frame::local, "local");
+  place("rest_", Frame::inertial, "inertial");
+  earth.angle = units::degree * angle("angle_deg", Frame::inertial, "inertial",
+                                      earth_rotation_angle(start) / units::degree, -360.0, 360.0);
   earth.rest_yaw_pitch_roll = units::degree * table.vector3("rest_yaw_pitch_roll_deg", Vector3::Zero());
   if (earth.rest_yaw_pitch_roll.cwiseAbs().maxCoeff() > 1e4)
     table.fault("rest_yaw_pitch_roll_deg", "give angles from -572957 to 572957");
@@ -141,11 +136,11 @@ std::string in_place_of(const std::string& port, const std::string& capture) {
   return fmt::format("{}{}port={}", capture, capture.find('?') == std::string::npos ? '?' : '&', *number);
 }
 
-TruthConfig read_truth(TableReader table, const std::string& capture) {
+TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& capture) {
   TruthConfig truth;
   truth.port = table.text("port", "");
   if (!capture.empty())
-    truth.port = in_place_of(truth.port, capture);
+    table.resolve("port", truth.port = in_place_of(truth.port, capture));
   else
     table.require("port", "where the truth comes from, for example \"udp:127.0.0.1:9810\"");
   const Transport* transport = read_port(table, "port", truth.port, Role::listener);
@@ -167,17 +162,19 @@ TruthConfig read_truth(TableReader table, const std::string& capture) {
   if (table.has("stream"))
     truth.stream = static_cast<std::uint32_t>(table.unsigned_integer("stream", 0, 0xFFFF'FFFFU));
   const auto milliseconds = [&](std::string_view key, Nanoseconds fallback, double min, double max) {
-    return nanoseconds(1e-3 * table.real(key, 1e3 * seconds(fallback), min, max));
+    return nanoseconds(1e-3 * table.real(key, static_cast<double>(fallback.count()) / 1e6, min, max));
   };
-  const double percent = table.real("auto_delay_percent", 99.0, 50.0, 100.0);
-  if (table.is_text("delay_ms")) {
-    if (table.text("delay_ms", "") != "auto")
-      table.fault("delay_ms", "give milliseconds from 0 to 1000, or \"auto\"");
-    truth.clock.automatic_percent = percent;
-  } else {
+  const bool is_automatic = table.is_text("delay_ms");
+  if (is_automatic || table.has("auto_delay_percent"))
+    truth.clock.automatic_percent = table.real("auto_delay_percent", 99.0, 50.0, 100.0);
+  if (!is_automatic) {
     truth.clock.delay = milliseconds("delay_ms", truth.clock.delay, 0.0, 1000.0);
     if (table.has("auto_delay_percent")) table.fault("auto_delay_percent", "needs delay_ms = \"auto\"");
+  } else if (table.text("delay_ms", "") != "auto") {
+    table.fault("delay_ms", "give milliseconds from 0 to 1000, or \"auto\"");
   }
+  if (clock == ClockMode::lockstep && (is_automatic || truth.clock.delay > Nanoseconds{0}))
+    table.fault("delay_ms", "needs clock = \"realtime\": in lockstep a sample waits for its truth; give 0");
   constexpr WhenStopped reactions[] = {WhenStopped::hold, WhenStopped::flag, WhenStopped::silence};
   truth.when_stopped = reactions[table.choice("when_stopped", {"hold", "flag", "silence"}, 0)];
   truth.limits.extrapolate = milliseconds("extrapolate_ms", truth.limits.extrapolate, 0.0, 10'000.0);
@@ -203,41 +200,18 @@ RealtimeConfig read_realtime(TableReader table) {
 
 }  // namespace
 
-namespace {
-
-// Lists the files in config.files. Adds a fault for each imu that would write over one of them.
-void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults) {
-  std::map<std::string, std::string_view> inputs;
-  if (path != "-") inputs.emplace(regular_file(path), "the configuration");
-  if (std::string truth = file_of(config.truth.port); !truth.empty()) inputs.emplace(std::move(truth), "the truth");
-  for (const auto& [file, use] : inputs) config.files.push_back(file);
-  for (std::size_t i = 0; i < config.imus.size(); ++i) {
-    const std::pair<std::string_view, std::string> ports[] = {{"port", config.imus[i].port},
-                                                              {"second_port", config.imus[i].second_port}};
-    for (const auto& [key, port] : ports) {
-      const std::string file = file_of(port);
-      if (file.empty()) continue;
-      if (const auto input = inputs.find(file); input != inputs.end())
-        faults.add(tables[i].source().begin.line, fmt::format("imu.{}.{}", i, key),
-                   fmt::format("is the file of {}; give another", input->second));
-      config.files.push_back(file);
-    }
-  }
-}
-
-}  // namespace
-
 Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture) {
   Faults faults(path);
   ConfigText text = read_config_text(path, overrides, faults);
   const toml::table& root = text.root;
-  TableReader table(&root, "", 0, faults);
+  toml::table resolved;
+  TableReader table(&root, "", 0, faults, resolved);
   Config config;
   config.sha256 = std::move(text.sha256);
   config.seed = table.unsigned_integer("seed", config.seed, ~std::uint64_t{0});
   constexpr ClockMode clocks[] = {ClockMode::realtime, ClockMode::lockstep, ClockMode::fast};
   config.clock = clocks[table.choice("clock", {"realtime", "lockstep", "fast"}, 0)];
-  config.truth = read_truth(table.child("truth"), capture);
+  config.truth = read_truth(table.child("truth"), config.clock, capture);
   config.realtime = read_realtime(table.child("realtime"));
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
     table.fault("clock", fmt::format("\"fast\" reads a capture; give truth.port {}, or \"lockstep\"",
@@ -247,19 +221,23 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
 
   const toml::node* imus = table.node("imu");
   const toml::array* array = imus == nullptr ? nullptr : imus->as_array();
+  toml::array resolved_imus;
   if (array == nullptr || array->empty() || !array->is_array_of_tables()) {
     table.fault("imu", "missing; give at least one [[imu]]");
   } else {
     for (std::size_t i = 0; i < array->size(); ++i) {
       const toml::table& imu = *(*array)[i].as_table();
-      TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults);
+      toml::table& resolved_imu = resolved_imus.emplace_back<toml::table>();
+      TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults, resolved_imu);
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
       if (config.clock != ClockMode::realtime)
         for (PortSettings* port : {&config.imus.back().port_settings, &config.imus.back().second_port_settings})
           port->delivery = Delivery::complete;
-      if (config.clock != ClockMode::realtime || is_capture(config.truth.port))
+      if (config.clock != ClockMode::realtime || is_capture(config.truth.port)) {
         config.imus.back().before_first = BeforeFirst::silence;  // sample 0 is at the first truth
+        reader.resolve("before_first", "silence");
+      }
       const ImuConfig& read = config.imus.back();
       if (read.port_settings.paced && config.clock != ClockMode::realtime)
         faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),
@@ -273,11 +251,14 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
                         "\"hold\" or \"silence\"",
                         read.protocol->name));
     }
-    check_imus_together(config.imus, config.truth.port, array, faults);
+    check_imus_together(config.imus, config.truth.port, *array, faults);
     check_files(config, path, *array, faults);
   }
   table.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());
+  config.warnings = faults.warnings();
+  table.resolve("imu", std::move(resolved_imus));
+  config.resolved = toml_text(resolved);
   return config;
 }
 

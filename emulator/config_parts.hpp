@@ -35,8 +35,14 @@ const Entry* entry(TableReader& table, std::string_view key, const std::string& 
   return nullptr;
 }
 
+// Returns the canonical path of what a port opens, or of the link that it makes; empty if it has none.
+std::string path_of(const std::string& port);
 // Returns the regular file that a port reads or writes (regular_file()); empty if it has none.
 std::string file_of(const std::string& port);
+
+// Lists the files in config.files. Adds a fault for each imu that would write over the configuration, which was read
+// from `path`, or over the truth.
+void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults);
 
 // Reads the declared settings that the table has. Adds a fault for each value that is refused.
 Settings read_settings(TableReader& table, std::span<const Setting> declared);
@@ -54,8 +60,9 @@ std::string ports_that(Condition condition) {
 
 // Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);
-// Adds a fault for each two imus that exclude one another, such as imus of the same name or port.
-void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array* tables,
+// Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu
+// that sends to the truth's port (imus_together.cpp).
+void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,
                          Faults& faults);
 // Returns true if the imu's protocol transmits these bits of Sample::status.
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);

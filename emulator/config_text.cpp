@@ -10,6 +10,8 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <nlohmann/json.hpp>
+#include <sstream>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -111,10 +113,27 @@ void override_key(toml::table& root, const std::string& assignment, Faults& faul
   try {
     parsed = toml::parse("v = " + value);
   } catch (const toml::parse_error&) {
-    parsed.insert_or_assign("v", value);  // a bare word
+    try {  // a bare word; JSON's strings are strings of TOML
+      parsed = toml::parse("v = " + nlohmann::json(value).dump());
+    } catch (const std::exception&) {
+      return fault("give text in UTF-8, without control characters");
+    }
   }
   if (const std::string what = set_key(root, assignment.substr(0, equals), *parsed.get("v")); !what.empty())
     fault(what);
+}
+
+// Removes empty tables.
+void prune(toml::node& node) {
+  if (auto* array = node.as_array())
+    for (toml::node& item : *array) prune(item);
+  auto* table = node.as_table();
+  if (table == nullptr) return;
+  for (auto&& [key, value] : *table) prune(value);
+  for (auto item = table->begin(); item != table->end();) {
+    const toml::table* child = item->second.as_table();
+    item = child != nullptr && child->empty() ? table->erase(item) : std::next(item);
+  }
 }
 
 }  // namespace
@@ -141,6 +160,16 @@ ConfigText read_config_text(const std::string& path, std::span<const std::string
   }
   text.sha256 = sha256(content);
   return text;
+}
+
+std::string toml_text(toml::table& table) {
+  prune(table);
+  std::ostringstream text;
+  text << toml::toml_formatter(table,
+                               toml::toml_formatter::default_flags &
+                                   ~(toml::format_flags::indentation | toml::format_flags::allow_literal_strings))
+       << '\n';
+  return text.str();
 }
 
 }  // namespace imud

@@ -22,4 +22,7 @@ struct ConfigText {
 // or is no TOML.
 ConfigText read_config_text(const std::string& path, std::span<const std::string> overrides, Faults& faults);
 
+// Returns the table as TOML, without the empty tables in it, which it removes.
+std::string toml_text(toml::table& table);
+
 }  // namespace imud

@@ -1,6 +1,5 @@
-#include <map>
+#include <Eigen/Eigenvalues>
 #include <optional>
-#include <set>
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
@@ -10,6 +9,20 @@
 namespace imud {
 
 namespace {
+
+// A walk x <- A x + P n grows without limit, exponentially, if an eigenvalue of A is larger than 1.
+void check_growth(TableReader& table, const TriadErrors& e) {
+  constexpr double rounding = 1e-9;
+  const double radius = e.walk_transition.eigenvalues().cwiseAbs().maxCoeff();
+  if (radius <= 1.0 + rounding) return;
+  if ((e.walk_bound.array() > 0.0).all())
+    table.warn("walk_transition",
+               fmt::format("its spectral radius is {:.6g}, so the walk grows to its bound", radius));
+  else
+    table.fault("walk_transition", fmt::format("its spectral radius is {:.6g}, so the walk grows exponentially; give "
+                                               "a matrix of at most 1, or a walk_bound for each axis",
+                                               radius));
+}
 
 // Reads a triad. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the range is required.
 TriadErrors read_triad(TableReader table, std::string_view unit, const TriadErrors* product) {
@@ -31,6 +44,7 @@ TriadErrors read_triad(TableReader table, std::string_view unit, const TriadErro
   e.walk_sqrt_cov = table.matrix3("walk_sqrt_cov", e.walk_sqrt_cov, true);
   e.walk_bound = table.vector3("walk_bound", e.walk_bound);
   if ((e.walk_bound.array() < 0.0).any()) table.fault("walk_bound", "give numbers of at least 0 (0: no bound)");
+  check_growth(table, e);
   table.finish();
   return e;
 }
@@ -39,19 +53,21 @@ void read_mounting(TableReader table, ImuModel& model) {
   model.r_SB_B = table.vector3("position_m", model.r_SB_B);
   if (table.has("dcm_PB") && table.has("yaw_pitch_roll_deg"))
     table.fault("dcm_PB", "give either this or yaw_pitch_roll_deg, not both");
-  const Vector3 ypr = units::degree * table.vector3("yaw_pitch_roll_deg", Vector3::Zero());
-  if (ypr.cwiseAbs().maxCoeff() > 1e4)
-    table.fault("yaw_pitch_roll_deg", "give angles from -572957 to 572957");
-  else if (!ypr.isZero(0.0))
-    model.dcm_PB = dcm_from_yaw_pitch_roll(ypr[0], ypr[1], ypr[2]);
-  const Matrix3 dcm = table.matrix3("dcm_PB", model.dcm_PB, false);
-  constexpr double tolerance = 1e-6;
-  if (const double defect = rotation_defect(dcm); defect > tolerance)
-    table.fault("dcm_PB",
-                fmt::format("not a rotation: its rows are not orthonormal and right-handed within {} (off by "
-                            "{:.2g}); write the numbers with more digits, or give yaw_pitch_roll_deg",
-                            tolerance, defect));
-  model.dcm_PB = dcm;
+  if (table.has("dcm_PB")) {
+    model.dcm_PB = table.matrix3("dcm_PB", model.dcm_PB, false);
+    constexpr double tolerance = 1e-6;
+    if (const double defect = rotation_defect(model.dcm_PB); defect > tolerance)
+      table.fault("dcm_PB",
+                  fmt::format("not a rotation: its rows are not orthonormal and right-handed within {} (off by "
+                              "{:.2g}); write the numbers with more digits, or give yaw_pitch_roll_deg",
+                              tolerance, defect));
+  } else {
+    const Vector3 ypr = units::degree * table.vector3("yaw_pitch_roll_deg", Vector3::Zero());
+    if (ypr.cwiseAbs().maxCoeff() > 1e4)
+      table.fault("yaw_pitch_roll_deg", "give angles from -572957 to 572957");
+    else if (!ypr.isZero(0.0))
+      model.dcm_PB = dcm_from_yaw_pitch_roll(ypr[0], ypr[1], ypr[2]);
+  }
   table.finish();
 }
 
@@ -126,8 +142,8 @@ const Transport* read_second_port(TableReader& table, ImuConfig& imu) {
 SyncConfig read_sync(TableReader table, const Protocol* protocol) {
   SyncConfig sync;
   const auto read = [&](std::string_view key, std::string& port, Role role) {
+    if (!table.has(key)) return;
     port = table.text(key, "");
-    if (port.empty()) return;
     if (protocol != nullptr && !protocol->has_sync_pins)
       table.fault(key, fmt::format("{} has no such pin; omit the key", protocol->name));
     const auto carries_edges = [](const Transport& t) {
@@ -142,6 +158,15 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
   read("tov_port", sync.tov_port, Role::device);
   table.finish();
   return sync;
+}
+
+// Adds the fault that a protocol has found in its settings: of the setting with whose key the text begins.
+void fault_of_settings(TableReader& table, TableReader& device, std::span<const Setting> settings,
+                       std::string_view text) {
+  for (const Setting& setting : settings)
+    if (text.starts_with(fmt::format("{}: ", setting.key)))
+      return device.fault(setting.key, text.substr(setting.key.size() + 2));
+  table.fault("device", text);
 }
 
 }  // namespace
@@ -165,7 +190,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
       imu.port_settings.uart = made->uart();
       imu.second_port_settings.uart = made->second_uart();
     } catch (const std::invalid_argument& error) {
-      table.fault("device", error.what());
+      fault_of_settings(table, device, imu.protocol->settings, error.what());
       imu.settings = Settings(imu.protocol->settings);
       if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
     }
@@ -206,6 +231,8 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                   fmt::format("{}; {}", load.text(),
                               product ? "reduce what it sends or how often, or give a faster line"
                                       : "give a lower rate or a faster line"));
+    else if (load.percent > 70.0 && can)
+      table.warn("port", fmt::format("{}; above 70 % a CAN bus delays frames of low priority", load.text()));
   }
   if (read_second_port(table, imu) != nullptr && imu.protocol != nullptr)
     if (const LineLoad load = line_load(imu, 1); load.percent > 100.0)
@@ -235,55 +262,6 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   increments.finish();
   table.finish();
   return imu;
-}
-
-void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array* tables,
-                         Faults& faults) {
-  std::map<std::string, std::string> listeners;
-  if (!truth_port.empty()) listeners.emplace(truth_port, "truth.port");
-  std::map<std::string, std::size_t> by_name;
-  std::map<std::uint32_t, std::size_t> by_stream;
-  std::map<std::string, std::size_t> by_port;
-  std::map<std::pair<std::string, std::uint32_t>, std::size_t> by_can_id;
-  for (std::size_t i = 0; i < imus.size(); ++i) {
-    const auto line = (*tables)[i].source().begin.line;
-    const auto clash = [&](std::string_view key, std::size_t other, std::string_view what) {
-      faults.add(line, fmt::format("imu.{}.{}", i, key), fmt::format("{} as imu.{}; give another", what, other));
-    };
-    if (const auto [at, is_new] = by_name.emplace(imus[i].name, i); !is_new)
-      clash("name", at->second, "the same");
-    else if (const auto [same, is_alone] = by_stream.emplace(stream_id(imus[i].name), i); !is_alone)
-      clash("name", same->second, "the same random numbers");
-    const SyncConfig& sync = imus[i].sync;
-    for (const auto& [name, edges] : {std::pair{"trigger_port", &sync.trigger_port}, {"pps_port", &sync.pps_port}}) {
-      const std::string key = fmt::format("imu.{}.sync.{}", i, name);
-      if (edges->empty()) continue;
-      if (const auto [at, is_new] = listeners.emplace(*edges, key); !is_new)
-        faults.add(line, key, fmt::format("the same as {}; give another", at->second));
-    }
-    const auto address = [](const std::string& text) { return text.substr(0, text.find('?')); };
-    const auto is_taken = [&](std::string_view key, const std::string& text) {
-      const Transport* transport = transport_of(text);
-      if (transport == nullptr || transport->is_shared) return false;
-      std::string file = file_of(text);  // one file may have several spellings
-      if (const auto [at, is_new] = by_port.emplace(file.empty() ? text : std::move(file), i); !is_new)
-        clash(key, at->second, "the same");
-      return true;
-    };
-    const std::string port = address(imus[i].port);
-    const bool is_alone = is_taken("port", port);
-    if (!imus[i].second_port.empty()) is_taken("second_port", address(imus[i].second_port));
-    if (is_alone) continue;
-    if (imus[i].protocol == nullptr || imus[i].protocol->link != Link::can) continue;
-    std::set<std::uint32_t> ids;
-    for (const SentFrames& sent : sent_frames(imus[i]))
-      ids.insert(sent.can.id | (sent.can.extended ? 1U << 31U : 0U));
-    for (const std::uint32_t id : ids)
-      if (const auto [at, is_new] = by_can_id.emplace(std::pair{port, id}, i); !is_new) {
-        clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & 0x1FFF'FFFFU));
-        break;
-      }
-  }
 }
 
 bool carries_status(const ImuConfig& imu, std::uint32_t bits) {

@@ -11,9 +11,9 @@
 
 namespace imud {
 
-void Faults::add(std::uint32_t line, std::string_view key, std::string_view what) {
-  all_.push_back(line > 0 ? fmt::format("{}:{}: {}: {}", file_, line, key, what)
-                          : fmt::format("{}: {}: {}", file_, key, what));
+std::string Faults::text(std::uint32_t line, std::string_view key, std::string_view what) const {
+  return line > 0 ? fmt::format("{}:{}: {}: {}", file_, line, key, what)
+                  : fmt::format("{}: {}: {}", file_, key, what);
 }
 
 const toml::node* TableReader::node(std::string_view key) {
@@ -30,6 +30,10 @@ void TableReader::fault(std::string_view key, std::string_view what) {
   faults_.add(line_of(key), path_ + std::string(key), what);
 }
 
+void TableReader::warn(std::string_view key, std::string_view what) {
+  faults_.warn(line_of(key), path_ + std::string(key), what);
+}
+
 void TableReader::require(std::string_view key, std::string_view what_it_is) {
   known_.emplace(key);
   if (!has(key)) fault(key, fmt::format("missing; give {}", what_it_is));
@@ -43,41 +47,55 @@ std::optional<double> TableReader::number(const toml::node& node) {
 
 double TableReader::real(std::string_view key, double fallback, double min, double max) {
   const toml::node* found = node(key);
+  resolve(key, fallback);
   if (found == nullptr) return fallback;
   const std::optional<double> value = number(*found);
-  if (value && *value >= min && *value <= max) return *value;
+  if (value && *value >= min && *value <= max) {
+    resolve(key, *value);
+    return *value;
+  }
   fault(key, fmt::format("{}; give a number from {} to {}",
                          value ? fmt::format("{} is out of range", *value) : "not a finite number", min, max));
   return fallback;
 }
 
 std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t fallback, std::uint64_t max) {
+  constexpr std::uint64_t largest_of_toml = 0x7FFF'FFFF'FFFF'FFFFULL;
+  const auto result = [&](std::uint64_t value) {
+    if (value <= largest_of_toml)
+      resolve(key, static_cast<std::int64_t>(value));
+    else
+      resolve(key, std::to_string(value));
+    return value;
+  };
   const toml::node* found = node(key);
-  if (found == nullptr) return fallback;
+  if (found == nullptr) return result(fallback);
   if (const auto* integer = found->as_integer();
       integer != nullptr && integer->get() >= 0 && static_cast<std::uint64_t>(integer->get()) <= max)
-    return static_cast<std::uint64_t>(integer->get());
-  if (const auto* text = found->as_string()) {  // the largest integer of TOML is 2^63 - 1
+    return result(static_cast<std::uint64_t>(integer->get()));
+  if (const auto* text = found->as_string()) {  // for numbers above the largest of TOML
     std::uint64_t value = 0;
     const char* end = text->get().data() + text->get().size();
     const auto [stop, error] = std::from_chars(text->get().data(), end, value);
-    if (error == std::errc{} && stop == end && value <= max) return value;
+    if (error == std::errc{} && stop == end && value <= max) return result(value);
   }
   fault(key, fmt::format("give a whole number from 0 to {}{}", max,
-                         max > 0x7FFF'FFFF'FFFF'FFFFULL ? " (in quotes above 9223372036854775807)" : ""));
+                         max > largest_of_toml ? " (in quotes above 9223372036854775807)" : ""));
   return fallback;
 }
 
-std::int64_t TableReader::utc_s(std::string_view key, std::int64_t fallback, int first_year, int last_year) {
-  const toml::node* found = node(key);
-  if (found == nullptr) return fallback;
-  const auto* at = found->as_date_time();
-  if (at == nullptr || at->get().date.year < first_year || at->get().date.year > last_year) {
-    fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes",
-                           first_year, last_year));
-    return fallback;
+std::int64_t TableReader::utc_s(std::string_view key, const toml::date_time& fallback, int first_year,
+                                int last_year) {
+  toml::date_time given = fallback;
+  if (const toml::node* found = node(key); found != nullptr) {
+    const auto* at = found->as_date_time();
+    if (at != nullptr && at->get().date.year >= first_year && at->get().date.year <= last_year)
+      given = at->get();
+    else
+      fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes",
+                             first_year, last_year));
   }
-  const toml::date_time& given = at->get();
+  resolve(key, given);
   const std::chrono::sys_days day = std::chrono::year(given.date.year) / given.date.month / given.date.day;
   const std::int64_t s = std::chrono::duration_cast<std::chrono::seconds>(day.time_since_epoch()).count() +
                          given.time.hour * 3600 + given.time.minute * 60 + given.time.second;
@@ -86,16 +104,21 @@ std::int64_t TableReader::utc_s(std::string_view key, std::int64_t fallback, int
 
 bool TableReader::flag(std::string_view key, bool fallback) {
   const toml::node* found = node(key);
+  resolve(key, fallback);
   if (found == nullptr) return fallback;
-  if (const auto* value = found->as_boolean()) return value->get();
+  if (const auto* value = found->as_boolean()) {
+    resolve(key, value->get());
+    return value->get();
+  }
   fault(key, "give true or false");
   return fallback;
 }
 
 std::string TableReader::text(std::string_view key, std::string fallback) {
   const toml::node* found = node(key);
-  if (found == nullptr) return fallback;
-  if (const auto* value = found->as_string()) return value->get();
+  if (const auto* value = found == nullptr ? nullptr : found->as_string()) fallback = value->get();
+  resolve(key, fallback);
+  if (found == nullptr || found->is_string()) return fallback;
   fault(key, "give text in quotes");
   return fallback;
 }
@@ -103,10 +126,14 @@ std::string TableReader::text(std::string_view key, std::string fallback) {
 std::size_t TableReader::choice(std::string_view key, std::initializer_list<std::string_view> words,
                                 std::size_t fallback) {
   const toml::node* found = node(key);
+  resolve(key, *(words.begin() + fallback));
   if (found == nullptr) return fallback;
   if (const auto* value = found->as_string()) {
     const auto* at = std::find(words.begin(), words.end(), value->get());
-    if (at != words.end()) return static_cast<std::size_t>(at - words.begin());
+    if (at != words.end()) {
+      resolve(key, *at);
+      return static_cast<std::size_t>(at - words.begin());
+    }
   }
   fault(key, fmt::format("give one of \"{}\"", fmt::join(words, "\", \"")));
   return fallback;
@@ -114,6 +141,7 @@ std::size_t TableReader::choice(std::string_view key, std::initializer_list<std:
 
 Vector3 TableReader::vector3(std::string_view key, const Vector3& fallback) {
   const toml::node* found = node(key);
+  resolve(key, toml::array{fallback[0], fallback[1], fallback[2]});
   if (found == nullptr) return fallback;
   const toml::array* array = found->as_array();
   if (array != nullptr && array->size() == 3) {
@@ -124,15 +152,24 @@ Vector3 TableReader::vector3(std::string_view key, const Vector3& fallback) {
       good = good && value.has_value();
       v[static_cast<Eigen::Index>(i)] = value.value_or(0.0);
     }
-    if (good) return v;
+    if (good) {
+      resolve(key, toml::array{v[0], v[1], v[2]});
+      return v;
+    }
   }
   fault(key, "give three finite numbers, [x, y, z]");
   return fallback;
 }
 
 Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool diagonal) {
+  const auto result = [&](const Matrix3& m) {
+    toml::array all;
+    for (Eigen::Index i = 0; i < 3; ++i) all.push_back(toml::array{m(i, 0), m(i, 1), m(i, 2)});
+    resolve(key, std::move(all));
+    return m;
+  };
   const toml::node* found = node(key);
-  if (found == nullptr) return fallback;
+  if (found == nullptr) return result(fallback);
   const std::string_view shape =
       diagonal ? "give three finite numbers (the diagonal), or three rows of three: [[..], [..], [..]]"
                : "give three rows of three finite numbers: [[..], [..], [..]]";
@@ -156,7 +193,7 @@ Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool
     }
     const bool mixed =
         (*rows)[0].is_array() != (*rows)[1].is_array() || (*rows)[1].is_array() != (*rows)[2].is_array();
-    if (good && !mixed) return m;
+    if (good && !mixed) return result(m);
   }
   fault(key, shape);
   return fallback;
@@ -165,7 +202,8 @@ Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool
 TableReader TableReader::child(std::string_view key) {
   const toml::node* found = node(key);
   if (found != nullptr && !found->is_table()) fault(key, fmt::format("give a table, [{}{}]", path_, key));
-  return {found == nullptr ? nullptr : found->as_table(), fmt::format("{}{}.", path_, key), line_of(key), faults_};
+  return {found == nullptr ? nullptr : found->as_table(), fmt::format("{}{}.", path_, key), line_of(key), faults_,
+          *resolved_.insert(key, toml::table{}).first->second.as_table()};
 }
 
 void TableReader::finish() {

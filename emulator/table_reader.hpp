@@ -16,17 +16,25 @@
 
 namespace imud {
 
-// The faults of one file, in the order in which they were found.
+// The faults of one file, and the warnings, in the order in which they were found.
 class Faults {
  public:
   explicit Faults(std::string file) : file_(std::move(file)) {}
   // `line` is 0 if the key came from the command line, or is missing.
-  void add(std::uint32_t line, std::string_view key, std::string_view what);
+  void add(std::uint32_t line, std::string_view key, std::string_view what) { all_.push_back(text(line, key, what)); }
   const std::vector<std::string>& all() const { return all_; }
+  // Adds a warning: the file is valid, but probably not what was meant.
+  void warn(std::uint32_t line, std::string_view key, std::string_view what) {
+    warnings_.push_back(text(line, key, what));
+  }
+  const std::vector<std::string>& warnings() const { return warnings_; }
 
  private:
+  std::string text(std::uint32_t line, std::string_view key, std::string_view what) const;
+
   std::string file_;
   std::vector<std::string> all_;
+  std::vector<std::string> warnings_;
 };
 
 // Each getter returns the value of the key, or `fallback` if the key is absent. A value of the wrong type, shape or
@@ -34,9 +42,10 @@ class Faults {
 // the unknown keys, which the destructor does not.
 class TableReader {
  public:
-  // If `table` is null, every key is absent. `path` precedes the keys in messages: "imu.0.gyro.".
-  TableReader(const toml::table* table, std::string path, std::uint32_t line, Faults& faults)
-      : table_(table), path_(std::move(path)), line_(line), faults_(faults) {}
+  // If `table` is null, every key is absent. `path` precedes the keys in messages: "imu.0.gyro.". Every value that a
+  // getter returns is written to `resolved`, which must outlive the reader and those of its children.
+  TableReader(const toml::table* table, std::string path, std::uint32_t line, Faults& faults, toml::table& resolved)
+      : table_(table), path_(std::move(path)), line_(line), faults_(faults), resolved_(resolved) {}
 
   bool has(std::string_view key) { return node(key) != nullptr; }
   bool is_text(std::string_view key) { return has(key) && node(key)->is_string(); }
@@ -48,7 +57,7 @@ class TableReader {
   bool flag(std::string_view key, bool fallback);
   std::string text(std::string_view key, std::string fallback);
   // Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.
-  std::int64_t utc_s(std::string_view key, std::int64_t fallback, int first_year, int last_year);
+  std::int64_t utc_s(std::string_view key, const toml::date_time& fallback, int first_year, int last_year);
   // Returns the index of the value in `words`.
   std::size_t choice(std::string_view key, std::initializer_list<std::string_view> words, std::size_t fallback);
   Vector3 vector3(std::string_view key, const Vector3& fallback);
@@ -57,8 +66,15 @@ class TableReader {
   // Returns the reader of the table of that key, which may be absent.
   TableReader child(std::string_view key);
 
-  // Adds a fault of `key`, at its line.
+  // Writes to `resolved` a value that no getter has returned, or one that takes the place of the value there.
+  template <class Value>
+  void resolve(std::string_view key, Value&& value) {
+    resolved_.insert_or_assign(key, std::forward<Value>(value));
+  }
+
+  // Adds a fault, or a warning, of `key`, at its line.
   void fault(std::string_view key, std::string_view what);
+  void warn(std::string_view key, std::string_view what);
   // Adds a fault if the key is absent.
   void require(std::string_view key, std::string_view what_it_is);
   // Adds a fault for every key that no function above was called with. The fault suggests the nearest known key.
@@ -72,6 +88,7 @@ class TableReader {
   std::string path_;
   std::uint32_t line_;
   Faults& faults_;
+  toml::table& resolved_;
   std::set<std::string, std::less<>> known_;
 };
 

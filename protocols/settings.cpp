@@ -164,13 +164,17 @@ void Settings::set_text(std::string_view key, std::string_view text) {
                       values_[i]));
 }
 
+const SettingValue& Settings::value(std::string_view key) const {
+  const std::size_t i = find(key);
+  if (i == values_.size()) throw std::logic_error("setting \"" + std::string(key) + "\" is not declared");
+  return values_[i];
+}
+
 template <class T>
 const T& Settings::get(std::string_view key) const {
-  const std::size_t i = find(key);
-  const T* value = i < values_.size() ? std::get_if<T>(&values_[i]) : nullptr;
-  if (value == nullptr)
-    throw std::logic_error("setting \"" + std::string(key) + "\" is not declared, or has another type");
-  return *value;
+  const T* typed = std::get_if<T>(&value(key));
+  if (typed == nullptr) throw std::logic_error("setting \"" + std::string(key) + "\" has another type");
+  return *typed;
 }
 
 bool Settings::flag(std::string_view key) const { return get<bool>(key); }

@@ -41,6 +41,7 @@ class Settings {
   double real(std::string_view key) const;
   const std::string& text(std::string_view key) const;
   const std::vector<std::string>& list(std::string_view key) const;
+  const SettingValue& value(std::string_view key) const;  // of any type
 
  private:
   template <class T>

@@ -57,7 +57,7 @@ TEST_F(ConfigTextTest, OverridesByNumberByNameAndForAll) {
 
 TEST_F(ConfigTextTest, AnOverrideThatCannotBeSetIsAFault) {
   for (const std::string bad : {"imu.3.rate_hz=1", "imu.tail.rate_hz=1", "imu.nose=1", "imu.*=1", "imu.*.rate_hz.x=1",
-                                "seed.x=1", "seed", "=1"}) {
+                                "seed.x=1", "seed", "=1", "imu.0.name=\xff", "imu.0.name=a\x7f"}) {
     read({bad});
     ASSERT_EQ(faults_.all().size(), 1U) << bad;
     EXPECT_TRUE(contains(faults_.all()[0], "--set " + bad)) << faults_.all()[0];
