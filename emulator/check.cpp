@@ -1,38 +1,98 @@
 #include "emulator/check.hpp"
 
 #include <fmt/format.h>
+#include <toml++/toml.h>
 
-#include "core/igrf.hpp"
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string_view>
+
+#include "emulator/config.hpp"
 #include "emulator/line_load.hpp"
+#include "emulator/outcome.hpp"
+#include "emulator/pacer.hpp"
+#include "emulator/session.hpp"
 
 namespace imud {
 
 namespace {
 
-std::string clock_word(ClockMode clock) {
+using Json = nlohmann::ordered_json;
+
+// Stands for a port that is not opened.
+class ClosedPort final : public Port {
+  void send(std::span<const Frame>) noexcept override {}
+  std::optional<Received> receive() noexcept override { return std::nullopt; }
+};
+
+// Makes what a run makes before it begins. Throws what a run would throw.
+void make_parts(const Config& config, const CheckOptions& options) {
+  check_figures({options.required.begin(), options.required.end()}, config);
+  Session session(config, [](std::string_view, const PortSettings&) { return std::make_unique<ClosedPort>(); });
+  static_cast<void>(make_pacer(config, session.quality()));
+}
+
+std::string_view clock_word(ClockMode clock) {
   return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
+}
+
+void print_text(const std::string& path, const Config& config) {
+  fmt::print("{}: good\n", path);
+  fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
+  fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
+  for (const ImuConfig& imu : config.imus) {
+    fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
+               line_load(imu).text());
+    if (!imu.second_port.empty())
+      fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
+    if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
+  }
+  for (const std::string& warning : config.warnings) fmt::print("warning: {}\n", warning);
+  fmt::print("\n# The value of every key; imud check --toml prints only this.\n{}", config.resolved);
+}
+
+Json load_json(const std::string& port, const LineLoad& load) {
+  Json json = {{"port", port}, {"frames_per_s", load.frames_per_s}, {"bits_per_s", load.bits_per_s}};
+  json["line_bits_per_s"] = load.line_bits_per_s > 0.0 ? Json(load.line_bits_per_s) : Json();
+  json["percent"] = load.line_bits_per_s > 0.0 ? Json(load.percent) : Json();
+  return json;
+}
+
+void print_json(const std::string& path, const Config& config) {
+  std::ostringstream resolved;
+  resolved << toml::json_formatter(toml::parse(config.resolved));
+  Json imus = Json::array();
+  for (const ImuConfig& imu : config.imus) {
+    Json lines = {load_json(imu.port, line_load(imu))};
+    if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
+    imus.push_back({{"name", imu.name}, {"lines", std::move(lines)}});
+  }
+  const Json json = {{"file", path},
+                     {"good", true},
+                     {"faults", Json::array()},
+                     {"warnings", config.warnings},
+                     {"imus", std::move(imus)},
+                     {"config", Json::parse(resolved.str())}};
+  fmt::print("{}\n", json.dump(2));
 }
 
 }  // namespace
 
-int check(const std::string& path, const Config& config) {
-  fmt::print("{}: good\n", path);
-  fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
-  fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
-  const EarthModel& earth = config.imus.front().model.earth;  // the same for all
-  if (earth.frame != EarthModel::Frame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
-    fmt::print("{:<8} warning: IGRF-14 ends in {}; the magnetic field at `start` is extrapolated\n", "earth",
-               igrf14_end);
-  for (const ImuConfig& imu : config.imus) {
-    const LineLoad load = line_load(imu);
-    fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port, load.text());
-    if (!imu.second_port.empty())
-      fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
-    if (load.percent > 70.0 && imu.protocol->link == Link::can)
-      fmt::print("{:<8} warning: above 70 % a CAN bus delays frames of low priority\n", "");
-    if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
+int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options) {
+  try {
+    const Config config = load_config(path, overrides);
+    make_parts(config, options);
+    if (options.layout == CheckLayout::text) print_text(path, config);
+    if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved);
+    if (options.layout == CheckLayout::json) print_json(path, config);
+    return 0;
+  } catch (const ConfigError& error) {
+    if (options.layout != CheckLayout::json) throw;
+    const Json json = {{"file", path}, {"good", false}, {"faults", error.faults}};
+    fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
+    return 2;
   }
-  return 0;
 }
 
 }  // namespace imud

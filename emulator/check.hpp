@@ -1,14 +1,27 @@
 // What `imud check` prints.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
 
-#include "emulator/config.hpp"
+#include "core/requirement.hpp"
 
 namespace imud {
 
-// Prints what a configuration would run: rates, lines and their loads, and warnings. `path` is the file that it was
-// read from. Returns the exit code.
-int check(const std::string& path, const Config& config);
+enum class CheckLayout : std::uint8_t {
+  text,  // rates, lines and their loads, warnings, and the whole configuration
+  toml,  // the whole configuration
+  json,  // all of it; the faults, too
+};
+
+struct CheckOptions {
+  CheckLayout layout = CheckLayout::text;
+  std::span<const Requirement> required;  // limits whose figures must exist
+};
+
+// Loads a configuration as `imud run` does, and makes all of its parts on ports that are not opened. Prints what it
+// would run, with the value of every key. Returns the exit code. Throws ConfigError, unless the layout is json.
+int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options);
 
 }  // namespace imud

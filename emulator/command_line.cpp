@@ -93,6 +93,14 @@ int command_line(int argc, const char* const* argv) {
     command->add_option("CONFIG", arguments.config, "Configuration, TOML")->required();
     with_set(command);
   };
+  const auto with_require = [&](CLI::App* command) {
+    command
+        ->add_option("--require", arguments.limits,
+                     "Exit with 3 if a figure of the summary breaks this limit, such as imu1.samples>=1000 or "
+                     "truth.refused<=1%; several with commas; repeatable")
+        ->type_name("LIMIT")
+        ->allow_extra_args(false);
+  };
   const auto with_run = [&](CLI::App* command) {
     with_config(command);
     command->add_option("--for", arguments.run.duration_s, "End after this many seconds")
@@ -104,12 +112,7 @@ int command_line(int argc, const char* const* argv) {
         });
     command->add_option("--summary", arguments.run.summary_file, "Also write the closing summary as JSON")
         ->type_name("FILE");
-    command
-        ->add_option("--require", arguments.limits,
-                     "Exit with 3 if a figure of the summary breaks this limit, such as imu1.samples>=1000 or "
-                     "truth.refused<=1%; several with commas; repeatable")
-        ->type_name("LIMIT")
-        ->allow_extra_args(false);
+    with_require(command);
     command
         ->add_option("--log-every", arguments.run.monitor.log_every_s,
                      "Interval of the figures in the log; 0: none (10)")
@@ -128,6 +131,12 @@ int command_line(int argc, const char* const* argv) {
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);
+  with_require(check_command);
+  CheckLayout layout = CheckLayout::text;
+  check_command->add_flag_callback(
+      "--toml", [&] { layout = CheckLayout::toml; }, "Print only the configuration, with the value of every key");
+  check_command->add_flag_callback(
+      "--json", [&] { layout = CheckLayout::json; }, "Print configuration, loads, warnings and faults as JSON");
   auto* selftest_command = app.add_subcommand("selftest", "Measure the timing that this machine allows");
   bool timing = false;
   double measure_s = 2;
@@ -160,7 +169,8 @@ int command_line(int argc, const char* const* argv) {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     if (list_command->parsed()) return list(arguments.name);
-    if (check_command->parsed()) return check(arguments.config, load_config(arguments.config, arguments.overrides));
+    if (check_command->parsed())
+      return check(arguments.config, arguments.overrides, {layout, arguments.run.required});
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =

@@ -106,6 +106,7 @@ int run(const Config& config, const RunOptions& options) {
   signals.async_wait([&](const boost::system::error_code& error, int) {
     if (!error) stop = true;
   });
+  for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
   check_figures(options.required, config);
   check_outputs(config, options);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
