@@ -41,6 +41,7 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
       paced_(pacer.is_paced()),
       waits_for_truth_(pacer.waits_for_truth()),
       schedule_(grids(session)),
+      limit_(options.limit),
       budget_(most_truths) {
   prepared_.reserve(session.channels().size());
 }
@@ -97,7 +98,7 @@ bool Loop::wants_truth() const noexcept {
 // Where samples wait for truth: returns the latest truth time that can be sampled now, and is within the limit.
 TruthTime Loop::latest_sample() const noexcept {
   const TruthTime newest = timeline_.newest();
-  return options_.limit ? std::min(newest, timeline_.run_start() + *options_.limit) : newest;
+  return limit_ ? std::min(newest, timeline_.run_start() + *limit_) : newest;
 }
 
 // Returns the truth time before which no sample will be taken any more.
@@ -155,6 +156,8 @@ void Loop::apply_truth() noexcept {
 void Loop::begin_run() noexcept {
   const bool is_first = !session_.in_run();
   const TruthTime truth = timeline_.newest();
+  if (limit_ && !is_first) *limit_ -= std::min(*limit_, session_.watermark() - run_start_);
+  run_start_ = timeline_.run_start();
   const HostTime begin = pacer_.begin_run(truth, newest_arrival_, host_.now());
   session_.begin_run();
   const auto start = [&](std::size_t i) {

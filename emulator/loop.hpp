@@ -59,6 +59,8 @@ class Loop {
   const bool paced_;            // by the host's clock
   const bool waits_for_truth_;  // samples wait for their truth; false: the sensors have power before the first truth
   Schedule schedule_;
+  std::optional<Nanoseconds> limit_;  // for which truth is still sampled from the run's start on; nullopt: forever
+  TruthTime run_start_;
   HostTime origin_;                 // of the schedule
   HostTime first_truth_;            // the instant at which the first truth is sampled; earlier samples are at rest
   std::vector<Channel*> prepared_;  // the channels whose samples of the instant due_ are prepared, in order

@@ -93,6 +93,12 @@ TEST_F(OutcomeTest, AGapBeyondTheLongestBeginsARunAndDiscardsNothing) {
   EXPECT_EQ(summary()["imus"][0]["samples"], 251);
 }
 
+TEST_F(OutcomeTest, ADurationIsThatOfAllRunsTogether) {
+  const std::string gap = capture(rows_from(0, 101) + rows_from(150, 302));  // 0.99 s, then 1.51 s
+  expect(3, "--for ended it", gap, {"--set", "truth.max_gap_ms=200", "--for", "1.49"});
+  EXPECT_EQ(summary()["imus"][0]["samples"], 100 + 51);
+}
+
 TEST_F(OutcomeTest, WhatIsMissingOfTheOutput) {
   expect(3, "imu1: 301 frames lost to errors of the file", path("truth.csv"), {"--set", "imu.0.port=file:/dev/full"});
   const ProgramResult full =
