@@ -69,7 +69,8 @@ void Monitor::write_quality(const Summary& all) {
   try {
     quality_.write(json(all.since(last_quality_), JsonLayout::line) + "\n");
   } catch (const std::runtime_error& error) {
-    spdlog::error("{}", error.what());
+    quality_error_ = error.what();
+    spdlog::error("{}", quality_error_);
     quality_ = {};
   }
 }

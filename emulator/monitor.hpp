@@ -31,6 +31,8 @@ class Monitor {
   // Logs the last events after the sampling thread has ended, and returns the figures of the whole run.
   // `capture_warning`: see TruthIntake::end_warning().
   Summary finish(std::string capture_warning);
+  // Returns why the file of figures could not be written; empty if it was.
+  const std::string& quality_error() const { return quality_error_; }
 
  private:
   // Returns by how much a counter has risen since the last call.
@@ -71,6 +73,7 @@ class Monitor {
   const HostTime begin_ = host_now();
   std::vector<double> line_loads_;
   TextFile quality_;
+  std::string quality_error_;
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
   bool no_truth_reported_ = false, has_truth_ = false;

@@ -164,7 +164,8 @@ int run(const Config& config, const RunOptions& options) {
     ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? EndedBy::signal : EndedBy::duration;
   Summary summary = monitor.finish(session.intake().end_warning());
   summary.whole = {judge(summary, config, ended_by, options.required), config.seed, config.sha256};
-  const Outcome& outcome = summary.whole->outcome;
+  Outcome& outcome = summary.whole->outcome;
+  if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, config);
   summary_file.clear();
   const std::string figures = json(summary, JsonLayout::indented);

@@ -106,6 +106,7 @@ TEST_F(OutcomeTest, WhatIsMissingOfTheOutput) {
   EXPECT_TRUE(contains(full.errors, "No space left on device")) << full.errors;
 
   expect(3, "imu1: 301 frames dropped", path("truth.csv"), {"--set", "imu.0.port=pty:" + path("pty")});
+  expect(3, "/dev/full: cannot be written: No space left on device", path("truth.csv"), {"--quality", "/dev/full"});
   // At the recorded pace, what nobody reads is not missing, unless it is required.
   expect(0, "", path("truth.csv"), {"--set", "imu.0.port=pty:" + path("pty"), "--set", "clock=realtime"});
   EXPECT_EQ(summary()["imus"][0]["dropped"], 301);
