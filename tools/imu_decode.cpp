@@ -2,14 +2,17 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <array>
+#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <ctime>
 #include <exception>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,6 +24,7 @@
 #include "tools/stream_report.hpp"
 #include "tools/stream_statistics.hpp"
 #include "tools/text_output.hpp"
+#include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
 
@@ -39,6 +43,7 @@ struct Options {
   std::string json_path;
   double for_s = std::numeric_limits<double>::infinity();
   std::uint64_t count = std::numeric_limits<std::uint64_t>::max();
+  std::optional<int> ready_fd;
   bool quiet = false;
 };
 
@@ -163,8 +168,12 @@ std::string_view receive_all(Port& port, Decoder& decoder, Recorder& recorder, T
   const auto elapsed_s = [&] { return seconds(host_now() - start); };
   Waiting waiting;
   LossNotice loss(options.port);
+  constexpr Nanoseconds longest_rest = std::chrono::seconds(30);
+  std::optional<HostTime> stopped;
   while (true) {
-    if (stop_requested()) return "signal";
+    // After a signal, what has arrived at a live port is still decoded.
+    if (stop_requested() && !stopped) stopped = host_now();
+    if (stopped && (!is_live || stop_requested_again() || host_now() - *stopped > longest_rest)) return "signal";
     if (!csv.is_open()) return "closed output";
     if (recorder.is_full()) return "count";
     const double left_s = options.for_s - elapsed_s();
@@ -180,6 +189,7 @@ std::string_view receive_all(Port& port, Decoder& decoder, Recorder& recorder, T
       decoder.finish(recorder);
       return "end of input";
     }
+    if (stopped) return "signal";
     if (is_capture(port)) continue;  // packets to other ports are skipped
     loss.update(port);
     csv.flush();
@@ -197,6 +207,11 @@ int decode(const Options& options, bool& running) {
     StreamReport{protocol, {}, StreamStatistics(protocol), {}, {}, {}, {}, {}}.seen(limit);
   const auto decoder = protocol.make_decoder(read_settings(protocol, options.settings));
   const auto port = open_port(options.port, Role::listener);
+  if (options.ready_fd) {
+    const FileDescriptor ready(*options.ready_fd);
+    if (::write(ready.get(), "ready\n", 6) < 0)
+      throw std::runtime_error(fmt::format("--ready-fd {}: {}", *options.ready_fd, std::strerror(errno)));
+  }
   TextOutput csv("-");
   std::optional<TextOutput> json;
   if (!options.json_path.empty()) json.emplace(options.json_path);
@@ -249,6 +264,10 @@ int main(int argc, char** argv) {
                  "several with commas; may be repeated")
       ->allow_extra_args(false)
       ->type_name("LIMIT");
+  app.add_option("--ready-fd", options.ready_fd,
+                 "writes a line to this file descriptor, and closes it, when the port is open")
+      ->check(number_check(1, 1023))
+      ->type_name("N");
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
   app.add_option("--json", options.json_path, "also writes the report as JSON; - is standard output")
       ->type_name("FILE");

@@ -6,18 +6,19 @@
 namespace imud {
 
 namespace {
-std::atomic<bool> requested = false;
-static_assert(std::atomic<bool>::is_always_lock_free);
+std::atomic<unsigned> requests = 0;
+static_assert(std::atomic<unsigned>::is_always_lock_free);
 }  // namespace
 
 void catch_stop_signals() {
   struct sigaction action = {};
-  action.sa_handler = [](int) { requested = true; };  // without SA_RESTART: poll, sleep and write return
+  action.sa_handler = [](int) { ++requests; };  // without SA_RESTART: poll, sleep and write return
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-bool stop_requested() noexcept { return requested; }
+bool stop_requested() noexcept { return requests > 0; }
+bool stop_requested_again() noexcept { return requests > 1; }
 
 }  // namespace imud

@@ -9,5 +9,7 @@ void catch_stop_signals();
 
 // Returns true after SIGINT or SIGTERM. Any thread.
 bool stop_requested() noexcept;
+// Returns true after a second one.
+bool stop_requested_again() noexcept;
 
 }  // namespace imud

@@ -135,6 +135,31 @@ TEST(ImuDecode, EndsAfterCount) {
   EXPECT_EQ(nlohmann::json::parse(result.output.substr(csv.size()))["ended_by"], "count");
 }
 
+// The datagrams arrive while it cannot read; SIGINT comes before it can.
+TEST(ImuDecode, WhatHasArrivedBeforeASignalIsDecoded) {
+  const std::string spec = free_udp_port();
+  const auto samples = steady_samples(500, 100);
+  Program decode("imu-decode");
+  decode.start({"native", spec, "--require", "samples=500,gaps=0"});
+  ASSERT_TRUE(decode.wait_for_output("status\n"));
+  decode.kill(SIGSTOP);
+  send_to(spec, "native", samples);
+  decode.kill(SIGINT);
+  decode.kill(SIGCONT);
+  EXPECT_EQ(decode.wait(), 0) << decode.errors();
+  EXPECT_EQ(decode.output(), csv_of(samples));
+}
+
+TEST(ImuDecode, AFileDescriptorIsWrittenToWhenThePortIsOpen) {
+  const ScratchFolder folder;
+  const auto decode = [](const std::string& port) {
+    return run_program("/bin/sh", {"-c", IMUD_BIN_DIR "/imu-decode native " + port + " --for 0.1 --ready-fd 3 3>&1"});
+  };
+  EXPECT_TRUE(decode(free_udp_port()).output.starts_with("ready\ntime_ns,"));
+  EXPECT_EQ(decode("file:" + folder / "none").output, "");
+  EXPECT_EQ(run_program("imu-decode", {"native", free_udp_port(), "--ready-fd", "1000"}).exit_code, 2);
+}
+
 TEST(ImuDecode, ARowIsWrittenAtOnceAndASignalEndsIt) {
   const ScratchFolder folder;
   for (const int signal : {SIGINT, SIGTERM}) {
