@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
 #include <string>
 
 #include "tests/emulator/live_test.hpp"
@@ -101,6 +104,70 @@ TEST_F(CanRunTest, NothingIsLostInFast) {
   EXPECT_EQ(imu["dropped"], 0);
   ASSERT_EQ(candump.wait(), 0);
   expect_every_frame(lines_of(candump.output()), 1501);
+}
+
+// Returns the code blocks of that language in README.md.
+std::vector<std::string> blocks_of_readme(const std::string& language) {
+  std::vector<std::string> blocks;
+  bool inside = false;
+  for (const std::string& line : lines_of(read_file(IMUD_SOURCE_DIR "/README.md"))) {
+    if (line == "```" + language) blocks.emplace_back();
+    if (inside && line != "```") blocks.back() += line + "\n";
+    inside = line == "```" + language || (inside && line != "```");
+  }
+  return blocks;
+}
+
+// README.md, "In CI".
+TEST_F(CanRunTest, TheJobOfTheReadmeFailsIfOneTruthSampleOrFrameIsMissing) {
+  std::string job;
+  for (const std::string& block : blocks_of_readme("bash"))
+    if (block.find("imu-decode native-can") != block.npos) job = block;
+  std::string configuration;
+  for (const std::string& block : blocks_of_readme("toml"))
+    if (block.find("# can.toml") != block.npos) configuration = block;
+  ASSERT_FALSE(job.empty() || configuration.empty());
+  write("can.toml", configuration);
+  write("job", job);
+  const auto result = [&](const std::string& capture) {
+    std::filesystem::copy_file(capture, path("flight.pcap"), std::filesystem::copy_options::overwrite_existing);
+    return run_program("/usr/bin/env",
+                       {"-C", folder_, "PATH=" IMUD_BIN_DIR ":/usr/sbin:/usr/bin:/sbin:/bin", "bash", "job"});
+  };
+  const ProgramResult whole = result(flight);
+  EXPECT_EQ(whole.exit_code, 0) << whole.errors;
+  EXPECT_EQ(rows(read_file(path("imu1.csv"))).size(), 1001U);
+
+  // Without the datagram of record 1000: a pcap record is a header of 16 bytes, which has the size at 8, and the
+  // data.
+  const std::string bytes = read_file(flight);
+  std::size_t begin = 24, next = 24;
+  for (int record = 0; record <= 1000; ++record) {
+    begin = next;
+    std::uint32_t size = 0;
+    std::memcpy(&size, bytes.data() + begin + 8, sizeof size);
+    next = begin + 16 + size;
+  }
+  const ProgramResult truth = result(write("short.pcap", bytes.substr(0, begin) + bytes.substr(next)));
+  EXPECT_EQ(truth.exit_code, 3) << "a truth is missing";
+
+  // Frames that are lost on the way, although all were sent: of 7007 at least one, but for one run in 10^15.
+  const auto with = [](std::string text, const std::string& port) {
+    return text.replace(text.find("can:vcan0"), 9, port);
+  };
+  ASSERT_EQ(std::system("ip link add vxcan0 type vxcan peer name vxcan1 && ip link set vxcan0 up && "
+                        "ip link set vxcan1 up && tc qdisc add dev vxcan0 root netem loss 0.5% limit 10000"),
+            0);
+  write("can.toml", with(configuration, "can:vxcan0"));
+  write("job", with(job, "can:vxcan1"));
+  const ProgramResult frames = result(flight);
+  EXPECT_EQ(std::system("ip link del vxcan0"), 0);
+  EXPECT_EQ(frames.exit_code, 3) << "frames are missing";
+  EXPECT_NE(frames.errors.find("gaps=0: VIOLATED"), std::string::npos) << frames.errors;
+
+  write("job", job);
+  write("can.toml", configuration + "phase_us = 20000000\n");  // the last samples are after the flight
+  EXPECT_EQ(result(flight).exit_code, 3) << "samples are missing";
 }
 
 TEST_F(CanRunTest, NothingIsLostInFastOnASlowBus) {
