@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "tests/emulator/live_test.hpp"
+#include "tests/support/text.hpp"
 
 namespace imud {
 namespace {
@@ -48,11 +49,6 @@ class DeviceTest : public LiveTest {
       }
     }
     return bytes;
-  }
-  static std::size_t count(std::string_view bytes, std::string_view word) {
-    std::size_t n = 0;
-    for (std::size_t at = bytes.find(word); at != std::string_view::npos; at = bytes.find(word, at + 1)) ++n;
-    return n;
   }
 
   Program imud_{"imud"};

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "tests/emulator/live_test.hpp"
+#include "tests/support/text.hpp"
 
 namespace imud {
 namespace {
@@ -45,11 +46,6 @@ class SecondPortTest : public LiveTest {
           if (size > 0) bytes->append(buffer.data(), static_cast<std::size_t>(size));
         }
     }
-  }
-  static std::size_t count(std::string_view bytes, std::string_view word) {
-    std::size_t n = 0;
-    for (std::size_t at = bytes.find(word); at != std::string_view::npos; at = bytes.find(word, at + 1)) ++n;
-    return n;
   }
 
   Program imud_{"imud"};

@@ -13,17 +13,9 @@ namespace {
 
 using Names = std::vector<std::string>;
 
-// In the air over Boulder, on 2026-03-04.
 Sample flying() {
-  Sample sample;
-  sample.navigation.is_known = true;
-  sample.navigation.gps_ns = gps_ns_from_unix(1'772'600'767) + 250'000'000;
-  sample.navigation.latitude = 40 * units::degree;
-  sample.navigation.longitude = -105.25 * units::degree;
-  sample.navigation.height = 1655;
-  sample.navigation.v_L = {30, -40, -5};
+  Sample sample = over_boulder();
   sample.q_LP = Quaternion(0.8, 0, 0, 0.6);
-  sample.pressure = 82'950;
   return sample;
 }
 

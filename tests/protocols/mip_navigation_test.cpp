@@ -11,18 +11,10 @@ namespace {
 
 using std::int64_t;
 
-// 2026-03-04T05:06:07.250Z, over Boulder, to the north-west and up.
 Sample known() {
-  Sample sample;
-  sample.navigation.is_known = true;
-  sample.navigation.gps_ns = gps_ns_from_unix(1'772'600'767) + 250'000'000;
-  sample.navigation.latitude = 40 * units::degree;
-  sample.navigation.longitude = -105.25 * units::degree;
-  sample.navigation.height = 1655;
+  Sample sample = over_boulder();
   sample.navigation.r_E = {-1e6, -4e6, 4e6};
-  sample.navigation.v_L = {30, -40, -5};
   sample.magnetic_field = {20e-6, -1.5e-6, 48e-6};
-  sample.pressure = 82'950;
   return sample;
 }
 

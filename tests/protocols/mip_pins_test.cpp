@@ -230,7 +230,7 @@ TEST(MipPins, AnEdgeTriggersAMessage) {
   unit.device->trigger(unit.now + 1us);
   unit.device->power_on(unit.now);
   EXPECT_TRUE(unit.run(1).empty()) << "what happened before power on";
-  // Of a flood, as many as there is room for.
+  // A flood makes as many frames as there is room for.
   EXPECT_EQ(unit.code(command(0x0C, 0x41, {1, 3, 4, 1, 0})), 0);
   EXPECT_EQ(unit.code(command(0x0C, 0x2E, {1, 2, 1, 3, 4})), 0);
   EXPECT_EQ(unit.code(command(0x0C, 0x2F, {1, 5, 2, 2, 0x80, 0, 0, 1, 0xD0})), 0);

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "core/earth.hpp"
+#include "core/units.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud::mip_test {
@@ -116,6 +118,19 @@ class Unit {
   int count_ = 0;
   std::unique_ptr<FrameBuffer> frames_ = std::make_unique<FrameBuffer>();
 };
+
+// A sample over Boulder at 2026-03-04T05:06:07.250Z, to the north-west and up.
+inline Sample over_boulder() {
+  Sample sample;
+  sample.navigation.is_known = true;
+  sample.navigation.gps_ns = gps_ns_from_unix(1'772'600'767) + 250'000'000;
+  sample.navigation.latitude = 40 * units::degree;
+  sample.navigation.longitude = -105.25 * units::degree;
+  sample.navigation.height = 1655;
+  sample.navigation.v_L = {30, -40, -5};
+  sample.pressure = 82'950;
+  return sample;
+}
 
 // The data of a field of a packet; empty if the packet has no such field.
 inline Bytes field(const Bytes& packet, std::uint8_t descriptor) {

@@ -156,8 +156,8 @@ TEST(Stim300Decoder, TakesTheTerminationOfDatagramsFromTheSpecialOnes) {
     }
 }
 
-// What a real unit answers: cookednoodle/pystim300 cd54334, tests/test_client.py,
-// test_exit_service_real_hardware_no_period.
+// The line of a real unit ends without a full stop (cookednoodle/pystim300 cd54334, tests/test_client.py,
+// test_exit_service_real_hardware_no_period).
 TEST(Stim300Known, TheEndOfServiceMode) {
   Stim300Unit unit;
   unit.send_line("SERVICEMODE");
