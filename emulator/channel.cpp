@@ -73,8 +73,13 @@ void Channel::prepare(const Sample& sample, std::optional<TruthTime> truth, bool
   silent_ = silent;
 }
 
-void Channel::encode() noexcept {
-  poll_until(sample_.time);
+void Channel::skip() noexcept {
+  encode(true);
+  counters_.skipped.count();
+}
+
+void Channel::encode(bool too_late) noexcept {
+  poll_until(sample_.time, too_late);
   clock_.take_sample(sample_.time);
   frames_.clear();
   others_.clear();
@@ -82,7 +87,7 @@ void Channel::encode() noexcept {
     sync_->deliver_edges(*device_, *truth_, sample_.time);
   else if (sync_)
     sync_->discard_edges();
-  device_->sample(sample_, silent_ ? others_ : frames_);
+  device_->sample(sample_, silent_ || too_late ? others_ : frames_);
 }
 
 void Channel::transmit() noexcept {
@@ -119,11 +124,11 @@ void Channel::count_sample() noexcept {
   publish();
 }
 
-void Channel::poll_until(DeviceTime now) noexcept {
+void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
   for (auto deadline = device_->deadline(); deadline && *deadline <= now; deadline = device_->deadline()) {
     others_.clear();
     device_->poll(*deadline, others_);
-    send(others_.frames());
+    if (!too_late) send(others_.frames());
     publish();
   }
 }

@@ -56,9 +56,12 @@ class Channel {
   // nullopt, edges are discarded. The frames of a `silent` sample are discarded.
   void prepare(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept;
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample.
-  void encode() noexcept;
+  void encode() noexcept { encode(false); }
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;
+  // In place of encode() and transmit(), for a sample that is too late: discards its frames, those of the deadlines
+  // up to it, and the pulse, and counts it as skipped.
+  void skip() noexcept;
   // Counts the sample as sent.
   void count_sample() noexcept;
   // Records how late after its instant a sample was transmitted, and how long transmit() took.
@@ -104,7 +107,9 @@ class Channel {
   std::span<Line> lines() noexcept { return {lines_.data(), line_count_}; }
   std::span<const Line> lines() const noexcept { return {lines_.data(), line_count_}; }
 
-  void poll_until(DeviceTime now) noexcept;
+  // `too_late`: frames are discarded.
+  void poll_until(DeviceTime now, bool too_late = false) noexcept;
+  void encode(bool too_late) noexcept;
   // Passes frames to the ports of their UARTs, by Port::reply() or by Port::send().
   void send(std::span<const Frame> frames, bool is_reply = false) noexcept;
   std::size_t serve(std::size_t uart, HostTime now) noexcept;

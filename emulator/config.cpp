@@ -194,6 +194,7 @@ RealtimeConfig read_realtime(TableReader table) {
   }
   realtime.lock_memory = table.flag("lock_memory", realtime.lock_memory);
   realtime.spin = nanoseconds(1e-6 * table.real("spin_us", 0.0, 0.0, 1000.0));
+  realtime.skip_after = nanoseconds(1e-3 * table.real("skip_after_ms", 1000.0, 1.0, 3'600'000.0));
   table.finish();
   return realtime;
 }

@@ -51,6 +51,7 @@ struct RealtimeConfig {
   std::optional<unsigned> cpu;  // nullopt: any
   bool lock_memory = true;
   Nanoseconds spin{0};  // time for which the thread spins before each instant, not negative
+  Nanoseconds skip_after = std::chrono::seconds(1);  // frames of samples later than this are not sent; positive
 };
 
 struct ImuConfig {

@@ -79,6 +79,8 @@ struct ImuCounters : CounterGroup {
   Counter failed{*this, {"failed", "lost to errors of the file", Show::if_not_zero, Show::if_not_zero}};
   // Samples that left a whole period late, or later.
   Counter missed{*this, {"missed", "missed", Show::always, Show::always}};
+  // Samples later than `skip_after_ms`, whose frames were not sent.
+  Counter skipped{*this, {"skipped", "skipped", Show::if_not_zero, Show::if_not_zero}};
   // Samples after the newest truth; of these, samples with motion held; of these, samples that were not sent.
   Counter extrapolated{*this, {"extrapolated", "extrapolated"}};
   Counter held{*this, {"held", "held"}};

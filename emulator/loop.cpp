@@ -85,6 +85,7 @@ void Loop::round() noexcept {
     prepare();
   }
   if (paced_ && due_ - now > options_.spin) return wait(std::min(due_ - options_.spin, now + longest_wait));
+  if (paced_ && now - due_ > options_.skip_after) return skip(now);
   transmit(now);
 }
 
@@ -247,12 +248,26 @@ void Loop::transmit(HostTime now) noexcept {
     if (!waits_for_truth_ && !prepared_at_rest_)
       session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
   }
-  for (Channel* channel : prepared_) channel->count_sample();
-  if (!prepared_at_rest_) session_.count_samples(prepared_.size());
-  prepared_.clear();
+  count_samples();
   if (!paced_ || std::exchange(waited_, false)) return;
   truth_waits_ = true;  // poll() was not called
   serve_all();
+}
+
+// The devices receive the samples, so that counters, clocks and increments are those of a sensor that went on while
+// this host was held up.
+void Loop::skip(HostTime now) noexcept {
+  session_.cycle_power_if_requested(now);
+  for (Channel* channel : prepared_) channel->skip();
+  count_samples();
+  truth_waits_ = true;  // poll() was not called
+  if (now - served_ > longest_wait) serve_all();
+}
+
+void Loop::count_samples() noexcept {
+  for (Channel* channel : prepared_) channel->count_sample();
+  if (!prepared_at_rest_) session_.count_samples(prepared_.size());
+  prepared_.clear();
 }
 
 }  // namespace imud

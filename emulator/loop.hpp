@@ -13,7 +13,9 @@
 namespace imud {
 
 struct LoopOptions {
-  Nanoseconds spin{0};               // the thread spins for this long before each instant
+  Nanoseconds spin{0};  // the thread spins for this long before each instant
+  // Where the host's clock paces: the frames of a sample that is later than this are not sent.
+  Nanoseconds skip_after = std::chrono::seconds(1);
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
 };
 
@@ -45,6 +47,8 @@ class Loop {
   bool is_due() const noexcept { return !prepared_.empty() && host_.now() >= due_ - options_.spin; }
   void prepare() noexcept;
   void transmit(HostTime now) noexcept;
+  void skip(HostTime now) noexcept;
+  void count_samples() noexcept;
 
   void wait(HostTime until) noexcept;
   void serve_all() noexcept;

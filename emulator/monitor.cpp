@@ -38,6 +38,7 @@ void Monitor::update() {
   report_refusals();
   report_interruptions();
   report_imus();
+  report_skipped();
   const double now_s = seconds(host_now() - begin_);
   if (quality_.is_open() && now_s - last_quality_.duration_s >= 1.0) {
     Summary all = now();
@@ -55,6 +56,7 @@ Summary Monitor::finish(std::string capture_warning) {
   report_refusals();
   report_interruptions();
   report_imus();
+  report_skipped();
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
   if (all.truth.warning.empty() && all.truth.counters[&TruthCounters::accepted] == 0 &&
@@ -145,6 +147,18 @@ void Monitor::report_imus() {
         "{}: edges refused: more than 10 s ahead of the sample, or more than 64 waiting (counted; reported once)",
         counters_.imus[i].first);
   }
+}
+
+void Monitor::report_skipped() {
+  if (skipped_reported_) return;
+  std::uint64_t skipped = 0;
+  for (const auto& [name, imu] : counters_.imus) skipped += imu->skipped;
+  if (skipped == 0) return;
+  skipped_reported_ = true;
+  spdlog::warn(
+      "{} samples are skipped, because they are more than {:g} ms late (realtime.skip_after_ms): this process or its "
+      "machine was stopped, or is too slow (counted; reported once)",
+      skipped, 1e3 * seconds(config_.realtime.skip_after));
 }
 
 void Monitor::report_port(ReportedPort& reported, const std::string& imu, const std::string& port,

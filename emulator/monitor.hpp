@@ -51,6 +51,7 @@ class Monitor {
   void report_refusals();
   void report_interruptions();
   void report_imus();
+  void report_skipped();
   // The reports about a port so far.
   struct ReportedPort {
     PortState state = PortState::ready;
@@ -76,7 +77,7 @@ class Monitor {
   std::string quality_error_;
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
-  bool no_truth_reported_ = false, has_truth_ = false;
+  bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false;
   // The reports so far: which causes of refusal; which imus that refuse edges, or whose host uses a UART that is not
   // connected; the ports.
   std::vector<bool> refusals_, edges_refused_, unconnected_reported_;

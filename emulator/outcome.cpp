@@ -114,6 +114,8 @@ Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
     const std::uint64_t dropped = imu.counters[&ImuCounters::dropped], failed = imu.counters[&ImuCounters::failed];
     if (failed > 0)
       shortfalls.push_back(fmt::format("{}: {} lost to errors of the file", imu.name, plural(failed, "frame")));
+    if (const auto n = imu.counters[&ImuCounters::skipped]; capture && n > 0)
+      shortfalls.push_back(fmt::format("{}: {} skipped", imu.name, plural(n, "sample")));
     const bool may_be_unread = config.clock == ClockMode::realtime && is_emulated_line(config.imus[i]);
     if (capture && !may_be_unread && dropped > failed)
       shortfalls.push_back(fmt::format("{}: {} dropped", imu.name, plural(dropped - failed, "frame")));

@@ -39,9 +39,10 @@ struct Outcome {
 void check_figures(std::span<const Requirement> requirements, const Config& config);
 
 // Judges a run of `config`. With a capture as truth nothing may be missing: the capture was read to its end, every
-// truth in it was accepted, and every frame was written; at the recorded pace, frames that nobody read from a pty are
-// not missing. A requirement about truth.gaps decides in place of the rule that there is none. With live truth only
-// frames lost to errors of a file are missing. Percentages are those of the truths received, or of the imu's samples.
+// truth in it was accepted, no sample was skipped, and every frame was written; at the recorded pace, frames that
+// nobody read from a pty are not missing. A requirement about truth.gaps decides in place of the rule that there is
+// none. With live truth only frames lost to errors of a file are missing. Percentages are those of the truths
+// received, or of the imu's samples.
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
               std::span<const Requirement> requirements);
 

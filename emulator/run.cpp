@@ -51,6 +51,7 @@ void drive(Session& session, const Config& config, const RunOptions& options, co
     for (const std::string& shortfall : make_thread_realtime(config.realtime)) spdlog::warn("{}", shortfall);
   LoopOptions loop;
   if (realtime) loop.spin = config.realtime.spin;
+  loop.skip_after = config.realtime.skip_after;
   if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
   const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
   Loop(session, host, *pacer, loop, stop).run();

@@ -2,6 +2,7 @@
 #include <fcntl.h>
 
 #include "tests/emulator/live_test.hpp"
+#include "tests/support/text.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/termios2.hpp"
@@ -33,11 +34,6 @@ class LiveLine : public LiveTest {
       for (const std::byte byte : read_some(client, 4096, 1)) all += static_cast<char>(byte);
     while (host_now() < until);
     return all;
-  }
-  static std::size_t count(const std::string& text, std::string_view word) {
-    std::size_t times = 0;
-    for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++times;
-    return times;
   }
   static void send(int client, const std::string& body) {
     unsigned sum = 0;

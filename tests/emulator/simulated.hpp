@@ -147,7 +147,9 @@ class SimulatedRun {
       return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
     });
     const auto pacer = make_pacer(config_, session_->quality());
-    Loop(*session_, host_, *pacer, {.spin = config_.realtime.spin, .limit = {}}, host_.stop).run();
+    Loop(*session_, host_, *pacer,
+         {.spin = config_.realtime.spin, .skip_after = config_.realtime.skip_after, .limit = {}}, host_.stop)
+        .run();
   }
 
   const std::vector<Left>& left(std::size_t imu = 0) const { return left_[imu]; }

@@ -120,8 +120,8 @@ TEST_F(SummaryTest, TheJsonHasEveryFigure) {
   for (const char* key : {"received", "accepted", "refused", "no_state", "runs", "resumed", "truncated", "inserted",
                           "lost", "rate_hz", "stops", "returns", "clock_rate", "offset_us", "jitter_us", "age_us"})
     EXPECT_TRUE(all["truth"].contains(key)) << key;
-  for (const char* key : {"samples", "frames", "dropped", "extrapolated", "held", "silent", "missed", "replies",
-                          "at_rest", "edges_refused", "lateness_us", "write_us"})
+  for (const char* key : {"samples", "frames", "dropped", "extrapolated", "held", "silent", "missed", "skipped",
+                          "replies", "at_rest", "edges_refused", "lateness_us", "write_us"})
     EXPECT_TRUE(all["imus"][1].contains(key)) << key;
 }
 
