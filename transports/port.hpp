@@ -181,7 +181,7 @@ struct Transport {
   std::string_view suffixes = {};
 
   // Throws PortError if an option is unknown, a value is out of range, or such a port cannot have these settings;
-  // its text has the fault and what would be right. Does not touch the system. check_port() checks the role.
+  // its text has the fault and what would be right. Opens nothing. check_port() checks the role.
   void (*check)(const PortSpec& spec, const PortSettings& settings);
   // Opens a port. Throws PortError with what failed on what.
   std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);

@@ -1,0 +1,34 @@
+// PtyAccess: who may open a pty, from the options `mode`, `owner` and `group` of its port.
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string_view>
+
+#include "transports/port_spec.hpp"
+
+namespace imud {
+
+// Permissions and owners of a pty's slave; what is not given stays as the kernel has set it.
+class PtyAccess {
+ public:
+  static constexpr std::string_view options = "mode owner group";
+
+  // Looks the names up in the system's databases. Throws PortError if a name is unknown, or if the mode is not an
+  // octal number from 0600 to 0666 by which the owner can read and write.
+  explicit PtyAccess(const PortSpec& spec);
+
+  // Applies the options to an open slave. Returns 0, or the errno of what failed. A process that is not root may give
+  // only its own user, and groups that it belongs to.
+  int apply(int slave) const noexcept;
+  // Returns the error to throw if apply() has returned `error`.
+  static PortError refusal(const PortSpec& spec, int error);
+
+ private:
+  std::optional<mode_t> mode_;
+  std::optional<uid_t> owner_;
+  std::optional<gid_t> group_;
+};
+
+}  // namespace imud
