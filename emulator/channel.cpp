@@ -162,10 +162,7 @@ std::size_t Channel::serve(std::size_t uart, HostTime now) noexcept {
     Frame frame = chunk->frame;
     frame.uart = static_cast<std::uint8_t>(uart);
     device_->receive(frame, time, others_);
-    if (const auto replies = others_.frames(); !replies.empty()) {
-      send(replies, true);
-      counters_.replies.count(replies.size());
-    }
+    send(others_.frames(), true);
     apply_uarts();
   }
   return received;
@@ -183,19 +180,22 @@ void Channel::apply_uarts() noexcept {
 
 void Channel::publish() noexcept {
   const Port& port = *lines_[0].port;
-  std::uint64_t sent = port.counters().sent, dropped = port.counters().dropped, failed = port.counters().failed;
+  std::uint64_t sent = port.counters().sent, replies = port.counters().replies, dropped = port.counters().dropped,
+                failed = port.counters().failed;
   counters_.speeds.store(port.speeds(), std::memory_order_relaxed);
   counters_.port_error.store(port.error(), std::memory_order_relaxed);
   if (line_count_ == 2) {
     const Port& second = *lines_[1].port;
     sent += second.counters().sent;
+    replies += second.counters().replies;
     dropped += second.counters().dropped;
     failed += second.counters().failed;
     counters_.second_speeds.store(second.speeds(), std::memory_order_relaxed);
     counters_.second_port_error.store(second.error(), std::memory_order_relaxed);
     counters_.second_port_state.store(second.state(), std::memory_order_release);
   }
-  counters_.frames.store(sent, std::memory_order_relaxed);
+  counters_.frames.store(sent - replies, std::memory_order_relaxed);
+  counters_.replies.store(replies, std::memory_order_relaxed);
   counters_.dropped.store(dropped, std::memory_order_relaxed);
   counters_.failed.store(failed, std::memory_order_relaxed);
   if (sync_) counters_.edges_refused.store(sync_->refused(), std::memory_order_relaxed);

@@ -72,7 +72,7 @@ struct CounterGroup {
 // The counters of one imu.
 struct ImuCounters : CounterGroup {
   Counter samples{*this, {"samples", "samples", Show::always}};
-  // Frames that the port took whole, and frames that it did not take.
+  // Frames of samples and deadlines that the port took whole; frames, replies included, that it did not take.
   Counter frames{*this, {"frames", "frames sent", Show::always}};
   Counter dropped{*this, {"dropped", "dropped", Show::always, Show::always}};
   // Those of the dropped frames that were lost to an error of a file, such as a full disk.

@@ -34,7 +34,7 @@ class Pieces {
 
 }  // namespace
 
-int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& counters) noexcept {
+int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& counters, bool are_replies) noexcept {
   int error = 0;
   std::size_t next = 0;   // the first frame that is neither sent nor dropped
   std::size_t taken = 0;  // bytes of `next` that the kernel has taken
@@ -64,13 +64,13 @@ int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& count
       rest_begin_ += of_rest;
       written -= of_rest;
       if (rest_begin_ != rest_end_) continue;
-      ++counters.sent;
+      counters.count_sent(rest_is_reply_);
     }
     while (next != frames.size() && frames[next].bytes.size() <= max_frame &&
            written >= frames[next].bytes.size() - taken) {
       written -= frames[next].bytes.size() - taken;
       taken = 0;
-      ++counters.sent;
+      counters.count_sent(are_replies);
       ++next;
     }
     taken += written;
@@ -81,6 +81,7 @@ int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& count
     std::copy(rest.begin(), rest.end(), rest_.begin());
     rest_begin_ = 0;
     rest_end_ = rest.size();
+    rest_is_reply_ = are_replies;
     ++next;
   }
   counters.dropped += frames.size() - next;

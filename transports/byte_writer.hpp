@@ -19,8 +19,9 @@ class ByteWriter {
 
   // Writes the rest, then `frames`, by one writev() if the kernel takes it all. Every frame is counted once: as sent
   // when its last byte is taken, as dropped when the kernel takes none of it. Returns 0 ("full" is no failure), or
-  // the errno of the write that failed. If `frames` is empty, only the rest is written.
-  int write(int fd, std::span<const Frame> frames, PortCounters& counters) noexcept;
+  // the errno of the write that failed. If `frames` is empty, only the rest is written. `are_replies`: the frames
+  // count as PortCounters::replies, too.
+  int write(int fd, std::span<const Frame> frames, PortCounters& counters, bool are_replies = false) noexcept;
 
   // Returns true if there is no rest to be written.
   bool is_idle() const noexcept { return rest_begin_ == rest_end_; }
@@ -32,6 +33,7 @@ class ByteWriter {
   std::array<std::byte, max_frame> rest_;
   std::size_t rest_begin_ = 0;
   std::size_t rest_end_ = 0;
+  bool rest_is_reply_ = false;
 };
 
 }  // namespace imud

@@ -85,6 +85,7 @@ class CanPort final : public Port {
     }
     CanQueue::Queued queued{};
     queued.first = true;
+    queued.is_reply = is_reply_;
     queued.since = host_now();
     for (const Frame& frame : frames) {
       if (!pack(frame, queued)) {
@@ -174,7 +175,7 @@ class CanPort final : public Port {
         return;
       }
       state_ = PortState::ready;
-      counters_.sent += static_cast<unsigned>(taken);
+      for (int i = 0; i < taken; ++i) counters_.count_sent(queue_[static_cast<std::size_t>(i)].is_reply);
       queue_.sent(static_cast<std::size_t>(taken), now);
     }
   }

@@ -29,6 +29,7 @@ class CanQueue {
     canfd_frame frame;
     bool fd;              // written as a CAN FD frame
     bool first;           // the first of the frames queued together
+    bool is_reply;        // an answer to the host
     HostTime since;       // when it was queued
     Nanoseconds spacing;  // least time from this frame to the next; 0: not paced
   };

@@ -21,12 +21,12 @@ std::size_t PacedWriter::Queued::received_by(HostTime now) const noexcept {
 }
 
 void PacedWriter::queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds max_wait,
-                        PortCounters& counters) noexcept {
+                        PortCounters& counters, bool are_replies) noexcept {
   const bool too_late = idle_at_ - now > max_wait;
   for (const Frame& frame : frames) {
     const auto& bytes = frame.bytes;
     if (bytes.empty()) {
-      ++counters.sent;
+      counters.count_sent(are_replies);
       continue;
     }
     if (too_late || frames_ == max_frames || bytes.size() > max_characters - count_) {
@@ -34,7 +34,7 @@ void PacedWriter::queue(std::span<const Frame> frames, const UartSettings& line,
       continue;
     }
     Queued& added = queue_[(first_frame_ + frames_) % max_frames];
-    added = {std::max(now, idle_at_), line, bytes.size()};
+    added = {std::max(now, idle_at_), line, bytes.size(), are_replies};
     idle_at_ = added.received(bytes.size());
     ++frames_;
     const std::size_t at = (first_ + count_) % max_characters;
@@ -72,9 +72,9 @@ void PacedWriter::written(std::size_t count, HostTime now, PortCounters& counter
   of_first_ += count;
   while (frames_ > 0 && of_first_ >= frame(0).size) {
     of_first_ -= frame(0).size;
+    counters.count_sent(frame(0).is_reply);
     first_frame_ = (first_frame_ + 1) % max_frames;
     --frames_;
-    ++counters.sent;
   }
   retry_ = now + pause;
 }

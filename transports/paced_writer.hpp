@@ -25,9 +25,10 @@ class PacedWriter {
   static constexpr std::size_t fifo = 14;
 
   // Queues frames, each to be sent at `line` (baud not 0). A frame for which there is no room is dropped whole and
-  // counted; all are dropped if the first would have to wait for longer than `max_wait`.
+  // counted; all are dropped if the first would have to wait for longer than `max_wait`. `are_replies`: the
+  // frames count as PortCounters::replies, too.
   void queue(std::span<const Frame> frames, const UartSettings& line, HostTime now, Nanoseconds max_wait,
-             PortCounters& counters) noexcept;
+             PortCounters& counters, bool are_replies = false) noexcept;
 
   // Returns the next characters to write, contiguous in memory and with the same line settings; empty if none are
   // received by `now`.
@@ -49,7 +50,8 @@ class PacedWriter {
   struct Queued {
     HostTime begin;
     UartSettings line;
-    std::size_t size = 0;                                      // at least 1
+    std::size_t size = 0;  // at least 1
+    bool is_reply = false;
     HostTime received(std::size_t characters) const noexcept;  // the time at which so many are
     std::size_t received_by(HostTime now) const noexcept;      // the number of them by `now`
   };

@@ -52,6 +52,7 @@ enum class PortState : std::uint8_t {
 
 struct PortCounters {
   std::uint64_t sent = 0;        // frames that the kernel took whole
+  std::uint64_t replies = 0;     // of these, frames in answer to the host
   std::uint64_t dropped = 0;     // frames that it did not take; one that it took in part is not counted yet
   std::uint64_t failed = 0;      // of these, frames lost to an error of a file, such as a full disk
   std::uint64_t received = 0;    // frames or chunks
@@ -59,6 +60,12 @@ struct PortCounters {
   std::uint64_t lost_count = 0;  // times the device was lost
   std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments
   std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
+
+  // Counts frames that the kernel took whole.
+  void count_sent(bool is_reply, std::uint64_t frames = 1) noexcept {
+    sent += frames;
+    if (is_reply) replies += frames;
+  }
 };
 
 // One end of a link. One thread at a time uses it. After opening it does not wait, allocate, throw or log.
@@ -72,7 +79,11 @@ class Port {
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
   // Sends an answer to the host, as send() does. On an overloaded line, samples are dropped before answers.
-  virtual void reply(std::span<const Frame> frames) noexcept { send(frames); }
+  virtual void reply(std::span<const Frame> frames) noexcept {
+    is_reply_ = true;
+    send(frames);
+    is_reply_ = false;
+  }
   // Drops the frames that are held back, and counts them. Called at the end of a run.
   virtual void discard_pending() noexcept {}
 
@@ -138,6 +149,7 @@ class Port {
 
  protected:
   PortState state_ = PortState::ready;
+  bool is_reply_ = false;  // send() is called for a reply
   int error_ = 0;
   Speeds speeds_;
   PortCounters counters_;
@@ -188,7 +200,8 @@ struct Transport {
 
   // Returns how long `frame` occupies the wire. nullptr: frames leave instantly.
   WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
-  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all ports. Throws PortError if the
+  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all ports, or of one that is chosen
+  // when it opens. Throws PortError if the
   // spec has not passed check(). nullptr: the transport does not use UDP. A transport that `ends` has it as its
   // option `port`.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;

@@ -38,25 +38,24 @@ class PtyDevice final : public Port {
     if (kept_) resume();
   }
 
-  void send(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(100)); }
-  void reply(std::span<const Frame> frames) noexcept override { send(frames, std::chrono::milliseconds(500)); }
-  void discard_pending() noexcept override {
-    writer_.discard(counters_);
-    if (paced_) paced_->discard(counters_);
-  }
-
-  // Paced: drops frames that would have to wait for the line for longer than `max_wait`.
-  void send(std::span<const Frame> frames, Nanoseconds max_wait) noexcept {
+  // Paced: drops frames that would have to wait for the line for too long.
+  void send(std::span<const Frame> frames) noexcept override {
+    constexpr Nanoseconds sample_wait = std::chrono::milliseconds(100), reply_wait = std::chrono::milliseconds(500);
     if (!has_reader()) {
       counters_.dropped += frames.size();
     } else if (paced_) {
       write_received();
-      paced_->queue(frames, line_, host_now(), max_wait, counters_);
+      paced_->queue(frames, line_, host_now(), is_reply_ ? reply_wait : sample_wait, counters_, is_reply_);
     } else if (state_ == PortState::wrong_speed) {
       write_garbage(frames);
     } else {
-      writer_.write(pty_.master(), frames, counters_);
+      writer_.write(pty_.master(), frames, counters_, is_reply_);
     }
+  }
+
+  void discard_pending() noexcept override {
+    writer_.discard(counters_);
+    if (paced_) paced_->discard(counters_);
   }
 
   std::optional<Received> receive() noexcept override {
@@ -169,7 +168,10 @@ class PtyDevice final : public Port {
     for (const Frame& frame : frames) {
       const auto garbage = as_client_receives(frame.bytes, &frame == &frames.back());
       const bool taken = writer_.is_idle() && ::write(pty_.master(), garbage.data(), garbage.size()) >= 0;
-      ++(taken ? counters_.sent : counters_.dropped);
+      if (taken)
+        counters_.count_sent(is_reply_);
+      else
+        ++counters_.dropped;
     }
   }
 
@@ -235,7 +237,9 @@ class PtyListener final : public Port {
       set_line_speed(tty_.get(), static_cast<unsigned>(*baud));
   }
 
-  void send(std::span<const Frame> frames) noexcept override { writer_.write(tty_.get(), frames, counters_); }
+  void send(std::span<const Frame> frames) noexcept override {
+    writer_.write(tty_.get(), frames, counters_, is_reply_);
+  }
 
   std::optional<Received> receive() noexcept override {
     const ssize_t size = ::read(tty_.get(), buffer_.data(), buffer_.size());

@@ -86,7 +86,7 @@ class SerialPort final : public Port {
       counters_.dropped += frames.size();
       return;
     }
-    if (writer_.write(line_.get(), frames, counters_) != 0) lose();
+    if (writer_.write(line_.get(), frames, counters_, is_reply_) != 0) lose();
   }
 
   std::optional<Received> receive() noexcept override {

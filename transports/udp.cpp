@@ -87,7 +87,7 @@ class UdpPort final : public Port {
   void send(std::span<const Frame> frames) noexcept override {
     for (const Frame& frame : frames) {
       if (try_send(frame)) {
-        ++counters_.sent;
+        counters_.count_sent(is_reply_);
         state_ = PortState::ready;
       } else {
         ++counters_.dropped;

@@ -68,7 +68,7 @@ class Line final : public Port {
   void send(std::span<const Frame> frames) noexcept override {
     for (const Frame& frame : frames)
       sent_.push_back({host_.now(), {reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size()}});
-    counters_.sent += frames.size();
+    counters_.count_sent(is_reply_, frames.size());
   }
   std::optional<Received> receive() noexcept override {
     if (next_ == host_writes_.size() || host_writes_[next_].time > host_.now()) return std::nullopt;
@@ -98,6 +98,7 @@ class ProductBeforeFirst : public BeforeFirstTest {
     if (send_truth != nullptr) send_truth(run);
     run.run(for_s);
     replies_ = run.counters().replies;
+    frames_ = run.counters().frames;
     begin_ = run.at(0);
     return sent;
   }
@@ -105,7 +106,7 @@ class ProductBeforeFirst : public BeforeFirstTest {
     return static_cast<std::size_t>(
         std::count_if(sent.begin(), sent.end(), [&](const auto& chunk) { return chunk.bytes.starts_with(begin); }));
   }
-  std::uint64_t replies_ = 0;
+  std::uint64_t replies_ = 0, frames_ = 0;
   HostTime begin_;
 };
 
@@ -116,6 +117,7 @@ TEST_F(ProductBeforeFirst, AMipDeviceStreamsAndAnswers) {
   EXPECT_NEAR(static_cast<double>(count(sent, "\x75\x65\x80")), 1000, 3);
   EXPECT_EQ(count(sent, pong), 1U);
   EXPECT_EQ(replies_, 1U);
+  EXPECT_EQ(frames_, sent.size() - 1);
 }
 
 // An unfinished command is discarded, although no sample ever arrives.

@@ -75,7 +75,7 @@ struct DiaryPort final : Port {
       : host(host_), sent(sent_), input(std::move(input_)) {}
   void send(std::span<const Frame> frames) noexcept override {
     for (const Frame& frame : frames) sent.emplace_back(host.now(), static_cast<char>(frame.bytes[0]));
-    counters_.sent += frames.size();
+    counters_.count_sent(is_reply_, frames.size());
     if (on_send) on_send();
   }
   std::optional<Received> receive() noexcept override {

@@ -26,10 +26,10 @@ class ClientLine final : public Port {
   }
   void reply(std::span<const Frame> frames) noexcept override {
     for (const Frame& frame : frames) answer_ += text(frame);
-    counters_.sent += frames.size();
+    counters_.count_sent(is_reply_, frames.size());
   }
   void send(std::span<const Frame> frames) noexcept override {
-    counters_.sent += frames.size();
+    counters_.count_sent(is_reply_, frames.size());
     for (const Frame& frame : frames) {
       if (client_.allows(text(frame), host_.now())) continue;
       if (++forbidden <= 3)

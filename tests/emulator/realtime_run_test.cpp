@@ -271,7 +271,7 @@ TEST_F(RealtimeRun, AFloodFromTheHostDelaysNoSample) {
   class Flood final : public Port {
    public:
     explicit Flood(SimulatedHost& host) : host_(host) {}
-    void send(std::span<const Frame> frames) noexcept override { counters_.sent += frames.size(); }
+    void send(std::span<const Frame> frames) noexcept override { counters_.count_sent(is_reply_, frames.size()); }
     std::optional<Received> receive() noexcept override {
       host_.spend(200us);
       return Received{{bytes_}, host_.now()};

@@ -106,7 +106,7 @@ class SimulatedSensor final : public Port, private MeasurementSink {
       : host_(host), left_(left), decoder_(find_protocol("native")->make_decoder(Settings())) {}
   void send(std::span<const Frame> frames) noexcept override {
     for (const Frame& frame : frames) decoder_->feed(frame, *this);
-    counters_.sent += frames.size();
+    counters_.count_sent(is_reply_, frames.size());
   }
   std::optional<Received> receive() noexcept override { return std::nullopt; }
 

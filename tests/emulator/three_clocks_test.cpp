@@ -19,7 +19,7 @@ class RecordingPort final : public Port {
       record_ += fmt::format("{:x}:", frame.can.id);
       record_.append(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
     }
-    counters_.sent += frames.size();
+    counters_.count_sent(is_reply_, frames.size());
   }
   bool has_input() const noexcept { return counters_.sent >= 500 && !host_bytes_.empty(); }
   int descriptor() const noexcept override { return 1001; }

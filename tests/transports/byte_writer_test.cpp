@@ -48,6 +48,29 @@ TEST_F(ByteWriterTest, SeveralFramesGoWhole) {
   EXPECT_EQ(reader.broken, 0U);
 }
 
+// A frame counts as what it is, although its rest leaves with others.
+TEST_F(ByteWriterTest, RepliesAreCountedWhenTheirLastByteIsTaken) {
+  std::uint64_t replies = 0, torn = 0;
+  bool replies_pending = false;  // the rest is that of a reply
+  for (int i = 0; i < 4000; ++i) {
+    const std::size_t size = 1 + static_cast<std::size_t>(i) % 60;
+    const bool are_replies = i % 3 == 0;
+    const std::uint64_t sent = counters.sent, rest = writer.is_idle() ? 0 : 1;
+    const bool rest_is_reply = rest != 0 && replies_pending;
+    EXPECT_EQ(writer.write(in.get(), frames.next(size), counters, are_replies), 0);
+    const std::uint64_t now = counters.sent - sent, of_rest = now > 0 ? rest : 0;
+    replies += are_replies ? now - of_rest : 0;
+    replies += rest_is_reply ? of_rest : 0;
+    ASSERT_EQ(counters.replies, replies) << i;
+    if (!writer.is_idle() && (now > 0 || rest == 0)) replies_pending = are_replies;
+    torn += !writer.is_idle();
+    drain(static_cast<std::size_t>(1 + i * 61 % 3000));
+  }
+  EXPECT_GT(torn, 500U);
+  EXPECT_GT(counters.replies, 500U);
+  EXPECT_LT(counters.replies, counters.sent / 2);
+}
+
 TEST_F(ByteWriterTest, ReaderThatTakesLittleGetsWholeFramesInOrder) {
   // A pipe accepts up to 4096 bytes whole or not at all, and more in part.
   std::size_t torn = 0;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <memory>
 #include <numeric>
 #include <utility>
@@ -49,6 +50,20 @@ class PacedWriting : public testing::Test {
 };
 
 using std::chrono::microseconds;
+
+TEST_F(PacedWriting, ARepliesLastCharacterCountsIt) {
+  const std::array<std::byte, 20> bytes{};
+  const Frame frame{bytes};
+  for (const bool is_reply : {false, true, false})
+    writer_->queue({&frame, 1}, {10'000}, begin, longest_wait, counters_, is_reply);
+  for (const auto& [characters, replies] : {std::pair{14U, 0U}, {28U, 0U}, {42U, 1U}, {60U, 1U}}) {
+    const HostTime now = begin + std::chrono::milliseconds(characters);
+    for (auto some = writer_->ready(now); !some.empty(); some = writer_->ready(now))
+      writer_->written(some.size(), now, counters_);
+    EXPECT_EQ(counters_.replies, replies);
+    EXPECT_EQ(counters_.sent, characters / 20);
+  }
+}
 
 TEST_F(PacedWriting, FourteenAtATimeAndTheEnd) {
   // Ten bits at 10 kbit/s: a millisecond for each character.

@@ -35,7 +35,10 @@ class ThrowawayPort final : public Port {
       const auto* to = connected_ ? nullptr : reinterpret_cast<const sockaddr*>(&peer_);
       const bool sent = ::sendto(socket_.get(), frame.bytes.data(), frame.bytes.size(), MSG_NOSIGNAL, to,
                                  connected_ ? 0 : peer_size_) >= 0;
-      ++(sent ? counters_.sent : counters_.dropped);
+      if (sent)
+        counters_.count_sent(is_reply_);
+      else
+        ++counters_.dropped;
     }
   }
 
