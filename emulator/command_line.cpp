@@ -50,7 +50,7 @@ int keep_ptys(const std::vector<std::string>& links, bool background) {
   std::vector<std::unique_ptr<PtyKeeper>> keepers;
   for (const std::string& link : links) {
     keepers.push_back(std::make_unique<PtyKeeper>(link));
-    fmt::print("{} is held, as {}\n", link, keepers.back()->slave());
+    fmt::print("{} is held, as {}\n", keepers.back()->link(), keepers.back()->slave());
   }
   std::fflush(stdout);
   if (background && ::daemon(1, 0) != 0)
@@ -156,7 +156,9 @@ int command_line(int argc, const char* const* argv) {
   auto* pty_command = app.add_subcommand(
       "pty", "Hold pseudo-terminals, so that their clients are not hung up while imud restarts; until SIGTERM");
   std::vector<std::string> links;
-  pty_command->add_option("LINK", links, "As in port = \"pty:LINK\" of the configuration")->required();
+  pty_command
+      ->add_option("LINK", links, "As in port = \"pty:LINK\" of the configuration; or pty:LINK?mode=0660&group=NAME")
+      ->required();
   bool background = false;
   pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
 

@@ -14,6 +14,7 @@
 #include "transports/host_clock.hpp"
 #include "transports/paced_writer.hpp"
 #include "transports/port.hpp"
+#include "transports/pty_access.hpp"
 #include "transports/pty_keeper.hpp"
 #include "transports/pty_pair.hpp"
 #include "transports/termios2.hpp"
@@ -28,12 +29,18 @@ namespace {
 class PtyDevice final : public Port {
  public:
   PtyDevice(const PortSpec& spec, const PortSettings& settings)
-      : kept_(take_kept_pty(spec)),
+      : access_(spec),
+        kept_(take_kept_pty(spec)),
         pty_(kept_ ? PtyPair(spec, std::move(kept_->master)) : PtyPair(spec)),
         line_(uart_settings(spec, settings, 0)),
         any_speed_(spec.one_of("speed", "line any") == "any") {
     if (settings.paced) paced_.emplace();
-    set_first_speed(spec);
+    if (!set_first_speed()) throw spec.error(fmt::format("baud: {}", std::strerror(errno)));
+    if (const int error = access_.apply(pty_.open_slave().get()); error != 0) throw PtyAccess::refusal(spec, error);
+    if (kept_)
+      next_keeper_.emplace(spec);
+    else
+      pty_.make_link(spec);
     state_ = PortState::no_reader;
     if (kept_) resume();
   }
@@ -100,12 +107,32 @@ class PtyDevice final : public Port {
   int descriptor() const noexcept override { return state_ == PortState::no_reader ? -1 : pty_.master(); }
 
  private:
-  // Sets the line's speed, unless a client of a kept pty has set one.
-  void set_first_speed(const PortSpec& spec) const {
+  // Sets the line's speed, unless a client of a kept pty has set one: one that no earlier device has, or by a
+  // constant of termios, which set_line_speed() does not use. Returns false, with errno, on failure.
+  bool set_first_speed() noexcept {
     constexpr unsigned of_new_pty = 38400;  // tty_std_termios in Linux' tty_io.c
-    if (line_.baud == 0 || line_speed(pty_.master()) != of_new_pty) return;
+    const auto speed = line_speed(pty_.master());
+    const bool is_earlier_devices = kept_ && speed == kept_->speed && !has_speed_constant(pty_.master());
+    if (line_.baud == 0 || (speed != of_new_pty && !is_earlier_devices)) return true;
     const FileDescriptor slave = pty_.open_slave();
-    if (!set_line_speed(slave.get(), line_.baud)) throw spec.error(fmt::format("baud: {}", std::strerror(errno)));
+    if (!set_line_speed(slave.get(), line_.baud)) return false;
+    if (kept_) kept_->keep_speed(line_.baud);
+    return true;
+  }
+
+  // The keeper has ended: its client is served on, until there is another keeper, whose pty has the link then.
+  void follow_keeper() noexcept {
+    std::optional<KeptPty> next = next_keeper_->take();
+    if (!next || !pty_.replace(std::move(next->master))) return;
+    kept_ = std::move(next);
+    ++counters_.lost_count;
+    writer_.discard(counters_);
+    if (paced_) paced_->discard(counters_);
+    to_client_.idle();
+    from_client_.idle();
+    set_first_speed();
+    access_.apply(pty_.open_slave().get());
+    state_ = PortState::no_reader;
   }
 
   // Discards what the client sent while no device was there, and what a client that has left did not read.
@@ -126,9 +153,14 @@ class PtyDevice final : public Port {
   }
 
   bool check_reader() noexcept {
-    pollfd master{pty_.master(), 0, 0};
-    ::poll(&master, 1, 0);
-    const bool present = (master.revents & POLLHUP) == 0;
+    if (kept_ && !kept_->connection) follow_keeper();
+    std::array<pollfd, 2> ends{{{pty_.master(), 0, 0}, {kept_ ? kept_->connection.get() : -1, 0, 0}}};
+    ::poll(ends.data(), ends.size(), 0);
+    if (ends[1].revents != 0) {
+      kept_->connection.reset();
+      next_keeper_->start();
+    }
+    const bool present = (ends[0].revents & POLLHUP) == 0;
     if (!present && state_ != PortState::no_reader) discard_unread();
     state_ = present ? state_with_reader() : PortState::no_reader;
     checked_ = host_now();
@@ -210,7 +242,9 @@ class PtyDevice final : public Port {
 
   static constexpr std::size_t most_read = 256;
 
-  std::optional<KeptPty> kept_;
+  const PtyAccess access_;
+  std::optional<KeptPty> kept_;  // without its connection while the keeper is gone
+  std::optional<NextKeeper> next_keeper_;
   PtyPair pty_;
   UartSettings line_;  // of the device; baud 0: not known
   const bool any_speed_;
@@ -264,9 +298,10 @@ class PtyListener final : public Port {
 };
 
 void check(const PortSpec& spec, const PortSettings& settings) {
-  spec.allow_only(settings.role == Role::device ? "baud parity stop speed" : "baud");
+  spec.allow_only(settings.role == Role::device ? "baud parity stop speed mode owner group" : "baud");
   const UartSettings line = uart_settings(spec, settings, 0);
   spec.one_of("speed", "line any");
+  static_cast<void>(PtyAccess(spec));
   if (settings.paced && line.baud == 0)
     throw spec.error("a line without speed has no pace; give baud, such as baud=115200");
 }
@@ -287,7 +322,7 @@ extern const Transport pty_transport;
 constexpr Transport pty_transport = {
     .name = "pty",
     .summary = "a serial line without hardware: a pseudo-terminal behind the link of that name",
-    .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any",
+    .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any&mode=0660&owner=NAME&group=NAME",
     .document = "pty(7)",
     .has_path = true,
     .makes_link = true,

@@ -4,13 +4,15 @@
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/time.h>
-#include <sys/un.h>
 
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <string_view>
 #include <vector>
+
+#include "transports/pty_access.hpp"
 
 namespace imud {
 namespace {
@@ -28,21 +30,33 @@ sockaddr_un address_of(const PortSpec& spec) {
   return address;
 }
 
-FileDescriptor new_socket() noexcept { return FileDescriptor(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0)); }
+FileDescriptor new_socket(int flags = 0) noexcept {
+  return FileDescriptor(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | flags, 0));
+}
 
-// Returns the connection; none if there is no keeper. A socket whose keeper has ended refuses.
+int connect_to(const FileDescriptor& socket, const sockaddr_un& address) noexcept {
+  return ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address);
+}
+
+constexpr std::string_view no_answer = "its keeper does not answer; is that process stopped?";
+
+// Returns the connection; none if there is no keeper. A socket whose keeper has ended refuses. Throws PortError if
+// the keeper does not answer within 2 s; the same limit holds for receiving from it.
 FileDescriptor connection_to(const PortSpec& spec) {
   std::error_code error;
   if (!std::filesystem::is_socket(socket_of(spec.address), error)) return {};
   const sockaddr_un address = address_of(spec);
   FileDescriptor connection = new_socket();
-  if (connection && ::connect(connection.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
-    return connection;
+  const timeval longest{.tv_sec = 2, .tv_usec = 0};
+  for (const int limit : {SO_SNDTIMEO, SO_RCVTIMEO})
+    ::setsockopt(connection.get(), SOL_SOCKET, limit, &longest, sizeof longest);
+  if (connection && connect_to(connection, address) == 0) return connection;
   if (errno == ECONNREFUSED || errno == ENOENT) return {};
+  if (errno == EAGAIN) throw spec.error(no_answer);  // as many as its queue holds have tried before
   throw spec.error(fmt::format("its keeper cannot be reached: {}", std::strerror(errno)));
 }
 
-// One byte with a descriptor (cmsg(3)).
+// A speed with a descriptor (cmsg(3)).
 class Message {
  public:
   Message() noexcept {
@@ -54,7 +68,8 @@ class Message {
   Message(const Message&) = delete;
   Message& operator=(const Message&) = delete;
 
-  void send(int socket, int descriptor) noexcept {
+  void send(int socket, int descriptor, std::uint32_t speed) noexcept {
+    speed_ = speed;
     cmsghdr* control = CMSG_FIRSTHDR(&header_);
     control->cmsg_level = SOL_SOCKET;
     control->cmsg_type = SCM_RIGHTS;
@@ -62,30 +77,49 @@ class Message {
     std::memcpy(CMSG_DATA(control), &descriptor, sizeof descriptor);
     static_cast<void>(::sendmsg(socket, &header_, MSG_NOSIGNAL | MSG_DONTWAIT));
   }
-  // Returns the descriptor; none if the other end has closed the connection or is too slow.
+  // Returns the descriptor; none, with errno, if no message has come, or with errno 0 if the other end has closed the
+  // connection.
   FileDescriptor receive(int socket) noexcept {
-    if (::recvmsg(socket, &header_, MSG_CMSG_CLOEXEC) != 1) return {};
+    ssize_t size = 0;
+    do size = ::recvmsg(socket, &header_, MSG_CMSG_CLOEXEC);
+    while (size < 0 && errno == EINTR);
+    if (size < 0) return {};
+    errno = 0;
     const cmsghdr* control = CMSG_FIRSTHDR(&header_);
-    if (control == nullptr || control->cmsg_type != SCM_RIGHTS) return {};
+    if (size != sizeof speed_ || control == nullptr || control->cmsg_type != SCM_RIGHTS) return {};
     int fd = -1;
     std::memcpy(&fd, CMSG_DATA(control), sizeof fd);
     return FileDescriptor(fd);
   }
+  std::uint32_t speed() const noexcept { return speed_; }
 
  private:
-  char byte_ = 0;
-  iovec part_{&byte_, 1};
+  std::uint32_t speed_ = 0;
+  iovec part_{&speed_, sizeof speed_};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> room_{};
   msghdr header_{};
 };
 
+PortSpec spec_of(const std::string& port) {
+  if (!port.starts_with("pty:")) return {.scheme = "pty", .address = port, .options = {}};
+  PortSpec spec = PortSpec::parse(port);
+  spec.allow_only(PtyAccess::options);
+  return spec;
+}
+
 }  // namespace
 
-PtyKeeper::PtyKeeper(const std::string& link)
-    : spec_{.scheme = "pty", .address = link, .options = {}}, pty_(spec_), socket_path_(socket_of(link)) {
+PtyKeeper::PtyKeeper(const std::string& port)
+    : spec_(spec_of(port)), pty_(spec_), socket_path_(socket_of(spec_.address)) {
   const sockaddr_un address = address_of(spec_);
+  std::error_code error;
+  const bool was_kept = std::filesystem::is_socket(socket_path_, error);
   if (connection_to(spec_)) throw spec_.error("another keeper holds it; stop that one, or choose another name");
-  ::unlink(address.sun_path);  // of a keeper that has ended
+  const FileDescriptor slave = pty_.open_slave();
+  if (const int failure = PtyAccess(spec_).apply(slave.get()); failure != 0) throw PtyAccess::refusal(spec_, failure);
+  // A keeper that was killed has left its link, whose pty a device may still have.
+  pty_.make_link(spec_, was_kept);
+  ::unlink(address.sun_path);
   socket_ = new_socket();
   if (!socket_ || ::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
       ::listen(socket_.get(), 8) != 0)
@@ -97,8 +131,21 @@ PtyKeeper::~PtyKeeper() { ::unlink(socket_path_.c_str()); }
 void PtyKeeper::accept() noexcept {
   FileDescriptor next(::accept4(socket_.get(), nullptr, nullptr, SOCK_CLOEXEC));
   if (!next || connection_) return;  // closed without an answer: another process has the pty
-  Message().send(next.get(), pty_.master());
+  Message().send(next.get(), pty_.master(), speed_);
   connection_ = std::move(next);
+}
+
+// A process that has the pty sends the speed that it has set, and closes the connection when it ends.
+void PtyKeeper::receive() noexcept {
+  while (connection_) {
+    std::uint32_t speed = 0;
+    const ssize_t size = ::recv(connection_.get(), &speed, sizeof speed, MSG_DONTWAIT);
+    if (size < 0 && errno == EAGAIN) return;
+    if (size == sizeof speed)
+      speed_ = speed;
+    else
+      connection_.reset();
+  }
 }
 
 void PtyKeeper::serve(std::span<const std::unique_ptr<PtyKeeper>> keepers, int stop) noexcept {
@@ -112,20 +159,48 @@ void PtyKeeper::serve(std::span<const std::unique_ptr<PtyKeeper>> keepers, int s
     ::poll(inputs.data(), inputs.size(), -1);
     for (std::size_t i = 0; i < keepers.size(); ++i) {
       // A process that ends before another one begins has closed its connection before that one connects.
-      if (inputs[1 + 2 * i].revents != 0) keepers[i]->connection_.reset();
+      if (inputs[1 + 2 * i].revents != 0) keepers[i]->receive();
       if (inputs[2 + 2 * i].revents != 0) keepers[i]->accept();
     }
   } while (inputs[0].revents == 0);
+}
+
+void KeptPty::keep_speed(std::uint32_t line_speed) const noexcept {
+  static_cast<void>(::send(connection.get(), &line_speed, sizeof line_speed, MSG_NOSIGNAL | MSG_DONTWAIT));
 }
 
 std::optional<KeptPty> take_kept_pty(const PortSpec& spec) {
   KeptPty kept;
   kept.connection = connection_to(spec);
   if (!kept.connection) return std::nullopt;
-  const timeval longest{.tv_sec = 2, .tv_usec = 0};
-  ::setsockopt(kept.connection.get(), SOL_SOCKET, SO_RCVTIMEO, &longest, sizeof longest);
-  kept.master = Message().receive(kept.connection.get());
-  if (!kept.master) throw spec.error("another process has it from its keeper; stop that one, or choose another name");
+  Message answer;
+  kept.master = answer.receive(kept.connection.get());
+  if (!kept.master)
+    throw spec.error(errno == EAGAIN
+                         ? no_answer
+                         : "another process has it from its keeper; stop that one, or choose another name");
+  kept.speed = answer.speed();
+  return kept;
+}
+
+NextKeeper::NextKeeper(const PortSpec& spec) : address_(address_of(spec)) {}
+
+std::optional<KeptPty> NextKeeper::take() noexcept {
+  if (!connection_) {
+    if (!back_off_.due()) return std::nullopt;
+    connection_ = new_socket(SOCK_NONBLOCK);
+    if (!connection_ || connect_to(connection_, address_) != 0) {
+      connection_.reset();
+      return std::nullopt;
+    }
+  }
+  Message answer;
+  KeptPty kept{.master = answer.receive(connection_.get()), .connection = {}, .speed = answer.speed()};
+  if (!kept.master) {
+    if (errno != EAGAIN) connection_.reset();
+    return std::nullopt;
+  }
+  kept.connection = std::move(connection_);
   return kept;
 }
 

@@ -6,10 +6,13 @@
 #include <sys/stat.h>
 #include <termios.h>
 
+#include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -32,10 +35,16 @@ PortError failed(const PortSpec& spec, std::string_view what) {
   return spec.error(fmt::format("{}: {}", what, std::strerror(errno)));
 }
 
-std::string slave_of(const PortSpec& spec, const FileDescriptor& master) {
+std::optional<int> number_of(const FileDescriptor& master) noexcept {
   int number = 0;
-  if (!master || ::ioctl(master.get(), TIOCGPTN, &number) != 0) throw failed(spec, "cannot make a pty");
-  return fmt::format("{}{}", slaves, number);
+  if (!master || ::ioctl(master.get(), TIOCGPTN, &number) != 0) return std::nullopt;
+  return number;
+}
+
+std::string slave_of(const PortSpec& spec, const FileDescriptor& master) {
+  const auto number = number_of(master);
+  if (!number) throw failed(spec, "cannot make a pty");
+  return fmt::format("{}{}", slaves, *number);
 }
 
 FileDescriptor new_master(const PortSpec& spec) {
@@ -57,12 +66,21 @@ bool make_raw(int fd) noexcept {
 PtyPair::PtyPair(const PortSpec& spec) : PtyPair(spec, new_master(spec)) {
   const FileDescriptor slave = open_slave();
   if (!slave || !make_raw(slave.get())) throw failed(spec, slave_);
-  make_link(spec);
-  link_ = spec.address;
 }
 
 PtyPair::PtyPair(const PortSpec& spec, FileDescriptor master)
     : master_(std::move(master)), slave_(slave_of(spec, master_)) {}
+
+bool PtyPair::replace(FileDescriptor master) noexcept {
+  const auto number = number_of(master);
+  if (!number) return false;
+  std::array<char, 16> digits{};
+  const char* end = std::to_chars(digits.data(), digits.data() + digits.size(), *number).ptr;
+  slave_.resize(slaves.size());  // short enough for no allocation
+  slave_.append(digits.data(), static_cast<std::size_t>(end - digits.data()));
+  master_ = std::move(master);
+  return true;
+}
 
 PtyPair::~PtyPair() {
   if (link_.empty()) return;
@@ -74,7 +92,7 @@ FileDescriptor PtyPair::open_slave() const noexcept {
   return FileDescriptor(::open(slave_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
 }
 
-void PtyPair::make_link(const PortSpec& spec) const {
+void PtyPair::make_link(const PortSpec& spec, bool replace_served) {
   namespace fs = std::filesystem;
   const std::string& link = spec.address;
   std::error_code error;
@@ -83,7 +101,7 @@ void PtyPair::make_link(const PortSpec& spec) const {
     const std::string target = fs::read_symlink(link, error).string();
     if (!target.starts_with(slaves))
       throw spec.error(fmt::format("is a link to {}, not to a pty; it is left alone, choose another name", target));
-    if (target != slave_ && is_served(link))
+    if (target != slave_ && !replace_served && is_served(link))
       throw spec.error(fmt::format(
           "another process serves it ({}); stop that one, choose another name, or remove the link", target));
   } else if (fs::exists(old)) {
@@ -99,6 +117,7 @@ void PtyPair::make_link(const PortSpec& spec) const {
     fs::remove(fresh, ignored);
     throw spec.error(fmt::format("cannot make the link: {}", error.message()));
   }
+  link_ = link;
 }
 
 }  // namespace imud

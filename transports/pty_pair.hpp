@@ -16,14 +16,20 @@ bool make_raw(int fd) noexcept;
 // closed.
 class PtyPair {
  public:
-  // Makes a pty, and the link spec.address, which replaces one that a process that has ended left behind. Throws
-  // PortError.
+  // Makes a pty, without a link. Throws PortError.
   explicit PtyPair(const PortSpec& spec);
   // Uses an open master; the link remains its owner's. Throws PortError if it is no master of a pty.
   PtyPair(const PortSpec& spec, FileDescriptor master);
-  ~PtyPair();  // removes the link that the constructor has made, if it is still there
+  ~PtyPair();  // removes the link that make_link() has made, if it is still there
   PtyPair(const PtyPair&) = delete;
   PtyPair& operator=(const PtyPair&) = delete;
+
+  // Makes the link spec.address, when the slave is as a client shall find it. Replaces a link that a process that has
+  // ended left behind, and with `replace_served` one whose pty is still in use. Throws PortError.
+  void make_link(const PortSpec& spec, bool replace_served = false);
+  // Continues with another open master, whose link is its owner's. Returns false if it is no master of a pty; then
+  // nothing changes.
+  bool replace(FileDescriptor master) noexcept;
 
   int master() const noexcept { return master_.get(); }
   const std::string& slave() const noexcept { return slave_; }  // "/dev/pts/3"
@@ -31,8 +37,6 @@ class PtyPair {
   FileDescriptor open_slave() const noexcept;
 
  private:
-  void make_link(const PortSpec& spec) const;
-
   FileDescriptor master_;
   std::string slave_;
   std::string link_;  // empty if it is another's

@@ -23,4 +23,9 @@ std::optional<unsigned> line_speed(int fd) noexcept {
   return line.c_ospeed;
 }
 
+bool has_speed_constant(int fd) noexcept {
+  termios2 line{};
+  return ::ioctl(fd, TCGETS2, &line) == 0 && (line.c_cflag & CBAUD) != BOTHER;
+}
+
 }  // namespace imud

@@ -49,7 +49,7 @@ TEST_F(LiveLine, AChangeOfSpeedIsAnsweredAtTheOldOneAndThenHolds) {
     start(imud, product("vectornav", pace));
     ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
     const FileDescriptor client = open_terminal(path("imu"));
-    EXPECT_TRUE(eventually([&] { return line_speed(client.get()) == 115'200U; }));
+    EXPECT_EQ(line_speed(client.get()), 115'200U);
     Program truth("imu-truth");
     truth.start({"turntable", "--to", simulator_.port(), "--rate", "50", "--for", "60"});
     ASSERT_TRUE(receives(client.get(), "$VNYMR,"));

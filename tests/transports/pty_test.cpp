@@ -3,9 +3,11 @@
 #include <sys/wait.h>
 
 #include <array>
+#include <atomic>
 #include <cstdio>
 #include <fstream>
 #include <numeric>
+#include <thread>
 
 #include "tests/transports/port_error.hpp"
 #include "tests/transports/scratch_folder.hpp"
@@ -234,6 +236,55 @@ TEST_F(Pty, LineHasTheSpeedAskedFor) {
     EXPECT_EQ(line_speed(open_terminal(link).get()), baud);
   }
   EXPECT_TRUE(mentions(error_of("pty:" + link + "?baud=49"), "from 50 to 4000000"));
+  EXPECT_FALSE(fs::exists(fs::symlink_status(link)));
+}
+
+// A client that waits for the link finds the line as it will be.
+TEST_F(Pty, TheLinkIsMadeWhenTheLineHasItsSpeedAndMode) {
+  for (int round = 0; round < 100; ++round) {
+    std::atomic<bool> is_waiting = false;
+    std::optional<unsigned> speed;
+    mode_t mode = 0;
+    std::jthread client([&] {
+      FileDescriptor terminal;
+      is_waiting = true;
+      while (!terminal) terminal.reset(::open(link.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+      speed = line_speed(terminal.get());
+      struct stat status {};
+      ::fstat(terminal.get(), &status);
+      mode = status.st_mode & 0777U;
+    });
+    while (!is_waiting) std::this_thread::yield();
+    const auto port = open_port("pty:" + link + "?baud=921600&mode=0606", Role::device);
+    client.join();
+    ASSERT_EQ(speed, 921600U) << round;
+    ASSERT_EQ(mode, 0606U) << round;
+  }
+}
+
+TEST_F(Pty, ModeOwnerAndGroupAreThoseAskedFor) {
+  const std::string group = std::to_string(::getegid());
+  for (const std::string& options : {"?mode=0640&group=" + group, "?mode=640&owner=" + std::to_string(::geteuid())}) {
+    const auto port = open_port("pty:" + link + options, Role::device);
+    struct stat status {};
+    ASSERT_EQ(::stat(link.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777U, 0640U);
+    EXPECT_EQ(status.st_uid, ::geteuid());
+    if (options.find("group") != options.npos) {
+      EXPECT_EQ(status.st_gid, ::getegid());
+    }
+  }
+  if (::geteuid() == 0) {
+    const auto port = open_port("pty:" + link + "?owner=root&group=root", Role::device);
+    struct stat status {};
+    ASSERT_EQ(::stat(link.c_str(), &status), 0);
+    EXPECT_EQ(status.st_gid, 0U);
+  }
+  for (const char* wrong : {"mode=999", "mode=0066", "mode=0777", "mode=rw", "mode=0200"})
+    EXPECT_TRUE(mentions(error_of("pty:" + link + "?" + wrong), "an octal number from 0600 to 0666")) << wrong;
+  EXPECT_TRUE(mentions(error_of("pty:" + link + "?group=no-such-group"), "there is no such group"));
+  EXPECT_TRUE(mentions(error_of("pty:" + link + "?owner=no-such-user"), "there is no such user"));
+  EXPECT_TRUE(mentions(error_of("pty:" + link + "?mode=0600", Role::listener), "unknown option 'mode'"));
   EXPECT_FALSE(fs::exists(fs::symlink_status(link)));
 }
 
