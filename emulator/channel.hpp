@@ -31,6 +31,7 @@ class Channel {
   const std::string& name() const noexcept { return name_; }
   const Grid& grid() const noexcept { return grid_; }
   const ImuCounters& counters() const noexcept { return counters_; }
+  const std::optional<Sync>& sync() const noexcept { return sync_; }
   // Returns true if the port is a CAN bus.
   bool is_can() const noexcept { return is_can_; }
   // Returns true if the sensor samples a vehicle at rest until the first truth.

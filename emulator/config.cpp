@@ -116,8 +116,8 @@ EarthModel read_earth(TableReader table) {
   return earth;
 }
 
-// Returns the UDP port on which a listener at `port` receives; nullopt if it receives on all or none, or if the text
-// is malformed.
+}  // namespace
+
 std::optional<std::uint16_t> udp_port(const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || transport->udp_port == nullptr) return std::nullopt;
@@ -127,6 +127,8 @@ std::optional<std::uint16_t> udp_port(const std::string& port) {
     return std::nullopt;
   }
 }
+
+namespace {
 
 // Returns the capture that replaces `port`. If it does not name a UDP port, it is limited to that of `port`.
 std::string in_place_of(const std::string& port, const std::string& capture) {

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -43,6 +45,10 @@ std::string file_of(const std::string& port);
 // Lists the files in config.files. Adds a fault for each imu that would write over the configuration, which was read
 // from `path`, or over the truth.
 void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults);
+
+// Returns the UDP port on which a listener at `port` receives; nullopt if it receives on all or none, if the system
+// chooses it, or if the text is malformed.
+std::optional<std::uint16_t> udp_port(const std::string& port);
 
 // Reads the declared settings that the table has. Adds a fault for each value that is refused.
 Settings read_settings(TableReader& table, std::span<const Setting> declared);

@@ -53,7 +53,7 @@ class Together {
   }
 
   void listen(std::string_view key, const std::string& port) {
-    if (port.empty()) return;
+    if (!udp_port(port)) return;  // the system chooses a free one
     if (const auto [at, is_new] = listeners_.emplace(port, fmt::format("imu.{}.{}", i_, key)); !is_new)
       fault(key, fmt::format("the same as {}; give another", at->second));
   }

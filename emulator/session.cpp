@@ -14,6 +14,20 @@ Session::Session(const Config& config, const Sync::OpenPort& open)
   inputs_.reserve(most_ports * channels_.size() + 1);
 }
 
+ChosenPorts Session::chosen_ports() const {
+  ChosenPorts all;
+  const auto add = [&all](std::string key, std::string port) {
+    if (!port.empty()) all.emplace_back(std::move(key), std::move(port));
+  };
+  add("truth.port", intake_.chosen_port());
+  for (const auto& channel : channels_)
+    if (channel->sync()) {
+      add("imu." + channel->name() + ".sync.trigger_port", channel->sync()->chosen_trigger_port());
+      add("imu." + channel->name() + ".sync.pps_port", channel->sync()->chosen_pps_port());
+    }
+  return all;
+}
+
 void Session::begin_run() noexcept {
   in_run_ = true;
   samples_in_run_ = 0;

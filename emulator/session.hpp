@@ -7,6 +7,8 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/timeline.hpp"
@@ -16,6 +18,9 @@
 #include "emulator/truth_intake.hpp"
 
 namespace imud {
+
+// Configuration keys of ports that the system has chosen, with the ports.
+using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
 
 // Owns the objects of a run. The Pacer and the Loop decide times and the order of events. The constructor allocates
 // all memory. One thread, except for request_power_cycle() and the counters, which any thread may use.
@@ -28,6 +33,7 @@ class Session {
   const TruthIntake& intake() const noexcept { return intake_; }
   Timeline& timeline() noexcept { return timeline_; }
   std::span<const std::unique_ptr<Channel>> channels() const noexcept { return channels_; }
+  ChosenPorts chosen_ports() const;
   TruthQuality& quality() noexcept { return quality_; }
   const TruthQuality& quality() const noexcept { return quality_; }
 

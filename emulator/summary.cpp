@@ -231,6 +231,8 @@ void add(nlohmann::ordered_json& json, const Summary::Whole& whole) {
   json["version"] = IMUD_VERSION;
   json["seed"] = whole.seed;
   json["config_sha256"] = whole.config_sha256;
+  json["chosen_ports"] = nlohmann::ordered_json::object();
+  for (const auto& [key, port] : whole.chosen_ports) json["chosen_ports"][key] = port;
 }
 
 }  // namespace

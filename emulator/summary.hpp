@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "emulator/counters.hpp"
@@ -36,6 +37,8 @@ struct Summary {
     Outcome outcome;
     std::uint64_t seed = 0;
     std::string config_sha256;
+    // Keys of ports that the system has chosen, with the ports.
+    std::vector<std::pair<std::string, std::string>> chosen_ports;
   };
   std::optional<Whole> whole;
 

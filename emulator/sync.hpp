@@ -37,6 +37,9 @@ class Sync {
   void discard_edges() noexcept;
   // Discards the time of the last sample, because simulation time may restart.
   void begin_run() noexcept { last_.reset(); }
+  // Return the ports that the system has chosen (Port::chosen_port()); empty: none.
+  std::string chosen_trigger_port() const { return trigger_.port ? trigger_.port->chosen_port() : ""; }
+  std::string chosen_pps_port() const { return pps_.port ? pps_.port->chosen_port() : ""; }
   // Returns the number of edges refused.
   std::uint64_t refused() const noexcept { return refused_; }
 

@@ -49,6 +49,7 @@ class TruthIntake {
   // Returns true once take() will never take another record; valid after take() has returned `nothing`.
   bool at_end() const noexcept { return finished_; }
   int descriptor() const noexcept { return port_->descriptor(); }
+  std::string chosen_port() const { return port_->chosen_port(); }
   // Returns true if the truth comes from a simulator, false if from a capture.
   bool is_live() const noexcept { return is_live_; }
   // The arrival of the last record.

@@ -212,6 +212,8 @@ int decode(const Options& options, bool& running) {
     if (::write(ready.get(), "ready\n", 6) < 0)
       throw std::runtime_error(fmt::format("--ready-fd {}: {}", *options.ready_fd, std::strerror(errno)));
   }
+  if (const std::string chosen = port->chosen_port(); !chosen.empty())
+    fmt::print(stderr, "imu-decode: receives at {}\n", chosen);
   TextOutput csv("-");
   std::optional<TextOutput> json;
   if (!options.json_path.empty()) json.emplace(options.json_path);

@@ -141,6 +141,12 @@ class Port {
     unsigned line = 0, client = 0;
   };
 
+  // Returns the port's text with the number that the system has chosen in place of 0, "udp:127.0.0.1:41234"; empty if
+  // it has chosen none. Allocates: call it after opening.
+  virtual std::string chosen_port() const { return {}; }
+  // Returns how much of a capture has been read, from 0 to 1; nullopt if its size is not known.
+  virtual std::optional<double> progress() const noexcept { return std::nullopt; }
+
   PortState state() const noexcept { return state_; }
   // Returns the errno of the last write to a file that failed; 0: none has.
   int error() const noexcept { return error_; }

@@ -108,7 +108,7 @@ UdpAddress UdpAddress::parse(std::string_view text) {
   if (colon == std::string_view::npos) throw wrong("no port");
   UdpAddress result;
   const auto port = whole_number<std::uint16_t>(text.substr(colon + 1));
-  if (!port || *port == 0) throw wrong("no port from 1 to 65535");
+  if (!port) throw wrong("no port from 0 to 65535");
   result.port = *port;
 
   const std::string_view host = text.substr(0, colon);

@@ -38,7 +38,8 @@ struct PortSpec {
   PortError error(std::string_view what) const;
 };
 
-// "ADDR:PORT" of UDP: a numeric IPv4 address, or a numeric IPv6 address in brackets. Throws PortError.
+// "ADDR:PORT" of UDP: a numeric IPv4 address, or a numeric IPv6 address in brackets; port 0 is one that the system
+// chooses. Throws PortError.
 struct UdpAddress {
   std::string address;
   std::uint16_t port = 0;

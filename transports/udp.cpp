@@ -5,9 +5,11 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -81,6 +83,14 @@ class UdpPort final : public Port {
                                        ? "; right would be an address of this machine, or 0.0.0.0 or [::] for all"
                                    : error == EACCES ? "; ports below 1024 are root's"
                                                      : ""));
+    } else if (UdpAddress::parse(spec.address).port == 0) {
+      Peer bound;
+      bound.size = sizeof bound.address;
+      ::getsockname(socket_.get(), reinterpret_cast<sockaddr*>(&bound.address), &bound.size);
+      std::array<char, NI_MAXSERV> port{};
+      ::getnameinfo(bound.get(), bound.size, nullptr, 0, port.data(), port.size(), NI_NUMERICSERV | NI_DGRAM);
+      chosen_port_ =
+          fmt::format("{}:{}:{}", spec.scheme, spec.address.substr(0, spec.address.rfind(':')), port.data());
     }
   }
 
@@ -113,6 +123,7 @@ class UdpPort final : public Port {
   }
 
   int descriptor() const noexcept override { return socket_.get(); }
+  std::string chosen_port() const override { return chosen_port_; }
 
  private:
   bool try_send(const Frame& frame) noexcept {
@@ -132,13 +143,15 @@ class UdpPort final : public Port {
 
   const bool connected_;  // the socket is connected to the address given; otherwise bound to it
   FileDescriptor socket_;
+  std::string chosen_port_;
   Peer peer_;  // a listener's: the sender of the last datagram
   std::vector<std::byte> buffer_;
 };
 
-void check(const PortSpec& spec, const PortSettings&) {
+void check(const PortSpec& spec, const PortSettings& settings) {
   spec.allow_only("");
-  static_cast<void>(UdpAddress::parse(spec.address));
+  if (UdpAddress::parse(spec.address).port == 0 && settings.role == Role::device)
+    throw spec.error("only a listener's port is chosen; right would be the receiver's, from 1 to 65535");
 }
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
@@ -162,14 +175,17 @@ bool reaches(const PortSpec& device, const PortSpec& listener) {
   return has_address(to, *at.get()) || (is_any(at) && is_local(to));
 }
 
-std::optional<std::uint16_t> udp_port(const PortSpec& spec) { return UdpAddress::parse(spec.address).port; }
+std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
+  const std::uint16_t port = UdpAddress::parse(spec.address).port;
+  return port == 0 ? std::nullopt : std::optional(port);
+}
 
 }  // namespace
 
 extern const Transport udp_transport;
 constexpr Transport udp_transport = {
     .name = "udp",
-    .summary = "a datagram per frame; a listener binds the address, a device sends to it",
+    .summary = "a datagram per frame; a listener binds the address, with port 0 a free one, a device sends to it",
     .syntax = "udp:ADDR:PORT",
     .document = "RFC 768",
     .keeps_datagrams = true,

@@ -56,6 +56,29 @@ TEST(Udp, AFrameIsADatagram) {
   }
 }
 
+TEST(Udp, Port0IsAFreeOneThatIsNamed) {
+  for (const std::string spec : {"udp:127.0.0.1:0", "udp:[::1]:0"}) {
+    const auto listener = open_port(spec, Role::listener), other = open_port(spec, Role::listener);
+    EXPECT_TRUE(listener->chosen_port().starts_with(spec.substr(0, spec.rfind(':') + 1))) << listener->chosen_port();
+    EXPECT_NE(listener->chosen_port(), other->chosen_port());
+    const auto device = open_port(listener->chosen_port(), Role::device);
+    device->send({{frame_of("x")}});
+    EXPECT_TRUE(listener->receive());
+    EXPECT_EQ(device->chosen_port(), "");
+    EXPECT_TRUE(mentions(error_of(spec, Role::device), "only a listener's port is chosen"));
+  }
+}
+
+TEST(Udp, AReplyIsCountedAsOne) {
+  const auto listener = open_port("udp:127.0.0.1:0", Role::listener);
+  const auto device = open_port(listener->chosen_port(), Role::device);
+  device->send({{frame_of("x")}});
+  device->reply({{frame_of("y")}});
+  device->send({{frame_of("z")}});
+  EXPECT_EQ(device->counters().sent, 3U);
+  EXPECT_EQ(device->counters().replies, 1U);
+}
+
 TEST(Udp, ListenerAnswersWhoSentLast) {
   const std::string spec = local_spec();
   const auto listener = open_port(spec, Role::listener);
