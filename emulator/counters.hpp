@@ -160,6 +160,8 @@ struct TruthCounters : CounterGroup {
   std::atomic<std::int64_t> first_ns = 0;
   std::atomic<std::int64_t> newest_ns = 0;
   std::atomic<std::int64_t> longest_gap_ns = 0;
+  // How much of a capture has been read, from 0 to 1; negative: not known.
+  std::atomic<double> progress = -1;
   // The simulation time from the first to the newest truth of each run, summed over the runs.
   std::atomic<std::int64_t> simulated_ns = 0;
 };

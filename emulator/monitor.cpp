@@ -14,6 +14,17 @@ namespace {
 std::string names(const std::vector<std::string_view>& all) {
   return all.empty() ? "none" : fmt::format("{}", fmt::join(all, ", "));
 }
+// Returns "42 % of the capture, 80 s left; ", or nothing if that is not known.
+std::string progress_text(const Summary& all) {
+  const double progress = all.truth.progress.value_or(0);
+  if (progress <= 0 || progress >= 1) return {};
+  const double left_s = all.duration_s * (1 - progress) / progress;
+  constexpr double minute = 60, hour = 3600, many = 100;
+  const std::string left = left_s < many            ? fmt::format("{:.0f} s", left_s)
+                           : left_s < many * minute ? fmt::format("{:.0f} min", left_s / minute)
+                                                    : fmt::format("{:.1f} h", left_s / hour);
+  return fmt::format("{:.0f} % of the capture, {} left; ", 100 * progress, left);
+}
 std::string times(std::uint64_t n) { return n == 1 ? std::string() : fmt::format(" ({} times)", n); }
 }  // namespace
 
@@ -47,7 +58,7 @@ void Monitor::update() {
   }
   if (options_.log_every_s > 0 && now_s - last_log_.duration_s >= options_.log_every_s) {
     Summary all = now();
-    spdlog::info("{}", line(all.since(last_log_)));
+    spdlog::info("{}{}", progress_text(all), line(all.since(last_log_)));
     last_log_ = std::move(all);
   }
 }

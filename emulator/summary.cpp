@@ -20,6 +20,7 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   const std::uint64_t accepted = summary.truth.counters[&TruthCounters::accepted];
   summary.truth.longest_gap_s = 1e-9 * static_cast<double>(truth.longest_gap_ns);
   summary.simulated_s = 1e-9 * static_cast<double>(truth.simulated_ns);
+  if (const double progress = truth.progress; progress >= 0) summary.truth.progress = progress;
   if (span_s > 0) summary.truth.rate_hz = static_cast<double>(accepted - 1) / span_s;
   for (std::size_t i = 0; i < counters.imus.size(); ++i)
     summary.imus.push_back({counters.imus[i].first, Snapshot(*counters.imus[i].second), line_loads[i]});
@@ -245,6 +246,7 @@ std::string json(const Summary& s, JsonLayout layout) {
   add_counts(truth, s.truth.quality);
   truth["longest_gap_s"] = s.truth.longest_gap_s;
   truth["rate_hz"] = s.truth.rate_hz;
+  if (s.truth.progress) truth["progress"] = *s.truth.progress;
   if (!s.truth.warning.empty()) truth["warning"] = s.truth.warning;
   if (s.truth.has_clock) add_estimates(truth, s.truth.quality);
 

@@ -86,6 +86,9 @@ void TruthIntake::count_step(Admission admission, Nanoseconds step) noexcept {
 TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   answer_due_ = false;
   const auto result = next_record();
+  constexpr std::uint64_t between_reports = 256;  // records
+  if (!is_live_ && (!result || counters_.received % between_reports == 0))
+    counters_.progress.store(port_->progress().value_or(-1), std::memory_order_relaxed);
   if (!result) {
     count_truncated();
     return Outcome::nothing;

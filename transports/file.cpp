@@ -113,6 +113,7 @@ class FileReader final : public Port {
     struct stat status {};
     if (::fstat(file_.get(), &status) == 0 && S_ISDIR(status.st_mode))
       throw spec.error("is a directory; right would be a file or a pipe");
+    if (S_ISREG(status.st_mode)) size_ = static_cast<double>(status.st_size);
   }
 
   void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
@@ -124,6 +125,7 @@ class FileReader final : public Port {
     const ssize_t size = ::read(file_.get(), buffer_.data(), buffer_.size());
     if (size > 0) {
       ++counters_.received;
+      read_ += static_cast<double>(size);
       return Received{{{buffer_.data(), static_cast<std::size_t>(size)}}, host_now()};
     }
     if (size < 0 && (errno == EAGAIN || errno == EINTR)) return std::nullopt;
@@ -135,9 +137,13 @@ class FileReader final : public Port {
   bool at_end() const noexcept override { return at_end_; }
   std::string_view end_warning() const noexcept override { return warning_; }
   int descriptor() const noexcept override { return file_.get(); }
+  std::optional<double> progress() const noexcept override {
+    return size_ > 0 ? std::optional(std::min(1.0, read_ / size_)) : std::nullopt;
+  }
 
  private:
   FileDescriptor file_;
+  double size_ = 0, read_ = 0;  // bytes; of a regular file only
   bool at_end_ = false;
   std::string_view warning_;
   std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);

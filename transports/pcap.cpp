@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 #include <pcap/pcap.h>
 
+#include <algorithm>
 #include <array>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 
@@ -26,6 +28,7 @@ class PcapPort final : public Port {
     if (!capture_)
       throw spec.error(
           fmt::format("{}; right would be a pcap or pcapng file, as tcpdump -w and Wireshark write", error.data()));
+    size_ = static_cast<double>(std::filesystem::file_size(spec.address, unknown));
     link_type_ = ::pcap_datalink(capture_.get());
     if (!supports_link_type(link_type_)) {
       const char* name = ::pcap_datalink_val_to_description_or_dlt(link_type_);
@@ -66,6 +69,11 @@ class PcapPort final : public Port {
   }
 
   bool at_end() const noexcept override { return at_end_; }
+  std::optional<double> progress() const noexcept override {
+    const long position = std::ftell(::pcap_file(capture_.get()));
+    if (position < 0 || size_ <= 0) return std::nullopt;
+    return std::min(1.0, static_cast<double>(position) / size_);
+  }
   std::string_view end_warning() const noexcept override { return {warning_.data(), warning_size_}; }
 
  private:
@@ -94,6 +102,7 @@ class PcapPort final : public Port {
   const std::uint16_t port_;  // 0: any
   std::unique_ptr<pcap_t, Close> capture_;
   int link_type_ = 0;
+  double size_ = 0;  // bytes of the file
   bool at_end_ = false;
   std::uint64_t records_ = 0;
   std::array<char, 400> warning_;

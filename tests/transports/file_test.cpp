@@ -82,6 +82,21 @@ TEST(File, ReadsBackWhatWasWrittenAndEnds) {
 }
 
 // A limit on the file's size stops write() in the middle of a frame, as a full disk does.
+TEST(File, TheProgressOfAFileIsKnownAndThatOfAPipeIsNot) {
+  const ScratchFolder folder;
+  const std::string path = folder / "truth";
+  std::ofstream(path) << std::string(300'000, 'x');
+  const auto port = open_port("file:" + path, Role::listener);
+  std::size_t read = 0;
+  EXPECT_EQ(port->progress(), 0.0);
+  while (const auto received = port->receive()) {
+    read += received->frame.bytes.size();
+    EXPECT_DOUBLE_EQ(port->progress().value_or(-1), static_cast<double>(read) / 300'000);
+  }
+  EXPECT_EQ(port->progress(), 1.0);
+  EXPECT_EQ(open_port("file:/dev/null", Role::listener)->progress(), std::nullopt);
+}
+
 TEST(File, FullDiskTearsNoFrameAndWritingResumes) {
   const ScratchFolder folder;
   std::signal(SIGXFSZ, SIG_IGN);

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <utility>
 #include <vector>
 
 #include "tests/transports/capture_builder.hpp"
@@ -97,7 +98,10 @@ TEST_F(Pcap, EveryFormatAndItsStamps) {
     for (const std::int64_t ns : stamps) content += file_record(format, {ns, ethernet(type_ipv4, v4)});
     write_file(path, content);
     const auto port = open_port(spec(), Role::listener);
+    double progress = 0;
     for (const std::int64_t ns : stamps) {
+      EXPECT_GE(port->progress().value_or(-1), std::exchange(progress, port->progress().value_or(0)));
+      EXPECT_LT(progress, 1);
       const auto received = port->receive();
       ASSERT_TRUE(received.has_value());
       EXPECT_EQ(received->time.ns, format.nanoseconds ? ns : ns / 1000 * 1000);
@@ -105,6 +109,7 @@ TEST_F(Pcap, EveryFormatAndItsStamps) {
     EXPECT_FALSE(port->at_end());
     EXPECT_EQ(port->receive(), std::nullopt);
     EXPECT_TRUE(port->at_end());
+    EXPECT_EQ(port->progress(), 1.0);
     EXPECT_EQ(port->end_warning(), "");
   }
 }
