@@ -1,8 +1,6 @@
 #include "emulator/command_line.hpp"
 
 #include <fmt/format.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 
@@ -10,7 +8,6 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <stdexcept>
@@ -21,6 +18,7 @@
 #include "emulator/check.hpp"
 #include "emulator/config.hpp"
 #include "emulator/list.hpp"
+#include "emulator/log.hpp"
 #include "emulator/run.hpp"
 #include "emulator/selftest.hpp"
 #include "transports/port.hpp"
@@ -35,6 +33,7 @@ struct Arguments {
   std::string capture;
   std::string name;
   bool fast = false;
+  bool quiet = false, verbose = false;
   std::vector<std::string> overrides;
   std::vector<std::string> limits;  // as on the command line
   RunOptions run;
@@ -68,12 +67,7 @@ int replay(const Arguments& arguments) {
 }  // namespace
 
 int command_line(int argc, const char* const* argv) {
-  spdlog::set_default_logger(spdlog::stderr_color_mt("imud"));
-  spdlog::set_pattern("%H:%M:%S.%e %^%l%$ %v");
-  if (std::getenv("NO_COLOR") != nullptr)
-    std::static_pointer_cast<spdlog::sinks::stderr_color_sink_mt>(spdlog::default_logger()->sinks().at(0))
-        ->set_color_mode(spdlog::color_mode::never);
-
+  set_up_log();
   CLI::App app("Hardware-in-the-loop IMU emulator: truth in by UDP, IMU packets out on a serial line or a CAN bus.");
   app.name("imud");
   app.set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
@@ -122,6 +116,8 @@ int command_line(int argc, const char* const* argv) {
         ->add_option("--quality", arguments.run.monitor.quality_file,
                      "Write the figures each second as a line of JSON")
         ->type_name("FILE");
+    auto* quiet = command->add_flag("-q,--quiet", arguments.quiet, "Log warnings and errors only");
+    command->add_flag("-v,--verbose", arguments.verbose, "Log details, too")->excludes(quiet);
   };
   auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
   with_run(run_command);
@@ -167,6 +163,7 @@ int command_line(int argc, const char* const* argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  if (arguments.quiet || arguments.verbose) set_up_log(arguments.quiet ? LogLevel::quiet : LogLevel::verbose);
   try {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));

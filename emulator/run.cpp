@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -13,6 +14,7 @@
 #include <exception>
 #include <functional>
 #include <memory>
+#include <string_view>
 #include <thread>
 #include <utility>  // Boost 1.74's Asio needs it first
 
@@ -75,6 +77,16 @@ bool writes_to_stdout(const Config& config) {
   });
 }
 
+void log_details(const Config& config) {
+  constexpr std::string_view clocks[] = {"realtime", "lockstep", "fast"};
+  spdlog::debug("imud {}, process {}, clock {}, seed {}, configuration {}", IMUD_VERSION, ::getpid(),
+                clocks[static_cast<std::size_t>(config.clock)], config.seed, config.sha256);
+  spdlog::debug("truth: {} from {}", config.truth.format->name, config.truth.port);
+  for (const ImuConfig& imu : config.imus)
+    spdlog::debug("{}: {} at {} Hz to {}{}{}", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
+                  imu.second_port.empty() ? "" : " and ", imu.second_port);
+}
+
 // Logs what is missing.
 void report(const Outcome& outcome, const Summary& summary, const Config& config) {
   if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
@@ -120,6 +132,7 @@ int run(const Config& config, const RunOptions& options) {
     process.emplace(config.realtime);
   }
   Session session(config);
+  log_details(config);
   Monitor monitor(counters_of(session), config, options.monitor);
   const std::function<void()> wait_for_others = [&] {
     others.async_wait([&](const boost::system::error_code& error, int signal) {

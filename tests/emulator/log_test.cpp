@@ -1,0 +1,88 @@
+// The log: its levels, the form of its lines, and the progress of a replay.
+#include <regex>
+
+#include "tests/emulator/run_test.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+class LogTest : public RunTest {
+ protected:
+  // Returns the log of a replay of 30,000 truths, of which one is damaged.
+  std::vector<std::string> log(std::vector<std::string> more, const std::string& clock = "fast") const {
+    const std::string capture = path("truth.csv");
+    EXPECT_EQ(run_program("imu-truth", {"spiral", "--csv", capture, "--rate", "1000", "--for", "30"}).exit_code, 0);
+    std::ofstream(capture, std::ios::app) << "damaged\n";
+    std::vector<std::string> arguments = {
+        "replay", config(clock, "file:" + capture, "csv", 100, "native", "file:" + path("out")), capture};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return lines_of(run_program("imud", arguments).errors);
+  }
+  static bool any_contains(const std::vector<std::string>& lines, std::string_view text) {
+    return std::ranges::any_of(lines, [&](const std::string& line) { return contains(line, text); });
+  }
+};
+
+TEST_F(LogTest, EachLineHasItsDateAndLevel) {
+  const std::vector<std::string> lines = log({});
+  ASSERT_GE(lines.size(), 3U);
+  for (const std::string& line : lines)
+    EXPECT_TRUE(std::regex_match(
+        line, std::regex(R"(20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d (info|warning|error) \S.*)")))
+        << line;
+  EXPECT_TRUE(any_contains(lines, " info ready"));
+  EXPECT_TRUE(any_contains(lines, " error incomplete: "));
+}
+
+TEST_F(LogTest, QuietAndVerbose) {
+  for (const char* quiet : {"-q", "--quiet"}) {
+    const std::vector<std::string> lines = log({quiet});
+    ASSERT_GE(lines.size(), 2U);
+    for (const std::string& line : lines)
+      EXPECT_TRUE(contains(line, " warning ") || contains(line, " error ")) << line;
+  }
+  const std::vector<std::string> lines = log({"-v"});
+  EXPECT_TRUE(any_contains(lines, " debug truth: csv from file:"));
+  EXPECT_TRUE(any_contains(lines, " debug imu1: native at 100 Hz to file:"));
+  EXPECT_TRUE(any_contains(lines, " info ready"));
+  EXPECT_FALSE(any_contains(log({}), " debug "));
+  EXPECT_EQ(run_program("imud", {"run", "-q", "-v", path("config.toml")}).exit_code, 2);
+}
+
+TEST_F(LogTest, TheJournalGetsPriorities) {
+  log({});
+  const std::string imud = IMUD_BIN_DIR "/imud replay " + path("config.toml") + " " + path("truth.csv");
+  for (const bool is_journal : {true, false}) {
+    const std::string stream = is_journal ? "$(stat -L -c %d:%i /proc/self/fd/2)" : "1:2";
+    const ProgramResult result = run_program("/bin/sh", {"-c", "JOURNAL_STREAM=" + stream + " exec " + imud});
+    EXPECT_EQ(result.exit_code, 3);
+    const std::vector<std::string> lines = lines_of(result.errors);
+    EXPECT_EQ(any_contains(lines, "<6>ready"), is_journal) << result.errors;
+    EXPECT_EQ(any_contains(lines, "<4>truth refused"), is_journal) << result.errors;
+    EXPECT_EQ(any_contains(lines, "<3>incomplete: "), is_journal) << result.errors;
+    ASSERT_GE(lines.size(), 3U);
+    for (const std::string& line : lines)
+      EXPECT_EQ(std::regex_match(line, std::regex("<[346]>[^0-9].*")), is_journal) << line;
+  }
+}
+
+TEST_F(LogTest, ALongReplayReportsItsProgress) {
+  const std::vector<std::string> lines = log({"--log-every", "0.2", "--for", "3"}, "realtime");
+  double before = 0;
+  std::size_t reports = 0;
+  for (const std::string& line : lines) {
+    std::smatch found;
+    if (!std::regex_search(line, found, std::regex(R"( (\d+) % of the capture, (\d+) s left; truth )"))) continue;
+    ++reports;
+    EXPECT_GE(std::stod(found[1]), before);
+    before = std::stod(found[1]);
+    EXPECT_GT(std::stod(found[2]), 1.0);
+  }
+  EXPECT_GT(reports, 3U);
+  EXPECT_GT(before, 4.0);
+  EXPECT_LT(before, 60.0);
+}
+
+}  // namespace
+}  // namespace imud
