@@ -1,5 +1,6 @@
 #include "emulator/command_line.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
@@ -116,6 +117,18 @@ int command_line(int argc, const char* const* argv) {
         ->add_option("--quality", arguments.run.monitor.quality_file,
                      "Write the figures each second as a line of JSON")
         ->type_name("FILE");
+    command
+        ->add_option("--ready-fd", arguments.run.ready_fd,
+                     "Write \"ready\" and a line feed to this open descriptor when the ports are open, and close it")
+        ->type_name("N")
+        ->check([](const std::string& text) {
+          int value = 0;
+          constexpr int first = 3;  // after the standard streams
+          const bool good = CLI::detail::lexical_cast(text, value) && value >= first && ::fcntl(value, F_GETFD) != -1;
+          return good ? std::string() : "give a descriptor from 3 that is open";
+        });
+    command->add_flag("--wait-for-reader", arguments.run.wait_for_reader,
+                      "Begin when the pty of each imu has a reader");
     auto* quiet = command->add_flag("-q,--quiet", arguments.quiet, "Log warnings and errors only");
     command->add_flag("-v,--verbose", arguments.verbose, "Log details, too")->excludes(quiet);
   };

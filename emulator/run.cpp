@@ -19,6 +19,7 @@
 #include <utility>  // Boost 1.74's Asio needs it first
 
 #include "emulator/loop.hpp"
+#include "emulator/readiness.hpp"
 #include "emulator/realtime_thread.hpp"
 #include "emulator/text_file.hpp"
 
@@ -133,6 +134,8 @@ int run(const Config& config, const RunOptions& options) {
   }
   Session session(config);
   log_details(config);
+  report_ready(session.chosen_ports(), options.ready_fd);
+  if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
   Monitor monitor(counters_of(session), config, options.monitor);
   const std::function<void()> wait_for_others = [&] {
     others.async_wait([&](const boost::system::error_code& error, int signal) {
@@ -170,6 +173,7 @@ int run(const Config& config, const RunOptions& options) {
     asio::post(io, [&io] { io.stop(); });
   });
   io.run();
+  report_stopping();
   worker.join();
   if (failure) std::rethrow_exception(failure);
 
@@ -177,7 +181,8 @@ int run(const Config& config, const RunOptions& options) {
   if (is_capture(config.truth.port))
     ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? EndedBy::signal : EndedBy::duration;
   Summary summary = monitor.finish(session.intake().end_warning());
-  summary.whole = {judge(summary, config, ended_by, options.required), config.seed, config.sha256};
+  summary.whole = {judge(summary, config, ended_by, options.required), config.seed, config.sha256,
+                   session.chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, config);
