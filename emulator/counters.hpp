@@ -87,7 +87,7 @@ struct ImuCounters : CounterGroup {
   Counter silent{*this, {"silent", "not sent", Show::if_not_zero, Show::if_not_zero}};
   // Samples of the vehicle at rest before the first truth.
   Counter at_rest{*this, {"at_rest", "at rest before the first truth"}};
-  // Frames in answer to the host; `frames` includes them.
+  // Frames in answer to the host that the port took whole; `frames` does not include them.
   Counter replies{*this, {"replies", "replies sent"}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
