@@ -26,12 +26,35 @@ constexpr std::size_t fd_length(std::size_t size) {
   return CANFD_MAX_DLEN;
 }
 
+constexpr PortOption bitrate_option = {
+    .key = "bitrate", .help = "nominal bit rate of the bus, bit/s; for its load", .min = 5'000, .max = 1'000'000};
+constexpr PortOption data_bitrate_option = {.key = "data_bitrate",
+                                            .help = "bit rate of the data phase of CAN FD, bit/s (`bitrate`)",
+                                            .min = 5'000,
+                                            .max = 20'000'000};
+constexpr PortOption mtu_option = {
+    .key = "mtu", .help = "16: classic frames only; 72: CAN FD is required", .choices = "any 16 72"};
+constexpr PortOption frames_per_s_option = {
+    .key = "frames_per_s",
+    .help = "fast, lockstep: highest rate of frames to a virtual interface (5000, or that of `bitrate`)",
+    .min = 1,
+    .max = 1'000'000,
+    .choices = "unlimited"};
+constexpr PortOption max_age_option = {.key = "max_age_ms",
+                                       .help = "realtime: age at which unsent frames are dropped, ms (100)",
+                                       .min = 1,
+                                       .max = 60'000};
+constexpr PortOption confirm_option = {
+    .key = "confirm", .help = "the interface confirms each frame that it has sent", .choices = "no yes"};
+constexpr PortOption can_options[] = {bitrate_option,      data_bitrate_option, mtu_option,
+                                      frames_per_s_option, max_age_option,      confirm_option};
+
 // The bit rates that a spec gives, because an interface without bit timing has none.
 struct Bus {
   explicit Bus(const PortSpec& spec)
-      : bit_rate(static_cast<double>(spec.integer("bitrate", 5'000, 1'000'000).value_or(0))),
-        data_bit_rate(static_cast<double>(
-            spec.integer("data_bitrate", 5'000, 20'000'000).value_or(static_cast<std::int64_t>(bit_rate)))) {}
+      : bit_rate(static_cast<double>(spec.integer(bitrate_option).value_or(0))),
+        data_bit_rate(
+            static_cast<double>(spec.integer(data_bitrate_option).value_or(static_cast<std::int64_t>(bit_rate)))) {}
 
   // Returns the longest time that a frame can take, s; 0 if the bit rate is not given.
   double wire_seconds(const CanHeader& header, std::size_t bytes) const noexcept {
@@ -46,23 +69,23 @@ struct Bus {
 // Returns the highest rate at which frames leave to a virtual interface if none may be lost, frames/s; nullopt:
 // unlimited. The default without a bit rate is 5000: then a receiver's default buffer of 277 frames lasts for 55 ms.
 std::optional<double> max_frames_per_s(const PortSpec& spec) {
-  if (spec.text("frames_per_s") == "unlimited") return std::nullopt;
-  constexpr std::int64_t most = 1'000'000;
+  if (spec.text(frames_per_s_option.key) == frames_per_s_option.choices) return std::nullopt;
   return static_cast<double>(
-      spec.integer("frames_per_s", 1, most).value_or(spec.text("bitrate").has_value() ? most : 5000));
+      spec.integer(frames_per_s_option)
+          .value_or(spec.text(bitrate_option.key).has_value() ? frames_per_s_option.max : 5000));
 }
 
 Nanoseconds max_age(const PortSpec& spec, Delivery delivery) {
-  const std::int64_t age_ms = spec.integer("max_age_ms", 1, 60'000).value_or(100);
+  const std::int64_t age_ms = spec.integer(max_age_option).value_or(100);
   return delivery == Delivery::complete ? Nanoseconds::max() : std::chrono::milliseconds(age_ms);
 }
 
 class CanPort final : public Port {
  public:
   CanPort(const PortSpec& spec, Delivery delivery)
-      : wanted_mtu_(spec.one_of("mtu", "any 16 72")),
+      : wanted_mtu_(spec.one_of(mtu_option)),
         bus_(spec),
-        socket_(spec.address, spec.one_of("confirm", "no yes") == "yes"),
+        socket_(spec.address, spec.one_of(confirm_option) == "yes"),
         queue_(max_age(spec, delivery)) {
     if (spec.address.size() >= IFNAMSIZ)
       throw spec.error("the name is too long for an interface; right would be a name such as can0");
@@ -276,14 +299,7 @@ class CanPort final : public Port {
   std::size_t confirmations_end_ = 0, confirmation_count_ = 0;
 };
 
-void check(const PortSpec& spec, const PortSettings& settings) {
-  spec.allow_only("bitrate data_bitrate mtu frames_per_s max_age_ms confirm");
-  const Bus bus(spec);
-  max_frames_per_s(spec);
-  spec.one_of("mtu", "any 16 72");
-  spec.one_of("confirm", "no yes");
-  max_age(spec, settings.delivery);
-}
+void check(const PortSpec&, const PortSettings&) {}
 
 WireTime wire_time(const PortSpec& spec, const PortSettings&, const Frame& frame) {
   const Bus bus(spec);
@@ -302,7 +318,9 @@ constexpr Transport can_transport = {
     .name = "can",
     .summary = "a CAN or CAN FD interface of SocketCAN",
     .syntax = "can:can0?bitrate=500000&data_bitrate=2000000&mtu=72",
+    .example = "can:can0?bitrate=500000",
     .document = "https://docs.kernel.org/networking/can.html",
+    .options = can_options,
     .carries_can = true,
     .keeps_datagrams = true,
     .is_shared = true,

@@ -149,7 +149,7 @@ class FileReader final : public Port {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);
 };
 
-void check(const PortSpec& spec, const PortSettings&) { spec.allow_only(""); }
+void check(const PortSpec&, const PortSettings&) {}
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   if (settings.role == Role::device) return std::make_unique<FileWriter>(spec);
@@ -168,6 +168,7 @@ constexpr Transport file_transport = {
     .name = "file",
     .summary = "bytes to a file or pipe, or from one; - is standard output or input",
     .syntax = "file:PATH",
+    .example = "file:imu1.bin",
     .document = "open(2), pipe(7)",
     .ends = true,
     .brings_truth = true,

@@ -14,10 +14,13 @@
 namespace imud {
 namespace {
 
+constexpr PortOption port_option = {
+    .key = "port", .help = "UDP port of the datagrams' destination; without it all", .min = 1, .max = 65'535};
+
 class PcapPort final : public Port {
  public:
   explicit PcapPort(const PortSpec& spec)
-      : port_(static_cast<std::uint16_t>(spec.integer("port", 1, 65535).value_or(0))) {
+      : port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))) {
     // libpcap would wait for a pipe.
     std::error_code unknown;
     if (std::filesystem::exists(spec.address, unknown) && !std::filesystem::is_regular_file(spec.address, unknown))
@@ -110,14 +113,11 @@ class PcapPort final : public Port {
 };
 
 std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
-  const auto port = spec.integer("port", 1, 65'535);
+  const auto port = spec.integer(port_option);
   return port ? std::optional(static_cast<std::uint16_t>(*port)) : std::nullopt;
 }
 
-void check(const PortSpec& spec, const PortSettings&) {
-  spec.allow_only("port");
-  static_cast<void>(udp_port(spec));
-}
+void check(const PortSpec&, const PortSettings&) {}
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings&) { return std::make_unique<PcapPort>(spec); }
 
@@ -128,7 +128,9 @@ constexpr Transport pcap_transport = {
     .name = "pcap",
     .summary = "the UDP datagrams of a capture file (pcap, pcapng), of one destination port or all",
     .syntax = "pcap:PATH?port=N",
+    .example = "pcap:flight.pcap?port=9810",
     .document = "libpcap 1.10",
+    .options = {&port_option, 1},
     .keeps_datagrams = true,
     .ends = true,
     .brings_truth = true,

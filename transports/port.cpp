@@ -25,6 +25,7 @@ const Transport* transport_of(std::string_view port) noexcept {
 }
 
 void check_port(const Transport& transport, const PortSpec& spec, const PortSettings& settings) {
+  spec.allow_only(transport.options, settings.role == Role::device);
   transport.check(spec, settings);
   if (settings.role == Role::listener || transport.serves_device) return;
   const auto others =

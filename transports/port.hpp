@@ -178,10 +178,12 @@ struct WireTime {
 // One entry of the table: everything that other folders know of a kind of port. Code outside of its file uses the
 // properties, never the name. Except for check(), the functions require a spec that has passed check().
 struct Transport {
-  std::string_view name;      // the word before the colon in a port: the file's stem
-  std::string_view summary;   // one line
-  std::string_view syntax;    // "pty:LINK?baud=115200"
-  std::string_view document;  // the interface followed
+  std::string_view name;                     // the word before the colon in a port: the file's stem
+  std::string_view summary;                  // one line
+  std::string_view syntax;                   // "pty:LINK?baud=115200"
+  std::string_view example;                  // a valid port with an option or two: "pty:imu1?baud=115200"
+  std::string_view document;                 // the interface followed
+  std::span<const PortOption> options = {};  // all that its ports have; check_port() checks that each is in its range
 
   bool carries_can = false;       // frames have an identifier; otherwise they are bytes
   bool keeps_datagrams = false;   // one frame sent is one frame received; otherwise a stream of bytes
@@ -198,8 +200,8 @@ struct Transport {
   // their names (".csv .txt"); "*" stands for those that no other transport claims.
   std::string_view suffixes = {};
 
-  // Throws PortError if an option is unknown, a value is out of range, or such a port cannot have these settings;
-  // its text has the fault and what would be right. Opens nothing. check_port() checks the role.
+  // Throws PortError if such a port cannot have this address, these options together, or these settings; its text has
+  // the fault and what would be right. Opens nothing. check_port() checks the role and each option.
   void (*check)(const PortSpec& spec, const PortSettings& settings);
   // Opens a port. Throws PortError with what failed on what.
   std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);
@@ -234,7 +236,8 @@ std::vector<std::string_view> port_examples(Condition condition) {
   return all;
 }
 
-// Throws PortError if the transport does not support the role of `settings`, or if its check() throws.
+// Throws PortError if the transport does not support the role of `settings`, if an option is unknown or out of its
+// range, or if its check() throws.
 void check_port(const Transport& transport, const PortSpec& spec, const PortSettings& settings);
 
 // Opens "scheme:address?key=value&...". Throws PortError.

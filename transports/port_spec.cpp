@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -86,11 +87,20 @@ std::string PortSpec::one_of(std::string_view key, std::string_view choices) con
   return option->second;
 }
 
-void PortSpec::allow_only(std::string_view known) const {
+void PortSpec::allow_only(std::span<const PortOption> known, bool is_device) const {
+  std::vector<std::string_view> keys;
+  for (const PortOption& option : known)
+    if (is_device || !option.device_only) keys.push_back(option.key);
   for (const auto& [key, value] : options)
-    if (!contains(known, key))
-      throw error(known.empty() ? fmt::format("unknown option '{}'; {} has none", key, scheme)
-                                : fmt::format("unknown option '{}'; {} knows: {}", key, scheme, known));
+    if (std::find(keys.begin(), keys.end(), key) == keys.end())
+      throw error(keys.empty() ? fmt::format("unknown option '{}'; {} has none", key, scheme)
+                               : fmt::format("unknown option '{}'; {} knows: {}", key, scheme, fmt::join(keys, " ")));
+  for (const PortOption& option : known) {
+    if (option.has_range() && !contains(option.choices, text(option.key).value_or("")))
+      static_cast<void>(integer(option));
+    else if (!option.choices.empty())
+      static_cast<void>(one_of(option));
+  }
 }
 
 PortError PortSpec::error(std::string_view what) const {

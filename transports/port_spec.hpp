@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -13,6 +14,18 @@ namespace imud {
 // A fault of a port; its text names the fault and what would be right.
 struct PortError : std::runtime_error {
   using std::runtime_error::runtime_error;
+};
+
+// An option that a kind of port has: an integer in [min, max], or one of `choices`, or either; any text if it has
+// neither.
+struct PortOption {
+  std::string_view key;
+  std::string_view help;  // one line, with the unit and the default
+  std::int64_t min = 0, max = 0;
+  std::string_view choices = {};  // separated by blanks; the first is the default, unless there is a range as well
+  bool device_only = false;       // a listener does not have it
+
+  constexpr bool has_range() const { return min != max; }
 };
 
 // "serial:/dev/ttyUSB0?baud=921600&parity=even": scheme, address, options.
@@ -26,13 +39,17 @@ struct PortSpec {
 
   // Returns an integer option; nullopt if absent. Throws PortError if it is not an integer within [min, max].
   std::optional<std::int64_t> integer(std::string_view key, std::int64_t min, std::int64_t max) const;
+  std::optional<std::int64_t> integer(const PortOption& option) const {
+    return integer(option.key, option.min, option.max);
+  }
   // Returns an option as it is; nullopt if absent.
   std::optional<std::string> text(std::string_view key) const;
   // Returns an option that is one of `choices` ("none even odd"); the first of them if absent. Throws PortError if
   // it is none of them.
   std::string one_of(std::string_view key, std::string_view choices) const;
-  // Throws PortError if an option is none of `known` ("baud parity stop").
-  void allow_only(std::string_view known) const;
+  std::string one_of(const PortOption& option) const { return one_of(option.key, option.choices); }
+  // Throws PortError if an option is none of `known`, or if its value is not one that it may have.
+  void allow_only(std::span<const PortOption> known, bool is_device) const;
 
   // Returns the error to throw: "scheme:address: what".
   PortError error(std::string_view what) const;

@@ -24,6 +24,12 @@
 namespace imud {
 namespace {
 
+constexpr PortOption speed_option = {
+    .key = "speed",
+    .help = "line: a client at another speed than the line's gets garbage; any: it gets valid data",
+    .choices = "line any",
+    .device_only = true};
+
 // imud's end as the sensor. The other end is a client that opens and closes it at will. If the link has a keeper, the
 // pty is the keeper's: speed and settings are those that the client has left.
 class PtyDevice final : public Port {
@@ -33,7 +39,7 @@ class PtyDevice final : public Port {
         kept_(take_kept_pty(spec)),
         pty_(kept_ ? PtyPair(spec, std::move(kept_->master)) : PtyPair(spec)),
         line_(uart_settings(spec, settings, 0)),
-        any_speed_(spec.one_of("speed", "line any") == "any") {
+        any_speed_(spec.one_of(speed_option) == "any") {
     if (settings.paced) paced_.emplace();
     if (!set_first_speed()) throw spec.error(fmt::format("baud: {}", std::strerror(errno)));
     if (const int error = access_.apply(pty_.open_slave().get()); error != 0) throw PtyAccess::refusal(spec, error);
@@ -267,8 +273,7 @@ class PtyListener final : public Port {
           fmt::format("cannot open it: {}{}", std::strerror(errno),
                       errno == ENOENT || errno == EIO ? "; is the process running that serves it?" : ""));
     if (!make_raw(tty_.get())) throw spec.error("is not a terminal");
-    if (const auto baud = spec.integer("baud", 50, 4'000'000))
-      set_line_speed(tty_.get(), static_cast<unsigned>(*baud));
+    if (const auto baud = spec.integer(baud_option)) set_line_speed(tty_.get(), static_cast<unsigned>(*baud));
   }
 
   void send(std::span<const Frame> frames) noexcept override {
@@ -298,9 +303,7 @@ class PtyListener final : public Port {
 };
 
 void check(const PortSpec& spec, const PortSettings& settings) {
-  spec.allow_only(settings.role == Role::device ? "baud parity stop speed mode owner group" : "baud");
   const UartSettings line = uart_settings(spec, settings, 0);
-  spec.one_of("speed", "line any");
   static_cast<void>(PtyAccess(spec));
   if (settings.paced && line.baud == 0)
     throw spec.error("a line without speed has no pace; give baud, such as baud=115200");
@@ -316,6 +319,19 @@ WireTime wire_time(const PortSpec& spec, const PortSettings& settings, const Fra
   return uart_wire_time(frame, line.baud, line.bits_per_character());
 }
 
+constexpr PortOption device_only(PortOption option) {
+  option.device_only = true;
+  return option;
+}
+
+constexpr PortOption pty_options[] = {baud_option,
+                                      device_only(parity_option),
+                                      device_only(stop_option),
+                                      speed_option,
+                                      PtyAccess::options[0],
+                                      PtyAccess::options[1],
+                                      PtyAccess::options[2]};
+
 }  // namespace
 
 extern const Transport pty_transport;
@@ -323,7 +339,9 @@ constexpr Transport pty_transport = {
     .name = "pty",
     .summary = "a serial line without hardware: a pseudo-terminal behind the link of that name",
     .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any&mode=0660&owner=NAME&group=NAME",
+    .example = "pty:imu1",
     .document = "pty(7)",
+    .options = pty_options,
     .has_path = true,
     .makes_link = true,
     .has_private_copy = true,

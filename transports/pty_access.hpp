@@ -3,8 +3,8 @@
 
 #include <sys/types.h>
 
+#include <array>
 #include <optional>
-#include <string_view>
 
 #include "transports/port_spec.hpp"
 
@@ -13,7 +13,11 @@ namespace imud {
 // Permissions and owners of a pty's slave; what is not given stays as the kernel has set it.
 class PtyAccess {
  public:
-  static constexpr std::string_view options = "mode owner group";
+  static constexpr std::array<PortOption, 3> options = {{
+      {.key = "mode", .help = "permissions of the pty, octal, such as 0660", .device_only = true},
+      {.key = "owner", .help = "user who owns the pty, by name or number", .device_only = true},
+      {.key = "group", .help = "group of the pty, by name or number", .device_only = true},
+  }};
 
   // Looks the names up in the system's databases. Throws PortError if a name is unknown, or if the mode is not an
   // octal number from 0600 to 0666 by which the owner can read and write.

@@ -103,7 +103,7 @@ class Message {
 PortSpec spec_of(const std::string& port) {
   if (!port.starts_with("pty:")) return {.scheme = "pty", .address = port, .options = {}};
   PortSpec spec = PortSpec::parse(port);
-  spec.allow_only(PtyAccess::options);
+  spec.allow_only(PtyAccess::options, true);
   return spec;
 }
 

@@ -39,6 +39,10 @@ std::optional<BaudRate> standard_rate(unsigned baud) {
   return std::nullopt;
 }
 
+constexpr PortOption bits_option = {.key = "bits", .help = "data bits of a character (8)", .min = 7, .max = 8};
+constexpr PortOption flow_option = {.key = "flow", .help = "flow control", .choices = "none rtscts"};
+constexpr PortOption serial_options[] = {baud_option, parity_option, stop_option, bits_option, flow_option};
+
 struct Settings {
   UartSettings uart;
   bool has_seven_bits;
@@ -46,8 +50,8 @@ struct Settings {
 
   Settings(const PortSpec& spec, const PortSettings& settings)
       : uart(uart_settings(spec, settings, 115'200)),
-        has_seven_bits(spec.integer("bits", 7, 8) == 7),
-        has_flow_control(spec.one_of("flow", "none rtscts") == "rtscts") {}
+        has_seven_bits(spec.integer(bits_option) == 7),
+        has_flow_control(spec.one_of(flow_option) == "rtscts") {}
 
   unsigned bits_per_character() const { return uart.bits_per_character() - (has_seven_bits ? 1 : 0); }
 };
@@ -209,10 +213,7 @@ class SerialPort final : public Port {
   std::array<std::byte, 256> buffer_;
 };
 
-void check(const PortSpec& spec, const PortSettings& settings) {
-  spec.allow_only("baud parity stop bits flow");
-  static_cast<void>(Settings(spec, settings));
-}
+void check(const PortSpec& spec, const PortSettings& settings) { static_cast<void>(Settings(spec, settings)); }
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<SerialPort>(spec, settings);
@@ -230,7 +231,9 @@ constexpr Transport serial_transport = {
     .name = "serial",
     .summary = "a serial line; reopened automatically after it was unplugged",
     .syntax = "serial:/dev/ttyUSB0?baud=921600&parity=none|even|odd&stop=1|2&bits=8|7&flow=none|rtscts",
+    .example = "serial:/dev/ttyUSB0?baud=921600",
     .document = "termios(3)",
+    .options = serial_options,
     .has_path = true,
     .uart = Uart::real,
     .check = check,

@@ -4,10 +4,10 @@ namespace imud {
 
 UartSettings uart_settings(const PortSpec& spec, const PortSettings& settings, unsigned unset) {
   UartSettings uart;
-  uart.baud = static_cast<unsigned>(spec.integer("baud", 50, 4'000'000).value_or(unset));
-  const std::string parity = spec.one_of("parity", "none even odd");
+  uart.baud = static_cast<unsigned>(spec.integer(baud_option).value_or(unset));
+  const std::string parity = spec.one_of(parity_option);
   uart.parity = parity == "even" ? Parity::even : parity == "odd" ? Parity::odd : Parity::none;
-  uart.stop_bits = static_cast<unsigned>(spec.integer("stop", 1, 2).value_or(1));
+  uart.stop_bits = static_cast<unsigned>(spec.integer(stop_option).value_or(1));
   return settings.uart.baud != 0 ? settings.uart : uart;
 }
 

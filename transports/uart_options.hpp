@@ -7,9 +7,14 @@
 
 namespace imud {
 
-// Returns the device's UART if it has one, else that of the options `baud` (50..4000000; `unset` if absent),
-// `parity` (none, even, odd) and `stop` (1, 2). Throws PortError on an option out of its range, even if the device's
-// UART replaces it.
+inline constexpr PortOption baud_option = {
+    .key = "baud", .help = "speed of the line, bit/s", .min = 50, .max = 4'000'000};
+inline constexpr PortOption parity_option = {
+    .key = "parity", .help = "parity of a character", .choices = "none even odd"};
+inline constexpr PortOption stop_option = {.key = "stop", .help = "stop bits of a character (1)", .min = 1, .max = 2};
+
+// Returns the device's UART if it has one, else that of the options `baud` (`unset` if absent), `parity` and `stop`.
+// Throws PortError on an option out of its range, even if the device's UART replaces it.
 UartSettings uart_settings(const PortSpec& spec, const PortSettings& settings, unsigned unset);
 
 // Returns how long the bytes of `frame` take at `baud` bit/s; `bits_per_character` includes start, parity and stop

@@ -149,7 +149,6 @@ class UdpPort final : public Port {
 };
 
 void check(const PortSpec& spec, const PortSettings& settings) {
-  spec.allow_only("");
   if (UdpAddress::parse(spec.address).port == 0 && settings.role == Role::device)
     throw spec.error("only a listener's port is chosen; right would be the receiver's, from 1 to 65535");
 }
@@ -187,6 +186,7 @@ constexpr Transport udp_transport = {
     .name = "udp",
     .summary = "a datagram per frame; a listener binds the address, with port 0 a free one, a device sends to it",
     .syntax = "udp:ADDR:PORT",
+    .example = "udp:127.0.0.1:9810",
     .document = "RFC 768",
     .keeps_datagrams = true,
     .brings_truth = true,

@@ -61,10 +61,22 @@ TEST(PortSpec, OneOfTakesTheFirstByDefault) {
 
 TEST(PortSpec, UnknownOptionIsNamedWithThoseThereAre) {
   const PortSpec spec = PortSpec::parse("serial:/dev/ttyS0?baud=1&bauds=2");
-  EXPECT_EQ(message_of([&] { spec.allow_only("baud parity"); }),
-            "serial:/dev/ttyS0: unknown option 'bauds'; serial knows: baud parity");
-  EXPECT_EQ(message_of([&] { spec.allow_only(""); }), "serial:/dev/ttyS0: unknown option 'baud'; serial has none");
-  EXPECT_NO_THROW(spec.allow_only("bauds baud"));
+  constexpr PortOption known[] = {{"baud", ""}, {"bauds", "", 0, 0, {}, true}};
+  EXPECT_EQ(message_of([&] { spec.allow_only(known, false); }),
+            "serial:/dev/ttyS0: unknown option 'bauds'; serial knows: baud");
+  EXPECT_EQ(message_of([&] { spec.allow_only({}, true); }),
+            "serial:/dev/ttyS0: unknown option 'baud'; serial has none");
+  EXPECT_NO_THROW(spec.allow_only(known, true));
+}
+
+TEST(PortSpec, ValuesOfOptionsAreInTheirRanges) {
+  constexpr PortOption known[] = {
+      {"rate", "", 1, 10, "unlimited"}, {"stop", "", 1, 2}, {"flow", "", 0, 0, "none xon"}};
+  const auto allow = [&](const std::string& options) { PortSpec::parse("x:y" + options).allow_only(known, true); };
+  for (const std::string good : {"", "?rate=10", "?rate=unlimited", "?stop=1&flow=xon&rate=1", "?flow=none"})
+    EXPECT_NO_THROW(allow(good)) << good;
+  for (const std::string bad : {"?rate=0", "?rate=11", "?rate=unlimite", "?stop=3", "?stop=one", "?flow=no"})
+    EXPECT_THROW(allow(bad), PortError) << bad;
 }
 
 TEST(UdpAddress, TakesNumericAddressesOfBothKinds) {

@@ -2,6 +2,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
+
 #include "tests/transports/port_error.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
@@ -75,6 +78,51 @@ TEST(Transports, ThoseThatEndAreOpenedByListeners) {
             "pcap:" + folder / "x" +
                 ": can only be read; right for output would be file:PATH or pty:LINK "
                 "or serial:/dev/ttyUSB0 or udp:ADDR:PORT");
+}
+
+// Each option is in the manual, and accepts its range and nothing else.
+TEST(Transports, OptionsAreThoseOfTheEntry) {
+  std::ifstream input(IMUD_SOURCE_DIR "/transports/README.md");
+  const std::string manual(std::istreambuf_iterator<char>(input), {});
+  std::size_t options = 0;
+  for (const Transport* transport : transports()) {
+    const Role role = transport->serves_device ? Role::device : Role::listener;
+    const PortSpec example = PortSpec::parse(transport->example);
+    EXPECT_EQ(example.scheme, transport->name);
+    EXPECT_NO_THROW(check_port(*transport, example, role)) << transport->example;
+    for (const PortOption& option : transport->options) {
+      ++options;
+      EXPECT_FALSE(option.help.empty()) << option.key;
+      EXPECT_TRUE(mentions(manual, fmt::format("`{}`", option.key))) << option.key;
+      const auto accepts = [&](const std::string& value, Role as = Role::device) {
+        PortSpec spec = PortSpec::parse(fmt::format("{}:{}", transport->name, example.address));
+        spec.options[std::string(option.key)] = value;
+        try {
+          check_port(*transport, spec, transport->serves_device ? as : Role::listener);
+          return true;
+        } catch (const PortError&) {
+          return false;
+        }
+      };
+      if (option.has_range()) {
+        for (const std::int64_t value : {option.min, option.max})
+          EXPECT_TRUE(accepts(std::to_string(value))) << option.key << value;
+        for (const std::int64_t value : {option.min - 1, option.max + 1})
+          EXPECT_FALSE(accepts(std::to_string(value))) << option.key << value;
+      }
+      const std::string words = fmt::format("{} ", option.choices);
+      for (std::size_t at = 0; words.size() > 1 && at < words.size(); at = words.find(' ', at) + 1) {
+        const std::string word = words.substr(at, words.find(' ', at) - at);
+        EXPECT_TRUE(accepts(word)) << option.key << word;
+        EXPECT_EQ(accepts(word, Role::listener), !option.device_only || !transport->serves_device) << option.key;
+      }
+      EXPECT_EQ(accepts("nonsense"), !option.has_range() && option.choices.empty()) << option.key;
+    }
+    PortSpec unknown = example;
+    unknown.options["nonsense"] = "1";
+    EXPECT_THROW(check_port(*transport, unknown, role), PortError) << transport->name;
+  }
+  EXPECT_GE(options, 15U);
 }
 
 TEST(Transports, StandardOutputIsKnownByEachOfItsNames) {
