@@ -79,6 +79,14 @@ inline constexpr Setting columns_setting = {
     .initial = std::span<const std::string_view>{},
 };
 
+// Returns the number of columns of the groups that are needed so.
+constexpr std::size_t column_count(std::span<const ColumnGroup> groups, ColumnGroup::Need need) {
+  std::size_t count = 0;
+  for (const ColumnGroup& group : groups)
+    if (group.need == need) count += group.names.size();
+  return count;
+}
+
 // A truth format whose records are rows that follow a header row. A byte order mark (UTF-8) before a row is ignored.
 class ColumnTruthDecoder : public LineTruthDecoder {
  protected:

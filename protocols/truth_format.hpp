@@ -100,6 +100,19 @@ class DatagramTruthDecoder : public TruthDecoder {
   std::optional<std::span<const std::byte>> datagram_;
 };
 
+// The columns of a quantity, in a format whose records are rows with named columns. Their values are in the unit of
+// `help`.
+struct ColumnGroup {
+  enum Need : std::uint8_t {
+    required,
+    one_of,    // one of the groups that are marked so is required; the first that is present is used
+    optional,  // used if all of its columns are present
+  };
+  std::span<const std::string_view> names;  // as they are written in the header row
+  std::string_view help;
+  Need need = optional;
+};
+
 // One entry of the table.
 struct TruthFormat {
   std::string_view name;              // keyword in the configuration: the file's stem with '-' for '_'
@@ -108,6 +121,7 @@ struct TruthFormat {
   bool delimits_itself;               // its records are found in a stream or file too; otherwise only in datagrams
   bool acknowledges;                  // acknowledge() sends an answer, so that the simulator can wait for the samples
   std::span<const Setting> settings;  // beside `port` and `format` in [truth]
+  std::span<const ColumnGroup> columns = {};  // all that it uses, required ones first; empty: it has no columns
   // Throws std::invalid_argument if the settings are inconsistent; the message gives the remedy.
   std::unique_ptr<TruthDecoder> (*make)(const Settings& settings);
 };

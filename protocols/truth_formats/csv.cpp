@@ -30,7 +30,22 @@ constexpr std::string_view names[] = {
     "TotalAccumDV_BN_B_x", "TotalAccumDV_BN_B_y", "TotalAccumDV_BN_B_z",
 };
 // clang-format on
-constexpr std::size_t required_columns = 7;
+constexpr ColumnGroup group(Column first, std::size_t size, std::string_view help,
+                            ColumnGroup::Need need = ColumnGroup::optional) {
+  return {std::span(names).subspan(first, size), help, need};
+}
+
+constexpr ColumnGroup column_groups[] = {
+    group(time_ns, 1, "simulation time, ns", ColumnGroup::required),
+    group(sigma_BN, 3, "attitude of B relative to N, MRP of any norm", ColumnGroup::required),
+    group(omega_BN_B, 3, "rate of B relative to N, in B, rad/s", ColumnGroup::required),
+    group(r_BN_N, 3, "position of B's origin, in N, m"),
+    group(v_BN_N, 3, "velocity of B's origin, in N, m/s"),
+    group(omegaDot_BN_B, 3, "angular acceleration, in B, rad/s^2"),
+    group(specific_force_B, 3, "specific force of B's origin, in B, m/s^2"),
+    group(accumulated_dv_B, 3, "accumulated velocity of B's origin without gravity, m/s; see accumulated_dv"),
+};
+constexpr std::size_t required_columns = column_count(column_groups, ColumnGroup::required);
 
 constexpr std::string_view accumulations[] = {"inertial", "body_sum", "none"};
 
@@ -122,6 +137,7 @@ constexpr TruthFormat csv_truth_format = {
     .delimits_itself = true,
     .acknowledges = false,
     .settings = settings,
+    .columns = column_groups,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<CsvTruthDecoder>(chosen);
     },

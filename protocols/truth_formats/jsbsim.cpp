@@ -36,7 +36,26 @@ constexpr std::string_view names[] = {
     "a-pilot-x-ft sec2", "a-pilot-y-ft sec2", "a-pilot-z-ft sec2",
 };
 // clang-format on
-constexpr std::size_t required_columns = 7;  // and one of the two rates
+constexpr ColumnGroup group(Column first, std::size_t size, std::string_view help, ColumnGroup::Need need) {
+  return {std::span(names).subspan(first, size), help, need};
+}
+
+constexpr ColumnGroup column_groups[] = {
+    group(time_s, 1, "simulation time, s", ColumnGroup::required),
+    group(latitude, 1, "geodetic latitude, rad", ColumnGroup::required),
+    group(longitude, 1, "longitude, rad", ColumnGroup::required),
+    group(earth_angle, 1, "Earth position angle, rad", ColumnGroup::required),
+    group(roll, 3, "attitude of B relative to local north-east-down, rad", ColumnGroup::required),
+    group(inertial_rate, 3, "rate of B relative to inertial space, rad/s", ColumnGroup::one_of),
+    group(earth_relative_rate, 3, "rate of B relative to the Earth, whose rotation is added, rad/s",
+          ColumnGroup::one_of),
+    group(position_ft, 3, "position of the centre of gravity, ft", ColumnGroup::optional),
+    group(velocity_fps, 3, "velocity of the centre of gravity, ft/s", ColumnGroup::optional),
+    group(angular_acceleration, 3, "angular acceleration, rad/s^2", ColumnGroup::optional),
+    group(specific_force_ft, 3, "specific force at the pilot's eye point, ft/s^2", ColumnGroup::optional),
+};
+constexpr std::size_t required_columns =
+    column_count(column_groups, ColumnGroup::required);  // and one of the two rates
 
 constexpr double metres_per_foot = 0.3048;
 constexpr double earth_rate = 7.292115e-5;  // rad/s; the rate of epa-rad
@@ -141,6 +160,7 @@ constexpr TruthFormat jsbsim_truth_format = {
     .delimits_itself = true,
     .acknowledges = false,
     .settings = settings,
+    .columns = column_groups,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<JsbsimTruthDecoder>(chosen);
     },

@@ -40,6 +40,46 @@ TEST_P(TruthFormats, DescribesItself) {
   }
 }
 
+// The setting `columns` throws if a required one is missing.
+TEST_P(TruthFormats, RequiresTheColumnsOfItsEntry) {
+  const TruthFormat& format = *GetParam();
+  const bool has_setting = std::ranges::count(format.settings, "columns", &Setting::key) == 1;
+  ASSERT_EQ(has_setting, !format.columns.empty());
+  if (!has_setting) return;
+  const auto accepts = [&](const std::vector<std::string>& names) {
+    Settings settings(format.settings);
+    settings.set("columns", names);
+    try {
+      return format.make(settings) != nullptr;
+    } catch (const std::invalid_argument&) {
+      return false;
+    }
+  };
+  std::vector<std::string> required;
+  std::vector<std::span<const std::string_view>> alternatives;
+  for (const ColumnGroup& group : format.columns) {
+    EXPECT_FALSE(group.names.empty());
+    EXPECT_FALSE(group.help.empty());
+    if (group.need == ColumnGroup::required) required.insert(required.end(), group.names.begin(), group.names.end());
+    if (group.need == ColumnGroup::one_of) alternatives.push_back(group.names);
+  }
+  EXPECT_GE(required.size(), 7U);
+  if (alternatives.empty())
+    alternatives.emplace_back();
+  else
+    EXPECT_FALSE(accepts(required));
+  for (const auto& alternative : alternatives) {
+    std::vector<std::string> names = required;
+    names.insert(names.end(), alternative.begin(), alternative.end());
+    EXPECT_TRUE(accepts(names));
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      std::vector<std::string> without = names;
+      without.erase(without.begin() + static_cast<std::ptrdiff_t>(i));
+      EXPECT_FALSE(accepts(without)) << names[i];
+    }
+  }
+}
+
 TEST_P(TruthFormats, AnswersIfItsEntryStatesIt) {
   const auto decoder = GetParam()->make(Settings(GetParam()->settings));
   const auto answers = std::make_unique<FrameBuffer>();
