@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 #include <sha256.h>
 
+#include <algorithm>
 #include <array>
-#include <cctype>
 #include <cerrno>
 #include <filesystem>
 #include <fstream>
@@ -45,15 +45,20 @@ std::string sha256(const std::string& bytes) {
   return text.data();
 }
 
-// Returns true if the value on this line is a word without quotes, which TOML does not have.
-bool has_bare_word(const std::string& content, std::uint32_t line) {
-  std::string_view rest = content;
-  for (; line > 1 && !rest.empty(); --line) rest.remove_prefix(std::min(rest.find('\n'), rest.size() - 1) + 1);
-  rest = rest.substr(0, rest.find('\n'));
-  const std::size_t equals = rest.find('=');
-  if (equals == rest.npos) return false;
-  const std::size_t value = rest.find_first_not_of(" \t", equals + 1);
-  return value != rest.npos && std::isalpha(static_cast<unsigned char>(rest[value])) != 0;
+// Returns the fault of a word without quotes where TOML has a value, at line and column; empty if there is none.
+std::string bare_word(std::string_view content, std::uint32_t line, std::uint32_t column) {
+  for (; line > 1 && !content.empty(); --line)
+    content.remove_prefix(std::min(content.find('\n'), content.size() - 1) + 1);
+  content = content.substr(0, content.find_first_of("\r\n"));
+  constexpr std::string_view blanks = " \t", before = "=[,{", ends = "=[,{]}# \t";
+  const std::size_t last = content.substr(0, column - 1).find_last_of(ends);
+  const std::size_t begin = last == content.npos ? 0 : last + 1;
+  const std::string_view word = content.substr(begin, content.find_first_of(",]}# \t", begin) - begin);
+  const std::size_t previous = content.substr(0, begin).find_last_not_of(blanks);
+  if (word.empty() || previous == content.npos || before.find(content[previous]) == before.npos) return {};
+  if (word.find_first_of("\"'") != word.npos || std::string_view("+-.0123456789").find(word.front()) != word.npos)
+    return {};
+  return fmt::format("column {}: {} is not a value of TOML; put text in quotes: \"{}\"", begin + 1, word, word);
 }
 
 // The items of an array that the first step of a path chooses, and the path below them.
@@ -149,9 +154,8 @@ ConfigText read_config_text(const std::string& path, std::span<const std::string
     throw ConfigError(faults.all());
   } catch (const toml::parse_error& error) {
     const auto& [line, column] = error.source().begin;
-    faults.add(line, "TOML",
-               fmt::format("column {}: {}{}", column, error.description(),
-                           has_bare_word(content, line) ? "; put text in quotes" : ""));
+    const std::string word = bare_word(content, line, column);
+    faults.add(line, "TOML", word.empty() ? fmt::format("column {}: {}", column, error.description()) : word);
     throw ConfigError(faults.all());
   }
   for (const std::string& assignment : overrides) {

@@ -72,15 +72,30 @@ TEST_F(ConfigTextTest, TheDigestIsThatOfTheFileAndTheOverrides) {
 }
 
 TEST_F(ConfigTextTest, WhatIsWrongWithTheFileIsNamed) {
-  EXPECT_TRUE(contains(fault_of("[[imu]]\nprotocol = native\n"), ":2: TOML: column "));
-  EXPECT_TRUE(fault_of("[[imu]]\nprotocol = native\n").ends_with("; put text in quotes"));
-  EXPECT_FALSE(contains(fault_of("a = [1, 2\nb = 3\n"), "quotes"));
   std::filesystem::remove(path_);
   EXPECT_THROW(read_config_text(path_, {}, faults_), ConfigError);
   EXPECT_TRUE(contains(faults_.all().back(), "cannot be read: No such file or directory"));
   const std::string folder = std::filesystem::path(path_).parent_path();
   EXPECT_THROW(read_config_text(folder, {}, faults_), ConfigError);
   EXPECT_TRUE(contains(faults_.all().back(), "cannot be read: Is a directory"));
+}
+
+TEST_F(ConfigTextTest, AWordWithoutQuotesIsNamedWithItsColumn) {
+  EXPECT_EQ(fault_of("[[imu]]\nprotocol = native\n"),
+            ":2: TOML: column 12: native is not a value of TOML; put text in quotes: \"native\"");
+  const std::pair<std::string, std::string> words[] = {{"a = fast # b = 3", "column 5: fast is"},
+                                                       {"  a=true1\r", "column 5: true1 is"},
+                                                       {"a = imu1\t", "column 5: imu1 is"},
+                                                       {"a.b = /dev/ttyUSB0", "column 7: /dev/ttyUSB0 is"},
+                                                       {"a = udp:127.0.0.1:9810", "column 5: udp:127.0.0.1:9810 is"},
+                                                       {"a = [\"rate\", q]", "column 14: q is"},
+                                                       {"a = [rate, q]", "column 6: rate is"},
+                                                       {"a = {b = native}", "column 10: native is"}};
+  for (const auto& [line, fault] : words)
+    EXPECT_TRUE(contains(fault_of(line + "\n"), fault)) << line << fault_of(line);
+  for (const std::string line : {"a = [1, 2\nb = 3", "a = 12 abc", "a = \"abc", "a = 42x", "a native", "native",
+                                 "= x", "a =", "[a", "[imu]]\nx = 1", "", "a = '", "a = -inf0", "a = 1.2.3"})
+    EXPECT_FALSE(contains(fault_of(line + "\n"), "quotes:")) << line;
 }
 
 }  // namespace
