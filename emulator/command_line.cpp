@@ -2,10 +2,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -13,15 +16,18 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "emulator/check.hpp"
 #include "emulator/config.hpp"
+#include "emulator/example.hpp"
 #include "emulator/list.hpp"
 #include "emulator/log.hpp"
 #include "emulator/run.hpp"
 #include "emulator/selftest.hpp"
+#include "emulator/table_reader.hpp"
 #include "transports/port.hpp"
 #include "transports/pty_keeper.hpp"
 
@@ -63,6 +69,39 @@ int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   if (arguments.fast) overrides.emplace_back("clock=fast");
   return run(load_config(arguments.config, overrides, capture_port(arguments.capture)), arguments.run);
+}
+
+// Returns the arguments after the program's name; `help COMMAND` becomes `COMMAND --help`.
+std::vector<std::string> words(int argc, const char* const* argv) {
+  std::vector<std::string> all(argv + 1, argv + argc);
+  if (all.empty() || all.front() != "help") return all;
+  all.erase(all.begin());
+  all.emplace_back("--help");
+  return all;
+}
+
+// Returns what is wrong with a first argument that is neither an option nor a command; empty if nothing is.
+std::string unknown_command(const CLI::App& app, const std::vector<std::string>& arguments) {
+  if (arguments.empty() || arguments.front().starts_with('-')) return {};
+  std::vector<std::string> commands;
+  for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
+  const std::string& given = arguments.front();
+  if (std::find(commands.begin(), commands.end(), given) != commands.end()) return {};
+  const std::string meant = nearest(given, commands);
+  return fmt::format("unknown command \"{}\"; {}", given,
+                     meant.empty() ? fmt::format("there are {}", fmt::join(commands, ", "))
+                                   : fmt::format("did you mean \"{}\"?", meant));
+}
+
+// Prints a fault; if too many files are open, also how to permit more.
+void print_fault(std::string_view text) {
+  fmt::print(stderr, "{}\n", text);
+  rlimit files{};
+  if (text.find(std::strerror(EMFILE)) == text.npos || ::getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+  fmt::print(stderr,
+             "imud may have {0} files open (ulimit -n); permit more by `ulimit -n {1}` or, in a systemd unit, "
+             "LimitNOFILE={1}\n",
+             files.rlim_cur, 4 * files.rlim_cur);
 }
 
 }  // namespace
@@ -136,7 +175,7 @@ int command_line(int argc, const char* const* argv) {
   with_run(run_command);
   auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
   with_run(replay_command);
-  replay_command->add_option("CAPTURE", arguments.capture, "X.pcap, X.pcap?port=N, or X.csv")->required();
+  replay_command->add_option("CAPTURE", arguments.capture, "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst")->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);
@@ -159,9 +198,12 @@ int command_line(int argc, const char* const* argv) {
   selftest_command->add_option("--for", measure_s, "Duration of each measurement (2)")
       ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0));
-  auto* list_command =
-      app.add_subcommand("list", "Show protocols, truth formats and transports, or the settings of NAME");
-  list_command->add_option("NAME", arguments.name, "A protocol or truth format");
+  auto* list_command = app.add_subcommand("list", "Show protocols, truth formats and transports, or what NAME has");
+  list_command->add_option("NAME", arguments.name, "A protocol, truth format or transport");
+  bool json = false;
+  list_command->add_flag("--json", json, "As JSON");
+  auto* example_command = app.add_subcommand("example", "Print a commented configuration with NAME");
+  example_command->add_option("NAME", arguments.name, "A protocol, truth format or transport")->required();
   auto* pty_command = app.add_subcommand(
       "pty", "Hold pseudo-terminals, so that their clients are not hung up while imud restarts; until SIGTERM");
   std::vector<std::string> links;
@@ -171,8 +213,17 @@ int command_line(int argc, const char* const* argv) {
   bool background = false;
   pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
 
+  app.add_subcommand("help", "Show this text, or that of COMMAND")->add_option("COMMAND");
+  app.footer("Example: imud check imu.toml && imud run imu.toml --for 10\nEvery key: emulator/CONFIGURATION.md");
+
+  std::vector<std::string> given = words(argc, argv);
+  if (const std::string fault = unknown_command(app, given); !fault.empty()) {
+    fmt::print(stderr, "imud: {}\n", fault);
+    return 2;
+  }
   try {
-    app.parse(argc, argv);
+    std::reverse(given.begin(), given.end());  // as CLI11 takes a vector
+    app.parse(given);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
@@ -180,7 +231,8 @@ int command_line(int argc, const char* const* argv) {
   try {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
-    if (list_command->parsed()) return list(arguments.name);
+    if (list_command->parsed()) return list(arguments.name, json);
+    if (example_command->parsed()) return example(arguments.name);
     if (check_command->parsed())
       return check(arguments.config, arguments.overrides, {layout, arguments.run.required});
     if (pty_command->parsed()) return keep_ptys(links, background);
@@ -192,20 +244,20 @@ int command_line(int argc, const char* const* argv) {
     if (replay_command->parsed()) return replay(arguments);
     return run(load_config(arguments.config, arguments.overrides), arguments.run);
   } catch (const ConfigError& error) {
-    fmt::print(stderr, "{}\n", error.what());
+    print_fault(error.what());
     fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");
     return 2;
   } catch (const PortError& error) {
-    fmt::print(stderr, "{}: {}\n", arguments.config.empty() ? "imud" : arguments.config, error.what());
+    print_fault(fmt::format("{}: {}", arguments.config.empty() ? "imud" : arguments.config, error.what()));
     return 2;
   } catch (const std::invalid_argument& error) {
     fmt::print(stderr, "imud: --require {}\n", error.what());
     return 2;
   } catch (const OpenError& error) {
-    fmt::print(stderr, "imud: {}\n", error.what());
+    print_fault(fmt::format("imud: {}", error.what()));
     return 2;
   } catch (const std::exception& error) {
-    fmt::print(stderr, "imud: {}\n", error.what());
+    print_fault(fmt::format("imud: {}", error.what()));
     return 1;
   }
 }

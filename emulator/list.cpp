@@ -4,65 +4,118 @@
 #include <fmt/ranges.h>
 
 #include <cstdio>
-#include <type_traits>
-#include <variant>
+#include <string_view>
+#include <utility>
 
-#include "protocols/protocol.hpp"
-#include "protocols/truth_format.hpp"
-#include "transports/port.hpp"
+#include "emulator/entries.hpp"
 
 namespace imud {
 
 namespace {
 
-template <class Table>
-void list_table(const char* title, const Table& table) {
-  fmt::print("{}\n", title);
-  for (const auto* entry : table) fmt::print("  {:<12} {} [{}]\n", entry->name, entry->summary, entry->document);
+using Json = nlohmann::ordered_json;
+
+std::string_view word(ColumnGroup::Need need) {
+  return need == ColumnGroup::required ? "required" : need == ColumnGroup::one_of ? "one of these" : "optional";
 }
 
-// Prints the keys of [imu.device] or [truth] that only this entry has.
 template <class Entry>
-void list_settings(const Entry& entry) {
-  fmt::print("{}: {}\n", entry.name, entry.summary);
-  if (entry.settings.empty()) fmt::print("  no settings of its own\n");
-  for (const Setting& setting : entry.settings) {
-    std::string initial = std::visit(
-        [](const auto& value) -> std::string {
-          using Value = std::decay_t<decltype(value)>;
-          if constexpr (std::is_same_v<Value, std::string_view>)
-            return fmt::format("\"{}\"", value);
-          else if constexpr (std::is_same_v<Value, std::span<const std::string_view>>)
-            return fmt::format("[{}]", fmt::join(value, ", "));
-          else
-            return fmt::format("{}", value);
-        },
-        setting.initial);
-    if (!setting.choices.empty()) initial += fmt::format("; one of {}", fmt::join(setting.choices, ", "));
-    if (setting.min != setting.max) initial += fmt::format("; {} to {}", setting.min, setting.max);
-    fmt::print("  {:<24} {} ({})\n", setting.key, setting.help, initial);
+Json described(std::string_view kind, const Entry& entry) {
+  return {{"kind", kind}, {"name", entry.name}, {"summary", entry.summary}, {"document", entry.document}};
+}
+
+Json described(std::span<const Setting> settings) {
+  Json all = Json::array();
+  for (const Setting& setting : settings)
+    all.push_back({{"key", setting.key},
+                   {"help", setting.help},
+                   {"default", initial_value(setting)},
+                   {"valid", valid_values(setting)}});
+  return all;
+}
+
+Json described(const Protocol& protocol) {
+  Json json = described("protocol", protocol);
+  json["link"] = protocol.link == Link::can ? "can" : "bytes";
+  json["settings"] = described(protocol.settings);
+  return json;
+}
+
+Json described(const TruthFormat& format) {
+  Json json = described("truth format", format);
+  json["settings"] = described(format.settings);
+  for (const ColumnGroup& group : format.columns)
+    json["columns"].push_back({{"names", group.names}, {"need", word(group.need)}, {"help", group.help}});
+  return json;
+}
+
+Json described(const Transport& transport) {
+  Json json = described("transport", transport);
+  json["syntax"] = transport.syntax;
+  json["example"] = transport.example;
+  json["options"] = Json::array();
+  for (const PortOption& option : transport.options)
+    json["options"].push_back({{"key", option.key}, {"help", option.help}, {"valid", valid_values(option)}});
+  return json;
+}
+
+std::string text(const Json& json, const char* key) { return json.value(key, std::string()); }
+
+void print_table(const char* key, const Json& rows) {
+  if (rows.empty()) fmt::print("  no {} of its own\n", key);
+  for (const Json& row : rows) {
+    std::string valid = row.contains("default") ? row["default"].dump() : "";
+    if (const std::string range = text(row, "valid"); !range.empty()) valid += (valid.empty() ? "" : "; ") + range;
+    fmt::print("  {:<24} {} ({})\n", text(row, "key"), text(row, "help"), valid);
   }
+}
+
+void print(const Json& entry) {
+  fmt::print("{} {}: {} [{}]\n", text(entry, "kind"), text(entry, "name"), text(entry, "summary"),
+             text(entry, "document"));
+  if (entry.contains("syntax"))
+    fmt::print("  syntax   {}\n  example  \"{}\"\n", text(entry, "syntax"), text(entry, "example"));
+  for (const char* key : {"settings", "options"})
+    if (entry.contains(key)) print_table(key, entry[key]);
+  if (!entry.contains("columns")) return;
+  fmt::print("  columns, by the names in the header row:\n");
+  for (const Json& group : entry["columns"])
+    fmt::print("  {:<12} {}: {}\n", text(group, "need"),
+               fmt::join(group["names"].get<std::vector<std::string>>(), ", "), text(group, "help"));
 }
 
 }  // namespace
 
-int list(const std::string& name) {
+int list(const std::string& name, bool json) {
+  Json chosen = Json::array();
+  const auto add = [&](const auto* entry) {
+    if (entry != nullptr) chosen.push_back(described(*entry));
+  };
   if (!name.empty()) {
-    const Protocol* protocol = find_protocol(name);
-    const TruthFormat* format = find_truth_format(name);
-    if (protocol == nullptr && format == nullptr) {
-      fmt::print(stderr, "there is no protocol and no truth format \"{}\"; see imud list\n", name);
-      return 2;
-    }
-    if (protocol != nullptr) list_settings(*protocol);
-    if (format != nullptr) list_settings(*format);
+    const auto entries = find_entries(name);
+    if (!entries) return 2;
+    add(entries->protocol);
+    add(entries->format);
+    add(entries->transport);
+  } else {
+    for (const Protocol* protocol : protocols()) add(protocol);
+    for (const TruthFormat* format : truth_formats()) add(format);
+    for (const Transport* transport : transports()) add(transport);
+  }
+  if (json) {
+    fmt::print("{}\n", chosen.dump(2));
     return 0;
   }
-  list_table("protocols", protocols());
-  list_table("truth formats", truth_formats());
-  fmt::print("transports\n");
-  for (const Transport* transport : transports())
-    fmt::print("  {:<12} {}; {} [{}]\n", transport->name, transport->summary, transport->syntax, transport->document);
+  std::string kind;
+  for (const Json& entry : chosen) {
+    if (!name.empty()) {
+      print(entry);
+      continue;
+    }
+    if (text(entry, "kind") != std::exchange(kind, text(entry, "kind"))) fmt::print("{}s\n", kind);
+    fmt::print("  {:<12} {}{} [{}]\n", text(entry, "name"), text(entry, "summary"),
+               entry.contains("syntax") ? "; " + text(entry, "syntax") : "", text(entry, "document"));
+  }
   return 0;
 }
 

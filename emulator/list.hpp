@@ -1,12 +1,12 @@
-// What `imud list` prints.
+// The command `imud list`: protocols, truth formats and transports, as their entries describe them.
 #pragma once
 
 #include <string>
 
 namespace imud {
 
-// Prints the tables of protocols, truth formats and transports, or, if `name` is not empty, the settings of the
-// protocol or truth format of that name. Returns the exit code: 2 if there is none.
-int list(const std::string& name);
+// Prints all entries, a line each, or what the entries called `name` have: settings, options, columns. With `json`
+// the same as JSON. Returns the exit code: 2 if there is no such entry.
+int list(const std::string& name, bool json);
 
 }  // namespace imud

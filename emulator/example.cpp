@@ -1,0 +1,108 @@
+#include "emulator/example.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <string_view>
+
+#include "emulator/entries.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns the first entry that fulfils `condition`. There is one.
+template <class Entry, class Condition>
+const Entry* first(std::span<const Entry* const> table, Condition condition) {
+  return *std::find_if(table.begin(), table.end(), [&](const Entry* entry) { return condition(*entry); });
+}
+
+std::string comment(std::string_view what, const std::string& valid) {
+  return fmt::format("# {}{}\n", what, valid.empty() ? "" : " (" + valid + ")");
+}
+
+// Returns the settings as comments; a # before a key makes it one.
+std::string settings_text(std::span<const Setting> settings) {
+  std::string text;
+  for (const Setting& setting : settings)
+    text += comment(setting.help, valid_values(setting)) +
+            fmt::format("#{} = {}\n", setting.key, initial_value(setting).dump());
+  return text;
+}
+
+// Returns the line of a port, after the options that it may have.
+std::string port_text(std::string_view key, const Transport& transport) {
+  std::string text = comment(transport.summary, "");
+  for (const PortOption& option : transport.options)
+    text += comment(fmt::format("option {}: {}", option.key, option.help), valid_values(option));
+  return text + fmt::format("{} = \"{}\"\n", key, transport.example);
+}
+
+std::string truth_text(const TruthFormat& format, const Transport& port) {
+  std::string text = "\n[truth]\n" + port_text("port", port) + comment(format.summary, std::string(format.document)) +
+                     fmt::format("format = \"{}\"\n", format.name);
+  for (const ColumnGroup& group : format.columns)
+    text += comment(fmt::format("{} column: {}: {}",
+                                group.need == ColumnGroup::optional   ? "optional"
+                                : group.need == ColumnGroup::required ? "required"
+                                                                      : "alternative",
+                                fmt::join(group.names, ", "), group.help),
+                    "");
+  return text + settings_text(format.settings);
+}
+
+std::string imu_text(const Protocol& protocol, const Transport& port) {
+  std::string text = "\n[[imu]]\n#name = \"imu1\"\n" + comment(protocol.summary, std::string(protocol.document)) +
+                     fmt::format("protocol = \"{}\"\n", protocol.name) + port_text("port", port);
+  if (protocol.has_second_uart)
+    text += "# where the product's second UART is connected\n#second_port = \"pty:imu1.2\"\n";
+  if (protocol.product == nullptr) text += "# samples per second\nrate_hz = 200\n";
+  if (!protocol.settings.empty()) text += "\n[imu.device]\n" + settings_text(protocol.settings);
+  if (protocol.has_sync_pins)
+    text +=
+        "\n[imu.sync]\n# pins, as UDP ports: protocols/README.md\n#trigger_port = \"udp:127.0.0.1:9811\"\n"
+        "#pps_port = \"udp:127.0.0.1:9812\"\n#tov_port = \"udp:127.0.0.1:9813\"\n";
+  if (protocol.product == nullptr)
+    text +=
+        "\n[imu.gyro]\n# range of each axis\nmax_rad_per_s = 10\n\n[imu.accelerometer]\n# range of each axis\n"
+        "max_m_per_s2 = 200\n";
+  return text;
+}
+
+}  // namespace
+
+int example(const std::string& name) {
+  const auto entries = find_entries(name);
+  if (!entries) return 2;
+  const Transport* named = entries->transport;
+  const bool is_device_port = named != nullptr && named->serves_device;
+  const Protocol* protocol = entries->protocol;
+  if (protocol == nullptr)  // the configuration of a product is the shortest
+    protocol = first(protocols(), [&](const Protocol& p) {
+      if (is_device_port && named->carries_can) return p.link == Link::can;
+      return p.link != Link::can && p.product != nullptr;
+    });
+  const TruthFormat* format = entries->format;
+  if (format == nullptr) format = first(truth_formats(), [](const TruthFormat& f) { return f.acknowledges; });
+  const Transport* truth_port = named;
+  if (named == nullptr || is_device_port)
+    truth_port = first(transports(), [](const Transport& t) { return t.udp_port != nullptr && !t.ends; });
+  const Transport* port = named;
+  if (!is_device_port)
+    port = first(transports(), [&](const Transport& t) {
+      return protocol->link == Link::can ? t.carries_can : t.uart == Uart::emulated;
+    });
+
+  fmt::print(
+      "# imud example {}\n"
+      "# A # before a key makes it a comment, which shows the default or an example. `imud check FILE` shows what a\n"
+      "# configuration does; emulator/CONFIGURATION.md describes every key.\n\n"
+      "# seed of all random numbers\n#seed = 1\n"
+      "# what paces the samples (one of realtime, lockstep, fast)\n#clock = \"realtime\"\n{}{}",
+      name, truth_text(*format, *truth_port), imu_text(*protocol, *port));
+  return 0;
+}
+
+}  // namespace imud

@@ -1,0 +1,146 @@
+// The command line of imud: commands that are misspelt, its help, and too many open files.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "protocols/protocol.hpp"
+#include "protocols/truth_format.hpp"
+#include "tests/support/text.hpp"
+#include "tests/tools/loopback_socket.hpp"
+#include "tests/tools/run_program.hpp"
+#include "tests/transports/scratch_folder.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+TEST(CommandLine, AnUnknownCommandIsNamedWithTheNearest) {
+  const std::pair<std::string, std::string> words[] = {{"rnu", "run"},    {"Run", "run"},     {"lsit", "list"},
+                                                       {"rep", "replay"}, {"chekc", "check"}, {"hlep", "help"}};
+  for (const auto& [given, meant] : words) {
+    const auto result = run_program("imud", {given, "x.toml"});
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_EQ(result.errors, fmt::format("imud: unknown command \"{}\"; did you mean \"{}\"?\n", given, meant));
+  }
+  const auto none = run_program("imud", {"help", "imu.toml"});
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_TRUE(contains(none.errors, "unknown command \"imu.toml\"; there are run, replay, check")) << none.errors;
+}
+
+TEST(CommandLine, HelpIsThatOfTheOption) {
+  const auto help = run_program("imud", {"help"});
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_TRUE(contains(help.output, "replay")) << help.output;
+  EXPECT_EQ(help.output, run_program("imud", {"--help"}).output);
+  const auto run = run_program("imud", {"help", "run"});
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_TRUE(contains(run.output, "--summary")) << run.output;
+  EXPECT_EQ(run.output, run_program("imud", {"run", "--help"}).output);
+}
+
+std::vector<std::string> all_names() {
+  std::set<std::string_view> names;
+  for (const Protocol* protocol : protocols()) names.insert(protocol->name);
+  for (const TruthFormat* format : truth_formats()) names.insert(format->name);
+  for (const Transport* transport : transports()) names.insert(transport->name);
+  return {names.begin(), names.end()};
+}
+
+// All that an entry declares is listed, and as JSON.
+TEST(List, ShowsWhatAnEntryHas) {
+  EXPECT_GE(all_names().size(), 12U);
+  for (const std::string& name : all_names()) {
+    const std::string text = run_program("imud", {"list", name}).output;
+    const auto json = nlohmann::json::parse(run_program("imud", {"list", name, "--json"}).output);
+    std::vector<std::string_view> words;
+    std::size_t entries = 0;
+    if (const Protocol* protocol = find_protocol(name)) {
+      ++entries;
+      words.insert(words.end(), {protocol->summary, protocol->document});
+      for (const Setting& setting : protocol->settings) words.insert(words.end(), {setting.key, setting.help});
+    }
+    if (const TruthFormat* format = find_truth_format(name)) {
+      ++entries;
+      words.insert(words.end(), {format->summary, format->document});
+      for (const Setting& setting : format->settings) words.insert(words.end(), {setting.key, setting.help});
+      for (const ColumnGroup& group : format->columns) {
+        words.insert(words.end(), group.names.begin(), group.names.end());
+        words.push_back(group.help);
+      }
+    }
+    if (const Transport* transport = find_transport(name)) {
+      ++entries;
+      words.insert(words.end(), {transport->summary, transport->syntax, transport->example, transport->document});
+      for (const PortOption& option : transport->options) words.insert(words.end(), {option.key, option.help});
+    }
+    EXPECT_EQ(json.size(), entries) << name;
+    EXPECT_GE(words.size(), 2U);
+    for (const std::string_view word : words) EXPECT_TRUE(contains(text, word)) << name << ": " << word;
+  }
+  EXPECT_TRUE(contains(run_program("imud", {"list", "can"}).output, "bit/s; for its load (5000 to 1000000)"));
+  const auto unknown = run_program("imud", {"list", "stim30"});
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_TRUE(contains(unknown.errors, "did you mean \"stim300\"?")) << unknown.errors;
+}
+
+// With the comments before keys, and without them.
+TEST(Example, IsAcceptedForEveryName) {
+  for (const std::string& name : all_names()) {
+    const auto example = run_program("imud", {"example", name});
+    EXPECT_EQ(example.exit_code, 0) << name;
+    const auto good = run_program("imud", {"check", "-"}, example.output);
+    EXPECT_EQ(good.exit_code, 0) << name << example.output << good.errors;
+    std::string all;
+    std::size_t keys = 0;
+    for (const std::string& line : lines_of(example.output)) {
+      const bool is_key = line.size() > 1 && line[0] == '#' && line[1] != ' ';
+      if (is_key) ++keys;
+      all += line.substr(is_key ? 1 : 0) + "\n";
+    }
+    const auto complete = run_program("imud", {"check", "-"}, all);
+    EXPECT_EQ(complete.exit_code, 0) << name << all << complete.errors;
+    const Protocol* protocol = find_protocol(name);
+    const TruthFormat* format = find_truth_format(name);
+    EXPECT_GE(keys, (protocol == nullptr ? 0 : protocol->settings.size()) +
+                        (format == nullptr ? 0 : format->settings.size()) + 2)
+        << example.output;
+    for (const auto entry : {protocol == nullptr ? "" : protocol->summary, format == nullptr ? "" : format->summary})
+      EXPECT_TRUE(contains(example.output, entry)) << example.output;
+    if (protocol != nullptr) EXPECT_TRUE(contains(good.output, name + " at ")) << good.output;
+    if (format != nullptr) EXPECT_TRUE(contains(good.output, "truth    " + name + " from ")) << good.output;
+  }
+  EXPECT_EQ(run_program("imud", {"example", "nonsense"}).exit_code, 2);
+}
+
+// Whatever the limit is, imud runs, or names the remedy.
+TEST(CommandLine, TooManyOpenFilesNamesTheRemedy) {
+  const ScratchFolder folder;
+  const std::string path = folder / "imud.toml";
+  std::ofstream file(path);
+  file << "clock = \"lockstep\"\ntruth.port = \"udp:127.0.0.1:" << LoopbackSocket().port() << "\"\n";
+  for (int i = 0; i < 8; ++i)
+    file << "[[imu]]\nprotocol = \"stim300\"\nport = \"pty:" << folder / fmt::format("imu{}", i) << "\"\n";
+  file.close();
+  int refused = 0, ran = 0;
+  for (int limit = 9; limit < 64 && ran == 0; limit += 2) {
+    const auto result = run_program(
+        "/bin/sh", {"-c", fmt::format("ulimit -n {}; exec {}/imud run {} --for 0.1", limit, IMUD_BIN_DIR, path)});
+    if (result.exit_code == 0) {
+      ++ran;
+    } else {
+      ++refused;
+      EXPECT_TRUE(contains(result.errors, fmt::format("imud may have {0} files open (ulimit -n); permit more by "
+                                                      "`ulimit -n {1}` or, in a systemd unit, LimitNOFILE={1}\n",
+                                                      limit, 4 * limit)))
+          << limit << result.errors;
+    }
+  }
+  EXPECT_GE(refused, 4);
+  EXPECT_EQ(ran, 1);
+}
+
+}  // namespace
+}  // namespace imud
