@@ -1,13 +1,18 @@
 // The UDP datagrams of a capture file, read by libpcap.
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <pcap/pcap.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <new>
+#include <string_view>
 
+#include "transports/compressed_file.hpp"
 #include "transports/port.hpp"
 #include "transports/udp_packet.hpp"
 
@@ -19,18 +24,20 @@ constexpr PortOption port_option = {
 
 class PcapPort final : public Port {
  public:
-  explicit PcapPort(const PortSpec& spec)
-      : port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))) {
+  explicit PcapPort(const PortSpec& spec) : port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))) {
     // libpcap would wait for a pipe.
     std::error_code unknown;
     if (std::filesystem::exists(spec.address, unknown) && !std::filesystem::is_regular_file(spec.address, unknown))
       throw spec.error("is not a regular file; right would be a complete capture");
     std::array<char, PCAP_ERRBUF_SIZE> error{};
-    capture_.reset(
-        ::pcap_open_offline_with_tstamp_precision(spec.address.c_str(), PCAP_TSTAMP_PRECISION_NANO, error.data()));
+    compressed_ = CompressedFile::open(FileDescriptor(::open(spec.address.c_str(), O_RDONLY | O_CLOEXEC)).get());
+    capture_.reset(compressed_ ? open_compressed(error.data())
+                               : ::pcap_open_offline_with_tstamp_precision(spec.address.c_str(),
+                                                                           PCAP_TSTAMP_PRECISION_NANO, error.data()));
     if (!capture_)
       throw spec.error(
-          fmt::format("{}; right would be a pcap or pcapng file, as tcpdump -w and Wireshark write", error.data()));
+          fmt::format("{}; right would be a pcap or pcapng file, as tcpdump -w and Wireshark write",
+                      compressed_ && !compressed_->error().empty() ? compressed_->error() : error.data()));
     size_ = static_cast<double>(std::filesystem::file_size(spec.address, unknown));
     link_type_ = ::pcap_datalink(capture_.get());
     if (!supports_link_type(link_type_)) {
@@ -73,7 +80,7 @@ class PcapPort final : public Port {
 
   bool at_end() const noexcept override { return at_end_; }
   std::optional<double> progress() const noexcept override {
-    const long position = std::ftell(::pcap_file(capture_.get()));
+    const long position = compressed_ ? compressed_->offset() : std::ftell(::pcap_file(capture_.get()));
     if (position < 0 || size_ <= 0) return std::nullopt;
     return std::min(1.0, static_cast<double>(position) / size_);
   }
@@ -87,11 +94,31 @@ class PcapPort final : public Port {
     return {static_cast<std::int64_t>(s * 1'000'000'000U + ns)};
   }
 
+  // Returns nullptr, and writes why to `error`, if the capture cannot be read.
+  pcap_t* open_compressed(char* error) const {
+    const cookie_io_functions_t functions{.read = [](void* file, char* bytes, std::size_t size) -> ssize_t {
+                                            if (size == 0) return 0;
+                                            const ssize_t read = static_cast<CompressedFile*>(file)->read(
+                                                std::as_writable_bytes(std::span(bytes, size)));
+                                            if (read < 0) errno = EIO;
+                                            return read;
+                                          },
+                                          .write = nullptr,
+                                          .seek = nullptr,
+                                          .close = nullptr};
+    FILE* file = ::fopencookie(compressed_.get(), "r", functions);
+    if (file == nullptr) throw std::bad_alloc();
+    pcap_t* capture = ::pcap_fopen_offline_with_tstamp_precision(file, PCAP_TSTAMP_PRECISION_NANO, error);
+    if (capture == nullptr) std::fclose(file);
+    return capture;
+  }
+
   void end(int result) noexcept {
     at_end_ = true;
     if (result == PCAP_ERROR_BREAK) return;
-    const char* what = ::pcap_geterr(capture_.get());
-    const bool cut_short = std::strstr(what, "truncated") != nullptr;
+    const std::string_view what =
+        compressed_ && !compressed_->error().empty() ? compressed_->error() : ::pcap_geterr(capture_.get());
+    const bool cut_short = what == "cut short" || what.find("truncated") != what.npos;
     const auto written =
         cut_short
             ? fmt::format_to_n(warning_.data(), warning_.size(), "cut short after record {}", records_)
@@ -102,8 +129,9 @@ class PcapPort final : public Port {
   struct Close {
     void operator()(pcap_t* capture) const noexcept { ::pcap_close(capture); }
   };
-  const std::uint16_t port_;  // 0: any
-  std::unique_ptr<pcap_t, Close> capture_;
+  const std::uint16_t port_;                    // 0: any
+  std::unique_ptr<CompressedFile> compressed_;  // nullptr: libpcap opens the file by itself
+  std::unique_ptr<pcap_t, Close> capture_;      // closed before the file that it reads
   int link_type_ = 0;
   double size_ = 0;  // bytes of the file
   bool at_end_ = false;
@@ -126,7 +154,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings&) { return s
 extern const Transport pcap_transport;
 constexpr Transport pcap_transport = {
     .name = "pcap",
-    .summary = "the UDP datagrams of a capture file (pcap, pcapng), of one destination port or all",
+    .summary = "the UDP datagrams of a capture file (pcap, pcapng, also .gz, .zst), of one destination port or all",
     .syntax = "pcap:PATH?port=N",
     .example = "pcap:flight.pcap?port=9810",
     .document = "libpcap 1.10",

@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include "transports/compressed_file.hpp"
+
 namespace imud {
 namespace {
 
@@ -48,7 +50,7 @@ std::string capture_port(std::string_view capture) {
   const std::size_t colon = capture.find(':');
   if (const Transport* named = transport_of(capture); colon != std::string_view::npos && named && named->ends)
     return std::string(capture);
-  const std::string_view path = capture.substr(0, capture.find('?'));
+  const std::string_view path = CompressedFile::without_suffix(capture.substr(0, capture.find('?')));
   const Transport* any = nullptr;
   for (const Transport* transport : transports()) {
     if (ends_in_one_of(path, transport->suffixes)) return fmt::format("{}:{}", transport->name, capture);

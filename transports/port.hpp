@@ -197,7 +197,7 @@ struct Transport {
   Uart uart = Uart::none;         // if there is one, the options `baud`, `parity` and `stop` set it
 
   // Files that `imud replay` and `imu-truth capture` open by this transport if no transport is named: suffixes of
-  // their names (".csv .txt"); "*" stands for those that no other transport claims.
+  // their names (".csv .txt"), without that of compression; "*" stands for those that no other transport claims.
   std::string_view suffixes = {};
 
   // Throws PortError if such a port cannot have this address, these options together, or these settings; its text has

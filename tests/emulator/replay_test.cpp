@@ -5,6 +5,8 @@
 #include <cstring>
 
 #include "tests/emulator/run_test.hpp"
+#include "tests/support/compressed.hpp"
+#include "tests/support/text.hpp"
 
 namespace imud {
 namespace {
@@ -32,6 +34,32 @@ TEST_F(ReplayTest, TheFlightByteForByte) {
   EXPECT_EQ(s["imus"][0]["dropped"], 0);
   EXPECT_EQ(s["imus"][1]["samples"], 601);
   EXPECT_TRUE(s["imus"][0]["lateness_us"].contains("p999"));
+}
+
+// As the capture itself; damage is a reason for exit code 3.
+TEST_F(ReplayTest, ACompressedFlightByteForByte) {
+  const std::string bytes = read_file(flight);
+  for (const auto& [name, file] :
+       {std::pair<std::string, std::string>{"flight.pcap.gz", gzip(bytes)}, {"flight.zst", zstd(bytes)}}) {
+    const auto replay = [&](const std::string& capture) {
+      return run_program(
+          "imud", {"replay", regression + ".toml", capture, "--set", "imu.0.port=file:" + path("native"), "--set",
+                   "imu.1.port=file:" + path("csv"), "--summary", path("summary.json")});
+    };
+    const ProgramResult whole = replay(write(name, file));
+    ASSERT_EQ(whole.exit_code, 0) << whole.errors;
+    EXPECT_TRUE(read_file(path("native")) == read_file(regression + "_every_effect.native"));
+    EXPECT_TRUE(read_file(path("csv")) == read_file(regression + "_ideal.csv"));
+    const ProgramResult half = replay(write("half_" + name, file.substr(0, file.size() / 2)));
+    EXPECT_EQ(half.exit_code, 3);
+    EXPECT_TRUE(contains(half.errors, "cut short after record ")) << half.errors;
+    EXPECT_GT(summary()["truth"]["accepted"], 500);
+    std::string damaged = file;
+    damaged.back() = static_cast<char>(~damaged.back());
+    const ProgramResult checksum = replay(write("damaged_" + name, damaged));
+    EXPECT_EQ(checksum.exit_code, 3);
+    EXPECT_TRUE(contains(checksum.errors, "unreadable after record 2002: ")) << checksum.errors;
+  }
 }
 
 TEST_F(ReplayTest, AThousandHertzWithoutAGap) {
