@@ -20,6 +20,7 @@
 #include "protocols/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
 #include "tools/number_check.hpp"
+#include "tools/setting_texts.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/stream_report.hpp"
 #include "tools/stream_statistics.hpp"
@@ -62,17 +63,6 @@ std::string known_ports() {
   for (const Transport* transport : transports())
     text += fmt::format("  {}\n  {:<16} {}\n", transport->syntax, "", transport->summary);
   return text;
-}
-
-Settings read_settings(const Protocol& protocol, const std::vector<std::string>& texts) {
-  Settings settings(protocol.settings);
-  for (const std::string& text : texts) {
-    const std::size_t equals = text.find('=');
-    if (equals == std::string::npos)
-      throw std::invalid_argument(fmt::format("--set {}: right would be --set KEY=VALUE", text));
-    settings.set_text(text.substr(0, equals), text.substr(equals + 1));
-  }
-  return settings;
 }
 
 const Protocol& protocol_for(const Options& options) {
@@ -205,7 +195,7 @@ int decode(const Options& options, bool& running) {
     for (Requirement& limit : parse_requirements(limits)) required.push_back(std::move(limit));
   for (const Requirement& limit : required)
     StreamReport{protocol, {}, StreamStatistics(protocol), {}, {}, {}, {}, {}}.seen(limit);
-  const auto decoder = protocol.make_decoder(read_settings(protocol, options.settings));
+  const auto decoder = protocol.make_decoder(settings_from(protocol.settings, options.settings));
   const auto port = open_port(options.port, Role::listener);
   if (options.ready_fd) {
     const FileDescriptor ready(*options.ready_fd);

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "tools/captured_truths.hpp"
 #include "tools/datagram_sender.hpp"
 #include "tools/duration_text.hpp"
 #include "tools/motion.hpp"
@@ -29,10 +30,12 @@ namespace {
 
 constexpr int failed = 1;
 constexpr int wrong_command_line = 2;
+constexpr int incomplete = 3;
 
 struct Options {
   std::string what;  // a motion, "capture" or "list"
   std::string capture;
+  std::vector<std::string> settings;  // of the capture's truth format
   std::string to = "udp:127.0.0.1:9810";
   std::string csv_path;
   std::string format = "native";
@@ -59,7 +62,10 @@ constexpr struct {
 std::string known_motions() {
   std::string text = "Motions:\n";
   for (const Motion& motion : motions()) text += fmt::format("  {:<12} {}\n", motion.name, motion.summary);
-  return text + "  capture FILE the UDP datagrams of a capture, byte for byte: FILE.pcap, FILE.pcap?port=9810\n";
+  return text +
+         "  capture FILE the UDP datagrams of a capture, byte for byte: FILE.pcap, FILE.pcap?port=9810, "
+         "FILE.pcap.gz;\n"
+         "               with --csv its truths, of any format, as truth CSV\n";
 }
 
 // Returns true if the motion depends on the parameter.
@@ -81,13 +87,19 @@ void check(const CLI::App& app, Options& options) {
   if (is_capture) {
     if (options.capture.empty())
       throw std::invalid_argument("capture: no file is given; right would be capture FILE.pcap?port=N");
-    refuse_unused(app, "a capture is sent as it is",
-                  {"--rate", "--start", "--stream", "--format", "--no-new-run", "--lockstep", "--csv"});
+    refuse_unused(app, "a capture is sent as it is", {"--rate", "--start", "--no-new-run", "--lockstep"});
+    if (options.csv_path.empty())
+      refuse_unused(app, "a capture is sent as it is", {"--stream", "--format", "--set"});
+    else
+      refuse_unused(app, "with --csv a capture is converted whole", {"--for"});
     for (const auto& entry : motion_options) refuse_unused(app, "a capture is sent as it is", {entry.option});
   } else {
     options.motion.motion = find_motion(options.what);
     if (options.motion.motion == nullptr)
       throw std::invalid_argument(fmt::format("there is no motion '{}'\n{}", options.what, known_motions()));
+    refuse_unused(app, "only for the truths of a capture", {"--set"});
+    if (options.format != "native" && options.format != "csv")
+      throw std::invalid_argument(fmt::format("--format {}: a motion is sent as native or csv", options.format));
     if (!options.capture.empty())
       throw std::invalid_argument(options.capture + ": only 'capture' is followed by a file");
     for (const auto& entry : motion_options)
@@ -97,15 +109,18 @@ void check(const CLI::App& app, Options& options) {
   }
   if (!options.csv_path.empty())
     refuse_unused(app, "not with --csv, which sends nothing",
-                  {"--to", "--fast", "--lockstep", "--format", "--stream", "--no-new-run", "--drop", "--duplicate",
-                   "--reorder", "--jitter", "--corrupt"});
+                  {"--to", "--fast", "--lockstep", "--no-new-run", "--drop", "--duplicate", "--reorder", "--jitter",
+                   "--corrupt"});
+  if (!options.csv_path.empty() && !is_capture)
+    refuse_unused(app, "not with --csv, which sends nothing", {"--format", "--stream"});
   if (options.lockstep) {
     refuse_unused(app, "not in lockstep, where each datagram waits for the answer to the one before", {"--reorder"});
     if (options.format != "native") throw std::invalid_argument("--lockstep: only native datagrams are answered");
   } else {
     refuse_unused(app, "only with --lockstep", {"--resend"});
   }
-  if (options.format == "csv") refuse_unused(app, "only for native datagrams", {"--stream", "--no-new-run"});
+  if (options.format == "csv" && !is_capture)
+    refuse_unused(app, "only for native datagrams", {"--stream", "--no-new-run"});
   if (options.fast) refuse_unused(app, "not with --fast, which sends without pacing", {"--jitter"});
   if (!is_capture && !options.motion.for_s && ((options.fast && !options.lockstep) || !options.csv_path.empty()))
     throw std::invalid_argument("--for: must be given with --fast or --csv, as a motion has no end");
@@ -114,10 +129,20 @@ void check(const CLI::App& app, Options& options) {
   options.motion.new_run = !options.no_new_run;
 }
 
+void print_line(std::string_view subject, std::string_view what) { fmt::print(stderr, "{:<12} {}\n", subject, what); }
+
+// Flushes the CSV; throws std::runtime_error if it could not be written, unless its reader has gone.
+void finish_csv(TextOutput& csv, const Options& options, std::uint64_t rows) {
+  csv.flush();
+  if (!csv.is_open() && csv.error() != EPIPE)
+    throw std::runtime_error(fmt::format("{}: {}", options.csv_path, std::strerror(csv.error())));
+  print_line("written", fmt::format("{} truths", rows));
+}
+
 int write_csv(const Options& options, bool& running) {
   TextOutput csv(options.csv_path);
   running = true;
-  csv.write(truth_csv_header);
+  csv.write(truth_csv_header());
   MotionTruths truths(options.motion);
   std::uint64_t rows = 0;
   while (!stop_requested() && csv.is_open()) {
@@ -126,11 +151,47 @@ int write_csv(const Options& options, bool& running) {
     csv.write(truth_csv_row(*truth));
     ++rows;
   }
-  csv.flush();
-  if (!csv.is_open() && csv.error() != EPIPE)
-    throw std::runtime_error(fmt::format("{}: {}", options.csv_path, std::strerror(csv.error())));
-  fmt::print(stderr, "{:<12} {} truths\n", "written", rows);
+  finish_csv(csv, options, rows);
   return 0;
+}
+
+// Writes the truths of a capture. The columns are those of the first one.
+int write_capture_csv(const CLI::App& app, const Options& options, bool& running) {
+  CapturedTruths truths(
+      {options.capture, options.format, options.settings,
+       app.get_option("--stream")->count() > 0 ? std::optional(options.motion.stream) : std::nullopt});
+  TextOutput csv(options.csv_path);
+  running = true;
+  std::optional<Truth> first;
+  std::uint64_t rows = 0, without = 0;
+  while (csv.is_open()) {
+    const auto truth = truths.next();
+    if (!truth) break;
+    if (!first) {
+      first = truth;
+      csv.write(truth_csv_header(parts_of(*first)));
+    }
+    if (const bool fits =
+            (parts_of(*first) & ~parts_of(*truth)) == 0 &&
+            (first->accumulated_dv == AccumulatedDv::none || truth->accumulated_dv == first->accumulated_dv);
+        !fits) {
+      ++without;
+      continue;
+    }
+    csv.write(truth_csv_row(*truth, parts_of(*first)));
+    ++rows;
+  }
+  finish_csv(csv, options, rows);
+  if (first && first->accumulated_dv == AccumulatedDv::body_sum)
+    print_line("note", "replay it with truth.accumulated_dv = \"body_sum\"");
+  if (const auto others = truths.of_other_vehicles(); others > 0)
+    print_line("left out", fmt::format("{} truths of other vehicles; --stream chooses one", others));
+  if (without > 0) print_line("left out", fmt::format("{} truths that lack columns of the first one", without));
+  if (!truths.refused().empty()) print_line("refused", truths.refused());
+  if (!truths.damage().empty()) print_line("capture", truths.damage());
+  if (rows == 0) throw std::runtime_error(fmt::format("{}: no {} truth in it", options.capture, options.format));
+  const bool is_complete = without == 0 && truths.refused().empty() && truths.damage().empty() && !stop_requested();
+  return is_complete ? 0 : incomplete;
 }
 
 // The results of lockstep.
@@ -140,9 +201,7 @@ struct Answers {
 };
 
 void print_report(const DatagramSender& sender, const Answers& answers, bool lockstep, double elapsed_s) {
-  const auto line = [](std::string_view subject, const std::string& what) {
-    fmt::print(stderr, "{:<12} {}\n", subject, what);
-  };
+  const auto line = print_line;
   const DatagramSender::Counters& counters = sender.counters();
   const double hz = counters.sent > 1 ? static_cast<double>(counters.sent - 1) / elapsed_s : 0;
   line("sent", fmt::format("{} datagrams, {} bytes in {:.3f} s ({:.3f} per second)", counters.sent, counters.bytes,
@@ -231,10 +290,12 @@ void define(CLI::App& app, Options& options) {
       ->check(number_check(-1e9, 1e9))
       ->capture_default_str();
   add("--stream", options.motion.stream, "N", "number of the vehicle")->capture_default_str();
-  add("--format", options.format, "native|csv", "csv: a row per datagram, the header row first")
-      ->check(CLI::IsMember({"native", "csv"}).description(""))
+  add("--format", options.format, "FORMAT",
+      "native, or csv: a row per datagram, the header row first; of a capture with --csv: its truth format")
       ->capture_default_str();
   add("--csv", options.csv_path, "FILE", "writes truth CSV to FILE and sends nothing; - is standard output");
+  add("--set", options.settings, "KEY=VALUE", "capture with --csv: a setting of its truth format; may be repeated")
+      ->allow_extra_args(false);
   app.add_flag("--no-new-run", options.no_new_run, "does not mark the first datagram as the beginning of a run");
   app.add_flag("--fast", options.fast, "sends without pacing; may outrun the receiver, except with --lockstep");
   app.add_flag("--lockstep", options.lockstep, "waits for the acknowledgement of each datagram before the next one");
@@ -264,7 +325,9 @@ void define(CLI::App& app, Options& options) {
       ->capture_default_str()
       ->group(fault_group);
   app.footer(
-      fmt::format("\n{}\nExit codes: 0 done, 1 failed while running or not answered, 2 the command line is wrong.\n"
+      fmt::format("\n{}\nExit codes: 0 done, 1 failed while running or not answered, 2 the command line is wrong, 3 "
+                  "done, but the "
+                  "capture is damaged, or truths in it were refused.\n"
                   "Example: imu-truth coning --half-angle-rad 0.1 --to udp:127.0.0.1:9810 --rate 100 --for 10",
                   known_motions()));
 }
@@ -288,7 +351,8 @@ int main(int argc, char** argv) {
   bool running = false;
   try {
     check(app, options);
-    return options.csv_path.empty() ? send(options, running) : write_csv(options, running);
+    if (options.csv_path.empty()) return send(options, running);
+    return options.motion.motion == nullptr ? write_capture_csv(app, options, running) : write_csv(options, running);
   } catch (const std::exception& error) {
     fmt::print(stderr, "imu-truth: {}\n", error.what());
     return running ? failed : wrong_command_line;

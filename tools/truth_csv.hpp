@@ -2,20 +2,29 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 
 #include "core/truth.hpp"
 
 namespace imud {
 
-// The header row, with its LF.
-inline constexpr std::string_view truth_csv_header =
-    "time_ns,r_BN_N_x,r_BN_N_y,r_BN_N_z,v_BN_N_x,v_BN_N_y,v_BN_N_z,sigma_BN_1,sigma_BN_2,sigma_BN_3,"
-    "omega_BN_B_x,omega_BN_B_y,omega_BN_B_z,omegaDot_BN_B_x,omegaDot_BN_B_y,omegaDot_BN_B_z,"
-    "nonConservativeAccelpntB_B_x,nonConservativeAccelpntB_B_y,nonConservativeAccelpntB_B_z,"
-    "TotalAccumDV_BN_B_x,TotalAccumDV_BN_B_y,TotalAccumDV_BN_B_z\n";
+// The optional parts of a truth, as bits.
+struct TruthParts {
+  enum : unsigned {
+    none = 0,
+    position = 1,
+    angular_acceleration = 2,
+    specific_force = 4,
+    accumulated_dv = 8,
+    all = 15
+  };
+};
+unsigned parts_of(const Truth& truth);
 
-// Returns a row, with its LF. Each double has the shortest text that is read back as the same double.
-std::string truth_csv_row(const Truth& truth);
+// Returns the header row, with its LF.
+std::string truth_csv_header(unsigned parts = TruthParts::all);
+
+// Returns a row with these parts, with its LF; `truth` must have them. Each double has the shortest text that is read
+// back as the same double.
+std::string truth_csv_row(const Truth& truth, unsigned parts = TruthParts::all);
 
 }  // namespace imud

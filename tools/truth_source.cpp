@@ -34,7 +34,7 @@ class CsvSource final : public TruthSource {
 
   std::optional<TimedDatagram> next() override {
     if (row_.empty()) {
-      row_ = truth_csv_header;
+      row_ = truth_csv_header();
       return TimedDatagram{Nanoseconds{}, std::as_bytes(std::span(row_))};
     }
     const auto truth = truths_.next();

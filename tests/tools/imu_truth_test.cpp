@@ -309,6 +309,69 @@ TEST(ImuTruth, ResendsACaptureByteForByte) {
   EXPECT_TRUE(contains(none.errors, "no datagram in it for that port")) << none.errors;
 }
 
+// The columns are those that the truths have; what is refused is counted, and makes the exit code 3.
+TEST(ImuTruth, WritesTheTruthsOfACaptureAsCsv) {
+  const ScratchFolder folder;
+  const capture::Format format;
+  const auto record = [&](const std::string& payload) {
+    return capture::file_record(format, {0, capture::ethernet(0x0800, capture::ipv4(capture::udp(payload, 9810)))});
+  };
+  const auto native = [](int step, std::uint32_t stream) {
+    Truth truth = find_motion("spiral")->at(TruthTime{step * 10'000'000}, {});
+    truth.stream = stream;
+    truth.accumulated_dv = AccumulatedDv::none;
+    std::array<std::byte, native_truth_size> bytes;
+    encode_native_truth(truth, bytes);
+    return std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  };
+  std::string good = capture::file_header(format, 1), bad = good;
+  for (int step = 0; step < 50; ++step) good += record(native(step, 7)) + record(native(step, 8));
+  for (int step = 0; step < 50; ++step) bad += record(step == 9 ? "IMUT" : native(step, 7));
+  capture::write_file(folder / "good.pcap", good);
+  capture::write_file(folder / "bad.pcap", bad);
+
+  const auto whole = run_program("imu-truth", {"capture", folder / "good.pcap", "--csv", "-"});
+  EXPECT_EQ(whole.exit_code, 0) << whole.errors;
+  EXPECT_TRUE(contains(whole.errors, "50 truths\n")) << whole.errors;
+  EXPECT_TRUE(contains(whole.errors, "50 truths of other vehicles; --stream chooses one")) << whole.errors;
+  const auto rows = lines_of(whole.output);
+  ASSERT_EQ(rows.size(), 51U);
+  EXPECT_TRUE(rows[0].starts_with("time_ns,r_BN_N_x,")) << rows[0];
+  EXPECT_FALSE(contains(rows[0], "TotalAccumDV_BN_B_x")) << rows[0];
+  const auto decoder = find_truth_format("csv")->make(Settings(find_truth_format("csv")->settings));
+  Truth truth;
+  EXPECT_EQ(decode_truth(*decoder, std::as_bytes(std::span(rows[0])), truth), TruthResult::no_state);
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const Truth wanted = find_motion("spiral")->at(TruthTime{static_cast<std::int64_t>(i - 1) * 10'000'000}, {});
+    ASSERT_EQ(decode_truth(*decoder, std::as_bytes(std::span(rows[i])), truth), TruthResult::ok);
+    EXPECT_EQ(truth.time, wanted.time);
+    EXPECT_EQ(truth.specific_force_B, wanted.specific_force_B);
+    EXPECT_EQ(truth.omegaDot_BN_B, wanted.omegaDot_BN_B);
+    EXPECT_NEAR(truth.q_NB.angularDistance(wanted.q_NB), 0.0, 1e-7);
+    EXPECT_EQ(truth.accumulated_dv, AccumulatedDv::none);
+  }
+  const auto other = run_program("imu-truth", {"capture", folder / "good.pcap", "--csv", "-", "--stream", "8"});
+  EXPECT_EQ(other.output, whole.output);
+
+  const auto damaged = run_program("imu-truth", {"capture", folder / "bad.pcap", "--csv", folder / "out.csv"});
+  EXPECT_EQ(damaged.exit_code, 3);
+  EXPECT_TRUE(contains(damaged.errors, "49 truths\n")) << damaged.errors;
+  EXPECT_TRUE(contains(damaged.errors, "1 short")) << damaged.errors;
+  EXPECT_EQ(lines_of(read_file(folder / "out.csv")).size(), 50U);
+  // From CSV to CSV: a stream, whose last row may be cut short.
+  const auto again = run_program("imu-truth", {"capture", "file:-", "--format", "csv", "--csv", "-"}, whole.output);
+  EXPECT_EQ(again.exit_code, 0) << again.errors;
+  EXPECT_EQ(lines_of(again.output).size(), 51U);
+  const auto cut = run_program("imu-truth", {"capture", "file:-", "--format", "csv", "--csv", "-"},
+                               whole.output.substr(0, whole.output.size() - 1));
+  EXPECT_EQ(cut.exit_code, 3);
+  EXPECT_TRUE(contains(cut.errors, "1 cut short")) << cut.errors;
+
+  const auto none = run_program("imu-truth", {"capture", folder / "good.pcap", "--format", "jsbsim", "--csv", "-"});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_TRUE(contains(none.errors, "no jsbsim truth in it")) << none.errors;
+}
+
 TEST(ImuTruth, ASignalEndsIt) {
   for (const int signal : {SIGINT, SIGTERM}) {
     LoopbackSocket receiver;
@@ -351,6 +414,15 @@ TEST(ImuTruth, WrongCommandLineIsReported) {
       {{"capture", file, "--rate", "10"}, "--rate: a capture is sent as it is"},
       {{"capture", file, "--jerk-m-per-s3", "10"}, "--jerk-m-per-s3: a capture is sent as it is"},
       {{"capture", "/does/not/exist.pcap"}, "/does/not/exist.pcap"},
+      {{"capture", file, "--format", "csv"}, "--format: a capture is sent as it is"},
+      {{"capture", file, "--csv", "-", "--format", "xml"},
+       "there is no truth format 'xml'; right would be one of csv"},
+      {{"capture", file, "--csv", "-", "--for", "1"}, "--for: with --csv a capture is converted whole"},
+      {{"capture", file, "--csv", "-", "--to", "udp:127.0.0.1:1"}, "--to: not with --csv"},
+      {{"capture", "x.csv", "--csv", "-"}, "x.csv: has no native truth; right would be pcap:PATH"},
+      {{"capture", file, "--csv", "-", "--set", "columns=a"}, "unknown setting \"columns\""},
+      {{"capture", file, "--csv", "-", "--format", "csv", "--set", "columns"}, "right would be --set KEY=VALUE"},
+      {{"rest", "--set", "columns=a"}, "--set: only for the truths of a capture"},
   };
   for (const auto& [arguments, message] : cases) {
     const auto result = run_program("imu-truth", arguments);

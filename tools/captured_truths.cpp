@@ -1,0 +1,95 @@
+#include "tools/captured_truths.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <poll.h>
+
+#include <stdexcept>
+
+#include "tools/setting_texts.hpp"
+#include "tools/stop_signal.hpp"
+
+namespace imud {
+
+namespace {
+
+const TruthFormat& format_of(const std::string& name) {
+  if (const TruthFormat* format = find_truth_format(name)) return *format;
+  std::vector<std::string_view> known;
+  for (const TruthFormat* format : truth_formats()) known.push_back(format->name);
+  throw std::invalid_argument(
+      fmt::format("there is no truth format '{}'; right would be one of {}", name, fmt::join(known, ", ")));
+}
+
+}  // namespace
+
+CapturedTruths::CapturedTruths(const Options& options)
+    : format_(format_of(options.format)),
+      decoder_(format_.make(settings_from(format_.settings, options.settings))),
+      stream_(options.stream) {
+  const std::string from = capture_port(options.capture);
+  if (const Transport* transport = transport_of(from)) {
+    const auto is_right = [&](const Transport& t) {
+      return t.ends && t.brings_truth && (t.keeps_datagrams || format_.delimits_itself);
+    };
+    if (!is_right(*transport))
+      throw std::invalid_argument(fmt::format("{}: has no {} truth; right would be {}", options.capture, format_.name,
+                                              fmt::join(port_examples(is_right), " or ")));
+    if (!transport->keeps_datagrams) input_ = TruthInput::stream;
+  }
+  port_ = open_port(from, Role::listener);
+}
+
+std::optional<Truth> CapturedTruths::next() {
+  Truth truth;
+  while (!stop_requested()) {
+    const auto result = decoder_->next(truth);
+    if (!result) {
+      if (!feed_next()) break;
+    } else if (*result == TruthResult::ok) {
+      if (stream_.value_or(truth.stream) == truth.stream) {
+        stream_ = truth.stream;
+        return truth;
+      }
+      ++of_other_vehicles_;
+    } else if (*result != TruthResult::no_state) {
+      ++refused_[cause(*result)];
+    }
+  }
+  return std::nullopt;
+}
+
+// Returns false at the end of the capture.
+bool CapturedTruths::feed_next() {
+  while (!stop_requested()) {
+    if (const auto received = port_->receive()) {
+      decoder_->feed(received->frame.bytes, input_, received->time);
+      return true;
+    }
+    if (port_->at_end()) break;
+    pollfd ready{port_->descriptor(), POLLIN, 0};
+    if (ready.fd >= 0) ::poll(&ready, 1, 100);
+  }
+  decoder_->finish();
+  return false;
+}
+
+std::string CapturedTruths::refused() const {
+  std::string text;
+  const auto add = [&](std::uint64_t count, std::string_view cause) {
+    if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, cause);
+  };
+  for (const auto& [cause, count] : refused_) add(count, cause);
+  add(decoder_->losses().too_long, "too long");
+  add(decoder_->losses().cut_short, "cut short");
+  return text;
+}
+
+std::string CapturedTruths::damage() const {
+  std::string text(port_->end_warning());
+  if (const std::uint64_t count = port_->counters().truncated; count > 0)
+    text += fmt::format("{}{} truncated datagrams", text.empty() ? "" : ", ", count);
+  return text;
+}
+
+}  // namespace imud

@@ -1,0 +1,51 @@
+// CapturedTruths: the truths in a capture, decoded.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocols/truth_format.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+class CapturedTruths {
+ public:
+  struct Options {
+    std::string capture;  // a file, or a port that ends
+    std::string format;
+    std::vector<std::string> settings;    // of the format, KEY=VALUE
+    std::optional<std::uint32_t> stream;  // vehicle; nullopt: that of the first truth
+  };
+
+  // Throws std::invalid_argument or PortError, which names the fault and what would be right.
+  explicit CapturedTruths(const Options& options);
+
+  // Returns the next truth of the vehicle, in the order of the capture; nullopt at its end, or after
+  // stop_requested().
+  std::optional<Truth> next();
+
+  // What was refused, by cause, such as "3 crc, 1 short"; empty if nothing was.
+  std::string refused() const;
+  std::uint64_t of_other_vehicles() const { return of_other_vehicles_; }
+  // Describes the end of a damaged capture, and truncated datagrams; empty if there is nothing to report.
+  std::string damage() const;
+
+ private:
+  bool feed_next();
+
+  const TruthFormat& format_;
+  std::unique_ptr<TruthDecoder> decoder_;
+  std::unique_ptr<Port> port_;
+  TruthInput input_ = TruthInput::datagram;
+  std::optional<std::uint32_t> stream_;
+  std::map<std::string_view, std::uint64_t> refused_;
+  std::uint64_t of_other_vehicles_ = 0;
+};
+
+}  // namespace imud

@@ -1,0 +1,28 @@
+// The settings of a protocol or truth format from the texts of a command line.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "protocols/settings.hpp"
+
+namespace imud {
+
+// Returns the initial settings after each text, KEY=VALUE. Throws std::invalid_argument, which names the fault and
+// what would be right.
+inline Settings settings_from(std::span<const Setting> declared, const std::vector<std::string>& texts) {
+  Settings settings(declared);
+  for (const std::string& text : texts) {
+    const std::size_t equals = text.find('=');
+    if (equals == std::string::npos)
+      throw std::invalid_argument(fmt::format("--set {}: right would be --set KEY=VALUE", text));
+    settings.set_text(text.substr(0, equals), text.substr(equals + 1));
+  }
+  return settings;
+}
+
+}  // namespace imud
