@@ -151,7 +151,8 @@ void Loop::apply_truth() noexcept {
   }
   if (!std::exchange(answer_due_, false)) return;
   session_.flush();  // the samples leave before the answer
-  intake_.answer(timeline_.newest(), session_.samples_in_run());
+  // By the host's clock, not all samples up to the newest truth have left.
+  intake_.answer(waits_for_truth_ ? timeline_.newest() : session_.watermark(), session_.samples_in_run());
 }
 
 void Loop::begin_run() noexcept {

@@ -62,8 +62,8 @@ struct Answer {
   std::int64_t simulation_time_ns = 0;  // up to which imud has emitted all samples
   std::uint64_t samples = 0;            // emitted in this run, by all its imus together
   // True if simulation_time_ns is the truth's. Otherwise imud refused the truth and emitted nothing, because the
-  // truth's time is before that of the last truth, or too far ahead of it (truth.max_gap_ms). A truth of the same
-  // time is a repetition, and changes nothing.
+  // truth's time is before that of the last truth, or too far ahead of it (truth.max_gap_ms); or imud does not run in
+  // lockstep. A truth of the same time is a repetition, and changes nothing.
   bool accepted = false;
 };
 
@@ -88,9 +88,10 @@ inline std::uint32_t crc32c(const unsigned char* bytes, std::size_t size) noexce
   return ~crc;
 }
 
-// Returns the datagram of `truth`, which requests an answer. Throws std::invalid_argument for a truth that imud would
-// not answer: a number is not finite, or there are two accumulated velocities.
-inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t sequence, bool new_run) {
+// Returns the datagram of `truth`, which requests an answer if `acknowledge`. Throws std::invalid_argument for a
+// truth that imud would refuse: a number is not finite, or there are two accumulated velocities.
+inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t sequence, bool new_run,
+                       bool acknowledge = true) {
   Datagram datagram{};
   const auto put = [&datagram](std::size_t offset, std::size_t size, std::uint64_t value) {
     for (std::size_t i = 0; i < size; ++i)
@@ -106,8 +107,7 @@ inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t s
       put(offset + 8 * i, 8, bits);
     }
   };
-  constexpr unsigned acknowledge = 16;
-  unsigned flags = acknowledge | (new_run ? 32U : 0U);
+  unsigned flags = (acknowledge ? 16U : 0U) | (new_run ? 32U : 0U);
   const auto put_given = [&](unsigned flag, std::size_t offset, const std::optional<Vector3>& vector,
                              const char* name) {
     if (!vector) return;
@@ -136,17 +136,14 @@ inline Datagram encode(const Truth& truth, std::uint32_t stream, std::uint32_t s
   return datagram;
 }
 
-// One run of one vehicle: the first truth is marked as the beginning of a run. Use it from one thread at a time.
-class LockstepClient {
+// A UDP socket that sends to one address, and receives from it only.
+class Connection {
  public:
   // `address`: numeric, IPv4 or IPv6, as in imud's truth.port. Throws std::invalid_argument if it is no address, and
-  // std::system_error if nothing can be sent there. Whether imud is running is found out by step().
-  LockstepClient(const std::string& address, std::uint16_t port, const Options& options = {})
-      : options_(options),
-        name_("udp:" + (address.find(':') == std::string::npos ? address : "[" + address + "]") + ":" +
-              std::to_string(port)),
-        sequence_(options.first_sequence ? *options.first_sequence
-                                         : static_cast<std::uint32_t>(Clock::now().time_since_epoch().count())) {
+  // std::system_error if nothing can be sent there.
+  Connection(const std::string& address, std::uint16_t port)
+      : name_("udp:" + (address.find(':') == std::string::npos ? address : "[" + address + "]") + ":" +
+              std::to_string(port)) {
     addrinfo hints{};
     hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
     hints.ai_socktype = SOCK_DGRAM;
@@ -154,15 +151,46 @@ class LockstepClient {
     if (const int error = ::getaddrinfo(address.c_str(), std::to_string(port).c_str(), &hints, &found); error != 0)
       throw std::invalid_argument(name_ + ": " + ::gai_strerror(error) +
                                   "; right would be an address such as 127.0.0.1");
-    socket_.descriptor = ::socket(found->ai_family, SOCK_DGRAM, 0);
+    socket_ = ::socket(found->ai_family, SOCK_DGRAM, 0);
     // A connected socket receives from its peer only, and reports an error if the peer's port is not open.
-    const bool connected =
-        socket_.descriptor >= 0 && ::connect(socket_.descriptor, found->ai_addr, found->ai_addrlen) == 0;
+    const bool connected = socket_ >= 0 && ::connect(socket_, found->ai_addr, found->ai_addrlen) == 0;
     const int error = errno;
     ::freeaddrinfo(found);
-    if (!connected) throw std::system_error(error, std::generic_category(), name_ + ": cannot send there");
-    ::fcntl(socket_.descriptor, F_SETFD, FD_CLOEXEC);
+    if (!connected) {
+      if (socket_ >= 0) ::close(socket_);
+      throw std::system_error(error, std::generic_category(), name_ + ": cannot send there");
+    }
+    ::fcntl(socket_, F_SETFD, FD_CLOEXEC);
   }
+  ~Connection() { ::close(socket_); }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  const std::string& name() const noexcept { return name_; }  // as in imud's configuration
+  int socket() const noexcept { return socket_; }
+
+  // Returns 0 or errno.
+  int send(const Datagram& datagram) const noexcept {
+    // The first error may belong to an earlier datagram; therefore try once more.
+    for (int i = 0; i < 2; ++i)
+      if (::send(socket_, datagram.data(), datagram.size(), 0) >= 0) return 0;
+    return errno;
+  }
+
+ private:
+  std::string name_;
+  int socket_ = -1;
+};
+
+// One run of one vehicle: the first truth is marked as the beginning of a run. Use it from one thread at a time.
+class LockstepClient {
+ public:
+  // Throws as Connection does. Whether imud is running is found out by step().
+  LockstepClient(const std::string& address, std::uint16_t port, const Options& options = {})
+      : options_(options),
+        connection_(address, port),
+        sequence_(options.first_sequence ? *options.first_sequence
+                                         : static_cast<std::uint32_t>(Clock::now().time_since_epoch().count())) {}
 
   // Sends `truth` and waits for its answer; sends the same datagram again when none comes in time. This is harmless,
   // as imud answers a repeated truth again and emits nothing twice. Throws std::runtime_error if no attempt is
@@ -172,7 +200,7 @@ class LockstepClient {
     const Datagram datagram = encode(truth, options_.stream, sequence, first_);
     int error = 0;
     for (unsigned attempt = 0; attempt < options_.attempts; ++attempt) {
-      error = send(datagram);
+      error = connection_.send(datagram);  // after an error no answer arrives, and the next attempt follows
       if (std::optional<Answer> answer = wait(sequence, error)) {
         answer->accepted = answer->simulation_time_ns == truth.simulation_time_ns;
         first_ = false;
@@ -180,43 +208,25 @@ class LockstepClient {
       }
     }
     throw std::runtime_error(
-        "no answer from " + name_ + " to the truth of " + std::to_string(truth.simulation_time_ns) + " ns, sent " +
-        std::to_string(options_.attempts) + " times, " + std::to_string(options_.timeout.count()) + " ms each" +
-        (error == 0 ? "" : " (" + std::generic_category().message(error) + ")") +
-        "; right would be an imud that runs with clock = \"lockstep\" and truth.port = \"" + name_ +
+        "no answer from " + connection_.name() + " to the truth of " + std::to_string(truth.simulation_time_ns) +
+        " ns, sent " + std::to_string(options_.attempts) + " times, " + std::to_string(options_.timeout.count()) +
+        " ms each" + (error == 0 ? "" : " (" + std::generic_category().message(error) + ")") +
+        "; right would be an imud that runs with clock = \"lockstep\" and truth.port = \"" + connection_.name() +
         "\"; if it does, its log names the truths that it refuses unanswered");
   }
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  struct Socket {
-    Socket() = default;
-    ~Socket() {
-      if (descriptor >= 0) ::close(descriptor);
-    }
-    Socket(const Socket&) = delete;
-    Socket& operator=(const Socket&) = delete;
-    int descriptor = -1;
-  };
-
-  // Returns 0 or errno. After an error no answer arrives, and the next attempt follows.
-  int send(const Datagram& datagram) const noexcept {
-    // The first error may belong to an earlier datagram; therefore try once more.
-    for (int i = 0; i < 2; ++i)
-      if (::send(socket_.descriptor, datagram.data(), datagram.size(), 0) >= 0) return 0;
-    return errno;
-  }
-
   // Returns the answer to `sequence`, or nullopt after the timeout; ignores all other datagrams.
   std::optional<Answer> wait(std::uint32_t sequence, int& error) const {
     const Clock::time_point until = Clock::now() + options_.timeout;
     for (Clock::time_point now = Clock::now(); now < until; now = Clock::now()) {
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - now);
-      pollfd ready{socket_.descriptor, POLLIN, 0};
+      pollfd ready{connection_.socket(), POLLIN, 0};
       if (::poll(&ready, 1, static_cast<int>(std::min(left, std::chrono::milliseconds(1000)).count())) <= 0) continue;
       std::array<unsigned char, 64> bytes;
-      const ssize_t size = ::recv(socket_.descriptor, bytes.data(), bytes.size(), MSG_DONTWAIT);
+      const ssize_t size = ::recv(connection_.socket(), bytes.data(), bytes.size(), MSG_DONTWAIT);
       if (size < 0) error = errno;
       if (size != 32 || std::memcmp(bytes.data(), "IMUA\1\0", 6) != 0) continue;
       const auto get = [&bytes](std::size_t offset, std::size_t length) {
@@ -231,10 +241,9 @@ class LockstepClient {
   }
 
   const Options options_;
-  const std::string name_;  // as in imud's configuration
+  const Connection connection_;
   std::uint32_t sequence_;  // of the next truth
   bool first_ = true;       // no truth was answered yet
-  Socket socket_;
 };
 
 }  // namespace imud_lockstep

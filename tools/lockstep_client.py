@@ -20,6 +20,7 @@ Frames: N inertial, B the vehicle's body. x_BN_N: of B relative to N, in N compo
 """
 import argparse
 import math
+import operator
 import socket
 import struct
 import sys
@@ -52,8 +53,8 @@ class Answer(NamedTuple):
     simulation_time_ns: int  # up to which imud has emitted all samples
     samples: int  # emitted in this run, by all its imus together
     # True if simulation_time_ns is the truth's. Otherwise imud refused the truth and emitted nothing, because the
-    # truth's time is before that of the last truth, or too far ahead of it (truth.max_gap_ms). A truth of the same
-    # time is a repetition, and changes nothing.
+    # truth's time is before that of the last truth, or too far ahead of it (truth.max_gap_ms); or imud does not run in
+    # lockstep. A truth of the same time is a repetition, and changes nothing.
     accepted: bool
 
 
@@ -74,16 +75,28 @@ def crc32c(data: bytes) -> int:
     return crc ^ 0xFFFFFFFF
 
 
-def encode(truth: Truth, stream: int, sequence: int, new_run: bool) -> bytes:
-    """Returns the datagram of `truth`, which requests an answer.
+def whole_number(name: str, value, least: int, most: int) -> int:
+    """Returns `value` as an int. Raises ValueError if it is no whole number, or is out of its range."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = None
+    if number is None or not least <= number <= most:
+        hint = "; from seconds: round(t * 1e9)" if name.endswith("_ns") else ""
+        raise ValueError(f"{name} is {value!r}; right would be a whole number from {least} to {most}{hint}")
+    return number
 
-    Raises ValueError for a truth that imud would not answer: a number is not finite, or there are two accumulated
-    velocities.
+
+def encode(truth: Truth, stream: int, sequence: int, new_run: bool, acknowledge: bool = True) -> bytes:
+    """Returns the datagram of `truth`, which requests an answer if `acknowledge`.
+
+    Raises ValueError for a truth that imud would refuse: a value that is not of its kind, a number that is not finite,
+    or two accumulated velocities.
     """
+    time_ns = whole_number("simulation_time_ns", truth.simulation_time_ns, -(2**63), 2**63 - 1)
     if truth.accumulated_dv_inertial_B is not None and truth.accumulated_dv_body_sum_B is not None:
         raise ValueError("accumulated_dv_inertial_B and accumulated_dv_body_sum_B: only one of them can be given")
-    acknowledge = 16
-    flags = acknowledge | (32 if new_run else 0)
+    flags = (16 if acknowledge else 0) | (32 if new_run else 0)
     datagram = bytearray(208)
     for offset, flag, name in (
         (24, 0, "r_BN_N"),
@@ -96,15 +109,41 @@ def encode(truth: Truth, stream: int, sequence: int, new_run: bool) -> bytes:
         (168, 8, "accumulated_dv_body_sum_B"),
     ):
         vector = getattr(truth, name)
-        if vector is None:
+        if vector is None and flag != 0:
             continue
-        if not all(math.isfinite(number) for number in vector):
+        try:
+            x, y, z = map(float, vector)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{name} is {vector!r}; right would be three numbers, (x, y, z)") from None
+        if not all(map(math.isfinite, (x, y, z))):
             raise ValueError(f"{name} is not finite: has the simulation diverged?")
         flags |= flag
-        struct.pack_into("<3d", datagram, offset, *vector)
-    struct.pack_into("<4sHHIIq", datagram, 0, b"IMUT", 1, flags, stream, sequence, truth.simulation_time_ns)
+        struct.pack_into("<3d", datagram, offset, x, y, z)
+    struct.pack_into("<4sHHIIq", datagram, 0, b"IMUT", 1, flags, stream, sequence, time_ns)
     struct.pack_into("<I", datagram, 196, crc32c(datagram[:196]))
     return bytes(datagram)
+
+
+def connect(address: str, port: int) -> Tuple[str, socket.socket]:
+    """Returns a UDP socket that sends to one address, with the name of that address in imud's configuration.
+
+    Raises ValueError if it is no address, and OSError if nothing can be sent there.
+    """
+    name = f"udp:[{address}]:{port}" if ":" in str(address) else f"udp:{address}:{port}"
+    whole_number("port", port, 1, 65535)
+    try:
+        family, kind, _, _, peer = socket.getaddrinfo(
+            address, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST
+        )[0]
+    except socket.gaierror as error:
+        raise ValueError(f"{name}: {error.strerror}; right would be an address such as 127.0.0.1") from error
+    connection = socket.socket(family, kind)
+    try:
+        connection.connect(peer)  # receives from the peer only, and reports an error if its port is not open
+    except OSError:
+        connection.close()
+        raise
+    return name, connection
 
 
 class LockstepClient:
@@ -124,23 +163,11 @@ class LockstepClient:
     ):
         self._timeout = timeout
         self._attempts = attempts
-        self._stream = stream
+        self._stream = whole_number("stream", stream, 0, 0xFFFFFFFF)
         self._sequence = (time.monotonic_ns() if first_sequence is None else first_sequence) & 0xFFFFFFFF
         self._first = True  # no truth was answered yet
         self._error: Optional[OSError] = None  # of the newest attempt
-        self._name = f"udp:[{address}]:{port}" if ":" in address else f"udp:{address}:{port}"
-        try:
-            family, kind, _, _, peer = socket.getaddrinfo(
-                address, port, type=socket.SOCK_DGRAM, flags=socket.AI_NUMERICHOST
-            )[0]
-        except socket.gaierror as error:
-            raise ValueError(f"{self._name}: {error.strerror}; right would be an address such as 127.0.0.1") from error
-        self._socket = socket.socket(family, kind)
-        try:
-            self._socket.connect(peer)  # receives from the peer only, and reports an error if its port is not open
-        except OSError:
-            self._socket.close()
-            raise
+        self._name, self._socket = connect(address, port)
 
     def close(self) -> None:
         self._socket.close()
@@ -206,28 +233,49 @@ class LockstepClient:
         return None
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description="Sends imud the motion of a level turntable about its z axis, in lockstep.")
+def turntable(step: int, rate_rad_per_s: float) -> Truth:
+    """Returns the truth of a level turntable about its z axis, every 10 ms."""
+    angle = math.remainder(rate_rad_per_s * step / 100, 2 * math.pi)
+    return Truth(
+        simulation_time_ns=step * 10_000_000,
+        sigma_BN=(0, 0, math.tan(angle / 4)),
+        omega_BN_B=(0, 0, rate_rad_per_s),
+        specific_force_B=(0, 0, -9.80665),  # z down
+    )
+
+
+def turntable_options(description: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("address", nargs="?", default="127.0.0.1", help="address of imud's truth.port (%(default)s)")
     parser.add_argument("port", nargs="?", type=int, default=9810, help="UDP port of imud's truth.port (%(default)s)")
     parser.add_argument("--rate-rad-per-s", type=float, default=0.5, help="rate of the turntable (%(default)s)")
     parser.add_argument("--for", dest="duration_s", type=float, default=2, help="simulated seconds (%(default)s)")
     options = parser.parse_args()
+    if not 0 <= options.duration_s <= 1e9:
+        parser.error("argument --for: right would be seconds from 0 to 1e9")
+    return options
+
+
+def main() -> int:
+    options = turntable_options("Sends imud the motion of a level turntable about its z axis, in lockstep.")
     try:
         with LockstepClient(options.address, options.port) as imud:
             for step in range(int(options.duration_s * 100) + 1):
-                angle = math.remainder(options.rate_rad_per_s * step / 100, 2 * math.pi)
-                answer = imud.step(Truth(
-                    simulation_time_ns=step * 10_000_000,
-                    sigma_BN=(0, 0, math.tan(angle / 4)),
-                    omega_BN_B=(0, 0, options.rate_rad_per_s),
-                    specific_force_B=(0, 0, -9.80665),  # z down
-                ))
+                truth = turntable(step, options.rate_rad_per_s)
+                answer = imud.step(truth)
+                if not answer.accepted:
+                    raise RuntimeError(
+                        f"the answer to the truth of {truth.simulation_time_ns / 1e9:g} s is not that of an imud in "
+                        f'lockstep, which would have emitted all samples up to it; right would be clock = "lockstep"; '
+                        "if that is so, imud's log names the truths that it refuses"
+                    )
                 if step % 100 == 0:
                     print(f"{answer.simulation_time_ns / 1e9:g} s: {answer.samples} samples")
     except (OSError, RuntimeError, ValueError) as error:
         print(f"lockstep_client.py: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return 130
     return 0
 
 

@@ -246,6 +246,38 @@ for fault in {"v_BN_N": (0, 0, math.inf)}, {"accumulated_dv_inertial_B": zero, "
   EXPECT_TRUE(contains(python.output, "only one of them")) << python.errors;
 }
 
+// Each fault is named, with what would be right; nothing is sent.
+TEST(LockstepClient, PythonNamesWhatIsWrongWithItsInput) {
+  const auto python = run_python(R"(
+good = dict(simulation_time_ns=0)
+for fault in {"simulation_time_ns": 0.5}, {"simulation_time_ns": "0"}, {"simulation_time_ns": 2**63}, \
+        {"simulation_time_ns": None}, {"sigma_BN": (0, 0)}, {"omega_BN_B": (0, 0, 0, 0)}, {"r_BN_N": None}, \
+        {"v_BN_N": 3.0}, {"specific_force_B": "abc"}, {"specific_force_B": (0, "x", 0)}, {"omegaDot_BN_B": (10**400, 0, 0)}:
+    name = list(fault)[0]
+    try:
+        encode(Truth(**{**good, **fault}), 0, 0, True)
+        print(name, "was encoded")
+    except ValueError as error:
+        right = "whole number" if name == "simulation_time_ns" else "right would be three numbers, (x, y, z)"
+        print("named" if str(error).startswith(f"{name} is ") and right in str(error) else error)
+for arguments in ("127.0.0.1", 0), ("127.0.0.1", 65536), ("127.0.0.1", "9810"), ("nowhere", 9810):
+    try:
+        LockstepClient(*arguments)
+        print("was accepted", arguments)
+    except ValueError as error:
+        print("named" if "right would be" in str(error) else error)
+try:
+    LockstepClient("127.0.0.1", 9810, stream=-1)
+except ValueError as error:
+    print("named" if "stream is -1" in str(error) else error)
+encode(Truth(simulation_time_ns=0, sigma_BN=[0, 1, 2.5]), 0, 0, True)
+)");
+  EXPECT_EQ(python.exit_code, 0) << python.errors;
+  std::string wanted;
+  for (int i = 0; i < 16; ++i) wanted += "named\n";
+  EXPECT_EQ(python.output, wanted);
+}
+
 // The Python program for the tests below: steps through the truths, prints each answer.
 constexpr const char* python_steps = R"(
 port, options = int(sys.argv[1]), json.loads(sys.argv[2])
@@ -521,10 +553,26 @@ TEST(LockstepClient, ThePythonDemonstrationTurnsImud) {
   EXPECT_TRUE(contains(help.output, "--rate-rad-per-s")) << help.output;
 }
 
-TEST(LockstepClient, TheHeaderCompilesAlone) {
+// An imud in real time answers that it has not emitted what an imud in lockstep would have.
+TEST(LockstepClient, AnImudThatIsNotInLockstepIsAFailure) {
   const ScratchFolder folder;
-  std::filesystem::copy_file(std::string(tools_folder) + "/lockstep_client.hpp", folder / "lockstep_client.hpp");
-  std::ofstream(folder / "simulator.cpp") << "#include \"lockstep_client.hpp\"\n";
+  const std::string port = std::to_string(LoopbackSocket().port());
+  std::ofstream(folder / "imud.toml") << "truth.port = \"udp:127.0.0.1:" << port << "\"\n[[imu]]\n"
+                                      << "rate_hz = 200\nprotocol = \"csv\"\nport = \"file:" << folder / "out"
+                                      << "\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";
+  Program imud("imud");
+  imud.start({"run", folder / "imud.toml"});
+  const auto demo = run_program(IMUD_PYTHON, {std::string(tools_folder) + "/lockstep_client.py", "127.0.0.1", port});
+  EXPECT_EQ(demo.exit_code, 1);
+  EXPECT_TRUE(contains(demo.errors, "right would be clock = \"lockstep\"")) << demo.errors;
+  EXPECT_EQ(lines_of(demo.errors).size(), 1U) << demo.errors;
+}
+
+TEST(LockstepClient, TheHeadersCompileAlone) {
+  const ScratchFolder folder;
+  for (const std::string header : {"lockstep_client.hpp", "realtime_client.hpp"})
+    std::filesystem::copy_file(std::string(tools_folder) + "/" + header, folder / header);
+  std::ofstream(folder / "simulator.cpp") << "#include \"realtime_client.hpp\"\n";
   for (const std::string compiler : {"g++", "clang++"})
     for (const std::string standard : {"-std=c++17", "-std=c++20"}) {
       const auto result = run_program(
