@@ -1,0 +1,127 @@
+// The real-time clients that simulators copy: their pace, and an imud that accepts all their truths.
+#include "tools/realtime_client.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "protocols/native_truth.hpp"
+#include "protocols/truth_format.hpp"
+#include "tests/support/decode_truth.hpp"
+#include "tests/support/text.hpp"
+#include "tests/tools/loopback_socket.hpp"
+#include "tests/tools/run_program.hpp"
+#include "tests/transports/scratch_folder.hpp"
+
+namespace imud {
+namespace {
+
+using imud_lockstep::RealtimeClient;
+
+const std::string python_client = IMUD_SOURCE_DIR "/tools/realtime_client.py";
+
+// The truth of the turntable in lockstep_client.py.
+imud_lockstep::Truth turntable(int step) {
+  imud_lockstep::Truth truth;
+  truth.simulation_time_ns = step * 10'000'000LL;
+  truth.sigma_BN = {0, 0, std::tan(0.5 * step / 100 / 4)};
+  truth.omega_BN_B = {0, 0, 0.5};
+  truth.specific_force_B = {0, 0, -9.80665};
+  return truth;
+}
+
+// Sends the truths of 0 to `seconds`. The last line of the result is what a person reads.
+ProgramResult send_turntable(bool python, int port, int seconds) {
+  if (python)
+    return run_program(IMUD_PYTHON,
+                       {"-B", python_client, "127.0.0.1", std::to_string(port), "--for", std::to_string(seconds)});
+  RealtimeClient client("127.0.0.1", static_cast<std::uint16_t>(port));
+  for (int step = 0; step <= 100 * seconds; ++step) client.send(turntable(step));
+  const RealtimeClient::Counters& counters = client.counters();
+  EXPECT_LE(counters.lateness_ns, counters.max_lateness_ns);
+  return {counters.sent > 0 ? 0 : 1, fmt::format("{} truths sent, {} refused", counters.sent, counters.refused), ""};
+}
+
+// The parameter is true for the client in Python.
+class RealtimeClients : public testing::TestWithParam<bool> {};
+
+INSTANTIATE_TEST_SUITE_P(, RealtimeClients, testing::Values(false, true),
+                         [](const auto& client) { return client.param ? "Python" : "Cpp"; });
+
+TEST_P(RealtimeClients, TheTruthsArriveInOrderAndNotBeforeTheyAreDue) {
+  LoopbackSocket socket;
+  const auto begin = std::chrono::steady_clock::now();
+  const ProgramResult result = send_turntable(GetParam(), socket.port(), 1);
+  EXPECT_GE(std::chrono::steady_clock::now() - begin, std::chrono::seconds(1));
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_TRUE(contains(result.output, "101 truths sent, 0 refused")) << result.output;
+  const auto datagrams = socket.receive_all();
+  ASSERT_EQ(datagrams.size(), 101U);
+  const auto decoder = find_truth_format("native")->make(Settings());
+  for (int step = 0; step <= 100; ++step) {
+    Truth truth;
+    ASSERT_EQ(decode_truth(*decoder, datagrams[static_cast<std::size_t>(step)], truth), TruthResult::ok);
+    EXPECT_EQ(truth.time.ns, step * 10'000'000LL);
+    EXPECT_EQ(truth.sequence, static_cast<std::uint32_t>(step));
+    EXPECT_EQ(truth.new_run, step == 0);
+    EXPECT_FALSE(truth.acknowledge);
+    EXPECT_EQ(truth.omega_BN_B.z(), 0.5);
+  }
+}
+
+TEST_P(RealtimeClients, NobodyThereIsAFailureThatNamesTheRemedy) {
+  const int nobody = LoopbackSocket().port();
+  const ProgramResult result = send_turntable(GetParam(), nobody, 0);
+  // The first datagram to a port that is not open is accepted; the next one reports it.
+  EXPECT_TRUE(contains(result.output, "1 truths sent, 0 refused")) << result.output;
+  const ProgramResult longer = send_turntable(GetParam(), nobody, 1);
+  EXPECT_TRUE(contains(longer.output, "refused")) << longer.output;
+}
+
+TEST_P(RealtimeClients, ImudAcceptsEveryTruth) {
+  const ScratchFolder folder;
+  const int port = LoopbackSocket().port();
+  std::ofstream(folder / "imud.toml") << "truth.port = \"udp:127.0.0.1:" << port << "\"\n[[imu]]\n"
+                                      << "rate_hz = 100\nprotocol = \"csv\"\nport = \"file:" << folder / "out"
+                                      << "\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n";
+  Program imud("imud");
+  imud.start({"run", folder / "imud.toml", "--summary", folder / "summary.json"});
+  // The imu's port is opened after that of the truth.
+  ASSERT_TRUE(eventually([&] { return std::filesystem::exists(folder / "out"); }));
+  const ProgramResult result = send_turntable(GetParam(), port, 2);
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_TRUE(contains(result.output, "201 truths sent, 0 refused")) << result.output;
+  EXPECT_TRUE(eventually([&] { return lines_of(read_file(folder / "out")).size() > 150; }));
+  EXPECT_EQ(imud.stop(), 0) << imud.errors();
+  const auto truth = nlohmann::json::parse(read_file(folder / "summary.json"))["truth"];
+  EXPECT_EQ(truth["received"], 201);
+  EXPECT_EQ(truth["accepted"], 201) << truth.dump();
+  EXPECT_EQ(truth["runs"], 1) << truth.dump();
+}
+
+TEST(RealtimeClient, ATimeThatDoesNotIncreaseIsRefused) {
+  LoopbackSocket socket;
+  RealtimeClient client("127.0.0.1", static_cast<std::uint16_t>(socket.port()));
+  EXPECT_TRUE(client.send(turntable(1)));
+  for (const int step : {1, 0}) EXPECT_THROW(client.send(turntable(step)), std::invalid_argument);
+  EXPECT_TRUE(client.send(turntable(2)));
+  EXPECT_EQ(socket.receive_all().size(), 2U);
+  EXPECT_EQ(client.counters().sent, 2U);
+  const auto python = run_program(IMUD_PYTHON, {"-B", "-c",
+                                                fmt::format("import sys; sys.path.insert(0, '{}/tools')\n"
+                                                            "from realtime_client import *\n"
+                                                            "with RealtimeClient('127.0.0.1', {}) as imud:\n"
+                                                            "    imud.send(Truth(simulation_time_ns=1))\n"
+                                                            "    imud.send(Truth(simulation_time_ns=1))\n",
+                                                            IMUD_SOURCE_DIR, socket.port())});
+  EXPECT_TRUE(
+      contains(python.errors, "ValueError: simulation_time_ns is 1 after 1; right would be a time that increases"))
+      << python.errors;
+}
+
+}  // namespace
+}  // namespace imud
