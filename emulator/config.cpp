@@ -92,8 +92,9 @@ EarthModel read_earth(TableReader table) {
   const auto angle = [&](const std::string& key, Frame frame, std::string_view name, double fallback, double min,
                          double max) {
     if (earth.frame != frame && !table.has(key)) return fallback;
+    const double value = table.real(key, fallback, min, max);
     if (earth.frame != frame) table.fault(key, fmt::format("needs frame = \"{}\"", name));
-    return table.real(key, fallback, min, max);
+    return value;
   };
   if (earth.frame == Frame::local) {
     table.require("latitude_deg", "the latitude of N's origin");

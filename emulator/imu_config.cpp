@@ -185,15 +185,15 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     imu.settings = read_settings(device, imu.protocol->settings);
     device.finish();
     try {
-      if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
-      const std::unique_ptr<Device> made = imu.protocol->make(imu.settings);
-      imu.port_settings.uart = made->uart();
-      imu.second_port_settings.uart = made->second_uart();
+      static_cast<void>(imu.protocol->make(imu.settings));
     } catch (const std::invalid_argument& error) {
       fault_of_settings(table, device, imu.protocol->settings, error.what());
       imu.settings = Settings(imu.protocol->settings);
-      if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
     }
+    if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
+    const std::unique_ptr<Device> made = imu.protocol->make(imu.settings);
+    imu.port_settings.uart = made->uart();
+    imu.second_port_settings.uart = made->second_uart();
   } else {
     table.node("device");
   }

@@ -1,7 +1,6 @@
 // Random changes of configurations, overrides and command lines. No text makes imud crash or hang, and each gives a
 // configuration or a list of faults. The environment variable IMUD_FUZZ_INPUTS sets their number. The seed is fixed.
 #include <gtest/gtest.h>
-#include <spdlog/spdlog.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -159,7 +158,6 @@ TEST_F(ConfigFuzz, AnyCommandLineIsExecutedOrRefused) {
       line.push_back(below(3) == 0 ? any(words_) : below(2) == 0 ? changed("imu.0.rate_hz=1") : any(words));
     std::vector<const char*> arguments;
     for (const std::string& word : line) arguments.push_back(word.c_str());
-    spdlog::drop("imud");  // of the call before
     const int code = command_line(static_cast<int>(arguments.size()), arguments.data());
     EXPECT_TRUE(code == 0 || code == 2) << code << " of " << testing::PrintToString(line);
     ++codes[code & 3];

@@ -105,9 +105,9 @@ TEST_F(ConfigTest, TimingKeysArrive) {
 TEST_F(ConfigTest, EveryKeyArrives) {
   const Config c = load(R"(
 seed = "18446744073709551615"
-clock = "lockstep"
+clock = "fast"
 [truth]
-port = "udp:127.0.0.1:9810"
+port = "file:truth.csv"
 format = "csv"
 accumulated_dv = "body_sum"
 columns = ["time_ns", "sigma_BN_1", "sigma_BN_2", "sigma_BN_3", "omega_BN_B_x", "omega_BN_B_y", "omega_BN_B_z"]
@@ -147,7 +147,7 @@ delta_angle = "integral"
 delta_velocity = "memo"
 )");
   EXPECT_EQ(c.seed, ~std::uint64_t{0});
-  EXPECT_EQ(c.clock, ClockMode::lockstep);
+  EXPECT_EQ(c.clock, ClockMode::fast);
   EXPECT_EQ(c.truth.format->name, "csv");
   EXPECT_EQ(c.truth.settings.text("accumulated_dv"), "body_sum");
   EXPECT_EQ(c.truth.settings.list("columns").size(), 7U);
@@ -186,10 +186,11 @@ TEST_F(ConfigTest, AProductIsItsDefaults) {
   // 0.15 deg/sqrt(h): of white noise at 2000 Hz the deviation that adds up to 0.15 deg in an hour.
   EXPECT_NEAR(imu.model.gyro.walk_sqrt_cov(0, 0) * std::sqrt(3600.0 * 2000) / 2000, 0.15 * units::degree, 1e-12);
   EXPECT_DOUBLE_EQ(line_load(imu).percent, 100.0 * 590'000 / 921'600);
-  EXPECT_EQ(load(bare, {"imu.0.port=serial:/dev/ttyUSB0", "imu.0.device.parity=odd", "imu.0.device.bit_rate=374400"})
-                .imus[0]
-                .port_settings.uart,
-            (UartSettings{374'400, Parity::odd, 1}));
+  const std::vector<std::string> slow = {"imu.0.port=serial:/dev/ttyUSB0", "imu.0.device.parity=odd",
+                                         "imu.0.device.bit_rate=374400", "imu.0.device.sample_rate=500"};
+  EXPECT_EQ(load(bare, slow).imus[0].port_settings.uart, (UartSettings{374'400, Parity::odd, 1}));
+  EXPECT_NE(fault(bare, std::vector(slow.begin(), slow.end() - 1)).find("imu.0.device.sample_rate: "),
+            std::string::npos);
   EXPECT_EQ(load(bare, {"imu.0.gyro.max_rad_per_s=5"}).imus[0].model.gyro.max, 5.0);
   EXPECT_EQ(load(bare, {"imu.0.device.accelerometer_range_g=30"}).imus[0].model.accelerometer.max,
             33 * units::standard_gravity);

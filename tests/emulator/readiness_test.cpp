@@ -68,7 +68,7 @@ TEST_F(ReadinessTest, ReadyIsReportedWhenTheLinkStandsBeforeAnyTruth) {
   EXPECT_TRUE(imud.wait_for_errors("info ready\n"));
   EXPECT_EQ(imud.stop(), 0);
   EXPECT_EQ(notified(), "STOPPING=1");
-  EXPECT_EQ(occurrences(imud.errors(), "ready"), 1U);
+  EXPECT_EQ(count(imud.errors(), "ready"), 1U);
 }
 
 TEST_F(ReadinessTest, ARunThatCannotOpenItsPortsIsNotReady) {
@@ -123,7 +123,7 @@ TEST_F(ReadinessTest, AReplayThatWaitsForItsReaderLosesNoFrame) {
   EXPECT_EQ(imud.wait(), 0) << imud.errors();
   EXPECT_EQ(rows(decoded.output).size(), 301U);
   EXPECT_EQ(summary()["imus"][0]["frames"], 301);
-  EXPECT_EQ(occurrences(imud.errors(), "waiting for a reader"), 1U);
+  EXPECT_EQ(count(imud.errors(), "waiting for a reader"), 1U);
 }
 
 TEST_F(ReadinessTest, ASignalEndsTheWaitForAReader) {

@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
 #include "tests/support/text.hpp"

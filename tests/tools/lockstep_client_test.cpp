@@ -248,7 +248,7 @@ for fault in {"v_BN_N": (0, 0, math.inf)}, {"accumulated_dv_inertial_B": zero, "
 
 // Each fault is named, with what would be right; nothing is sent.
 TEST(LockstepClient, PythonNamesWhatIsWrongWithItsInput) {
-  const auto python = run_python(R"(
+  const auto python = run_python(R"py(
 good = dict(simulation_time_ns=0)
 for fault in {"simulation_time_ns": 0.5}, {"simulation_time_ns": "0"}, {"simulation_time_ns": 2**63}, \
         {"simulation_time_ns": None}, {"sigma_BN": (0, 0)}, {"omega_BN_B": (0, 0, 0, 0)}, {"r_BN_N": None}, \
@@ -271,7 +271,7 @@ try:
 except ValueError as error:
     print("named" if "stream is -1" in str(error) else error)
 encode(Truth(simulation_time_ns=0, sigma_BN=[0, 1, 2.5]), 0, 0, True)
-)");
+)py");
   EXPECT_EQ(python.exit_code, 0) << python.errors;
   std::string wanted;
   for (int i = 0; i < 16; ++i) wanted += "named\n";
