@@ -136,7 +136,10 @@ int run(const Config& config, const RunOptions& options) {
   log_details(config);
   report_ready(session.chosen_ports(), options.ready_fd);
   if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
-  Monitor monitor(counters_of(session), config, options.monitor);
+  Config named = config;  // as the log shall name its ports
+  for (const auto& [key, port] : session.chosen_ports())
+    if (key == "truth.port") named.truth.port = port;
+  Monitor monitor(counters_of(session), named, options.monitor);
   const std::function<void()> wait_for_others = [&] {
     others.async_wait([&](const boost::system::error_code& error, int signal) {
       if (error) return;
@@ -185,7 +188,7 @@ int run(const Config& config, const RunOptions& options) {
                    session.chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
-  report(outcome, summary, config);
+  report(outcome, summary, named);
   summary_file.clear();
   const std::string figures = json(summary, JsonLayout::indented);
   if (options.summary_file != "-") summary_file.write(figures);
