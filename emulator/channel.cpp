@@ -251,6 +251,11 @@ void Channel::flush() noexcept {
   if (holds_back) publish();
 }
 
+void Channel::update_port_states() noexcept {
+  for (Line& line : lines()) line.port->flush();
+  publish();
+}
+
 std::optional<HostTime> Channel::next_wake() const noexcept {
   std::optional<HostTime> first;
   for (const Line& line : lines())

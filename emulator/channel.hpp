@@ -80,6 +80,8 @@ class Channel {
   void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
   // Sends the frames that the ports hold back, as far as they can now.
   void flush() noexcept;
+  // Checks whether the ports have readers, for counters(). Leaves alone what a host has sent.
+  void update_port_states() noexcept;
   // Returns when flush() or poll() has to be called next; nullopt if neither waits for a time.
   std::optional<HostTime> next_wake() const noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.

@@ -24,11 +24,10 @@ std::vector<std::string> unread_ports(Session& session, const Config& config) {
   std::vector<std::string> unread;
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
     Channel& channel = *session.channels()[i];
-    for (std::size_t uart = 0; uart < channel.port_count(); ++uart) {
-      channel.port(uart).flush();  // which checks for a reader, and leaves alone what a host has sent
+    channel.update_port_states();
+    for (std::size_t uart = 0; uart < channel.port_count(); ++uart)
       if (channel.port(uart).state() == PortState::no_reader)
         unread.push_back(uart == 0 ? config.imus[i].port : config.imus[i].second_port);
-    }
   }
   return unread;
 }

@@ -209,9 +209,8 @@ struct Transport {
   // Returns how long `frame` occupies the wire. nullptr: frames leave instantly.
   WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
   // Returns the UDP port whose datagrams a listener receives; nullopt: those of all ports, or of one that is chosen
-  // when it opens. Throws PortError if the
-  // spec has not passed check(). nullptr: the transport does not use UDP. A transport that `ends` has it as its
-  // option `port`.
+  // when it opens. Throws PortError if the spec has not passed check(). nullptr: the transport does not use UDP. A
+  // transport that `ends` has it as its option `port`.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
   // Returns true if what a device at `device` sends arrives at a listener at `listener`. Both have passed check().
   // nullptr: it never does.

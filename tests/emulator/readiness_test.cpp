@@ -124,6 +124,7 @@ TEST_F(ReadinessTest, AReplayThatWaitsForItsReaderLosesNoFrame) {
   EXPECT_EQ(rows(decoded.output).size(), 301U);
   EXPECT_EQ(summary()["imus"][0]["frames"], 301);
   EXPECT_EQ(count(imud.errors(), "waiting for a reader"), 1U);
+  EXPECT_FALSE(contains(imud.errors().substr(0, imud.errors().find("takes frames")), "nobody has"));
 }
 
 TEST_F(ReadinessTest, ASignalEndsTheWaitForAReader) {
