@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <regex>
 #include <set>
@@ -10,6 +12,7 @@
 #include <vector>
 
 #include "emulator/config.hpp"
+#include "emulator/entries.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
 namespace imud {
@@ -25,6 +28,7 @@ std::map<std::string, Row> documented() {
   std::map<std::string, Row> rows;
   std::ifstream file(IMUD_SOURCE_DIR "/emulator/CONFIGURATION.md");
   std::string table;
+  bool is_protocols = false;
   for (std::string line; std::getline(file, line);) {
     if (line.starts_with("## ")) {
       std::smatch name;
@@ -33,7 +37,8 @@ std::map<std::string, Row> documented() {
       if (line.find("`, `") != line.npos) table = "imu.";  // Several tables: the keys have their names.
       if (table.starts_with("imu.")) table.replace(0, 4, "imu.0.");
     }
-    if (!line.starts_with("| `")) continue;
+    if (line.starts_with("#")) is_protocols = line.starts_with("### ");  // see HasEverySettingOfEveryProtocol
+    if (!line.starts_with("| `") || is_protocols) continue;
     std::vector<std::string> cells;
     for (std::size_t at = 1, end = 0; (end = line.find('|', at)) != line.npos; at = end + 1)
       cells.push_back(line.substr(at, end - at));
@@ -92,6 +97,32 @@ TEST_F(ConfigurationReference, HasEveryKeyAndNoOther) {
   EXPECT_GT(known.size(), 60U);
   for (const auto& [key, fault] : known) EXPECT_TRUE(rows.contains(key)) << key << " is not documented";
   for (const auto& [key, row] : rows) EXPECT_TRUE(known.contains(key)) << key << " is documented, but unknown";
+}
+
+// What the file must have is printed, to be copied.
+TEST_F(ConfigurationReference, HasEverySettingOfEveryProtocol) {
+  std::ifstream input(IMUD_SOURCE_DIR "/emulator/CONFIGURATION.md");
+  const std::string file(std::istreambuf_iterator<char>(input), {});
+  std::size_t settings = 0, headings = 0, protocols_with_settings = 0;
+  for (const Protocol* protocol : protocols()) {
+    if (protocol->settings.empty()) continue;
+    ++protocols_with_settings;
+    std::string section =
+        fmt::format("\n### `{}`\n| key | default | range | meaning |\n|---|---|---|---|\n", protocol->name);
+    for (const Setting& setting : protocol->settings) {
+      ++settings;
+      std::string valid = valid_values(setting);
+      if (valid.empty())
+        valid = std::array{"`true`, `false`", "a whole number", "a number", "text", "list of texts"}.at(
+            setting.initial.index());
+      section +=
+          fmt::format("| `{}` | `{}` | {} | {} |\n", setting.key, initial_value(setting).dump(), valid, setting.help);
+    }
+    EXPECT_NE(file.find(section + "\n"), file.npos) << "CONFIGURATION.md lacks:\n" << section;
+  }
+  for (std::size_t at = 0; (at = file.find("\n### `", at)) != file.npos; ++at) ++headings;
+  EXPECT_EQ(headings, protocols_with_settings);
+  EXPECT_GT(settings, 20U);
 }
 
 TEST_F(ConfigurationReference, RangesAreTheCodes) {
