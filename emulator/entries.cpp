@@ -36,7 +36,9 @@ nlohmann::ordered_json initial_value(const Setting& setting) {
 }
 
 std::string valid_values(const Setting& setting) {
-  if (!setting.choices.empty()) return fmt::format("one of {}", fmt::join(setting.choices, ", "));
+  const bool is_list = std::holds_alternative<std::span<const std::string_view>>(setting.initial);
+  if (!setting.choices.empty())
+    return fmt::format("{} of {}", is_list ? "any" : "one", fmt::join(setting.choices, ", "));
   return setting.min < setting.max ? fmt::format("{} to {}", setting.min, setting.max) : std::string();
 }
 

@@ -23,7 +23,7 @@ std::optional<Entries> find_entries(const std::string& name);
 // Returns the initial value as JSON, which is the value's text in TOML as well.
 nlohmann::ordered_json initial_value(const Setting& setting);
 
-// Returns "0 to 10", "one of a, b"; empty if every value is right.
+// Returns "0 to 10", "one of a, b", of a list "any of a, b"; empty if every value is right.
 std::string valid_values(const Setting& setting);
 std::string valid_values(const PortOption& option);
 

@@ -79,10 +79,10 @@ int example(const std::string& name) {
   const Transport* named = entries->transport;
   const bool is_device_port = named != nullptr && named->serves_device;
   const Protocol* protocol = entries->protocol;
-  if (protocol == nullptr)  // the configuration of a product is the shortest
+  if (protocol == nullptr)  // that of a product is the shortest, but a product sets its line by itself
     protocol = first(protocols(), [&](const Protocol& p) {
       if (is_device_port && named->carries_can) return p.link == Link::can;
-      return p.link != Link::can && p.product != nullptr;
+      return p.link != Link::can && (p.product == nullptr) == is_device_port;
     });
   const TruthFormat* format = entries->format;
   if (format == nullptr) format = first(truth_formats(), [](const TruthFormat& f) { return f.acknowledges; });
