@@ -175,7 +175,10 @@ int command_line(int argc, const char* const* argv) {
   with_run(run_command);
   auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
   with_run(replay_command);
-  replay_command->add_option("CAPTURE", arguments.capture, "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst")->required();
+  replay_command
+      ->add_option("CAPTURE", arguments.capture,
+                   "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst")
+      ->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);

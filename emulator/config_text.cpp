@@ -56,6 +56,7 @@ std::string bare_word(std::string_view content, std::uint32_t line, std::uint32_
   const std::string_view word = content.substr(begin, content.find_first_of(",]}# \t", begin) - begin);
   const std::size_t previous = content.substr(0, begin).find_last_not_of(blanks);
   if (word.empty() || previous == content.npos || before.find(content[previous]) == before.npos) return {};
+  if (content.find('=') > previous) return {};  // [table]
   if (word.find_first_of("\"'") != word.npos || std::string_view("+-.0123456789").find(word.front()) != word.npos)
     return {};
   return fmt::format("column {}: {} is not a value of TOML; put text in quotes: \"{}\"", begin + 1, word, word);

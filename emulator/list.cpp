@@ -36,7 +36,7 @@ Json described(std::span<const Setting> settings) {
 
 Json described(const Protocol& protocol) {
   Json json = described("protocol", protocol);
-  json["link"] = protocol.link == Link::can ? "can" : "bytes";
+  json["link"] = protocol.link == Link::can ? "CAN" : "bytes";
   json["settings"] = described(protocol.settings);
   return json;
 }

@@ -30,7 +30,7 @@ class CapturedTruths {
   // stop_requested().
   std::optional<Truth> next();
 
-  // What was refused, by cause, such as "3 crc, 1 short"; empty if nothing was.
+  // Returns what was refused, by cause, such as "3 crc, 1 short"; empty if nothing was.
   std::string refused() const;
   std::uint64_t of_other_vehicles() const { return of_other_vehicles_; }
   // Describes the end of a damaged capture, and truncated datagrams; empty if there is nothing to report.

@@ -56,7 +56,7 @@ class CompressedFile {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(64 * 1024);
   std::size_t begin_ = 0, end_ = 0;
   std::string_view error_;
-  // What was decompressed when the file was opened, so that the library has its memory by then.
+  // The bytes that were decompressed when the file was opened, so that the library has its memory by then.
   std::vector<std::byte> first_;
   std::span<const std::byte> ahead_;
 };
