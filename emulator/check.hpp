@@ -1,4 +1,4 @@
-// What `imud check` prints.
+// check: prints what a configuration would run, with the value of every key.
 #pragma once
 
 #include <cstdint>

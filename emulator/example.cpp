@@ -33,15 +33,18 @@ std::string settings_text(std::span<const Setting> settings) {
 }
 
 // Returns the line of a port, after the options that it may have.
-std::string port_text(std::string_view key, const Transport& transport) {
+std::string port_text(std::string_view key, const Transport& transport, std::string_view port) {
   std::string text = comment(transport.summary, "");
   for (const PortOption& option : transport.options)
     text += comment(fmt::format("option {}: {}", option.key, option.help), valid_values(option));
-  return text + fmt::format("{} = \"{}\"\n", key, transport.example);
+  return text + fmt::format("{} = \"{}\"\n", key, port);
 }
 
 std::string truth_text(const TruthFormat& format, const Transport& port) {
-  std::string text = "\n[truth]\n" + port_text("port", port) + comment(format.summary, std::string(format.document)) +
+  // A device may have the example of the same transport.
+  const std::string_view address = port.ends ? port.example : "udp:127.0.0.1:9810";
+  std::string text = "\n[truth]\n" + port_text("port", port, address) +
+                     comment(format.summary, std::string(format.document)) +
                      fmt::format("format = \"{}\"\n", format.name);
   for (const ColumnGroup& group : format.columns)
     text += comment(fmt::format("{} column: {}: {}",
@@ -55,7 +58,7 @@ std::string truth_text(const TruthFormat& format, const Transport& port) {
 
 std::string imu_text(const Protocol& protocol, const Transport& port) {
   std::string text = "\n[[imu]]\n#name = \"imu1\"\n" + comment(protocol.summary, std::string(protocol.document)) +
-                     fmt::format("protocol = \"{}\"\n", protocol.name) + port_text("port", port);
+                     fmt::format("protocol = \"{}\"\n", protocol.name) + port_text("port", port, port.example);
   if (protocol.has_second_uart)
     text += "# where the product's second UART is connected\n#second_port = \"pty:imu1.2\"\n";
   if (protocol.product == nullptr) text += "# samples per second\nrate_hz = 200\n";

@@ -200,7 +200,7 @@ TEST_F(ReplayTest, CheckReportsLoadOrFaults) {
     const ProgramResult checked =
         run_program("imud", {"check", c, "--set", "earth.frame=" + frame, "--set", "earth.start=" + start});
     EXPECT_EQ(checked.exit_code, 0) << checked.errors;
-    return checked.output.find("warning: IGRF-14 ends in 2030;") != std::string::npos;
+    return checked.output.find("earth.start: IGRF-14 ends in 2030;") != std::string::npos;
   };
   EXPECT_FALSE(warns("inertial", "2029-12-31T23:59:59Z"));
   EXPECT_TRUE(warns("inertial", "2030-01-01T00:00:01Z"));
