@@ -14,10 +14,11 @@ bool is_finite(const Truth& t) noexcept {
 }
 
 bool is_in_range(const Truth& t) noexcept {
-  constexpr std::int64_t time_limit = std::int64_t{1} << 62;
-  return t.time.ns > -time_limit && t.time.ns < time_limit && within(t.r_BN_N, 1e15) && within(t.v_BN_N, 1e9) &&
-         std::abs(t.q_NB.squaredNorm() - 1.0) <= 2e-6 && within(t.omega_BN_B, 1e5) && within(t.omegaDot_BN_B, 1e8) &&
-         within(t.specific_force_B, 1e8) && within(t.accumulated_dv_B, 1e9);
+  constexpr auto time_limit = static_cast<std::int64_t>(truth_limit::time_ns);
+  return t.time.ns > -time_limit && t.time.ns < time_limit && within(t.r_BN_N, truth_limit::position) &&
+         within(t.v_BN_N, truth_limit::velocity) && std::abs(t.q_NB.squaredNorm() - 1.0) <= 2e-6 &&
+         within(t.omega_BN_B, truth_limit::rate) && within(t.omegaDot_BN_B, truth_limit::angular_acceleration) &&
+         within(t.specific_force_B, truth_limit::specific_force) && within(t.accumulated_dv_B, truth_limit::velocity);
 }
 
 }  // namespace imud

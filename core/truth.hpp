@@ -42,9 +42,18 @@ struct Truth {
 
 // Returns whether every number of `truth`, given or not, is finite.
 bool is_finite(const Truth& truth) noexcept;
-// Returns whether every number of a finite `truth` is in the model's range: components of the position within 1e15 m,
-// of velocity and accumulated velocity 1e9 m/s, of the rate 1e5 rad/s, of angular acceleration and specific force 1e8
-// rad/s^2 and m/s^2, the time within 2^62 ns of 0, the quaternion's length within 1e-6 of 1.
+// The model's range: the largest magnitude of each component, and of the time. No vehicle moves beyond it.
+namespace truth_limit {
+inline constexpr double time_ns = 0x1p62;            // excluded
+inline constexpr double position = 1e15;             // m
+inline constexpr double velocity = 1e9;              // m/s; of the accumulated velocity, too
+inline constexpr double rate = 1e5;                  // rad/s
+inline constexpr double angular_acceleration = 1e8;  // rad/s^2
+inline constexpr double specific_force = 1e8;        // m/s^2
+}  // namespace truth_limit
+
+// Returns whether every number of a finite `truth` is in the model's range, and the quaternion's length within 1e-6
+// of 1.
 bool is_in_range(const Truth& truth) noexcept;
 
 }  // namespace imud
