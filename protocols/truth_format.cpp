@@ -1,8 +1,11 @@
 #include "protocols/truth_format.hpp"
 
+#include <utility>
+
 namespace imud {
 
 void TruthDecoder::start(HostTime) noexcept {}
+std::size_t TruthDecoder::describe(TruthResult, std::span<char>) const noexcept { return 0; }
 void TruthDecoder::finish() noexcept {}
 std::optional<HostTime> TruthDecoder::deadline() const noexcept { return std::nullopt; }
 void TruthDecoder::poll(HostTime, FrameBuffer&) noexcept {}
@@ -10,13 +13,12 @@ void TruthDecoder::acknowledge(const Truth&, TruthTime, std::uint64_t, FrameBuff
 
 void DatagramTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput, HostTime) noexcept {
   datagram_ = bytes;
+  is_new_ = true;
 }
 
 std::optional<TruthResult> DatagramTruthDecoder::next(Truth& truth) noexcept {
-  if (!datagram_) return std::nullopt;
-  const std::span<const std::byte> datagram = *datagram_;
-  datagram_.reset();
-  return decode(datagram, truth);
+  if (!std::exchange(is_new_, false)) return std::nullopt;
+  return decode(datagram_, truth);
 }
 
 std::string_view cause(TruthResult result) noexcept {

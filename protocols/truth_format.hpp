@@ -66,6 +66,11 @@ class TruthDecoder {
   // Decodes the next record: fills `truth` and returns ok, or returns what is wrong and leaves `truth` unspecified.
   // Returns nothing when the input is used up; an unfinished record is kept.
   virtual std::optional<TruthResult> next(Truth& truth) noexcept = 0;
+  // Writes a remark on the last record to `room`, for the log: what was expected and what was found, such as the
+  // column that caused a refusal, or the columns of a header row that are not used. Returns its length; 0: there is
+  // none. Call it directly after next() has returned `result`. Before the first feed(), with no_state, the remark is
+  // on the settings. Default: none.
+  virtual std::size_t describe(TruthResult result, std::span<char> room) const noexcept;
   // Ends the input, or on a stream the connection: an unfinished record is dropped, and counted as cut short. Later
   // input begins a new stream. Default: does nothing, for a decoder that holds nothing.
   virtual void finish() noexcept;
@@ -93,11 +98,16 @@ class DatagramTruthDecoder : public TruthDecoder {
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept final;
   std::optional<TruthResult> next(Truth& truth) noexcept final;
 
+ protected:
+  // The last datagram fed.
+  std::span<const std::byte> datagram() const noexcept { return datagram_; }
+
  private:
   // Decodes one datagram; returns as next() does.
   virtual TruthResult decode(std::span<const std::byte> datagram, Truth& truth) noexcept = 0;
 
-  std::optional<std::span<const std::byte>> datagram_;
+  std::span<const std::byte> datagram_;
+  bool is_new_ = false;
 };
 
 // The columns of a quantity, in a format whose records are rows with named columns. Their values are in the unit of
@@ -122,8 +132,11 @@ struct TruthFormat {
   bool acknowledges;                  // acknowledge() sends an answer, so that the simulator can wait for the samples
   std::span<const Setting> settings;  // beside `port` and `format` in [truth]
   std::span<const ColumnGroup> columns = {};  // all that it uses, required ones first; empty: it has no columns
-  // Throws std::invalid_argument if the settings are inconsistent; the message gives the remedy.
+  // Throws std::invalid_argument if the settings are inconsistent; the message is "KEY: ", then the fault and the
+  // remedy.
   std::unique_ptr<TruthDecoder> (*make)(const Settings& settings);
+  // What a simulator has to send so that the truth has a specific force or an accumulated velocity, in its own words.
+  std::string_view force_from = {};
 };
 
 // Returns the word for `result` in summaries and logs: "short", "crc", ...; "" for ok.

@@ -4,6 +4,7 @@
 #include "core/attitude.hpp"
 #include "protocols/crc32c.hpp"
 #include "protocols/native_truth.hpp"
+#include "protocols/remark_writer.hpp"
 #include "protocols/truth_format.hpp"
 #include "protocols/wire.hpp"
 
@@ -61,8 +62,69 @@ std::uint16_t flags_of(const Truth& truth) noexcept {
   return static_cast<std::uint16_t>(flags);
 }
 
+// The vectors of the datagram, with the limits of their components.
+constexpr struct {
+  std::string_view name, unit;
+  little_float64_buf_t (TruthWire::*member)[3];
+  double largest;
+  std::uint16_t flags;  // one of which must be set for the vector to be read; 0: it is always read
+} vectors[] = {
+    {"r_BN_N", "m", &TruthWire::r_BN_N, truth_limit::position, 0},
+    {"v_BN_N", "m/s", &TruthWire::v_BN_N, truth_limit::velocity, 0},
+    {"sigma_BN", "", &TruthWire::sigma_BN, 7e153, 0},
+    {"omega_BN_B", "rad/s", &TruthWire::omega_BN_B, truth_limit::rate, 0},
+    {"omegaDot_BN_B", "rad/s^2", &TruthWire::omegaDot_BN_B, truth_limit::angular_acceleration,
+     flag::angular_acceleration},
+    {"the specific force", "m/s^2", &TruthWire::specific_force_B, truth_limit::specific_force, flag::specific_force},
+    {"the accumulated velocity", "m/s", &TruthWire::accumulated_dv_B, truth_limit::velocity,
+     flag::accumulated_dv_inertial | flag::accumulated_dv_body_sum},
+};
+
+// Describes the first number that is not finite, or too large.
+void describe_number(const TruthWire& wire, RemarkWriter& out) noexcept {
+  if (const std::int64_t ns = wire.time_ns.value(); std::abs(static_cast<double>(ns)) >= truth_limit::time_ns)
+    out << "time_ns is " << ns << ", and its limit is " << truth_limit::time_ns << " ns";
+  for (const auto& vector : vectors) {
+    if (vector.flags != 0 && (wire.flags.value() & vector.flags) == 0) continue;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double number = (wire.*vector.member)[i].value();
+      if (std::abs(number) <= vector.largest) continue;
+      out << (out.size() == 0 ? "" : "; ") << vector.name << " has " << number << " as component " << i + 1
+          << ", and the limit is " << vector.largest << (vector.unit.empty() ? "" : " ") << vector.unit;
+      return;
+    }
+  }
+  constexpr std::uint16_t both = flag::accumulated_dv_inertial | flag::accumulated_dv_body_sum;
+  if (out.size() == 0 && (wire.flags.value() & both) == both) out << "the flags 4 and 8 exclude one another";
+}
+
 class NativeTruthDecoder final : public DatagramTruthDecoder {
  public:
+  std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
+    RemarkWriter out(room);
+    const std::span<const std::byte> record = datagram();
+    const std::string_view text{reinterpret_cast<const char*>(record.data()), record.size()};
+    switch (result) {
+      case TruthResult::too_short:
+      case TruthResult::too_long:
+        out << "a datagram has " << record.size() << " bytes, and one of this format " << native_truth_size << ": ";
+        out.quote(text, 24);
+        break;
+      case TruthResult::not_this_kind:
+        (out << "a datagram begins with ").quote(text.substr(0, 4)) << ", and one of this format with \"IMUT\"";
+        break;
+      case TruthResult::bad_version:
+        out << "version " << read_wire<TruthWire>(record).version.value() << ", and known is " << version;
+        break;
+      case TruthResult::not_finite:
+      case TruthResult::out_of_range:
+        describe_number(read_wire<TruthWire>(record), out);
+        break;
+      default:
+        break;
+    }
+    return out.size();
+  }
   void acknowledge(const Truth& truth, TruthTime used_until, std::uint64_t samples,
                    FrameBuffer& out) noexcept override {
     const std::span<std::byte> room = out.room(sizeof(AcknowledgementWire));
@@ -160,6 +222,7 @@ constexpr TruthFormat native_truth_format = {
     .acknowledges = true,
     .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<NativeTruthDecoder>(); },
+    .force_from = "the specific force with flag 2, or the accumulated velocity with flag 4 or 8",
 };
 
 }  // namespace imud

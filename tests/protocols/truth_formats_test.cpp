@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -107,8 +108,11 @@ std::vector<TruthResult> results(TruthDecoder& decoder) {
   std::vector<TruthResult> all;
   all.reserve(2000);
   Truth truth;
+  std::array<char, 200> remark;
   const std::uint64_t before = allocations();
   while (const auto result = decoder.next(truth)) {
+    EXPECT_LE(decoder.describe(*result, std::span(remark).first(all.size() % remark.size())),
+              all.size() % remark.size());
     all.push_back(*result);
     EXPECT_EQ(cause(*result).empty(), *result == TruthResult::ok);
     EXPECT_TRUE(*result != TruthResult::ok || (is_finite(truth) && is_in_range(truth)));

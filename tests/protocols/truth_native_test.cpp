@@ -54,19 +54,34 @@ class NativeTruth : public testing::Test {
   // Decodes the known datagram with `value` at `offset` and a right checksum.
   template <class T>
   TruthResult decode_with(std::size_t offset, T value) {
-    Datagram changed = datagram_;
-    put(changed, offset, value);
-    seal(changed);
-    return decode(changed);
+    changed_ = datagram_;
+    put(changed_, offset, value);
+    seal(changed_);
+    return decode(changed_);
   }
 
   std::unique_ptr<TruthDecoder> decoder_ = find_truth_format("native")->make(Settings());
   Datagram datagram_;
+  Datagram changed_;  // the last that decode_with() has decoded
   Truth truth_;
 };
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+TEST_F(NativeTruth, ARefusalNamesWhatWasFound) {
+  const auto text = [this](TruthResult result) { return remark(*decoder_, result); };
+  EXPECT_EQ(text(decode(std::as_bytes(std::span("{\"time\": 1}", 11)))),
+            "a datagram has 11 bytes, and one of this format 208: \"{\"time\": 1}\"");
+  EXPECT_EQ(text(decode_with<std::uint32_t>(0, 0x50544854)),
+            "a datagram begins with \"THTP\", and one of this format with \"IMUT\"");
+  EXPECT_EQ(text(decode_with<std::uint16_t>(4, 2)), "version 2, and known is 1");
+  EXPECT_EQ(text(decode_with(104, 2e5)), "omega_BN_B has 2e+05 as component 2, and the limit is 1e+05 rad/s");
+  EXPECT_EQ(text(decode_with(160, nan)), "the specific force has nan as component 3, and the limit is 1e+08 m/s^2");
+  EXPECT_EQ(text(decode_with(16, std::numeric_limits<std::int64_t>::max())),
+            "time_ns is 9223372036854775807, and its limit is 4611686018427387904 ns");
+  EXPECT_EQ(text(decode_with<std::uint16_t>(6, 12)), "the flags 4 and 8 exclude one another");
+}
 
 TEST_F(NativeTruth, BytesByHand) {
   Datagram bytes = {};

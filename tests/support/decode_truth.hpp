@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+
 #include "protocols/truth_format.hpp"
 
 namespace imud {
@@ -15,6 +17,13 @@ inline TruthResult decode_truth(TruthDecoder& decoder, std::span<const std::byte
   Truth further;
   EXPECT_FALSE(decoder.next(further).has_value());
   return result.value_or(TruthResult::no_state);
+}
+
+// Returns the remark on the last record, which has given `result` and must still be in its memory.
+inline std::string remark(const TruthDecoder& decoder, TruthResult result) {
+  std::string text(1000, '\0');
+  text.resize(decoder.describe(result, text));
+  return text;
 }
 
 }  // namespace imud
