@@ -1,5 +1,6 @@
 #include "protocols/columns.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cstring>
 #include <stdexcept>
@@ -24,6 +25,14 @@ std::optional<Number> parse(std::string_view field) noexcept {
   return {};
 }
 
+// Returns `line` without blanks, CR and LF at both ends.
+std::string_view without_blanks(std::string_view line) noexcept {
+  constexpr auto blank = [](char c) { return c == ' ' || c == '\r' || c == '\n'; };
+  while (!line.empty() && blank(line.front())) line.remove_prefix(1);
+  while (!line.empty() && blank(line.back())) line.remove_suffix(1);
+  return line;
+}
+
 }  // namespace
 
 std::string_view trim(std::string_view text) noexcept {
@@ -39,11 +48,28 @@ std::string_view unquoted(std::string_view field) noexcept {
   return trim(field.substr(1, field.size() - 2));
 }
 
-std::string_view take_field(std::string_view& row) noexcept {
-  const std::size_t comma = row.find(',');
-  const std::string_view field = row.substr(0, comma);
-  row = comma == std::string_view::npos ? std::string_view{} : row.substr(comma + 1);
+std::string_view take_field(std::string_view& row, char delimiter) noexcept {
+  std::size_t end = row.find(delimiter);
+  const std::size_t first = row.find_first_not_of(" \t");
+  if (end != row.npos && first < end && row[first] == '"') {
+    // The closing quote is one that a delimiter or the row's end follows.
+    for (std::size_t quote = row.find('"', first + 1); quote != row.npos; quote = row.find('"', quote + 1)) {
+      const std::size_t next = row.find_first_not_of(' ', quote + 1);
+      if (next != row.npos && row[next] != delimiter) continue;
+      end = next;
+      break;
+    }
+  }
+  const std::string_view field = row.substr(0, end);
+  row = end == row.npos ? std::string_view{} : row.substr(end + 1);
   return field;
+}
+
+char delimiter_of(std::string_view header) noexcept {
+  char most = ',';
+  for (const char delimiter : {';', '\t'})
+    if (std::ranges::count(header, delimiter) > std::ranges::count(header, most)) most = delimiter;
+  return most;
 }
 
 std::optional<double> parse_real(std::string_view field) noexcept { return parse<double>(field); }
@@ -54,6 +80,7 @@ Columns::Columns(std::span<const std::string_view> wanted, Same same) : wanted_(
 }
 
 void Columns::clear() noexcept {
+  delimiter_ = ',';
   count_ = 0;
   present_ = 0;
 }
@@ -63,18 +90,26 @@ bool Columns::add(std::string_view name) noexcept {
     clear();
     return false;
   }
-  std::uint8_t number = 0;
-  while (number < wanted_.size() && !same_(unquoted(name), wanted_[number])) ++number;
+  const auto number = static_cast<std::uint8_t>(find(name));
   const bool first_of_its_name = number < wanted_.size() && !has(number);
   if (first_of_its_name) present_ |= 1U << number;
   wanted_at_[count_++] = first_of_its_name ? number : unwanted;
   return true;
 }
 
+std::size_t Columns::find(std::string_view name) const noexcept {
+  const std::string_view given = unquoted(name);
+  std::size_t wanted = 0;
+  while (wanted < wanted_.size() && !same_(given, wanted_[wanted])) ++wanted;
+  return wanted;
+}
+
 bool Columns::set(std::string_view header) noexcept {
   clear();
+  const char delimiter = delimiter_of(header);
   while (header.data() != nullptr)
-    if (!add(take_field(header))) return false;
+    if (!add(take_field(header, delimiter))) return false;
+  delimiter_ = delimiter;
   return true;
 }
 
@@ -95,11 +130,21 @@ TruthResult Columns::split(std::string_view row) noexcept {
   const char* const end = begin + row.size();
   for (std::size_t column = 0; column < count_; ++column) {
     if (begin == nullptr) return TruthResult::too_short;
-    const auto* comma = static_cast<const char*>(std::memchr(begin, ',', static_cast<std::size_t>(end - begin)));
-    fields_[wanted_at_[column]] = {begin, comma == nullptr ? end : comma};
-    begin = comma == nullptr ? nullptr : comma + 1;
+    const auto* next =
+        static_cast<const char*>(std::memchr(begin, delimiter_, static_cast<std::size_t>(end - begin)));
+    fields_[wanted_at_[column]] = {begin, next == nullptr ? end : next};
+    begin = next == nullptr ? nullptr : next + 1;
   }
-  return begin == nullptr ? TruthResult::ok : TruthResult::too_long;
+  if (begin == nullptr) return TruthResult::ok;
+  return row.find('"') == row.npos ? TruthResult::too_long : split_quoted(row);
+}
+
+TruthResult Columns::split_quoted(std::string_view row) noexcept {
+  for (std::size_t column = 0; column < count_; ++column) {
+    if (row.data() == nullptr) return TruthResult::too_short;
+    fields_[wanted_at_[column]] = take_field(row, delimiter_);
+  }
+  return row.data() == nullptr ? TruthResult::ok : TruthResult::too_long;
 }
 
 TruthResult Columns::read(std::size_t first, double& number) const noexcept {
@@ -120,19 +165,22 @@ TruthResult Columns::read(std::size_t first, Vector3& vector) const noexcept {
 
 TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
   if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
-  std::string_view row = trim(line);
-  if (row.empty()) return TruthResult::no_state;
-  switch (kind(row)) {
+  row_ = without_blanks(line);  // a tab may be the delimiter of an empty field
+  kind_ = Kind::remark;
+  if (row_.empty() || (row_.front() == '\t' && trim(row_).empty())) return TruthResult::no_state;
+  header_ = row_;
+  kind_ = kind(header_);
+  switch (kind_) {
     case Kind::state:
       break;
     case Kind::remark:
       return TruthResult::no_state;
     case Kind::header:
-      enough_ = columns_.set(row) && enough();
+      enough_ = columns_.set(header_) && enough();
       return enough_ ? TruthResult::no_state : TruthResult::no_columns;
   }
   if (!enough_) return TruthResult::no_columns;
-  auto result = columns_.split(row);
+  auto result = columns_.split(row_);
   if (result != TruthResult::ok) return result;
   truth = {};
   result = convert(truth);
@@ -141,17 +189,19 @@ TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noex
   return is_in_range(truth) ? TruthResult::ok : TruthResult::out_of_range;
 }
 
-void ColumnTruthDecoder::configure(const Settings& settings, std::size_t required, std::string_view wanted) {
+void ColumnTruthDecoder::configure(const Settings& settings) {
   const std::vector<std::string>& names = settings.list(columns_setting.key);
   if (names.empty()) return;
   enough_ = columns_.set(names) && enough();
+  for (const std::string& name : names) configured_.append(configured_.empty() ? "" : ",").append(name);
+  header_ = configured_;
   if (enough_) return;
   std::string missing;
-  for (std::size_t i = 0; i < required && names.size() <= Columns::max_columns; ++i)
+  for (std::size_t i = 0; i < wanted_.required && names.size() <= Columns::max_columns; ++i)
     if (!columns_.has(i)) missing.append(missing.empty() ? "missing " : ", ").append(columns_.name(i));
   if (!missing.empty()) missing += "; ";
   throw std::invalid_argument("columns: " + missing + "give at most " + std::to_string(Columns::max_columns) +
-                              " names, among them " + std::string(wanted));
+                              " names, among them " + std::string(wanted_.summary));
 }
 
 }  // namespace imud

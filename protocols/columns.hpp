@@ -1,4 +1,5 @@
-// Columns: rows of comma-separated text, and the base class of truth formats made of such rows.
+// Columns: rows of text in columns, separated by commas, semicolons or tabs, and the base class of truth formats made
+// of such rows.
 #pragma once
 
 #include <array>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "protocols/line_truth_decoder.hpp"
+#include "protocols/remark_writer.hpp"
 
 namespace imud {
 
@@ -20,8 +22,12 @@ std::string_view trim(std::string_view text) noexcept;
 // trimmed, too.
 std::string_view unquoted(std::string_view field) noexcept;
 
-// Removes the first field from `row` and returns it untrimmed. After the last field, row.data() is nullptr.
-std::string_view take_field(std::string_view& row) noexcept;
+// Removes the first field from `row` and returns it untrimmed. After the last field, row.data() is nullptr. A field
+// in quotes may contain the delimiter.
+std::string_view take_field(std::string_view& row, char delimiter = ',') noexcept;
+
+// Returns the delimiter of a header row: that of comma, semicolon and tab which is the most frequent in it.
+char delimiter_of(std::string_view header) noexcept;
 
 // Parse the whole of `field`. Surrounding blanks and one leading '+' are allowed; parse_real() accepts NaN and
 // infinity, too. Return nullopt if the field is not a number, or out of the type's range.
@@ -40,12 +46,19 @@ class Columns {
   using Same = bool (*)(std::string_view given, std::string_view wanted);
   Columns(std::span<const std::string_view> wanted, Same same);
 
-  // Sets the names of the columns, in order. Returns false, and forgets all columns, if there are more than
-  // max_columns. Of two columns with the same name, the first is used.
+  // Sets the names of the columns, in order, and the delimiter: that of the header row, or a comma. Returns false,
+  // and forgets all columns, if there are more than max_columns. Of two columns with the same name, the first is
+  // used.
   bool set(std::string_view header) noexcept;
   bool set(std::span<const std::string> names) noexcept;
 
+  std::span<const std::string_view> wanted() const noexcept { return wanted_; }
   std::string_view name(std::size_t wanted) const noexcept { return wanted_[wanted]; }
+  // Returns the index of the wanted name that `name`, a field of a header row, means; wanted().size() if it is none.
+  std::size_t find(std::string_view name) const noexcept;
+  // The number of columns; 0 if they are not known.
+  std::size_t count() const noexcept { return count_; }
+  char delimiter() const noexcept { return delimiter_; }
   // Returns true if the `count` wanted columns from index `first` on are all present.
   bool has(std::size_t first, std::size_t count = 1) const noexcept;
 
@@ -63,11 +76,13 @@ class Columns {
 
   void clear() noexcept;
   bool add(std::string_view name) noexcept;
+  TruthResult split_quoted(std::string_view row) noexcept;
 
   std::span<const std::string_view> wanted_;
   Same same_;
   std::array<std::uint8_t, max_columns> wanted_at_ = {};  // per column: the index of its wanted name, or `unwanted`
   std::size_t count_ = 0;
+  char delimiter_ = ',';
   std::uint32_t present_ = 0;                            // bit set of the wanted names
   std::array<std::string_view, max_wanted + 1> fields_;  // the last element receives the unwanted fields
 };
@@ -87,31 +102,60 @@ constexpr std::size_t column_count(std::span<const ColumnGroup> groups, ColumnGr
   return count;
 }
 
+// The wanted columns of a truth format. The first `required` of them must be present; the others are vectors, three
+// columns each.
+struct ColumnNames {
+  std::span<const std::string_view> names;
+  std::size_t required;
+  std::string_view summary;  // of all that is required, for people
+};
+
+// The largest magnitude of the numbers in a column.
+struct ColumnLimit {
+  double largest;
+  std::string_view unit;
+};
+
 // A truth format whose records are rows that follow a header row. A byte order mark (UTF-8) before a row is ignored.
 class ColumnTruthDecoder : public LineTruthDecoder {
+ public:
+  std::size_t describe(TruthResult result, std::span<char> room) const noexcept final;
+
  protected:
   enum class Kind : std::uint8_t { state, header, remark };
 
-  ColumnTruthDecoder(std::span<const std::string_view> wanted, Columns::Same same) : columns_(wanted, same) {}
+  ColumnTruthDecoder(const ColumnNames& wanted, Columns::Same same) : wanted_(wanted), columns_(wanted.names, same) {}
   // Applies the setting `columns`, if it is not empty; called by the constructor of a derived class. Throws
-  // std::invalid_argument if required columns are missing: the message names the missing ones among the first
-  // `required` wanted names, then `wanted`.
-  void configure(const Settings& settings, std::size_t required, std::string_view wanted);
+  // std::invalid_argument, which names the missing columns, if required ones are missing.
+  void configure(const Settings& settings);
 
   const Columns& columns() const noexcept { return columns_; }
 
  private:
   TruthResult decode(std::string_view line, Truth& truth) noexcept final;
-  // Returns the kind of `row`, which is trimmed and not empty. Removes from a header row all but the column names.
+  // Returns the kind of `row`, which has no blanks at its ends and is not empty. Removes from a header row all but
+  // the column names.
   virtual Kind kind(std::string_view& row) const noexcept = 0;
   // Returns true if the columns present are enough.
   virtual bool enough() const noexcept = 0;
   // Converts the row that was split last. Numbers stored in `truth` need no check: the caller checks that they are
   // finite and in range.
   virtual TruthResult convert(Truth& truth) const noexcept = 0;
+  // For remarks: returns whether convert() reads a wanted column that is present, and its limit.
+  virtual bool reads(std::size_t wanted) const noexcept = 0;
+  virtual ColumnLimit limit(std::size_t wanted) const noexcept = 0;
 
+  void describe_header(RemarkWriter& out) const noexcept;
+  void describe_missing(RemarkWriter& out) const noexcept;
+  void describe_number(TruthResult result, RemarkWriter& out) const noexcept;
+
+  const ColumnNames wanted_;
   Columns columns_;
   bool enough_ = false;
+  std::string configured_;    // the setting `columns`, as a header row
+  Kind kind_ = Kind::header;  // of the last row
+  std::string_view row_;      // the last row
+  std::string_view header_;   // the last row's column names, if it is a header row
 };
 
 }  // namespace imud

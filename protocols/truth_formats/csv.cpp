@@ -3,7 +3,8 @@
 // `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required. `r_BN_N_x..z` (m),
 // `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific force, m/s^2) and
 // `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present. Other columns, and lines that begin with
-// '#', are ignored. The names are those of Basilisk's SCStatesMsgPayload.
+// '#', are ignored. The names are those of Basilisk's SCStatesMsgPayload. Columns are separated by what the header
+// row has: commas, semicolons or tabs; the decimal sign is a point.
 #include <cmath>
 
 #include "core/attitude.hpp"
@@ -46,6 +47,15 @@ constexpr ColumnGroup column_groups[] = {
     group(accumulated_dv_B, 3, "accumulated velocity of B's origin without gravity, m/s; see accumulated_dv"),
 };
 constexpr std::size_t required_columns = column_count(column_groups, ColumnGroup::required);
+constexpr ColumnNames column_names = {names, required_columns, "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z"};
+// By vectors, after the time.
+constexpr ColumnLimit limits[] = {{7e153, ""},
+                                  {truth_limit::rate, "rad/s"},
+                                  {truth_limit::position, "m"},
+                                  {truth_limit::velocity, "m/s"},
+                                  {truth_limit::angular_acceleration, "rad/s^2"},
+                                  {truth_limit::specific_force, "m/s^2"},
+                                  {truth_limit::velocity, "m/s"}};
 
 constexpr std::string_view accumulations[] = {"inertial", "body_sum", "none"};
 
@@ -57,17 +67,19 @@ AccumulatedDv accumulation(std::string_view word) {
 class CsvTruthDecoder final : public ColumnTruthDecoder {
  public:
   explicit CsvTruthDecoder(const Settings& settings)
-      : ColumnTruthDecoder(names, [](std::string_view given, std::string_view wanted) { return given == wanted; }),
+      : ColumnTruthDecoder(column_names,
+                           [](std::string_view given, std::string_view wanted) { return given == wanted; }),
         accumulation_(accumulation(settings.text("accumulated_dv"))) {
-    configure(settings, required_columns, "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z");
+    configure(settings);
   }
 
  private:
   Kind kind(std::string_view& row) const noexcept override {
     if (row.front() == '#') return Kind::remark;
     if (row.find(names[time_ns]) == std::string_view::npos) return Kind::state;
+    const char delimiter = delimiter_of(row);
     for (std::string_view rest = row; rest.data() != nullptr;)
-      if (unquoted(take_field(rest)) == names[time_ns]) return Kind::header;
+      if (unquoted(take_field(rest, delimiter)) == names[time_ns]) return Kind::header;
     return Kind::state;
   }
 
@@ -83,7 +95,7 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
     const auto result = columns().read(time_ns, real);
     if (result != TruthResult::ok) return result;
     if (!std::isfinite(real)) return TruthResult::not_finite;
-    if (std::abs(real) > 0x1p62) return TruthResult::out_of_range;
+    if (std::abs(real) > truth_limit::time_ns) return TruthResult::out_of_range;
     time.ns = std::llround(real);
     return TruthResult::ok;
   }
@@ -115,6 +127,16 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
     return TruthResult::ok;
   }
 
+  bool reads(std::size_t wanted) const noexcept override {
+    if (wanted < required_columns) return true;
+    if (wanted >= accumulated_dv_B && accumulation_ == AccumulatedDv::none) return false;
+    return columns().has(wanted - (wanted - r_BN_N) % 3, 3);
+  }
+
+  ColumnLimit limit(std::size_t wanted) const noexcept override {
+    return wanted == time_ns ? ColumnLimit{truth_limit::time_ns, "ns"} : limits[(wanted - sigma_BN) / 3];
+  }
+
   AccumulatedDv accumulation_;
 };
 
@@ -141,6 +163,7 @@ constexpr TruthFormat csv_truth_format = {
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<CsvTruthDecoder>(chosen);
     },
+    .force_from = "the columns nonConservativeAccelpntB_B_x to _z, or TotalAccumDV_BN_B_x to _z",
 };
 
 }  // namespace imud

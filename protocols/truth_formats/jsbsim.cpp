@@ -7,7 +7,11 @@
 // `phi-rad`, `theta-rad`, `psi-rad` (front-right-down relative to local north-east-down) and the rate: `pi-rad_sec`
 // to `ri-rad_sec` (relative to inertial space), or else `p-rad_sec` to `r-rad_sec` (relative to the Earth, whose
 // rotation is added). Optional, and used if all three components are present, are the vectors of `eci-x-ft`,
-// `eci-x-fps`, `pidot-rad_sec2` and `a-pilot-x-ft_sec2`. Feet are converted to metres.
+// `eci-x-fps`, `pidot-rad_sec2` and `a-pilot-x-ft_sec2`. Feet are converted to metres. The labels of `<rates>`,
+// `<propagate>` and the like are not used: their latitude is geocentric, and the Earth position angle is missing.
+//
+// A file of `<output type="CSV">` or `type="TABULAR">` has the same columns by the whole names of the properties, and
+// begins with `Time` in place of `<LABELS>`; its precision is ten digits.
 //
 // The specific force is that of the pilot's eye point, which therefore is B's origin: r_SB_B is measured from there.
 // JSBSim's `eci-*` are those of the centre of gravity.
@@ -56,12 +60,24 @@ constexpr ColumnGroup column_groups[] = {
 };
 constexpr std::size_t required_columns =
     column_count(column_groups, ColumnGroup::required);  // and one of the two rates
+constexpr ColumnNames column_names = {
+    names, required_columns,
+    "Time, lat-geod-rad, long-gc-rad, epa-rad, phi-rad, theta-rad, psi-rad, pi-rad_sec "
+    "to ri-rad_sec, each a <property> "
+    "of the <output>"};
 
 constexpr double metres_per_foot = 0.3048;
 constexpr double earth_rate = 7.292115e-5;  // rad/s; the rate of epa-rad
 constexpr double half_pi = 0x1.921fb54442d18p0;
 constexpr double largest_angle = 1e5;    // rad; the limit of elementary::sincos
 constexpr double longest_time = 0x1p32;  // s
+// By vectors, from inertial_rate on.
+constexpr ColumnLimit limits[] = {{truth_limit::rate, "rad/s"},
+                                  {truth_limit::rate, "rad/s"},
+                                  {truth_limit::position / metres_per_foot, "ft"},
+                                  {truth_limit::velocity / metres_per_foot, "ft/s"},
+                                  {truth_limit::angular_acceleration, "rad/s^2"},
+                                  {truth_limit::specific_force / metres_per_foot, "ft/s^2"}};
 
 bool same_label(std::string_view given, std::string_view wanted) {
   given.remove_prefix(given.rfind('/') + 1);
@@ -87,17 +103,20 @@ Quaternion attitude(double epa, double lat, double lon, double psi, double theta
 
 class JsbsimTruthDecoder final : public ColumnTruthDecoder {
  public:
-  explicit JsbsimTruthDecoder(const Settings& settings) : ColumnTruthDecoder(names, same_label) {
-    configure(settings, required_columns,
-              "Time, lat-geod-rad, long-gc-rad, epa-rad, phi-rad, theta-rad, psi-rad, pi-rad_sec to ri-rad_sec");
+  explicit JsbsimTruthDecoder(const Settings& settings) : ColumnTruthDecoder(column_names, same_label) {
+    configure(settings);
   }
 
  private:
   Kind kind(std::string_view& row) const noexcept override {
     if (row.starts_with("<STATUS>")) return Kind::remark;
-    if (!row.starts_with("<LABELS>")) return Kind::state;
-    take_field(row);
-    return Kind::header;
+    if (row.starts_with("<LABELS>")) {
+      take_field(row);
+      return Kind::header;
+    }
+    if (row.find(names[time_s]) == row.npos) return Kind::state;
+    std::string_view rest = row;
+    return unquoted(take_field(rest, delimiter_of(row))) == names[time_s] ? Kind::header : Kind::state;
   }
 
   bool enough() const noexcept override {
@@ -145,6 +164,17 @@ class JsbsimTruthDecoder final : public ColumnTruthDecoder {
     if (!inertial) truth.omega_BN_B += truth.q_NB.conjugate() * Vector3(0, 0, earth_rate);
     return TruthResult::ok;
   }
+
+  bool reads(std::size_t wanted) const noexcept override {
+    if (wanted < required_columns) return true;
+    if (wanted >= earth_relative_rate && wanted < position_ft && columns().has(inertial_rate, 3)) return false;
+    return columns().has(wanted - (wanted - inertial_rate) % 3, 3);
+  }
+
+  ColumnLimit limit(std::size_t wanted) const noexcept override {
+    if (wanted == time_s) return {longest_time, "s"};
+    return wanted < inertial_rate ? ColumnLimit{largest_angle, "rad"} : limits[(wanted - inertial_rate) / 3];
+  }
 };
 
 constexpr Setting settings[] = {columns_setting};
@@ -164,6 +194,7 @@ constexpr TruthFormat jsbsim_truth_format = {
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<JsbsimTruthDecoder>(chosen);
     },
+    .force_from = "the properties accelerations/a-pilot-x-ft_sec2 to a-pilot-z-ft_sec2",
 };
 
 }  // namespace imud

@@ -1,6 +1,7 @@
 // Truth as CSV: columns by name, every cause, and times.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "core/attitude.hpp"
@@ -191,6 +192,100 @@ TEST_F(CsvTruth, AByteOrderMarkAndQuotesAreIgnored) {
   for (std::string_view rest = required; rest.data() != nullptr;) names.push_back(quoted(take_field(rest)));
   make(csv_settings({{"columns", names}}));
   EXPECT_EQ(decode("9,0,0,0,1,2,3"), TruthResult::ok);
+}
+
+std::string with_delimiter(std::string text, char delimiter) {
+  std::ranges::replace(text, ',', delimiter);
+  return text;
+}
+
+TEST_F(CsvTruth, TheHeaderRowSetsTheDelimiter) {
+  for (const char delimiter : {';', '\t', ','}) {
+    EXPECT_EQ(decode("\xEF\xBB\xBF" + with_delimiter(required, delimiter) + "\r\n"), TruthResult::no_state);
+    ASSERT_EQ(decode(with_delimiter("7,0,0,0,1, 2 ,\"3\"\r\n", delimiter)), TruthResult::ok) << delimiter;
+    EXPECT_EQ(truth_.time.ns, 7);
+    EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
+    EXPECT_EQ(decode(with_delimiter("7,0,0,0,1,2", delimiter)), TruthResult::too_short);
+  }
+  // Tabs delimit empty fields at both ends of a row, too.
+  ASSERT_EQ(decode(with_delimiter("index," + required + ",note", '\t')), TruthResult::no_state);
+  ASSERT_EQ(decode("\t8\t0\t0\t0\t1\t2\t3\t"), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 8);
+  EXPECT_EQ(decode("\t\t \t"), TruthResult::no_state);
+}
+
+TEST_F(CsvTruth, AFieldInQuotesMayContainTheDelimiter) {
+  ASSERT_EQ(decode("\"a, b\"," + required + ",c"), TruthResult::no_state);
+  ASSERT_EQ(decode("\"x,\"\",\" ,\"5\",0,0,0,1,2,3,\"y,z\""), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 5);
+  EXPECT_EQ(truth_.omega_BN_B, Vector3(1, 2, 3));
+  EXPECT_EQ(decode("\"x,5,0,0,0,1,2,3,y,z"), TruthResult::too_long);
+}
+
+TEST_F(CsvTruth, ColumnsThatAreNotUsedAreNamed) {
+  const auto remark_on = [this](const std::string& header) {
+    EXPECT_EQ(decode(header), TruthResult::no_state);
+    return remark(*decoder_, TruthResult::no_state);
+  };
+  EXPECT_EQ(remark(*decoder_, TruthResult::no_state), "");
+  EXPECT_EQ(remark_on("# a comment"), "");
+  EXPECT_EQ(remark_on(required), "");
+  EXPECT_EQ(remark_on(required + ",r_BN_N_x,r_BN_N_y,r_BN_N_z"), "");
+  EXPECT_EQ(remark_on("accel_x," + required + ",time_ns"),
+            "columns that are not used: \"accel_x\", \"time_ns\" (given twice)");
+  EXPECT_EQ(remark_on(with_delimiter(required + ",nonConservativeAccelpntB_b_X,nonConservativeAccelpntB_B_y,"
+                                                "nonconservativeAccelpntB_B_z [m/s^2]",
+                                     ';')),
+            "columns that are not used: \"nonConservativeAccelpntB_b_X\" (did you mean "
+            "\"nonConservativeAccelpntB_B_x\"?), \"nonConservativeAccelpntB_B_y\" (needs "
+            "\"nonConservativeAccelpntB_B_x\"), \"nonconservativeAccelpntB_B_z [m/s^2]\" (did you mean "
+            "\"nonConservativeAccelpntB_B_z\"?)");
+  // Basilisk has r_CN_N beside r_BN_N.
+  EXPECT_EQ(remark_on(required + ",r_BN_N_x,r_BN_N_y,r_BN_N_z,r_CN_N_x"), "columns that are not used: \"r_CN_N_x\"");
+  std::string many = required;
+  for (int i = 0; i < 30; ++i) many += ",other" + std::to_string(i);
+  EXPECT_TRUE(remark_on(many).ends_with(", \"other15\" and 14 more")) << remark_on(many);
+  make(csv_settings({{"accumulated_dv", std::string("none")}}));
+  EXPECT_EQ(remark_on(required + ",TotalAccumDV_BN_B_x,TotalAccumDV_BN_B_y,TotalAccumDV_BN_B_z"),
+            "columns that are not used: \"TotalAccumDV_BN_B_x\", \"TotalAccumDV_BN_B_y\", \"TotalAccumDV_BN_B_z\"");
+  std::vector<std::string> names = {"gravity"};
+  for (std::string_view rest = required; rest.data() != nullptr;) names.emplace_back(take_field(rest));
+  make(csv_settings({{"columns", names}}));
+  EXPECT_EQ(remark(*decoder_, TruthResult::no_state), "columns that are not used: \"gravity\"");
+}
+
+TEST_F(CsvTruth, MissingColumnsAreNamedWithTheRowThatWasRead) {
+  const auto remark_on = [this](const std::string& row) {
+    EXPECT_EQ(decode(row), TruthResult::no_columns);
+    return remark(*decoder_, TruthResult::no_columns);
+  };
+  const std::string end = "; required are time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z";
+  EXPECT_EQ(remark_on("0,0.5,0\r\n"), "there was no header row before the row \"0,0.5,0\", " + end.substr(2));
+  EXPECT_EQ(remark_on("time_ns;Sigma BN 1;sigma_BN_2;sigma_BN_3;omega_BN_B_y;omega_BN_B_z"),
+            "the header row lacks \"sigma_BN_1\" (is it \"Sigma BN 1\"?), \"omega_BN_B_x\": \"time_ns;Sigma BN "
+            "1;sigma_BN_2;sigma_BN_3;omega_BN_B_y;omega_BN_B_z\"" +
+                end);
+  EXPECT_EQ(remark_on("Time_ns" + required.substr(7)),
+            "the header row lacks \"time_ns\" (is it \"Time_ns\"?): \"Time_ns" + required.substr(7) + "\"" + end);
+  EXPECT_TRUE(remark_on(std::string(60'000, 'x')).ends_with("xxx...\"" + end));
+}
+
+TEST_F(CsvTruth, ARefusalNamesItsColumn) {
+  ASSERT_EQ(decode(required + ",r_BN_N_x,v_BN_N_x,v_BN_N_y,v_BN_N_z"), TruthResult::no_state);
+  const auto remark_on = [this](const std::string& row) { return remark(*decoder_, decode(row)); };
+  EXPECT_EQ(remark_on("0,0,0,0,0,-2e5,0,x,0,0,0"),
+            "the column \"omega_BN_B_y\" has \"-2e5\", and its limit is 1e+05 rad/s");
+  EXPECT_EQ(remark_on("1e19,0,0,0,0,0,0,0,0,0,0"),
+            "the column \"time_ns\" has \"1e19\", and its limit is 4611686018427387904 ns");
+  EXPECT_EQ(remark_on("0,0,0,0,0,0,0,0,0,0,1e10"),
+            "the column \"v_BN_N_z\" has \"1e10\", and its limit is 1e+09 m/s");
+  EXPECT_EQ(remark_on("0,0,nan,0,0,0,0,0,0,0,0"), "the column \"sigma_BN_2\" has \"nan\"");
+  EXPECT_EQ(remark_on("0,0,0,0,0,fast,0,0,0,0,0"), "the column \"omega_BN_B_y\" has \"fast\"");
+  EXPECT_EQ(remark_on("0,0"), "a row has 2 fields, and there are 11 columns: \"0,0\"");
+  ASSERT_EQ(decode(with_delimiter(required, ';')), TruthResult::no_state);
+  EXPECT_EQ(remark_on("0;0;0;0;0,5;0;0"),
+            "the column \"omega_BN_B_x\" has \"0,5\"; the decimal sign must be a point");
+  EXPECT_EQ(remark_on("\x01"), "a row has 1 fields, and there are 7 columns: \"?\"");
 }
 
 TEST_F(CsvTruth, ANewHeaderReplacesTheOld) {

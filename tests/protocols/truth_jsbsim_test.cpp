@@ -172,6 +172,51 @@ TEST_F(JsbsimTruth, ConfiguredColumns) {
   EXPECT_THROW(make(jsbsim_settings({{"columns", names}})), std::invalid_argument);
 }
 
+// As `<output type="CSV">` and `type="TABULAR">` write it.
+TEST_F(JsbsimTruth, AFileHasWholeNamesAndNoWordLabels) {
+  ASSERT_EQ(decode(labels), TruthResult::no_state);
+  ASSERT_EQ(decode(row_1), TruthResult::ok);
+  const Truth wanted = truth_;
+  for (const char delimiter : {',', '\t'}) {
+    std::string header = "Time", row = replaced(row_1, ",", {&delimiter, 1});
+    std::string_view rest = labels;
+    for (take_field(rest), take_field(rest); rest.data() != nullptr;)
+      header += delimiter + ("/fdm/jsbsim/velocities/" + replaced(trim(take_field(rest)), " ", "_"));
+    ASSERT_EQ(decode(header), TruthResult::no_state);
+    ASSERT_EQ(decode(row), TruthResult::ok);
+    EXPECT_EQ(truth_.q_NB.coeffs(), wanted.q_NB.coeffs());
+    EXPECT_EQ(truth_.specific_force_B, wanted.specific_force_B);
+  }
+}
+
+// FGOutputSocket's own labels, of <rates> and <propagate>.
+TEST_F(JsbsimTruth, StandardLabelsAreNamed) {
+  ASSERT_EQ(
+      decode("<LABELS> ,Time,P,Q,R,PDot,QDot,RDot,Altitude,Phi (deg),Tht (deg),Psi (deg),Alpha (deg),Beta (deg),"
+             "Latitude (deg),Longitude (deg)\n"),
+      TruthResult::no_columns);
+  const std::string text = remark(*decoder_, TruthResult::no_columns);
+  EXPECT_TRUE(
+      text.starts_with("the header row lacks \"lat-geod-rad\", \"long-gc-rad\", \"epa-rad\", \"phi-rad\", "
+                       "\"theta-rad\", \"psi-rad\": \"<LABELS> ,Time,P,Q,R,"))
+      << text;
+  EXPECT_TRUE(text.ends_with("pi-rad_sec to ri-rad_sec, each a <property> of the <output>")) << text;
+}
+
+TEST_F(JsbsimTruth, RemarksNameTheColumns) {
+  ASSERT_EQ(decode(replaced(labels, "qi-rad sec", "Qi-rad_sec")), TruthResult::no_state);
+  EXPECT_EQ(
+      remark(*decoder_, TruthResult::no_state),
+      "columns that are not used: \"geod-alt-ft\", \"ecef-x-ft\", \"ecef-y-ft\", \"ecef-z-ft\", \"ecef-x-fps\", "
+      "\"ecef-y-fps\", \"ecef-z-fps\", \"pi-rad sec\" (needs \"qi-rad sec\"), \"Qi-rad_sec\" (did you mean "
+      "\"qi-rad sec\"?), \"ri-rad sec\" (needs \"qi-rad sec\"), \"uidot-ft sec2\", \"vidot-ft sec2\", "
+      "\"widot-ft sec2\", \"gravity-ft sec2\"");
+  const auto remark_on = [this](const std::string& row) { return remark(*decoder_, decode(row)); };
+  EXPECT_EQ(remark_on(with(row_0, 26, "1e9")),
+            "the column \"a-pilot-x-ft sec2\" has \"1e9\", and its limit is 328083989.5013123 ft/s^2");
+  EXPECT_EQ(remark_on(with(row_0, 0, "1e12")), "the column \"Time\" has \"1e12\", and its limit is 4294967296 s");
+}
+
 TEST_F(JsbsimTruth, EveryCause) {
   EXPECT_EQ(decode(row_0), TruthResult::no_columns);
   for (const std::string_view name :
