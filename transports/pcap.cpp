@@ -24,7 +24,8 @@ constexpr PortOption port_option = {
 
 class PcapPort final : public Port {
  public:
-  explicit PcapPort(const PortSpec& spec) : port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))) {
+  PcapPort(const PortSpec& spec, const PortSettings& settings)
+      : port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))), admitted_(settings.from) {
     // libpcap would wait for a pipe.
     std::error_code unknown;
     if (std::filesystem::exists(spec.address, unknown) && !std::filesystem::is_regular_file(spec.address, unknown))
@@ -69,10 +70,16 @@ class PcapPort final : public Port {
           break;
         case UdpPacket::Outcome::not_ours:
           ++counters_.not_ours;
+          count_other(packet.port);
           break;
         case UdpPacket::Outcome::whole:
+          if (admitted_ && !admitted_->admits(packet.from)) {
+            ++counters_.foreign;
+            counters_.foreign_from = packet.from;
+            break;
+          }
           ++counters_.received;
-          return Received{{packet.payload}, stamp(*record)};
+          return Received{{packet.payload}, stamp(*record), packet.from};
       }
     }
     return std::nullopt;
@@ -85,6 +92,7 @@ class PcapPort final : public Port {
     return std::min(1.0, static_cast<double>(position) / size_);
   }
   std::string_view end_warning() const noexcept override { return {warning_.data(), warning_size_}; }
+  std::string_view other_content() const noexcept override { return {content_.data(), content_size_}; }
 
  private:
   // With nanosecond precision tv_usec holds ns. An invalid stamp wraps around instead of overflowing.
@@ -113,8 +121,35 @@ class PcapPort final : public Port {
     return capture;
   }
 
+  // `port`: the destination of a datagram; 0: the packet was none.
+  void count_other(std::uint16_t port) noexcept {
+    for (OtherPort& other : others_) {
+      if (other.datagrams != 0 && other.port != port) continue;
+      if (port == 0) return;
+      other.port = port;
+      ++other.datagrams;
+      return;
+    }
+  }
+
+  void describe_content() noexcept {
+    if (port_ == 0 || counters_.received + counters_.foreign + counters_.truncated != 0) return;
+    const auto append = [this](auto format, const auto&... values) {
+      const std::size_t left = content_.size() - content_size_;
+      content_size_ +=
+          std::min(left, fmt::format_to_n(content_.data() + content_size_, left, format, values...).size);
+    };
+    if (others_[0].datagrams == 0) return append(FMT_STRING("no UDP datagram in {} packets"), records_);
+    for (const OtherPort& other : others_)
+      if (other.datagrams != 0)
+        append(FMT_STRING("{}{} datagram{} to port {}"), content_size_ == 0 ? "" : ", ", other.datagrams,
+               other.datagrams == 1 ? "" : "s", other.port);
+    append(FMT_STRING(" and none to {}"), port_);
+  }
+
   void end(int result) noexcept {
     at_end_ = true;
+    describe_content();
     if (result == PCAP_ERROR_BREAK) return;
     const std::string_view what =
         compressed_ && !compressed_->error().empty() ? compressed_->error() : ::pcap_geterr(capture_.get());
@@ -129,15 +164,23 @@ class PcapPort final : public Port {
   struct Close {
     void operator()(pcap_t* capture) const noexcept { ::pcap_close(capture); }
   };
-  const std::uint16_t port_;                    // 0: any
+  // The destination of datagrams that are not for this port.
+  struct OtherPort {
+    std::uint16_t port = 0;
+    std::uint64_t datagrams = 0;
+  };
+
+  const std::uint16_t port_;  // 0: any
+  const std::optional<Endpoint> admitted_;
+  std::array<OtherPort, 6> others_;             // the first that were found
   std::unique_ptr<CompressedFile> compressed_;  // nullptr: libpcap opens the file by itself
   std::unique_ptr<pcap_t, Close> capture_;      // closed before the file that it reads
   int link_type_ = 0;
   double size_ = 0;  // bytes of the file
   bool at_end_ = false;
   std::uint64_t records_ = 0;
-  std::array<char, 400> warning_;
-  std::size_t warning_size_ = 0;
+  std::array<char, 400> warning_, content_;
+  std::size_t warning_size_ = 0, content_size_ = 0;
 };
 
 std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
@@ -147,7 +190,9 @@ std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
 
 void check(const PortSpec&, const PortSettings&) {}
 
-std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings&) { return std::make_unique<PcapPort>(spec); }
+std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
+  return std::make_unique<PcapPort>(spec, settings);
+}
 
 }  // namespace
 

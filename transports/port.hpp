@@ -12,6 +12,7 @@
 #include "core/frame.hpp"
 #include "core/time.hpp"
 #include "core/uart.hpp"
+#include "transports/endpoint.hpp"
 #include "transports/port_spec.hpp"
 
 namespace imud {
@@ -39,6 +40,8 @@ struct PortSettings {
   // Emulated UART only: characters arrive when the line would have carried them, not at once.
   bool paced = false;
   Delivery delivery = Delivery::timely;  // of a queue for a CAN interface
+  // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
+  std::optional<Endpoint> from;
 };
 
 // The state of a port, as its last call found it. A lost device is a state, never an exit.
@@ -60,6 +63,8 @@ struct PortCounters {
   std::uint64_t lost_count = 0;  // times the device was lost
   std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments
   std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
+  std::uint64_t foreign = 0;     // datagrams of other senders than PortSettings::from
+  Endpoint foreign_from;         // the sender of the newest of these
 
   // Counts frames that the kernel took whole.
   void count_sent(bool is_reply, std::uint64_t frames = 1) noexcept {
@@ -91,7 +96,8 @@ class Port {
   // stay valid until the next call.
   struct Received {
     Frame frame;
-    HostTime time;  // of arrival; a capture's own time stamp
+    HostTime time;       // of arrival; a capture's own time stamp
+    Endpoint from = {};  // UDP: the sender; elsewhere its port is 0
   };
   virtual std::optional<Received> receive() noexcept = 0;
 
@@ -99,6 +105,9 @@ class Port {
   virtual bool at_end() const noexcept { return false; }
   // Describes how a capture ended if it is damaged ("cut short in record 12"); empty otherwise.
   virtual std::string_view end_warning() const noexcept { return {}; }
+  // Describes what a capture that has ended holds in place of the datagrams for the UDP port: "300 datagrams to port
+  // 9810 and none to 9811". Empty if it has had some.
+  virtual std::string_view other_content() const noexcept { return {}; }
 
   // Changes the UART's settings for all that is sent from now on. A real line drops new frames until those sent
   // before have left. A port without UART ignores it.

@@ -1,6 +1,7 @@
 // UDP sockets; a frame is a datagram. udp(7), ip(7), ipv6(7).
 #include <fmt/format.h>
 #include <ifaddrs.h>
+#include <net/if.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -43,27 +44,38 @@ Peer resolve(const PortSpec& spec) {
   return peer;
 }
 
-// Returns the bytes of an IPv4 or IPv6 address.
-std::string_view bytes_of(const sockaddr& address) {
-  const auto view = [](const auto& bytes) {
-    return std::string_view(reinterpret_cast<const char*>(&bytes), sizeof bytes);
-  };
-  if (address.sa_family == AF_INET) return view(reinterpret_cast<const sockaddr_in&>(address).sin_addr);
-  if (address.sa_family == AF_INET6) return view(reinterpret_cast<const sockaddr_in6&>(address).sin6_addr);
-  return {};
+Endpoint endpoint(const Peer& peer) noexcept {
+  if (peer.address.ss_family == AF_INET) {
+    const auto& v4 = reinterpret_cast<const sockaddr_in&>(peer.address);
+    return Endpoint::ipv4(&v4.sin_addr, ntohs(v4.sin_port));
+  }
+  const auto& v6 = reinterpret_cast<const sockaddr_in6&>(peer.address);
+  return Endpoint::ipv6(&v6.sin6_addr, ntohs(v6.sin6_port));
 }
 
-bool has_address(const Peer& peer, const sockaddr& address) {
-  return peer.get()->sa_family == address.sa_family && bytes_of(*peer.get()) == bytes_of(address);
+bool is_multicast(const Peer& peer) noexcept {
+  if (peer.address.ss_family == AF_INET)
+    return IN_MULTICAST(ntohl(reinterpret_cast<const sockaddr_in&>(peer.address).sin_addr.s_addr));
+  return IN6_IS_ADDR_MULTICAST(&reinterpret_cast<const sockaddr_in6&>(peer.address).sin6_addr);
 }
 
-bool is_any(const Peer& peer) { return bytes_of(*peer.get()).find_first_not_of('\0') == std::string_view::npos; }
+// Returns the interface of a multicast group: that of the option, or the one in the IPv6 address (%eth0); 0: the one
+// to which the routes lead.
+int multicast_interface(const PortSpec& spec, const Peer& group) {
+  if (const auto name = spec.text("interface")) {
+    const unsigned index = ::if_nametoindex(name->c_str());
+    if (index == 0) throw spec.error(fmt::format("interface={}: there is no such network interface", *name));
+    return static_cast<int>(index);
+  }
+  if (group.address.ss_family == AF_INET) return 0;
+  return static_cast<int>(reinterpret_cast<const sockaddr_in6&>(group.address).sin6_scope_id);
+}
 
 class UdpPort final : public Port {
  public:
   UdpPort(const PortSpec& spec, const PortSettings& settings)
-      : connected_(settings.role == Role::device), buffer_(max_datagram + 1) {
-    const Peer named = resolve(spec);
+      : connected_(settings.role == Role::device), admitted_(settings.from), buffer_(max_datagram + 1) {
+    Peer named = resolve(spec);
     socket_.reset(::socket(named.address.ss_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     if (!socket_) throw spec.error(fmt::format("no socket: {}", std::strerror(errno)));
 
@@ -72,6 +84,7 @@ class UdpPort final : public Port {
     if (::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUFFORCE, &receive_buffer, sizeof receive_buffer) != 0)
       ::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
 
+    if (is_multicast(named)) prepare_multicast(spec, named);
     if (connected_) {
       if (::connect(socket_.get(), named.get(), named.size) != 0)
         throw spec.error(fmt::format("cannot send there: {}; is the network up?", std::strerror(errno)));
@@ -92,6 +105,7 @@ class UdpPort final : public Port {
       chosen_port_ =
           fmt::format("{}:{}:{}", spec.scheme, spec.address.substr(0, spec.address.rfind(':')), port.data());
     }
+    if (!connected_ && is_multicast(named)) join(spec, named);
   }
 
   void send(std::span<const Frame> frames) noexcept override {
@@ -106,18 +120,27 @@ class UdpPort final : public Port {
   }
 
   std::optional<Received> receive() noexcept override {
+    constexpr int most = 256;  // foreign datagrams that are dropped in one call, so that the caller can do other work
     // The first attempt may only report that an earlier datagram failed: try again.
-    for (int attempt = 0; attempt < 2; ++attempt) {
+    for (int foreign = 0, failed = 0; foreign < most && failed < 2;) {
       Peer from;
       from.size = sizeof from.address;
       const ssize_t size = ::recvfrom(socket_.get(), buffer_.data(), buffer_.size(), MSG_DONTWAIT,
                                       reinterpret_cast<sockaddr*>(&from.address), &from.size);
       if (size >= 0) {
+        const Endpoint sender = endpoint(from);
+        if (admitted_ && !admitted_->admits(sender)) {
+          ++counters_.foreign;
+          counters_.foreign_from = sender;
+          ++foreign;
+          continue;
+        }
         if (!connected_) peer_ = from;
         ++counters_.received;
-        return Received{{{buffer_.data(), static_cast<std::size_t>(size)}}, host_now()};
+        return Received{{{buffer_.data(), static_cast<std::size_t>(size)}}, host_now(), sender};
       }
       if (errno == EAGAIN) break;
+      ++failed;
     }
     return std::nullopt;
   }
@@ -126,6 +149,45 @@ class UdpPort final : public Port {
   std::string chosen_port() const override { return chosen_port_; }
 
  private:
+  template <class Value>
+  bool set_option(int level, int name, const Value& value) noexcept {
+    return ::setsockopt(socket_.get(), level, name, &value, sizeof value) == 0;
+  }
+
+  // Sets the interface of what is sent, and lets several processes receive the group.
+  void prepare_multicast(const PortSpec& spec, Peer& group) {
+    const int interface = multicast_interface(spec, group);
+    const bool v4 = group.address.ss_family == AF_INET;
+    if (!v4) reinterpret_cast<sockaddr_in6&>(group.address).sin6_scope_id = static_cast<unsigned>(interface);
+    ip_mreqn request{};
+    request.imr_ifindex = interface;
+    if (interface != 0 && !(v4 ? set_option(IPPROTO_IP, IP_MULTICAST_IF, request)
+                               : set_option(IPPROTO_IPV6, IPV6_MULTICAST_IF, interface)))
+      throw spec.error(fmt::format("cannot send multicast to that interface: {}", std::strerror(errno)));
+    if (!connected_) set_option(SOL_SOCKET, SO_REUSEADDR, 1);
+  }
+
+  void join(const PortSpec& spec, const Peer& group) {
+    const int interface = multicast_interface(spec, group);
+    bool joined = false;
+    if (group.address.ss_family == AF_INET) {
+      ip_mreqn request{};
+      request.imr_multiaddr = reinterpret_cast<const sockaddr_in&>(group.address).sin_addr;
+      request.imr_ifindex = interface;
+      joined = set_option(IPPROTO_IP, IP_ADD_MEMBERSHIP, request);
+      set_option(IPPROTO_IP, IP_MULTICAST_ALL, 0);  // not what other processes have joined on other interfaces
+    } else {
+      ipv6_mreq request{};
+      request.ipv6mr_multiaddr = reinterpret_cast<const sockaddr_in6&>(group.address).sin6_addr;
+      request.ipv6mr_interface = static_cast<unsigned>(interface);
+      joined = set_option(IPPROTO_IPV6, IPV6_ADD_MEMBERSHIP, request);
+      set_option(IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0);
+    }
+    if (joined) return;
+    throw spec.error(fmt::format("cannot join the multicast group: {}{}", std::strerror(errno),
+                                 interface == 0 ? "; name the interface, for example ?interface=eth0" : ""));
+  }
+
   bool try_send(const Frame& frame) noexcept {
     if (!connected_ && peer_.size == 0) return false;
     // The first attempt may only report that an earlier datagram failed (ECONNREFUSED, EHOSTUNREACH): try again.
@@ -142,6 +204,7 @@ class UdpPort final : public Port {
   }
 
   const bool connected_;  // the socket is connected to the address given; otherwise bound to it
+  const std::optional<Endpoint> admitted_;
   FileDescriptor socket_;
   std::string chosen_port_;
   Peer peer_;  // a listener's: the sender of the last datagram
@@ -149,12 +212,20 @@ class UdpPort final : public Port {
 };
 
 void check(const PortSpec& spec, const PortSettings& settings) {
-  if (UdpAddress::parse(spec.address).port == 0 && settings.role == Role::device)
+  const UdpAddress udp = UdpAddress::parse(spec.address);
+  if (udp.port == 0 && settings.role == Role::device)
     throw spec.error("only a listener's port is chosen; right would be the receiver's, from 1 to 65535");
+  if (spec.text("interface") && !is_multicast(resolve(spec)))
+    throw spec.error(fmt::format("interface= is for multicast, and {} is no multicast address", udp.address));
 }
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<UdpPort>(spec, settings);
+}
+
+bool has_address(const Peer& peer, Endpoint endpoint_there) {
+  endpoint_there.port = 0;
+  return endpoint_there.admits(endpoint(peer));
 }
 
 // Returns true if the address is one of this machine.
@@ -162,8 +233,15 @@ bool is_local(const Peer& peer) {
   ifaddrs* all = nullptr;
   if (::getifaddrs(&all) != 0) return false;
   const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(all, &::freeifaddrs);
-  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next)
-    if (one->ifa_addr != nullptr && has_address(peer, *one->ifa_addr)) return true;
+  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
+    if (one->ifa_addr == nullptr) continue;
+    Peer address;
+    address.size = one->ifa_addr->sa_family == AF_INET    ? sizeof(sockaddr_in)
+                   : one->ifa_addr->sa_family == AF_INET6 ? sizeof(sockaddr_in6)
+                                                          : 0;
+    std::memcpy(&address.address, one->ifa_addr, address.size);
+    if (address.size != 0 && has_address(peer, endpoint(address))) return true;
+  }
   return false;
 }
 
@@ -171,7 +249,9 @@ bool is_local(const Peer& peer) {
 bool reaches(const PortSpec& device, const PortSpec& listener) {
   if (UdpAddress::parse(device.address).port != UdpAddress::parse(listener.address).port) return false;
   const Peer to = resolve(device), at = resolve(listener);
-  return has_address(to, *at.get()) || (is_any(at) && is_local(to));
+  const std::uint32_t any_v4 = INADDR_ANY;
+  const bool is_any = has_address(at, Endpoint()) || has_address(at, Endpoint::ipv4(&any_v4, 0));
+  return has_address(to, endpoint(at)) || (is_any && is_local(to));
 }
 
 std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
@@ -179,15 +259,20 @@ std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
   return port == 0 ? std::nullopt : std::optional(port);
 }
 
+constexpr PortOption udp_options[] = {
+    {.key = "interface",
+     .help = "network interface of a multicast group; without it the one to which the routes lead"}};
+
 }  // namespace
 
 extern const Transport udp_transport;
 constexpr Transport udp_transport = {
     .name = "udp",
     .summary = "a datagram per frame; a listener binds the address, with port 0 a free one, a device sends to it",
-    .syntax = "udp:ADDR:PORT",
+    .syntax = "udp:ADDR:PORT?interface=eth0",
     .example = "udp:127.0.0.1:9820",
-    .document = "RFC 768",
+    .document = "RFC 768, ip(7), ipv6(7)",
+    .options = udp_options,
     .keeps_datagrams = true,
     .brings_truth = true,
     .is_shared = true,

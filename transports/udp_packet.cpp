@@ -11,8 +11,8 @@ namespace {
 using Bytes = std::span<const std::byte>;
 using Outcome = UdpPacket::Outcome;
 
-constexpr UdpPacket truncated{Outcome::truncated, {}};
-constexpr UdpPacket not_ours{Outcome::not_ours, {}};
+const UdpPacket truncated{Outcome::truncated, {}, 0, {}};
+const UdpPacket not_ours{Outcome::not_ours, {}, 0, {}};
 
 constexpr std::uint8_t protocol_udp = 17;
 
@@ -21,13 +21,17 @@ std::uint16_t u16(Bytes bytes, std::size_t at) {
   return static_cast<std::uint16_t>(u8(bytes, at) << 8 | u8(bytes, at + 1));
 }
 
-UdpPacket udp(Bytes bytes, std::uint16_t port, bool fragment) {
+// `from`: the sender's address; its port is in the datagram.
+UdpPacket udp(Bytes bytes, std::uint16_t port, bool fragment, const Endpoint& from) {
   constexpr std::size_t header = 8;
   if (bytes.size() < header) return truncated;
-  if (port != 0 && u16(bytes, 2) != port) return not_ours;
+  const std::uint16_t destination = u16(bytes, 2);
+  if (port != 0 && destination != port) return {Outcome::not_ours, {}, destination, {}};
   const std::size_t length = u16(bytes, 4);
   if (fragment || length < header || length > bytes.size()) return truncated;
-  return {Outcome::whole, bytes.subspan(header, length - header)};
+  UdpPacket packet{Outcome::whole, bytes.subspan(header, length - header), destination, from};
+  packet.from.port = u16(bytes, 0);
+  return packet;
 }
 
 UdpPacket ipv4(Bytes bytes, std::uint16_t port) {
@@ -39,12 +43,16 @@ UdpPacket ipv4(Bytes bytes, std::uint16_t port) {
   const std::uint16_t fragmentation = u16(bytes, 6);
   constexpr std::uint16_t more = 0x2000, offset = 0x1FFF;
   if ((fragmentation & offset) != 0 || total < header) return truncated;
-  return udp(bytes.subspan(header, total - header), port, (fragmentation & more) != 0);
+  constexpr std::size_t source = 12;
+  return udp(bytes.subspan(header, total - header), port, (fragmentation & more) != 0,
+             Endpoint::ipv4(&bytes[source], 0));
 }
 
 UdpPacket ipv6(Bytes bytes, std::uint16_t port) {
   if (!bytes.empty() && u8(bytes, 0) >> 4 != 6) return not_ours;
   if (bytes.size() < 40) return truncated;
+  constexpr std::size_t source = 8;
+  const Endpoint from = Endpoint::ipv6(&bytes[source], 0);
   std::uint8_t next = u8(bytes, 6);
   bytes = bytes.subspan(40, std::min<std::size_t>(u16(bytes, 4), bytes.size() - 40));
   bool fragment = false;
@@ -80,7 +88,7 @@ UdpPacket ipv6(Bytes bytes, std::uint16_t port) {
     }
     bytes = bytes.subspan(header);
   }
-  return udp(bytes, port, fragment);
+  return udp(bytes, port, fragment, from);
 }
 
 UdpPacket ip(Bytes bytes, std::uint16_t port) {

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <span>
 
+#include "transports/endpoint.hpp"
+
 namespace imud {
 
 struct UdpPacket {
@@ -14,6 +16,8 @@ struct UdpPacket {
     not_ours,   // anything else
   } outcome;
   std::span<const std::byte> payload;
+  std::uint16_t port = 0;  // the destination; 0: not known, or not UDP
+  Endpoint from = {};      // valid if whole
 };
 
 // Returns whether udp_packet() supports the link type, a DLT_ number of libpcap.

@@ -184,6 +184,41 @@ TEST_F(Pcap, OtherTraffic) {
   expect_not_ours(ethernet(type_ipv4, u8(0x44) + v4.substr(1)));
 }
 
+TEST_F(Pcap, TheSenderIsNamedOrTheOnlyOne) {
+  const std::vector<Bytes> packets = {ethernet(type_ipv4, v4), ethernet(type_ipv6, v6)};
+  const auto port = captured(1, packets);
+  std::vector<std::string> senders;
+  while (const auto received = port->receive()) senders.emplace_back(EndpointText(received->from).whole());
+  EXPECT_EQ(senders, (std::vector<std::string>{"127.0.0.1:40000", "[101:101:101:101:101:101:101:101]:40000"}));
+  for (const std::string& sender : senders) {
+    PortSettings settings = Role::listener;
+    settings.from = Endpoint::parse(sender);
+    const auto strict = open_port(spec(), settings);
+    EXPECT_EQ(payloads(*strict).size(), 1U);
+    EXPECT_EQ(strict->counters().foreign, 1U);
+    EXPECT_NE(strict->counters().foreign_from, *settings.from);
+    EXPECT_EQ(strict->other_content(), "");
+  }
+}
+
+TEST_F(Pcap, OtherPortsAreNamedIfThereIsNothingForOurs) {
+  const Bytes other = ethernet(type_ipv4, ipv4(udp("payload", 9811))), arp = ethernet(0x0806, Bytes(28, '\0'));
+  const auto content = [this](const std::vector<Bytes>& packets) {
+    const auto port = captured(1, packets);
+    EXPECT_EQ(port->other_content(), "");
+    payloads(*port);
+    return std::string(port->other_content());
+  };
+  EXPECT_EQ(content({arp, other, other, other}), "3 datagrams to port 9811 and none to 9810");
+  EXPECT_EQ(content({other, ethernet(type_ipv6, ipv6(udp("payload", 53))), other}),
+            "2 datagrams to port 9811, 1 datagram to port 53 and none to 9810");
+  EXPECT_EQ(content({other, ethernet(type_ipv4, v4)}), "");
+  EXPECT_EQ(content({arp, arp}), "no UDP datagram in 2 packets");
+  std::vector<Bytes> many;
+  for (unsigned port = 1; port <= 1000; ++port) many.push_back(ethernet(type_ipv4, ipv4(udp("payload", port))));
+  EXPECT_TRUE(content(many).ends_with("1 datagram to port 6 and none to 9810")) << content(many);
+}
+
 TEST_F(Pcap, EmptyDatagramIsNotNothing) {
   const auto port = captured(1, {ethernet(type_ipv4, ipv4(udp("", ours))), ethernet(type_ipv4, v4)});
   EXPECT_EQ(payloads(*port), (std::vector<std::string>{"", "payload"}));

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 
+#include <fstream>
+
 #include "tests/transports/numbered_frames.hpp"
 #include "tests/transports/port_error.hpp"
 #include "transports/file_descriptor.hpp"
@@ -151,6 +153,86 @@ TEST(Udp, RefusalIsNotTakenForWhatCameBack) {
   }
   device->send({{frame_of("b")}});  // refused: the error waits before the answer
   EXPECT_EQ(text_of(device->receive().value()), "answer");
+}
+
+TEST(Udp, AListenerNamesTheSender) {
+  for (const std::string& spec : {local_spec(), fmt::format("udp:[::1]:{}", free_port(AF_INET6))}) {
+    const auto listener = open_port(spec, Role::listener);
+    const auto first = open_port(spec, Role::device), second = open_port(spec, Role::device);
+    std::vector<Endpoint> senders;
+    for (Port* device : {first.get(), second.get(), first.get()}) {
+      device->send({{frame_of("x")}});
+      const auto received = listener->receive();
+      ASSERT_TRUE(received.has_value());
+      senders.push_back(received->from);
+    }
+    EXPECT_EQ(senders[0], senders[2]);
+    EXPECT_NE(senders[0], senders[1]);
+    const std::string address = spec.substr(4, spec.rfind(':') - 4);
+    EXPECT_TRUE(EndpointText(senders[0]).whole().starts_with(address + ":")) << EndpointText(senders[0]).whole();
+  }
+}
+
+TEST(Udp, AListenerAdmitsOneSender) {
+  const std::string spec = local_spec();
+  const auto device = open_port(spec, Role::device), other = open_port(spec, Role::device);
+  const auto sender_of = [&](Port& sender) {
+    const auto listener = open_port(spec, Role::listener);
+    sender.send({{frame_of("x")}});
+    return listener->receive().value().from;
+  };
+  const Endpoint admitted = sender_of(*device), foreign = sender_of(*other);
+  PortSettings settings = Role::listener;
+  settings.from = admitted;
+  {
+    const auto listener = open_port(spec, settings);
+    other->send({{frame_of("foreign"), frame_of("foreign")}});
+    device->send({{frame_of("ours")}});
+    other->send({{frame_of("foreign")}});
+    EXPECT_EQ(text_of(listener->receive().value()), "ours");
+    EXPECT_EQ(listener->counters().foreign, 2U);
+    EXPECT_EQ(listener->counters().foreign_from, foreign);
+    EXPECT_EQ(listener->receive(), std::nullopt);
+    EXPECT_EQ(listener->counters().foreign, 3U);
+    EXPECT_EQ(listener->counters().received, 1U);
+    listener->send({{frame_of("answer")}});  // to the admitted one, although the other has sent later
+    EXPECT_EQ(text_of(device->receive().value()), "answer");
+    EXPECT_EQ(other->receive(), std::nullopt);
+  }
+  settings.from->port = 0;
+  const auto listener = open_port(spec, settings);
+  other->send({{frame_of("of any port")}});
+  EXPECT_EQ(text_of(listener->receive().value()), "of any port");
+}
+
+TEST(Udp, AMulticastGroupIsJoined) {
+  const std::string group = fmt::format("udp:239.255.13.13:{}?interface=lo", free_port());
+  const auto listener = open_port(group, Role::listener);
+  const auto second = open_port(group, Role::listener);
+  const auto device = open_port(group, Role::device);
+  device->send({{frame_of("to all")}});
+  EXPECT_EQ(text_of(listener->receive().value()), "to all");
+  EXPECT_EQ(text_of(second->receive().value()), "to all");
+}
+
+// The kernel's list of memberships: this machine may have no route for IPv6 multicast over loopback.
+TEST(Udp, AnIpv6GroupIsJoined) {
+  const auto memberships = [] {
+    std::ifstream file("/proc/net/igmp6");
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  constexpr std::string_view address = "ff121357000000000000000000002468";
+  EXPECT_FALSE(mentions(memberships(), address));
+  for (const std::string text : {"udp:[ff12:1357::2468]:{}?interface=lo", "udp:[ff12:1357::2468%lo]:{}"}) {
+    const auto listener = open_port(fmt::format(fmt::runtime(text), free_port(AF_INET6)), Role::listener);
+    EXPECT_TRUE(mentions(memberships(), address)) << memberships();
+  }
+}
+
+TEST(Udp, AnInterfaceIsForMulticast) {
+  EXPECT_TRUE(mentions(error_of("udp:127.0.0.1:9810?interface=lo"), "127.0.0.1 is no multicast address"));
+  EXPECT_TRUE(mentions(error_of("udp:239.255.13.13:9810?interface=lo9"), "no such network interface"));
+  EXPECT_TRUE(mentions(error_of("udp:239.255.13.13:9810?iface=lo"), "udp knows: interface"));
 }
 
 TEST(Udp, NamesTheCauseIfItCannotBeOpened) {
