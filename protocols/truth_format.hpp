@@ -135,7 +135,8 @@ struct TruthFormat {
   // Throws std::invalid_argument if the settings are inconsistent; the message is "KEY: ", then the fault and the
   // remedy.
   std::unique_ptr<TruthDecoder> (*make)(const Settings& settings);
-  // What a simulator has to send so that the truth has a specific force or an accumulated velocity, in its own words.
+  // Names the quantities that a simulator has to send so that the truth has a specific force or an accumulated
+  // velocity, in its own words.
   std::string_view force_from = {};
 };
 
