@@ -32,10 +32,8 @@ std::size_t distance(std::string_view a, std::string_view b) noexcept {
 
 // Returns whether `given`, a name in a header row, probably is a misspelt `wanted`, perhaps with a unit behind it.
 bool is_near(std::string_view given, std::string_view wanted) noexcept {
-  const std::size_t path = given.rfind('/');
-  if (path != given.npos) given.remove_prefix(path + 1);
   if (given.empty() || given.size() > 2 * wanted.size()) return false;
-  const std::size_t tolerated = 1 + wanted.size() / 8;
+  const std::size_t tolerated = 1 + wanted.size() / 12;
   return distance(given.substr(0, wanted.size()), wanted) == 0 || distance(given, wanted) <= tolerated;
 }
 

@@ -52,8 +52,12 @@ std::string_view take_field(std::string_view& row, char delimiter) noexcept {
   std::size_t end = row.find(delimiter);
   const std::size_t first = row.find_first_not_of(" \t");
   if (end != row.npos && first < end && row[first] == '"') {
-    // The closing quote is one that a delimiter or the row's end follows.
+    // A doubled quote is a part of the text. The closing quote is one that a delimiter or the row's end follows.
     for (std::size_t quote = row.find('"', first + 1); quote != row.npos; quote = row.find('"', quote + 1)) {
+      if (row.substr(quote, 2) == "\"\"") {
+        ++quote;
+        continue;
+      }
       const std::size_t next = row.find_first_not_of(' ', quote + 1);
       if (next != row.npos && row[next] != delimiter) continue;
       end = next;

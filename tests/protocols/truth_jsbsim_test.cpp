@@ -204,7 +204,8 @@ TEST_F(JsbsimTruth, StandardLabelsAreNamed) {
 }
 
 TEST_F(JsbsimTruth, RemarksNameTheColumns) {
-  ASSERT_EQ(decode(replaced(labels, "qi-rad sec", "Qi-rad_sec")), TruthResult::no_state);
+  const std::string misspelt = replaced(labels, "qi-rad sec", "Qi-rad_sec");
+  ASSERT_EQ(decode(misspelt), TruthResult::no_state);
   EXPECT_EQ(
       remark(*decoder_, TruthResult::no_state),
       "columns that are not used: \"geod-alt-ft\", \"ecef-x-ft\", \"ecef-y-ft\", \"ecef-z-ft\", \"ecef-x-fps\", "
