@@ -58,6 +58,7 @@ constexpr auto refusals = std::to_array<RefusalRow>({
      "the sender's clock ran back; a sender that starts again sets the new-run flag"},
     {Refusal::time_jump, {}, "time_jump", "further ahead than truth.max_gap_ms"},
     {Refusal::other_stream, {}, "stream", "another vehicle; see truth.stream"},
+    {Refusal::foreign_sender, {}, "foreign_sender", "sent by another than truth.from"},
 });
 static_assert(refusals.size() == static_cast<std::size_t>(Refusal::count));
 static_assert([] {

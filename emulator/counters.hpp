@@ -4,6 +4,7 @@
 // The sampling thread writes the figures, with relaxed atomics only; any thread reads them.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <deque>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "core/duration_histogram.hpp"
+#include "emulator/truth_remarks.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
 
@@ -117,6 +119,7 @@ enum class Refusal : std::uint8_t {
   time_back,
   time_jump,
   other_stream,
+  foreign_sender,
   count
 };
 // Returns the word for the cause in the summary and the JSON: "crc".
@@ -130,6 +133,8 @@ Refusal refusal(TruthResult result) noexcept;
 class RefusalCounters : public CounterGroup {
  public:
   RefusalCounters();
+  // The first refusal of each cause: what was expected and what was found. Set before it is counted.
+  std::array<Remark, static_cast<std::size_t>(Refusal::count)> first;
   Counter& operator[](std::size_t refusal) noexcept { return counts_[refusal]; }
   const Counter& operator[](std::size_t refusal) const noexcept { return counts_[refusal]; }
 
@@ -155,7 +160,10 @@ struct TruthCounters : CounterGroup {
   Counter runs{*this, {"runs", "runs", Show::if_several}};
   // Records of a capture or a stream that are incomplete or too long.
   Counter truncated{*this, {"truncated", "cut short", Show::if_not_zero, Show::if_not_zero}};
+  // Times that another sender's truth followed one that this sender had sent before (SenderWatch).
+  Counter sender_changes{*this, {"sender_changes", "changes of sender", Show::if_not_zero, Show::if_not_zero}};
   RefusalCounters refused;
+  TruthRemarks remarks;
   // Arrival of the first and of the newest truth accepted, by the port's clock.
   std::atomic<std::int64_t> first_ns = 0;
   std::atomic<std::int64_t> newest_ns = 0;

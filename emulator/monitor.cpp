@@ -33,6 +33,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       config_(config),
       options_(options),
       quality_(options.quality_file),
+      remarks_(counters_.truth->remarks.all().size()),
       refusals_(counters_.truth->refused.counters.size()),
       edges_refused_(config.imus.size()),
       unconnected_reported_(config.imus.size()),
@@ -46,6 +47,7 @@ Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - 
 
 void Monitor::update() {
   report_first_truth();
+  report_remarks();
   report_refusals();
   report_interruptions();
   report_imus();
@@ -64,12 +66,18 @@ void Monitor::update() {
 }
 
 Summary Monitor::finish(std::string capture_warning) {
+  report_remarks();
   report_refusals();
   report_interruptions();
   report_imus();
   report_skipped();
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
+  for (const Remark* remark : counters_.truth->remarks.all())
+    if (remark->is_set()) all.truth.remarks.emplace_back(remark->text());
+  for (std::size_t i = 0; i < refusals_.size(); ++i)
+    if (const Remark& first = counters_.truth->refused.first[i]; first.is_set())
+      all.truth.remarks.push_back(fmt::format("refused: {}: {}", cause(static_cast<Refusal>(i)), first.text()));
   if (all.truth.warning.empty() && all.truth.counters[&TruthCounters::accepted] == 0 &&
       !is_capture(config_.truth.port))
     all.truth.warning = "no truth was accepted";
@@ -116,8 +124,19 @@ void Monitor::report_refusals() {
     if (refusals_[i] || counters_.truth->refused[i] == 0) continue;
     refusals_[i] = true;
     const auto refusal = static_cast<Refusal>(i);
-    spdlog::warn("truth refused: {}: {} (counted; reported once)", cause(refusal), remedy(refusal));
+    const std::string_view first = counters_.truth->refused.first[i].text();
+    spdlog::warn("truth refused: {}: {}{}{} (counted; reported once)", cause(refusal), remedy(refusal),
+                 first.empty() ? "" : "; the first: ", first);
   }
+}
+
+void Monitor::report_remarks() {
+  const auto all = counters_.truth->remarks.all();
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (!remarks_[i] && all[i]->is_set()) {
+      remarks_[i] = true;
+      spdlog::warn("truth: {} (reported once)", all[i]->text());
+    }
 }
 
 void Monitor::report_interruptions() {

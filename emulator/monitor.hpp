@@ -49,6 +49,7 @@ class Monitor {
 
   void report_first_truth();
   void report_refusals();
+  void report_remarks();
   void report_interruptions();
   void report_imus();
   void report_skipped();
@@ -80,7 +81,7 @@ class Monitor {
   bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false;
   // The reports so far: which causes of refusal; which imus that refuse edges, or whose host uses a UART that is not
   // connected; the ports.
-  std::vector<bool> refusals_, edges_refused_, unconnected_reported_;
+  std::vector<bool> remarks_, refusals_, edges_refused_, unconnected_reported_;
   std::vector<ReportedPort> ports_, second_ports_;
 };
 

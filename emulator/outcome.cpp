@@ -17,10 +17,15 @@ std::string plural(std::uint64_t count, std::string_view noun) {
   return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
 }
 
-// Truths of other vehicles are no truths of this run, and those that a network has repeated are there already.
+bool is_of_others(Refusal refusal) { return refusal == Refusal::other_stream || refusal == Refusal::foreign_sender; }
+
+// Truths of other vehicles and senders are no truths of this run, and those that a network has repeated are there
+// already.
 std::uint64_t refused_truths(const Summary::Truth& truth) {
-  return truth.refused.total() - truth.refused.counts[static_cast<std::size_t>(Refusal::other_stream)] -
-         truth.counters[&TruthCounters::repeated];
+  std::uint64_t refused = 0;
+  for (std::size_t i = 0; i < truth.refused.counts.size(); ++i)
+    if (!is_of_others(static_cast<Refusal>(i))) refused += truth.refused.counts[i];
+  return refused - truth.counters[&TruthCounters::repeated];
 }
 
 std::string causes(const Summary::Truth& truth) {
@@ -29,7 +34,7 @@ std::string causes(const Summary::Truth& truth) {
     const auto refusal = static_cast<Refusal>(i);
     std::uint64_t n = truth.refused.counts[i];
     if (refusal == Refusal::duplicate) n -= truth.counters[&TruthCounters::repeated];
-    if (n > 0 && refusal != Refusal::other_stream) all.push_back(fmt::format("{} {}", n, cause(refusal)));
+    if (n > 0 && !is_of_others(refusal)) all.push_back(fmt::format("{} {}", n, cause(refusal)));
   }
   return fmt::format("{}", fmt::join(all, ", "));
 }

@@ -1,4 +1,4 @@
-// StepWatch: finds gaps in a truth stream by its time steps.
+// StepWatch and TimeUnitWatch: find gaps, and times in a wrong unit, by the time steps of a truth stream.
 #pragma once
 
 #include <algorithm>
@@ -32,6 +32,37 @@ class StepWatch {
  private:
   Nanoseconds usual_{0};
   int count_ = 0;  // of the steps so far, up to 2
+};
+
+// Finds times that are not in nanoseconds: no simulator sends a truth every 25 us. Looks at the first steps only.
+class TimeUnitWatch {
+ public:
+  static constexpr Nanoseconds shortest = std::chrono::microseconds(25);
+
+  // `step`: from the newest truth; 0 for a repetition of its time. Returns true once: if the first three steps above
+  // 0 are all shorter than `shortest`.
+  bool is_wrong(Nanoseconds step) noexcept {
+    constexpr int few = 3;
+    if (count_ >= few) return false;
+    if (step.count() <= 0) {
+      ++repeated_;
+      return false;
+    }
+    step_ = step;
+    count_ = step < shortest ? count_ + 1 : few + 1;
+    return count_ == few;
+  }
+  Nanoseconds step() const noexcept { return step_; }
+  // The unit in which the steps would be usual ones.
+  const char* probable_unit() const noexcept {
+    if (step_.count() >= 100) return "microseconds";
+    return repeated_ > 0 ? "seconds" : "milliseconds or seconds";
+  }
+
+ private:
+  int count_ = 0;  // of steps above 0
+  int repeated_ = 0;
+  Nanoseconds step_{0};
 };
 
 }  // namespace imud

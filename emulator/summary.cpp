@@ -248,6 +248,7 @@ std::string json(const Summary& s, JsonLayout layout) {
   truth["rate_hz"] = s.truth.rate_hz;
   if (s.truth.progress) truth["progress"] = *s.truth.progress;
   if (!s.truth.warning.empty()) truth["warning"] = s.truth.warning;
+  if (!s.truth.remarks.empty()) truth["remarks"] = s.truth.remarks;
   if (s.truth.has_clock) add_estimates(truth, s.truth.quality);
 
   nlohmann::ordered_json imus = nlohmann::ordered_json::array();

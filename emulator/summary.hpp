@@ -23,8 +23,9 @@ struct Summary {
     bool has_clock = false;  // levels and durations of `quality` are valid
     double rate_hz = 0;      // truths accepted in a second, by their arrivals
     double longest_gap_s = 0;
-    std::optional<double> progress;  // how much of a capture has been read, from 0 to 1
-    std::string warning;             // no truth has come, or how a damaged capture ends; empty: none
+    std::optional<double> progress;    // how much of a capture has been read, from 0 to 1
+    std::vector<std::string> remarks;  // what was noticed, and the first refusal of each cause
+    std::string warning;               // no truth has come, or how a damaged capture ends; empty: none
   } truth;
   struct Imu {
     std::string name;

@@ -15,15 +15,25 @@ bool is_stream(const std::string& port) noexcept {
   return transport == nullptr || !transport->keeps_datagrams;
 }
 
+// Writes a remark; cuts off what exceeds `room`. Returns the length.
+template <class... Values>
+std::size_t write(std::span<char> room, fmt::format_string<Values...> format, Values&&... values) noexcept {
+  const auto result = fmt::format_to_n(room.data(), room.size(), format, std::forward<Values>(values)...);
+  return std::min(result.size, room.size());
+}
+
 }  // namespace
 
 TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port)
     : timeline_(timeline),
       port_(std::move(port)),
+      format_(*config.format),
       decoder_(config.format->make(config.settings)),
       stream_(config.stream),
       is_stream_(is_stream(config.port)),
-      is_live_(!is_capture(config.port)) {}
+      is_live_(!is_capture(config.port)) {
+  remark_columns();
+}
 
 // Called when the input has ended, or the simulator has disconnected. The rest of an incomplete record will not come.
 void TruthIntake::finish_input() noexcept {
@@ -41,18 +51,84 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
       finish_input();
     }
     if (!received) {
-      if (port_->at_end() && !std::exchange(finished_, true)) finish_input();
+      if (port_->at_end() && !std::exchange(finished_, true)) {
+        finish_input();
+        counters_.remarks.content.set([&](std::span<char> room) {
+          const std::string_view content = port_->other_content();
+          return write(room, "{}{}", content.empty() ? "" : "the capture has ", content);
+        });
+      }
       break;
     }
     arrival_ = received->time;
+    sender_ = received->from;
     decoder_->feed(received->frame.bytes, is_stream_ ? TruthInput::stream : TruthInput::datagram, arrival_);
   }
   return std::nullopt;
 }
 
+// The release lets the log, which reads the count, read the remark that was set before.
 TruthIntake::Outcome TruthIntake::refuse(Refusal refusal) noexcept {
-  counters_.refused[static_cast<std::size_t>(refusal)].count();
+  counters_.refused[static_cast<std::size_t>(refusal)].fetch_add(1, std::memory_order_release);
   return Outcome::ignored;
+}
+
+TruthIntake::Outcome TruthIntake::refuse(TruthResult result) noexcept {
+  const Refusal cause = refusal(result);
+  if (counters_.refused[static_cast<std::size_t>(cause)] == 0)
+    counters_.refused.first[static_cast<std::size_t>(cause)].set(
+        [&](std::span<char> room) { return decoder_->describe(result, room); });
+  return refuse(cause);
+}
+
+// `newest`: the time of the newest truth.
+TruthIntake::Outcome TruthIntake::refuse(Refusal refusal, TruthTime newest) noexcept {
+  counters_.refused.first[static_cast<std::size_t>(refusal)].set([&](std::span<char> room) {
+    return write(room, "its time is {} ns, and that of the newest {} ns", truth_.time.ns, newest.ns);
+  });
+  return refuse(refusal);
+}
+
+// Counts the datagrams that the port has dropped because another has sent them.
+void TruthIntake::count_foreign() noexcept {
+  const PortCounters& port = port_->counters();
+  constexpr auto cause = static_cast<std::size_t>(Refusal::foreign_sender);
+  counters_.refused.first[cause].set(
+      [&](std::span<char> room) { return write(room, "from {}", EndpointText(port.foreign_from).whole()); });
+  const std::uint64_t further = port.foreign - std::exchange(foreign_, port.foreign);
+  counters_.received.count(further);
+  counters_.refused[cause].fetch_add(further, std::memory_order_release);
+}
+
+// A simulator may send a header row with every truth: only the first ones are looked at.
+void TruthIntake::remark_columns() noexcept {
+  constexpr int most = 8;
+  if (headers_ == most) return;
+  ++headers_;
+  counters_.remarks.columns.set(
+      [&](std::span<char> room) { return decoder_->describe(TruthResult::no_state, room); });
+}
+
+void TruthIntake::remark_step(Nanoseconds step) noexcept {
+  if (!unit_.is_wrong(step)) [[likely]]
+    return;
+  counters_.remarks.time_unit.set([&](std::span<char> room) {
+    return write(room, "time rises by {} ns from truth to truth: is it in {} instead of ns?", unit_.step().count(),
+                 unit_.probable_unit());
+  });
+}
+
+void TruthIntake::watch_senders() noexcept {
+  constexpr std::uint64_t few = 3;  // a simulator that starts again may overlap with itself
+  if (!senders_.has_come_back(sender_, arrival_)) return;
+  counters_.sender_changes.count();
+  if (counters_.sender_changes < few) return;
+  counters_.remarks.senders.set([&](std::span<char> room) {
+    const EndpointText one(sender_), other(senders_.other());
+    const bool same = one.address() == other.address();
+    return write(room, "two senders send in turn, {} and {}; truth.from = \"{}\" admits only one", one.whole(),
+                 other.whole(), same ? one.whole() : one.address());
+  });
 }
 
 // Counts by the sequence numbers. A format without them has 0 in every truth.
@@ -89,18 +165,26 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   constexpr std::uint64_t between_reports = 256;  // records
   if (!is_live_ && (!result || counters_.received % between_reports == 0))
     counters_.progress.store(port_->progress().value_or(-1), std::memory_order_relaxed);
+  if (port_->counters().foreign != foreign_) [[unlikely]]
+    count_foreign();
   if (!result) {
     count_truncated();
     return Outcome::nothing;
   }
   counters_.received.count();
   if (*result == TruthResult::no_state) {
+    remark_columns();
     counters_.no_state.count();
     return Outcome::ignored;
   }
-  if (*result != TruthResult::ok) return refuse(refusal(*result));
+  if (*result != TruthResult::ok) {
+    if (sender_ != senders_.newest()) watch_senders();
+    return refuse(*result);
+  }
   if (!stream_) stream_ = truth_.stream;
   if (truth_.stream != *stream_) return refuse(Refusal::other_stream);
+  if (sender_ != senders_.newest()) [[unlikely]]
+    watch_senders();
 
   answer_due_ = truth_.acknowledge;
   has_sequence_ = has_sequence_ || truth_.sequence != 0;
@@ -115,6 +199,13 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
       counters_.accepted.count();
       count_lost(admission);
       count_step(admission, truth_.time - before);
+      if (admission == Admission::accepted) remark_step(truth_.time - before);
+      if (!truth_.has_specific_force && truth_.accumulated_dv == AccumulatedDv::none) [[unlikely]]
+        counters_.remarks.no_force.set([&](std::span<char> room) {
+          return write(room,
+                       "has neither specific force nor accumulated velocity: accelerometers measure 0; supply {}",
+                       format_.force_from.empty() ? "one of them" : format_.force_from);
+        });
       break;
     default:
       break;
@@ -131,16 +222,18 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
     case Admission::duplicate:
       if (has_sequence_ && static_cast<std::int32_t>(newest_sequence_ - truth_.sequence) >= 0)
         counters_.repeated.count();
-      return refuse(Refusal::duplicate);
+      else
+        remark_step(Nanoseconds{0});
+      return refuse(Refusal::duplicate, before);
     case Admission::reordered:
       if (counters_.lost > 0) counters_.lost.fetch_sub(1, std::memory_order_relaxed);  // it has arrived
-      return refuse(Refusal::reordered);
+      return refuse(Refusal::reordered, before);
     case Admission::time_back:
-      return refuse(Refusal::time_back);
+      return refuse(Refusal::time_back, before);
     case Admission::time_jump:
       break;
   }
-  return refuse(Refusal::time_jump);
+  return refuse(Refusal::time_jump, before);
 }
 
 void TruthIntake::count_truncated() noexcept {

@@ -11,6 +11,7 @@
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"
+#include "emulator/sender_watch.hpp"
 #include "emulator/step_watch.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
@@ -20,6 +21,7 @@ namespace imud {
 // Owns the truth port and the format's decoder. One thread, but any thread may read counters().
 class TruthIntake {
  public:
+  // `config.format` must outlive this.
   TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port);
 
   enum class Outcome : std::uint8_t {
@@ -65,10 +67,17 @@ class TruthIntake {
   void count_truncated() noexcept;
   void count_lost(Admission admission) noexcept;
   void count_step(Admission admission, Nanoseconds step) noexcept;
+  void count_foreign() noexcept;
+  void remark_columns() noexcept;
+  void remark_step(Nanoseconds step) noexcept;
+  void watch_senders() noexcept;
   Outcome refuse(Refusal refusal) noexcept;
+  Outcome refuse(TruthResult result) noexcept;
+  Outcome refuse(Refusal refusal, TruthTime newest) noexcept;
 
   Timeline& timeline_;
   std::unique_ptr<Port> port_;
+  const TruthFormat& format_;
   std::unique_ptr<TruthDecoder> decoder_;
   std::optional<std::uint32_t> stream_;
   const bool is_stream_;          // the port does not keep datagrams apart
@@ -80,6 +89,11 @@ class TruthIntake {
   std::uint32_t newest_sequence_ = 0;
   bool has_sequence_ = false;  // of a format without it, every number is 0
   StepWatch steps_;
+  TimeUnitWatch unit_;
+  SenderWatch senders_;
+  Endpoint sender_;            // of the last record
+  std::uint64_t foreign_ = 0;  // PortCounters::foreign at the last record
+  int headers_ = 0;            // records without state that were looked at for columns that are not used
   bool answer_due_ = false;
   HostTime arrival_;
   FrameBuffer outgoing_;

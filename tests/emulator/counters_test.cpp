@@ -26,10 +26,10 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   // In the JSON the last two are one object, beside `refused`, `rate_hz` and others.
   std::vector<std::string> truth_keys = keys_of(truth), quality_keys = keys_of(quality);
   truth_keys.insert(truth_keys.end(), quality_keys.begin(), quality_keys.end());
-  truth_keys.insert(truth_keys.end(), {"refused", "rate_hz", "longest_gap_s", "progress", "warning"});
+  truth_keys.insert(truth_keys.end(), {"refused", "rate_hz", "longest_gap_s", "progress", "warning", "remarks"});
   std::vector<std::string> imu_keys = keys_of(imu);
   imu_keys.insert(imu_keys.end(), {"name", "line_load_percent"});
-  EXPECT_EQ(truth_keys.size(), 9U + 8U + 5U);
+  EXPECT_EQ(truth_keys.size(), 10U + 8U + 6U);
   EXPECT_EQ(imu_keys.size(), 15U + 2U);
   for (const auto& keys : {truth_keys, imu_keys, keys_of(truth.refused)}) {
     EXPECT_EQ(std::set<std::string>(keys.begin(), keys.end()).size(), keys.size());
@@ -39,7 +39,7 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   std::size_t words = 0;
   for (const CounterGroup* group : std::initializer_list<const CounterGroup*>{&imu, &truth, &quality, &truth.refused})
     for (const Counter* counter : group->counters) words += !counter->info.words.empty();
-  EXPECT_EQ(words, 13U + 9U + 3U + 14U);
+  EXPECT_EQ(words, 13U + 10U + 3U + 15U);
 }
 
 TEST(Counters, BeginAtZero) {

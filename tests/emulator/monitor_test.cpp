@@ -61,6 +61,30 @@ TEST_F(MonitorTest, ACauseOfRefusalIsReportedOnce) {
   EXPECT_TRUE(lines[0].starts_with("warning truth refused: duplicate: ")) << lines[0];
 }
 
+TEST_F(MonitorTest, ARemarkIsReportedOnceAndStandsInTheFigures) {
+  const auto set = [](Remark& remark, std::string_view text) {
+    remark.set([&](std::span<char> room) { return text.copy(room.data(), room.size()); });
+  };
+  Monitor monitor = this->monitor();
+  set(truth_.remarks.columns, "columns that are not used: \"accel_x\"");
+  set(truth_.remarks.columns, "another");
+  monitor.update();
+  monitor.update();
+  EXPECT_EQ(logged(), Lines{"warning truth: columns that are not used: \"accel_x\" (reported once)"});
+  constexpr auto range = static_cast<std::size_t>(Refusal::out_of_range);
+  set(truth_.refused.first[range], "the column \"time_ns\" has \"1e19\"");
+  truth_.refused[range].count(5);
+  set(truth_.remarks.senders, "two senders");
+  const Summary all = monitor.finish({});
+  EXPECT_EQ(logged(),
+            (Lines{"warning truth: two senders (reported once)",
+                   "warning truth refused: range: beyond the motion of any vehicle: check units; the first: "
+                   "the column \"time_ns\" has \"1e19\" (counted; reported once)"}));
+  EXPECT_EQ(nlohmann::json::parse(json(all, JsonLayout::line))["truth"]["remarks"],
+            (nlohmann::json::array({"columns that are not used: \"accel_x\"", "two senders",
+                                    "refused: range: the column \"time_ns\" has \"1e19\""})));
+}
+
 TEST_F(MonitorTest, AnInterruptionIsReportedEachTime) {
   Monitor monitor = this->monitor();
   for (int i = 0; i < 2; ++i) {

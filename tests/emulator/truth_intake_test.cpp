@@ -25,11 +25,17 @@ class ScriptedPort final : public Port {
     if (waiting.empty()) return std::nullopt;
     newest_ = waiting.front();
     waiting.pop_front();
-    return Received{{std::as_bytes(std::span(newest_))}, now};
+    return Received{{std::as_bytes(std::span(newest_))}, now, from};
   }
   bool at_end() const noexcept override { return ends && waiting.empty(); }
   std::optional<HostTime> next_flush() const noexcept override { return held_back_until; }
   void flush() noexcept override { ++flushes; }
+
+  std::string_view other_content() const noexcept override { return content; }
+  void drop_foreign(const Endpoint& sender) noexcept {
+    ++counters_.foreign;
+    counters_.foreign_from = sender;
+  }
 
   void connect() noexcept { state_ = PortState::ready; }
   void disconnect() noexcept {
@@ -39,10 +45,12 @@ class ScriptedPort final : public Port {
 
   std::deque<std::string> waiting;
   HostTime now;
+  Endpoint from;
   bool ends = false;
   std::optional<HostTime> held_back_until;
   int flushes = 0;
   std::vector<std::string> sent;
+  std::string content;
 
  private:
   std::string newest_;
@@ -154,6 +162,14 @@ class TruthIntakeTest : public testing::Test {
   std::uint64_t refused(Refusal refusal) const {
     return intake_->counters().refused[static_cast<std::size_t>(refusal)];
   }
+  const TruthRemarks& remarks() const { return intake_->counters().remarks; }
+  std::string_view first_refusal(Refusal refusal) const {
+    return intake_->counters().refused.first[static_cast<std::size_t>(refusal)].text();
+  }
+  Outcomes receive_from(const std::string& sender, const std::string& bytes) {
+    port_->from = Endpoint::parse(sender);
+    return receive(bytes);
+  }
   std::vector<std::string> sent() { return std::exchange(port_->sent, {}); }
 
   Timeline timeline_;
@@ -212,6 +228,134 @@ TEST_F(TruthIntakeTest, NothingIsSentToACapture) {
   intake_->poll({5});
   EXPECT_EQ(receive(talk(7)), Outcomes{Outcome::new_run});
   EXPECT_EQ(sent(), std::vector<std::string>{});
+}
+
+TEST_F(TruthIntakeTest, TwoSendersInTurnAreNamed) {
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
+  receive_from("10.0.0.1:5000", std::string(header));
+  int ms = 0;
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(remarks().senders.text(), "") << i;
+    receive_from("10.0.0.1:5001", row(++ms));
+    receive_from("10.0.0.1:5000", row(++ms));
+  }
+  EXPECT_EQ(intake_->counters().sender_changes, 4U);  // the first change may be a restart
+  EXPECT_EQ(
+      remarks().senders.text(),
+      "two senders send in turn, 10.0.0.1:5001 and 10.0.0.1:5000; truth.from = \"10.0.0.1:5001\" admits only one");
+  // Three senders on three machines.
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
+  receive_from("10.0.0.1:5000", std::string(header));
+  for (int i = 0; i < 9; ++i) receive_from("10.0.0." + std::to_string(1 + i % 3) + ":5000", row(++ms));
+  EXPECT_EQ(remarks().senders.text(),
+            "two senders send in turn, 10.0.0.3:5000 and 10.0.0.2:5000; truth.from = \"10.0.0.3\" admits only one");
+}
+
+TEST_F(TruthIntakeTest, ASimulatorThatStartsAgainIsOneSender) {
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
+  receive_from("10.0.0.1:5000", std::string(header));
+  int ms = 0;
+  for (int port = 5000; port < 5020; ++port) {
+    const std::string sender = "10.0.0.1:" + std::to_string(port);
+    for (int i = 0; i < 10; ++i) receive_from(sender, row(++ms));
+  }
+  EXPECT_EQ(intake_->counters().sender_changes, 0U);
+  // The system has given an old port again after a while.
+  port_->now = port_->now + std::chrono::seconds(11);
+  for (int i = 0; i < 10; ++i) receive_from("10.0.0.1:5018", row(++ms));
+  EXPECT_EQ(intake_->counters().sender_changes, 0U);
+  EXPECT_FALSE(remarks().senders.is_set());
+}
+
+// Two vehicles may send to one port: truth.stream selects one of them.
+TEST_F(TruthIntakeTest, TheSenderOfAnotherVehicleIsNoSecondSender) {
+  make(*find_truth_format("native"), "udp:127.0.0.1:9810");
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    Truth truth;
+    truth.time.ns = 1'000'000 * i;
+    truth.stream = i % 2;
+    std::string datagram(native_truth_size, '\0');
+    encode_native_truth(truth, std::span<std::byte, native_truth_size>(std::as_writable_bytes(std::span(datagram))));
+    receive_from("10.0.0.1:" + std::to_string(5000 + truth.stream), datagram);
+  }
+  EXPECT_EQ(refused(Refusal::other_stream), 10U);
+  EXPECT_EQ(intake_->counters().sender_changes, 0U);
+}
+
+TEST_F(TruthIntakeTest, ForeignDatagramsAreRefusals) {
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
+  for (int i = 0; i < 3; ++i) {
+    port_->drop_foreign(Endpoint::parse("[::1]:6000"));
+    EXPECT_EQ(take_all(), Outcomes());
+  }
+  port_->drop_foreign(Endpoint::parse("10.0.0.2:6000"));
+  EXPECT_EQ(receive(std::string(header) + row(1)), (Outcomes{Outcome::ignored, Outcome::new_run}));
+  EXPECT_EQ(refused(Refusal::foreign_sender), 4U);
+  EXPECT_EQ(intake_->counters().received, 6U);
+  EXPECT_EQ(first_refusal(Refusal::foreign_sender), "from [::1]:6000");
+}
+
+TEST_F(TruthIntakeTest, TimesInAnotherUnitAreNamed) {
+  const auto remark_on = [this](const std::vector<std::string>& times) {
+    make(*find_truth_format("csv"), "file:truth.csv");
+    receive(std::string(header));
+    for (const std::string& time : times) receive(time + ",0,0,0,0,0,0\n");
+    return std::string(remarks().time_unit.text());
+  };
+  EXPECT_EQ(remark_on({"0.00", "0.25", "0.5", "0.75", "1.00", "1.5", "2", "2.25", "2.5"}),
+            "time rises by 1 ns from truth to truth: is it in seconds instead of ns?");
+  EXPECT_EQ(remark_on({"100", "110", "120", "130"}),
+            "time rises by 10 ns from truth to truth: is it in milliseconds or seconds instead of ns?");
+  EXPECT_EQ(remark_on({"0", "10000", "20000", "30000"}),
+            "time rises by 10000 ns from truth to truth: is it in microseconds instead of ns?");
+  EXPECT_EQ(remark_on({"0", "1", "2"}), "");
+  EXPECT_EQ(remark_on({"0", "25000", "25001", "25002", "25003"}), "");  // the second step is a first truth's
+  EXPECT_EQ(remark_on({"7", "7", "7", "7", "7", "7"}), "");             // a simulator that is paused
+}
+
+TEST_F(TruthIntakeTest, TruthWithoutAnyForceIsNamed) {
+  make(*find_truth_format("csv"), "file:truth.csv");
+  receive(std::string(header) + row(1));
+  EXPECT_EQ(remarks().no_force.text(),
+            "has neither specific force nor accumulated velocity: accelerometers measure 0; supply the columns "
+            "nonConservativeAccelpntB_B_x to _z, or TotalAccumDV_BN_B_x to _z");
+  for (const std::string name : {"nonConservativeAccelpntB_B", "TotalAccumDV_BN_B"}) {
+    timeline_ = Timeline();
+    make(*find_truth_format("csv"), "file:truth.csv");
+    receive("time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z," + name + "_x," + name +
+            "_y," + name + "_z\n0,0,0,0,0,0,0,0,0,0\n");
+    EXPECT_EQ(intake_->counters().accepted, 1U);
+    EXPECT_FALSE(remarks().no_force.is_set());
+  }
+  for (const TruthFormat* format : truth_formats()) EXPECT_FALSE(format->force_from.empty()) << format->name;
+}
+
+TEST_F(TruthIntakeTest, ColumnsThatAreNotUsedAreNamedOnce) {
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
+  receive("# a comment\n\n");
+  EXPECT_FALSE(remarks().columns.is_set());
+  receive("accel_x," + std::string(header));
+  receive("accel_y," + std::string(header));
+  EXPECT_EQ(remarks().columns.text(), "columns that are not used: \"accel_x\"");
+}
+
+TEST_F(TruthIntakeTest, TheFirstRefusalOfACauseIsDescribed) {
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
+  receive(std::string(header) + "0,0,0,0,3e5,0,0\n0,0,0,0,0,4e5,0\n5,0\n");
+  receive(row(2) + row(2) + row(1));
+  EXPECT_EQ(first_refusal(Refusal::out_of_range),
+            "the column \"omega_BN_B_x\" has \"3e5\", and its limit is 1e+05 rad/s");
+  EXPECT_EQ(first_refusal(Refusal::too_short), "a row has 2 fields, and there are 7 columns: \"5,0\"");
+  EXPECT_EQ(first_refusal(Refusal::duplicate), "its time is 2000000 ns, and that of the newest 2000000 ns");
+  EXPECT_EQ(first_refusal(Refusal::bad_number), "");
+}
+
+TEST_F(TruthIntakeTest, TheContentOfACaptureWithoutTruthIsNamed) {
+  make(*find_truth_format("native"), "pcap:flight.pcap?port=9811");
+  port_->ends = true;
+  port_->content = "300 datagrams to port 9810 and none to 9811";
+  EXPECT_EQ(take_all(), Outcomes());
+  EXPECT_EQ(remarks().content.text(), "the capture has 300 datagrams to port 9810 and none to 9811");
 }
 
 TEST_F(TruthIntakeTest, GapsOfTheSequenceAreLossesUnlessItJumps) {
