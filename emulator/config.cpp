@@ -146,7 +146,17 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
     table.resolve("port", truth.port = in_place_of(truth.port, capture));
   else
     table.require("port", "where the truth comes from, for example \"udp:127.0.0.1:9810\"");
-  const Transport* transport = read_port(table, "port", truth.port, Role::listener);
+  if (table.has("from")) {
+    try {
+      truth.port_settings.from = Endpoint::parse(table.text("from", "0.0.0.0"));
+    } catch (const PortError& error) {
+      table.fault("from", error.what());
+    }
+  }
+  const Transport* transport = read_port(table, "port", truth.port, truth.port_settings);
+  if (truth.port_settings.from && capture.empty() && transport != nullptr && transport->udp_port == nullptr)
+    table.fault("from", fmt::format("{}: has no senders; omit it, or give truth.port {}", transport->name,
+                                    ports_that([](const Transport& t) { return t.brings_truth && t.udp_port; })));
   if (transport != nullptr && !transport->brings_truth)
     table.fault("port", fmt::format("cannot carry truth; give {}",
                                     ports_that([](const Transport& t) { return t.brings_truth; })));
@@ -155,6 +165,13 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
   if (truth.format != nullptr) {
     truth.settings = read_settings(table, truth.format->settings);
+    try {
+      static_cast<void>(truth.format->make(truth.settings));
+    } catch (const std::invalid_argument& error) {
+      const std::string_view what = error.what();
+      const std::size_t colon = std::min(what.find(": "), what.size());
+      table.fault(what.substr(0, colon), what.substr(std::min(colon + 2, what.size())));
+    }
     if (transport != nullptr && transport->brings_truth && !transport->keeps_datagrams &&
         !truth.format->delimits_itself)
       table.fault("port", fmt::format("{} truth is binary datagrams, whose borders {}: does not keep; give {}",

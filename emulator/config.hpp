@@ -36,7 +36,8 @@ enum class BeforeFirst : std::uint8_t {
 };
 
 struct TruthConfig {
-  std::string port;  // empty only if the command line gives a capture
+  std::string port;                             // empty only if the command line gives a capture
+  PortSettings port_settings = Role::listener;  // with the only sender that is admitted
   const TruthFormat* format = nullptr;
   Settings settings;
   std::optional<std::uint32_t> stream;  // the vehicle whose truth is used; nullopt: the first that arrives

@@ -8,7 +8,7 @@ namespace imud {
 Session::Session(const Config& config, const Sync::OpenPort& open)
     : when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
-      intake_(config.truth, timeline_, open(config.truth.port, Role::listener)) {
+      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings)) {
   for (const ImuConfig& imu : config.imus) channels_.push_back(std::make_unique<Channel>(imu, config.seed, open));
   constexpr std::size_t most_ports = 2;
   inputs_.reserve(most_ports * channels_.size() + 1);

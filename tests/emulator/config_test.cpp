@@ -174,6 +174,31 @@ delta_velocity = "memo"
   EXPECT_EQ(imu.model.delta_velocity, DeltaVelocity::memo);
 }
 
+// By the same code as in a run.
+TEST_F(ConfigTest, ColumnsThatAreNotEnoughAreAFaultOfTheirKey) {
+  std::string text = good;
+  text.replace(text.find("[[imu]]"), 0, "format = \"csv\"\ncolumns = [\"t\", \"x\"]\n");
+  const std::string wanted =
+      "6: truth.columns: missing time_ns, sigma_BN_1, sigma_BN_2, sigma_BN_3, omega_BN_B_x, omega_BN_B_y, "
+      "omega_BN_B_z; give at most 256 names, among them time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z";
+  EXPECT_EQ(fault(text), wanted);
+}
+
+TEST_F(ConfigTest, TheOnlySenderThatIsAdmitted) {
+  EXPECT_FALSE(load(good).truth.port_settings.from);
+  EXPECT_EQ(load(good, {"truth.from=192.168.0.5"}).truth.port_settings.from, Endpoint::parse("192.168.0.5"));
+  EXPECT_EQ(load(good, {"truth.from=[::1]:40000"}).truth.port_settings.from, Endpoint::parse("[::1]:40000"));
+  EXPECT_EQ(fault(good, {"truth.from=simulator"}),
+            " truth.from: 'simulator': no numeric address; right would be ADDR or ADDR:PORT, such as 192.168.0.5, "
+            "192.168.0.5:40000 or [::1]:40000");
+  EXPECT_NE(
+      fault(good, {"truth.from=127.0.0.1", "truth.port=file:truth.csv", "truth.format=csv"})
+          .find("truth.from: file: has no senders; omit it, or give truth.port \"pcap:PATH\" or \"udp:ADDR:PORT\""),
+      std::string::npos);
+  // A capture takes the place of the port.
+  EXPECT_TRUE(load(good, {"truth.from=127.0.0.1", "truth.format=csv"}, "file:truth.csv").truth.port_settings.from);
+}
+
 TEST_F(ConfigTest, AProductIsItsDefaults) {
   const std::string bare =
       "truth.port = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"stim300\"\nport = \"pty:imu1\"\n";
