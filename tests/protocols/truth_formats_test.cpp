@@ -111,8 +111,10 @@ std::vector<TruthResult> results(TruthDecoder& decoder) {
   std::array<char, 200> remark;
   const std::uint64_t before = allocations();
   while (const auto result = decoder.next(truth)) {
-    EXPECT_LE(decoder.describe(*result, std::span(remark).first(all.size() % remark.size())),
-              all.size() % remark.size());
+    if (all.size() % 16 == 1) {
+      const std::span<char> room = std::span(remark).first(all.size() % remark.size());
+      EXPECT_LE(decoder.describe(*result, room), room.size());
+    }
     all.push_back(*result);
     EXPECT_EQ(cause(*result).empty(), *result == TruthResult::ok);
     EXPECT_TRUE(*result != TruthResult::ok || (is_finite(truth) && is_in_range(truth)));
