@@ -53,7 +53,9 @@ std::string_view take_field(std::string_view& row, char delimiter) noexcept {
   const std::size_t first = row.find_first_not_of(" \t");
   if (end != row.npos && first < end && row[first] == '"') {
     // A doubled quote is a part of the text. The closing quote is one that a delimiter or the row's end follows.
-    for (std::size_t quote = row.find('"', first + 1); quote != row.npos; quote = row.find('"', quote + 1)) {
+    constexpr std::size_t most = 1000;  // characters in quotes, so that many quotes in a long row cost little
+    const std::string_view near = row.substr(0, first + most);
+    for (std::size_t quote = near.find('"', first + 1); quote != row.npos; quote = near.find('"', quote + 1)) {
       if (row.substr(quote, 2) == "\"\"") {
         ++quote;
         continue;
