@@ -207,12 +207,22 @@ bool Channel::Line::holds_back() const noexcept {
   return counters.sent + counters.dropped != passed;
 }
 
-void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
-  wait_until_sent(lines_[0], stop);
-  if (line_count_ == 2) wait_until_sent(lines_[1], stop);
+bool Channel::holds_back() const noexcept {
+  return std::any_of(lines().begin(), lines().end(), [](const Line& line) { return line.holds_back(); });
 }
 
-void Channel::wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcept {
+void Channel::wait_for_room(const std::atomic<bool>& stop) noexcept {
+  for (Line& line : lines())
+    if (!line.port->has_room()) wait(line, true, stop);
+}
+
+void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
+  for (Line& line : lines()) wait(line, false, stop);
+  publish();
+}
+
+// Waits until the port has sent all frames, and, if `for_room`, accepts more.
+void Channel::wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
   if (line.is_file) return;
   Port& port = *line.port;
@@ -221,17 +231,20 @@ void Channel::wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcep
   std::uint64_t sent = port.counters().sent;
   while (!stop.load(std::memory_order_relaxed)) {
     if (line.holds_back()) port.flush();
+    const bool all_sent = !line.holds_back();
     pollfd room{port.descriptor(), POLLOUT, 0};
     if (room.fd < 0) return;
-    const bool ready = ::poll(&room, 1, 0) != 0;
-    if (ready && !line.holds_back()) {
+    const bool ready = (all_sent && !for_room) || ::poll(&room, 1, 0) != 0;
+    if (ready && all_sent) {
       line.is_stalled = false;
       return;
     }
     const HostTime now = host_now();
-    if (std::exchange(sent, port.counters().sent) != port.counters().sent) progress = now;
+    const bool has_sent = std::exchange(sent, port.counters().sent) != port.counters().sent;
+    if (has_sent) progress = now;
     line.is_stalled = line.is_stalled || now - progress > timeout;
     if (line.is_stalled) return;
+    if (ready && has_sent && !port.next_flush()) continue;  // the reader has made room meanwhile
     // A port that paces its frames is always ready for output.
     const Nanoseconds pause = std::min(step, port.next_flush() ? *port.next_flush() - now : step);
     if (ready)

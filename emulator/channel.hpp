@@ -22,7 +22,7 @@ namespace imud {
 // in this order. The device receives it by encode(), at its instant: until then serve(), poll() and cycle_power() may
 // change what the device sends of it, but not between encode() and transmit(). So frames leave in the order of the
 // device's calls, and those calls in the order of time. After construction nothing here allocates, locks, logs or
-// throws, and only wait_until_sent() waits. One thread; the counters may be read by any.
+// throws, and only wait_until_sent() and wait_for_room() wait. One thread; the counters may be read by any.
 class Channel {
  public:
   // Opens the ports and the pins. Throws PortError.
@@ -67,10 +67,14 @@ class Channel {
   void count_sample() noexcept;
   // Records how late after its instant a sample was transmitted, and how long transmit() took.
   void record_times(Nanoseconds lateness, Nanoseconds write) noexcept;
-  // Waits until the ports have sent all frames and have room for more, so that nothing is dropped where the host's
-  // clock does not pace. If the reader or the bus accepts nothing for 2 s, the port is no longer waited for until it
-  // has accepted all frames. It also returns when `stop` is set.
+  // Waits until the ports have sent all frames. If the reader or the bus accepts nothing for 2 s, the port is no
+  // longer waited for until it has accepted all frames. It also returns when `stop` is set.
   void wait_until_sent(const std::atomic<bool>& stop) noexcept;
+  // Waits in the same way until each port has room for the frames of a sample, so that nothing is dropped where the
+  // host's clock does not pace.
+  void wait_for_room(const std::atomic<bool>& stop) noexcept;
+  // Returns true while a port holds frames back.
+  bool holds_back() const noexcept;
 
   // --- Host and deadlines ---
   // Receives the host's commands, at most some 256 bytes from each port, and sends the replies. Returns false if
@@ -117,7 +121,7 @@ class Channel {
   void send(std::span<const Frame> frames, bool is_reply = false) noexcept;
   std::size_t serve(std::size_t uart, HostTime now) noexcept;
   void apply_uarts() noexcept;
-  void wait_until_sent(Line& line, const std::atomic<bool>& stop) noexcept;
+  static void wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept;
   void publish() noexcept;
 
   const std::string name_;

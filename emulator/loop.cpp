@@ -58,7 +58,7 @@ void Loop::run() noexcept {
     }
   }
   while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
-  session_.flush();
+  send_all();
 }
 
 void Loop::round() noexcept {
@@ -149,10 +149,18 @@ void Loop::apply_truth() noexcept {
     session_.raise_watermark(timeline_.newest());
     ended_ = latest_sample() < timeline_.newest();
   }
-  if (!std::exchange(answer_due_, false)) return;
-  session_.flush();  // the samples leave before the answer
+  if (!std::exchange(answer_due_, false) || !intake_.is_live()) return;
+  send_all();  // the samples leave before the answer
   // By the host's clock, not all samples up to the newest truth have left.
   intake_.answer(waits_for_truth_ ? timeline_.newest() : session_.watermark(), session_.samples_in_run());
+}
+
+// Sends what the ports hold back; waits for their readers where the host's clock does not pace.
+void Loop::send_all() noexcept {
+  session_.flush();
+  if (paced_) return;
+  for (const auto& channel : session_.channels())
+    if (channel->holds_back()) channel->wait_until_sent(stop_);
 }
 
 void Loop::begin_run() noexcept {
@@ -228,11 +236,11 @@ void Loop::prepare() noexcept {
 void Loop::transmit(HostTime now) noexcept {
   session_.cycle_power_if_requested(now);
   for (Channel* channel : prepared_) {
-    if (!paced_) channel->wait_until_sent(stop_);  // frames of deadlines leave before the sample's
+    if (!paced_) channel->wait_for_room(stop_);  // frames of deadlines leave before the sample's
     channel->encode();
   }
   if (!paced_) {
-    for (Channel* channel : prepared_) channel->wait_until_sent(stop_);
+    for (Channel* channel : prepared_) channel->wait_for_room(stop_);
     for (Channel* channel : prepared_) {
       channel->transmit();
       channel->serve(now);

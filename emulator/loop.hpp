@@ -50,6 +50,7 @@ class Loop {
   void skip(HostTime now) noexcept;
   void count_samples() noexcept;
 
+  void send_all() noexcept;
   void wait(HostTime until) noexcept;
   void serve_all() noexcept;
 

@@ -35,6 +35,13 @@ class Pieces {
 }  // namespace
 
 int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& counters, bool are_replies) noexcept {
+  const Taken taken = write_some(fd, frames, counters, are_replies);
+  counters.dropped += frames.size() - taken.frames;
+  return taken.error;
+}
+
+ByteWriter::Taken ByteWriter::write_some(int fd, std::span<const Frame> frames, PortCounters& counters,
+                                         bool are_replies) noexcept {
   int error = 0;
   std::size_t next = 0;   // the first frame that is neither sent nor dropped
   std::size_t taken = 0;  // bytes of `next` that the kernel has taken
@@ -84,8 +91,7 @@ int ByteWriter::write(int fd, std::span<const Frame> frames, PortCounters& count
     rest_is_reply_ = are_replies;
     ++next;
   }
-  counters.dropped += frames.size() - next;
-  return error == EAGAIN ? 0 : error;
+  return {next, error == EAGAIN ? 0 : error};
 }
 
 void ByteWriter::discard(PortCounters& counters) noexcept {

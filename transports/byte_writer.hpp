@@ -23,6 +23,14 @@ class ByteWriter {
   // count as PortCounters::replies, too.
   int write(int fd, std::span<const Frame> frames, PortCounters& counters, bool are_replies = false) noexcept;
 
+  // Does the same, but drops no frame that the kernel does not take. Returns how many frames, from the first on, have
+  // been counted or begun: the caller keeps the others, and passes them again.
+  struct Taken {
+    std::size_t frames = 0;
+    int error = 0;  // as write() returns it
+  };
+  Taken write_some(int fd, std::span<const Frame> frames, PortCounters& counters, bool are_replies = false) noexcept;
+
   // Returns true if there is no rest to be written.
   bool is_idle() const noexcept { return rest_begin_ == rest_end_; }
 

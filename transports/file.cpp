@@ -26,11 +26,11 @@ bool is_regular(int fd) noexcept {
   return ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
 }
 
-// Writes frames. Those for a regular file are buffered; a pipe gets them at once, and its reader is never waited
-// for.
+// Writes frames. Those for a regular file are gathered; so are those for a pipe or a device if they must not be
+// dropped. Otherwise a pipe gets them at once, and its reader is never waited for.
 class FileWriter final : public Port {
  public:
-  explicit FileWriter(const PortSpec& spec) {
+  FileWriter(const PortSpec& spec, const PortSettings& settings) {
     const bool standard = spec.address == "-" || spec.address == "/dev/stdout";
     if (standard && is_regular(STDOUT_FILENO)) {
       // Opening it again would truncate a file to which the shell appends.
@@ -43,6 +43,7 @@ class FileWriter final : public Port {
       throw spec.error(fmt::format("cannot write it: {}{}", std::strerror(errno),
                                    errno == ENXIO ? "; a pipe needs its reader first" : ""));
     regular_ = is_regular(file_.get());
+    gathers_ = regular_ || settings.delivery == Delivery::complete;
     if (!regular_) {
       // A pipe whose reader leaves must not end the process; an installed handler stays.
       const auto before = std::signal(SIGPIPE, SIG_IGN);
@@ -57,12 +58,16 @@ class FileWriter final : public Port {
         ++counters_.dropped;
         continue;
       }
-      if (frame.bytes.size() > buffer_.size() - used_ || held_count_ == held_.size()) flush();
+      if (!fits(frame)) flush();
+      if (!fits(frame)) {
+        ++counters_.dropped;
+        continue;
+      }
       std::copy(frame.bytes.begin(), frame.bytes.end(), buffer_.begin() + static_cast<std::ptrdiff_t>(used_));
       held_[held_count_++].bytes = {buffer_.data() + used_, frame.bytes.size()};
       used_ += frame.bytes.size();
     }
-    if (!regular_) flush();
+    if (!gathers_) flush();
   }
 
   std::optional<Received> receive() noexcept override { return std::nullopt; }
@@ -70,9 +75,10 @@ class FileWriter final : public Port {
 
   void flush() noexcept override {
     const std::uint64_t dropped = counters_.dropped;
-    const int error = writer_.write(file_.get(), {held_.data(), held_count_}, counters_);
-    held_count_ = 0;
-    used_ = 0;
+    const auto [taken, error] = writer_.write_some(file_.get(), {held_.data(), held_count_}, counters_);
+    const bool keeps = gathers_ && error == 0;
+    if (!keeps) counters_.dropped += held_count_ - taken;
+    keep_from(keeps ? taken : held_count_);
     if (error == 0) {
       state_ = PortState::ready;
     } else if (error == EPIPE) {
@@ -88,15 +94,45 @@ class FileWriter final : public Port {
   void discard_pending() noexcept override {
     const std::uint64_t dropped = counters_.dropped;
     writer_.discard(counters_);
+    counters_.dropped += held_count_;
+    keep_from(held_count_);
     if (error_ != 0) counters_.failed += counters_.dropped - dropped;
   }
 
-  bool wants_output() const noexcept override { return !regular_ && !writer_.is_idle(); }
+  bool wants_output() const noexcept override { return !regular_ && !is_idle(); }
+  bool is_drained() noexcept override {
+    flush();
+    return regular_ || is_idle();
+  }
+  // A regular file takes everything. Half a buffer is more than the frames of a sample and of the deadlines before
+  // it.
+  bool has_room() const noexcept override {
+    return regular_ || (gathers_ && used_ <= buffer_size / 2 && held_count_ <= held_.size() / 2);
+  }
   int descriptor() const noexcept override { return regular_ ? -1 : file_.get(); }
 
  private:
+  bool is_idle() const noexcept { return held_count_ == 0 && writer_.is_idle(); }
+  bool fits(const Frame& frame) const noexcept {
+    return frame.bytes.size() <= buffer_.size() - used_ && held_count_ < held_.size();
+  }
+  // Moves the frames from `first` on to the beginning of the buffer.
+  void keep_from(std::size_t first) noexcept {
+    if (first == 0) return;
+    const auto frames = std::span(held_).first(held_count_).subspan(first);
+    std::byte* end = buffer_.data();
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const auto bytes = frames[i].bytes;
+      held_[i].bytes = {end, bytes.size()};
+      end = std::copy(bytes.begin(), bytes.end(), end);
+    }
+    held_count_ = frames.size();
+    used_ = static_cast<std::size_t>(end - buffer_.data());
+  }
+
   FileDescriptor file_;
   bool regular_ = false;
+  bool gathers_ = false;  // frames are written when the buffer is full, and by flush()
   ByteWriter writer_;
   std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);
   std::vector<Frame> held_ = std::vector<Frame>(buffer_size / 32);
@@ -158,7 +194,7 @@ class FileReader final : public Port {
 void check(const PortSpec&, const PortSettings&) {}
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
-  if (settings.role == Role::device) return std::make_unique<FileWriter>(spec);
+  if (settings.role == Role::device) return std::make_unique<FileWriter>(spec, settings);
   return std::make_unique<FileReader>(spec);
 }
 

@@ -39,7 +39,7 @@ struct PortSettings {
   UartSettings uart;
   // Emulated UART only: characters arrive when the line would have carried them, not at once.
   bool paced = false;
-  Delivery delivery = Delivery::timely;  // of a queue for a CAN interface
+  Delivery delivery = Delivery::timely;  // of a queue for a CAN interface, or of a file's buffer
   // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
   std::optional<Endpoint> from;
 };
@@ -80,7 +80,7 @@ class Port {
 
   // Sends the frames of one sample, in order. Frames that the kernel does not take now are dropped whole and counted.
   // No frame is torn: the rest of a frame that was taken in part is sent first at the next call. A caller that must
-  // not drop a frame, and may wait, polls descriptor() for POLLOUT first.
+  // not drop a frame, and may wait, polls descriptor() for POLLOUT first, unless the port has_room().
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
   // Sends an answer to the host, as send() does. On an overloaded line, samples are dropped before answers.
@@ -124,6 +124,9 @@ class Port {
   // Flushes, then returns false while the other end is known not to have read all that was sent: closing a pty now
   // would discard it.
   virtual bool is_drained() noexcept { return true; }
+  // Returns true if the frames of a sample have room in the port's own buffer: send() drops none of them, and the
+  // caller need not wait. False if the port keeps none back, or too many.
+  virtual bool has_room() const noexcept { return false; }
   // Returns false if receive() never returns anything: do not poll for POLLIN.
   virtual bool can_receive() const noexcept { return true; }
   // CAN: receive() returns the data and remote frames that pass at least one of `filters`, and every error frame.

@@ -1,4 +1,7 @@
 // imud run in lockstep: which truths are refused and answered, and that nothing else changes a byte.
+#include <fcntl.h>
+#include <sys/stat.h>
+
 #include <cstring>
 #include <limits>
 #include <numeric>
@@ -162,6 +165,40 @@ TEST_F(LiveTest, WhatIsAnsweredIsWritten) {
     ASSERT_EQ(rows(read_file(path("out"))).size(), i + 1);
   }
   EXPECT_EQ(imud.stop(), 0);
+}
+
+// Frames for a pipe are gathered, but never beyond the answer, even if they are more than the pipe holds.
+TEST_F(LiveTest, WhatIsAnsweredIsInThePipe) {
+  constexpr std::size_t frame = 124;
+  ASSERT_EQ(::mkfifo(path("fifo").c_str(), 0600), 0);
+  const FileDescriptor fifo(::open(path("fifo").c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  const std::string c = config("lockstep", simulator_.port(), "native", 1000, "native", "file:" + path("fifo"));
+  Program imud("imud");
+  start(imud, c);
+  std::size_t size = 0;
+  const auto read_some = [&] {
+    std::array<std::byte, 10'000> bytes;
+    const ssize_t got = ::read(fifo.get(), bytes.data(), bytes.size());
+    if (got > 0) size += static_cast<std::size_t>(got);
+    return got > 0;
+  };
+  for (std::uint32_t i = 0; i < 8; ++i) {
+    std::jthread reader([&](const std::stop_token& stop) {
+      while (!stop.stop_requested()) {
+        if (i > 3) read_some();  // slowly
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+    });
+    const std::int64_t ms = i <= 3 ? 400 * i : 1200 + 1000 * (i - 3);  // one per ms: 49,600 bytes, then 124,000
+    ASSERT_TRUE(simulator_.exchange(Simulator::truth(ms, i, true)));
+    reader.request_stop();
+    reader.join();
+    while (read_some()) {
+    }
+    ASSERT_EQ(size, frame * static_cast<std::size_t>(ms + 1)) << i;
+  }
+  EXPECT_EQ(imud.stop(), 0);
+  EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
 }
 
 TEST_F(LiveTest, ASlowReaderOfALockstepRunMissesNothing) {

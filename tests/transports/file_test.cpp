@@ -209,6 +209,45 @@ TEST_F(Fifo, FramesLeaveAtOnceAndAReaderThatStopsTearsNone) {
   EXPECT_EQ(decided(*port), frames.made());
 }
 
+TEST_F(Fifo, FramesThatMustNotBeDroppedAreGatheredAndKept) {
+  const FileDescriptor out = open_end(O_RDONLY);
+  PortSettings settings = Role::device;
+  settings.delivery = Delivery::complete;
+  const auto port = open_port("file:" + path, settings);
+  NumberedFrames frames;
+  NumberedReader reader;
+  port->send(frames.next(1));
+  drain(out.get(), reader, 100000);
+  EXPECT_EQ(reader.numbers.size(), 0U);
+  EXPECT_TRUE(port->has_room());
+  EXPECT_TRUE(port->wants_output());
+  port->flush();
+  EXPECT_FALSE(port->wants_output());
+  drain(out.get(), reader, 100000);
+  EXPECT_EQ(reader.numbers.size(), 1U);
+
+  // More than the pipe holds: the rest stays in the port, and a reader in small pieces gets all of it.
+  for (int i = 0; i < 2; ++i) {
+    while (port->has_room()) port->send(frames.next(1));
+    port->flush();
+  }
+  EXPECT_TRUE(port->wants_output());
+  EXPECT_FALSE(port->is_drained());
+  for (int i = 0; i < 1000 && !port->is_drained(); ++i) drain(out.get(), reader, 1000);
+  drain(out.get(), reader, 100000);
+  EXPECT_EQ(port->counters().dropped, 0U);
+  EXPECT_EQ(reader.numbers.size(), frames.made());
+  EXPECT_EQ(reader.broken + reader.unfinished(), 0U);
+
+  // If nobody waits for the reader, frames are dropped whole, and so are those that are left at the end.
+  for (int i = 0; i < 500; ++i) port->send(frames.next(5));
+  EXPECT_FALSE(port->has_room());
+  EXPECT_GT(port->counters().dropped, 0U);
+  drain(out.get(), reader, 1000);
+  port->discard_pending();
+  EXPECT_EQ(decided(*port), frames.made());
+}
+
 TEST_F(Fifo, ReaderThatLeavesEndsNothing) {
   FileDescriptor out = open_end(O_RDONLY);
   const auto port = open_port("file:" + path, Role::device);
