@@ -1,0 +1,19 @@
+// What every program checks of the outputs that it is given by name.
+#pragma once
+
+#include <unistd.h>
+
+#include <string>
+
+namespace imud {
+
+// Returns the first symbolic link on the way to `path` through which another user could direct an output elsewhere:
+// it stands in a folder that its group or others can write, as /tmp, and belongs neither to root nor to `user`.
+// Returns an empty text if there is none. Linux' fs.protected_symlinks covers only folders with the sticky bit.
+std::string foreign_link(const std::string& path, uid_t user = ::geteuid());
+
+// Writes out what was printed to standard output. Returns 0, or the errno of a write to it that has failed, now or
+// before; a reader that has closed its end is no failure.
+int flush_standard_output() noexcept;
+
+}  // namespace imud
