@@ -142,10 +142,16 @@ std::string in_place_of(const std::string& port, const std::string& capture) {
 TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& capture) {
   TruthConfig truth;
   truth.port = table.text("port", "");
-  if (!capture.empty())
-    table.resolve("port", truth.port = in_place_of(truth.port, capture));
+  const std::string format = table.text("format", "native");
+  truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
+  if (capture == "-")
+    truth.port =
+        in_place_of(truth.port, standard_input_port(truth.format == nullptr || !truth.format->delimits_itself));
+  else if (!capture.empty())
+    truth.port = in_place_of(truth.port, capture);
   else
     table.require("port", "where the truth comes from, for example \"udp:127.0.0.1:9810\"");
+  table.resolve("port", truth.port);
   if (table.has("from")) {
     try {
       truth.port_settings.from = Endpoint::parse(table.text("from", "0.0.0.0"));
@@ -161,8 +167,6 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
     table.fault("port", fmt::format("cannot carry truth; give {}",
                                     ports_that([](const Transport& t) { return t.brings_truth; })));
 
-  const std::string format = table.text("format", "native");
-  truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
   if (truth.format != nullptr) {
     truth.settings = read_settings(table, truth.format->settings);
     try {
@@ -252,9 +256,10 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults, resolved_imu);
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
-      if (config.clock != ClockMode::realtime)
-        for (PortSettings* port : {&config.imus.back().port_settings, &config.imus.back().second_port_settings})
-          port->delivery = Delivery::complete;
+      for (PortSettings* port : {&config.imus.back().port_settings, &config.imus.back().second_port_settings}) {
+        if (config.clock != ClockMode::realtime) port->delivery = Delivery::complete;
+        port->replaces_file = !capture.empty();
+      }
       if (config.clock != ClockMode::realtime || is_capture(config.truth.port)) {
         config.imus.back().before_first = BeforeFirst::silence;  // sample 0 is at the first truth
         reader.resolve("before_first", "silence");

@@ -93,7 +93,8 @@ struct ConfigError : std::runtime_error {
 };
 
 // Reads `path` (- is standard input), then sets each override, such as "imu.0.rate_hz=400" (the value as in TOML; a
-// bare word is text). A `capture` that is not empty replaces truth.port. Throws ConfigError with every fault.
+// bare word is text). A `capture` that is not empty replaces truth.port; - is standard input. Then regular files of
+// the imus are replaced when the run has ended (PortSettings::replaces_file). Throws ConfigError with every fault.
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {});
 

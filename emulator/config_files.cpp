@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "emulator/config_parts.hpp"
+#include "transports/file_replacement.hpp"
 
 namespace imud {
 
@@ -55,13 +56,19 @@ void check_files(Config& config, const std::string& path, const toml::array& tab
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
     const std::pair<std::string_view, std::string> ports[] = {{"port", config.imus[i].port},
                                                               {"second_port", config.imus[i].second_port}};
-    for (const auto& [key, port] : ports) {
+    for (const auto& [port_key, port] : ports) {
+      const std::string_view key = port_key;
       const std::string file = file_of(port);
       if (file.empty()) continue;
-      if (const auto input = inputs.find(file); input != inputs.end())
-        faults.add(tables[i].source().begin.line, fmt::format("imu.{}.{}", i, key),
-                   fmt::format("is the file of {}; give another", input->second));
-      config.files.push_back(file);
+      const auto claim = [&](const std::string& written, std::string_view what) {
+        if (const auto input = inputs.find(written); input != inputs.end())
+          faults.add(tables[i].source().begin.line, fmt::format("imu.{}.{}", i, key),
+                     fmt::format("{}is the file of {}; give another", what, input->second));
+        config.files.push_back(written);
+      };
+      claim(file, "");
+      if (config.imus[i].port_settings.replaces_file)
+        claim(fmt::format("{}{}", file, FileReplacement::suffix), "is written as another file first, which ");
     }
   }
 }

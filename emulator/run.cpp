@@ -88,6 +88,11 @@ void log_details(const Config& config) {
                   imu.second_port.empty() ? "" : " and ", imu.second_port);
 }
 
+// Returns true if standard output carries frames or JSON, among which the text of the summary has no place.
+bool has_data_on_stdout(const Config& config, const RunOptions& options) {
+  return writes_to_stdout(config) || options.summary_file == "-" || options.monitor.quality_file == "-";
+}
+
 // Logs what is missing.
 void report(const Outcome& outcome, const Summary& summary, const Config& config) {
   if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
@@ -100,8 +105,9 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
 // Throws OpenError if a file of figures would be written over another file of the run.
 void check_outputs(const Config& config, const RunOptions& options) {
   std::vector<std::string> files = config.files;
+  if (writes_to_stdout(config)) files.emplace_back("-");
   for (const std::string& path : {options.summary_file, options.monitor.quality_file}) {
-    const std::string file = path.empty() || path == "-" ? std::string() : regular_file(path);
+    const std::string file = path.empty() || path == "-" ? path : regular_file(path);
     if (file.empty()) continue;
     if (std::find(files.begin(), files.end(), file) != files.end())
       throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
@@ -126,7 +132,7 @@ int run(const Config& config, const RunOptions& options) {
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
   TextFile summary_file(options.summary_file);
   // The file of a run that was killed must not look like that of a whole run.
-  if (summary_file.clear()) summary_file.write("{\"complete\": false, \"ended_by\": null}\n");
+  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
   std::optional<RealtimeProcess> process;
   if (config.clock == ClockMode::realtime) {
@@ -189,12 +195,10 @@ int run(const Config& config, const RunOptions& options) {
   Outcome& outcome = summary.whole->outcome;
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
-  summary_file.clear();
-  const std::string figures = json(summary, JsonLayout::indented);
-  if (options.summary_file != "-") summary_file.write(figures);
-  TextFile printed = writes_to_stdout(config) ? TextFile::standard_error() : TextFile("-");
+  if (outcome.ended_by != EndedBy::failure) session.commit();
+  summary_file.replace(json(summary, JsonLayout::indented));
+  TextFile printed = has_data_on_stdout(config, options) ? TextFile::standard_error() : TextFile("-");
   printed.write(text(summary));
-  if (options.summary_file == "-") summary_file.write(figures);
   return outcome.exit_code();
 }
 

@@ -154,6 +154,11 @@ void Session::drain() noexcept {
   for (const auto& channel : channels_) channel->discard_pending();
 }
 
+void Session::commit() {
+  for (const auto& channel : channels_)
+    for (std::size_t i = 0; i < channel->port_count(); ++i) channel->port(i).commit();
+}
+
 void Session::cycle_power_if_requested(HostTime now) noexcept {
   if (!power_cycle_.load(std::memory_order_relaxed)) return;
   power_cycle_.store(false, std::memory_order_relaxed);

@@ -76,6 +76,8 @@ class Session {
   // Called at the end. Waits up to 50 ms until the readers have read everything, or up to 500 ms until paced lines
   // have sent everything; the rest counts as dropped.
   void drain() noexcept;
+  // Called after drain() if the run has not failed: Port::commit(). Throws std::runtime_error.
+  void commit();
 
   // Switches the supply of all devices off and on, between two samples. Any thread.
   void request_power_cycle() noexcept { power_cycle_.store(true, std::memory_order_relaxed); }

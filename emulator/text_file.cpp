@@ -2,12 +2,15 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
+
+#include "transports/output_path.hpp"
 
 namespace imud {
 
@@ -19,12 +22,21 @@ template <class Error>
   throw Error(fmt::format("{}: cannot be written: {}", path == "-" ? "standard output" : path, std::strerror(error)));
 }
 
+FileDescriptor open_to_write(const std::string& path, int flags) {
+  if (const std::string link = foreign_link(path); !link.empty())
+    throw OpenError(fmt::format(
+        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
+        link));
+  FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOCTTY | flags, 0666));
+  if (!file) fail<OpenError>(path);
+  return file;
+}
+
 }  // namespace
 
 TextFile::TextFile(const std::string& path) : path_(path) {
   if (path.empty()) return;
-  file_.reset(path == "-" ? ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)
-                          : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOCTTY, 0666));
+  file_ = path == "-" ? FileDescriptor(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)) : open_to_write(path, O_TRUNC);
   if (!file_) fail<OpenError>(path_);
 }
 
@@ -47,15 +59,21 @@ void TextFile::write(std::string_view text) {
   }
 }
 
-bool TextFile::clear() noexcept {
-  return path_ != "-" && ::ftruncate(file_.get(), 0) == 0 && ::lseek(file_.get(), 0, SEEK_SET) == 0;
+bool TextFile::is_regular() const noexcept {
+  struct stat status {};
+  return path_ != "-" && ::fstat(file_.get(), &status) == 0 && S_ISREG(status.st_mode);
+}
+
+void TextFile::replace(std::string_view text) {
+  if (is_regular()) ::lseek(file_.get(), 0, SEEK_SET);
+  write(text);
+  if (is_regular() && ::ftruncate(file_.get(), ::lseek(file_.get(), 0, SEEK_CUR)) != 0)
+    fail<std::runtime_error>(path_);
 }
 
 void TextFile::reopen() {
   if (path_.empty() || path_ == "-") return;
-  FileDescriptor file(::open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOCTTY, 0666));
-  if (!file) fail<OpenError>(path_);
-  file_ = std::move(file);
+  file_ = open_to_write(path_, O_APPEND);
 }
 
 }  // namespace imud

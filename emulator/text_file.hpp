@@ -25,8 +25,10 @@ class TextFile {
   // Writes all of it, and waits for a slow reader. A reader that has closed its end is no error. Throws
   // std::runtime_error, which names the file and the cause.
   void write(std::string_view text);
-  // Empties a regular file and returns true; returns false for a stream, which keeps what it has received.
-  bool clear() noexcept;
+  // Returns false for a stream and a device, which keep what they have received.
+  bool is_regular() const noexcept;
+  // Replaces the content of a regular file, which is never empty meanwhile; writes to anything else as write() does.
+  void replace(std::string_view text);
   // Opens the file again, which creates it if it was renamed or removed; what it holds stays. Throws
   // OpenError. Standard streams stay as they are.
   void reopen();

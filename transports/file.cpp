@@ -13,7 +13,9 @@
 #include "transports/byte_writer.hpp"
 #include "transports/compressed_file.hpp"
 #include "transports/file_descriptor.hpp"
+#include "transports/file_replacement.hpp"
 #include "transports/host_clock.hpp"
+#include "transports/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -26,22 +28,22 @@ bool is_regular(int fd) noexcept {
   return ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
 }
 
+bool is_standard_output(const PortSpec& spec) {
+  return spec.address == "-" || spec.address == "/dev/stdout" || spec.address == "/dev/fd/1" ||
+         spec.address == "/proc/self/fd/1";
+}
+
 // Writes frames. Those for a regular file are gathered; so are those for a pipe or a device if they must not be
 // dropped. Otherwise a pipe gets them at once, and its reader is never waited for.
 class FileWriter final : public Port {
  public:
   FileWriter(const PortSpec& spec, const PortSettings& settings) {
-    const bool standard = spec.address == "-" || spec.address == "/dev/stdout";
-    if (standard && is_regular(STDOUT_FILENO)) {
+    if (is_standard_output(spec) && is_regular(STDOUT_FILENO)) {
       // Opening it again would truncate a file to which the shell appends.
       file_.reset(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0));
     } else {
-      const std::string path = standard ? "/dev/stdout" : spec.address;
-      file_.reset(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC | O_NOCTTY, 0666));
+      open(spec, is_standard_output(spec) ? "/dev/stdout" : spec.address, settings.replaces_file);
     }
-    if (!file_)
-      throw spec.error(fmt::format("cannot write it: {}{}", std::strerror(errno),
-                                   errno == ENXIO ? "; a pipe needs its reader first" : ""));
     regular_ = is_regular(file_.get());
     gathers_ = regular_ || settings.delivery == Delivery::complete;
     if (!regular_) {
@@ -109,9 +111,29 @@ class FileWriter final : public Port {
   bool has_room() const noexcept override {
     return regular_ || (gathers_ && used_ <= buffer_size / 2 && held_count_ <= held_.size() / 2);
   }
+  void commit() override {
+    flush();
+    if (replacement_) replacement_->commit();
+  }
   int descriptor() const noexcept override { return regular_ ? -1 : file_.get(); }
 
  private:
+  void open(const PortSpec& spec, const std::string& path, bool replaces) {
+    if (const std::string link = foreign_link(path); !link.empty())
+      throw spec.error(fmt::format(
+          "{} is a symbolic link that another user has made in a folder which others can write; give another path",
+          link));
+    if (const auto target = replaces ? FileReplacement::target(path) : std::nullopt) {
+      replacement_.emplace(spec, *target);
+      file_.reset(::fcntl(replacement_->descriptor(), F_DUPFD_CLOEXEC, 0));
+    } else {
+      file_.reset(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC | O_NOCTTY, 0666));
+    }
+    if (!file_)
+      throw spec.error(fmt::format("cannot write it: {}{}", std::strerror(errno),
+                                   errno == ENXIO ? "; a pipe needs its reader first" : ""));
+  }
+
   bool is_idle() const noexcept { return held_count_ == 0 && writer_.is_idle(); }
   bool fits(const Frame& frame) const noexcept {
     return frame.bytes.size() <= buffer_.size() - used_ && held_count_ < held_.size();
@@ -130,6 +152,7 @@ class FileWriter final : public Port {
     used_ = static_cast<std::size_t>(end - buffer_.data());
   }
 
+  std::optional<FileReplacement> replacement_;
   FileDescriptor file_;
   bool regular_ = false;
   bool gathers_ = false;  // frames are written when the buffer is full, and by flush()
@@ -146,6 +169,8 @@ class FileReader final : public Port {
     const std::string path = spec.address == "-" ? "/dev/stdin" : spec.address;
     // Non-blocking, so that a fifo opens without its writer.
     file_.reset(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+    // A socket cannot be opened by name, nor can another user's pipe.
+    if (!file_ && spec.address == "-") file_.reset(::fcntl(STDIN_FILENO, F_DUPFD_CLOEXEC, 0));
     if (!file_) throw spec.error(fmt::format("cannot read it: {}", std::strerror(errno)));
     struct stat status {};
     if (::fstat(file_.get(), &status) == 0 && S_ISDIR(status.st_mode))
@@ -198,11 +223,6 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<FileReader>(spec);
 }
 
-bool is_standard_output(const PortSpec& spec) {
-  return spec.address == "-" || spec.address == "/dev/stdout" || spec.address == "/dev/fd/1" ||
-         spec.address == "/proc/self/fd/1";
-}
-
 }  // namespace
 
 extern const Transport file_transport;
@@ -215,6 +235,7 @@ constexpr Transport file_transport = {
     .ends = true,
     .brings_truth = true,
     .has_path = true,
+    .reads_standard_input = true,
     .has_private_copy = true,
     .suffixes = ".csv .txt",
     .check = check,

@@ -2,6 +2,9 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <pcap/pcap.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -26,12 +29,15 @@ class PcapPort final : public Port {
  public:
   PcapPort(const PortSpec& spec, const PortSettings& settings)
       : port_(static_cast<std::uint16_t>(spec.integer(port_option).value_or(0))), admitted_(settings.from) {
+    if (spec.address == "-") begin_standard_input(spec);
     // libpcap would wait for a pipe.
     std::error_code unknown;
-    if (std::filesystem::exists(spec.address, unknown) && !std::filesystem::is_regular_file(spec.address, unknown))
+    if (spec.address != "-" && std::filesystem::exists(spec.address, unknown) &&
+        !std::filesystem::is_regular_file(spec.address, unknown))
       throw spec.error("is not a regular file; right would be a complete capture");
     std::array<char, PCAP_ERRBUF_SIZE> error{};
-    compressed_ = CompressedFile::open(FileDescriptor(::open(spec.address.c_str(), O_RDONLY | O_CLOEXEC)).get());
+    if (spec.address != "-")
+      compressed_ = CompressedFile::open(FileDescriptor(::open(spec.address.c_str(), O_RDONLY | O_CLOEXEC)).get());
     capture_.reset(compressed_ ? open_compressed(error.data())
                                : ::pcap_open_offline_with_tstamp_precision(spec.address.c_str(),
                                                                            PCAP_TSTAMP_PRECISION_NANO, error.data()));
@@ -39,7 +45,8 @@ class PcapPort final : public Port {
       throw spec.error(
           fmt::format("{}; right would be a pcap or pcapng file, as tcpdump -w and Wireshark write",
                       compressed_ && !compressed_->error().empty() ? compressed_->error() : error.data()));
-    size_ = static_cast<double>(std::filesystem::file_size(spec.address, unknown));
+    if (const auto size = std::filesystem::file_size(spec.address, unknown); !unknown)
+      size_ = static_cast<double>(size);
     link_type_ = ::pcap_datalink(capture_.get());
     if (!supports_link_type(link_type_)) {
       const char* name = ::pcap_datalink_val_to_description_or_dlt(link_type_);
@@ -55,6 +62,7 @@ class PcapPort final : public Port {
   std::optional<Received> receive() noexcept override {
     constexpr int most = 1024;  // packets that are skipped in one call, so that the caller can do other work
     for (int i = 0; i < most && !at_end_; ++i) {
+      if (is_pipe_ && !is_readable(0)) break;
       pcap_pkthdr* record = nullptr;
       const unsigned char* bytes = nullptr;
       const int result = ::pcap_next_ex(capture_.get(), &record, &bytes);
@@ -93,8 +101,23 @@ class PcapPort final : public Port {
   }
   std::string_view end_warning() const noexcept override { return {warning_.data(), warning_size_}; }
   std::string_view other_content() const noexcept override { return {content_.data(), content_size_}; }
+  int descriptor() const noexcept override { return is_pipe_ ? STDIN_FILENO : -1; }
 
  private:
+  // Waits for the first byte, because libpcap would not return at a signal. Without a buffer, poll() finds every
+  // record that libpcap can read.
+  void begin_standard_input(const PortSpec& spec) {
+    struct stat status {};
+    is_pipe_ = ::fstat(STDIN_FILENO, &status) != 0 || !S_ISREG(status.st_mode);
+    if (!is_pipe_) return;
+    std::setvbuf(stdin, nullptr, _IONBF, 0);
+    if (!is_readable(-1)) throw spec.error("interrupted before its first byte");
+  }
+  static bool is_readable(int timeout_ms) noexcept {
+    pollfd input{STDIN_FILENO, POLLIN, 0};
+    return ::poll(&input, 1, timeout_ms) > 0;
+  }
+
   // With nanosecond precision tv_usec holds ns. An invalid stamp wraps around instead of overflowing.
   static HostTime stamp(const pcap_pkthdr& record) noexcept {
     const auto s = static_cast<std::uint64_t>(record.ts.tv_sec);
@@ -176,7 +199,8 @@ class PcapPort final : public Port {
   std::unique_ptr<CompressedFile> compressed_;  // nullptr: libpcap opens the file by itself
   std::unique_ptr<pcap_t, Close> capture_;      // closed before the file that it reads
   int link_type_ = 0;
-  double size_ = 0;  // bytes of the file
+  double size_ = 0;       // bytes of the file
+  bool is_pipe_ = false;  // standard input, and no regular file
   bool at_end_ = false;
   std::uint64_t records_ = 0;
   std::array<char, 400> warning_, content_;
@@ -209,6 +233,7 @@ constexpr Transport pcap_transport = {
     .brings_truth = true,
     .serves_device = false,
     .has_path = true,
+    .reads_standard_input = true,
     .suffixes = ".pcap .pcapng *",
     .check = check,
     .open = open,

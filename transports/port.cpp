@@ -59,4 +59,11 @@ std::string capture_port(std::string_view capture) {
   return any == nullptr ? std::string(capture) : fmt::format("{}:{}", any->name, capture);
 }
 
+std::string standard_input_port(bool keeps_datagrams) {
+  for (const Transport* transport : transports())
+    if (transport->reads_standard_input && transport->keeps_datagrams == keeps_datagrams)
+      return fmt::format("{}:-", transport->name);
+  return "-";
+}
+
 }  // namespace imud

@@ -42,6 +42,9 @@ struct PortSettings {
   Delivery delivery = Delivery::timely;  // of a queue for a CAN interface, or of a file's buffer
   // A listener of UDP only: receives the datagrams of this sender alone, and counts others as foreign.
   std::optional<Endpoint> from;
+  // A regular file is written beside the old one, which it replaces at commit(). False: the old one is emptied at
+  // once.
+  bool replaces_file = false;
 };
 
 // The state of a port, as its last call found it. A lost device is a state, never an exit.
@@ -73,7 +76,8 @@ struct PortCounters {
   }
 };
 
-// One end of a link. One thread at a time uses it. After opening it does not wait, allocate, throw or log.
+// One end of a link. One thread at a time uses it. After opening it does not wait, allocate, throw or log, except in
+// commit().
 class Port {
  public:
   virtual ~Port() = default;
@@ -91,6 +95,9 @@ class Port {
   }
   // Drops the frames that are held back, and counts them. Called at the end of a run.
   virtual void discard_pending() noexcept {}
+  // Called once, after the last frame of a run that has not failed: PortSettings::replaces_file takes effect. May
+  // throw std::runtime_error.
+  virtual void commit() {}
 
   // Returns the next frame (CAN, UDP) or chunk of bytes (serial, pty, file), or nullopt if none is there. The bytes
   // stay valid until the next call.
@@ -197,16 +204,17 @@ struct Transport {
   std::string_view document;                 // the interface followed
   std::span<const PortOption> options = {};  // all that its ports have; check_port() checks that each is in its range
 
-  bool carries_can = false;       // frames have an identifier; otherwise they are bytes
-  bool keeps_datagrams = false;   // one frame sent is one frame received; otherwise a stream of bytes
-  bool ends = false;              // a listener reads something recorded, up to its end
-  bool brings_truth = false;      // may be the port of the truth
-  bool serves_device = true;      // Role::device is possible, beside Role::listener
-  bool is_shared = false;         // several imus may have the same address: a bus, a receiver of datagrams
-  bool has_path = false;          // the address is a path in the file system; - is a standard stream
-  bool makes_link = false;        // that path is a symbolic link that a device's port makes
-  bool has_private_copy = false;  // a port at another path serves to measure the duration of writes
-  Uart uart = Uart::none;         // if there is one, the options `baud`, `parity` and `stop` set it
+  bool carries_can = false;           // frames have an identifier; otherwise they are bytes
+  bool keeps_datagrams = false;       // one frame sent is one frame received; otherwise a stream of bytes
+  bool ends = false;                  // a listener reads something recorded, up to its end
+  bool brings_truth = false;          // may be the port of the truth
+  bool serves_device = true;          // Role::device is possible, beside Role::listener
+  bool is_shared = false;             // several imus may have the same address: a bus, a receiver of datagrams
+  bool has_path = false;              // the address is a path in the file system; - is a standard stream
+  bool makes_link = false;            // that path is a symbolic link that a device's port makes
+  bool reads_standard_input = false;  // as a listener at the address -
+  bool has_private_copy = false;      // a port at another path serves to measure the duration of writes
+  Uart uart = Uart::none;             // if there is one, the options `baud`, `parity` and `stop` set it
 
   // Files that `imud replay` and `imu-truth capture` open by this transport if no transport is named: suffixes of
   // their names (".csv .txt"), without that of compression; "*" stands for those that no other transport claims.
@@ -257,5 +265,8 @@ std::unique_ptr<Port> open_port(std::string_view port, const PortSettings& setti
 // Returns the port that reads a capture: `capture` itself if it begins with the scheme of a transport that `ends`,
 // otherwise that of the transport for such a file name.
 std::string capture_port(std::string_view capture);
+
+// Returns the port that reads standard input: as datagrams with borders, or as a stream of bytes.
+std::string standard_input_port(bool keeps_datagrams);
 
 }  // namespace imud
