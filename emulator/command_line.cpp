@@ -28,6 +28,7 @@
 #include "emulator/run.hpp"
 #include "emulator/selftest.hpp"
 #include "emulator/table_reader.hpp"
+#include "transports/output_path.hpp"
 #include "transports/port.hpp"
 #include "transports/pty_keeper.hpp"
 
@@ -68,7 +69,11 @@ int keep_ptys(const std::vector<std::string>& links, bool background) {
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   if (arguments.fast) overrides.emplace_back("clock=fast");
-  return run(load_config(arguments.config, overrides, capture_port(arguments.capture)), arguments.run);
+  const bool is_stdin = arguments.capture == "-";
+  if (is_stdin && arguments.config == "-")
+    throw PortError("standard input is the configuration already; give a file as the capture");
+  const std::string capture = is_stdin ? arguments.capture : capture_port(arguments.capture);
+  return run(load_config(arguments.config, overrides, capture), arguments.run);
 }
 
 // Returns the arguments after the program's name; `help COMMAND` becomes `COMMAND --help`.
@@ -104,9 +109,7 @@ void print_fault(std::string_view text) {
              files.rlim_cur, 4 * files.rlim_cur);
 }
 
-}  // namespace
-
-int command_line(int argc, const char* const* argv) {
+int execute(int argc, const char* const* argv) {
   set_up_log();
   CLI::App app("Hardware-in-the-loop IMU emulator: truth in by UDP, IMU packets out on a serial line or a CAN bus.");
   app.name("imud");
@@ -176,8 +179,9 @@ int command_line(int argc, const char* const* argv) {
   auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
   with_run(replay_command);
   replay_command
-      ->add_option("CAPTURE", arguments.capture,
-                   "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst")
+      ->add_option(
+          "CAPTURE", arguments.capture,
+          "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst; - is standard input")
       ->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
@@ -263,6 +267,16 @@ int command_line(int argc, const char* const* argv) {
     print_fault(fmt::format("imud: {}", error.what()));
     return 1;
   }
+}
+
+}  // namespace
+
+int command_line(int argc, const char* const* argv) {
+  const int exit_code = execute(argc, argv);
+  const int error = flush_standard_output();
+  if (error == 0) return exit_code;
+  fmt::print(stderr, "imud: standard output: {}\n", std::strerror(error));
+  return exit_code == 0 ? 1 : exit_code;
 }
 
 }  // namespace imud

@@ -27,6 +27,7 @@
 #include "tools/text_output.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
+#include "transports/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -239,7 +240,7 @@ int decode(const Options& options, bool& running) {
   return report.keeps_all_limits() ? 0 : limit_broken;
 }
 
-int main(int argc, char** argv) {
+int execute(int argc, char** argv) {
   CLI::App app(
       "Decodes any protocol from any port: prints measurement CSV, and at the end rate, jitter, gaps and\n"
       "checksum failures on standard error.",
@@ -247,7 +248,9 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "imu-decode " IMUD_VERSION);
   Options options;
   app.add_option("PROTOCOL", options.protocol, "protocol of the device, see below")->required()->type_name("");
-  app.add_option("PORT", options.port, "port to receive from, see below")->required()->type_name("");
+  app.add_option("PORT", options.port, "port to receive from, see below; - is standard input")
+      ->required()
+      ->type_name("");
   app.add_option("--set", options.settings, "a setting of the protocol; may be repeated")
       ->allow_extra_args(false)
       ->type_name("KEY=VALUE");
@@ -281,6 +284,7 @@ int main(int argc, char** argv) {
   }
 
   catch_stop_signals();
+  if (options.port == "-") options.port = standard_input_port(false);
   bool running = false;
   try {
     return decode(options, running);
@@ -293,4 +297,10 @@ int main(int argc, char** argv) {
 }  // namespace
 }  // namespace imud
 
-int main(int argc, char** argv) { return imud::main(argc, argv); }
+int main(int argc, char** argv) {
+  const int exit_code = imud::execute(argc, argv);
+  const int error = imud::flush_standard_output();
+  if (error == 0) return exit_code;
+  fmt::print(stderr, "imu-decode: standard output: {}\n", std::strerror(error));
+  return exit_code == 0 ? imud::failed : exit_code;
+}

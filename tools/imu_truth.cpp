@@ -23,6 +23,7 @@
 #include "tools/truth_csv.hpp"
 #include "tools/truth_source.hpp"
 #include "transports/host_clock.hpp"
+#include "transports/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -332,7 +333,7 @@ void define(CLI::App& app, Options& options) {
                   known_motions()));
 }
 
-int main(int argc, char** argv) {
+int execute(int argc, char** argv) {
   CLI::App app("Sends truth over UDP: motions whose derivatives are known in closed form, or a capture.",
                "imu-truth");
   Options options;
@@ -362,4 +363,10 @@ int main(int argc, char** argv) {
 }  // namespace
 }  // namespace imud
 
-int main(int argc, char** argv) { return imud::main(argc, argv); }
+int main(int argc, char** argv) {
+  const int exit_code = imud::execute(argc, argv);
+  const int error = imud::flush_standard_output();
+  if (error == 0) return exit_code;
+  fmt::print(stderr, "imu-truth: standard output: {}\n", std::strerror(error));
+  return exit_code == 0 ? imud::failed : exit_code;
+}

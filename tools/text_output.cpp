@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "tools/stop_signal.hpp"
+#include "transports/output_path.hpp"
 
 namespace imud {
 
@@ -18,9 +19,13 @@ namespace {
 constexpr std::size_t hold_at_most = 64 * 1024;
 }
 
-TextOutput::TextOutput(const std::string& path)
-    : file_(path == "-" ? ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)
-                        : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+TextOutput::TextOutput(const std::string& path) {
+  if (const std::string link = path == "-" ? std::string() : foreign_link(path); !link.empty())
+    throw std::runtime_error(fmt::format(
+        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
+        link));
+  file_.reset(path == "-" ? ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)
+                          : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (!file_) throw std::runtime_error(fmt::format("{}: cannot write it: {}", path, std::strerror(errno)));
   held_.reserve(hold_at_most + PIPE_BUF);
 }

@@ -1,11 +1,13 @@
 #include "tools/truth_source.hpp"
 
 #include <fmt/format.h>
+#include <poll.h>
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
+#include "tools/stop_signal.hpp"
 #include "tools/truth_csv.hpp"
 
 namespace imud {
@@ -56,7 +58,11 @@ class CaptureSource final : public TruthSource {
 
   std::optional<TimedDatagram> next() override {
     auto received = port_.receive();
-    while (!received && !port_.at_end()) received = port_.receive();  // packets to other ports are skipped
+    while (!received && !port_.at_end() && !stop_requested()) {  // packets to other ports are skipped
+      pollfd input{port_.descriptor(), POLLIN, 0};               // standard input may have to be waited for
+      if (input.fd >= 0) ::poll(&input, 1, 100);
+      received = port_.receive();
+    }
     if (!received) return std::nullopt;
     if (!first_) first_ = received->time;
     // Time stamps may step back; the order of the datagrams stays.
