@@ -76,6 +76,7 @@ class FileWriter final : public Port {
   bool can_receive() const noexcept override { return false; }  // a terminal's input is not read
 
   void flush() noexcept override {
+    if (is_idle()) return;  // the state is that of the last write
     const std::uint64_t dropped = counters_.dropped;
     const auto [taken, error] = writer_.write_some(file_.get(), {held_.data(), held_count_}, counters_);
     const bool keeps = gathers_ && error == 0;
