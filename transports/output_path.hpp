@@ -1,4 +1,4 @@
-// What every program checks of the outputs that it is given by name.
+// Checks of the outputs that a program is given by name, and of standard output.
 #pragma once
 
 #include <unistd.h>
