@@ -68,7 +68,7 @@ void print_json(const std::string& path, const Config& config) {
     if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
     imus.push_back({{"name", imu.name}, {"lines", std::move(lines)}});
   }
-  const Json json = {{"file", path},
+  const Json json = {{"path", path},
                      {"good", true},
                      {"faults", Json::array()},
                      {"warnings", config.warnings},
@@ -89,7 +89,7 @@ int check(const std::string& path, std::span<const std::string> overrides, const
     return 0;
   } catch (const ConfigError& error) {
     if (options.layout != CheckLayout::json) throw;
-    const Json json = {{"file", path}, {"good", false}, {"faults", error.faults}};
+    const Json json = {{"path", path}, {"good", false}, {"faults", error.faults}};
     fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
     return 2;
   }

@@ -80,7 +80,7 @@ struct Config {
   std::string sha256;
   // The value of every key, those that were absent included, as TOML that load_config() reads as this configuration.
   std::string resolved;
-  // What is valid but probably not meant, a line each: "file:line: key: what".
+  // Each describes what is valid, but probably not meant: "file:line: key: what".
   std::vector<std::string> warnings;
   // The canonical paths of the regular files that it was read from, reads truth from, or writes.
   std::vector<std::string> files;

@@ -185,6 +185,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
     imu.settings = read_settings(device, imu.protocol->settings);
     device.finish();
     try {
+      if (imu.protocol->check != nullptr) imu.protocol->check(imu.settings);
       static_cast<void>(imu.protocol->make(imu.settings));
     } catch (const std::invalid_argument& error) {
       fault_of_settings(table, device, imu.protocol->settings, error.what());

@@ -207,6 +207,10 @@ struct Protocol {
   // Has bodies if, and only if, the device overrides receive().
   HostInputs host_inputs = {};
 
+  // Throws std::invalid_argument, whose message is "KEY: ", the fault and the remedy, if a unit with these settings
+  // would not do what they ask for. nullptr: it always does. A configuration is checked so, a device is not.
+  void (*check)(const Settings& settings) = nullptr;
+
   // Both throw std::invalid_argument if the settings exclude one another; the message gives the remedy.
   std::unique_ptr<Device> (*make)(const Settings& settings);
   std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings);

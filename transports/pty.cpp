@@ -191,7 +191,7 @@ class PtyDevice final : public Port {
       std::size_t count = bytes.size();
       if (state_ == PortState::wrong_speed) {
         const auto garbage = as_client_receives(bytes, count == paced_->queued());
-        static_cast<void>(::write(pty_.master(), garbage.data(), garbage.size()));
+        [[maybe_unused]] const ssize_t taken = ::write(pty_.master(), garbage.data(), garbage.size());
       } else {
         count = static_cast<std::size_t>(std::max<ssize_t>(::write(pty_.master(), bytes.data(), count), 0));
       }
@@ -324,12 +324,8 @@ constexpr PortOption device_only(PortOption option) {
   return option;
 }
 
-constexpr PortOption pty_options[] = {baud_option,
-                                      device_only(parity_option),
-                                      device_only(stop_option),
-                                      speed_option,
-                                      PtyAccess::options[0],
-                                      PtyAccess::options[1],
+constexpr PortOption pty_options[] = {baud_option,          device_only(parity_option), device_only(stop_option),
+                                      speed_option,         PtyAccess::options[0],      PtyAccess::options[1],
                                       PtyAccess::options[2]};
 
 }  // namespace

@@ -45,12 +45,14 @@ Configuration configuration(const Settings& settings) {
   c.bit_rate = index_of(bit_rates, settings.integer("bit_rate"), "bit_rate: give 374400, 460800, 921600 or 1843200");
   c.parity = static_cast<Parity>(word_of(parities, settings.text("parity")));
   c.stop_bits = static_cast<unsigned>(settings.integer("stop_bits"));
-  if (!can_transmit(c))
-    throw std::invalid_argument(
-        "sample_rate: the unit lowers it, because the line cannot carry as many datagrams of these contents; give a "
-        "lower "
-        "one, less content, or a faster bit_rate");
   return c;
+}
+
+void check(const Settings& settings) {
+  if (!can_transmit(configuration(settings)))
+    throw std::invalid_argument(
+        "sample_rate: the line cannot carry as many datagrams of this content, so that the unit would send fewer; "
+        "give a lower rate, less content, or a faster bit_rate");
 }
 
 // Angular random walk 0.15 deg/sqrt(h), velocity random walk 0.06 m/s/sqrt(h) (10 g; Table 5-3, 5-5). An

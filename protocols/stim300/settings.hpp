@@ -53,6 +53,8 @@ inline constexpr Setting declared_settings[] = {
 
 // Throws std::invalid_argument, whose message lists the valid values.
 Configuration configuration(const Settings& settings);
+// Throws std::invalid_argument if the line cannot carry the datagrams at their rate.
+void check(const Settings& settings);
 Product product(const Settings& settings);
 
 }  // namespace imud::stim300

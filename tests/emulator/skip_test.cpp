@@ -99,7 +99,7 @@ TEST_F(SkipLive, ASkippedSampleOfAReplayIsMissing) {
   const std::string c = config("realtime", simulator_.port(), "csv", 200, "csv", "file:" + path("out"));
   Program imud("imud");
   imud.start({"replay", c, path("truth.csv"), "--set", "realtime.skip_after_ms=200"});
-  ASSERT_TRUE(eventually([&] { return read_file(path("out")).size() > 100; }));
+  ASSERT_TRUE(eventually([&] { return read_file(path("out.incomplete")).size() > 100; }));
   imud.kill(SIGSTOP);
   std::this_thread::sleep_for(1s);
   imud.kill(SIGCONT);
