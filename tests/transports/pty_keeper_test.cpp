@@ -65,7 +65,7 @@ class Keeper : public ::testing::Test {
       try {
         std::vector<std::unique_ptr<PtyKeeper>> keepers;
         keepers.push_back(std::make_unique<PtyKeeper>(link));
-        static_cast<void>(::write(write.get(), "r", 1));
+        [[maybe_unused]] const ssize_t written = ::write(write.get(), "r", 1);
         PtyKeeper::serve(keepers, ::eventfd(0, EFD_CLOEXEC));
       } catch (const PortError&) {
       }
