@@ -66,6 +66,9 @@ int keep_ptys(const std::vector<std::string>& links, bool background) {
   return 0;
 }
 
+// Returns "-" for each spelling of standard output.
+std::string output_path(const std::string& path) { return is_standard_output(path) ? "-" : path; }
+
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   if (arguments.fast) overrides.emplace_back("clock=fast");
@@ -238,6 +241,8 @@ int execute(int argc, const char* const* argv) {
   try {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
+    arguments.run.summary_file = output_path(arguments.run.summary_file);
+    arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
     if (list_command->parsed()) return list(arguments.name, json);
     if (example_command->parsed()) return example(arguments.name);
     if (check_command->parsed())

@@ -5,6 +5,7 @@
 
 #include "emulator/config_parts.hpp"
 #include "transports/file_replacement.hpp"
+#include "transports/output_path.hpp"
 
 namespace imud {
 
@@ -50,7 +51,8 @@ std::string file_of(const std::string& port) {
 
 void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults) {
   std::map<std::string, std::string_view> inputs;
-  if (path != "-") inputs.emplace(regular_file(path), "the configuration");
+  if (std::string file = path == "-" ? std::string() : regular_file(path); !file.empty())
+    inputs.emplace(std::move(file), "the configuration");
   if (std::string truth = file_of(config.truth.port); !truth.empty()) inputs.emplace(std::move(truth), "the truth");
   for (const auto& [file, use] : inputs) config.files.push_back(file);
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
@@ -61,9 +63,10 @@ void check_files(Config& config, const std::string& path, const toml::array& tab
       const std::string file = file_of(port);
       if (file.empty()) continue;
       const auto claim = [&](const std::string& written, std::string_view what) {
-        if (const auto input = inputs.find(written); input != inputs.end())
-          faults.add(tables[i].source().begin.line, fmt::format("imu.{}.{}", i, key),
-                     fmt::format("{}is the file of {}; give another", what, input->second));
+        for (const auto& [input, use] : inputs)
+          if (written == input || is_same_file(written, input))
+            faults.add(tables[i].source().begin.line, fmt::format("imu.{}.{}", i, key),
+                       fmt::format("{}is the file of {}; give another", what, use));
         config.files.push_back(written);
       };
       claim(file, "");

@@ -4,6 +4,7 @@
 #include "core/random.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/line_load.hpp"
+#include "transports/output_path.hpp"
 
 namespace imud {
 
@@ -65,6 +66,9 @@ class Together {
       fault(key, "sends to truth.port, so that imud would receive its own frames; give another");
     if (transport->is_shared) return;
     std::string path = path_of(port);  // which may have several spellings
+    if (transport->is_standard_output != nullptr &&
+        is_standard_output(address_of(port).substr(transport->name.size() + 1)))
+      path = "-";
     if (const auto [at, is_new] = ports_.emplace(path.empty() ? address_of(port) : std::move(path), i_); !is_new)
       clash(key, at->second, "the same");
   }

@@ -22,6 +22,7 @@
 #include "emulator/readiness.hpp"
 #include "emulator/realtime_thread.hpp"
 #include "emulator/text_file.hpp"
+#include "transports/output_path.hpp"
 
 namespace imud {
 
@@ -46,8 +47,8 @@ class Ticker {
   Monitor& monitor_;
 };
 
-// The work of the sampling thread.
-void drive(Session& session, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
+// The work of the sampling thread. Returns false if a reader has not read all that was sent.
+bool drive(Session& session, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
   MonotonicHost host;
   const bool realtime = config.clock == ClockMode::realtime, capture = is_capture(config.truth.port);
   if (realtime)
@@ -58,7 +59,8 @@ void drive(Session& session, const Config& config, const RunOptions& options, co
   if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
   const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
   Loop(session, host, *pacer, loop, stop).run();
-  session.drain();
+  using namespace std::chrono_literals;
+  return session.drain(realtime || stop ? 50ms : 2000ms);
 }
 
 RunCounters counters_of(const Session& session) {
@@ -109,7 +111,8 @@ void check_outputs(const Config& config, const RunOptions& options) {
   for (const std::string& path : {options.summary_file, options.monitor.quality_file}) {
     const std::string file = path.empty() || path == "-" ? path : regular_file(path);
     if (file.empty()) continue;
-    if (std::find(files.begin(), files.end(), file) != files.end())
+    if (std::any_of(files.begin(), files.end(),
+                    [&](const std::string& other) { return other == file || is_same_file(other, file); }))
       throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
     files.push_back(file);
   }
@@ -119,6 +122,7 @@ void check_outputs(const Config& config, const RunOptions& options) {
 
 int run(const Config& config, const RunOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit of the files' size is an error of the write, as a full disk is
   asio::io_context io;
   std::atomic<bool> stop = false;
   EndedBy stopped_by = EndedBy::signal;
@@ -173,9 +177,10 @@ int run(const Config& config, const RunOptions& options) {
   }
 
   std::exception_ptr failure;
+  bool all_read = true;
   std::thread worker([&] {
     try {
-      drive(session, config, options, stop);
+      all_read = drive(session, config, options, stop);
     } catch (...) {
       failure = std::current_exception();
     }
@@ -193,6 +198,8 @@ int run(const Config& config, const RunOptions& options) {
   summary.whole = {judge(summary, config, ended_by, options.required), config.seed, config.sha256,
                    session.chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
+  if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
+    outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
   if (outcome.ended_by != EndedBy::failure) session.commit();

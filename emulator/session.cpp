@@ -134,8 +134,8 @@ std::optional<HostTime> Session::next_wake() const noexcept {
   return first;
 }
 
-void Session::drain() noexcept {
-  constexpr int readers_ms = 50, lines_ms = 500;
+bool Session::drain(std::chrono::milliseconds readers) noexcept {
+  constexpr std::chrono::milliseconds lines(500);
   const auto has_pace = [&] {
     for (const auto& channel : channels_)
       for (std::size_t i = 0; i < channel->port_count(); ++i)
@@ -143,15 +143,16 @@ void Session::drain() noexcept {
     return false;
   };
   flush();
-  for (int ms = 0; ms < (has_pace() ? lines_ms : readers_ms); ++ms) {
-    bool read = true;
+  bool read = false;
+  for (int ms = 0; !read && ms < (has_pace() ? std::max(lines, readers) : readers).count(); ++ms) {
+    if (ms > 0) ::poll(nullptr, 0, 1);
+    read = true;
     for (const auto& channel : channels_)
       for (std::size_t i = 0; i < channel->port_count(); ++i)
         read = channel->port(i).is_drained() && read;  // which flushes
-    if (read) break;
-    ::poll(nullptr, 0, 1);
   }
   for (const auto& channel : channels_) channel->discard_pending();
+  return read;
 }
 
 void Session::commit() {

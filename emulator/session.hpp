@@ -73,9 +73,10 @@ class Session {
   void flush() noexcept;
   // Returns when poll() has to be called next; nullopt if nothing waits for a time.
   std::optional<HostTime> next_wake() const noexcept;
-  // Called at the end. Waits up to 50 ms until the readers have read everything, or up to 500 ms until paced lines
-  // have sent everything; the rest counts as dropped.
-  void drain() noexcept;
+  // Called at the end. Waits up to `readers` until the readers have read everything, or up to 500 ms until paced
+  // lines have sent everything; the rest counts as dropped. Returns false if a reader is known not to have read
+  // everything.
+  bool drain(std::chrono::milliseconds readers) noexcept;
   // Called after drain() if the run has not failed: Port::commit(). Throws std::runtime_error.
   void commit();
 

@@ -102,7 +102,7 @@ void TruthIntake::count_foreign() noexcept {
 
 // A simulator may send a header row with every truth: only the first ones are looked at.
 void TruthIntake::remark_columns() noexcept {
-  constexpr int most = 8;
+  constexpr int most = 64;  // header rows and comments
   if (headers_ == most) return;
   ++headers_;
   counters_.remarks.columns.set(

@@ -28,10 +28,7 @@ bool is_regular(int fd) noexcept {
   return ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode);
 }
 
-bool is_standard_output(const PortSpec& spec) {
-  return spec.address == "-" || spec.address == "/dev/stdout" || spec.address == "/dev/fd/1" ||
-         spec.address == "/proc/self/fd/1";
-}
+bool is_standard_output(const PortSpec& spec) { return imud::is_standard_output(spec.address); }
 
 // Writes frames. Those for a regular file are gathered; so are those for a pipe or a device if they must not be
 // dropped. Otherwise a pipe gets them at once, and its reader is never waited for.

@@ -40,6 +40,15 @@ std::string foreign_link(const std::string& path, uid_t user) {
   return {};
 }
 
+bool is_same_file(const std::string& a, const std::string& b) {
+  std::error_code error;
+  return std::filesystem::equivalent(a, b, error);
+}
+
+bool is_standard_output(const std::string& path) {
+  return path == "-" || path == "/dev/stdout" || path == "/dev/fd/1" || path == "/proc/self/fd/1";
+}
+
 int flush_standard_output() noexcept {
   errno = 0;
   std::cout.flush();

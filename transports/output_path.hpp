@@ -12,6 +12,13 @@ namespace imud {
 // Returns an empty text if there is none. Linux' fs.protected_symlinks covers only folders with the sticky bit.
 std::string foreign_link(const std::string& path, uid_t user = ::geteuid());
 
+// Returns true if both paths lead to one file, by a symbolic or a hard link, too; false if one of them does not
+// exist.
+bool is_same_file(const std::string& a, const std::string& b);
+
+// Returns true if the path is one of those of standard output: `-`, /dev/stdout, ...
+bool is_standard_output(const std::string& path);
+
 // Writes out what was printed to standard output. Returns 0, or the errno of a write to it that has failed, now or
 // before; a reader that has closed its end is no failure.
 int flush_standard_output() noexcept;

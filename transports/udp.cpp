@@ -228,10 +228,21 @@ bool has_address(const Peer& peer, Endpoint endpoint_there) {
   return endpoint_there.admits(endpoint(peer));
 }
 
+bool is_any(const Peer& peer) {
+  const std::uint32_t any_v4 = INADDR_ANY;
+  return has_address(peer, Endpoint()) || has_address(peer, Endpoint::ipv4(&any_v4, 0));
+}
+
+bool is_loopback(const Peer& peer) {
+  if (peer.address.ss_family == AF_INET6)
+    return IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6&>(peer.address).sin6_addr);
+  return ntohl(reinterpret_cast<const sockaddr_in&>(peer.address).sin_addr.s_addr) >> 24U == IN_LOOPBACKNET;
+}
+
 // Returns true if the address is one of this machine.
 bool is_local(const Peer& peer) {
   ifaddrs* all = nullptr;
-  if (::getifaddrs(&all) != 0) return false;
+  if (is_loopback(peer) || ::getifaddrs(&all) != 0) return is_loopback(peer);
   const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(all, &::freeifaddrs);
   for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
     if (one->ifa_addr == nullptr) continue;
@@ -245,13 +256,14 @@ bool is_local(const Peer& peer) {
   return false;
 }
 
-// A listener at 0.0.0.0 or [::] receives what is sent to any address of this machine.
+// A listener at 0.0.0.0 receives what is sent to any IPv4 address of this machine, one at [::] to any address. What
+// is sent to 0.0.0.0 or [::] goes to this machine.
 bool reaches(const PortSpec& device, const PortSpec& listener) {
   if (UdpAddress::parse(device.address).port != UdpAddress::parse(listener.address).port) return false;
   const Peer to = resolve(device), at = resolve(listener);
-  const std::uint32_t any_v4 = INADDR_ANY;
-  const bool is_any = has_address(at, Endpoint()) || has_address(at, Endpoint::ipv4(&any_v4, 0));
-  return has_address(to, endpoint(at)) || (is_any && is_local(to));
+  if (at.address.ss_family == AF_INET && to.address.ss_family != AF_INET) return false;
+  if (is_any(to)) return is_any(at) || is_loopback(at);
+  return has_address(to, endpoint(at)) || (is_any(at) && is_local(to));
 }
 
 std::optional<std::uint16_t> udp_port(const PortSpec& spec) {

@@ -1,7 +1,11 @@
 // How a run ends: its exit code, the line that names what is missing, and the JSON, for every way to be incomplete.
 #include "emulator/outcome.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <csignal>
+#include <thread>
 
 #include "emulator/summary.hpp"
 #include "tests/emulator/live_test.hpp"
@@ -110,6 +114,34 @@ TEST_F(OutcomeTest, WhatIsMissingOfTheOutput) {
   // At the recorded pace, what nobody reads is not missing, unless it is required.
   expect(0, "", path("truth.csv"), {"--set", "imu.0.port=pty:" + path("pty"), "--set", "clock=realtime"});
   EXPECT_EQ(summary()["imus"][0]["dropped"], 301);
+}
+
+// At the end the reader of a pty is waited for; what it has not read then is missing.
+TEST_F(OutcomeTest, WhatAReaderHasNotReadIsMissing) {
+  for (const bool reads : {true, false}) {
+    Program run("imud");
+    run.start({"replay", config_, path("truth.csv"), "--set", "imu.0.port=pty:" + path("pty"), "--wait-for-reader",
+               "--set", "imu.0.rate_hz=20"});  // 61 frames of 124 bytes, more than a terminal holds
+    ASSERT_TRUE(eventually([&] { return std::filesystem::exists(path("pty")); }));
+    const FileDescriptor reader(::open(path("pty").c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+    ASSERT_TRUE(reader);
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    std::string bytes(65536, '\0');
+    std::size_t got = 0;
+    for (ssize_t size = 1; reads && size > 0 && got < 61 * 124; got += static_cast<std::size_t>(size)) {
+      size = std::max<ssize_t>(::read(reader.get(), bytes.data(), bytes.size()), 0);
+    }
+    EXPECT_EQ(run.wait(), reads ? 0 : 3) << run.errors();
+    EXPECT_EQ(got, reads ? 61U * 124U : 0U);
+  }
+}
+
+// A limit of the files' size is as a full disk.
+TEST_F(OutcomeTest, ALimitOfTheFilesSizeIsAnErrorOfTheFile) {
+  const ProgramResult limited = run_program(
+      "/bin/sh", {"-c", "ulimit -f 8; exec " IMUD_BIN_DIR "/imud replay " + config_ + " " + path("truth.csv")});
+  EXPECT_EQ(limited.exit_code, 3) << limited.errors;
+  EXPECT_TRUE(contains(limited.errors, "lost to errors of the file")) << limited.errors;
 }
 
 TEST_F(OutcomeTest, EndedBeforeTheEnd) {
