@@ -6,7 +6,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <stdexcept>
 #include <string_view>
+#include <vector>
 
 #include "emulator/config.hpp"
 #include "emulator/line_load.hpp"
@@ -28,7 +30,7 @@ class ClosedPort final : public Port {
 
 // Makes what a run makes before it begins. Throws what a run would throw.
 void make_parts(const Config& config, const CheckOptions& options) {
-  check_figures({options.required.begin(), options.required.end()}, config);
+  check_figures(options.required, config);
   Session session(config, [](std::string_view, const PortSettings&) { return std::make_unique<ClosedPort>(); });
   static_cast<void>(make_pacer(config, session.quality()));
 }
@@ -77,6 +79,12 @@ void print_json(const std::string& path, const Config& config) {
   fmt::print("{}\n", json.dump(2));
 }
 
+int print_faults(const std::string& path, const std::vector<std::string>& faults) {
+  const Json json = {{"path", path}, {"good", false}, {"faults", faults}};
+  fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
+  return 2;
+}
+
 }  // namespace
 
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options) {
@@ -89,9 +97,13 @@ int check(const std::string& path, std::span<const std::string> overrides, const
     return 0;
   } catch (const ConfigError& error) {
     if (options.layout != CheckLayout::json) throw;
-    const Json json = {{"path", path}, {"good", false}, {"faults", error.faults}};
-    fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
-    return 2;
+    return print_faults(path, error.faults);
+  } catch (const PortError& error) {
+    if (options.layout != CheckLayout::json) throw;
+    return print_faults(path, {error.what()});
+  } catch (const std::invalid_argument& error) {  // of a requirement
+    if (options.layout != CheckLayout::json) throw;
+    return print_faults(path, {fmt::format("--require {}", error.what())});
   }
 }
 

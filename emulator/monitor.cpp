@@ -87,6 +87,10 @@ Summary Monitor::finish(std::string capture_warning) {
 
 // A failure ends the figures, not the run.
 void Monitor::write_quality(const Summary& all) {
+  if (!quality_.has_room()) {  // the thread that waits for signals does not wait for a reader
+    quality_error_ = fmt::format("{}: its reader is too slow; lines of figures are missing", options_.quality_file);
+    return;
+  }
   try {
     quality_.write(json(all.since(last_quality_), JsonLayout::line) + "\n");
   } catch (const std::runtime_error& error) {

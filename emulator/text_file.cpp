@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -45,6 +46,11 @@ TextFile TextFile::standard_error() {
   file.path_ = "-";
   file.file_.reset(::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0));
   return file;
+}
+
+bool TextFile::has_room() const noexcept {
+  pollfd output{file_.get(), POLLOUT, 0};
+  return ::poll(&output, 1, 0) != 0;
 }
 
 void TextFile::write(std::string_view text) {

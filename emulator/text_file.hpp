@@ -25,6 +25,9 @@ class TextFile {
   // Writes all of it, and waits for a slow reader. A reader that has closed its end is no error. Throws
   // std::runtime_error, which names the file and the cause.
   void write(std::string_view text);
+  // Returns false if write() would wait for the reader of a pipe. A text of up to 4096 bytes (PIPE_BUF) does not wait
+  // if it is true.
+  bool has_room() const noexcept;
   // Returns false for a stream and a device, which keep what they have received.
   bool is_regular() const noexcept;
   // Replaces the content of a regular file, which is never empty meanwhile; writes to anything else as write() does.

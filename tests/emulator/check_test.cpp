@@ -132,6 +132,7 @@ TEST_F(CheckTest, PrintsTextOrJson) {
   EXPECT_EQ(bad["good"], false);
   EXPECT_EQ(bad["faults"].size(), 2U);
   EXPECT_EQ(run_program("imud", {"check", c, "--require", "imu2.samples>=1"}).exit_code, 2);
+  EXPECT_EQ(json({"--require", "imu2.samples>=1"}, 2)["faults"].size(), 1U);
 }
 
 // Each would fail, or run otherwise than it is meant; all of these were found good once.
@@ -139,6 +140,7 @@ TEST_F(CheckTest, WhatCannotRunAsItIsMeantIsAFault) {
   const std::string native = minimal(*find_protocol("native")), stim = minimal(*find_protocol("stim300"));
   const std::string two = native + "[[imu]]\nprotocol = \"stim300\"\nport = \"pty:imu2\"\n";
   std::filesystem::create_symlink("/dev/null", path("alias"));
+  std::filesystem::create_hard_link(write("truth", ""), path("hard"));
   const std::string here = path("x"), there = folder_ + "/../" + folder_.substr(folder_.rfind('/') + 1) + "/x";
   struct Case {
     std::string text;
@@ -153,6 +155,13 @@ TEST_F(CheckTest, WhatCannotRunAsItIsMeantIsAFault) {
       {native, {"imu.0.port=udp:127.0.0.1:9810"}, "imu.0.port"},
       {native, {"truth.port=udp:0.0.0.0:9810", "imu.0.port=udp:127.0.0.1:9810"}, "imu.0.port"},
       {native, {"truth.port=udp:[::]:9810", "imu.0.port=udp:[::1]:9810"}, "imu.0.port"},
+      {native, {"truth.port=udp:0.0.0.0:9810", "imu.0.port=udp:127.0.0.2:9810"}, "imu.0.port"},
+      {native, {"imu.0.port=udp:0.0.0.0:9810"}, "imu.0.port"},
+      {native, {"truth.port=udp:[::]:9810", "imu.0.port=udp:127.0.0.1:9810"}, "imu.0.port"},
+      {two, {"imu.0.port=file:-", "imu.1.port=file:/dev/stdout"}, "imu.1.port"},
+      {native,
+       {"clock=fast", "truth.format=csv", "truth.port=file:" + path("truth"), "imu.0.port=file:" + path("hard")},
+       "imu.0.port"},
       {stim, {"imu.0.sync.tov_port=udp:127.0.0.1:9810"}, "imu.0.sync.tov_port"},
       {stim, {"imu.0.sync.tov_port="}, "imu.0.sync.tov_port"},
       {two, {"imu.0.port=pty:" + here, "imu.1.port=pty:" + there}, "imu.1.port"},
@@ -190,6 +199,7 @@ TEST_F(CheckTest, WhatIsUnusualIsGoodOrAWarning) {
   ASSERT_EQ(bounded.size(), 1U);
   EXPECT_TRUE(contains(bounded[0], "imu.0.gyro.walk_transition: its spectral radius is 1.01")) << bounded[0];
   EXPECT_TRUE(warnings({"truth.port=udp:0.0.0.0:9810", "imu.0.port=udp:192.0.2.1:9810"}).empty()) << "another host";
+  EXPECT_TRUE(warnings({"truth.port=udp:0.0.0.0:9810", "imu.0.port=udp:[::1]:9810"}).empty()) << "IPv4 alone";
   EXPECT_TRUE(warnings({"clock=lockstep", "truth.delay_ms=0"}).empty());
 }
 
