@@ -207,6 +207,9 @@ int decode(const Options& options, bool& running) {
     fmt::print(stderr, "imu-decode: receives at {}\n", chosen);
   TextOutput csv("-");
   std::optional<TextOutput> json;
+  const std::string address = options.port.substr(options.port.find(':') + 1);
+  if (is_same_file(address.substr(0, address.find('?')), options.json_path))
+    throw std::runtime_error(options.json_path + ": is the input; give another file");
   if (!options.json_path.empty()) json.emplace(options.json_path);
 
   running = true;

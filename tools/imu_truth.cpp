@@ -161,6 +161,8 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
   CapturedTruths truths(
       {options.capture, options.format, options.settings,
        app.get_option("--stream")->count() > 0 ? std::optional(options.motion.stream) : std::nullopt});
+  if (is_same_file(options.capture.substr(0, options.capture.find('?')), options.csv_path))
+    throw std::runtime_error(options.csv_path + ": is the capture; give another file");
   TextOutput csv(options.csv_path);
   running = true;
   std::optional<Truth> first;

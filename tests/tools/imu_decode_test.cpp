@@ -150,6 +150,14 @@ TEST(ImuDecode, WhatHasArrivedBeforeASignalIsDecoded) {
   EXPECT_EQ(decode.output(), csv_of(samples));
 }
 
+TEST(ImuDecode, TheReportDoesNotReplaceTheInput) {
+  const ScratchFolder folder;
+  const std::string port = file_with(folder, bytes_of("native", steady_samples(50, 100)));
+  const std::string path = port.substr(port.find(':') + 1);
+  EXPECT_EQ(run_program("imu-decode", {"native", port, "--json", path}).exit_code, 2);
+  EXPECT_EQ(read_file(path).size(), 50U * 124U);
+}
+
 TEST(ImuDecode, AFileDescriptorIsWrittenToWhenThePortIsOpen) {
   const ScratchFolder folder;
   const auto decode = [](const std::string& port) {
