@@ -66,7 +66,7 @@ void print_json(const std::string& path, const Config& config) {
   resolved << toml::json_formatter(toml::parse(config.resolved));
   Json imus = Json::array();
   for (const ImuConfig& imu : config.imus) {
-    Json lines = {load_json(imu.port, line_load(imu))};
+    Json lines = Json::array({load_json(imu.port, line_load(imu))});
     if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
     imus.push_back({{"name", imu.name}, {"lines", std::move(lines)}});
   }

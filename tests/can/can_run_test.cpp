@@ -60,11 +60,13 @@ TEST_F(CanRunTest, AFlightOnTheBusDecodesToTheSameNumbers) {
     Program candump("/usr/bin/candump");
     candump.start({"-L", "-r", "8388608", "-n", fd ? "101" : "707", "vcan0"});
     ASSERT_TRUE(eventually([] { return receivers() == 2; }));
-    const ProgramResult run = run_program("imud", {"replay", c, flight, "--for", "2", "--set",
-                                                   "imu.0.device.fd=" + kind, "--summary", path("summary.json")});
+    // The guest may be held up for more than a second, as by a test beside it that fills the host's memory.
+    const ProgramResult run =
+        run_program("imud", {"replay", c, flight, "--for", "2", "--set", "imu.0.device.fd=" + kind, "--set",
+                             "realtime.skip_after_ms=3600000", "--summary", path("summary.json")});
     ASSERT_EQ(run.exit_code, 3) << run.errors;
     EXPECT_EQ(summary()["imus"][0]["samples"], 101);
-    EXPECT_EQ(summary()["imus"][0]["frames"], fd ? 101 : 707);
+    ASSERT_EQ(summary()["imus"][0]["frames"], fd ? 101 : 707) << run.errors;
     EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
     ASSERT_EQ(decode.wait(), 0) << decode.errors();
     ASSERT_EQ(candump.wait(), 0);
@@ -224,7 +226,7 @@ TEST_F(CanRunTest, AFullQueueDropsFramesAndTheRunGoesOn) {
   const auto imu = summary()["imus"][0];
   EXPECT_GT(imu["dropped"], 0);
   EXPECT_EQ(imu["frames"].get<std::uint64_t>() + imu["dropped"].get<std::uint64_t>(),
-            7 * imu["samples"].get<std::uint64_t>());
+            7 * (imu["samples"].get<std::uint64_t>() - imu["skipped"].get<std::uint64_t>()));
 }
 
 TEST_F(CanRunTest, AnInterfaceThatGoesDownAndComesBack) {
@@ -245,7 +247,7 @@ TEST_F(CanRunTest, AnInterfaceThatGoesDownAndComesBack) {
   const auto imu = summary()["imus"][0];
   EXPECT_GT(imu["dropped"], 0);
   EXPECT_EQ(imu["frames"].get<std::uint64_t>() + imu["dropped"].get<std::uint64_t>(),
-            7 * imu["samples"].get<std::uint64_t>());
+            7 * (imu["samples"].get<std::uint64_t>() - imu["skipped"].get<std::uint64_t>()));
 }
 
 }  // namespace

@@ -96,6 +96,12 @@ class ConfigFuzz : public testing::Test {
     }
   }
 
+  // A new file: ext4 waits for the disk when a file that was emptied is closed.
+  static void write(const std::string& path, const std::string& text) {
+    std::filesystem::remove(path);
+    std::ofstream(path, std::ios::binary) << text;
+  }
+
   static std::size_t inputs(std::size_t initial) {
     const char* wanted = std::getenv("IMUD_FUZZ_INPUTS");
     return wanted == nullptr ? initial : std::strtoull(wanted, nullptr, 10);
@@ -109,16 +115,16 @@ class ConfigFuzz : public testing::Test {
 TEST_F(ConfigFuzz, AnyConfigurationIsReadOrRefused) {
   const std::string path = folder_ / "c.toml";
   std::size_t good = 0, refused = 0;
-  for (std::size_t n = inputs(4000); n > 0; --n) {
+  for (std::size_t n = inputs(1500); n > 0; --n) {
     std::string text = any(texts_);
     for (std::size_t changes = below(4); changes > 0; --changes) text = changed(std::move(text));
-    std::ofstream(path, std::ios::binary) << text;
+    write(path, text);
     std::vector<std::string> overrides;
     for (std::size_t more = below(3); more > 0; --more) overrides.push_back(changed(any(lines_)));
     try {
       const Config config = load_config(path, overrides);
       ++good;
-      std::ofstream(path, std::ios::binary) << config.resolved;
+      write(path, config.resolved);
       EXPECT_EQ(load_config(path).resolved, config.resolved) << text;
     } catch (const ConfigError& error) {
       ++refused;
@@ -126,7 +132,7 @@ TEST_F(ConfigFuzz, AnyConfigurationIsReadOrRefused) {
     }
   }
   EXPECT_GT(good, 100U);
-  EXPECT_GT(refused, 1000U);
+  EXPECT_GT(refused, 500U);
 }
 
 // Commands that begin something are given a configuration that does not exist.
@@ -139,7 +145,7 @@ TEST_F(ConfigFuzz, AnyCommandLineIsExecutedOrRefused) {
   testing::internal::CaptureStdout();
   testing::internal::CaptureStderr();
   for (std::size_t n = inputs(1000); n > 0; --n) {
-    std::ofstream(path, std::ios::binary) << changed(any(texts_));
+    write(path, changed(any(texts_)));
     std::vector<std::string> line = {"imud"};
     switch (below(4)) {
       case 0:
