@@ -16,7 +16,8 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       is_can_(config.protocol->link == Link::can),
       imu_(config.model, seed, stream_id(config.name)),
       device_(config.protocol->make(config.settings)),
-      clock_(config.grid) {
+      clock_(config.grid),
+      counters_(config.protocol->counters) {
   lines_[0] = {open(config.port, config.port_settings), device_->uart()};
   if (!config.second_port.empty()) {
     device_->connect_second_uart();
@@ -142,7 +143,6 @@ constexpr std::size_t most_served = 256, per_frame = 16;
 bool Channel::serve(HostTime now) noexcept {
   const std::size_t first = serve(0, now), second = line_count_ == 2 ? serve(1, now) : 0;
   const bool has_received = first + second > 0;
-  if (has_received) counters_.unconnected_outputs.store(device_->unconnected_outputs(), std::memory_order_relaxed);
   if (has_received || lines_[0].port->state() != counters_.port_state.load(std::memory_order_relaxed) ||
       (line_count_ == 2 && lines_[1].port->state() != counters_.second_port_state.load(std::memory_order_relaxed)))
     publish();
@@ -194,6 +194,7 @@ void Channel::publish() noexcept {
     counters_.second_port_error.store(second.error(), std::memory_order_relaxed);
     counters_.second_port_state.store(second.state(), std::memory_order_release);
   }
+  counters_.device.store(device_->counts());
   counters_.frames.store(sent - replies, std::memory_order_relaxed);
   counters_.replies.store(replies, std::memory_order_relaxed);
   counters_.dropped.store(dropped, std::memory_order_relaxed);

@@ -89,6 +89,11 @@ RefusalCounters::RefusalCounters() {
                          CounterInfo{cause(r.refusal), cause(r.refusal), Show::if_not_zero, Show::if_not_zero});
 }
 
+void DeviceCounters::store(std::span<const std::uint64_t> counts) noexcept {
+  for (std::size_t i = 0; i < std::min(counts.size(), counts_.size()); ++i)
+    counts_[i].store(counts[i], std::memory_order_relaxed);
+}
+
 SnapshotValues::SnapshotValues(const CounterGroup& group) {
   for (const Counter* counter : group.counters) counts.push_back(counter->load(std::memory_order_relaxed));
   for (const Level* level : group.levels) levels.push_back(level->load(std::memory_order_relaxed));

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cstdint>
 #include <deque>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -15,6 +16,7 @@
 
 #include "core/duration_histogram.hpp"
 #include "emulator/truth_remarks.hpp"
+#include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
 
@@ -71,8 +73,25 @@ struct CounterGroup {
   std::vector<const Durations*> durations;
 };
 
+// The figures that the product of an imu declares.
+class DeviceCounters {
+ public:
+  explicit DeviceCounters(std::span<const DeviceCounter> declared = {})
+      : declared_(declared), counts_(declared.size()) {}
+  std::span<const DeviceCounter> declared() const noexcept { return declared_; }
+  // `counts` are in the order of the declarations.
+  void store(std::span<const std::uint64_t> counts) noexcept;
+  std::uint64_t count(std::size_t i) const noexcept { return counts_[i].load(std::memory_order_relaxed); }
+
+ private:
+  std::span<const DeviceCounter> declared_;
+  std::vector<std::atomic<std::uint64_t>> counts_;
+};
+
 // The counters of one imu.
 struct ImuCounters : CounterGroup {
+  explicit ImuCounters(std::span<const DeviceCounter> of_device = {}) : device(of_device) {}
+
   Counter samples{*this, {"samples", "samples", Show::always}};
   // Frames of samples and deadlines that the port took whole; frames, replies included, that it did not take.
   Counter frames{*this, {"frames", "frames sent", Show::always}};
@@ -93,11 +112,10 @@ struct ImuCounters : CounterGroup {
   Counter replies{*this, {"replies", "replies sent"}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
-  // Times that the host turned an output to a UART that is not connected.
-  Counter unconnected_outputs{*this, {"unconnected_outputs", "outputs turned to a UART that is not connected"}};
   // From a sample's instant to the beginning of its write, and the duration of that write.
   Durations lateness{*this, "lateness_us"};
   Durations write{*this, "write_us"};
+  DeviceCounters device;
   std::atomic<PortState> port_state = PortState::ready, second_port_state = PortState::ready;
   std::atomic<int> port_error = 0, second_port_error = 0;  // Port::error()
   std::atomic<Port::Speeds> speeds = Port::Speeds{}, second_speeds = Port::Speeds{};

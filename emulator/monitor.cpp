@@ -36,7 +36,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       remarks_(counters_.truth->remarks.all().size()),
       refusals_(counters_.truth->refused.counters.size()),
       edges_refused_(config.imus.size()),
-      unconnected_reported_(config.imus.size()),
+      device_reported_(config.imus.size()),
       ports_(config.imus.size()),
       second_ports_(config.imus.size()) {
   for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
@@ -168,12 +168,12 @@ void Monitor::report_imus() {
     if (!imu.second_port.empty())
       report_port(second_ports_[i], imu.name, imu.second_port,
                   {counters.second_port_state, counters.second_speeds, counters.second_port_error});
-    if (!unconnected_reported_[i] && counters.unconnected_outputs > 0) {
-      unconnected_reported_[i] = true;
-      spdlog::warn(
-          "{}: the host has turned an output to the UART that is not connected; give second_port, or device.uart for "
-          "the UART at port (counted; reported once)",
-          imu.name);
+    const std::span<const DeviceCounter> declared = counters.device.declared();
+    device_reported_[i].resize(declared.size());
+    for (std::size_t k = 0; k < declared.size(); ++k) {
+      if (device_reported_[i][k] || declared[k].warning.empty() || counters.device.count(k) == 0) continue;
+      device_reported_[i][k] = true;
+      spdlog::warn("{}: {} (counted; reported once)", imu.name, declared[k].warning);
     }
     if (edges_refused_[i] || counters_.imus[i].second->edges_refused == 0) continue;
     edges_refused_[i] = true;

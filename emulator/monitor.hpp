@@ -79,9 +79,9 @@ class Monitor {
   Summary last_quality_, last_log_;  // at the last line of each
   Rise runs_, stops_, returns_, resumed_;
   bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false;
-  // The reports so far: which causes of refusal; which imus that refuse edges, or whose host uses a UART that is not
-  // connected; the ports.
-  std::vector<bool> remarks_, refusals_, edges_refused_, unconnected_reported_;
+  // The reports so far: which causes of refusal; which imus that refuse edges; which figures of products; the ports.
+  std::vector<bool> remarks_, refusals_, edges_refused_;
+  std::vector<std::vector<bool>> device_reported_;  // by imu and DeviceCounter
   std::vector<ReportedPort> ports_, second_ports_;
 };
 

@@ -99,7 +99,8 @@ int Outcome::exit_code() const noexcept {
 
 void check_figures(std::span<const Requirement> requirements, const Config& config) {
   Summary names;
-  for (const ImuConfig& imu : config.imus) names.imus.push_back({imu.name, {}, 0});
+  for (const ImuConfig& imu : config.imus)
+    names.imus.push_back({imu.name, {}, device_counts(DeviceCounters(imu.protocol->counters)), 0});
   for (const Requirement& requirement : requirements)
     if (!find_count(names, requirement.figure))
       throw std::invalid_argument(fmt::format("\"{}\": there is no figure {}; there are {}", requirement.text,

@@ -8,6 +8,13 @@
 
 namespace imud {
 
+std::vector<DeviceCount> device_counts(const DeviceCounters& counters) {
+  std::vector<DeviceCount> counts;
+  for (std::size_t i = 0; i < counters.declared().size(); ++i)
+    counts.push_back({counters.declared()[i].key, counters.declared()[i].words, counters.count(i)});
+  return counts;
+}
+
 Summary summarize(const RunCounters& counters, double duration_s, const std::vector<double>& line_loads) {
   Summary summary;
   summary.duration_s = duration_s;
@@ -22,8 +29,10 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   summary.simulated_s = 1e-9 * static_cast<double>(truth.simulated_ns);
   if (const double progress = truth.progress; progress >= 0) summary.truth.progress = progress;
   if (span_s > 0) summary.truth.rate_hz = static_cast<double>(accepted - 1) / span_s;
-  for (std::size_t i = 0; i < counters.imus.size(); ++i)
-    summary.imus.push_back({counters.imus[i].first, Snapshot(*counters.imus[i].second), line_loads[i]});
+  for (std::size_t i = 0; i < counters.imus.size(); ++i) {
+    const auto& [name, imu] = counters.imus[i];
+    summary.imus.push_back({name, Snapshot(*imu), device_counts(imu->device), line_loads[i]});
+  }
   return summary;
 }
 
@@ -36,7 +45,11 @@ Summary Summary::since(const Summary& before) const {
   rest.truth.quality.subtract(before.truth.quality);
   const auto accepted = static_cast<double>(rest.truth.counters[&TruthCounters::accepted]);
   rest.truth.rate_hz = rest.duration_s > 0 ? accepted / rest.duration_s : 0;
-  for (std::size_t i = 0; i < rest.imus.size(); ++i) rest.imus[i].counters.subtract(before.imus[i].counters);
+  for (std::size_t i = 0; i < rest.imus.size(); ++i) {
+    rest.imus[i].counters.subtract(before.imus[i].counters);
+    for (std::size_t k = 0; k < rest.imus[i].device.size(); ++k)
+      rest.imus[i].device[k].count -= before.imus[i].device[k].count;
+  }
   return rest;
 }
 
@@ -68,6 +81,8 @@ std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view
   for (const Summary::Imu& imu : summary.imus) {
     if (dot != name.npos && imu.name != name.substr(0, dot)) continue;
     if (const auto count = count_of(imu.counters, key)) sum = sum.value_or(0) + *count;
+    for (const DeviceCount& figure : imu.device)
+      if (figure.key == key) sum = sum.value_or(0) + figure.count;
   }
   return sum;
 }
@@ -79,6 +94,9 @@ std::vector<std::string> count_names(const Summary& summary) {
       names.push_back(fmt::format("{}{}", prefix, counter->info.key));
   };
   add("", Snapshot<ImuCounters>());
+  for (const Summary::Imu& imu : summary.imus)
+    for (const DeviceCount& figure : imu.device)
+      if (std::find(names.begin(), names.end(), figure.key) == names.end()) names.emplace_back(figure.key);
   add("truth.", summary.truth.counters);
   names.emplace_back("truth.refused");
   add("truth.refused.", summary.truth.refused);
@@ -166,6 +184,8 @@ std::string text(const Summary& s) {
   if (!s.truth.warning.empty()) out += fmt::format("         warning: {}\n", s.truth.warning);
   for (const Summary::Imu& imu : s.imus) {
     out += fmt::format("{:<8} {}", imu.name, counts_text(imu.counters, where));
+    for (const DeviceCount& figure : imu.device)
+      if (figure.count > 0) out += fmt::format(", {} {}", figure.count, figure.words);
     const DurationHistogram& lateness = imu.counters[&ImuCounters::lateness];
     if (lateness.count() > 0) out += fmt::format("; late by {}", Percentiles(lateness).text());
     if (imu.line_load_percent > 0) out += fmt::format("; line {:.1f} %", imu.line_load_percent);
@@ -256,6 +276,7 @@ std::string json(const Summary& s, JsonLayout layout) {
     nlohmann::ordered_json& object = imus.emplace_back();
     object["name"] = imu.name;
     add_counts(object, imu.counters);
+    for (const DeviceCount& figure : imu.device) object[std::string(figure.key)] = figure.count;
     add_estimates(object, imu.counters);
     if (imu.line_load_percent > 0) object["line_load_percent"] = imu.line_load_percent;
   }

@@ -13,6 +13,14 @@
 
 namespace imud {
 
+// A figure of an imu's product.
+struct DeviceCount {
+  std::string_view key, words;  // as DeviceCounter
+  std::uint64_t count = 0;
+};
+
+std::vector<DeviceCount> device_counts(const DeviceCounters& counters);
+
 struct Summary {
   double duration_s = 0;   // host time
   double simulated_s = 0;  // from the first to the newest truth of each run, summed over the runs
@@ -30,7 +38,8 @@ struct Summary {
   struct Imu {
     std::string name;
     Snapshot<ImuCounters> counters;  // its durations are empty in `lockstep` and `fast`
-    double line_load_percent = 0;    // 0: the line has no bit rate
+    std::vector<DeviceCount> device;
+    double line_load_percent = 0;  // 0: the line has no bit rate
   };
   std::vector<Imu> imus;
 

@@ -10,7 +10,7 @@ void Device::step_clock(Nanoseconds) noexcept {}
 UartSettings Device::uart() const noexcept { return {}; }
 void Device::connect_second_uart() noexcept {}
 UartSettings Device::second_uart() const noexcept { return {}; }
-std::uint64_t Device::unconnected_outputs() const noexcept { return 0; }
+std::span<const std::uint64_t> Device::counts() const noexcept { return {}; }
 void Device::trigger(DeviceTime) noexcept {}
 void Device::pps(DeviceTime) noexcept {}
 std::optional<Device::Pulse> Device::pulse() const noexcept { return std::nullopt; }

@@ -51,6 +51,9 @@ class Device {
   // Returns the settings of the product's UART. A change applies to what is sent after it. Default: a UartSettings{},
   // for a product whose UART cannot be set.
   virtual UartSettings uart() const noexcept;
+  // Returns the product's own figures since it was made, in the order of Protocol::counters. The span stays valid as
+  // long as the device. Default: none.
+  virtual std::span<const std::uint64_t> counts() const noexcept;
 
   // --- The second UART of a product that has two (Protocol::has_second_uart) ---
   // Connects it: from now on the device also makes the frames that leave there, with Frame::uart 1. Default: does
@@ -58,9 +61,6 @@ class Device {
   virtual void connect_second_uart() noexcept;
   // Returns its settings, as uart() does. Default: a UartSettings{}.
   virtual UartSettings second_uart() const noexcept;
-  // Returns how many times the host has turned an output to the second UART alone while it was not connected.
-  // Default: 0.
-  virtual std::uint64_t unconnected_outputs() const noexcept;
 
   // --- Synchronisation pins (Protocol::has_sync_pins) ---
   // Report a valid edge on the trigger input, or on the pulse-per-second input. `time` is in (last sample, next
@@ -123,6 +123,14 @@ class Decoder {
 
  protected:
   DecodeErrors errors_;
+};
+
+// A figure that a product counts beside those of every imu, such as conflicts of its address, or transfers that timed
+// out.
+struct DeviceCounter {
+  std::string_view key;           // in the summary's JSON, and in limits: "imu1.KEY"
+  std::string_view words;         // follow the number: "3 transfers timed out"
+  std::string_view warning = "";  // logged when it is first counted: what it means, and the remedy; empty: nothing
 };
 
 // One identifier under which a product sends on a CAN bus. A transfer of several frames with the same identifier
@@ -191,8 +199,9 @@ struct Protocol {
   // The longest burst of errors that is always detected, in bits; each byte is counted from its LSB.
   unsigned burst_bits = 0;
 
-  bool has_sync_pins = false;    // Device's trigger(), pps() and pulse()
-  bool has_second_uart = false;  // Device's connect_second_uart() and second_uart()
+  bool has_sync_pins = false;                    // Device's trigger(), pps() and pulse()
+  bool has_second_uart = false;                  // Device's connect_second_uart() and second_uart()
+  std::span<const DeviceCounter> counters = {};  // of Device::counts()
 
   // Set if, and only if, the link is Link::can; both throw as make does. can_messages: every identifier that the
   // product ever sends with these settings, to compute the bus load and to find two products that use the same;

@@ -87,10 +87,10 @@ class VectorNavDevice final : public Device {
 
   void connect_second_uart() noexcept override {
     is_second_connected_ = true;
-    unconnected_outputs_ = 0;
+    unconnected_outputs_[0] = 0;
   }
   UartSettings second_uart() const noexcept override { return {active_.ports[1 - host_uart_].baud}; }
-  std::uint64_t unconnected_outputs() const noexcept override { return unconnected_outputs_; }
+  std::span<const std::uint64_t> counts() const noexcept override { return unconnected_outputs_; }
 
   void trigger(DeviceTime time) noexcept override { pins_.edge(active_.sync, pulse_source(), time); }
   void pps(DeviceTime time) noexcept override { pins_.pps_edge(active_.sync, pulse_source(), time); }
@@ -309,7 +309,7 @@ class VectorNavDevice final : public Device {
     const bool is_text = id == 6 && uart == other && active_.ports[other].async_type != 0;
     const bool is_binary =
         id >= 75 && id <= 77 && active_.binary[id - 75].mode == 1U << other && active_.binary[id - 75].size() != 0;
-    unconnected_outputs_ += is_text || is_binary;
+    unconnected_outputs_[0] += is_text || is_binary;
   }
 
   Error read_register(std::string_view rest, std::string_view name, const Dialogue& dialogue) noexcept {
@@ -338,7 +338,7 @@ class VectorNavDevice final : public Device {
   const Model model_;
   const unsigned host_uart_;  // the one at the port
   bool is_second_connected_ = false;
-  std::uint64_t unconnected_outputs_ = 0;
+  std::array<std::uint64_t, 1> unconnected_outputs_ = {};  // as `counters`
   const Configuration factory_;
   Configuration stored_, active_;
   std::array<bool, uarts> paused_ = {};
@@ -351,6 +351,11 @@ class VectorNavDevice final : public Device {
   std::array<Sums, of_text + uarts> sums_;  // since the binary outputs, text and register 80 were last sent
   std::array<Reader, uarts> readers_;
 };
+
+constexpr DeviceCounter counters[] = {
+    {"unconnected_outputs", "outputs turned to a UART that is not connected",
+     "the host has turned an output to the UART that is not connected; give second_port, or device.uart for the UART "
+     "at port"}};
 
 }  // namespace
 
@@ -377,6 +382,7 @@ constexpr Protocol vectornav_protocol = {
     .burst_bits = 16,
     .has_sync_pins = true,
     .has_second_uart = true,
+    .counters = counters,
     .product = vectornav::product_of,
     .conformance_settings = vectornav::conformance_settings,
     .host_inputs = vectornav::host_inputs,

@@ -4,6 +4,7 @@
 #include <spdlog/sinks/ostream_sink.h>
 #include <spdlog/spdlog.h>
 
+#include <array>
 #include <memory>
 #include <sstream>
 
@@ -36,7 +37,7 @@ class MonitorTest : public RunTest {
 
   TruthCounters truth_;
   TruthQuality quality_;
-  ImuCounters imu_;
+  ImuCounters imu_{find_protocol("vectornav")->counters};
   Config config_;
 
  private:
@@ -159,8 +160,8 @@ TEST_F(MonitorTest, AnOutputToAUartThatIsNotConnectedIsReportedOnce) {
   Monitor monitor = this->monitor();
   monitor.update();
   EXPECT_EQ(logged(), Lines{});
-  for (int i = 0; i < 3; ++i) {
-    imu_.unconnected_outputs.count();
+  for (std::uint64_t i = 1; i <= 3; ++i) {
+    imu_.device.store(std::array{i});
     monitor.update();
   }
   EXPECT_EQ(logged(), Lines{"warning imu1: the host has turned an output to the UART that is not connected; give "

@@ -2,8 +2,10 @@
 #include "emulator/summary.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "tests/support/text.hpp"
@@ -58,8 +60,33 @@ TEST_F(SummaryTest, TheTextHasEveryCounterThatIsNotZero) {
       *const_cast<Counter*>(counter) = number;
       EXPECT_TRUE(contains(text(summarize(1)), words)) << text(summarize(1));
     }
-  EXPECT_EQ(number, 70U + 10U + 15U + 3U + 13U);
+  EXPECT_EQ(number, 70U + 10U + 15U + 3U + 12U);
   EXPECT_TRUE(contains(text(summarize(1)), " not sent"));
+}
+
+TEST_F(SummaryTest, FiguresOfAProductStandBesideThoseOfEveryImu) {
+  const DeviceCounter declared[] = {{"node_id_conflicts", "frames with this node id", "change it"},
+                                    {"transfers_aborted", "transfers aborted"}};
+  ImuCounters node{declared};
+  const auto now = [&] {
+    return imud::summarize({&truth_, &quality_, {{"imu1", &imus_[0]}, {"node", &node}}}, 1, {0, 0});
+  };
+  node.device.store(std::array{std::uint64_t{0}, std::uint64_t{2}});
+  const Summary before = now();
+  node.device.store(std::array{std::uint64_t{3}, std::uint64_t{2}});
+  EXPECT_TRUE(contains(text(now()),
+                       "node     0 samples, 0 frames sent, 0 dropped, 0 missed, 3 frames with this node "
+                       "id, 2 transfers aborted\n"))
+      << text(now());
+  EXPECT_FALSE(contains(text(before), "node id"));
+  EXPECT_EQ(parsed(now())["imus"][1]["node_id_conflicts"], 3);
+  EXPECT_EQ(parsed(before)["imus"][1]["node_id_conflicts"], 0);
+  EXPECT_FALSE(parsed(now())["imus"][0].contains("node_id_conflicts"));
+  EXPECT_EQ(find_count(now(), "node.transfers_aborted"), 2U);
+  EXPECT_EQ(find_count(now(), "node_id_conflicts"), 3U);
+  EXPECT_EQ(find_count(now(), "imu1.node_id_conflicts"), std::nullopt);
+  EXPECT_EQ(find_count(now().since(before), "node.transfers_aborted"), 0U);
+  EXPECT_EQ(count(fmt::format("{}", fmt::join(count_names(now()), " ")), "transfers_aborted"), 1U);
 }
 
 TEST_F(SummaryTest, TheTextHasTheClockAndTheWarning) {

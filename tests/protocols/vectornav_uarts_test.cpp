@@ -33,7 +33,7 @@ TEST(VectorNavUarts, Px4AtUart2GetsItsThreeOutputs) {
   EXPECT_EQ(unit.device->uart().baud, 921'600U);
   EXPECT_EQ(unit.ask("VNWRG,35,1,0,1,1"), with_xor("VNWRG,35,1,0,1,1"));
   for (const char* body : px4_outputs) EXPECT_EQ(unit.ask(body), with_xor(body));
-  EXPECT_EQ(unit.device->unconnected_outputs(), 0U);
+  EXPECT_EQ(unit.device->counts()[0], 0U);
   // The driver tells the outputs by groups and masks.
   const auto sent = unit.run(800);
   EXPECT_EQ(beginning_with(sent, std::string("\xFA\x06\x01\x00\x0C\x00", 6)).size(), 800U);
@@ -48,7 +48,7 @@ TEST(VectorNavUarts, Px4AtUart1GetsNothingAndIsCounted) {
   std::uint64_t counted = 0;
   for (const char* body : px4_outputs) {
     EXPECT_EQ(unit.ask(body), with_xor(body));
-    EXPECT_EQ(unit.device->unconnected_outputs(), ++counted);
+    EXPECT_EQ(unit.device->counts()[0], ++counted);
   }
   EXPECT_TRUE(unit.run(800).empty());
 }
@@ -58,22 +58,22 @@ TEST(VectorNavUarts, OnlyWhatGoesNowhereElseIsCounted) {
   for (const char* body : {"VNWRG,75,1,8,01,0001", "VNWRG,75,3,8,01,0001", "VNWRG,75,0,8,01,0001", "VNWRG,75,2,8,00",
                            "VNWRG,06,0,2", "VNWRG,06,14", "VNWRG,06,14,1", "VNWRG,07,10,2"}) {
     EXPECT_EQ(unit.ask(body), with_xor(body));
-    EXPECT_EQ(unit.device->unconnected_outputs(), 0U) << body;
+    EXPECT_EQ(unit.device->counts()[0], 0U) << body;
   }
   EXPECT_EQ(unit.ask("VNWRG,06,14,2"), with_xor("VNWRG,06,14,2"));
-  EXPECT_EQ(unit.device->unconnected_outputs(), 1U);
+  EXPECT_EQ(unit.device->counts()[0], 1U);
   Unit both;
   both.device->connect_second_uart();
   EXPECT_EQ(both.ask("VNWRG,75,2,8,01,0001"), with_xor("VNWRG,75,2,8,01,0001"));
-  EXPECT_EQ(both.device->unconnected_outputs(), 0U);
+  EXPECT_EQ(both.device->counts()[0], 0U);
 }
 
 TEST(VectorNavUarts, AConfiguredOutputThatGoesNowhereIsCounted) {
   for (const auto& [binary, count] : {std::pair{"2,8,01,0001", 1U}, {"1,8,01,0001", 0U}, {"3,8,01,0001", 0U}}) {
     Unit unit({{"binary_2", std::string(binary)}});
-    EXPECT_EQ(unit.device->unconnected_outputs(), count) << binary;
+    EXPECT_EQ(unit.device->counts()[0], count) << binary;
     unit.device->connect_second_uart();
-    EXPECT_EQ(unit.device->unconnected_outputs(), 0U) << binary;
+    EXPECT_EQ(unit.device->counts()[0], 0U) << binary;
   }
 }
 
