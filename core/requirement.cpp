@@ -2,7 +2,6 @@
 
 #include <charconv>
 #include <cmath>
-#include <stdexcept>
 #include <utility>
 
 namespace imud {
@@ -10,8 +9,8 @@ namespace imud {
 namespace {
 
 [[noreturn]] void refuse(std::string_view text, std::string_view fault) {
-  throw std::invalid_argument("\"" + std::string(text) + "\": " + std::string(fault) +
-                              "; right would be FIGURE>=NUMBER, such as samples>=1000 or truth.refused<=1%");
+  throw RequirementError("\"" + std::string(text) + "\": " + std::string(fault) +
+                         "; right would be FIGURE>=NUMBER, such as samples>=1000 or truth.refused<=1%");
 }
 
 std::string_view trimmed(std::string_view text) noexcept {

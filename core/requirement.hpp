@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,8 +23,13 @@ struct Requirement {
   bool holds(double value, double whole) const noexcept;
 };
 
+// A requirement that cannot be read, or is about a figure that there is not. Its text has what would be right.
+struct RequirementError : std::invalid_argument {
+  using std::invalid_argument::invalid_argument;
+};
+
 // Reads "FIGURE>=NUMBER", or with <=, =, ==, > or <, or with a % after the number; several are separated by commas.
-// Throws std::invalid_argument, whose text has the fault and what would be right.
+// Throws RequirementError.
 std::vector<Requirement> parse_requirements(std::string_view text);
 
 }  // namespace imud

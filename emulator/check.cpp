@@ -101,7 +101,7 @@ int check(const std::string& path, std::span<const std::string> overrides, const
   } catch (const PortError& error) {
     if (options.layout != CheckLayout::json) throw;
     return print_faults(path, {error.what()});
-  } catch (const std::invalid_argument& error) {  // of a requirement
+  } catch (const RequirementError& error) {
     if (options.layout != CheckLayout::json) throw;
     return print_faults(path, {fmt::format("--require {}", error.what())});
   }

@@ -22,7 +22,7 @@ struct CheckOptions {
 
 // Loads a configuration as `imud run` does, and makes all of its parts on ports that are not opened. Prints what it
 // would run, with the value of every key. Returns the exit code. Throws ConfigError, PortError, or
-// std::invalid_argument of a limit, unless the layout is json.
+// RequirementError, unless the layout is json.
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options);
 
 }  // namespace imud

@@ -262,7 +262,7 @@ int execute(int argc, const char* const* argv) {
   } catch (const PortError& error) {
     print_fault(fmt::format("{}: {}", arguments.config.empty() ? "imud" : arguments.config, error.what()));
     return 2;
-  } catch (const std::invalid_argument& error) {
+  } catch (const RequirementError& error) {
     fmt::print(stderr, "imud: --require {}\n", error.what());
     return 2;
   } catch (const OpenError& error) {

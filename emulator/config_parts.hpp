@@ -1,4 +1,4 @@
-// The parts of reading a configuration that config.cpp and imu_config.cpp share.
+// The parts of reading a configuration that its files share.
 #pragma once
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// Monitor: reports the counters of the sampling thread in the log and in the file of `--quality`.
+// Monitor: reports what happens in a run in the log, and its figures there and in the file of `--quality`.
 #pragma once
 
 #include <string>

@@ -103,8 +103,8 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
     names.imus.push_back({imu.name, {}, device_counts(DeviceCounters(imu.protocol->counters)), 0});
   for (const Requirement& requirement : requirements)
     if (!find_count(names, requirement.figure))
-      throw std::invalid_argument(fmt::format("\"{}\": there is no figure {}; there are {}", requirement.text,
-                                              requirement.figure, fmt::join(count_names(names), ", ")));
+      throw RequirementError(fmt::format("\"{}\": there is no figure {}; there are {}", requirement.text,
+                                         requirement.figure, fmt::join(count_names(names), ", ")));
 }
 
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,

@@ -35,7 +35,7 @@ struct Outcome {
   int exit_code() const noexcept;
 };
 
-// Throws std::invalid_argument if a requirement is about a figure that a run of `config` does not have.
+// Throws RequirementError if a requirement is about a figure that a run of `config` does not have.
 void check_figures(std::span<const Requirement> requirements, const Config& config);
 
 // Judges a run of `config`. With a capture as truth nothing may be missing: the capture was read to its end, every

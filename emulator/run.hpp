@@ -21,7 +21,7 @@ struct RunOptions {
 // Runs until the capture ends, the duration is over, or SIGINT or SIGTERM arrives, and prints the summary. Returns
 // Outcome::exit_code(). SIGUSR1 switches the devices' supply off and on, SIGHUP opens the file of `--quality` again,
 // as log rotation needs it, and SIGUSR2 is ignored. Throws PortError if a port cannot be opened, std::runtime_error
-// if a file cannot be written, std::invalid_argument if a requirement is about an unknown figure.
+// if a file cannot be written, RequirementError if a requirement is about an unknown figure.
 int run(const Config& config, const RunOptions& options);
 
 }  // namespace imud

@@ -2,9 +2,9 @@
 //
 // `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required. `r_BN_N_x..z` (m),
 // `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific force, m/s^2) and
-// `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present. Other columns, and lines that begin with
-// '#', are ignored. The names are those of Basilisk's SCStatesMsgPayload. Columns are separated by what the header
-// row has: commas, semicolons or tabs; the decimal sign is a point.
+// `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present. Lines that begin with '#' are
+// ignored, and so are other columns, which describe() names. The names are those of Basilisk's SCStatesMsgPayload.
+// Columns are separated by what the header row has: commas, semicolons or tabs; the decimal sign is a point.
 #include <cmath>
 
 #include "core/attitude.hpp"

@@ -56,7 +56,7 @@ TEST(Requirement, WhatIsNoLimitIsRefusedWithWhatWouldBeRight) {
     try {
       parse_requirements(text);
       ADD_FAILURE() << text << " was accepted";
-    } catch (const std::invalid_argument& fault) {
+    } catch (const RequirementError& fault) {
       EXPECT_TRUE(contains(fault.what(), "right would be FIGURE>=NUMBER")) << fault.what();
     }
   }
