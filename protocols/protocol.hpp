@@ -159,7 +159,8 @@ struct ConformanceSettings {
   void (*adapt)(Protocol& entry) = nullptr;
 };
 
-// Inputs of the host from which the fuzz test starts. A body is an input without its framing.
+// Inputs of the host from which the fuzz test starts. A body is an input without its framing; on CAN, bodies and
+// answers are frames in candump's notation ("123#0102 18EAFF00#00EE00").
 struct HostInputs {
   std::string (*frame)(std::string_view body) = nullptr;  // adds the framing to a body
   std::span<const std::string_view> bodies = {};          // at least one of every kind
