@@ -10,6 +10,8 @@
 #include <cstring>
 
 #include "transports/can_bits.hpp"
+#include "transports/can_bus.hpp"
+#include "transports/can_dlc.hpp"
 #include "transports/can_queue.hpp"
 #include "transports/can_socket.hpp"
 #include "transports/host_clock.hpp"
@@ -18,20 +20,6 @@
 namespace imud {
 namespace {
 
-// Returns the least length of a CAN FD frame that holds `size` bytes. The kernel also accepts lengths that no DLC
-// encodes.
-constexpr std::size_t fd_length(std::size_t size) {
-  for (const std::size_t legal : {8UL, 12UL, 16UL, 20UL, 24UL, 32UL, 48UL})
-    if (size <= legal) return size < 8 ? size : legal;
-  return CANFD_MAX_DLEN;
-}
-
-constexpr PortOption bitrate_option = {
-    .key = "bitrate", .help = "nominal bit rate of the bus, bit/s; for its load", .min = 5'000, .max = 1'000'000};
-constexpr PortOption data_bitrate_option = {.key = "data_bitrate",
-                                            .help = "bit rate of the data phase of CAN FD, bit/s (`bitrate`)",
-                                            .min = 5'000,
-                                            .max = 20'000'000};
 constexpr PortOption mtu_option = {
     .key = "mtu", .help = "16: classic frames only; 72: CAN FD is required", .choices = "any 16 72"};
 constexpr PortOption frames_per_s_option = {
@@ -48,23 +36,6 @@ constexpr PortOption confirm_option = {
     .key = "confirm", .help = "the interface confirms each frame that it has sent", .choices = "no yes"};
 constexpr PortOption can_options[] = {bitrate_option,      data_bitrate_option, mtu_option,
                                       frames_per_s_option, max_age_option,      confirm_option};
-
-// The bit rates that a spec gives, because an interface without bit timing has none.
-struct Bus {
-  explicit Bus(const PortSpec& spec)
-      : bit_rate(static_cast<double>(spec.integer(bitrate_option).value_or(0))),
-        data_bit_rate(
-            static_cast<double>(spec.integer(data_bitrate_option).value_or(static_cast<std::int64_t>(bit_rate)))) {}
-
-  // Returns the longest time that a frame can take, s; 0 if the bit rate is not given.
-  double wire_seconds(const CanHeader& header, std::size_t bytes) const noexcept {
-    if (bit_rate == 0) return 0;
-    const CanBits bits = can_bits(header, bytes);
-    return bits.nominal / bit_rate + bits.data / data_bit_rate;
-  }
-
-  double bit_rate, data_bit_rate;  // bit/s; 0: not given
-};
 
 // Returns the highest rate at which frames leave to a virtual interface if none may be lost, frames/s; nullopt:
 // unlimited. The default without a bit rate is 5000: then a receiver's default buffer of 277 frames lasts for 55 ms.
@@ -246,9 +217,10 @@ class CanPort final : public Port {
     if (header.fd) out.flags = static_cast<std::uint8_t>(CANFD_FDF | (header.bit_rate_switch ? CANFD_BRS : 0));
     std::memcpy(out.data, frame.bytes.data(), frame.bytes.size());
     queued.fd = header.fd;
-    queued.spacing = max_frames_per_s_
-                         ? nanoseconds(std::max(1.0 / *max_frames_per_s_, bus_.wire_seconds(header, out.len)))
-                         : Nanoseconds{0};
+    queued.spacing =
+        max_frames_per_s_
+            ? nanoseconds(std::max(1.0 / *max_frames_per_s_, bus_.seconds(most_can_bits(header, out.len))))
+            : Nanoseconds{0};
     return true;
   }
 
@@ -285,7 +257,7 @@ class CanPort final : public Port {
   }
 
   const std::string wanted_mtu_;
-  const Bus bus_;
+  const CanBus bus_;
   std::optional<double> max_frames_per_s_;  // nullopt: not paced
   CanSocket socket_;
   CanQueue queue_;
@@ -300,12 +272,6 @@ class CanPort final : public Port {
 };
 
 void check(const PortSpec&, const PortSettings&) {}
-
-WireTime wire_time(const PortSpec& spec, const PortSettings&, const Frame& frame) {
-  const Bus bus(spec);
-  const CanBits bits = can_bits(frame.can, frame.bytes.size());
-  return {bits.nominal + bits.data, bus.bit_rate, bus.wire_seconds(frame.can, frame.bytes.size())};
-}
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<CanPort>(spec, settings.delivery);
@@ -326,7 +292,7 @@ constexpr Transport can_transport = {
     .is_shared = true,
     .check = check,
     .open = open,
-    .wire_time = wire_time,
+    .wire_time = can_wire_time,
 };
 
 }  // namespace imud

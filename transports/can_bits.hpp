@@ -7,12 +7,17 @@
 
 namespace imud {
 
-// The bits of a frame that are sent at the nominal and at the data bit rate.
+// The bits of a frame that are sent at the nominal and at the data bit rate, stuff bits and interframe space
+// included.
 struct CanBits {
   double nominal = 0, data = 0;
 };
 
-// Returns the greatest length that a frame with `bytes` of data can have, stuff bits and interframe space included.
-CanBits can_bits(const CanHeader& header, std::size_t bytes);
+// Returns the greatest length that a frame with `bytes` of data can have, whatever its identifier.
+CanBits most_can_bits(const CanHeader& header, std::size_t bytes) noexcept;
+
+// Returns the mean length of the frames with this identifier and `bytes` of random data. Data of equal bits, such as
+// those of small numbers or of unused bytes, have more stuff bits.
+CanBits average_can_bits(const CanHeader& header, std::size_t bytes) noexcept;
 
 }  // namespace imud

@@ -33,12 +33,15 @@ TEST(Transports, AFrameTakesTheTimeOfItsBits) {
   EXPECT_EQ(wire_time("serial:x?baud=9600", serial).seconds, 0.125);
   EXPECT_EQ(wire_time("can:x", can).bits, 135);
   EXPECT_EQ(wire_time("can:x", can).seconds, 0);
+  EXPECT_EQ(wire_time("can:x?bitrate=500000", can).average_seconds, wire_time("can:x", can).average_bits / 500e3);
+  EXPECT_LT(wire_time("can:x", can).average_bits, 135);
+  EXPECT_EQ(time.average_bits, 1440) << "a UART's characters are of one length";
   EXPECT_EQ(wire_time("can:x?bitrate=500000&data_bitrate=2000000", can).seconds, 135 / 500e3);
   const Frame fd{std::span(bytes).first(64), {.fd = true, .bit_rate_switch = true}};
   time = wire_time("can:x?bitrate=500000&data_bitrate=2000000", fd);
-  EXPECT_EQ(time.bits, 33.25 + 678.25);
-  EXPECT_DOUBLE_EQ(time.seconds, 33.25 / 500e3 + 678.25 / 2e6);
-  EXPECT_DOUBLE_EQ(wire_time("can:x?bitrate=500000", fd).seconds, 711.5 / 500e3);
+  EXPECT_EQ(time.bits, 34 + 678);
+  EXPECT_DOUBLE_EQ(time.seconds, 34 / 500e3 + 678 / 2e6);
+  EXPECT_DOUBLE_EQ(wire_time("can:x?bitrate=500000", fd).seconds, 712 / 500e3);
   for (const char* instant : {"udp", "file", "pcap"}) EXPECT_EQ(find_transport(instant)->wire_time, nullptr);
 }
 
