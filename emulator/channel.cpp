@@ -93,14 +93,15 @@ void Channel::encode(bool too_late) noexcept {
 
 void Channel::transmit() noexcept {
   if (sync_ && truth_) sync_->send_pulse(*device_);
-  send(frames_.frames());
+  send(frames_.frames(), sample_.time);
 }
 
-void Channel::send(std::span<const Frame> frames, bool is_reply) noexcept {
+void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
   while (!frames.empty()) {
     Line& line = lines_[frames.front().uart];
     std::size_t size = 1;
     while (size < frames.size() && frames[size].uart == frames.front().uart) ++size;
+    line.port->set_time(time);
     if (is_reply)
       line.port->reply(frames.first(size));
     else
@@ -129,7 +130,7 @@ void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
   for (auto deadline = device_->deadline(); deadline && *deadline <= now; deadline = device_->deadline()) {
     others_.clear();
     device_->poll(*deadline, others_);
-    if (!too_late) send(others_.frames());
+    if (!too_late) send(others_.frames(), *deadline);
     publish();
   }
 }
@@ -162,7 +163,7 @@ std::size_t Channel::serve(std::size_t uart, HostTime now) noexcept {
     Frame frame = chunk->frame;
     frame.uart = static_cast<std::uint8_t>(uart);
     device_->receive(frame, time, others_);
-    send(others_.frames(), true);
+    send(others_.frames(), time, true);
     apply_uarts();
   }
   return received;

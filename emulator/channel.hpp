@@ -117,8 +117,8 @@ class Channel {
   // `too_late`: frames are discarded.
   void poll_until(DeviceTime now, bool too_late = false) noexcept;
   void encode(bool too_late) noexcept;
-  // Passes frames to the ports of their UARTs, by Port::reply() or by Port::send().
-  void send(std::span<const Frame> frames, bool is_reply = false) noexcept;
+  // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
+  void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   std::size_t serve(std::size_t uart, HostTime now) noexcept;
   void apply_uarts() noexcept;
   static void wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept;

@@ -287,7 +287,9 @@ int execute(int argc, char** argv) {
   }
 
   catch_stop_signals();
-  if (options.port == "-") options.port = standard_input_port(false);
+  const Protocol* protocol = find_protocol(options.protocol);
+  const bool is_can = protocol != nullptr && protocol->link == Link::can;
+  if (options.port == "-") options.port = standard_input_port(is_can, is_can);
   bool running = false;
   try {
     return decode(options, running);

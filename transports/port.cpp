@@ -59,9 +59,10 @@ std::string capture_port(std::string_view capture) {
   return any == nullptr ? std::string(capture) : fmt::format("{}:{}", any->name, capture);
 }
 
-std::string standard_input_port(bool keeps_datagrams) {
+std::string standard_input_port(bool keeps_datagrams, bool carries_can) {
   for (const Transport* transport : transports())
-    if (transport->reads_standard_input && transport->keeps_datagrams == keeps_datagrams)
+    if (transport->reads_standard_input && transport->keeps_datagrams == keeps_datagrams &&
+        transport->carries_can == carries_can)
       return fmt::format("{}:-", transport->name);
   return "-";
 }

@@ -87,6 +87,10 @@ class Port {
   // not drop a frame, and may wait, polls descriptor() for POLLOUT first, unless the port has_room().
   virtual void send(std::span<const Frame> frames) noexcept = 0;
 
+  // Sets the time of the frames that are sent from now on, by the clock of the device that sends them. A port that
+  // records times uses it in place of the host's clock.
+  void set_time(DeviceTime time) noexcept { time_ = time; }
+
   // Sends an answer to the host, as send() does. On an overloaded line, samples are dropped before answers.
   virtual void reply(std::span<const Frame> frames) noexcept {
     is_reply_ = true;
@@ -175,6 +179,7 @@ class Port {
  protected:
   PortState state_ = PortState::ready;
   bool is_reply_ = false;  // send() is called for a reply
+  DeviceTime time_;        // of the frames that are sent
   int error_ = 0;
   Speeds speeds_;
   PortCounters counters_;
@@ -268,7 +273,7 @@ std::unique_ptr<Port> open_port(std::string_view port, const PortSettings& setti
 // otherwise that of the transport for such a file name.
 std::string capture_port(std::string_view capture);
 
-// Returns the port that reads standard input: as datagrams with borders, or as a stream of bytes.
-std::string standard_input_port(bool keeps_datagrams);
+// Returns the port that reads standard input: as datagrams with borders, as a stream of bytes, or as CAN frames.
+std::string standard_input_port(bool keeps_datagrams, bool carries_can = false);
 
 }  // namespace imud

@@ -43,6 +43,7 @@ TEST(Transports, AFrameTakesTheTimeOfItsBits) {
   EXPECT_DOUBLE_EQ(time.seconds, 34 / 500e3 + 678 / 2e6);
   EXPECT_DOUBLE_EQ(wire_time("can:x?bitrate=500000", fd).seconds, 712 / 500e3);
   for (const char* instant : {"udp", "file", "pcap"}) EXPECT_EQ(find_transport(instant)->wire_time, nullptr);
+  EXPECT_EQ(wire_time("canfile:x?bitrate=500000", can).seconds, 135 / 500e3);
 }
 
 TEST(Transports, AFileNameFindsTheTransportOfACapture) {
@@ -74,7 +75,7 @@ TEST(Transports, ThoseThatEndAreOpenedByListeners) {
     else
       EXPECT_THROW(check_device(), PortError) << transport->name;
   }
-  EXPECT_EQ(captures, 2);
+  EXPECT_EQ(captures, 3);
   EXPECT_EQ(devices, static_cast<int>(transports().size()) - 1);
   const ScratchFolder folder;
   EXPECT_EQ(error_of("pcap:" + folder / "x"),
@@ -126,6 +127,12 @@ TEST(Transports, OptionsAreThoseOfTheEntry) {
     EXPECT_THROW(check_port(*transport, unknown, role), PortError) << transport->name;
   }
   EXPECT_GE(options, 15U);
+}
+
+TEST(Transports, StandardInputIsReadByTheTransportForItsContent) {
+  EXPECT_EQ(standard_input_port(false), "file:-");
+  EXPECT_EQ(standard_input_port(true), "pcap:-");
+  EXPECT_EQ(standard_input_port(true, true), "canfile:-");
 }
 
 TEST(Transports, StandardOutputIsKnownByEachOfItsNames) {

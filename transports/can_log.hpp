@@ -1,0 +1,73 @@
+// The text of a CAN log, a frame in a line: as candump -L of can-utils writes it, or Vector's ASC.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "core/frame.hpp"
+#include "core/time.hpp"
+
+namespace imud {
+
+enum class CanLogFormat : std::uint8_t { candump, asc };
+
+// The longest line that write_can_log() makes, bytes.
+constexpr std::size_t max_can_log_line = 384;
+
+// The lines before the first frame of a log.
+std::string_view can_log_header(CanLogFormat format) noexcept;
+
+// Writes the line of a frame, with its line feed, and returns its length; 0 if the frame is none of a bus. `time` is
+// resolved to 1 us; a negative one is written as 0. `interface`, at most 15 characters, is the bus of a candump log.
+// An ASC log has its number, see channel_of().
+std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds time, std::string_view interface,
+                          std::span<char, max_can_log_line> line) noexcept;
+
+// Returns the channel that can-utils gives an interface in an ASC log: 1 for can0 or for a name without number.
+unsigned channel_of(std::string_view interface) noexcept;
+
+// Reads the lines of a log, of either format. Any text is harmless. One thread.
+class CanLogReader {
+ public:
+  // With `interface` only its frames are read: in an ASC log those of channel_of() it.
+  explicit CanLogReader(std::optional<std::string> interface = {}) : interface_(std::move(interface)) {}
+
+  enum class Line : std::uint8_t {
+    frame,      // frame() and time() have it
+    other,      // a header, an event, or a frame of another interface
+    malformed,  // begins as a frame does, but is none
+  };
+  Line read(std::string_view line) noexcept;
+
+  // The frame of the last line; valid until the next.
+  Frame frame() const noexcept { return {std::span(data_).first(size_), header_}; }
+  // Its time stamp. That of an ASC log counts from the log's begin.
+  Nanoseconds time() const noexcept { return time_; }
+
+ private:
+  class Words;
+  Line read_candump(std::string_view line) noexcept;
+  Line read_asc(std::string_view line) noexcept;
+  Line read_classic(Words& words) noexcept;
+  Line read_fd(Words& words) noexcept;
+  bool read_id(std::string_view text, int base) noexcept;
+  bool read_data(Words& words, std::size_t size, int base) noexcept;
+  bool has_channel(std::string_view channel) const noexcept;
+
+  const std::optional<std::string> interface_;
+  bool decimal_ = false;   // of an ASC log: identifiers and data
+  bool relative_ = false;  // of an ASC log: each time stamp counts from the one before
+  Nanoseconds last_{0};    // the time of the line before
+  Nanoseconds time_{0};
+  CanHeader header_;
+  std::size_t size_ = 0;
+  std::array<std::byte, 64> data_{};
+};
+
+}  // namespace imud
