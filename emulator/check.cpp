@@ -50,14 +50,20 @@ void print_text(const std::string& path, const Config& config) {
       fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
     if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
   }
+  for (const BusLoad& bus : bus_loads(config.imus))
+    if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());
   for (const std::string& warning : config.warnings) fmt::print("warning: {}\n", warning);
   fmt::print("\n# The value of every key; imud check --toml prints only this.\n{}", config.resolved);
 }
 
 Json load_json(const std::string& port, const LineLoad& load) {
-  Json json = {{"port", port}, {"frames_per_s", load.frames_per_s}, {"bits_per_s", load.bits_per_s}};
+  Json json = {{"port", port},
+               {"frames_per_s", load.frames_per_s},
+               {"bits_per_s", load.bits_per_s},
+               {"average_bits_per_s", load.average_bits_per_s}};
   json["line_bits_per_s"] = load.line_bits_per_s > 0.0 ? Json(load.line_bits_per_s) : Json();
   json["percent"] = load.line_bits_per_s > 0.0 ? Json(load.percent) : Json();
+  json["average_percent"] = load.line_bits_per_s > 0.0 ? Json(load.average_percent) : Json();
   return json;
 }
 
@@ -70,11 +76,22 @@ void print_json(const std::string& path, const Config& config) {
     if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
     imus.push_back({{"name", imu.name}, {"lines", std::move(lines)}});
   }
+  Json buses = Json::array();
+  for (const BusLoad& bus : bus_loads(config.imus)) {
+    Json names = Json::array();
+    for (const std::size_t i : bus.imus) names.push_back(config.imus[i].name);
+    buses.push_back({{"port", bus.address},
+                     {"imus", std::move(names)},
+                     {"line_bits_per_s", bus.line_bits_per_s},
+                     {"percent", bus.percent},
+                     {"average_percent", bus.average_percent}});
+  }
   const Json json = {{"path", path},
                      {"good", true},
                      {"faults", Json::array()},
                      {"warnings", config.warnings},
                      {"imus", std::move(imus)},
+                     {"buses", std::move(buses)},
                      {"config", Json::parse(resolved.str())}};
   fmt::print("{}\n", json.dump(2));
 }

@@ -232,8 +232,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                   fmt::format("{}; {}", load.text(),
                               product ? "reduce what it sends or how often, or give a faster line"
                                       : "give a lower rate or a faster line"));
-    else if (load.percent > 70.0 && can)
-      table.warn("port", fmt::format("{}; above 70 % a CAN bus delays frames of low priority", load.text()));
+    else if (load.percent >= BusLoad::high_percent && can)
+      table.warn("port", fmt::format("{}; above {:.0f} % a CAN bus delays frames of low priority", load.text(),
+                                     BusLoad::high_percent));
   }
   if (read_second_port(table, imu) != nullptr && imu.protocol != nullptr)
     if (const LineLoad load = line_load(imu, 1); load.percent > 100.0)

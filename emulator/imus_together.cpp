@@ -45,9 +45,35 @@ class Together {
     if (imu.protocol != nullptr && imu.protocol->link == Link::can) add_identifiers(imu);
   }
 
+  // Called when all imus were added, and are valid.
+  void check_buses(const std::vector<ImuConfig>& imus) {
+    for (const BusLoad& bus : bus_loads(imus)) {
+      if (bus.imus.size() < 2) continue;
+      i_ = bus.imus.back();
+      check_bit_rates(imus, bus);
+      const std::string what =
+          fmt::format("the {} imus on {} load it by {}", bus.imus.size(), bus.address, bus.text());
+      if (bus.percent > 100.0)
+        fault("port", what + "; reduce what they send or how often, or give a faster bus");
+      else if (bus.percent >= BusLoad::high_percent)
+        warn("port",
+             fmt::format("{}; above {:.0f} % a CAN bus delays frames of low priority", what, BusLoad::high_percent));
+    }
+    for (const Identifier& received : received_)
+      if (const auto sender = identifiers_.find(received.at);
+          sender != identifiers_.end() && sender->second != received.imu) {
+        i_ = received.imu;
+        warn("device", fmt::format("it receives the CAN identifier {:#x}, which imu.{} sends on the same bus",
+                                   received.at.second & 0x1FFF'FFFFU, sender->second));
+      }
+  }
+
  private:
   void fault(std::string_view key, std::string_view what) {
     faults_.add(tables_[i_].source().begin.line, fmt::format("imu.{}.{}", i_, key), what);
+  }
+  void warn(std::string_view key, std::string_view what) {
+    faults_.warn(tables_[i_].source().begin.line, fmt::format("imu.{}.{}", i_, key), what);
   }
   void clash(std::string_view key, std::size_t other, std::string_view what) {
     fault(key, fmt::format("{} as imu.{}; give another", what, other));
@@ -76,12 +102,27 @@ class Together {
   void add_identifiers(const ImuConfig& imu) {
     const Transport* transport = transport_of(imu.port);
     if (transport == nullptr || !transport->is_shared) return;
+    constexpr std::uint32_t extended = 1U << 31U, whole = 0x1FFF'FFFFU, whole_standard = 0x7FFU;
+    for (const CanFilter& filter : imu.protocol->can_filters(imu.settings))
+      if (!filter.inverted && filter.data &&
+          (filter.mask & (filter.extended ? whole : whole_standard)) == (filter.extended ? whole : whole_standard))
+        received_.push_back({{address_of(imu.port), filter.id | (filter.extended ? extended : 0U)}, i_});
     std::set<std::uint32_t> ids;
-    for (const SentFrames& sent : sent_frames(imu)) ids.insert(sent.can.id | (sent.can.extended ? 1U << 31U : 0U));
+    for (const SentFrames& sent : sent_frames(imu)) ids.insert(sent.can.id | (sent.can.extended ? extended : 0U));
     for (const std::uint32_t id : ids)
       if (const auto [at, is_new] = identifiers_.emplace(std::pair{address_of(imu.port), id}, i_); !is_new)
-        return clash("device", at->second,
-                     fmt::format("the same CAN identifier {:#x} on the same bus", id & 0x1FFF'FFFFU));
+        return clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & whole));
+  }
+
+  void check_bit_rates(const std::vector<ImuConfig>& imus, const BusLoad& bus) {
+    for (const std::size_t i : bus.imus) {
+      const double own = line_load(imus[i]).line_bits_per_s;
+      i_ = i;
+      if (own != 0 && own != bus.line_bits_per_s)
+        fault("port", fmt::format("{} bit/s, and imu.{} gives {} for the same bus; give one bit rate", own,
+                                  bus.imus.front(), bus.line_bits_per_s));
+    }
+    i_ = bus.imus.back();
   }
 
   const std::string& truth_port_;
@@ -91,7 +132,13 @@ class Together {
   std::map<std::string, std::string> listeners_;
   std::map<std::string, std::size_t> names_, ports_;
   std::map<std::uint32_t, std::size_t> streams_;
-  std::map<std::pair<std::string, std::uint32_t>, std::size_t> identifiers_;
+  using BusIdentifier = std::pair<std::string, std::uint32_t>;
+  struct Identifier {
+    BusIdentifier at;
+    std::size_t imu;
+  };
+  std::map<BusIdentifier, std::size_t> identifiers_;  // that an imu sends
+  std::vector<Identifier> received_;                  // those that an imu receives and no mask widens
 };
 
 }  // namespace
@@ -100,6 +147,7 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
                          Faults& faults) {
   Together together(truth_port, tables, faults);
   for (std::size_t i = 0; i < imus.size(); ++i) together.add(imus[i], i);
+  if (faults.all().empty()) together.check_buses(imus);
 }
 
 }  // namespace imud

@@ -64,6 +64,12 @@ std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
   return all;
 }
 
+// Returns "45.1 %", or "45.1 % on average and 52.0 % at most".
+std::string share_text(double average_percent, double percent) {
+  return average_percent < percent ? fmt::format("{:.1f} % on average and {:.1f} % at most", average_percent, percent)
+                                   : fmt::format("{:.1f} %", percent);
+}
+
 }  // namespace
 
 Sample typical_sample() {
@@ -87,28 +93,33 @@ std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart) {
   return imu.protocol->product != nullptr ? sent_by_product(imu, uart) : sent_by_sample(imu);
 }
 
-LineLoad line_load(const ImuConfig& imu, std::uint8_t uart) {
-  const PortSpec spec = PortSpec::parse(uart == 0 ? imu.port : imu.second_port);
+namespace {
+
+// `spec`: of the port, or one with the bit rate of its bus.
+LineLoad load_on(const PortSpec& spec, const ImuConfig& imu, std::uint8_t uart) {
   const PortSettings& settings = uart == 0 ? imu.port_settings : imu.second_port_settings;
   const Transport& transport = *find_transport(spec.scheme);
   const std::vector<std::byte> data(FrameBuffer::max_bytes);
   LineLoad load;
-  double frames_per_sample = 0, bytes_per_sample = 0, busy = 0;
+  double frames_per_sample = 0, bytes_per_sample = 0, busy = 0, average_busy = 0;
   for (const SentFrames& sent : sent_frames(imu, uart)) {
     const Frame frame{std::span(data).first(sent.bytes), sent.can};
     WireTime time;
     if (transport.wire_time != nullptr)
       time = transport.wire_time(spec, settings, frame);
     else
-      time.bits = 8.0 * static_cast<double>(sent.bytes);
+      time.bits = time.average_bits = 8.0 * static_cast<double>(sent.bytes);
     load.frames_per_s += sent.per_s;
     load.bits_per_s += time.bits * sent.per_s;
+    load.average_bits_per_s += time.average_bits * sent.per_s;
     load.line_bits_per_s = time.bit_rate;
     busy += time.seconds * sent.per_s;
+    average_busy += time.average_seconds * sent.per_s;
     frames_per_sample += sent.per_s / imu.rate_hz;
     bytes_per_sample += static_cast<double>(sent.bytes) * sent.per_s / imu.rate_hz;
   }
   load.percent = 100.0 * busy;
+  load.average_percent = 100.0 * average_busy;
   if (imu.protocol->product == nullptr) {
     load.frames_per_sample = static_cast<std::size_t>(std::lround(frames_per_sample));
     load.bytes_per_sample = static_cast<std::size_t>(std::lround(bytes_per_sample));
@@ -116,13 +127,59 @@ LineLoad line_load(const ImuConfig& imu, std::uint8_t uart) {
   return load;
 }
 
+}  // namespace
+
+LineLoad line_load(const ImuConfig& imu, std::uint8_t uart) {
+  return load_on(PortSpec::parse(uart == 0 ? imu.port : imu.second_port), imu, uart);
+}
+
 std::string LineLoad::text() const {
   std::string line = frames_per_sample == 0
-                         ? fmt::format("{:.0f} frames/s, {:.0f} bit/s", frames_per_s, bits_per_s)
-                         : fmt::format("{} frame{} of {} bytes together per sample, {:.0f} bit/s", frames_per_sample,
-                                       frames_per_sample == 1 ? "" : "s", bytes_per_sample, bits_per_s);
-  if (line_bits_per_s > 0.0) line += fmt::format(", {:.1f} % of the line's {:.0f} bit/s", percent, line_bits_per_s);
+                         ? fmt::format("{:.0f} frames/s", frames_per_s)
+                         : fmt::format("{} frame{} of {} bytes together per sample", frames_per_sample,
+                                       frames_per_sample == 1 ? "" : "s", bytes_per_sample);
+  const bool varies = average_bits_per_s < bits_per_s;
+  line += varies ? fmt::format(", {:.0f} bit/s on average and {:.0f} at most", average_bits_per_s, bits_per_s)
+                 : fmt::format(", {:.0f} bit/s", bits_per_s);
+  if (line_bits_per_s > 0.0)
+    line += fmt::format(", {} of the line's {:.0f} bit/s", share_text(average_percent, percent), line_bits_per_s);
   return line;
+}
+
+std::string BusLoad::text() const {
+  return fmt::format("{} of {:.0f} bit/s", share_text(average_percent, percent), line_bits_per_s);
+}
+
+std::vector<BusLoad> bus_loads(std::span<const ImuConfig> imus) {
+  std::vector<BusLoad> buses;
+  std::vector<PortSpec> specs;  // of each bus, with its bit rate
+  const auto load_of = [](const PortSpec& spec, const ImuConfig& imu) { return load_on(spec, imu, 0); };
+  const auto bus_of = [&](const std::string& address) {
+    return std::find_if(buses.begin(), buses.end(), [&](const BusLoad& bus) { return bus.address == address; });
+  };
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    const Transport* transport = transport_of(imus[i].port);
+    if (!transport->is_shared || !transport->carries_can) continue;
+    const PortSpec spec = PortSpec::parse(imus[i].port);
+    const std::string address = fmt::format("{}:{}", spec.scheme, spec.address);
+    auto bus = bus_of(address);
+    if (bus == buses.end()) {
+      bus = buses.insert(buses.end(), BusLoad{.address = address, .imus = {}});
+      specs.push_back(spec);
+    }
+    PortSpec& of_bus = specs[static_cast<std::size_t>(bus - buses.begin())];
+    if (load_of(of_bus, imus[i]).line_bits_per_s == 0) of_bus = spec;
+    bus->imus.push_back(i);
+  }
+  for (std::size_t b = 0; b < buses.size(); ++b)
+    for (const std::size_t i : buses[b].imus) {
+      const LineLoad load = load_of(specs[b], imus[i]);
+      buses[b].line_bits_per_s = load.line_bits_per_s;
+      buses[b].percent += load.percent;
+      buses[b].average_percent += load.average_percent;
+    }
+  std::erase_if(buses, [](const BusLoad& bus) { return bus.line_bits_per_s == 0; });
+  return buses;
 }
 
 }  // namespace imud

@@ -79,5 +79,62 @@ TEST_F(CanConfig, LoadIsOfEveryMessageThatIsListed) {
   EXPECT_NEAR(load.percent, 100.0 * (2 * 65 + 600 * 160) / 1e6, 1e-9);
 }
 
+// A product that sends transfers of 7 frames of 8 bytes with a 29-bit identifier, as DroneCAN's RawIMU is: 945 bits
+// on average and 1120 at most.
+TEST_F(CanConfig, AverageAndGreatestLoadAreThoseOfTheTable) {
+  Config config = load({"imu.1.device.can_id=0x200"});
+  Protocol product = *config.imus[0].protocol;
+  product.can_messages = [](const Settings&, double) {
+    return std::vector<CanMessage>{{{.id = 0x1403EB2A, .extended = true}, 8, 7 * 1000.0}};
+  };
+  config.imus[0].protocol = &product;
+  const LineLoad load = line_load(config.imus[0]);
+  EXPECT_NEAR(load.percent, 112.0, 1e-9);
+  EXPECT_NEAR(load.average_percent, 94.5, 0.6);
+  EXPECT_NEAR(load.average_bits_per_s, 945'000, 6'000);
+  EXPECT_NE(load.text().find(" % on average and 112.0 % at most of the line's 1000000 bit/s"), std::string::npos)
+      << load.text();
+}
+
+TEST_F(CanConfig, AGreatestLoadFrom70PercentIsAWarningAndAbove100AFault) {
+  const std::string other = "imu.1.port=\"can:vcan1?bitrate=1000000\"";
+  EXPECT_EQ(load({other, "imu.0.rate_hz=740"}).warnings.size(), 0U) << "7 frames of 135 bits: 69.93 %";
+  const auto warnings = load({other, "imu.0.rate_hz=741"}).warnings;
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("imu.0.port"), std::string::npos) << warnings[0];
+  EXPECT_NE(warnings[0].find("70.0 % at most"), std::string::npos) << warnings[0];
+  EXPECT_EQ(faults({other, "imu.0.rate_hz=1058"}).size(), 0U);
+  const auto refused = faults({other, "imu.0.rate_hz=1059"});
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_NE(refused[0].find("% on average and 100.1 % at most of the line's 1000000 bit/s"), std::string::npos)
+      << refused[0];
+}
+
+TEST_F(CanConfig, TheImusOnOneBusLoadItTogether) {
+  const std::string other = "imu.1.device.can_id=0x200";
+  const Config config = load({other});
+  const auto buses = bus_loads(config.imus);
+  ASSERT_EQ(buses.size(), 1U);
+  EXPECT_EQ(buses[0].address, "can:vcan0");
+  EXPECT_EQ(buses[0].imus, (std::vector<std::size_t>{0, 1}));
+  EXPECT_NEAR(buses[0].percent, 100.0 * 7 * 135 * 300 / 1e6, 1e-9);
+  EXPECT_NEAR(buses[0].average_percent,
+              line_load(config.imus[0]).average_percent + line_load(config.imus[1]).average_percent, 1e-9);
+  EXPECT_EQ(bus_loads(load({other, "imu.1.port=\"can:vcan1?bitrate=1000000\""}).imus).size(), 2U);
+  EXPECT_EQ(bus_loads(load({other, "imu.*.port=\"can:vcan0\""}).imus).size(), 0U) << "no bit rate";
+  EXPECT_NEAR(bus_loads(load({other, "imu.0.port=\"can:vcan0\""}).imus).at(0).percent, buses[0].percent, 1e-9)
+      << "one gives the bit rate of both";
+
+  const auto warnings = load({other, "imu.*.rate_hz=400"}).warnings;
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("the 2 imus on can:vcan0 load it by"), std::string::npos) << warnings[0];
+  const auto refused = faults({other, "imu.*.rate_hz=600"});
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_NE(refused[0].find("113.4 % at most of 1000000 bit/s; reduce"), std::string::npos) << refused[0];
+  const auto differ = faults({other, "imu.1.port=\"can:vcan0?bitrate=500000\""});
+  ASSERT_EQ(differ.size(), 1U);
+  EXPECT_NE(differ[0].find("500000 bit/s, and imu.0 gives 1000000 for the same bus"), std::string::npos) << differ[0];
+}
+
 }  // namespace
 }  // namespace imud
