@@ -68,6 +68,7 @@ struct PortCounters {
   std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
   std::uint64_t foreign = 0;     // datagrams of other senders than PortSettings::from
   Endpoint foreign_from;         // the sender of the newest of these
+  std::uint64_t refused = 0;     // frames that a serial CAN adapter refused
 
   // Counts frames that the kernel took whole.
   void count_sent(bool is_reply, std::uint64_t frames = 1) noexcept {
