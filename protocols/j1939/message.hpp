@@ -1,0 +1,116 @@
+// J1939's protocol data units (SAE J1939-21) on raw CAN: identifiers, parameter group numbers, frames of 8 bytes.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "core/frame.hpp"
+
+namespace imud::j1939 {
+
+// Addresses, beside those of nodes, 0 to 253.
+inline constexpr std::uint8_t null_address = 254;  // the source of a node that has none
+inline constexpr std::uint8_t everyone = 255;      // the global destination
+
+// Parameter group numbers.
+namespace pgn {
+inline constexpr std::uint32_t memory_response = 0xD800;  // DM15
+inline constexpr std::uint32_t memory_request = 0xD900;   // DM14
+inline constexpr std::uint32_t stop_start = 0xDF00;       // DM13
+inline constexpr std::uint32_t acknowledgement = 0xE800;
+inline constexpr std::uint32_t request = 0xEA00;
+inline constexpr std::uint32_t transfer_data = 0xEB00;     // TP.DT
+inline constexpr std::uint32_t transfer_control = 0xEC00;  // TP.CM
+inline constexpr std::uint32_t address_claimed = 0xEE00;
+inline constexpr std::uint32_t slope = 0xF013;         // SSI
+inline constexpr std::uint32_t slope_2 = 0xF029;       // SSI2
+inline constexpr std::uint32_t angular_rate = 0xF02A;  // ARI
+inline constexpr std::uint32_t acceleration = 0xF02D;  // ACCS
+inline constexpr std::uint32_t ecu_identification = 0xFDC5;
+inline constexpr std::uint32_t commanded_address = 0xFED8;
+inline constexpr std::uint32_t software_identification = 0xFEDA;
+inline constexpr std::uint32_t vehicle_position = 0xFEF3;
+inline constexpr std::uint32_t proprietary_b = 0xFF00;  // + the group extension
+}  // namespace pgn
+
+inline constexpr unsigned control_priority = 6;  // of everything but sensor data and transfers
+inline constexpr unsigned transfer_priority = 7;
+
+// The header of a message: what its identifier of 29 bits consists of.
+struct Header {
+  unsigned priority = control_priority;
+  std::uint32_t pgn = 0;  // 18 bits; its low byte is 0 if the message has a destination (PDU1)
+  std::uint8_t destination = everyone;
+  std::uint8_t source = null_address;
+
+  // Returns true if a message with this number has a destination.
+  static constexpr bool has_destination(std::uint32_t pgn) noexcept { return (pgn >> 8 & 0xFFU) < 240; }
+
+  constexpr std::uint32_t id() const noexcept {
+    return priority << 26 | pgn << 8 | (has_destination(pgn) ? std::uint32_t{destination} << 8 : 0U) | source;
+  }
+  constexpr CanHeader can() const noexcept { return {.id = id(), .extended = true}; }
+
+  // `id` has 29 bits.
+  static constexpr Header parse(std::uint32_t id) noexcept {
+    Header header{id >> 26 & 7U, id >> 8 & 0x3FFFFU, everyone, static_cast<std::uint8_t>(id)};
+    if (!has_destination(header.pgn)) return header;
+    header.destination = static_cast<std::uint8_t>(header.pgn);
+    header.pgn &= 0x3FF00U;
+    return header;
+  }
+};
+
+using Data = std::span<const std::byte>;
+
+// A received message, of 8 bytes at most.
+struct Message {
+  Header header;
+  Data data;
+
+  // Returns byte `i`; 0xFF, which stands for "not available", if the message is shorter.
+  std::uint8_t operator[](std::size_t i) const noexcept {
+    return i < data.size() ? std::to_integer<std::uint8_t>(data[i]) : std::uint8_t{0xFF};
+  }
+  // Returns the number of three bytes, little-endian, that begins at byte `i`.
+  std::uint32_t number_at(std::size_t i) const noexcept {
+    return (*this)[i] | std::uint32_t{(*this)[i + 1]} << 8 | std::uint32_t{(*this)[i + 2]} << 16;
+  }
+  // Returns nullopt if a frame is not J1939: 11-bit identifiers, remote requests, error frames and CAN FD.
+  static std::optional<Message> parse(const Frame& frame) noexcept {
+    const CanHeader& can = frame.can;
+    if (!can.extended || can.remote || can.error || can.fd || frame.bytes.size() > 8) return std::nullopt;
+    return Message{Header::parse(can.id), frame.bytes};
+  }
+};
+
+// The eight bytes of a frame, as one little-endian number.
+constexpr std::array<std::byte, 8> bytes_of(std::uint64_t word) noexcept {
+  std::array<std::byte, 8> bytes{};
+  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::byte>(word >> 8 * i);
+  return bytes;
+}
+// `bytes` has 8 elements.
+inline std::uint64_t word_of(Data bytes) noexcept {
+  std::uint64_t word = 0;
+  for (std::size_t i = 0; i < 8; ++i) word |= std::to_integer<std::uint64_t>(bytes[i]) << 8 * i;
+  return word;
+}
+
+// Appends a frame of at most 8 bytes to `out`.
+inline void send(const Header& header, Data data, FrameBuffer& out) noexcept {
+  const std::span<std::byte> room = out.room(data.size());
+  if (room.size() < data.size()) return;
+  std::ranges::copy(data, room.begin());
+  out.push(data.size(), header.can());
+}
+// Appends a frame of 8 bytes.
+inline void send(const Header& header, std::uint64_t word, FrameBuffer& out) noexcept {
+  send(header, bytes_of(word), out);
+}
+
+}  // namespace imud::j1939
