@@ -1,0 +1,48 @@
+// SAE J1939 inertial unit, as ACEINNA's OpenIMU335RI and OpenIMU300RI: the settings of the device (device.cpp), and
+// the decoder (decoder.cpp). Parts: messages on CAN (message.hpp), address claim (address.hpp), transport protocol
+// (transport.hpp), data of the sensor (measured.hpp), proprietary settings (configuration.hpp).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "protocols/j1939/address.hpp"
+#include "protocols/j1939/configuration.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud::j1939 {
+
+inline constexpr double internal_hz = 100;  // of which the packet rate is a divider
+
+enum class ByteOrder : std::uint8_t { j1939, swapped, automatic };
+
+// The settings of a unit that no host can change.
+struct Unit {
+  const Model* model = nullptr;
+  Name name;
+  Nanoseconds claim_wait{}, claim_period{};
+  ByteOrder request_order = ByteOrder::automatic;
+  bool has_texts = false;    // ECU and software identification are SAE's texts, not the firmware's 8 bytes
+  bool acknowledges = true;  // settings are acknowledged
+  std::uint8_t latency = 0;  // 0.5 ms
+  std::string ecu_text, software_text;
+};
+
+extern const Setting declared_settings[25];
+// All throw std::invalid_argument as Protocol::make does.
+Unit unit_of(const Settings& settings);
+Configuration configuration_of(const Settings& settings);
+Product product_of(const Settings& settings);
+// Every identifier that the unit sends from its first address. Those of other addresses to which it moves carry the
+// same load, and are free when it uses them. Answers, which only hosts cause, have a rate of 0; those to one node by
+// RTS/CTS are missing, because their identifiers contain the host's address.
+std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz);
+std::vector<CanFilter> can_filters(const Settings& settings);
+
+// Decodes the rates and accelerations of one unit, from ARI and ACCS, or from the forms of high resolution that the
+// unit sends. It follows the unit to another address by its NAME.
+std::unique_ptr<Decoder> make_decoder(const Settings& settings);
+
+}  // namespace imud::j1939

@@ -1,0 +1,225 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "protocols/j1939/j1939.hpp"
+#include "protocols/j1939/transport.hpp"
+
+namespace imud::j1939 {
+
+namespace {
+
+constexpr std::string_view model_choices[] = {"openimu335ri", "openimu300ri"};
+constexpr std::string_view initial_packets[] = {"ssi2", "ari", "accs"};
+constexpr std::string_view slot_orders[] = {"xyz", "j1939"};
+constexpr std::string_view axis_signs[] = {"ned", "enu"};
+constexpr std::string_view byte_orders[] = {"j1939", "swapped", "auto"};
+constexpr std::string_view identifications[] = {"aceinna", "j1939"};
+constexpr std::array<std::string_view, packets> packet_names = {"ssi2",    "ari", "accs", "ari_hr",
+                                                                "accs_hr", "ssi", "mag",  "position"};
+
+unsigned natural(const Settings& settings, std::string_view key) {
+  return static_cast<unsigned>(settings.integer(key));
+}
+
+const Model& model_of(const Settings& settings) {
+  return *std::ranges::find(models, std::string_view(settings.text("model")), &Model::keyword);
+}
+
+unsigned packet_types_of(const Settings& settings) {
+  const Model& model = model_of(settings);
+  unsigned types = 0;
+  for (const std::string& name : settings.list("packet_types")) {
+    const auto packet = static_cast<unsigned>(std::ranges::find(packet_names, name) - packet_names.begin());
+    const auto bit = static_cast<unsigned>(std::ranges::find(model.packet_bits, packet) - model.packet_bits.begin());
+    if (packet == packets || bit == model.packet_bits.size()) {
+      std::string possible;
+      for (const Packet one : model.packet_bits)
+        if (one != packets) possible.append(possible.empty() ? "" : ", ").append(packet_names[one]);
+      throw std::invalid_argument("packet_types: the " + std::string(model.name) + " has " + possible +
+                                  ", and no \"" + name + "\"");
+    }
+    types |= 1U << bit;
+  }
+  return types;
+}
+
+}  // namespace
+
+constinit const Setting declared_settings[25] = {
+    {.key = "model", .help = "product", .initial = "openimu335ri", .choices = model_choices},
+    {.key = "source_address",
+     .help = "address that the unit claims at power on",
+     .initial = std::int64_t{0x80},
+     .max = 253},
+    {.key = "name_identity",
+     .help = "NAME: identity number, which each unit on a bus has for itself; the lowest NAME wins an address",
+     .initial = std::int64_t{1},
+     .max = 0x1FFFFF},
+    {.key = "name_manufacturer", .help = "NAME: manufacturer code", .initial = std::int64_t{823}, .max = 2047},
+    {.key = "name_ecu_instance", .help = "NAME: ECU instance", .initial = std::int64_t{0}, .max = 7},
+    {.key = "name_function_instance", .help = "NAME: function instance", .initial = std::int64_t{0}, .max = 31},
+    {.key = "name_function", .help = "NAME: function", .initial = std::int64_t{131}, .max = 255},
+    {.key = "name_vehicle_system", .help = "NAME: vehicle system", .initial = std::int64_t{0}, .max = 127},
+    {.key = "name_vehicle_system_instance",
+     .help = "NAME: vehicle system instance",
+     .initial = std::int64_t{0},
+     .max = 15},
+    {.key = "name_industry_group", .help = "NAME: industry group", .initial = std::int64_t{0}, .max = 7},
+    {.key = "name_arbitrary_address",
+     .help = "the unit moves to a free address from 128 to 247 when it loses its own; false: it falls silent",
+     .initial = true},
+    {.key = "claim_wait_ms",
+     .help = "time after an address claim in which the unit sends nothing else; J1939 requires 250",
+     .initial = std::int64_t{250},
+     .max = 1000},
+    {.key = "claim_period_ms",
+     .help = "time between repeated address claims (OpenIMU300RI: 1000); 0: claims are not repeated",
+     .initial = std::int64_t{0},
+     .max = 60'000},
+    {.key = "packet_rate",
+     .help = "divider of 100 Hz: 1, 2, 4, 5, 10, 20, 25 or 50; 0: no output",
+     .initial = std::int64_t{1},
+     .max = 50},
+    {.key = "packet_types",
+     .help = "messages: ssi2, ari, accs; OpenIMU335RI: ari_hr, accs_hr, ssi; OpenIMU300RI: mag, position",
+     .initial = std::span<const std::string_view>(initial_packets)},
+    {.key = "angle_priority", .help = "priority of ssi2 and ssi", .initial = std::int64_t{3}, .max = 7},
+    {.key = "rate_priority", .help = "priority of ari and ari_hr", .initial = std::int64_t{3}, .max = 7},
+    {.key = "acceleration_priority", .help = "priority of accs and accs_hr", .initial = std::int64_t{2}, .max = 7},
+    {.key = "slot_order",
+     .help = "xyz: the axes x, y, z in this order, as the firmware is delivered; j1939: pitch, roll, yaw rate and "
+             "lateral, longitudinal, vertical acceleration, which is y, x, z",
+     .initial = "xyz",
+     .choices = slot_orders},
+    {.key = "axis_signs",
+     .help = "ned: x forward, y right, z down; enu: x forward, y left, z up, which negates y and z",
+     .initial = "ned",
+     .choices = axis_signs},
+    {.key = "request_byte_order",
+     .help = "of the number in a request: j1939: low byte first; swapped: 00, high, low, as some of ACEINNA's tools "
+             "send it; auto: either",
+     .initial = "auto",
+     .choices = byte_orders},
+    {.key = "identification",
+     .help = "answers to requests for ECU (64965) and software (65242): aceinna: 8 bytes, as the firmware; j1939: "
+             "texts by the transport protocol",
+     .initial = "aceinna",
+     .choices = identifications},
+    {.key = "acknowledge_settings",
+     .help = "settings made over the bus are acknowledged; false: only refused ones are, by NACK",
+     .initial = true},
+    {.key = "latency_ms",
+     .help = "measurement latency that messages report, without delay",
+     .initial = 0.0,
+     .max = 125},
+    {.key = "orientation",
+     .help = "orientation word, such as 0x0048 (x, -y, -z)",
+     .initial = std::int64_t{0},
+     .max = 511},
+};
+
+Unit unit_of(const Settings& settings) {
+  Unit unit;
+  unit.model = &model_of(settings);
+  unit.name = {.identity = natural(settings, "name_identity"),
+               .manufacturer = natural(settings, "name_manufacturer"),
+               .ecu_instance = natural(settings, "name_ecu_instance"),
+               .function_instance = natural(settings, "name_function_instance"),
+               .function = natural(settings, "name_function"),
+               .vehicle_system = natural(settings, "name_vehicle_system"),
+               .vehicle_system_instance = natural(settings, "name_vehicle_system_instance"),
+               .industry_group = natural(settings, "name_industry_group"),
+               .arbitrary_address = settings.flag("name_arbitrary_address")};
+  unit.claim_wait = std::chrono::milliseconds(settings.integer("claim_wait_ms"));
+  unit.claim_period = std::chrono::milliseconds(settings.integer("claim_period_ms"));
+  const std::string& order = settings.text("request_byte_order");
+  unit.request_order = static_cast<ByteOrder>(std::ranges::find(byte_orders, order) - std::begin(byte_orders));
+  unit.has_texts = settings.text("identification") == "j1939";
+  unit.acknowledges = settings.flag("acknowledge_settings");
+  unit.latency = static_cast<std::uint8_t>(2.0 * settings.real("latency_ms") + 0.5);
+  const std::string identity = std::to_string(unit.name.identity);
+  // Part number, serial number, location, type, manufacturer; number of texts, version.
+  unit.ecu_text = std::string(unit.model->name) + '*' + identity + "**IMU*ACEINNA*";
+  unit.software_text = std::string("\1") + std::string(unit.model->name) + " 1.0.5*";
+  return unit;
+}
+
+Configuration configuration_of(const Settings& settings) {
+  Configuration c;
+  c.address = static_cast<std::uint8_t>(settings.integer("source_address"));
+  c.divider = natural(settings, "packet_rate");
+  if (std::ranges::find(dividers, c.divider) == dividers.end())
+    throw std::invalid_argument("packet_rate: give 0, 1, 2, 4, 5, 10, 20, 25 or 50");
+  c.packet_types = packet_types_of(settings);
+  c.angle_priority = natural(settings, "angle_priority");
+  c.rate_priority = natural(settings, "rate_priority");
+  c.force_priority = natural(settings, "acceleration_priority");
+  c.orientation = natural(settings, "orientation");
+  if (!dcm_of_orientation(c.orientation))
+    throw std::invalid_argument("orientation: give the word of a right-handed triad, such as 0 or 0x0048");
+  if (settings.text("slot_order") == "j1939") c.behavior |= swap_slots;
+  if (settings.text("axis_signs") == "enu") c.behavior |= z_up;
+  return c;
+}
+
+Product product_of(const Settings& settings) {
+  constexpr double gauss = 1e-4;
+  configuration_of(settings);
+  const Model& model = model_of(settings);
+  Product product;
+  product.rate_hz = internal_hz;
+  product.gyro = TriadErrors::white(model.gyro_noise, internal_hz, model.gyro_max);
+  product.accelerometer = TriadErrors::white(model.accelerometer_noise, internal_hz, model.accelerometer_max);
+  product.magnetometer = TriadErrors::white(0, internal_hz, 8 * gauss);
+  return product;
+}
+
+std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
+  const Configuration c = configuration_of(settings);
+  const Unit unit = unit_of(settings);
+  std::vector<CanMessage> messages;
+  const auto add = [&](Header header, double frames_per_s) {
+    header.source = c.address;
+    messages.push_back({header.can(), 8, frames_per_s});
+  };
+  for (unsigned bit = 0; bit < unit.model->packet_bits.size(); ++bit) {
+    const Packet packet = unit.model->packet_bits[bit];
+    const bool is_sent = c.divider != 0 && (c.packet_types >> bit & 1U) != 0;
+    if (packet != packets) add(c.header_of(packet), is_sent ? rate_hz / c.divider : 0.0);
+  }
+  const double period_s = seconds(unit.claim_period);
+  add({.pgn = pgn::address_claimed}, period_s > 0 ? std::max(1.0, std::ceil(1.0 / period_s)) : 1.0);
+  add({.pgn = pgn::acknowledgement}, 0);
+  add({.pgn = pgn::ecu_identification}, 0);
+  add({.pgn = pgn::software_identification}, 0);
+  add({transfer_priority, pgn::transfer_control}, 0);
+  add({transfer_priority, pgn::transfer_data}, 0);
+  for (unsigned function = 0; function < fine_rate; ++function)
+    add({.pgn = pgn::proprietary_b + c.extensions[function]}, 0);
+  return messages;
+}
+
+std::vector<CanFilter> can_filters(const Settings& settings) {
+  const Unit unit = unit_of(settings);
+  // Without the priority and the source; a number that has a destination passes for all.
+  const auto of_number = [](std::uint32_t number, std::uint32_t mask) {
+    return CanFilter{.id = number << 8, .mask = mask << 8, .extended = true};
+  };
+  const auto of_source = [](std::uint32_t source, std::uint32_t mask) {
+    return CanFilter{.id = source, .mask = mask, .extended = true};
+  };
+  std::vector<CanFilter> filters;
+  for (const std::uint32_t number : {pgn::request, pgn::transfer_control, pgn::transfer_data, pgn::address_claimed,
+                                     pgn::stop_start, pgn::memory_request})
+    filters.push_back(of_number(number, 0x3FF00));
+  // Settings: extensions 0x40 to 0x7F, and the banks.
+  filters.push_back(of_number(pgn::proprietary_b | 0x40, 0x3FFC0));
+  filters.push_back(of_number(pgn::proprietary_b | 0xF0, 0x3FFFC));
+  // Frames of other nodes with the unit's address: that of the settings, or any of the pool.
+  filters.push_back(of_source(static_cast<std::uint32_t>(settings.integer("source_address")), 0xFF));
+  if (unit.name.arbitrary_address) filters.push_back(of_source(pool_begin, pool_begin));
+  return filters;
+}
+
+}  // namespace imud::j1939
