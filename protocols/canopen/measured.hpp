@@ -1,0 +1,47 @@
+// The values of the objects that are measurements.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/sample.hpp"
+#include "protocols/canopen/object_dictionary.hpp"
+
+namespace imud::canopen {
+
+// Sums of the increments of several samples.
+struct Increments {
+  Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
+
+  void add(const Sample& sample) noexcept {
+    delta_angle += sample.delta_angle;
+    delta_velocity += sample.delta_velocity;
+  }
+};
+
+// The time of day at an instant of the device's clock, as TIME brought it (1012).
+struct TimeOfDay {
+  DeviceTime at;
+  std::int64_t ms_since_1984 = 0;  // since 1984-01-01 (CiA 301, 7.1.6.5)
+};
+
+struct Reading {
+  const ObjectDictionary& dictionary;
+  const Sample& sample;
+  const Increments& increments;
+  std::optional<TimeOfDay> time_of_day;  // nullopt: it is not known, and reported as 0
+};
+
+// Returns the value of a mappable object, except 1001, in the low bits of the result. Numbers are rounded to the
+// nearest, and saturate at the ends of their type.
+std::uint64_t measure(const Object& object, const Reading& reading) noexcept;
+
+// Returns the angle of axis x (longitudinal) or y (lateral) above the horizontal, rad, with the specific force as the
+// reaction to gravity.
+double slope_angle(bool is_lateral, const Vector3& specific_force) noexcept;
+
+// Returns the offset (6013 and its likes) with which the slope at `index` (one of `slopes`) has now the value
+// `preset`, in the bits of its type.
+std::uint64_t offset_of_preset(std::uint16_t index, std::uint64_t preset, const Reading& reading) noexcept;
+
+}  // namespace imud::canopen
