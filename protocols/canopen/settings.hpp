@@ -1,0 +1,40 @@
+// The keys of [imu.device], and what follows from them for the device, the bus and the decoder.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "protocols/canopen/lss.hpp"
+#include "protocols/canopen/object_dictionary.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud::canopen {
+
+inline constexpr std::size_t setting_count = 27;
+extern const Setting declared_settings[setting_count];
+
+// A transmit PDO as the settings have it.
+struct TpdoSettings {
+  bool is_enabled = false;
+  unsigned type = 0;
+  unsigned event_ms = 0;
+  std::vector<std::size_t> mapped;  // positions of the objects
+
+  std::size_t size() const noexcept;  // bytes
+};
+
+// The following throw std::invalid_argument as Protocol::make does.
+unsigned node_id_of(const Settings& settings);
+Identity identity_of(const Settings& settings);
+std::array<TpdoSettings, tpdos> tpdos_of(const Settings& settings);
+// Returns the LSB of a quantity's objects with 16 bits.
+float lsb_of(const Settings& settings, Quantity quantity);
+// Sets the values of `dictionary` as delivered.
+void deliver(const Settings& settings, ObjectDictionary& dictionary);
+
+std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz);
+std::vector<CanFilter> can_filters(const Settings& settings);
+
+std::unique_ptr<Decoder> make_decoder(const Settings& settings);
+
+}  // namespace imud::canopen
