@@ -54,7 +54,9 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
                     "protocol = \"{}\"\nport = \"{}\"\nclock_error_ppm = 300\nphase_us = 137\n"
                     "before_first = \"silence\"\ngyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n{}",
                     protocol.name, can ? "can:vcan0" : "pty:imu", protocol.product ? "" : "rate_hz = 400\n") +
-            (protocol.name == "stim300" ? "device.start_up = false\n" : "")));
+            (protocol.name == "stim300"   ? "device.start_up = false\n"
+             : protocol.name == "canopen" ? "device.self_start = true\n"
+                                          : "")));
     config.clock = clock;
     SimulatedHost host;
     const HostTime begin = host.now();
