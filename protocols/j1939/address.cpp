@@ -20,7 +20,7 @@ bool AddressClaim::on_claim(const Message& claim_of_other, DeviceTime now, Frame
   if (source >= null_address || claim_of_other.data.size() != 8) return false;
   on_other(source);
   if (source != address_) return false;
-  // Of two nodes with the same NAME, which must not be, both move, as the ACEINNA firmware does.
+  // Two nodes must not have the same NAME. If they do, both move, as ACEINNA's firmware does.
   if (name_.word() < word_of(claim_of_other.data)) {
     claim(now, out);
     return false;

@@ -1,5 +1,6 @@
-// What ACEINNA's proprietary messages set and report: numbers 0xFF00 + a group extension, which a host may change
-// itself (banks). Layouts: github.com/Aceinna/openIMU335RI-lib 487c4fc, Lib/CAN_J1939, and openIMU300-lib dee364f.
+// The settings that hosts make and read by ACEINNA's proprietary messages: numbers 0xFF00 + a group extension, which
+// a host may change, too (banks). Layouts: github.com/Aceinna/openIMU335RI-lib 487c4fc, Lib/CAN_J1939, and
+// openIMU300-lib dee364f.
 #pragma once
 
 #include <array>

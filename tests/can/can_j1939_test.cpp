@@ -1,6 +1,7 @@
-// The J1939 unit and j1939acd of can-utils, which uses the kernel's J1939 stack, contend for an address. Runs in
-// tools/with-vcan.
+// The J1939 unit and the kernel's J1939 stack: j1939acd of can-utils contends for the unit's address, and a socket
+// exchanges long messages with it. Runs in tools/with-vcan.
 #include <gtest/gtest.h>
+#include <linux/can/j1939.h>
 
 #include <string>
 #include <vector>
@@ -52,9 +53,52 @@ void PrintTo(const Bus::Claim& claim, std::ostream* out) {
   *out << fmt::format("{:02X}: {:016X}", claim.source, claim.name);
 }
 
+// A node whose messages the kernel takes apart and puts together.
+class KernelNode {
+ public:
+  explicit KernelNode(std::uint8_t address) : socket_(::socket(PF_CAN, SOCK_DGRAM | SOCK_CLOEXEC, CAN_J1939)) {
+    const sockaddr_can own = node(address, J1939_NO_PGN);
+    EXPECT_EQ(::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own), 0) << std::strerror(errno);
+    const int on = 1;
+    EXPECT_EQ(::setsockopt(socket_.get(), SOL_SOCKET, SO_BROADCAST, &on, sizeof on), 0);
+  }
+  // Sends a message to a node, or to everyone (0xFF).
+  void send(std::uint8_t to, std::uint32_t number, std::string_view data) const {
+    const sockaddr_can other = node(to, number);
+    EXPECT_EQ(
+        ::sendto(socket_.get(), data.data(), data.size(), 0, reinterpret_cast<const sockaddr*>(&other), sizeof other),
+        static_cast<ssize_t>(data.size()))
+        << std::strerror(errno);
+  }
+  // Returns the next message with that number; empty if there is none for a minute.
+  std::string receive(std::uint32_t number) const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+    while (std::chrono::steady_clock::now() < end) {
+      pollfd ready{socket_.get(), POLLIN, 0};
+      if (::poll(&ready, 1, 200) != 1) continue;
+      char data[2000];
+      sockaddr_can from{};
+      socklen_t size = sizeof from;
+      const ssize_t got = ::recvfrom(socket_.get(), data, sizeof data, 0, reinterpret_cast<sockaddr*>(&from), &size);
+      if (got > 0 && from.can_addr.j1939.pgn == number) return {data, static_cast<std::size_t>(got)};
+    }
+    return {};
+  }
+
+ private:
+  static sockaddr_can node(std::uint8_t address, std::uint32_t number) {
+    sockaddr_can node{};
+    node.can_family = AF_CAN;
+    node.can_ifindex = static_cast<int>(::if_nametoindex("vcan0"));
+    node.can_addr.j1939 = {.name = J1939_NO_NAME, .pgn = number, .addr = address};
+    return node;
+  }
+  FileDescriptor socket_;
+};
+
 class CanJ1939Test : public LiveTest {
  protected:
-  void start_unit() {
+  void start_unit(const std::string& more = "") {
     start(imud_, write("config.toml", fmt::format(R"(seed = 1
 clock = "realtime"
 [truth]
@@ -64,8 +108,9 @@ format = "native"
 protocol = "j1939"
 port = "can:vcan0"
 before_first = "rest"
+{}
 )",
-                                                  simulator_.port())));
+                                                  simulator_.port(), more)));
   }
   // It prefers the address 0x80, and may use the two after it.
   void start_other(std::uint64_t name) {
@@ -128,6 +173,29 @@ TEST_F(CanJ1939Test, ANodeWithAHigherNameFindsTheAddressOfARunningUnitInUse) {
   // The unit has answered its request for claims.
   EXPECT_EQ(bus_.claims, (Claims{{0x80, unit_name}, {0x80, unit_name}, {0x81, higher_name}}));
   EXPECT_EQ(count("address_changes"), 0U);
+}
+
+TEST_F(CanJ1939Test, TheKernelAndTheUnitExchangeLongMessages) {
+  using namespace std::string_view_literals;
+  start_unit("device.identification = \"j1939\"\ndevice.packet_types = [\"ari\"]");
+  ASSERT_TRUE(bus_.wait_for(0x80, 0));
+  const KernelNode host(0x21);
+  constexpr std::uint32_t request = 0xEA00, ecu = 0xFDC5, software = 0xFEDA, commanded_address = 0xFED8;
+  host.send(0x80, request, "\xC5\xFD\0"sv);  // RTS and CTS
+  EXPECT_EQ(host.receive(ecu), "OpenIMU335RI*1**IMU*ACEINNA*");
+  host.send(0xFF, request, "\xC5\xFD\0"sv);  // broadcasts, one after the other
+  host.send(0xFF, request, "\xDA\xFE\0"sv);
+  EXPECT_EQ(host.receive(ecu), "OpenIMU335RI*1**IMU*ACEINNA*");
+  EXPECT_EQ(host.receive(software), "\1OpenIMU335RI 1.0.5*");
+  // Its NAME and an address, to it alone, and to everyone.
+  host.send(0x80, commanded_address, "\x01\0\xE0\x66\0\x83\0\x80\x92"sv);
+  EXPECT_TRUE(bus_.wait_for(0x92, unit_name));
+  EXPECT_TRUE(bus_.wait_for(0x92, 0));
+  host.send(0xFF, commanded_address, "\x01\0\xE0\x66\0\x83\0\x80\x93"sv);
+  EXPECT_TRUE(bus_.wait_for(0x93, unit_name));
+  EXPECT_TRUE(bus_.wait_for(0x93, 0));
+  EXPECT_EQ(count("transfers_aborted"), 0U);
+  EXPECT_EQ(count("transfers_timed_out"), 0U);
 }
 
 }  // namespace
