@@ -122,7 +122,10 @@ class CanopenDevice final : public Device {
 
   void enter(State state) noexcept {
     if (state == State::operational && state_ != State::operational) node_.pdos.start();
-    if (state == State::stopped) sdo_.reset(node_id_);
+    if (state == State::stopped) {
+      sdo_.reset(node_id_);
+      node_.alarms.clear(Alarm::sync_loss);
+    }
     state_ = state;
   }
 

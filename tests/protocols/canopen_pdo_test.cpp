@@ -116,6 +116,10 @@ TEST(CanopenPdo, ASyncThatStaysAwayIsReported) {
   EXPECT_EQ(unit.pass(1ms), "08A#0081110500000000");
   EXPECT_EQ(unit.pass(1s), "");
   EXPECT_EQ(unit.send("080#"), "08A#0000000500000000");
+  unit.send("000#0200");
+  EXPECT_EQ(unit.pass(1s), "");
+  unit.send("000#8000");
+  EXPECT_EQ(unit.pass(1s), "") << "a stopped node awaits none";
 }
 
 TEST(CanopenPdo, AtARemoteRequest) {
