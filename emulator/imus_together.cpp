@@ -108,7 +108,8 @@ class Together {
           (filter.mask & (filter.extended ? whole : whole_standard)) == (filter.extended ? whole : whole_standard))
         received_.push_back({{address_of(imu.port), filter.id | (filter.extended ? extended : 0U)}, i_});
     std::set<std::uint32_t> ids;
-    for (const SentFrames& sent : sent_frames(imu)) ids.insert(sent.can.id | (sent.can.extended ? extended : 0U));
+    for (const CanMessage& sent : imu.protocol->can_messages(imu.settings, imu.rate_hz))
+      if (!sent.is_assigned) ids.insert(sent.can.id | (sent.can.extended ? extended : 0U));
     for (const std::uint32_t id : ids)
       if (const auto [at, is_new] = identifiers_.emplace(std::pair{address_of(imu.port), id}, i_); !is_new)
         return clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & whole));

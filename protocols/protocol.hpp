@@ -139,6 +139,9 @@ struct CanMessage {
   CanHeader can;
   std::size_t max_size = 0;     // data bytes of its longest frame
   double max_frames_per_s = 0;  // averaged over a second, at the highest load that the settings allow
+  // The address in the identifier is assigned on the bus during the run: it is that of no other node then, whatever
+  // `can` has.
+  bool is_assigned = false;
 };
 
 // A product as delivered: the values that its configuration may omit.
