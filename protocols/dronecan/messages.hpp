@@ -1,0 +1,130 @@
+// The messages of DroneCAN that imud sends and receives, as their DSDL definitions have them
+// (github.com/dronecan/DSDL, folder uavcan). All are little-endian; arrays of covariances at the end are empty, and
+// have no length.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "protocols/dronecan/transfer.hpp"
+#include "protocols/wire.hpp"
+
+namespace imud::dronecan {
+
+using namespace boost::endian;
+using Half = little_uint16_buf_t;  // the bits of a float16
+
+inline constexpr DataType node_status{341, false, 0x0F0868D0C1A7C6F1, "uavcan.protocol.NodeStatus"};
+inline constexpr DataType global_time_sync{4, false, 0x20271116A793C2DB, "uavcan.protocol.GlobalTimeSync"};
+inline constexpr DataType allocation{1, false, 0x0B2A812620A11D40, "uavcan.protocol.dynamic_node_id.Allocation"};
+inline constexpr DataType solution{1000, false, 0x72A63A3C6F41FA9B, "uavcan.equipment.ahrs.Solution"};
+inline constexpr DataType magnetic_field{1002, false, 0xB6AC0C442430297E,
+                                         "uavcan.equipment.ahrs.MagneticFieldStrength2"};
+inline constexpr DataType raw_imu{1003, false, 0x8280632C40E574B5, "uavcan.equipment.ahrs.RawIMU"};
+inline constexpr DataType static_pressure{1028, false, 0xCDC7C43412BDC89A,
+                                          "uavcan.equipment.air_data.StaticPressure"};
+inline constexpr DataType static_temperature{1029, false, 0x49272A6477D96271,
+                                             "uavcan.equipment.air_data.StaticTemperature"};
+
+// Returns the nearest float16, ties to even; saturates at 65504. A float cannot stand between: rounding twice may
+// differ. So the double's lowest 29 bits are first replaced by one sticky bit, and the float is exact.
+inline Half to_half(double value) noexcept {
+  constexpr double largest = 65504;
+  constexpr std::uint64_t sticky = std::uint64_t{1} << 29;
+  auto bits = std::bit_cast<std::uint64_t>(std::clamp(value, -largest, largest));
+  if ((bits & (sticky - 1)) != 0) bits = (bits & ~(sticky - 1)) | sticky;
+  const auto half = Eigen::half(static_cast<float>(std::bit_cast<double>(bits)));
+  return Half(Eigen::numext::bit_cast<Eigen::numext::uint16_t>(half));
+}
+inline double from_half(const Half& bits) noexcept {
+  return double{static_cast<float>(Eigen::numext::bit_cast<Eigen::half>(bits.value()))};
+}
+inline void put_halves(const Vector3& vector, Half (&wire)[3]) noexcept {
+  for (int i = 0; i < 3; ++i) wire[i] = to_half(vector[i]);
+}
+inline Vector3 get_halves(const Half (&wire)[3]) noexcept {
+  return {from_half(wire[0]), from_half(wire[1]), from_half(wire[2])};
+}
+
+enum Health : unsigned { health_ok, health_warning, health_error };
+enum Mode : unsigned { operational, initialization };
+
+struct NodeStatusWire {
+  little_uint32_buf_t uptime_s;
+  std::uint8_t state;  // health, 2 bits; mode, 3 bits; sub-mode, 3 bits: 0
+  little_uint16_buf_t vendor_code;
+};
+static_assert(sizeof(NodeStatusWire) == 7);
+
+struct RawImuWire {
+  little_uint56_buf_t time_us;                // of the bus; 0: not known
+  little_float32_buf_t integration_interval;  // s; not positive: there are no integrals
+  Half rate[3];                               // rad/s
+  little_float32_buf_t delta_angle[3];        // rad, over the interval
+  Half specific_force[3];                     // m/s^2
+  little_float32_buf_t delta_velocity[3];     // m/s, over the interval
+};
+static_assert(sizeof(RawImuWire) == 47);
+inline constexpr std::size_t most_covariances = 36;  // of RawIMU
+
+// What the definition calls linear acceleration is sent as specific force, as in RawIMU. It does not define the
+// direction of the rotation; here v_L = q * v_P.
+struct SolutionWire {
+  little_uint56_buf_t time_us;
+  Half orientation[4];       // x, y, z, w
+  std::uint8_t covariances;  // 4 bits of padding, 4 bits of length: 0
+  Half rate[3];
+  std::uint8_t rate_covariances;
+  Half specific_force[3];
+};
+static_assert(sizeof(SolutionWire) == 29);
+
+struct MagneticFieldWire {
+  std::uint8_t sensor_id;
+  Half field[3];  // Gauss
+};
+static_assert(sizeof(MagneticFieldWire) == 7);
+
+struct StaticPressureWire {
+  little_float32_buf_t pressure;  // Pa
+  Half variance;                  // 0
+};
+static_assert(sizeof(StaticPressureWire) == 6);
+
+struct StaticTemperatureWire {
+  Half temperature;  // K
+  Half variance;     // 0
+};
+static_assert(sizeof(StaticTemperatureWire) == 4);
+
+// The time of the bus, when the master sent its previous message of this type; 0 in its first.
+struct GlobalTimeSyncWire {
+  little_uint56_buf_t previous_us;
+};
+static_assert(sizeof(GlobalTimeSyncWire) == 7);
+
+// The payload of a transfer while it is written; what does not fit is left out.
+class Payload {
+ public:
+  template <WireLayout T>
+  void put(const T& wire) noexcept {
+    if (sizeof(T) > bytes_.size() - size_) return;
+    write_wire(wire, std::span(bytes_).subspan(size_));
+    size_ += sizeof(T);
+  }
+  void put_byte(unsigned byte) noexcept { put(static_cast<std::uint8_t>(byte)); }
+  void put_text(std::string_view text) noexcept {
+    for (const char c : text) put(c);
+  }
+  std::span<const std::byte> bytes() const noexcept { return std::span(bytes_).first(size_); }
+
+ private:
+  std::array<std::byte, longest_transfer> bytes_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace imud::dronecan
