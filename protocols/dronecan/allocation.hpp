@@ -1,0 +1,50 @@
+// The allocation of a node id by another node, with the rules A to E of dynamic_node_id.Allocation: three anonymous
+// requests have the parts of the unit's unique id.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <random>
+#include <span>
+
+#include "core/time.hpp"
+#include "protocols/dronecan/messages.hpp"
+
+namespace imud::dronecan {
+
+using UniqueId = std::array<std::uint8_t, 16>;
+
+// Returns the discriminator of the unit's anonymous messages, 14 bits: always the same.
+unsigned discriminator_of(const UniqueId& unique_id) noexcept;
+
+class Allocation {
+ public:
+  explicit Allocation(const UniqueId& unique_id) noexcept;
+
+  // Begins at `now`; requests are sent until there is a node id.
+  void start(DeviceTime now) noexcept;
+  void stop() noexcept { request_.reset(); }
+  // As in Device; nullopt if nothing is requested.
+  std::optional<DeviceTime> deadline() const noexcept;
+  // Writes the request that is due at `now`, which is deadline() or later.
+  Payload poll(DeviceTime now) noexcept;
+  void step_clock(Nanoseconds by) noexcept;
+
+  // Reports that another node has requested a node id: this one waits.
+  void wait(DeviceTime now) noexcept;
+  // Processes an allocator's message. Returns this unit's node id if the message assigns it.
+  std::optional<unsigned> receive(std::span<const std::byte> message, DeviceTime now) noexcept;
+
+ private:
+  // Returns a random time from `shortest` to `longest`.
+  Nanoseconds random(Nanoseconds shortest, Nanoseconds longest) noexcept;
+
+  UniqueId unique_id_;
+  std::minstd_rand random_;
+  std::optional<DeviceTime> request_;    // when the first part is sent; nullopt: no node id is requested
+  std::optional<DeviceTime> follow_up_;  // when the next part is sent
+  std::size_t known_ = 0;                // bytes of the unique id that the allocator has
+};
+
+}  // namespace imud::dronecan
