@@ -1,0 +1,245 @@
+#include "protocols/dronecan/services.hpp"
+
+#include "protocols/frame_writer.hpp"
+
+namespace imud::dronecan {
+
+namespace {
+
+using Request = FieldReader<order::little>;
+
+constexpr unsigned file_not_implemented = 38, update_invalid_mode = 1, enumeration_unsupported = 3, shell_error = 2;
+constexpr unsigned ok_bit = 0x80;  // a bool that is followed by padding
+
+constexpr DataType get_node_info{1, true, 0xEE468A8121C46A9E, "uavcan.protocol.GetNodeInfo"};
+constexpr DataType get_data_type_info{2, true, 0x1B283338A7BED2D8, "uavcan.protocol.GetDataTypeInfo"};
+constexpr DataType get_transport_stats{4, true, 0xBE6F76A7EC312B04, "uavcan.protocol.GetTransportStats"};
+constexpr DataType restart_node{5, true, 0x569E05394A3017F0, "uavcan.protocol.RestartNode"};
+constexpr DataType access_command_shell{6, true, 0x59276B5921C9246E, "uavcan.protocol.AccessCommandShell"};
+constexpr DataType execute_opcode{10, true, 0x3B131AC5EB69D2CD, "uavcan.protocol.param.ExecuteOpcode"};
+constexpr DataType get_set{11, true, 0xA7B622F939D1A4D5, "uavcan.protocol.param.GetSet"};
+constexpr DataType begin_enumeration{15, true, 0x196AE06426A3B5D8, "uavcan.protocol.enumeration.Begin"};
+constexpr DataType begin_firmware_update{40, true, 0xB7D725DF72724126, "uavcan.protocol.file.BeginFirmwareUpdate"};
+constexpr DataType file_get_info{45, true, 0x5004891EE8A27531, "uavcan.protocol.file.GetInfo"};
+constexpr DataType file_get_directory_entry_info{46, true, 0x8C46E8AB568BDA79,
+                                                 "uavcan.protocol.file.GetDirectoryEntryInfo"};
+constexpr DataType file_delete{47, true, 0x78648C99170B47AA, "uavcan.protocol.file.Delete"};
+constexpr DataType file_read{48, true, 0x8DCDCA939F33F678, "uavcan.protocol.file.Read"};
+constexpr DataType file_write{49, true, 0x515AA1DC77E58429, "uavcan.protocol.file.Write"};
+constexpr DataType tunnel_call{63, true, 0xDB11EDC510502658, "uavcan.tunnel.Call"};
+
+// The tags of param.Value and param.NumericValue.
+enum Tag : unsigned { empty, integer, real, boolean, text };
+
+struct NodeInfoWire {
+  NodeStatusWire status;
+  std::uint8_t software_major, software_minor;
+  std::uint8_t optional_fields;  // 0: neither of the next two
+  little_uint32_buf_t commit;
+  little_uint64_buf_t image_crc;
+  std::uint8_t hardware_major, hardware_minor;
+  UniqueId unique_id;
+  std::uint8_t certificate_size;  // 0
+};
+static_assert(sizeof(NodeInfoWire) == 41);
+
+struct InterfaceWire {
+  little_uint48_buf_t frames_sent, frames_received, errors;
+};
+struct TransportStatsWire {
+  little_uint48_buf_t transfers_sent, transfers_received, errors;
+  InterfaceWire interface;
+};
+static_assert(sizeof(TransportStatsWire) == 36);
+
+void put_node_info(const Node& node, DeviceTime now, Payload& response) noexcept {
+  const Identity& identity = node.identity;
+  response.put(NodeInfoWire{.status = node.status(now),
+                            .software_major = identity.software.major,
+                            .software_minor = identity.software.minor,
+                            .optional_fields = 0,
+                            .commit = little_uint32_buf_t(0),
+                            .image_crc = little_uint64_buf_t(0),
+                            .hardware_major = identity.hardware.major,
+                            .hardware_minor = identity.hardware.minor,
+                            .unique_id = identity.unique_id,
+                            .certificate_size = 0});
+  response.put_text(identity.name);
+}
+
+void put_transport_stats(const TransportStatistics& s, Payload& response) noexcept {
+  using Count = little_uint48_buf_t;
+  response.put(TransportStatsWire{Count(s.transfers_sent),
+                                  Count(s.transfers_received),
+                                  Count(s.transfer_errors),
+                                  {Count(s.frames_sent), Count(s.frames_received), Count(s.frame_errors)}});
+}
+
+// A data type is looked up by its name, or, if that is empty, by its id and kind.
+void put_data_type_info(const DataType* found, std::string_view name, Payload& response) noexcept {
+  constexpr unsigned known = 1, subscribed = 2, publishing = 4, serving = 8;
+  response.put(little_uint64_buf_t(found != nullptr ? found->signature : 0));
+  response.put(little_uint16_buf_t(found != nullptr ? found->id : std::uint16_t{0}));
+  response.put_byte(found != nullptr && !found->is_service ? 1 : 0);
+  const bool is_received = found == &global_time_sync || found == &allocation;
+  response.put_byte(found == nullptr    ? 0
+                    : found->is_service ? known | serving
+                    : is_received       ? known | subscribed
+                                        : known | publishing);
+  response.put_text(found != nullptr ? found->name : name);
+}
+
+constexpr std::array services = {&get_node_info, &get_data_type_info,   &get_transport_stats,
+                                 &restart_node,  &access_command_shell, &execute_opcode,
+                                 &get_set,       &begin_enumeration,    &begin_firmware_update,
+                                 &file_get_info, &file_delete,          &file_get_directory_entry_info,
+                                 &file_read,     &file_write,           &tunnel_call};
+constexpr std::array messages = {&node_status,    &global_time_sync, &allocation,      &solution,
+                                 &magnetic_field, &raw_imu,          &static_pressure, &static_temperature};
+
+Served serve_data_type_info(std::span<const std::byte> bytes, Payload& response) noexcept {
+  Request request(bytes);
+  const auto id = request.take<std::uint16_t>();
+  const bool is_service = request.take<std::uint8_t>() == 0;
+  if (!request.is_whole()) return Served::malformed;
+  const std::span<const std::byte> rest = bytes.subspan(3);
+  const std::string_view name(reinterpret_cast<const char*>(rest.data()), rest.size());
+  const DataType* found = nullptr;
+  const auto look_at = [&](const DataType* type) {
+    if (name.empty() ? type->id == id && type->is_service == is_service : type->name == name) found = type;
+  };
+  for (const DataType* type : services) look_at(type);
+  for (const DataType* type : messages) look_at(type);
+  put_data_type_info(found, name.substr(0, 80), response);
+  return Served::answered;
+}
+
+void put_value(bool is_flag, std::int64_t value, Payload& response) noexcept {
+  response.put_byte(is_flag ? boolean : integer);
+  if (is_flag)
+    response.put_byte(static_cast<unsigned>(value));
+  else
+    response.put(little_int64_buf_t(value));
+}
+
+// A request begins with 13 bits of index and 3 bits of tag. A value of another type than the parameter's, or that is
+// not valid, is not set: the response has the present one.
+Served serve_get_set(std::span<const std::byte> bytes, Memory& memory, Payload& response) noexcept {
+  Request request(bytes);
+  const auto low = request.take<std::uint8_t>(), high = request.take<std::uint8_t>();
+  const unsigned index = low | static_cast<unsigned>(high >> 3) << 8, tag = high & 7U;
+  std::int64_t value = 0;
+  std::size_t used = 2;
+  if (tag == integer) {
+    value = request.take<std::int64_t>();
+    used += sizeof(std::int64_t);
+  } else if (tag == real) {
+    request.take<float>();
+    used += sizeof(float);
+  } else if (tag == boolean) {
+    value = request.take<std::uint8_t>() != 0;
+    used += 1;
+  } else if (tag == text) {
+    used += 1 + std::size_t{request.take<std::uint8_t>()};
+  }
+  if (!request.is_whole() || tag > text || used > bytes.size()) return Served::malformed;
+  const std::span<const std::byte> rest = bytes.subspan(used);
+  const std::string_view name(reinterpret_cast<const char*>(rest.data()), rest.size());
+  const std::size_t key = name.empty() ? index : find_parameter(name).value_or(key_count);
+  if (key >= key_count) {
+    for (int i = 0; i < 4; ++i) response.put_byte(empty);  // value, default, maximum, minimum; no name
+    return Served::answered;
+  }
+  const Parameter& parameter = parameters[key];
+  if (tag == (parameter.is_flag ? boolean : integer) && memory.accepts(key, value)) memory.active[key] = value;
+  put_value(parameter.is_flag, memory.active[key], response);
+  put_value(parameter.is_flag, memory.factory[key], response);
+  for (const std::int64_t limit : {memory.highest(key), std::int64_t{0}}) {
+    if (parameter.is_flag)
+      response.put_byte(empty);
+    else
+      put_value(false, limit, response);
+  }
+  response.put_text(parameter.name);
+  return Served::answered;
+}
+
+Served serve_opcode(std::span<const std::byte> bytes, Memory& memory, Payload& response) noexcept {
+  constexpr unsigned save = 0, erase = 1;
+  if (bytes.size() < 7) return Served::malformed;
+  const auto opcode = std::to_integer<unsigned>(bytes[0]);
+  if (opcode == save) memory.stored = memory.active;
+  if (opcode == erase) memory.stored = memory.active = memory.factory;
+  response.put(little_int48_buf_t(0));
+  response.put_byte(opcode <= erase ? ok_bit : 0);
+  return Served::answered;
+}
+
+Served serve_restart(std::span<const std::byte> bytes, Payload& response) noexcept {
+  constexpr std::uint64_t magic = 0xACCE551B1E;
+  if (bytes.size() < sizeof(little_uint40_buf_t)) return Served::malformed;
+  const bool ok = read_wire<little_uint40_buf_t>(bytes).value() == magic;
+  response.put_byte(ok ? ok_bit : 0);
+  return ok ? Served::restart : Served::answered;
+}
+
+void put_file_error(Payload& response) noexcept { response.put(little_int16_buf_t(file_not_implemented)); }
+
+}  // namespace
+
+const DataType* find_service(unsigned id) noexcept {
+  for (const DataType* service : services)
+    if (service->id == id) return service;
+  return nullptr;
+}
+
+Served serve(const DataType& service, std::span<const std::byte> request, DeviceTime now, Node& node,
+             Payload& response) noexcept {
+  switch (service.id) {
+    case get_node_info.id:
+      put_node_info(node, now, response);
+      break;
+    case get_data_type_info.id:
+      return serve_data_type_info(request, response);
+    case get_transport_stats.id:
+      put_transport_stats(node.statistics, response);
+      break;
+    case restart_node.id:
+      return serve_restart(request, response);
+    case access_command_shell.id:
+      response.put(little_int32_buf_t(1));  // the error's code
+      response.put_byte(shell_error);
+      response.put_text("no shell");
+      break;
+    case execute_opcode.id:
+      return serve_opcode(request, node.memory, response);
+    case get_set.id:
+      return serve_get_set(request, node.memory, response);
+    case begin_enumeration.id:
+      response.put_byte(enumeration_unsupported);
+      break;
+    case begin_firmware_update.id:
+      response.put_byte(update_invalid_mode);
+      response.put_text("not supported");
+      break;
+    case file_get_info.id:
+      response.put(little_uint40_buf_t(0));
+      put_file_error(response);
+      response.put_byte(0);  // there is no such entry
+      break;
+    case file_get_directory_entry_info.id:
+      put_file_error(response);
+      response.put_byte(0);
+      break;
+    case file_delete.id:
+    case file_read.id:
+    case file_write.id:
+      put_file_error(response);
+      break;
+    default:  // the tunnel's response is empty
+      break;
+  }
+  return Served::answered;
+}
+
+}  // namespace imud::dronecan

@@ -1,0 +1,24 @@
+// The services of the node: it answers those that it has, and refuses those that it knows, but does not have, in the
+// way of each. DroneCAN has no refusal of an unknown service.
+#pragma once
+
+#include <span>
+
+#include "protocols/dronecan/node.hpp"
+
+namespace imud::dronecan {
+
+// Returns the service with that id, or nullptr.
+const DataType* find_service(unsigned id) noexcept;
+
+enum class Served : std::uint8_t {
+  answered,
+  restart,    // answered; the node restarts
+  malformed,  // the request is too short, or impossible: there is no answer
+};
+
+// Executes a request of a service that find_service() returns, and writes the response.
+Served serve(const DataType& service, std::span<const std::byte> request, DeviceTime now, Node& node,
+             Payload& response) noexcept;
+
+}  // namespace imud::dronecan
