@@ -1,0 +1,309 @@
+// An IMU on DroneCAN (UAVCAN v0): measurements, node status, services, parameters, a fixed or allocated node id, and
+// the time of the bus. Transfers: transfer.hpp; layouts: messages.hpp. It is no vendor's product: it sends what
+// AP_Periph and PX4's cannode send, and a name and versions that the settings give.
+//
+// The host's changes of parameters apply at once, but that of the node id at the next restart.
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "protocols/dronecan/bus_time.hpp"
+#include "protocols/dronecan/conformance.hpp"
+#include "protocols/dronecan/services.hpp"
+#include "protocols/dronecan/settings.hpp"
+
+namespace imud {
+
+namespace {
+
+using namespace dronecan;
+
+enum Count : std::size_t { node_id_conflicts, transfers_timed_out, transfers_malformed, counts_size };
+constexpr DeviceCounter counters[] = {
+    {"node_id_conflicts", "frames of another node with the same node id",
+     "another node has the same node id, so that receivers take both for one; give one of them another node_id"},
+    {"transfers_timed_out", "received transfers that timed out"},
+    {"transfers_malformed", "received transfers that were malformed"}};
+static_assert(std::size(counters) == counts_size);
+
+class DroneCanDevice final : public Device {
+ public:
+  explicit DroneCanDevice(const Configuration& c) noexcept
+      : allocation_(c.identity.unique_id), is_device_time_(c.is_device_time) {
+    node_.identity = c.identity;
+    node_.memory = {.factory = c.values, .stored = c.values, .active = c.values, .sample_rate = c.sample_rate};
+    power_on({});
+  }
+
+  void power_on(DeviceTime now) noexcept override {
+    node_.memory.active = node_.memory.stored;
+    node_.statistics = {};
+    node_.power_on = now;
+    node_.health = health_ok;
+    receiver_.clear();
+    bus_time_.clear();
+    transfer_ids_ = {};
+    samples_ = 0;
+    begin_integrals();
+    node_.id = static_cast<unsigned>(node_.memory.active[node_id_key]);
+    allocation_.stop();
+    if (node_.id == anonymous)
+      allocation_.start(now);
+    else
+      next_status_ = now;
+  }
+
+  void sample(const Sample& sample, FrameBuffer& out) noexcept override {
+    constexpr std::uint32_t saturated = 7 * (status::gyro_saturated_x | status::accelerometer_saturated_x);
+    if ((sample.status & saturated) != 0) node_.health = std::max(node_.health, health_warning);
+    if ((sample.status & status::not_valid) != 0) node_.health = std::max(node_.health, health_error);
+    if (node_.id == anonymous || !node_.is_operational(sample.time)) return;
+    delta_angle_ += sample.delta_angle;
+    delta_velocity_ += sample.delta_velocity;
+    ++integrated_;
+    ++samples_;
+    for (const Stream& stream : streams)
+      if (const std::int64_t hz = node_.memory.active[stream.rate];
+          hz != 0 && samples_ % (node_.memory.sample_rate / hz) == 0)
+        send_measurement(*stream.type, sample, out);
+  }
+
+  void receive(const Frame& frame, DeviceTime now, FrameBuffer& replies) noexcept override {
+    const CanHeader& can = frame.can;
+    node_.statistics.frame_errors += can.error;
+    if (!can.extended || can.remote || can.error || can.fd || frame.bytes.empty()) return;
+    ++node_.statistics.frames_received;
+    const Identifier from = Identifier::parse(can.id);
+    const auto source = from.source;
+    if (node_.id != anonymous && source == node_.id) {
+      ++counts_[node_id_conflicts];
+    } else if (from.is_service) {
+      receive_service(from, frame.bytes, now, replies);
+    } else if (from.is_anonymous()) {
+      if (from.type == (allocation.id & 3U)) allocation_.wait(now);
+    } else if (from.type == global_time_sync.id) {
+      if (const auto message = receiver_.feed(from, global_time_sync, frame.bytes, now);
+          is_long_enough(message, sizeof(GlobalTimeSyncWire)))
+        bus_time_.receive(source, Tail::parse(frame.bytes.back()).transfer_id,
+                          read_wire<GlobalTimeSyncWire>(*message).previous_us.value(), now);
+    } else if (from.type == allocation.id && node_.id == anonymous) {
+      if (const auto message = receiver_.feed(from, allocation, frame.bytes, now); is_long_enough(message, 1))
+        if (const auto id = allocation_.receive(*message, now)) {
+          node_.id = *id;
+          allocation_.stop();
+          next_status_ = now;
+        }
+    }
+    count_errors();
+  }
+
+  std::optional<DeviceTime> deadline() const noexcept override {
+    const DeviceTime own = node_.id != anonymous ? next_status_ : allocation_.deadline().value_or(next_status_);
+    const auto timeout = receiver_.deadline();
+    return timeout ? std::min(own, *timeout) : own;
+  }
+
+  void poll(DeviceTime now, FrameBuffer& out) noexcept override {
+    receiver_.poll(now);
+    count_errors();
+    if (node_.id != anonymous) {
+      if (now < next_status_) return;
+      next_status_ = next_status_ + ((now - next_status_) / status_period + 1) * status_period;
+      broadcast(node_status, status_priority, node_.status(now), out);
+      node_.health = health_ok;
+    } else if (const auto due = allocation_.deadline(); due && *due <= now) {
+      const Identifier identifier{.priority = status_priority,
+                                  .type = allocation.id,
+                                  .discriminator = discriminator_of(node_.identity.unique_id)};
+      send(identifier, allocation, next_transfer_id(allocation), allocation_.poll(now).bytes(), out);
+    }
+  }
+
+  void step_clock(Nanoseconds by) noexcept override {
+    node_.power_on = node_.power_on + by;
+    next_status_ = next_status_ + by;
+    receiver_.step_clock(by);
+    bus_time_.step_clock(by);
+    allocation_.step_clock(by);
+  }
+
+  std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
+
+ private:
+  static constexpr Nanoseconds status_period = std::chrono::seconds(1);
+
+  void receive_service(const Identifier& from, std::span<const std::byte> bytes, DeviceTime now,
+                       FrameBuffer& replies) noexcept {
+    if (!from.is_request || node_.id == anonymous || from.destination != node_.id || from.source == anonymous) return;
+    const DataType* service = find_service(from.type);
+    if (service == nullptr) return;
+    const auto request = receiver_.feed(from, *service, bytes, now);
+    if (!request) return;
+    ++node_.statistics.transfers_received;
+    Payload response;
+    const Served served = serve(*service, *request, now, node_, response);
+    if (served == Served::malformed) {
+      ++refused_;
+      return;
+    }
+    Identifier to = from;
+    to.is_request = false;
+    to.source = node_.id;
+    to.destination = from.source;
+    send(to, *service, Tail::parse(bytes.back()).transfer_id, response.bytes(), replies);
+    if (served == Served::restart) power_on(now);
+  }
+
+  // Counts a message, or one that is too short. Returns true if there is one that is long enough.
+  bool is_long_enough(const std::optional<std::span<const std::byte>>& message, std::size_t size) noexcept {
+    if (!message) return false;
+    ++node_.statistics.transfers_received;
+    refused_ += message->size() < size;
+    return message->size() >= size;
+  }
+
+  void count_errors() noexcept {
+    const DecodeErrors& errors = receiver_.errors();
+    const std::uint64_t malformed = errors.checksum + errors.malformed + errors.incomplete + refused_;
+    const std::uint64_t timed_out = receiver_.timed_out();
+    node_.statistics.transfer_errors +=
+        malformed - counts_[transfers_malformed] + timed_out - counts_[transfers_timed_out];
+    counts_[transfers_malformed] = malformed;
+    counts_[transfers_timed_out] = timed_out;
+  }
+
+  void send_measurement(const DataType& type, const Sample& sample, FrameBuffer& out) noexcept {
+    const std::uint64_t time = is_device_time_ ? static_cast<std::uint64_t>(microseconds(sample.time - DeviceTime{}))
+                                               : bus_time_.at(sample.time);
+    const auto priority = static_cast<unsigned>(node_.memory.active[priority_key]);
+    switch (type.id) {
+      case raw_imu.id:
+        broadcast(type, priority, raw_imu_of(sample, time), out);
+        begin_integrals();
+        break;
+      case solution.id: {
+        SolutionWire wire{};
+        wire.time_us = time;
+        const Quaternion& q = sample.q_LP;
+        wire.orientation[0] = to_half(q.x());
+        wire.orientation[1] = to_half(q.y());
+        wire.orientation[2] = to_half(q.z());
+        wire.orientation[3] = to_half(q.w());
+        put_halves(sample.rate, wire.rate);
+        put_halves(sample.specific_force, wire.specific_force);
+        broadcast(type, priority, wire, out);
+        break;
+      }
+      case magnetic_field.id: {
+        if (sample.magnetic_field.isZero(0)) break;
+        constexpr double gauss = 1e-4;
+        MagneticFieldWire wire{};
+        wire.sensor_id = static_cast<std::uint8_t>(node_.memory.active[sensor_id_key]);
+        put_halves(sample.magnetic_field / gauss, wire.field);
+        broadcast(type, priority, wire, out);
+        break;
+      }
+      case static_pressure.id:
+        if (sample.pressure > 0)
+          broadcast(type, priority, StaticPressureWire{little_float32_buf_t(to_float(sample.pressure)), to_half(0)},
+                    out);
+        break;
+      default: {
+        constexpr double zero_celsius = 273.15;
+        broadcast(type, priority, StaticTemperatureWire{to_half(sample.temperature_c + zero_celsius), to_half(0)},
+                  out);
+        break;
+      }
+    }
+  }
+
+  RawImuWire raw_imu_of(const Sample& sample, std::uint64_t time) const noexcept {
+    RawImuWire wire{};
+    wire.time_us = time;
+    put_halves(sample.rate, wire.rate);
+    put_halves(sample.specific_force, wire.specific_force);
+    if (node_.memory.active[integrals_key] == 0) return wire;
+    wire.integration_interval =
+        to_float(static_cast<double>(integrated_) / static_cast<double>(node_.memory.sample_rate));
+    put_vector(delta_angle_, wire.delta_angle);
+    put_vector(delta_velocity_, wire.delta_velocity);
+    return wire;
+  }
+
+  void begin_integrals() noexcept {
+    delta_angle_.setZero();
+    delta_velocity_.setZero();
+    integrated_ = 0;
+  }
+
+  template <WireLayout T>
+  void broadcast(const DataType& type, unsigned priority, const T& wire, FrameBuffer& out) noexcept {
+    send({.priority = priority, .type = type.id, .source = node_.id}, type, next_transfer_id(type),
+         std::as_bytes(std::span(&wire, 1)), out);
+  }
+
+  void send(const Identifier& identifier, const DataType& type, unsigned transfer_id,
+            std::span<const std::byte> payload, FrameBuffer& out) noexcept {
+    const std::size_t frames = dronecan::send(identifier, type, transfer_id, payload, out);
+    node_.statistics.frames_sent += frames;
+    node_.statistics.transfers_sent += frames > 0;
+  }
+
+  // Returns the transfer id of the next message of a type, of those that the device sends.
+  unsigned next_transfer_id(const DataType& type) noexcept {
+    std::size_t i = 0;
+    while (i < streams.size() && streams[i].type != &type) ++i;
+    if (&type == &allocation) ++i;
+    return std::exchange(transfer_ids_[i], static_cast<std::uint8_t>((transfer_ids_[i] + 1) % transfer_ids));
+  }
+
+  Node node_;
+  Receiver receiver_;
+  Allocation allocation_;
+  BusTime bus_time_;
+  bool is_device_time_;
+  DeviceTime next_status_;
+  std::array<std::uint8_t, streams.size() + 2> transfer_ids_;  // of the streams, NodeStatus, Allocation
+  std::int64_t samples_ = 0;                                   // since the node became operational
+  Vector3 delta_angle_, delta_velocity_;                       // since the last RawIMU
+  std::int64_t integrated_ = 0;                                // samples in them
+  std::uint64_t refused_ = 0;                                  // received transfers whose content was impossible
+  std::array<std::uint64_t, counts_size> counts_ = {};
+};
+
+}  // namespace
+
+extern const Protocol dronecan_protocol;
+constexpr Protocol dronecan_protocol = {
+    .name = "dronecan",
+    .summary = "an IMU on DroneCAN (UAVCAN v0): RawIMU, Solution, magnetic field, air data; services, parameters",
+    .link = Link::can,
+    .document = "DroneCAN specification, CAN bus transport layer; github.com/dronecan/DSDL at b4653c7",
+    .settings = declared_settings,
+    .fields =
+        Measurement::rate | Measurement::specific_force | Measurement::delta_angle | Measurement::delta_velocity,
+    .resolution = {.time_s = 1e-6,
+                   .rate = 0x1p-11,
+                   .specific_force = 0x1p-7,
+                   .delta_angle = 0x1p-24,
+                   .delta_velocity = 0x1p-24},
+    .range = {.rate = 1, .specific_force = 16, .delta_angle = 1, .delta_velocity = 1},
+    .counter_bits = 0,
+    .status_bits = 0,
+    .has_checksum = true,
+    .burst_bits = 14,
+    .counters = counters,
+    .can_messages = dronecan::can_messages,
+    .can_filters = dronecan::can_filters,
+    .product = dronecan::product_of,
+    .conformance_settings = dronecan::conformance_settings,
+    .host_inputs = dronecan::host_inputs,
+    .make = [](const Settings& settings) -> std::unique_ptr<Device> {
+      return std::make_unique<DroneCanDevice>(configuration_of(settings));
+    },
+    .make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
+      return dronecan::make_decoder(settings);
+    },
+};
+
+}  // namespace imud
