@@ -198,6 +198,7 @@ void Channel::publish() noexcept {
   counters_.device.store(device_->counts());
   counters_.frames.store(sent - replies, std::memory_order_relaxed);
   counters_.replies.store(replies, std::memory_order_relaxed);
+  publish_bus();
   counters_.dropped.store(dropped, std::memory_order_relaxed);
   counters_.failed.store(failed, std::memory_order_relaxed);
   if (sync_) counters_.edges_refused.store(sync_->refused(), std::memory_order_relaxed);
@@ -206,6 +207,17 @@ void Channel::publish() noexcept {
 
 bool Channel::Line::holds_back() const noexcept {
   const PortCounters& counters = port->counters();
+void Channel::publish_bus() noexcept {
+  if (!is_can_) return;
+  const PortCounters& port = lines_[0].port->counters();
+  counters_.bus_errors.store(port.bus_errors, std::memory_order_relaxed);
+  counters_.error_warnings.store(port.error_warnings, std::memory_order_relaxed);
+  counters_.error_passives.store(port.error_passives, std::memory_order_relaxed);
+  counters_.bus_offs.store(port.bus_offs, std::memory_order_relaxed);
+  counters_.bus_restarts.store(port.bus_restarts, std::memory_order_relaxed);
+  counters_.refused.store(port.refused, std::memory_order_relaxed);
+}
+
   return counters.sent + counters.dropped != passed;
 }
 

@@ -125,6 +125,7 @@ class Channel {
   void publish() noexcept;
 
   const std::string name_;
+  void publish_bus() noexcept;
   const Grid grid_;
   const bool rests_before_truth_;
   const bool is_can_;

@@ -110,6 +110,14 @@ struct ImuCounters : CounterGroup {
   Counter at_rest{*this, {"at_rest", "at rest before the first truth"}};
   // Frames in answer to the host that the port took whole; `frames` does not include them.
   Counter replies{*this, {"replies", "replies sent"}};
+  // A CAN controller's error frames, and times that it came to a state (PortState); frames that a serial CAN adapter
+  // refused.
+  Counter bus_errors{*this, {"bus_errors", "error frames", Show::if_not_zero, Show::if_not_zero}};
+  Counter error_warnings{*this, {"error_warnings", "times error warning"}};
+  Counter error_passives{*this, {"error_passives", "times error passive"}};
+  Counter bus_offs{*this, {"bus_offs", "times bus-off", Show::if_not_zero, Show::if_not_zero}};
+  Counter bus_restarts{*this, {"bus_restarts", "restarts of the bus"}};
+  Counter refused{*this, {"refused", "refused by the adapter", Show::if_not_zero, Show::if_not_zero}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
   // From a sample's instant to the beginning of its write, and the duration of that write.

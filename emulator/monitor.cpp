@@ -214,6 +214,15 @@ void Monitor::report_port(ReportedPort& reported, const std::string& imu, const 
       spdlog::warn("{}: {}: the line has {} baud and the client {}: both read garbage{}", imu, port, speeds.line,
                    speeds.client, ++reported.wrong_speeds == most ? " (reported for the last time)" : "");
       break;
+    case PortState::error_warning:
+      spdlog::warn("{}: {}: error warning: the bus has errors, 96 or more counted by the controller", imu, port);
+      break;
+    case PortState::error_passive:
+      spdlog::warn(
+          "{}: {}: error passive: frames are not acknowledged, or damaged; is another node on the bus, at "
+          "the same bit rate?",
+          imu, port);
+      break;
     case PortState::lost:
       if (const int error = now.error; error != 0)
         spdlog::error("{}: {}: {}; frames are lost until it can be written again", imu, port, strerrordesc_np(error));

@@ -8,6 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "transports/can_bits.hpp"
 #include "transports/can_bus.hpp"
@@ -34,8 +35,10 @@ constexpr PortOption max_age_option = {.key = "max_age_ms",
                                        .max = 60'000};
 constexpr PortOption confirm_option = {
     .key = "confirm", .help = "the interface confirms each frame that it has sent", .choices = "no yes"};
-constexpr PortOption can_options[] = {bitrate_option,      data_bitrate_option, mtu_option,
-                                      frames_per_s_option, max_age_option,      confirm_option};
+constexpr PortOption wait_option = {
+    .key = "wait", .help = "waits for an interface that does not exist yet", .choices = "no yes"};
+constexpr PortOption can_options[] = {bitrate_option, data_bitrate_option, mtu_option, frames_per_s_option,
+                                      max_age_option, confirm_option,      wait_option};
 
 // Returns the highest rate at which frames leave to a virtual interface if none may be lost, frames/s; nullopt:
 // unlimited. The default without a bit rate is 5000: then a receiver's default buffer of 277 frames lasts for 55 ms.
@@ -56,19 +59,24 @@ class CanPort final : public Port {
   CanPort(const PortSpec& spec, Delivery delivery)
       : wanted_mtu_(spec.one_of(mtu_option)),
         bus_(spec),
+        virtual_frames_per_s_(delivery == Delivery::complete ? max_frames_per_s(spec) : std::nullopt),
         socket_(spec.address, spec.one_of(confirm_option) == "yes"),
         queue_(max_age(spec, delivery)) {
     if (spec.address.size() >= IFNAMSIZ)
       throw spec.error("the name is too long for an interface; right would be a name such as can0");
-    if (::if_nametoindex(spec.address.c_str()) == 0)
-      throw spec.error("there is no such interface; 'ip link' lists the interfaces");
+    if (::if_nametoindex(spec.address.c_str()) == 0) {
+      if (spec.one_of(wait_option) == "yes") {
+        lose(ENODEV);
+        return;
+      }
+      throw spec.error("there is no such interface; 'ip link' lists the interfaces, and wait=yes waits for it");
+    }
     if (const int error = bind(); error == EAFNOSUPPORT || error == EPROTONOSUPPORT)
       throw spec.error("this kernel has no CAN; sudo modprobe can_raw");
     else if (error != 0)
       throw spec.error(fmt::format("cannot be bound: {}; is it a CAN interface?", std::strerror(error)));
     if (wanted_mtu_ == "72" && !carries_fd_)
       throw spec.error(fmt::format("mtu=72: it carries no FD frames; ip link set {} mtu 72", spec.address));
-    if (delivery == Delivery::complete && socket_.is_virtual()) max_frames_per_s_ = max_frames_per_s(spec);
   }
 
   void send(std::span<const Frame> frames) noexcept override {
@@ -134,7 +142,9 @@ class CanPort final : public Port {
   int bind() noexcept {
     if (const int error = socket_.bind(); error != 0) return error;
     bus_off_ = false;
+    bus_state_ = PortState::ready;
     update_mtu();
+    max_frames_per_s_ = socket_.is_virtual() ? virtual_frames_per_s_ : std::nullopt;
     if (const int down = socket_.pending_error(); down != 0)
       lose(down);
     else
@@ -168,7 +178,7 @@ class CanPort final : public Port {
         if (handle_refusal(errno, now)) continue;
         return;
       }
-      state_ = PortState::ready;
+      state_ = bus_state_;
       for (int i = 0; i < taken; ++i) counters_.count_sent(queue_[static_cast<std::size_t>(i)].is_reply);
       queue_.sent(static_cast<std::size_t>(taken), now);
     }
@@ -180,6 +190,7 @@ class CanPort final : public Port {
   void lose(int error) noexcept {
     if (state_ != PortState::lost) ++counters_.lost_count;
     state_ = PortState::lost;
+    bus_state_ = PortState::ready;  // which a controller is when it starts again
     counters_.dropped += queue_.clear();
     if (error != ENODEV && error != ENXIO) return;  // the interface is down, and the socket still bound
     socket_.unbind();
@@ -236,6 +247,28 @@ class CanPort final : public Port {
     return header;
   }
 
+  // Takes the state of the controller from an error frame.
+  void take_error(canid_t id) noexcept {
+    ++counters_.bus_errors;
+    if ((id & CAN_ERR_BUSOFF) != 0 && !std::exchange(bus_off_, true)) ++counters_.bus_offs;
+    if ((id & CAN_ERR_RESTARTED) != 0) {
+      ++counters_.bus_restarts;
+      bus_off_ = false;
+      bus_state_ = PortState::ready;
+    }
+    if ((id & CAN_ERR_CRTL) == 0) return;
+    const unsigned status = incoming_.data[1];
+    if ((status & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0)
+      enter(PortState::error_passive, counters_.error_passives);
+    else if ((status & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) != 0)
+      enter(PortState::error_warning, counters_.error_warnings);
+    else if ((status & CAN_ERR_CRTL_ACTIVE) != 0)
+      bus_state_ = PortState::ready;
+  }
+  void enter(PortState state, std::uint64_t& times) noexcept {
+    if (std::exchange(bus_state_, state) != state) ++times;
+  }
+
   void confirm(const CanSocket::Received& received) noexcept {
     ++counters_.confirmed;
     confirmations_[confirmations_end_] = {header_of(received.fd), received.time};
@@ -246,24 +279,28 @@ class CanPort final : public Port {
   Received unpack(const CanSocket::Received& received) noexcept {
     const CanHeader header = header_of(received.fd);
     ++counters_.received;
-    bus_off_ =
-        header.error && (bus_off_ || (header.id & CAN_ERR_BUSOFF) != 0) && (header.id & CAN_ERR_RESTARTED) == 0;
+    if (header.error)
+      take_error(header.id);
+    else
+      bus_off_ = false;
     if (bus_off_)
       lose(ENETDOWN);
-    else if (state_ == PortState::lost && socket_.is_up())
-      state_ = PortState::ready;
+    else if (state_ != PortState::lost || socket_.is_up())
+      state_ = bus_state_;
     const std::size_t size = std::min<std::size_t>(incoming_.len, CANFD_MAX_DLEN);
     return {{std::as_bytes(std::span(incoming_.data, size)), header}, received.time};
   }
 
   const std::string wanted_mtu_;
   const CanBus bus_;
-  std::optional<double> max_frames_per_s_;  // nullopt: not paced
+  const std::optional<double> virtual_frames_per_s_;  // to an interface without bit timing
+  std::optional<double> max_frames_per_s_;            // nullopt: not paced
   CanSocket socket_;
   CanQueue queue_;
   bool carries_fd_ = false;
   bool bus_off_ = false;
-  bool output_full_ = false;  // the socket's send buffer was full at the last attempt
+  PortState bus_state_ = PortState::ready;  // of the controller, unless it is off
+  bool output_full_ = false;                // the socket's send buffer was full at the last attempt
   BackOff back_off_;
   canfd_frame incoming_{};
   std::array<CanSocket::Message, CanSocket::max_batch> batch_;

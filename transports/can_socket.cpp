@@ -58,6 +58,7 @@ int CanSocket::bind() noexcept {
   if (::setsockopt(fresh.get(), SOL_SOCKET, SO_RCVBUFFORCE, &room, sizeof room) != 0)
     ::setsockopt(fresh.get(), SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
   if (::bind(fresh.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return errno;
+  index_ = address.can_ifindex;
   socket_ = std::move(fresh);
   return 0;
 }
@@ -117,7 +118,10 @@ int CanSocket::pending_error() const noexcept {
 }
 
 bool CanSocket::query(unsigned long request, ifreq& answer) const noexcept {
-  interface_.copy(answer.ifr_name, IFNAMSIZ - 1);
+  ifreq name{};
+  name.ifr_ifindex = index_;
+  if (::ioctl(socket_.get(), SIOCGIFNAME, &name) != 0) return false;
+  std::copy(std::begin(name.ifr_name), std::end(name.ifr_name), answer.ifr_name);
   return ::ioctl(socket_.get(), request, &answer) == 0;
 }
 

@@ -69,6 +69,7 @@ class CanSocket {
 
   const std::string interface_;
   const bool confirm_;
+  int index_ = 0;  // of the interface that the socket is bound to, which may be renamed meanwhile
   FileDescriptor socket_;
   std::array<can_filter, max_filters> filters_{};
   std::size_t filter_count_ = 0;

@@ -50,10 +50,12 @@ struct PortSettings {
 // The state of a port, as its last call found it. A lost device is a state, never an exit.
 enum class PortState : std::uint8_t {
   ready,
-  no_reader,    // no process has the other end open: frames are discarded
-  wrong_speed,  // the client of a pty has set another speed than the line's: both sides read garbage, and frames
-                // count as sent
-  lost,         // unplugged, removed, or down: the port reopens itself with back-off
+  no_reader,      // no process has the other end open: frames are discarded
+  wrong_speed,    // the client of a pty has set another speed than the line's: both sides read garbage, and frames
+                  // count as sent
+  error_warning,  // a CAN controller has counted 96 errors or more (ISO 11898-1); frames leave
+  error_passive,  // 128 or more: it no longer disturbs the frames of others, and its own may leave late
+  lost,           // unplugged, removed, down, or bus-off: the port reopens itself with back-off
 };
 
 struct PortCounters {
@@ -68,7 +70,9 @@ struct PortCounters {
   std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
   std::uint64_t foreign = 0;     // datagrams of other senders than PortSettings::from
   Endpoint foreign_from;         // the sender of the newest of these
-  std::uint64_t refused = 0;     // frames that a serial CAN adapter refused
+  // CAN: error frames of the controller; times that it came to a state, see PortState; frames that an adapter
+  // refused.
+  std::uint64_t bus_errors = 0, error_warnings = 0, error_passives = 0, bus_offs = 0, bus_restarts = 0, refused = 0;
 
   // Counts frames that the kernel took whole.
   void count_sent(bool is_reply, std::uint64_t frames = 1) noexcept {

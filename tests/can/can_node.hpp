@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -117,30 +118,45 @@ class LineController {
     return frames_;
   }
 
+  // Returns the frames received so far, without the carriage return.
+  std::vector<std::string> lines() {
+    const std::lock_guard lock(mutex_);
+    return lines_;
+  }
+
   std::string name;
   std::atomic<bool> reading = true;
 
  private:
   void answer() {
-    char first = 0;
+    std::string line;
+    char bytes[64];
     while (!ending_) {
       pollfd ready{master_.get(), POLLIN, 0};
-      char byte = 0;
-      if (!reading || ::poll(&ready, 1, 10) != 1 || ::read(master_.get(), &byte, 1) != 1) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-        continue;
+      const ssize_t size =
+          reading && ::poll(&ready, 1, 10) == 1 ? ::read(master_.get(), bytes, sizeof bytes) : ssize_t{0};
+      if (size <= 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      for (ssize_t i = 0; i < size; ++i) {
+        if (bytes[i] != '\r') {
+          line += bytes[i];
+          continue;
+        }
+        send("\r");
+        if (line.starts_with('t')) {
+          const std::lock_guard lock(mutex_);
+          lines_.push_back(line);
+          ++frames_;
+        }
+        line.clear();
       }
-      if (first == 0) first = byte;
-      if (byte != '\r') continue;
-      frames_ += first == 't';
-      send("\r");
-      first = 0;
     }
   }
 
   FileDescriptor master_, line_;
   std::atomic<bool> ending_ = false;
   std::atomic<std::uint64_t> frames_ = 0;
+  std::mutex mutex_;
+  std::vector<std::string> lines_;
   std::thread answering_;
 };
 

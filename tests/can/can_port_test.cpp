@@ -148,7 +148,7 @@ TEST_F(Can, ReceivesFramesOfOthers) {
   EXPECT_EQ(received->frame.bytes.size(), 8U);
   EXPECT_EQ(port->receive(), std::nullopt);
   EXPECT_EQ(port->counters().received, 5U);
-  EXPECT_EQ(port->state(), PortState::ready);
+  EXPECT_EQ(port->state(), PortState::error_warning);
 }
 
 TEST_F(Can, BusOffIsALossUntilTheControllerRestarts) {

@@ -39,12 +39,12 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   std::size_t words = 0;
   for (const CounterGroup* group : std::initializer_list<const CounterGroup*>{&imu, &truth, &quality, &truth.refused})
     for (const Counter* counter : group->counters) words += !counter->info.words.empty();
-  EXPECT_EQ(words, 12U + 10U + 3U + 15U);
+  EXPECT_EQ(words, 18U + 10U + 3U + 15U);
 }
 
 TEST(Counters, BeginAtZero) {
   const Snapshot<ImuCounters> imu;
-  ASSERT_EQ(imu.counts.size(), 12U);
+  ASSERT_EQ(imu.counts.size(), 18U);
   EXPECT_EQ(imu.total(), 0U);
   EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::rate], 1.0);
   EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::offset_s], 0.0);

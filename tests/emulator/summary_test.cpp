@@ -60,7 +60,7 @@ TEST_F(SummaryTest, TheTextHasEveryCounterThatIsNotZero) {
       *const_cast<Counter*>(counter) = number;
       EXPECT_TRUE(contains(text(summarize(1)), words)) << text(summarize(1));
     }
-  EXPECT_EQ(number, 70U + 10U + 15U + 3U + 12U);
+  EXPECT_EQ(number, 70U + 10U + 15U + 3U + 18U);
   EXPECT_TRUE(contains(text(summarize(1)), " not sent"));
 }
 
@@ -147,8 +147,10 @@ TEST_F(SummaryTest, TheJsonHasEveryFigure) {
   for (const char* key : {"received", "accepted", "refused", "no_state", "runs", "resumed", "truncated", "inserted",
                           "lost", "rate_hz", "stops", "returns", "clock_rate", "offset_us", "jitter_us", "age_us"})
     EXPECT_TRUE(all["truth"].contains(key)) << key;
-  for (const char* key : {"samples", "frames", "dropped", "extrapolated", "held", "silent", "missed", "skipped",
-                          "replies", "at_rest", "edges_refused", "lateness_us", "write_us"})
+  for (const char* key :
+       {"samples",    "frames",         "dropped",        "extrapolated",  "held",         "silent",   "missed",
+        "skipped",    "replies",        "at_rest",        "edges_refused", "lateness_us",  "write_us", 
+        "bus_errors", "error_warnings", "error_passives", "bus_offs",      "bus_restarts", "refused"})
     EXPECT_TRUE(all["imus"][1].contains(key)) << key;
 }
 
