@@ -238,7 +238,7 @@ void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
 // Waits until the port has sent all frames, and, if `for_room`, accepts more.
 void Channel::wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
-  if (line.is_file) return;
+  if (line.is_file || (!for_room && !line.holds_back() && !line.is_stalled)) return;
   Port& port = *line.port;
   if (port.descriptor() < 0) return;  // a port that is lost
   HostTime progress = host_now();

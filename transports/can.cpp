@@ -59,6 +59,7 @@ class CanPort final : public Port {
   CanPort(const PortSpec& spec, Delivery delivery)
       : wanted_mtu_(spec.one_of(mtu_option)),
         bus_(spec),
+        delivery_(delivery),
         virtual_frames_per_s_(delivery == Delivery::complete ? max_frames_per_s(spec) : std::nullopt),
         socket_(spec.address, spec.one_of(confirm_option) == "yes"),
         queue_(max_age(spec, delivery)) {
@@ -88,7 +89,9 @@ class CanPort final : public Port {
     CanQueue::Queued queued{};
     queued.first = true;
     queued.is_reply = is_reply_;
-    queued.since = host_now();
+    // Where nothing is dropped or paced, a bus that takes frames needs no clock.
+    const bool is_timed = delivery_ == Delivery::timely || max_frames_per_s_.has_value() || !queue_.is_empty();
+    queued.since = is_timed ? host_now() : HostTime{};
     for (const Frame& frame : frames) {
       if (!pack(frame, queued)) {
         ++counters_.dropped;
@@ -102,6 +105,10 @@ class CanPort final : public Port {
   }
 
   void flush() noexcept override { send_ready(host_now()); }
+  // A run that waits for the bus need not ask the socket before each sample.
+  bool has_room() const noexcept override {
+    return delivery_ == Delivery::complete && queue_.room() >= 2 * FrameBuffer::max_frames;
+  }
   std::optional<HostTime> next_flush() const noexcept override { return output_full_ ? std::nullopt : queue_.next(); }
   bool wants_output() const noexcept override { return output_full_ && !queue_.is_empty(); }
   bool is_drained() noexcept override {
@@ -175,7 +182,7 @@ class CanPort final : public Port {
       // The first call fails if the interface went down, perhaps long ago: try again.
       if (taken < 0 && errno == ENETDOWN) taken = socket_.send(batch);
       if (taken < 0) {
-        if (handle_refusal(errno, now)) continue;
+        if (handle_refusal(errno)) continue;
         return;
       }
       state_ = bus_state_;
@@ -198,7 +205,7 @@ class CanPort final : public Port {
   }
 
   // The kernel has refused the oldest frame that is ready. Returns true if the next one may be tried.
-  bool handle_refusal(int error, HostTime now) noexcept {
+  bool handle_refusal(int error) noexcept {
     if (error == EINVAL || error == EMSGSIZE) {  // an FD frame, and the MTU was changed
       update_mtu();
       queue_.drop_first();
@@ -206,7 +213,7 @@ class CanPort final : public Port {
       return true;
     }
     if (error == ENOBUFS)  // the interface's queue is full, which poll() does not report
-      queue_.interface_full(now);
+      queue_.interface_full(host_now());
     else if (error == EAGAIN)  // the socket's send buffer is full
       output_full_ = true;
     else
@@ -293,6 +300,7 @@ class CanPort final : public Port {
 
   const std::string wanted_mtu_;
   const CanBus bus_;
+  const Delivery delivery_;
   const std::optional<double> virtual_frames_per_s_;  // to an interface without bit timing
   std::optional<double> max_frames_per_s_;            // nullopt: not paced
   CanSocket socket_;

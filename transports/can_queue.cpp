@@ -13,6 +13,7 @@ std::size_t CanQueue::ready(HostTime now) const noexcept {
 
 void CanQueue::sent(std::size_t count, HostTime now) noexcept {
   paced_ = std::max(paced_, now - max_burst);
+  if (count > 0) retry_ = {};
   for (; count > 0; --count) {
     paced_ = paced_ + (*this)[0].spacing;
     drop_first();

@@ -48,7 +48,8 @@ class CanQueue {
   // Returns frame `i`, where 0 is the oldest and i < max_frames - room().
   const Queued& operator[](std::size_t i) const noexcept { return queue_[(first_ + i) % max_frames]; }
 
-  // Removes the oldest `count` frames, which have left.
+  // Removes the oldest `count` frames, which have left. If frames are not paced, `now` may be HostTime{}, there and
+  // in ready(), until interface_full() is called.
   void sent(std::size_t count, HostTime now) noexcept;
   // Records that the interface has no room: no frame is ready until retry_pause after `now`.
   void interface_full(HostTime now) noexcept { retry_ = now + retry_pause; }
