@@ -141,8 +141,8 @@ namespace {
 constexpr std::size_t most_served = 256, per_frame = 16;
 }  // namespace
 
-bool Channel::serve(HostTime now) noexcept {
-  const std::size_t first = serve(0, now), second = line_count_ == 2 ? serve(1, now) : 0;
+bool Channel::serve(HostTime now, Host* clock) noexcept {
+  const std::size_t first = serve(0, now, clock), second = line_count_ == 2 ? serve(1, now, clock) : 0;
   const bool has_received = first + second > 0;
   if (has_received || lines_[0].port->state() != counters_.port_state.load(std::memory_order_relaxed) ||
       (line_count_ == 2 && lines_[1].port->state() != counters_.second_port_state.load(std::memory_order_relaxed)))
@@ -151,7 +151,7 @@ bool Channel::serve(HostTime now) noexcept {
 }
 
 // Returns the number of bytes received at one port, with a surcharge for each frame.
-std::size_t Channel::serve(std::size_t uart, HostTime now) noexcept {
+std::size_t Channel::serve(std::size_t uart, HostTime now, Host* clock) noexcept {
   std::size_t received = 0;
   while (received < most_served && !lines_[uart].is_file) {
     const auto chunk = lines_[uart].port->receive();
@@ -164,6 +164,8 @@ std::size_t Channel::serve(std::size_t uart, HostTime now) noexcept {
     frame.uart = static_cast<std::uint8_t>(uart);
     device_->receive(frame, time, others_);
     send(others_.frames(), time, true);
+    if (clock != nullptr && !others_.frames().empty())
+      counters_.reply.add(std::max(0.0, seconds(clock->now() - chunk->time)));
     apply_uarts();
   }
   return received;
@@ -196,17 +198,15 @@ void Channel::publish() noexcept {
     counters_.second_port_state.store(second.state(), std::memory_order_release);
   }
   counters_.device.store(device_->counts());
+  publish_bus();
   counters_.frames.store(sent - replies, std::memory_order_relaxed);
   counters_.replies.store(replies, std::memory_order_relaxed);
-  publish_bus();
   counters_.dropped.store(dropped, std::memory_order_relaxed);
   counters_.failed.store(failed, std::memory_order_relaxed);
   if (sync_) counters_.edges_refused.store(sync_->refused(), std::memory_order_relaxed);
   counters_.port_state.store(port.state(), std::memory_order_release);
 }
 
-bool Channel::Line::holds_back() const noexcept {
-  const PortCounters& counters = port->counters();
 void Channel::publish_bus() noexcept {
   if (!is_can_) return;
   const PortCounters& port = lines_[0].port->counters();
@@ -218,6 +218,8 @@ void Channel::publish_bus() noexcept {
   counters_.refused.store(port.refused, std::memory_order_relaxed);
 }
 
+bool Channel::Line::holds_back() const noexcept {
+  const PortCounters& counters = port->counters();
   return counters.sent + counters.dropped != passed;
 }
 

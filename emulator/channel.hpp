@@ -13,6 +13,7 @@
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"
 #include "emulator/device_clock.hpp"
+#include "emulator/host.hpp"
 #include "emulator/sync.hpp"
 #include "transports/port.hpp"
 
@@ -78,8 +79,9 @@ class Channel {
 
   // --- Host and deadlines ---
   // Receives the host's commands, at most some 256 bytes from each port, and sends the replies. Returns false if
-  // ::poll() would return at once again, because of more bytes or a lasting error.
-  bool serve(HostTime now) noexcept;
+  // ::poll() would return at once again, because of more bytes or a lasting error. `clock` measures the durations
+  // from the arrivals to the ends of the writes of the replies; nullptr: they are not measured.
+  bool serve(HostTime now, Host* clock = nullptr) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
   void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
   // Sends the frames that the ports hold back, as far as they can now.
@@ -119,13 +121,13 @@ class Channel {
   void encode(bool too_late) noexcept;
   // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
-  std::size_t serve(std::size_t uart, HostTime now) noexcept;
+  std::size_t serve(std::size_t uart, HostTime now, Host* clock) noexcept;
   void apply_uarts() noexcept;
   static void wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept;
   void publish() noexcept;
+  void publish_bus() noexcept;
 
   const std::string name_;
-  void publish_bus() noexcept;
   const Grid grid_;
   const bool rests_before_truth_;
   const bool is_can_;

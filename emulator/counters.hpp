@@ -123,6 +123,8 @@ struct ImuCounters : CounterGroup {
   // From a sample's instant to the beginning of its write, and the duration of that write.
   Durations lateness{*this, "lateness_us"};
   Durations write{*this, "write_us"};
+  // From the arrival of a host's bytes or frame, as the port has stamped it, to the end of the write of the answer.
+  Durations reply{*this, "reply_us"};
   DeviceCounters device;
   std::atomic<PortState> port_state = PortState::ready, second_port_state = PortState::ready;
   std::atomic<int> port_error = 0, second_port_error = 0;  // Port::error()

@@ -206,7 +206,7 @@ void Loop::wait(HostTime until) noexcept {
   truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
   session_.cycle_power_if_requested(now);
-  if (is_ready && !session_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
+  if (is_ready && !session_.serve_inputs(now, reply_clock())) host_.sleep_until(std::min(until, now + pause));
   if (now - served_ <= longest_wait) return;
   serve_all();
   truth_waits_ = true;  // a port that was lost may be back
@@ -214,7 +214,7 @@ void Loop::wait(HostTime until) noexcept {
 
 void Loop::serve_all() noexcept {
   served_ = host_.now();
-  session_.serve_all(served_);
+  session_.serve_all(served_, reply_clock());
 }
 
 // Takes all samples of the instant `due_`.

@@ -53,6 +53,8 @@ class Loop {
   void send_all() noexcept;
   void wait(HostTime until) noexcept;
   void serve_all() noexcept;
+  // The host's clock measures the replies where it paces.
+  Host* reply_clock() const noexcept { return paced_ ? &host_ : nullptr; }
 
   Session& session_;
   Host& host_;

@@ -92,7 +92,7 @@ std::span<pollfd> Session::inputs(bool truth) noexcept {
   return inputs_;
 }
 
-bool Session::serve_inputs(HostTime now) noexcept {
+bool Session::serve_inputs(HostTime now, Host* clock) noexcept {
   constexpr int failures = POLLERR | POLLHUP | POLLNVAL;
   bool may_poll = (inputs_[0].revents & failures) == 0;
   auto input = inputs_.begin() + 1;
@@ -102,15 +102,15 @@ bool Session::serve_inputs(HostTime now) noexcept {
     if ((seen & failures) != 0) may_poll = false;
     if (seen == 0) continue;
     if ((seen & POLLOUT) != 0) channel->flush();
-    if (!channel->serve(now) && (seen & POLLOUT) == 0) may_poll = false;
+    if (!channel->serve(now, clock) && (seen & POLLOUT) == 0) may_poll = false;
   }
   return may_poll;
 }
 
-void Session::serve_all(HostTime now) noexcept {
+void Session::serve_all(HostTime now, Host* clock) noexcept {
   intake_.poll(now);
   for (const auto& channel : channels_) {
-    channel->serve(now);
+    channel->serve(now, clock);
     channel->poll(now);
   }
 }

@@ -63,10 +63,10 @@ class Session {
   // Returns the descriptors for ::poll(): first that of the truth, disabled unless `truth`, then those of the hosts.
   std::span<pollfd> inputs(bool truth) noexcept;
   // Serves the hosts for which ::poll() has reported an event in inputs(). Returns false if ::poll() would return at
-  // once again, because of a lasting error or a flood.
-  bool serve_inputs(HostTime now) noexcept;
+  // once again, because of a lasting error or a flood. `clock`: see Channel::serve().
+  bool serve_inputs(HostTime now, Host* clock) noexcept;
   // Serves all hosts and polls all devices. Lost ports check whether their device is back.
-  void serve_all(HostTime now) noexcept;
+  void serve_all(HostTime now, Host* clock) noexcept;
   // Polls the deadlines of the truth format and of the devices up to `now`, and sends what the ports hold back;
   // flush() does only the latter.
   void poll(HostTime now) noexcept;

@@ -188,6 +188,8 @@ std::string text(const Summary& s) {
       if (figure.count > 0) out += fmt::format(", {} {}", figure.count, figure.words);
     const DurationHistogram& lateness = imu.counters[&ImuCounters::lateness];
     if (lateness.count() > 0) out += fmt::format("; late by {}", Percentiles(lateness).text());
+    if (const DurationHistogram& replies = imu.counters[&ImuCounters::reply]; replies.count() > 0)
+      out += fmt::format("; replies after {}", Percentiles(replies).text());
     if (imu.line_load_percent > 0) out += fmt::format("; line {:.1f} %", imu.line_load_percent);
     out += "\n";
   }

@@ -30,7 +30,7 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   std::vector<std::string> imu_keys = keys_of(imu);
   imu_keys.insert(imu_keys.end(), {"name", "line_load_percent"});
   EXPECT_EQ(truth_keys.size(), 10U + 8U + 6U);
-  EXPECT_EQ(imu_keys.size(), 14U + 2U);
+  EXPECT_EQ(imu_keys.size(), 21U + 2U);
   for (const auto& keys : {truth_keys, imu_keys, keys_of(truth.refused)}) {
     EXPECT_EQ(std::set<std::string>(keys.begin(), keys.end()).size(), keys.size());
     for (const std::string& key : keys)

@@ -80,8 +80,9 @@ struct DiaryPort final : Port {
   }
   std::optional<Received> receive() noexcept override {
     if (input.empty() || input.front() > host.now()) return std::nullopt;
+    const HostTime arrival = input.front();
     input.pop_front();
-    return Received{{byte}, host.now()};
+    return Received{{byte}, arrival};
   }
   int descriptor() const noexcept override { return is_waited_for ? 1001 : -1; }
   SimulatedHost& host;
@@ -189,6 +190,31 @@ TEST_F(LoopTest, ACommandThatArrivesBeforeAnInstantIsExecutedBeforeItsSample) {
     EXPECT_EQ(sent[frame - 1].first, written);
     EXPECT_EQ(time - DeviceTime{}, written - run.at(0.001)) << "power comes on at 1 ms";
   }
+}
+
+// A reply takes the time from the arrival of the command to the end of the write.
+TEST_F(LoopTest, RepliesAreMeasuredByTheHostsClock) {
+  SimulatedRun run(diary_config("", "before_first = \"rest\""));
+  std::vector<std::pair<HostTime, char>> sent;
+  std::deque<HostTime> input;
+  for (int i = 0; i < 99; ++i) input.push_back(run.at(0.503 + 0.02 * i));
+  input.push_back(run.at(2.6));
+  run.make_sensor = [&](SimulatedHost& host) {
+    auto port = std::make_unique<DiaryPort>(host, sent, input);
+    port->is_waited_for = true;
+    port->on_send = [&host] { host.spend(40us); };
+    host.next_input = [port = port.get()](int) {
+      return port->input.empty() ? SimulatedHost::never : port->input.front();
+    };
+    return port;
+  };
+  run.host().freeze(run.at(2.5), run.at(2.8));
+  run.run(4);
+  const DurationHistogram replies = run.counters().reply;
+  EXPECT_EQ(replies.count(), 100U);
+  EXPECT_NEAR(replies.percentile(50), 40e-6, 1e-6);
+  EXPECT_NEAR(replies.percentile(99), 40e-6, 1e-6);
+  EXPECT_NEAR(replies.max(), 0.2, 0.01) << "the host was stopped when it arrived";
 }
 
 TEST_F(LoopTest, PowerGoesOffAndOnBetweenTwoSamplesOnly) {

@@ -149,7 +149,7 @@ TEST_F(SummaryTest, TheJsonHasEveryFigure) {
     EXPECT_TRUE(all["truth"].contains(key)) << key;
   for (const char* key :
        {"samples",    "frames",         "dropped",        "extrapolated",  "held",         "silent",   "missed",
-        "skipped",    "replies",        "at_rest",        "edges_refused", "lateness_us",  "write_us", 
+        "skipped",    "replies",        "at_rest",        "edges_refused", "lateness_us",  "write_us", "reply_us",
         "bus_errors", "error_warnings", "error_passives", "bus_offs",      "bus_restarts", "refused"})
     EXPECT_TRUE(all["imus"][1].contains(key)) << key;
 }
