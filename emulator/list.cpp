@@ -38,6 +38,9 @@ Json described(const Protocol& protocol) {
   Json json = described("protocol", protocol);
   json["link"] = protocol.link == Link::can ? "CAN" : "bytes";
   json["settings"] = described(protocol.settings);
+  json["counters"] = Json::array();
+  for (const DeviceCounter& counter : protocol.counters)
+    json["counters"].push_back({{"key", counter.key}, {"help", counter.words}});
   return json;
 }
 
@@ -66,7 +69,8 @@ void print_table(const char* key, const Json& rows) {
   for (const Json& row : rows) {
     std::string valid = row.contains("default") ? row["default"].dump() : "";
     if (const std::string range = text(row, "valid"); !range.empty()) valid += (valid.empty() ? "" : "; ") + range;
-    fmt::print("  {:<24} {} ({})\n", text(row, "key"), text(row, "help"), valid);
+    fmt::print("  {:<24} {}{}\n", text(row, "key"), text(row, "help"),
+               valid.empty() ? "" : fmt::format(" ({})", valid));
   }
 }
 
@@ -77,6 +81,10 @@ void print(const Json& entry) {
     fmt::print("  syntax   {}\n  example  \"{}\"\n", text(entry, "syntax"), text(entry, "example"));
   for (const char* key : {"settings", "options"})
     if (entry.contains(key)) print_table(key, entry[key]);
+  if (entry.contains("counters") && !entry["counters"].empty()) {
+    fmt::print("  counters of its own, in the summary and in limits:\n");
+    print_table("counters", entry["counters"]);
+  }
   if (!entry.contains("columns")) return;
   fmt::print("  columns, by the names in the header row:\n");
   for (const Json& group : entry["columns"])

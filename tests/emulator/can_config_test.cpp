@@ -1,8 +1,10 @@
 // CAN buses in a configuration: the bus load, identifiers that two imus share, and the settings with which a port is
 // opened.
 #include <gtest/gtest.h>
+#include <toml++/toml.h>
 
 #include "emulator/config.hpp"
+#include "emulator/config_parts.hpp"
 #include "emulator/line_load.hpp"
 #include "tests/emulator/run_test.hpp"
 
@@ -108,6 +110,34 @@ TEST_F(CanConfig, AGreatestLoadFrom70PercentIsAWarningAndAbove100AFault) {
   ASSERT_EQ(refused.size(), 1U);
   EXPECT_NE(refused[0].find("% on average and 100.1 % at most of the line's 1000000 bit/s"), std::string::npos)
       << refused[0];
+}
+
+// The identifier of a request to one imu is sent by another.
+TEST_F(CanConfig, ARequestThatAnotherImuSendsIsAWarning) {
+  Config config = load({"imu.1.device.can_id=0x200"});
+  static std::vector<CanFilter> filters;
+  Protocol product = *config.imus[0].protocol;
+  product.can_filters = [](const Settings&) { return filters; };
+  config.imus[0].protocol = &product;
+  const toml::table tables = toml::parse("[[imu]]\n[[imu]]\n");
+  const auto warnings = [&] {
+    Faults found("two.toml");
+    check_imus_together(config.imus, "", *tables["imu"].as_array(), found);
+    EXPECT_EQ(found.all().size(), 0U);
+    return found.warnings();
+  };
+  filters = {{.id = 0x207},
+             {.id = 0x200, .mask = 0x7F0},
+             {.id = 0x201, .extended = true},
+             {.id = 0x202, .inverted = true},
+             {.id = 0x203, .data = false, .remote = true},
+             {.id = 0x101}};
+  EXPECT_EQ(warnings().size(), 0U) << "no identifier of another imu, or not it alone";
+  filters.push_back({.id = 0x206});
+  ASSERT_EQ(warnings().size(), 1U);
+  EXPECT_NE(warnings()[0].find("imu.0.device: it receives the CAN identifier 0x206, which imu.1 sends"),
+            std::string::npos)
+      << warnings()[0];
 }
 
 TEST_F(CanConfig, TheImusOnOneBusLoadItTogether) {

@@ -52,6 +52,7 @@ std::vector<std::string> all_names() {
 // All that an entry declares is listed, and as JSON.
 TEST(List, ShowsWhatAnEntryHas) {
   EXPECT_GE(all_names().size(), 12U);
+  std::size_t counters = 0;
   for (const std::string& name : all_names()) {
     const std::string text = run_program("imud", {"list", name}).output;
     const auto json = nlohmann::json::parse(run_program("imud", {"list", name, "--json"}).output);
@@ -61,6 +62,12 @@ TEST(List, ShowsWhatAnEntryHas) {
       ++entries;
       words.insert(words.end(), {protocol->summary, protocol->document});
       for (const Setting& setting : protocol->settings) words.insert(words.end(), {setting.key, setting.help});
+      for (const DeviceCounter& counter : protocol->counters) {
+        words.insert(words.end(), {counter.key, counter.words});
+        ++counters;
+      }
+      ASSERT_TRUE(json[0].contains("counters"));
+      EXPECT_EQ(json[0]["counters"].size(), protocol->counters.size()) << name;
     }
     if (const TruthFormat* format = find_truth_format(name)) {
       ++entries;
@@ -80,6 +87,7 @@ TEST(List, ShowsWhatAnEntryHas) {
     EXPECT_GE(words.size(), 2U);
     for (const std::string_view word : words) EXPECT_TRUE(contains(text, word)) << name << ": " << word;
   }
+  EXPECT_GE(counters, 1U);
   EXPECT_TRUE(contains(run_program("imud", {"list", "can"}).output, "bit/s; for its load (5000 to 1000000)"));
   const auto unknown = run_program("imud", {"list", "stim30"});
   EXPECT_EQ(unknown.exit_code, 2);
