@@ -1,0 +1,76 @@
+// Measured quantities: the names under which tables of signals and configurations refer to what a sensor measures,
+// with a unit: `rate_x_deg_per_s`, `specific_force_z_g`, `temperature_c`. Frames: core/README.md.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "core/sample.hpp"
+#include "core/units.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+// The newest sample, and the increments since the message for which it is read was last sent.
+struct Reading {
+  const Sample& sample;
+  Vector3 delta_angle = Vector3::Zero();         // rad, the sum
+  Vector3 delta_velocity = Vector3::Zero();      // m/s, the sum
+  Quaternion rotation = Quaternion::Identity();  // of the platform: q_LP2 = q_LP1 * rotation
+  double interval_s = 0;                         // 0: not known, and the increments are those of the sample
+};
+
+// Numbers that were read back from messages.
+struct ReadBack {
+  Measurement measurement;
+  // Components that are present: bits 0 to 2 of the rate, 3 to 5 of the specific force, 6 to 8 of the delta-angle, 9
+  // to 11 of the delta-velocity.
+  std::uint32_t components = 0;
+  double scratch = 0;  // passes a number from one signal of a message to the next
+};
+
+// A unit: SI = factor * number + offset.
+struct MeasuredUnit {
+  std::string_view suffix;
+  double factor = 1;
+  double offset = 0;
+};
+
+struct MeasuredQuantity {
+  enum class Kind : std::uint8_t {
+    number,   // a real number, which saturates
+    time,     // the sensor's clock, whose low bits are sent
+    counter,  // the sample counter, likewise
+    status,   // Sample::status, likewise
+  };
+
+  std::string_view name;  // without the unit
+  std::string_view help;
+  std::span<const MeasuredUnit> units = {};                      // empty: a number without unit
+  double (*get)(const Reading& reading) noexcept = nullptr;      // SI; of Kind::number only
+  void (*set)(double value, ReadBack& read) noexcept = nullptr;  // its inverse; nullptr: a Measurement has no place
+  Kind kind = Kind::number;
+  bool is_increment = false;  // depends on the increments of the Reading
+};
+
+// A quantity in one of its units.
+struct MeasuredIn {
+  const MeasuredQuantity* quantity = nullptr;
+  double factor = 1;  // SI = factor * number + offset
+  double offset = 0;
+};
+
+// All quantities.
+std::span<const MeasuredQuantity> measured_quantities() noexcept;
+
+// Returns the quantity and unit of a name such as "rate_x_deg_per_s"; a minus before it changes the sign. nullopt if
+// there is none.
+std::optional<MeasuredIn> find_measured(std::string_view name) noexcept;
+
+// Returns the names of all quantities, each with the first of its units, for messages to users.
+std::string measured_names();
+
+}  // namespace imud
