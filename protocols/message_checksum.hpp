@@ -1,0 +1,59 @@
+// Checksums of CAN messages: plain CRCs, and those of the AUTOSAR end-to-end (E2E) profiles.
+//
+// Source: AUTOSAR, Specification of CRC Routines, and PRS_E2EProtocol, as known from other implementations of it; the
+// standard's own text was not at hand. The vectors in tests/protocols/message_checksum_test.cpp are those of
+// independent implementations.
+//
+// | profile | CRC                                | over, beside all bytes but the CRC's      | counter | CRC is at |
+// |---------|------------------------------------|-------------------------------------------|---------|-------------|
+// | j1850   | CRC-8 SAE J1850: 1D, FF, FF        |                                           | any     | any byte |
+// | h2f     | CRC-8H2F: 2F, FF, FF               |                                           | any     | any byte |
+// | e2e_p01 | 1D, 00, 00                         | first: data id, as `DataIdMode` has it    | 0 to 14 | any byte |
+// | e2e_p02 | 2F, FF, FF                         | last: element `counter` of the id list    | 0 to 15 | any byte |
+// | e2e_p05 | CRC-16 CCITT-FALSE: 1021, FFFF, 0  | last: data id, low byte, high byte        | 0 to 255 | two bytes,
+// low byte first | | e2e_p11 | as e2e_p01, modes both and nibble  | first: data id                            | 0 to
+// 14 | any byte    | (polynomial, initial value, final XOR)
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+namespace imud {
+
+enum class ChecksumProfile : std::uint8_t { none, j1850, h2f, e2e_p01, e2e_p02, e2e_p05, e2e_p11 };
+
+// How profiles 1 and 11 include the data id.
+enum class DataIdMode : std::uint8_t {
+  both,    // low byte, then high byte
+  low,     // low byte
+  alt,     // low byte if the counter is even, otherwise high byte
+  nibble,  // low byte, then 0; bits 8 to 11 of the id are sent beside the counter
+};
+
+struct MessageChecksum {
+  ChecksumProfile profile = ChecksumProfile::none;
+  DataIdMode mode = DataIdMode::both;
+  std::uint16_t data_id = 0;
+  std::array<std::uint8_t, 16> data_ids = {};  // of profile 2
+
+  std::size_t size() const noexcept { return profile == ChecksumProfile::e2e_p05 ? 2 : 1; }
+  // The number of values of the counter; 0: as many as its field holds.
+  unsigned counter_values() const noexcept;
+
+  // Returns the checksum of a message whose own is in the size() bytes from `at`, which are left out. `counter` is
+  // the message's counter.
+  std::uint16_t of(std::span<const std::byte> message, std::size_t at, unsigned counter) const noexcept;
+};
+
+// Reads "j1850", "h2f", "e2e_p01:ID[:MODE]", "e2e_p02:32 hexadecimal digits", "e2e_p05:ID" or "e2e_p11:ID[:MODE]".
+// nullopt if the text is no such.
+std::optional<MessageChecksum> parse_checksum(std::string_view text) noexcept;
+inline constexpr std::string_view checksum_syntax =
+    "j1850, h2f, e2e_p01:ID:MODE (both, low, alt, nibble), e2e_p02:IDS (16 bytes in hexadecimal), e2e_p05:ID or "
+    "e2e_p11:ID:MODE (both, nibble)";
+
+}  // namespace imud
