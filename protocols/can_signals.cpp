@@ -1,0 +1,343 @@
+#include "protocols/can_signals.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "protocols/wire.hpp"
+
+namespace imud {
+
+namespace {
+
+[[noreturn]] void refuse(const CanSignal& signal, const std::string& fault) {
+  throw std::invalid_argument(std::string(signal.name) + ": " + fault);
+}
+
+// Calls act(byte, lowest bit in that byte, number of bits, lowest bit of the number) for each byte of a field.
+template <class Act>
+void each_byte(unsigned start, unsigned length, bool motorola, Act act) noexcept {
+  if (motorola) {
+    unsigned byte = start / 8, highest = start % 8;
+    for (unsigned left = length; left > 0; ++byte, highest = 7) {
+      const unsigned bits = std::min(left, highest + 1);
+      left -= bits;
+      act(byte, highest + 1 - bits, bits, left);
+    }
+  } else {
+    for (unsigned done = 0; done < length;) {
+      const unsigned bit = start + done, bits = std::min(length - done, 8 - bit % 8);
+      act(bit / 8, bit % 8, bits, done);
+      done += bits;
+    }
+  }
+}
+
+constexpr std::uint64_t mask(unsigned bits) noexcept {
+  return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1;
+}
+
+// The largest double below 2^bits that is no more than 2^bits - 1.
+double below_power(unsigned bits) noexcept {
+  const double power = std::ldexp(1.0, static_cast<int>(bits));
+  return bits <= 53 ? power - 1 : std::nextafter(power, 0.0);
+}
+
+// Returns the rounded number, in two's complement. `x` is in [-2^63, 2^64).
+std::uint64_t rounded(double x) noexcept {
+  if (x >= 0x1p63) return static_cast<std::uint64_t>(x);
+  return static_cast<std::uint64_t>(to_integer(x));
+}
+
+bool is_float(SignalFormat format) noexcept {
+  return format == SignalFormat::float32 || format == SignalFormat::float64;
+}
+
+}  // namespace
+
+std::uint64_t read_bits(std::span<const std::byte> bytes, unsigned start, unsigned length, bool motorola) noexcept {
+  std::uint64_t number = 0;
+  each_byte(start, length, motorola, [&](unsigned byte, unsigned low, unsigned bits, unsigned at) {
+    number |= (std::to_integer<std::uint64_t>(bytes[byte]) >> low & mask(bits)) << at;
+  });
+  return number;
+}
+
+void write_bits(std::span<std::byte> bytes, unsigned start, unsigned length, bool motorola,
+                std::uint64_t number) noexcept {
+  each_byte(start, length, motorola, [&](unsigned byte, unsigned low, unsigned bits, unsigned at) {
+    const auto kept = std::to_integer<std::uint64_t>(bytes[byte]) & ~(mask(bits) << low);
+    bytes[byte] = static_cast<std::byte>(kept | (number >> at & mask(bits)) << low);
+  });
+}
+
+CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
+  Field field;
+  field.start = signal.start;
+  field.length = signal.length;
+  field.motorola = signal.encoding.motorola;
+  field.format = signal.encoding.format;
+  field.initial = signal.initial;
+  field.page = signal.page;
+  if (signal.length < 1 || signal.length > 64) refuse(signal, "must have 1 to 64 bits");
+  if (is_float(field.format) && signal.length != (field.format == SignalFormat::float32 ? 32 : 64))
+    refuse(signal, "a float has 32 bits, a double 64");
+  unsigned last = signal.start / 8;  // byte
+  if (signal.start < 8 * size_)
+    each_byte(signal.start, signal.length, field.motorola,
+              [&](unsigned byte, unsigned, unsigned, unsigned) { last = std::max(last, byte); });
+  if (last >= size_) refuse(signal, "exceeds the " + std::to_string(size_) + " bytes of its message");
+
+  MeasuredIn in;
+  in.quantity = signal.quantity;
+  if (signal.quantity == nullptr) {
+    if (signal.source.empty()) return field;
+    if (signal.source == alive_counter_source) {
+      field.source = Source::alive_counter;
+    } else if (signal.source == multiplexor_source) {
+      field.source = Source::multiplexor;
+    } else if (signal.source == checksum_source) {
+      field.source = Source::checksum;
+    } else if (signal.source == data_id_nibble_source) {
+      field.initial = checksum_.data_id >> 8 & 0xFU;
+      return field;
+    }
+    if (field.source != Source::constant) {
+      if (is_float(field.format)) refuse(signal, "a " + std::string(signal.source) + " must be an integer");
+      return field;
+    }
+    const auto found = find_measured(signal.source);
+    if (!found)
+      refuse(signal, "unknown quantity \"" + std::string(signal.source) + "\"; the quantities are " +
+                         measured_names() + ", " + std::string(alive_counter_source) +
+                         "; other units of the same kind are possible");
+    in = *found;
+  }
+  field.source = Source::quantity;
+  field.quantity = in.quantity;
+  if (signal.scale == 0 || !std::isfinite(signal.scale) || !std::isfinite(signal.offset))
+    refuse(signal, "the scale must be finite and not 0, the offset finite");
+  field.lsb = in.factor * signal.scale;
+  // SI = factor * (scale * number + offset) + the unit's offset. A zero that is an integer but for the rounding of
+  // its decimal factors is that integer, so that values of both signs are rounded alike.
+  field.zero = -(signal.offset + in.offset / in.factor) / signal.scale;
+  if (const double whole = std::round(field.zero); std::abs(field.zero - whole) < 1e-9) field.zero = whole;
+  if (!std::isfinite(field.lsb) || field.lsb == 0 || !std::isfinite(field.zero))
+    refuse(signal, "the scale is out of range");
+  if (in.quantity->kind != MeasuredQuantity::Kind::number) {
+    if (is_float(field.format)) refuse(signal, std::string(in.quantity->name) + " must be an integer");
+    const double lsb_ns = std::round(field.lsb * 1e9);
+    if (in.quantity->kind == MeasuredQuantity::Kind::time) {
+      if (lsb_ns < 1 || lsb_ns > 1e15 || std::abs(lsb_ns - field.lsb * 1e9) > 1e-6 || signal.offset != 0)
+        refuse(signal, "a clock needs a resolution of whole nanoseconds and the offset 0");
+      field.time_lsb_ns = static_cast<std::int64_t>(lsb_ns);
+    } else if (signal.scale != 1 || signal.offset != 0) {
+      refuse(signal, "a counter or status needs the scale 1 and the offset 0");
+    }
+    return field;
+  }
+  if (is_float(field.format)) return field;
+  const bool is_signed = field.format == SignalFormat::signed_integer;
+  field.lowest = is_signed ? -std::ldexp(1.0, static_cast<int>(field.length) - 1) : 0;
+  field.highest = below_power(field.length - (is_signed ? 1 : 0));
+  if (signal.minimum < signal.maximum) {
+    double ends[] = {(signal.minimum - signal.offset) / signal.scale,
+                     (signal.maximum - signal.offset) / signal.scale};
+    std::sort(std::begin(ends), std::end(ends));
+    const double lowest = std::max(field.lowest, std::ceil(ends[0] - 1e-6));
+    const double highest = std::min(field.highest, std::floor(ends[1] + 1e-6));
+    if (lowest < highest) {  // otherwise the limits are no such for this field
+      field.lowest = lowest;
+      field.highest = highest;
+    }
+  }
+  return field;
+}
+
+CanSignalCodec::CanSignalCodec(std::size_t size, std::span<const CanSignal> signals, const MessageChecksum& checksum)
+    : size_(size), checksum_(checksum) {
+  for (const CanSignal& signal : signals) {
+    const Field field = compiled(signal);
+    // One that has a source is written after the constants, which may be another view of the same bits.
+    fields_.push_back(field);
+    if (field.source == Source::multiplexor) {
+      if (multiplexor_) refuse(signal, "the message has two multiplexors");
+      multiplexor_ = field;
+    }
+    if (field.source == Source::checksum) {
+      if (sum_) refuse(signal, "the message has two checksums");
+      sum_ = field;
+    }
+    if (field.source == Source::alive_counter ||
+        (field.quantity != nullptr && field.quantity->kind == MeasuredQuantity::Kind::counter)) {
+      if (counter_) refuse(signal, "the message has two counters");
+      counter_ = field;
+    }
+    if (field.page && std::ranges::count(pages_, *field.page) == 0) pages_.push_back(*field.page);
+  }
+  for (const CanSignal& signal : signals)
+    if (signal.page && (!multiplexor_ || *signal.page > mask(multiplexor_->length)))
+      refuse(signal, multiplexor_ ? "its multiplexor does not have the value " + std::to_string(*signal.page)
+                                  : "its message has no multiplexor");
+  std::ranges::sort(pages_);
+  if (pages_.empty()) pages_.push_back(0);
+  check_overlaps(signals);
+  check_checksum(signals);
+  std::stable_partition(fields_.begin(), fields_.end(),
+                        [](const Field& field) { return field.source == Source::constant; });
+}
+
+void CanSignalCodec::check_overlaps(std::span<const CanSignal> signals) const {
+  for (const std::uint32_t page : pages_) {
+    std::vector<std::byte> used(size_), bits(size_);
+    for (std::size_t i = 0; i < fields_.size(); ++i) {
+      const Field& field = fields_[i];
+      if (field.source == Source::constant || (field.page && *field.page != page)) continue;
+      std::ranges::fill(bits, std::byte{0});
+      write_bits(bits, field.start, field.length, field.motorola, ~std::uint64_t{0});
+      for (std::size_t k = 0; k < size_; ++k) {
+        if ((used[k] & bits[k]) != std::byte{0}) refuse(signals[i], "overlaps another signal");
+        used[k] |= bits[k];
+      }
+    }
+  }
+}
+
+void CanSignalCodec::check_checksum(std::span<const CanSignal> signals) {
+  if (!sum_) {
+    if (checksum_.profile != ChecksumProfile::none)
+      throw std::invalid_argument("the message has no signal for its checksum");
+    return;
+  }
+  const CanSignal& signal =
+      *std::ranges::find_if(signals, [](const CanSignal& one) { return one.source == checksum_source; });
+  if (checksum_.profile == ChecksumProfile::none) refuse(signal, "the kind of the checksum is not given");
+  const unsigned first = sum_->motorola ? 7 : 0;
+  if (sum_->length != 8 * checksum_.size() || sum_->start % 8 != first || (checksum_.size() > 1 && sum_->motorola))
+    refuse(signal, checksum_.size() > 1 ? "must be two whole bytes, Intel" : "must be a whole byte");
+  if (sum_->page) refuse(signal, "must not depend on the multiplexor");
+  const unsigned values = checksum_.counter_values();
+  if (values == 0) return;
+  if (!counter_) refuse(signal, "its profile needs a signal that is " + std::string(alive_counter_source));
+  if (mask(counter_->length) < values - 1 ||
+      (counter_->source == Source::quantity && mask(counter_->length) != values - 1))
+    refuse(signal, "its profile needs a counter from 0 to " + std::to_string(values - 1));
+}
+
+bool CanSignalCodec::has_increments() const noexcept {
+  return std::ranges::any_of(
+      fields_, [](const Field& field) { return field.quantity != nullptr && field.quantity->is_increment; });
+}
+
+std::uint32_t CanSignalCodec::components() const noexcept {
+  ReadBack read;
+  for (const Field& field : fields_)
+    if (field.quantity != nullptr && field.quantity->set != nullptr) field.quantity->set(0, read);
+  return read.components;
+}
+
+std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& reading) const noexcept {
+  switch (field.quantity->kind) {
+    case MeasuredQuantity::Kind::time: {
+      const std::int64_t ns = reading.sample.time.ns, rest = ns % field.time_lsb_ns;
+      const bool is_up = rest >= field.time_lsb_ns - rest, is_down = -rest > field.time_lsb_ns + rest;
+      return static_cast<std::uint64_t>(ns / field.time_lsb_ns + (is_up ? 1 : is_down ? -1 : 0));
+    }
+    case MeasuredQuantity::Kind::counter:
+      return reading.sample.counter;
+    case MeasuredQuantity::Kind::status:
+      return reading.sample.status;
+    case MeasuredQuantity::Kind::number:
+      break;
+  }
+  const double x = field.quantity->get(reading) / field.lsb + field.zero;
+  if (field.format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(x));
+  if (field.format == SignalFormat::float64) return std::bit_cast<std::uint64_t>(std::clamp(x, -DBL_MAX, DBL_MAX));
+  return rounded(x > field.lowest ? std::min(x, field.highest) : field.lowest);
+}
+
+void CanSignalCodec::encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept {
+  std::ranges::fill(bytes, std::byte{0});
+  const std::uint32_t page = pages_[count % pages_.size()];
+  for (const Field& field : fields_) {
+    if (field.page && *field.page != page) continue;
+    std::uint64_t number = field.initial;
+    switch (field.source) {
+      case Source::constant:
+        break;
+      case Source::quantity:
+        number = number_of(field, reading);
+        break;
+      case Source::alive_counter: {
+        const unsigned values = checksum_.counter_values();
+        number = values != 0 ? count % values : count;
+        break;
+      }
+      case Source::multiplexor:
+        number = page;
+        break;
+      case Source::checksum:
+        continue;
+    }
+    write_bits(bytes, field.start, field.length, field.motorola, number);
+  }
+  if (!sum_) return;
+  const auto counter = counter_ ? static_cast<unsigned>(bits_of(*counter_, bytes)) : 0U;
+  write_bits(bytes, sum_->start, sum_->length, sum_->motorola, checksum_.of(bytes, sum_->start / 8, counter));
+}
+
+bool CanSignalCodec::has_good_checksum(std::span<const std::byte> bytes) const noexcept {
+  if (!sum_) return true;
+  const auto counter = counter_ ? static_cast<unsigned>(bits_of(*counter_, bytes)) : 0U;
+  if (const unsigned values = checksum_.counter_values(); values != 0 && counter >= values) return false;
+  return bits_of(*sum_, bytes) == checksum_.of(bytes, sum_->start / 8, counter);
+}
+
+std::optional<CanSignalCodec::Decoded> CanSignalCodec::decode(std::span<const std::byte> bytes,
+                                                              ReadBack& read) const noexcept {
+  Decoded decoded;
+  const std::uint64_t page = multiplexor_ ? bits_of(*multiplexor_, bytes) : pages_[0];
+  Measurement& measurement = read.measurement;
+  for (const Field& field : fields_) {
+    if (field.source != Source::quantity || (field.page && *field.page != page)) continue;
+    const std::uint64_t number = bits_of(field, bytes);
+    switch (field.quantity->kind) {
+      case MeasuredQuantity::Kind::time:
+        decoded.time = {number, field.length};
+        decoded.time_lsb_ns = field.time_lsb_ns;
+        continue;
+      case MeasuredQuantity::Kind::counter:
+        decoded.counter = {number, field.length};
+        continue;
+      case MeasuredQuantity::Kind::status:
+        measurement.sample.status = static_cast<std::uint32_t>(number);
+        measurement.fields |= Measurement::status;
+        continue;
+      case MeasuredQuantity::Kind::number:
+        break;
+    }
+    double value = 0;
+    switch (field.format) {
+      case SignalFormat::unsigned_integer:
+        value = static_cast<double>(number);
+        break;
+      case SignalFormat::signed_integer:
+        value = static_cast<double>(static_cast<std::int64_t>(number << (64 - field.length)) >> (64 - field.length));
+        break;
+      case SignalFormat::float32:
+        value = static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(number)));
+        break;
+      case SignalFormat::float64:
+        value = std::bit_cast<double>(number);
+        break;
+    }
+    value = (value - field.zero) * field.lsb;
+    if (!std::isfinite(value)) return std::nullopt;
+    if (field.quantity->set != nullptr) field.quantity->set(value, read);
+  }
+  return decoded;
+}
+
+}  // namespace imud
