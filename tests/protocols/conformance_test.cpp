@@ -308,7 +308,7 @@ TEST_P(Conformance, AChecksumRefusesEveryBurst) {
         apply();
       }
   ASSERT_EQ(flipper.measurements(), 1U);
-  EXPECT_EQ(bursts > 1000, protocol().has_checksum);
+  EXPECT_EQ(bursts > 500, protocol().has_checksum);
 }
 
 }  // namespace
