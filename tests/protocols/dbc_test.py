@@ -1,8 +1,10 @@
-"""Checks that the DBC files agree with the decoder: canmatrix decodes the native CAN frames to the same numbers.
+"""Checks that canmatrix decodes the frames that imud sends, by the DBC files beside the devices, to the same numbers: those of
+native-can to the decoder's, those of products whose messages are tables to the encoded sample's, within half an LSB.
 
 Usage: dbc_test.py DUMP_CAN_FRAMES FOLDER_OF_THE_DBC_FILES. Needs python3-canmatrix.
 """
 import json
+import math
 import pathlib
 import subprocess
 import sys
@@ -11,15 +13,98 @@ from decimal import Decimal
 import canmatrix
 import canmatrix.formats
 
+# SI = factor * number + offset
+UNITS = {"": (1, 0), "1": (1, 0), "bits": (1, 0), "s": (1, 0), "ms": (1e-3, 0), "us": (1e-6, 0), "100us": (1e-4, 0),
+         "rad": (1, 0), "deg": (math.pi / 180, 0), "rad/s": (1, 0), "deg/s": (math.pi / 180, 0), "m": (1, 0), "m/s": (1, 0),
+         "m/s^2": (1, 0), "g": (9.80665, 0), "degC": (1, 0), "Pa": (1, 0), "a.u.": (50e-6, 0), "a": (1, 0), "month": (1, 0),
+         "d": (1, 0), "h": (1, 0), "min": (1, 0)}
+
+
+def vector(pattern, quantity, axes="XYZ"):
+    return {pattern.format(axis): f"{quantity}_{axis.lower()}" for axis in axes}
+
+
+def gyro_out_of_range(axis):
+    return lambda sample, _: sample["status"] >> "xyz".index(axis) & 1
+
+
+def accelerometer_out_of_range(axis):
+    return lambda sample, _: sample["status"] >> 3 + "xyz".index(axis) & 1
+
+
+def crc8_j1850(sample, data):
+    crc = 0xFF
+    for byte in data[:7]:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1D if crc & 0x80 else crc << 1) & 0xFF
+    return crc ^ 0xFF
+
+
+def sbg_imu_status(sample, _):
+    return 0xFF | (sample["status"] & 0x38 == 0) << 8 | (sample["status"] & 0x07 == 0) << 9
+
+
+# For each DBC file the number that each signal has: a quantity of the sample, a function of sample and data, or a constant.
+# A name is that of a signal, or MESSAGE.SIGNAL.
+EXPECTED = {
+    "sbg_can.dbc": {
+        "TIME_STAMP": lambda sample, _: sample["time_ns"] * Decimal("1e-9") % (2**32 / Decimal(10**6)),
+        "GPS_TOW": "gps_time_of_week", "YEAR": "utc_year", "MONTH": "utc_month", "DAY": "utc_day", "HOUR": "utc_hour",
+        "MIN": "utc_minute", "SEC": "utc_second", "MICRO_SEC": "utc_subsecond", "IMU_STATUS": sbg_imu_status,
+        "TEMPERATURE": "temperature", **vector("ACCEL_{}", "specific_force"), **vector("GYRO_{}", "rate"),
+        **vector("DELTA_VEL_{}", "mean_specific_force"), **vector("DELTA_ANGLE_{}", "mean_rate"),
+        "Q0": "q_LP_w", "Q1": "q_LP_x", "Q2": "q_LP_y", "Q3": "q_LP_z", "ROLL": "roll", "PITCH": "pitch", "YAW": "yaw",
+        "LATITUDE": "latitude", "LONGITUDE": "longitude", "ALTITUDE": "height", "UNDULATION": 0,
+        "VELOCITY_N": "velocity_north", "VELOCITY_E": "velocity_east", "VELOCITY_D": "velocity_down",
+        **vector("VELOCITY_{}", "velocity"), "MAG_STATUS": 0xFF, **vector("MAG_{}", "magnetic_field")},
+    "bosch_mm7.dbc": {
+        "YawRate": "rate_z", "RollRate": "rate_x", "PitchRate": "rate_y", "AX": "specific_force_x", "AY": "specific_force_y",
+        "AZ": "specific_force_z", "Temperature": "temperature", "HardwareIndex": 0, "CRC": crc8_j1850,
+        "Counter": lambda sample, _: sample["counter"] % 16,
+        "MM7_YawAy.RateStatus": gyro_out_of_range("z"), "MM7_RollAx.RateStatus": gyro_out_of_range("x"),
+        "MM7_PitchAz.RateStatus": gyro_out_of_range("y"), "MM7_YawAy.AccelerationStatus": accelerometer_out_of_range("y"),
+        "MM7_RollAx.AccelerationStatus": accelerometer_out_of_range("x"),
+        "MM7_PitchAz.AccelerationStatus": accelerometer_out_of_range("z")},
+}
+
 
 def require(condition, *what):
     if not condition:  # not `assert`, which PYTHONOPTIMIZE removes
         raise AssertionError(what)
 
 
+def check_native(record, signals, is_fd):
+    wanted = record["values"]
+    for name, signal in signals.items():
+        got = Decimal(signal.phys_value)
+        if name == "time":
+            # The classic frame carries microseconds modulo 2^32.
+            modulus = Decimal(2) ** 64 if is_fd else Decimal(2) ** 32 * 1000
+            require(got * 10**9 == wanted["time_ns"] % modulus, name, got, record)
+        else:
+            require(float(got) == float(wanted[name]), name, got, record)
+        yield name, got
+
+
+def check_table(record, frame, signals, data):
+    sample, expected = record["sample"], EXPECTED[record["dbc"]]
+    for name, signal in signals.items():
+        wanted = expected.get(f"{frame.name}.{name}", expected.get(name))
+        require(wanted is not None, "which number has", frame.name, name)
+        if callable(wanted):
+            wanted = wanted(sample, data)
+        elif isinstance(wanted, str):
+            wanted = sample[wanted]
+        factor, offset = UNITS[signal.signal.unit]
+        got = float(signal.phys_value) * factor + offset
+        lsb = abs(float(signal.signal.factor)) * factor
+        require(abs(got - float(wanted)) <= 0.5 * lsb * (1 + 1e-6) + 1e-12 * abs(got), frame.name, name, got, wanted, record)
+        yield f"{frame.name}.{name}", got
+
+
 def main(dump, folder):
-    matrices = {name: canmatrix.formats.loadp_flat(str(pathlib.Path(folder, name)))
-                for name in ("native_can.dbc", "native_can_fd.dbc")}
+    matrices = {path.name: canmatrix.formats.loadp_flat(str(path)) for path in sorted(pathlib.Path(folder).glob("*.dbc"))}
     seen = {}
     for line in subprocess.run([dump], check=True, capture_output=True, text=True).stdout.splitlines():
         record = json.loads(line, parse_float=Decimal)
@@ -28,21 +113,20 @@ def main(dump, folder):
         data = bytes.fromhex(data[2:] if is_fd else data)
         frame = matrices[record["dbc"]].frame_by_id(canmatrix.ArbitrationId(int(identifier, 16), extended=False))
         require(frame.is_fd == is_fd and frame.size == len(data), record)
-        wanted = record["values"]
-        for name, signal in frame.decode(data).items():
-            got = Decimal(signal.phys_value)
-            if name == "time":
-                # The classic frame carries microseconds modulo 2^32.
-                modulus = Decimal(2) ** 64 if is_fd else Decimal(2) ** 32 * 1000
-                require(got * 10**9 == wanted["time_ns"] % modulus, name, got, record)
-            else:
-                require(float(got) == float(wanted[name]), name, got, record)
+        signals = frame.decode(data)
+        checked = check_native(record, signals, is_fd) if "values" in record else check_table(record, frame, signals, data)
+        for name, got in checked:
             seen.setdefault(record["dbc"], {}).setdefault(name, set()).add(got)
-    signals = {"time", "counter", "temperature", "status"} | {
+    require(seen.keys() == matrices.keys(), "no frames for", matrices.keys() - seen.keys())
+    native = {"time", "counter", "temperature", "status"} | {
         f"{quantity}_{axis}" for quantity in ("gyro", "accel", "dtheta", "dvel") for axis in "xyz"}
     for name, matrix in matrices.items():
-        require(seen[name].keys() == signals, name, seen[name].keys())
-        require(all(len(values) > 50 for values in seen[name].values()), name)
+        if name in EXPECTED:
+            require(seen[name].keys() == {f"{frame.name}.{signal.name}" for frame in matrix.frames for signal in frame.signals},
+                    name, seen[name].keys())
+        else:
+            require(seen[name].keys() == native, name, seen[name].keys())
+            require(all(len(values) > 50 for values in seen[name].values()), name)
         for frame in matrix.frames:
             for signal in frame.signals:
                 require(signal.comment, name, signal.name)

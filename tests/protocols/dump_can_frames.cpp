@@ -1,17 +1,22 @@
-// Prints frames of native-can, one a line, for dbc_test.py: {"dbc": FILE, "frame": "ID#HEX" as candump writes it
-// ("ID##FLAGS" for FD), "values": the decoded values of the sample to which the frame belongs}.
+// Prints CAN frames, one a line, for dbc_test.py: {"dbc": FILE, "frame": "ID#HEX" as candump writes it ("ID##FLAGS"
+// for FD), ...}. Frames of native-can have "values", the decoded values of the sample to which the frame belongs.
+// Frames of products whose messages are tables have "sample", all measured quantities of the sample that was encoded,
+// SI.
+#include <cmath>
 #include <cstdio>
 #include <random>
 #include <string>
 
+#include "core/attitude.hpp"
+#include "protocols/measured_quantities.hpp"
 #include "tests/protocols/recording.hpp"
 
 namespace imud {
 namespace {
 
 std::string candump(const Frame& frame) {
-  char text[8];
-  std::snprintf(text, sizeof text, "%03X", frame.can.id);
+  char text[12];
+  std::snprintf(text, sizeof text, frame.can.extended ? "%08X" : "%03X", frame.can.id);
   std::string line = text;
   line += frame.can.fd ? "##1" : "#";  // 1: bit rate switched
   for (const std::byte byte : frame.bytes) {
@@ -53,10 +58,68 @@ void dump(bool fd, const char* dbc) {
   }
 }
 
+// A sample of a vehicle on the Earth, all of whose numbers are in the range of most products.
+Sample random_flight(std::uint64_t k, std::mt19937_64& random) {
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  const auto vector = [&](double range) {
+    return Vector3(range * uniform(random), range * uniform(random), range * uniform(random));
+  };
+  Sample sample;
+  sample.time.ns = static_cast<std::int64_t>(k) * 10'000'000 + 1'000'000'000;
+  sample.counter = k;
+  sample.rate = vector(2.8);
+  sample.specific_force = vector(40);
+  sample.delta_angle = vector(0.02);
+  sample.delta_velocity = vector(0.2);
+  sample.temperature_c = 40 * uniform(random);
+  sample.q_LP = exp(vector(3));
+  sample.navigation.is_known = true;
+  sample.navigation.gps_ns = 1'420'000'000'000'000'000 + static_cast<std::int64_t>(1e15 * uniform(random));
+  sample.navigation.latitude = 1.5 * uniform(random);
+  sample.navigation.longitude = 3 * uniform(random);
+  sample.navigation.height = 9000 * uniform(random);
+  sample.navigation.v_L = vector(100);
+  sample.magnetic_field = vector(60e-6);
+  sample.pressure = 80e3 + 20e3 * uniform(random);
+  sample.status = static_cast<std::uint32_t>(random()) & 0x3FU;
+  return sample;
+}
+
+void dump_tables(const char* name, const char* settings_text, const char* dbc) {
+  const Protocol& protocol = protocol_named(name);
+  Line line(protocol, settings_of(protocol, settings_text));
+  std::mt19937_64 random(4);
+  for (std::uint64_t k = 0; k < 100; ++k) {
+    const Sample sample = random_flight(k, random);
+    const Reading reading{sample, sample.delta_angle, sample.delta_velocity, exp(sample.delta_angle),
+                          k == 0 ? 0 : 0.01};
+    std::string values;
+    for (const MeasuredQuantity& quantity : measured_quantities()) {
+      if (quantity.kind != MeasuredQuantity::Kind::number) continue;
+      char text[80];
+      std::snprintf(text, sizeof text, "\"%.40s\": %.17g, ", std::string(quantity.name).c_str(),
+                    quantity.get(reading));
+      values += text;
+    }
+    for (const Frame& frame : line.encode(sample))
+      std::printf(
+          "{\"dbc\": \"%s\", \"frame\": \"%s\", \"sample\": {%s\"time_ns\": %lld, \"counter\": %llu, \"status\": "
+          "%u}}\n",
+          dbc, candump(frame).c_str(), values.c_str(), static_cast<long long>(sample.time.ns),
+          static_cast<unsigned long long>(sample.counter), sample.status);
+  }
+}
+
 }  // namespace
 }  // namespace imud
 
 int main() {
   imud::dump(false, "native_can.dbc");
   imud::dump(true, "native_can_fd.dbc");
+  imud::dump_tables(
+      "sbg-can",
+      "output_rate_hz=100 messages=utc_0,utc_1,imu_info,imu_accel,imu_gyro,imu_delta_vel,imu_delta_angle,"
+      "ekf_info,ekf_quat,ekf_euler,ekf_pos,ekf_altitude,ekf_vel_ned,ekf_vel_body,mag_0,mag_1",
+      "sbg_can.dbc");
+  imud::dump_tables("bosch-mm7", "", "bosch_mm7.dbc");
 }
