@@ -122,10 +122,11 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
   field.lsb = in.factor * signal.scale;
   // SI = factor * (scale * number + offset) + the unit's offset. A zero that is an integer but for the rounding of
   // its decimal factors is that integer, so that values of both signs are rounded alike.
-  field.zero = -(signal.offset + in.offset / in.factor) / signal.scale;
-  if (const double whole = std::round(field.zero); std::abs(field.zero - whole) < 1e-9) field.zero = whole;
-  if (!std::isfinite(field.lsb) || field.lsb == 0 || !std::isfinite(field.zero))
-    refuse(signal, "the scale is out of range");
+  const double zero = -(signal.offset + in.offset / in.factor) / signal.scale;
+  if (!std::isfinite(field.lsb) || field.lsb == 0 || !std::isfinite(zero) || std::abs(zero) > 0x1p62)
+    refuse(signal, "scale or offset is out of range");
+  field.whole = std::round(zero);
+  field.fraction = std::abs(zero - field.whole) < 1e-9 ? 0 : zero - field.whole;
   if (in.quantity->kind != MeasuredQuantity::Kind::number) {
     if (is_float(field.format)) refuse(signal, std::string(in.quantity->name) + " must be an integer");
     const double lsb_ns = std::round(field.lsb * 1e9);
@@ -252,10 +253,13 @@ std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& readi
     case MeasuredQuantity::Kind::number:
       break;
   }
-  const double x = field.quantity->get(reading) / field.lsb + field.zero;
-  if (field.format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(x));
-  if (field.format == SignalFormat::float64) return std::bit_cast<std::uint64_t>(std::clamp(x, -DBL_MAX, DBL_MAX));
-  return rounded(x > field.lowest ? std::min(x, field.highest) : field.lowest);
+  const double x = field.quantity->get(reading) / field.lsb + field.fraction;
+  if (field.format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(x + field.whole));
+  if (field.format == SignalFormat::float64)
+    return std::bit_cast<std::uint64_t>(std::clamp(x + field.whole, -DBL_MAX, DBL_MAX));
+  const double lowest = field.lowest - field.whole, highest = field.highest - field.whole;
+  return rounded(x > lowest ? std::min(x, highest) : lowest) +
+         static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
 }
 
 void CanSignalCodec::encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept {
@@ -333,7 +337,7 @@ std::optional<CanSignalCodec::Decoded> CanSignalCodec::decode(std::span<const st
         value = std::bit_cast<double>(number);
         break;
     }
-    value = (value - field.zero) * field.lsb;
+    value = (value - field.whole - field.fraction) * field.lsb;
     if (!std::isfinite(value)) return std::nullopt;
     if (field.quantity->set != nullptr) field.quantity->set(value, read);
   }

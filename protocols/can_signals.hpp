@@ -94,7 +94,8 @@ class CanSignalCodec {
     SignalFormat format = SignalFormat::unsigned_integer;
     Source source = Source::constant;
     const MeasuredQuantity* quantity = nullptr;
-    double lsb = 1, zero = 0;        // SI = (number - zero) * lsb
+    double lsb = 1;                  // SI = (number - whole - fraction) * lsb
+    double whole = 0, fraction = 0;  // of the number that stands for zero, apart so that no digits are lost
     double lowest = 0, highest = 0;  // of the number
     std::int64_t time_lsb_ns = 0;
     std::uint64_t initial = 0;

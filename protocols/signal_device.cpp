@@ -121,7 +121,7 @@ bool SignalDecoder::agrees(const CanSignalCodec::LowBits& counter) const noexcep
   return bits == 0 || ((counter.value ^ counter_.value) << (64 - bits)) == 0;
 }
 
-// Of the times with these low bits it takes the nearest to the previous one; the first as it is.
+// Takes the time with these low bits that is nearest to the previous one; the first as it is.
 void SignalDecoder::unwrap(const CanSignalCodec::Decoded& decoded) noexcept {
   const unsigned unused = 64 - decoded.time.bits;
   if (!ticks_) ticks_ = decoded.time.value;

@@ -39,7 +39,7 @@ constexpr CanSignal utc_1[] = {{"YEAR", 0, 8, intel_unsigned, 1, 2000, "utc_year
                                {"MICRO_SEC", 48, 16, intel_unsigned, 100, 0, "utc_subsecond_us"}};
 constexpr CanSignal imu_info[] = {
     time_stamp,
-    {.name = "IMU_STATUS", .start = 32, .length = 16, .encoding = intel_unsigned, .quantity = &imu_status_word},
+    {.name = "STATUS", .start = 32, .length = 16, .encoding = intel_unsigned, .quantity = &imu_status_word},
     {"TEMPERATURE", 48, 16, intel_signed, temperature_lsb, 0, "temperature_c"}};
 constexpr CanSignal imu_accel[] = {{"ACCEL_X", 0, 16, intel_signed, accel_lsb, 0, "specific_force_x_m_per_s2"},
                                    {"ACCEL_Y", 16, 16, intel_signed, accel_lsb, 0, "specific_force_y_m_per_s2"},
@@ -74,7 +74,7 @@ constexpr CanSignal ekf_vel_body[] = {{"VELOCITY_X", 0, 16, intel_signed, 0.01, 
                                       {"VELOCITY_Y", 16, 16, intel_signed, 0.01, 0, "velocity_y_m_per_s"},
                                       {"VELOCITY_Z", 32, 16, intel_signed, 0.01, 0, "velocity_z_m_per_s"}};
 constexpr CanSignal mag_0[] = {time_stamp,
-                               {.name = "MAG_STATUS", .start = 32, .length = 16, .initial = 0xFF}};  // all is good
+                               {.name = "STATUS", .start = 32, .length = 16, .initial = 0xFF}};  // all is good
 constexpr CanSignal mag_1[] = {{"MAG_X", 0, 16, intel_signed, 1e-3, 0, "magnetic_field_x_au"},
                                {"MAG_Y", 16, 16, intel_signed, 1e-3, 0, "magnetic_field_y_au"},
                                {"MAG_Z", 32, 16, intel_signed, 1e-3, 0, "magnetic_field_z_au"}};

@@ -120,7 +120,7 @@ TEST(CanSignalsTest, ValuesAreRoundedToNearestAndSaturate) {
   const CanSignal with_offset = {"R", 7, 8, motorola_unsigned, 2, -100, "rate_x_deg_per_s"};
   EXPECT_EQ(encoded(1, {with_offset}, sample_of(0)), "32");
   EXPECT_EQ(encoded(1, {with_offset}, sample_of(units::degree)), "33");  // a half, away from zero
-  EXPECT_EQ(encoded(1, {with_offset}, sample_of(-units::degree)), "32");
+  EXPECT_EQ(encoded(1, {with_offset}, sample_of(-units::degree)), "31");
   EXPECT_EQ(encoded(1, {with_offset}, sample_of(-10)), "00");
   EXPECT_EQ(encoded(1, {with_offset}, sample_of(10)), "FF");
   const CanSignal falling = {"R", 0, 8, intel_signed, -1, 0, "rate_x_rad_per_s"};
