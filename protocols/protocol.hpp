@@ -194,6 +194,7 @@ struct Protocol {
     double rate = DBL_MAX, specific_force = DBL_MAX, delta_angle = DBL_MAX, delta_velocity = DBL_MAX,
            temperature_c = DBL_MAX;
   } range = {};
+  unsigned absent_rates = 0;        // bits 0 to 2: rates about x, y and z that the product lacks; decoded as 0
   std::int64_t time_period_ns = 0;  // period after which the time on the wire wraps; 0: never
   unsigned counter_bits = 64;       // number of the counter's low bits that the wire carries
   bool sends_some_samples = false;  // the counter counts unsent samples, too, and so advances in steps above 1

@@ -1,0 +1,69 @@
+// Bosch MM5.10, automotive inertial sensor: two rates and three accelerations in three messages, little-endian,
+// without counter, status and checksum. bosch_mm5.dbc beside this file describes the same layouts for CAN tools.
+//
+// Layout: Bosch's calibration sheet of MM5.10, as facts of others have it: identifiers and numbers of MM7.10
+// (bosch_mm7.cpp) in bytes 0-1 and 4-5, all other bytes reserved, here 0; no pitch rate. Variants of the firmware
+// have other identifiers: the setting `identifiers`. The sheet itself was not at hand.
+//
+// | byte | 0x174          | 0x178          | 0x17C          | number                    |
+// |------|----------------|----------------|----------------|---------------------------|
+// | 0-1  | yaw rate       | roll rate      | reserved       | u16, 0.005 deg/s, -163.84 |
+// | 4-5  | acceleration y | acceleration x | acceleration z | u16, 0.000127465 g, -4.1768 |
+#include "protocols/signal_product.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr double rate_scale = 0.005, rate_offset = -163.84;                        // deg/s
+constexpr double acceleration_scale = 0.000127465, acceleration_offset = -4.1768;  // g
+
+constexpr CanSignal yaw_ay[] = {
+    {"YawRate", 0, 16, intel_unsigned, rate_scale, rate_offset, "rate_z_deg_per_s"},
+    {"AY", 32, 16, intel_unsigned, acceleration_scale, acceleration_offset, "specific_force_y_g"}};
+constexpr CanSignal roll_ax[] = {
+    {"RollRate", 0, 16, intel_unsigned, rate_scale, rate_offset, "rate_x_deg_per_s"},
+    {"AX", 32, 16, intel_unsigned, acceleration_scale, acceleration_offset, "specific_force_x_g"}};
+constexpr CanSignal az[] = {
+    {"AZ", 32, 16, intel_unsigned, acceleration_scale, acceleration_offset, "specific_force_z_g"}};
+
+constexpr SignalProductMessage messages[] = {
+    {"yaw_ay", 0x174, 8, yaw_ay}, {"roll_ax", 0x178, 8, roll_ax}, {"az", 0x17C, 8, az}};
+constexpr SignalProduct table = {.messages = messages};
+constexpr Setting settings[] = {output_rate_setting(100, 200), identifiers_setting(), id_offset_setting(),
+                                extended_setting()};
+
+constexpr double rate_lsb = rate_scale * units::degree, force_lsb = acceleration_scale * units::standard_gravity;
+
+}  // namespace
+
+extern const Protocol bosch_mm5_protocol;
+constexpr Protocol bosch_mm5_protocol = {
+    .name = "bosch-mm5",
+    .summary = "Bosch MM5.10 automotive inertial sensor: yaw and roll rate, three accelerations",
+    .link = Link::can,
+    .document = "Bosch MM5.10, calibration sheet",
+    .settings = settings,
+    .fields = Measurement::rate | Measurement::specific_force,
+    .resolution = {.rate = rate_lsb, .specific_force = force_lsb},
+    .range = {.rate = 32767 * rate_lsb, .specific_force = 32766 * force_lsb},
+    .absent_rates = 1U << 1,
+    .status_bits = 0,
+    .can_messages = signal_can_messages<table>,
+    .can_filters = no_can_filters,
+    // Ranges of the fields; noise of the same order as that of similar sensors, as no data sheet was at hand.
+    .product =
+        [](const Settings& chosen) {
+          const double rate_hz = chosen.real("output_rate_hz");
+          Product product;
+          product.rate_hz = rate_hz;
+          product.gyro = TriadErrors::white(0.01 * units::degree, rate_hz, 163 * units::degree);
+          product.accelerometer =
+              TriadErrors::white(200e-6 * units::standard_gravity, rate_hz, 4.1 * units::standard_gravity);
+          return product;
+        },
+    .make = make_signal_device<table>,
+    .make_decoder = make_signal_decoder<table>,
+};
+
+}  // namespace imud
