@@ -14,7 +14,7 @@ import canmatrix
 import canmatrix.formats
 
 # SI = factor * number + offset
-UNITS = {"": (1, 0), "1": (1, 0), "bits": (1, 0), "s": (1, 0), "ms": (1e-3, 0), "us": (1e-6, 0), "100us": (1e-4, 0),
+UNITS = {"": (1, 0), "1": (1, 0), "bits": (1, 0), "s": (1, 0), "ms": (1e-3, 0), "us": (1e-6, 0), "100us": (1e-4, 0), "0.1ms": (1e-4, 0),
          "rad": (1, 0), "deg": (math.pi / 180, 0), "rad/s": (1, 0), "deg/s": (math.pi / 180, 0), "m": (1, 0), "m/s": (1, 0),
          "m/s^2": (1, 0), "g": (9.80665, 0), "degC": (1, 0), "Pa": (1, 0), "a.u.": (50e-6, 0), "a": (1, 0), "month": (1, 0),
          "d": (1, 0), "h": (1, 0), "min": (1, 0)}
@@ -45,19 +45,70 @@ def sbg_imu_status(sample, _):
     return 0xFF | (sample["status"] & 0x38 == 0) << 8 | (sample["status"] & 0x07 == 0) << 9
 
 
+def xsens_status(sample, _):
+    clipped = (sample["status"] >> 3 & 7) << 8 | (sample["status"] & 7) << 11
+    return 7 | clipped | bool(clipped) << 19
+
+
+def xsens_delta_v(axis):
+    return lambda sample, data: float(sample[f"delta_velocity_{axis}"]) * 2.0 ** (data[6] - 17)
+
+
+def xsens_exponent(sample, _):
+    """The largest with which all three components fit, at most 17."""
+    largest = max(abs(float(sample[f"delta_velocity_{axis}"])) for axis in "xyz")
+    return max(e for e in range(18) if largest * 2**e < 32767.5)
+
+
+def east_north_up(sample):
+    """The quaternion w, x, y, z of the platform relative to east-north-up."""
+    w, x, y, z = (float(sample[f"q_LP_{c}"]) for c in "wxyz")
+    h = math.sqrt(0.5)  # (0, h, h, 0) times q_LP
+    q = (-h * x - h * y, h * w + h * z, h * w - h * z, h * y - h * x)
+    return q if q[0] >= 0 else tuple(-c for c in q)
+
+
+def xsens_quaternion(index):
+    return lambda sample, _: east_north_up(sample)[index]
+
+
+def xsens_euler(index):
+    """0 roll, 1 pitch, 2 yaw, in rad."""
+    def angle(sample, _):
+        w, x, y, z = east_north_up(sample)
+        return (math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(2 * (w * y - z * x)),
+                math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))[index]
+    return angle
+
+
 # For each DBC file the number that each signal has: a quantity of the sample, a function of sample and data, or a constant.
 # A name is that of a signal, or MESSAGE.SIGNAL.
 EXPECTED = {
     "sbg_can.dbc": {
         "TIME_STAMP": lambda sample, _: sample["time_ns"] * Decimal("1e-9") % (2**32 / Decimal(10**6)),
         "GPS_TOW": "gps_time_of_week", "YEAR": "utc_year", "MONTH": "utc_month", "DAY": "utc_day", "HOUR": "utc_hour",
-        "MIN": "utc_minute", "SEC": "utc_second", "MICRO_SEC": "utc_subsecond", "IMU_STATUS": sbg_imu_status,
+        "MIN": "utc_minute", "SEC": "utc_second", "MICRO_SEC": "utc_subsecond", "IMU_INFO.STATUS": sbg_imu_status,
         "TEMPERATURE": "temperature", **vector("ACCEL_{}", "specific_force"), **vector("GYRO_{}", "rate"),
         **vector("DELTA_VEL_{}", "mean_specific_force"), **vector("DELTA_ANGLE_{}", "mean_rate"),
         "Q0": "q_LP_w", "Q1": "q_LP_x", "Q2": "q_LP_y", "Q3": "q_LP_z", "ROLL": "roll", "PITCH": "pitch", "YAW": "yaw",
         "LATITUDE": "latitude", "LONGITUDE": "longitude", "ALTITUDE": "height", "UNDULATION": 0,
         "VELOCITY_N": "velocity_north", "VELOCITY_E": "velocity_east", "VELOCITY_D": "velocity_down",
-        **vector("VELOCITY_{}", "velocity"), "MAG_STATUS": 0xFF, **vector("MAG_{}", "magnetic_field")},
+        **vector("VELOCITY_{}", "velocity"), "MAG_0.STATUS": 0xFF, **vector("MAG_{}", "magnetic_field")},
+    "xsens_can.dbc": {
+        "Timestamp": lambda sample, _: sample["time_ns"] * Decimal("1e-9"), "Counter": lambda sample, _: sample["counter"],
+        "year": "utc_year", "month": "utc_month", "day": "utc_day", "hour": "utc_hour", "minute": "utc_minute",
+        "second": "utc_second", "tenthms": "utc_subsecond", "StatusWord": xsens_status,
+        **{f"Q{i + 1}": xsens_quaternion(i) for i in range(4)}, "roll": xsens_euler(0), "pitch": xsens_euler(1),
+        "yaw": xsens_euler(2), "Exponent": xsens_exponent, **{axis: xsens_delta_v(axis.lower()) for axis in "XYZ"},
+        **vector("gyr{}", "rate"), **vector("HrGyr{}", "rate"), **vector("acc{}", "specific_force"),
+        **vector("HrAcc{}", "specific_force"), "DeltaQ1": "rotation_w", "DeltaQ2": "rotation_x", "DeltaQ3": "rotation_y",
+        "DeltaQ4": "rotation_z", "FreeAccX": "free_acceleration_east", "FreeAccY": "free_acceleration_north",
+        "FreeAccZ": lambda sample, _: -sample["free_acceleration_down"], **vector("mag{}", "magnetic_field"),
+        "Temperature": "temperature", "Pressure": "pressure", "latitude": "latitude", "longitude": "longitude",
+        "altEllipsoid": "height", "velX": "velocity_east", "velY": "velocity_north",
+        "velZ": lambda sample, _: -sample["velocity_down"]},
+    "bosch_mm5.dbc": {"YawRate": "rate_z", "RollRate": "rate_x", "AX": "specific_force_x", "AY": "specific_force_y",
+                      "AZ": "specific_force_z"},
     "bosch_mm7.dbc": {
         "YawRate": "rate_z", "RollRate": "rate_x", "PitchRate": "rate_y", "AX": "specific_force_x", "AY": "specific_force_y",
         "AZ": "specific_force_z", "Temperature": "temperature", "HardwareIndex": 0, "CRC": crc8_j1850,

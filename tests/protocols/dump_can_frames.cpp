@@ -9,26 +9,15 @@
 
 #include "core/attitude.hpp"
 #include "protocols/measured_quantities.hpp"
+#include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
 
 namespace imud {
 namespace {
 
-std::string candump(const Frame& frame) {
-  char text[12];
-  std::snprintf(text, sizeof text, frame.can.extended ? "%08X" : "%03X", frame.can.id);
-  std::string line = text;
-  line += frame.can.fd ? "##1" : "#";  // 1: bit rate switched
-  for (const std::byte byte : frame.bytes) {
-    std::snprintf(text, sizeof text, "%02X", std::to_integer<unsigned>(byte));
-    line += text;
-  }
-  return line;
-}
-
 void print(const char* dbc, const Frame& frame, const Sample& sample) {
   std::printf("{\"dbc\": \"%s\", \"frame\": \"%s\", \"values\": {\"time_ns\": %lld, \"counter\": %llu", dbc,
-              candump(frame).c_str(), static_cast<long long>(sample.time.ns),
+              can_text(frame).c_str(), static_cast<long long>(sample.time.ns),
               static_cast<unsigned long long>(sample.counter));
   const auto vector = [](const char* name, const Vector3& v) {
     for (int i = 0; i < 3; ++i) std::printf(", \"%s_%c\": %.17g", name, "xyz"[i], v[i]);
@@ -70,7 +59,7 @@ Sample random_flight(std::uint64_t k, std::mt19937_64& random) {
   sample.rate = vector(2.8);
   sample.specific_force = vector(40);
   sample.delta_angle = vector(0.02);
-  sample.delta_velocity = vector(0.2);
+  sample.delta_velocity = vector(0.5);
   sample.temperature_c = 40 * uniform(random);
   sample.q_LP = exp(vector(3));
   sample.navigation.is_known = true;
@@ -105,7 +94,7 @@ void dump_tables(const char* name, const char* settings_text, const char* dbc) {
       std::printf(
           "{\"dbc\": \"%s\", \"frame\": \"%s\", \"sample\": {%s\"time_ns\": %lld, \"counter\": %llu, \"status\": "
           "%u}}\n",
-          dbc, candump(frame).c_str(), values.c_str(), static_cast<long long>(sample.time.ns),
+          dbc, can_text(frame).c_str(), values.c_str(), static_cast<long long>(sample.time.ns),
           static_cast<unsigned long long>(sample.counter), sample.status);
   }
 }
@@ -122,4 +111,11 @@ int main() {
       "ekf_info,ekf_quat,ekf_euler,ekf_pos,ekf_altitude,ekf_vel_ned,ekf_vel_body,mag_0,mag_1",
       "sbg_can.dbc");
   imud::dump_tables("bosch-mm7", "", "bosch_mm7.dbc");
+  imud::dump_tables("bosch-mm5", "", "bosch_mm5.dbc");
+  imud::dump_tables(
+      "xsens-can",
+      "messages=sample_time,group_counter,utc,status_word,quaternion,euler,delta_v,rate_of_turn,delta_q,"
+      "acceleration,free_acceleration,magnetic_field,temperature,pressure,rate_of_turn_hr,"
+      "acceleration_hr,position,altitude,velocity",
+      "xsens_can.dbc");
 }

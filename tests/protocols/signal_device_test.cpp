@@ -8,24 +8,13 @@
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
+#include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
 
 namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
-
-// "ID#HEX" as candump writes it.
-std::string candump(const Frame& frame) {
-  char text[12];
-  std::snprintf(text, sizeof text, frame.can.extended ? "%08X#" : "%03X#", frame.can.id);
-  std::string line = text;
-  for (const std::byte byte : frame.bytes) {
-    std::snprintf(text, sizeof text, "%02X", std::to_integer<unsigned>(byte));
-    line += text;
-  }
-  return line;
-}
 
 // A device and its clock.
 class Sender {
@@ -44,7 +33,7 @@ class Sender {
     frames_->clear();
     device->sample(sample, *frames_);
     std::vector<std::string> lines;
-    for (const Frame& frame : frames_->frames()) lines.push_back(candump(frame));
+    for (const Frame& frame : frames_->frames()) lines.push_back(can_text(frame));
     return lines;
   }
 
@@ -64,7 +53,7 @@ using Lines = std::vector<std::string>;
 
 // --- Known frames ---
 
-// Computed with cantools and SBG's sbgCan.dbc.
+// IMU_ACCEL and IMU_GYRO: cantools and canmatrix decode these numbers by SBG's own sbgCan.dbc.
 TEST(SignalDeviceTest, SbgFramesAreThoseOfSbgsDbc) {
   Sender sbg("sbg-can", "");
   sbg.sample.time.ns = 1'234'567'000;
@@ -127,6 +116,36 @@ TEST(SignalDeviceTest, BoschMm7FramesHaveTheirCounterAndCrc) {
   mm7.sample.specific_force.y() = 1e3;
   mm7.sample.temperature_c = 1e3;
   EXPECT_EQ(mm7.next(10ms)[0].substr(4, 14), "000010FFFFFF10");
+}
+
+TEST(SignalDeviceTest, BoschMm5HasNeitherCounterNorCrc) {
+  Sender mm5("bosch-mm5", "identifiers=az=0x17D");
+  mm5.sample.rate.z() = 10 * units::degree;
+  mm5.sample.specific_force.y() = -units::standard_gravity;
+  EXPECT_EQ(mm5.now(), (Lines{"174#D08700005B610000", "178#0080000000800000", "17D#0000000000800000"}));
+}
+
+// RateOfTurn and Acceleration: cantools decodes these numbers by the vendor's xsens.dbc.
+TEST(SignalDeviceTest, XsensFramesAreThoseOfTheVendorsDbc) {
+  Sender xsens("xsens-can",
+               "messages=sample_time,group_counter,status_word,quaternion,euler,delta_v,rate_of_turn,"
+               "acceleration,free_acceleration,temperature,pressure,velocity");
+  Sample& s = xsens.sample;
+  s.time.ns = 123'456'700'000;
+  s.counter = 0x1'2345;
+  s.rate = {0.5, -0.25, 0.125};
+  s.specific_force = {9.8086, 0, -9.8086};
+  s.temperature_c = 25.5;
+  s.pressure = 101'325;
+  s.q_LP = exp(Vector3(0, 0, units::pi / 2)) * Quaternion(0, 1, 0, 0);  // x points east, z up
+  s.delta_velocity = {0.125, -0.0625, 0};
+  s.navigation.v_L = {1, 2, -3};
+  s.status = status::gyro_saturated_x << 2 | status::accelerometer_saturated_x;
+  EXPECT_EQ(xsens.now(), (Lines{"005#0012D687", "006#2345", "011#00082103", "021#7FFF000000000000",
+                                "022#000000000000", "031#4000E000000011", "032#0100FF800040", "034#09CF0000F631",
+                                "035#09CF0000EC62", "051#1980", "052#C5E68000", "076#0080004000C0"}));
+  s.delta_velocity.z() = -3;  // 2^-17 m/s would be too little: the exponent falls to 13
+  EXPECT_EQ(xsens.next(std::chrono::milliseconds(10))[5], "031#0400FE00A0000D");
 }
 
 // --- Schedule ---

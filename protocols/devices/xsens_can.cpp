@@ -1,0 +1,229 @@
+// Xsens MTi-600 series on CAN. Big-endian; no checksum; the unit only sends. xsens_can.dbc beside this file describes
+// the same layouts for CAN tools.
+//
+// Layouts: the ROS driver of a vendor's engineer (jiminghe/Xsens_MTi_CAN_ROS_Driver: config/xsens.dbc and its parser,
+// which differ in the unit of SampleTime, 100 us here, and the sign of the pressure, unsigned here). The protocol's
+// document was not at hand. The driver needs SampleTime and UTC to group the messages of a sample.
+//
+// The tables below are the layouts. As Xsens has them by default, attitude, free acceleration and velocity are
+// relative to east-north-up; of the messages whose names end in _ned, relative to north-east-down. Attitude, position
+// and velocity are the truth's. A magnetometer's arbitrary unit is taken as 50 uT.
+#include <algorithm>
+#include <cmath>
+
+#include "core/attitude.hpp"
+#include "protocols/signal_product.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr double rate_lsb = 0x1p-9, force_lsb = 0x1p-8, temperature_lsb = 0x1p-8;
+
+// --- Numbers that only this product has ---
+// StatusWord: bit 0 self-test, 1 attitude valid, 2 position known, 8 to 10 accelerometer clipped, 11 to 13 gyro
+// clipped, 19 any clipped.
+double status_word(const Reading& reading) noexcept {
+  const std::uint32_t status = reading.sample.status;
+  const std::uint32_t clipped = (status >> 3 & 7U) << 8 | (status & 7U) << 11;
+  return 3U | (reading.sample.navigation.is_known ? 4U : 0U) | clipped | (clipped != 0 ? 1U << 19 : 0U);
+}
+void put_status_word(double value, ReadBack& read) noexcept {
+  const auto word = static_cast<std::uint32_t>(value);
+  read.measurement.sample.status = (word >> 11 & 7U) | (word >> 8 & 7U) << 3;
+  read.measurement.fields |= Measurement::status;
+}
+constexpr MeasuredQuantity status_quantity = {
+    .name = "status_word", .help = "", .get = status_word, .set = put_status_word};
+
+// DeltaV has a common exponent e: the value is mantissa * 2^-e. The parser of the driver takes any; xsens.dbc has the
+// factor 2^-17. It is 17 here unless a component needs less.
+constexpr int largest_exponent = 17;
+double exponent(const Reading& reading) noexcept {
+  const double largest = reading.delta_velocity.cwiseAbs().maxCoeff();
+  int e = largest_exponent;
+  while (e > 0 && std::ldexp(largest, e) >= 32767.5) --e;
+  return e;
+}
+template <int Axis>
+double mantissa(const Reading& reading) noexcept {
+  return std::ldexp(reading.delta_velocity[Axis], static_cast<int>(exponent(reading)));
+}
+void put_exponent(double value, ReadBack& read) noexcept { read.scratch = value; }
+template <int Axis>
+void put_mantissa(double value, ReadBack& read) noexcept {
+  read.measurement.sample.delta_velocity[Axis] = std::ldexp(value, -static_cast<int>(read.scratch));
+  read.components |= 1U << (9 + Axis);
+}
+constexpr MeasuredQuantity exponent_quantity = {
+    .name = "exponent", .help = "", .get = exponent, .set = put_exponent, .is_increment = true};
+template <int Axis>
+constexpr MeasuredQuantity mantissa_quantity = {
+    .name = "mantissa", .help = "", .get = mantissa<Axis>, .set = put_mantissa<Axis>, .is_increment = true};
+
+// Attitude relative to east-north-up, U.
+Quaternion q_UP(const Reading& reading) noexcept {
+  constexpr double half = 0.7071067811865476;
+  const Quaternion q = Quaternion(0, half, half, 0) * reading.sample.q_LP;
+  return q.w() < 0 ? Quaternion(-q.w(), -q.x(), -q.y(), -q.z()) : q;
+}
+template <int Index>
+double attitude(const Reading& reading) noexcept {
+  const Quaternion q = q_UP(reading);
+  return Index == 0 ? q.w() : q.vec()[Index == 0 ? 0 : Index - 1];
+}
+template <int Index>
+double euler_deg(const Reading& reading) noexcept {
+  return yaw_pitch_roll_from_dcm(q_UP(reading).conjugate().toRotationMatrix())[Index] / units::degree;
+}
+template <int Index>
+constexpr MeasuredQuantity attitude_quantity = {.name = "q_UP", .help = "", .get = attitude<Index>};
+template <int Index>
+constexpr MeasuredQuantity euler_quantity = {.name = "euler", .help = "", .get = euler_deg<Index>};
+
+constexpr CanSignal own(std::string_view name, unsigned start, unsigned length, SignalEncoding encoding, double scale,
+                        const MeasuredQuantity& quantity) {
+  return {
+      .name = name, .start = start, .length = length, .encoding = encoding, .scale = scale, .quantity = &quantity};
+}
+
+constexpr CanSignal sample_time[] = {{"Timestamp", 7, 32, motorola_unsigned, 100, 0, "time_us"}};
+constexpr CanSignal group_counter[] = {{"Counter", 7, 16, motorola_unsigned, 1, 0, "sample_counter"}};
+constexpr CanSignal utc[] = {{"year", 7, 8, motorola_unsigned, 1, 2000, "utc_year"},
+                             {"month", 15, 8, motorola_unsigned, 1, 0, "utc_month"},
+                             {"day", 23, 8, motorola_unsigned, 1, 0, "utc_day"},
+                             {"hour", 31, 8, motorola_unsigned, 1, 0, "utc_hour"},
+                             {"minute", 39, 8, motorola_unsigned, 1, 0, "utc_minute"},
+                             {"second", 47, 8, motorola_unsigned, 1, 0, "utc_second"},
+                             {"tenthms", 55, 16, motorola_unsigned, 100, 0, "utc_subsecond_us"}};
+constexpr CanSignal status_signals[] = {own("StatusWord", 7, 32, motorola_unsigned, 1, status_quantity)};
+constexpr CanSignal quaternion[] = {own("Q1", 7, 16, motorola_signed, 0x1p-15, attitude_quantity<0>),
+                                    own("Q2", 23, 16, motorola_signed, 0x1p-15, attitude_quantity<1>),
+                                    own("Q3", 39, 16, motorola_signed, 0x1p-15, attitude_quantity<2>),
+                                    own("Q4", 55, 16, motorola_signed, 0x1p-15, attitude_quantity<3>)};
+constexpr CanSignal quaternion_ned[] = {{"Q1", 7, 16, motorola_signed, 0x1p-15, 0, "q_LP_w"},
+                                        {"Q2", 23, 16, motorola_signed, 0x1p-15, 0, "q_LP_x"},
+                                        {"Q3", 39, 16, motorola_signed, 0x1p-15, 0, "q_LP_y"},
+                                        {"Q4", 55, 16, motorola_signed, 0x1p-15, 0, "q_LP_z"}};
+constexpr CanSignal euler[] = {own("roll", 7, 16, motorola_signed, 0x1p-7, euler_quantity<2>),
+                               own("pitch", 23, 16, motorola_signed, 0x1p-7, euler_quantity<1>),
+                               own("yaw", 39, 16, motorola_signed, 0x1p-7, euler_quantity<0>)};
+constexpr CanSignal euler_ned[] = {{"roll", 7, 16, motorola_signed, 0x1p-7, 0, "roll_deg"},
+                                   {"pitch", 23, 16, motorola_signed, 0x1p-7, 0, "pitch_deg"},
+                                   {"yaw", 39, 16, motorola_signed, 0x1p-7, 0, "yaw_deg"}};
+// The exponent is decoded first.
+constexpr CanSignal delta_v[] = {own("Exponent", 55, 8, motorola_unsigned, 1, exponent_quantity),
+                                 own("X", 7, 16, motorola_signed, 1, mantissa_quantity<0>),
+                                 own("Y", 23, 16, motorola_signed, 1, mantissa_quantity<1>),
+                                 own("Z", 39, 16, motorola_signed, 1, mantissa_quantity<2>)};
+constexpr CanSignal rate_of_turn[] = {{"gyrX", 7, 16, motorola_signed, rate_lsb, 0, "rate_x_rad_per_s"},
+                                      {"gyrY", 23, 16, motorola_signed, rate_lsb, 0, "rate_y_rad_per_s"},
+                                      {"gyrZ", 39, 16, motorola_signed, rate_lsb, 0, "rate_z_rad_per_s"}};
+constexpr CanSignal delta_q[] = {{"DeltaQ1", 7, 16, motorola_signed, 1.0 / 32767, 0, "rotation_w"},
+                                 {"DeltaQ2", 23, 16, motorola_signed, 1.0 / 32767, 0, "rotation_x"},
+                                 {"DeltaQ3", 39, 16, motorola_signed, 1.0 / 32767, 0, "rotation_y"},
+                                 {"DeltaQ4", 55, 16, motorola_signed, 1.0 / 32767, 0, "rotation_z"}};
+constexpr CanSignal acceleration[] = {{"accX", 7, 16, motorola_signed, force_lsb, 0, "specific_force_x_m_per_s2"},
+                                      {"accY", 23, 16, motorola_signed, force_lsb, 0, "specific_force_y_m_per_s2"},
+                                      {"accZ", 39, 16, motorola_signed, force_lsb, 0, "specific_force_z_m_per_s2"}};
+constexpr CanSignal free_acceleration[] = {
+    {"FreeAccX", 7, 16, motorola_signed, force_lsb, 0, "free_acceleration_east_m_per_s2"},
+    {"FreeAccY", 23, 16, motorola_signed, force_lsb, 0, "free_acceleration_north_m_per_s2"},
+    {"FreeAccZ", 39, 16, motorola_signed, force_lsb, 0, "-free_acceleration_down_m_per_s2"}};
+constexpr CanSignal magnetic_field[] = {{"magX", 7, 16, motorola_signed, 0x1p-10, 0, "magnetic_field_x_au"},
+                                        {"magY", 23, 16, motorola_signed, 0x1p-10, 0, "magnetic_field_y_au"},
+                                        {"magZ", 39, 16, motorola_signed, 0x1p-10, 0, "magnetic_field_z_au"}};
+constexpr CanSignal temperature[] = {{"Temperature", 7, 16, motorola_signed, temperature_lsb, 0, "temperature_c"}};
+constexpr CanSignal pressure[] = {{"Pressure", 7, 32, motorola_unsigned, 0x1p-15, 0, "pressure_pa"}};
+constexpr CanSignal rate_hr[] = {{"HrGyrX", 7, 16, motorola_signed, rate_lsb, 0, "rate_x_rad_per_s"},
+                                 {"HrGyrY", 23, 16, motorola_signed, rate_lsb, 0, "rate_y_rad_per_s"},
+                                 {"HrGyrZ", 39, 16, motorola_signed, rate_lsb, 0, "rate_z_rad_per_s"}};
+constexpr CanSignal acceleration_hr[] = {
+    {"HrAccX", 7, 16, motorola_signed, force_lsb, 0, "specific_force_x_m_per_s2"},
+    {"HrAccY", 23, 16, motorola_signed, force_lsb, 0, "specific_force_y_m_per_s2"},
+    {"HrAccZ", 39, 16, motorola_signed, force_lsb, 0, "specific_force_z_m_per_s2"}};
+constexpr CanSignal position[] = {{"latitude", 7, 32, motorola_signed, 0x1p-24, 0, "latitude_deg"},
+                                  {"longitude", 39, 32, motorola_signed, 0x1p-23, 0, "longitude_deg"}};
+constexpr CanSignal altitude[] = {{"altEllipsoid", 7, 32, motorola_signed, 0x1p-15, 0, "height_m"}};
+constexpr CanSignal velocity[] = {{"velX", 7, 16, motorola_signed, 0x1p-6, 0, "velocity_east_m_per_s"},
+                                  {"velY", 23, 16, motorola_signed, 0x1p-6, 0, "velocity_north_m_per_s"},
+                                  {"velZ", 39, 16, motorola_signed, 0x1p-6, 0, "-velocity_down_m_per_s"}};
+
+constexpr SignalProductMessage messages[] = {
+    {"sample_time", 0x05, 4, sample_time},
+    {"group_counter", 0x06, 2, group_counter},
+    {"utc", 0x07, 8, utc},
+    {"status_word", 0x11, 4, status_signals},
+    {"quaternion", 0x21, 8, quaternion},
+    {"quaternion_ned", 0x21, 8, quaternion_ned},
+    {"euler", 0x22, 6, euler},
+    {"euler_ned", 0x22, 6, euler_ned},
+    {"delta_v", 0x31, 7, delta_v},
+    {"rate_of_turn", 0x32, 6, rate_of_turn},
+    {"delta_q", 0x33, 8, delta_q},
+    {"acceleration", 0x34, 6, acceleration},
+    {"free_acceleration", 0x35, 6, free_acceleration},
+    {"magnetic_field", 0x41, 6, magnetic_field},
+    {"temperature", 0x51, 2, temperature},
+    {"pressure", 0x52, 4, pressure},
+    {"rate_of_turn_hr", 0x61, 6, rate_hr},
+    {"acceleration_hr", 0x62, 6, acceleration_hr},
+    {"position", 0x71, 8, position},
+    {"altitude", 0x72, 4, altitude},
+    {"velocity", 0x76, 6, velocity},
+};
+constexpr SignalProduct table = {.messages = messages, .has_choice = true};
+
+constexpr std::string_view delivered[] = {"sample_time", "group_counter", "utc",          "status_word",
+                                          "quaternion",  "rate_of_turn",  "acceleration", "temperature"};
+constexpr Setting settings[] = {output_rate_setting(100, 2000), messages_setting(delivered), identifiers_setting(),
+                                id_offset_setting(), extended_setting()};
+
+constexpr ConformanceSettings conformance_settings[] = {
+    {""},
+    {"messages=sample_time,group_counter,status_word,quaternion_ned,euler_ned,delta_v,delta_q,rate_of_turn_hr,"
+     "acceleration_hr,free_acceleration,magnetic_field,temperature,pressure,position,altitude,velocity "
+     "extended=true",
+     [](Protocol& entry) {
+       entry.fields |= Measurement::delta_velocity;
+       entry.resolution.delta_velocity = 0x1p-17;
+       entry.range.delta_velocity = 0.249;
+     }},
+};
+
+}  // namespace
+
+extern const Protocol xsens_can_protocol;
+constexpr Protocol xsens_can_protocol = {
+    .name = "xsens-can",
+    .summary = "Xsens MTi-600 series on CAN: inertial data, increments, attitude, position, UTC",
+    .link = Link::can,
+    .document = "Xsens_MTi_CAN_ROS_Driver, config/xsens.dbc and xsens_parser.cpp",
+    .settings = settings,
+    .fields = Measurement::all & ~(Measurement::delta_angle | Measurement::delta_velocity),
+    .resolution = {.time_s = 1e-4, .rate = rate_lsb, .specific_force = force_lsb, .temperature_c = temperature_lsb},
+    .range = {.rate = 32767 * rate_lsb,
+              .specific_force = 32767 * force_lsb,
+              .temperature_c = 32767 * temperature_lsb},
+    .time_period_ns = (std::int64_t{1} << 32) * 100'000,
+    .counter_bits = 16,
+    .status_bits = 0x3F,
+    .can_messages = signal_can_messages<table>,
+    .can_filters = no_can_filters,
+    // MTi-600: 2000 deg/s, 0.007 deg/s/sqrt(Hz); 10 g, 60 ug/sqrt(Hz); from memory of the data sheet.
+    .product =
+        [](const Settings& chosen) {
+          const double rate_hz = chosen.real("output_rate_hz");
+          Product product;
+          product.rate_hz = rate_hz;
+          product.gyro = TriadErrors::white(0.007 * units::degree, rate_hz, 2000 * units::degree);
+          product.accelerometer =
+              TriadErrors::white(60e-6 * units::standard_gravity, rate_hz, 10 * units::standard_gravity);
+          return product;
+        },
+    .conformance_settings = conformance_settings,
+    .make = make_signal_device<table>,
+    .make_decoder = make_signal_decoder<table>,
+};
+
+}  // namespace imud
