@@ -11,8 +11,8 @@ namespace imud::canopen {
 
 // The LSB of a float32 is 2^-24 of the number: the test uses numbers up to 1.
 inline constexpr ConformanceSettings conformance_settings[] = {
-    {"self_start=true"},
-    {"self_start=true node_id=127 tpdo3_enabled=true tpdo4_enabled=true tpdo3=delta_angle_i16,time_u16",
+    {"start_up_ms=0 self_start=true"},
+    {"start_up_ms=0 self_start=true node_id=127 tpdo3_enabled=true tpdo4_enabled=true tpdo3=delta_angle_i16,time_u16",
      [](Protocol& entry) {
        entry.fields |= Measurement::delta_angle | Measurement::delta_velocity | Measurement::time;
        entry.resolution.time_s = 1e-4;
@@ -22,7 +22,8 @@ inline constexpr ConformanceSettings conformance_settings[] = {
        entry.range.delta_angle = 0x7FFF * double{lsb_16[2]};
        entry.range.delta_velocity = 0x7FFF * double{lsb_16[3]};
      }},
-    {"self_start=true heartbeat_ms=0 tpdo1=rate_f32.x,rate_f32.y tpdo2=rate_f32.z,counter_u32 tpdo3_enabled=true "
+    {"start_up_ms=0 self_start=true heartbeat_ms=0 tpdo1=rate_f32.x,rate_f32.y tpdo2=rate_f32.z,counter_u32 "
+     "tpdo3_enabled=true "
      "tpdo3=time_u64 tpdo4_enabled=true tpdo4=temperature_i16,status_u32,counter_u8",
      [](Protocol& entry) {
        entry.fields = Measurement::counter | Measurement::rate | Measurement::status | Measurement::time |
@@ -32,7 +33,7 @@ inline constexpr ConformanceSettings conformance_settings[] = {
        entry.counter_bits = 32;
        entry.status_bits = ~0U;
      }},
-    {"self_start=true node_id=1 tpdo1=specific_force_i32.x,specific_force_i32.y "
+    {"start_up_ms=0 self_start=true node_id=1 tpdo1=specific_force_i32.x,specific_force_i32.y "
      "tpdo2=specific_force_i32.z,counter_u8,temperature_i16 tpdo3_enabled=true "
      "tpdo3=time_u32,slope_long_i16,slope_lateral_i16",
      [](Protocol& entry) {

@@ -1,9 +1,9 @@
 // A CANopen slave with the objects of an inertial unit, after CiA 301: canopen.hpp. Here: its states (NMT), and which
 // message is whose.
 //
-// The device boots at once, with a boot-up message, and is then pre-operational until a master starts it, unless it
-// starts itself (1F80). Without a node id it waits for LSS. A bit rate that LSS sets is stored and reported (2002:2),
-// but has no effect: the administrator sets the interface's.
+// After power on or a reset the device is silent for its start-up time. Then it sends a boot-up message, and is
+// pre-operational until a master starts it, unless it starts itself (1F80). Without a node id it waits for LSS. A bit
+// rate that LSS sets is stored and reported (2002:2), but has no effect: the administrator sets the interface's.
 #include <utility>
 
 #include "protocols/canopen/conformance.hpp"
@@ -37,25 +37,21 @@ enum Command : unsigned {
 
 class CanopenDevice final : public Device {
  public:
-  CanopenDevice(const ObjectDictionary& delivered, const Identity& identity, unsigned node_id) noexcept
-      : node_(delivered, identity, node_id), sdo_(node_, node_.alarms) {
+  CanopenDevice(const ObjectDictionary& delivered, const Identity& identity, unsigned node_id,
+                Nanoseconds start_up) noexcept
+      : start_up_(start_up), node_(delivered, identity, node_id), sdo_(node_, node_.alarms) {
     power_on({});
   }
 
   void power_on(DeviceTime now) noexcept override {
-    node_.alarms.clear();
     node_.lss.power_on();
     node_.load_all();
-    node_.emergencies.reset();
     node_.emergencies.clear_history();
     node_.has_sample = false;
     node_.sample = {};
     node_.sample_increments = {};
     node_.time_of_day.reset();
-    sdo_.reset(unconfigured);
-    state_ = State::booting;
-    node_id_ = unconfigured;
-    node_.alarms.set(Alarm::boot, now);
+    restart(now);
   }
 
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
@@ -77,7 +73,7 @@ class CanopenDevice final : public Device {
 
   void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override {
     const CanHeader& can = from_host.can;
-    if (can.extended || can.fd || can.error) return;
+    if (can.extended || can.fd || can.error || node_.alarms[Alarm::boot]) return;
     if (can.remote)
       receive_remote(can.id, now, replies);
     else
@@ -105,13 +101,18 @@ class CanopenDevice final : public Device {
  private:
   // --- States
 
-  void boot(DeviceTime now, FrameBuffer& out) noexcept {
+  void restart(DeviceTime now) noexcept {
     node_.alarms.clear();
+    state_ = State::booting;
+    node_id_ = unconfigured;
+    node_.alarms.set(Alarm::boot, now + start_up_);
+  }
+
+  void boot(DeviceTime now, FrameBuffer& out) noexcept {
     node_.emergencies.reset();
     node_id_ = node_.lss.node_id();
     node_.load_communication();
     sdo_.reset(node_id_);
-    state_ = State::booting;
     if (node_id_ == unconfigured) return;
     const std::array message = {static_cast<std::byte>(State::booting)};
     send(heartbeat_id + node_id_, message, out);
@@ -142,9 +143,11 @@ class CanopenDevice final : public Device {
       case reset_node:
         node_.emergencies.clear_history();
         node_.load_all();
-        return boot(now, out);
+        restart(now);
+        return poll(now, out);
       case reset_communication:
-        return boot(now, out);
+        restart(now);
+        return poll(now, out);
       default:
         return;
     }
@@ -259,7 +262,9 @@ class CanopenDevice final : public Device {
     const bool was_configuring = node_.lss.is_configuring();
     node_.lss.receive(message, node_id_, out);
     const bool is_done = was_configuring && !node_.lss.is_configuring();
-    if (node_id_ == unconfigured && is_done && node_.lss.node_id() != unconfigured) boot(now, out);
+    if (node_id_ != unconfigured || !is_done || node_.lss.node_id() == unconfigured) return;
+    restart(now);
+    poll(now, out);
   }
 
   // The sample that a SYNC asks for is the newest one at its arrival.
@@ -287,6 +292,7 @@ class CanopenDevice final : public Device {
     node_.time_of_day = TimeOfDay{now, days * ms_per_day + ms};
   }
 
+  const Nanoseconds start_up_;
   Node node_;
   SdoServer sdo_;
   State state_ = State::booting;
@@ -316,7 +322,8 @@ constexpr Protocol canopen_protocol = {
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       ObjectDictionary delivered;
       deliver(settings, delivered);
-      return std::make_unique<CanopenDevice>(delivered, identity_of(settings), node_id_of(settings));
+      return std::make_unique<CanopenDevice>(delivered, identity_of(settings), node_id_of(settings),
+                                             std::chrono::milliseconds(settings.integer("start_up_ms")));
     },
     .make_decoder = canopen::make_decoder,
 };

@@ -149,7 +149,8 @@ def check_absence(slave, known):
     """No other object exists: asks for subindex 0 of every index, and for every subindex of those that exist."""
     asked = [(index, 0) for index in range(0x10000)] + [(index, sub) for index, _ in known for sub in range(1, 256)]
     lines = "".join("60A#" + struct.pack("<BHBI", 0x40, *one, 0).hex() + "\n" for one in asked)
-    answers = subprocess.run([slave], input=lines, capture_output=True, text=True, check=True).stdout.splitlines()
+    run = subprocess.run([slave, "start_up_ms=0"], input=lines, capture_output=True, text=True, check=True)
+    answers = run.stdout.splitlines()
     require(len(answers) == len(asked))
     indexes, absent = {index for index, _ in known}, 0
     for (index, sub), answer in zip(asked, answers):

@@ -9,7 +9,7 @@ using canopen_test::Unit;
 using namespace std::chrono_literals;
 
 // Only TPDO1, with the counter.
-constexpr const char* counter_only = "self_start=true heartbeat_ms=0 tpdo2_enabled=false tpdo1=counter_u8";
+const std::string counter_only = "self_start=true heartbeat_ms=0 tpdo2_enabled=false tpdo1=counter_u8";
 
 // Makes TPDO1 invalid, calls `change`, and makes it valid again.
 template <class Change>
@@ -263,7 +263,7 @@ TEST(CanopenPdo, SlopesAreThoseOfTheAxesAboveTheHorizontal) {
 
 TEST(CanopenDecoder, NeverMixesTwoSamples) {
   const Protocol& protocol = protocol_named("canopen");
-  const Settings settings = settings_of(protocol, "self_start=true tpdo3_enabled=true");
+  const Settings settings = settings_of(protocol, "start_up_ms=0 self_start=true tpdo3_enabled=true");
   Line line(protocol, settings);
   std::mt19937_64 random(5);
   std::vector<Sample> samples = random_samples(1000, protocol, random);

@@ -17,6 +17,20 @@ TEST(Canopen, BootsUpAndIsPreOperational) {
   EXPECT_EQ(unit.pass(2s), "70A#7F 70A#7F");
 }
 
+TEST(Canopen, IsSilentWhileItStartsUp) {
+  Unit unit("start_up_ms=50 self_start=true heartbeat_ms=0");
+  EXPECT_EQ(unit.step(49ms), "");
+  EXPECT_EQ(unit.send("000#0100 60A#4000100000000000 7E5#4C00000000000000 70A#R"), "");
+  EXPECT_EQ(unit.step(1ms), "70A#00 18A#000100FE40F60100 28A#000200FC00080100");
+  for (const char* reset : {"000#8100", "000#820A"}) {
+    EXPECT_EQ(unit.send(reset), "");
+    EXPECT_EQ(unit.step(49ms), "");
+    EXPECT_EQ(unit.send("60A#4000100000000000"), "");
+    EXPECT_EQ(unit.pass(1ms), "70A#00");
+    EXPECT_EQ(unit.send("60A#4000100000000000"), "58A#430010009A010000");
+  }
+}
+
 TEST(Canopen, FollowsTheMastersCommands) {
   Unit unit;
   unit.pass(0s);

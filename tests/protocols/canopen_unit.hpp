@@ -17,8 +17,10 @@ namespace imud::canopen_test {
 using namespace std::chrono_literals;
 
 struct Unit {
-  explicit Unit(std::string_view settings = "")
-      : protocol(protocol_named("canopen")), device(protocol.make(settings_of(protocol, settings))) {
+  // Without a start-up time, unless the settings have one.
+  explicit Unit(const std::string& settings = "")
+      : protocol(protocol_named("canopen")),
+        device(protocol.make(settings_of(protocol, "start_up_ms=0 " + settings))) {
     sample.rate = {0.25, -0.5, 1};
     sample.specific_force = {1, -2, -9.75};
   }
