@@ -1,6 +1,8 @@
 // An IMU on DroneCAN (UAVCAN v0): measurements, node status, services, parameters, a fixed or allocated node id, and
-// the time of the bus. Transfers: transfer.hpp; layouts: messages.hpp. It is no vendor's product: it sends what
-// AP_Periph and PX4's cannode send, and a name and versions that the settings give.
+// the time of the bus. It is no vendor's product: it sends what AP_Periph and PX4's cannode send, and a name and
+// versions that the settings give. Its parts: transfer.hpp frames, messages.hpp layouts, services.hpp what hosts ask
+// for, parameters.hpp what they set, allocation.hpp the node id, bus_time.hpp the time, settings.hpp the keys of
+// [imu.device]; decoder.cpp reads RawIMU.
 //
 // The host's changes of parameters apply at once, but that of the node id at the next restart.
 #include <algorithm>
