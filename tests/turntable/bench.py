@@ -4,10 +4,12 @@ imud replays the truth that is written here. The tests beside this file decode i
 of imud's, and compare them with the formulas of the motion: sign, axis, unit and scale to one LSB, or to a float's last digit.
 """
 import math
+import re
 import struct
 import subprocess
 import sys
 import tempfile
+import typing
 from pathlib import Path
 
 G0 = 9.80665
@@ -194,8 +196,8 @@ def _write_truth(path):
     path.write_text("\n".join(rows) + "\n")
 
 
-def replay(device):
-    """The bytes of a device without errors; `device`: further keys of its [[imu]], and [imu.device]."""
+def replay(device, port="file"):
+    """The output of a device without errors; `device`: further keys of its [[imu]], and [imu.device]; `port`: file or canfile."""
     truth, config, sent = _folder / "truth.csv", _folder / "imu.toml", _folder / "bytes"
     if not truth.exists():
         _write_truth(truth)
@@ -210,7 +212,7 @@ longitude_deg = {LONGITUDE}
 height_m = {HEIGHT}
 start = {START}
 [[imu]]
-port = "file:{sent}"
+port = "{port}:{sent}"
 temperature_c = {TEMPERATURE}
 gyro.walk_sqrt_cov = [0, 0, 0]
 accelerometer.walk_sqrt_cov = [0, 0, 0]
@@ -223,6 +225,22 @@ barometer.noise_pa = 0
     if done.returncode != 0:
         sys.exit(done.stderr)
     return sent.read_bytes()
+
+
+class Frame(typing.NamedTuple):
+    time: float  # s
+    id: int
+    extended: bool
+    data: bytes
+
+
+def frames(device):
+    """The frames of a CAN device as replay() has them, read from the text of candump -L."""
+    lines = replay(device, "canfile").decode().splitlines()
+    if not lines:
+        _faults.append("no frame was sent")
+    form = re.compile(r"\((\d+\.\d{6})\) can0 ([0-9A-F]{3}|[0-9A-F]{8})#([0-9A-F]*)")
+    return [Frame(float(t), int(i, 16), len(i) == 8, bytes.fromhex(data)) for t, i, data in (form.fullmatch(line).groups() for line in lines)]
 
 
 class Bytes:
