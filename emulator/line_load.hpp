@@ -49,7 +49,7 @@ LineLoad line_load(const ImuConfig& imu, std::uint8_t uart = 0);
 // A bus (Transport::is_shared, and it has a bit rate) with the imus on it.
 struct BusLoad {
   static constexpr double high_percent = 70;  // above it, frames of low priority wait long
-  std::string address;                        // "can:can0"
+  std::string address;                        // the port without its options
   std::vector<std::size_t> imus;              // indices
   double line_bits_per_s = 0;
   double percent = 0, average_percent = 0;  // as LineLoad, of all imus

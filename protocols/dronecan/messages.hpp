@@ -71,8 +71,8 @@ struct RawImuWire {
 static_assert(sizeof(RawImuWire) == 47);
 inline constexpr std::size_t most_covariances = 36;  // of RawIMU
 
-// What the definition calls linear acceleration is sent as specific force, as in RawIMU. It does not define the
-// direction of the rotation; here v_L = q * v_P.
+// The definition's linear acceleration is sent as specific force, as in RawIMU. It does not define the direction of
+// the rotation; here v_L = q * v_P.
 struct SolutionWire {
   little_uint56_buf_t time_us;
   Half orientation[4];       // x, y, z, w
