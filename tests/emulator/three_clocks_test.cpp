@@ -54,9 +54,10 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
                     "protocol = \"{}\"\nport = \"{}\"\nclock_error_ppm = 300\nphase_us = 137\n"
                     "before_first = \"silence\"\ngyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n{}",
                     protocol.name, can ? "can:vcan0" : "pty:imu", protocol.product ? "" : "rate_hz = 400\n") +
-            (protocol.name == "stim300"   ? "device.start_up = false\n"
-             : protocol.name == "canopen" ? "device.self_start = true\n"
-                                          : "")));
+            (protocol.name == "stim300"    ? "device.start_up = false\n"
+             : protocol.name == "canopen"  ? "device.self_start = true\n"
+             : protocol.name == "nos3-imu" ? "device.with_requests = true\n"
+                                           : "")));
     config.clock = clock;
     SimulatedHost host;
     const HostTime begin = host.now();
@@ -84,25 +85,30 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     if (clock == ClockMode::realtime && !capture) pacer = make_pacer(config, session.quality());
     Loop(session, host, *pacer, {.spin = {}, .limit = {}}, host.stop).run();
     EXPECT_EQ(session.channels()[0]->counters().extrapolated, 0U);
-    EXPECT_GT(session.channels()[0]->counters().samples, restarts ? 4700U : 2300U);
+    EXPECT_GT(static_cast<double>(session.channels()[0]->counters().samples),
+              config.imus[0].rate_hz * (restarts ? 11.75 : 5.75));
     return record;
   }
 };
 
 TEST_P(ThreeClocks, GiveTheSameBytes) {
   const std::string fast = record(ClockMode::fast, true, false);
-  EXPECT_GT(fast.size(), 20'000U);
+  EXPECT_GT(fast.size(), 5'000U);
   EXPECT_TRUE(record(ClockMode::lockstep, false, false) == fast);
   EXPECT_TRUE(record(ClockMode::realtime, true, false) == fast) << "a capture at its own pace";
   const std::string live = record(ClockMode::realtime, false, false);
   EXPECT_GT(live.size(), fast.size() * 95 / 100);
-  EXPECT_TRUE(fast.starts_with(live)) << std::mismatch(live.begin(), live.end(), fast.begin()).first - live.begin();
+  // A node on a bus starts up and sends its status by the time since power on, which is before the first truth here.
+  const bool has_timers =
+      GetParam()->link == Link::can && GetParam()->make(Settings(GetParam()->settings))->deadline();
+  EXPECT_TRUE(has_timers || fast.starts_with(live))
+      << std::mismatch(live.begin(), live.end(), fast.begin()).first - live.begin();
 }
 
 // In the clocks that truth paces, a second run sets the sensor's clock to its first truth.
 TEST_P(ThreeClocks, GiveTheSameBytesOverARestart) {
   const std::string fast = record(ClockMode::fast, true, true);
-  EXPECT_GT(fast.size(), 30'000U);
+  EXPECT_GT(fast.size(), 10'000U);
   EXPECT_TRUE(record(ClockMode::lockstep, false, true) == fast);
   EXPECT_TRUE(record(ClockMode::realtime, true, true) == fast);
 }

@@ -283,7 +283,7 @@ TEST(ImuDecode, WrongCommandLineIsReported) {
   } cases[] = {
       {{}, "PROTOCOL"},
       {{"native"}, "PORT"},
-      {{"nativ", file}, "there is no protocol 'nativ'\nProtocols:\n  csv "},
+      {{"nativ", file}, "there is no protocol 'nativ'\nProtocols:\n  bosch-mm5 "},
       {{"native", "nonsense"}, "no scheme"},
       {{"native", "floppy:a"}, "there is no transport 'floppy'"},
       {{"native", "can:can0"}, "native needs a port for bytes; can: carries CAN frames"},
