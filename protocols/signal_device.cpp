@@ -50,6 +50,7 @@ bool SignalDevice::is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) c
 void SignalDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   const bool is_first = !start_;
   if (is_first) start_ = sample.time;
+  constexpr double largest_turn = 1e4;  // rad; sine and cosine of larger angles are not defined
   const std::uint64_t steps = sample.counter - counter_;
   counter_ = sample.counter;
   for (Scheduled& one : scheduled_) {
@@ -64,7 +65,8 @@ void SignalDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
     if (one.has_increments) {
       one.delta_angle += sample.delta_angle;
       one.delta_velocity += sample.delta_velocity;
-      one.rotation = (one.rotation * exp(sample.delta_angle)).normalized();
+      const Vector3 turn = sample.delta_angle.cwiseMax(-largest_turn).cwiseMin(largest_turn);
+      one.rotation = (one.rotation * exp(turn)).normalized();
     }
     if (is_first || is_due(one, sample.time, steps)) send(one, sample, out);
   }
