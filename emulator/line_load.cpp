@@ -23,20 +23,21 @@ void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {
     all.push_back({frame.can, frame.bytes.size(), per_s});
 }
 
-// Counts the frames of the second second; the first one contains the start-up.
-std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart) {
-  constexpr Nanoseconds begin = std::chrono::seconds(1), end = std::chrono::seconds(2);
+// Calls `take` with the frames that a product makes of typical samples from 1 s after power on until `end`, because
+// the first second contains the start-up.
+template <class Take>
+void make_typical(const ImuConfig& imu, std::uint8_t uart, Nanoseconds end, Take take) {
+  constexpr Nanoseconds begin = std::chrono::seconds(1);
   const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
   if (uart != 0) device->connect_second_uart();
   const auto frames = std::make_unique<FrameBuffer>();
   const Grid grid(imu.rate_hz);
   Sample sample = typical_sample();
-  std::vector<SentFrames> all;
   for (std::uint64_t k = 0; grid.nominal_offset(k) < end; ++k) {
     const auto count = [&] {
       if (grid.nominal_offset(k) >= begin)
         for (const Frame& frame : frames->frames())
-          if (frame.uart == uart) add(all, frame, 1.0);
+          if (frame.uart == uart) take(frame);
       frames->clear();
     };
     sample.time = DeviceTime{} + grid.nominal_offset(k);
@@ -48,6 +49,33 @@ std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart)
     device->sample(sample, *frames);
     count();
   }
+}
+
+std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart) {
+  std::vector<SentFrames> all;
+  make_typical(imu, uart, std::chrono::seconds(2), [&all](const Frame& frame) { add(all, frame, 1.0); });
+  return all;
+}
+
+// The mean of the frames of one identifier, with their own data.
+struct Typical {
+  CanHeader can;
+  double frames = 0, bits = 0, seconds = 0;
+};
+
+// Returns the mean for each identifier that the device sends with typical samples: with 100 of them, or, at less than
+// 100 Hz, with those of a second.
+std::vector<Typical> typical_frames(const Transport& transport, const PortSpec& spec, const ImuConfig& imu) {
+  std::vector<Typical> all;
+  const Nanoseconds end = std::chrono::seconds(1) + nanoseconds(std::max(0.1, std::min(1.0, 100 / imu.rate_hz)));
+  make_typical(imu, 0, end, [&](const Frame& frame) {
+    auto same = std::find_if(all.begin(), all.end(), [&](const Typical& t) { return t.can == frame.can; });
+    if (same == all.end()) same = all.insert(all.end(), Typical{.can = frame.can});
+    const WireTime time = transport.wire_time(spec, imu.port_settings, frame);
+    same->frames += 1;
+    same->bits += time.own_bits;
+    same->seconds += time.own_seconds;
+  });
   return all;
 }
 
@@ -102,6 +130,8 @@ LineLoad load_on(const PortSpec& spec, const ImuConfig& imu, std::uint8_t uart) 
   const std::vector<std::byte> data(FrameBuffer::max_bytes);
   LineLoad load;
   double frames_per_sample = 0, bytes_per_sample = 0, busy = 0, average_busy = 0;
+  const bool is_can = imu.protocol->link == Link::can && transport.wire_time != nullptr;
+  const std::vector<Typical> typical = is_can ? typical_frames(transport, spec, imu) : std::vector<Typical>();
   for (const SentFrames& sent : sent_frames(imu, uart)) {
     const Frame frame{std::span(data).first(sent.bytes), sent.can};
     WireTime time;
@@ -109,6 +139,11 @@ LineLoad load_on(const PortSpec& spec, const ImuConfig& imu, std::uint8_t uart) 
       time = transport.wire_time(spec, settings, frame);
     else
       time.bits = time.average_bits = 8.0 * static_cast<double>(sent.bytes);
+    for (const Typical& frames : typical)
+      if (frames.can == sent.can) {
+        time.average_bits = frames.bits / frames.frames;
+        time.average_seconds = frames.seconds / frames.frames;
+      }
     load.frames_per_s += sent.per_s;
     load.bits_per_s += time.bits * sent.per_s;
     load.average_bits_per_s += time.average_bits * sent.per_s;

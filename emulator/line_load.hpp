@@ -16,8 +16,9 @@ struct LineLoad {
   std::size_t frames_per_sample = 0;  // 0 for a product, which sends less often than it samples
   std::size_t bytes_per_sample = 0;   // data bytes on CAN
   double frames_per_s = 0;
-  // On the wire (Transport::wire_time), at most, and with random data; data bits only if the transport has no wire
-  // time. They differ on a CAN bus, which has stuff bits.
+  // On the wire (Transport::wire_time), at most, and on average; data bits only if the transport has no wire time.
+  // They differ on a CAN bus, whose stuff bits depend on the data: the average is that of typical samples, and of
+  // random data for an identifier that is not sent with samples.
   double bits_per_s = 0, average_bits_per_s = 0;
   double line_bits_per_s = 0;  // the port's bit rate; 0: it has none
   // Share of the time in which the wire is busy, likewise; 0 if it has no rate.

@@ -31,8 +31,13 @@ int control_and_data(const CanHeader& header, std::size_t bytes) noexcept {
 class Stuffing {
  public:
   double expected() const noexcept { return expected_; }
+  // Adds the CRC of a classic frame, of whose bits none was random.
+  void add_crc() noexcept { add(crc_, classic_crc); }
 
   void add(bool bit) noexcept {
+    const bool feedback = bit != ((crc_ & 0x4000U) != 0);
+    crc_ = (crc_ << 1U) & 0x7FFFU;
+    if (feedback) crc_ ^= 0x4599U;
     Chances next{};
     for (std::size_t value = 0; value < 2; ++value)
       for (std::size_t run = 1; run < five; ++run) advance(next, value, run, bit ? 1 : 0, chances_[value][run]);
@@ -68,6 +73,7 @@ class Stuffing {
 
   Chances chances_ = {{{0, 1, 0, 0, 0}, {}}};  // after the start of frame, which is dominant (0)
   double expected_ = 0;
+  unsigned crc_ = 0;  // of the bits so far, without the start of frame, which does not change it
 };
 
 // All bits from the identifier to the one before the data length code, or to the bit rate switch.
@@ -105,17 +111,36 @@ CanBits most_can_bits(const CanHeader& header, std::size_t bytes) noexcept {
   return at_their_rates(header, first + in_first + tail, rest + crc + in_all - in_first);
 }
 
-CanBits average_can_bits(const CanHeader& header, std::size_t bytes) noexcept {
+namespace {
+
+// `add_data` and `add_crc` add these fields to a Stuffing.
+template <class AddData, class AddCrc>
+CanBits stuffed_bits(const CanHeader& header, std::size_t bytes, AddData add_data, AddCrc add_crc) noexcept {
   Stuffing stuffing;
   add_arbitration(stuffing, header);
   const double in_first = stuffing.expected();
   if (header.fd) stuffing.add(false);  // error state: active
   stuffing.add(dlc_of(bytes), 4);
-  if (!header.remote) stuffing.add_random(8 * static_cast<int>(bytes));
-  const int crc = header.fd ? fd_crc(bytes) : classic_crc;
-  if (!header.fd) stuffing.add_random(crc);
-  return at_their_rates(header, arbitration(header) + in_first + tail,
-                        control_and_data(header, bytes) + crc + stuffing.expected() - in_first);
+  if (!header.remote) add_data(stuffing);
+  if (!header.fd) add_crc(stuffing);
+  return at_their_rates(
+      header, arbitration(header) + in_first + tail,
+      control_and_data(header, bytes) + (header.fd ? fd_crc(bytes) : classic_crc) + stuffing.expected() - in_first);
+}
+
+}  // namespace
+
+CanBits average_can_bits(const CanHeader& header, std::size_t bytes) noexcept {
+  return stuffed_bits(
+      header, bytes, [bytes](Stuffing& stuffing) { stuffing.add_random(8 * static_cast<int>(bytes)); },
+      [](Stuffing& stuffing) { stuffing.add_random(classic_crc); });
+}
+
+CanBits can_bits(const Frame& frame) noexcept {
+  const auto add_data = [&frame](Stuffing& stuffing) {
+    for (const std::byte byte : frame.bytes) stuffing.add(std::to_integer<unsigned>(byte), 8);
+  };
+  return stuffed_bits(frame.can, frame.bytes.size(), add_data, [](Stuffing& stuffing) { stuffing.add_crc(); });
 }
 
 }  // namespace imud

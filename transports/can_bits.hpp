@@ -20,4 +20,7 @@ CanBits most_can_bits(const CanHeader& header, std::size_t bytes) noexcept;
 // those of small numbers or of unused bytes, have more stuff bits.
 CanBits average_can_bits(const CanHeader& header, std::size_t bytes) noexcept;
 
+// Returns the length of this very frame.
+CanBits can_bits(const Frame& frame) noexcept;
+
 }  // namespace imud

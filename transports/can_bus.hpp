@@ -27,12 +27,14 @@ class CanBus {
 
   WireTime wire_time(const Frame& frame) const noexcept {
     const CanBits most = most_can_bits(frame.can, frame.bytes.size()),
-                  average = average_can_bits(frame.can, frame.bytes.size());
+                  average = average_can_bits(frame.can, frame.bytes.size()), own = can_bits(frame);
     return {.bits = most.nominal + most.data,
             .average_bits = average.nominal + average.data,
+            .own_bits = own.nominal + own.data,
             .bit_rate = bit_rate_,
             .seconds = seconds(most),
-            .average_seconds = seconds(average)};
+            .average_seconds = seconds(average),
+            .own_seconds = seconds(own)};
   }
 
  private:

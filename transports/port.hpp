@@ -201,9 +201,11 @@ enum class Uart : std::uint8_t {
 struct WireTime {
   double bits = 0;             // on the wire, with framing; the maximum where the number depends on the data
   double average_bits = 0;     // the same with random data
+  double own_bits = 0;         // the same with the frame's own data
   double bit_rate = 0;         // bit/s, a CAN FD bus's nominal one; 0: not known
   double seconds = 0;          // 0: not known
   double average_seconds = 0;  // likewise
+  double own_seconds = 0;      // likewise
 };
 
 // One entry of the table: everything that other folders know of a kind of port. Code outside of its file uses the

@@ -13,9 +13,9 @@ UartSettings uart_settings(const PortSpec& spec, const PortSettings& settings, u
 
 WireTime uart_wire_time(const Frame& frame, unsigned baud, unsigned bits_per_character) noexcept {
   WireTime time;
-  time.bits = time.average_bits = static_cast<double>(frame.bytes.size()) * bits_per_character;
+  time.bits = time.average_bits = time.own_bits = static_cast<double>(frame.bytes.size()) * bits_per_character;
   time.bit_rate = baud;
-  if (baud != 0) time.seconds = time.average_seconds = time.bits / baud;
+  if (baud != 0) time.seconds = time.average_seconds = time.own_seconds = time.bits / baud;
   return time;
 }
 

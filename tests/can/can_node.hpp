@@ -60,6 +60,14 @@ class Node {
     got.fd = size == CANFD_MTU;
     return got;
   }
+  // Discards frames until there is one of that identifier (flags as in can_id); nullopt if there is none for a
+  // minute.
+  std::optional<canfd_frame> receive_id(canid_t id) const {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+    while (std::chrono::steady_clock::now() < end)
+      if (const auto got = receive(); got && got->frame.can_id == id) return got->frame;
+    return std::nullopt;
+  }
   std::vector<Received> receive_all() const {
     std::vector<Received> all;
     while (const auto got = receive()) all.push_back(*got);

@@ -69,7 +69,8 @@ TEST(CanBits, AverageIsThatOfTheTable) {
   }
 }
 
-// Of frames with one identifier and random data the mean is the average, and no frame is longer than the longest.
+// The mean length of frames with one identifier and random data is the average, and no frame is longer than the
+// longest.
 TEST(CanBits, AverageAndMostAreThoseOfSerialisedFrames) {
   std::mt19937 random(2);
   for (const bool extended : {false, true})
@@ -83,6 +84,7 @@ TEST(CanBits, AverageAndMostAreThoseOfSerialisedFrames) {
           for (int i = 0; i < all; ++i) {
             for (std::byte& byte : data) byte = static_cast<std::byte>(random());
             const double length = CanSerialiser(header, data).length();
+            ASSERT_EQ(total(can_bits({data, header})), length);
             sum += length;
             most = std::max(most, length);
           }
