@@ -1,6 +1,7 @@
 // Frame: one transmission unit, which is serial bytes or a CAN identifier with data.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -60,6 +61,13 @@ class FrameBuffer {
   void push(std::size_t size, CanHeader can = {}, std::uint8_t uart = 0) noexcept {
     frames_[count_++] = Frame{{bytes_.data() + used_, size}, can, uart};
     used_ += size;
+  }
+  // Adds a frame with these bytes, or none if there is no room.
+  void append(std::span<const std::byte> bytes, CanHeader can = {}, std::uint8_t uart = 0) noexcept {
+    const std::span<std::byte> free = room(bytes.size());
+    if (free.size() < bytes.size() || count_ == max_frames) return;
+    std::copy(bytes.begin(), bytes.end(), free.begin());
+    push(bytes.size(), can, uart);
   }
   // Adds the bytes of the last frame once more, for another UART. Does nothing if there is no frame, or no room.
   void repeat(std::uint8_t uart) noexcept {

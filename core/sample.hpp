@@ -48,4 +48,16 @@ struct Sample {
   std::uint32_t status = 0;                  // bits of namespace status
 };
 
+// Sums of the increments of several samples, for products that send fewer samples than they take.
+struct Increments {
+  Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
+  std::int64_t samples = 0;
+
+  void add(const Sample& sample) noexcept {
+    delta_angle += sample.delta_angle;
+    delta_velocity += sample.delta_velocity;
+    ++samples;
+  }
+};
+
 }  // namespace imud

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cfloat>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -80,7 +81,6 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
   field.motorola = signal.encoding.motorola;
   field.format = signal.encoding.format;
   field.initial = signal.initial;
-  field.page = signal.page;
   if (signal.length < 1 || signal.length > 64) refuse(signal, "must have 1 to 64 bits");
   if (is_float(field.format) && signal.length != (field.format == SignalFormat::float32 ? 32 : 64))
     refuse(signal, "a float has 32 bits, a double 64");
@@ -96,8 +96,6 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
     if (signal.source.empty()) return field;
     if (signal.source == alive_counter_source) {
       field.source = Source::alive_counter;
-    } else if (signal.source == multiplexor_source) {
-      field.source = Source::multiplexor;
     } else if (signal.source == checksum_source) {
       field.source = Source::checksum;
     } else if (signal.source == data_id_nibble_source) {
@@ -139,16 +137,21 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
     }
     return field;
   }
-  if (is_float(field.format)) return field;
-  const bool is_signed = field.format == SignalFormat::signed_integer;
-  field.lowest = is_signed ? -std::ldexp(1.0, static_cast<int>(field.length) - 1) : 0;
-  field.highest = below_power(field.length - (is_signed ? 1 : 0));
+  const bool is_real = is_float(field.format);
+  if (is_real) {
+    field.highest = field.format == SignalFormat::float32 ? double{FLT_MAX} : DBL_MAX;
+    field.lowest = -field.highest;
+  } else {
+    const bool is_signed = field.format == SignalFormat::signed_integer;
+    field.lowest = is_signed ? -std::ldexp(1.0, static_cast<int>(field.length) - 1) : 0;
+    field.highest = below_power(field.length - (is_signed ? 1 : 0));
+  }
   if (signal.minimum < signal.maximum) {
     double ends[] = {(signal.minimum - signal.offset) / signal.scale,
                      (signal.maximum - signal.offset) / signal.scale};
     std::sort(std::begin(ends), std::end(ends));
-    const double lowest = std::max(field.lowest, std::ceil(ends[0] - 1e-6));
-    const double highest = std::min(field.highest, std::floor(ends[1] + 1e-6));
+    const double lowest = std::max(field.lowest, is_real ? ends[0] : std::ceil(ends[0] - 1e-6));
+    const double highest = std::min(field.highest, is_real ? ends[1] : std::floor(ends[1] + 1e-6));
     if (lowest < highest) {  // otherwise the limits are no such for this field
       field.lowest = lowest;
       field.highest = highest;
@@ -159,14 +162,13 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
 
 CanSignalCodec::CanSignalCodec(std::size_t size, std::span<const CanSignal> signals, const MessageChecksum& checksum)
     : size_(size), checksum_(checksum) {
+  std::vector<bool> is_sent;
   for (const CanSignal& signal : signals) {
-    const Field field = compiled(signal);
-    // One that has a source is written after the constants, which may be another view of the same bits.
+    Field field = compiled(signal);
+    field.signal = fields_.size();
     fields_.push_back(field);
-    if (field.source == Source::multiplexor) {
-      if (multiplexor_) refuse(signal, "the message has two multiplexors");
-      multiplexor_ = field;
-    }
+    is_sent.push_back(field.source != Source::constant);
+    is_multiplexed_ |= field.source == Source::quantity && !signal.pages.empty();
     if (field.source == Source::checksum) {
       if (sum_) refuse(signal, "the message has two checksums");
       sum_ = field;
@@ -176,33 +178,28 @@ CanSignalCodec::CanSignalCodec(std::size_t size, std::span<const CanSignal> sign
       if (counter_) refuse(signal, "the message has two counters");
       counter_ = field;
     }
-    if (field.page && std::ranges::count(pages_, *field.page) == 0) pages_.push_back(*field.page);
   }
-  for (const CanSignal& signal : signals)
-    if (signal.page && (!multiplexor_ || *signal.page > mask(multiplexor_->length)))
-      refuse(signal, multiplexor_ ? "its multiplexor does not have the value " + std::to_string(*signal.page)
-                                  : "its message has no multiplexor");
-  std::ranges::sort(pages_);
-  if (pages_.empty()) pages_.push_back(0);
+  pages_ = SignalPages(signals, is_sent);
+  for (Field& field : fields_)
+    if (pages_.selects(field.signal)) field.source = Source::multiplexor;
   check_overlaps(signals);
   check_checksum(signals);
+  // Constants, which may be another view of the same bits, are written first.
   std::stable_partition(fields_.begin(), fields_.end(),
                         [](const Field& field) { return field.source == Source::constant; });
 }
 
 void CanSignalCodec::check_overlaps(std::span<const CanSignal> signals) const {
-  for (const std::uint32_t page : pages_) {
-    std::vector<std::byte> used(size_), bits(size_);
-    for (std::size_t i = 0; i < fields_.size(); ++i) {
-      const Field& field = fields_[i];
-      if (field.source == Source::constant || (field.page && *field.page != page)) continue;
-      std::ranges::fill(bits, std::byte{0});
+  std::vector<std::vector<std::byte>> all;  // the bits of each field that has a source
+  for (const Field& field : fields_) {
+    std::vector<std::byte> bits(size_);
+    if (field.source != Source::constant)
       write_bits(bits, field.start, field.length, field.motorola, ~std::uint64_t{0});
-      for (std::size_t k = 0; k < size_; ++k) {
-        if ((used[k] & bits[k]) != std::byte{0}) refuse(signals[i], "overlaps another signal");
-        used[k] |= bits[k];
-      }
-    }
+    for (std::size_t other = 0; other < all.size(); ++other)
+      for (std::size_t k = 0; k < size_; ++k)
+        if ((all[other][k] & bits[k]) != std::byte{0} && pages_.may_meet(field.signal, other))
+          refuse(signals[field.signal], "overlaps another signal");
+    all.push_back(std::move(bits));
   }
 }
 
@@ -212,16 +209,16 @@ void CanSignalCodec::check_checksum(std::span<const CanSignal> signals) {
       throw std::invalid_argument("the message has no signal for its checksum");
     return;
   }
-  const CanSignal& signal =
-      *std::ranges::find_if(signals, [](const CanSignal& one) { return one.source == checksum_source; });
+  const CanSignal& signal = signals[sum_->signal];
   if (checksum_.profile == ChecksumProfile::none) refuse(signal, "the kind of the checksum is not given");
   const unsigned first = sum_->motorola ? 7 : 0;
   if (sum_->length != 8 * checksum_.size() || sum_->start % 8 != first || (checksum_.size() > 1 && sum_->motorola))
     refuse(signal, checksum_.size() > 1 ? "must be two whole bytes, Intel" : "must be a whole byte");
-  if (sum_->page) refuse(signal, "must not depend on the multiplexor");
+  if (!signal.pages.empty()) refuse(signal, "must not depend on a multiplexor");
   const unsigned values = checksum_.counter_values();
   if (values == 0) return;
   if (!counter_) refuse(signal, "its profile needs a signal that is " + std::string(alive_counter_source));
+  if (!signals[counter_->signal].pages.empty()) refuse(signal, "its counter must not depend on a multiplexor");
   if (mask(counter_->length) < values - 1 ||
       (counter_->source == Source::quantity && mask(counter_->length) != values - 1))
     refuse(signal, "its profile needs a counter from 0 to " + std::to_string(values - 1));
@@ -254,19 +251,17 @@ std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& readi
       break;
   }
   const double x = field.quantity->get(reading) / field.lsb + field.fraction;
-  if (field.format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(x + field.whole));
-  if (field.format == SignalFormat::float64)
-    return std::bit_cast<std::uint64_t>(std::clamp(x + field.whole, -DBL_MAX, DBL_MAX));
   const double lowest = field.lowest - field.whole, highest = field.highest - field.whole;
-  return rounded(x > lowest ? std::min(x, highest) : lowest) +
-         static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
+  const double limited = x > lowest ? std::min(x, highest) : lowest;  // a NaN is the lowest
+  if (field.format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(limited + field.whole));
+  if (field.format == SignalFormat::float64) return std::bit_cast<std::uint64_t>(limited + field.whole);
+  return rounded(limited) + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
 }
 
 void CanSignalCodec::encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept {
   std::ranges::fill(bytes, std::byte{0});
-  const std::uint32_t page = pages_[count % pages_.size()];
   for (const Field& field : fields_) {
-    if (field.page && *field.page != page) continue;
+    if (!pages_.is_present(field.signal, count)) continue;
     std::uint64_t number = field.initial;
     switch (field.source) {
       case Source::constant:
@@ -280,7 +275,7 @@ void CanSignalCodec::encode(const Reading& reading, std::uint64_t count, std::sp
         break;
       }
       case Source::multiplexor:
-        number = page;
+        number = pages_.page(field.signal, count);
         break;
       case Source::checksum:
         continue;
@@ -302,10 +297,9 @@ bool CanSignalCodec::has_good_checksum(std::span<const std::byte> bytes) const n
 std::optional<CanSignalCodec::Decoded> CanSignalCodec::decode(std::span<const std::byte> bytes,
                                                               ReadBack& read) const noexcept {
   Decoded decoded;
-  const std::uint64_t page = multiplexor_ ? bits_of(*multiplexor_, bytes) : pages_[0];
   Measurement& measurement = read.measurement;
   for (const Field& field : fields_) {
-    if (field.source != Source::quantity || (field.page && *field.page != page)) continue;
+    if (field.source != Source::quantity || !pages_.is_present(field.signal, bytes)) continue;
     const std::uint64_t number = bits_of(field, bytes);
     switch (field.quantity->kind) {
       case MeasuredQuantity::Kind::time:

@@ -12,6 +12,7 @@
 #include "core/frame.hpp"
 #include "protocols/measured_quantities.hpp"
 #include "protocols/message_checksum.hpp"
+#include "protocols/signal_pages.hpp"
 
 namespace imud {
 
@@ -35,17 +36,18 @@ struct CanSignal {
   SignalEncoding encoding = {};
   double scale = 1;  // not 0
   double offset = 0;
-  // A name of measured_quantities.hpp; `alive_counter`, the number of the message; `multiplexor`; `checksum`;
-  // `data_id_nibble`, bits 8 to 11 of the checksum's data id; empty: the signal has the value `initial`.
+  // A name of measured_quantities.hpp; `alive_counter`, the number of the message; `checksum`; `data_id_nibble`, bits
+  // 8 to 11 of the checksum's data id; empty: the signal has the value `initial`, or selects the page of others.
   std::string_view source = "";
   const MeasuredQuantity* quantity = nullptr;  // in place of `source`: a quantity that only this product has, in SI
   std::uint64_t initial = 0;                   // the raw number
   double minimum = 0, maximum = 0;             // physical values at which the signal saturates; equal: its field's
-  std::optional<std::uint32_t> page = {};      // present only while the multiplexor has this value
+  // Not empty: present only while the signal `multiplexor` has one of these values.
+  std::span<const PageRange> pages = {};
+  std::string_view multiplexor = "";
 };
 
 inline constexpr std::string_view alive_counter_source = "alive_counter";
-inline constexpr std::string_view multiplexor_source = "multiplexor";
 inline constexpr std::string_view checksum_source = "checksum";
 inline constexpr std::string_view data_id_nibble_source = "data_id_nibble";
 
@@ -59,18 +61,19 @@ void write_bits(std::span<std::byte> bytes, unsigned start, unsigned length, boo
 class CanSignalCodec {
  public:
   // Throws std::invalid_argument, whose message begins with the signal's name, if a signal exceeds the message of
-  // `size` bytes, two that have a source overlap, or a source does not exist or does not suit. `checksum` is the kind
-  // of the signal `checksum`.
+  // `size` bytes, two that have a source overlap, or a source or multiplexor does not exist or does not suit.
+  // `checksum` is the kind of the signal `checksum`.
   CanSignalCodec(std::size_t size, std::span<const CanSignal> signals, const MessageChecksum& checksum = {});
 
   std::size_t size() const noexcept { return size_; }
-  bool is_multiplexed() const noexcept { return multiplexor_.has_value(); }
+  // Returns true if not every message has all quantities.
+  bool is_multiplexed() const noexcept { return is_multiplexed_; }
   // Returns true if the message depends on the increments of the Reading.
   bool has_increments() const noexcept;
   // The components, as ReadBack has them, that the message carries.
   std::uint32_t components() const noexcept;
 
-  // Writes the message number `count`, which determines alive counter and multiplexor. `bytes` has size() elements.
+  // Writes the message number `count`, which determines alive counter and multiplexors. `bytes` has size() elements.
   void encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept;
 
   // A decoded message's low bits of clock and counter.
@@ -89,6 +92,7 @@ class CanSignalCodec {
  private:
   enum class Source : std::uint8_t { constant, quantity, alive_counter, multiplexor, checksum };
   struct Field {
+    std::size_t signal = 0;  // its index in the table
     unsigned start = 0, length = 1;
     bool motorola = false;
     SignalFormat format = SignalFormat::unsigned_integer;
@@ -99,7 +103,6 @@ class CanSignalCodec {
     double lowest = 0, highest = 0;  // of the number
     std::int64_t time_lsb_ns = 0;
     std::uint64_t initial = 0;
-    std::optional<std::uint32_t> page;
   };
   Field compiled(const CanSignal& signal) const;
   void check_overlaps(std::span<const CanSignal> signals) const;
@@ -111,8 +114,9 @@ class CanSignalCodec {
 
   std::size_t size_;
   std::vector<Field> fields_;
-  std::vector<std::uint32_t> pages_;  // the values of the multiplexor, ascending; not empty
-  std::optional<Field> multiplexor_, counter_, sum_;
+  SignalPages pages_;
+  bool is_multiplexed_ = false;
+  std::optional<Field> counter_, sum_;
   MessageChecksum checksum_;
 };
 

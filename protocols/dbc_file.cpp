@@ -133,8 +133,10 @@ class DbcParser {
       if (token.text == "BA_" && following.is_string) attribute();
       if (token.text == "BA_DEF_DEF_" && following.is_string) attribute_default();
       if (token.text == "SIG_VALTYPE_" && !following.begins_line) value_type();
+      if (token.text == "SG_MUL_VAL_" && !following.begins_line) pages();
     }
     apply_defaults();
+    find_multiplexors();
     return std::move(messages_);
   }
 
@@ -174,7 +176,7 @@ class DbcParser {
         const auto [parsed, error] = std::from_chars(multiplexing.data() + 1, end, page);
         if (!multiplexing.starts_with('m') || error != std::errc{} || parsed != end)
           refuse(line, "SG_: expected \":\", \"M\" or \"m\" with a number, but found \"" + multiplexing + "\"");
-        signal.page = page;
+        signal.pages = {{page, page}};
       }
       tokens_.expect(":", "SG_");
     }
@@ -258,6 +260,39 @@ class DbcParser {
     if (type > 2) refuse(line, "SIG_VALTYPE_: the type must be 0 (integer), 1 (float) or 2 (double)");
     if (signal != nullptr && type > 0)
       signal->encoding.format = type == 1 ? SignalFormat::float32 : SignalFormat::float64;
+  }
+
+  // Extended multiplexing: the multiplexor of a signal, and ranges of its values, "0-3, 5-5".
+  void pages() {
+    const std::size_t line = tokens_.peek().line;
+    DbcSignal* const signal = signal_of("SG_MUL_VAL_");
+    const std::string multiplexor = tokens_.name("SG_MUL_VAL_");
+    std::vector<PageRange> pages;
+    do {
+      const std::string text = tokens_.name("SG_MUL_VAL_");
+      const char* const end = text.data() + text.size();
+      PageRange range;
+      const auto [dash, error] = std::from_chars(text.data(), end, range.first);
+      const bool has_last = error == std::errc{} && dash != end && *dash == '-';
+      const auto [parsed, last_error] = std::from_chars(has_last ? dash + 1 : end, end, range.last);
+      if (!has_last || last_error != std::errc{} || parsed != end || range.last < range.first)
+        refuse(line, "SG_MUL_VAL_: expected a range such as 0-3, but found \"" + text + "\"");
+      pages.push_back(range);
+    } while (tokens_.skip(","));
+    if (signal == nullptr) return;
+    signal->multiplexor = multiplexor;
+    signal->pages = std::move(pages);
+  }
+
+  // Without extended multiplexing, the multiplexor is the only one of the message.
+  void find_multiplexors() {
+    for (DbcMessage& message : messages_) {
+      const auto is_multiplexor = [](const DbcSignal& one) { return one.is_multiplexor; };
+      if (std::ranges::count_if(message.signals, is_multiplexor) != 1) continue;
+      const std::string name = std::ranges::find_if(message.signals, is_multiplexor)->name;
+      for (DbcSignal& signal : message.signals)
+        if (signal.multiplexor.empty()) signal.multiplexor = name;
+    }
   }
 
   Nanoseconds cycle_time() {

@@ -1,8 +1,8 @@
 // DbcFile: the messages and signals of a DBC file, the database of a CAN bus.
 //
 // The format has no public standard; this follows what Vector's tools, cantools and canmatrix agree on. Read are BO_,
-// SG_, SIG_VALTYPE_ and the attributes GenMsgCycleTime, GenSigStartValue and VFrameFormat with their defaults; all
-// other content is skipped.
+// SG_, SG_MUL_VAL_, SIG_VALTYPE_ and the attributes GenMsgCycleTime, GenSigStartValue and VFrameFormat with their
+// defaults; all other content is skipped.
 #pragma once
 
 #include <cstddef>
@@ -24,8 +24,9 @@ struct DbcSignal {
   SignalEncoding encoding;
   double scale = 1, offset = 0, minimum = 0, maximum = 0;
   bool is_multiplexor = false;
-  std::optional<std::uint32_t> page;  // present while the multiplexor has this value
-  std::uint64_t initial = 0;          // GenSigStartValue, the raw number
+  std::vector<PageRange> pages;  // not empty: present while the multiplexor has one of these values
+  std::string multiplexor;       // its name; empty: the file does not have it
+  std::uint64_t initial = 0;     // GenSigStartValue, the raw number
 };
 
 struct DbcMessage {

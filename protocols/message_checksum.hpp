@@ -4,15 +4,14 @@
 // standard's own text was not at hand. The vectors in tests/protocols/message_checksum_test.cpp are those of
 // independent implementations.
 //
-// | profile | CRC                                | over, beside all bytes but the CRC's      | counter | CRC is at |
-// |---------|------------------------------------|-------------------------------------------|---------|-------------|
-// | j1850   | CRC-8 SAE J1850: 1D, FF, FF        |                                           | any     | any byte |
-// | h2f     | CRC-8H2F: 2F, FF, FF               |                                           | any     | any byte |
-// | e2e_p01 | 1D, 00, 00                         | first: data id, as `DataIdMode` has it    | 0 to 14 | any byte |
-// | e2e_p02 | 2F, FF, FF                         | last: element `counter` of the id list    | 0 to 15 | any byte |
-// | e2e_p05 | CRC-16 CCITT-FALSE: 1021, FFFF, 0  | last: data id, low byte, high byte        | 0 to 255 | two bytes,
-// low byte first | | e2e_p11 | as e2e_p01, modes both and nibble  | first: data id                            | 0 to
-// 14 | any byte    | (polynomial, initial value, final XOR)
+// | profile | polynomial, initial value, final XOR | over all bytes but its own, and        | counter  | its bytes |
+// |---------|--------------------------------------|----------------------------------------|----------|-----------|
+// | j1850   | CRC-8 SAE J1850: 1D, FF, FF          |                                        | any      | 1         |
+// | h2f     | CRC-8H2F: 2F, FF, FF                 |                                        | any      | 1         |
+// | e2e_p01 | 1D, 00, 00                           | first: data id, as `DataIdMode` has it | 0 to 14  | 1         |
+// | e2e_p02 | 2F, FF, FF                           | last: element `counter` of the ids     | 0 to 15  | 1         |
+// | e2e_p05 | CRC-16 CCITT-FALSE: 1021, FFFF, 0000 | last: data id, low byte, high byte     | 0 to 255 | 2, Intel  |
+// | e2e_p11 | 1D, 00, 00                           | first: data id, both or nibble         | 0 to 14  | 1         |
 #pragma once
 
 #include <array>

@@ -178,7 +178,7 @@ struct HostInputs {
 struct Protocol {
   std::string_view name;     // keyword in the configuration: the file's stem with '-' for '_'
   std::string_view summary;  // one line
-  Link link;
+  Link link = Link::bytes;
   std::string_view document;  // the document and revision followed
   std::span<const Setting> settings;
 
@@ -222,12 +222,14 @@ struct Protocol {
   HostInputs host_inputs = {};
 
   // Throws std::invalid_argument, whose message is "KEY: ", the fault and the remedy, if a unit with these settings
-  // would not do what they ask for. nullptr: it always does. A configuration is checked so, a device is not.
-  void (*check)(const Settings& settings) = nullptr;
+  // and this sample rate would not do what they ask for. nullptr: it always does. A configuration is checked so, a
+  // device is not.
+  void (*check)(const Settings& settings, double rate_hz) = nullptr;
 
-  // Both throw std::invalid_argument if the settings exclude one another; the message gives the remedy.
-  std::unique_ptr<Device> (*make)(const Settings& settings);
-  std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings);
+  // Every entry has both. They throw std::invalid_argument if the settings exclude one another; the message gives the
+  // remedy.
+  std::unique_ptr<Device> (*make)(const Settings& settings) = nullptr;
+  std::unique_ptr<Decoder> (*make_decoder)(const Settings& settings) = nullptr;
 };
 
 // The table, made by the build from the files in protocols/devices, sorted by name.

@@ -107,6 +107,15 @@ std::vector<SignalMessage> messages_of(const SignalProduct& product, const Setti
   return messages;
 }
 
+Product product_of(const SignalProduct& product, const Settings& settings) {
+  Product delivered;
+  delivered.rate_hz = settings.real("output_rate_hz");
+  delivered.gyro = TriadErrors::white(product.gyro_noise, delivered.rate_hz, product.gyro_max);
+  delivered.accelerometer =
+      TriadErrors::white(product.accelerometer_noise, delivered.rate_hz, product.accelerometer_max);
+  return delivered;
+}
+
 std::vector<CanMessage> can_messages_of(const std::vector<SignalMessage>& messages, double rate_hz) {
   std::vector<CanMessage> all;
   for (const SignalMessage& message : messages)

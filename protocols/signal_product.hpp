@@ -20,6 +20,9 @@ struct SignalProductMessage {
 struct SignalProduct {
   std::span<const SignalProductMessage> messages;  // in the order in which those of one sample are sent
   bool has_choice = false;  // the setting `messages` chooses among them; otherwise all are sent
+  // The sensors as delivered: noise densities, rad/s and m/s^2 per sqrt(Hz), and ranges, rad/s and m/s^2.
+  double gyro_noise = 0, gyro_max = 0;
+  double accelerometer_noise = 0, accelerometer_max = 0;
 };
 
 // --- The settings of a product, which its file lists ---
@@ -55,22 +58,29 @@ constexpr Setting extended_setting() { return {.key = "extended", .help = "29-bi
 // and the remedy.
 std::vector<SignalMessage> messages_of(const SignalProduct& product, const Settings& settings);
 
+// Returns the product as delivered, at its output rate.
+Product product_of(const SignalProduct& product, const Settings& settings);
+
 // Returns the entries of Protocol::can_messages.
 std::vector<CanMessage> can_messages_of(const std::vector<SignalMessage>& messages, double rate_hz);
-
-// --- The functions of the entry; `Product` is the table ---
-template <const SignalProduct& Product>
-std::unique_ptr<Device> make_signal_device(const Settings& settings) {
-  return std::make_unique<SignalDevice>(messages_of(Product, settings));
-}
-template <const SignalProduct& Product>
-std::unique_ptr<Decoder> make_signal_decoder(const Settings& settings) {
-  return std::make_unique<SignalDecoder>(messages_of(Product, settings));
-}
-template <const SignalProduct& Product>
-std::vector<CanMessage> signal_can_messages(const Settings& settings, double rate_hz) {
-  return can_messages_of(messages_of(Product, settings), rate_hz);
-}
 inline std::vector<CanFilter> no_can_filters(const Settings&) { return {}; }
+
+// Completes the entry of the product whose table is `Table`: `entry` has only what does not follow from it.
+template <const SignalProduct& Table>
+constexpr Protocol signal_protocol(Protocol entry) {
+  entry.link = Link::can;
+  entry.can_messages = [](const Settings& settings, double rate_hz) {
+    return can_messages_of(messages_of(Table, settings), rate_hz);
+  };
+  entry.can_filters = no_can_filters;
+  entry.product = [](const Settings& settings) { return product_of(Table, settings); };
+  entry.make = [](const Settings& settings) -> std::unique_ptr<Device> {
+    return std::make_unique<SignalDevice>(messages_of(Table, settings));
+  };
+  entry.make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
+    return std::make_unique<SignalDecoder>(messages_of(Table, settings));
+  };
+  return entry;
+}
 
 }  // namespace imud

@@ -31,6 +31,19 @@ void write_wire(const T& wire, std::span<std::byte> bytes) noexcept {
   std::memcpy(bytes.data(), &wire, sizeof(T));
 }
 
+// Both: a little-endian number of at most 8 bytes.
+inline std::uint64_t read_little(std::span<const std::byte> bytes) noexcept {
+  std::uint64_t number = 0;
+  for (std::size_t i = bytes.size(); i > 0; --i) number = number << 8 | std::to_integer<std::uint64_t>(bytes[i - 1]);
+  return number;
+}
+inline void write_little(std::uint64_t number, std::span<std::byte> bytes) noexcept {
+  for (std::byte& byte : bytes) {
+    byte = static_cast<std::byte>(number);
+    number >>= 8;
+  }
+}
+
 // Returns the nearest float; saturates at FLT_MAX.
 inline float to_float(double value) noexcept {
   return static_cast<float>(std::clamp(value, -double{FLT_MAX}, double{FLT_MAX}));

@@ -29,7 +29,12 @@ constexpr CanSignal az[] = {
 
 constexpr SignalProductMessage messages[] = {
     {"yaw_ay", 0x174, 8, yaw_ay}, {"roll_ax", 0x178, 8, roll_ax}, {"az", 0x17C, 8, az}};
-constexpr SignalProduct table = {.messages = messages};
+// Ranges of the fields; noise of the same order as that of similar sensors, as no data sheet was at hand.
+constexpr SignalProduct table = {.messages = messages,
+                                 .gyro_noise = 0.01 * units::degree,
+                                 .gyro_max = 163 * units::degree,
+                                 .accelerometer_noise = 200e-6 * units::standard_gravity,
+                                 .accelerometer_max = 4.1 * units::standard_gravity};
 constexpr Setting settings[] = {output_rate_setting(100, 200), identifiers_setting(), id_offset_setting(),
                                 extended_setting()};
 
@@ -38,10 +43,9 @@ constexpr double rate_lsb = rate_scale * units::degree, force_lsb = acceleration
 }  // namespace
 
 extern const Protocol bosch_mm5_protocol;
-constexpr Protocol bosch_mm5_protocol = {
+constexpr Protocol bosch_mm5_protocol = signal_protocol<table>({
     .name = "bosch-mm5",
     .summary = "Bosch MM5.10 automotive inertial sensor: yaw and roll rate, three accelerations",
-    .link = Link::can,
     .document = "Bosch MM5.10, calibration sheet",
     .settings = settings,
     .fields = Measurement::rate | Measurement::specific_force,
@@ -49,21 +53,6 @@ constexpr Protocol bosch_mm5_protocol = {
     .range = {.rate = 32767 * rate_lsb, .specific_force = 32766 * force_lsb},
     .absent_rates = 1U << 1,
     .status_bits = 0,
-    .can_messages = signal_can_messages<table>,
-    .can_filters = no_can_filters,
-    // Ranges of the fields; noise of the same order as that of similar sensors, as no data sheet was at hand.
-    .product =
-        [](const Settings& chosen) {
-          const double rate_hz = chosen.real("output_rate_hz");
-          Product product;
-          product.rate_hz = rate_hz;
-          product.gyro = TriadErrors::white(0.01 * units::degree, rate_hz, 163 * units::degree);
-          product.accelerometer =
-              TriadErrors::white(200e-6 * units::standard_gravity, rate_hz, 4.1 * units::standard_gravity);
-          return product;
-        },
-    .make = make_signal_device<table>,
-    .make_decoder = make_signal_decoder<table>,
-};
+});
 
 }  // namespace imud

@@ -79,7 +79,12 @@ constexpr MessageChecksum j1850 = {.profile = ChecksumProfile::j1850};
 constexpr SignalProductMessage messages[] = {{"yaw_ay", 0x174, 8, yaw_ay, j1850},
                                              {"roll_ax", 0x178, 8, roll_ax, j1850},
                                              {"pitch_az", 0x17C, 8, pitch_az, j1850}};
-constexpr SignalProduct table = {.messages = messages};
+// Ranges of the fields; noise of the same order as that of similar sensors, as no data sheet was at hand.
+constexpr SignalProduct table = {.messages = messages,
+                                 .gyro_noise = 0.01 * units::degree,
+                                 .gyro_max = 163 * units::degree,
+                                 .accelerometer_noise = 200e-6 * units::standard_gravity,
+                                 .accelerometer_max = 4.1 * units::standard_gravity};
 constexpr Setting settings[] = {output_rate_setting(100, 200), identifiers_setting(), id_offset_setting(),
                                 extended_setting()};
 
@@ -88,10 +93,9 @@ constexpr double rate_lsb = rate_scale * units::degree, force_lsb = acceleration
 }  // namespace
 
 extern const Protocol bosch_mm7_protocol;
-constexpr Protocol bosch_mm7_protocol = {
+constexpr Protocol bosch_mm7_protocol = signal_protocol<table>({
     .name = "bosch-mm7",
     .summary = "Bosch MM7.10 automotive inertial sensor: three messages with counter and CRC",
-    .link = Link::can,
     .document = "off_highway_sensor_drivers, off_highway_mm7p10 (Bosch's ROS 2 receiver)",
     .settings = settings,
     .fields = Measurement::counter | Measurement::rate | Measurement::specific_force | Measurement::temperature |
@@ -102,21 +106,6 @@ constexpr Protocol bosch_mm7_protocol = {
     .status_bits = 0x3F | status::not_valid,
     .has_checksum = true,
     .burst_bits = 6,
-    .can_messages = signal_can_messages<table>,
-    .can_filters = no_can_filters,
-    // Ranges of the fields; noise of the same order as that of similar sensors, as no data sheet was at hand.
-    .product =
-        [](const Settings& chosen) {
-          const double rate_hz = chosen.real("output_rate_hz");
-          Product product;
-          product.rate_hz = rate_hz;
-          product.gyro = TriadErrors::white(0.01 * units::degree, rate_hz, 163 * units::degree);
-          product.accelerometer =
-              TriadErrors::white(200e-6 * units::standard_gravity, rate_hz, 4.1 * units::standard_gravity);
-          return product;
-        },
-    .make = make_signal_device<table>,
-    .make_decoder = make_signal_decoder<table>,
-};
+});
 
 }  // namespace imud

@@ -2,13 +2,15 @@
 // signals. A message is sent if at least one of its signals has a number, each GenMsgCycleTime, or with every sample
 // if it has none; all other signals keep GenSigStartValue. Messages that are due with one sample are sent in the
 // order of their priority. A multiplexed message has one page after another, of those that have a signal with a
-// number.
+// number; so has each multiplexor of a message with several (extended multiplexing).
 //
 // [imu.device]
 // dbc_file = "vehicle.dbc"
 // signals = ["YawRate=rate_z_deg_per_s", "Imu2.Ay=-specific_force_y_g", "Imu2.Counter=alive_counter"]
 // checksums = ["Imu2.Crc=e2e_p01:0x123:both"]
 #include <algorithm>
+#include <cstdio>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -100,33 +102,12 @@ SignalMessage compiled(const Mapped& mapped, std::uint32_t id_offset) {
   if (std::ranges::count(sizes, message.size) == 0)
     refuse("dbc_file", where + "no CAN frame has " + std::to_string(message.size) + " data bytes");
 
-  // The pages that are sent. Without one, the multiplexor keeps its initial value.
-  std::vector<std::uint32_t> pages;
-  const DbcSignal* multiplexor = nullptr;
-  for (std::size_t i = 0; i < message.signals.size(); ++i) {
-    const DbcSignal& signal = message.signals[i];
-    if (signal.is_multiplexor && (signal.page || multiplexor != nullptr))
-      refuse("dbc_file", "line " + std::to_string(signal.line) +
-                             ": extended multiplexing is not supported; assign nothing to the signals of " +
-                             message.name);
-    if (signal.is_multiplexor) multiplexor = &signal;
-    if (signal.page && !mapped.sources[i].empty()) pages.push_back(*signal.page);
-  }
   std::vector<CanSignal> signals;
   for (std::size_t i = 0; i < message.signals.size(); ++i) {
     const DbcSignal& signal = message.signals[i];
-    CanSignal one = {signal.name,       signal.start, signal.length,  signal.encoding, signal.scale,   signal.offset,
-                     mapped.sources[i], nullptr,      signal.initial, signal.minimum,  signal.maximum, signal.page};
-    if (pages.empty() && signal.page) {
-      if (multiplexor == nullptr || *signal.page != multiplexor->initial) continue;
-      one.page.reset();
-    } else if (signal.page && std::ranges::count(pages, *signal.page) == 0) {
-      continue;
-    }
-    if (&signal == multiplexor && !pages.empty()) one.source = multiplexor_source;
-    // Some files have the scale 0 in signals that nobody uses.
-    if (one.source.empty() || one.source == multiplexor_source) one.scale = 1;
-    signals.push_back(one);
+    signals.push_back({signal.name, signal.start, signal.length, signal.encoding, signal.scale, signal.offset,
+                       mapped.sources[i], nullptr, signal.initial, signal.minimum, signal.maximum, signal.pages,
+                       signal.multiplexor});
   }
   try {
     return {{.id = static_cast<std::uint32_t>(id),
@@ -140,7 +121,21 @@ SignalMessage compiled(const Mapped& mapped, std::uint32_t id_offset) {
   }
 }
 
-std::vector<SignalMessage> messages_of(const Settings& settings) {
+// A message cannot be sent more often than there are samples.
+void check_cycle(const DbcMessage& message, double rate_hz) {
+  const double cycle_s = seconds(message.cycle);
+  if (cycle_s == 0 || cycle_s * rate_hz > 1 - 1e-6) return;
+  char numbers[160];
+  std::snprintf(
+      numbers, sizeof numbers,
+      "GenMsgCycleTime is %g ms, but with rate_hz = %g a sample comes every %g ms; give rate_hz = %g or more",
+      1e3 * cycle_s, rate_hz, 1e3 / rate_hz, 1 / cycle_s);
+  refuse("dbc_file", "line " + std::to_string(message.line) + ": message " + message.name + ": " + numbers);
+}
+
+// `rate_hz`: of the samples; infinity: not known yet.
+std::vector<SignalMessage> messages_of(const Settings& settings,
+                                       double rate_hz = std::numeric_limits<double>::infinity()) {
   const std::string& path = settings.text("dbc_file");
   const bool is_example = path.empty() && settings.list("signals").empty() && settings.list("checksums").empty();
   if (path.empty() && !is_example) refuse("dbc_file", "give the path of the DBC file that has the signals");
@@ -170,8 +165,10 @@ std::vector<SignalMessage> messages_of(const Settings& settings) {
     return one.message->extended ? std::uint64_t{one.message->id} << 1 | 1 : std::uint64_t{one.message->id} << 19;
   });
   std::vector<SignalMessage> compiled_messages;
-  for (const Mapped& one : all)
+  for (const Mapped& one : all) {
+    check_cycle(*one.message, rate_hz);
     compiled_messages.push_back(compiled(one, static_cast<std::uint32_t>(settings.integer("id_offset"))));
+  }
   return compiled_messages;
 }
 
@@ -211,6 +208,7 @@ constexpr Protocol dbc_protocol = {
     .can_messages = [](const Settings& chosen,
                        double rate_hz) { return can_messages_of(messages_of(chosen), rate_hz); },
     .can_filters = no_can_filters,
+    .check = [](const Settings& chosen, double rate_hz) { static_cast<void>(messages_of(chosen, rate_hz)); },
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
       return std::make_unique<SignalDevice>(messages_of(chosen));
     },

@@ -4,12 +4,13 @@
 // code differs from its README. The flight software's library sends a request, waits 5 ms, and takes the first frame
 // that has arrived then, of any identifier: nothing else may be sent on its interface.
 //
-// | frame            | identifier   | data                                                              |
-// |------------------|--------------|-------------------------------------------------------------------|
-// | request          | `request_id` | 80, command: 0 no operation, 1 housekeeping, 2, 3, 4 axis x, y, z |
-// | housekeeping     | `reply_id`   | u32 number of commands so far, u32 status (0)                     |
-// | axis             | `reply_id`   | u32 acceleration: (a/g + 10) * 214748364, u32 rate: (w/(deg/s) + 400) * 5368709
-// | NOS3's simulator rounds down; here numbers are rounded to nearest. It does not answer command 0 and unknown
+// | frame        | identifier   | data                                                               |
+// |--------------|--------------|--------------------------------------------------------------------|
+// | request      | `request_id` | 80, command: 0 no operation, 1 housekeeping, 2, 3, 4 axis x, y, z  |
+// | housekeeping | `reply_id`   | u32 number of commands so far, u32 status (0)                      |
+// | axis         | `reply_id`   | u32 (acceleration/g + 10) * 214748364, u32 (rate/(deg/s) + 400) * 5368709 |
+//
+// NOS3's simulator rounds down; here numbers are rounded to nearest. It does not answer command 0 and unknown
 // commands, of which it counts the former.
 #include "protocols/signal_product.hpp"
 

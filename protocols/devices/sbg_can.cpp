@@ -97,7 +97,13 @@ constexpr SignalProductMessage messages[] = {
     {"mag_0", 0x150, 6, mag_0},
     {"mag_1", 0x151, 6, mag_1},
 };
-constexpr SignalProduct table = {.messages = messages, .has_choice = true};
+// Ellipse: 450 deg/s, 0.15 deg/sqrt(h); 8 g, 57 ug/sqrt(Hz); from memory of the data sheet.
+constexpr SignalProduct table = {.messages = messages,
+                                 .has_choice = true,
+                                 .gyro_noise = 0.15 / 60 * units::degree,
+                                 .gyro_max = 450 * units::degree,
+                                 .accelerometer_noise = 57e-6 * units::standard_gravity,
+                                 .accelerometer_max = 8 * units::standard_gravity};
 
 constexpr std::string_view delivered[] = {"imu_info", "imu_accel", "imu_gyro"};
 constexpr Setting settings[] = {output_rate_setting(200, 1000), messages_setting(delivered), identifiers_setting(),
@@ -113,10 +119,9 @@ constexpr ConformanceSettings conformance_settings[] = {
 }  // namespace
 
 extern const Protocol sbg_can_protocol;
-constexpr Protocol sbg_can_protocol = {
+constexpr Protocol sbg_can_protocol = signal_protocol<table>({
     .name = "sbg-can",
     .summary = "SBG Systems Ellipse on CAN (sbgECan): IMU, attitude, position, UTC",
-    .link = Link::can,
     .document = "sbgECom 5, doc/canProtocol.md",
     .settings = settings,
     .fields = Measurement::time | Measurement::rate | Measurement::specific_force | Measurement::temperature,
@@ -126,22 +131,7 @@ constexpr Protocol sbg_can_protocol = {
               .temperature_c = 32767 * temperature_lsb},
     .time_period_ns = (std::int64_t{1} << 32) * 1000,
     .status_bits = 0,
-    .can_messages = signal_can_messages<table>,
-    .can_filters = no_can_filters,
-    // Ellipse: 450 deg/s, 0.15 deg/sqrt(h); 8 g, 57 ug/sqrt(Hz); from memory of the data sheet.
-    .product =
-        [](const Settings& chosen) {
-          const double rate_hz = chosen.real("output_rate_hz");
-          Product product;
-          product.rate_hz = rate_hz;
-          product.gyro = TriadErrors::white(0.15 / 60 * units::degree, rate_hz, 450 * units::degree);
-          product.accelerometer =
-              TriadErrors::white(57e-6 * units::standard_gravity, rate_hz, 8 * units::standard_gravity);
-          return product;
-        },
     .conformance_settings = conformance_settings,
-    .make = make_signal_device<table>,
-    .make_decoder = make_signal_decoder<table>,
-};
+});
 
 }  // namespace imud

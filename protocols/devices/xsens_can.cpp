@@ -172,7 +172,13 @@ constexpr SignalProductMessage messages[] = {
     {"altitude", 0x72, 4, altitude},
     {"velocity", 0x76, 6, velocity},
 };
-constexpr SignalProduct table = {.messages = messages, .has_choice = true};
+// MTi-600: 2000 deg/s, 0.007 deg/s/sqrt(Hz); 10 g, 60 ug/sqrt(Hz); from memory of the data sheet.
+constexpr SignalProduct table = {.messages = messages,
+                                 .has_choice = true,
+                                 .gyro_noise = 0.007 * units::degree,
+                                 .gyro_max = 2000 * units::degree,
+                                 .accelerometer_noise = 60e-6 * units::standard_gravity,
+                                 .accelerometer_max = 10 * units::standard_gravity};
 
 constexpr std::string_view delivered[] = {"sample_time", "group_counter", "utc",          "status_word",
                                           "quaternion",  "rate_of_turn",  "acceleration", "temperature"};
@@ -194,10 +200,9 @@ constexpr ConformanceSettings conformance_settings[] = {
 }  // namespace
 
 extern const Protocol xsens_can_protocol;
-constexpr Protocol xsens_can_protocol = {
+constexpr Protocol xsens_can_protocol = signal_protocol<table>({
     .name = "xsens-can",
     .summary = "Xsens MTi-600 series on CAN: inertial data, increments, attitude, position, UTC",
-    .link = Link::can,
     .document = "Xsens_MTi_CAN_ROS_Driver, config/xsens.dbc and xsens_parser.cpp",
     .settings = settings,
     .fields = Measurement::all & ~(Measurement::delta_angle | Measurement::delta_velocity),
@@ -208,22 +213,7 @@ constexpr Protocol xsens_can_protocol = {
     .time_period_ns = (std::int64_t{1} << 32) * 100'000,
     .counter_bits = 16,
     .status_bits = 0x3F,
-    .can_messages = signal_can_messages<table>,
-    .can_filters = no_can_filters,
-    // MTi-600: 2000 deg/s, 0.007 deg/s/sqrt(Hz); 10 g, 60 ug/sqrt(Hz); from memory of the data sheet.
-    .product =
-        [](const Settings& chosen) {
-          const double rate_hz = chosen.real("output_rate_hz");
-          Product product;
-          product.rate_hz = rate_hz;
-          product.gyro = TriadErrors::white(0.007 * units::degree, rate_hz, 2000 * units::degree);
-          product.accelerometer =
-              TriadErrors::white(60e-6 * units::standard_gravity, rate_hz, 10 * units::standard_gravity);
-          return product;
-        },
     .conformance_settings = conformance_settings,
-    .make = make_signal_device<table>,
-    .make_decoder = make_signal_decoder<table>,
-};
+});
 
 }  // namespace imud

@@ -271,7 +271,7 @@ Memory::Code Memory::device_status(Reader& reader, const Context& context) noexc
 // of the pulse-per-second input; without one, it begins now.
 Memory::Code Memory::update_gps_time(Reader& reader, const Context& context) noexcept {
   enum Part : std::uint8_t { week = 1, time_of_week = 2 };
-  constexpr std::int64_t second_ns = 1'000'000'000, week_s = 604'800, week_ns = week_s * second_ns, last_week = 9999;
+  constexpr std::int64_t week_s = 604'800, week_ns = week_s * second_ns, last_week = 9999;
   const auto function = reader.take<std::uint8_t>();
   const auto part = reader.take<std::uint8_t>();
   const std::int64_t value = reader.take<std::uint32_t>();

@@ -12,7 +12,6 @@ namespace {
 
 constexpr double gauss = 1e-4;    // T
 constexpr double millibar = 100;  // Pa
-constexpr std::int64_t second_ns = 1'000'000'000;
 
 }  // namespace
 

@@ -24,6 +24,7 @@ namespace imud::mip {
 
 inline constexpr std::uint8_t sync[2] = {0x75, 0x65};
 inline constexpr std::size_t header_size = 4, checksum_size = 2, longest = header_size + 255 + checksum_size;
+inline constexpr std::int64_t second_ns = 1'000'000'000;
 inline constexpr double internal_hz = 1000;  // the internal sample rate
 // Descriptor sets of commands and of data.
 enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };

@@ -9,7 +9,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::int64_t second_ns = 1'000'000'000;
 constexpr Nanoseconds tick = 1ms;           // an event that an edge triggers is active for one tick
 constexpr Nanoseconds half_second = 500ms;  // "a square wave pulse with a 50% duty cycle"
 constexpr std::uint8_t pins = 4;

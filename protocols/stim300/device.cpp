@@ -357,7 +357,7 @@ constexpr Protocol stim300_protocol = {
     .product = product,
     .conformance_settings = conformance_settings,
     .host_inputs = host_inputs,
-    .check = check,
+    .check = [](const Settings& chosen, double) { check(chosen); },
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<Stim300Device>(configuration(settings), settings.flag("start_up"));
     },

@@ -5,16 +5,16 @@ namespace imud::stim300 {
 namespace {
 
 constexpr std::array<unsigned, 5> filters_hz = {16, 33, 66, 131, 262};
-constexpr std::array<std::string_view, 4> gyro_units = {"[\xB0/s] - ANGULAR RATE", "[\xB0] - INCREMENTAL ANGLE",
-                                                        "[\xB0/s] - AVERAGE ANGULAR RATE",
-                                                        "[\xB0] - INTEGRATED ANGLE"};
-constexpr std::array<std::string_view, 5> force_units = {"[g] - ACCELERATION", "[m/s] - INCREMENTAL VELOCITY",
-                                                         "[g] - AVERAGE ACCELERATION", "[gs] - INTEGRATED VELOCITY",
-                                                         "[m/s] - INTEGRATED VELOCITY"};
+constexpr std::array<std::string_view, 4> gyro_unit_texts = {"[\xB0/s] - ANGULAR RATE", "[\xB0] - INCREMENTAL ANGLE",
+                                                             "[\xB0/s] - AVERAGE ANGULAR RATE",
+                                                             "[\xB0] - INTEGRATED ANGLE"};
+constexpr std::array<std::string_view, 5> force_unit_texts = {
+    "[g] - ACCELERATION", "[m/s] - INCREMENTAL VELOCITY", "[g] - AVERAGE ACCELERATION", "[gs] - INTEGRATED VELOCITY",
+    "[m/s] - INTEGRATED VELOCITY"};
 constexpr std::array<std::string_view, 4> pps_units = {"[ ] - FILTERED PPS", "[ ] - FILTERED PPS - DELAYED",
                                                        "[us] - TIME SINCE DETECTION OF 0",
                                                        "[us] - TIME SINCE DETECTION OF 1"};
-constexpr std::array<std::string_view, 3> sources = {"OFF", "ACC", "INC"}, parities = {"NONE", "EVEN", "ODD"};
+constexpr std::array<std::string_view, 3> sources = {"OFF", "ACC", "INC"}, parity_texts = {"NONE", "EVEN", "ODD"};
 
 std::string_view on_off(bool on) noexcept { return on ? "ON" : "OFF"; }
 
@@ -112,7 +112,7 @@ bool print_failures(ServiceText& text, const Memory& memory) noexcept {
 void print_unit(ServiceText& text, const Configuration& c, Cluster cluster) noexcept {
   const unsigned unit = c.units[cluster];
   text.line(cluster_names[cluster],
-            " OUTPUT UNIT = ", cluster == gyro ? gyro_units[unit % delayed] : force_units[unit],
+            " OUTPUT UNIT = ", cluster == gyro ? gyro_unit_texts[unit % delayed] : force_unit_texts[unit],
             unit >= delayed ? " DELAYED" : "");
 }
 
@@ -172,7 +172,7 @@ void print_transmission(ServiceText& text, const UartSettings& line) noexcept {
   text.line("BIT-RATE [bits/s] = ", line.baud);
   text.line("DATA LENGTH = 8");
   text.line("STOP BITS = ", line.stop_bits);
-  text.line("PARITY = ", parities[static_cast<std::size_t>(line.parity)]);
+  text.line("PARITY = ", parity_texts[static_cast<std::size_t>(line.parity)]);
 }
 
 void print_line_termination(ServiceText& text, const Configuration& c) noexcept {

@@ -4,7 +4,6 @@
 #include <boost/crc.hpp>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <optional>
 #include <span>
 
@@ -45,10 +44,7 @@ class Answer {
   void send() noexcept {
     number(std::uint64_t{crc8({text_.data(), size_})});
     text_[size_ - 1] = '\r';
-    const std::span<std::byte> room = out_.room(size_);
-    if (room.empty()) return;
-    std::memcpy(room.data(), text_.data(), size_);
-    out_.push(size_);
+    out_.append(std::as_bytes(std::span(text_).first(size_)));
   }
 
  private:

@@ -3,7 +3,6 @@
 #include <boost/crc.hpp>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 
 #include "protocols/vectornav/vectornav.hpp"
 
@@ -63,10 +62,7 @@ void Message::send() noexcept {
   const unsigned sum = is_short ? xor_of(body) : crc16(body);
   size_ +=
       static_cast<std::size_t>(std::snprintf(text_.data() + size_, 16, is_short ? "*%02X\r\n" : "*%04X\r\n", sum));
-  const std::span<std::byte> room = out_.room(size_);
-  if (room.empty()) return;
-  std::memcpy(room.data(), text_.data(), size_);
-  out_.push(size_, {}, uart_);
+  out_.append(std::as_bytes(std::span(text_).first(size_)), {}, uart_);
 }
 
 }  // namespace imud::vectornav

@@ -58,6 +58,23 @@ TEST_F(CanConfig, AnIdentifierOfElevenBitsIsNotThatOfTwentyNine) {
   EXPECT_EQ(faults({"imu.1.port=\"can:vcan1\""}).size(), 0U) << "another bus";
 }
 
+TEST_F(CanConfig, AMessageOfADbcFileIsNotMoreFrequentThanTheSamples) {
+  const std::string file = write("one.dbc", R"(BO_ 512 Yaw: 8 Imu
+ SG_ Rate : 0|16@1- (0.01,0) [0|0] "deg/s" Host
+BA_ "GenMsgCycleTime" BO_ 512 8;
+)");
+  std::vector<std::string> overrides = {"imu.1.protocol=dbc", "imu.1.device.dbc_file=" + file,
+                                        "imu.1.device.signals=[\"Rate=rate_z_deg_per_s\"]"};
+  const auto too_frequent = faults(overrides);
+  ASSERT_EQ(too_frequent.size(), 1U);
+  EXPECT_NE(too_frequent[0].find("imu.1.device.dbc_file: line 1: message Yaw: GenMsgCycleTime is 8 ms, but with "
+                                 "rate_hz = 100 a sample comes every 10 ms; give rate_hz = 125 or more"),
+            std::string::npos)
+      << too_frequent[0];
+  overrides.push_back("imu.1.rate_hz=125");
+  EXPECT_EQ(faults(overrides).size(), 0U);
+}
+
 TEST_F(CanConfig, OnlyRealtimeMayDropFramesThatAreLate) {
   const std::string other = "imu.1.device.can_id=0x200";
   EXPECT_EQ(load({other}).imus[0].port_settings.delivery, Delivery::timely);
@@ -96,6 +113,14 @@ TEST_F(CanConfig, AverageAndGreatestLoadAreThoseOfTheTable) {
   EXPECT_NEAR(load.average_bits_per_s, 945'000, 6'000);
   EXPECT_NE(load.text().find(" % on average and 112.0 % at most of the line's 1000000 bit/s"), std::string::npos)
       << load.text();
+}
+
+// Small numbers have more stuff bits than random data: the frames of a 10 s flight have 118.9 bits, counted exactly.
+TEST_F(CanConfig, TheAverageIsThatOfTypicalSamples) {
+  const Config config = load({"imu.1.device.can_id=0x200"});
+  const LineLoad load = line_load(config.imus[0]);
+  EXPECT_NEAR(load.average_bits_per_s / load.frames_per_s, 118.9, 0.5);
+  EXPECT_NEAR(load.average_percent, 1e-4 * load.average_bits_per_s, 1e-9);
 }
 
 TEST_F(CanConfig, AGreatestLoadFrom70PercentIsAWarningAndAbove100AFault) {

@@ -1,10 +1,12 @@
-// Every protocol on CAN sends only the identifiers, lengths and rates that its entry lists.
+// Every protocol on CAN sends only the identifiers, lengths and rates that its entry lists, and has filters that pass
+// what it receives.
 #include <gtest/gtest.h>
 
 #include <map>
 #include <memory>
 #include <utility>
 
+#include "tests/protocols/can_text.hpp"
 #include "tests/protocols/conformance_cases.hpp"
 #include "tests/protocols/recording.hpp"
 
@@ -65,6 +67,28 @@ TEST_P(CanMessages, CoverEveryFrameThatADeviceSends) {
     for (const auto& [id, count] : counts) EXPECT_LE(count, listed[id].max_frames_per_s) << std::hex << id.first;
   }
   EXPECT_GT(seen.size(), 0U) << "the device sent nothing: the test proves nothing";
+}
+
+// The kernel discards what no filter passes: such a frame is none that the device answers.
+TEST_P(CanMessages, FiltersPassWhatADeviceReceives) {
+  const Protocol& protocol = GetParam().protocol;
+  if (protocol.link != Link::can || protocol.host_inputs.bodies.empty()) return;
+  const std::vector<CanFilter> filters = protocol.can_filters(GetParam().settings);
+  const std::unique_ptr<Device> device = protocol.make(GetParam().settings);
+  const auto replies = std::make_unique<FrameBuffer>();
+  int passed = 0;
+  for (const std::string_view body : protocol.host_inputs.bodies)
+    each_frame(protocol.host_inputs.frame(body), [&](const Frame& frame) {
+      const bool is_passed = std::ranges::any_of(filters, [&](const CanFilter& filter) {
+        const bool is_kind = frame.can.remote ? filter.remote : filter.data;
+        return is_kind && filter.extended == frame.can.extended && ((frame.can.id ^ filter.id) & filter.mask) == 0;
+      });
+      passed += is_passed ? 1 : 0;
+      device->receive(frame, {}, *replies);
+      EXPECT_TRUE(is_passed || replies->frames().empty()) << can_text(frame);
+      replies->clear();
+    });
+  EXPECT_GT(passed, 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(AllProtocols, CanMessages,

@@ -5,6 +5,7 @@
 
 #include <cfloat>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "tests/protocols/recording.hpp"
@@ -140,6 +141,17 @@ TEST(CanSignalsTest, FloatsAreSentAsTheyAre) {
   EXPECT_EQ(encoded(4, {single}, sample_of(1.5)), "0000C03F");
   const CanSignal big_endian = {"R", 7, 64, {true, SignalFormat::float64}, 1, 0, "rate_x_rad_per_s"};
   EXPECT_EQ(encoded(8, {big_endian}, sample_of(-1.5)), "BFF8000000000000");
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const double never : {infinity, -infinity, std::nan("")}) {
+    const bool is_high = never > 0;
+    EXPECT_EQ(encoded(4, {single}, sample_of(never)), is_high ? "FFFF7F7F" : "FFFF7FFF");
+    EXPECT_EQ(encoded(8, {big_endian}, sample_of(never)), is_high ? "7FEFFFFFFFFFFFFF" : "FFEFFFFFFFFFFFFF");
+  }
+  const CanSignal limited = {"R", 0,  32,  {false, SignalFormat::float32}, 2, 10, "rate_x_rad_per_s", nullptr,
+                             0,   -1, 12.5};
+  EXPECT_EQ(encoded(4, {limited}, sample_of(13)), "0000A03F");  // 12.5 = 2 * 1.25 + 10
+  EXPECT_EQ(encoded(4, {limited}, sample_of(-3)), "0000B0C0");  // -1 = 2 * -5.5 + 10
+  EXPECT_EQ(encoded(4, {limited}, sample_of(0)), "0000A0C0");   // 0 = 2 * -5 + 10
 }
 
 TEST(CanSignalsTest, ClocksCountersAndStatusWrap) {
@@ -198,9 +210,10 @@ TEST(CanSignalsTest, ADamagedMessageIsRefused) {
 }
 
 TEST(CanSignalsTest, AMultiplexedMessageHasOnePageAfterAnother) {
-  const CanSignal mux = {"M", 0, 8, intel_unsigned, 1, 0, multiplexor_source};
-  const CanSignal x = {"X", 8, 8, intel_signed, 1, 0, "rate_x_rad_per_s", nullptr, 0, 0, 0, 7};
-  const CanSignal y = {"Y", 8, 8, intel_signed, 1, 0, "rate_y_rad_per_s", nullptr, 0, 0, 0, 2};
+  constexpr PageRange two[] = {{2, 2}}, seven[] = {{7, 7}};
+  const CanSignal mux = {.name = "M", .length = 8};
+  const CanSignal x = {"X", 8, 8, intel_signed, 1, 0, "rate_x_rad_per_s", nullptr, 0, 0, 0, seven, "M"};
+  const CanSignal y = {"Y", 8, 8, intel_signed, 1, 0, "rate_y_rad_per_s", nullptr, 0, 0, 0, two, "M"};
   const Sample sample = sample_of(1, -1);
   EXPECT_EQ(encoded(2, {mux, x, y}, sample, 0), "02FF");
   EXPECT_EQ(encoded(2, {mux, x, y}, sample, 1), "0701");
@@ -238,8 +251,40 @@ TEST(CanSignalsTest, AFaultyTableIsRefused) {
   EXPECT_NE(refusal(8, {rate}, j1850), "") << "where is it?";
   EXPECT_EQ(refusal(8, {{"C", 0, 8, intel_unsigned, 1, 0, checksum_source}}, p01),
             "C: its profile needs a signal that is alive_counter");
-  EXPECT_NE(refusal(8, {{"X", 8, 8, intel_signed, 1, 0, "rate_x_rad_per_s", nullptr, 0, 0, 0, 7}}), "")
-      << "a page without multiplexor";
+  constexpr PageRange seven[] = {{7, 7}}, two[] = {{2, 2}}, reversed[] = {{7, 6}};
+  const auto on = [](std::span<const PageRange> pages, std::string_view multiplexor) {
+    return CanSignal{"X", 8, 8, intel_signed, 1, 0, "rate_x_rad_per_s", nullptr, 0, 0, 0, pages, multiplexor};
+  };
+  const CanSignal narrow = {.name = "M", .length = 2}, wide = {.name = "M", .length = 8};
+  EXPECT_EQ(refusal(8, {on(seven, "M")}), "X: its message has no multiplexor");
+  EXPECT_EQ(refusal(8, {on(seven, "M"), wide}), "");
+  EXPECT_EQ(refusal(8, {on(seven, "M"), narrow}), "X: its multiplexor does not have the value 7");
+  EXPECT_EQ(refusal(8, {on(reversed, "M"), wide}), "X: its multiplexor does not have the value 6");
+  EXPECT_EQ(refusal(8, {on(seven, "X")}), "X: its multiplexor depends on itself");
+  CanSignal assigned = wide;
+  assigned.source = "status";
+  EXPECT_EQ(refusal(8, {on(seven, "M"), assigned}), "M: selects the page, and so has no value of its own");
+  CanSignal real = wide;
+  real.length = 32;
+  real.encoding.format = SignalFormat::float32;
+  EXPECT_EQ(refusal(8, {on(seven, "M"), real}), "M: a multiplexor must be an integer");
+  const auto again = [](std::span<const PageRange> pages, std::string_view multiplexor) {
+    return CanSignal{"Y", 12, 8, intel_signed, 1, 0, "rate_y_rad_per_s", nullptr, 0, 0, 0, pages, multiplexor};
+  };
+  EXPECT_EQ(refusal(8, {wide, on(seven, "M"), again(two, "M")}), "") << "never in one message";
+  EXPECT_EQ(refusal(8, {wide, on(seven, "M"), again(seven, "M")}), "Y: overlaps another signal");
+  EXPECT_EQ(refusal(8, {wide, on(seven, "M"), {.name = "N", .start = 56, .length = 8}, again(two, "N")}),
+            "Y: overlaps another signal")
+      << "of independent multiplexors";
+  CanSignal sum = {"C", 24, 8, intel_unsigned, 1, 0, checksum_source};
+  CanSignal counter = {"A", 32, 4, intel_unsigned, 1, 0, alive_counter_source};
+  EXPECT_EQ(refusal(8, {wide, on(seven, "M"), sum, counter}, p01), "");
+  counter.pages = seven;
+  counter.multiplexor = "M";
+  EXPECT_EQ(refusal(8, {wide, on(seven, "M"), sum, counter}, p01), "C: its counter must not depend on a multiplexor");
+  sum.pages = seven;
+  sum.multiplexor = "M";
+  EXPECT_EQ(refusal(8, {wide, on(seven, "M"), sum, counter}, p01), "C: must not depend on a multiplexor");
 }
 
 // Each quantity that a Measurement can hold is read back as it was sent.

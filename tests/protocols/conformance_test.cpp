@@ -135,7 +135,10 @@ std::vector<Sample> extreme_samples(const Protocol& protocol) {
 
 TEST(ProtocolTable, HoldsOneEntryPerFileByItsName) {
   EXPECT_EQ(names_of(protocols()), names_from_files("protocols/devices"));
-  for (const Protocol* protocol : protocols()) EXPECT_EQ(find_protocol(protocol->name), protocol);
+  for (const Protocol* protocol : protocols()) {
+    EXPECT_EQ(find_protocol(protocol->name), protocol);
+    EXPECT_TRUE(protocol->make != nullptr && protocol->make_decoder != nullptr) << protocol->name;
+  }
   EXPECT_EQ(find_protocol("no such protocol"), nullptr);
 }
 

@@ -7,9 +7,11 @@
 #include <fstream>
 #include <string>
 
+#include "core/units.hpp"
 #include "protocols/dbc_file.hpp"
 #include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
+#include "tests/support/random_changes.hpp"
 
 namespace imud {
 namespace {
@@ -98,9 +100,12 @@ TEST(DbcFileTest, EveryDefinitionIsRead) {
   EXPECT_EQ(mux.id, 0x18FF'01FEU);
   EXPECT_EQ(mux.cycle.count(), 0);
   EXPECT_TRUE(mux.signals[0].is_multiplexor);
-  EXPECT_EQ(mux.signals[1].page, 1U);
+  ASSERT_EQ(mux.signals[1].pages.size(), 1U);
+  EXPECT_EQ(mux.signals[1].pages[0].first, 1U);
+  EXPECT_EQ(mux.signals[1].pages[0].last, 1U);
+  EXPECT_EQ(mux.signals[1].multiplexor, "Page");
   EXPECT_EQ(mux.signals[1].scale, 0.01);
-  EXPECT_FALSE(mux.signals[4].page);
+  EXPECT_TRUE(mux.signals[4].pages.empty());
   EXPECT_TRUE(floats.fd);
   EXPECT_EQ(floats.signals[0].encoding.format, SignalFormat::float32);
   EXPECT_EQ(floats.signals[1].encoding.format, SignalFormat::float64);
@@ -135,6 +140,10 @@ TEST(DbcFileTest, AFaultHasItsLineAndWhatIsExpected) {
   EXPECT_EQ(fault_of(head + "CM_ \"no\nend"), "line 4: a text in quotes does not end; add the closing quote");
   EXPECT_EQ(fault_of(head + "BA_ \"GenMsgCycleTime\" BO_ 1 -5;"),
             "line 4: GenMsgCycleTime: must be from 0 to 100000000 ms");
+  for (const char* range : {"3", "-1", "3-", "3-x", "3-2", "3-4-5", "99999999999-1"})
+    EXPECT_EQ(fault_of(head + "SG_MUL_VAL_ 1 S M 0-0, " + range + ";"),
+              std::string("line 4: SG_MUL_VAL_: expected a range such as 0-3, but found \"") + range + "\"");
+  EXPECT_EQ(fault_of(head + "SG_MUL_VAL_ 1 S M ;"), "line 4: SG_MUL_VAL_: expected a name");
   EXPECT_EQ(fault_of(head + "SIG_VALTYPE_ 1 S : 3;"),
             "line 4: SIG_VALTYPE_: the type must be 0 (integer), 1 (float) or 2 (double)");
 }
@@ -206,6 +215,65 @@ TEST_F(DbcDevice, SendsTheMessagesThatHaveANumberEachCycleTime) {
   ASSERT_EQ(messages.size(), 2U);
   EXPECT_EQ(messages[0].max_frames_per_s, 50);
   EXPECT_EQ(messages[1].max_frames_per_s, 100);
+}
+
+// B is on a page of A; K depends on neither; Z is on two pages of A. cantools decodes these numbers by this file.
+TEST_F(DbcDevice, MultiplexorsMayDependOnEachOther) {
+  write(R"(
+BO_ 256 Ext: 8 Imu
+ SG_ A M : 0|4@1+ (1,0) [0|0] "" Host
+ SG_ B m0M : 4|4@1+ (1,0) [0|0] "" Host
+ SG_ X m0 : 8|16@1- (0.01,0) [0|0] "deg/s" Host
+ SG_ Y m2 : 15|16@0- (0.01,0) [0|0] "deg/s" Host
+ SG_ Z m1 : 8|24@1- (0.001,0) [0|0] "deg/s" Host
+ SG_ Fixed m9 : 8|8@1+ (1,0) [0|0] "" Host
+ SG_ K M : 36|4@1+ (1,0) [0|0] "" Host
+ SG_ T m3 : 40|8@1+ (1,-50) [0|0] "degC" Host
+ SG_ P m5 : 40|16@1+ (10,0) [0|0] "Pa" Host
+SG_MUL_VAL_ 256 B A 0-0;
+SG_MUL_VAL_ 256 X B 0-0;
+SG_MUL_VAL_ 256 Y B 2-2;
+SG_MUL_VAL_ 256 Z A 1-1, 6-6;
+SG_MUL_VAL_ 256 Fixed A 9-15;
+SG_MUL_VAL_ 256 T K 3-4;
+SG_MUL_VAL_ 256 P K 5-5;
+)");
+  Sample sample;
+  sample.rate = Vector3(1, -2, 3) * units::degree;
+  sample.temperature_c = 25;
+  sample.pressure = 101'320;
+  const std::vector<std::string> signals = {"X=rate_x_deg_per_s", "Y=rate_y_deg_per_s", "Z=rate_z_deg_per_s",
+                                            "T=temperature_c", "P=pressure_pa"};
+  // Y comes with every second round of A.
+  const std::string x = "100#00640000304B0000", y = "100#20FF3800304B0000", first_z = "100#01B80B00404B0000",
+                    second_z = "100#06B80B0050942700";
+  EXPECT_EQ(sent(*protocol_.make(settings(signals)), sample, 7),
+            (std::vector<std::string>{x, first_z, second_z, y, first_z, second_z, x}));
+  Line line(protocol_, settings({"X=rate_x_deg_per_s", "Y=rate_y_deg_per_s", "Z=rate_z_deg_per_s"}));
+  Recording got;
+  std::vector<Sample> samples(4, sample);
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i].counter = i;
+  line.feed(line.encode_all(samples), got);
+  line.decoder->finish(got);
+  ASSERT_EQ(got.measurements.size(), 1U) << "Y comes with the fourth message";
+  EXPECT_EQ(got.measurements[0].fields, Measurement::rate);
+  EXPECT_TRUE(got.measurements[0].sample.rate.isApprox(sample.rate, 1e-12));
+}
+
+TEST_F(DbcDevice, ACycleShorterThanThePeriodOfTheSamplesIsRefused) {
+  const auto refusal = [&](double rate_hz) -> std::string {
+    try {
+      protocol_.check(settings({"YawRate=rate_z_deg_per_s"}), rate_hz);
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal(1000), "");
+  EXPECT_EQ(refusal(50), "");
+  EXPECT_EQ(refusal(49.9),
+            "dbc_file: line 19: message Yaw: GenMsgCycleTime is 20 ms, but with rate_hz = 49.9 a sample comes every "
+            "20.0401 ms; give rate_hz = 50 or more");
 }
 
 TEST_F(DbcDevice, ChecksumsAndCountersAreThoseOfTheProfile) {
@@ -289,8 +357,8 @@ TEST_F(DbcDevice, AFaultySettingIsRefusedWithItsRemedy) {
   write(
       "BO_ 1 A: 8 X\n SG_ M M : 0|8@1+ (1,0) [0|0] \"\" X\n SG_ N m1M : 8|8@1+ (1,0) [0|0] \"\" X\n"
       " SG_ S m1 : 16|8@1+ (1,0) [0|0] \"\" X\n");
-  EXPECT_EQ(refusal({"S=status"}),
-            "dbc_file: line 3: extended multiplexing is not supported; assign nothing to the signals of A");
+  EXPECT_EQ(refusal({"S=status"}), "signals: message A, line 1: S: its message has no multiplexor")
+      << "which of the two?";
   write("BO_ 1 A: 8 X\n SG_ S : 0|8@1+ (1,0) [0|0] \"\" X\nBO_ 2 B: 8 X\n SG_ S : 0|8@1+ (1,0) [0|0] \"\" X\n");
   EXPECT_EQ(refusal({"S=status"}), "signals: \"S\" is a signal of A and of B; give MESSAGE.SIGNAL");
   EXPECT_EQ(refusal({"B.S=status"}), "");
@@ -307,30 +375,23 @@ TEST(DbcFuzz, AnyBytesDoNoHarm) {
   const char* wanted = std::getenv("IMUD_FUZZ_INPUTS");
   const long inputs = wanted != nullptr ? std::atol(wanted) : 20'000;
   std::mt19937_64 random(2);
-  const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
+  constexpr std::string_view pieces[] = {"0",
+                                         "9",
+                                         "-",
+                                         ".",
+                                         "|",
+                                         "@",
+                                         " ",
+                                         "\n",
+                                         "\"",
+                                         "m1M",
+                                         "7-5, 99999999999",
+                                         "\nSG_MUL_VAL_ 2566849022 RollRate Page 0-3, 5-5;",
+                                         "\nSG_MUL_VAL_ 2566849022 Page RollRate 1-1;"};
   long accepted = 0, codecs = 0;
   for (long n = 0; n < inputs; ++n) {
     std::string text(vehicle);
-    for (std::size_t k = 1 + below(4); k > 0 && !text.empty(); --k) {
-      const std::size_t at = below(text.size());
-      switch (below(5)) {
-        case 0:
-          text[at] = static_cast<char>(random());
-          break;
-        case 1:
-          text.erase(at, below(20));
-          break;
-        case 2:
-          text.insert(at, 1 + below(30), "0123456789-.|@ \n\""[below(17)]);
-          break;
-        case 3:
-          text.insert(at, text.substr(below(text.size()), below(200)));
-          break;
-        default:
-          text.resize(at);
-          break;
-      }
-    }
+    for (std::size_t k = 1 + random() % 4; k > 0 && !text.empty(); --k) change_randomly(text, 20, pieces, random);
     std::vector<DbcMessage> messages;
     try {
       messages = parse_dbc(text);
@@ -341,8 +402,8 @@ TEST(DbcFuzz, AnyBytesDoNoHarm) {
       std::vector<CanSignal> signals;
       for (const DbcSignal& signal : message.signals)
         signals.push_back({signal.name, signal.start, signal.length, signal.encoding, signal.scale, signal.offset,
-                           signal.is_multiplexor ? multiplexor_source : "rate_x_deg_per_s", nullptr, signal.initial,
-                           signal.minimum, signal.maximum, signal.page});
+                           signal.is_multiplexor ? "" : "rate_x_deg_per_s", nullptr, signal.initial, signal.minimum,
+                           signal.maximum, signal.pages, signal.multiplexor});
       try {
         const CanSignalCodec codec(std::min<std::size_t>(message.size, 64), signals);
         std::vector<std::byte> bytes(codec.size());

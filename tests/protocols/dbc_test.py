@@ -57,7 +57,7 @@ def xsens_delta_v(axis):
 def xsens_exponent(sample, _):
     """The largest with which all three components fit, at most 17."""
     largest = max(abs(float(sample[f"delta_velocity_{axis}"])) for axis in "xyz")
-    return max(e for e in range(18) if largest * 2**e < 32767.5)
+    return max((e for e in range(18) if largest * 2**e < 32767.5), default=0)
 
 
 def east_north_up(sample):
@@ -138,6 +138,13 @@ def check_native(record, signals, is_fd):
         yield name, got
 
 
+def saturated(wanted, signal, factor, offset):
+    """The end of the signal's field where the value is beyond it."""
+    bits = signal.size - 1 if signal.is_signed else signal.size
+    ends = sorted((float(signal.factor * raw + signal.offset) * factor + offset) for raw in (-2**bits if signal.is_signed else 0, 2**bits - 1))
+    return min(max(wanted, ends[0]), ends[1])
+
+
 def check_table(record, frame, signals, data):
     sample, expected = record["sample"], EXPECTED[record["dbc"]]
     for name, signal in signals.items():
@@ -150,6 +157,7 @@ def check_table(record, frame, signals, data):
         factor, offset = UNITS[signal.signal.unit]
         got = float(signal.phys_value) * factor + offset
         lsb = abs(float(signal.signal.factor)) * factor
+        wanted = saturated(float(wanted), signal.signal, factor, offset)
         require(abs(got - float(wanted)) <= 0.5 * lsb * (1 + 1e-6) + 1e-12 * abs(got), frame.name, name, got, wanted, record)
         yield f"{frame.name}.{name}", got
 

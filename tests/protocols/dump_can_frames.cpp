@@ -74,12 +74,21 @@ Sample random_flight(std::uint64_t k, std::mt19937_64& random) {
   return sample;
 }
 
+void go_beyond_all_ranges(Sample& sample) {
+  for (Vector3* const vector :
+       {&sample.rate, &sample.specific_force, &sample.delta_velocity, &sample.magnetic_field, &sample.navigation.v_L})
+    *vector *= 1e9;
+  for (double* const number : {&sample.temperature_c, &sample.navigation.height}) *number *= 1e9;
+  sample.pressure *= sample.counter % 2 == 0 ? 1e9 : -1e9;
+}
+
 void dump_tables(const char* name, const char* settings_text, const char* dbc) {
   const Protocol& protocol = protocol_named(name);
   Line line(protocol, settings_of(protocol, settings_text));
   std::mt19937_64 random(4);
-  for (std::uint64_t k = 0; k < 100; ++k) {
-    const Sample sample = random_flight(k, random);
+  for (std::uint64_t k = 0; k < 110; ++k) {
+    Sample sample = random_flight(k, random);
+    if (k >= 100) go_beyond_all_ranges(sample);
     const Reading reading{sample, sample.delta_angle, sample.delta_velocity, exp(sample.delta_angle),
                           k == 0 ? 0 : 0.01};
     std::string values;

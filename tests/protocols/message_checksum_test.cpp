@@ -86,6 +86,25 @@ TEST(MessageChecksumTest, Profile5AgreesWithAnotherImplementation) {
   EXPECT_EQ(checksum.of(message, 8, 1), 0xD6FBU);
 }
 
+// One message of 15 bytes, the counter in the low nibble of the first. autosar-e2e and crccheck give these checksums;
+// so does cantools (autosar/end_to_end.py) for profiles 2 and 5.
+TEST(MessageChecksumTest, AllKindsOfALongMessageAgreeWithOtherImplementations) {
+  const auto of = [](const char* text, int first, unsigned counter) {
+    return sum(parse_checksum(text).value(),
+               {first, 0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88, 0x99, 0xAA, 0xBB, 0xCC, 0xDD, 0xEE}, counter);
+  };
+  EXPECT_EQ(of("j1850", 0x00, 0), 0x9FU);
+  EXPECT_EQ(of("h2f", 0x00, 0), 0xFAU);
+  EXPECT_EQ(of("e2e_p01:0xABC:both", 0x09, 9), 0x19U);
+  EXPECT_EQ(of("e2e_p01:0xABC:low", 0x09, 9), 0xFAU);
+  EXPECT_EQ(of("e2e_p01:0xABC:alt", 0x09, 9), 0xBFU);
+  EXPECT_EQ(of("e2e_p01:0xABC:nibble", 0xA9, 9), 0xADU);
+  EXPECT_EQ(of("e2e_p02:F0F1F2F3F4F5F6F7F8F9FAFBFCFDFEFF", 0x0D, 13), 0x6AU);
+  EXPECT_EQ(sum(parse_checksum("e2e_p05:0xBEEF").value(),
+                {0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88, 0x99, 0xAA, 0xBB, 0xCC, 0xDD, 0xEE}, 0x11),
+            0x551FU);
+}
+
 TEST(MessageChecksumTest, AnyPlaceOfTheChecksumIsLeftOut) {
   for (const char* text :
        {"j1850", "h2f", "e2e_p01:291", "e2e_p02:000102030405060708090A0B0C0D0E0F", "e2e_p11:0x123"}) {
