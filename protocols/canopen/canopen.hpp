@@ -16,14 +16,18 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
 #include "core/frame.hpp"
 #include "protocols/deadlines.hpp"
+#include "protocols/wire.hpp"
 
 namespace imud::canopen {
+
+inline constexpr Nanoseconds inhibit_unit = std::chrono::microseconds(100);  // of inhibit times
 
 inline constexpr unsigned last_node_id = 127;
 inline constexpr unsigned unconfigured = 255;  // the node id of a slave that waits for LSS
@@ -59,23 +63,7 @@ inline constexpr unsigned consumers = 4;
 
 // Appends a frame of at most 8 bytes.
 inline void send(std::uint32_t id, std::span<const std::byte> data, FrameBuffer& out) noexcept {
-  const std::span<std::byte> room = out.room(data.size());
-  if (room.size() < data.size()) return;
-  for (std::size_t i = 0; i < data.size(); ++i) room[i] = data[i];
-  out.push(data.size(), {.id = id});
-}
-
-// Both: little-endian, of at most 8 bytes.
-inline std::uint64_t get_number(std::span<const std::byte> bytes) noexcept {
-  std::uint64_t number = 0;
-  for (std::size_t i = bytes.size(); i > 0; --i) number = number << 8 | std::to_integer<std::uint64_t>(bytes[i - 1]);
-  return number;
-}
-inline void put_number(std::uint64_t number, std::span<std::byte> bytes) noexcept {
-  for (std::byte& byte : bytes) {
-    byte = static_cast<std::byte>(number);
-    number >>= 8;
-  }
+  out.append(data, {.id = id});
 }
 
 }  // namespace imud::canopen

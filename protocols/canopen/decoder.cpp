@@ -103,7 +103,7 @@ class CanopenDecoder final : public Decoder {
     for (const std::size_t position : tpdos_[i].mapped) {
       const Object& object = objects[position];
       const std::size_t size = size_of(object.type);
-      is_finite = decode(object, get_number(bytes.first(size)), parts) && is_finite;
+      is_finite = decode(object, read_little(bytes.first(size)), parts) && is_finite;
       bytes = bytes.subspan(size);
     }
     return is_finite;

@@ -57,7 +57,7 @@ class CanopenDevice final : public Device {
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     poll(sample.time, out);
     node_.sample = sample;
-    node_.sample_increments = {sample.delta_angle, sample.delta_velocity};
+    node_.sample_increments = {sample.delta_angle, sample.delta_velocity, 1};
     node_.has_sample = true;
     constexpr std::uint32_t gyro = 7U * status::gyro_saturated_x,
                             accelerometer = 7U * status::accelerometer_saturated_x;
@@ -240,7 +240,9 @@ class CanopenDevice final : public Device {
     } else if (id == (dictionary.u32(at(0x1005)) & can_id_bits)) {
       if (is_talking()) receive_sync(data, now, out);
     } else if (id == sdo_request_id + node_id_) {
-      if (is_talking() && data.size() == 8) sdo_.receive(data.first<8>(), now, out);
+      if (!is_talking() || data.size() != 8) return;
+      sdo_.receive(data.first<8>(), now, out);
+      report(now, out);  // an error may have ended with its supervision
     } else if (id == (time_id & can_id_bits) && (time_id & bit_31) != 0) {
       if (is_talking()) receive_time(data, now);
     } else if (id > heartbeat_id && id <= heartbeat_id + last_node_id && data.size() == 1) {
@@ -287,8 +289,8 @@ class CanopenDevice final : public Device {
     constexpr std::uint64_t ms_bits = 0x0FFF'FFFF;
     constexpr std::int64_t ms_per_day = 86'400'000;
     if (data.size() != size) return;
-    const auto ms = static_cast<std::int64_t>(get_number(data.first<4>()) & ms_bits);
-    const auto days = static_cast<std::int64_t>(get_number(data.last<2>()));
+    const auto ms = static_cast<std::int64_t>(read_little(data.first<4>()) & ms_bits);
+    const auto days = static_cast<std::int64_t>(read_little(data.last<2>()));
     node_.time_of_day = TimeOfDay{now, days * ms_per_day + ms};
   }
 

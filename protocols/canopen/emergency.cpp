@@ -6,8 +6,6 @@ namespace imud::canopen {
 
 namespace {
 
-constexpr Nanoseconds inhibit_unit = std::chrono::microseconds(100);
-
 // Error codes (CiA 301, table 26), and bits of the error register, whose bit 0 is set with every error. Those of a
 // range are the manufacturer's own.
 struct Kind {
@@ -80,10 +78,10 @@ void Emergencies::record(Error error, const One& one) noexcept {
 void Emergencies::transmit(Error error, const One& one, FrameBuffer& out) const noexcept {
   std::array<std::byte, 8> message = {};
   const std::span all(message);
-  put_number(one.has_begun ? kinds[static_cast<std::size_t>(error)].code : 0U, all.first<2>());
+  write_little(one.has_begun ? kinds[static_cast<std::size_t>(error)].code : 0U, all.first<2>());
   message[2] = static_cast<std::byte>(error_register());
   message[3] = static_cast<std::byte>(error);
-  put_number(one.detail, all.last<4>());
+  write_little(one.detail, all.last<4>());
   send(dictionary_.u32(at(0x1014)) & can_id_bits, all, out);
 }
 

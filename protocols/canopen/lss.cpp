@@ -27,7 +27,7 @@ constexpr unsigned out_of_range = 1, not_supported = 1;
 
 void answer(unsigned command, std::uint32_t value, FrameBuffer& out) noexcept {
   std::array<std::byte, 8> message = {static_cast<std::byte>(command)};
-  put_number(value, std::span(message).subspan<1, 4>());
+  write_little(value, std::span(message).subspan<1, 4>());
   send(lss_answer_id, message, out);
 }
 
@@ -41,7 +41,7 @@ void LssSlave::power_on() noexcept {
 
 void LssSlave::receive(std::span<const std::byte, 8> message, unsigned node_id, FrameBuffer& out) noexcept {
   const auto command = std::to_integer<unsigned>(message[0]);
-  const auto number = static_cast<std::uint32_t>(get_number(message.subspan<1, 4>()));
+  const auto number = static_cast<std::uint32_t>(read_little(message.subspan<1, 4>()));
   if (command == switch_global) {
     is_configuring_ = message[1] == std::byte{1};
     selected_ = 0;
@@ -104,7 +104,7 @@ void LssSlave::identify(unsigned command, std::uint32_t number, FrameBuffer& out
 
 void LssSlave::scan(std::span<const std::byte, 8> message, FrameBuffer& out) noexcept {
   constexpr unsigned begin_scan = 0x80, bits = 32;
-  const auto number = static_cast<std::uint32_t>(get_number(message.subspan<1, 4>()));
+  const auto number = static_cast<std::uint32_t>(read_little(message.subspan<1, 4>()));
   const auto bit = std::to_integer<unsigned>(message[5]), which = std::to_integer<unsigned>(message[6]),
              next = std::to_integer<unsigned>(message[7]);
   if (bit == begin_scan) {

@@ -9,16 +9,6 @@
 
 namespace imud::canopen {
 
-// Sums of the increments of several samples.
-struct Increments {
-  Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
-
-  void add(const Sample& sample) noexcept {
-    delta_angle += sample.delta_angle;
-    delta_velocity += sample.delta_velocity;
-  }
-};
-
 // The time of day at an instant of the device's clock, as TIME brought it (1012).
 struct TimeOfDay {
   DeviceTime at;

@@ -84,7 +84,7 @@ Abort Node::read(std::uint16_t index, std::uint8_t sub, std::span<std::byte> val
   if (object.access == Access::write_only) return Abort::write_only;
   if (object.type != Type::text) {
     size = size_of(object.type);
-    put_number(number(position), value.first(size));
+    write_little(number(position), value.first(size));
     return Abort::none;
   }
   const std::span<const std::byte> bytes = std::as_bytes(std::span(text(object)));
@@ -114,7 +114,7 @@ Abort Node::write(std::uint16_t index, std::uint8_t sub, std::span<const std::by
     for (std::size_t i = 0; i < value.size(); ++i) note_.text[i] = std::to_integer<char>(value[i]);
     return Abort::none;
   }
-  const std::uint64_t number = get_number(value);
+  const std::uint64_t number = read_little(value);
   if (const Abort refused = check_value(position, number); refused != Abort::none) return refused;
   if (object.source == Source::parameter) dictionary.set(position, number);
   take_effect(position, number, now);
@@ -179,6 +179,17 @@ void Node::take_effect(std::size_t position, std::uint64_t value, DeviceTime now
   switch (object.index) {
     case 0x1003:
       return emergencies.clear_history();
+    case 0x1006:
+      return emergencies.set(Error::sync_lost, false);
+    case 0x1017:
+      if (value == 0) return;
+      [[fallthrough]];
+    case 0x100C:
+    case 0x100D:
+      return emergencies.set(Error::life_guarding, false);
+    case 0x1016:
+      if (!supervision.is_any_lost()) emergencies.set(Error::heartbeat, false);
+      return;
     case 0x1010: {
       const Range& group = groups[object.sub - 1U];
       dictionary.store(group.first, group.last);

@@ -7,10 +7,10 @@ namespace imud::canopen {
 namespace {
 
 constexpr std::size_t largest_payload = 8;
-constexpr Nanoseconds inhibit_unit = std::chrono::microseconds(100), timer_unit = std::chrono::milliseconds(1);
+constexpr Nanoseconds timer_unit = std::chrono::milliseconds(1);
 
 // Positions of the objects of PDO `i`.
-constexpr std::size_t communication(unsigned i, unsigned sub) noexcept {
+constexpr std::size_t parameter(unsigned i, unsigned sub) noexcept {
   return find_object(static_cast<std::uint16_t>(0x1800 + i), static_cast<std::uint8_t>(sub));
 }
 constexpr std::size_t mapping(unsigned i, unsigned sub) noexcept {
@@ -39,7 +39,7 @@ void TransmitPdos::start(unsigned i) noexcept {
   pdo.has_sample = false;
   pdo.next.reset();
   pdo.latched.reset();
-  const bool awaits_counter = dictionary_[at(0x1019)] != 0 && dictionary_[communication(i, 6)] != 0;
+  const bool awaits_counter = dictionary_[at(0x1019)] != 0 && dictionary_[parameter(i, 6)] != 0;
   pdo.syncs = awaits_counter ? 0 : pdo.type;
 }
 
@@ -49,10 +49,10 @@ void TransmitPdos::update() noexcept {
     const bool was_valid = pdo.is_valid();
     const unsigned type_before = pdo.type;
     const Nanoseconds timer_before = pdo.timer;
-    pdo.inhibit = static_cast<std::int64_t>(dictionary_[communication(i, 3)]) * inhibit_unit;
-    pdo.timer = static_cast<std::int64_t>(dictionary_[communication(i, 5)]) * timer_unit;
-    pdo.cob_id = dictionary_.u32(communication(i, 1));
-    pdo.type = dictionary_.u32(communication(i, 2));
+    pdo.inhibit = static_cast<std::int64_t>(dictionary_[parameter(i, 3)]) * inhibit_unit;
+    pdo.timer = static_cast<std::int64_t>(dictionary_[parameter(i, 5)]) * timer_unit;
+    pdo.cob_id = dictionary_.u32(parameter(i, 1));
+    pdo.type = dictionary_.u32(parameter(i, 2));
     pdo.mapped_count = 0;
     pdo.size = 0;
     for (unsigned k = 1; k <= dictionary_[mapping(i, 0)]; ++k) {
@@ -90,7 +90,7 @@ Abort TransmitPdos::check_communication(unsigned i, unsigned sub, std::uint64_t 
       return value > last_cyclic && value < remote_of_sync ? Abort::value : Abort::none;
     case 3:
     case 6:
-      return is_valid && value != dictionary_[communication(i, sub)] ? Abort::state : Abort::none;
+      return is_valid && value != dictionary_[parameter(i, sub)] ? Abort::state : Abort::none;
     default:
       return Abort::none;
   }
@@ -145,7 +145,7 @@ bool TransmitPdos::is_due_at_sync(unsigned i, unsigned counter) noexcept {
   Pdo& pdo = pdos_[i];
   if (pdo.type == at_sync_if_new) return pdo.has_sample;
   if (pdo.syncs == 0) {
-    if (counter != dictionary_[communication(i, 6)]) return false;
+    if (counter != 0 && counter != dictionary_[parameter(i, 6)]) return false;
     pdo.syncs = 1;
   }
   if (--pdo.syncs != 0) return false;
@@ -186,7 +186,7 @@ TransmitPdos::Payload TransmitPdos::payload(Pdo& pdo, const Reading& reading) co
     const Object& object = objects[pdo.mapped[k]];
     const std::uint64_t value = object.index == objects[at(0x1001)].index ? error_register_ : measure(object, own);
     const std::size_t size = size_of(object.type);
-    put_number(value, std::span(data).subspan(used, size));
+    write_little(value, std::span(data).subspan(used, size));
     used += size;
   }
   pdo.increments = {};
@@ -199,7 +199,7 @@ void TransmitPdos::transmit(Pdo& pdo, const Reading& reading, FrameBuffer& out) 
 }
 
 void TransmitPdos::transmit(const Pdo& pdo, const Payload& data, FrameBuffer& out) const noexcept {
-  send(pdo.id(), std::span(data).first(pdo.size), out);
+  if (pdo.size != 0) send(pdo.id(), std::span(data).first(pdo.size), out);
 }
 
 void TransmitPdos::restart_increments() noexcept {

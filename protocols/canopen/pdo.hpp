@@ -9,6 +9,7 @@
 // | 254, 255          | with the first sample after the event timer (1800:5) has elapsed; if it is 0, with each     |
 // |                   | sample, but not before the inhibit time (1800:3) has passed                                 |
 //
+// A PDO without objects is never sent.
 // A PDO of any other type than 252 also answers a remote request, unless bit 30 of its COB-ID (1800:1) forbids it.
 // Increments are the sums over the samples since the PDO was sent last, or since the device became operational.
 #pragma once

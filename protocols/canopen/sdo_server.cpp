@@ -103,7 +103,7 @@ void SdoServer::answer_upload(FrameBuffer& out) noexcept {
     return;
   }
   Message message = header(0x41);
-  put_number(size_, std::span(message).last<4>());
+  write_little(size_, std::span(message).last<4>());
   answer(message, out);
   transfer_ = Transfer::upload;
   toggle_ = false;
@@ -149,7 +149,7 @@ void SdoServer::begin_download(Request request, DeviceTime now, FrameBuffer& out
 void SdoServer::begin_receiving(bool has_size, Request request, FrameBuffer& out) noexcept {
   address(request);
   announced_.reset();
-  if (has_size) announced_ = static_cast<std::size_t>(get_number(request.last<4>()));
+  if (has_size) announced_ = static_cast<std::size_t>(read_little(request.last<4>()));
   size_ = 0;
   const Abort refused = access_.check_write(index_, sub_, announced_);
   if (refused != Abort::none) return abort(refused, out);
@@ -218,7 +218,7 @@ void SdoServer::block_segment(Request request, FrameBuffer& out) noexcept {
 void SdoServer::end_block_download(Request request, DeviceTime now, FrameBuffer& out) noexcept {
   if (transfer_ != Transfer::block_download_end) return abort(Abort::command, out);
   size_ -= std::min<std::size_t>(size_, byte(request, 0) >> 2 & 7U);
-  if (has_crc_ && get_number(request.subspan<1, 2>()) != crc()) return abort(Abort::crc, out);
+  if (has_crc_ && read_little(request.subspan<1, 2>()) != crc()) return abort(Abort::crc, out);
   const Message message = {std::byte{0xA1}};
   store(std::span(data_).first(size_), message, now, out);
 }
@@ -236,7 +236,7 @@ void SdoServer::begin_block_upload(Request request, FrameBuffer& out) noexcept {
   if (block_size_ == 0 || block_size_ > largest_block) return abort(Abort::block_size, out);
   has_crc_ = (byte(request, 0) & 4U) != 0;
   Message message = header(0xC6);
-  put_number(size_, std::span(message).last<4>());
+  write_little(size_, std::span(message).last<4>());
   answer(message, out);
   transfer_ = Transfer::block_upload_start;
 }
@@ -277,7 +277,7 @@ void SdoServer::acknowledge_block(Request request, DeviceTime now, FrameBuffer& 
   }
   const std::size_t in_last = size_ - std::min(size_, done_ + (acknowledged - 1) * segment_size);
   Message message = {static_cast<std::byte>(0xC1U | static_cast<unsigned>(segment_size - in_last) << 2)};
-  if (has_crc_) put_number(crc(), std::span(message).subspan<1, 2>());
+  if (has_crc_) write_little(crc(), std::span(message).subspan<1, 2>());
   answer(message, out);
   transfer_ = Transfer::block_upload_end;
 }
@@ -286,13 +286,13 @@ void SdoServer::acknowledge_block(Request request, DeviceTime now, FrameBuffer& 
 
 void SdoServer::address(Request request) noexcept {
   finish();
-  index_ = static_cast<std::uint16_t>(get_number(request.subspan<1, 2>()));
+  index_ = static_cast<std::uint16_t>(read_little(request.subspan<1, 2>()));
   sub_ = std::to_integer<std::uint8_t>(request[3]);
 }
 
 SdoServer::Message SdoServer::header(unsigned command) const noexcept {
   Message message = {static_cast<std::byte>(command)};
-  put_number(index_, std::span(message).subspan<1, 2>());
+  write_little(index_, std::span(message).subspan<1, 2>());
   message[3] = static_cast<std::byte>(sub_);
   return message;
 }
@@ -304,7 +304,7 @@ void SdoServer::answer(const Message& message, FrameBuffer& out) const noexcept 
 void SdoServer::abort(Abort code, FrameBuffer& out) noexcept {
   ++aborts_;
   Message message = header(0x80);
-  put_number(static_cast<std::uint32_t>(code), std::span(message).last<4>());
+  write_little(static_cast<std::uint32_t>(code), std::span(message).last<4>());
   answer(message, out);
   finish();
 }

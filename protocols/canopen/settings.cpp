@@ -174,6 +174,7 @@ std::array<TpdoSettings, tpdos> tpdos_of(const Settings& settings) {
     all[i] = {settings.flag(tpdo_key(i, "_enabled")), static_cast<unsigned>(settings.integer(type_key)),
               static_cast<unsigned>(settings.integer(tpdo_key(i, "_event_ms"))),
               mapped_objects(settings, tpdo_key(i))};
+    all[i].is_enabled = all[i].is_enabled && !all[i].mapped.empty();
     if (all[i].type > 240 && all[i].type < 252)
       throw std::invalid_argument(type_key + ": must be 0 to 240, or 252 to 255");
   }

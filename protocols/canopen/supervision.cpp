@@ -33,7 +33,10 @@ void Supervision::update(std::size_t position, DeviceTime now) noexcept {
   if (object.index == objects[at(0x1017)].index) {
     alarms_.clear(Alarm::heartbeat);
     const auto period = static_cast<std::int64_t>(dictionary_[at(0x1017)]);
-    if (period != 0) alarms_.set(Alarm::heartbeat, now + period * millisecond);
+    if (period != 0) {
+      alarms_.set(Alarm::heartbeat, now + period * millisecond);
+      alarms_.clear(Alarm::life_guarding);  // a node has either
+    }
   }
   if (object.index == objects[at(0x1016)].index) {
     alarms_.clear(alarm_of(object.sub - 1U));

@@ -103,6 +103,20 @@ TEST(CanopenPdo, TheStartValueChoosesTheFirstSync) {
   EXPECT_EQ(unit.write(0x1019, 0, 0, 1), 0x08000022U) << "while SYNC has a period";
 }
 
+TEST(CanopenPdo, TheStartValueIsOfNoUseWithoutACounter) {
+  Unit unit(counter_only);
+  unit.pass(0s);
+  unit.write(0x1019, 0, 10, 1);
+  reconfigure(unit, [&] {
+    unit.write(0x1800, 2, 1, 1);
+    unit.write(0x1800, 6, 4, 1);
+  });
+  unit.step();
+  EXPECT_EQ(unit.send("080#01"), "");
+  EXPECT_EQ(unit.write(0x1019, 0, 0, 1), 0U);
+  EXPECT_EQ(unit.send("080#"), "18A#00");
+}
+
 TEST(CanopenPdo, ASyncThatStaysAwayIsReported) {
   Unit unit("heartbeat_ms=0");
   unit.pass(0s);
@@ -176,6 +190,9 @@ TEST(CanopenPdo, AMasterMapsOtherObjects) {
     EXPECT_EQ(unit.write(0x1A00, 5, 0, 4), 0U);
     EXPECT_EQ(unit.write(0x1A00, 0, 3, 1), 0U);
   });
+  reconfigure(unit, [&] { EXPECT_EQ(unit.write(0x1A00, 0, 0, 1), 0U); });
+  EXPECT_EQ(unit.step() + unit.send("18A#R"), "") << "without objects";
+  reconfigure(unit, [&] { EXPECT_EQ(unit.write(0x1A00, 0, 3, 1), 0U); });
   unit.sample.temperature_c = -12.34;
   EXPECT_EQ(unit.step(), "18A#000040002EFB00") << "0.25 rad/s, -12.34 degrees, no error";
   unit.sample.status = status::not_valid;

@@ -145,6 +145,41 @@ TEST(Canopen, NoticesThatAHeartbeatIsLost) {
   EXPECT_EQ(unit.read(0x1001), 0U);
 }
 
+// Otherwise the error of what is not supervised any more would last until a reset.
+TEST(Canopen, AnErrorEndsWithItsSupervision) {
+  Unit unit("heartbeat_ms=0");
+  unit.pass(0s);
+  unit.write(0x1015, 0, 0, 2);
+  unit.write(0x1016, 1, 0x0001'00C8, 4);
+  unit.write(0x1016, 2, 0x0002'00C8, 4);
+  unit.send("701#05 702#05");
+  EXPECT_EQ(unit.pass(200ms), "08A#3081110301000000");
+  EXPECT_EQ(unit.write(0x1016, 1, 0, 4), 0U);
+  EXPECT_EQ(unit.read(0x1001), 0x11U) << "node 2 is still lost";
+  EXPECT_EQ(unit.send(unit.request(0x23, 0x1016, 2, 0)), "58A#6016100200000000 08A#0000000301000000");
+  unit.write(0x100C, 0, 100, 2);
+  unit.write(0x100D, 0, 2, 1);
+  unit.send("70A#R");
+  EXPECT_EQ(unit.pass(200ms), "08A#3081110400000000");
+  EXPECT_EQ(unit.write(0x1017, 0, 0, 2), 0U) << "as before";
+  EXPECT_EQ(unit.send(unit.request(0x2F, 0x100D, 0, 0)), "58A#600D100000000000 08A#0000000400000000");
+  unit.write(0x1006, 0, 10'000, 4);
+  unit.send("080#");
+  EXPECT_EQ(unit.pass(15ms), "08A#0081110500000000");
+  EXPECT_EQ(unit.send(unit.request(0x23, 0x1006, 0, 0)), "58A#6006100000000000 08A#0000000500000000");
+}
+
+// A node has either (CiA 301, 7.2.8): a master that prefers heartbeats need not go on guarding.
+TEST(Canopen, HeartbeatsEndTheLifeTime) {
+  Unit unit("heartbeat_ms=0");
+  unit.pass(0s);
+  unit.write(0x100C, 0, 100, 2);
+  unit.write(0x100D, 0, 3, 1);
+  unit.send("000#0100 70A#R");
+  EXPECT_EQ(unit.write(0x1017, 0, 400, 2), 0U);
+  EXPECT_EQ(unit.pass(400ms), "70A#05");
+}
+
 TEST(Canopen, WhatAnErrorOfTheCommunicationDoesIsASetting) {
   const char* expected[] = {"70A#7F", "70A#05", "70A#04"};
   for (unsigned behaviour = 0; behaviour < 3; ++behaviour) {

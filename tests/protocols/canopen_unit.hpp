@@ -1,63 +1,28 @@
-// A CANopen device under test, whose frames are text as candump writes it, separated by blanks.
+// A CANopen device under test, whose frames are one text, separated by blanks.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <cstring>
-#include <memory>
 #include <sstream>
-#include <string>
-#include <vector>
 
-#include "tests/protocols/can_text.hpp"
-#include "tests/protocols/recording.hpp"
+#include "tests/protocols/can_unit.hpp"
 
 namespace imud::canopen_test {
 
-using namespace std::chrono_literals;
-
-struct Unit {
+struct Unit : CanUnit {
   // Without a start-up time, unless the settings have one.
-  explicit Unit(const std::string& settings = "")
-      : protocol(protocol_named("canopen")),
-        device(protocol.make(settings_of(protocol, "start_up_ms=0 " + settings))) {
+  explicit Unit(const std::string& chosen = "") : CanUnit("canopen", "start_up_ms=0 " + chosen) {
     sample.rate = {0.25, -0.5, 1};
     sample.specific_force = {1, -2, -9.75};
   }
 
-  // Frames that arrive now; returns the answers.
-  std::string send(std::string_view text) {
-    std::string sent;
-    each_frame(text, [&](const Frame& frame) {
-      frames->clear();
-      device->receive(frame, now, *frames);
-      collect(sent);
-    });
-    return sent;
-  }
-  // Time that passes without samples; returns what the device sends on its own.
-  std::string pass(Nanoseconds time) {
-    std::string sent;
-    const DeviceTime end = now + time;
-    for (auto due = device->deadline(); due && *due <= end; due = device->deadline()) {
-      now = std::max(now, *due);
-      frames->clear();
-      device->poll(now, *frames);
-      EXPECT_GT(device->deadline().value_or(now + 1ns), now);
-      collect(sent);
-    }
-    now = end;
-    return sent;
-  }
+  std::string send(std::string_view text) { return joined(give(text)); }
+  std::string pass(Nanoseconds time) { return joined(CanUnit::pass(time)); }
   // A sample after `time`; returns what is sent until then, and with it.
   std::string step(Nanoseconds time = 10ms) {
-    std::string sent = pass(time);
-    sample.time = now;
-    frames->clear();
-    device->sample(sample, *frames);
+    Texts sent = CanUnit::pass(time);
+    for (std::string& text : CanUnit::sample(sample)) sent.push_back(std::move(text));
     ++sample.counter;
-    collect(sent);
-    return sent;
+    return joined(sent);
   }
 
   // SDO, expedited. `size` bytes of `value` are written; returns the abort code, or 0.
@@ -89,23 +54,9 @@ struct Unit {
   std::uint32_t abort_of(const std::string& answer) const {
     return answer.size() == 20 && answer.substr(4, 2) == "80" ? number(answer.substr(12)) : answer.empty() ? 1 : 0;
   }
-  std::uint64_t count(std::string_view key) const {
-    for (std::size_t i = 0; i < protocol.counters.size(); ++i)
-      if (protocol.counters[i].key == key) return device->counts()[i];
-    throw std::logic_error("no such counter");
-  }
 
-  const Protocol& protocol;
-  std::unique_ptr<Device> device;
-  DeviceTime now;
   Sample sample;
   unsigned node_id = 10;
-
- private:
-  void collect(std::string& sent) {
-    for (const Frame& frame : frames->frames()) sent += (sent.empty() ? "" : " ") + can_text(frame);
-  }
-  std::unique_ptr<FrameBuffer> frames = std::make_unique<FrameBuffer>();
 };
 
 }  // namespace imud::canopen_test
