@@ -9,6 +9,11 @@
 
 namespace imud {
 
+// Returns the earlier of two times; nullopt stands for one that is not scheduled.
+constexpr std::optional<DeviceTime> earlier(std::optional<DeviceTime> a, std::optional<DeviceTime> b) noexcept {
+  return !b || (a && *a < *b) ? a : b;
+}
+
 // `Reason` is an enumeration from 0 whose last enumerator, `count`, is the number of reasons. At most one deadline is
 // scheduled for each. Allocates nothing. One thread.
 template <class Reason>

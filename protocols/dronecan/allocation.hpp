@@ -9,6 +9,7 @@
 #include <span>
 
 #include "core/time.hpp"
+#include "protocols/deadlines.hpp"
 #include "protocols/dronecan/messages.hpp"
 
 namespace imud::dronecan {
@@ -24,12 +25,12 @@ class Allocation {
 
   // Begins at `now`; requests are sent until there is a node id.
   void start(DeviceTime now) noexcept;
-  void stop() noexcept { request_.reset(); }
+  void stop() noexcept { timers_.clear(); }
   // As in Device; nullopt if nothing is requested.
-  std::optional<DeviceTime> deadline() const noexcept;
+  std::optional<DeviceTime> deadline() const noexcept { return timers_.next(); }
   // Writes the request that is due at `now`, which is deadline() or later.
   Payload poll(DeviceTime now) noexcept;
-  void step_clock(Nanoseconds by) noexcept;
+  void step_clock(Nanoseconds by) noexcept { timers_.step_clock(by); }
 
   // Reports that another node has requested a node id: this one waits.
   void wait(DeviceTime now) noexcept;
@@ -42,9 +43,13 @@ class Allocation {
 
   UniqueId unique_id_;
   std::minstd_rand random_;
-  std::optional<DeviceTime> request_;    // when the first part is sent; nullopt: no node id is requested
-  std::optional<DeviceTime> follow_up_;  // when the next part is sent
-  std::size_t known_ = 0;                // bytes of the unique id that the allocator has
+  enum class Timer : std::uint8_t {
+    follow_up,  // the next part is sent
+    request,    // the first part is sent; not scheduled: no node id is requested
+    count
+  };
+  Deadlines<Timer> timers_;
+  std::size_t known_ = 0;  // bytes of the unique id that the allocator has
 };
 
 }  // namespace imud::dronecan

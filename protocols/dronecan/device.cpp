@@ -9,6 +9,7 @@
 #include <array>
 #include <utility>
 
+#include "protocols/deadlines.hpp"
 #include "protocols/dronecan/bus_time.hpp"
 #include "protocols/dronecan/conformance.hpp"
 #include "protocols/dronecan/services.hpp"
@@ -46,7 +47,7 @@ class DroneCanDevice final : public Device {
     bus_time_.clear();
     transfer_ids_ = {};
     samples_ = 0;
-    begin_integrals();
+    increments_ = {};
     node_.id = static_cast<unsigned>(node_.memory.active[node_id_key]);
     allocation_.stop();
     if (node_.id == anonymous)
@@ -60,9 +61,7 @@ class DroneCanDevice final : public Device {
     if ((sample.status & saturated) != 0) node_.health = std::max(node_.health, health_warning);
     if ((sample.status & status::not_valid) != 0) node_.health = std::max(node_.health, health_error);
     if (node_.id == anonymous || !node_.is_operational(sample.time)) return;
-    delta_angle_ += sample.delta_angle;
-    delta_velocity_ += sample.delta_velocity;
-    ++integrated_;
+    increments_.add(sample);
     ++samples_;
     for (const Stream& stream : streams)
       if (const std::int64_t hz = node_.memory.active[stream.rate];
@@ -100,9 +99,7 @@ class DroneCanDevice final : public Device {
   }
 
   std::optional<DeviceTime> deadline() const noexcept override {
-    const DeviceTime own = node_.id != anonymous ? next_status_ : allocation_.deadline().value_or(next_status_);
-    const auto timeout = receiver_.deadline();
-    return timeout ? std::min(own, *timeout) : own;
+    return earlier(node_.id != anonymous ? next_status_ : allocation_.deadline(), receiver_.deadline());
   }
 
   void poll(DeviceTime now, FrameBuffer& out) noexcept override {
@@ -175,13 +172,14 @@ class DroneCanDevice final : public Device {
   }
 
   void send_measurement(const DataType& type, const Sample& sample, FrameBuffer& out) noexcept {
-    const std::uint64_t time = is_device_time_ ? static_cast<std::uint64_t>(microseconds(sample.time - DeviceTime{}))
-                                               : bus_time_.at(sample.time);
+    const std::uint64_t time = is_device_time_
+                                   ? static_cast<std::uint64_t>(microseconds(sample.time - node_.power_on))
+                                   : bus_time_.at(sample.time);
     const auto priority = static_cast<unsigned>(node_.memory.active[priority_key]);
     switch (type.id) {
       case raw_imu.id:
         broadcast(type, priority, raw_imu_of(sample, time), out);
-        begin_integrals();
+        increments_ = {};
         break;
       case solution.id: {
         SolutionWire wire{};
@@ -226,16 +224,10 @@ class DroneCanDevice final : public Device {
     put_halves(sample.specific_force, wire.specific_force);
     if (node_.memory.active[integrals_key] == 0) return wire;
     wire.integration_interval =
-        to_float(static_cast<double>(integrated_) / static_cast<double>(node_.memory.sample_rate));
-    put_vector(delta_angle_, wire.delta_angle);
-    put_vector(delta_velocity_, wire.delta_velocity);
+        to_float(static_cast<double>(increments_.samples) / static_cast<double>(node_.memory.sample_rate));
+    put_vector(increments_.delta_angle, wire.delta_angle);
+    put_vector(increments_.delta_velocity, wire.delta_velocity);
     return wire;
-  }
-
-  void begin_integrals() noexcept {
-    delta_angle_.setZero();
-    delta_velocity_.setZero();
-    integrated_ = 0;
   }
 
   template <WireLayout T>
@@ -267,8 +259,7 @@ class DroneCanDevice final : public Device {
   DeviceTime next_status_;
   std::array<std::uint8_t, streams.size() + 2> transfer_ids_;  // of the streams, NodeStatus, Allocation
   std::int64_t samples_ = 0;                                   // since the node became operational
-  Vector3 delta_angle_, delta_velocity_;                       // since the last RawIMU
-  std::int64_t integrated_ = 0;                                // samples in them
+  Increments increments_;                                      // since the last RawIMU
   std::uint64_t refused_ = 0;                                  // received transfers whose content was impossible
   std::array<std::uint64_t, counts_size> counts_ = {};
 };

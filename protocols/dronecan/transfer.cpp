@@ -5,6 +5,8 @@
 #include <boost/endian/conversion.hpp>
 #include <utility>
 
+#include "protocols/deadlines.hpp"
+
 namespace imud::dronecan {
 
 namespace {
@@ -97,24 +99,23 @@ bool Reception::feed(std::span<const std::byte> frame, const DataType& type, Dec
   if (frame.empty() || frame.size() > frame_data + 1) return false;
   const Tail tail = Tail::parse(frame.back());
   std::span<const std::byte> data = frame.first(frame.size() - 1);
-  bool is_in_order = tail.is_last || data.size() == frame_data;
+  const bool is_full = tail.is_last || data.size() == frame_data;
   if (tail.is_first) {
     errors.incomplete += is_active_;
-    is_active_ = true;
     toggle_ = false;
     transfer_id_ = tail.transfer_id;
     size_ = 0;
-    if (!tail.is_last && is_in_order) {
+    if (!tail.is_last && is_full) {
       crc_ = std::to_integer<unsigned>(data[0]) | std::to_integer<unsigned>(data[1]) << 8;
       data = data.subspan(2);
     }
-  } else if (!is_active_) {
+  } else if (!is_active_ || tail.transfer_id != transfer_id_ || tail.toggle != toggle_) {
     return false;
   }
-  is_in_order = is_in_order && tail.transfer_id == transfer_id_ && tail.toggle == toggle_ && append(data);
+  const bool is_good = is_full && tail.toggle == toggle_ && append(data);
   toggle_ = !toggle_;
-  is_active_ = is_in_order && !tail.is_last;
-  if (!is_in_order) {
+  is_active_ = is_good && !tail.is_last;
+  if (!is_good) {
     ++errors.malformed;
     return false;
   }
@@ -168,8 +169,8 @@ std::optional<std::span<const std::byte>> Receiver::feed(const Identifier& ident
 std::optional<DeviceTime> Receiver::deadline() const noexcept {
   std::optional<DeviceTime> first;
   for (const Slot& slot : slots_)
-    if (slot.reception.is_active() && (!first || slot.begin < *first)) first = slot.begin;
-  return first ? std::optional(*first + transfer_timeout) : std::nullopt;
+    if (slot.reception.is_active()) first = earlier(first, slot.begin + transfer_timeout);
+  return first;
 }
 
 void Receiver::poll(DeviceTime now) noexcept {

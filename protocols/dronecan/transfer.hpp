@@ -75,9 +75,10 @@ struct Tail {
 std::size_t send(const Identifier& identifier, const DataType& type, unsigned transfer_id,
                  std::span<const std::byte> payload, FrameBuffer& out) noexcept;
 
-// Assembles transfers of one data type from one node. A transfer that another one follows before its last frame is
-// counted as incomplete; one whose frames are not in order, are not full or are too many, as malformed. Frames
-// without a first frame are discarded.
+// Assembles transfers of one data type from one node. A frame out of turn is discarded, as a controller may receive
+// one twice (the toggle's purpose); where one is missing, the CRC or the length is wrong. A transfer that another one
+// follows before its last frame is counted as incomplete; one whose frames are not full or are too many, as
+// malformed.
 class Reception {
  public:
   // Processes the data of one frame. Returns true if a transfer is complete: payload() holds it until the next call.

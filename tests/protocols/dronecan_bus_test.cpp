@@ -60,7 +60,7 @@ TEST(DroneCanAllocation, RequestsEvery600To1000MillisecondsAtRandom) {
     if (delay < 600ms) delays.insert(delay.count());
     if (i % 16 == 15) unit.pass(3s);  // a repeated transfer id is discarded until then
   }
-  EXPECT_GT(delays.size(), 150U);
+  ASSERT_GT(delays.size(), 150U);
   EXPECT_LE(*delays.rbegin(), 400'000'000);
   EXPECT_GT(*delays.rbegin(), 390'000'000);
 }
@@ -78,15 +78,35 @@ TEST(DroneCanAllocation, WaitsWhenAnotherNodeAsks) {
   EXPECT_EQ(unit.pass(410ms).substr(9, 2), "01") << "and it begins again";
 }
 
+// Returns an allocator's message with a whole unique id: 00, 01 ... 0E, `last`.
+std::string assignment(unsigned node_id, std::uint8_t last, unsigned transfer_id) {
+  dronecan::Payload payload;
+  payload.put_byte(node_id << 1);
+  for (unsigned i = 0; i < 15; ++i) payload.put_byte(i);
+  payload.put_byte(last);
+  FrameBuffer frames;
+  dronecan::send({.priority = 20, .type = dronecan::allocation.id, .source = 127}, dronecan::allocation, transfer_id,
+                 payload.bytes(), frames);
+  return text_of(frames.frames());
+}
+
 TEST(DroneCanAllocation, IgnoresOtherUnitsAndRefusals) {
   Unit unit(dynamic);
+  EXPECT_EQ(assignment(100, 0x0F, 2), assigned);
   unit.pass(1s);
-  for (const std::string_view other : {"1400017F#00FF0102030405C0", "1400017F#C8000102030405C1", "1400017F#C8C2"}) {
-    unit.answer(other);
-    unit.pass(450ms);
-  }
-  unit.pass(3s);
+  unit.answer("1400017F#00FF0102030405C0");
+  EXPECT_EQ(unit.pass(450ms), "") << "another unit's first part";
+  unit.answer("1400017F#C8C1");
+  EXPECT_EQ(unit.pass(450ms), "") << "no unique id";
+  unit.answer("1400017F#C8000102030405C2");
+  EXPECT_EQ(frames_in(unit.pass(450ms)), 1U) << "a node id, but not the whole unique id: the next part";
+  unit.answer(assignment(100, 0x10, 3));
+  EXPECT_EQ(unit.pass(450ms), "") << "another unit's node id";
+  unit.answer(assignment(0, 0x0F, 4));
   EXPECT_EQ(unit.sample(), "");
+  EXPECT_EQ(unit.pass(1s).substr(0, 9), anonymous) << "it still has none";
+  unit.answer(assignment(100, 0x0F, 5));
+  EXPECT_EQ(frames_in(unit.sample()), 7U);
 }
 
 TEST(DroneCanAllocation, IsTheSameInEveryRun) {
@@ -190,6 +210,36 @@ TEST_F(DroneCanTime, MayBeAnyNumberOf56Bits) {
   EXPECT_EQ(time(), 999'999) << "it wraps";
 }
 
+// --- The clock
+
+TEST(DroneCanClock, MayBeStepped) {
+  for (const std::string_view settings : {dynamic, std::string_view("raw_imu_hz=1000")}) {
+    Unit one(settings), other(settings);
+    std::string sent, sent_by_other;
+    for (int i = 0; i < 300; ++i) {
+      for (Unit* unit : {&one, &other}) {
+        std::string& text = unit == &one ? sent : sent_by_other;
+        text += unit->pass(37ms) + unit->sample() + ',';
+        if (i % 10 == 0)
+          text +=
+              unit->answer(sync(127, static_cast<unsigned>(i / 10), 1'000'000 + 370'000U * static_cast<unsigned>(i)));
+        if (i % 100 == 1) text += unit->answer("1E0BAA8A#0062000164000083");  // a transfer that has no end
+        if (i == 30) text += unit->answer(has_6);
+        if (i == 50) text += unit->answer(has_12);
+        if (i == 70) text += unit->answer(assigned);
+      }
+      if (i % 7 != 3) continue;
+      const Nanoseconds by = i % 2 == 0 ? 100s : -50s;
+      other.device->step_clock(by);
+      other.now = other.now + by;
+    }
+    EXPECT_EQ(sent, sent_by_other);
+    EXPECT_GT(frames_in(sent), 1000U);
+    EXPECT_EQ(one.count("transfers_timed_out"), settings == dynamic ? 0U : 3U);
+    EXPECT_EQ(other.count("transfers_timed_out"), one.count("transfers_timed_out"));
+  }
+}
+
 // --- Transfers
 
 constexpr std::string_view first = "1E0BAA8A#0062000164000083", second = "1E0BAA8A#0000000000726123",
@@ -213,14 +263,21 @@ TEST(DroneCanTransfers, TimeOutAfterTwoSeconds) {
   EXPECT_EQ(unit.answer(fourth), "");
   EXPECT_EQ(unit.count("transfers_malformed"), 0U);
   EXPECT_EQ(frames_in(unit.answer(join({first, second, third, fourth}))), 7U);
+  unit.pass(3s);
+  unit.answer(join({first, second}));
+  unit.pass(1500ms);
+  unit.answer(join({first, second, third}));
+  unit.pass(1500ms);
+  EXPECT_EQ(frames_in(unit.answer(fourth)), 7U) << "since the transfer's own first frame";
+  EXPECT_EQ(unit.count("transfers_timed_out"), 1U);
 }
 
 TEST(DroneCanTransfers, MustBeWhole) {
   Unit unit;
   std::uint64_t malformed = 0;
   for (const std::string& wrong :
-       {join({first, third, fourth}), join({first, second, second, third, fourth}), join({first, first, second}),
-        join({first, second, third, "1E0BAA8A#7B63"}), join({first, "1E0BAA8A#00000000007223"})}) {
+       {join({first, third, fourth}), join({first, first, second}), join({first, second, third, "1E0BAA8A#7B63"}),
+        join({first, "1E0BAA8A#00000000007223"})}) {
     EXPECT_EQ(unit.answer(wrong), "") << wrong;
     EXPECT_GT(unit.count("transfers_malformed"), malformed) << wrong;
     malformed = unit.count("transfers_malformed");
@@ -232,6 +289,19 @@ TEST(DroneCanTransfers, MustBeWhole) {
   EXPECT_EQ(unit.answer(join({first, second, third, fourth})), "") << "repeated";
   unit.pass(2s);
   EXPECT_EQ(frames_in(unit.answer(join({first, second, third, fourth}))), 7U) << "a transfer that has the same id";
+}
+
+// A controller may receive a frame twice, if the other nodes' acknowledgement of it is disturbed.
+TEST(DroneCanTransfers, MayHaveRepeatedFrames) {
+  Unit unit;
+  EXPECT_EQ(frames_in(unit.answer(join({first, second, second, third, third, fourth, fourth}))), 7U);
+  EXPECT_EQ(unit.answer(join({second, third})), "") << "of no transfer";
+  unit.pass(2s);
+  EXPECT_EQ(frames_in(unit.answer(join({first, second, "1E0BAA8A#775F696D755F6804", third, fourth}))), 7U)
+      << "a frame with another transfer id, and the toggle of the third";
+  EXPECT_EQ(unit.count("transfers_malformed"), 0U);
+  EXPECT_EQ(unit.answer("1E0BAA8A#0000E0"), "") << "the first frame has no toggle";
+  EXPECT_EQ(unit.count("transfers_malformed"), 1U);
 }
 
 TEST(DroneCanTransfers, MayBeAsLongAsTheLongestRequest) {
@@ -251,7 +321,15 @@ TEST(DroneCanTransfers, MayBeAsLongAsTheLongestRequest) {
   EXPECT_EQ(unit.count("transfers_malformed"), 1U);
 }
 
-// Of more unfinished transfers than can be received at once, the oldest are discarded.
+TEST(DroneCanTransfers, AreSentWholeOrNotAtAll) {
+  using namespace dronecan;
+  const auto frames = std::make_unique<FrameBuffer>();
+  const std::vector<std::byte> payload(200);
+  while (send({.type = 1003}, raw_imu, 0, payload, *frames) == 29) continue;
+  EXPECT_EQ(frames->frames().size(), 58U) << "64 fit";
+}
+
+// The oldest unfinished transfers are discarded if there are more than can be received at once.
 TEST(DroneCanTransfers, MayBeInterleaved) {
   const auto from = [](std::string_view frame, unsigned source) {
     std::string text(frame);

@@ -140,7 +140,7 @@ TEST(DroneCanServices, ReportsTransportStatistics) {
   unit.sample();               // RawIMU: 7 frames
   unit.answer("1E01AA8A#C0");  // GetNodeInfo: 8 frames
   EXPECT_EQ(unit.count("transfers_malformed"), 0U);
-  unit.answer("1E0BAA8A#0000000000000082 1E0BAA8A#0000000000000002");  // the toggle is wrong
+  unit.answer("1E0BAA8A#0000000000000082 1E0BAA8A#00000022");  // the second frame is not full
   EXPECT_EQ(unit.count("transfers_malformed"), 1U);
   Frame error;
   error.can.error = true;

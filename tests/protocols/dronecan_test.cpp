@@ -74,6 +74,8 @@ TEST(DroneCan, IntegratesOverTheIntervalOfEachMessage) {
     ASSERT_EQ(text.empty(), i % 5 != 0) << i;
     sent += sample.delta_angle.x();
     if (!text.empty()) {
+      ASSERT_FALSE(measurements.empty());
+      EXPECT_EQ(text.substr(39, 8), "0AD7A33B") << "the interval: 0.005F";
       got += measurements.back().sample.delta_angle.x();
       EXPECT_NEAR(got, sent, 1e-4);
       EXPECT_EQ(measurements.back().sample.delta_velocity.y(), -measurements.back().sample.delta_angle.x());
@@ -105,6 +107,19 @@ TEST(DroneCan, MeasuresOnceItIsOperational) {
     }
   }
   EXPECT_EQ(measured, 501U);
+}
+
+TEST(DroneCan, ADeviceTimeIsTheTimeSincePowerOn) {
+  Unit unit("raw_imu_hz=1000 timestamp=device");
+  const auto time = [&] { return unit.decoded(unit.sample()).at(0).sample.time.ns; };
+  unit.pass(5s);
+  EXPECT_EQ(time(), 5'000'000'000);
+  unit.device->step_clock(-2s);
+  unit.now = unit.now - 2s;
+  EXPECT_EQ(time(), 5'000'000'000);
+  unit.device->power_on(unit.now);
+  unit.pass(3ms);
+  EXPECT_EQ(time(), 3'000'000);
 }
 
 TEST(DroneCan, EveryTransferHasTheNextId) {
