@@ -21,7 +21,7 @@ bool AddressClaim::on_claim(const Message& claim_of_other, DeviceTime now, Frame
   on_other(source);
   if (source != address_) return false;
   // Two nodes must not have the same NAME. If they do, both move, as ACEINNA's firmware does.
-  if (name_.word() < word_of(claim_of_other.data)) {
+  if (name_.word() < read_little(claim_of_other.data)) {
     claim(now, out);
     return false;
   }
@@ -44,6 +44,7 @@ void AddressClaim::lose(DeviceTime now, FrameBuffer& out) noexcept {
     claim(now, out);
     ready_at_ = now + wait_;
   } else {
+    claim_at_.reset();  // a periodic one
     on_request(now, out);
   }
 }

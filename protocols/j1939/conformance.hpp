@@ -59,10 +59,19 @@ inline constexpr std::string_view host_bodies[] = {
     "1CEC8000#10090002FFD8FE00",                                                      // RTS
     "1CEB8000#010100E066008300",                                                      // and data
     "1CEB8000#028081FFFFFFFFFF",
-    "1CEC8000#110201FFFFC5FD00",  // CTS
-    "1CEC8000#110001FFFFC5FD00",  // CTS that holds
-    "1CEC8000#13190004FFC5FD00",  // end of message
-    "1CEC8000#FF02FFFFFFC5FD00",  // abort
+    "1CEC8000#110201FFFFC5FD00",        // CTS
+    "1CEC8000#110001FFFFC5FD00",        // CTS that holds
+    "1CEC8000#13190004FFC5FD00",        // end of message
+    "1CEC8000#FF02FFFFFFC5FD00",        // abort
+    "18EAFF00#C5FD00 18EAFF00#DAFE00",  // one broadcast after another
+    // RTS, answered by CTS, the first packets again and again; and by an abort.
+    "18EA8000#C5FD00 1CEC8000#110201FFFFC5FD00 1CEC8000#110401FFFFC5FD00 1CEC8000#110401FFFFC5FD00 "
+    "1CEC8000#110401FFFFC5FD00",
+    "18EA8000#C5FD00 1CEC8000#FF02FFFFFFC5FD00",
+    // Commanded address, packet by packet.
+    "1CEC8000#1009000201D8FE00 1CEB8000#010100E066008300 1CEB8000#028080FFFFFFFFFF",
+    "18EA8000#52FF00 18EA8000#55FF00 18EA8000#56FF00 18EA8000#57FF00 18EA8000#58FF00 18EA8000#5BFF00",
+    "1CECFF00#20090002FFD8FE00 1CEBFF00#010100E066008300 1CEBFF00#028080FFFFFFFFFF",  // the first address again
 };
 // Broadcasts that command the address 0x80, by the unit's NAME with the arbitrary-address bit, and without.
 inline constexpr std::string_view revive[] = {

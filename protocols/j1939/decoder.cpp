@@ -55,7 +55,7 @@ class J1939Decoder final : public Decoder {
     if (!message) return;
     const Header& header = message->header;
     if (header.pgn == pgn::address_claimed && message->data.size() == 8 && header.source < null_address &&
-        word_of(message->data) == name_)
+        read_little(message->data) == name_)
       source_ = header.source;
     if (header.source != source_) return;
     struct Kinds {
@@ -78,7 +78,7 @@ class J1939Decoder final : public Decoder {
  private:
   void add(const Message& message, const Scale& scale, Kind kind, bool is_fine, MeasurementSink& sink) {
     std::array<double, 3> numbers{};
-    if (message.data.size() != 8 || !decode(scale, word_of(message.data), numbers)) {
+    if (message.data.size() != 8 || !decode(scale, read_little(message.data), numbers)) {
       ++errors_.malformed;
       return;
     }

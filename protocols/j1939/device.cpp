@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/attitude.hpp"
+#include "protocols/deadlines.hpp"
 #include "protocols/j1939/conformance.hpp"
 #include "protocols/j1939/j1939.hpp"
 #include "protocols/j1939/transport.hpp"
@@ -96,10 +97,7 @@ class J1939Device final : public Device {
   }
 
   std::optional<DeviceTime> deadline() const noexcept override {
-    std::optional<DeviceTime> first = claim_.deadline();
-    for (const auto& other : {transport_.deadline(), restart_at_})
-      if (other && (!first || *other < *first)) first = other;
-    return first;
+    return earlier(claim_.deadline(), earlier(transport_.deadline(), restart_at_));
   }
 
   void poll(DeviceTime now, FrameBuffer& out) noexcept override {
@@ -145,7 +143,7 @@ class J1939Device final : public Device {
   void on_transfer(const Message& message, DeviceTime now, FrameBuffer& replies) noexcept {
     const std::uint8_t own = claim_.may_send(now) ? claim_.address() : null_address;
     const auto data = transport_.receive(message, own, now, replies);
-    if (!data || data->size() != 9 || word_of(*data) != unit_.name.word()) return;
+    if (!data || data->size() != 9 || read_little(data->first<8>()) != unit_.name.word()) return;
     const auto address = std::to_integer<std::uint8_t>((*data)[8]);
     if (address >= null_address) return;
     transport_.clear();

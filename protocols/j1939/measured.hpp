@@ -14,6 +14,7 @@
 // 65267  | 32 latitude, 32 longitude                     | 1e-7 deg, -210                      | none |
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>

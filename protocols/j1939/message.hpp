@@ -1,7 +1,6 @@
 // J1939's protocol data units (SAE J1939-21) on raw CAN: identifiers, parameter group numbers, frames of 8 bytes.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -9,6 +8,7 @@
 #include <span>
 
 #include "core/frame.hpp"
+#include "protocols/wire.hpp"
 
 namespace imud::j1939 {
 
@@ -89,25 +89,14 @@ struct Message {
 };
 
 // The eight bytes of a frame, as one little-endian number.
-constexpr std::array<std::byte, 8> bytes_of(std::uint64_t word) noexcept {
-  std::array<std::byte, 8> bytes{};
-  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::byte>(word >> 8 * i);
+inline std::array<std::byte, 8> bytes_of(std::uint64_t word) noexcept {
+  std::array<std::byte, 8> bytes;
+  write_little(word, bytes);
   return bytes;
-}
-// `bytes` has 8 elements.
-inline std::uint64_t word_of(Data bytes) noexcept {
-  std::uint64_t word = 0;
-  for (std::size_t i = 0; i < 8; ++i) word |= std::to_integer<std::uint64_t>(bytes[i]) << 8 * i;
-  return word;
 }
 
 // Appends a frame of at most 8 bytes to `out`.
-inline void send(const Header& header, Data data, FrameBuffer& out) noexcept {
-  const std::span<std::byte> room = out.room(data.size());
-  if (room.size() < data.size()) return;
-  std::ranges::copy(data, room.begin());
-  out.push(data.size(), header.can());
-}
+inline void send(const Header& header, Data data, FrameBuffer& out) noexcept { out.append(data, header.can()); }
 // Appends a frame of 8 bytes.
 inline void send(const Header& header, std::uint64_t word, FrameBuffer& out) noexcept {
   send(header, bytes_of(word), out);

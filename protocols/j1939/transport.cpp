@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "protocols/deadlines.hpp"
+
 namespace imud::j1939 {
 
 namespace {
@@ -122,6 +124,13 @@ Transport::Session* Transport::incoming(std::uint8_t source, bool to_everyone) n
   return nullptr;
 }
 
+// Requests the packets from the next one on, by CTS.
+void Transport::request_packets(Session& session, std::uint8_t own, DeviceTime now, FrameBuffer& out) const noexcept {
+  const unsigned count = std::min(session.at_once, session.packets - session.next + 1);
+  control(session, control_word(clear_to_send, count | session.next << 8 | 0xFFFF'0000U, session.pgn), own, out);
+  session.due = now + t2;
+}
+
 // RTS and BAM. A second one from the same node replaces the first.
 void Transport::open(const Message& message, std::uint8_t own, DeviceTime now, FrameBuffer& out) noexcept {
   const std::uint8_t source = message.header.source;
@@ -131,7 +140,8 @@ void Transport::open(const Message& message, std::uint8_t own, DeviceTime now, F
   if (session != nullptr && session->pgn != pgn && !to_everyone) return abort(source, pgn, Abort::busy, own, out);
   const std::size_t size = message[1] | std::size_t{message[2]} << 8;
   const unsigned packets = message[3];
-  const bool is_possible = size > 8 && packets == (size + packet_size - 1) / packet_size;
+  const bool is_possible =
+      size > 8 && packets == (size + packet_size - 1) / packet_size && (to_everyone || message[4] != 0);
   if (session == nullptr) {
     const auto free = std::ranges::find(incoming_, false, &Session::is_active);
     if (free != incoming_.end()) session = &*free;
@@ -148,8 +158,9 @@ void Transport::open(const Message& message, std::uint8_t own, DeviceTime now, F
   session->to_everyone = to_everyone;
   session->size = size;
   session->packets = packets;
-  session->due = now + (to_everyone ? t1 : t2);
-  if (!to_everyone) control(*session, control_word(clear_to_send, packets | 1U << 8 | 0xFFFF'0000U, pgn), own, out);
+  session->at_once = message[4];
+  session->due = now + t1;
+  if (!to_everyone) request_packets(*session, own, now, out);
 }
 
 std::optional<Data> Transport::on_data(const Message& message, std::uint8_t own, DeviceTime now,
@@ -166,7 +177,10 @@ std::optional<Data> Transport::on_data(const Message& message, std::uint8_t own,
   std::ranges::copy(message.data.subspan(1, std::min(packet_size, session->size - begin)),
                     session->buffer.begin() + static_cast<std::ptrdiff_t>(begin));
   session->due = now + t1;
-  if (session->next++ < session->packets) return std::nullopt;
+  if (session->next++ < session->packets) {
+    if (!session->to_everyone && sequence % session->at_once == 0) request_packets(*session, own, now, out);
+    return std::nullopt;
+  }
   session->is_active = false;
   if (!session->to_everyone)
     control(*session, control_word(end_of_message, announced(session->size, session->packets, 255), session->pgn),
@@ -221,7 +235,7 @@ std::optional<Data> Transport::receive(const Message& message, std::uint8_t own,
 std::optional<DeviceTime> Transport::deadline() const noexcept {
   std::optional<DeviceTime> first;
   const auto take = [&](const Session& session) {
-    if (session.is_active && !session.is_waiting && (!first || session.due < *first)) first = session.due;
+    if (session.is_active && !session.is_waiting) first = earlier(first, session.due);
   };
   std::ranges::for_each(incoming_, take);
   std::ranges::for_each(outgoing_, take);

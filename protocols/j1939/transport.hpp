@@ -83,6 +83,7 @@ class Transport {
     Data data = {};
     unsigned repetitions = 0;
     // Incoming
+    unsigned at_once = 0;  // packets that the sender can send for one CTS
     std::array<std::byte, max_size> buffer = {};
   };
 
@@ -94,6 +95,7 @@ class Transport {
   void on_control(const Message& message, std::uint8_t own, DeviceTime now, FrameBuffer& out) noexcept;
   void on_clear_to_send(Session& session, const Message& message, std::uint8_t own, DeviceTime now,
                         FrameBuffer& out) noexcept;
+  void request_packets(Session& session, std::uint8_t own, DeviceTime now, FrameBuffer& out) const noexcept;
   void open(const Message& message, std::uint8_t own, DeviceTime now, FrameBuffer& out) noexcept;
   std::optional<Data> on_data(const Message& message, std::uint8_t own, DeviceTime now, FrameBuffer& out) noexcept;
   Session* incoming(std::uint8_t source, bool to_everyone) noexcept;

@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/can/can_node.hpp"
-#include "tests/emulator/live_test.hpp"
+#include "tests/can/can_unit.hpp"
 
 namespace imud {
 namespace {
@@ -96,36 +95,16 @@ class KernelNode {
   FileDescriptor socket_;
 };
 
-class CanJ1939Test : public LiveTest {
+class CanJ1939Test : public CanUnitTest {
  protected:
-  void start_unit(const std::string& more = "") {
-    start(imud_, write("config.toml", fmt::format(R"(seed = 1
-clock = "realtime"
-[truth]
-port = "{}"
-format = "native"
-[[imu]]
-protocol = "j1939"
-port = "can:vcan0"
-before_first = "rest"
-{}
-)",
-                                                  simulator_.port(), more)));
-  }
   // It prefers the address 0x80, and may use the two after it.
   void start_other(std::uint64_t name) {
     other_.start({"-r", "128-130", "-a", "128", fmt::format("{:016x}", name), "vcan0"});
   }
-  // Returns the count of the unit's summary.
-  std::uint64_t count(const std::string& key) {
-    if (imud_.is_running()) {
-      EXPECT_EQ(imud_.stop(), 0) << imud_.errors();
-    }
-    return summary()["imus"][0][key];
-  }
+  std::uint64_t count(const std::string& key) { return end()[0][key]; }
 
   Bus bus_;
-  Program imud_{"imud"}, other_{"/usr/bin/j1939acd"};
+  Program other_{"/usr/bin/j1939acd"};
 };
 
 using Claims = std::vector<Bus::Claim>;
@@ -133,7 +112,7 @@ using Claims = std::vector<Bus::Claim>;
 TEST_F(CanJ1939Test, TheUnitTakesTheAddressOfANodeWithAHigherName) {
   start_other(higher_name);
   ASSERT_TRUE(bus_.wait_for(0x80, higher_name)) << other_.errors();
-  start_unit();
+  start_unit("j1939");
   ASSERT_TRUE(bus_.wait_for(0x81, higher_name)) << "the other node moves";
   ASSERT_TRUE(bus_.wait_for(0x80, 0)) << "the unit sends";
   EXPECT_EQ(bus_.claims, (Claims{{0x80, higher_name}, {0x80, unit_name}, {0x81, higher_name}}));
@@ -144,7 +123,7 @@ TEST_F(CanJ1939Test, TheUnitTakesTheAddressOfANodeWithAHigherName) {
 TEST_F(CanJ1939Test, TheUnitMovesIfTheNodeThatHasTheAddressHasALowerName) {
   start_other(lower_name);
   ASSERT_TRUE(bus_.wait_for(0x80, lower_name)) << other_.errors();
-  start_unit();
+  start_unit("j1939");
   ASSERT_TRUE(bus_.wait_for(0x81, unit_name)) << "the unit moves";
   ASSERT_TRUE(bus_.wait_for(0x81, 0)) << "the unit sends";
   EXPECT_EQ(bus_.claims, (Claims{{0x80, lower_name}, {0x80, unit_name}, {0x80, lower_name}, {0x81, unit_name}}));
@@ -155,7 +134,7 @@ TEST_F(CanJ1939Test, TheUnitMovesIfTheNodeThatHasTheAddressHasALowerName) {
 }
 
 TEST_F(CanJ1939Test, ARunningUnitMovesForANodeWithALowerName) {
-  start_unit();
+  start_unit("j1939");
   ASSERT_TRUE(bus_.wait_for(0x80, 0));
   start_other(lower_name);
   ASSERT_TRUE(bus_.wait_for(0x80, lower_name)) << other_.errors();
@@ -166,7 +145,7 @@ TEST_F(CanJ1939Test, ARunningUnitMovesForANodeWithALowerName) {
 }
 
 TEST_F(CanJ1939Test, ANodeWithAHigherNameFindsTheAddressOfARunningUnitInUse) {
-  start_unit();
+  start_unit("j1939");
   ASSERT_TRUE(bus_.wait_for(0x80, 0));
   start_other(higher_name);
   ASSERT_TRUE(bus_.wait_for(0x81, higher_name)) << other_.errors();
@@ -177,7 +156,7 @@ TEST_F(CanJ1939Test, ANodeWithAHigherNameFindsTheAddressOfARunningUnitInUse) {
 
 TEST_F(CanJ1939Test, TheKernelAndTheUnitExchangeLongMessages) {
   using namespace std::string_view_literals;
-  start_unit("device.identification = \"j1939\"\ndevice.packet_types = [\"ari\"]");
+  start_unit("j1939", "device.identification = \"j1939\"\ndevice.packet_types = [\"ari\"]");
   ASSERT_TRUE(bus_.wait_for(0x80, 0));
   const KernelNode host(0x21);
   constexpr std::uint32_t request = 0xEA00, ecu = 0xFDC5, software = 0xFEDA, commanded_address = 0xFED8;

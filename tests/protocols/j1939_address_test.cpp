@@ -89,6 +89,13 @@ TEST(J1939AddressTest, FallsSilentWithoutTheArbitraryAddressBit) {
   EXPECT_EQ(unit.sample().size(), 3U);
 }
 
+TEST(J1939AddressTest, ReportsItsLossAtOnceWhateverItsPeriod) {
+  Claimed unit("name_arbitrary_address=false claim_period_ms=60000");
+  EXPECT_TRUE(unit.give("18EEFF80#0000000000000000").empty());
+  EXPECT_EQ(unit.pass(1200us), Texts{"18EEFFFE#0100E06600830000"});
+  EXPECT_TRUE(unit.pass(100s).empty());
+}
+
 TEST(J1939AddressTest, MovesIfTheNamesAreEqual) {
   Claimed unit;
   EXPECT_EQ(unit.give(claim), Texts{"18EEFF81#" + own_name});

@@ -11,11 +11,7 @@ import tempfile
 
 import canmatrix
 import canmatrix.formats
-
-
-def require(condition, *what):
-    if not condition:  # not `assert`, which PYTHONOPTIMIZE removes
-        raise AssertionError(what)
+from tshark import require, tshark, write_log
 
 
 def check_numbers(records, matrix):
@@ -48,14 +44,6 @@ def check_numbers(records, matrix):
     return len(seen)
 
 
-def tshark(log, dissector, *fields):
-    command = ["tshark", "-n", "-d", f"can.subdissector,{dissector}", "-r", log, "-T", "fields"]
-    for field in fields:
-        command += ["-e", field]
-    run = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return [line.split("\t") for line in run.stdout.splitlines()]
-
-
 def check_headers(records, log):
     rows = tshark(log, "j1939", "j1939.priority", "j1939.pgn", "j1939.src_addr", "j1939.dst_addr", "j1939.data")
     require(len(rows) == len(records), len(rows), len(records))
@@ -86,9 +74,7 @@ def main(dump, dbc):
     print("canmatrix:", check_numbers(records, canmatrix.formats.loadp_flat(dbc)), "signals")
     with tempfile.TemporaryDirectory() as folder:
         log = os.path.join(folder, "bus.log")
-        with open(log, "w") as file:
-            for i, record in enumerate(records):
-                file.write(f"({1000 + i / 1000:.6f}) can0 {record['frame']}\n")
+        write_log(log, [record["frame"] for record in records])
         check_headers(records, log)
         check_transfer(transferred["text"], log)
     print("tshark:", len(records), "frames, and a message of several")

@@ -109,6 +109,17 @@ TEST(J1939TransportTest, ReceivesFromOneNode) {
   EXPECT_EQ(unit.give("1CEB8021#028093FFFFFFFFFF"), (Texts{"1CEC2180#13090002FFD8FE00", "18EEFF93#" + own_name}));
 }
 
+// The last byte of RTS before the number: the packets that the sender can send for one CTS.
+TEST(J1939TransportTest, RequestsNoMorePacketsThanTheSenderCanSend) {
+  Claimed unit;
+  EXPECT_EQ(unit.give("1CEC8021#1009000201D8FE00"), Texts{"1CEC2180#110101FFFFD8FE00"});
+  EXPECT_EQ(unit.give("1CEB8021#010100E066008300"), Texts{"1CEC2180#110102FFFFD8FE00"});
+  EXPECT_TRUE(unit.pass(1249ms).empty()) << "T2";
+  EXPECT_EQ(unit.give("1CEB8021#028093FFFFFFFFFF"), (Texts{"1CEC2180#13090002FFD8FE00", "18EEFF93#" + own_name}));
+  unit.pass(250ms);
+  EXPECT_EQ(unit.give("1CEC9321#1009000200D8FE00"), Texts{"1CEC2193#FF02FFFFFFD8FE00"}) << "none at all";
+}
+
 TEST(J1939TransportTest, RefusesWhatItDoesNotReceive) {
   Claimed unit;
   EXPECT_EQ(unit.give("1CEC8021#10140003FFDAFE00"), Texts{"1CEC2180#FF02FFFFFFDAFE00"}) << "another message";
