@@ -73,10 +73,10 @@ for folder, suffix in ENTRY_FOLDERS.items():
         name = path.relative_to(root)
         keyword = stem.replace("_", "-")
         text = path.read_text()
-        entry = text.rfind(f" {stem}_{suffix} = {{")
-        if entry < 0:
+        entry = re.search(rf" {stem}_{suffix} = (\w+<\w+>\()?\{{", text)  # a function may complete it
+        if entry is None:
             faults.append(f"{name}: ends in no table entry {stem}_{suffix}")
-        elif f'"{keyword}"' not in text[entry:]:
+        elif f'"{keyword}"' not in text[entry.start():]:
             faults.append(f"{name}: its entry is not named \"{keyword}\" as the file or its folder")
 
 # Comments are whole sentences in the field's words: coinages that were found often, and their replacements.

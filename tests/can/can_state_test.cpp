@@ -129,7 +129,7 @@ TEST_F(Can, ARenamedInterfaceIsKept) {
 
 class CanStateRun : public LiveTest {
  protected:
-  // What the other end of the line has received.
+  // The other end of the line has received these samples.
   struct Samples {
     std::vector<int> counters;  // their low 8 bits
     int cut = 0;                // those of which frames are missing

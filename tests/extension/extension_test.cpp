@@ -1,10 +1,12 @@
-// A transport is one file, and a device that talks is one folder: those in tests/extension, of which nothing else in
-// the project knows, work in the daemon. The conformance test runs over the device, too.
+// A transport is one file, so is a device whose messages are a table, and a device that talks is one folder: those in
+// tests/extension, of which nothing else in the project knows, work in the daemon. The tests of all devices run over
+// them, too.
 #include <functional>
 
 #include "emulator/line_load.hpp"
 #include "protocols/native_truth.hpp"
 #include "tests/emulator/run_test.hpp"
+#include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/port.hpp"
@@ -69,11 +71,13 @@ class Extension : public RunTest {
 TEST_F(Extension, TheTablesHaveThemBesideTheOthers) {
   ASSERT_NE(find_transport("throwaway"), nullptr);
   ASSERT_NE(find_protocol("throwaway-imu"), nullptr);
+  ASSERT_NE(find_protocol("throwaway-can"), nullptr);
   EXPECT_NE(find_transport("udp"), nullptr);
   EXPECT_NE(find_protocol("native"), nullptr);
   const ProgramResult listed = run_program(IMUD_BIN_DIR "/tests/imud-extended", {"list"});
   EXPECT_NE(listed.output.find("throwaway:PATH"), std::string::npos) << listed.output;
   EXPECT_NE(listed.output.find("throwaway-imu"), std::string::npos) << listed.output;
+  EXPECT_NE(listed.output.find("throwaway-node"), std::string::npos) << listed.output;
   EXPECT_EQ(run_program("imud", {"list"}).output.find("throwaway"), std::string::npos) << "the real one";
 }
 
@@ -123,16 +127,57 @@ TEST_F(Extension, ADeviceSendsAndAnswersOnItsLine) {
   stop();
 }
 
+// A node on CAN that listens: it claims its address, answers requests, and refuses those that it cannot fulfil.
+TEST_F(Extension, ANodeIsOneFileOverTheStack) {
+  const Protocol& protocol = *find_protocol("throwaway-node");
+  const auto device = protocol.make(Settings(protocol.settings));
+  const auto frames = std::make_unique<FrameBuffer>();
+  const auto sent = [&] {
+    std::string text;
+    for (const Frame& frame : frames->frames()) text += can_text(frame) + ' ';
+    frames->clear();
+    return text;
+  };
+  const auto answer = [&](std::string_view text) {
+    each_frame(text, [&](const Frame& frame) { device->receive(frame, {}, *frames); });
+    return sent();
+  };
+  device->poll({}, *frames);
+  EXPECT_EQ(sent(), "18EEFF20#0100000000000080 ");
+  device->sample({}, *frames);
+  EXPECT_EQ(sent(), "0CF02A20#007D007D007D0000 ");
+  EXPECT_EQ(answer("18EA2005#2AF000"), "0CF02A20#007D007D007D0000 ");
+  EXPECT_EQ(answer("18EA2005#C5FD00"), "18E8FF20#01FFFFFF05C5FD00 ");
+  EXPECT_EQ(answer("18EA2005#DAFE00"), "1CEC0520#10100003FFDAFE00 ");
+  EXPECT_EQ(answer("1CEC2005#110303FFFFDAFE00"), "1CEB0520#03652AFFFFFFFFFF ");
+  EXPECT_EQ(answer("18EEFF20#0000000000000000"), "18EEFF80#0100000000000080 ") << "a lower NAME";
+  EXPECT_EQ(device->counts()[0], 1U);
+}
+
+TEST_F(Extension, ATableSendsItsMessages) {
+  start("throwaway-can", "canfile:" + path("imu"));
+  EXPECT_EQ(simulate(20), 20U);
+  stop();
+  const std::vector<std::string> lines = lines_of(read_file(path("imu")));
+  ASSERT_EQ(lines.size(), 40U);
+  EXPECT_TRUE(lines[0].ends_with(" 300#01F4FF06007D00")) << lines[0];
+  EXPECT_TRUE(lines[38].ends_with(" 300#01F4FF06007D13")) << lines[38];
+  EXPECT_NE(lines[39].find(" 301#"), std::string::npos) << lines[39];
+}
+
 // The filter of this program's ctest chooses them by name.
-TEST_F(Extension, TheConformanceTestRunsOverTheDevice) {
-  int tests = 0;
+TEST_F(Extension, TheTestsOfAllDevicesRunOverThem) {
   const auto& all = *testing::UnitTest::GetInstance();
-  for (int suite = 0; suite < all.total_test_suite_count(); ++suite)
-    for (int i = 0; i < all.GetTestSuite(suite)->total_test_count(); ++i) {
-      const testing::TestInfo& info = *all.GetTestSuite(suite)->GetTestInfo(i);
-      tests += std::string_view(info.name()).ends_with("/throwaway_imu") ? 1 : 0;
-    }
-  EXPECT_GE(tests, 7);
+  const auto tests_of = [&](std::string_view device) {
+    int tests = 0;
+    for (int suite = 0; suite < all.total_test_suite_count(); ++suite)
+      for (int i = 0; i < all.GetTestSuite(suite)->total_test_count(); ++i)
+        tests += std::string_view(all.GetTestSuite(suite)->GetTestInfo(i)->name()).ends_with(device) ? 1 : 0;
+    return tests;
+  };
+  EXPECT_GE(tests_of("/throwaway_imu"), 9);
+  EXPECT_GE(tests_of("/throwaway_node"), 9) << "it has a host, too";
+  EXPECT_GE(tests_of("/throwaway_can"), 6);
 }
 
 }  // namespace

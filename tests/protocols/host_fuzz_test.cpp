@@ -1,7 +1,7 @@
 // Random changes of the host inputs in the entries of the devices that have a host, half of them with a right
-// checksum, while time passes with samples or without. No input makes a device crash, hang or allocate, and a good
-// command is answered afterwards. The environment variable IMUD_FUZZ_INPUTS sets the number of inputs for each
-// configuration of each device. Seeds are fixed.
+// checksum, while time passes with samples or without, and the clock is stepped. No input makes a device crash, hang
+// or allocate, and a good command is answered afterwards. The environment variable IMUD_FUZZ_INPUTS sets the number
+// of inputs for each configuration of each device. Seeds are fixed.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -14,6 +14,7 @@
 #include "tests/protocols/conformance_cases.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/support/allocations.hpp"
+#include "tests/support/random_changes.hpp"
 
 namespace imud {
 namespace {
@@ -65,6 +66,8 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
   sample.navigation.gps_ns = 1'420'000'000'000'000'000;
   sample.navigation.latitude = 0.8;
   sample.navigation.r_E = {4.4e6, 0, 4.6e6};
+  sample.magnetic_field = {2e-5, 0, 4e-5};
+  sample.pressure = 101'325;
   DeviceTime now;
   std::string answers;
   std::size_t polls = 0;
@@ -114,31 +117,17 @@ TEST_P(HostFuzz, AnyBytesDoNoHarm) {
     const std::string body(bodies[below(bodies.size())]);
     const bool framed_last = below(2) == 0;
     text = framed_last ? body : host.frame(body);
-    for (std::size_t k = below(4); k > 0 && !text.empty(); --k) {
-      const std::size_t at = below(text.size());
-      switch (below(5)) {
-        case 0:
-          text[at] = static_cast<char>(random());
-          break;
-        case 1:
-          text.erase(at, below(5));
-          break;
-        case 2:
-          text.insert(at, 1 + below(300), static_cast<char>(random()));
-          break;
-        case 3:
-          text += text.substr(at);
-          break;
-        default:
-          text.insert(at, bodies[below(bodies.size())]);
-          break;
-      }
-    }
+    for (std::size_t k = below(4); k > 0 && !text.empty(); --k) change_randomly(text, 4, bodies, random);
     if (framed_last) text = host.frame(text.substr(0, 250));
     if (below(8) == 0) text.resize(below(text.size() + 1));
     const std::uint64_t before = allocations();
     give(text, [] {});
     if (below(4) == 0) pass(below(50) == 0 ? 1s : 1ms, below(4) != 0);
+    if (below(200) == 0) {
+      const Nanoseconds by = 1ms * below(11'000) - 1s;
+      device->step_clock(by);
+      now = now + by;
+    }
     ASSERT_EQ(allocations(), before);
     const unsigned baud = device->uart().baud;
     ASSERT_TRUE(is_can ? baud == 0 : baud >= 1500 && baud <= 5'184'000) << baud;
