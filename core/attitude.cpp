@@ -4,21 +4,6 @@
 
 namespace imud {
 
-Vector3 right_jacobian(const Vector3& phi, const Vector3& v) {
-  const auto even = elementary::even_series(phi.squaredNorm());
-  const Vector3 cross = phi.cross(v);
-  return v - even.versine * cross + even.cubic * phi.cross(cross);
-}
-
-Vector3 inverse_right_jacobian(const Vector3& phi, const Vector3& omega) {
-  // I + 1/2 [phi x] + c [phi x]^2 with c = (1 - h cot h)/|phi|^2, h = |phi|/2. Without cancellation:
-  // sin h - h cos h = h^3 (versine - cubic) and |phi|^2 sin h = 4 h^3 sinc.
-  const auto half = elementary::even_series(0.25 * phi.squaredNorm());
-  const double c = (half.versine - half.cubic) / (4.0 * half.sinc);
-  const Vector3 cross = phi.cross(omega);
-  return omega + 0.5 * cross + c * phi.cross(cross);
-}
-
 Matrix3 dcm_from_yaw_pitch_roll(double yaw, double pitch, double roll) {
   const auto [sy, cy] = elementary::sincos(yaw);
   const auto [sp, cp] = elementary::sincos(pitch);

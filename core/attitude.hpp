@@ -58,11 +58,22 @@ inline Quaternion exp(const Vector3& phi) {
 
 // Applies the right Jacobian at phi: where q_NB = q_0 * exp(phi), the rate of B in its own axes is
 // omega = right_jacobian(phi, d phi/dt). The mean of exp(s phi) * v over s in [0, 1] is right_jacobian(-phi, v).
-Vector3 right_jacobian(const Vector3& phi, const Vector3& v);
+inline Vector3 right_jacobian(const Vector3& phi, const Vector3& v) {
+  const auto even = elementary::even_series(phi.squaredNorm());
+  const Vector3 cross = phi.cross(v);
+  return v - even.versine * cross + even.cubic * phi.cross(cross);
+}
 
 // Applies its inverse: d phi/dt = inverse_right_jacobian(phi, omega), for |phi| < 2 pi. (J. E. Bortz, IEEE
 // Transactions on Aerospace and Electronic Systems 7(1), 1971.)
-Vector3 inverse_right_jacobian(const Vector3& phi, const Vector3& omega);
+inline Vector3 inverse_right_jacobian(const Vector3& phi, const Vector3& omega) {
+  // I + 1/2 [phi x] + c [phi x]^2 with c = (1 - h cot h)/|phi|^2, h = |phi|/2. Without cancellation:
+  // sin h - h cos h = h^3 (versine - cubic) and |phi|^2 sin h = 4 h^3 sinc.
+  const auto half = elementary::even_series(0.25 * phi.squaredNorm());
+  const double c = (half.versine - half.cubic) / (4.0 * half.sinc);
+  const Vector3 cross = phi.cross(omega);
+  return omega + 0.5 * cross + c * phi.cross(cross);
+}
 
 // --- Direction cosine matrices
 

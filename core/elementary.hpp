@@ -12,6 +12,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/lanes.hpp"
+
 namespace imud::elementary {
 
 // The four even functions of an angle x that rotations need. They are power series in x^2 near zero, so that nothing
@@ -66,9 +68,22 @@ constexpr double alternating_series(double z) {
 }
 
 template <int Terms>
-constexpr EvenSeries even_series(double z) {
-  return {alternating_series<1, Terms>(z), alternating_series<0, Terms>(z), alternating_series<2, Terms>(z) / 2.0,
-          alternating_series<3, Terms>(z) / 6.0};
+constexpr auto make_even_ratios() {
+  constexpr auto sinc = series_ratios<1, Terms>(), cos = series_ratios<0, Terms>(),
+                 versine = series_ratios<2, Terms>(), cubic = series_ratios<3, Terms>();
+  std::array<std::array<double, 4>, Terms + 1> ratios = {};
+  for (std::size_t k = 1; k <= Terms; ++k) ratios[k] = {sinc[k], cos[k], versine[k], cubic[k]};
+  return ratios;
+}
+template <int Terms>
+inline constexpr auto even_ratios = make_even_ratios<Terms>();
+
+// The sums for the four functions of EvenSeries, side by side.
+template <int Terms>
+inline EvenSeries even_series(double z) {
+  Lanes sum = all_lanes(1.0);
+  for (std::size_t k = Terms; k >= 1; --k) sum = 1.0 - z * std::bit_cast<Lanes>(even_ratios<Terms>[k]) * sum;
+  return {sum[0], sum[1], sum[2] / 2.0, sum[3] / 6.0};
 }
 }  // namespace detail
 

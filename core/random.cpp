@@ -1,8 +1,12 @@
 #include "core/random.hpp"
 
 #include <Random123/philox.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 
@@ -50,17 +54,26 @@ constexpr Coefficients far_denominator = {1.0,
 
 }  // namespace
 
+namespace {
+
+// inverse_normal_cdf() beyond |p - 1/2| = 0.425. Always inline: the batches of AVX2 take its instructions.
+[[gnu::always_inline]] inline double tail_of_normal(double p) noexcept {
+  using elementary::detail::polynomial;
+  const bool is_lower = p < 0.5;
+  const double r = std::sqrt(-elementary::log(is_lower ? p : 1.0 - p));
+  const double x = r <= 5.0 ? polynomial(near_numerator, r - 1.6) / polynomial(near_denominator, r - 1.6)
+                            : polynomial(far_numerator, r - 5.0) / polynomial(far_denominator, r - 5.0);
+  return is_lower ? -x : x;
+}
+
+}  // namespace
+
 double inverse_normal_cdf(double p) noexcept {
   using elementary::detail::polynomial;
   const double q = p - 0.5;
-  if (std::abs(q) <= 0.425) {
-    const double r = 0.180625 - q * q;
-    return q * polynomial(central_numerator, r) / polynomial(central_denominator, r);
-  }
-  const double r = std::sqrt(-elementary::log(q < 0.0 ? p : 1.0 - p));
-  const double x = r <= 5.0 ? polynomial(near_numerator, r - 1.6) / polynomial(near_denominator, r - 1.6)
-                            : polynomial(far_numerator, r - 5.0) / polynomial(far_denominator, r - 5.0);
-  return q < 0.0 ? -x : x;
+  if (std::abs(q) > 0.425) return tail_of_normal(p);
+  const double r = 0.180625 - q * q;
+  return q * polynomial(central_numerator, r) / polynomial(central_denominator, r);
 }
 
 std::uint32_t stream_id(std::string_view imu_name) noexcept {
@@ -69,26 +82,124 @@ std::uint32_t stream_id(std::string_view imu_name) noexcept {
   return hash;
 }
 
-Normals::Block Normals::block(Quantity quantity, Process process, std::uint64_t k) const noexcept {
-  const auto low = [](std::uint64_t x) { return static_cast<std::uint32_t>(x); };
-  const auto high = [](std::uint64_t x) { return static_cast<std::uint32_t>(x >> 32U); };
-  const r123::Philox4x32::key_type key = {{low(seed_), high(seed_)}};
-  const std::uint32_t purpose = static_cast<std::uint32_t>(process) << 8U | static_cast<std::uint32_t>(quantity)
-                                                                                << 4U;
-  Block block;
-  block.number = k / 2;
-  for (std::uint32_t axis = 0; axis < 3; ++axis) {
-    const auto words = r123::Philox4x32{}({{low(block.number), high(block.number), purpose | axis, stream_}}, key);
-    block.bits[0][axis] = std::uint64_t{words[1]} << 32U | words[0];
-    block.bits[1][axis] = std::uint64_t{words[3]} << 32U | words[2];
-  }
-  return block;
+namespace {
+
+using Philox = r123::Philox4x32;
+
+constexpr std::uint32_t low(std::uint64_t x) { return static_cast<std::uint32_t>(x); }
+constexpr std::uint32_t high(std::uint64_t x) { return static_cast<std::uint32_t>(x >> 32U); }
+
+constexpr std::uint32_t purpose(Quantity quantity, Process process) {
+  return static_cast<std::uint32_t>(process) << 8U | static_cast<std::uint32_t>(quantity) << 4U;
 }
 
-Vector3 Normals::Block::normals(std::uint64_t k) const noexcept {
-  const std::array<std::uint64_t, 3>& half = bits[k % 2];
-  return {inverse_normal_cdf(uniform(half[0])), inverse_normal_cdf(uniform(half[1])),
-          inverse_normal_cdf(uniform(half[2]))};
+// uniform(), without a conversion from integer, which vector registers do not have: the bits of k + 2^52 are known.
+double uniform_of_words(std::uint32_t word0, std::uint32_t word1) noexcept {
+  const std::uint64_t bits = std::uint64_t{word1} << 32U | word0;
+  const double k = std::bit_cast<double>(bits >> 12U | 0x4330'0000'0000'0000ULL) - 0x1p52;
+  return (k + 0.5) * 0x1p-52;
+}
+
+}  // namespace
+
+Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept {
+  Vector3 n;
+  for (std::uint32_t axis = 0; axis < 3; ++axis) {
+    const auto words = Philox{}({{low(k / 2), high(k / 2), purpose(quantity, process) | axis, stream_}},
+                                {{low(seed_), high(seed_)}});
+    const std::size_t half = 2 * (k % 2);
+    n[axis] = inverse_normal_cdf(uniform_of_words(words[half], words[half + 1]));
+  }
+  return n;
+}
+
+namespace {
+
+// A batch of a NormalSequence: the axis is the upper part of an index, the sample the lower.
+constexpr std::size_t per_axis = NormalSequence::batch / 2, counters = 3 * per_axis;
+using Deviates = std::array<double, 2 * counters>;
+
+struct BatchId {
+  Philox::key_type key;
+  std::uint64_t first;  // counter
+  std::uint32_t purpose, stream;
+};
+
+// Turns uniform deviates into normal ones. The first loop does the same for each, so that a compiler can compute
+// several at once.
+[[gnu::always_inline]] inline void make_normal(Deviates& x) noexcept {
+  using elementary::detail::polynomial;
+  Deviates p = x;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    const double q = p[i] - 0.5;
+    const double r = 0.180625 - q * q;
+    x[i] = q * polynomial(central_numerator, r) / polynomial(central_denominator, r);
+  }
+  for (std::size_t i = 0; i < p.size(); ++i)
+    if (std::abs(p[i] - 0.5) > 0.425) x[i] = tail_of_normal(p[i]);
+}
+
+void compute_batch(const BatchId& id, Deviates& deviates) noexcept {
+  for (std::uint32_t i = 0; i < counters; ++i) {
+    const std::uint64_t counter = id.first + i % per_axis;
+    const std::uint32_t axis = i / per_axis;
+    const auto words = Philox{}({{low(counter), high(counter), id.purpose | axis, id.stream}}, id.key);
+    deviates[2 * i] = uniform_of_words(words[0], words[1]);
+    deviates[2 * i + 1] = uniform_of_words(words[2], words[3]);
+  }
+  make_normal(deviates);
+}
+
+#if defined(__x86_64__)
+// The same with the 256-bit registers of AVX2, each with four counters, a 32-bit word in each 64-bit lane, whose
+// upper half has no meaning. Random123 has no such function.
+[[gnu::target("avx2")]] inline __m256i all(std::uint32_t word) noexcept {
+  return _mm256_set1_epi64x(std::int64_t{word});
+}
+
+[[gnu::target("avx2")]] inline __m256d uniform_of_words(__m256i word0, __m256i word1) noexcept {
+  const __m256i bits = _mm256_blend_epi32(word0, _mm256_slli_epi64(word1, 32), 0b10101010);
+  const __m256i k = _mm256_or_si256(_mm256_srli_epi64(bits, 12), _mm256_set1_epi64x(0x4330'0000'0000'0000));
+  const __m256d exact = _mm256_sub_pd(_mm256_castsi256_pd(k), _mm256_set1_pd(0x1p52));
+  return _mm256_mul_pd(_mm256_add_pd(exact, _mm256_set1_pd(0.5)), _mm256_set1_pd(0x1p-52));
+}
+
+[[gnu::target("avx2")]] void compute_batch_avx2(const BatchId& id, Deviates& deviates) noexcept {
+  static_assert(per_axis % 4 == 0);
+  for (std::uint32_t i = 0; i < counters; i += 4) {
+    const std::uint64_t counter = id.first + i % per_axis;  // a multiple of 4: no carry within the four
+    __m256i c0 = _mm256_add_epi64(all(low(counter)), _mm256_set_epi64x(3, 2, 1, 0)), c1 = all(high(counter));
+    __m256i c2 = all(id.purpose | i / static_cast<std::uint32_t>(per_axis)), c3 = all(id.stream);
+    std::uint32_t key0 = id.key[0], key1 = id.key[1];
+    for (int round = 0; round < 10; ++round, key0 += PHILOX_W32_0, key1 += PHILOX_W32_1) {
+      const __m256i product0 = _mm256_mul_epu32(c0, all(PHILOX_M4x32_0));
+      const __m256i product1 = _mm256_mul_epu32(c2, all(PHILOX_M4x32_1));
+      c0 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product1, 32), c1), all(key0));
+      c1 = product1;
+      c2 = _mm256_xor_si256(_mm256_xor_si256(_mm256_srli_epi64(product0, 32), c3), all(key1));
+      c3 = product0;
+    }
+    const __m256d even = uniform_of_words(c0, c1), odd = uniform_of_words(c2, c3);
+    const __m256d low_pairs = _mm256_unpacklo_pd(even, odd), high_pairs = _mm256_unpackhi_pd(even, odd);
+    _mm256_storeu_pd(&deviates[2 * i], _mm256_permute2f128_pd(low_pairs, high_pairs, 0x20));
+    _mm256_storeu_pd(&deviates[2 * i + 4], _mm256_permute2f128_pd(low_pairs, high_pairs, 0x31));
+  }
+  make_normal(deviates);
+}
+#endif
+
+}  // namespace
+
+void NormalSequence::compute(const Normals& normals, std::uint64_t number) noexcept {
+  number_ = number;
+  const BatchId id = {.key = {{low(normals.seed_), high(normals.seed_)}},
+                      .first = number * per_axis,
+                      .purpose = purpose(quantity_, process_),
+                      .stream = normals.stream_};
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx2")) return compute_batch_avx2(id, deviates_);
+#endif
+  compute_batch(id, deviates_);
 }
 
 }  // namespace imud

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string_view>
 
@@ -12,8 +13,29 @@ namespace imud {
 
 // The quantity and the error process that a stream of numbers serves. The values below never change and are never
 // reused, so that a new process does not change the random numbers of the others.
-enum class Quantity : std::uint32_t { rate = 0, specific_force = 1, magnetic_field = 2, pressure = 3 };
-enum class Process : std::uint32_t { gauss_markov = 0 };
+enum class Quantity : std::uint32_t {
+  rate = 0,
+  specific_force = 1,
+  magnetic_field = 2,
+  pressure = 3,
+  position = 4,
+  velocity = 5,
+  attitude = 6,
+};
+enum class Process : std::uint32_t {
+  gauss_markov = 0,
+  turn_on_bias = 1,
+  white_noise = 2,
+  exponentially_correlated = 3,
+  random_walk = 4,
+  random_walk_within_step = 5,
+  flicker = 32,  // of its first octave; the next 31 numbers are those of the others
+};
+
+// Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.
+constexpr Process octave_of(Process first, std::uint32_t octave) noexcept {
+  return static_cast<Process>(static_cast<std::uint32_t>(first) + octave);
+}
 
 // Returns the standard normal deviate whose distribution function is p, in (0, 1), with a relative error below 1e-15.
 // (PPND16 of M. J. Wichura, Algorithm AS 241, Applied Statistics 37(3), 1988.)
@@ -36,25 +58,35 @@ class Normals {
  public:
   Normals(std::uint64_t seed, std::uint32_t stream) noexcept : seed_(seed), stream_(stream) {}
 
-  // The random bits of the samples 2 * number and 2 * number + 1, on three axes each.
-  struct Block {
-    std::uint64_t number = ~std::uint64_t{0};
-    std::array<std::array<std::uint64_t, 3>, 2> bits = {};
-    bool holds(std::uint64_t k) const noexcept { return number == k / 2; }
-    // Returns N(0, 1) on each axis for sample k. holds(k) must be true.
-    Vector3 normals(std::uint64_t k) const noexcept;
-  };
-  // Returns the block that holds sample `k`.
-  Block block(Quantity quantity, Process process, std::uint64_t k) const noexcept;
-
   // Returns N(0, 1) on each of the three axes for sample `k`.
-  Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept {
-    return block(quantity, process, k).normals(k);
+  Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
+
+ private:
+  friend class NormalSequence;
+  std::uint64_t seed_;
+  std::uint32_t stream_;
+};
+
+// The normal deviates of one quantity and process, for a caller that takes them in ascending order: those of 16
+// samples are computed at once, in vector registers where the compiler has any, with the bits that Normals gives.
+class NormalSequence {
+ public:
+  static constexpr std::size_t batch = 16;  // samples
+  NormalSequence(Quantity quantity, Process process) noexcept : quantity_(quantity), process_(process) {}
+  // Returns N(0, 1) on each axis for sample k. `normals` must be the same in all calls.
+  Vector3 at(const Normals& normals, std::uint64_t k) noexcept {
+    if (k / batch != number_) compute(normals, k / batch);
+    const std::size_t i = k % batch;
+    return {deviates_[i], deviates_[batch + i], deviates_[2 * batch + i]};
   }
 
  private:
-  std::uint64_t seed_;
-  std::uint32_t stream_;
+  void compute(const Normals& normals, std::uint64_t number) noexcept;
+
+  Quantity quantity_;
+  Process process_;
+  std::uint64_t number_ = ~std::uint64_t{0};
+  std::array<double, 3 * batch> deviates_ = {};  // those of x, then of y, then of z
 };
 
 }  // namespace imud

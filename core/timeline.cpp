@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/attitude.hpp"
+#include "core/dispatch.hpp"
 
 namespace imud {
 
@@ -53,7 +54,7 @@ Admission Timeline::classify(const Truth& truth) const noexcept {
   return ahead >= -near ? Admission::reordered : Admission::time_back;  // the sequence does not decide
 }
 
-Admission Timeline::push(const Truth& truth, TruthTime watermark) noexcept {
+IMUD_DISPATCHED Admission Timeline::push(const Truth& truth, TruthTime watermark) noexcept {
   Admission admission = classify(truth);
   if (admission == Admission::reordered &&
       truth.time > std::max(watermark, knot(count_ < capacity ? 0 : 1).state.time)) {
@@ -129,18 +130,21 @@ void Timeline::insert(const Truth& truth) noexcept {
 
 // Sets the members of a knot that depend on its own truth only.
 void Timeline::place(const Truth& truth, Knot& k) noexcept {
-  k = Knot{};
+  // link() sets the others of all knots but the first, of which they are not used.
   k.state.time = truth.time;
   k.state.q_NB = truth.q_NB.normalized();
   k.state.omega_BN_B = truth.omega_BN_B;
+  k.state.dv_N.setZero();
   k.position = {truth.has_position, truth.time, truth.r_BN_N, truth.v_BN_N};
   k.has_angular_acceleration = truth.has_angular_acceleration;
-  if (truth.has_angular_acceleration) k.state.omegaDot_BN_B = truth.omegaDot_BN_B;
+  k.state.omegaDot_BN_B = truth.has_angular_acceleration ? truth.omegaDot_BN_B : Vector3::Zero();
   k.accumulated_dv = truth.accumulated_dv;
   k.accumulated_dv_B = truth.accumulated_dv_B;
   k.has_specific_force = truth.has_specific_force;
-  if (truth.has_specific_force) k.state.specific_force_B = truth.specific_force_B;
+  k.state.specific_force_B = truth.has_specific_force ? truth.specific_force_B : Vector3::Zero();
   k.specific_force_N = k.state.q_NB * k.state.specific_force_B;
+  k.h_s = 0;
+  k.rate_slope.setZero();
 }
 
 // Sets the members of a knot that depend on the truth before as well.
@@ -224,16 +228,17 @@ std::size_t Timeline::segment_end(TruthTime time) const noexcept {
   return low;
 }
 
-MotionState Timeline::at(TruthTime time) const noexcept {
-  if (time > newest()) return extrapolate(time);
-  if (time <= knot(0).state.time) return time < run_start_ && is_whole() ? before_run(time) : knot(0).state;
+IMUD_DISPATCHED const MotionState& Timeline::at(TruthTime time, MotionState& other) const noexcept {
+  if (time > newest()) return other = extrapolate(time);
+  if (time == newest()) return knot(count_ - 1).state;
+  if (time <= knot(0).state.time) return time < run_start_ && is_whole() ? other = before_run(time) : knot(0).state;
   const std::size_t end = segment_end(time);
   const Knot& k = knot(end);
   if (time == k.state.time) return k.state;
   const Knot& begin = knot(end - 1);
-  MotionState state = interpolate(begin, k, seconds(time - begin.state.time) / k.h_s);
-  state.time = time;
-  return state;
+  other = interpolate(begin, k, seconds(time - begin.state.time) / k.h_s);
+  other.time = time;
+  return other;
 }
 
 MotionState Timeline::interpolate(const Knot& begin, const Knot& end, double s) noexcept {

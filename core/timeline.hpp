@@ -104,7 +104,13 @@ class Timeline {
 
   // Returns the state at `time`, which may be any. Before the oldest truth kept it is the state at that truth (its
   // `time` as well), or held if that truth is the run's first. Must not be called if empty().
-  MotionState at(TruthTime time) const noexcept;
+  MotionState at(TruthTime time) const noexcept {
+    MotionState other;
+    return at(time, other);
+  }
+  // The same, without a copy where `time` is that of a truth: returns the state that is kept until the next push(),
+  // or `other`, to which it assigns.
+  const MotionState& at(TruthTime time, MotionState& other) const noexcept;
 
   // Returns position and velocity of B's origin at `time`: between two truths that carry them, the cubic Hermite
   // curve; unknown if one of the two does not; after the newest truth, its velocity continued until motion is held;

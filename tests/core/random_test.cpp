@@ -31,6 +31,16 @@ TEST(Random123, KnownAnswers) {
       (r123::Philox4x64::ctr_type{{0x16554d9eca36314c, 0xdb20fe9d672d0fdc, 0xd7e772cee186176b, 0x7e68b68aec7ba23b}}));
 }
 
+// A batch gives the same bits as one number after another, in any order of samples.
+TEST(NormalSequence, GivesTheDeviatesOfNormals) {
+  const Normals normals(0x0123456789abcdef, 77);
+  NormalSequence sequence(Quantity::specific_force, Process::white_noise);
+  for (std::uint64_t k = 0; k < 50'000; ++k)
+    ASSERT_EQ(sequence.at(normals, k), normals(Quantity::specific_force, Process::white_noise, k)) << k;
+  for (const std::uint64_t k : {0xffff'fff0ULL, 0x1'0000'0005ULL, 0x1'ffff'ffffULL, 3ULL, 0x1234'5678'9abc'def0ULL})
+    EXPECT_EQ(sequence.at(normals, k), normals(Quantity::specific_force, Process::white_noise, k)) << k;
+}
+
 TEST(InverseNormalCdf, KnownAnswersOfAs241) {
   EXPECT_NEAR(inverse_normal_cdf(0.25), -0.67448975019608171, 2e-16);
   EXPECT_NEAR(inverse_normal_cdf(0.001), -3.0902323061678132, 1e-15);

@@ -1,0 +1,50 @@
+// Lanes: the values of three axes side by side in vector registers, with one that is not used. For the effects that
+// act on every sample; elsewhere Vector3 is simpler.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "core/vector.hpp"
+
+namespace imud {
+
+// An extension of GCC and clang; operators act on each lane and round as those of double do. A processor without
+// registers of this size takes two of 128 bits. Functions that pass it are always inline, because the calling
+// convention depends on the processor's features.
+using Lanes = double __attribute__((vector_size(32)));
+using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of a lane are equal
+
+[[gnu::always_inline]] inline Lanes lanes(const Vector3& v) noexcept { return Lanes{v[0], v[1], v[2], 0.0}; }
+[[gnu::always_inline]] inline Lanes all_lanes(double x) noexcept { return Lanes{x, x, x, x}; }
+[[gnu::always_inline]] inline Vector3 vector_of(Lanes x) noexcept { return {x[0], x[1], x[2]}; }
+// Returns a where the mask is set, else b.
+[[gnu::always_inline]] inline Lanes select(LaneMask mask, Lanes a, Lanes b) noexcept { return mask ? a : b; }
+// Return the magnitude of each lane of x, and magnitudes with the signs of x.
+[[gnu::always_inline]] inline Lanes magnitude(Lanes x) noexcept {
+  return std::bit_cast<Lanes>(std::bit_cast<LaneMask>(x) & INT64_MAX);
+}
+[[gnu::always_inline]] inline Lanes with_sign_of(Lanes x, Lanes magnitude) noexcept {
+  return std::bit_cast<Lanes>(std::bit_cast<LaneMask>(magnitude) | (std::bit_cast<LaneMask>(x) & INT64_MIN));
+}
+
+// A matrix as three columns.
+class LaneMatrix {
+ public:
+  explicit LaneMatrix(const Matrix3& m) noexcept {
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) columns_[static_cast<std::size_t>(j)][static_cast<std::size_t>(i)] = m(i, j);
+  }
+  // Returns the product, with the bits that Eigen gives.
+  [[gnu::always_inline]] Lanes operator*(const Vector3& v) const noexcept {
+    return column(0) * v[0] + (column(1) * v[1] + column(2) * v[2]);
+  }
+
+ private:
+  [[gnu::always_inline]] Lanes column(std::size_t j) const noexcept { return std::bit_cast<Lanes>(columns_[j]); }
+  std::array<std::array<double, 4>, 3> columns_ = {};
+};
+
+}  // namespace imud
