@@ -132,6 +132,11 @@ Quaternion Earth::q_NE(TruthTime time) const noexcept {
   return {cos, 0.0, 0.0, sin};
 }
 
+void move(Navigation& navigation, const Vector3& offset_L) noexcept {
+  navigation.r_E += dcm_EL(navigation.latitude, navigation.longitude) * offset_L;
+  to_geodetic(navigation.r_E, navigation);
+}
+
 Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
   Navigation navigation;
   if (!is_on() || !position.is_known) return navigation;

@@ -51,6 +51,9 @@ double normal_gravity(double latitude, double height) noexcept;
 // Returns the matrix v_E = dcm_EL * v_L at a latitude and longitude: its columns are north, east and down.
 Matrix3 dcm_EL(double latitude, double longitude) noexcept;
 
+// Moves a known place by `offset_L`, m, in the axes of L at the place before. Its velocity keeps its components.
+void move(Navigation& navigation, const Vector3& offset_L) noexcept;
+
 // The Earth in relation to the truth's frame N. Immutable.
 class Earth {
  public:

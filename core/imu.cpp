@@ -5,59 +5,35 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
+#include "core/dispatch.hpp"
 
 namespace imud {
-
-TriadErrors TriadErrors::white(double density, double rate_hz, double max) {
-  TriadErrors errors;
-  errors.walk_transition.setZero();
-  errors.walk_sqrt_cov = density * std::sqrt(rate_hz) * Matrix3::Identity();
-  errors.max = max;
-  return errors;
-}
-
-GaussMarkov::GaussMarkov(const TriadErrors& errors, Quantity quantity)
-    : transition_(errors.walk_transition),
-      sqrt_cov_(errors.walk_sqrt_cov),
-      bound_(errors.walk_bound),
-      quantity_(quantity),
-      off_(errors.walk_sqrt_cov.isZero(0.0)),
-      diagonal_(errors.walk_transition.isDiagonal(0.0) && errors.walk_sqrt_cov.isDiagonal(0.0)) {}
-
-const Vector3& GaussMarkov::step(const Normals& normals, std::uint64_t k) noexcept {
-  if (off_) return x_;
-  if (!block_.holds(k)) block_ = normals.block(quantity_, Process::gauss_markov, k);
-  const Vector3 n = block_.normals(k);
-  if (diagonal_)
-    x_ = transition_.diagonal().cwiseProduct(x_) + sqrt_cov_.diagonal().cwiseProduct(n);
-  else
-    x_ = transition_ * x_ + sqrt_cov_ * n;
-  for (int i = 0; i < 3; ++i)
-    if (bound_[i] > 0.0) x_[i] = std::clamp(x_[i], -bound_[i], bound_[i]);
-  return x_;
-}
-
-void GaussMarkov::seek(const Normals& normals, std::uint64_t k) noexcept {
-  x_.setZero();
-  if (off_ || transition_.isZero(0.0)) return;  // white noise has no memory
-  for (std::uint64_t j = 0; j < k; ++j) step(normals, j);
-}
 
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
     : model_(model),
       q_BP_(Quaternion(model.dcm_PB.transpose()).normalized()),
       normals_(seed, stream),
-      gyro_(model.gyro, Quantity::rate),
-      accelerometer_(model.accelerometer, Quantity::specific_force),
+      gyro_(model.gyro, Quantity::rate, 1.0 / model.rate_hz),
+      accelerometer_(model.accelerometer, Quantity::specific_force, 1.0 / model.rate_hz),
       earth_(model.earth),
       rest_(model.earth),
-      magnetometer_(model.magnetometer, Quantity::magnetic_field) {}
+      magnetometer_(model.magnetometer, Quantity::magnetic_field, 1.0 / model.rate_hz),
+      barometer_(model.barometer, 1.0 / model.rate_hz),
+      navigation_(model.navigation, 1.0 / model.rate_hz) {}
 
 void Imu::seek(std::uint64_t k) noexcept {
   counter_ = k;
-  gyro_.walk.seek(normals_, k);
-  accelerometer_.walk.seek(normals_, k);
-  magnetometer_.walk.seek(normals_, k);
+  gyro_.seek(normals_, k);
+  accelerometer_.seek(normals_, k);
+  magnetometer_.seek(normals_, k);
+  barometer_.seek(normals_, k);
+  navigation_.seek(normals_, k);
+}
+
+void Imu::power_on(std::uint64_t number) noexcept {
+  gyro_.power_on(number);
+  accelerometer_.power_on(number);
+  magnetometer_.power_on(number);
 }
 
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
@@ -67,6 +43,10 @@ void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
 
 // Extends the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
 void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept {
+  if (model_.delta_angle == DeltaAngle::rotation_vector && model_.delta_velocity == DeltaVelocity::end_frame) {
+    advanced_.time = end.time;  // these increments are differences of two states and need no sums
+    return;
+  }
   if (advanced_.basis != MotionState::Basis::interpolated || timeline.revision() != revision_) {
     // advanced_ was extrapolated, or interpolated across a truth that arrived late. These increments contain the
     // difference between it and the state as it is known now.
@@ -75,10 +55,6 @@ void Imu::accumulate(const Timeline& timeline, const MotionState& end) noexcept 
     angle_sum_B_ += log(advanced_.q_NB.conjugate() * known.q_NB);
     velocity_sum_B_ += known.q_NB.conjugate() * (known.dv_N - advanced_.dv_N);
     advanced_ = known;
-  }
-  if (model_.delta_angle == DeltaAngle::rotation_vector && model_.delta_velocity == DeltaVelocity::end_frame) {
-    advanced_ = end;  // these increments are differences of two states and need no sums
-    return;
   }
   for (TruthTime next = timeline.next_truth(advanced_.time); next < end.time; next = timeline.next_truth(next))
     add_piece(timeline.at(next));
@@ -153,10 +129,10 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   out.counter = counter_;
   out.temperature_c = model_.temperature_c;
 
-  Vector3 rate = model_.dcm_PB * now.omega_BN_B;  // Eq. 1
+  const Vector3 rate = model_.dcm_PB * now.omega_BN_B;  // Eq. 1
   const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
                                    now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
-  Vector3 specific_force = model_.dcm_PB * specific_force_B;                                   // Eq. 9
+  const Vector3 specific_force = model_.dcm_PB * specific_force_B;                             // Eq. 9
   Vector3 delta_angle = Vector3::Zero();
   Vector3 delta_velocity = Vector3::Zero();
   double dt = 0.0;
@@ -171,23 +147,35 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   velocity_sum_B_.setZero();
   centripetal_sum_B_.setZero();
 
-  const std::uint32_t gyro_saturated = gyro_.apply(normals_, counter_, dt, rate, delta_angle);
-  const std::uint32_t accelerometer_saturated =
-      accelerometer_.apply(normals_, counter_, dt, specific_force, delta_velocity);
-  out.rate = rate;
-  out.specific_force = specific_force;
-  out.delta_angle = delta_angle;
-  out.delta_velocity = delta_velocity;
+  const auto step_of = [&](const Vector3& value, const Vector3& increment) {
+    return TriadStep{.normals = normals_,
+                     .k = counter_,
+                     .dt = dt,
+                     .since_power_on = seconds(stamp - DeviceTime{}),
+                     .specific_force = specific_force,
+                     .delta_velocity = delta_velocity,
+                     .value = value,
+                     .increment = increment};
+  };
+  TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(specific_force, delta_velocity);
+  gyro_.apply(gyro);
+  accelerometer_.apply(accelerometer);
+  out.rate = gyro.value;
+  out.specific_force = accelerometer.value;
+  out.delta_angle = gyro.increment;
+  out.delta_velocity = accelerometer.increment;
   out.q_LP = now.q_NB * q_BP_;
   out.status =
-      gyro_saturated * status::gyro_saturated_x + accelerometer_saturated * status::accelerometer_saturated_x;
+      gyro.saturated * status::gyro_saturated_x + accelerometer.saturated * status::accelerometer_saturated_x;
   return out;
 }
 
-Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
-  const MotionState now = timeline.at(time);
+IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
+  MotionState other;
+  const MotionState& now = timeline.at(time, other);
   const bool is_first = run_ != Run::truth;
   run_ = Run::truth;
+  if (is_first) barometer_.begin_run();
   if (is_first) {
     advanced_ = now;
     revision_ = timeline.revision();
@@ -195,7 +183,11 @@ Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) n
     accumulate(timeline, now);
   }
   Sample out = sense(now, time, is_first, stamp);
-  if (earth_.is_on()) sense_earth(earth_, timeline.position(now.time), now, out);
+  if (earth_.is_on()) {
+    sense_earth(earth_, timeline.position(now.time), now, out);
+    if (navigation_.latency().count() > 0) delay(timeline, now, out.navigation);
+  }
+  if (navigation_.is_on()) navigation_.apply(out, normals_, counter_);
   if (now.basis != MotionState::Basis::interpolated) out.status |= status::truth_extrapolated;
   if (now.basis == MotionState::Basis::held) out.status |= status::truth_stale;
   ++counter_;
@@ -207,6 +199,7 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   const MotionState now = rest_.at(time, time);
   const bool is_first = run_ != Run::rest;
   run_ = Run::rest;
+  if (is_first) barometer_.begin_run();
   if (!is_first) {
     last_ = advanced_ = rest_.at(last_time_, time);
     add_piece(now);
@@ -216,15 +209,33 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
     sense_earth(rest_.earth(), {true, time, Vector3::Zero(), Vector3::Zero()}, now, out);
     out.navigation.v_L.setZero();
   }
+  if (navigation_.is_on()) navigation_.apply(out, normals_, counter_);
   out.status |= status::at_rest;
   ++counter_;
   return out;
 }
 
+// Gives a known place the position and velocity that S had before.
+void Imu::delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept {
+  PositionVelocity before = timeline.position(now.time - navigation_.latency());
+  if (!navigation.is_known || !before.is_known) return;
+  move_to_sensor(timeline.at(before.time), before);
+  const Navigation delayed = earth_.navigation(before);
+  if (!delayed.is_known) return;
+  const std::int64_t gps_ns = navigation.gps_ns;
+  navigation = delayed;
+  navigation.gps_ns = gps_ns;
+}
+
+// Moves position and velocity from B's origin to S.
+void Imu::move_to_sensor(const MotionState& state, PositionVelocity& position) const noexcept {
+  position.r_N += state.q_NB * model_.r_SB_B;
+  position.v_N += state.q_NB * state.omega_BN_B.cross(model_.r_SB_B);
+}
+
 // Adds the place of S, given that of B's origin, and what the magnetometer and the barometer measure there.
 void Imu::sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept {
-  position.r_N += now.q_NB * model_.r_SB_B;
-  position.v_N += now.q_NB * now.omega_BN_B.cross(model_.r_SB_B);
+  move_to_sensor(now, position);
   out.navigation = earth.navigation(position);
   if (out.navigation.is_known) {
     // A vehicle whose motion is held stands still relative to the Earth.
@@ -232,60 +243,21 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
     out.navigation.gps_ns += (now.time - position.time).count();
     out.q_LP = earth.q_LN(position.time, out.navigation) * out.q_LP;
     out.magnetic_field = out.q_LP.conjugate() * earth.magnetic_field_L(out.navigation);
-    out.pressure = earth.pressure(out.navigation) + model_.barometer.bias;
-    if (model_.barometer.noise > 0)
-      out.pressure += model_.barometer.noise * normals_(Quantity::pressure, Process::gauss_markov, counter_).x();
-    out.pressure = std::max(out.pressure, 0.0);
+    out.pressure = barometer_.measure(earth.pressure(out.navigation), normals_, counter_);
+  } else {
+    barometer_.pass(normals_, counter_);
   }
-  Vector3 field = out.magnetic_field, increment = Vector3::Zero();
-  // The error process continues where no place is known.
-  magnetometer_.apply(normals_, counter_, 0.0, field, increment);
-  if (out.navigation.is_known) out.magnetic_field = field;
-}
-
-namespace {
-// Returns the floor, nearest or ceiling integer of a magnitude, which is not negative, without a library call.
-double round_magnitude(double magnitude, Rounding rounding) noexcept {
-  if (!(magnitude < 0x1p52)) return magnitude;  // every such double is an integer
-  const auto whole = static_cast<double>(static_cast<std::int64_t>(magnitude));
-  switch (rounding) {
-    case Rounding::nearest:
-      return magnitude - whole >= 0.5 ? whole + 1.0 : whole;
-    case Rounding::away_from_zero:
-      return magnitude > whole ? whole + 1.0 : whole;
-    case Rounding::toward_zero:
-    default:
-      return whole;
-  }
-}
-}  // namespace
-
-std::uint32_t Imu::Triad::apply(const Normals& normals, std::uint64_t k, double dt, Vector3& value,
-                                Vector3& increment) noexcept {
-  const Vector3 error = errors.bias + walk.step(normals, k);
-  value = errors.scale_factor.cwiseProduct(value) + error;
-  increment = errors.scale_factor.cwiseProduct(increment) + dt * error;  // Eq. 17, 18
-  std::uint32_t saturated = 0;
-  for (int i = 0; i < 3; ++i) {
-    double m = value[i];
-    if (errors.lsb > 0.0) {
-      const double carried = errors.carry ? remainder[i] : 0.0;
-      m += carried;
-      const double rounded =
-          std::copysign(errors.lsb * round_magnitude(std::abs(m / errors.lsb), errors.rounding), m);
-      // The increment loses what rounding removed from this sample, and regains what was carried into it.
-      increment[i] -= dt * (m - rounded - carried);
-      remainder[i] = m - rounded;
-      m = rounded;
-    }
-    const double limited = std::clamp(m, -errors.max, errors.max);
-    if (limited != m) {
-      saturated |= 1U << static_cast<unsigned>(i);
-      increment[i] = limited * dt;  // Eq. 22, 23
-    }
-    value[i] = limited;
-  }
-  return saturated;
+  const Vector3 none = Vector3::Zero();
+  TriadStep step = {.normals = normals_,
+                    .k = counter_,
+                    .dt = 0,
+                    .since_power_on = seconds(out.time - DeviceTime{}),
+                    .specific_force = none,
+                    .delta_velocity = none,
+                    .value = out.magnetic_field,
+                    .increment = none};
+  magnetometer_.apply(step);  // the error processes continue where no place is known
+  if (out.navigation.is_known) out.magnetic_field = step.value;
 }
 
 }  // namespace imud

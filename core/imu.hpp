@@ -3,42 +3,16 @@
 
 #include <cstdint>
 
+#include "core/barometer.hpp"
 #include "core/earth.hpp"
+#include "core/navigation_errors.hpp"
 #include "core/random.hpp"
 #include "core/rest.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
+#include "core/triad.hpp"
 
 namespace imud {
-
-// How a value becomes a multiple of its LSB; `nearest` rounds halves away from zero.
-enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };
-
-// The errors of three gyros (unit rad/s), accelerometers (m/s^2) or magnetometers (T), one of a kind on each platform
-// axis. They act on the true value m in this order, and on its integral over the step accordingly (core/README.md):
-//   m = scale_factor * truth + bias + x,   x <- clamp(A x + P n, +-bound)     (memo Eq. 15, 16, and its section 2)
-//   m <- lsb * round(m / lsb)                                                 (Eq. 19)
-//   m <- max(-max, min(m, max))                                               (Eq. 20, 21)
-struct TriadErrors {
-  Vector3 scale_factor = Vector3::Ones();
-  Vector3 bias = Vector3::Zero();
-  Matrix3 walk_transition = Matrix3::Identity();  // A, per sample: 0 gives white noise, identity a random walk
-  Matrix3 walk_sqrt_cov = Matrix3::Zero();        // P, per sample: P P^T is the covariance of one step
-  Vector3 walk_bound = Vector3::Zero();           // limit of |x|, not negative; 0: none
-  double lsb = 0.0;                               // not negative; 0: no rounding
-  Rounding rounding = Rounding::toward_zero;
-  bool carry = false;  // the remainder of the rounding is added to the next sample
-  double max = 1e6;    // saturation, above 0
-
-  // Returns errors that are only white noise of this density, unit/sqrt(Hz), at the sample rate `rate_hz`.
-  static TriadErrors white(double density, double rate_hz, double max);
-};
-
-// The errors of a barometer: pressure = truth + bias + noise n, with n normal, N(0, 1); a result below 0 becomes 0.
-struct BarometerErrors {
-  double bias = 0;   // Pa
-  double noise = 0;  // Pa, standard deviation of one sample
-};
 
 // The definition of the delta-angle over a step from t1 to t2.
 enum class DeltaAngle : std::uint8_t {
@@ -55,6 +29,7 @@ enum class DeltaVelocity : std::uint8_t {
 
 // Everything that makes one sensor differ from another. `dcm_PB` is a rotation.
 struct ImuModel {
+  double rate_hz = 100;              // the nominal sample rate, above 0, at which densities of noise are sampled
   Vector3 r_SB_B = Vector3::Zero();  // m, the lever arm
   Matrix3 dcm_PB = Matrix3::Identity();
   TriadErrors gyro;
@@ -65,29 +40,7 @@ struct ImuModel {
   EarthModel earth;
   TriadErrors magnetometer;
   BarometerErrors barometer;
-};
-
-// The Gauss-Markov process of TriadErrors: x <- clamp(A x + P n, +-bound), with n normal, N(0, I). x is 0 before
-// sample 0. Does not allocate; not thread-safe.
-class GaussMarkov {
- public:
-  GaussMarkov(const TriadErrors& errors, Quantity quantity);
-  // Returns the error x of sample k, until the next call. The last call was step(k - 1) or seek(k), or k is 0.
-  // `normals` must be the same in all calls.
-  const Vector3& step(const Normals& normals, std::uint64_t k) noexcept;
-  // Makes step(k) return what it returns in the sequence from 0. The time it takes is proportional to k unless A is
-  // 0.
-  void seek(const Normals& normals, std::uint64_t k) noexcept;
-
- private:
-  Matrix3 transition_;
-  Matrix3 sqrt_cov_;
-  Vector3 bound_;
-  Quantity quantity_;
-  bool off_;
-  bool diagonal_;
-  Normals::Block block_;
-  Vector3 x_ = Vector3::Zero();
+  NavigationErrors navigation;
 };
 
 // One sensor: samples a Timeline, or a vehicle at rest, and adds the errors. Nothing here allocates, locks, throws or
@@ -112,6 +65,10 @@ class Imu {
   // run, and while the vehicle is at rest.
   TruthTime advanced_to() const noexcept { return run_ == Run::truth ? advanced_.time : Timeline::never; }
 
+  // Draws the errors that differ from one power on to the next. `number` counts them from 0, with which an Imu
+  // begins. The other errors continue.
+  void power_on(std::uint64_t number) noexcept;
+
   // Returns the sample at `time`, with the device's own time `stamp`. `time` is later than the sample before in this
   // run; `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
@@ -130,21 +87,12 @@ class Imu {
   std::uint64_t next() const noexcept { return counter_; }
 
  private:
-  struct Triad {
-    explicit Triad(const TriadErrors& errors_, Quantity quantity) : errors(errors_), walk(errors_, quantity) {}
-    // Adds the errors of sample k to the true `value` and to its true integral over a step of dt s. Returns bit i set
-    // if axis i has saturated.
-    std::uint32_t apply(const Normals& normals, std::uint64_t k, double dt, Vector3& value,
-                        Vector3& increment) noexcept;
-    TriadErrors errors;
-    GaussMarkov walk;
-    Vector3 remainder = Vector3::Zero();
-  };
-
   void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
   void add_piece(const MotionState& end) noexcept;
   Sample sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;
   void sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept;
+  void delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept;
+  void move_to_sensor(const MotionState& state, PositionVelocity& position) const noexcept;
   Vector3 true_delta_angle_B(const MotionState& now) const noexcept;
   Vector3 true_delta_velocity_B(const MotionState& now) const noexcept;
 
@@ -156,6 +104,8 @@ class Imu {
   Earth earth_;
   Rest rest_;
   Triad magnetometer_;
+  Barometer barometer_;
+  NavigationError navigation_;
   std::uint64_t counter_ = 0;
   enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
   Run run_ = Run::none;

@@ -53,6 +53,7 @@ void Channel::begin_run() noexcept {
 }
 
 void Channel::cycle_power(HostTime now) noexcept {
+  imu_.power_on(++power_ons_);
   device_->power_on(clock_.now(now));
   apply_uarts();
 }

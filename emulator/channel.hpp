@@ -137,9 +137,10 @@ class Channel {
   std::size_t line_count_ = 1;
   std::optional<Sync> sync_;  // nullopt if no pin is connected
   DeviceClock clock_;
-  bool is_resting_ = false;   // the last sample was taken at rest
-  bool has_sampled_ = false;  // in this run
-  Sample sample_;             // prepare() sets these three
+  bool is_resting_ = false;      // the last sample was taken at rest
+  bool has_sampled_ = false;     // in this run
+  std::uint64_t power_ons_ = 0;  // after the first
+  Sample sample_;                // prepare() sets these three
   std::optional<TruthTime> truth_;
   bool silent_ = false;
   FrameBuffer frames_;  // of the sample

@@ -144,7 +144,7 @@ void gauss_markov(benchmark::State& state, Coupling coupling) {
   const Normals normals(1, 1);
   GaussMarkov walk(every_error(1e-3, coupling), Quantity::rate);
   std::uint64_t k = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(walk.step(normals, k++));
+  for (auto _ : state) benchmark::DoNotOptimize(walk.next(normals, k++));
 }
 BENCHMARK_CAPTURE(gauss_markov, diagonal, Coupling::diagonal);
 BENCHMARK_CAPTURE(gauss_markov, full, Coupling::full);

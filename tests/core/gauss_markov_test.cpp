@@ -46,7 +46,7 @@ TEST(GaussMarkov, FollowsItsRecursion) {
         x[i] = std::max(-bound, std::min(free[i], bound));
         bound_met = bound_met || x[i] != free[i];
       }
-      ASSERT_LT((process.step(normals, k) - x).norm(), 1e-15) << k;
+      ASSERT_LT((process.next(normals, k) - x).norm(), 1e-15) << k;
     }
     EXPECT_EQ(bound_met, errors.walk_bound.norm() > 0.0);
   }
@@ -55,7 +55,7 @@ TEST(GaussMarkov, FollowsItsRecursion) {
 TEST(GaussMarkov, WithoutCovarianceIsOff) {
   const Normals normals(5, 6);
   GaussMarkov process(walk(1.0, 0.0, 1.0), Quantity::rate);
-  for (std::uint64_t k = 0; k < 10; ++k) EXPECT_EQ(process.step(normals, k), Vector3::Zero());
+  for (std::uint64_t k = 0; k < 10; ++k) EXPECT_EQ(process.next(normals, k), Vector3::Zero());
 }
 
 TEST(GaussMarkov, ASingleElementOfTheCovarianceCounts) {
@@ -64,7 +64,7 @@ TEST(GaussMarkov, ASingleElementOfTheCovarianceCounts) {
   errors.walk_sqrt_cov(0, 2) = 1e-3;
   GaussMarkov process(errors, Quantity::rate);
   const Vector3 n = normals(Quantity::rate, Process::gauss_markov, 0);
-  EXPECT_LT((process.step(normals, 0) - Vector3(1e-3 * n.z(), 0.0, 0.0)).norm(), 1e-18);
+  EXPECT_LT((process.next(normals, 0) - Vector3(1e-3 * n.z(), 0.0, 0.0)).norm(), 1e-18);
 }
 
 TEST(GaussMarkov, SeekGivesTheSameAsTheSequence) {
@@ -73,13 +73,13 @@ TEST(GaussMarkov, SeekGivesTheSameAsTheSequence) {
        {walk(0.0, 1e-3), walk(0.0, 1e-3, 1e-3), walk(0.99, 1e-3), walk(1.0, 1e-3, 4e-3), coupled_walk()}) {
     GaussMarkov sequence(errors, Quantity::rate);
     std::vector<Vector3> all;
-    for (std::uint64_t k = 0; k < 1000; ++k) all.push_back(sequence.step(normals, k));
+    for (std::uint64_t k = 0; k < 1000; ++k) all.push_back(sequence.next(normals, k));
     for (const std::uint64_t k : {0U, 1U, 2U, 77U, 998U}) {
       GaussMarkov process(errors, Quantity::rate);
-      for (std::uint64_t j = 0; j < 5; ++j) process.step(normals, j);  // wherever it was before
+      for (std::uint64_t j = 0; j < 5; ++j) process.next(normals, j);  // wherever it was before
       process.seek(normals, k);
-      ASSERT_EQ(process.step(normals, k), all[k]) << k;
-      ASSERT_EQ(process.step(normals, k + 1), all[k + 1]) << k;
+      ASSERT_EQ(process.next(normals, k), all[k]) << k;
+      ASSERT_EQ(process.next(normals, k + 1), all[k + 1]) << k;
     }
   }
 }
@@ -88,7 +88,7 @@ TEST(GaussMarkov, SeekOfWhiteNoiseIsImmediate) {
   const Normals normals(5, 6);
   GaussMarkov process(walk(0.0, 1e-3), Quantity::rate);
   process.seek(normals, 1'000'000'000'000'000'000U);  // step by step this would take a thousand years
-  EXPECT_LT((process.step(normals, 1'000'000'000'000'000'000U) -
+  EXPECT_LT((process.next(normals, 1'000'000'000'000'000'000U) -
              1e-3 * normals(Quantity::rate, Process::gauss_markov, 1'000'000'000'000'000'000U))
                 .norm(),
             1e-18);
@@ -103,7 +103,7 @@ TEST(GaussMarkov, UnboundedWalkGrowsWithTheRoot) {
     const Normals normals(5, w);
     GaussMarkov process(walk(1.0, 1e-3), Quantity::rate);
     Vector3 x = Vector3::Zero();
-    for (std::uint64_t k = 0; k < steps; ++k) x = process.step(normals, k);
+    for (std::uint64_t k = 0; k < steps; ++k) x = process.next(normals, k);
     square += x.squaredNorm() / (3.0 * walks);
   }
   EXPECT_NEAR(square / (steps * 1e-6), 1.0, 4.9 / std::sqrt(3000.0));
@@ -122,12 +122,12 @@ struct Statistics {
     GaussMarkov process(errors, quantity);
     std::uint64_t k = 0;
     Vector3 before = Vector3::Zero();
-    for (; k < warm_up; ++k) before = process.step(normals, k);
+    for (; k < warm_up; ++k) before = process.next(normals, k);
     const auto n = static_cast<double>(batch);
     for (int b = 0; b < batches_per_axis; ++b) {
       Vector3 sum2 = Vector3::Zero(), sum11 = Vector3::Zero(), bound = Vector3::Zero();
       for (std::uint64_t i = 0; i < batch; ++i, ++k) {
-        const Vector3 x = process.step(normals, k);
+        const Vector3 x = process.next(normals, k);
         sum2 += x.cwiseProduct(x);
         sum11 += x.cwiseProduct(before);
         for (int j = 0; j < 3; ++j) bound[j] += std::abs(x[j]) == errors.walk_bound[j] ? 1.0 : 0.0;
@@ -238,7 +238,7 @@ TEST(NoiseStatistics, SqrtCovarianceMixesAxes) {
   constexpr std::uint64_t n = 200'000;
   Matrix3 covariance = Matrix3::Zero();
   for (std::uint64_t k = 0; k < n; ++k) {
-    const Vector3 x = process.step(normals, k);
+    const Vector3 x = process.next(normals, k);
     covariance += x * x.transpose() / double{n};
   }
   // The standard error of an element is sqrt((c_ii c_jj + c_ij^2)/n); 4.9 of them, 1e-6 each.

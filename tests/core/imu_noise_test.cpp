@@ -117,8 +117,8 @@ TEST(ImuNoise, IncrementsHaveTheErrorTimesTheStep) {
   const Normals normals(1, 1);
   for (const Sample& sample : samples) {
     const double dt = sample.counter > 0 ? 0.01 : 0.0;
-    const Vector3 rate_error = model.gyro.bias + gyro.step(normals, sample.counter);
-    const Vector3 force_error = model.accelerometer.bias + accelerometer.step(normals, sample.counter);
+    const Vector3 rate_error = model.gyro.bias + gyro.next(normals, sample.counter);
+    const Vector3 force_error = model.accelerometer.bias + accelerometer.next(normals, sample.counter);
     ASSERT_EQ(sample.rate, rate_error);
     ASSERT_EQ(sample.specific_force, force_error);
     ASSERT_LT((sample.delta_angle - dt * rate_error).norm(), 1e-18);
@@ -193,7 +193,7 @@ TEST(Effects, LeaveTheNoiseOfTheirTriadAlone) {
     model.gyro.lsb = 0.0;
     GaussMarkov walk(model.gyro, Quantity::rate);
     for (const Sample& sample : errors_alone(model, 500)) {
-      const Vector3 noise = walk.step(Normals(1, 1), sample.counter);
+      const Vector3 noise = walk.next(Normals(1, 1), sample.counter);
       ASSERT_EQ(sample.rate, (effect.name == "bias" ? Vector3(Vector3::Zero()) : bias) + noise) << effect.name;
     }
   }

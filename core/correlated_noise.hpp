@@ -1,0 +1,51 @@
+// CorrelatedNoise: exponentially correlated (Markov) noise on three axes, which drifts of many kinds are.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "core/elementary.hpp"
+#include "core/random.hpp"
+#include "core/vector.hpp"
+
+namespace imud {
+
+// Stationary from the first sample (IEEE Std 952-1997, C.1.5), with samples of period T:
+//   b <- a b + s sqrt(1 - a^2) n,  a = exp(-T/Tc),  n ~ N(0, I);  b = s n in sample 0
+// Does not allocate, lock or throw; not thread-safe.
+class CorrelatedNoise {
+ public:
+  // `sigma` is s, in the unit of b, not negative; `time_s` is Tc, above 0. Each quantity has one such noise.
+  CorrelatedNoise(const Vector3& sigma, const Vector3& time_s, double period_s, Quantity quantity) noexcept
+      : sigma_(sigma), on_(!sigma.isZero(0.0)), normals_(quantity, Process::exponentially_correlated) {
+    for (int i = 0; i < 3; ++i) {
+      transition_[i] = elementary::exp(-period_s / time_s[i]);
+      driving_[i] = sigma_[i] * std::sqrt(1.0 - transition_[i] * transition_[i]);
+    }
+  }
+  bool is_on() const noexcept { return on_; }
+  // Returns b of sample k, until the next call. The last call was next(k - 1) or seek(k), or k is 0.
+  const Vector3& next(const Normals& normals, std::uint64_t k) noexcept {
+    const Vector3 n = normals_.at(normals, k);
+    if (k == 0)
+      b_ = sigma_.cwiseProduct(n);
+    else
+      b_ = transition_.cwiseProduct(b_) + driving_.cwiseProduct(n);
+    return b_;
+  }
+  // Returns what the last next() returned; 0 before the first.
+  const Vector3& value() const noexcept { return b_; }
+  // Makes next(k) return what it returns in the sequence from 0. The time it takes is proportional to k.
+  void seek(const Normals& normals, std::uint64_t k) noexcept {
+    if (!on_) return;
+    for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
+  }
+
+ private:
+  Vector3 sigma_, transition_, driving_;
+  bool on_;
+  NormalSequence normals_;
+  Vector3 b_ = Vector3::Zero();
+};
+
+}  // namespace imud

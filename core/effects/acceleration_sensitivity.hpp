@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string_view>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/effects/triad_step.hpp"
+
+namespace imud {
+
+// The response of a gyro to acceleration (IEEE Std 952-1997, 3.2, g-sensitivity), or of an accelerometer to that
+// along its other axes. f is the true specific force in platform axes:
+//   error += G f + H (f_x^2, f_y^2, f_z^2)
+// The mean of the step stands for its course within the step.
+class AccelerationSensitivity : public StatelessEffect {
+ public:
+  static constexpr std::string_view name = "acceleration sensitivity";
+  AccelerationSensitivity(const TriadErrors& errors, Quantity, double)
+      : linear_(errors.g_sensitivity),
+        square_(errors.g_squared_sensitivity),
+        on_(!linear_.isZero(0.0) || !square_.isZero(0.0)) {}
+  bool is_on() const noexcept { return on_; }
+  void apply(TriadStep& step) const noexcept {
+    step.error += response(step.specific_force);
+    if (step.dt > 0.0) step.mean_error += response(step.delta_velocity / step.dt);
+  }
+
+ private:
+  Vector3 response(const Vector3& f) const noexcept { return linear_ * f + square_ * f.cwiseProduct(f); }
+
+  Matrix3 linear_, square_;
+  bool on_;
+};
+
+}  // namespace imud

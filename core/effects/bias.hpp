@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string_view>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/effects/triad_step.hpp"
+
+namespace imud {
+
+//   error += b                                                                            (memo Eq. 15, 16)
+class Bias : public StatelessEffect {
+ public:
+  static constexpr std::string_view name = "bias";
+  Bias(const TriadErrors& errors, Quantity, double) : bias_(errors.bias) {}
+  static bool is_on() noexcept { return true; }
+  void apply(TriadStep& step) const noexcept { step.constant_error += bias_; }
+
+ private:
+  Vector3 bias_;
+};
+
+}  // namespace imud

@@ -1,0 +1,99 @@
+#include "core/effects/flicker.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/elementary.hpp"
+
+namespace imud {
+
+namespace {
+// With the first and the last process of double variance, the Allan deviation is flat within 5 % from 3.1 times the
+// first correlation time to the last one, with eight processes or more.
+constexpr double flat_from = 3.1;
+constexpr std::size_t min_octaves = 8;
+constexpr double ln2_over_pi = 0.22063560015265482;
+constexpr double nodes_per_correlation_time = 16;
+
+double variance(std::size_t index, std::size_t count) noexcept {
+  return index == 0 || index + 1 == count ? 2 * ln2_over_pi : ln2_over_pi;
+}
+}  // namespace
+
+double Flicker::first_correlation_time(double from_s) noexcept { return from_s / flat_from; }
+
+std::size_t Flicker::octaves(double from_s, double to_s) noexcept {
+  std::size_t count = min_octaves;
+  for (double last = first_correlation_time(from_s) * 0x1p7; last < to_s && count < max_octaves; last *= 2) ++count;
+  return count;
+}
+
+double Flicker::allan_variance(double from_s, double to_s, double tau) noexcept {
+  const std::size_t count = octaves(from_s, to_s);
+  double sum = 0, time = first_correlation_time(from_s);
+  for (std::size_t i = 0; i < count; ++i, time *= 2) {
+    const double x = tau / time;
+    // Where x is small, the difference would cancel: its series is 2/3 x - x^2/2 + ...
+    const double e = elementary::exp(-x);
+    const double shape = x < 1e-3 ? x * (2.0 / 3.0 - 0.5 * x) : 2.0 / x * (1.0 - (3.0 - 4.0 * e + e * e) / (2.0 * x));
+    sum += variance(i, count) * shape;
+  }
+  return sum;
+}
+
+Flicker::Flicker(const TriadErrors& errors, Quantity quantity, double period_s)
+    : instability_(errors.bias_instability),
+      quantity_(quantity),
+      on_(!errors.bias_instability.isZero(0.0)),
+      count_(octaves(errors.flicker_from_s, errors.flicker_to_s)) {
+  std::uint64_t stride = 1;
+  double time = first_correlation_time(errors.flicker_from_s);
+  while (2.0 * static_cast<double>(stride) * period_s * nodes_per_correlation_time <= time) stride *= 2;
+  for (std::size_t i = 0; i < count_; ++i, stride *= 2, time *= 2) {
+    Octave& octave = octaves_[i];
+    octave.stride = stride;
+    octave.transition = elementary::exp(-static_cast<double>(stride) * period_s / time);
+    octave.stationary = std::sqrt(variance(i, count_));
+    octave.driving = octave.stationary * std::sqrt(1.0 - octave.transition * octave.transition);
+  }
+}
+
+// Computes the process at the end of the stride that begins at node `node`.
+void Flicker::advance(Octave& octave, std::size_t index, const Normals& normals, std::uint64_t node) noexcept {
+  const Process process = octave_of(Process::flicker, static_cast<std::uint32_t>(index));
+  octave.begin = node == 0 ? Vector3(octave.stationary * normals(quantity_, process, 0)) : octave.end;
+  octave.end = octave.transition * octave.begin + octave.driving * normals(quantity_, process, node + 1);
+}
+
+// The sum is linear over each stride of the first process; `first` is the sample at which one begins.
+void Flicker::begin_segment(const Normals& normals, std::uint64_t first) noexcept {
+  segment_begin_.setZero();
+  slope_.setZero();
+  for (std::size_t i = 0; i < count_; ++i) {
+    Octave& octave = octaves_[i];
+    const std::uint64_t within = first % octave.stride;
+    if (within == 0) advance(octave, i, normals, first / octave.stride);
+    const Vector3 per_sample = (octave.end - octave.begin) / static_cast<double>(octave.stride);
+    segment_begin_ += octave.begin + static_cast<double>(within) * per_sample;
+    slope_ += per_sample;
+  }
+  segment_begin_ = instability_.cwiseProduct(segment_begin_);
+  slope_ = instability_.cwiseProduct(slope_);
+}
+
+Flicker::Value Flicker::next(const Normals& normals, std::uint64_t k) noexcept {
+  // Sample k lies in (first, first + stride], so that its step lies within one segment.
+  const std::uint64_t before = std::max<std::uint64_t>(k, 1) - 1;
+  const std::uint64_t within = before % octaves_[0].stride;
+  if (k == 0 || (within == 0 && before > 0)) begin_segment(normals, before);
+  const Vector3 now = segment_begin_ + static_cast<double>(k == 0 ? 0 : within + 1) * slope_;
+  return {now, now - 0.5 * slope_};
+}
+
+void Flicker::seek(const Normals& normals, std::uint64_t k) noexcept {
+  if (!on_ || k == 0) return;
+  for (std::uint64_t first = 0; first == 0 || first + 1 < k; first += octaves_[0].stride)
+    begin_segment(normals, first);
+}
+
+}  // namespace imud

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string_view>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/effects/triad_step.hpp"
+
+namespace imud {
+
+// Bias instability: flicker noise, of the two-sided spectral density B^2/(2 pi f) (IEEE Std 952-1997, C.1.2), whose
+// Allan deviation is flat at sqrt(2 ln2/pi) B = 0.664 B.
+//
+// It is the sum of independent exponentially correlated processes, whose correlation times are an octave apart: as
+// many as make the Allan deviation flat within 5 % from `flicker_from_s` to `flicker_to_s`. Each has the variance
+// B^2 ln2/pi, because the density of such a sum is then B^2/(2 pi f); the first and the last have twice as much, in
+// the place of the octaves beyond them. They are stationary from the first sample.
+//
+// A process of correlation time Tc is computed at most every Tc/16, and linear between: its standard deviation is
+// 1 % less there. Thus the cost of a sample is nearly that of one addition, with any number of octaves.
+class Flicker {
+ public:
+  static constexpr std::string_view name = "bias instability";
+  static constexpr std::size_t max_octaves = 32;
+  Flicker(const TriadErrors& errors, Quantity quantity, double period_s);
+  bool is_on() const noexcept { return on_; }
+  void apply(TriadStep& step) noexcept {
+    const Value value = next(step.normals, step.k);
+    step.error += value.now;
+    step.mean_error += value.mean;
+  }
+  // The time it takes is proportional to k.
+  void seek(const Normals& normals, std::uint64_t k) noexcept;
+  void power_on(std::uint64_t) noexcept {}
+
+  // Returns the number of processes that the averaging times need, and the correlation time of the first, s.
+  static std::size_t octaves(double from_s, double to_s) noexcept;
+  static double first_correlation_time(double from_s) noexcept;
+  // Returns the Allan variance of the cascade at the averaging time `tau`, s, for B = 1.
+  static double allan_variance(double from_s, double to_s, double tau) noexcept;
+
+ private:
+  struct Value {
+    Vector3 now, mean;  // at the end of the step, and over it
+  };
+  Value next(const Normals& normals, std::uint64_t k) noexcept;
+  // One process. Its values at the samples j * stride and (j + 1) * stride are `begin` and `end`.
+  struct Octave {
+    double transition = 0, driving = 0, stationary = 0;  // for B = 1
+    std::uint64_t stride = 1;
+    Vector3 begin = Vector3::Zero(), end = Vector3::Zero();
+  };
+  void advance(Octave& octave, std::size_t index, const Normals& normals, std::uint64_t node) noexcept;
+  void begin_segment(const Normals& normals, std::uint64_t first) noexcept;
+
+  Vector3 instability_;
+  Quantity quantity_;
+  bool on_;
+  std::size_t count_;
+  std::array<Octave, max_octaves> octaves_;
+  Vector3 segment_begin_ = Vector3::Zero(), slope_ = Vector3::Zero();  // of the sum, from sample to sample
+};
+
+}  // namespace imud

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <limits>
+#include <string_view>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/effects/triad_step.hpp"
+#include "core/lanes.hpp"
+
+namespace imud {
+
+// The memo's process, section 2:  error += x,  x <- clamp(A x + P n, +-bound),  n ~ N(0, I), with x = 0 before sample
+// 0. A and P are per sample: their meaning changes with the sample rate.
+class GaussMarkov {
+ public:
+  static constexpr std::string_view name = "Gauss-Markov process per sample";
+  explicit GaussMarkov(const TriadErrors& errors, Quantity quantity, double = 0)
+      : transition_(errors.walk_transition),
+        sqrt_cov_(errors.walk_sqrt_cov),
+        bound_((errors.walk_bound.array() > 0.0).select(errors.walk_bound, Vector3::Constant(infinity))),
+        on_(!errors.walk_sqrt_cov.isZero(0.0)),
+        has_memory_(!errors.walk_transition.isZero(0.0)),
+        normals_(quantity, Process::gauss_markov) {}
+  bool is_on() const noexcept { return on_; }
+  void apply(TriadStep& step) noexcept { step.constant_error += next(step.normals, step.k); }
+
+  // Returns the error x of sample k, until the next call. The last call was next(k - 1) or seek(k), or k is 0.
+  // `normals` must be the same in all calls.
+  const Vector3& next(const Normals& normals, std::uint64_t k) noexcept {
+    if (!on_) return x_;
+    const Vector3 n = normals_.at(normals, k);
+    Lanes x = transition_ * x_ + sqrt_cov_ * n;
+    const Lanes bound = lanes(bound_);
+    x = select(x < -bound, -bound, x);
+    x_ = vector_of(select(x > bound, bound, x));
+    return x_;
+  }
+  // Makes next(k) return what it returns in the sequence from 0. The time it takes is proportional to k unless A is
+  // 0.
+  void seek(const Normals& normals, std::uint64_t k) noexcept {
+    x_.setZero();
+    if (!on_ || !has_memory_) return;  // white noise
+    for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
+  }
+  void power_on(std::uint64_t) noexcept {}
+
+ private:
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+  LaneMatrix transition_, sqrt_cov_;
+  Vector3 bound_;  // infinite: none
+  bool on_;
+  bool has_memory_;
+  NormalSequence normals_;
+  Vector3 x_ = Vector3::Zero();
+};
+
+}  // namespace imud

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string_view>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/effects/triad_step.hpp"
+
+namespace imud {
+
+// The deviation from the straight line (IEEE Std 952-1997, 3.2 and IEEE Std 1293-2018, the model equation's K2, K3):
+//   m <- m + a/2 |m| + q m^2 + c m^3
+// with a the asymmetry, so that the factor of positive values is 1 + a/2, that of negative ones 1 - a/2. The mean of
+// the increment's step stands for its course within the step.
+class Nonlinearity : public StatelessEffect {
+ public:
+  static constexpr std::string_view name = "asymmetry and nonlinearity";
+  Nonlinearity(const TriadErrors& errors, Quantity, double)
+      : half_asymmetry_(0.5 * errors.scale_factor_asymmetry),
+        quadratic_(errors.quadratic),
+        cubic_(errors.cubic),
+        on_(!half_asymmetry_.isZero(0.0) || !quadratic_.isZero(0.0) || !cubic_.isZero(0.0)) {}
+  bool is_on() const noexcept { return on_; }
+  void apply(TriadStep& step) const noexcept {
+    step.value += deviation(step.value);
+    if (step.dt > 0.0) step.increment += step.dt * deviation(step.increment / step.dt);
+  }
+
+ private:
+  Vector3 deviation(const Vector3& m) const noexcept {
+    const Vector3 square = m.cwiseProduct(m);
+    return half_asymmetry_.cwiseProduct(m.cwiseAbs()) + quadratic_.cwiseProduct(square) +
+           cubic_.cwiseProduct(square.cwiseProduct(m));
+  }
+
+  Vector3 half_asymmetry_, quadratic_, cubic_;
+  bool on_;
+};
+
+}  // namespace imud

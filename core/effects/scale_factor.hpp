@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string_view>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/effects/triad_step.hpp"
+
+namespace imud {
+
+// The factor from input to output:  m <- k m.
+class ScaleFactor : public StatelessEffect {
+ public:
+  static constexpr std::string_view name = "scale factor";
+  ScaleFactor(const TriadErrors& errors, Quantity, double) : factor_(errors.scale_factor) {}
+  static bool is_on() noexcept { return true; }
+  void apply(TriadStep& step) const noexcept {
+    step.value = factor_.cwiseProduct(step.value);
+    step.increment = factor_.cwiseProduct(step.increment);
+  }
+
+ private:
+  Vector3 factor_;
+};
+
+}  // namespace imud

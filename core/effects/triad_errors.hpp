@@ -1,0 +1,76 @@
+// TriadErrors: the parameters of all errors of three sensors of a kind. triad.hpp has the effects that they describe.
+#pragma once
+
+#include <cstdint>
+
+#include "core/vector.hpp"
+
+namespace imud {
+
+// How a value becomes a multiple of its LSB; `nearest` rounds halves away from zero.
+enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };
+
+// The errors of three gyros (u is rad/s), accelerometers (m/s^2) or magnetometers (T), one of a kind on each platform
+// axis. The default of every member switches its effect off. Densities are continuous: their spectra do not depend on
+// the sample rate. Each group is the part of the effect that stands above it, whose header has the equation.
+struct TriadErrors {
+  // Misalignment
+  Matrix3 misalignment = Matrix3::Identity();  // row i: the input axis of sensor i, in platform axes
+
+  // ScaleFactor
+  Vector3 scale_factor = Vector3::Ones();
+
+  // Nonlinearity
+  Vector3 scale_factor_asymmetry = Vector3::Zero();  // that of positive values less that of negative ones
+  Vector3 quadratic = Vector3::Zero();               // 1/u
+  Vector3 cubic = Vector3::Zero();                   // 1/u^2
+
+  // Bias
+  Vector3 bias = Vector3::Zero();  // u
+
+  // GaussMarkov: the memo's process, whose parameters are those of one sample, not densities
+  Matrix3 walk_transition = Matrix3::Identity();  // A: 0 gives white noise, identity a random walk
+  Matrix3 walk_sqrt_cov = Matrix3::Zero();        // P, u: P P^T is the covariance of one step
+  Vector3 walk_bound = Vector3::Zero();           // u, limit of |x|, not negative; 0: none
+
+  // TurnOnBias
+  Vector3 turn_on_bias = Vector3::Zero();  // u, standard deviation, not negative
+
+  // Ramp
+  Vector3 ramp = Vector3::Zero();  // R, u/s
+
+  // AccelerationSensitivity
+  Matrix3 g_sensitivity = Matrix3::Zero();          // u/(m/s^2)
+  Matrix3 g_squared_sensitivity = Matrix3::Zero();  // u/(m/s^2)^2
+
+  // WhiteNoise
+  Vector3 white_density = Vector3::Zero();  // N, u/sqrt(Hz), not negative
+
+  // Flicker
+  Vector3 bias_instability = Vector3::Zero();  // B, u, not negative
+  double flicker_from_s = 1;                   // the averaging times between which the Allan deviation is flat
+  double flicker_to_s = 1000;
+
+  // ExponentiallyCorrelated
+  Vector3 correlated_sigma = Vector3::Zero();  // u, standard deviation, not negative
+  Vector3 correlation_time = Vector3::Ones();  // s, above 0
+
+  // RandomWalk
+  Vector3 random_walk_density = Vector3::Zero();  // K, u/s/sqrt(Hz), not negative
+
+  // ValueRounding
+  double lsb = 0.0;  // u, not negative; 0: no rounding
+  Rounding rounding = Rounding::toward_zero;
+  bool carry = false;  // the remainder of the rounding is added to the next sample
+
+  // Saturation
+  double max = 1e6;  // u, above 0
+
+  // IncrementRounding
+  double increment_lsb = 0.0;  // u s, not negative; 0: no rounding
+
+  // Returns errors that are only white noise of this density, u/sqrt(Hz), at the sample rate `rate_hz`.
+  static TriadErrors white(double density, double rate_hz, double max);
+};
+
+}  // namespace imud

@@ -1,0 +1,44 @@
+// TriadStep: one sample of three sensors of a kind, on its way through the effects.
+#pragma once
+
+#include <cstdint>
+
+#include "core/random.hpp"
+#include "core/vector.hpp"
+
+namespace imud {
+
+// The unit u is that of TriadErrors. An effect is a class with
+//   static constexpr std::string_view name     as the table in core/README.md has it
+//   Effect(const TriadErrors&, Quantity, double period_s)
+//   bool is_on() const noexcept
+//   void apply(TriadStep&) noexcept            called only if it is on
+//   void seek(const Normals&, std::uint64_t k) noexcept
+//                                              after which apply() of sample k does as in the sequence from 0
+//   void power_on(std::uint64_t number) noexcept
+// The last two are empty in StatelessEffect.
+struct TriadStep {
+  const Normals& normals;
+  std::uint64_t k;                // number of the sample
+  double dt;                      // s, the step of the increments; 0 if they are 0
+  double since_power_on;          // s, at the end of the step, by the device's clock
+  const Vector3& specific_force;  // m/s^2, without errors, in platform axes, at the end of the step
+  const Vector3& delta_velocity;  // m/s, its integral over the step
+
+  Vector3 value;      // u, at the end of the step
+  Vector3 increment;  // u s, its integral over the step
+
+  // The sums of the additive errors, u, which AddErrors adds: of those that are constant over the step, and of the
+  // others, at the end of the step and their mean over it.
+  Vector3 constant_error = Vector3::Zero();
+  Vector3 error = Vector3::Zero(), mean_error = Vector3::Zero();
+
+  std::uint32_t saturated = 0;  // bit i: axis i
+};
+
+struct StatelessEffect {
+  void seek(const Normals&, std::uint64_t) noexcept {}
+  void power_on(std::uint64_t) noexcept {}
+};
+
+}  // namespace imud

@@ -1,0 +1,73 @@
+// NavigationError: the errors of a navigation solution, which a GNSS receiver or a filter computes.
+#pragma once
+
+#include <cstdint>
+
+#include "core/attitude.hpp"
+#include "core/correlated_noise.hpp"
+#include "core/earth.hpp"
+#include "core/time.hpp"
+
+namespace imud {
+
+// A first-order model: each component has exponentially correlated noise, with the accuracy of a data sheet as its
+// standard deviation, and white noise beside it. The default of every member switches its effect off. Vectors are
+// north, east, down, and not negative.
+struct NavigationErrors {
+  Nanoseconds latency{0};                    // the age of position and velocity, not negative
+  Vector3 position = Vector3::Zero();        // m, standard deviation
+  double position_correlation_s = 600;       // above 0
+  Vector3 position_noise = Vector3::Zero();  // m, standard deviation of one sample
+  Vector3 velocity = Vector3::Zero();        // m/s, standard deviation
+  double velocity_correlation_s = 60;
+  Vector3 velocity_noise = Vector3::Zero();  // m/s, standard deviation of one sample
+  Vector3 attitude = Vector3::Zero();        // rad, standard deviation of rotations about north, east, down
+  double attitude_correlation_s = 300;
+};
+
+// Does not allocate, lock or throw; not thread-safe.
+class NavigationError {
+ public:
+  // `period_s` is the nominal sample period, above 0.
+  NavigationError(const NavigationErrors& errors, double period_s) noexcept
+      : errors_(errors),
+        position_(errors.position, Vector3::Constant(errors.position_correlation_s), period_s, Quantity::position),
+        velocity_(errors.velocity, Vector3::Constant(errors.velocity_correlation_s), period_s, Quantity::velocity),
+        attitude_(errors.attitude, Vector3::Constant(errors.attitude_correlation_s), period_s, Quantity::attitude),
+        has_noise_(!errors.position_noise.isZero(0.0) || !errors.velocity_noise.isZero(0.0)),
+        on_(has_noise_ || position_.is_on() || velocity_.is_on() || attitude_.is_on()) {}
+
+  // Returns false if there are no errors but the latency, which is not applied here.
+  bool is_on() const noexcept { return on_; }
+  Nanoseconds latency() const noexcept { return errors_.latency; }
+
+  // Adds the errors of sample k to its place, if that is known, and to its attitude. The last call was for sample
+  // k - 1, or seek(k).
+  void apply(Sample& sample, const Normals& normals, std::uint64_t k) noexcept {
+    if (attitude_.is_on()) sample.q_LP = exp(attitude_.next(normals, k)) * sample.q_LP;
+    Vector3 position = Vector3::Zero(), velocity = Vector3::Zero();
+    if (position_.is_on()) position = position_.next(normals, k);
+    if (velocity_.is_on()) velocity = velocity_.next(normals, k);
+    if (!sample.navigation.is_known) return;
+    if (has_noise_) {
+      position += errors_.position_noise.cwiseProduct(normals(Quantity::position, Process::white_noise, k));
+      velocity += errors_.velocity_noise.cwiseProduct(normals(Quantity::velocity, Process::white_noise, k));
+    }
+    sample.navigation.v_L += velocity;
+    move(sample.navigation, position);
+  }
+  // Makes sample k the next, with the errors that it has in the sequence from 0. The time it takes is proportional to
+  // k.
+  void seek(const Normals& normals, std::uint64_t k) noexcept {
+    position_.seek(normals, k);
+    velocity_.seek(normals, k);
+    attitude_.seek(normals, k);
+  }
+
+ private:
+  NavigationErrors errors_;
+  CorrelatedNoise position_, velocity_, attitude_;
+  bool has_noise_, on_;
+};
+
+}  // namespace imud

@@ -1,0 +1,78 @@
+// Triad: three sensors of a kind on the platform axes, with their errors.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+#include <tuple>
+
+#include "core/effects/acceleration_sensitivity.hpp"
+#include "core/effects/add_errors.hpp"
+#include "core/effects/bias.hpp"
+#include "core/effects/exponentially_correlated.hpp"
+#include "core/effects/flicker.hpp"
+#include "core/effects/gauss_markov.hpp"
+#include "core/effects/increment_rounding.hpp"
+#include "core/effects/misalignment.hpp"
+#include "core/effects/nonlinearity.hpp"
+#include "core/effects/ramp.hpp"
+#include "core/effects/random_walk.hpp"
+#include "core/effects/saturation.hpp"
+#include "core/effects/scale_factor.hpp"
+#include "core/effects/turn_on_bias.hpp"
+#include "core/effects/value_rounding.hpp"
+#include "core/effects/white_noise.hpp"
+
+namespace imud {
+
+// All effects, in the order in which they act. Those on the truth are first, because bias and noise come from behind
+// the input axes and are not scaled by them; saturation is last, as the memo has it, so that no value is beyond the
+// range; what it leaves of the increments is rounded.
+using TriadEffects =
+    std::tuple<Misalignment, ScaleFactor, Nonlinearity,                              // on the truth
+               Bias, GaussMarkov, TurnOnBias, Ramp, AccelerationSensitivity,         // added
+               WhiteNoise, Flicker, ExponentiallyCorrelated, RandomWalk, AddErrors,  // added, and their sum
+               ValueRounding, Saturation, IncrementRounding>;                        // at the output
+
+// The names of the effects, in that order.
+inline constexpr auto triad_effect_names = []<class... Effect>(std::tuple<Effect...>*) {
+  return std::array{Effect::name...};
+}(static_cast<TriadEffects*>(nullptr));
+
+// The three sensors. Does not allocate, lock or throw; not thread-safe.
+class Triad {
+ public:
+  // `period_s` is the nominal sample period, by which densities become standard deviations of samples; above 0.
+  Triad(const TriadErrors& errors, Quantity quantity, double period_s)
+      : effects_(make(errors, quantity, period_s, static_cast<TriadEffects*>(nullptr))) {}
+
+  // Turns the true value and increment into the measured ones.
+  [[gnu::always_inline]] void apply(TriadStep& step) noexcept {
+    each([&step](auto& effect) __attribute__((always_inline)) {
+      if (effect.is_on()) effect.apply(step);
+    });
+  }
+  // Makes the next sample number k, with the errors that it has in the sequence from 0, except for the remainders of
+  // rounding. The time it takes is proportional to k where an effect has a memory.
+  void seek(const Normals& normals, std::uint64_t k) noexcept {
+    each([&normals, k](auto& effect) { effect.seek(normals, k); });
+  }
+  // `number` is that of this power on, from 0.
+  void power_on(std::uint64_t number) noexcept {
+    each([number](auto& effect) { effect.power_on(number); });
+  }
+
+ private:
+  template <class... Effect>
+  static TriadEffects make(const TriadErrors& errors, Quantity quantity, double period_s, std::tuple<Effect...>*) {
+    return TriadEffects(Effect(errors, quantity, period_s)...);
+  }
+  template <class Visit>
+  void each(Visit visit) noexcept {
+    std::apply([&visit](auto&... effect) { (visit(effect), ...); }, effects_);
+  }
+
+  TriadEffects effects_;
+};
+
+}  // namespace imud

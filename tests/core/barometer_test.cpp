@@ -1,0 +1,71 @@
+#include "core/barometer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "core/imu.hpp"
+
+namespace imud {
+namespace {
+
+const Normals normals(5, 6);
+
+TEST(Barometer, LagsBehindAStepOfThePressure) {
+  Barometer barometer({.lag_s = 0.5, .bias = 3}, 0.01);
+  EXPECT_DOUBLE_EQ(barometer.measure(90'000, normals, 0), 90'003) << "settles on the first sample";
+  double measured = 0;
+  for (std::uint64_t k = 1; k <= 50; ++k) measured = barometer.measure(91'000, normals, k);
+  EXPECT_NEAR(measured, 90'003 + 1000 * (1 - std::exp(-1.0)), 1e-8) << "0.5 s after the step";
+  barometer.begin_run();
+  EXPECT_DOUBLE_EQ(barometer.measure(80'000, normals, 51), 80'003);
+}
+
+// With n correlation times, the sum of squares has some n degrees of freedom, and its relative standard deviation is
+// sqrt(2/n): 0.02 here. Six of them are a false alarm below 1e-8; the correlation's error is smaller.
+TEST(Barometer, DriftsWithItsStandardDeviationAndCorrelationTime) {
+  constexpr std::uint64_t steps = 500'000, lag = 100;
+  Barometer barometer({.drift = 20, .drift_correlation_s = 1}, 0.01);
+  std::vector<double> drift;
+  for (std::uint64_t k = 0; k < steps; ++k) drift.push_back(barometer.measure(1e5, normals, k) - 1e5);
+  double square = 0, product = 0;
+  for (std::uint64_t k = 0; k + lag < steps; ++k) {
+    square += drift[k] * drift[k];
+    product += drift[k] * drift[k + lag];
+  }
+  EXPECT_NEAR(square / (steps - lag) / 400, 1, 0.12);
+  EXPECT_NEAR(product / square, std::exp(-1.0), 0.1);
+
+  Barometer sought({.drift = 20, .drift_correlation_s = 1}, 0.01);
+  sought.seek(normals, 1000);
+  EXPECT_EQ(sought.measure(1e5, normals, 1000) - 1e5, drift[1000]);
+}
+
+// Samples without a known place pass without one of the drift's values being lost.
+TEST(Barometer, DriftsOnWhereNoPlaceIsKnown) {
+  ImuModel model;
+  model.earth.frame = EarthModel::Frame::local;
+  model.barometer = {.drift = 20, .drift_correlation_s = 1};
+  Truth seeing, blind;
+  seeing.has_position = true;
+  const auto third = [&](const Truth& second) {
+    Imu imu(model, 1, 1);
+    Timeline timeline;
+    timeline.push(seeing);
+    imu.sample(timeline, {}, {});
+    Truth next = second;
+    next.time.ns = 10'000'000;
+    timeline.push(next);
+    imu.sample(timeline, next.time, {});
+    next = seeing;
+    next.time.ns = 20'000'000;
+    timeline.push(next);
+    return imu.sample(timeline, next.time, {}).pressure;
+  };
+  EXPECT_GT(third(seeing), 0);
+  EXPECT_EQ(third(blind), third(seeing));
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,230 @@
+// The terms of noise of IEEE Std 952 against their Allan variances, at any rate, alone and together.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/triad.hpp"
+#include "tests/core/allan.hpp"
+
+namespace imud {
+namespace {
+
+constexpr std::size_t samples = 2'000'000;
+constexpr double false_alarm = 1e-6;  // of each comparison, of which there are some 40
+
+// Takes sample k of three sensors at rest.
+TriadStep take(Triad& triad, const Normals& normals, std::uint64_t k, double rate_hz) {
+  static const Vector3 zero = Vector3::Zero();
+  TriadStep step = {.normals = normals,
+                    .k = k,
+                    .dt = 1.0 / rate_hz,
+                    .since_power_on = static_cast<double>(k) / rate_hz,
+                    .specific_force = zero,
+                    .delta_velocity = zero,
+                    .value = zero,
+                    .increment = zero};
+  triad.apply(step);
+  return step;
+}
+
+// The increments of three sensors at rest, axis after axis.
+std::vector<std::vector<double>> increments_of(const TriadErrors& errors, double rate_hz,
+                                               std::size_t count = samples) {
+  const Normals normals(2026, stream_id("imu1"));
+  Triad triad(errors, Quantity::rate, 1.0 / rate_hz);
+  std::vector<std::vector<double>> axes(3, std::vector<double>(count));
+  for (std::size_t k = 0; k < count; ++k) {
+    const TriadStep step = take(triad, normals, k, rate_hz);
+    for (std::size_t i = 0; i < 3; ++i) axes[i][k] = step.increment[static_cast<int>(i)];
+  }
+  return axes;
+}
+
+struct Term {
+  std::string name;
+  TriadErrors errors;
+  std::function<double(double tau)> allan_variance;
+};
+
+TriadErrors with(const std::function<void(TriadErrors&)>& set) {
+  TriadErrors errors;
+  set(errors);
+  return errors;
+}
+
+constexpr double N = 4e-5, B = 3e-6, K = 2e-6, R = 4e-9, sigma = 5e-6, correlation_time = 0.8, lsb = 1e-6;
+
+double exponentially_correlated(double tau) {
+  const double x = tau / correlation_time;
+  return 2 * sigma * sigma / x * (1 - (3 - 4 * std::exp(-x) + std::exp(-2 * x)) / (2 * x));
+}
+
+const std::vector<Term>& terms() {
+  static const std::vector<Term> all = {
+      {"white noise", with([](TriadErrors& e) { e.white_density = Vector3::Constant(N); }),
+       [](double tau) { return N * N / tau; }},
+      {"bias instability", with([](TriadErrors& e) {
+         e.bias_instability = Vector3::Constant(B);
+         e.flicker_from_s = 0.5;
+         e.flicker_to_s = 100;
+       }),
+       [](double tau) { return B * B * Flicker::allan_variance(0.5, 100, tau); }},
+      {"exponentially correlated", with([](TriadErrors& e) {
+         e.correlated_sigma = Vector3::Constant(sigma);
+         e.correlation_time = Vector3::Constant(correlation_time);
+       }),
+       exponentially_correlated},
+      {"random walk", with([](TriadErrors& e) { e.random_walk_density = Vector3::Constant(K); }),
+       [](double tau) { return K * K * tau / 3; }},
+      {"ramp", with([](TriadErrors& e) { e.ramp = Vector3::Constant(R); }),
+       [](double tau) { return R * R * tau * tau / 2; }},
+  };
+  return all;
+}
+
+// Compares at three averaging times with at least 700 pairs each. `tolerance`, relative, is that of the formula.
+void compare(const std::string& name, const TriadErrors& errors, const std::function<double(double)>& expected,
+             double rate_hz, const std::array<double, 3>& taus, double tolerance = 0) {
+  const std::vector<std::vector<double>> axes = increments_of(errors, rate_hz);
+  const double period = 1 / rate_hz;
+  int compared = 0;
+  for (const double tau : taus) {
+    AllanVariance variance;
+    const auto m = static_cast<std::size_t>(std::lround(tau * rate_hz));
+    for (const std::vector<double>& axis : axes) variance.add(axis, m, period);
+    ASSERT_GT(variance.degrees, 700);
+    const double e = expected(tau);
+    EXPECT_TRUE(variance.fits(e, false_alarm) || variance.fits(e * (1 + tolerance), false_alarm) ||
+                variance.fits(e * (1 - tolerance), false_alarm))
+        << name << " at " << rate_hz << " Hz, " << tau << " s: " << std::sqrt(variance.value()) << " for "
+        << std::sqrt(e);
+    // A fault of 20 % would be found.
+    EXPECT_FALSE(variance.fits(e * 1.44, false_alarm)) << name << " " << tau;
+    ++compared;
+  }
+  EXPECT_EQ(compared, 3);
+}
+
+TEST(NoiseTerms, EachAloneHasItsAllanVarianceAtAnyRate) {
+  int compared = 0;
+  for (const Term& term : terms()) {
+    if (term.name == "ramp") continue;  // is not random: see below
+    for (const double rate_hz : {100.0, 1000.0}) {
+      if (term.name == "bias instability")  // whose variance is up to 2 % smaller between nodes
+        compare(term.name, term.errors, term.allan_variance, rate_hz, {0.5, 2.0, 4.0}, 0.02);
+      else
+        compare(term.name, term.errors, term.allan_variance, rate_hz, {0.1, 1.0, 4.0});
+      ++compared;
+    }
+  }
+  EXPECT_EQ(compared, 8);
+}
+
+TEST(NoiseTerms, AllTogetherHaveTheSumOfTheirAllanVariances) {
+  TriadErrors all;
+  for (const Term& term : terms()) {
+    all.white_density += term.errors.white_density;
+    all.bias_instability += term.errors.bias_instability;
+    all.correlated_sigma += term.errors.correlated_sigma;
+    all.random_walk_density += term.errors.random_walk_density;
+  }
+  all.flicker_from_s = 0.5;
+  all.flicker_to_s = 100;
+  all.correlation_time = Vector3::Constant(correlation_time);
+  const auto sum = [](double tau) {
+    double variance = 0;
+    for (const Term& term : terms())
+      if (term.name != "ramp") variance += term.allan_variance(tau);
+    return variance;
+  };
+  for (const double rate_hz : {100.0, 1000.0}) compare("all", all, sum, rate_hz, {0.1, 1.0, 4.0}, 0.01);
+}
+
+TEST(NoiseTerms, ARampIsExact) {
+  const Term& ramp = terms().back();
+  ASSERT_EQ(ramp.name, "ramp");
+  for (const double rate_hz : {100.0, 1000.0}) {
+    const std::vector<double> axis = increments_of(ramp.errors, rate_hz, 20'000)[2];
+    AllanVariance variance;
+    variance.add(axis, 1000, 1 / rate_hz);
+    EXPECT_NEAR(variance.value() / ramp.allan_variance(1000 / rate_hz), 1, 1e-6);
+  }
+}
+
+// The sum over octaves of the analytic variances, not the data.
+TEST(BiasInstability, TheCascadeIsFlatOverItsDecades) {
+  const double plateau = 2 * std::log(2.0) / M_PI;
+  int compared = 0;
+  for (const auto& [from, to] : {std::pair{1.0, 1000.0}, {0.5, 5.0}, {10.0, 20.0}, {0.1, 1e5}})
+    for (double tau = from; tau <= to; tau *= 1.1, ++compared)
+      EXPECT_NEAR(std::sqrt(Flicker::allan_variance(from, to, tau) / plateau), 1, 0.05) << from << " " << tau;
+  EXPECT_GT(compared, 200);
+}
+
+// Stationary from the first sample: the variance of the first sample, over seeds, is that of all others.
+TEST(BiasInstability, IsStationaryFromTheFirstSample) {
+  TriadErrors errors;
+  errors.bias_instability = Vector3::Ones();
+  errors.correlated_sigma = Vector3::Constant(2);
+  errors.flicker_from_s = 1;
+  errors.flicker_to_s = 40;  // eight octaves, of which two count twice
+  const double expected = (8 + 2) * std::log(2.0) / M_PI + 4;
+  double sum = 0;
+  constexpr int seeds = 5000;
+  for (int seed = 0; seed < seeds; ++seed) {
+    const Normals normals(static_cast<std::uint64_t>(seed), 1);
+    Triad triad(errors, Quantity::rate, 0.01);
+    sum += take(triad, normals, 0, 100).value.squaredNorm();
+  }
+  // 4.9 standard errors of sqrt(2/n): 1e-6.
+  EXPECT_NEAR(sum / (3 * seeds) / expected, 1, 4.9 * std::sqrt(2.0 / (3 * seeds)));
+}
+
+// Each term's sample k after seek(k) is that of the sequence.
+TEST(NoiseTerms, SeekGivesTheSameAsTheSequence) {
+  for (const Term& term : terms())
+    for (const std::uint64_t from : {0U, 1U, 2U, 15U, 16U, 17U, 63U, 1000U, 4097U}) {
+      const Normals normals(3, 4);
+      Triad sequence(term.errors, Quantity::specific_force, 0.01),
+          sought(term.errors, Quantity::specific_force, 0.01);
+      sought.seek(normals, from);
+      for (std::uint64_t k = 0; k < from + 200; ++k) {
+        const TriadStep one = take(sequence, normals, k, 100);
+        if (k < from) continue;
+        const TriadStep other = take(sought, normals, k, 100);
+        ASSERT_EQ(one.value, other.value) << term.name << " " << k;
+        ASSERT_EQ(one.increment, other.increment) << term.name << " " << k;
+      }
+    }
+}
+
+// The value is that at the end of the step, the increment the integral over it: half of the difference of the values.
+TEST(NoiseTerms, IncrementsAreTheIntegralsOfTheValues) {
+  for (const Term& term : terms()) {
+    if (term.name == "white noise") continue;  // has no value between samples
+    const Normals normals(3, 4);
+    Triad triad(term.errors, Quantity::rate, 0.01);
+    const Vector3 zero = Vector3::Zero();
+    Vector3 before = zero, sum = zero, trapezoids = zero;
+    for (std::uint64_t k = 0; k < 5000; ++k) {
+      const TriadStep step = take(triad, normals, k, 100);
+      if (k > 0) {
+        sum += step.increment;
+        trapezoids += 0.005 * (before + step.value);
+      }
+      before = step.value;
+    }
+    // A random walk's increments contain its course within the steps: 4.9 sigma of K sqrt(T^3/12) each.
+    const double within = term.name == "random walk" ? 4.9 * K * std::sqrt(1e-6 / 12 * 5000) : 1e-12 * sum.norm();
+    EXPECT_LT((sum - trapezoids).cwiseAbs().maxCoeff(), within) << term.name;
+    EXPECT_GT(sum.norm(), 1e-9) << term.name;
+  }
+}
+
+}  // namespace
+}  // namespace imud
