@@ -3,14 +3,17 @@
 #include <fmt/format.h>
 #include <toml++/toml.h>
 
+#include <initializer_list>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "emulator/config.hpp"
+#include "emulator/error_text.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/outcome.hpp"
 #include "emulator/pacer.hpp"
@@ -49,6 +52,10 @@ void print_text(const std::string& path, const Config& config) {
     if (!imu.second_port.empty())
       fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
     if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
+    for (const TriadTerms& triad : triad_terms(imu.model)) {
+      const std::string text = triad.text();
+      fmt::print("{:<8} {} noise by model {}: {}\n", "", triad.name, imu.errors_model, text.empty() ? "none" : text);
+    }
   }
   for (const BusLoad& bus : bus_loads(config.imus))
     if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());
@@ -74,7 +81,18 @@ void print_json(const std::string& path, const Config& config) {
   for (const ImuConfig& imu : config.imus) {
     Json lines = Json::array({load_json(imu.port, line_load(imu))});
     if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
-    imus.push_back({{"name", imu.name}, {"lines", std::move(lines)}});
+    Json imu_json = {{"name", imu.name}, {"model", imu.errors_model}, {"lines", std::move(lines)}};
+    for (const TriadTerms& triad : triad_terms(imu.model)) {
+      const auto& [x, y, z] = triad.axes;
+      for (const auto& [name, term] :
+           std::initializer_list<std::pair<const char*, double AllanTerms::*>>{{"N", &AllanTerms::N},
+                                                                               {"B", &AllanTerms::B},
+                                                                               {"K", &AllanTerms::K},
+                                                                               {"Q", &AllanTerms::Q},
+                                                                               {"R", &AllanTerms::R}})
+        imu_json["noise"][triad.name][name] = Json::array({x.*term, y.*term, z.*term});
+    }
+    imus.push_back(std::move(imu_json));
   }
   Json buses = Json::array();
   for (const BusLoad& bus : bus_loads(config.imus)) {

@@ -208,12 +208,15 @@ int execute(int argc, const char* const* argv) {
   selftest_command->add_option("--for", measure_s, "Duration of each measurement (2)")
       ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0));
-  auto* list_command = app.add_subcommand("list", "Show protocols, truth formats and transports, or what NAME has");
-  list_command->add_option("NAME", arguments.name, "A protocol, truth format or transport");
+  auto* list_command =
+      app.add_subcommand("list", "Show protocols, truth formats, transports and presets, or what NAME has");
+  list_command->add_option("NAME", arguments.name, "A protocol, truth format, transport or preset");
   bool json = false;
   list_command->add_flag("--json", json, "As JSON");
   auto* example_command = app.add_subcommand("example", "Print a commented configuration with NAME");
-  example_command->add_option("NAME", arguments.name, "A protocol, truth format or transport")->required();
+  example_command->add_option("NAME", arguments.name, "A protocol, truth format, transport or preset")->required();
+  bool only_model = false;
+  example_command->add_flag("--model", only_model, "Print only the errors of the preset NAME, to be copied");
   auto* pty_command = app.add_subcommand(
       "pty", "Hold pseudo-terminals, so that their clients are not hung up while imud restarts; until SIGTERM");
   std::vector<std::string> links;
@@ -244,7 +247,7 @@ int execute(int argc, const char* const* argv) {
     arguments.run.summary_file = output_path(arguments.run.summary_file);
     arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
     if (list_command->parsed()) return list(arguments.name, json);
-    if (example_command->parsed()) return example(arguments.name);
+    if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
     if (check_command->parsed())
       return check(arguments.config, arguments.overrides, {layout, arguments.run.required});
     if (pty_command->parsed()) return keep_ptys(links, background);

@@ -67,6 +67,7 @@ struct ImuConfig {
   PortSettings second_port_settings = Role::device;
   BeforeFirst before_first = BeforeFirst::silence;  // always silence unless live truth drives it in realtime
   SyncConfig sync;
+  std::string errors_model;  // the key `model`: whose errors those of `model` are
   ImuModel model;
 };
 

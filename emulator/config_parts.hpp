@@ -64,6 +64,16 @@ std::string ports_that(Condition condition) {
   return fmt::format("\"{}\"", fmt::join(port_examples(condition), "\" or \""));
 }
 
+// Reads the errors of three sensors. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the
+// range is required (triad_config.cpp).
+TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz);
+TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz);
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz);
+
+// Read the errors of a barometer, over those of the product, and of a navigation solution (navigation_config.cpp).
+void read_barometer(TableReader table, BarometerErrors& errors);
+NavigationErrors read_navigation(TableReader table);
+
 // Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);
 // Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu

@@ -13,13 +13,15 @@
 namespace imud {
 
 std::optional<Entries> find_entries(const std::string& name) {
-  const Entries found{find_protocol(name), find_truth_format(name), find_transport(name)};
-  if (found.protocol != nullptr || found.format != nullptr || found.transport != nullptr) return found;
+  const Entries found{find_protocol(name), find_truth_format(name), find_transport(name), find_preset(name)};
+  if (found.protocol != nullptr || found.format != nullptr || found.transport != nullptr || found.preset != nullptr)
+    return found;
   std::vector<std::string> known = names(protocols());
   for (const auto& more : {names(truth_formats()), names(transports())})
     known.insert(known.end(), more.begin(), more.end());
+  for (const Preset& preset : presets()) known.emplace_back(preset.name);
   const std::string meant = nearest(name, known);
-  fmt::print(stderr, "imud: there is no protocol, truth format or transport \"{}\"; {}\n", name,
+  fmt::print(stderr, "imud: there is no protocol, truth format, transport or preset \"{}\"; {}\n", name,
              meant.empty() ? "see imud list" : fmt::format("did you mean \"{}\"?", meant));
   return std::nullopt;
 }

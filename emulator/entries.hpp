@@ -1,10 +1,11 @@
-// The entries of the tables of protocols, truth formats and transports that have a name.
+// The entries of the tables of protocols, truth formats, transports and presets that have a name.
 #pragma once
 
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
+#include "emulator/presets.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
@@ -15,6 +16,7 @@ struct Entries {
   const Protocol* protocol = nullptr;
   const TruthFormat* format = nullptr;
   const Transport* transport = nullptr;
+  const Preset* preset = nullptr;
 };
 
 // Returns the entries called `name`. If there is none, prints what is wrong and returns nullopt.

@@ -56,18 +56,25 @@ std::string truth_text(const TruthFormat& format, const Transport& port) {
   return text + settings_text(format.settings);
 }
 
-std::string imu_text(const Protocol& protocol, const Transport& port) {
+std::string model_text(const Preset* preset) {
+  if (preset == nullptr)
+    return "# whose errors the sensors have: a preset of imud list, ideal, or white\n#model = \"white\"\n";
+  return comment(preset->summary(), std::string(preset->source())) + fmt::format("model = \"{}\"\n", preset->name);
+}
+
+std::string imu_text(const Protocol& protocol, const Transport& port, const Preset* preset) {
   std::string text = "\n[[imu]]\n#name = \"imu1\"\n" + comment(protocol.summary, std::string(protocol.document)) +
                      fmt::format("protocol = \"{}\"\n", protocol.name) + port_text("port", port, port.example);
   if (protocol.has_second_uart)
     text += "# where the product's second UART is connected\n#second_port = \"pty:imu1.2\"\n";
   if (protocol.product == nullptr) text += "# samples per second\nrate_hz = 200\n";
+  text += model_text(preset);
   if (!protocol.settings.empty()) text += "\n[imu.device]\n" + settings_text(protocol.settings);
   if (protocol.has_sync_pins)
     text +=
         "\n[imu.sync]\n# pins, as UDP ports: protocols/README.md\n#trigger_port = \"udp:127.0.0.1:9811\"\n"
         "#pps_port = \"udp:127.0.0.1:9812\"\n#tov_port = \"udp:127.0.0.1:9813\"\n";
-  if (protocol.product == nullptr)
+  if (protocol.product == nullptr && preset == nullptr)
     text +=
         "\n[imu.gyro]\n# range of each axis\nmax_rad_per_s = 10\n\n[imu.accelerometer]\n# range of each axis\n"
         "max_m_per_s2 = 200\n";
@@ -104,7 +111,19 @@ int example(const std::string& name) {
       "# configuration does; emulator/CONFIGURATION.md describes every key.\n\n"
       "# seed of all random numbers\n#seed = 1\n"
       "# what paces the samples (one of realtime, lockstep, fast)\n#clock = \"realtime\"\n{}{}",
-      name, truth_text(*format, *truth_port), imu_text(*protocol, *port));
+      name, truth_text(*format, *truth_port),
+      imu_text(*protocol, *port, entries->protocol == nullptr ? entries->preset : nullptr));
+  return 0;
+}
+
+int example_model(const std::string& name) {
+  const auto entries = find_entries(name);
+  if (!entries) return 2;
+  if (entries->preset == nullptr) {
+    fmt::print(stderr, "imud: \"{}\" is no preset; see imud list\n", name);
+    return 2;
+  }
+  fmt::print("{}", entries->preset->text);
   return 0;
 }
 

@@ -1,53 +1,14 @@
-#include <Eigen/Eigenvalues>
 #include <optional>
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/line_load.hpp"
+#include "emulator/presets.hpp"
 
 namespace imud {
 
 namespace {
-
-// A walk x <- A x + P n grows without limit, exponentially, if an eigenvalue of A is larger than 1.
-void check_growth(TableReader& table, const TriadErrors& e) {
-  constexpr double rounding = 1e-9;
-  const double radius = e.walk_transition.eigenvalues().cwiseAbs().maxCoeff();
-  if (radius <= 1.0 + rounding) return;
-  if ((e.walk_bound.array() > 0.0).all())
-    table.warn("walk_transition",
-               fmt::format("its spectral radius is {:.6g}, so the walk grows to its bound", radius));
-  else
-    table.fault("walk_transition", fmt::format("its spectral radius is {:.6g}, so the walk grows exponentially; give "
-                                               "a matrix of at most 1, or a walk_bound for each axis",
-                                               radius));
-}
-
-// Reads a triad. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the range is required.
-TriadErrors read_triad(TableReader table, std::string_view unit, const TriadErrors* product) {
-  constexpr double huge = 1e9;
-  const auto key = [&](std::string_view stem) { return fmt::format("{}_{}", stem, unit); };
-  TriadErrors e;
-  if (product != nullptr)
-    e = *product;
-  else
-    table.require(key("max"), "the largest value that the sensor can measure");
-  e.max = table.real(key("max"), e.max, 1e-12, huge);
-  e.bias = table.vector3(key("bias"), e.bias);
-  e.scale_factor = table.vector3("scale_factor", e.scale_factor);
-  e.lsb = table.real(key("lsb"), e.lsb, 0.0, huge);
-  constexpr Rounding roundings[] = {Rounding::toward_zero, Rounding::nearest, Rounding::away_from_zero};
-  e.rounding = roundings[table.choice("rounding", {"toward_zero", "nearest", "away_from_zero"}, 0)];
-  e.carry = table.flag("carry", e.carry);
-  e.walk_transition = table.matrix3("walk_transition", e.walk_transition, true);
-  e.walk_sqrt_cov = table.matrix3("walk_sqrt_cov", e.walk_sqrt_cov, true);
-  e.walk_bound = table.vector3("walk_bound", e.walk_bound);
-  if ((e.walk_bound.array() < 0.0).any()) table.fault("walk_bound", "give numbers of at least 0 (0: no bound)");
-  check_growth(table, e);
-  table.finish();
-  return e;
-}
 
 void read_mounting(TableReader table, ImuModel& model) {
   model.r_SB_B = table.vector3("position_m", model.r_SB_B);
@@ -160,6 +121,59 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
   return sync;
 }
 
+// Returns the preset that `model` names; nullptr for the words that name none, or if there is no such preset.
+const Preset* read_model(TableReader& table, std::string& model) {
+  model = table.text("model", "white");
+  const Preset* preset = find_preset(model);
+  if (preset != nullptr || model == "white" || model == "ideal" || (table.has("model") && !table.is_text("model")))
+    return preset;
+  std::vector<std::string> words = {"white", "ideal"};
+  for (const Preset& known : presets()) words.emplace_back(known.name);
+  const std::string meant = nearest(model, words);
+  table.fault("model", fmt::format("there is no \"{}\"; {}", model,
+                                   meant.empty() ? fmt::format("known: {}", fmt::join(words, ", "))
+                                                 : fmt::format("did you mean \"{}\"?", meant)));
+  return nullptr;
+}
+
+TriadErrors without_errors(double max) {
+  TriadErrors ideal;
+  ideal.max = max;
+  return ideal;
+}
+
+// Reads the errors of all sensors. Keys that are absent have the values of the model.
+void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
+  imu.model.rate_hz = imu.rate_hz;
+  std::optional<TriadErrors> gyro, accelerometer;
+  TriadErrors magnetometer;
+  if (product) {
+    gyro = product->gyro;
+    accelerometer = product->accelerometer;
+    magnetometer = product->magnetometer;
+    imu.model.barometer = product->barometer;
+  }
+  const Preset* preset = read_model(table, imu.errors_model);
+  if (preset != nullptr) {
+    try {
+      const PresetErrors errors = preset_errors(*preset, imu.rate_hz);
+      gyro = errors.gyro;
+      accelerometer = errors.accelerometer;
+    } catch (const ConfigError& error) {
+      table.fault("model", error.what());
+    }
+  } else if (imu.errors_model == "ideal" && product) {
+    gyro = without_errors(gyro->max);
+    accelerometer = without_errors(accelerometer->max);
+    magnetometer = without_errors(magnetometer.max);
+    imu.model.barometer = {};
+  }
+  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, imu.rate_hz);
+  imu.model.accelerometer =
+      read_accelerometer(table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, imu.rate_hz);
+  imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz);
+}
+
 // Adds the fault that a protocol has found in its settings: of the setting with whose key the text begins.
 void fault_of_settings(TableReader& table, TableReader& device, std::span<const Setting> settings,
                        std::string_view text) {
@@ -180,15 +194,15 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const std::string protocol = table.text("protocol", "");
   imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
   std::optional<Product> product;
+  std::optional<TableReader> device;
   if (imu.protocol != nullptr) {
-    TableReader device = table.child("device");
-    imu.settings = read_settings(device, imu.protocol->settings);
-    device.finish();
+    device.emplace(table.child("device"));
+    imu.settings = read_settings(*device, imu.protocol->settings);
+    device->finish();
     try {
-      if (imu.protocol->check != nullptr) imu.protocol->check(imu.settings);
       static_cast<void>(imu.protocol->make(imu.settings));
     } catch (const std::invalid_argument& error) {
-      fault_of_settings(table, device, imu.protocol->settings, error.what());
+      fault_of_settings(table, *device, imu.protocol->settings, error.what());
       imu.settings = Settings(imu.protocol->settings);
     }
     if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
@@ -209,6 +223,13 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   } else {
     table.require("rate_hz", "the sensor's output rate");
     imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
+  }
+  if (device && imu.protocol->check != nullptr) {
+    try {
+      imu.protocol->check(imu.settings, imu.rate_hz);
+    } catch (const std::invalid_argument& error) {
+      fault_of_settings(table, *device, imu.protocol->settings, error.what());
+    }
   }
   const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
   const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
@@ -246,16 +267,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
 
   imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);
   read_mounting(table.child("mounting"), imu.model);
-  imu.model.gyro = read_triad(table.child("gyro"), "rad_per_s", product ? &product->gyro : nullptr);
-  imu.model.accelerometer =
-      read_triad(table.child("accelerometer"), "m_per_s2", product ? &product->accelerometer : nullptr);
-  imu.model.magnetometer =
-      read_triad(table.child("magnetometer"), "t", product ? &product->magnetometer : &imu.model.magnetometer);
-  if (product) imu.model.barometer = product->barometer;
-  TableReader barometer = table.child("barometer");
-  imu.model.barometer.bias = barometer.real("bias_pa", imu.model.barometer.bias, -1e6, 1e6);
-  imu.model.barometer.noise = barometer.real("noise_pa", imu.model.barometer.noise, 0.0, 1e6);
-  barometer.finish();
+  read_errors(table, product, imu);
+  read_barometer(table.child("barometer"), imu.model.barometer);
+  imu.model.navigation = read_navigation(table.child("navigation"));
   TableReader increments = table.child("increments");
   constexpr DeltaAngle angles[] = {DeltaAngle::rotation_vector, DeltaAngle::integral};
   constexpr DeltaVelocity velocities[] = {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame};

@@ -62,6 +62,13 @@ Json described(const Transport& transport) {
   return json;
 }
 
+Json described(const Preset& preset) {
+  Json json = {
+      {"kind", "preset"}, {"name", preset.name}, {"summary", preset.summary()}, {"document", preset.source()}};
+  json["toml"] = preset.text;
+  return json;
+}
+
 std::string text(const Json& json, const char* key) { return json.value(key, std::string()); }
 
 void print_table(const char* key, const Json& rows) {
@@ -85,6 +92,7 @@ void print(const Json& entry) {
     fmt::print("  counters of its own, in the summary and in limits:\n");
     print_table("counters", entry["counters"]);
   }
+  if (entry.contains("toml")) fmt::print("{}", text(entry, "toml"));
   if (!entry.contains("columns")) return;
   fmt::print("  columns, by the names in the header row:\n");
   for (const Json& group : entry["columns"])
@@ -105,10 +113,12 @@ int list(const std::string& name, bool json) {
     add(entries->protocol);
     add(entries->format);
     add(entries->transport);
+    add(entries->preset);
   } else {
     for (const Protocol* protocol : protocols()) add(protocol);
     for (const TruthFormat* format : truth_formats()) add(format);
     for (const Transport* transport : transports()) add(transport);
+    for (const Preset& preset : presets()) add(&preset);
   }
   if (json) {
     fmt::print("{}\n", chosen.dump(2));

@@ -1,4 +1,4 @@
-// The command `imud list`: protocols, truth formats and transports, as their entries describe them.
+// The command `imud list`: protocols, truth formats, transports and presets, as their entries describe them.
 #pragma once
 
 #include <string>

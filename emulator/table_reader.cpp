@@ -161,6 +161,28 @@ Vector3 TableReader::vector3(std::string_view key, const Vector3& fallback) {
   return fallback;
 }
 
+Vector3 TableReader::per_axis(std::string_view key, const Vector3& fallback, double min, double max) {
+  const toml::node* found = node(key);
+  resolve(key, toml::array{fallback[0], fallback[1], fallback[2]});
+  if (found == nullptr) return fallback;
+  const toml::array* array = found->as_array();
+  if (array == nullptr || array->size() == 3) {
+    Vector3 v;
+    bool good = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto value = number(array == nullptr ? *found : (*array)[i]);
+      good = good && value && *value >= min && *value <= max;
+      v[static_cast<Eigen::Index>(i)] = value.value_or(0.0);
+    }
+    if (good) {
+      resolve(key, toml::array{v[0], v[1], v[2]});
+      return v;
+    }
+  }
+  fault(key, fmt::format("give three numbers, [x, y, z], from {} to {}, or one for all axes", min, max));
+  return fallback;
+}
+
 Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool diagonal) {
   const auto result = [&](const Matrix3& m) {
     toml::array all;

@@ -61,6 +61,8 @@ class TableReader {
   // Returns the index of the value in `words`.
   std::size_t choice(std::string_view key, std::initializer_list<std::string_view> words, std::size_t fallback);
   Vector3 vector3(std::string_view key, const Vector3& fallback);
+  // Reads three numbers, or one that counts for all axes, each from `min` to `max`.
+  Vector3 per_axis(std::string_view key, const Vector3& fallback, double min, double max);
   // Reads three rows of three numbers; if `diagonal`, three numbers as well, which are the diagonal.
   Matrix3 matrix3(std::string_view key, const Matrix3& fallback, bool diagonal);
   // Returns the reader of the table of that key, which may be absent.

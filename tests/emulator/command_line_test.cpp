@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "emulator/presets.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/text.hpp"
@@ -46,6 +47,7 @@ std::vector<std::string> all_names() {
   for (const Protocol* protocol : protocols()) names.insert(protocol->name);
   for (const TruthFormat* format : truth_formats()) names.insert(format->name);
   for (const Transport* transport : transports()) names.insert(transport->name);
+  for (const Preset& preset : presets()) names.insert(preset.name);
   return {names.begin(), names.end()};
 }
 
@@ -83,6 +85,10 @@ TEST(List, ShowsWhatAnEntryHas) {
       words.insert(words.end(), {transport->summary, transport->syntax, transport->example, transport->document});
       for (const PortOption& option : transport->options) words.insert(words.end(), {option.key, option.help});
     }
+    if (const Preset* preset = find_preset(name)) {
+      ++entries;
+      words.insert(words.end(), {preset->summary(), preset->source(), preset->text});
+    }
     EXPECT_EQ(json.size(), entries) << name;
     EXPECT_GE(words.size(), 2U);
     for (const std::string_view word : words) EXPECT_TRUE(contains(text, word)) << name << ": " << word;
@@ -118,6 +124,8 @@ TEST(Example, IsAcceptedForEveryName) {
     for (const auto entry : {protocol == nullptr ? "" : protocol->summary, format == nullptr ? "" : format->summary})
       EXPECT_TRUE(contains(example.output, entry)) << example.output;
     EXPECT_TRUE(protocol == nullptr || contains(good.output, name + " at ")) << good.output;
+    const bool is_only_preset = protocol == nullptr && find_preset(name) != nullptr;
+    EXPECT_EQ(contains(good.output, "noise by model " + name + ":"), is_only_preset) << good.output;
     EXPECT_TRUE(format == nullptr || contains(good.output, "truth    " + name + " from ")) << good.output;
   }
   EXPECT_EQ(run_program("imud", {"example", "nonsense"}).exit_code, 2);

@@ -560,7 +560,18 @@ TEST_F(ConfigTest, EarthIsOffUntilTheFrameOfNIsConfigured) {
           .model;
   EXPECT_EQ(product.barometer.noise, 4.2);
   EXPECT_DOUBLE_EQ(product.magnetometer.max, 2.5e-4);
-  EXPECT_EQ(faults(local, {"imu.0.barometer.noise_pa=-1"}).size(), 1U);
+  const NavigationErrors navigation =
+      load(local, {"imu.0.navigation.latency_s=0.2", "imu.0.navigation.position_m=[1,2,3]",
+                   "imu.0.navigation.heading_deg=2"})
+          .imus[0]
+          .model.navigation;
+  EXPECT_EQ(navigation.latency, std::chrono::milliseconds(200));
+  EXPECT_EQ(navigation.position, Vector3(1, 2, 3));
+  EXPECT_DOUBLE_EQ(navigation.attitude.z(), 2 * units::degree);
+  for (const char* wrong : {"position_m=-1", "latency_s=-1", "attitude_correlation_s=0", "heading_deg=nan"})
+    EXPECT_EQ(faults(local, {std::string("imu.0.navigation.") + wrong}).size(), 1U) << wrong;
+  for (const char* wrong : {"noise_pa=-1", "drift_pa=-1", "drift_correlation_s=0", "lag_s=-1"})
+    EXPECT_EQ(faults(local, {std::string("imu.0.barometer.") + wrong}).size(), 1U) << wrong;
 
   const std::string inertial = std::string(good) + "[earth]\nframe = \"inertial\"\nstart = 2025-06-01T12:00:00Z\n";
   EXPECT_EQ(load(inertial).imus[0].model.earth.angle, earth_rotation_angle(1'748'779'200)) << "of the start";

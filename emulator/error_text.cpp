@@ -1,0 +1,46 @@
+#include "emulator/error_text.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "core/units.hpp"
+
+namespace imud {
+
+std::string TriadTerms::text() const {
+  std::vector<std::string> parts;
+  const auto add = [&](char letter, double AllanTerms::*term, const Unit& unit) {
+    const double x = axes[0].*term / unit.si, y = axes[1].*term / unit.si, z = axes[2].*term / unit.si;
+    if (x == 0 && y == 0 && z == 0) return;
+    if (x == y && x == z)
+      parts.push_back(fmt::format("{} {:.4g} {}", letter, x, unit.name));
+    else
+      parts.push_back(fmt::format("{} [{:.4g}, {:.4g}, {:.4g}] {}", letter, x, y, z, unit.name));
+  };
+  add('N', &AllanTerms::N, N);
+  add('B', &AllanTerms::B, B);
+  add('K', &AllanTerms::K, K);
+  add('Q', &AllanTerms::Q, Q);
+  add('R', &AllanTerms::R, R);
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+std::vector<TriadTerms> triad_terms(const ImuModel& model) {
+  constexpr double hour = 3600, root_hour = 60, deg = units::degree, mg = 1e-3 * units::standard_gravity;
+  return {{"gyro",
+           allan_terms(model.gyro, model.rate_hz),
+           {deg / root_hour, "deg/sqrt(h)"},
+           {deg / hour, "deg/h"},
+           {deg / hour / root_hour, "deg/h/sqrt(h)"},
+           {deg / hour, "arcsec"},
+           {deg / hour / hour, "deg/h/h"}},
+          {"accelerometer",
+           allan_terms(model.accelerometer, model.rate_hz),
+           {1 / root_hour, "m/s/sqrt(h)"},
+           {mg, "mg"},
+           {mg / root_hour, "mg/sqrt(h)"},
+           {1, "m/s"},
+           {mg / hour, "mg/h"}}};
+}
+
+}  // namespace imud

@@ -1,0 +1,35 @@
+// Presets: the errors of sensors by their data sheets, for the key `model`. Each is a TOML file in presets/, which
+// CMake builds in.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "core/effects/triad_errors.hpp"
+
+namespace imud {
+
+// A file: a line with what it is, a line with its source, then [imu.gyro] and [imu.accelerometer] as in a
+// configuration. A comment after a value marks one that is not from a document of the manufacturer.
+struct Preset {
+  std::string_view name;
+  std::string_view text;
+
+  std::string_view summary() const noexcept;
+  std::string_view source() const noexcept;
+};
+
+// Returns all of them, sorted by name.
+std::span<const Preset> presets() noexcept;
+// Returns nullptr if there is none of that name.
+const Preset* find_preset(std::string_view name) noexcept;
+
+struct PresetErrors {
+  TriadErrors gyro, accelerometer;
+};
+// Returns the errors at this sample rate, Hz. Throws ConfigError if they are not possible at that rate.
+PresetErrors preset_errors(const Preset& preset, double rate_hz);
+
+}  // namespace imud

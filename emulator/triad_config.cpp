@@ -1,0 +1,249 @@
+// The errors of gyros, accelerometers and magnetometers in a configuration: SI, or the units of data sheets, which
+// the keys name.
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <initializer_list>
+#include <string>
+
+#include "core/units.hpp"
+#include "emulator/config_parts.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr double huge = 1e9;
+constexpr double hour = 3600, root_hour = 60;  // s, sqrt(s)
+constexpr double deg = units::degree, g = units::standard_gravity;
+
+// A unit as a key ends, and its value in SI.
+struct Unit {
+  std::string_view suffix;
+  double si;
+};
+using Units = std::initializer_list<Unit>;
+
+// The keys of one kind of sensor. A term has the units of IEEE Std 952 and 1293, and those of data sheets.
+struct SensorKeys {
+  Units value;                  // of max, lsb and the bias terms
+  std::string_view white;       // the name of its white noise's integral; empty: it has none
+  Units white_units;            // of that name
+  Units density;                // of noise_density
+  std::string_view walk, ramp;  // the names of its random walk and its ramp
+  Units walk_units, ramp_units;
+  std::string_view increment_lsb;  // empty: it has no increments
+};
+
+const SensorKeys gyro_keys = {
+    .value = {{"rad_per_s", 1}, {"deg_per_s", deg}, {"deg_per_hr", deg / hour}},
+    .white = "angle_random_walk",
+    .white_units = {{"rad_per_rt_s", 1}, {"deg_per_rt_s", deg}, {"deg_per_rt_hr", deg / root_hour}},
+    .density = {{"rad_per_s_per_rt_hz", 1},
+                {"deg_per_s_per_rt_hz", deg},
+                {"mdeg_per_s_per_rt_hz", 1e-3 * deg},
+                {"deg_per_hr_per_rt_hz", deg / hour}},
+    .walk = "rate_random_walk",
+    .ramp = "rate_ramp",
+    .walk_units = {{"rad_per_s_per_rt_s", 1},
+                   {"deg_per_s_per_rt_s", deg},
+                   {"deg_per_hr_per_rt_hr", deg / hour / root_hour}},
+    .ramp_units = {{"rad_per_s2", 1}, {"deg_per_s2", deg}, {"deg_per_hr_per_hr", deg / hour / hour}},
+    .increment_lsb = "lsb_delta_angle_rad"};
+
+const SensorKeys accelerometer_keys = {
+    .value = {{"m_per_s2", 1}, {"g", g}, {"mg", 1e-3 * g}, {"ug", 1e-6 * g}},
+    .white = "velocity_random_walk",
+    .white_units = {{"m_per_s_per_rt_s", 1}, {"m_per_s_per_rt_hr", 1 / root_hour}},
+    .density = {{"m_per_s2_per_rt_hz", 1}, {"mg_per_rt_hz", 1e-3 * g}, {"ug_per_rt_hz", 1e-6 * g}},
+    .walk = "acceleration_random_walk",
+    .ramp = "acceleration_ramp",
+    .walk_units = {{"m_per_s2_per_rt_s", 1},
+                   {"mg_per_rt_hr", 1e-3 * g / root_hour},
+                   {"ug_per_rt_hr", 1e-6 * g / root_hour}},
+    .ramp_units = {{"m_per_s3", 1}, {"mg_per_hr", 1e-3 * g / hour}, {"ug_per_hr", 1e-6 * g / hour}},
+    .increment_lsb = "lsb_delta_velocity_m_per_s"};
+
+const SensorKeys magnetometer_keys = {.value = {{"t", 1}, {"ut", 1e-6}, {"nt", 1e-9}},
+                                      .white = "",
+                                      .white_units = {},
+                                      .density = {{"t_per_rt_hz", 1}, {"ut_per_rt_hz", 1e-6}, {"nt_per_rt_hz", 1e-9}},
+                                      .walk = "field_random_walk",
+                                      .ramp = "field_ramp",
+                                      .walk_units = {{"t_per_rt_s", 1}, {"nt_per_rt_s", 1e-9}},
+                                      .ramp_units = {{"t_per_s", 1}, {"nt_per_hr", 1e-9 / hour}},
+                                      .increment_lsb = ""};
+
+std::string key_of(std::string_view stem, std::string_view suffix) { return fmt::format("{}_{}", stem, suffix); }
+
+// Returns the first unit in which the term is given; nullptr if there is none.
+const Unit* given_unit(TableReader& table, std::string_view stem, Units units) {
+  const Unit* given = nullptr;
+  for (const Unit& unit : units)
+    if (table.has(key_of(stem, unit.suffix)) && given == nullptr) given = &unit;
+  return given;
+}
+
+// Reads a term in the unit in which it is given, with read(key, fallback, unit). Adds a fault if it is given twice.
+// The first unit is that of `fallback`.
+template <class Value, class Read>
+Value in_given_unit(TableReader& table, std::string_view stem, Units units, const Value& fallback, Read read) {
+  const Unit* given = given_unit(table, stem, units);
+  if (given == nullptr) return read(key_of(stem, units.begin()->suffix), fallback);
+  Value value = fallback;
+  for (const Unit& unit : units) {
+    const std::string key = key_of(stem, unit.suffix);
+    if (!table.has(key)) continue;
+    const Value si = unit.si * read(key, Value(fallback / unit.si));
+    if (&unit == given)
+      value = si;
+    else
+      table.fault(key, fmt::format("give either this or {}, not both", key_of(stem, given->suffix)));
+  }
+  return value;
+}
+
+Vector3 in_units(TableReader& table, std::string_view stem, Units units, const Vector3& fallback, double min = 0) {
+  return in_given_unit(table, stem, units, fallback, [&](const std::string& key, const Vector3& absent) {
+    return table.per_axis(key, absent, min, huge);
+  });
+}
+
+double number_in_units(TableReader& table, std::string_view stem, Units units, double fallback, double min) {
+  return in_given_unit(table, stem, units, fallback,
+                       [&](const std::string& key, double absent) { return table.real(key, absent, min, huge); });
+}
+
+// A walk x <- A x + P n grows without limit, exponentially, if an eigenvalue of A is larger than 1.
+void check_growth(TableReader& table, const TriadErrors& e) {
+  constexpr double rounding = 1e-9;
+  const double radius = e.walk_transition.eigenvalues().cwiseAbs().maxCoeff();
+  if (radius <= 1.0 + rounding) return;
+  if ((e.walk_bound.array() > 0.0).all())
+    table.warn("walk_transition",
+               fmt::format("its spectral radius is {:.6g}, so the walk grows to its bound", radius));
+  else
+    table.fault("walk_transition", fmt::format("its spectral radius is {:.6g}, so the walk grows exponentially; give "
+                                               "a matrix of at most 1, or a walk_bound for each axis",
+                                               radius));
+}
+
+// The density of white noise is two-sided here. A data sheet's may be one-sided: then its square is twice as large.
+void read_white_noise(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
+  const bool one_sided = table.choice("noise_density_sidedness", {"two_sided", "one_sided"}, 0) == 1;
+  const Unit* density = given_unit(table, "noise_density", keys.density);
+  if (!keys.white.empty()) {
+    const Unit* integral = given_unit(table, keys.white, keys.white_units);
+    if (integral != nullptr && density != nullptr)
+      table.fault(key_of("noise_density", density->suffix),
+                  fmt::format("give either this or {}, not both", key_of(keys.white, integral->suffix)));
+    if (density == nullptr) {
+      e.white_density = in_units(table, keys.white, keys.white_units, e.white_density);
+      return;
+    }
+  }
+  e.white_density = in_units(table, "noise_density", keys.density, e.white_density);
+  if (one_sided && density != nullptr) e.white_density *= std::sqrt(0.5);
+}
+
+void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErrors& e, double rate_hz) {
+  e.bias_instability = in_units(table, "bias_instability", keys.value, e.bias_instability);
+  e.flicker_from_s = table.real("bias_instability_from_s", e.flicker_from_s, 1e-3, huge);
+  e.flicker_to_s = table.real("bias_instability_to_s", e.flicker_to_s, 1e-3, huge);
+  if (e.bias_instability.isZero(0.0)) return;
+  if (e.flicker_to_s < 2 * e.flicker_from_s || e.flicker_to_s > 1e6 * e.flicker_from_s)
+    table.fault("bias_instability_to_s",
+                fmt::format("give an averaging time from {} to {}: 2 to 1000000 times bias_instability_from_s",
+                            2 * e.flicker_from_s, 1e6 * e.flicker_from_s));
+  else if (Flicker::first_correlation_time(e.flicker_from_s) < 2 / rate_hz)
+    table.fault("bias_instability_from_s",
+                fmt::format("too short for a sensor of {} Hz; give at least {:.3g}", rate_hz,
+                            2 / rate_hz * e.flicker_from_s / Flicker::first_correlation_time(e.flicker_from_s)));
+}
+
+// The matrix and the curve between input and output.
+void read_response(TableReader& table, TriadErrors& e) {
+  e.misalignment = table.matrix3("misalignment", e.misalignment, false);
+  constexpr double largest = 0.2;  // rad: what is more is a wrong axis, not a misalignment
+  const double distance = (e.misalignment - Matrix3::Identity()).cwiseAbs().maxCoeff();
+  if (!(distance <= largest))
+    table.fault("misalignment", fmt::format("an element differs from the identity's by {:.3g}, at most {} is a "
+                                            "misalignment; use [imu.mounting] to turn the sensor",
+                                            distance, largest));
+  e.scale_factor = table.vector3("scale_factor", e.scale_factor);
+  const double ppm = 1e-6;
+  e.scale_factor_asymmetry =
+      ppm * table.per_axis("scale_factor_asymmetry_ppm", e.scale_factor_asymmetry / ppm, -1e6, 1e6);
+  // A deviation of p ppm of the range at the end of the range.
+  const double square = ppm / e.max, cube = ppm / (e.max * e.max);
+  e.quadratic = square * table.per_axis("quadratic_ppm_of_range", e.quadratic / square, -1e6, 1e6);
+  e.cubic = cube * table.per_axis("cubic_ppm_of_range", e.cubic / cube, -1e6, 1e6);
+}
+
+TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz) {
+  TriadErrors e;
+  if (product != nullptr)
+    e = *product;
+  else if (given_unit(table, "max", keys.value) == nullptr)
+    table.require(key_of("max", keys.value.begin()->suffix), "the largest value that the sensor can measure");
+  e.max = number_in_units(table, "max", keys.value, e.max, 1e-12);
+  read_response(table, e);
+  e.bias = in_units(table, "bias", keys.value, e.bias, -huge);
+  e.turn_on_bias = in_units(table, "turn_on_bias", keys.value, e.turn_on_bias);
+  e.ramp = in_units(table, keys.ramp, keys.ramp_units, e.ramp, -huge);
+  read_white_noise(table, keys, e);
+  read_bias_instability(table, keys, e, rate_hz);
+  e.correlated_sigma = in_units(table, "correlated_noise", keys.value, e.correlated_sigma);
+  e.correlation_time = table.per_axis("correlation_time_s", e.correlation_time, 1e-6, huge);
+  e.random_walk_density = in_units(table, keys.walk, keys.walk_units, e.random_walk_density);
+  e.lsb = number_in_units(table, "lsb", keys.value, e.lsb, 0);
+  constexpr Rounding roundings[] = {Rounding::toward_zero, Rounding::nearest, Rounding::away_from_zero};
+  e.rounding = roundings[table.choice("rounding", {"toward_zero", "nearest", "away_from_zero"}, 0)];
+  e.carry = table.flag("carry", e.carry);
+  if (!keys.increment_lsb.empty()) e.increment_lsb = table.real(keys.increment_lsb, e.increment_lsb, 0.0, huge);
+  e.walk_transition = table.matrix3("walk_transition", e.walk_transition, true);
+  e.walk_sqrt_cov = table.matrix3("walk_sqrt_cov", e.walk_sqrt_cov, true);
+  e.walk_bound = table.vector3("walk_bound", e.walk_bound);
+  if ((e.walk_bound.array() < 0.0).any()) table.fault("walk_bound", "give numbers of at least 0 (0: no bound)");
+  check_growth(table, e);
+  return e;
+}
+
+// The vehicle's iron stands between the field and the sensor: m = M (S B + h), with the misalignment M.
+void read_iron(TableReader& table, TriadErrors& e) {
+  const Matrix3 soft = table.matrix3("soft_iron", Matrix3::Identity(), false);
+  constexpr double largest = 0.9;
+  const double distance = (soft - Matrix3::Identity()).cwiseAbs().maxCoeff();
+  if (!(distance <= largest) || !(soft.determinant() > 0))
+    table.fault("soft_iron", fmt::format("give three rows of three numbers, each within {} of the identity's, with a "
+                                         "determinant above 0",
+                                         largest));
+  e.bias += e.misalignment * in_units(table, "hard_iron", magnetometer_keys.value, Vector3::Zero(), -huge);
+  e.misalignment *= soft;
+}
+
+}  // namespace
+
+TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz) {
+  TriadErrors e = read_triad(table, gyro_keys, product, rate_hz);
+  const double per_g = deg / hour / g, per_g2 = per_g / g;
+  e.g_sensitivity = per_g * table.matrix3("g_sensitivity_deg_per_hr_per_g", e.g_sensitivity / per_g, true);
+  e.g_squared_sensitivity =
+      per_g2 * table.matrix3("g_squared_sensitivity_deg_per_hr_per_g2", e.g_squared_sensitivity / per_g2, true);
+  table.finish();
+  return e;
+}
+
+TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz) {
+  const TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz);
+  table.finish();
+  return e;
+}
+
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz) {
+  TriadErrors e = read_triad(table, magnetometer_keys, product, rate_hz);
+  read_iron(table, e);
+  table.finish();
+  return e;
+}
+
+}  // namespace imud
