@@ -1,0 +1,51 @@
+// allan_deviation: the Allan deviation of equally spaced rates, and its relatives (Riley, Handbook of Frequency
+// Stability Analysis, NIST Special Publication 1065, section 5.2).
+//
+// A rate is an average over one step. Rates are read as SP1065's fractional frequencies, their integral as its phase.
+// A deviation is in the unit of the rates. Every function is pure and may run in any thread.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace imud {
+
+enum class AllanKind : std::uint8_t {
+  allan,        // of adjacent averages
+  overlapping,  // the same from every sample on, which uses the data best
+  modified,     // of averages over the averaging time; separates quantisation from other noise of short times
+  hadamard,     // of second differences: a constant ramp does not count
+  overlapping_hadamard,  // the same from every sample on
+  total,                 // the data are continued by reflection at both ends: a longer averaging time
+};
+
+inline constexpr AllanKind allan_kinds[] = {AllanKind::allan,    AllanKind::overlapping,          AllanKind::modified,
+                                            AllanKind::hadamard, AllanKind::overlapping_hadamard, AllanKind::total};
+
+// Returns the name on command lines and in files: "allan", "overlapping", "modified", "hadamard",
+// "overlapping-hadamard", "total".
+std::string_view name_of(AllanKind kind) noexcept;
+
+// Returns the sum of the rates up to each sample, less their mean times its number: one element more than rates, the
+// first is 0. The mean has no effect on any deviation; without it, and by compensated summation, each element is
+// exact to a few of its own ulps, whatever their number. Empty if there is no rate.
+std::vector<double> phase_of(std::span<const double> rates);
+
+// Returns the largest averaging factor that has a deviation for so many points of phase; 0: none has.
+std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept;
+
+// Returns the number of squared differences that the deviation is the mean of.
+std::size_t difference_count(AllanKind kind, std::size_t points, std::size_t factor) noexcept;
+
+// Returns the deviation over an averaging time of `factor` samples, in the unit of the rates. The time it takes does
+// not depend on `factor`. 1 <= factor <= largest_factor(kind, phase.size()).
+double allan_deviation(AllanKind kind, std::span<const double> phase, std::size_t factor) noexcept;
+
+// Returns the averaging factors from 1 to `largest`: the powers of 2 if `per_decade` is 0, otherwise so many per
+// decade, rounded, each once.
+std::vector<std::size_t> averaging_factors(std::size_t largest, unsigned per_decade);
+
+}  // namespace imud

@@ -1,0 +1,242 @@
+// imu-allan: the Allan deviation of a sensor at rest, and the noise terms that explain it.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/requirement.hpp"
+#include "tools/allan_plot.hpp"
+#include "tools/allan_report.hpp"
+#include "tools/measurement_input.hpp"
+#include "tools/npy_file.hpp"
+#include "tools/number_check.hpp"
+#include "tools/setting_texts.hpp"
+#include "tools/still_recording.hpp"
+#include "tools/stop_signal.hpp"
+#include "tools/text_output.hpp"
+#include "transports/output_path.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+namespace {
+
+constexpr int failed = 1;
+constexpr int wrong_command_line = 2;
+constexpr int limit_broken = 3;
+constexpr std::string_view array_file = "npy";  // in place of a protocol
+
+struct Options {
+  DecodeOptions input{.program = "imu-allan"};
+  RecordingOptions recording;
+  std::string columns;
+  std::string kind = "overlapping";
+  unsigned per_decade = 0;
+  double confidence = 0.68;
+  double fit_from_s = 0;
+  double fit_to_s = std::numeric_limits<double>::infinity();
+  std::vector<std::string> limits;
+  std::string json_path, data_path, plot_path;
+};
+
+AllanKind kind_named(const std::string& name) {
+  std::string names;
+  for (const AllanKind kind : allan_kinds) {
+    if (name_of(kind) == name) return kind;
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", name_of(kind));
+  }
+  throw std::invalid_argument(fmt::format("--deviation {}: right would be one of {}", name, names));
+}
+
+void check_outputs(Options& options) {
+  if (!options.plot_path.empty()) {
+    check_plot(options.plot_path);
+    if (options.data_path.empty()) options.data_path = data_path_beside(options.plot_path);
+    if (is_standard_output(options.data_path))
+      throw std::invalid_argument("--data -: the data of a plot are a file; right would be --data FILE");
+  }
+  const std::string& port = options.input.port;
+  const std::string address = options.input.protocol == array_file ? port : port.substr(port.find(':') + 1);
+  for (const std::string& path : {options.json_path, options.data_path, options.plot_path})
+    if (!path.empty() && (is_same_file(address, path) || is_same_file(address.substr(0, address.find('?')), path)))
+      throw std::invalid_argument(path + ": is the input; give another file");
+}
+
+StillRecording record_array(const Options& options) {
+  if (!options.recording.rate_hz)
+    throw std::invalid_argument("npy: the array has no time; right would be --rate-hz HZ");
+  std::ifstream file(options.input.port, std::ios::binary);
+  if (!file)
+    throw std::invalid_argument(fmt::format("{}: cannot read it: {}", options.input.port, std::strerror(errno)));
+  try {
+    const NpyArray array = read_npy(file);
+    return recording_of(array, parse_columns(options.columns, array.columns), *options.recording.rate_hz);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}: {}", options.input.port, error.what()));
+  }
+}
+
+StillRecording record_port(const Options& options, bool& running, std::string& ended_by) {
+  const Protocol& protocol = protocol_for(options.input);
+  const auto decoder = protocol.make_decoder(settings_from(protocol.settings, options.input.settings));
+  const auto port = open_port(options.input.port, Role::listener);
+  if (const std::string chosen = port->chosen_port(); !chosen.empty())
+    fmt::print(stderr, "imu-allan: receives at {}\n", chosen);
+  running = true;
+  Recorder recorder(protocol, options.recording, options.input.count);
+  ended_by = receive_all(*port, *decoder, recorder, options.input);
+  if (const auto warning = port->end_warning(); !warning.empty())
+    fmt::print(stderr, "imu-allan: {}: {}\n", options.input.port, warning);
+  const DecodeErrors& errors = decoder->errors();
+  if (errors.checksum + errors.malformed + errors.incomplete > 0)
+    fmt::print(stderr, "imu-allan: {} checksum failures, {} malformed, {} incomplete\n", errors.checksum,
+               errors.malformed, errors.incomplete);
+  return recorder.finish();
+}
+
+void write_file(const std::string& path, const std::string& text) {
+  TextOutput output(path);
+  output.write(text);
+  output.flush();
+  if (!output.is_open()) throw std::runtime_error(path + ": " + std::strerror(output.error()));
+}
+
+int analyse(Options& options, bool& running) {
+  AllanReport report;
+  report.protocol = options.input.protocol;
+  report.port = options.input.port;
+  report.confidence = options.confidence;
+  const AllanKind kind = kind_named(options.kind);
+  for (const std::string& limits : options.limits)
+    for (Requirement& limit : parse_requirements(limits)) report.required.push_back(std::move(limit));
+  for (const Requirement& limit : report.required) report.seen(limit);
+  check_outputs(options);
+
+  if (options.input.protocol == array_file) {
+    report.recording = record_array(options);
+    report.ended_by = "end of input";
+  } else {
+    report.recording = record_port(options, running, report.ended_by);
+  }
+  running = true;
+  report.samples = report.recording.samples();
+  for (auto& channel : report.recording.channels) {
+    AllanReport::Axis axis{channel.number, {}, {}};
+    axis.curve = allan_curve(kind, channel.values, report.recording.rate_hz, options.per_decade, options.confidence);
+    axis.fit = fit_allan_terms(axis.curve, options.fit_from_s, options.fit_to_s);
+    report.axes.push_back(std::move(axis));
+    channel.values = {};
+  }
+
+  if (!is_standard_output(options.json_path) && !is_standard_output(options.data_path))
+    fmt::print("{}", report.text());
+  if (!options.json_path.empty()) write_file(options.json_path, report.json());
+  if (!options.data_path.empty()) write_file(options.data_path, report.csv());
+  if (!options.plot_path.empty()) run_gnuplot(plot_commands(report, options.data_path, options.plot_path));
+  return report.keeps_all_limits() ? 0 : limit_broken;
+}
+
+int execute(int argc, char** argv) {
+  CLI::App app(
+      "Computes the Allan deviation of a sensor at rest, from any protocol and port or from a NumPy file, and the\n"
+      "noise terms N, B, K, Q, R (IEEE Std 952) that explain it.",
+      "imu-allan");
+  app.set_version_flag("--version", "imu-allan " IMUD_VERSION);
+  Options options;
+  app.add_option("PROTOCOL", options.input.protocol,
+                 "protocol of the device, see below; npy: PORT is a file of numpy.save")
+      ->required()
+      ->type_name("");
+  app.add_option("PORT", options.input.port, "port to receive from, see below; - is standard input")
+      ->required()
+      ->type_name("");
+  app.add_option("--set", options.input.settings, "a setting of the protocol; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+  app.add_option("--for", options.input.for_s, "ends after this time of the host's clock")
+      ->check(number_check(0, 1e9))
+      ->type_name("SECONDS");
+  app.add_option("--count", options.input.count, "ends after this number of samples")
+      ->check(number_check(1, 1e18))
+      ->type_name("N");
+  app.add_option("--rate-hz", options.recording.rate_hz, "sample rate, in place of the device's clock")
+      ->check(number_check(1e-6, 1e9))
+      ->type_name("HZ");
+  app.add_option("--columns", options.columns,
+                 "channels of a NumPy array's columns, such as gyro_x,gyro_y,gyro_z,-; rad/s and m/s^2")
+      ->type_name("NAMES");
+  app.add_flag("--increments", options.recording.increments,
+               "uses delta-angle and delta-velocity even if the protocol has rate and specific force");
+  app.add_option("--max-missing", options.recording.largest_missing,
+                 "largest percentage of samples that may be missing; default: 0.1")
+      ->check(number_check(0, 100))
+      ->type_name("PERCENT");
+  app.add_option("--deviation", options.kind,
+                 "allan, overlapping (default), modified, hadamard, overlapping-hadamard or total")
+      ->type_name("NAME");
+  app.add_option("--per-decade", options.per_decade, "averaging times per decade; default: octaves")
+      ->check(number_check(1, 1000))
+      ->type_name("N");
+  app.add_option("--confidence", options.confidence, "probability of the bounds; default: 0.68")
+      ->check(number_check(0.01, 0.9999))
+      ->type_name("P");
+  app.add_option("--fit-from", options.fit_from_s, "shortest averaging time of the fit, beyond the sensor's filter")
+      ->check(number_check(0, 1e9))
+      ->type_name("SECONDS");
+  app.add_option("--fit-to", options.fit_to_s, "longest averaging time of the fit")
+      ->check(number_check(0, 1e9))
+      ->type_name("SECONDS");
+  app.add_option("--require", options.limits,
+                 "exits with 3 if a term breaks this limit, such as gyro.N<4.5e-5 (SI) or\n"
+                 "gyro_x.angle_random_walk_deg_per_rt_hr<0.15; several with commas; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("LIMIT");
+  app.add_option("--json", options.json_path, "writes the result as JSON; - is standard output")->type_name("FILE");
+  app.add_option("--data", options.data_path, "writes the deviations as CSV; - is standard output")
+      ->type_name("FILE");
+  app.add_option("--plot", options.plot_path, "draws them by gnuplot, and writes the data beside the picture")
+      ->type_name("FILE.svg|FILE.png");
+  app.footer(
+      fmt::format("\n{}\n{}\nExit codes: 0 done, 1 failed while running or the recording is no good, 2 the command "
+                  "line is wrong or "
+                  "the port cannot be opened, 3 a limit of --require is broken.\n"
+                  "Example: imu-allan stim300 serial:/dev/ttyUSB0 --for 3600 --plot stim300.svg",
+                  known_protocols(), known_ports()));
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : wrong_command_line;
+  }
+
+  catch_stop_signals();
+  const Protocol* protocol = find_protocol(options.input.protocol);
+  const bool is_can = protocol != nullptr && protocol->link == Link::can;
+  if (options.input.port == "-") options.input.port = standard_input_port(is_can, is_can);
+  bool running = false;
+  try {
+    return analyse(options, running);
+  } catch (const std::invalid_argument& error) {
+    fmt::print(stderr, "imu-allan: {}\n", error.what());
+    return wrong_command_line;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "imu-allan: {}\n", error.what());
+    return running || options.input.protocol == array_file ? failed : wrong_command_line;
+  }
+}
+
+}  // namespace
+}  // namespace imud
+
+int main(int argc, char** argv) {
+  const int exit_code = imud::execute(argc, argv);
+  const int error = imud::flush_standard_output();
+  if (error == 0) return exit_code;
+  fmt::print(stderr, "imu-allan: standard output: {}\n", std::strerror(error));
+  return exit_code == 0 ? imud::failed : exit_code;
+}

@@ -1,0 +1,56 @@
+// measurement_input: what a program needs that decodes any protocol from any port.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/time.hpp"
+#include "protocols/protocol.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// The part of a command line that selects the input.
+struct DecodeOptions {
+  std::string program = {};                                         // its name, for messages
+  std::string protocol = {};                                        // name
+  std::string port = {};                                            // text of a port
+  std::vector<std::string> settings = {};                           // KEY=VALUE
+  double for_s = std::numeric_limits<double>::infinity();           // of the host's clock
+  std::uint64_t count = std::numeric_limits<std::uint64_t>::max();  // samples
+};
+
+// Return lists of what there is, for the help of a command line.
+std::string known_protocols();
+std::string known_ports();
+
+// Returns the protocol. Throws std::invalid_argument if there is none of that name, or if the port does not carry it.
+const Protocol& protocol_for(const DecodeOptions& options);
+
+// Receives the measurements of receive_all().
+class MeasurementReceiver : public MeasurementSink {
+ public:
+  // Called before the measurements that arrived together. `arrival`: see StreamStatistics::add().
+  virtual void set_arrival(std::optional<HostTime> arrival) = 0;
+  // Returns true if it has as many samples as wanted.
+  virtual bool is_full() const = 0;
+  // Returns false if nothing that it receives is of use any more.
+  virtual bool is_open() const { return true; }
+  // Called before the program waits for input.
+  virtual void flush() {}
+
+ protected:
+  ~MeasurementReceiver() = default;
+};
+
+// Decodes what the port receives until the input ends, the time or the number of samples is reached, the receiver is
+// not open any more, or a signal comes; returns which: "end of input", "time", "count", "closed output", "signal".
+// Reports on standard error when the device is lost, and when it is back.
+std::string_view receive_all(Port& port, Decoder& decoder, MeasurementReceiver& receiver,
+                             const DecodeOptions& options);
+
+}  // namespace imud
