@@ -53,10 +53,10 @@ std::uint64_t sent_on(const std::string& interface) {
 }
 
 TEST_F(CanLoadTest, IsTheOneThatCanbusloadMeasures) {
-  const std::string config = write_config(
-      "realtime", unit("dronecan", "device.sample_rate_hz = 200", buses[0]) + unit("j1939", "", buses[1]) +
-                      unit("sbg-can", "", buses[2]) + unit("bosch-mm7", "", buses[3]) +
-                      "[realtime]\nskip_after_ms = 3600000\n");
+  const std::string config =
+      write_config("realtime", unit("dronecan", "device.sample_rate_hz = 200", buses[0]) +
+                                   unit("j1939", "", buses[1]) + unit("sbg-can", "", buses[2]) +
+                                   unit("bosch-mm7", "", buses[3]) + "[realtime]\nskip_after_ms = 3600000\n");
   const ProgramResult check = run_program("imud", {"check", "--json", config});
   ASSERT_EQ(check.exit_code, 0) << check.errors;
   const auto checked = nlohmann::json::parse(check.output);
@@ -67,8 +67,9 @@ TEST_F(CanLoadTest, IsTheOneThatCanbusloadMeasures) {
   load.start(monitored);
   ASSERT_TRUE(eventually([] {
     const std::string receivers = read_file("/proc/net/can/rcvlist_all");
-    return std::all_of(buses.begin(), buses.end(),
-                       [&](const char* bus) { return receivers.find(fmt::format(" {} ", bus)) != std::string::npos; });
+    return std::all_of(buses.begin(), buses.end(), [&](const char* bus) {
+      return receivers.find(fmt::format(" {} ", bus)) != std::string::npos;
+    });
   }));
   Program imud("imud");
   const std::uint64_t before = sent_on(buses[0]);
