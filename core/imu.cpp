@@ -11,6 +11,7 @@ namespace imud {
 
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
     : model_(model),
+      dcm_PB_(model.dcm_PB),
       q_BP_(Quaternion(model.dcm_PB.transpose()).normalized()),
       normals_(seed, stream),
       gyro_(model.gyro, Quantity::rate, 1.0 / model.rate_hz),
@@ -129,19 +130,21 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   out.counter = counter_;
   out.temperature_c = model_.temperature_c;
 
-  const Vector3 rate = model_.dcm_PB * now.omega_BN_B;  // Eq. 1
+  const Vector3 rate = vector_of(dcm_PB_ * now.omega_BN_B);  // Eq. 1
   const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
                                    now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
-  const Vector3 specific_force = model_.dcm_PB * specific_force_B;                             // Eq. 9
+  const Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                        // Eq. 9
   Vector3 delta_angle = Vector3::Zero();
   Vector3 delta_velocity = Vector3::Zero();
   double dt = 0.0;
   if (!is_first) {
     dt = seconds(time - last_time_);
-    delta_angle = model_.dcm_PB * true_delta_angle_B(now);        // Eq. 4
-    delta_velocity = model_.dcm_PB * true_delta_velocity_B(now);  // Eq. 14
+    delta_angle = vector_of(dcm_PB_ * true_delta_angle_B(now));        // Eq. 4
+    delta_velocity = vector_of(dcm_PB_ * true_delta_velocity_B(now));  // Eq. 14
   }
-  last_ = now;
+  last_.q_NB = now.q_NB;
+  last_.omega_BN_B = now.omega_BN_B;
+  last_.dv_N = now.dv_N;
   last_time_ = time;
   angle_sum_B_.setZero();
   velocity_sum_B_.setZero();
@@ -201,7 +204,8 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   run_ = Run::rest;
   if (is_first) barometer_.begin_run();
   if (!is_first) {
-    last_ = advanced_ = rest_.at(last_time_, time);
+    advanced_ = rest_.at(last_time_, time);
+    last_ = {advanced_.q_NB, advanced_.omega_BN_B, advanced_.dv_N};
     add_piece(now);
   }
   Sample out = sense(now, time, is_first, stamp);

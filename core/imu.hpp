@@ -5,6 +5,7 @@
 
 #include "core/barometer.hpp"
 #include "core/earth.hpp"
+#include "core/lanes.hpp"
 #include "core/navigation_errors.hpp"
 #include "core/random.hpp"
 #include "core/rest.hpp"
@@ -97,6 +98,7 @@ class Imu {
   Vector3 true_delta_velocity_B(const MotionState& now) const noexcept;
 
   ImuModel model_;
+  LaneMatrix dcm_PB_;
   Quaternion q_BP_;
   Normals normals_;
   Triad gyro_;
@@ -109,7 +111,10 @@ class Imu {
   std::uint64_t counter_ = 0;
   enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
   Run run_ = Run::none;
-  MotionState last_;            // the state at the last sample, as it was then known
+  struct Attained {  // at the last sample, as it was then known
+    Quaternion q_NB;
+    Vector3 omega_BN_B, dv_N;
+  } last_;
   TruthTime last_time_;         // the time of the last sample; last_'s own differs if the timeline began later
   MotionState advanced_;        // the state at the end of the sums below
   std::uint32_t revision_ = 0;  // Timeline::revision() when advanced_ was computed

@@ -17,7 +17,7 @@ namespace imud {
 using Lanes = double __attribute__((vector_size(32)));
 using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of a lane are equal
 
-[[gnu::always_inline]] inline Lanes lanes(const Vector3& v) noexcept { return Lanes{v[0], v[1], v[2], 0.0}; }
+[[gnu::always_inline]] inline Lanes lanes(const Vector3& v) noexcept { return Lanes{v[0], v[1], v[2], v[2]}; }
 [[gnu::always_inline]] inline Lanes all_lanes(double x) noexcept { return Lanes{x, x, x, x}; }
 [[gnu::always_inline]] inline Vector3 vector_of(Lanes x) noexcept { return {x[0], x[1], x[2]}; }
 // Returns a where the mask is set, else b.

@@ -321,6 +321,7 @@ PositionVelocity Timeline::position(TruthTime time) const noexcept {
 
 TruthTime Timeline::next_truth(TruthTime time) const noexcept {
   if (count_ == 0 || time >= newest()) return never;
+  if (count_ > 1 && time >= knot(count_ - 2).state.time) return newest();
   if (time < knot(0).state.time) return knot(0).state.time;
   const std::size_t end = segment_end(time);
   // segment_end() counts an instant at a truth to the segment before it.

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string_view>
 #include <tuple>
+#include <type_traits>
 
 #include "core/effects/acceleration_sensitivity.hpp"
 #include "core/effects/add_errors.hpp"
@@ -39,18 +40,33 @@ inline constexpr auto triad_effect_names = []<class... Effect>(std::tuple<Effect
   return std::array{Effect::name...};
 }(static_cast<TriadEffects*>(nullptr));
 
+// True for the effects of the memo.
+template <class Effect>
+inline constexpr bool is_of_memo = []<class... Memo>(std::tuple<Memo...>*) {
+  return (std::is_same_v<Effect, Memo> || ...);
+}(static_cast<std::tuple<ScaleFactor, Bias, GaussMarkov, AddErrors, ValueRounding, Saturation>*>(nullptr));
+
 // The three sensors. Does not allocate, lock or throw; not thread-safe.
 class Triad {
  public:
   // `period_s` is the nominal sample period, by which densities become standard deviations of samples; above 0.
   Triad(const TriadErrors& errors, Quantity quantity, double period_s)
-      : effects_(make(errors, quantity, period_s, static_cast<TriadEffects*>(nullptr))) {}
+      : effects_(make(errors, quantity, period_s, static_cast<TriadEffects*>(nullptr))) {
+    each([this]<class Effect>(Effect& effect) { is_memos_ = is_memos_ && (is_of_memo<Effect> || !effect.is_on()); });
+  }
 
-  // Turns the true value and increment into the measured ones.
+  // Turns the true value and increment into the measured ones. Where only effects of the memo are on, the others cost
+  // one test together.
   [[gnu::always_inline]] void apply(TriadStep& step) noexcept {
-    each([&step](auto& effect) __attribute__((always_inline)) {
-      if (effect.is_on()) effect.apply(step);
-    });
+    if (is_memos_)
+      each([&step]<class Effect>(Effect & effect) __attribute__((always_inline)) {
+        if constexpr (is_of_memo<Effect>)
+          if (effect.is_on()) effect.apply(step);
+      });
+    else
+      each([&step](auto& effect) __attribute__((always_inline)) {
+        if (effect.is_on()) effect.apply(step);
+      });
   }
   // Makes the next sample number k, with the errors that it has in the sequence from 0, except for the remainders of
   // rounding. The time it takes is proportional to k where an effect has a memory.
@@ -73,6 +89,7 @@ class Triad {
   }
 
   TriadEffects effects_;
+  bool is_memos_ = true;  // no other effect is on
 };
 
 }  // namespace imud
