@@ -160,6 +160,25 @@ void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErro
                             2 / rate_hz * e.flicker_from_s / Flicker::first_correlation_time(e.flicker_from_s)));
 }
 
+// Reads the range. A lower limit that is not given is that of the product if the product has one of its own, else
+// -max.
+void read_range(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
+  auto [lower, upper] = e.range();
+  const bool is_symmetric = lower == -upper;
+  const auto read = [&](std::string_view stem, const Vector3& fallback, double min, double max) {
+    return in_given_unit(table, stem, keys.value, fallback, [&](const std::string& key, const Vector3& absent) {
+      const Vector3 limit = table.per_axis(key, absent, min, max);
+      if (limit == Vector3::Constant(limit[0])) table.resolve(key, limit[0]);
+      return limit;
+    });
+  };
+  upper = read("max", upper, 1e-12, huge);
+  lower = read("min", is_symmetric ? Vector3(-upper) : lower, -huge, 0);
+  e.max = upper.maxCoeff();
+  e.limits = {lower, upper};
+  if (lower == Vector3::Constant(-e.max) && upper == Vector3::Constant(e.max)) e.limits.reset();
+}
+
 // The matrix and the curve between input and output.
 void read_response(TableReader& table, TriadErrors& e) {
   e.misalignment = table.matrix3("misalignment", e.misalignment, false);
@@ -174,9 +193,14 @@ void read_response(TableReader& table, TriadErrors& e) {
   e.scale_factor_asymmetry =
       ppm * table.per_axis("scale_factor_asymmetry_ppm", e.scale_factor_asymmetry / ppm, -1e6, 1e6);
   // A deviation of p ppm of the range at the end of the range.
-  const double square = ppm / e.max, cube = ppm / (e.max * e.max);
-  e.quadratic = square * table.per_axis("quadratic_ppm_of_range", e.quadratic / square, -1e6, 1e6);
-  e.cubic = cube * table.per_axis("cubic_ppm_of_range", e.cubic / cube, -1e6, 1e6);
+  const AxisLimits range = e.range();
+  const auto upper = range.upper.array();
+  const Vector3 square = ppm / upper, cube = ppm / (upper * upper);
+  const auto in_ppm = [&](std::string_view key, const Vector3& unit, Vector3& term) {
+    term = unit.cwiseProduct(table.per_axis(key, term.cwiseQuotient(unit), -1e6, 1e6));
+  };
+  in_ppm("quadratic_ppm_of_range", square, e.quadratic);
+  in_ppm("cubic_ppm_of_range", cube, e.cubic);
 }
 
 TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz) {
@@ -185,7 +209,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
     e = *product;
   else if (given_unit(table, "max", keys.value) == nullptr)
     table.require(key_of("max", keys.value.begin()->suffix), "the largest value that the sensor can measure");
-  e.max = number_in_units(table, "max", keys.value, e.max, 1e-12);
+  read_range(table, keys, e);
   read_response(table, e);
   e.bias = in_units(table, "bias", keys.value, e.bias, -huge);
   e.turn_on_bias = in_units(table, "turn_on_bias", keys.value, e.turn_on_bias);

@@ -9,18 +9,19 @@
 
 namespace imud {
 
-// The range of the sensor, per axis (memo Eq. 20-23). It acts last, so that an increment is that of the limited
-// value.
+// The range of the sensor, per axis and direction (memo Eq. 20-23). It acts last, so that an increment is that of the
+// limited value.
 class Saturation : public StatelessEffect {
  public:
   static constexpr std::string_view name = "saturation";
-  Saturation(const TriadErrors& errors, Quantity, double) : max_(errors.max) {}
+  Saturation(const TriadErrors& errors, Quantity, double)
+      : limits_(errors.range()), free_(std::min(limits_.upper.minCoeff(), (-limits_.lower).minCoeff())) {}
   static bool is_on() noexcept { return true; }
   void apply(TriadStep& step) const noexcept {
     const Vector3& m = step.value;
-    if (std::abs(m[0]) <= max_ && std::abs(m[1]) <= max_ && std::abs(m[2]) <= max_) return;
+    if (std::abs(m[0]) <= free_ && std::abs(m[1]) <= free_ && std::abs(m[2]) <= free_) return;
     for (int i = 0; i < 3; ++i) {
-      const double limited = std::clamp(step.value[i], -max_, max_);
+      const double limited = std::clamp(step.value[i], limits_.lower[i], limits_.upper[i]);
       if (limited == step.value[i]) continue;
       step.saturated |= 1U << static_cast<unsigned>(i);
       step.value[i] = limited;
@@ -29,7 +30,8 @@ class Saturation : public StatelessEffect {
   }
 
  private:
-  double max_;
+  AxisLimits limits_;
+  double free_;  // no axis has a limit within +-free_
 };
 
 }  // namespace imud

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/vector.hpp"
 
@@ -9,6 +10,11 @@ namespace imud {
 
 // How a value becomes a multiple of its LSB; `nearest` rounds halves away from zero.
 enum class Rounding : std::uint8_t { toward_zero, nearest, away_from_zero };
+
+// The least and the largest value of each axis, not above and above 0.
+struct AxisLimits {
+  Vector3 lower, upper;
+};
 
 // The errors of three gyros (u is rad/s), accelerometers (m/s^2) or magnetometers (T), one of a kind on each platform
 // axis. The default of every member switches its effect off. Densities are continuous: their spectra do not depend on
@@ -64,10 +70,14 @@ struct TriadErrors {
   bool carry = false;  // the remainder of the rounding is added to the next sample
 
   // Saturation
-  double max = 1e6;  // u, above 0
+  double max = 1e6;                  // u, above 0: the limits are +-max,
+  std::optional<AxisLimits> limits;  // unless these are given, which differ between axes or directions
 
   // IncrementRounding
   double increment_lsb = 0.0;  // u s, not negative; 0: no rounding
+
+  // Returns the limits of the axes.
+  AxisLimits range() const { return limits.value_or(AxisLimits{Vector3::Constant(-max), Vector3::Constant(max)}); }
 
   // Returns errors that are only white noise of this density, u/sqrt(Hz), at the sample rate `rate_hz`.
   static TriadErrors white(double density, double rate_hz, double max);

@@ -182,6 +182,24 @@ TEST(Saturation, ComesAfterScaleBiasAndNoise) {
   EXPECT_EQ(sample.status & 7U, 0b101U);
 }
 
+// Each axis and direction has its own limit; the axes do not affect one another.
+TEST(Saturation, HasLimitsOfEachAxisAndDirection) {
+  TriadErrors errors;
+  errors.max = 3.0;
+  errors.limits = {.lower = {-1.0, -4.0, 0.0}, .upper = {3.0, 2.0, 1.0}};
+  const auto at = [&](const Vector3& rate) { return samples_of(errors, {rate})[0]; };
+  EXPECT_EQ(at({3.5, 2.5, 1.5}).rate, Vector3(3.0, 2.0, 1.0));
+  EXPECT_EQ(at({3.5, 2.5, 1.5}).status & 7U, 0b111U);
+  EXPECT_EQ(at({-1.5, -4.5, -0.5}).rate, Vector3(-1.0, -4.0, 0.0));
+  EXPECT_EQ(at({-1.5, -4.5, -0.5}).status & 7U, 0b111U);
+  EXPECT_EQ(at({2.5, -3.5, 0.5}).rate, Vector3(2.5, -3.5, 0.5));
+  EXPECT_EQ(at({2.5, -3.5, 0.5}).status & 7U, 0U);
+  EXPECT_EQ(at({-1.5, 0.5, 0.5}).rate, Vector3(-1.0, 0.5, 0.5));
+  EXPECT_EQ(at({-1.5, 0.5, 0.5}).status & 7U, 0b001U);
+  // The increment is that of the limited value.
+  EXPECT_EQ(samples_of(errors, {{0, 0, 0.5}, {0, 0, 1.5}})[1].delta_angle.z(), 1.0 * 0.01);
+}
+
 // The scale factor acts on the truth only: bias and noise have the configured values.
 TEST(ScaleFactor, ActsOnTheTruthAlone) {
   TriadErrors errors;
