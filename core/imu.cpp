@@ -16,6 +16,7 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       normals_(seed, stream),
       gyro_(model.gyro, Quantity::rate, 1.0 / model.rate_hz),
       accelerometer_(model.accelerometer, Quantity::specific_force, 1.0 / model.rate_hz),
+      size_effect_(model.accelerometer_positions, model.dcm_PB),
       earth_(model.earth),
       rest_(model.earth),
       magnetometer_(model.magnetometer, Quantity::magnetic_field, 1.0 / model.rate_hz),
@@ -98,6 +99,7 @@ void Imu::add_piece(const MotionState& end) noexcept {
     centripetal_sum_B_ +=
         integral(omega1.cross(v1), omega2.cross(v2), omega1_dot.cross(v1) + omega1.cross(omega1_dot.cross(r)),
                  omega2_dot.cross(v2) + omega2.cross(omega2_dot.cross(r)));
+    if (size_effect_.is_on()) size_effect_.add_piece(begin, end, h);
   }
   advanced_ = end;
 }
@@ -142,14 +144,6 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
     delta_angle = vector_of(dcm_PB_ * true_delta_angle_B(now));        // Eq. 4
     delta_velocity = vector_of(dcm_PB_ * true_delta_velocity_B(now));  // Eq. 14
   }
-  last_.q_NB = now.q_NB;
-  last_.omega_BN_B = now.omega_BN_B;
-  last_.dv_N = now.dv_N;
-  last_time_ = time;
-  angle_sum_B_.setZero();
-  velocity_sum_B_.setZero();
-  centripetal_sum_B_.setZero();
-
   const auto step_of = [&](const Vector3& value, const Vector3& increment) {
     return TriadStep{.normals = normals_,
                      .k = counter_,
@@ -161,6 +155,18 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
                      .increment = increment};
   };
   TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(specific_force, delta_velocity);
+  if (size_effect_.is_on()) {
+    size_effect_.add_to_values(now, accelerometer.value);
+    if (!is_first) size_effect_.add_to_increments(last_, now, model_.delta_velocity, accelerometer.increment);
+    size_effect_.clear();
+  }
+  last_.q_NB = now.q_NB;
+  last_.omega_BN_B = now.omega_BN_B;
+  last_.dv_N = now.dv_N;
+  last_time_ = time;
+  angle_sum_B_.setZero();
+  velocity_sum_B_.setZero();
+  centripetal_sum_B_.setZero();
   gyro_.apply(gyro);
   accelerometer_.apply(accelerometer);
   out.rate = gyro.value;

@@ -10,6 +10,7 @@
 #include "core/random.hpp"
 #include "core/rest.hpp"
 #include "core/sample.hpp"
+#include "core/size_effect.hpp"
 #include "core/timeline.hpp"
 #include "core/triad.hpp"
 
@@ -35,6 +36,7 @@ struct ImuModel {
   Matrix3 dcm_PB = Matrix3::Identity();
   TriadErrors gyro;
   TriadErrors accelerometer;
+  Matrix3 accelerometer_positions = Matrix3::Zero();  // m, row i: from S to accelerometer i, in platform axes
   DeltaAngle delta_angle = DeltaAngle::rotation_vector;
   DeltaVelocity delta_velocity = DeltaVelocity::integral;
   double temperature_c = 25.0;
@@ -103,6 +105,7 @@ class Imu {
   Normals normals_;
   Triad gyro_;
   Triad accelerometer_;
+  SizeEffect size_effect_;
   Earth earth_;
   Rest rest_;
   Triad magnetometer_;
@@ -111,10 +114,7 @@ class Imu {
   std::uint64_t counter_ = 0;
   enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
   Run run_ = Run::none;
-  struct Attained {  // at the last sample, as it was then known
-    Quaternion q_NB;
-    Vector3 omega_BN_B, dv_N;
-  } last_;
+  MotionBegin last_;            // the state at the last sample, as it was then known
   TruthTime last_time_;         // the time of the last sample; last_'s own differs if the timeline began later
   MotionState advanced_;        // the state at the end of the sums below
   std::uint32_t revision_ = 0;  // Timeline::revision() when advanced_ was computed

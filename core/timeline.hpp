@@ -29,6 +29,13 @@ struct MotionState {
                                                // arbitrary origin in each run
 };
 
+// The part of a motion state from which increments begin.
+struct MotionBegin {
+  Quaternion q_NB;
+  Vector3 omega_BN_B;  // rad/s
+  Vector3 dv_N;        // m/s
+};
+
 // Position and velocity of a point in N.
 struct PositionVelocity {
   bool is_known = false;

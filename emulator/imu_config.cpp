@@ -12,6 +12,7 @@ namespace {
 
 void read_mounting(TableReader table, ImuModel& model) {
   model.r_SB_B = table.vector3("position_m", model.r_SB_B);
+  model.accelerometer_positions = table.matrix3("accelerometer_positions_m", model.accelerometer_positions, false);
   if (table.has("dcm_PB") && table.has("yaw_pitch_roll_deg"))
     table.fault("dcm_PB", "give either this or yaw_pitch_roll_deg, not both");
   if (table.has("dcm_PB")) {

@@ -75,5 +75,13 @@ TEST_F(EnvironmentConfig, ImpossibleLimitsAreFaults) {
        {{"gyro.min_rad_per_s=-1", "gyro.min_deg_per_s=-1"}, "give either this or min_rad_per_s, not both"}});
 }
 
+TEST_F(EnvironmentConfig, PositionsOfAccelerometersAreRows) {
+  const std::string key = "mounting.accelerometer_positions_m=";
+  const ImuModel m = model({key + "[[0.01,0.02,0.03],[0,0.04,0],[0,0,0.05]]"});
+  EXPECT_EQ(Vector3(m.accelerometer_positions.row(0)), Vector3(0.01, 0.02, 0.03));
+  EXPECT_EQ(m.accelerometer_positions(1, 1), 0.04);
+  EXPECT_NE(fault({key + "[1,2,3]"}).find("accelerometer_positions_m: give three rows"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace imud
