@@ -9,13 +9,21 @@
 
 namespace imud {
 
+namespace {
+TriadErrors in_vibration(TriadErrors errors, const Vibration& vibration) {
+  errors.vibration_mean_square = vibration.mean_square();
+  return errors;
+}
+}  // namespace
+
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
     : model_(model),
       dcm_PB_(model.dcm_PB),
       q_BP_(Quaternion(model.dcm_PB.transpose()).normalized()),
       normals_(seed, stream),
+      vibration_(model.vibration, normals_),
       gyro_(model.gyro, Quantity::rate, 1.0 / model.rate_hz),
-      accelerometer_(model.accelerometer, Quantity::specific_force, 1.0 / model.rate_hz),
+      accelerometer_(in_vibration(model.accelerometer, vibration_), Quantity::specific_force, 1.0 / model.rate_hz),
       size_effect_(model.accelerometer_positions, model.dcm_PB),
       earth_(model.earth),
       rest_(model.earth),
@@ -132,10 +140,10 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   out.counter = counter_;
   out.temperature_c = model_.temperature_c;
 
-  const Vector3 rate = vector_of(dcm_PB_ * now.omega_BN_B);  // Eq. 1
+  Vector3 rate = vector_of(dcm_PB_ * now.omega_BN_B);  // Eq. 1
   const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
                                    now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
-  const Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                        // Eq. 9
+  Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                              // Eq. 9
   Vector3 delta_angle = Vector3::Zero();
   Vector3 delta_velocity = Vector3::Zero();
   double dt = 0.0;
@@ -144,6 +152,8 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
     delta_angle = vector_of(dcm_PB_ * true_delta_angle_B(now));        // Eq. 4
     delta_velocity = vector_of(dcm_PB_ * true_delta_velocity_B(now));  // Eq. 14
   }
+  if (vibration_.is_on()) vibration_.add_to({rate, delta_angle, specific_force, delta_velocity}, time, dt);
+
   const auto step_of = [&](const Vector3& value, const Vector3& increment) {
     return TriadStep{.normals = normals_,
                      .k = counter_,

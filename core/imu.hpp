@@ -13,6 +13,7 @@
 #include "core/size_effect.hpp"
 #include "core/timeline.hpp"
 #include "core/triad.hpp"
+#include "core/vibration.hpp"
 
 namespace imud {
 
@@ -39,6 +40,7 @@ struct ImuModel {
   Matrix3 accelerometer_positions = Matrix3::Zero();  // m, row i: from S to accelerometer i, in platform axes
   DeltaAngle delta_angle = DeltaAngle::rotation_vector;
   DeltaVelocity delta_velocity = DeltaVelocity::integral;
+  VibrationModel vibration;
   double temperature_c = 25.0;
   EarthModel earth;
   TriadErrors magnetometer;
@@ -103,6 +105,7 @@ class Imu {
   LaneMatrix dcm_PB_;
   Quaternion q_BP_;
   Normals normals_;
+  Vibration vibration_;
   Triad gyro_;
   Triad accelerometer_;
   SizeEffect size_effect_;

@@ -29,7 +29,8 @@ enum class Process : std::uint32_t {
   exponentially_correlated = 3,
   random_walk = 4,
   random_walk_within_step = 5,
-  flicker = 32,  // of its first octave; the next 31 numbers are those of the others
+  vibration = 6,  // sample k: coordinate k % 2 of the phase of line k/2
+  flicker = 32,   // of its first octave; the next 31 numbers are those of the others
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.

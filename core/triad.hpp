@@ -22,6 +22,7 @@
 #include "core/effects/scale_factor.hpp"
 #include "core/effects/turn_on_bias.hpp"
 #include "core/effects/value_rounding.hpp"
+#include "core/effects/vibration_rectification.hpp"
 #include "core/effects/white_noise.hpp"
 
 namespace imud {
@@ -30,8 +31,8 @@ namespace imud {
 // the input axes and are not scaled by them; saturation is last, as the memo has it, so that no value is beyond the
 // range; what it leaves of the increments is rounded.
 using TriadEffects =
-    std::tuple<Misalignment, ScaleFactor, Nonlinearity,                              // on the truth
-               Bias, GaussMarkov, TurnOnBias, Ramp, AccelerationSensitivity,         // added
+    std::tuple<Misalignment, ScaleFactor, Nonlinearity,                                               // on the truth
+               Bias, GaussMarkov, TurnOnBias, Ramp, AccelerationSensitivity, VibrationRectification,  // added
                WhiteNoise, Flicker, ExponentiallyCorrelated, RandomWalk, AddErrors,  // added, and their sum
                ValueRounding, Saturation, IncrementRounding>;                        // at the output
 

@@ -74,6 +74,9 @@ TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, dou
 void read_barometer(TableReader table, BarometerErrors& errors);
 NavigationErrors read_navigation(TableReader table);
 
+// Reads the vibration of a sensor (environment_config.cpp).
+VibrationModel read_vibration(TableReader table);
+
 // Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);
 // Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu

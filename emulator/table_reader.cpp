@@ -183,6 +183,42 @@ Vector3 TableReader::per_axis(std::string_view key, const Vector3& fallback, dou
   return fallback;
 }
 
+std::vector<double> TableReader::numbers(std::string_view key, double min, double max) {
+  const toml::node* found = node(key);
+  resolve(key, toml::array{});
+  if (found == nullptr) return {};
+  std::vector<double> all;
+  if (const toml::array* array = found->as_array())
+    for (const toml::node& element : *array)
+      if (const auto value = number(element); value && *value >= min && *value <= max) all.push_back(*value);
+  if (!found->is_array() || all.size() != found->as_array()->size()) {
+    fault(key, fmt::format("give a list of numbers from {} to {}", min, max));
+    return {};
+  }
+  resolve(key, *found->as_array());
+  return all;
+}
+
+std::vector<Vector3> TableReader::rows(std::string_view key) {
+  const toml::node* found = node(key);
+  resolve(key, toml::array{});
+  if (found == nullptr) return {};
+  std::vector<Vector3> all;
+  if (const toml::array* array = found->as_array())
+    for (const toml::node& element : *array) {
+      const toml::array* row = element.as_array();
+      if (row == nullptr || row->size() != 3) continue;
+      const auto x = number((*row)[0]), y = number((*row)[1]), z = number((*row)[2]);
+      if (x && y && z) all.emplace_back(*x, *y, *z);
+    }
+  if (!found->is_array() || all.size() != found->as_array()->size()) {
+    fault(key, "give a list of rows of three finite numbers: [[x, y, z], ..]");
+    return {};
+  }
+  resolve(key, *found->as_array());
+  return all;
+}
+
 Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool diagonal) {
   const auto result = [&](const Matrix3& m) {
     toml::array all;

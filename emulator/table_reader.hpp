@@ -63,6 +63,10 @@ class TableReader {
   Vector3 vector3(std::string_view key, const Vector3& fallback);
   // Reads three numbers, or one that counts for all axes, each from `min` to `max`.
   Vector3 per_axis(std::string_view key, const Vector3& fallback, double min, double max);
+  // Reads a list of numbers, each from `min` to `max`. Empty if absent.
+  std::vector<double> numbers(std::string_view key, double min, double max);
+  // Reads a list of rows of three numbers. Empty if absent.
+  std::vector<Vector3> rows(std::string_view key);
   // Reads three rows of three numbers; if `diagonal`, three numbers as well, which are the diagonal.
   Matrix3 matrix3(std::string_view key, const Matrix3& fallback, bool diagonal);
   // Returns the reader of the table of that key, which may be absent.

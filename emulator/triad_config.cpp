@@ -258,7 +258,10 @@ TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate
 }
 
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz) {
-  const TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz);
+  TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz);
+  const double ug_per_g2 = 1e-6 / g;
+  e.vibration_rectification = ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
+                                                         e.vibration_rectification / ug_per_g2, -huge, huge);
   table.finish();
   return e;
 }

@@ -49,6 +49,10 @@ struct TriadErrors {
   Matrix3 g_sensitivity = Matrix3::Zero();          // u/(m/s^2)
   Matrix3 g_squared_sensitivity = Matrix3::Zero();  // u/(m/s^2)^2
 
+  // VibrationRectification
+  Vector3 vibration_rectification = Vector3::Zero();  // k, u/(m/s^2)^2
+  Vector3 vibration_mean_square = Vector3::Zero();    // <v^2>, (m/s^2)^2; Imu sets that of its vibration
+
   // WhiteNoise
   Vector3 white_density = Vector3::Zero();  // N, u/sqrt(Hz), not negative
 

@@ -83,5 +83,52 @@ TEST_F(EnvironmentConfig, PositionsOfAccelerometersAreRows) {
   EXPECT_NE(fault({key + "[1,2,3]"}).find("accelerometer_positions_m: give three rows"), std::string::npos);
 }
 
+TEST_F(EnvironmentConfig, VibrationIsSinesAndASpectrum) {
+  const std::vector<std::string> given = {"vibration.sine_hz=[50,120.5]",
+                                          "vibration.sine_g=[[1,0,2],[0,0.5,0]]",
+                                          "vibration.sine_deg_per_s=[[0,90,0],[0,0,0]]",
+                                          "vibration.sine_phase_deg=[0,180]",
+                                          "vibration.random_hz=[20,80,2000]",
+                                          "vibration.random_g2_per_hz=[0.01,0.04,0.04]",
+                                          "vibration.random_axes=[1,1,0.5]",
+                                          "vibration.random_lines=100",
+                                          "accelerometer.vibration_rectification_ug_per_g2=[30,0,-60]"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    const VibrationModel& vibration = m.vibration;
+    ASSERT_EQ(vibration.sines.size(), 2U);
+    EXPECT_EQ(vibration.sines[1].frequency_hz, 120.5);
+    EXPECT_LT((vibration.sines[0].force - Vector3(9.80665, 0, 19.6133)).norm(), 1e-13);
+    EXPECT_NEAR(vibration.sines[0].rate.y(), 1.5707963267948966, 1e-15);
+    EXPECT_NEAR(vibration.sines[1].phase, 3.141592653589793, 1e-15);
+    EXPECT_EQ(vibration.spectrum.frequency_hz, std::vector<double>({20, 80, 2000}));
+    EXPECT_NEAR(vibration.spectrum.force[1], 3.846815368900, 1e-12);  // 0.04 g^2/Hz
+    EXPECT_TRUE(vibration.spectrum.rate.empty());
+    EXPECT_EQ(vibration.spectrum.axes, Vector3(1, 1, 0.5));
+    EXPECT_EQ(vibration.spectrum.lines, 100U);
+    EXPECT_NEAR(m.accelerometer.vibration_rectification.z(), -60e-6 / 9.80665, 1e-18);
+  }
+  EXPECT_TRUE(model({}).vibration.sines.empty());
+  EXPECT_TRUE(reloaded({}).vibration.spectrum.frequency_hz.empty());
+}
+
+TEST_F(EnvironmentConfig, ImpossibleVibrationsAreFaults) {
+  expect_faults({
+      {{"vibration.sine_hz=[0]"}, "imu.0.vibration.sine_hz: give a list of numbers from 0.001"},
+      {{"vibration.sine_hz=5"}, "imu.0.vibration.sine_hz: give a list"},
+      {{"vibration.sine_hz=[5]"}, "imu.0.vibration.sine_hz: has no amplitudes"},
+      {{"vibration.sine_hz=[5]", "vibration.sine_g=[1,2,3]"}, "imu.0.vibration.sine_g: give a list of rows"},
+      {{"vibration.sine_hz=[5]", "vibration.sine_g=[[1,2,3],[1,2,3]]"}, "imu.0.vibration.sine_g: has 2 elements"},
+      {{"vibration.sine_hz=[5,6]", "vibration.sine_g=[[1,2,3],[1,2,3]]", "vibration.sine_phase_deg=[1]"},
+       "imu.0.vibration.sine_phase_deg: has 1 elements"},
+      {{"vibration.random_hz=[20,10]", "vibration.random_g2_per_hz=[1,1]"},
+       "imu.0.vibration.random_hz: give at least"},
+      {{"vibration.random_hz=[20]", "vibration.random_g2_per_hz=[1]"}, "imu.0.vibration.random_hz: give at least"},
+      {{"vibration.random_hz=[10,20]"}, "imu.0.vibration.random_hz: has no densities"},
+      {{"vibration.random_hz=[10,20]", "vibration.random_g2_per_hz=[1,0]"},
+       "imu.0.vibration.random_g2_per_hz: give a"},
+      {{"vibration.random_g2_per_hz=[1,1]"}, "imu.0.vibration.random_g2_per_hz: has 2 elements"},
+  });
+}
+
 }  // namespace
 }  // namespace imud

@@ -1,0 +1,118 @@
+#include "core/vibration.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "core/elementary.hpp"
+#include "core/units.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns the integral of the density from a to b, which lie between breakpoints: log-log linear between these, so
+// that S = S_a (f/a)^m, and its integral is S_a a (r^(m + 1) - 1)/(m + 1) with r = b/a.
+double power_within(std::span<const double> frequency, std::span<const double> density, std::size_t i, double a,
+                    double b) noexcept {
+  const double slope =
+      elementary::log(density[i + 1] / density[i]) / elementary::log(frequency[i + 1] / frequency[i]);
+  const double at_a = density[i] * elementary::exp(slope * elementary::log(a / frequency[i]));
+  const double octaves = elementary::log(b / a);
+  const double x = (slope + 1.0) * octaves;
+  // (e^x - 1)/x, by its series where the difference would cancel.
+  const double growth =
+      std::abs(x) < 1e-3 ? 1.0 + x * (0.5 + x * (1.0 / 6.0 + x / 24.0)) : (elementary::exp(x) - 1.0) / x;
+  return at_a * a * octaves * growth;
+}
+
+// Returns the power between two frequencies of the table.
+double power(std::span<const double> frequency, std::span<const double> density, double from, double to) noexcept {
+  double sum = 0;
+  for (std::size_t i = 0; i + 1 < density.size(); ++i) {
+    const double a = std::max(from, frequency[i]), b = std::min(to, frequency[i + 1]);
+    if (a < b) sum += power_within(frequency, density, i, a, b);
+  }
+  return sum;
+}
+
+}  // namespace
+
+Vibration::Vibration(const VibrationModel& model, const Normals& normals) {
+  for (const VibrationModel::Sine& sine : model.sines) {
+    const auto [sin, cos] = elementary::sincos(sine.phase);
+    Line& added = line(sine.frequency_hz);
+    added.force_sin += cos * sine.force;
+    added.force_cos += sin * sine.force;
+    added.rate_sin += cos * sine.rate;
+    added.rate_cos += sin * sine.rate;
+  }
+  if (model.spectrum.frequency_hz.size() > 1) add_spectrum(model.spectrum, normals);
+}
+
+// Returns the line of that frequency, which is new if there is none.
+Vibration::Line& Vibration::line(double frequency_hz) {
+  const auto turns_per_ns = static_cast<std::uint64_t>(frequency_hz * (0x1p64 * 1e-9) + 0.5);
+  const auto found = std::find_if(lines_.begin(), lines_.end(),
+                                  [turns_per_ns](const Line& known) { return known.turns_per_ns == turns_per_ns; });
+  if (found != lines_.end()) return *found;
+  const double omega = 2.0 * units::pi * 1e9 * 0x1p-64 * static_cast<double>(turns_per_ns);
+  const Vector3 zero = Vector3::Zero();
+  lines_.push_back({.turns_per_ns = turns_per_ns,
+                    .per_omega = 1.0 / omega,
+                    .force_sin = zero,
+                    .force_cos = zero,
+                    .rate_sin = zero,
+                    .rate_cos = zero});
+  return lines_.back();
+}
+
+void Vibration::add_spectrum(const VibrationModel::Spectrum& spectrum, const Normals& normals) {
+  const std::vector<double>& frequency = spectrum.frequency_hz;
+  const double first = frequency.front(), last = frequency.back();
+  const double width = elementary::log(last / first) / static_cast<double>(spectrum.lines);
+  double begin = first;
+  for (std::size_t j = 0; j < spectrum.lines; ++j) {
+    const double end = j + 1 == spectrum.lines ? last : first * elementary::exp(width * static_cast<double>(j + 1));
+    Line& added = line(std::sqrt(begin * end));
+    const auto add = [&](const std::vector<double>& density, Quantity quantity, Vector3& sin, Vector3& cos) {
+      const double amplitude = std::sqrt(2.0 * power(frequency, density, begin, end));
+      // A point of the plane whose coordinates are independent and normal lies in a uniformly distributed direction.
+      const Vector3 x = normals(quantity, Process::vibration, 2 * j),
+                    y = normals(quantity, Process::vibration, 2 * j + 1);
+      for (int i = 0; i < 3; ++i) {
+        const double scale = amplitude * spectrum.axes[i] / std::sqrt(x[i] * x[i] + y[i] * y[i]);
+        sin[i] += scale * x[i];
+        cos[i] += scale * y[i];
+      }
+    };
+    add(spectrum.force, Quantity::specific_force, added.force_sin, added.force_cos);
+    add(spectrum.rate, Quantity::rate, added.rate_sin, added.rate_cos);
+    begin = end;
+  }
+}
+
+void Vibration::add_to(const SensorInput& input, TruthTime time, double dt) noexcept {
+  for (Line& line : lines_) {
+    const std::uint64_t turns = line.turns_per_ns * static_cast<std::uint64_t>(time.ns);
+    const double angle = 2.0 * units::pi * 0x1p-64 * static_cast<double>(static_cast<std::int64_t>(turns));
+    const auto [sin, cos] = elementary::sincos(angle);
+    input.rate += sin * line.rate_sin + cos * line.rate_cos;
+    input.specific_force += sin * line.force_sin + cos * line.force_cos;
+    if (dt > 0.0) {
+      const double of_sin = (line.last_cos - cos) * line.per_omega, of_cos = (sin - line.last_sin) * line.per_omega;
+      input.delta_angle += of_sin * line.rate_sin + of_cos * line.rate_cos;
+      input.delta_velocity += of_sin * line.force_sin + of_cos * line.force_cos;
+    }
+    line.last_sin = sin;
+    line.last_cos = cos;
+  }
+}
+
+Vector3 Vibration::mean_square() const noexcept {
+  Vector3 sum = Vector3::Zero();
+  for (const Line& line : lines_) sum += 0.5 * (line.force_sin.cwiseAbs2() + line.force_cos.cwiseAbs2());
+  return sum;
+}
+
+}  // namespace imud

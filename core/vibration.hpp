@@ -1,0 +1,78 @@
+// Vibration: an oscillation of the sensor that the truth does not contain.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/random.hpp"
+#include "core/time.hpp"
+#include "core/vector.hpp"
+
+namespace imud {
+
+// Sines, and random vibration by its spectrum, in platform axes. Empty: none.
+struct VibrationModel {
+  struct Sine {
+    double frequency_hz;              // above 0, at most 1e6
+    Vector3 force = Vector3::Zero();  // m/s^2, amplitude
+    Vector3 rate = Vector3::Zero();   // rad/s, amplitude
+    double phase = 0;                 // rad, at truth time 0
+  };
+  std::vector<Sine> sines;
+
+  // One-sided spectral densities at breakpoints, between which their logarithm is linear in the logarithm of the
+  // frequency, as environmental standards have them (MIL-STD-810, method 514). Frequencies ascend and are as above;
+  // densities are above 0, as many as frequencies, or none.
+  struct Spectrum {
+    std::vector<double> frequency_hz;
+    std::vector<double> force;       // (m/s^2)^2/Hz
+    std::vector<double> rate;        // (rad/s)^2/Hz
+    Vector3 axes = Vector3::Ones();  // factors of the amplitude, not negative
+    std::size_t lines = 64;          // sines that stand for it; 0: no random vibration
+  };
+  Spectrum spectrum;
+};
+
+// The true values of the sensors at S, in SI, platform axes, to which vibration is added.
+struct SensorInput {
+  Vector3 &rate, &delta_angle, &specific_force, &delta_velocity;
+};
+
+// Adds the vibration to the truth: a sum of sines
+//   v(t) = sum of s_j sin(w_j t) + c_j cos(w_j t),  w_j = 2 pi f_j,  t the truth's time
+// whose integral over a step is exact in the increments. The delta-angle is the sum of those of motion and vibration:
+// the coning of the two together is not in it.
+//
+// Random vibration is a sum of sines of random phases, which are independent for each axis (M. Shinozuka and
+// C.-M. Jan, "Digital simulation of random processes and its applications", J. Sound and Vibration 25(1), 1972): one
+// in the middle of each of `lines` bands between the first and the last breakpoint, whose widths are in proportion to
+// their frequencies. Each has the power of its band, exactly. The vibration depends on seed, imu and time alone.
+//
+// The constructor allocates; nothing else allocates, locks or throws. Not thread-safe.
+class Vibration {
+ public:
+  Vibration(const VibrationModel& model, const Normals& normals);
+  bool is_on() const noexcept { return !lines_.empty(); }
+
+  // Adds the vibration at `time` to the values, and its integral over the step from the last call's time to the
+  // increments if `dt` is not 0.
+  [[gnu::noinline]] void add_to(const SensorInput& input, TruthTime time, double dt) noexcept;
+
+  // Returns the mean square of the specific force on each axis, (m/s^2)^2.
+  Vector3 mean_square() const noexcept;
+
+ private:
+  struct Line {
+    std::uint64_t turns_per_ns;  // in 2^-64 turns: the phase is exact at any time, modulo a turn
+    double per_omega;            // s/rad, 1/w
+    Vector3 force_sin, force_cos, rate_sin, rate_cos;
+    double last_sin = 0, last_cos = 1;
+  };
+  Line& line(double frequency_hz);
+  void add_spectrum(const VibrationModel::Spectrum& spectrum, const Normals& normals);
+
+  std::vector<Line> lines_;
+};
+
+}  // namespace imud
