@@ -28,6 +28,8 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       earth_(model.earth),
       rest_(model.earth),
       magnetometer_(model.magnetometer, Quantity::magnetic_field, 1.0 / model.rate_hz),
+      temperature_(model.temperature, model.temperature_c),
+      temperature_c_(model.temperature_c),
       barometer_(model.barometer, 1.0 / model.rate_hz),
       navigation_(model.navigation, 1.0 / model.rate_hz) {}
 
@@ -138,7 +140,11 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   Sample out;
   out.time = stamp;
   out.counter = counter_;
-  out.temperature_c = model_.temperature_c;
+  out.temperature_c = temperature_c_;
+  if (temperature_.is_on()) {
+    temperature_c_ = temperature_.at(seconds(stamp - DeviceTime{}));
+    out.temperature_c = temperature_.reported(seconds(stamp - DeviceTime{}));
+  }
 
   Vector3 rate = vector_of(dcm_PB_ * now.omega_BN_B);  // Eq. 1
   const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
@@ -161,6 +167,7 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
                      .since_power_on = seconds(stamp - DeviceTime{}),
                      .specific_force = specific_force,
                      .delta_velocity = delta_velocity,
+                     .temperature_c = temperature_c_,
                      .value = value,
                      .increment = increment};
   };
@@ -274,6 +281,7 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
                     .since_power_on = seconds(out.time - DeviceTime{}),
                     .specific_force = none,
                     .delta_velocity = none,
+                    .temperature_c = temperature_c_,
                     .value = out.magnetic_field,
                     .increment = none};
   magnetometer_.apply(step);  // the error processes continue where no place is known

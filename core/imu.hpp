@@ -11,6 +11,7 @@
 #include "core/rest.hpp"
 #include "core/sample.hpp"
 #include "core/size_effect.hpp"
+#include "core/temperature.hpp"
 #include "core/timeline.hpp"
 #include "core/triad.hpp"
 #include "core/vibration.hpp"
@@ -41,7 +42,8 @@ struct ImuModel {
   DeltaAngle delta_angle = DeltaAngle::rotation_vector;
   DeltaVelocity delta_velocity = DeltaVelocity::integral;
   VibrationModel vibration;
-  double temperature_c = 25.0;
+  double temperature_c = 25.0;  // of the sensor, unless the temperature model has another
+  TemperatureModel temperature;
   EarthModel earth;
   TriadErrors magnetometer;
   BarometerErrors barometer;
@@ -112,6 +114,8 @@ class Imu {
   Earth earth_;
   Rest rest_;
   Triad magnetometer_;
+  Temperature temperature_;
+  double temperature_c_;  // of the sensor in the current sample
   Barometer barometer_;
   NavigationError navigation_;
   std::uint64_t counter_ = 0;

@@ -20,6 +20,8 @@
 #include "core/effects/random_walk.hpp"
 #include "core/effects/saturation.hpp"
 #include "core/effects/scale_factor.hpp"
+#include "core/effects/temperature_bias.hpp"
+#include "core/effects/temperature_scale.hpp"
 #include "core/effects/turn_on_bias.hpp"
 #include "core/effects/value_rounding.hpp"
 #include "core/effects/vibration_rectification.hpp"
@@ -30,11 +32,11 @@ namespace imud {
 // All effects, in the order in which they act. Those on the truth are first, because bias and noise come from behind
 // the input axes and are not scaled by them; saturation is last, as the memo has it, so that no value is beyond the
 // range; what it leaves of the increments is rounded.
-using TriadEffects =
-    std::tuple<Misalignment, ScaleFactor, Nonlinearity,                                               // on the truth
-               Bias, GaussMarkov, TurnOnBias, Ramp, AccelerationSensitivity, VibrationRectification,  // added
-               WhiteNoise, Flicker, ExponentiallyCorrelated, RandomWalk, AddErrors,  // added, and their sum
-               ValueRounding, Saturation, IncrementRounding>;                        // at the output
+using TriadEffects = std::tuple<Misalignment, ScaleFactor, Nonlinearity, TemperatureScale,             // on the truth
+                                Bias, TemperatureBias, GaussMarkov, TurnOnBias, Ramp,                  // added
+                                AccelerationSensitivity, VibrationRectification, WhiteNoise, Flicker,  // added
+                                ExponentiallyCorrelated, RandomWalk, AddErrors,  // added, and their sum
+                                ValueRounding, Saturation, IncrementRounding>;   // at the output
 
 // The names of the effects, in that order.
 inline constexpr auto triad_effect_names = []<class... Effect>(std::tuple<Effect...>*) {

@@ -74,8 +74,9 @@ TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, dou
 void read_barometer(TableReader table, BarometerErrors& errors);
 NavigationErrors read_navigation(TableReader table);
 
-// Reads the vibration of a sensor (environment_config.cpp).
+// Read the vibration of a sensor, and its temperature (environment_config.cpp).
 VibrationModel read_vibration(TableReader table);
+TemperatureModel read_temperature(TableReader table);
 
 // Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);

@@ -71,4 +71,22 @@ VibrationModel read_vibration(TableReader table) {
   return model;
 }
 
+TemperatureModel read_temperature(TableReader table) {
+  constexpr double least = -273.15, most = 1e4;
+  TemperatureModel model;
+  model.profile_s = table.numbers("profile_s", 0, 1e9);
+  model.profile_c = table.numbers("profile_c", least, most);
+  if (!ascends(model.profile_s)) table.fault("profile_s", "give times in ascending order");
+  const std::size_t count = model.profile_s.size();
+  if (!fits(table, "profile_c", model.profile_c, "profile_s", count) && count > 0 && !table.has("profile_c"))
+    table.fault("profile_s", "has no temperatures; give profile_c");
+  model.warm_up_c = table.real("warm_up_c", model.warm_up_c, -1000, 1000);
+  model.warm_up_s = table.real("warm_up_s", model.warm_up_s, 1e-3, 1e9);
+  model.offset_c = table.real("offset_c", model.offset_c, -1000, 1000);
+  model.lsb_c = table.real("lsb_c", model.lsb_c, 0, 1000);
+  model.rate_hz = table.real("rate_hz", model.rate_hz, 0, 1e4);
+  table.finish();
+  return model;
+}
+
 }  // namespace imud

@@ -268,6 +268,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
 
   imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);
   read_mounting(table.child("mounting"), imu.model);
+  imu.model.temperature = read_temperature(table.child("temperature"));
   imu.model.vibration = read_vibration(table.child("vibration"));
   read_errors(table, product, imu);
   read_barometer(table.child("barometer"), imu.model.barometer);

@@ -3,7 +3,9 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <initializer_list>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
@@ -76,7 +78,7 @@ const SensorKeys magnetometer_keys = {.value = {{"t", 1}, {"ut", 1e-6}, {"nt", 1
 std::string key_of(std::string_view stem, std::string_view suffix) { return fmt::format("{}_{}", stem, suffix); }
 
 // Returns the first unit in which the term is given; nullptr if there is none.
-const Unit* given_unit(TableReader& table, std::string_view stem, Units units) {
+const Unit* given_unit(TableReader& table, std::string_view stem, std::span<const Unit> units) {
   const Unit* given = nullptr;
   for (const Unit& unit : units)
     if (table.has(key_of(stem, unit.suffix)) && given == nullptr) given = &unit;
@@ -86,7 +88,8 @@ const Unit* given_unit(TableReader& table, std::string_view stem, Units units) {
 // Reads a term in the unit in which it is given, with read(key, fallback, unit). Adds a fault if it is given twice.
 // The first unit is that of `fallback`.
 template <class Value, class Read>
-Value in_given_unit(TableReader& table, std::string_view stem, Units units, const Value& fallback, Read read) {
+Value in_given_unit(TableReader& table, std::string_view stem, std::span<const Unit> units, const Value& fallback,
+                    Read read) {
   const Unit* given = given_unit(table, stem, units);
   if (given == nullptr) return read(key_of(stem, units.begin()->suffix), fallback);
   Value value = fallback;
@@ -102,13 +105,15 @@ Value in_given_unit(TableReader& table, std::string_view stem, Units units, cons
   return value;
 }
 
-Vector3 in_units(TableReader& table, std::string_view stem, Units units, const Vector3& fallback, double min = 0) {
+Vector3 in_units(TableReader& table, std::string_view stem, std::span<const Unit> units, const Vector3& fallback,
+                 double min = 0) {
   return in_given_unit(table, stem, units, fallback, [&](const std::string& key, const Vector3& absent) {
     return table.per_axis(key, absent, min, huge);
   });
 }
 
-double number_in_units(TableReader& table, std::string_view stem, Units units, double fallback, double min) {
+double number_in_units(TableReader& table, std::string_view stem, std::span<const Unit> units, double fallback,
+                       double min) {
   return in_given_unit(table, stem, units, fallback,
                        [&](const std::string& key, double absent) { return table.real(key, absent, min, huge); });
 }
@@ -203,6 +208,24 @@ void read_response(TableReader& table, TriadErrors& e) {
   in_ppm("cubic_ppm_of_range", cube, e.cubic);
 }
 
+// A polynomial over the temperature: a key for each unit of its degree.
+void read_temperature(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
+  e.reference_temperature_c = table.real("reference_temperature_c", e.reference_temperature_c, -273.15, 1e4);
+  const double ppm = 1e-6;
+  constexpr std::string_view powers[] = {"per_c", "per_c2", "per_c3"};
+  for (int degree = 0; degree < 3; ++degree) {
+    const std::string_view per = powers[degree];
+    e.temperature_scale.col(degree) =
+        ppm * table.per_axis(key_of("temperature_scale_ppm", per), e.temperature_scale.col(degree) / ppm, -1e6, 1e6);
+    std::vector<std::string> suffixes;
+    std::vector<Unit> units;
+    for (const Unit& unit : keys.value) suffixes.push_back(key_of(unit.suffix, per));
+    for (std::size_t i = 0; i < suffixes.size(); ++i) units.push_back({suffixes[i], keys.value.begin()[i].si});
+    e.temperature_bias.col(degree) =
+        in_units(table, "temperature_bias", units, e.temperature_bias.col(degree), -huge);
+  }
+}
+
 TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz) {
   TriadErrors e;
   if (product != nullptr)
@@ -210,6 +233,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   else if (given_unit(table, "max", keys.value) == nullptr)
     table.require(key_of("max", keys.value.begin()->suffix), "the largest value that the sensor can measure");
   read_range(table, keys, e);
+  read_temperature(table, keys, e);
   read_response(table, e);
   e.bias = in_units(table, "bias", keys.value, e.bias, -huge);
   e.turn_on_bias = in_units(table, "turn_on_bias", keys.value, e.turn_on_bias);

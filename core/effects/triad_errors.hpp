@@ -31,6 +31,11 @@ struct TriadErrors {
   Vector3 quadratic = Vector3::Zero();               // 1/u
   Vector3 cubic = Vector3::Zero();                   // 1/u^2
 
+  // TemperatureScale and TemperatureBias. Column j - 1 of a matrix has the coefficients of degree j.
+  double reference_temperature_c = 25;          // T0, degrees Celsius
+  Matrix3 temperature_scale = Matrix3::Zero();  // 1/K^j
+  Matrix3 temperature_bias = Matrix3::Zero();   // u/K^j
+
   // Bias
   Vector3 bias = Vector3::Zero();  // u
 

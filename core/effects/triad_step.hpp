@@ -24,6 +24,7 @@ struct TriadStep {
   double since_power_on;          // s, at the end of the step, by the device's clock
   const Vector3& specific_force;  // m/s^2, without errors, in platform axes, at the end of the step
   const Vector3& delta_velocity;  // m/s, its integral over the step
+  double temperature_c = 25;      // degrees Celsius, of the sensor at the end of the step
 
   Vector3 value;      // u, at the end of the step
   Vector3 increment;  // u s, its integral over the step

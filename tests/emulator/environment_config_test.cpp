@@ -130,5 +130,49 @@ TEST_F(EnvironmentConfig, ImpossibleVibrationsAreFaults) {
   });
 }
 
+TEST_F(EnvironmentConfig, TemperatureIsAProfileWithWarmUpAndItsMeasurement) {
+  const std::vector<std::string> given = {"temperature.profile_s=[0,600]", "temperature.profile_c=[-40,85]",
+                                          "temperature.warm_up_c=12",      "temperature.warm_up_s=300",
+                                          "temperature.offset_c=-2",       "temperature.lsb_c=0.125",
+                                          "temperature.rate_hz=10"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    EXPECT_EQ(m.temperature.profile_s, std::vector<double>({0, 600}));
+    EXPECT_EQ(m.temperature.profile_c, std::vector<double>({-40, 85}));
+    EXPECT_EQ(m.temperature.warm_up_c, 12);
+    EXPECT_EQ(m.temperature.warm_up_s, 300);
+    EXPECT_EQ(m.temperature.offset_c, -2);
+    EXPECT_EQ(m.temperature.lsb_c, 0.125);
+    EXPECT_EQ(m.temperature.rate_hz, 10);
+  }
+  expect_faults(
+      {{{"temperature.profile_s=[1,1]", "temperature.profile_c=[1,2]"}, "temperature.profile_s: give times"},
+       {{"temperature.profile_s=[1,2]"}, "temperature.profile_s: has no temperatures"},
+       {{"temperature.profile_s=[1,2]", "temperature.profile_c=[1]"}, "temperature.profile_c: has 1 elements"},
+       {{"temperature.profile_c=[1]"}, "temperature.profile_c: has 1 elements"},
+       {{"temperature.warm_up_s=0"}, "temperature.warm_up_s: 0 is out of range"},
+       {{"temperature.lsb_c=-1"}, "temperature.lsb_c: -1 is out of range"}});
+}
+
+// 1 deg/h = 4.84813681109536e-6 rad/s.
+TEST_F(EnvironmentConfig, PolynomialsOfTemperatureHaveAKeyForEachDegree) {
+  const std::vector<std::string> given = {
+      "gyro.temperature_bias_deg_per_hr_per_c=[1,2,3]", "gyro.temperature_bias_deg_per_s_per_c2=0.001",
+      "accelerometer.temperature_bias_ug_per_c3=5", "accelerometer.temperature_scale_ppm_per_c=[10,20,30]",
+      "accelerometer.reference_temperature_c=30"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    EXPECT_NEAR(m.gyro.temperature_bias(1, 0) / (2 * 4.84813681109536e-6), 1, 1e-13);
+    EXPECT_NEAR(m.gyro.temperature_bias(2, 1) / (0.001 * 0.0174532925199433), 1, 1e-13);
+    EXPECT_EQ(m.gyro.temperature_bias(0, 2), 0);
+    EXPECT_NEAR(m.accelerometer.temperature_bias(0, 2) / (5 * 9.80665e-6), 1, 1e-13);
+    EXPECT_NEAR(m.accelerometer.temperature_scale(2, 0), 30e-6, 1e-19);
+    EXPECT_EQ(m.accelerometer.reference_temperature_c, 30);
+    EXPECT_EQ(m.gyro.reference_temperature_c, 25);
+  }
+  expect_faults({{{"gyro.temperature_bias_deg_per_hr_per_c=1", "gyro.temperature_bias_rad_per_s_per_c=1"},
+                  "give either this or temperature_bias_rad_per_s_per_c, not both"},
+                 {{"gyro.temperature_bias_deg_per_hr_per_c=[1]"},
+                  "gyro.temperature_bias_deg_per_hr_per_c: give three numbers"}});
+}
+
 }  // namespace
 }  // namespace imud

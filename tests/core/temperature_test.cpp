@@ -1,0 +1,105 @@
+// The temperature of the sensor, its measurement, and the polynomials of bias and scale factor, against closed forms.
+#include "core/temperature.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "core/imu.hpp"
+
+namespace imud {
+namespace {
+
+TEST(Temperature, IsConstantByDefault) {
+  const Temperature temperature({}, 31.5);
+  EXPECT_FALSE(temperature.is_on());
+  EXPECT_EQ(temperature.at(1e6), 31.5);
+  EXPECT_EQ(temperature.reported(1e6), 31.5);
+}
+
+TEST(Temperature, WarmsUpExponentially) {
+  TemperatureModel model;
+  model.warm_up_c = 20;
+  model.warm_up_s = 300;
+  const Temperature temperature(model, 15);
+  EXPECT_TRUE(temperature.is_on());
+  EXPECT_EQ(temperature.at(0), 15);
+  EXPECT_EQ(temperature.at(-5), 15);
+  for (const double t : {1.0, 300.0, 1000.0})
+    EXPECT_NEAR(temperature.at(t), 15 + 20 * (1 - std::exp(-t / 300)), 1e-12);
+  EXPECT_EQ(temperature.at(1e9), 35);
+}
+
+TEST(Temperature, FollowsAProfile) {
+  TemperatureModel model;
+  model.profile_s = {10, 20, 40};
+  model.profile_c = {-40, 60, 0};
+  const Temperature temperature(model, 99);
+  const auto expect = [&](double t, double value) { EXPECT_NEAR(temperature.at(t), value, 1e-12) << t; };
+  expect(0, -40);
+  expect(10, -40);
+  expect(12.5, -15);
+  expect(20, 60);
+  expect(25, 45);
+  expect(40, 0);
+  expect(1e9, 0);
+  model.warm_up_c = 10;
+  model.warm_up_s = 10;
+  EXPECT_NEAR(Temperature(model, 99).at(25), 45 + 10 * (1 - std::exp(-2.5)), 1e-12);
+}
+
+TEST(Temperature, IsReportedInStepsOfItsRateAndItsLsb) {
+  TemperatureModel model;
+  model.profile_s = {0, 1000};
+  model.profile_c = {0, 1000};  // T = t
+  model.offset_c = 0.3;
+  model.rate_hz = 10;
+  const Temperature exact(model, 0);
+  for (int k = 0; k < 1000; ++k) EXPECT_NEAR(exact.reported(0.01 * k), 0.1 * (k / 10) + 0.3, 1e-12) << k;
+  model.lsb_c = 0.125;
+  const Temperature rounded(model, 0);
+  EXPECT_EQ(rounded.reported(0), 0.25);
+  EXPECT_EQ(rounded.reported(0.1), 0.375);   // 0.4
+  EXPECT_EQ(rounded.reported(0.19), 0.375);  // the same measurement
+  EXPECT_EQ(rounded.reported(0.2), 0.5);
+  EXPECT_NEAR(rounded.at(0.19), 0.19, 1e-12);
+}
+
+// A sensor in a chamber, whose temperature rises by a degree a second.
+TEST(TemperatureEffects, ArePolynomials) {
+  ImuModel model;
+  model.temperature.profile_s = {0, 100};
+  model.temperature.profile_c = {20, 120};
+  model.temperature.lsb_c = 50;  // only of what is reported
+  model.gyro.reference_temperature_c = 30;
+  model.gyro.temperature_bias << 1e-3, 0, 0, 0, 2e-4, 0, 0, 0, -3e-5;
+  model.gyro.bias = {0.1, 0.1, 0.1};
+  model.accelerometer.temperature_scale << 1e-4, 2e-6, 3e-8, 0, 0, 0, 0, 0, 1e-7;
+  model.accelerometer.bias = {5, 5, 5};
+  Timeline timeline;
+  Imu imu(model, 1, 1);
+  for (int t = 0; t <= 100; ++t) {
+    Truth truth;
+    truth.time = TruthTime{t * 10'000'000};
+    truth.has_specific_force = true;
+    truth.specific_force_B = {10, 20, 30};
+    timeline.push(truth);
+    const Sample sample = imu.sample(timeline, truth.time, DeviceTime{t * 1'000'000'000LL});
+    const double x = t - 10.0;  // T - T0 of the gyros; that of the accelerometers is 5 more
+    const Vector3 bias(0.1 + 1e-3 * x, 0.1 + 2e-4 * x * x, 0.1 - 3e-5 * x * x * x);
+    EXPECT_LT((sample.rate - bias).norm(), 1e-12);
+    const double y = t - 5.0;
+    const Vector3 scale(1 + 1e-4 * y + 2e-6 * y * y + 3e-8 * y * y * y, 1, 1 + 1e-7 * y * y * y);
+    const Vector3 force = scale.cwiseProduct(Vector3(10, 20, 30)) + Vector3::Constant(5);
+    EXPECT_LT((sample.specific_force - force).norm(), 1e-10);
+    if (t > 0) {
+      EXPECT_LT((sample.delta_angle - 0.01 * bias).norm(), 1e-13);
+      EXPECT_LT((sample.delta_velocity - 0.01 * force).norm(), 1e-11);
+    }
+    EXPECT_EQ(sample.temperature_c, t < 5 ? 0 : t < 55 ? 50 : 100);
+  }
+}
+
+}  // namespace
+}  // namespace imud
