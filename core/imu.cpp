@@ -49,8 +49,9 @@ void Imu::power_on(std::uint64_t number) noexcept {
 }
 
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
-  if (run_ == Run::truth && until > advanced_.time && until <= timeline.newest())
-    accumulate(timeline, timeline.at(until));
+  if (run_ != Run::truth || until > timeline.newest()) return;
+  until = until - model_.sampling_jitter;  // the next sample may be that much earlier
+  if (until > advanced_.time) accumulate(timeline, timeline.at(until));
 }
 
 // Extends the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
@@ -196,10 +197,18 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   return out;
 }
 
+// Returns by how much the next sample is earlier than its nominal instant.
+Nanoseconds Imu::jitter() const noexcept {
+  const auto most = static_cast<double>(model_.sampling_jitter.count());
+  return Nanoseconds{
+      static_cast<std::int64_t>(most * normals_.uniform(Quantity::rate, Process::sampling_jitter, counter_))};
+}
+
 IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
+  const bool is_first = run_ != Run::truth;
+  if (model_.sampling_jitter.count() > 0 && !is_first) time = time - jitter();
   MotionState other;
   const MotionState& now = timeline.at(time, other);
-  const bool is_first = run_ != Run::truth;
   run_ = Run::truth;
   if (is_first) barometer_.begin_run();
   if (is_first) {

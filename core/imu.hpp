@@ -41,6 +41,8 @@ struct ImuModel {
   Matrix3 accelerometer_positions = Matrix3::Zero();  // m, row i: from S to accelerometer i, in platform axes
   DeltaAngle delta_angle = DeltaAngle::rotation_vector;
   DeltaVelocity delta_velocity = DeltaVelocity::integral;
+  // Each sample is taken by up to this before its nominal instant; not negative, below the sample period.
+  Nanoseconds sampling_jitter{0};
   VibrationModel vibration;
   double temperature_c = 25.0;  // of the sensor, unless the temperature model has another
   TemperatureModel temperature;
@@ -52,6 +54,10 @@ struct ImuModel {
 
 // One sensor: samples a Timeline, or a vehicle at rest, and adds the errors. Nothing here allocates, locks, throws or
 // reads a clock. Not thread-safe.
+//
+// With a sampling jitter J, sample k is that of the instant time - u J, u uniform in (0, 1): never later, so that it
+// needs no truth that has not arrived. Its increments are those since the true instant of the sample before. The
+// first sample of a run, and samples at rest, are not moved.
 //
 // Samples belong to runs. The first sample of a run has no increments; each later one has those since the sample
 // before. The counter and the errors continue from run to run, as in a real device.
@@ -94,6 +100,7 @@ class Imu {
   std::uint64_t next() const noexcept { return counter_; }
 
  private:
+  [[gnu::noinline]] Nanoseconds jitter() const noexcept;
   void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
   void add_piece(const MotionState& end) noexcept;
   Sample sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;

@@ -102,15 +102,21 @@ double uniform_of_words(std::uint32_t word0, std::uint32_t word1) noexcept {
 
 }  // namespace
 
+double Normals::uniform_of_axis(std::uint32_t purpose_and_axis, std::uint64_t k) const noexcept {
+  const auto words = Philox{}({{low(k / 2), high(k / 2), purpose_and_axis, stream_}}, {{low(seed_), high(seed_)}});
+  const std::size_t half = 2 * (k % 2);
+  return uniform_of_words(words[half], words[half + 1]);
+}
+
 Vector3 Normals::operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept {
   Vector3 n;
-  for (std::uint32_t axis = 0; axis < 3; ++axis) {
-    const auto words = Philox{}({{low(k / 2), high(k / 2), purpose(quantity, process) | axis, stream_}},
-                                {{low(seed_), high(seed_)}});
-    const std::size_t half = 2 * (k % 2);
-    n[axis] = inverse_normal_cdf(uniform_of_words(words[half], words[half + 1]));
-  }
+  for (std::uint32_t axis = 0; axis < 3; ++axis)
+    n[axis] = inverse_normal_cdf(uniform_of_axis(purpose(quantity, process) | axis, k));
   return n;
+}
+
+double Normals::uniform(Quantity quantity, Process process, std::uint64_t k) const noexcept {
+  return uniform_of_axis(purpose(quantity, process), k);
 }
 
 namespace {

@@ -30,7 +30,8 @@ enum class Process : std::uint32_t {
   random_walk = 4,
   random_walk_within_step = 5,
   vibration = 6,  // sample k: coordinate k % 2 of the phase of line k/2
-  flicker = 32,   // of its first octave; the next 31 numbers are those of the others
+  sampling_jitter = 7,
+  flicker = 32,  // of its first octave; the next 31 numbers are those of the others
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.
@@ -61,8 +62,12 @@ class Normals {
 
   // Returns N(0, 1) on each of the three axes for sample `k`.
   Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
+  // Returns a deviate that is uniform in (0, 1), in the place of the normal one of the x axis.
+  double uniform(Quantity quantity, Process process, std::uint64_t k) const noexcept;
 
  private:
+  double uniform_of_axis(std::uint32_t purpose_and_axis, std::uint64_t k) const noexcept;
+
   friend class NormalSequence;
   std::uint64_t seed_;
   std::uint32_t stream_;

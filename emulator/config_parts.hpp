@@ -78,6 +78,9 @@ NavigationErrors read_navigation(TableReader table);
 VibrationModel read_vibration(TableReader table);
 TemperatureModel read_temperature(TableReader table);
 
+// Reads the sampling jitter of an imu, whose grid must be set (environment_config.cpp).
+void read_jitter(TableReader& table, ImuConfig& imu);
+
 // Reads the [[imu]] of that index (imu_config.cpp).
 ImuConfig read_imu(TableReader& table, std::size_t index);
 // Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu

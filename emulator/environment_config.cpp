@@ -71,6 +71,15 @@ VibrationModel read_vibration(TableReader table) {
   return model;
 }
 
+void read_jitter(TableReader& table, ImuConfig& imu) {
+  constexpr double largest = 0.9;  // of the period, so that samples stay in order with any clock error
+  const double jitter_us = table.real("sampling_jitter_us", 0, 0, 1e9);
+  const double most_us = largest * 1e6 * seconds(imu.grid.period());
+  imu.model.sampling_jitter = nanoseconds(1e-6 * jitter_us);
+  if (jitter_us > most_us)
+    table.fault("sampling_jitter_us", fmt::format("give at most {:.6g}, nine tenths of the sample period", most_us));
+}
+
 TemperatureModel read_temperature(TableReader table) {
   constexpr double least = -273.15, most = 1e4;
   TemperatureModel model;

@@ -235,6 +235,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
   const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
   imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
+  read_jitter(table, imu);
 
   constexpr BeforeFirst reactions[] = {BeforeFirst::silence, BeforeFirst::rest};
   imu.before_first = reactions[table.choice("before_first", {"silence", "rest"}, product ? 1 : 0)];

@@ -174,5 +174,13 @@ TEST_F(EnvironmentConfig, PolynomialsOfTemperatureHaveAKeyForEachDegree) {
                   "gyro.temperature_bias_deg_per_hr_per_c: give three numbers"}});
 }
 
+TEST_F(EnvironmentConfig, SamplingJitterIsBelowThePeriod) {
+  EXPECT_EQ(model({}).sampling_jitter.count(), 0);
+  EXPECT_EQ(model({"sampling_jitter_us=20"}).sampling_jitter.count(), 20'000);
+  EXPECT_EQ(model({"sampling_jitter_us=4500"}).sampling_jitter.count(), 4'500'000);
+  expect_faults({{{"sampling_jitter_us=4501"}, "imu.0.sampling_jitter_us: give at most 4500"},
+                 {{"sampling_jitter_us=-1"}, "imu.0.sampling_jitter_us: -1 is out of range"}});
+}
+
 }  // namespace
 }  // namespace imud
