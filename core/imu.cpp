@@ -170,7 +170,8 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
                      .delta_velocity = delta_velocity,
                      .temperature_c = temperature_c_,
                      .value = value,
-                     .increment = increment};
+                     .increment = increment,
+                     .begins_run = is_first};
   };
   TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(specific_force, delta_velocity);
   if (size_effect_.is_on()) {
@@ -210,8 +211,9 @@ IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, Dev
   MotionState other;
   const MotionState& now = timeline.at(time, other);
   run_ = Run::truth;
-  if (is_first) barometer_.begin_run();
   if (is_first) {
+    barometer_.begin_run();
+    had_field_ = false;
     advanced_ = now;
     revision_ = timeline.revision();
   } else {
@@ -234,8 +236,10 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   const MotionState now = rest_.at(time, time);
   const bool is_first = run_ != Run::rest;
   run_ = Run::rest;
-  if (is_first) barometer_.begin_run();
-  if (!is_first) {
+  if (is_first) {
+    barometer_.begin_run();
+    had_field_ = false;
+  } else {
     advanced_ = rest_.at(last_time_, time);
     last_ = {advanced_.q_NB, advanced_.omega_BN_B, advanced_.dv_N};
     add_piece(now);
@@ -292,7 +296,9 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
                     .delta_velocity = none,
                     .temperature_c = temperature_c_,
                     .value = out.magnetic_field,
-                    .increment = none};
+                    .increment = none,
+                    .begins_run = !had_field_};
+  had_field_ = out.navigation.is_known;
   magnetometer_.apply(step);  // the error processes continue where no place is known
   if (out.navigation.is_known) out.magnetic_field = step.value;
 }

@@ -125,6 +125,7 @@ class Imu {
   double temperature_c_;  // of the sensor in the current sample
   Barometer barometer_;
   NavigationError navigation_;
+  bool had_field_ = false;  // the last sample of this run had a magnetic field
   std::uint64_t counter_ = 0;
   enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
   Run run_ = Run::none;

@@ -9,6 +9,7 @@
 
 #include "core/effects/acceleration_sensitivity.hpp"
 #include "core/effects/add_errors.hpp"
+#include "core/effects/bandwidth.hpp"
 #include "core/effects/bias.hpp"
 #include "core/effects/exponentially_correlated.hpp"
 #include "core/effects/flicker.hpp"
@@ -30,12 +31,14 @@
 namespace imud {
 
 // All effects, in the order in which they act. Those on the truth are first, because bias and noise come from behind
-// the input axes and are not scaled by them; saturation is last, as the memo has it, so that no value is beyond the
-// range; what it leaves of the increments is rounded.
+// the input axes and are not scaled by them. The filter acts on the motion and the noise alike, before the converter
+// rounds. Saturation is last, as the memo has it, so that no value is beyond the range; what it leaves of the
+// increments is rounded.
 using TriadEffects = std::tuple<Misalignment, ScaleFactor, Nonlinearity, TemperatureScale,             // on the truth
                                 Bias, TemperatureBias, GaussMarkov, TurnOnBias, Ramp,                  // added
                                 AccelerationSensitivity, VibrationRectification, WhiteNoise, Flicker,  // added
                                 ExponentiallyCorrelated, RandomWalk, AddErrors,  // added, and their sum
+                                Bandwidth,                                       // of the value
                                 ValueRounding, Saturation, IncrementRounding>;   // at the output
 
 // The names of the effects, in that order.

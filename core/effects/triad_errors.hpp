@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "core/effects/sensor_filter.hpp"
 #include "core/vector.hpp"
 
 namespace imud {
@@ -72,6 +73,9 @@ struct TriadErrors {
 
   // RandomWalk
   Vector3 random_walk_density = Vector3::Zero();  // K, u/s/sqrt(Hz), not negative
+
+  // Bandwidth
+  SensorFilter filter;
 
   // ValueRounding
   double lsb = 0.0;  // u, not negative; 0: no rounding

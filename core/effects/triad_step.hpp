@@ -34,6 +34,7 @@ struct TriadStep {
   Vector3 constant_error = Vector3::Zero();
   Vector3 error = Vector3::Zero(), mean_error = Vector3::Zero();
 
+  bool begins_run = false;      // there is no value before this one
   std::uint32_t saturated = 0;  // bit i: axis i
 };
 

@@ -1,0 +1,104 @@
+#include "core/effects/bandwidth.hpp"
+
+#include <algorithm>
+#include <bit>
+
+#include "core/lanes.hpp"
+
+namespace imud {
+
+Bandwidth::Bandwidth(const TriadErrors& errors, Quantity, double period_s) : rate_hz_(1 / period_s) {
+  sums_.fill(Vector3::Zero());
+  if (!errors.filter.is_on()) return;
+  if (errors.filter.length > 1)
+    inputs_.resize(static_cast<std::size_t>(errors.filter.length) * static_cast<std::size_t>(errors.filter.stages));
+  set(errors.filter);
+}
+
+void Bandwidth::reserve(int length) { inputs_.resize(std::max(inputs_.size(), static_cast<std::size_t>(length))); }
+
+void Bandwidth::set(const SensorFilter& filter) noexcept {
+  on_ = filter.is_on();
+  is_settled_ = false;
+  order_ = filter.order;
+  stages_ = static_cast<std::size_t>(filter.stages);
+  length_ = std::clamp<std::size_t>(static_cast<std::size_t>(filter.length), 1,
+                                    std::max<std::size_t>(inputs_.size() / stages_, 1));
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto i = static_cast<std::size_t>(axis);
+    passes_[i] = !(filter.cut_off_hz[axis] > 0);
+    if (passes_[i]) continue;
+    const double g = detail::prewarped(filter.cut_off_hz[axis], rate_hz_);
+    const detail::Sections all = detail::sections(filter.order);
+    if (all.count == 0) sections_[0].y_from_x[i] = g / (1 + g);
+    for (std::size_t s = 0; s < static_cast<std::size_t>(all.count); ++s) {
+      const double a = 1 / (1 + g * (g + all.damping[s]));
+      sections_[s].from_u[i] = a;
+      sections_[s].from_x[i] = g * a;
+      sections_[s].y_from_x[i] = g * g * a;
+    }
+  }
+}
+
+Vector3 Bandwidth::next(const Vector3& value) noexcept {
+  if (!is_settled_) settle(value);
+  const Vector3 filtered = length_ > 1 ? boxcars(value) : butterworth(value);
+  is_settled_ = filtered.allFinite();  // otherwise it would never be finite again
+  return filtered;
+}
+
+void Bandwidth::settle(const Vector3& value) noexcept {
+  for (Section& section : sections_) {
+    section.u = {};
+    section.w = {value[0], value[1], value[2], 0};
+  }
+  if (length_ == 1) return;
+  std::fill(inputs_.begin(), inputs_.end(), value);
+  sums_.fill(static_cast<double>(length_) * value);
+  oldest_ = 0;
+}
+
+Vector3 Bandwidth::butterworth(const Vector3& value) noexcept {
+  Lanes x = lanes(value);
+  const std::size_t count = order_ == 4 ? 2 : 1;
+  for (std::size_t i = 0; i < count; ++i) {
+    Section& section = sections_[i];
+    const Lanes w = std::bit_cast<Lanes>(section.w), from_x = std::bit_cast<Lanes>(section.y_from_x);
+    Lanes y;
+    if (order_ == 1) {
+      const Lanes v = from_x * (x - w);
+      y = w + v;
+      section.w = std::bit_cast<std::array<double, 4>>(y + v);
+    } else {
+      const Lanes u = std::bit_cast<Lanes>(section.u), g = std::bit_cast<Lanes>(section.from_x);
+      const Lanes v = std::bit_cast<Lanes>(section.from_u) * u + g * (x - w);
+      y = w + (g * u + from_x * (x - w));
+      section.u = std::bit_cast<std::array<double, 4>>(2.0 * v - u);
+      section.w = std::bit_cast<std::array<double, 4>>(2.0 * y - w);
+    }
+    x = y;
+  }
+  Vector3 filtered = vector_of(x);
+  for (int axis = 0; axis < 3; ++axis)
+    if (passes_[static_cast<std::size_t>(axis)]) filtered[axis] = value[axis];
+  return filtered;
+}
+
+Vector3 Bandwidth::boxcars(const Vector3& value) noexcept {
+  Vector3 x = value;
+  const bool is_last = oldest_ + 1 == length_;
+  for (std::size_t stage = 0; stage < stages_; ++stage) {
+    Vector3* const inputs = &inputs_[stage * length_];
+    sums_[stage] += x - inputs[oldest_];
+    inputs[oldest_] = x;
+    if (is_last) {  // so that rounding errors do not accumulate
+      sums_[stage].setZero();
+      for (std::size_t i = 0; i < length_; ++i) sums_[stage] += inputs[i];
+    }
+    x = sums_[stage] / static_cast<double>(length_);
+  }
+  oldest_ = is_last ? 0 : oldest_ + 1;
+  return x;
+}
+
+}  // namespace imud

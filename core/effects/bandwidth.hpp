@@ -1,0 +1,62 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string_view>
+#include <vector>
+
+#include "core/effects/triad_errors.hpp"
+#include "core/effects/triad_step.hpp"
+
+namespace imud {
+
+// The low-pass filter of the sensor, SensorFilter, of the value alone: increments are sums of the unfiltered values,
+// as tactical sensors have them.
+//
+// Each section of a Butterworth filter is solved as a state-variable filter by the trapezoidal rule, which is the
+// bilinear transform: with x the input, y the output, g = tan(pi f_c/rate) and the damping k,
+//   v = (u + g (x - w))/(1 + g (g + k)),  y = w + g v,  u <- 2 v - u,  w <- 2 y - w
+// and of order 1:  v = g/(1 + g) (x - w),  y = w + v,  w <- y + v.
+// It settles on the first value of a run, and on the next value after seek() and set(), as if the input had been
+// constant before; a constant input passes unchanged.
+class Bandwidth {
+ public:
+  static constexpr std::string_view name = "bandwidth";
+  Bandwidth(const TriadErrors& errors, Quantity, double period_s);
+  bool is_on() const noexcept { return on_; }
+  // The step does not leave this function, so that it needs no memory where the filter is off.
+  void apply(TriadStep& step) noexcept {
+    if (step.begins_run) is_settled_ = false;
+    step.value = next(Vector3(step.value));
+  }
+  void seek(const Normals&, std::uint64_t) noexcept { is_settled_ = false; }
+  void power_on(std::uint64_t) noexcept { is_settled_ = false; }
+
+  // Allocates memory for set(): boxcars of one stage and at most this length.
+  void reserve(int length);
+  // Takes the place of the filter that acts. Boxcars beyond the memory are shortened to it.
+  void set(const SensorFilter& filter) noexcept;
+
+ private:
+  struct Section {
+    std::array<double, 4> from_u, from_x, y_from_x;  // 1, g and g^2 over 1 + g (g + k), for each axis
+    std::array<double, 4> u, w;                      // the state
+  };
+  Vector3 next(const Vector3& value) noexcept;
+  void settle(const Vector3& value) noexcept;
+  Vector3 butterworth(const Vector3& value) noexcept;
+  Vector3 boxcars(const Vector3& value) noexcept;
+
+  double rate_hz_;
+  bool on_ = false;
+  bool is_settled_ = false;
+  int order_ = 2;
+  std::array<Section, 2> sections_ = {};
+  std::array<bool, 3> passes_ = {};  // axes without a filter
+  std::size_t length_ = 1, stages_ = 1;
+  std::size_t oldest_ = 0;       // its place in each stage
+  std::vector<Vector3> inputs_;  // the newest `length_` inputs of each stage, stage after stage
+  std::array<Vector3, SensorFilter::max_stages> sums_;  // of these
+};
+
+}  // namespace imud
