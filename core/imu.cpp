@@ -14,6 +14,8 @@ TriadErrors in_vibration(TriadErrors errors, const Vibration& vibration) {
   errors.vibration_mean_square = vibration.mean_square();
   return errors;
 }
+
+double internal_period_s(const ImuModel& model) noexcept { return 1.0 / (model.internal_samples * model.rate_hz); }
 }  // namespace
 
 Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
@@ -22,8 +24,9 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       q_BP_(Quaternion(model.dcm_PB.transpose()).normalized()),
       normals_(seed, stream),
       vibration_(model.vibration, normals_),
-      gyro_(model.gyro, Quantity::rate, 1.0 / model.rate_hz),
-      accelerometer_(in_vibration(model.accelerometer, vibration_), Quantity::specific_force, 1.0 / model.rate_hz),
+      gyro_(model.gyro, Quantity::rate, internal_period_s(model)),
+      accelerometer_(in_vibration(model.accelerometer, vibration_), Quantity::specific_force,
+                     internal_period_s(model)),
       size_effect_(model.accelerometer_positions, model.dcm_PB),
       earth_(model.earth),
       rest_(model.earth),
@@ -31,12 +34,14 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       temperature_(model.temperature, model.temperature_c),
       temperature_c_(model.temperature_c),
       barometer_(model.barometer, 1.0 / model.rate_hz),
-      navigation_(model.navigation, 1.0 / model.rate_hz) {}
+      navigation_(model.navigation, 1.0 / model.rate_hz),
+      is_disturbed_(vibration_.is_on() || size_effect_.is_on()) {}
 
 void Imu::seek(std::uint64_t k) noexcept {
   counter_ = k;
-  gyro_.seek(normals_, k);
-  accelerometer_.seek(normals_, k);
+  internal_ = {.time = last_time_, .since_power_on = internal_.since_power_on};
+  gyro_.seek(normals_, internal_number());
+  accelerometer_.seek(normals_, internal_number());
   magnetometer_.seek(normals_, k);
   barometer_.seek(normals_, k);
   navigation_.seek(normals_, k);
@@ -51,7 +56,9 @@ void Imu::power_on(std::uint64_t number) noexcept {
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
   if (run_ != Run::truth || until > timeline.newest()) return;
   until = until - model_.sampling_jitter;  // the next sample may be that much earlier
-  if (until > advanced_.time) accumulate(timeline, timeline.at(until));
+  if (until <= advanced_.time) return;
+  while (has_internal_left() && next_internal() <= until) take_internal(timeline, next_internal());
+  accumulate(timeline, timeline.at(until));
 }
 
 // Extends the sums from advanced_ to `end`, truth by truth, as the motion is smooth only between two of them.
@@ -134,6 +141,119 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   }
 }
 
+// Both since the last sample, in platform axes.
+Vector3 Imu::true_delta_angle(const MotionState& now) const noexcept {
+  return vector_of(dcm_PB_ * true_delta_angle_B(now));  // Eq. 4
+}
+Vector3 Imu::true_delta_velocity(const MotionState& now) const noexcept {
+  const Vector3 delta_velocity = vector_of(dcm_PB_ * true_delta_velocity_B(now));  // Eq. 14
+  if (!is_disturbed_) [[likely]]
+    return delta_velocity;
+  return delta_velocity + size_effect_.increments(last_, now, model_.delta_velocity);
+}
+
+// Adds to the input of the sensors what is not the motion of S: vibration, and the distances of the accelerometers.
+void Imu::disturb(const MotionState& now, TruthTime time, double dt, Disturbed& input) noexcept {
+  if (size_effect_.is_on()) size_effect_.add_to_values(now, input.specific_force);
+  if (vibration_.is_on())
+    vibration_.add_to({input.rate, input.delta_angle, input.specific_force, input.delta_velocity}, time, dt);
+}
+
+// Inline, as sense() is: it is most of a step. `Out` is a Sample or a Measured. Changes the true increments.
+template <class Out>
+[[gnu::always_inline]] inline void Imu::measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt,
+                                                double since_power_on, bool begins_run, Vector3& delta_angle,
+                                                Vector3& delta_velocity, Out& out) noexcept {
+  Vector3 rate = vector_of(dcm_PB_ * now.omega_BN_B);  // Eq. 1
+  const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
+                                   now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
+  Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                              // Eq. 9
+  if (is_disturbed_) [[unlikely]] {
+    // Copies, so that the values need no memory where nothing disturbs them.
+    Disturbed input = {rate, delta_angle, specific_force, delta_velocity};
+    disturb(now, time, dt, input);
+    rate = input.rate;
+    delta_angle = input.delta_angle;
+    specific_force = input.specific_force;
+    delta_velocity = input.delta_velocity;
+  }
+  const auto step_of = [&](const Vector3& value, const Vector3& increment) {
+    return TriadStep{.normals = normals_,
+                     .k = k,
+                     .dt = dt,
+                     .since_power_on = since_power_on,
+                     .specific_force = specific_force,
+                     .delta_velocity = delta_velocity,
+                     .temperature_c = temperature_c_,
+                     .value = value,
+                     .increment = increment,
+                     .begins_run = begins_run};
+  };
+  TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(specific_force, delta_velocity);
+  gyro_.apply(gyro);
+  accelerometer_.apply(accelerometer);
+  out.rate = gyro.value;
+  out.specific_force = accelerometer.value;
+  out.delta_angle = gyro.increment;
+  out.delta_velocity = accelerometer.increment;
+  out.status =
+      gyro.saturated * status::gyro_saturated_x + accelerometer.saturated * status::accelerometer_saturated_x;
+}
+
+TruthTime Imu::next_internal() const noexcept {
+  const double offset_ns = 1e9 * internal_period_s(model_) * (internal_.taken + 1);
+  return last_time_ + Nanoseconds(static_cast<std::int64_t>(offset_ns + 0.5));
+}
+
+void Imu::take_internal(const Timeline& timeline, TruthTime time) noexcept {
+  MotionState other;
+  const MotionState& now = timeline.at(time, other);
+  accumulate(timeline, now);
+  take_internal(now, time);
+}
+
+// Takes an internal sample that is not the last of its sample. The sums are those up to `now`.
+IMUD_DISPATCHED [[gnu::noinline]] void Imu::take_internal(const MotionState& now, TruthTime time) noexcept {
+  const Vector3 delta_angle = true_delta_angle(now), delta_velocity = true_delta_velocity(now);
+  Vector3 angle_piece = delta_angle - internal_.true_delta_angle;
+  Vector3 velocity_piece = delta_velocity - internal_.true_delta_velocity;
+  Measured measured;
+  measure(now, time, internal_number(), seconds(time - internal_.time),
+          internal_.since_power_on + seconds(time - last_time_), false, angle_piece, velocity_piece, measured);
+  ++internal_.taken;
+  internal_.time = time;
+  internal_.true_delta_angle = delta_angle;
+  internal_.true_delta_velocity = delta_velocity;
+  internal_.delta_angle += measured.delta_angle;
+  internal_.delta_velocity += measured.delta_velocity;
+  internal_.status |= measured.status;
+}
+
+// Takes the internal sample that is the last of its sample, whose true increments are given; if it is the first of a
+// run, after all others of that sample.
+IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now, TruthTime time, bool is_first,
+                                                         Vector3 delta_angle, Vector3 delta_velocity,
+                                                         Sample& out) noexcept {
+  const double since_power_on = seconds(out.time - DeviceTime{});
+  bool begins_run = is_first;
+  if (is_first) {
+    internal_ = {.taken = internal_.taken, .time = time};  // the numbers continue
+    for (Measured other; has_internal_left(); ++internal_.taken, begins_run = false) {
+      Vector3 no_angle = Vector3::Zero(), no_velocity = Vector3::Zero();
+      measure(now, time, internal_number(), 0, since_power_on, begins_run, no_angle, no_velocity, other);
+      internal_.status |= other.status;
+    }
+  }
+  delta_angle -= internal_.true_delta_angle;
+  delta_velocity -= internal_.true_delta_velocity;
+  measure(now, time, internal_number(), seconds(time - internal_.time), since_power_on, begins_run, delta_angle,
+          delta_velocity, out);
+  out.delta_angle += internal_.delta_angle;
+  out.delta_velocity += internal_.delta_velocity;
+  out.status |= internal_.status;
+  internal_ = {.time = time, .since_power_on = since_power_on};
+}
+
 // Returns what the gyros and accelerometers measure at `now`, with the increments since the last sample of the run.
 // Inline: it is most of a step, and a Sample is large.
 [[gnu::always_inline]] inline Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first,
@@ -142,42 +262,18 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   out.time = stamp;
   out.counter = counter_;
   out.temperature_c = temperature_c_;
-  if (temperature_.is_on()) {
+  if (temperature_.is_on()) [[unlikely]] {
     temperature_c_ = temperature_.at(seconds(stamp - DeviceTime{}));
     out.temperature_c = temperature_.reported(seconds(stamp - DeviceTime{}));
   }
 
-  Vector3 rate = vector_of(dcm_PB_ * now.omega_BN_B);  // Eq. 1
-  const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
-                                   now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
-  Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                              // Eq. 9
   Vector3 delta_angle = Vector3::Zero();
   Vector3 delta_velocity = Vector3::Zero();
   double dt = 0.0;
   if (!is_first) {
     dt = seconds(time - last_time_);
-    delta_angle = vector_of(dcm_PB_ * true_delta_angle_B(now));        // Eq. 4
-    delta_velocity = vector_of(dcm_PB_ * true_delta_velocity_B(now));  // Eq. 14
-  }
-  if (vibration_.is_on()) vibration_.add_to({rate, delta_angle, specific_force, delta_velocity}, time, dt);
-
-  const auto step_of = [&](const Vector3& value, const Vector3& increment) {
-    return TriadStep{.normals = normals_,
-                     .k = counter_,
-                     .dt = dt,
-                     .since_power_on = seconds(stamp - DeviceTime{}),
-                     .specific_force = specific_force,
-                     .delta_velocity = delta_velocity,
-                     .temperature_c = temperature_c_,
-                     .value = value,
-                     .increment = increment,
-                     .begins_run = is_first};
-  };
-  TriadStep gyro = step_of(rate, delta_angle), accelerometer = step_of(specific_force, delta_velocity);
-  if (size_effect_.is_on()) {
-    size_effect_.add_to_values(now, accelerometer.value);
-    if (!is_first) size_effect_.add_to_increments(last_, now, model_.delta_velocity, accelerometer.increment);
-    size_effect_.clear();
+    delta_angle = true_delta_angle(now);
+    delta_velocity = true_delta_velocity(now);
   }
   last_.q_NB = now.q_NB;
   last_.omega_BN_B = now.omega_BN_B;
@@ -186,15 +282,14 @@ Vector3 Imu::true_delta_velocity_B(const MotionState& now) const noexcept {
   angle_sum_B_.setZero();
   velocity_sum_B_.setZero();
   centripetal_sum_B_.setZero();
-  gyro_.apply(gyro);
-  accelerometer_.apply(accelerometer);
-  out.rate = gyro.value;
-  out.specific_force = accelerometer.value;
-  out.delta_angle = gyro.increment;
-  out.delta_velocity = accelerometer.increment;
+  if (is_disturbed_) [[unlikely]]
+    size_effect_.clear();
+
+  if (has_internal()) [[unlikely]]
+    measure_last(now, time, is_first, delta_angle, delta_velocity, out);
+  else
+    measure(now, time, counter_, dt, seconds(stamp - DeviceTime{}), is_first, delta_angle, delta_velocity, out);
   out.q_LP = now.q_NB * q_BP_;
-  out.status =
-      gyro.saturated * status::gyro_saturated_x + accelerometer.saturated * status::accelerometer_saturated_x;
   return out;
 }
 
@@ -207,7 +302,8 @@ Nanoseconds Imu::jitter() const noexcept {
 
 IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
   const bool is_first = run_ != Run::truth;
-  if (model_.sampling_jitter.count() > 0 && !is_first) time = time - jitter();
+  if (model_.sampling_jitter.count() > 0 && !is_first) [[unlikely]]
+    time = time - jitter();
   MotionState other;
   const MotionState& now = timeline.at(time, other);
   run_ = Run::truth;
@@ -217,6 +313,8 @@ IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, Dev
     advanced_ = now;
     revision_ = timeline.revision();
   } else {
+    if (has_internal()) [[unlikely]]
+      while (has_internal_left()) take_internal(timeline, std::min(next_internal(), time));
     accumulate(timeline, now);
   }
   Sample out = sense(now, time, is_first, stamp);
@@ -242,6 +340,11 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   } else {
     advanced_ = rest_.at(last_time_, time);
     last_ = {advanced_.q_NB, advanced_.omega_BN_B, advanced_.dv_N};
+    while (has_internal_left()) {
+      const TruthTime at = std::min(next_internal(), time);
+      add_piece(rest_.at(at, time));
+      take_internal(advanced_, at);
+    }
     add_piece(now);
   }
   Sample out = sense(now, time, is_first, stamp);

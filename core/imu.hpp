@@ -33,7 +33,11 @@ enum class DeltaVelocity : std::uint8_t {
 
 // Everything that makes one sensor differ from another. `dcm_PB` is a rotation.
 struct ImuModel {
-  double rate_hz = 100;              // the nominal sample rate, above 0, at which densities of noise are sampled
+  double rate_hz = 100;  // the nominal sample rate, above 0
+  // Gyros and accelerometers are sampled this many times as often, at least 1, at equal intervals: a sample has the
+  // value of the last of these internal samples, and the sum of their increments. Densities of noise are sampled at
+  // the internal rate, and filters run at it; the parameters of GaussMarkov are those of one internal sample.
+  int internal_samples = 1;
   Vector3 r_SB_B = Vector3::Zero();  // m, the lever arm
   Matrix3 dcm_PB = Matrix3::Identity();
   TriadErrors gyro;
@@ -58,6 +62,11 @@ struct ImuModel {
 // With a sampling jitter J, sample k is that of the instant time - u J, u uniform in (0, 1): never later, so that it
 // needs no truth that has not arrived. Its increments are those since the true instant of the sample before. The
 // first sample of a run, and samples at rest, are not moved.
+//
+// The internal samples lie at multiples of the nominal internal period after the last sample; those that would be
+// later than the next sample are taken at its time. In the first sample of a run they all have its time. The sum of
+// the true increments is the increment as ImuModel defines it over the whole step, except that the memo's
+// DeltaVelocity also has a piece for each internal sample.
 //
 // Samples belong to runs. The first sample of a run has no increments; each later one has those since the sample
 // before. The counter and the errors continue from run to run, as in a real device.
@@ -101,6 +110,41 @@ class Imu {
 
  private:
   [[gnu::noinline]] Nanoseconds jitter() const noexcept;
+  // The output of gyros and accelerometers.
+  struct Measured {
+    Vector3 rate, specific_force, delta_angle, delta_velocity;
+    std::uint32_t status = 0;
+  };
+  // The internal samples since the last sample, where there is more than one to a sample.
+  struct Internal {
+    int taken = 0;
+    TruthTime time;             // of the newest of them, or of the last sample
+    double since_power_on = 0;  // s, of the last sample
+    // The sums of the increments in platform axes, true and measured, and the saturation.
+    Vector3 true_delta_angle = Vector3::Zero(), true_delta_velocity = Vector3::Zero();
+    Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
+    std::uint32_t status = 0;
+  };
+  bool has_internal() const noexcept { return model_.internal_samples > 1; }
+  bool has_internal_left() const noexcept { return internal_.taken + 1 < model_.internal_samples; }
+  std::uint64_t internal_number() const noexcept {
+    return counter_ * static_cast<std::uint64_t>(model_.internal_samples) +
+           static_cast<std::uint64_t>(internal_.taken);
+  }
+  TruthTime next_internal() const noexcept;
+  void take_internal(const Timeline& timeline, TruthTime until) noexcept;
+  void take_internal(const MotionState& now, TruthTime time) noexcept;
+  void measure_last(const MotionState& now, TruthTime time, bool is_first, Vector3 delta_angle,
+                    Vector3 delta_velocity, Sample& out) noexcept;
+  template <class Out>
+  void measure(const MotionState& now, TruthTime time, std::uint64_t k, double dt, double since_power_on,
+               bool begins_run, Vector3& delta_angle, Vector3& delta_velocity, Out& out) noexcept;
+  struct Disturbed {
+    Vector3 rate, delta_angle, specific_force, delta_velocity;
+  };
+  [[gnu::noinline]] void disturb(const MotionState& now, TruthTime time, double dt, Disturbed& input) noexcept;
+  Vector3 true_delta_angle(const MotionState& now) const noexcept;
+  Vector3 true_delta_velocity(const MotionState& now) const noexcept;
   void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
   void add_piece(const MotionState& end) noexcept;
   Sample sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;
@@ -125,6 +169,7 @@ class Imu {
   double temperature_c_;  // of the sensor in the current sample
   Barometer barometer_;
   NavigationError navigation_;
+  bool is_disturbed_;       // disturb() does something
   bool had_field_ = false;  // the last sample of this run had a magnetic field
   std::uint64_t counter_ = 0;
   enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
@@ -133,9 +178,10 @@ class Imu {
   TruthTime last_time_;         // the time of the last sample; last_'s own differs if the timeline began later
   MotionState advanced_;        // the state at the end of the sums below
   std::uint32_t revision_ = 0;  // Timeline::revision() when advanced_ was computed
-  Vector3 angle_sum_B_;         // rad, integral of the rate since last_
-  Vector3 velocity_sum_B_;      // m/s, of the specific force of B's origin, as model_.delta_velocity defines it
-  Vector3 centripetal_sum_B_;   // m/s, of omega x (omega x r)
+  Internal internal_;
+  Vector3 angle_sum_B_;        // rad, integral of the rate since last_
+  Vector3 velocity_sum_B_;     // m/s, of the specific force of B's origin, as model_.delta_velocity defines it
+  Vector3 centripetal_sum_B_;  // m/s, of omega x (omega x r)
 };
 
 }  // namespace imud

@@ -34,18 +34,18 @@ void SizeEffect::add_to_values(const MotionState& now, Vector3& values) const no
   values += cross(dcm_PB_ * now.omegaDot_BN_B) + centripetal(dcm_PB_ * now.omega_BN_B);
 }
 
-void SizeEffect::add_to_increments(const MotionBegin& last, const MotionState& now, DeltaVelocity definition,
-                                   Vector3& increments) const noexcept {
+Vector3 SizeEffect::increments(const MotionBegin& last, const MotionState& now,
+                               DeltaVelocity definition) const noexcept {
   const Vector3 omega1 = dcm_PB_ * last.omega_BN_B, omega2 = dcm_PB_ * now.omega_BN_B;
   if (definition == DeltaVelocity::end_frame) {
     // The velocity omega x rho_i at the begin, in the axes of the end.
     const Matrix3 dcm_21 = dcm_PB_ * (now.q_NB.conjugate() * last.q_NB).toRotationMatrix() * dcm_PB_.transpose();
-    increments += cross(omega2);
-    for (int i = 0; i < 3; ++i) increments[i] -= dcm_21.row(i).dot(omega1.cross(Vector3(positions_.row(i))));
-    return;
+    Vector3 change = cross(omega2);
+    for (int i = 0; i < 3; ++i) change[i] -= dcm_21.row(i).dot(omega1.cross(Vector3(positions_.row(i))));
+    return change;
   }
-  increments += cross(omega2 - omega1);
-  if (definition == DeltaVelocity::integral) increments += centripetal_sum_;
+  const Vector3 change = cross(omega2 - omega1);
+  return definition == DeltaVelocity::integral ? Vector3(change + centripetal_sum_) : change;
 }
 
 }  // namespace imud

@@ -24,9 +24,9 @@ class SizeEffect {
   [[gnu::noinline]] void add_piece(const MotionState& begin, const MotionState& end, double h) noexcept;
   // Adds the difference at `now` to the values, m/s^2.
   [[gnu::noinline]] void add_to_values(const MotionState& now, Vector3& values) const noexcept;
-  // Adds the difference over the step from `last` to `now`, for which the sum was extended, to the increments, m/s.
-  [[gnu::noinline]] void add_to_increments(const MotionBegin& last, const MotionState& now, DeltaVelocity definition,
-                                           Vector3& increments) const noexcept;
+  // Returns the difference of the increments over the step from `last` to `now`, for which the sum was extended, m/s.
+  [[gnu::noinline]] Vector3 increments(const MotionBegin& last, const MotionState& now,
+                                       DeltaVelocity definition) const noexcept;
   // Begins the sum of the next step.
   void clear() noexcept { centripetal_sum_.setZero(); }
 

@@ -57,7 +57,7 @@ TriadErrors with(const std::function<void(TriadErrors&)>& set) {
   return errors;
 }
 
-constexpr double N = 4e-5, B = 3e-6, K = 2e-6, R = 4e-9, sigma = 5e-6, correlation_time = 0.8, lsb = 1e-6;
+constexpr double N = 4e-5, B = 3e-6, K = 2e-6, R = 4e-9, sigma = 5e-6, correlation_time = 0.8;
 
 double exponentially_correlated(double tau) {
   const double x = tau / correlation_time;
