@@ -17,6 +17,7 @@
 #include "emulator/line_load.hpp"
 #include "emulator/outcome.hpp"
 #include "emulator/pacer.hpp"
+#include "emulator/presets.hpp"
 #include "emulator/session.hpp"
 
 namespace imud {
@@ -42,6 +43,13 @@ std::string_view clock_word(ClockMode clock) {
   return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
 }
 
+// Returns what the imu's model is, after a colon.
+std::string model_note(const ImuConfig& imu) {
+  if (const Preset* preset = find_preset(imu.errors_model)) return fmt::format(": {}", preset->summary());
+  if (imu.protocol->product == nullptr) return {};
+  return imu.errors_model == "white" ? ": white noise alone" : ": none";
+}
+
 void print_text(const std::string& path, const Config& config) {
   fmt::print("{}: good\n", path);
   fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
@@ -52,9 +60,10 @@ void print_text(const std::string& path, const Config& config) {
     if (!imu.second_port.empty())
       fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
     if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
+    fmt::print("{:<8} errors of the model {}{}\n", "", imu.errors_model, model_note(imu));
     for (const TriadTerms& triad : triad_terms(imu.model)) {
       const std::string text = triad.text();
-      fmt::print("{:<8} {} noise by model {}: {}\n", "", triad.name, imu.errors_model, text.empty() ? "none" : text);
+      fmt::print("{:<8} {} noise: {}\n", "", triad.name, text.empty() ? "none" : text);
     }
   }
   for (const BusLoad& bus : bus_loads(config.imus))

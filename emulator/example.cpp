@@ -56,9 +56,10 @@ std::string truth_text(const TruthFormat& format, const Transport& port) {
   return text + settings_text(format.settings);
 }
 
-std::string model_text(const Preset* preset) {
+std::string model_text(const Protocol& protocol, const Preset* preset) {
   if (preset == nullptr)
-    return "# whose errors the sensors have: a preset of imud list, ideal, or white\n#model = \"white\"\n";
+    return fmt::format("# whose errors the sensors have: a preset of imud list, ideal, or white\n#model = \"{}\"\n",
+                       default_model(protocol, Settings(protocol.settings)));
   return comment(preset->summary(), std::string(preset->source())) + fmt::format("model = \"{}\"\n", preset->name);
 }
 
@@ -68,7 +69,7 @@ std::string imu_text(const Protocol& protocol, const Transport& port, const Pres
   if (protocol.has_second_uart)
     text += "# where the product's second UART is connected\n#second_port = \"pty:imu1.2\"\n";
   if (protocol.product == nullptr) text += "# samples per second\nrate_hz = 200\n";
-  text += model_text(preset);
+  text += model_text(protocol, preset);
   if (!protocol.settings.empty()) text += "\n[imu.device]\n" + settings_text(protocol.settings);
   if (protocol.has_sync_pins)
     text +=

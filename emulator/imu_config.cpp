@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <optional>
 
 #include "core/attitude.hpp"
@@ -122,9 +123,10 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
   return sync;
 }
 
-// Returns the preset that `model` names; nullptr for the words that name none, or if there is no such preset.
-const Preset* read_model(TableReader& table, std::string& model) {
-  model = table.text("model", "white");
+// Returns the preset that `model` names, by default `own`; nullptr for the words that name none, or if there is no
+// such preset.
+const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
+  model = table.text("model", std::string(own));
   const Preset* preset = find_preset(model);
   if (preset != nullptr || model == "white" || model == "ideal" || (table.has("model") && !table.is_text("model")))
     return preset;
@@ -143,6 +145,16 @@ TriadErrors without_errors(double max) {
   return ideal;
 }
 
+// Adapts a preset's errors to a product: it keeps its own range and resolution, which are those of its wire, and with
+// the errors of another sensor measures no further than its range.
+void fit(TriadErrors& errors, const TriadErrors& product, bool is_own) {
+  errors.max = is_own ? product.max : std::min(errors.max, product.max);
+  if (!is_own) return;
+  errors.lsb = product.lsb;
+  errors.rounding = product.rounding;
+  errors.increment_lsb = product.increment_lsb;
+}
+
 // Reads the errors of all sensors. Keys that are absent have the values of the model.
 void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
   imu.model.rate_hz = imu.rate_hz;
@@ -154,10 +166,15 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
     magnetometer = product->magnetometer;
     imu.model.barometer = product->barometer;
   }
-  const Preset* preset = read_model(table, imu.errors_model);
+  const std::string_view own = imu.protocol != nullptr ? default_model(*imu.protocol, imu.settings) : "white";
+  const Preset* preset = read_model(table, own, imu.errors_model);
   if (preset != nullptr) {
     try {
-      const PresetErrors errors = preset_errors(*preset, imu.rate_hz);
+      PresetErrors errors = preset_errors(*preset, imu.rate_hz);
+      if (product) {
+        fit(errors.gyro, product->gyro, preset->name == own);
+        fit(errors.accelerometer, product->accelerometer, preset->name == own);
+      }
       gyro = errors.gyro;
       accelerometer = errors.accelerometer;
     } catch (const ConfigError& error) {

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "emulator/entries.hpp"
 
@@ -34,9 +36,24 @@ Json described(std::span<const Setting> settings) {
   return all;
 }
 
+// Returns the default of `model` with the initial settings, then those of other units that a setting chooses.
+Json default_models(const Protocol& protocol) {
+  Settings settings(protocol.settings);
+  std::vector<std::string> models = {std::string(default_model(protocol, settings))};
+  for (const Setting& setting : protocol.settings)
+    for (const std::string_view choice :
+         setting.key == "model" ? setting.choices : std::span<const std::string_view>{}) {
+      settings.set_text(setting.key, choice);
+      const std::string model(default_model(protocol, settings));
+      if (std::find(models.begin(), models.end(), model) == models.end()) models.push_back(model);
+    }
+  return models;
+}
+
 Json described(const Protocol& protocol) {
   Json json = described("protocol", protocol);
   json["link"] = protocol.link == Link::can ? "CAN" : "bytes";
+  json["models"] = default_models(protocol);
   json["settings"] = described(protocol.settings);
   json["counters"] = Json::array();
   for (const DeviceCounter& counter : protocol.counters)
@@ -86,6 +103,11 @@ void print(const Json& entry) {
              text(entry, "document"));
   if (entry.contains("syntax"))
     fmt::print("  syntax   {}\n  example  \"{}\"\n", text(entry, "syntax"), text(entry, "example"));
+  if (entry.contains("models")) {
+    const auto models = entry["models"].get<std::vector<std::string>>();
+    fmt::print("  default of model in [[imu]]: {}{}\n", fmt::join(models, " or "),
+               models.size() > 1 ? ", by device.model" : "");
+  }
   for (const char* key : {"settings", "options"})
     if (entry.contains(key)) print_table(key, entry[key]);
   if (entry.contains("counters") && !entry["counters"].empty()) {

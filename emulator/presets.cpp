@@ -24,6 +24,10 @@ const Preset* find_preset(std::string_view name) noexcept {
   return found == all.end() ? nullptr : &*found;
 }
 
+std::string_view default_model(const Protocol& protocol, const Settings& settings) {
+  return protocol.preset != nullptr ? protocol.preset(settings) : "white";
+}
+
 PresetErrors preset_errors(const Preset& preset, double rate_hz) {
   const toml::table file = toml::parse(preset.text);
   Faults faults("preset " + std::string(preset.name));

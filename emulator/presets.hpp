@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "core/effects/triad_errors.hpp"
+#include "protocols/protocol.hpp"
 
 namespace imud {
 
@@ -25,6 +26,10 @@ struct Preset {
 std::span<const Preset> presets() noexcept;
 // Returns nullptr if there is none of that name.
 const Preset* find_preset(std::string_view name) noexcept;
+
+// Returns the `model` of an imu with this protocol and these settings whose configuration names none: the product's
+// preset, or "white".
+std::string_view default_model(const Protocol& protocol, const Settings& settings);
 
 struct PresetErrors {
   TriadErrors gyro, accelerometer;

@@ -88,8 +88,7 @@ void log_details(const Config& config) {
   for (const ImuConfig& imu : config.imus)
     spdlog::debug("{}: {} at {} Hz to {}{}{}", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
                   imu.second_port.empty() ? "" : " and ", imu.second_port);
-  for (const ImuConfig& imu : config.imus)
-    if (imu.errors_model != "white") spdlog::info("{}: errors of the model {}", imu.name, imu.errors_model);
+  for (const ImuConfig& imu : config.imus) spdlog::info("{}: errors of the model {}", imu.name, imu.errors_model);
 }
 
 // Returns true if standard output carries frames or JSON, among which the text of the summary has no place.

@@ -1,6 +1,7 @@
 // The errors of gyros, accelerometers and magnetometers in a configuration: SI, or the units of data sheets, which
 // the keys name.
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 #include <span>
@@ -152,8 +153,12 @@ void read_white_noise(TableReader& table, const SensorKeys& keys, TriadErrors& e
 
 void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErrors& e, double rate_hz) {
   e.bias_instability = in_units(table, "bias_instability", keys.value, e.bias_instability);
-  e.flicker_from_s = table.real("bias_instability_from_s", e.flicker_from_s, 1e-3, huge);
-  e.flicker_to_s = table.real("bias_instability_to_s", e.flicker_to_s, 1e-3, huge);
+  // The first process of the cascade cannot be shorter than two samples.
+  const double shortest_s = 2 / rate_hz * e.flicker_from_s / Flicker::first_correlation_time(e.flicker_from_s);
+  constexpr double margin = 1 + 1e-9;
+  e.flicker_from_s =
+      table.real("bias_instability_from_s", std::max(e.flicker_from_s, margin * shortest_s), 1e-3, huge);
+  e.flicker_to_s = table.real("bias_instability_to_s", std::max(e.flicker_to_s, 2 * e.flicker_from_s), 1e-3, huge);
   if (e.bias_instability.isZero(0.0)) return;
   if (e.flicker_to_s < 2 * e.flicker_from_s || e.flicker_to_s > 1e6 * e.flicker_from_s)
     table.fault("bias_instability_to_s",
@@ -161,8 +166,7 @@ void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErro
                             2 * e.flicker_from_s, 1e6 * e.flicker_from_s));
   else if (Flicker::first_correlation_time(e.flicker_from_s) < 2 / rate_hz)
     table.fault("bias_instability_from_s",
-                fmt::format("too short for a sensor of {} Hz; give at least {:.3g}", rate_hz,
-                            2 / rate_hz * e.flicker_from_s / Flicker::first_correlation_time(e.flicker_from_s)));
+                fmt::format("too short for a sensor of {} Hz; give at least {:.3g}", rate_hz, shortest_s));
 }
 
 // Reads the range. A lower limit that is not given is that of the product if the product has one of its own, else
@@ -245,7 +249,8 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.random_walk_density = in_units(table, keys.walk, keys.walk_units, e.random_walk_density);
   e.lsb = number_in_units(table, "lsb", keys.value, e.lsb, 0);
   constexpr Rounding roundings[] = {Rounding::toward_zero, Rounding::nearest, Rounding::away_from_zero};
-  e.rounding = roundings[table.choice("rounding", {"toward_zero", "nearest", "away_from_zero"}, 0)];
+  const auto rounding = static_cast<std::size_t>(e.rounding);
+  e.rounding = roundings[table.choice("rounding", {"toward_zero", "nearest", "away_from_zero"}, rounding)];
   e.carry = table.flag("carry", e.carry);
   if (!keys.increment_lsb.empty()) e.increment_lsb = table.real(keys.increment_lsb, e.increment_lsb, 0.0, huge);
   e.walk_transition = table.matrix3("walk_transition", e.walk_transition, true);

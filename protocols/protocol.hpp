@@ -216,6 +216,9 @@ struct Protocol {
 
   // nullptr: this is no product, and its configuration must be complete. Throws as make does.
   Product (*product)(const Settings& settings) = nullptr;
+  // Returns the name of the model (a preset of the emulator) whose errors a product with these settings has unless
+  // its configuration names another. nullptr: those of `product`.
+  std::string_view (*preset)(const Settings& settings) = nullptr;
   // Empty: the test runs the initial settings only.
   std::span<const ConformanceSettings> conformance_settings = {};
   // Has bodies if, and only if, the device overrides receive().

@@ -131,6 +131,7 @@ constexpr Protocol sbg_can_protocol = signal_protocol<table>({
               .temperature_c = 32767 * temperature_lsb},
     .time_period_ns = (std::int64_t{1} << 32) * 1000,
     .status_bits = 0,
+    .preset = [](const Settings&) -> std::string_view { return "sbg-ellipse"; },
     .conformance_settings = conformance_settings,
 });
 

@@ -213,6 +213,7 @@ constexpr Protocol xsens_can_protocol = signal_protocol<table>({
     .time_period_ns = (std::int64_t{1} << 32) * 100'000,
     .counter_bits = 16,
     .status_bits = 0x3F,
+    .preset = [](const Settings&) -> std::string_view { return "mti-630"; },
     .conformance_settings = conformance_settings,
 });
 

@@ -289,6 +289,7 @@ constexpr Protocol dronecan_protocol = {
     .can_messages = dronecan::can_messages,
     .can_filters = dronecan::can_filters,
     .product = dronecan::product_of,
+    .preset = [](const Settings&) -> std::string_view { return "icm-42688-p"; },
     .conformance_settings = dronecan::conformance_settings,
     .host_inputs = dronecan::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {

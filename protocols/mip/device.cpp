@@ -280,6 +280,7 @@ constexpr Protocol mip_protocol = {
     .burst_bits = 8,
     .has_sync_pins = true,
     .product = product,
+    .preset = [](const Settings& settings) { return model_of(settings).preset; },
     .conformance_settings = mip::conformance_settings,
     .host_inputs = mip::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {

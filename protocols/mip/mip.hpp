@@ -87,6 +87,7 @@ struct Model {
   std::uint16_t filter_hz, gnss_hz;                                             // Hz, base rates; 0: no receiver
   std::uint16_t filter_stream_hz;                                               // Hz, of the stream as delivered
   double gyro_max, accelerometer_max_g;                                         // rad/s
+  std::string_view preset;                                                      // its default model
   double gyro_noise, accelerometer_noise;                                       // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
   std::span<const std::string_view> sensor_fields, filter_fields, gnss_fields;  // as delivered
 

@@ -355,6 +355,7 @@ constexpr Protocol stim300_protocol = {
     .burst_bits = 32,
     .has_sync_pins = true,
     .product = product,
+    .preset = [](const Settings&) -> std::string_view { return "stim300"; },
     .conformance_settings = conformance_settings,
     .host_inputs = host_inputs,
     .check = [](const Settings& chosen, double) { check(chosen); },

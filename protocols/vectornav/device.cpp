@@ -384,6 +384,7 @@ constexpr Protocol vectornav_protocol = {
     .has_second_uart = true,
     .counters = counters,
     .product = vectornav::product_of,
+    .preset = [](const Settings&) -> std::string_view { return "vn-100"; },
     .conformance_settings = vectornav::conformance_settings,
     .host_inputs = vectornav::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {

@@ -6,6 +6,7 @@
 #include <toml++/toml.h>
 
 #include "emulator/config.hpp"
+#include "emulator/presets.hpp"
 #include "tests/emulator/run_test.hpp"
 #include "tests/support/text.hpp"
 
@@ -45,7 +46,10 @@ TEST_F(CheckTest, TheResolvedConfigurationIsTheSame) {
     const Product product = protocol->product(Settings(protocol->settings));
     EXPECT_EQ(imu["rate_hz"].value<double>(), product.rate_hz);
     EXPECT_EQ(imu["gyro"]["max_rad_per_s"].value<double>(), product.gyro.max);
-    EXPECT_EQ(imu["accelerometer"]["walk_sqrt_cov"][2][2].value<double>(), product.accelerometer.walk_sqrt_cov(2, 2));
+    EXPECT_EQ(imu["model"].value<std::string>(), default_model(*protocol, Settings(protocol->settings)));
+    const toml::table white = toml::parse(resolved(minimal(*protocol), {"imu.0.model=white"}));
+    EXPECT_EQ(white["imu"][0]["accelerometer"]["walk_sqrt_cov"][2][2].value<double>(),
+              product.accelerometer.walk_sqrt_cov(2, 2));
   }
   EXPECT_GT(settings, 30U);
 }

@@ -124,8 +124,8 @@ TEST(Example, IsAcceptedForEveryName) {
     for (const auto entry : {protocol == nullptr ? "" : protocol->summary, format == nullptr ? "" : format->summary})
       EXPECT_TRUE(contains(example.output, entry)) << example.output;
     EXPECT_TRUE(protocol == nullptr || contains(good.output, name + " at ")) << good.output;
-    const bool is_only_preset = protocol == nullptr && find_preset(name) != nullptr;
-    EXPECT_EQ(contains(good.output, "noise by model " + name + ":"), is_only_preset) << good.output;
+    EXPECT_EQ(contains(good.output, "errors of the model " + name + ":"), find_preset(name) != nullptr)
+        << good.output;
     EXPECT_TRUE(format == nullptr || contains(good.output, "truth    " + name + " from ")) << good.output;
   }
   EXPECT_EQ(run_program("imud", {"example", "nonsense"}).exit_code, 2);

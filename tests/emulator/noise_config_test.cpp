@@ -167,7 +167,8 @@ TEST_F(NoiseConfig, TermsContainTheProcessPerSample) {
 
 // A drift leaves a product's white noise alone.
 TEST_F(NoiseConfig, ATermIsAddedToThoseOfAProduct) {
-  const std::vector<std::string> stim = {"protocol=\"stim300\"", "rate_hz=2000", "gyro.max_rad_per_s=6.9"};
+  const std::vector<std::string> stim = {"protocol=\"stim300\"", "model=\"white\"", "rate_hz=2000",
+                                         "gyro.max_rad_per_s=6.9"};
   std::vector<std::string> drifting = stim;
   drifting.push_back("gyro.rate_random_walk_deg_per_hr_per_rt_hr=0.1");
   EXPECT_EQ(model(drifting).gyro.walk_sqrt_cov, model(stim).gyro.walk_sqrt_cov);

@@ -214,10 +214,7 @@ start = {START}
 [[imu]]
 port = "{port}:{sent}"
 temperature_c = {TEMPERATURE}
-gyro.walk_sqrt_cov = [0, 0, 0]
-accelerometer.walk_sqrt_cov = [0, 0, 0]
-magnetometer.walk_sqrt_cov = [0, 0, 0]
-barometer.noise_pa = 0
+model = "ideal"
 {device}
 """)
     sent.unlink(missing_ok=True)
