@@ -9,6 +9,22 @@
 
 namespace imud {
 
+namespace {
+
+// Returns what a unit with these errors knows of them.
+OwnFigures figures_of(const ImuModel& model) noexcept {
+  const NavigationErrors& errors = model.navigation;
+  const auto both = [](const Vector3& slow, const Vector3& white) -> Vector3 {
+    return (slow.array().square() + white.array().square()).sqrt();
+  };
+  return {.g_sensitivity = model.gyro.g_sensitivity,
+          .position = both(errors.position, errors.position_noise),
+          .velocity = both(errors.velocity, errors.velocity_noise),
+          .attitude = errors.attitude};
+}
+
+}  // namespace
+
 Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open)
     : name_(config.name),
       grid_(config.grid),
@@ -18,6 +34,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       device_(config.protocol->make(config.settings)),
       clock_(config.grid),
       counters_(config.protocol->counters) {
+  device_->set_figures(figures_of(config.model));
   lines_[0] = {open(config.port, config.port_settings), device_->uart()};
   if (!config.second_port.empty()) {
     device_->connect_second_uart();

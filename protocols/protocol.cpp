@@ -7,6 +7,7 @@ void Device::receive(const Frame&, DeviceTime, FrameBuffer&) noexcept {}
 std::optional<DeviceTime> Device::deadline() const noexcept { return std::nullopt; }
 void Device::poll(DeviceTime, FrameBuffer&) noexcept {}
 void Device::step_clock(Nanoseconds) noexcept {}
+void Device::set_figures(const OwnFigures&) noexcept {}
 UartSettings Device::uart() const noexcept { return {}; }
 void Device::connect_second_uart() noexcept {}
 UartSettings Device::second_uart() const noexcept { return {}; }

@@ -24,10 +24,15 @@
 // ms after the sample was digitized (figure 7-3); the latency is the time from that sample to the edge (section 7.2),
 // and the frame is sent at the next sample. With the PPS unit "filtered", the level is that of an open input.
 //
-// Three settings are stored and reported, but have no effect: the low-pass filters with their group delays (Tables
-// 5-3 to 5-9); the gyros' units "delayed", by which a unit delays the gyros by 4 ms to align them with the
-// accelerometers (section 7.5.2.2.1), as here both are aligned already; and the g-compensation (section 7.5.2.2.6),
-// which removes an error that the modelled gyros do not have.
+// Two settings are stored and reported, but have no effect: the low-pass filters with their group delays (Tables
+// 5-3 to 5-9); and the gyros' units "delayed", by which a unit delays the gyros by 4 ms to align them with the
+// accelerometers (section 7.5.2.2.1), as here both are aligned already.
+//
+// The g-compensation (section 7.5.2.2.6) subtracts the bias that the calibration of the gyros predicts for the
+// acceleration that the accelerometers or inclinometers have measured, with their own errors and ranges. The
+// calibration knows six sevenths of the gyros' sensitivity: with compensation, 1 deg/h/g of 7 is left (Table 5-3,
+// from memory). The compensation of the scale factor has nothing to remove, because that of the modelled gyros does
+// not depend on acceleration.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -145,6 +150,10 @@ class Stim300Device final : public Device {
     reader_.step_clock(by);
   }
 
+  void set_figures(const OwnFigures& figures) noexcept override {
+    constexpr double calibrated = 6.0 / 7;
+    g_sensitivity_ = calibrated * figures.g_sensitivity;
+  }
   UartSettings uart() const noexcept override { return memory_.active.line(); }
 
  private:
@@ -263,7 +272,7 @@ class Stim300Device final : public Device {
   }
 
   void measure_raw() noexcept {
-    if (raw_) measured_.add(*raw_, valid_at_.has_value(), memory_);
+    if (raw_) measured_.add(*raw_, valid_at_.has_value(), g_sensitivity_, memory_);
     raw_.reset();
   }
 
@@ -327,6 +336,7 @@ class Stim300Device final : public Device {
   std::optional<Sample> raw_;               // the newest sample, until it is compensated
   std::optional<DeviceTime> triggered_, triggered_last_, pps_;
   std::optional<Pulse> pulse_;
+  Matrix3 g_sensitivity_ = Matrix3::Zero();  // of the gyros, by their calibration
   Measured measured_;
   CommandReader<99> reader_;  // 99 characters and CR (section 10.2.1)
 };

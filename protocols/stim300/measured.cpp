@@ -3,12 +3,37 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/wire.hpp"
 
 namespace imud::stim300 {
 
-void Measured::add(const Sample& sample, bool is_starting, Memory& memory) noexcept {
+// Section 7.5.2.2.6. The low-pass filter of a source is taken to be of first order, and begins at its first input.
+Vector3 Measured::g_compensation(const Configuration& c, const Matrix3& g_sensitivity,
+                                 const std::array<Vector3, 2>& sources) noexcept {
+  const auto& axes = c.g_compensation;
+  Vector3 bias = Vector3::Zero();
+  const bool is_on = std::any_of(axes.begin(), axes.end(), [](const GCompensation& g) { return g.bias_source != 0; });
+  if (!is_on) {
+    has_filtered_ = false;
+    return bias;
+  }
+  constexpr double two_pi = 6.283185307179586;
+  const double gain = has_filtered_ ? 1 - elementary::exp(-two_pi * c.g_filter_hz / internal_hz) : 1;
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    filtered_[i] = has_filtered_ ? Vector3(filtered_[i] + gain * (sources[i] - filtered_[i])) : sources[i];
+  has_filtered_ = true;
+  for (int i = 0; i < 3; ++i) {
+    const GCompensation& g = axes[static_cast<std::size_t>(i)];
+    if (g.bias_source == 0) continue;
+    const Vector3& source = (g.bias_filter ? filtered_ : sources)[g.bias_source - 1];
+    bias[i] = units::standard_gravity * g_sensitivity.row(i).dot(source);
+  }
+  return bias;
+}
+
+void Measured::add(const Sample& sample, bool is_starting, const Matrix3& g_sensitivity, Memory& memory) noexcept {
   time_ = sample.time;
   counter_ = sample.counter & 0xFFU;
   const bool outside = sample.temperature_c < -40 || sample.temperature_c > 85;  // Table 5-1
@@ -22,13 +47,15 @@ void Measured::add(const Sample& sample, bool is_starting, Memory& memory) noexc
       if ((overloaded >> i & 1U) != 0) bits |= memory.overload(cluster, i);
     axes_[cluster].add(value + memory.trim[cluster], step + dt * memory.trim[cluster], bits);
   };
-  put(gyro, sample.rate / units::degree, sample.delta_angle / units::degree, sample.status & 7U);
   const Vector3 f = sample.specific_force / units::standard_gravity;
+  const Vector3 level = f.cwiseMax(-inclinometer_end_g).cwiseMin(inclinometer_end_g);
+  const Vector3 bias = g_compensation(memory.active, g_sensitivity, {f, level});
+  put(gyro, (sample.rate - bias) / units::degree, (sample.delta_angle - bias / internal_hz) / units::degree,
+      sample.status & 7U);
   put(accelerometer, f, sample.delta_velocity / units::standard_gravity,
       sample.status / status::accelerometer_saturated_x & 7U);
   unsigned tilted = 0;
   for (int i = 0; i < 3; ++i) tilted |= std::abs(f[i]) >= inclinometer_overload_g ? 1U << i : 0U;
-  const Vector3 level = f.cwiseMax(-inclinometer_end_g).cwiseMin(inclinometer_end_g);
   put(inclinometer, level, level / internal_hz, tilted);
 }
 

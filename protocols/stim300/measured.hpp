@@ -11,8 +11,9 @@ namespace imud::stim300 {
 
 class Measured {
  public:
-  // Adds a compensated sample and the bias trim offsets; records overloads in the errors of `memory`.
-  void add(const Sample& sample, bool is_starting, Memory& memory) noexcept;
+  // Adds a sample, with the g-compensation that is configured and the bias trim offsets; records overloads in the
+  // errors of `memory`. `g_sensitivity`: what the unit knows of its gyros', rad/s/(m/s^2).
+  void add(const Sample& sample, bool is_starting, const Matrix3& g_sensitivity, Memory& memory) noexcept;
   // Restarts the sums, after a transmission.
   void begin_sums() noexcept {
     for (Axes& axes : axes_) axes.begin();
@@ -31,11 +32,17 @@ class Measured {
   }
 
  private:
+  // Returns the bias of each gyro, rad/s, that is subtracted. Sources, g: the accelerometers, then the inclinometers.
+  Vector3 g_compensation(const Configuration& c, const Matrix3& g_sensitivity,
+                         const std::array<Vector3, 2>& sources) noexcept;
+
   std::array<Axes, 3> axes_;  // index: Cluster
   std::optional<DeviceTime> time_;
   unsigned status_ = 0;  // status bits common to all clusters
   unsigned counter_ = 0;
   double temperature_c_ = 0;
+  std::array<Vector3, 2> filtered_;  // the sources of the g-compensation, if has_filtered_
+  bool has_filtered_ = false;
 };
 
 }  // namespace imud::stim300
