@@ -70,6 +70,7 @@ class MipDevice final : public Device {
     memory_.step_clock(by);
   }
 
+  void set_figures(const OwnFigures& figures) noexcept override { fields_.set_figures(figures); }
   UartSettings uart() const noexcept override { return {memory_.active().baud}; }
 
   void trigger(DeviceTime time) noexcept override { pins_.trigger(time); }

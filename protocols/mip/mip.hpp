@@ -152,6 +152,7 @@ inline constexpr std::uint8_t events = 8;  // triggers, and actions
 class Fields {
  public:
   explicit Fields(const Memory& memory) noexcept : memory_(memory) {}
+  void set_figures(const OwnFigures& figures) noexcept { figures_ = figures; }
   void set_sample(const Sample& sample) noexcept;
   // Power-on or reset: discards the measurements; reference time and ticks count from `now`. The very first sample of
   // a device sets the reference time back to the sensor's clock, so that sample 0 carries its own time.
@@ -216,6 +217,7 @@ class Fields {
   Vector3 gravity() const noexcept;  // m/s^2, in V
 
   const Memory& memory_;
+  OwnFigures figures_;
   Sample sample_;  // in V
   bool has_sampled_ = false;
   std::array<Since, streams_of_a_device> since_;  // since each stream was last sent

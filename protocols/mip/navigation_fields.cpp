@@ -1,5 +1,7 @@
-// The fields of the filter and of the receivers, which report the truth.
+// The fields of the filter and of the receivers, which report the truth with the errors of the sample, and the
+// standard deviations of these as their accuracies.
 #include <chrono>
+#include <cmath>
 
 #include "core/attitude.hpp"
 #include "core/earth.hpp"
@@ -12,7 +14,7 @@ namespace imud::mip {
 namespace {
 
 constexpr std::int64_t leap_s = 18;  // GPS time less UTC
-constexpr double heading_uncertainty_deg = 0.5;
+constexpr double heading_uncertainty = 0.5 * units::degree;
 
 void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept {
   constexpr std::int64_t gps_began_s = 315'964'800, day_ms = 86'400'000;
@@ -47,7 +49,7 @@ Fields::FilterState Fields::filter_state() const noexcept {
   return is_known() ? FilterState::full_navigation : FilterState::ahrs;
 }
 
-// A filter that reports the truth has no biases, and a constant uncertainty: that of a unit under an open sky.
+// The filter finds no biases. Where it reports the truth, its uncertainty is that of a unit under an open sky.
 void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const FilterState state = filter_state();
@@ -78,15 +80,16 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       packet.put_floats(Vector3::Zero());
       break;
     case 0x08:
-      packet.put_floats({0.5, 0.5, 0.8});  // m: north, east, down
+      packet.put_floats(figure_or(figures_.position, {0.5, 0.5, 0.8}));  // m: north, east, down
       valid = navigates;
       break;
     case 0x09:
-      packet.put_floats({0.03, 0.03, 0.05});  // m/s
+      packet.put_floats(figure_or(figures_.velocity, {0.03, 0.03, 0.05}));  // m/s
       valid = navigates;
       break;
     case 0x0A:
-      packet.put_floats(units::degree * Vector3(0.25, 0.25, heading_uncertainty_deg));
+      packet.put_floats(
+          figure_or(figures_.attitude, {0.25 * units::degree, 0.25 * units::degree, heading_uncertainty}));
       break;
     case 0x0B:
       packet.put_floats(Vector3::Constant(1e-4));  // rad/s
@@ -104,7 +107,8 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       valid = has_time_of_week() && has_week();
       break;
     case 0x12:
-      for (int i = 0; i < 4; ++i) packet.put(0.004F);
+      for (int i = 0; i < 4; ++i)  // half of the angle about any axis
+        packet.put_float(figure_or(0.5 * figures_.attitude.norm() / std::sqrt(3.0), 0.004));
       break;
     case 0x13:
       packet.put_floats(gravity());
@@ -143,29 +147,31 @@ void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
   const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
   packet.put_float(is_known() ? 1e-9 * static_cast<double>(true_gps_ns(at) % week_ns) : 0.0);
   packet.put_float(is_known() ? ypr[0] : 0.0);
-  packet.put_float(is_known() ? heading_uncertainty_deg * units::degree : 0.0);
+  packet.put_float(is_known() ? figure_or(figures_.attitude.z(), heading_uncertainty) : 0.0);
   packet.put(static_cast<std::uint8_t>(is_known() ? 2 : 0));
   packet.put(static_cast<std::uint16_t>(is_known() ? 0x07 : 0));
   packet.put(std::uint16_t{is_known()});
 }
 
-// The receiver reports the truth, with the constant accuracies of one under an open sky.
+// Where the receiver reports the truth, its accuracies are those of one under an open sky.
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const Vector3& v = navigation.v_L;
   const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
-  const auto put_accuracy = [&](float accuracy) { packet.put(is_known() ? accuracy : 0.0F); };
+  const auto put_accuracy = [&](double figure, double otherwise) {
+    packet.put_float(is_known() ? figure_or(figure, otherwise) : 0.0);
+  };
   switch (descriptor) {
     case 0x03:
       put_position(packet);
       packet.put(navigation.height);  // in place of the height above mean sea level, which is flagged as invalid
-      put_accuracy(1.2F);             // m, horizontal
-      put_accuracy(1.8F);             // m, vertical
+      put_accuracy(figures_.position.head<2>().norm(), 1.2);  // m, horizontal
+      put_accuracy(figures_.position.z(), 1.8);               // m, vertical
       packet.put(if_known(0x1B));
       break;
     case 0x04:
       packet.put_doubles(navigation.r_E);
-      put_accuracy(2.2F);  // m
+      put_accuracy(figures_.position.norm(), 2.2);  // m
       packet.put(if_known(0x03));
       break;
     case 0x05: {
@@ -174,8 +180,8 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       packet.put_float(v.norm());
       packet.put_float(v.head<2>().norm());
       packet.put_float(course < 0 ? course + 360 : course);
-      put_accuracy(0.05F);  // m/s
-      put_accuracy(0.5F);   // deg
+      put_accuracy(figures_.velocity.norm(), 0.05);  // m/s
+      put_accuracy(elementary::atan2(figures_.velocity.head<2>().norm(), v.head<2>().norm()) / units::degree, 0.5);
       packet.put(if_known(0x3F));
       break;
     }

@@ -83,6 +83,7 @@ class VectorNavDevice final : public Device {
     for (Reader& reader : readers_) reader.step_clock(by);
   }
 
+  void set_figures(const OwnFigures& figures) noexcept override { figures_ = figures; }
   UartSettings uart() const noexcept override { return {active_.ports[host_uart_].baud}; }
 
   void connect_second_uart() noexcept override {
@@ -161,7 +162,7 @@ class VectorNavDevice final : public Device {
     return model_.receivers == 0 ? PulseSource::none : active_.pulse_source;
   }
   Reading reading(DeviceTime now) const noexcept {
-    return {model_, sample_, raw_, tare_, now - start_, now - sample_.time, pins_.status(now)};
+    return {model_, sample_, raw_, figures_, tare_, now - start_, now - sample_.time, pins_.status(now)};
   }
   Form async_form() const noexcept {  // register 30, parameter 5: 1, or 3 (2 in vnproglib)
     return active_.number_of(30, 4) >= 2 ? Form::four_digits : Form::two_digits;
@@ -347,6 +348,7 @@ class VectorNavDevice final : public Device {
   DeviceTime start_;                   // time of power-on or reset
   Matrix3 dcm_ = Matrix3::Identity();  // register 26: to the host's axes
   Quaternion tare_ = Quaternion::Identity();
+  OwnFigures figures_;
   Sample raw_, sample_;                     // the newest sample, as sensed and compensated
   std::array<Sums, of_text + uarts> sums_;  // since the binary outputs, text and register 80 were last sent
   std::array<Reader, uarts> readers_;

@@ -1,8 +1,9 @@
 // Quantities: the quantities that VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the
-// product's units. Attitude, position and velocity are the truth's. The accuracy figures of a GNSS solution are the
-// constants below.
+// product's units. Attitude, position and velocity are those of the sample. Their accuracies are the standard
+// deviations of the errors that these have, or, where they have none, the constants below.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 #include "core/attitude.hpp"
@@ -59,7 +60,9 @@ class Quantities {
   Vector3 tared_ypr_deg() const noexcept {
     return yaw_pitch_roll_from_dcm(tared_q().conjugate().toRotationMatrix()) / units::degree;
   }
-  Vector3 ypr_error_deg() const noexcept { return Vector3::Constant(attitude_error_deg); }
+  Vector3 ypr_error_deg() const noexcept {
+    return figure_or(r_.figures.attitude.reverse() / units::degree, Vector3::Constant(attitude_error_deg));
+  }
   Vector3 magnetic_L() const noexcept { return s_.q_LP * magnetic(); }
   Vector3 acceleration_L() const noexcept { return s_.q_LP * s_.specific_force; }
   // The specific force less that at rest in standard gravity.
@@ -88,16 +91,23 @@ class Quantities {
     if (!has_fix()) return 0;
     return r_.model.receivers == 2 ? 0x0306 : 0x0006;
   }
-  Vector3 position_errors_m() const noexcept { return if_fixed(Vector3::Constant(1.0)); }
-  double position_error_m() const noexcept { return position_errors_m()[0]; }
-  double velocity_error_m_per_s() const noexcept { return has_fix() ? 0.05 : 0; }
+  Vector3 position_errors_m() const noexcept {
+    return if_fixed(figure_or(r_.figures.position, Vector3::Constant(position_error)));
+  }
+  double position_error_m() const noexcept {
+    return has_fix() ? figure_or(rms(r_.figures.position), position_error) : 0;
+  }
+  double velocity_error_m_per_s() const noexcept { return has_fix() ? figure_or(rms(r_.figures.velocity), 0.05) : 0; }
   double time_error_s() const noexcept { return has_fix() ? 2e-8 : 0; }
-  double ins_attitude_error_deg() const noexcept { return has_fix() ? attitude_error_deg : 0; }
+  double ins_attitude_error_deg() const noexcept {
+    return has_fix() ? figure_or(rms(r_.figures.attitude) / units::degree, attitude_error_deg) : 0;
+  }
 
  private:
-  static constexpr double gauss = 1e-4, attitude_error_deg = 0.5;
+  static constexpr double gauss = 1e-4, attitude_error_deg = 0.5, position_error = 1;
   static constexpr std::uint64_t week_ns = 604'800'000'000'000;
 
+  static double rms(const Vector3& v) noexcept { return v.norm() / std::sqrt(3.0); }
   Vector3 if_fixed(const Vector3& v) const noexcept { return has_fix() ? v : Vector3(Vector3::Zero()); }
   Vector3 to_E(const Vector3& v_L) const noexcept {
     return has_fix() ? Vector3(dcm_EL(navigation_.latitude, navigation_.longitude) * v_L) : Vector3(Vector3::Zero());

@@ -195,6 +195,7 @@ struct Reading {
   const Model& model;
   const Sample& sample;  // compensated, in the host's reference frame; zeros before the first one
   const Sample& raw;     // as sensed
+  const OwnFigures& figures;
   const Quaternion&
       tare;  // rotation from north-east-down to the frame set by VNTAR; applied to reported attitudes only
   Nanoseconds since_start;  // at the time of the message

@@ -1,6 +1,8 @@
 // Position, time and magnetic field, as a MIP device reports them.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "core/attitude.hpp"
 #include "core/earth.hpp"
 #include "core/units.hpp"
@@ -19,8 +21,10 @@ Sample known() {
 }
 
 // The packet of a set with these fields, sent by a unit of that model.
-Bytes sent(const std::string& model, std::uint8_t set, std::vector<std::uint8_t> descriptors, const Sample& sample) {
+Bytes sent(const std::string& model, std::uint8_t set, std::vector<std::uint8_t> descriptors, const Sample& sample,
+           const OwnFigures& figures = {}) {
   Unit unit({{"model", model}});
+  unit.device->set_figures(figures);
   Bytes format = {1, set, static_cast<std::uint8_t>(descriptors.size())};
   for (const std::uint8_t descriptor : descriptors) format.insert(format.end(), {descriptor, 0, 1});
   EXPECT_EQ(unit.code(command(0x0C, 0x0F, format)), 0);
@@ -160,6 +164,31 @@ TEST(MipNavigation, Receiver) {
   EXPECT_EQ(field(lost, 0x05), Bytes(34));
   EXPECT_EQ(number_at<std::uint16_t>(field(lost, 0x07), 28), 0);
   EXPECT_EQ(field(lost, 0x0B), (Bytes{3, 0, 0, 0, 0, 7})) << "no fix";
+}
+
+// The figures of the solution's own errors, in place of those of a unit under an open sky.
+TEST(MipNavigation, AccuraciesAreThoseOfTheErrors) {
+  OwnFigures figures;
+  figures.position = {3, 4, 12};
+  figures.velocity = {0.3, 0.4, 1.2};
+  figures.attitude = units::degree * Vector3(1, 2, 2);
+  const Bytes gnss = sent("3dm-gx5-45", 0x81, {0x03, 0x04, 0x05}, known(), figures);
+  EXPECT_EQ(number_at<float>(field(gnss, 0x03), 32), 5.0F) << "horizontal";
+  EXPECT_EQ(number_at<float>(field(gnss, 0x03), 36), 12.0F) << "vertical";
+  EXPECT_EQ(number_at<float>(field(gnss, 0x04), 24), 13.0F);
+  EXPECT_FLOAT_EQ(number(field(gnss, 0x05), 6), 1.3F) << "speed";
+  EXPECT_NEAR(number(field(gnss, 0x05), 7), 0.572939, 1e-6) << "course at 50 m/s, deg";
+  const Bytes filter = sent("3dm-gx5-45", 0x82, {0x08, 0x09, 0x0A, 0x12}, known(), figures);
+  const auto three = [&](std::uint8_t descriptor) {
+    const Bytes f = field(filter, descriptor);
+    return Vector3(number(f, 0), number(f, 1), number(f, 2));
+  };
+  EXPECT_LT((three(0x08) - figures.position).norm(), 1e-6);
+  EXPECT_LT((three(0x09) - figures.velocity).norm(), 1e-6);
+  EXPECT_LT((three(0x0A) - figures.attitude).norm(), 1e-6);
+  EXPECT_NEAR(number(field(filter, 0x12), 0), 0.5 * 3 * units::degree / std::sqrt(3.0), 1e-6);
+  const Bytes lost = sent("3dm-gx5-45", 0x81, {0x03}, Sample(), figures);
+  EXPECT_EQ(field(lost, 0x03), Bytes(42)) << "without a fix";
 }
 
 // GNSS data are configured, stopped and polled by the commands of the 5 series.

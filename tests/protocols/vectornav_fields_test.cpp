@@ -125,6 +125,26 @@ TEST(VectorNavFields, MessagesOfGnssAndIns) {
   }
 }
 
+// The figures of the solution's own errors, in place of those of a unit under an open sky.
+TEST(VectorNavFields, AccuraciesAreThoseOfTheErrors) {
+  Unit unit({{"model", std::string("vn-200")}});
+  OwnFigures figures;
+  figures.position = {1, 2, 2};
+  figures.velocity = {0.1, 0.2, 0.2};
+  figures.attitude = units::degree * Vector3(0.3, 0.6, 2);
+  unit.device->set_figures(figures);
+  unit.sample = on_earth();
+  unit.run(1);
+  EXPECT_EQ(unit.ask("VNRRG,58"),
+            with_xor("VNRRG,58,045314.789000,2369,3,12,+30.00000000,+090.00000000,+01234.500,+010.000,+020.000,"
+                     "-003.000,+001.000,+002.000,+002.000,+000.173,2.00E-08"));
+  EXPECT_EQ(unit.ask("VNRRG,63"),
+            with_xor("VNRRG,63,045314.789000,2369,0006,+090.000,+000.000,+000.000,+30.00000000,+090.00000000,"
+                     "+01234.500,+010.000,+020.000,-003.000,01.2,01.7,0.17"));
+  const std::string attitude = binary(unit, "10,0100");
+  EXPECT_LT((floats_at(attitude, 4) - Vector3(2, 0.6, 0.3)).norm(), 1e-6) << "yaw, pitch, roll";
+}
+
 TEST(VectorNavFields, MagneticFieldAndPressure) {
   Unit unit;
   unit.sample = on_earth();
