@@ -11,7 +11,7 @@ namespace imud {
 
 namespace {
 
-// Returns what a unit with these errors knows of them.
+// Returns the figures that a unit has of these errors.
 OwnFigures figures_of(const ImuModel& model) noexcept {
   const NavigationErrors& errors = model.navigation;
   const auto both = [](const Vector3& slow, const Vector3& white) -> Vector3 {

@@ -20,8 +20,8 @@ namespace imud {
 
 enum class Link : std::uint8_t { bytes, can };  // bytes: serial lines, ptys, UDP, files
 
-// What a unit knows of its own errors: its maker has measured them, or its filter and receivers estimate them. 0: the
-// unit has no such error.
+// The figures that a unit has of its own errors, because its maker has measured them, or its filter and receivers
+// estimate them. 0: the unit has no such error.
 struct OwnFigures {
   Matrix3 g_sensitivity = Matrix3::Zero();  // of the gyros, rad/s/(m/s^2)
   // Standard deviations of the position, m, the velocity, m/s, and the attitude, rad, that the unit reports: about or
@@ -62,8 +62,8 @@ class Device {
   // Reports that the sensor's clock was stepped by `by` (negative: back). The device shifts all times that it stores,
   // so that no duration changes. Default: does nothing, for a device that stores none.
   virtual void step_clock(Nanoseconds by) noexcept;
-  // Sets what the unit knows of its own errors; called once, before all other calls. Default: does nothing, for a
-  // product that neither reports such figures nor corrects by them.
+  // Sets the figures that the unit has of its own errors; called once, before all other calls. Default: does nothing,
+  // for a product that neither reports such figures nor corrects by them.
   virtual void set_figures(const OwnFigures& figures) noexcept;
   // Returns the settings of the product's UART. A change applies to what is sent after it. Default: a UartSettings{},
   // for a product whose UART cannot be set.

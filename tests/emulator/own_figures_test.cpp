@@ -1,4 +1,4 @@
-// What a device is told of its unit's errors, as far as its bytes show it.
+// The figures of its own errors that a device is given, as its bytes show them.
 #include <gtest/gtest.h>
 
 #include <bit>
