@@ -45,7 +45,9 @@ std::string_view clock_word(ClockMode clock) {
 
 // Returns what the imu's model is, after a colon.
 std::string model_note(const ImuConfig& imu) {
-  if (const Preset* preset = find_preset(imu.errors_model)) return fmt::format(": {}", preset->summary());
+  if (const Preset* preset = find_preset(imu.errors_model))
+    return fmt::format(": {}; {} of its {} values are unconfirmed", preset->summary(), preset->unconfirmed().size(),
+                       preset->keys().size());
   if (imu.protocol->product == nullptr) return {};
   return imu.errors_model == "white" ? ": white noise alone" : ": none";
 }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "emulator/config.hpp"
+#include "emulator/presets.hpp"
 #include "emulator/table_reader.hpp"
 #include "transports/port.hpp"
 
@@ -65,9 +66,11 @@ std::string ports_that(Condition condition) {
 }
 
 // Reads the errors of three sensors. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the
-// range is required (triad_config.cpp).
-TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz);
-TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz);
+// range is required. `density`: how the white noise of `product` was stated (triad_config.cpp).
+TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz,
+                      Sidedness density = Sidedness::none);
+TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz,
+                               Sidedness density = Sidedness::none);
 TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz);
 
 // Read the errors of a barometer, over those of the product, and of a navigation solution (navigation_config.cpp).

@@ -160,6 +160,7 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   imu.model.rate_hz = imu.rate_hz;
   std::optional<TriadErrors> gyro, accelerometer;
   TriadErrors magnetometer;
+  Sidedness gyro_density = Sidedness::none, accelerometer_density = Sidedness::none;
   if (product) {
     gyro = product->gyro;
     accelerometer = product->accelerometer;
@@ -177,6 +178,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
       }
       gyro = errors.gyro;
       accelerometer = errors.accelerometer;
+      gyro_density = errors.gyro_density;
+      accelerometer_density = errors.accelerometer_density;
     } catch (const ConfigError& error) {
       table.fault("model", error.what());
     }
@@ -186,9 +189,9 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
     magnetometer = without_errors(magnetometer.max);
     imu.model.barometer = {};
   }
-  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, imu.rate_hz);
-  imu.model.accelerometer =
-      read_accelerometer(table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, imu.rate_hz);
+  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, imu.rate_hz, gyro_density);
+  imu.model.accelerometer = read_accelerometer(
+      table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, imu.rate_hz, accelerometer_density);
   imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz);
 }
 

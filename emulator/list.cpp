@@ -82,6 +82,8 @@ Json described(const Transport& transport) {
 Json described(const Preset& preset) {
   Json json = {
       {"kind", "preset"}, {"name", preset.name}, {"summary", preset.summary()}, {"document", preset.source()}};
+  json["keys"] = preset.keys();
+  json["unconfirmed"] = preset.unconfirmed();
   json["toml"] = preset.text;
   return json;
 }
@@ -114,6 +116,9 @@ void print(const Json& entry) {
     fmt::print("  counters of its own, in the summary and in limits:\n");
     print_table("counters", entry["counters"]);
   }
+  if (entry.contains("unconfirmed"))
+    fmt::print("  {} of {} values are unconfirmed: from memory, from a secondary source, or assumed\n",
+               entry["unconfirmed"].size(), entry["keys"].size());
   if (entry.contains("toml")) fmt::print("{}", text(entry, "toml"));
   if (!entry.contains("columns")) return;
   fmt::print("  columns, by the names in the header row:\n");

@@ -12,8 +12,35 @@ std::string_view comment_line(std::string_view text, int number) noexcept {
   for (; number > 0; --number) text.remove_prefix(text.find('\n') + 1);
   return text.substr(2, text.find('\n') - 2);
 }
+
+// Returns how a table of a file states its white noise.
+Sidedness sidedness_of(const toml::table& triad) {
+  bool is_density = false;
+  for (const auto& [key, value] : triad)
+    is_density = is_density || (key.str().starts_with("noise_density_") && key.str() != "noise_density_sidedness");
+  if (!is_density) return Sidedness::none;
+  return triad["noise_density_sidedness"].value_or(std::string_view()) == "one_sided" ? Sidedness::one_sided
+                                                                                      : Sidedness::two_sided;
+}
+
+// Returns the keys of the lines that contain `mark`.
+std::vector<std::string> keys_marked(std::string_view text, std::string_view mark) {
+  std::vector<std::string> keys;
+  std::string triad;
+  while (!text.empty()) {
+    const std::string_view line = text.substr(0, text.find('\n'));
+    text.remove_prefix(std::min(text.size(), line.size() + 1));
+    if (line.starts_with("[imu.")) triad = std::string(line.substr(5, line.find(']') - 5)) + ".";
+    const std::size_t equals = line.find(" = ");
+    if (!line.starts_with("#") && equals != line.npos && line.find(mark, equals) != line.npos)
+      keys.push_back(triad + std::string(line.substr(0, equals)));
+  }
+  return keys;
+}
 }  // namespace
 
+std::vector<std::string> Preset::keys() const { return keys_marked(text, ""); }
+std::vector<std::string> Preset::unconfirmed() const { return keys_marked(text, "# unconfirmed: "); }
 std::string_view Preset::summary() const noexcept { return comment_line(text, 0); }
 std::string_view Preset::source() const noexcept { return comment_line(text, 1); }
 
@@ -34,7 +61,9 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
   toml::table resolved;
   TableReader imu(file["imu"].as_table(), "imu.", 0, faults, resolved);
   PresetErrors errors = {.gyro = read_gyro(imu.child("gyro"), nullptr, rate_hz),
-                         .accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, rate_hz)};
+                         .accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, rate_hz),
+                         .gyro_density = sidedness_of(*file["imu"]["gyro"].as_table()),
+                         .accelerometer_density = sidedness_of(*file["imu"]["accelerometer"].as_table())};
   imu.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());
   return errors;

@@ -2,24 +2,33 @@
 // CMake builds in.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "core/effects/triad_errors.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {
 
+// Whether white noise is stated by a density, and whether the spectrum of that has negative frequencies, too.
+enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
+
 // A file: a line with what it is, a line with its source, then [imu.gyro] and [imu.accelerometer] as in a
-// configuration. A comment after a value marks one that is not from a document of the manufacturer.
+// configuration. The comment "unconfirmed: from memory", "secondary source" or "assumed" after a value marks one that
+// is not from a document of the manufacturer.
 struct Preset {
   std::string_view name;
   std::string_view text;
 
   std::string_view summary() const noexcept;
   std::string_view source() const noexcept;
+  // Return the keys, with "gyro." or "accelerometer." before them: all, and those whose values are unconfirmed.
+  std::vector<std::string> keys() const;
+  std::vector<std::string> unconfirmed() const;
 };
 
 // Returns all of them, sorted by name.
@@ -33,6 +42,7 @@ std::string_view default_model(const Protocol& protocol, const Settings& setting
 
 struct PresetErrors {
   TriadErrors gyro, accelerometer;
+  Sidedness gyro_density, accelerometer_density;
 };
 // Returns the errors at this sample rate, Hz. Throws ConfigError if they are not possible at that rate.
 PresetErrors preset_errors(const Preset& preset, double rate_hz);

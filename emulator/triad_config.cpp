@@ -134,8 +134,12 @@ void check_growth(TableReader& table, const TriadErrors& e) {
 }
 
 // The density of white noise is two-sided here. A data sheet's may be one-sided: then its square is twice as large.
-void read_white_noise(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
-  const bool one_sided = table.choice("noise_density_sidedness", {"two_sided", "one_sided"}, 0) == 1;
+// `base` is how the present value of `e` was stated.
+void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base, TriadErrors& e) {
+  const bool was_one_sided = base == Sidedness::one_sided;
+  const bool one_sided =
+      table.choice("noise_density_sidedness", {"two_sided", "one_sided"}, was_one_sided ? 1 : 0) == 1;
+  if (base != Sidedness::none && one_sided != was_one_sided) e.white_density *= std::sqrt(one_sided ? 0.5 : 2.0);
   const Unit* density = given_unit(table, "noise_density", keys.density);
   if (!keys.white.empty()) {
     const Unit* integral = given_unit(table, keys.white, keys.white_units);
@@ -230,7 +234,8 @@ void read_temperature(TableReader& table, const SensorKeys& keys, TriadErrors& e
   }
 }
 
-TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz) {
+TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,
+                       Sidedness density) {
   TriadErrors e;
   if (product != nullptr)
     e = *product;
@@ -242,7 +247,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.bias = in_units(table, "bias", keys.value, e.bias, -huge);
   e.turn_on_bias = in_units(table, "turn_on_bias", keys.value, e.turn_on_bias);
   e.ramp = in_units(table, keys.ramp, keys.ramp_units, e.ramp, -huge);
-  read_white_noise(table, keys, e);
+  read_white_noise(table, keys, density, e);
   read_bias_instability(table, keys, e, rate_hz);
   e.correlated_sigma = in_units(table, "correlated_noise", keys.value, e.correlated_sigma);
   e.correlation_time = table.per_axis("correlation_time_s", e.correlation_time, 1e-6, huge);
@@ -276,8 +281,8 @@ void read_iron(TableReader& table, TriadErrors& e) {
 
 }  // namespace
 
-TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz) {
-  TriadErrors e = read_triad(table, gyro_keys, product, rate_hz);
+TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
+  TriadErrors e = read_triad(table, gyro_keys, product, rate_hz, density);
   const double per_g = deg / hour / g, per_g2 = per_g / g;
   e.g_sensitivity = per_g * table.matrix3("g_sensitivity_deg_per_hr_per_g", e.g_sensitivity / per_g, true);
   e.g_squared_sensitivity =
@@ -286,8 +291,8 @@ TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate
   return e;
 }
 
-TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz) {
-  TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz);
+TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
+  TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz, density);
   const double ug_per_g2 = 1e-6 / g;
   e.vibration_rectification = ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
                                                          e.vibration_rectification / ug_per_g2, -huge, huge);
@@ -296,7 +301,7 @@ TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, do
 }
 
 TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz) {
-  TriadErrors e = read_triad(table, magnetometer_keys, product, rate_hz);
+  TriadErrors e = read_triad(table, magnetometer_keys, product, rate_hz, Sidedness::none);
   read_iron(table, e);
   table.finish();
   return e;

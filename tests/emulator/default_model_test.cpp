@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <functional>
 #include <map>
@@ -193,6 +194,21 @@ TEST_F(DefaultModel, AKeyTakesThePlaceOfItsOwnValueOnly) {
   }
 }
 
+// The key qualifies the density of the same table, that of the preset included.
+TEST_F(DefaultModel, SidednessIsAKeyOfItsOwn) {
+  const auto density = [&](const std::vector<std::string>& keys) {
+    return imu("vectornav", keys).model.gyro.white_density.x() / deg;
+  };
+  const std::string one_sided = "model=adis16470";  // 0.008 deg/s/sqrt(Hz)
+  EXPECT_NEAR(density({one_sided}), 0.008 / std::sqrt(2.0), 1e-12);
+  EXPECT_NEAR(density({one_sided, "gyro.noise_density_deg_per_s_per_rt_hz=0.01"}), 0.01 / std::sqrt(2.0), 1e-12);
+  EXPECT_NEAR(density({one_sided, "gyro.noise_density_sidedness=two_sided"}), 0.008, 1e-12);
+  EXPECT_NEAR(density({one_sided, "gyro.angle_random_walk_deg_per_rt_s=0.01"}), 0.01, 1e-12);
+  EXPECT_NEAR(density({"gyro.noise_density_sidedness=one_sided"}), 0.0035 / std::sqrt(2.0), 1e-12);
+  EXPECT_NEAR(density({"model=adis16505-1", "gyro.noise_density_sidedness=one_sided"}), 0.13 / 60, 1e-12)
+      << "stated by the random walk";
+}
+
 // Another sensor in the place of the product's own: its resolution, and its range within the product's.
 TEST_F(DefaultModel, AnotherPresetIsLimitedToTheProductsRange) {
   const ImuModel slow = imu("vectornav", {"model=hg4930-ca51"}).model;
@@ -215,12 +231,13 @@ TEST_F(DefaultModel, FitsTheLowestRate) {
         EXPECT_EQ(fault(std::string(protocol->name), keys), "no fault");
       }
   }
-  const TriadErrors slow = imu("sbg-can", {"device.output_rate_hz=1"}).model.gyro;
+  const std::string model = "model=3dm-cv7", rate = "device.output_rate_hz=1";
+  const TriadErrors slow = imu("sbg-can", {model, rate}).model.gyro;
   EXPECT_GT(slow.flicker_from_s, 2);
   EXPECT_LT(slow.flicker_from_s, 10);
   EXPECT_EQ(slow.flicker_to_s, 1000);
-  EXPECT_EQ(imu("sbg-can").model.gyro.flicker_from_s, 1);
-  EXPECT_NE(fault("sbg-can", {"device.output_rate_hz=1", "gyro.bias_instability_from_s=1"})
+  EXPECT_EQ(imu("sbg-can", {model}).model.gyro.flicker_from_s, 1);
+  EXPECT_NE(fault("sbg-can", {model, rate, "gyro.bias_instability_from_s=1"})
                 .find("imu.0.gyro.bias_instability_from_s: too short for a sensor of 1 Hz"),
             std::string::npos);
 }

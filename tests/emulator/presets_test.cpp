@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -76,6 +77,41 @@ TEST_F(PresetsTest, HaveTheFiguresOfTheirSources) {
     EXPECT_TRUE(near(gyro.B, expected.gyro_B)) << expected.name << " " << gyro.B;
     EXPECT_TRUE(near(force.B, expected.force_B)) << expected.name << " " << force.B;
   }
+}
+
+// A mark is uniform, and every preset whose source is none of the manufacturer has it at each figure.
+TEST_F(PresetsTest, MarkWhatIsUnconfirmed) {
+  for (const Preset& preset : presets()) {
+    const std::vector<std::string> keys = preset.keys(), marked = preset.unconfirmed();
+    EXPECT_GE(keys.size(), 6U) << preset.name;
+    std::istringstream lines{std::string(preset.text)};
+    std::size_t with_words = 0;
+    for (std::string line; std::getline(lines, line);) {
+      const std::size_t comment = line.find("  # ");
+      if (line.find(" = ") == line.npos || comment == line.npos) continue;
+      const std::string words = line.substr(comment + 4);
+      const bool is_marked = words.starts_with("unconfirmed: from memory") ||
+                             words.starts_with("unconfirmed: secondary source") ||
+                             words.starts_with("unconfirmed: assumed");
+      if (words.find("memory") != words.npos || words.find("secondary") != words.npos ||
+          words.find("unconfirmed") != words.npos || words.find("assumed") != words.npos) {
+        EXPECT_TRUE(is_marked) << preset.name << ": " << line;
+        ++with_words;
+      }
+    }
+    EXPECT_EQ(marked.size(), with_words) << preset.name;
+  }
+  const Preset& preset = *find_preset("adis16505-1");
+  const std::vector<std::string> marked = preset.unconfirmed();
+  const auto is_marked = [&](const char* key) {
+    return std::find(marked.begin(), marked.end(), key) != marked.end();
+  };
+  EXPECT_TRUE(is_marked("accelerometer.velocity_random_walk_m_per_s_per_rt_hr"));
+  EXPECT_FALSE(is_marked("gyro.angle_random_walk_deg_per_rt_hr"));
+  const ProgramResult list = run_program("imud", {"list", "adis16505-1"});
+  const std::string words =
+      std::to_string(marked.size()) + " of " + std::to_string(preset.keys().size()) + " values are unconfirmed";
+  EXPECT_NE(list.output.find("  " + words), std::string::npos) << list.output;
 }
 
 TEST_F(PresetsTest, FitAnyProtocol) {
