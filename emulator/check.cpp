@@ -66,6 +66,8 @@ void print_text(const std::string& path, const Config& config) {
     for (const TriadTerms& triad : triad_terms(imu.model)) {
       const std::string text = triad.text();
       fmt::print("{:<8} {} noise: {}\n", "", triad.name, text.empty() ? "none" : text);
+      if (const std::string bias = triad.bias_text(); !bias.empty())
+        fmt::print("{:<8} {} bias: {}\n", "", triad.name, bias);
     }
   }
   for (const BusLoad& bus : bus_loads(config.imus))

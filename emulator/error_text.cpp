@@ -25,6 +25,15 @@ std::string TriadTerms::text() const {
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
+std::string TriadTerms::bias_text() const {
+  std::vector<std::string> parts;
+  if (!turn_on_bias.isZero(0.0))
+    parts.push_back(fmt::format("turn-on bias {:.4g} {}", turn_on_bias.maxCoeff() / B.si, B.name));
+  const double per_g = g_sensitivity.cwiseAbs().maxCoeff() * units::standard_gravity / B.si;
+  if (per_g > 0) parts.push_back(fmt::format("{:.4g} {}/g by acceleration", per_g, B.name));
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
 std::vector<TriadTerms> triad_terms(const ImuModel& model) {
   constexpr double hour = 3600, root_hour = 60, deg = units::degree, mg = 1e-3 * units::standard_gravity;
   return {{"gyro",
@@ -33,14 +42,18 @@ std::vector<TriadTerms> triad_terms(const ImuModel& model) {
            {deg / hour, "deg/h"},
            {deg / hour / root_hour, "deg/h/sqrt(h)"},
            {deg / hour, "arcsec"},
-           {deg / hour / hour, "deg/h/h"}},
+           {deg / hour / hour, "deg/h/h"},
+           model.gyro.turn_on_bias,
+           model.gyro.g_sensitivity},
           {"accelerometer",
            allan_terms(model.accelerometer, model.rate_hz),
            {1 / root_hour, "m/s/sqrt(h)"},
            {mg, "mg"},
            {mg / root_hour, "mg/sqrt(h)"},
            {1, "m/s"},
-           {mg / hour, "mg/h"}}};
+           {mg / hour, "mg/h"},
+           model.accelerometer.turn_on_bias,
+           model.accelerometer.g_sensitivity}};
 }
 
 }  // namespace imud

@@ -19,9 +19,14 @@ struct TriadTerms {
   const char* name;
   std::array<AllanTerms, 3> axes;
   Unit N, B, K, Q, R;
+  Vector3 turn_on_bias = Vector3::Zero();  // in SI
+  Matrix3 g_sensitivity = Matrix3::Zero();
 
   // Returns for example "N 0.15 deg/sqrt(h), B 0.5 deg/h"; each axis where they differ; empty if all are 0.
   std::string text() const;
+  // Returns what is constant while power is on, such as "turn-on bias 1800 deg/h, 7 deg/h/g by acceleration", the
+  // largest of the axes; empty if there is none.
+  std::string bias_text() const;
 };
 
 // Returns those of the gyros and the accelerometers.

@@ -153,6 +153,15 @@ TEST_F(NoiseConfig, TermsAreToldInUnitsOfDataSheets) {
   EXPECT_EQ(terms[0].text(), "N 0.15 deg/sqrt(h), B [0.5, 0.5, 1] deg/h, K 0.02 deg/h/sqrt(h), R 3 deg/h/h");
   EXPECT_EQ(terms[1].text(), "N 0.06 m/s/sqrt(h), B 0.05 mg, Q 0.000866 m/s");
   EXPECT_EQ(triad_terms(model({}))[0].text(), "");
+  EXPECT_EQ(terms[0].bias_text(), "");
+}
+
+TEST_F(NoiseConfig, ConstantErrorsAreToldToo) {
+  const std::vector<TriadTerms> terms =
+      triad_terms(model({"gyro.turn_on_bias_deg_per_hr=[1,3,2]", "gyro.g_sensitivity_deg_per_hr_per_g=[7,-8,7]",
+                         "accelerometer.turn_on_bias_mg=20"}));
+  EXPECT_EQ(terms[0].bias_text(), "turn-on bias 3 deg/h, 8 deg/h/g by acceleration");
+  EXPECT_EQ(terms[1].bias_text(), "turn-on bias 20 mg");
 }
 
 // White noise and random walks of the memo's keys are told, too: P per sample at 200 Hz.
