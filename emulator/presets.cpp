@@ -1,26 +1,50 @@
 #include "emulator/presets.hpp"
 
 #include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <string>
+#include <utility>
 
 #include "emulator/config_parts.hpp"
 
 namespace imud {
 
 namespace {
-// Returns a comment line of the text, without "# ".
+// Returns a comment line of the text, without "# "; empty if that line is none.
 std::string_view comment_line(std::string_view text, int number) noexcept {
-  for (; number > 0; --number) text.remove_prefix(text.find('\n') + 1);
-  return text.substr(2, text.find('\n') - 2);
+  for (; number > 0; --number) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
+  const std::string_view line = text.substr(0, text.find('\n'));
+  return line.starts_with("# ") ? line.substr(2) : std::string_view();
 }
 
-// Returns how a table of a file states its white noise.
-Sidedness sidedness_of(const toml::table& triad) {
+// Returns the preset in a user's file; nullptr if it cannot be read.
+const Preset* preset_in_file(const std::string& path) {
+  struct File {
+    std::string text;
+    Preset preset;
+  };
+  static std::map<std::string, File> files;
+  const auto known = files.find(path);
+  if (known != files.end()) return &known->second.preset;
+  std::ifstream stream(path, std::ios::binary);
+  std::string text(std::istreambuf_iterator<char>(stream), {});
+  if (!stream.is_open() || stream.bad() || text.empty()) return nullptr;
+  const auto place = files.emplace(path, File{std::move(text), {}}).first;
+  place->second.preset = {place->first, place->second.text};
+  return &place->second.preset;
+}
+
+// Returns how a table of a file, which may lack it, states its white noise.
+Sidedness sidedness_of(const toml::table* triad) {
+  if (triad == nullptr) return Sidedness::none;
   bool is_density = false;
-  for (const auto& [key, value] : triad)
+  for (const auto& [key, value] : *triad)
     is_density = is_density || (key.str().starts_with("noise_density_") && key.str() != "noise_density_sidedness");
   if (!is_density) return Sidedness::none;
-  return triad["noise_density_sidedness"].value_or(std::string_view()) == "one_sided" ? Sidedness::one_sided
-                                                                                      : Sidedness::two_sided;
+  return (*triad)["noise_density_sidedness"].value_or(std::string_view()) == "one_sided" ? Sidedness::one_sided
+                                                                                         : Sidedness::two_sided;
 }
 
 // Returns the keys of the lines that contain `mark`.
@@ -44,7 +68,8 @@ std::vector<std::string> Preset::unconfirmed() const { return keys_marked(text, 
 std::string_view Preset::summary() const noexcept { return comment_line(text, 0); }
 std::string_view Preset::source() const noexcept { return comment_line(text, 1); }
 
-const Preset* find_preset(std::string_view name) noexcept {
+const Preset* find_preset(std::string_view name) {
+  if (name.ends_with(".toml")) return preset_in_file(std::string(name));
   const auto all = presets();
   const auto found =
       std::find_if(all.begin(), all.end(), [name](const Preset& preset) { return preset.name == name; });
@@ -56,14 +81,20 @@ std::string_view default_model(const Protocol& protocol, const Settings& setting
 }
 
 PresetErrors preset_errors(const Preset& preset, double rate_hz) {
-  const toml::table file = toml::parse(preset.text);
   Faults faults("preset " + std::string(preset.name));
+  toml::table file;
+  try {
+    file = toml::parse(preset.text);
+  } catch (const toml::parse_error& error) {
+    faults.add(error.source().begin.line, "TOML", error.description());
+    throw ConfigError(faults.all());
+  }
   toml::table resolved;
   TableReader imu(file["imu"].as_table(), "imu.", 0, faults, resolved);
   PresetErrors errors = {.gyro = read_gyro(imu.child("gyro"), nullptr, rate_hz),
                          .accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, rate_hz),
-                         .gyro_density = sidedness_of(*file["imu"]["gyro"].as_table()),
-                         .accelerometer_density = sidedness_of(*file["imu"]["accelerometer"].as_table())};
+                         .gyro_density = sidedness_of(file["imu"]["gyro"].as_table()),
+                         .accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table())};
   imu.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());
   return errors;

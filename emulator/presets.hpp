@@ -19,7 +19,7 @@ enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
 
 // A file: a line with what it is, a line with its source, then [imu.gyro] and [imu.accelerometer] as in a
 // configuration. The comment "unconfirmed: from memory", "secondary source" or "assumed" after a value marks one that
-// is not from a document of the manufacturer.
+// is not from a document of the manufacturer. Files of users are the same, but need not have the two lines.
 struct Preset {
   std::string_view name;
   std::string_view text;
@@ -33,8 +33,9 @@ struct Preset {
 
 // Returns all of them, sorted by name.
 std::span<const Preset> presets() noexcept;
-// Returns nullptr if there is none of that name.
-const Preset* find_preset(std::string_view name) noexcept;
+// Returns the preset, or that of a user's file, whose path ends with .toml: it is read once, and kept to the end of
+// the program. Returns nullptr if there is none of that name, or the file cannot be read. One thread at a time.
+const Preset* find_preset(std::string_view name);
 
 // Returns the `model` of an imu with this protocol and these settings whose configuration names none: the product's
 // preset, or "white".
@@ -44,7 +45,8 @@ struct PresetErrors {
   TriadErrors gyro, accelerometer;
   Sidedness gyro_density, accelerometer_density;
 };
-// Returns the errors at this sample rate, Hz. Throws ConfigError if they are not possible at that rate.
+// Returns the errors at this sample rate, Hz. Throws ConfigError if they are not possible at that rate, or if a
+// user's file is not right.
 PresetErrors preset_errors(const Preset& preset, double rate_hz);
 
 }  // namespace imud

@@ -151,6 +151,46 @@ TEST_F(PresetsTest, IdealSwitchesEveryErrorOff) {
   EXPECT_TRUE(model("vectornav", {"model=\"ideal\""}).magnetometer.walk_sqrt_cov.isZero(0.0));
 }
 
+TEST_F(PresetsTest, AUsersFileIsAPreset) {
+  const std::string path = folder_ / "mine.toml";
+  const std::string key = "model=\"" + path + "\"";
+  const auto fault = [&] {
+    try {
+      model("native", {"rate_hz=200", key});
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(fault().find("there is no \"" + path), std::string::npos) << fault();
+  std::ofstream(path) << find_preset("mti-300")->text;
+  const ImuModel file = model("native", {"rate_hz=200", key, "gyro.max_deg_per_s=99"});
+  const ImuModel preset = model("native", {"rate_hz=200", "model=\"mti-300\""});
+  EXPECT_EQ(file.gyro.white_density, preset.gyro.white_density);
+  EXPECT_EQ(file.accelerometer.bias_instability, preset.accelerometer.bias_instability);
+  EXPECT_NEAR(file.gyro.max, 99 * deg, 1e-12);
+  EXPECT_EQ(find_preset(path)->summary(), find_preset("mti-300")->summary());
+
+  // Without comments, and with faults, which have the file's name and line.
+  const auto errors_in = [&](const std::string& name, const std::string& text) {
+    std::ofstream(folder_ / name) << text;
+    const Preset* found = find_preset(folder_ / name);
+    EXPECT_EQ(found->summary(), "");
+    EXPECT_EQ(found->source(), "");
+    try {
+      preset_errors(*found, 200);
+    } catch (const ConfigError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  const std::string good = "[imu]\ngyro.max_deg_per_s=1\naccelerometer.max_g=1\n";
+  EXPECT_EQ(errors_in("good.toml", good), "");
+  EXPECT_NE(errors_in("key.toml", good + "gyro.axes=3\n").find("key.toml:4: imu.gyro.axes: "), std::string::npos);
+  EXPECT_NE(errors_in("toml.toml", "[imu\n").find("toml.toml:1: TOML: "), std::string::npos);
+  EXPECT_NE(errors_in("none.toml", "#").find("imu.gyro.max_rad_per_s: missing"), std::string::npos);
+}
+
 // The printed value of every key gives the same errors.
 TEST_F(PresetsTest, ResolveToTheSameErrors) {
   int compared = 0;
