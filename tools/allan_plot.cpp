@@ -63,7 +63,7 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
     for (std::size_t i = 0; i < report.axes.size(); ++i) {
       const auto& axis = report.axes[i];
       if (axis.is_rate() != is_rate) continue;
-      const std::size_t column = 2 + csv_columns_per_axis * i;
+      const std::size_t column = 2 + report.csv_columns_per_axis() * i;
       const auto scaled = [&](std::size_t offset) { return fmt::format("(${}*{})", column + offset, unit.factor); };
       ++color;
       plots += fmt::format("{}{} every ::1 using 1:{}:{} with filledcurves linecolor {} title '{:.3g} %'",
@@ -73,6 +73,10 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
           quoted(data), scaled(0), color, axis.name());
       plots += fmt::format(", \\\n  {} every ::1 using 1:{} with lines linecolor {} dashtype 2 title 'fitted'",
                            quoted(data), scaled(3), color);
+      if (report.against)
+        plots += fmt::format(", \\\n  {} every ::1 using 1:{} with lines linecolor 'black' linewidth 2 dashtype 3 {}",
+                             quoted(data), scaled(4),
+                             color == 1 ? "title " + quoted(report.against->model) : std::string("notitle"));
     }
     if (plots.empty()) continue;
     text += fmt::format("set ylabel '{} deviation in {}'\n{}\n", name_of(report.axes.front().curve.kind),

@@ -124,6 +124,42 @@ bool AllanReport::keeps_all_limits() const {
   return std::ranges::all_of(required, [this](const Requirement& limit) { return holds(limit); });
 }
 
+std::array<TermVerdict, allan_term_count> AllanReport::verdicts(const Axis& axis) const {
+  return compare(axis.curve, axis.fit, against->of[axis.number], tolerance);
+}
+
+bool AllanReport::agrees_with_model() const {
+  return !against || std::ranges::all_of(axes, [this](const Axis& axis) { return agrees(verdicts(axis)); });
+}
+
+std::string AllanReport::comparison_text() const {
+  std::string text =
+      fmt::format("against    {}, within {:.4g} % at {:.4g} % confidence: {}\n", against->model, 100 * tolerance,
+                  100 * (1 - false_difference), agrees_with_model() ? "agrees" : "DIFFERS");
+  for (const Axis& axis : axes) {
+    const auto found = verdicts(axis);
+    std::string name(axis.name());
+    for (std::size_t t = 0; t < allan_term_count; ++t) {
+      if (found[t].is_in_neither) continue;
+      const TermUnit& unit = term_units(axis.is_rate())[t];
+      const auto& value = axis.fit.terms[t].value;
+      const std::string seen = value ? fmt::format("{:.4g}", unit.factor * *value) : "not seen";
+      const auto word = found[t].word;
+      text += fmt::format("{:<10} {} {:<10} for {:.4g} {}: {}\n", name, allan_term_list[t].letter, seen,
+                          unit.factor * found[t].model, unit.datasheet,
+                          word == TermVerdict::Word::agrees    ? "agrees"
+                          : word == TermVerdict::Word::differs ? "DIFFERS"
+                                                               : "undecided, the recording is too short");
+      name.clear();
+    }
+    if (!agrees(found) && std::ranges::none_of(found, [](const TermVerdict& verdict) {
+          return verdict.word == TermVerdict::Word::differs;
+        }))
+      text += fmt::format("{:<10} no term of the model is decided, which counts as a difference\n", name);
+  }
+  return text;
+}
+
 std::string AllanReport::text() const {
   std::string text =
       fmt::format("samples    {} in {:.3f} s, {:.6g} Hz ({})\n", samples,
@@ -150,6 +186,7 @@ std::string AllanReport::text() const {
           "--fit-from\n",
           100 * axis.fit.misfit);
   }
+  if (against) text += comparison_text();
   for (const Requirement& limit : required) {
     const auto value = seen(limit);
     text += fmt::format("required   {}: {}, {}\n", limit.text, holds(limit) ? "holds" : "VIOLATED",
@@ -181,8 +218,21 @@ std::string AllanReport::json() const {
       entry["noise_exponent"].push_back(point.noise);
       entry["fitted"].push_back(expected_deviation(axis.curve.kind, terms, axis.curve.time(point)));
     }
+    if (against) {
+      const auto found = verdicts(axis);
+      for (std::size_t t = 0; t < allan_term_count; ++t) {
+        auto& term = entry[std::string(1, allan_term_list[t].letter)];
+        term["model_si"] = found[t].model;
+        term["verdict"] = name_of(found[t].word);
+      }
+      for (const auto& point : axis.curve.points)
+        entry["model"].push_back(
+            expected_deviation(axis.curve.kind, against->of[axis.number], axis.curve.time(point)));
+    }
     report["axes"][std::string(axis.name())] = std::move(entry);
   }
+  if (against)
+    report["against"] = {{"model", against->model}, {"tolerance", tolerance}, {"agrees", agrees_with_model()}};
   report["required"] = nlohmann::ordered_json::array();
   for (const Requirement& limit : required)
     report["required"].push_back(
@@ -192,16 +242,23 @@ std::string AllanReport::json() const {
 
 std::string AllanReport::csv() const {
   std::string text = "tau_s";
-  for (const Axis& axis : axes) text += fmt::format(",{0},{0}_low,{0}_high,{0}_fitted", axis.name());
+  for (const Axis& axis : axes)
+    text += fmt::format(",{0},{0}_low,{0}_high,{0}_fitted{1}", axis.name(),
+                        against ? fmt::format(",{}_model", axis.name()) : "");
   text += "\n";
   if (axes.empty()) return text;
   for (std::size_t i = 0; i < axes.front().curve.points.size(); ++i) {
     text += fmt::format("{}", axes.front().curve.points[i].tau_s);
     for (const Axis& axis : axes) {
       const auto& point = axis.curve.points[i];
-      const double fitted = expected_deviation(axis.curve.kind, axis.fit.seen(), axis.curve.time(point));
-      text += fmt::format(",{},{},{},{}", point.deviation, point.bounds.low, point.bounds.high,
-                          fitted > 0 ? fmt::format("{}", fitted) : "");
+      // An absent curve is an empty field, which gnuplot leaves out.
+      const auto curve = [&](const AllanTerms& terms) {
+        const double deviation = expected_deviation(axis.curve.kind, terms, axis.curve.time(point));
+        return deviation > 0 ? fmt::format("{}", deviation) : "";
+      };
+      text +=
+          fmt::format(",{},{},{},{}", point.deviation, point.bounds.low, point.bounds.high, curve(axis.fit.seen()));
+      if (against) text += "," + curve(against->of[axis.number]);
     }
     text += "\n";
   }

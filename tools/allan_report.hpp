@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "core/requirement.hpp"
+#include "tools/allan_comparison.hpp"
 #include "tools/allan_curve.hpp"
 #include "tools/allan_fit.hpp"
+#include "tools/model_terms.hpp"
 #include "tools/still_recording.hpp"
 
 namespace imud {
@@ -43,6 +45,8 @@ struct AllanReport {
   double confidence = 0;
   std::vector<Axis> axes;  // with the same averaging times
   std::vector<Requirement> required;
+  std::optional<ModelTerms> against;
+  double tolerance = 0;  // of the comparison with that model; 1: 100 %
 
   // Returns the value of a figure that `--require` may limit: "gyro_x.N" in SI,
   // "gyro_x.angle_random_walk_deg_per_rt_hr", or for the largest of the three axes "gyro.N". A term that is not seen
@@ -51,14 +55,20 @@ struct AllanReport {
   std::optional<double> seen(const Requirement& requirement) const;
   bool holds(const Requirement& requirement) const;
   bool keeps_all_limits() const;
+  // The comparison of an axis with `against`, which there is; and whether every axis agrees, true without a model.
+  std::array<TermVerdict, allan_term_count> verdicts(const Axis& axis) const;
+  bool agrees_with_model() const;
 
   // Returns a table with a line for each term of each axis.
   std::string text() const;
   std::string json() const;
-  // Returns a header and a row for each averaging time: tau_s, then for each axis the deviation, its bounds, and the
-  // deviation that the fitted terms have, in SI.
+  // Returns a header and a row for each averaging time: tau_s, then for each axis the deviation, its bounds, the
+  // deviation that the fitted terms have, and that of the model if there is one, in SI.
   std::string csv() const;
+  std::size_t csv_columns_per_axis() const noexcept { return against ? 5 : 4; }
+
+ private:
+  std::string comparison_text() const;
 };
-inline constexpr std::size_t csv_columns_per_axis = 4;
 
 }  // namespace imud

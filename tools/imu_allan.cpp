@@ -17,6 +17,7 @@
 #include "tools/measurement_input.hpp"
 #include "tools/npy_file.hpp"
 #include "tools/number_check.hpp"
+#include "tools/preset_text.hpp"
 #include "tools/setting_texts.hpp"
 #include "tools/still_recording.hpp"
 #include "tools/stop_signal.hpp"
@@ -42,7 +43,9 @@ struct Options {
   double fit_from_s = 0;
   double fit_to_s = std::numeric_limits<double>::infinity();
   std::vector<std::string> limits;
-  std::string json_path, data_path, plot_path;
+  std::string against;
+  double tolerance_percent = 10;
+  std::string json_path, data_path, plot_path, preset_path;
 };
 
 AllanKind kind_named(const std::string& name) {
@@ -61,9 +64,11 @@ void check_outputs(Options& options) {
     if (is_standard_output(options.data_path))
       throw std::invalid_argument("--data -: the data of a plot are a file; right would be --data FILE");
   }
+  if (!options.preset_path.empty() && !options.preset_path.ends_with(".toml"))
+    throw std::invalid_argument(fmt::format("--to-config {}: right would be FILE.toml", options.preset_path));
   const std::string& port = options.input.port;
   const std::string address = options.input.protocol == array_file ? port : port.substr(port.find(':') + 1);
-  for (const std::string& path : {options.json_path, options.data_path, options.plot_path})
+  for (const std::string& path : {options.json_path, options.data_path, options.plot_path, options.preset_path})
     if (!path.empty() && (is_same_file(address, path) || is_same_file(address.substr(0, address.find('?')), path)))
       throw std::invalid_argument(path + ": is the input; give another file");
 }
@@ -112,6 +117,9 @@ int analyse(Options& options, bool& running) {
   report.protocol = options.input.protocol;
   report.port = options.input.port;
   report.confidence = options.confidence;
+  report.tolerance = options.tolerance_percent / 100;
+  // A wrong name is found before the recording, not after its hour; the terms at the recording's rate come later.
+  if (!options.against.empty()) report.against = model_terms(options.against, 0);
   const AllanKind kind = kind_named(options.kind);
   for (const std::string& limits : options.limits)
     for (Requirement& limit : parse_requirements(limits)) report.required.push_back(std::move(limit));
@@ -124,6 +132,7 @@ int analyse(Options& options, bool& running) {
   } else {
     report.recording = record_port(options, running, report.ended_by);
   }
+  if (!options.against.empty()) report.against = model_terms(options.against, report.recording.rate_hz);
   running = true;
   report.samples = report.recording.samples();
   for (auto& channel : report.recording.channels) {
@@ -138,8 +147,9 @@ int analyse(Options& options, bool& running) {
     fmt::print("{}", report.text());
   if (!options.json_path.empty()) write_file(options.json_path, report.json());
   if (!options.data_path.empty()) write_file(options.data_path, report.csv());
+  if (!options.preset_path.empty()) write_file(options.preset_path, preset_text(report));
   if (!options.plot_path.empty()) run_gnuplot(plot_commands(report, options.data_path, options.plot_path));
-  return report.keeps_all_limits() ? 0 : limit_broken;
+  return report.keeps_all_limits() && report.agrees_with_model() ? 0 : limit_broken;
 }
 
 int execute(int argc, char** argv) {
@@ -197,6 +207,17 @@ int execute(int argc, char** argv) {
                  "gyro_x.angle_random_walk_deg_per_rt_hr<0.15; several with commas; may be repeated")
       ->allow_extra_args(false)
       ->type_name("LIMIT");
+  app.add_option("--against", options.against,
+                 "compares each term with that of a preset of imud, or of a TOML file like one; exits with 3 if one\n"
+                 "differs; the plot has its curve")
+      ->type_name("PRESET|FILE.toml");
+  app.add_option("--tolerance", options.tolerance_percent,
+                 "difference of a term that --against allows, beside its confidence interval; default: 10")
+      ->check(number_check(0, 99))
+      ->type_name("PERCENT");
+  app.add_option("--to-config", options.preset_path,
+                 "writes the terms as a model for imud, which reads it with model = \"FILE.toml\"")
+      ->type_name("FILE.toml");
   app.add_option("--json", options.json_path, "writes the result as JSON; - is standard output")->type_name("FILE");
   app.add_option("--data", options.data_path, "writes the deviations as CSV; - is standard output")
       ->type_name("FILE");
@@ -205,8 +226,8 @@ int execute(int argc, char** argv) {
   app.footer(
       fmt::format("\n{}\n{}\nExit codes: 0 done, 1 failed while running or the recording is no good, 2 the command "
                   "line is wrong or "
-                  "the port cannot be opened, 3 a limit of --require is broken.\n"
-                  "Example: imu-allan stim300 serial:/dev/ttyUSB0 --for 3600 --plot stim300.svg",
+                  "the port cannot be opened, 3 a limit of --require is broken or --against differs.\n"
+                  "Example: imu-allan stim300 serial:/dev/ttyUSB0 --for 3600 --against stim300 --plot stim300.svg",
                   known_protocols(), known_ports()));
   try {
     app.parse(argc, argv);

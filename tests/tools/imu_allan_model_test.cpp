@@ -1,0 +1,205 @@
+// imu-allan and imud against one another: recordings of imud's models, and models made of recordings.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstdint>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "core/units.hpp"
+#include "tests/support/text.hpp"
+#include "tests/tools/run_program.hpp"
+#include "tests/transports/scratch_folder.hpp"
+#include "tools/allan_comparison.hpp"
+#include "tools/model_terms.hpp"
+
+namespace imud {
+namespace {
+
+using Word = TermVerdict::Word;
+constexpr double deg = units::degree, mg = 1e-3 * units::standard_gravity, hour = 3600, root_hour = 60;
+
+class ImuAllanModel : public testing::Test {
+ protected:
+  // model_terms() runs imud, which does not stand beside this program.
+  ImuAllanModel() {
+    const char* const path = std::getenv("PATH");
+    ::setenv("PATH", fmt::format("{}:{}", IMUD_BIN_DIR, path != nullptr ? path : "").c_str(), 1);
+  }
+
+  // Writes what a sensor of 100 Hz at rest with these keys sends in half an hour, and returns its port.
+  std::string recording(const std::vector<std::string>& keys, const std::string& name = "sent") const {
+    std::ofstream truth(folder_ / "truth.csv");
+    truth << "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3";
+    for (const char* quantity : {"r_BN_N", "v_BN_N", "omega_BN_B", "omegaDot_BN_B", "nonConservativeAccelpntB_B"})
+      for (const char axis : {'x', 'y', 'z'}) truth << ',' << quantity << '_' << axis;
+    for (std::int64_t minute = 0; minute <= 30; ++minute)
+      truth << '\n' << 60'000'000'000 * minute << ",0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,-9.80665";
+    truth << '\n';
+    truth.close();
+    std::ofstream config(folder_ / "imu.toml");
+    config << "clock = \"fast\"\n[truth]\nport = \"file:" << folder_ / "truth.csv"
+           << "\"\nformat = \"csv\"\n[[imu]]\nprotocol = \"native\"\nrate_hz = 100\nport = \"file:" << folder_ / name
+           << "\"\n";
+    for (const std::string& key : keys) config << key << "\n";
+    config.close();
+    const auto run = run_program("imud", {"run", folder_ / "imu.toml"});
+    EXPECT_EQ(run.exit_code, 0) << run.errors;
+    return "file:" + (folder_ / name);
+  }
+
+  ScratchFolder folder_;
+};
+
+TEST_F(ImuAllanModel, ARecordingOfAPresetAgreesWithItAndWithNoOther) {
+  const std::string port = recording({"model = \"vn-100\""});
+  const auto same =
+      run_program("imu-allan", {"native", port, "--against", "vn-100", "--json", folder_ / "same.json"});
+  EXPECT_EQ(same.exit_code, 0) << same.output << same.errors;
+  EXPECT_TRUE(contains(same.output, "against    vn-100, within 10 % at 99.9 % confidence: agrees\n"));
+  EXPECT_TRUE(contains(same.output, " for 0.21 deg/sqrt(h): agrees\n")) << same.output;
+  const auto json = nlohmann::json::parse(std::ifstream(folder_ / "same.json"));
+  EXPECT_EQ(json["against"]["agrees"], true);
+  const auto& axis = json["axes"]["gyro_z"];
+  EXPECT_NEAR(axis["N"]["model_si"].get<double>(), 0.0035 * deg, 1e-12);
+  EXPECT_EQ(axis["N"]["verdict"], "agrees");
+  EXPECT_EQ(axis["model"].size(), axis["tau_s"].size());
+
+  const auto other = run_program("imu-allan", {"native", port, "--against", "stim300"});
+  EXPECT_EQ(other.exit_code, 3);
+  EXPECT_TRUE(contains(other.output, "against    stim300, within 10 % at 99.9 % confidence: DIFFERS\n"));
+  EXPECT_TRUE(contains(other.output, " for 0.15 deg/sqrt(h): DIFFERS\n")) << other.output;
+}
+
+// The axis whose term is wrong by 20 % is found, and no other.
+TEST_F(ImuAllanModel, AnErrorOfTwentyPercentIsFound) {
+  const std::string port =
+      recording({"model = \"vn-100\"", "gyro.noise_density_deg_per_s_per_rt_hz = [0.0035, 0.0042, 0.0035]",
+                 "accelerometer.noise_density_mg_per_rt_hz = [0.14, 0.14, 0.112]"});
+  const auto result =
+      run_program("imu-allan", {"native", port, "--against", "vn-100", "--json", folder_ / "result.json"});
+  EXPECT_EQ(result.exit_code, 3);
+  const auto json = nlohmann::json::parse(std::ifstream(folder_ / "result.json"));
+  for (const auto& [name, axis] : json["axes"].items())
+    for (const char* term : {"Q", "N", "B", "K", "R"})
+      EXPECT_EQ(axis[term]["verdict"] == "differs", *term == 'N' && (name == "gyro_y" || name == "accel_z"))
+          << name << term << result.output;
+}
+
+TEST_F(ImuAllanModel, ThePlotHasTheCurveOfTheModel) {
+  const std::string port = recording({"model = \"vn-100\""});
+  const auto result =
+      run_program("imu-allan", {"native", port, "--against", "vn-100", "--plot", folder_ / "noise.svg"});
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_EQ(result.errors, "");
+  std::ifstream file(folder_ / "noise.svg");
+  EXPECT_TRUE(contains(std::string(std::istreambuf_iterator<char>(file), {}), "vn-100"));
+  std::ifstream data(folder_ / "noise.csv");
+  std::string header, row;
+  std::getline(data, header);
+  std::getline(data, row);
+  EXPECT_TRUE(header.starts_with("tau_s,gyro_x,gyro_x_low,gyro_x_high,gyro_x_fitted,gyro_x_model,gyro_y,")) << header;
+  EXPECT_EQ(std::ranges::count(row, ','), 30) << row;
+}
+
+// A sensor of known terms becomes a preset: N within 2 %, B and K within 25 %, which is 4 standard errors or more in
+// half an hour. imud accepts it, and a recording of that model agrees with it.
+TEST_F(ImuAllanModel, ARecordingBecomesAPreset) {
+  const std::string preset = folder_ / "mine.toml";
+  const auto made = run_program(
+      "imu-allan",
+      {"native",
+       recording({"gyro.max_deg_per_s = 300", "gyro.angle_random_walk_deg_per_rt_hr = [0.2, 0.3, 0.4]",
+                  "gyro.bias_instability_deg_per_hr = [20, 30, 0]", "gyro.bias_instability_from_s = 0.1",
+                  "accelerometer.max_g = 8", "accelerometer.velocity_random_walk_m_per_s_per_rt_hr = 0.05",
+                  "accelerometer.acceleration_random_walk_mg_per_rt_hr = [0, 2, 3]"}),
+       "--to-config", preset});
+  EXPECT_EQ(made.exit_code, 0) << made.errors;
+  const ModelTerms terms = model_terms(preset, 100);
+  const std::array<AllanTerms, 6> wanted = {{
+      {.N = 0.2 * deg / root_hour, .B = 20 * deg / hour},
+      {.N = 0.3 * deg / root_hour, .B = 30 * deg / hour},
+      {.N = 0.4 * deg / root_hour},
+      {.N = 0.05 / root_hour},
+      {.N = 0.05 / root_hour, .K = 2 * mg / root_hour},
+      {.N = 0.05 / root_hour, .K = 3 * mg / root_hour},
+  }};
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    EXPECT_NEAR(terms.of[i].N, wanted[i].N, 0.02 * wanted[i].N) << i;
+    EXPECT_NEAR(terms.of[i].B, wanted[i].B, 0.25 * wanted[i].B) << i;
+    EXPECT_NEAR(terms.of[i].K, wanted[i].K, 0.25 * wanted[i].K) << i;
+  }
+  const std::string again = recording({"model = \"" + preset + "\""}, "again");
+  const auto result = run_program("imu-allan", {"native", again, "--against", preset});
+  EXPECT_EQ(result.exit_code, 0) << result.output << result.errors;
+}
+
+TEST_F(ImuAllanModel, AModelThatIsNotRightIsAnErrorWithTheRemedy) {
+  std::ofstream(folder_ / "no.toml") << "[imu.gyro]\nmax_deg_per_s = = 3\n";
+  std::ofstream(folder_ / "lacking.toml") << "[imu.gyro]\nmax_deg_per_s = 300\nangle_random_walk = 1\n";
+  const struct {
+    std::string model;
+    std::string_view message;
+  } cases[] = {
+      {"vn100", "there is no \"vn100\"; did you mean \"vn-100\"?"},
+      {folder_ / "absent.toml", "absent.toml\"; known: white, ideal, "},
+      {folder_ / "no.toml", "no.toml:2: TOML: "},
+      {folder_ / "lacking.toml", "lacking.toml:3: imu.gyro.angle_random_walk: unknown key"},
+  };
+  for (const auto& [model, message] : cases) {
+    const auto result = run_program("imu-allan", {"npy", folder_ / "none", "--rate-hz", "100", "--against", model});
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_TRUE(contains(result.errors, message)) << result.errors;
+    EXPECT_EQ(result.output, "");
+  }
+  const auto result = run_program("imu-allan", {"native", "file:/dev/null", "--to-config", "mine.txt"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_TRUE(contains(result.errors, "--to-config mine.txt: right would be FILE.toml")) << result.errors;
+}
+
+// By numbers chosen by hand: N is known to 1 %, B to 50 %, K is not seen.
+TEST(AllanComparison, EachRule) {
+  AllanCurve curve;
+  curve.period_s = 0.01;
+  for (const std::size_t factor : {1U, 100U, 10'000U})
+    curve.points.push_back({factor, 0.01 * static_cast<double>(factor), 1, 0, 1, {}});
+  AllanFit fit;
+  fit.terms[1] = {.value = 1, .error = 0.01, .least_seen = 0.1};
+  fit.terms[2] = {.value = 0.5, .error = 0.05, .least_seen = 0.1};
+  fit.terms[3] = {.value = {}, .error = 0, .least_seen = 0.01};
+  const auto words = [&](const AllanTerms& model, double tolerance) {
+    const auto verdicts = compare(curve, fit, model, tolerance);
+    return std::array{verdicts[1].word, verdicts[2].word, verdicts[3].word};
+  };
+  using Words = std::array<Word, 3>;
+  // 3.29 standard errors and the tolerance.
+  EXPECT_EQ(words({.N = 1.03, .B = 0.65}, 0), (Words{Word::agrees, Word::agrees, Word::agrees}));
+  EXPECT_EQ(words({.N = 1.04, .B = 0.70}, 0), (Words{Word::differs, Word::differs, Word::agrees}));
+  EXPECT_EQ(words({.N = 1.14, .B = 0.73}, 0.1), (Words{Word::agrees, Word::agrees, Word::agrees}));
+  EXPECT_EQ(words({.N = 1.16, .B = 0.75}, 0.1), (Words{Word::differs, Word::differs, Word::agrees}));
+  EXPECT_EQ(words({.N = 0.95, .B = 0.25}, 0.1)[1], Word::differs);
+  // A term that is not seen.
+  EXPECT_EQ(words({.N = 1, .B = 0.5, .K = 0.019}, 0)[2], Word::undecided);
+  EXPECT_EQ(words({.N = 1, .B = 0.5, .K = 0.021}, 0)[2], Word::differs);
+  EXPECT_EQ(words({.N = 1, .B = 0.5, .K = 0.021}, 0.1)[2], Word::undecided);
+  // A term that the model does not have: at 100 s, 0.664 (0.5 - 0.1645) is 0.223, beside 0.1 of N; beside 0.6 of a K
+  // of 0.1 it adds 7 %.
+  EXPECT_EQ(words({.N = 1}, 0.5)[1], Word::differs);
+  EXPECT_EQ(words({.N = 1, .K = 0.1}, 0.1)[1], Word::agrees);
+
+  EXPECT_TRUE(agrees(compare(curve, fit, {.N = 1, .B = 0.5}, 0.1)));
+  EXPECT_TRUE(agrees(compare(curve, fit, {.N = 1, .B = 0.5, .K = 0.01}, 0.1)));
+  EXPECT_FALSE(agrees(compare(curve, fit, {.N = 2, .B = 0.5}, 0.1)));
+  // Nothing of the model is decided.
+  fit = {};
+  fit.terms[3].least_seen = 1;
+  EXPECT_FALSE(agrees(compare(curve, fit, {.K = 0.1}, 0.1)));
+  EXPECT_TRUE(agrees(compare(curve, AllanFit{}, {}, 0.1)));
+}
+
+}  // namespace
+}  // namespace imud
