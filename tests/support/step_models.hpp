@@ -52,6 +52,7 @@ inline TriadErrors tactical_errors(double white_density, double bias_instability
   errors.flicker_from_s = 1;
   errors.flicker_to_s = 40;
   errors.random_walk_density = Vector3::Constant(random_walk);
+  errors.filter.cut_off_hz = Vector3::Constant(262);
   errors.lsb = 1e-3 * white_density;
   errors.increment_lsb = 1e-6 * white_density;
   errors.max = max;
