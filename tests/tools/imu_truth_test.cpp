@@ -23,7 +23,7 @@ std::unique_ptr<TruthDecoder> decoder_of(std::string_view format) {
   return found->make(Settings(found->settings));
 }
 
-std::string text_of(std::span<const std::byte> bytes) {
+std::string datagram_text(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
@@ -122,7 +122,7 @@ TEST(ImuTruth, SendsRows) {
   EXPECT_EQ(result.exit_code, 0);
   const auto datagrams = receiver.receive_all();
   ASSERT_EQ(datagrams.size(), 22U);
-  EXPECT_TRUE(text_of(datagrams[0]).starts_with("time_ns,r_BN_N_x,"));
+  EXPECT_TRUE(datagram_text(datagrams[0]).starts_with("time_ns,r_BN_N_x,"));
   const auto truths = truths_in(datagrams, "csv");
   ASSERT_EQ(truths.size(), 21U);
   for (const Truth& truth : truths) expect_same(truth, find_motion("spiral")->at(truth.time, {}));
@@ -296,7 +296,7 @@ TEST(ImuTruth, ResendsACaptureByteForByte) {
     EXPECT_EQ(result.exit_code, 0) << result.errors;
     EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(200));
     std::vector<std::string> texts;
-    for (const auto& datagram : receiver.receive_all()) texts.push_back(text_of(datagram));
+    for (const auto& datagram : receiver.receive_all()) texts.push_back(datagram_text(datagram));
     EXPECT_EQ(texts, (std::vector<std::string>{"first", "second", "", "last"}));
   }
   LoopbackSocket receiver;
