@@ -32,7 +32,6 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       rest_(model.earth),
       magnetometer_(model.magnetometer, Quantity::magnetic_field, 1.0 / model.rate_hz),
       temperature_(model.temperature, model.temperature_c),
-      temperature_c_(model.temperature_c),
       barometer_(model.barometer, 1.0 / model.rate_hz),
       navigation_(model.navigation, 1.0 / model.rate_hz),
       is_disturbed_(vibration_.is_on() || size_effect_.is_on()) {}
@@ -184,7 +183,7 @@ template <class Out>
                      .since_power_on = since_power_on,
                      .specific_force = specific_force,
                      .delta_velocity = delta_velocity,
-                     .temperature_c = temperature_c_,
+                     .temperature_c = temperature_.sensor_c(),
                      .value = value,
                      .increment = increment,
                      .begins_run = begins_run};
@@ -261,11 +260,9 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   Sample out;
   out.time = stamp;
   out.counter = counter_;
-  out.temperature_c = temperature_c_;
-  if (temperature_.is_on()) [[unlikely]] {
-    temperature_c_ = temperature_.at(seconds(stamp - DeviceTime{}));
-    out.temperature_c = temperature_.reported(seconds(stamp - DeviceTime{}));
-  }
+  if (temperature_.is_on()) [[unlikely]]
+    temperature_.update(seconds(stamp - DeviceTime{}), surroundings_c_);
+  out.temperature_c = temperature_.reported_c();
 
   Vector3 delta_angle = Vector3::Zero();
   Vector3 delta_velocity = Vector3::Zero();
@@ -317,6 +314,8 @@ IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, Dev
       while (has_internal_left()) take_internal(timeline, std::min(next_internal(), time));
     accumulate(timeline, now);
   }
+  if (temperature_.follows_truth()) [[unlikely]]
+    surroundings_c_ = timeline.temperature_c(time);
   Sample out = sense(now, time, is_first, stamp);
   if (earth_.is_on()) {
     sense_earth(earth_, timeline.position(now.time), now, out);
@@ -397,7 +396,7 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
                     .since_power_on = seconds(out.time - DeviceTime{}),
                     .specific_force = none,
                     .delta_velocity = none,
-                    .temperature_c = temperature_c_,
+                    .temperature_c = temperature_.sensor_c(),
                     .value = out.magnetic_field,
                     .increment = none,
                     .begins_run = !had_field_};

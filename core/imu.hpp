@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/barometer.hpp"
 #include "core/earth.hpp"
@@ -166,7 +167,7 @@ class Imu {
   Rest rest_;
   Triad magnetometer_;
   Temperature temperature_;
-  double temperature_c_;  // of the sensor in the current sample
+  std::optional<double> surroundings_c_;  // by the truth of the current sample
   Barometer barometer_;
   NavigationError navigation_;
   bool is_disturbed_;       // disturb() does something

@@ -8,10 +8,10 @@
 
 namespace imud {
 
-double Temperature::at(double t) const noexcept {
-  double temperature = constant_c_;
+double Temperature::at(double t, std::optional<double> truth_c) const noexcept {
+  double temperature = truth_c.value_or(constant_c_);
   const std::vector<double>&time = model_.profile_s, &value = model_.profile_c;
-  if (!time.empty()) {
+  if (!time.empty() && !truth_c) {
     const auto next = static_cast<std::size_t>(std::upper_bound(time.begin(), time.end(), t) - time.begin());
     if (next == 0)
       temperature = value.front();
@@ -26,11 +26,24 @@ double Temperature::at(double t) const noexcept {
   return temperature;
 }
 
+double Temperature::measured(double temperature) const noexcept {
+  temperature += model_.offset_c;
+  return model_.lsb_c > 0.0 ? model_.lsb_c * std::floor(temperature / model_.lsb_c + 0.5) : temperature;
+}
+
 double Temperature::reported(double t) const noexcept {
-  // The small number: t of the instant itself may be rounded down.
-  if (model_.rate_hz > 0.0) t = std::floor(t * model_.rate_hz + 1e-6) / model_.rate_hz;
-  const double measured = at(t) + model_.offset_c;
-  return model_.lsb_c > 0.0 ? model_.lsb_c * std::floor(measured / model_.lsb_c + 0.5) : measured;
+  // measurement() adds a small number, because t of the instant itself may be rounded down.
+  return measured(at(model_.rate_hz > 0.0 ? measurement(t) / model_.rate_hz : t));
+}
+
+void Temperature::update(double t, std::optional<double> truth_c) noexcept {
+  sensor_c_ = at(t, truth_c);
+  if (!truth_c) {
+    reported_c_ = reported(t);
+  } else if (model_.rate_hz == 0.0 || measurement(t) != measurement_) {
+    measurement_ = measurement(t);
+    reported_c_ = measured(sensor_c_);
+  }
 }
 
 }  // namespace imud

@@ -136,6 +136,8 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.state.omega_BN_B = truth.omega_BN_B;
   k.state.dv_N.setZero();
   k.position = {truth.has_position, truth.time, truth.r_BN_N, truth.v_BN_N};
+  k.has_temperature = truth.has_temperature;
+  k.temperature_c = truth.temperature_c;
   k.has_angular_acceleration = truth.has_angular_acceleration;
   k.state.omegaDot_BN_B = truth.has_angular_acceleration ? truth.omegaDot_BN_B : Vector3::Zero();
   k.accumulated_dv = truth.accumulated_dv;
@@ -317,6 +319,17 @@ PositionVelocity Timeline::position(TruthTime time) const noexcept {
   const Vector3 &v1 = begin.position.v_N, &v2 = end.position.v_N;
   return {true, time, begin.position.r_N + Hermite::value(s)(h * v1, step, h * v2),
           Hermite::derivative(s)(v1, step / h, v2)};
+}
+
+std::optional<double> Timeline::temperature_c(TruthTime time) const noexcept {
+  std::size_t i = count_ - 1;
+  if (time <= newest()) i = time <= knot(0).state.time ? 0 : segment_end(time);
+  const Knot& end = knot(i);
+  if (!end.has_temperature) return std::nullopt;
+  if (i == 0 || time >= end.state.time || !knot(i - 1).has_temperature) return end.temperature_c;
+  const Knot& begin = knot(i - 1);
+  const double s = seconds(time - begin.state.time) / end.h_s;
+  return begin.temperature_c + s * (end.temperature_c - begin.temperature_c);
 }
 
 TruthTime Timeline::next_truth(TruthTime time) const noexcept {

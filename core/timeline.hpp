@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "core/truth.hpp"
@@ -124,6 +125,11 @@ class Timeline {
   // before the oldest truth, that truth's own. Must not be called if empty().
   PositionVelocity position(TruthTime time) const noexcept;
 
+  // Returns the temperature of the surroundings at `time`, degrees Celsius: linear between two truths that carry it,
+  // after the newest truth and before the oldest one that truth's own; nullopt if the truth there has none. Must not
+  // be called if empty().
+  std::optional<double> temperature_c(TruthTime time) const noexcept;
+
   // Returns the time of the first truth after `time`, or `never`. at() is smooth between `time` and there.
   TruthTime next_truth(TruthTime time) const noexcept;
 
@@ -134,6 +140,8 @@ class Timeline {
   struct Knot {
     MotionState state;  // at this truth
     PositionVelocity position;
+    bool has_temperature = false;
+    double temperature_c = 0;
     AccumulatedDv accumulated_dv = AccumulatedDv::none;
     Vector3 accumulated_dv_B = Vector3::Zero();
     bool has_specific_force = false;

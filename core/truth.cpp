@@ -10,7 +10,8 @@ bool within(const Vector3& v, double limit) { return v.cwiseAbs().maxCoeff() <= 
 
 bool is_finite(const Truth& t) noexcept {
   return t.r_BN_N.allFinite() && t.v_BN_N.allFinite() && t.q_NB.coeffs().allFinite() && t.omega_BN_B.allFinite() &&
-         t.omegaDot_BN_B.allFinite() && t.specific_force_B.allFinite() && t.accumulated_dv_B.allFinite();
+         t.omegaDot_BN_B.allFinite() && t.specific_force_B.allFinite() && t.accumulated_dv_B.allFinite() &&
+         std::isfinite(t.temperature_c);
 }
 
 bool is_in_range(const Truth& t) noexcept {
@@ -18,7 +19,8 @@ bool is_in_range(const Truth& t) noexcept {
   return t.time.ns > -time_limit && t.time.ns < time_limit && within(t.r_BN_N, truth_limit::position) &&
          within(t.v_BN_N, truth_limit::velocity) && std::abs(t.q_NB.squaredNorm() - 1.0) <= 2e-6 &&
          within(t.omega_BN_B, truth_limit::rate) && within(t.omegaDot_BN_B, truth_limit::angular_acceleration) &&
-         within(t.specific_force_B, truth_limit::specific_force) && within(t.accumulated_dv_B, truth_limit::velocity);
+         within(t.specific_force_B, truth_limit::specific_force) &&
+         within(t.accumulated_dv_B, truth_limit::velocity) && std::abs(t.temperature_c) <= truth_limit::temperature;
 }
 
 }  // namespace imud

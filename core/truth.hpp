@@ -38,6 +38,9 @@ struct Truth {
 
   AccumulatedDv accumulated_dv = AccumulatedDv::none;
   Vector3 accumulated_dv_B = Vector3::Zero();  // m/s; integral of the specific force, from an arbitrary origin
+
+  bool has_temperature = false;
+  double temperature_c = 0;  // degrees Celsius; of the sensor's surroundings
 };
 
 // Returns whether every number of `truth`, given or not, is finite.
@@ -50,6 +53,7 @@ inline constexpr double velocity = 1e9;              // m/s; of the accumulated 
 inline constexpr double rate = 1e5;                  // rad/s
 inline constexpr double angular_acceleration = 1e8;  // rad/s^2
 inline constexpr double specific_force = 1e8;        // m/s^2
+inline constexpr double temperature = 1e4;           // degrees Celsius
 }  // namespace truth_limit
 
 // Returns whether every number of a finite `truth` is in the model's range, and the quaternion's length within 1e-6

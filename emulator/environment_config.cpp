@@ -89,6 +89,7 @@ TemperatureModel read_temperature(TableReader table) {
   const std::size_t count = model.profile_s.size();
   if (!fits(table, "profile_c", model.profile_c, "profile_s", count) && count > 0 && !table.has("profile_c"))
     table.fault("profile_s", "has no temperatures; give profile_c");
+  model.from_truth = table.flag("from_truth", model.from_truth);
   model.warm_up_c = table.real("warm_up_c", model.warm_up_c, -1000, 1000);
   model.warm_up_s = table.real("warm_up_s", model.warm_up_s, 1e-3, 1e9);
   model.offset_c = table.real("offset_c", model.offset_c, -1000, 1000);

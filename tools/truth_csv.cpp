@@ -37,13 +37,15 @@ unsigned parts_of(const Truth& truth) {
   return (truth.has_position ? TruthParts::position : TruthParts::none) |
          (truth.has_angular_acceleration ? TruthParts::angular_acceleration : TruthParts::none) |
          (truth.has_specific_force ? TruthParts::specific_force : TruthParts::none) |
-         (truth.accumulated_dv != AccumulatedDv::none ? TruthParts::accumulated_dv : TruthParts::none);
+         (truth.accumulated_dv != AccumulatedDv::none ? TruthParts::accumulated_dv : TruthParts::none) |
+         (truth.has_temperature ? TruthParts::temperature : TruthParts::none);
 }
 
 std::string truth_csv_header(unsigned parts) {
   std::string row = "time_ns";
   for (const Columns& group : columns)
     if ((group.part & ~parts) == 0) row.append(",").append(group.names);
+  if ((parts & TruthParts::temperature) != 0) row.append(",temperature_c");
   return row + "\n";
 }
 
@@ -53,6 +55,7 @@ std::string truth_csv_row(const Truth& truth, unsigned parts) {
     if ((group.part & ~parts) != 0) continue;
     for (const double component : group.value(truth)) fmt::format_to(std::back_inserter(row), ",{}", component);
   }
+  if ((parts & TruthParts::temperature) != 0) fmt::format_to(std::back_inserter(row), ",{}", truth.temperature_c);
   return row + "\n";
 }
 

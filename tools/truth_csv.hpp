@@ -15,16 +15,17 @@ struct TruthParts {
     angular_acceleration = 2,
     specific_force = 4,
     accumulated_dv = 8,
-    all = 15
+    motion = 15,  // all of the above
+    temperature = 16
   };
 };
 unsigned parts_of(const Truth& truth);
 
 // Returns the header row, with its LF.
-std::string truth_csv_header(unsigned parts = TruthParts::all);
+std::string truth_csv_header(unsigned parts = TruthParts::motion);
 
 // Returns a row with these parts, with its LF; `truth` must have them. Each double has the shortest text that is read
 // back as the same double.
-std::string truth_csv_row(const Truth& truth, unsigned parts = TruthParts::all);
+std::string truth_csv_row(const Truth& truth, unsigned parts = TruthParts::motion);
 
 }  // namespace imud

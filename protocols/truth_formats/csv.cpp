@@ -2,8 +2,9 @@
 //
 // `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required. `r_BN_N_x..z` (m),
 // `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific force, m/s^2) and
-// `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present. Lines that begin with '#' are
-// ignored, and so are other columns, which describe() names. The names are those of Basilisk's SCStatesMsgPayload.
+// `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present, and so is `temperature_c`. Lines that
+// begin with '#' are ignored, and so are other columns, which describe() names. The names but the last are those of
+// Basilisk's SCStatesMsgPayload.
 // Columns are separated by what the header row has: commas, semicolons or tabs; the decimal sign is a point.
 #include <cmath>
 
@@ -17,7 +18,7 @@ namespace {
 // clang-format off
 enum Column : std::size_t {
   time_ns = 0, sigma_BN = 1, omega_BN_B = 4, r_BN_N = 7, v_BN_N = 10, omegaDot_BN_B = 13, specific_force_B = 16,
-  accumulated_dv_B = 19,
+  accumulated_dv_B = 19, temperature_c = 22,
 };
 
 constexpr std::string_view names[] = {
@@ -29,6 +30,7 @@ constexpr std::string_view names[] = {
     "omegaDot_BN_B_x", "omegaDot_BN_B_y", "omegaDot_BN_B_z",
     "nonConservativeAccelpntB_B_x", "nonConservativeAccelpntB_B_y", "nonConservativeAccelpntB_B_z",
     "TotalAccumDV_BN_B_x", "TotalAccumDV_BN_B_y", "TotalAccumDV_BN_B_z",
+    "temperature_c",
 };
 // clang-format on
 constexpr ColumnGroup group(Column first, std::size_t size, std::string_view help,
@@ -45,6 +47,7 @@ constexpr ColumnGroup column_groups[] = {
     group(omegaDot_BN_B, 3, "angular acceleration, in B, rad/s^2"),
     group(specific_force_B, 3, "specific force of B's origin, in B, m/s^2"),
     group(accumulated_dv_B, 3, "accumulated velocity of B's origin without gravity, m/s; see accumulated_dv"),
+    group(temperature_c, 1, "temperature of the sensor's surroundings, degrees Celsius; see [imu.temperature]"),
 };
 constexpr std::size_t required_columns = column_count(column_groups, ColumnGroup::required);
 constexpr ColumnNames column_names = {names, required_columns, "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z"};
@@ -55,7 +58,8 @@ constexpr ColumnLimit limits[] = {{7e153, ""},
                                   {truth_limit::velocity, "m/s"},
                                   {truth_limit::angular_acceleration, "rad/s^2"},
                                   {truth_limit::specific_force, "m/s^2"},
-                                  {truth_limit::velocity, "m/s"}};
+                                  {truth_limit::velocity, "m/s"},
+                                  {truth_limit::temperature, "degrees Celsius"}};
 
 constexpr std::string_view accumulations[] = {"inertial", "body_sum", "none"};
 
@@ -120,6 +124,9 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
     auto result = read_time(truth.time);
     for (const auto& group : groups)
       if (result == TruthResult::ok && group.given) result = columns().read(group.column, group.vector);
+    truth.has_temperature = columns().has(temperature_c, 1);
+    if (result == TruthResult::ok && truth.has_temperature)
+      result = columns().read(temperature_c, truth.temperature_c);
     if (result != TruthResult::ok) return result;
     if (!sigma.allFinite()) return TruthResult::not_finite;
     if (!std::isfinite(sigma.squaredNorm())) return TruthResult::out_of_range;
@@ -128,7 +135,7 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
   }
 
   bool reads(std::size_t wanted) const noexcept override {
-    if (wanted < required_columns) return true;
+    if (wanted < required_columns || wanted == temperature_c) return true;
     if (wanted >= accumulated_dv_B && accumulation_ == AccumulatedDv::none) return false;
     return columns().has(wanted - (wanted - r_BN_N) % 3, 3);
   }

@@ -66,6 +66,59 @@ TEST(Temperature, IsReportedInStepsOfItsRateAndItsLsb) {
   EXPECT_NEAR(rounded.at(0.19), 0.19, 1e-12);
 }
 
+TEST(Temperature, OfTheTruthIsReportedInStepsOfItsRate) {
+  TemperatureModel model;
+  model.profile_s = {0};
+  model.profile_c = {5};
+  model.from_truth = true;
+  model.warm_up_c = 20;
+  model.warm_up_s = 300;
+  model.offset_c = 0.5;
+  model.rate_hz = 10;
+  Temperature temperature(model, 15);
+  EXPECT_TRUE(temperature.follows_truth());
+  const auto warm_up = [](double t) { return 20 * (1 - std::exp(-t / 300)); };
+  double reported = 0;
+  for (int k = 0; k < 100; ++k) {
+    const double t = 0.01 * k, truth_c = -40 + t;
+    temperature.update(t, truth_c);
+    EXPECT_NEAR(temperature.sensor_c(), truth_c + warm_up(t), 1e-12);
+    if (k % 10 == 0) reported = temperature.sensor_c() + 0.5;
+    EXPECT_EQ(temperature.reported_c(), reported) << k;
+  }
+  temperature.update(1, {});  // a truth without a temperature
+  EXPECT_NEAR(temperature.sensor_c(), 5 + warm_up(1), 1e-12);
+}
+
+// Between two truths it is linear; after the newest it stays.
+TEST(TemperatureEffects, FollowTheTruth) {
+  ImuModel model;
+  model.temperature.from_truth = true;
+  model.gyro.temperature_bias << 1e-3, 0, 0, 1e-3, 0, 0, 1e-3, 0, 0;
+  Timeline timeline;
+  Imu imu(model, 1, 1);
+  const auto push = [&timeline](int ms, std::optional<double> temperature_c) {
+    Truth truth;
+    truth.time = TruthTime{ms * 1'000'000};
+    truth.has_temperature = temperature_c.has_value();
+    truth.temperature_c = temperature_c.value_or(0);
+    timeline.push(truth);
+  };
+  const auto bias_at = [&](int ms) {
+    return imu.sample(timeline, TruthTime{ms * 1'000'000}, DeviceTime{ms * 1'000'000LL}).rate.x();
+  };
+  push(0, 35);
+  EXPECT_NEAR(bias_at(0), 0.010, 1e-15);
+  push(100, 45);
+  EXPECT_NEAR(bias_at(25), 0.0125, 1e-15);
+  EXPECT_NEAR(bias_at(100), 0.020, 1e-15);
+  EXPECT_NEAR(bias_at(110), 0.020, 1e-15);
+  push(200, std::nullopt);
+  push(300, 25);
+  EXPECT_NEAR(bias_at(150), 0, 1e-15);  // the constant temperature, 25
+  EXPECT_NEAR(bias_at(250), 0, 1e-15);
+}
+
 // A sensor in a chamber, whose temperature rises by a degree a second.
 TEST(TemperatureEffects, ArePolynomials) {
   ImuModel model;

@@ -60,6 +60,16 @@ TEST_F(CsvTruth, ColumnsInAnyOrderAndOthersBetween) {
   EXPECT_EQ(truth_.accumulated_dv_B, Vector3(0.025274470327054058, -0.015132058264159191, 0.0069714232669666962));
 }
 
+TEST_F(CsvTruth, MayHaveATemperature) {
+  ASSERT_EQ(decode(required + ",temperature_c"), TruthResult::no_state);
+  ASSERT_EQ(decode("0,0,0,0,0,0,0,-12.5"), TruthResult::ok);
+  EXPECT_TRUE(truth_.has_temperature);
+  EXPECT_EQ(truth_.temperature_c, -12.5);
+  EXPECT_EQ(decode("1,0,0,0,0,0,0,nan"), TruthResult::not_finite);
+  EXPECT_EQ(decode("1,0,0,0,0,0,0,20000"), TruthResult::out_of_range);
+  EXPECT_EQ(decode("1,0,0,0,0,0,0,warm"), TruthResult::bad_number);
+}
+
 TEST_F(CsvTruth, AccumulatedDvIsWhatTheSettingSays) {
   for (const auto& [word, kind] : {std::pair{"inertial", AccumulatedDv::inertial},
                                    {"body_sum", AccumulatedDv::body_sum},
