@@ -12,10 +12,11 @@ namespace {
 constexpr double g = units::standard_gravity, deg = units::degree;
 constexpr double least_hz = 1e-3, most_hz = 1e6;
 
-// Adds a fault of `key` if its list has not one value for each of `count` frequencies. An absent key has none.
+// Returns true if the list has one value for each of `count` frequencies; adds a fault of `key` if it has another
+// number of them. A list that is empty is as one that is absent.
 template <class List>
 bool fits(TableReader& table, std::string_view key, const List& list, std::string_view of, std::size_t count) {
-  if (!table.has(key) || list.size() == count) return !list.empty();
+  if (list.empty() || list.size() == count) return !list.empty();
   table.fault(key, fmt::format("has {} elements; give one for each of the {} of {}", list.size(), count, of));
   return false;
 }
@@ -32,7 +33,7 @@ void read_sines(TableReader& table, VibrationModel& model) {
   const bool has_force = fits(table, "sine_g", force, "sine_hz", count);
   const bool has_rate = fits(table, "sine_deg_per_s", rate, "sine_hz", count);
   const bool has_phase = fits(table, "sine_phase_deg", phase, "sine_hz", count);
-  if (count > 0 && !table.has("sine_g") && !table.has("sine_deg_per_s"))
+  if (count > 0 && force.empty() && rate.empty())
     table.fault("sine_hz", "has no amplitudes; give sine_g or sine_deg_per_s");
   for (std::size_t i = 0; i < count; ++i) {
     VibrationModel::Sine sine{.frequency_hz = frequency[i]};
@@ -53,10 +54,10 @@ void read_spectrum(TableReader& table, VibrationModel::Spectrum& spectrum) {
   const std::size_t count = spectrum.frequency_hz.size();
   if (count == 1 || !ascends(spectrum.frequency_hz))
     table.fault("random_hz", "give at least two frequencies, in ascending order");
+  if (count > 0 && spectrum.force.empty() && spectrum.rate.empty())
+    table.fault("random_hz", "has no densities; give random_g2_per_hz or random_deg2_per_s2_per_hz");
   if (!fits(table, "random_g2_per_hz", spectrum.force, "random_hz", count)) spectrum.force.clear();
   if (!fits(table, "random_deg2_per_s2_per_hz", spectrum.rate, "random_hz", count)) spectrum.rate.clear();
-  if (count > 0 && !table.has("random_g2_per_hz") && !table.has("random_deg2_per_s2_per_hz"))
-    table.fault("random_hz", "has no densities; give random_g2_per_hz or random_deg2_per_s2_per_hz");
   for (double& density : spectrum.force) density *= g * g;
   for (double& density : spectrum.rate) density *= deg * deg;
 }
@@ -87,7 +88,7 @@ TemperatureModel read_temperature(TableReader table) {
   model.profile_c = table.numbers("profile_c", least, most);
   if (!ascends(model.profile_s)) table.fault("profile_s", "give times in ascending order");
   const std::size_t count = model.profile_s.size();
-  if (!fits(table, "profile_c", model.profile_c, "profile_s", count) && count > 0 && !table.has("profile_c"))
+  if (!fits(table, "profile_c", model.profile_c, "profile_s", count) && count > 0 && model.profile_c.empty())
     table.fault("profile_s", "has no temperatures; give profile_c");
   model.from_truth = table.flag("from_truth", model.from_truth);
   model.warm_up_c = table.real("warm_up_c", model.warm_up_c, -1000, 1000);
