@@ -1,43 +1,10 @@
 #include "tools/allan_plot.hpp"
 
 #include <fmt/format.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <cstdio>
-#include <cstdlib>
-#include <sstream>
-#include <stdexcept>
+#include "tools/gnuplot.hpp"
 
 namespace imud {
-
-namespace {
-
-// A text in gnuplot's single quotes, in which nothing is special but the quote.
-std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? std::string("''") : std::string(1, c);
-  return result + "'";
-}
-
-bool has_gnuplot() {
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(path == nullptr ? "/usr/bin:/bin" : path);
-  for (std::string folder; std::getline(folders, folder, ':');)
-    if (::access((folder + "/gnuplot").c_str(), X_OK) == 0) return true;
-  return false;
-}
-
-}  // namespace
-
-void check_plot(const std::string& path) {
-  if (!path.ends_with(".svg") && !path.ends_with(".png"))
-    throw std::invalid_argument(fmt::format("--plot {}: right would be FILE.svg or FILE.png", path));
-  if (!has_gnuplot())
-    throw std::runtime_error("--plot: there is no gnuplot; right would be: apt-get install gnuplot-nox");
-}
-
-std::string data_path_beside(const std::string& picture) { return picture.substr(0, picture.size() - 4) + ".csv"; }
 
 std::string plot_commands(const AllanReport& report, const std::string& data, const std::string& picture) {
   std::size_t diagrams = 0;
@@ -47,9 +14,7 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
         ++diagrams;
         break;
       }
-  std::string text = fmt::format("set terminal {} size 900,{}\nset output {}\n",
-                                 picture.ends_with(".svg") ? "svg enhanced background 'white'" : "pngcairo enhanced",
-                                 520 * diagrams, quoted(picture));
+  std::string text = terminal_commands(picture, 900, 520 * diagrams);
   text +=
       "set datafile separator ','\nset logscale xy\nset format '10^{%T}'\nset grid xtics ytics mxtics mytics\n"
       "set key outside right top noenhanced\nset style fill transparent solid 0.2 noborder\n"
@@ -83,15 +48,6 @@ std::string plot_commands(const AllanReport& report, const std::string& data, co
                         unit.datasheet, plots);
   }
   return text + "unset multiplot\nunset output\n";
-}
-
-void run_gnuplot(const std::string& commands) {
-  std::FILE* pipe = ::popen("gnuplot", "w");
-  if (pipe == nullptr) throw std::runtime_error("gnuplot cannot be started");
-  const bool is_written = std::fwrite(commands.data(), 1, commands.size(), pipe) == commands.size();
-  const int status = ::pclose(pipe);
-  if (!is_written || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
-    throw std::runtime_error("gnuplot has failed, as it reports above");
 }
 
 }  // namespace imud

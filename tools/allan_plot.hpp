@@ -7,18 +7,9 @@
 
 namespace imud {
 
-// Throws std::invalid_argument if `path` ends neither in .svg nor in .png, and std::runtime_error, which names
-// Debian's package, if there is no gnuplot.
-void check_plot(const std::string& path);
-
-// Returns the path with the ending .csv: of the data beside the picture.
-std::string data_path_beside(const std::string& picture);
-
 // Returns gnuplot's commands that draw the report's CSV, which stands at `data`, to `picture`: double logarithmic, a
-// diagram for each sensor, with the bounds as a band and the fitted terms as a dashed line.
+// diagram for each sensor, with the bounds as a band, the fitted terms as a dashed line, and the model,
+// if there is one, as a dotted line.
 std::string plot_commands(const AllanReport& report, const std::string& data, const std::string& picture);
-
-// Executes the commands. Throws std::runtime_error if gnuplot fails.
-void run_gnuplot(const std::string& commands);
 
 }  // namespace imud

@@ -41,8 +41,8 @@ FileDescriptor file_with(const std::string& text) {
 
 }  // namespace
 
-ChildResult run_child(const std::string& program, const std::vector<std::string>& arguments,
-                      const std::string& input) {
+ChildResult run_child(const std::string& program, const std::vector<std::string>& arguments, const std::string& input,
+                      ChildErrors errors) {
   const FileDescriptor in = file_with(input);
   Pipe out;
   std::vector<std::string> copies = {program};
@@ -56,6 +56,8 @@ ChildResult run_child(const std::string& program, const std::vector<std::string>
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_adddup2(&actions, in.get(), STDIN_FILENO);
   ::posix_spawn_file_actions_adddup2(&actions, out.write.get(), STDOUT_FILENO);
+  if (errors == ChildErrors::discarded)
+    ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
   pid_t child = 0;
   const int error = ::posix_spawnp(&child, program.c_str(), &actions, nullptr, argv.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);

@@ -14,6 +14,7 @@
 #include "core/requirement.hpp"
 #include "tools/allan_plot.hpp"
 #include "tools/allan_report.hpp"
+#include "tools/gnuplot.hpp"
 #include "tools/measurement_input.hpp"
 #include "tools/npy_file.hpp"
 #include "tools/number_check.hpp"
@@ -103,13 +104,6 @@ StillRecording record_port(const Options& options, bool& running, std::string& e
     fmt::print(stderr, "imu-allan: {} checksum failures, {} malformed, {} incomplete\n", errors.checksum,
                errors.malformed, errors.incomplete);
   return recorder.finish();
-}
-
-void write_file(const std::string& path, const std::string& text) {
-  TextOutput output(path);
-  output.write(text);
-  output.flush();
-  if (!output.is_open()) throw std::runtime_error(path + ": " + std::strerror(output.error()));
 }
 
 int analyse(Options& options, bool& running) {

@@ -62,4 +62,11 @@ void TextOutput::flush() {
   held_.clear();
 }
 
+void write_file(const std::string& path, std::string_view text) {
+  TextOutput output(path);
+  output.write(text);
+  output.flush();
+  if (!output.is_open()) throw std::runtime_error(path + ": " + std::strerror(output.error()));
+}
+
 }  // namespace imud

@@ -31,4 +31,8 @@ class TextOutput {
   int error_ = 0;
 };
 
+// Writes the whole text to a file, or to standard output ("-"). Throws std::runtime_error, which names the file and
+// the cause.
+void write_file(const std::string& path, std::string_view text);
+
 }  // namespace imud

@@ -1,0 +1,213 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <numbers>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/units.hpp"
+#include "tests/support/text.hpp"
+#include "tests/tools/run_program.hpp"
+#include "tests/tools/synthetic_noise.hpp"
+#include "tests/transports/scratch_folder.hpp"
+#include "tools/run_errors.hpp"
+
+namespace imud {
+namespace {
+
+StillRecording recording_of(std::vector<double> values) {
+  StillRecording recording;
+  recording.rate_hz = 10;
+  recording.channels.push_back({2, std::move(values)});
+  return recording;
+}
+
+TEST(RunErrors, ErrorMeanAndSigmaAreThoseOfTheSeeds) {
+  // 99 samples are not smoothed. The other seeds' errors are -1, 1 and 3: mean 1, standard deviation 2.
+  const std::vector<double> truth(99, 5), measured(99, 5.5);
+  const auto run = compare_runs(recording_of(measured), recording_of(truth),
+                                {recording_of(std::vector<double>(99, 4)), recording_of(std::vector<double>(99, 6)),
+                                 recording_of(std::vector<double>(99, 8))});
+  ASSERT_EQ(run.channels.size(), 1U);
+  const auto& channel = run.channels[0];
+  EXPECT_EQ(channel.name(), "gyro_z");
+  EXPECT_DOUBLE_EQ(channel.error[50], 0.5);
+  EXPECT_DOUBLE_EQ(channel.mean[50], 1);
+  EXPECT_DOUBLE_EQ(channel.sigma[98], 2);
+  EXPECT_EQ(channel.density.size(), run.frequencies_hz.size());
+  EXPECT_DOUBLE_EQ(run.frequencies_hz.back(), 5);
+  EXPECT_NEAR(channel.density[3], 0, 1e-12);  // a constant error
+
+  EXPECT_THROW(compare_runs(recording_of(measured), recording_of({1, 2, 3}), {}), std::runtime_error);
+}
+
+// White noise of sigma 1 at 200 Hz has the one-sided density 2/200. The mean of the squares over 400,000 samples has
+// a standard error below 0.3 %: the bound of 2 % is beyond chance.
+TEST(RunErrors, TheDensityIsOneSided) {
+  SyntheticNoise noise(3);
+  std::vector<double> values(400'000);
+  for (double& value : values) value = 7 + noise.normal();
+  const auto density = root_density(values, 200);
+  double mean = 0;
+  for (std::size_t k = 10; k + 10 < density.size(); ++k)
+    mean += density[k] * density[k] / static_cast<double>(density.size() - 20);
+  EXPECT_NEAR(mean, 0.01, 0.0002);
+
+  // The power of a sine of amplitude 3 is 4.5, and is at its frequency.
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] = 3 * std::sin(2 * std::numbers::pi * 20 * static_cast<double>(i) / 200);
+  const auto line = root_density(values, 200);
+  double power = 0;
+  const double step = 100 / static_cast<double>(line.size() - 1);
+  for (const double root : line) power += root * root * step;
+  EXPECT_NEAR(power, 4.5, 0.01);
+  const auto peak = std::max_element(line.begin(), line.end()) - line.begin();
+  EXPECT_NEAR(static_cast<double>(peak) * step, 20, step);
+}
+
+class ImuPlot : public testing::Test {
+ protected:
+  // A flight of ten seconds. The first imu would open a port that does not exist.
+  void write_config(const std::string& imu) const {
+    std::ofstream(folder_ / "imu.toml")
+        << "[truth]\nport = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n[[imu]]\nname = \"other\"\nprotocol = "
+           "\"native\"\nrate_hz = 10\nport = \"serial:/dev/does/not/exist\"\nmodel = \"stim300\"\n[[imu]]\nname = "
+           "\"mine\"\n"
+        << imu;
+  }
+  ProgramResult plot(const std::string& picture, std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {folder_ / "imu.toml",
+                                          IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap?port=5140",
+                                          "--plot",
+                                          folder_ / picture,
+                                          "--imu",
+                                          "mine"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_program("imu-plot", arguments);
+  }
+  // Returns the columns of a file by their names.
+  std::map<std::string, std::vector<double>> columns(const std::string& name) const {
+    std::ifstream file(folder_ / name);
+    std::map<std::string, std::vector<double>> result;
+    std::vector<std::string> names;
+    std::string line, cell;
+    std::getline(file, line);
+    for (std::istringstream cells(line); std::getline(cells, cell, ',');) names.push_back(cell);
+    while (std::getline(file, line)) {
+      std::istringstream cells(line);
+      for (std::size_t i = 0; std::getline(cells, cell, ','); ++i)
+        result[names.at(i)].push_back(std::strtod(cell.c_str(), nullptr));
+    }
+    return result;
+  }
+  std::string content(const std::string& name) const {
+    std::ifstream file(folder_ / name, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+
+  ScratchFolder folder_;
+};
+
+double mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return sum / static_cast<double>(values.size());
+}
+
+// White noise of a known density, a scale factor and a bias, whose mean and sigma are known: sigma of 2001 samples of
+// 16 seeds within 2 % (the standard error is 0.4 %).
+TEST_F(ImuPlot, DrawsARunItsErrorsAndTheirSpectrum) {
+  write_config(
+      "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\ngyro.max_rad_per_s = 10\ngyro.bias_rad_per_s = "
+      "[0.01, 0, 0]\n"
+      "gyro.noise_density_deg_per_s_per_rt_hz = 0.01\naccelerometer.max_g = 10\n"
+      "accelerometer.scale_factor = [1, 1, 1.01]\naccelerometer.noise_density_mg_per_rt_hz = 0.1\n");
+  const auto result = plot("run.svg");
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_TRUE(result.output.starts_with("mine: 2001 samples at 200 Hz, and 16 other seeds\ngyro_x   error rms "))
+      << result.output;
+  const std::string svg = content("run.svg");
+  for (const char* text :
+       {"</svg>", "accel_z in m/s^2", "error in mg", "error in deg/s/sqrt(Hz)", "1 sigma", "truth"})
+    EXPECT_TRUE(contains(svg, text)) << text;
+
+  const auto samples = columns("run.csv");
+  ASSERT_EQ(samples.size(), 31U);
+  ASSERT_EQ(samples.at("time_s").size(), 2001U);
+  EXPECT_DOUBLE_EQ(samples.at("time_s").back(), 10);
+  const double sigma = 0.01 * units::degree * std::sqrt(200.0), force_sigma = 0.1e-3 * 9.80665 * std::sqrt(200.0);
+  EXPECT_NEAR(mean(samples.at("gyro_x_sigma")), sigma, 0.02 * sigma);
+  EXPECT_NEAR(mean(samples.at("accel_y_sigma")), force_sigma, 0.02 * force_sigma);
+  EXPECT_NEAR(mean(samples.at("gyro_x_mean")), 0.01, 4 * sigma / std::sqrt(16 * 2001.0));
+  EXPECT_NEAR(mean(samples.at("accel_z_mean")), 0.01 * mean(samples.at("accel_z_truth")),
+              4 * force_sigma / std::sqrt(16 * 2001.0));
+  for (const std::size_t i : {0U, 700U, 2000U})
+    EXPECT_NEAR(samples.at("gyro_y")[i] - samples.at("gyro_y_truth")[i], samples.at("gyro_y_error")[i], 1e-12);
+
+  // The one-sided density is sqrt(2) of the two-sided one. Its mean square over 250 frequencies has a standard error
+  // of some 5 %.
+  const auto spectrum = columns("run_spectrum.csv");
+  ASSERT_EQ(spectrum.size(), 7U);
+  double square = 0;
+  for (const double root : spectrum.at("gyro_z"))
+    square += root * root / static_cast<double>(spectrum.at("gyro_z").size());
+  EXPECT_NEAR(std::sqrt(square), std::sqrt(2.0) * 0.01 * units::degree, 0.15 * 0.01 * units::degree);
+}
+
+// Products of both links, one with lists as settings: the same errors, through their bytes.
+TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
+  for (const std::string device :
+       {"port = \"pty:imu1\"\nprotocol = \"vectornav\"\ndevice.binary_1 = \"1,4,01,0121\"\ndevice.baud = 921600\n",
+        "port = \"can:none\"\nprotocol = \"xsens-can\"\ndevice.output_rate_hz = 200\n",
+        "port = \"can:none\"\nprotocol = \"native-can\"\nrate_hz = 200\ngyro.max_rad_per_s = 9\naccelerometer.max_g "
+        "= 9\n"}) {
+    write_config(device + "model = \"white\"\ngyro.walk_sqrt_cov = [0, 0, 0]\ngyro.bias_rad_per_s = [0, 0, 0.25]\n");
+    const auto result = plot("run.png", {"--seeds", "2"});
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    EXPECT_FALSE(contains(result.errors, "Warning")) << result.errors;
+    EXPECT_TRUE(content("run.png").starts_with("\x89PNG"));
+    const auto samples = columns("run.csv");
+    ASSERT_EQ(samples.count("gyro_z_error"), 1U) << device;
+    EXPECT_GT(samples.at("gyro_z_error").size(), 1900U);
+    EXPECT_NEAR(mean(samples.at("gyro_z_error")), 0.25, 1e-4) << device;
+    EXPECT_NEAR(mean(samples.at("gyro_x_error")), 0, 1e-4) << device;
+  }
+}
+
+TEST_F(ImuPlot, AWrongCommandLineIsAnErrorThatHasTheRemedy) {
+  write_config(
+      "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\ngyro.max_rad_per_s = 10\naccelerometer.max_g = "
+      "10\n");
+  const struct {
+    std::string picture;
+    std::vector<std::string> more;
+    std::string_view message;
+  } cases[] = {
+      {"run.jpg", {}, "right would be FILE.svg or FILE.png"},
+      {"run.svg", {"--set", "imu.1.rate=3"}, "did you mean"},
+      {"run.svg", {"--seeds", "1"}, "--seeds"},
+  };
+  for (const auto& [picture, more, message] : cases) {
+    const auto result = plot(picture, more);
+    EXPECT_EQ(result.exit_code, 2) << message;
+    EXPECT_TRUE(contains(result.errors, message)) << result.errors;
+  }
+  const auto no_imu = run_program("imu-plot", {folder_ / "imu.toml", "x.pcap", "--plot", "x.svg", "--imu", "your"});
+  EXPECT_EQ(no_imu.exit_code, 2);
+  EXPECT_TRUE(contains(no_imu.errors, "--imu your: right would be one of other, mine")) << no_imu.errors;
+  const auto no_capture =
+      run_program("imu-plot", {folder_ / "imu.toml", folder_ / "no.pcap", "--plot", folder_ / "x.svg"});
+  EXPECT_EQ(no_capture.exit_code, 1);
+  EXPECT_TRUE(contains(no_capture.errors, "no.pcap")) << no_capture.errors;
+  const auto over_input = run_program("imu-plot", {folder_ / "x.csv", "y.pcap", "--plot", folder_ / "x.svg"});
+  EXPECT_EQ(over_input.exit_code, 2);
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,165 @@
+#include "tools/emulated_run.hpp"
+
+#include <fmt/format.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string_view>
+
+#include "tools/child_program.hpp"
+#include "tools/setting_texts.hpp"
+#include "transports/file_descriptor.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+namespace {
+
+// A file that is removed with this.
+class ScratchFile {
+ public:
+  ScratchFile() : path_("/tmp/imu-plot-XXXXXX") {
+    FileDescriptor file(::mkstemp(path_.data()));
+    if (!file) throw std::runtime_error(path_ + ": " + std::strerror(errno));
+  }
+  ~ScratchFile() { ::unlink(path_.c_str()); }
+  ScratchFile(const ScratchFile&) = delete;
+  ScratchFile& operator=(const ScratchFile&) = delete;
+  const std::string& path() const noexcept { return path_; }
+
+ private:
+  std::string path_;
+};
+
+std::string child_output(const std::vector<std::string>& arguments, const std::string& input = {},
+                         ChildErrors errors = ChildErrors::shown) {
+  const ChildResult result = run_child(imud_program(), arguments, input, errors);
+  if (result.exit_code != 0)
+    throw std::runtime_error(fmt::format("imud {}: exit code {}", arguments.front(), result.exit_code));
+  return result.output;
+}
+
+// Returns a setting's value as on a command line: a list with commas.
+std::string setting_text(const nlohmann::json& value) {
+  if (value.is_string()) return value;
+  if (!value.is_array()) return value.dump();
+  std::string text;
+  for (const auto& item : value) text += fmt::format("{}{}", text.empty() ? "" : ",", item.get<std::string>());
+  return text;
+}
+
+// Calls line(table, key, text) for each line of a TOML file that imud has written: its keys stand alone in their
+// lines.
+template <class Line>
+void for_each_line(std::string_view text, Line line) {
+  std::string_view table;
+  while (!text.empty()) {
+    const std::string_view all = text.substr(0, text.find('\n'));
+    text.remove_prefix(std::min(text.size(), all.size() + 1));
+    if (all.starts_with('[')) table = all;
+    line(table, all.substr(0, all.find(' ')), all);
+  }
+}
+
+// Returns the configuration with only the imu of that index, which sends to `port`.
+std::string with_one_imu(const std::string& resolved, std::size_t index, const std::string& port) {
+  std::string text;
+  std::size_t imus = 0;
+  for_each_line(resolved, [&](std::string_view table, std::string_view key, std::string_view line) {
+    if (line == "[[imu]]") ++imus;
+    const bool is_imu = imus > 0 && (table == "[[imu]]" || table.starts_with("[imu."));
+    if (is_imu && (imus != index + 1 || table.starts_with("[imu.sync"))) return;
+    if (table == "[[imu]]" && (key == "port" || key == "second_port" || key == "pace")) return;
+    text += fmt::format("{}\n", line);
+    if (line == "[[imu]]") text += fmt::format("port = {}\n", nlohmann::json(port).dump());
+  });
+  return text;
+}
+
+// Returns the configuration with the model "ideal", without the keys of its errors. The range stays.
+std::string without_errors(const std::string& config) {
+  std::string text;
+  for_each_line(config, [&](std::string_view table, std::string_view key, std::string_view line) {
+    const bool has_errors = table == "[imu.gyro]" || table == "[imu.accelerometer]" ||
+                            table == "[imu.magnetometer]" || table == "[imu.barometer]" ||
+                            table == "[imu.navigation]";
+    if (has_errors && key != table && !key.starts_with("max_") && !key.starts_with("min_")) return;
+    if (table == "[[imu]]" && (key == "device_filters" || key == "internal_rate_hz" || key == "sampling_jitter_us"))
+      return;
+    text += table == "[[imu]]" && key == "model" ? "model = \"ideal\"\n" : fmt::format("{}\n", line);
+  });
+  return text;
+}
+
+}  // namespace
+
+EmulatedRun::EmulatedRun(Options options) : options_(std::move(options)) {
+  std::vector<std::string> arguments = {"check", options_.config, "--toml"};
+  for (const std::string& text : options_.overrides) arguments.insert(arguments.end(), {"--set", text});
+  std::string resolved;
+  nlohmann::json config;
+  try {
+    resolved = child_output(arguments);
+    config = nlohmann::json::parse(child_output({"check", "-", "--json"}, resolved)).at("config");
+  } catch (const std::exception& error) {
+    throw std::invalid_argument(error.what());
+  }
+  const auto& seed = config.at("seed");
+  seed_ = seed.is_string() ? std::stoull(seed.get<std::string>()) : seed.get<std::uint64_t>();
+  std::string names;
+  const auto& imus = config.at("imu");
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    const auto& imu = imus[i];
+    const std::string name = imu.at("name");
+    names += fmt::format("{}{}", names.empty() ? "" : ", ", name);
+    if (!name_.empty() || (!options_.imu.empty() && options_.imu != name)) continue;
+    name_ = name;
+    protocol_ = imu.at("protocol");
+    if (imu.contains("device"))
+      for (const auto& [key, value] : imu["device"].items()) settings_.push_back(key + "=" + setting_text(value));
+    resolved_ = with_one_imu(resolved, i, "PORT");
+  }
+  if (name_.empty())
+    throw std::invalid_argument(fmt::format("--imu {}: right would be one of {}", options_.imu, names));
+}
+
+StillRecording EmulatedRun::sent(std::uint64_t seed) {
+  std::string config;
+  for_each_line(resolved_, [&](std::string_view table, std::string_view key, std::string_view line) {
+    // imud reads large seeds as texts.
+    config += table.empty() && key == "seed" ? fmt::format("seed = \"{}\"\n", seed) : fmt::format("{}\n", line);
+  });
+  return record(config);
+}
+
+StillRecording EmulatedRun::truth() { return record(without_errors(resolved_)); }
+
+StillRecording EmulatedRun::record(const std::string& config) {
+  const Protocol& protocol = *find_protocol(protocol_);
+  const bool is_can = protocol.link == Link::can;
+  const ScratchFile file;
+  std::string port = standard_input_port(is_can, is_can);
+  port.replace(port.size() - 1, 1, file.path());
+  std::string text = config;
+  text.replace(text.find("\"PORT\""), 6, nlohmann::json(port).dump());
+  child_output({"replay", "-", options_.capture, "--fast", "--quiet"}, text,
+               has_run_ ? ChildErrors::discarded : ChildErrors::shown);
+  has_run_ = true;
+
+  const auto decoder = protocol.make_decoder(settings_from(protocol.settings, settings_));
+  const auto opened = open_port(port, Role::listener);
+  RecordingOptions options;
+  options.rate_hz = options_.rate_hz;
+  options.largest_missing = 100;
+  DecodeOptions input{.program = "imu-plot", .protocol = protocol_, .port = port};
+  Recorder recorder(protocol, options, input.count);
+  receive_all(*opened, *decoder, recorder, input);
+  return recorder.finish();
+}
+
+}  // namespace imud

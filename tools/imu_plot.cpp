@@ -1,0 +1,129 @@
+// imu-plot: a run of imud in pictures: six channels over their truth, their errors, and the errors' spectra.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/units.hpp"
+#include "tools/emulated_run.hpp"
+#include "tools/gnuplot.hpp"
+#include "tools/number_check.hpp"
+#include "tools/run_errors.hpp"
+#include "tools/run_plot.hpp"
+#include "tools/text_output.hpp"
+#include "transports/output_path.hpp"
+
+namespace imud {
+namespace {
+
+constexpr int failed = 1;
+constexpr int wrong_command_line = 2;
+
+struct Options {
+  EmulatedRun::Options run;
+  std::string picture;
+  std::uint64_t seeds = 16;
+};
+
+double root_mean_square(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value * value;
+  return std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+// The table: of each channel the errors' size, and how much of the run its error is within the envelope.
+void print_table(const RunErrors& run) {
+  for (const auto& channel : run.channels) {
+    const double factor = channel.is_rate() ? 1 / units::degree : 1000 / units::standard_gravity;
+    std::size_t within = 0;
+    for (std::size_t i = 0; i < run.samples(); ++i)
+      within += std::abs(channel.error[i] - channel.mean[i]) <= channel.sigma[i] ? 1U : 0U;
+    fmt::print("{:<8} error rms {:.4g} {}, sigma {:.4g}, {:.0f} % of it within one sigma\n", channel.name(),
+               factor * root_mean_square(channel.error), channel.is_rate() ? "deg/s" : "mg",
+               factor * root_mean_square(channel.sigma),
+               100 * static_cast<double>(within) / static_cast<double>(run.samples()));
+  }
+}
+
+void plot(const Options& options, bool& running) {
+  check_plot(options.picture);
+  const std::string samples_path = data_path_beside(options.picture);
+  const std::string spectrum_path = samples_path.substr(0, samples_path.size() - 4) + "_spectrum.csv";
+  for (const std::string& path : {options.picture, samples_path, spectrum_path})
+    for (const std::string& input : {options.run.config, options.run.capture})
+      if (is_same_file(input.substr(0, input.find('?')), path))
+        throw std::invalid_argument(path + ": is the input; give another file");
+  EmulatedRun run(options.run);
+  running = true;
+  const StillRecording truth = run.truth();
+  const StillRecording measured = run.sent(run.seed());
+  std::vector<StillRecording> others;
+  for (std::uint64_t i = 1; i <= options.seeds; ++i) others.push_back(run.sent(run.seed() + i));
+  const RunErrors errors = compare_runs(measured, truth, others);
+  write_file(samples_path, samples_csv(errors));
+  write_file(spectrum_path, spectrum_csv(errors));
+  run_gnuplot(run_plot_commands(errors, samples_path, spectrum_path, options.picture));
+  fmt::print("{}: {} samples at {:.6g} Hz, and {} other seeds\n", run.name(), errors.samples(), errors.rate_hz,
+             options.seeds);
+  print_table(errors);
+}
+
+int execute(int argc, char** argv) {
+  CLI::App app(
+      "Runs imud on a captured truth, and draws what an imu sends: its channels over their truth, their errors with\n"
+      "the envelope of the errors that other seeds have, and the errors' spectra.",
+      "imu-plot");
+  app.set_version_flag("--version", "imu-plot " IMUD_VERSION);
+  Options options;
+  app.add_option("CONFIG", options.run.config, "configuration of imud, TOML")->required()->type_name("");
+  app.add_option("CAPTURE", options.run.capture, "truth, as for imud replay: X.pcap, X.pcap?port=N, or X.csv")
+      ->required()
+      ->type_name("");
+  app.add_option("--plot", options.picture, "picture; the data stand beside it, as FILE.csv and FILE_spectrum.csv")
+      ->required()
+      ->type_name("FILE.svg|FILE.png");
+  app.add_option("--imu", options.run.imu, "name of the imu; default: the first")->type_name("NAME");
+  app.add_option("--set", options.run.overrides, "overrides a key of the configuration; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+  app.add_option("--seeds", options.seeds, "further runs, with other seeds, for the envelope; default: 16")
+      ->check(number_check(2, 1000))
+      ->type_name("N");
+  app.add_option("--rate-hz", options.run.rate_hz, "sample rate of a product whose output has no time")
+      ->check(number_check(1e-6, 1e9))
+      ->type_name("HZ");
+  app.footer(
+      "\nExit codes: 0 done, 1 failed while running, 2 the command line or the configuration is wrong.\n"
+      "Example: imu-plot imu.toml flight.pcap --set 'imu.0.model=\"stim300\"' --plot flight.svg");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : wrong_command_line;
+  }
+  bool running = false;
+  try {
+    plot(options, running);
+    return 0;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "imu-plot: {}\n", error.what());
+    return running ? failed : wrong_command_line;
+  }
+}
+
+}  // namespace
+}  // namespace imud
+
+int main(int argc, char** argv) {
+  const int exit_code = imud::execute(argc, argv);
+  const int error = imud::flush_standard_output();
+  if (error == 0) return exit_code;
+  fmt::print(stderr, "imu-plot: standard output: {}\n", std::strerror(error));
+  return exit_code == 0 ? imud::failed : exit_code;
+}
