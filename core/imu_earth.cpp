@@ -1,0 +1,54 @@
+// What an Imu measures of its place on the Earth.
+#include "core/imu.hpp"
+
+namespace imud {
+
+// Gives a known place the position and velocity that S had before.
+void Imu::delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept {
+  PositionVelocity before = timeline.position(now.time - navigation_.latency());
+  if (!navigation.is_known || !before.is_known) return;
+  move_to_sensor(timeline.at(before.time), before);
+  const Navigation delayed = earth_.navigation(before);
+  if (!delayed.is_known) return;
+  const std::int64_t gps_ns = navigation.gps_ns;
+  navigation = delayed;
+  navigation.gps_ns = gps_ns;
+}
+
+// Moves position and velocity from B's origin to S.
+void Imu::move_to_sensor(const MotionState& state, PositionVelocity& position) const noexcept {
+  position.r_N += state.q_NB * model_.r_SB_B;
+  position.v_N += state.q_NB * state.omega_BN_B.cross(model_.r_SB_B);
+}
+
+// Adds the place of S, given that of B's origin, and what the magnetometer and the barometer measure there.
+void Imu::sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept {
+  move_to_sensor(now, position);
+  out.navigation = earth.navigation(position);
+  if (out.navigation.is_known) {
+    // A vehicle whose motion is held stands still relative to the Earth.
+    if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
+    out.navigation.gps_ns += (now.time - position.time).count();
+    out.q_LP = earth.q_LN(position.time, out.navigation) * out.q_LP;
+    out.magnetic_field = out.q_LP.conjugate() * earth.magnetic_field_L(out.navigation);
+    out.pressure = barometer_.measure(earth.pressure(out.navigation), normals_, counter_);
+  } else {
+    barometer_.pass(normals_, counter_);
+  }
+  const Vector3 none = Vector3::Zero();
+  TriadStep step = {.normals = normals_,
+                    .k = counter_,
+                    .dt = 0,
+                    .since_power_on = seconds(out.time - DeviceTime{}),
+                    .specific_force = none,
+                    .delta_velocity = none,
+                    .temperature_c = temperature_.sensor_c(),
+                    .value = out.magnetic_field,
+                    .increment = none,
+                    .begins_run = !had_field_};
+  had_field_ = out.navigation.is_known;
+  magnetometer_.apply(step);  // the error processes continue where no place is known
+  if (out.navigation.is_known) out.magnetic_field = step.value;
+}
+
+}  // namespace imud
