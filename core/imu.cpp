@@ -52,6 +52,16 @@ void Imu::power_on(std::uint64_t number) noexcept {
   magnetometer_.power_on(number);
 }
 
+void Imu::reserve_filters(int length) {
+  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->reserve_filter(length);
+}
+
+void Imu::set_filters(const SensorFilters& filters) noexcept {
+  gyro_.set_filter(filters.gyro);
+  accelerometer_.set_filter(filters.accelerometer);
+  magnetometer_.set_filter(filters.magnetometer);
+}
+
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
   if (run_ != Run::truth || until > timeline.newest()) return;
   until = until - model_.sampling_jitter;  // the next sample may be that much earlier

@@ -92,6 +92,11 @@ class Imu {
   // begins. The other errors continue.
   void power_on(std::uint64_t number) noexcept;
 
+  // Allocates memory for set_filters(): boxcars of one stage and at most this length.
+  void reserve_filters(int length);
+  // Replaces the model's filters; each settles on its next value.
+  void set_filters(const SensorFilters& filters) noexcept;
+
   // Returns the sample at `time`, with the device's own time `stamp`. `time` is later than the sample before in this
   // run; `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;

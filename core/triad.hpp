@@ -83,6 +83,9 @@ class Triad {
   void power_on(std::uint64_t number) noexcept {
     each([number](auto& effect) { effect.power_on(number); });
   }
+  // Bandwidth::reserve() and set().
+  void reserve_filter(int length) { std::get<Bandwidth>(effects_).reserve(length); }
+  void set_filter(const SensorFilter& filter) noexcept { std::get<Bandwidth>(effects_).set(filter); }
 
  private:
   template <class... Effect>

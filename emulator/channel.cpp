@@ -31,10 +31,13 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       rests_before_truth_(config.before_first == BeforeFirst::rest),
       is_can_(config.protocol->link == Link::can),
       imu_(config.model, seed, stream_id(config.name)),
+      device_filters_(config.device_filters),
+      filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       device_(config.protocol->make(config.settings)),
       clock_(config.grid),
       counters_(config.protocol->counters) {
   device_->set_figures(figures_of(config.model));
+  if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
   lines_[0] = {open(config.port, config.port_settings), device_->uart()};
   if (!config.second_port.empty()) {
     device_->connect_second_uart();
@@ -57,6 +60,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
 void Channel::power_on(HostTime origin) noexcept {
   clock_.power_on(origin);
   device_->power_on(clock_.now());
+  apply_filters();
 }
 
 void Channel::set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept {
@@ -73,6 +77,7 @@ void Channel::cycle_power(HostTime now) noexcept {
   imu_.power_on(++power_ons_);
   device_->power_on(clock_.now(now));
   apply_uarts();
+  apply_filters();
 }
 
 Sample Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
@@ -148,6 +153,7 @@ void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
   for (auto deadline = device_->deadline(); deadline && *deadline <= now; deadline = device_->deadline()) {
     others_.clear();
     device_->poll(*deadline, others_);
+    apply_filters();
     if (!too_late) send(others_.frames(), *deadline);
     publish();
   }
@@ -181,6 +187,7 @@ std::size_t Channel::serve(std::size_t uart, HostTime now, Host* clock) noexcept
     Frame frame = chunk->frame;
     frame.uart = static_cast<std::uint8_t>(uart);
     device_->receive(frame, time, others_);
+    apply_filters();
     send(others_.frames(), time, true);
     if (clock != nullptr && !others_.frames().empty())
       counters_.reply.add(std::max(0.0, seconds(clock->now() - chunk->time)));
@@ -197,6 +204,14 @@ void Channel::apply_uarts() noexcept {
     lines_[i].uart = uart;
     lines_[i].port->set_line(uart);
   }
+}
+
+void Channel::apply_filters() noexcept {
+  if (!device_filters_) return;
+  const std::optional<SensorFilters> filters = device_->filters();
+  if (!filters || *filters == filters_) return;
+  filters_ = *filters;
+  imu_.set_filters(filters_);
 }
 
 void Channel::publish() noexcept {

@@ -123,6 +123,7 @@ class Channel {
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   std::size_t serve(std::size_t uart, HostTime now, Host* clock) noexcept;
   void apply_uarts() noexcept;
+  void apply_filters() noexcept;
   static void wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept;
   void publish() noexcept;
   void publish_bus() noexcept;
@@ -132,6 +133,8 @@ class Channel {
   const bool rests_before_truth_;
   const bool is_can_;
   Imu imu_;
+  bool device_filters_;
+  SensorFilters filters_;  // that the imu has, if device_filters_
   std::unique_ptr<Device> device_;
   std::array<Line, 2> lines_;  // by Frame::uart
   std::size_t line_count_ = 1;

@@ -69,6 +69,9 @@ void print_text(const std::string& path, const Config& config) {
       if (const std::string bias = triad.bias_text(); !bias.empty())
         fmt::print("{:<8} {} bias: {}\n", "", triad.name, bias);
     }
+    for (const TriadFilter& triad : triad_filters(imu.model))
+      fmt::print("{:<8} {} filter{} at {} Hz: {}\n", "", triad.name, imu.device_filters ? " of the product" : "",
+                 triad.rate_hz, triad.text());
   }
   for (const BusLoad& bus : bus_loads(config.imus))
     if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());
@@ -104,6 +107,14 @@ void print_json(const std::string& path, const Config& config) {
                                                                                {"Q", &AllanTerms::Q},
                                                                                {"R", &AllanTerms::R}})
         imu_json["noise"][triad.name][name] = Json::array({x.*term, y.*term, z.*term});
+    }
+    for (const TriadFilter& triad : triad_filters(imu.model)) {
+      const auto delay = [&](int axis) { return group_delay_s(triad.filter, axis, triad.rate_hz); };
+      const Vector3& cut_off = triad.filter.cut_off_hz;
+      imu_json["filters"][triad.name] = {
+          {"rate_hz", triad.rate_hz},      {"low_pass_hz", {cut_off[0], cut_off[1], cut_off[2]}},
+          {"order", triad.filter.order},   {"length", triad.filter.length},
+          {"stages", triad.filter.stages}, {"group_delay_s", {delay(0), delay(1), delay(2)}}};
     }
     imus.push_back(std::move(imu_json));
   }

@@ -56,6 +56,8 @@ struct RealtimeConfig {
 };
 
 struct ImuConfig {
+  static constexpr double max_internal_rate_hz = 1e5;
+
   std::string name;
   double rate_hz = 0;
   Grid grid{1.0};  // the instants of its samples: the rate with the clock's error, and the phase
@@ -69,6 +71,7 @@ struct ImuConfig {
   SyncConfig sync;
   std::string errors_model;  // the key `model`: whose errors those of `model` are
   ImuModel model;
+  bool device_filters = false;  // the filters of `model` are those that the product's settings choose
 };
 
 struct Config {

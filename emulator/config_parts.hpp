@@ -66,7 +66,8 @@ std::string ports_that(Condition condition) {
 }
 
 // Reads the errors of three sensors. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the
-// range is required. `density`: how the white noise of `product` was stated (triad_config.cpp).
+// range is required. `rate_hz` is that of their samples, of gyros and accelerometers the internal one. `density`: how
+// the white noise of `product` was stated (triad_config.cpp).
 TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz,
                       Sidedness density = Sidedness::none);
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz,

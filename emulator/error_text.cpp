@@ -35,9 +35,10 @@ std::string TriadTerms::bias_text() const {
 }
 
 std::vector<TriadTerms> triad_terms(const ImuModel& model) {
+  const double rate_hz = model.rate_hz * model.internal_samples;
   constexpr double hour = 3600, root_hour = 60, deg = units::degree, mg = 1e-3 * units::standard_gravity;
   return {{"gyro",
-           allan_terms(model.gyro, model.rate_hz),
+           allan_terms(model.gyro, rate_hz),
            {deg / root_hour, "deg/sqrt(h)"},
            {deg / hour, "deg/h"},
            {deg / hour / root_hour, "deg/h/sqrt(h)"},
@@ -46,7 +47,7 @@ std::vector<TriadTerms> triad_terms(const ImuModel& model) {
            model.gyro.turn_on_bias,
            model.gyro.g_sensitivity},
           {"accelerometer",
-           allan_terms(model.accelerometer, model.rate_hz),
+           allan_terms(model.accelerometer, rate_hz),
            {1 / root_hour, "m/s/sqrt(h)"},
            {mg, "mg"},
            {mg / root_hour, "mg/sqrt(h)"},
@@ -54,6 +55,32 @@ std::vector<TriadTerms> triad_terms(const ImuModel& model) {
            {mg / hour, "mg/h"},
            model.accelerometer.turn_on_bias,
            model.accelerometer.g_sensitivity}};
+}
+
+namespace {
+std::string of_axes(const std::array<double, 3>& values) {
+  const auto& [x, y, z] = values;
+  return x == y && x == z ? fmt::format("{:.4g}", x) : fmt::format("[{:.4g}, {:.4g}, {:.4g}]", x, y, z);
+}
+}  // namespace
+
+std::string TriadFilter::text() const {
+  if (!filter.is_on()) return "none";
+  const Vector3& cut_off = filter.cut_off_hz;
+  const std::string kind =
+      filter.stages > 1 ? fmt::format("CIC of order {} and length {}", filter.stages, filter.length)
+      : filter.length > 1
+          ? fmt::format("mean of {} samples", filter.length)
+          : fmt::format("low-pass of order {} at {} Hz", filter.order, of_axes({cut_off[0], cut_off[1], cut_off[2]}));
+  const auto delay_ms = [this](int axis) { return 1e3 * group_delay_s(filter, axis, rate_hz); };
+  return fmt::format("{}, group delay {} ms", kind, of_axes({delay_ms(0), delay_ms(1), delay_ms(2)}));
+}
+
+std::vector<TriadFilter> triad_filters(const ImuModel& model) {
+  const double rate_hz = model.rate_hz * model.internal_samples;
+  return {{"gyro", model.gyro.filter, rate_hz},
+          {"accelerometer", model.accelerometer.filter, rate_hz},
+          {"magnetometer", model.magnetometer.filter, model.rate_hz}};
 }
 
 }  // namespace imud

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "core/attitude.hpp"
@@ -155,6 +156,42 @@ void fit(TriadErrors& errors, const TriadErrors& product, bool is_own) {
   errors.increment_lsb = product.increment_lsb;
 }
 
+// Reads `device_filters`. Returns the filters of the product's settings if they act.
+std::optional<SensorFilters> read_device_filters(TableReader& table, const Preset* preset, ImuConfig& imu) {
+  std::optional<SensorFilters> filters;
+  if (imu.protocol != nullptr) filters = imu.protocol->make(imu.settings)->filters();
+  imu.device_filters = table.flag("device_filters", filters && preset != nullptr);
+  if (imu.device_filters && !filters) {
+    table.fault("device_filters", "the protocol has no filters of its own; omit the key");
+    imu.device_filters = false;
+  }
+  return imu.device_filters ? filters : std::nullopt;
+}
+
+// Reads `internal_rate_hz`. Returns the internal rate, which is a multiple of the sample rate.
+double read_internal_rate(TableReader& table, double fallback, ImuConfig& imu) {
+  const double least = std::max(fallback, imu.rate_hz);
+  const double rate_hz = table.real("internal_rate_hz", least, Grid::min_rate_hz, ImuConfig::max_internal_rate_hz);
+  if (rate_hz < imu.rate_hz)
+    table.fault("internal_rate_hz", fmt::format("give at least the sample rate, {}", imu.rate_hz));
+  else if (imu.device_filters && rate_hz != imu.rate_hz)
+    table.fault(
+        "internal_rate_hz",
+        fmt::format("the product's own filters act, at its {} Hz; omit the key, or give device_filters = false",
+                    imu.rate_hz));
+  constexpr double rounding = 1e-9;
+  imu.model.internal_samples = std::max(1, static_cast<int>(std::ceil(rate_hz / imu.rate_hz * (1 - rounding))));
+  return imu.model.internal_samples * imu.rate_hz;
+}
+
+// Puts the product's own filter into the triad that `table` describes.
+void set_device_filter(TableReader table, const SensorFilter& filter, TriadErrors& errors) {
+  for (const std::string_view key : {"low_pass_hz", "boxcar_samples", "cic_order"})
+    if (errors.filter.is_on() && table.has(key))
+      table.fault(key, "the product's own filter acts; set that, or give device_filters = false in [[imu]]");
+  errors.filter = filter;
+}
+
 // Reads the errors of all sensors. Keys that are absent have the values of the model.
 void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
   imu.model.rate_hz = imu.rate_hz;
@@ -169,6 +206,8 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
   }
   const std::string_view own = imu.protocol != nullptr ? default_model(*imu.protocol, imu.settings) : "white";
   const Preset* preset = read_model(table, own, imu.errors_model);
+  const std::optional<SensorFilters> filters = read_device_filters(table, preset, imu);
+  double internal_hz = 0;
   if (preset != nullptr) {
     try {
       PresetErrors errors = preset_errors(*preset, imu.rate_hz);
@@ -180,6 +219,10 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
       accelerometer = errors.accelerometer;
       gyro_density = errors.gyro_density;
       accelerometer_density = errors.accelerometer_density;
+      if (filters)
+        gyro->filter = accelerometer->filter = {};
+      else
+        internal_hz = errors.internal_rate_hz;
     } catch (const ConfigError& error) {
       table.fault("model", error.what());
     }
@@ -189,10 +232,19 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
     magnetometer = without_errors(magnetometer.max);
     imu.model.barometer = {};
   }
-  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, imu.rate_hz, gyro_density);
+  internal_hz = read_internal_rate(table, internal_hz, imu);
+  // A product's white noise is that of one sample at its rate.
+  if (imu.errors_model == "white" && product)
+    for (TriadErrors* errors : {&*gyro, &*accelerometer})
+      if (errors->walk_transition.isZero(0.0)) errors->walk_sqrt_cov *= std::sqrt(imu.model.internal_samples);
+  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, internal_hz, gyro_density);
   imu.model.accelerometer = read_accelerometer(
-      table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, imu.rate_hz, accelerometer_density);
+      table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, internal_hz, accelerometer_density);
   imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz);
+  if (!filters) return;
+  set_device_filter(table.child("gyro"), filters->gyro, imu.model.gyro);
+  set_device_filter(table.child("accelerometer"), filters->accelerometer, imu.model.accelerometer);
+  set_device_filter(table.child("magnetometer"), filters->magnetometer, imu.model.magnetometer);
 }
 
 // Adds the fault that a protocol has found in its settings: of the setting with whose key the text begins.

@@ -91,10 +91,13 @@ PresetErrors preset_errors(const Preset& preset, double rate_hz) {
   }
   toml::table resolved;
   TableReader imu(file["imu"].as_table(), "imu.", 0, faults, resolved);
-  PresetErrors errors = {.gyro = read_gyro(imu.child("gyro"), nullptr, rate_hz),
-                         .accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, rate_hz),
-                         .gyro_density = sidedness_of(file["imu"]["gyro"].as_table()),
-                         .accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table())};
+  PresetErrors errors;
+  errors.internal_rate_hz = imu.real("internal_rate_hz", 0, 0, ImuConfig::max_internal_rate_hz);
+  const double internal_hz = std::max(rate_hz, errors.internal_rate_hz);
+  errors.gyro = read_gyro(imu.child("gyro"), nullptr, internal_hz);
+  errors.accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, internal_hz);
+  errors.gyro_density = sidedness_of(file["imu"]["gyro"].as_table());
+  errors.accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table());
   imu.finish();
   if (!faults.all().empty()) throw ConfigError(faults.all());
   return errors;

@@ -17,9 +17,10 @@ namespace imud {
 // Whether white noise is stated by a density, and whether the spectrum of that has negative frequencies, too.
 enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
 
-// A file: a line with what it is, a line with its source, then [imu.gyro] and [imu.accelerometer] as in a
-// configuration. The comment "unconfirmed: from memory", "secondary source" or "assumed" after a value marks one that
-// is not from a document of the manufacturer. Files of users are the same, but need not have the two lines.
+// A file: a line with what it is, a line with its source, then, where a bandwidth is known, [imu] with the internal
+// rate, then [imu.gyro] and [imu.accelerometer] as in a configuration. The comment "unconfirmed: from memory",
+// "secondary source" or "assumed" after a value marks one that is not from a document of the manufacturer. Files of
+// users are the same, but need not have the two lines.
 struct Preset {
   std::string_view name;
   std::string_view text;
@@ -42,11 +43,12 @@ const Preset* find_preset(std::string_view name);
 std::string_view default_model(const Protocol& protocol, const Settings& settings);
 
 struct PresetErrors {
+  double internal_rate_hz = 0;  // 0: the sample rate
   TriadErrors gyro, accelerometer;
   Sidedness gyro_density, accelerometer_density;
 };
-// Returns the errors at this sample rate, Hz. Throws ConfigError if they are not possible at that rate, or if a
-// user's file is not right.
+// Returns the errors at this sample rate, Hz, or the preset's internal rate if that is higher. Throws ConfigError if
+// they are not possible at that rate, or if a user's file is not right.
 PresetErrors preset_errors(const Preset& preset, double rate_hz);
 
 }  // namespace imud

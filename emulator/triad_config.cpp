@@ -234,6 +234,36 @@ void read_temperature(TableReader& table, const SensorKeys& keys, TriadErrors& e
   }
 }
 
+// At most one kind of filter, at whose output a sample is taken.
+void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
+  constexpr double below = 0.45;  // of the rate: beyond, the filter has no room to fall
+  filter.cut_off_hz = table.per_axis("low_pass_hz", filter.cut_off_hz, 0.0, huge);
+  if (!(filter.cut_off_hz.maxCoeff() < below * rate_hz))
+    table.fault("low_pass_hz", fmt::format("give less than {:.6g}, {} of the sensor's internal rate of {:.6g} Hz, or "
+                                           "raise internal_rate_hz; 0: no filter",
+                                           below * rate_hz, below, rate_hz));
+  const auto integer = [&table](std::string_view key, int fallback, int most) {
+    return static_cast<int>(
+        table.unsigned_integer(key, static_cast<std::uint64_t>(fallback), static_cast<std::uint64_t>(most)));
+  };
+  filter.order = integer("low_pass_order", filter.order, 4);
+  if (filter.order != 1 && filter.order != 2 && filter.order != 4) table.fault("low_pass_order", "give 1, 2 or 4");
+  const bool is_cic = filter.stages > 1;
+  const int samples = integer("boxcar_samples", is_cic ? 1 : filter.length, SensorFilter::max_length);
+  const int order = integer("cic_order", is_cic ? filter.stages : 0, SensorFilter::max_stages);
+  const int length = integer("cic_length", is_cic ? filter.length : 1, SensorFilter::max_length);
+  if (order > 0 && length <= 1) table.fault("cic_length", "a CIC needs a length of at least 2 samples");
+  if (order == 0 && length > 1) table.fault("cic_order", "cic_length is that of a CIC; give its order, 1 to 8");
+  const bool has_low_pass = !filter.cut_off_hz.isZero(0.0);
+  if (order > 0 && (has_low_pass || samples > 1))
+    table.fault("cic_order",
+                "there is another filter; give cic_order = 0, or low_pass_hz = 0 and boxcar_samples = 1");
+  else if (has_low_pass && samples > 1)
+    table.fault("boxcar_samples", "there is another filter; give boxcar_samples = 1, or low_pass_hz = 0");
+  filter.stages = order > 0 ? order : 1;
+  filter.length = std::max(order > 0 ? length : samples, 1);
+}
+
 TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,
                        Sidedness density) {
   TriadErrors e;
@@ -252,6 +282,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.correlated_sigma = in_units(table, "correlated_noise", keys.value, e.correlated_sigma);
   e.correlation_time = table.per_axis("correlation_time_s", e.correlation_time, 1e-6, huge);
   e.random_walk_density = in_units(table, keys.walk, keys.walk_units, e.random_walk_density);
+  read_filter(table, e.filter, rate_hz);
   e.lsb = number_in_units(table, "lsb", keys.value, e.lsb, 0);
   constexpr Rounding roundings[] = {Rounding::toward_zero, Rounding::nearest, Rounding::away_from_zero};
   const auto rounding = static_cast<std::size_t>(e.rounding);

@@ -12,6 +12,7 @@ UartSettings Device::uart() const noexcept { return {}; }
 void Device::connect_second_uart() noexcept {}
 UartSettings Device::second_uart() const noexcept { return {}; }
 std::span<const std::uint64_t> Device::counts() const noexcept { return {}; }
+std::optional<SensorFilters> Device::filters() const noexcept { return std::nullopt; }
 void Device::trigger(DeviceTime) noexcept {}
 void Device::pps(DeviceTime) noexcept {}
 std::optional<Device::Pulse> Device::pulse() const noexcept { return std::nullopt; }

@@ -71,6 +71,11 @@ class Device {
   // Returns the product's own figures since it was made, in the order of Protocol::counters. The span stays valid as
   // long as the device. Default: none.
   virtual std::span<const std::uint64_t> counts() const noexcept;
+  // Returns the low-pass filters that the product's settings choose. They run at the product's sample rate and follow
+  // power_on() and receive(). Boxcars have one stage and at most `longest_boxcar` samples. Default: nullopt, for a
+  // product without filters; it is always nullopt, or never.
+  static constexpr int longest_boxcar = 256;
+  virtual std::optional<SensorFilters> filters() const noexcept;
 
   // --- The second UART of a product that has two (Protocol::has_second_uart) ---
   // Connects it: from now on the device also makes the frames that leave there, with Frame::uart 1. Default: does

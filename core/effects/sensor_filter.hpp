@@ -35,6 +35,12 @@ std::complex<double> frequency_response(const SensorFilter& filter, int axis, do
 // Returns the group delay at frequency 0, s: by how much a slow motion is late.
 double group_delay_s(const SensorFilter& filter, int axis, double rate_hz);
 
+// The filters that a product has set in itself.
+struct SensorFilters {
+  SensorFilter gyro, accelerometer, magnetometer;
+  bool operator==(const SensorFilters&) const = default;
+};
+
 namespace detail {
 // The damping k of each section; `count` is 0 for order 1.
 struct Sections {
