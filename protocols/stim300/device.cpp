@@ -24,9 +24,11 @@
 // ms after the sample was digitized (figure 7-3); the latency is the time from that sample to the edge (section 7.2),
 // and the frame is sent at the next sample. With the PPS unit "filtered", the level is that of an open input.
 //
-// Two settings are stored and reported, but have no effect: the low-pass filters with their group delays (Tables
-// 5-3 to 5-9); and the gyros' units "delayed", by which a unit delays the gyros by 4 ms to align them with the
-// accelerometers (section 7.5.2.2.1), as here both are aligned already.
+// The low-pass filters are of second order, from the cut-off alone; the group delays of a unit (Tables 5-3 to 5-9)
+// are those of its own filters. The inclinometers have the filter of the accelerometers.
+//
+// One setting is stored and reported, but has no effect: the gyros' units "delayed", by which a unit delays the gyros
+// by 4 ms to align them with the accelerometers (section 7.5.2.2.1), as here both are aligned already.
 //
 // The g-compensation (section 7.5.2.2.6) subtracts the bias that the calibration of the gyros predicts for the
 // acceleration that the accelerometers or inclinometers have measured, with their own errors and ranges. The
@@ -155,6 +157,16 @@ class Stim300Device final : public Device {
     g_sensitivity_ = calibrated * figures.g_sensitivity;
   }
   UartSettings uart() const noexcept override { return memory_.active.line(); }
+
+  std::optional<SensorFilters> filters() const noexcept override {
+    SensorFilters filters;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto axis = static_cast<int>(i);
+      filters.gyro.cut_off_hz[axis] = filters_hz[memory_.active.filters[gyro][i]];
+      filters.accelerometer.cut_off_hz[axis] = filters_hz[memory_.active.filters[accelerometer][i]];
+    }
+    return filters;
+  }
 
  private:
   enum class Mode { normal, utility, service };

@@ -4,7 +4,6 @@ namespace imud::stim300 {
 
 namespace {
 
-constexpr std::array<unsigned, 5> filters_hz = {16, 33, 66, 131, 262};
 constexpr std::array<std::string_view, 4> gyro_unit_texts = {"[\xB0/s] - ANGULAR RATE", "[\xB0] - INCREMENTAL ANGLE",
                                                              "[\xB0/s] - AVERAGE ANGULAR RATE",
                                                              "[\xB0] - INTEGRATED ANGLE"};

@@ -29,6 +29,7 @@ inline constexpr unsigned delayed = 8;  // added to the unit; gyro only
 inline constexpr double internal_hz = 2000;
 inline constexpr std::array<unsigned, 5> sample_rates = {125, 250, 500, 1000, 2000};
 inline constexpr std::array<unsigned, 4> bit_rates = {374400, 460800, 921600, 1843200};
+inline constexpr std::array<unsigned, 5> filters_hz = {16, 33, 66, 131, 262};
 inline constexpr unsigned external_trigger = 5, user_defined = 15;
 
 // Returns the bit rate of the unit's UART nearest to `wanted`, which is 1500 to 5184000 bit/s (Equation 13).
@@ -77,7 +78,8 @@ struct Configuration {
   bool line_termination = true;
   std::array<unsigned, 3> units = {value, value, value};  // index: Cluster
   unsigned pps_unit = 3;
-  std::array<std::array<unsigned, 3>, 3> filters = {{{4, 4, 4}, {4, 4, 4}, {4, 4, 4}}};  // 4: 262 Hz
+  // Index in filters_hz of each axis; index: Cluster.
+  std::array<std::array<unsigned, 3>, 3> filters = {{{4, 4, 4}, {4, 4, 4}, {4, 4, 4}}};
   unsigned pps_filter = 4;
   std::array<GCompensation, 3> g_compensation = {};  // index: axis
   double g_filter_hz = 0.01;

@@ -1,6 +1,8 @@
 // VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The estimates of the product's
-// filter are the truth; the filter's settings can be written and read, but change nothing. As in the product,
-// compensations (registers 23, 25, 84) take effect immediately, and the reference frame (26) at the next reset.
+// filter are the truth; the filter's settings can be written and read, but change nothing. The windows of register 85
+// filter where its modes name compensated measurements (2, 3), and uncompensated ones with them; those of temperature
+// and pressure change nothing. As in the product, compensations (registers 23, 25, 84) take effect immediately, and
+// the reference frame (26) at the next reset.
 //
 // An answer leaves at the UART at which its command came. VNASY concerns that UART, and so do registers 5 to 7,
 // unless the host names the other one (VN-200 user manual UM004, page 31; UM001, page 56).
@@ -92,6 +94,19 @@ class VectorNavDevice final : public Device {
   }
   UartSettings second_uart() const noexcept override { return {active_.ports[1 - host_uart_].baud}; }
   std::span<const std::uint64_t> counts() const noexcept override { return unconnected_outputs_; }
+
+  std::optional<SensorFilters> filters() const noexcept override {
+    // Register 85: the windows of magnetometer, accelerometer, gyro, temperature and pressure, then their modes.
+    const auto boxcar = [this](std::size_t sensor) {
+      constexpr double compensated = 2, both = 3;
+      const double window = active_.number_of(85, sensor), mode = active_.number_of(85, 5 + sensor);
+      SensorFilter filter;
+      if ((mode == compensated || mode == both) && window > 1)
+        filter.length = static_cast<int>(std::min<double>(window, longest_boxcar));
+      return filter;
+    };
+    return SensorFilters{.gyro = boxcar(2), .accelerometer = boxcar(1), .magnetometer = boxcar(0)};
+  }
 
   void trigger(DeviceTime time) noexcept override { pins_.edge(active_.sync, pulse_source(), time); }
   void pps(DeviceTime time) noexcept override { pins_.pps_edge(active_.sync, pulse_source(), time); }
