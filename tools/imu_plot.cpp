@@ -64,9 +64,8 @@ void plot(const Options& options, bool& running) {
   running = true;
   const StillRecording truth = run.truth();
   const StillRecording measured = run.sent(run.seed());
-  std::vector<StillRecording> others;
-  for (std::uint64_t i = 1; i <= options.seeds; ++i) others.push_back(run.sent(run.seed() + i));
-  const RunErrors errors = compare_runs(measured, truth, others);
+  const RunErrors errors =
+      compare_runs(measured, truth, options.seeds, [&](std::uint64_t i) { return run.sent(run.seed() + 1 + i); });
   write_file(samples_path, samples_csv(errors));
   write_file(spectrum_path, spectrum_csv(errors));
   run_gnuplot(run_plot_commands(errors, samples_path, spectrum_path, options.picture));

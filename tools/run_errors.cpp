@@ -56,37 +56,50 @@ std::vector<double> root_density(const std::vector<double>& values, double rate_
   return density;
 }
 
-RunErrors compare_runs(const StillRecording& measured, const StillRecording& truth,
-                       const std::vector<StillRecording>& others) {
+RunErrors compare_runs(const StillRecording& measured, const StillRecording& truth, std::uint64_t count,
+                       const std::function<StillRecording(std::uint64_t)>& other) {
   require_same(measured, truth);
-  for (const StillRecording& other : others) require_same(measured, other);
+  const std::size_t samples = measured.samples(), half = samples / 100;
   RunErrors result;
   result.rate_hz = measured.rate_hz;
-  const std::size_t samples = measured.samples(), half = samples / 100;
-  const auto count = static_cast<double>(others.size());
   for (std::size_t c = 0; c < measured.channels.size(); ++c) {
-    RunErrors::Channel channel{
-        measured.channels[c].number, measured.channels[c].values, truth.channels[c].values, {}, {}, {}, {}};
-    channel.error.resize(samples);
-    std::vector<double> mean(samples), variance(samples);
-    for (std::size_t i = 0; i < samples; ++i) {
-      channel.error[i] = channel.measured[i] - channel.truth[i];
-      for (const auto& other : others) mean[i] += (other.channels[c].values[i] - channel.truth[i]) / count;
-      for (const auto& other : others)
-        variance[i] += std::pow(other.channels[c].values[i] - channel.truth[i] - mean[i], 2) / (count - 1);
+    const auto& channel = measured.channels[c];
+    result.channels.push_back({channel.number,
+                               channel.values,
+                               truth.channels[c].values,
+                               std::vector<double>(samples),
+                               std::vector<double>(samples),
+                               std::vector<double>(samples),
+                               {}});
+    for (std::size_t i = 0; i < samples; ++i)
+      result.channels[c].error[i] = channel.values[i] - truth.channels[c].values[i];
+  }
+
+  // The means, and in `sigma` the sums of squares about them, after each seed (Welford 1962).
+  for (std::uint64_t seed = 0; seed < count; ++seed) {
+    const StillRecording recording = other(seed);
+    require_same(measured, recording);
+    for (std::size_t c = 0; c < result.channels.size(); ++c) {
+      auto& channel = result.channels[c];
+      for (std::size_t i = 0; i < samples; ++i) {
+        const double error = recording.channels[c].values[i] - channel.truth[i], before = error - channel.mean[i];
+        channel.mean[i] += before / static_cast<double>(seed + 1);
+        channel.sigma[i] += before * (error - channel.mean[i]);
+      }
     }
-    channel.mean = smoothed(mean, half);
-    channel.sigma = smoothed(variance, half);
-    for (double& sigma : channel.sigma) sigma = std::sqrt(std::max(0.0, sigma));
+  }
+
+  for (auto& channel : result.channels) {
+    channel.mean = smoothed(channel.mean, half);
+    channel.sigma = smoothed(channel.sigma, half);
+    for (double& sigma : channel.sigma) sigma = std::sqrt(std::max(0.0, sigma / static_cast<double>(count - 1)));
     channel.density = root_density(channel.error, result.rate_hz);
     // The mean of each segment is taken off: nothing is left at frequency 0.
-    if (c == 0)
-      for (std::size_t k = 1; k < channel.density.size(); ++k)
-        result.frequencies_hz.push_back(static_cast<double>(k) * result.rate_hz /
-                                        static_cast<double>(2 * (channel.density.size() - 1)));
     channel.density.erase(channel.density.begin());
-    result.channels.push_back(std::move(channel));
   }
+  const std::size_t frequencies = result.channels.front().density.size();
+  for (std::size_t k = 1; k <= frequencies; ++k)
+    result.frequencies_hz.push_back(static_cast<double>(k) * result.rate_hz / static_cast<double>(2 * frequencies));
   return result;
 }
 

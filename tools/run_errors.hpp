@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string_view>
 #include <vector>
 
@@ -25,10 +27,11 @@ struct RunErrors {
   std::size_t samples() const noexcept { return channels.empty() ? 0 : channels.front().error.size(); }
 };
 
-// Compares a recording with the truth and with those of other seeds, of which there are at least two, on the same
-// samples. Throws std::runtime_error if their lengths or channels differ.
-RunErrors compare_runs(const StillRecording& measured, const StillRecording& truth,
-                       const std::vector<StillRecording>& others);
+// Compares a recording with the truth, and with `count` recordings of other seeds on the same samples, at least two,
+// which other(0), other(1), ... return; only one of them is in memory at a time. Throws std::runtime_error if their
+// lengths or channels differ.
+RunErrors compare_runs(const StillRecording& measured, const StillRecording& truth, std::uint64_t count,
+                       const std::function<StillRecording(std::uint64_t)>& other);
 
 // Returns the root of the one-sided spectral density at k * rate_hz / (2 * (result.size() - 1)): the mean over
 // segments that overlap by half, less their mean, under Hann's window (Welch 1967). Segments have a quarter of the

@@ -31,9 +31,9 @@ StillRecording recording_of(std::vector<double> values) {
 TEST(RunErrors, ErrorMeanAndSigmaAreThoseOfTheSeeds) {
   // 99 samples are not smoothed. The other seeds' errors are -1, 1 and 3: mean 1, standard deviation 2.
   const std::vector<double> truth(99, 5), measured(99, 5.5);
-  const auto run = compare_runs(recording_of(measured), recording_of(truth),
-                                {recording_of(std::vector<double>(99, 4)), recording_of(std::vector<double>(99, 6)),
-                                 recording_of(std::vector<double>(99, 8))});
+  const auto run = compare_runs(recording_of(measured), recording_of(truth), 3, [](std::uint64_t seed) {
+    return recording_of(std::vector<double>(99, 4 + 2 * static_cast<double>(seed)));
+  });
   ASSERT_EQ(run.channels.size(), 1U);
   const auto& channel = run.channels[0];
   EXPECT_EQ(channel.name(), "gyro_z");
@@ -44,7 +44,7 @@ TEST(RunErrors, ErrorMeanAndSigmaAreThoseOfTheSeeds) {
   EXPECT_DOUBLE_EQ(run.frequencies_hz.back(), 5);
   EXPECT_NEAR(channel.density[3], 0, 1e-12);  // a constant error
 
-  EXPECT_THROW(compare_runs(recording_of(measured), recording_of({1, 2, 3}), {}), std::runtime_error);
+  EXPECT_THROW(compare_runs(recording_of(measured), recording_of({1, 2, 3}), 0, {}), std::runtime_error);
 }
 
 // White noise of sigma 1 at 200 Hz has the one-sided density 2/200. The mean of the squares over 400,000 samples has
