@@ -46,6 +46,7 @@ def main():
                 estimates[sensor].extend(squares(values[sensor], product.hz, product.N[sensor], product.B[sensor]))
             # Half the relative error of B^2 is that of B.
             errors = {s: np.std(e, ddof=1) / np.sqrt(len(e)) / (2 * np.mean(e)) for s, e in estimates.items()}
+            print(f"{name}: seed {seed}, standard errors {', '.join(f'{abs(e):.3f}' for e in errors.values())}", file=sys.stderr)
             if seed >= 3 and all(abs(error) < STANDARD_ERROR for error in errors.values()):
                 break
         for sensor in SENSORS:
