@@ -58,7 +58,7 @@ class Triad {
   // `period_s` is the nominal sample period, by which densities become standard deviations of samples; above 0.
   Triad(const TriadErrors& errors, Quantity quantity, double period_s)
       : effects_(make(errors, quantity, period_s, static_cast<TriadEffects*>(nullptr))) {
-    each([this]<class Effect>(Effect& effect) { is_memos_ = is_memos_ && (is_of_memo<Effect> || !effect.is_on()); });
+    note_what_is_on();
   }
 
   // Turns the true value and increment into the measured ones. Where only effects of the memo are on, the others cost
@@ -85,12 +85,19 @@ class Triad {
   }
   // Bandwidth::reserve() and set().
   void reserve_filter(int length) { std::get<Bandwidth>(effects_).reserve(length); }
-  void set_filter(const SensorFilter& filter) noexcept { std::get<Bandwidth>(effects_).set(filter); }
+  void set_filter(const SensorFilter& filter) noexcept {
+    std::get<Bandwidth>(effects_).set(filter);
+    note_what_is_on();
+  }
 
  private:
   template <class... Effect>
   static TriadEffects make(const TriadErrors& errors, Quantity quantity, double period_s, std::tuple<Effect...>*) {
     return TriadEffects(Effect(errors, quantity, period_s)...);
+  }
+  void note_what_is_on() noexcept {
+    is_memos_ = true;
+    each([this]<class Effect>(Effect& effect) { is_memos_ = is_memos_ && (is_of_memo<Effect> || !effect.is_on()); });
   }
   template <class Visit>
   void each(Visit visit) noexcept {

@@ -222,5 +222,32 @@ TEST(Bandwidth, TakesAnotherFilter) {
   EXPECT_FALSE(bandwidth.is_on());
 }
 
+// A triad that had no effect beyond the memo's, which one test passes over.
+TEST(Bandwidth, IsAppliedByATriadThatHadNone) {
+  Triad triad(TriadErrors{}, Quantity::rate, 1 / rate_hz);
+  triad.reserve_filter(4);
+  const auto filtered = [&triad](double value) {
+    static const Vector3 zero = Vector3::Zero();
+    const Normals normals(1, 1);
+    TriadStep step = {.normals = normals,
+                      .k = 0,
+                      .dt = 0,
+                      .since_power_on = 0,
+                      .specific_force = zero,
+                      .delta_velocity = zero,
+                      .value = Vector3::Constant(value),
+                      .increment = zero};
+    triad.apply(step);
+    return step.value.x();
+  };
+  EXPECT_EQ(filtered(0), 0);
+  EXPECT_EQ(filtered(1), 1);
+  triad.set_filter(boxcars(4, 1));
+  EXPECT_EQ(filtered(0), 0);
+  EXPECT_EQ(filtered(1), 0.25);
+  triad.set_filter({});
+  EXPECT_EQ(filtered(8), 8);
+}
+
 }  // namespace
 }  // namespace imud
