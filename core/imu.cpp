@@ -34,7 +34,8 @@ Imu::Imu(const ImuModel& model, std::uint64_t seed, std::uint32_t stream)
       temperature_(model.temperature, model.temperature_c),
       barometer_(model.barometer, 1.0 / model.rate_hz),
       navigation_(model.navigation, 1.0 / model.rate_hz),
-      is_disturbed_(vibration_.is_on() || size_effect_.is_on()) {}
+      is_disturbed_(vibration_.is_on() || size_effect_.is_on()),
+      period_s_(1.0 / model.rate_hz) {}
 
 void Imu::seek(std::uint64_t k) noexcept {
   counter_ = k;
@@ -47,6 +48,7 @@ void Imu::seek(std::uint64_t k) noexcept {
 }
 
 void Imu::power_on(std::uint64_t number) noexcept {
+  powered_on_ = counter_;
   gyro_.power_on(number);
   accelerometer_.power_on(number);
   magnetometer_.power_on(number);
@@ -243,7 +245,7 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::take_internal(const MotionState& now
 IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now, TruthTime time, bool is_first,
                                                          Vector3 delta_angle, Vector3 delta_velocity,
                                                          Sample& out) noexcept {
-  const double since_power_on = seconds(out.time - DeviceTime{});
+  const double since_power_on = time_since_power_on();
   bool begins_run = is_first;
   if (is_first) {
     internal_ = {.taken = internal_.taken, .time = time};  // the numbers continue
@@ -271,7 +273,7 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   out.time = stamp;
   out.counter = counter_;
   if (temperature_.is_on()) [[unlikely]]
-    temperature_.update(seconds(stamp - DeviceTime{}), surroundings_c_);
+    temperature_.update(time_since_power_on(), surroundings_c_);
   out.temperature_c = temperature_.reported_c();
 
   Vector3 delta_angle = Vector3::Zero();
@@ -295,7 +297,7 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   if (has_internal()) [[unlikely]]
     measure_last(now, time, is_first, delta_angle, delta_velocity, out);
   else
-    measure(now, time, counter_, dt, seconds(stamp - DeviceTime{}), is_first, delta_angle, delta_velocity, out);
+    measure(now, time, counter_, dt, time_since_power_on(), is_first, delta_angle, delta_velocity, out);
   out.q_LP = now.q_NB * q_BP_;
   return out;
 }

@@ -133,6 +133,9 @@ class Imu {
   };
   bool has_internal() const noexcept { return model_.internal_samples > 1; }
   bool has_internal_left() const noexcept { return internal_.taken + 1 < model_.internal_samples; }
+  double time_since_power_on() const noexcept {
+    return static_cast<double>(static_cast<std::int64_t>(counter_ - powered_on_)) * period_s_;
+  }
   std::uint64_t internal_number() const noexcept {
     return counter_ * static_cast<std::uint64_t>(model_.internal_samples) +
            static_cast<std::uint64_t>(internal_.taken);
@@ -175,8 +178,10 @@ class Imu {
   std::optional<double> surroundings_c_;  // by the truth of the current sample
   Barometer barometer_;
   NavigationError navigation_;
-  bool is_disturbed_;       // disturb() does something
-  bool had_field_ = false;  // the last sample of this run had a magnetic field
+  bool is_disturbed_;             // disturb() does something
+  bool had_field_ = false;        // the last sample of this run had a magnetic field
+  double period_s_;               // of the samples, nominal
+  std::uint64_t powered_on_ = 0;  // the number of the first sample since power on
   std::uint64_t counter_ = 0;
   enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
   Run run_ = Run::none;

@@ -39,7 +39,7 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
   TriadStep step = {.normals = normals_,
                     .k = counter_,
                     .dt = 0,
-                    .since_power_on = seconds(out.time - DeviceTime{}),
+                    .since_power_on = time_since_power_on(),
                     .specific_force = none,
                     .delta_velocity = none,
                     .temperature_c = temperature_.sensor_c(),

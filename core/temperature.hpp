@@ -21,7 +21,7 @@ struct TemperatureModel {
   double rate_hz = 0;  // measurements per second, not negative; 0: one for each sample
 };
 
-// The temperature at the time t since power on, by the device's clock:
+// The temperature at the time t since power on:
 //   T = profile(t) + warm_up (1 - exp(-t/time constant))
 //   reported: lsb round((T + offset)/lsb), of the last whole multiple of 1/rate_hz; with the truth's temperature, of
 //             the first sample since then

@@ -21,7 +21,7 @@ struct TriadStep {
   const Normals& normals;
   std::uint64_t k;                // number of the sample
   double dt;                      // s, the step of the increments; 0 if they are 0
-  double since_power_on;          // s, at the end of the step, by the device's clock
+  double since_power_on;          // s, at the end of the step: the samples taken since then, times their period
   const Vector3& specific_force;  // m/s^2, without errors, in platform axes, at the end of the step
   const Vector3& delta_velocity;  // m/s, its integral over the step
   double temperature_c = 25;      // degrees Celsius, of the sensor at the end of the step

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/imu.hpp"
 #include "core/triad.hpp"
 #include "tests/core/allan.hpp"
 
@@ -157,6 +158,24 @@ TEST(NoiseTerms, ARampIsExact) {
 }
 
 // The sum over octaves of the analytic variances, not the data.
+// Not where the time of the truth, or of the sensor's stamps, begins.
+TEST(NoiseTerms, ARampBeginsAtPowerOn) {
+  ImuModel model;
+  model.rate_hz = 100;
+  model.gyro.ramp = {1e-3, 0, 0};
+  Timeline timeline;
+  Imu imu(model, 1, 1);
+  constexpr std::int64_t begin = 1'400'000'000'000'000'000, period = 10'000'000;  // ns, as of GPS time
+  for (int k = 0; k < 100; ++k) {
+    if (k == 50) imu.power_on(1);
+    Truth truth;
+    truth.time = TruthTime{begin + k * period};
+    timeline.push(truth);
+    const Sample sample = imu.sample(timeline, truth.time, DeviceTime{begin + k * period});
+    EXPECT_NEAR(sample.rate.x(), 1e-3 * 0.01 * (k % 50), 1e-15) << k;
+  }
+}
+
 TEST(BiasInstability, TheCascadeIsFlatOverItsDecades) {
   const double plateau = 2 * std::log(2.0) / M_PI;
   int compared = 0;
