@@ -1,4 +1,4 @@
-// What an Imu measures of its place on the Earth.
+// The measurements of an Imu that depend on its place on the Earth.
 #include "core/imu.hpp"
 
 namespace imud {
