@@ -192,6 +192,13 @@ void set_device_filter(TableReader table, const SensorFilter& filter, TriadError
   errors.filter = filter;
 }
 
+// Returns true if a preset's bandwidth is within half of the sample rate. Decimation to a lower rate aliases noise:
+// then the density of the samples would not be that of the data sheet, as a user of the preset expects by default.
+bool is_within(const PresetErrors& errors, double rate_hz) {
+  return std::max(errors.gyro.filter.cut_off_hz.maxCoeff(), errors.accelerometer.filter.cut_off_hz.maxCoeff()) <=
+         0.5 * rate_hz;
+}
+
 // Reads the errors of all sensors. Keys that are absent have the values of the model.
 void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
   imu.model.rate_hz = imu.rate_hz;
@@ -219,7 +226,7 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
       accelerometer = errors.accelerometer;
       gyro_density = errors.gyro_density;
       accelerometer_density = errors.accelerometer_density;
-      if (filters)
+      if (filters || (!is_within(errors, imu.rate_hz) && !table.has("internal_rate_hz")))
         gyro->filter = accelerometer->filter = {};
       else
         internal_hz = errors.internal_rate_hz;

@@ -89,10 +89,16 @@ TEST_F(FilterConfig, WhatIsImpossibleIsAFaultAtTheKey) {
 }
 
 TEST_F(FilterConfig, APresetHasItsBandwidth) {
-  const std::vector<std::string> stim300 = {"model=\"stim300\""};
-  const ImuConfig preset = imu("native", stim300);
-  EXPECT_EQ(preset.model.internal_samples, 10);
+  const ImuConfig preset = imu("native", {"model=\"stim300\"", "rate_hz=1000"});
+  EXPECT_EQ(preset.model.internal_samples, 2);
   EXPECT_EQ(preset.model.gyro.filter.cut_off_hz, Vector3::Constant(262));
+  // At less than twice its bandwidth it would alias noise: only if that is wanted.
+  const ImuConfig slow = imu("native", {"model=\"stim300\"", "rate_hz=500"});
+  EXPECT_EQ(slow.model.internal_samples, 1);
+  EXPECT_FALSE(slow.model.gyro.filter.is_on());
+  const ImuConfig aliased = imu("native", {"model=\"stim300\"", "rate_hz=500", "internal_rate_hz=2000"});
+  EXPECT_EQ(aliased.model.internal_samples, 4);
+  EXPECT_EQ(aliased.model.accelerometer.filter.cut_off_hz, Vector3::Constant(262));
   EXPECT_EQ(imu("native", {"model=\"icm-42688-p\""}).model.internal_samples, 1);
   // At a higher rate the sensor has no internal samples.
   EXPECT_EQ(imu("native", {"model=\"stim300\"", "rate_hz=5000"}).model.internal_samples, 1);
@@ -105,7 +111,8 @@ TEST_F(FilterConfig, APresetHasItsBandwidth) {
 
 // The white noise of a product is that of one sample: it keeps its density at an internal rate.
 TEST_F(FilterConfig, TheWhiteNoiseOfAProductKeepsItsDensity) {
-  const Config one = config("vectornav", {}), ten = config("vectornav", {"internal_rate_hz=8000"});
+  const Config one = config("vectornav", {"model=\"white\""}),
+               ten = config("vectornav", {"model=\"white\"", "internal_rate_hz=8000"});
   ASSERT_EQ(ten.imus.at(0).model.internal_samples * one.imus.at(0).rate_hz, 8000);
   const std::vector<TriadTerms> expected = triad_terms(one.imus.at(0).model),
                                 terms = triad_terms(ten.imus.at(0).model);
