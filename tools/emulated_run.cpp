@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string_view>
@@ -102,13 +104,14 @@ EmulatedRun::EmulatedRun(Options options) : options_(std::move(options)) {
   std::vector<std::string> arguments = {"check", options_.config, "--toml"};
   for (const std::string& text : options_.overrides) arguments.insert(arguments.end(), {"--set", text});
   std::string resolved;
-  nlohmann::json config;
+  nlohmann::json checked;
   try {
     resolved = child_output(arguments);
-    config = nlohmann::json::parse(child_output({"check", "-", "--json"}, resolved)).at("config");
+    checked = nlohmann::json::parse(child_output({"check", "-", "--json"}, resolved));
   } catch (const std::exception& error) {
     throw std::invalid_argument(error.what());
   }
+  const auto& config = checked.at("config");
   const auto& seed = config.at("seed");
   seed_ = seed.is_string() ? std::stoull(seed.get<std::string>()) : seed.get<std::uint64_t>();
   std::string names;
@@ -123,6 +126,7 @@ EmulatedRun::EmulatedRun(Options options) : options_(std::move(options)) {
     if (imu.contains("device"))
       for (const auto& [key, value] : imu["device"].items()) settings_.push_back(key + "=" + setting_text(value));
     resolved_ = with_one_imu(resolved, i, "PORT");
+    frames_per_s_ = checked.at("imus").at(i).at("lines").at(0).at("frames_per_s");
   }
   if (name_.empty())
     throw std::invalid_argument(fmt::format("--imu {}: right would be one of {}", options_.imu, names));
@@ -142,12 +146,12 @@ StillRecording EmulatedRun::truth() { return record(without_errors(resolved_)); 
 StillRecording EmulatedRun::record(const std::string& config) {
   const Protocol& protocol = *find_protocol(protocol_);
   const bool is_can = protocol.link == Link::can;
-  const ScratchFile file;
+  const ScratchFile file, summary;
   std::string port = standard_input_port(is_can, is_can);
   port.replace(port.size() - 1, 1, file.path());
   std::string text = config;
   text.replace(text.find("\"PORT\""), 6, nlohmann::json(port).dump());
-  child_output({"replay", "-", options_.capture, "--fast", "--quiet"}, text,
+  child_output({"replay", "-", options_.capture, "--fast", "--quiet", "--summary", summary.path()}, text,
                has_run_ ? ChildErrors::discarded : ChildErrors::shown);
   has_run_ = true;
 
@@ -159,6 +163,13 @@ StillRecording EmulatedRun::record(const std::string& config) {
   DecodeOptions input{.program = "imu-plot", .protocol = protocol_, .port = port};
   Recorder recorder(protocol, options, input.count);
   receive_all(*opened, *decoder, recorder, input);
+  const std::uint64_t frames =
+      nlohmann::json::parse(std::ifstream(summary.path())).at("imus").at(0).at("frames").get<std::uint64_t>();
+  // Frames of the start-up have no measurement.
+  if (recorder.measurements() > 0)
+    recorder.set_nominal_rate(
+        frames_per_s_ /
+        std::max(1.0, std::round(static_cast<double>(frames) / static_cast<double>(recorder.measurements()))));
   return recorder.finish();
 }
 

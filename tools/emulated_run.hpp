@@ -18,7 +18,7 @@ class EmulatedRun {
     std::string capture;                 // of the truth, as for `imud replay`
     std::string imu;                     // name; empty: the first
     std::vector<std::string> overrides;  // KEY=VALUE, for imud
-    std::optional<double> rate_hz;       // of products whose output has no time
+    std::optional<double> rate_hz;       // in place of that of the samples' time, or of the product's settings
   };
 
   // Has imud resolve the configuration. Throws std::invalid_argument if it has faults, which imud has reported on
@@ -41,6 +41,7 @@ class EmulatedRun {
   std::string name_, protocol_, resolved_;
   std::vector<std::string> settings_;
   std::uint64_t seed_ = 0;
+  double frames_per_s_ = 0;  // that imud expects
   bool has_run_ = false;
 };
 

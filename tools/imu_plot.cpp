@@ -95,7 +95,8 @@ int execute(int argc, char** argv) {
   app.add_option("--seeds", options.seeds, "further runs, with other seeds, for the envelope; default: 16")
       ->check(number_check(2, 1000))
       ->type_name("N");
-  app.add_option("--rate-hz", options.run.rate_hz, "sample rate of a product whose output has no time")
+  app.add_option("--rate-hz", options.run.rate_hz,
+                 "sample rate, in place of that of the samples' time or of the product's settings")
       ->check(number_check(1e-6, 1e9))
       ->type_name("HZ");
   app.footer(

@@ -44,6 +44,7 @@ void Recorder::choose_channels(const Measurement& first) {
 
 void Recorder::on_measurement(const Measurement& measurement) {
   if (is_full()) return;
+  ++measurements_;
   const Sample& sample = measurement.sample;
   const bool is_valid = (measurement.fields & Measurement::status) == 0 || (sample.status & status::not_valid) == 0;
   if (fields_ == 0) {
@@ -101,6 +102,9 @@ StillRecording Recorder::finish() {
   } else if (statistics_.arrival().hz()) {
     r.rate_hz = hz(statistics_.arrival());
     r.rate_source = "arrival";
+  } else if (nominal_rate_hz_) {
+    r.rate_hz = *nominal_rate_hz_;
+    r.rate_source = "nominal";
   } else {
     throw std::runtime_error("the rate is unknown, as the samples have no time; right would be --rate-hz HZ");
   }

@@ -54,6 +54,10 @@ class Recorder final : public MeasurementReceiver {
   void on_measurement(const Measurement& measurement) override;
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
   bool is_full() const override { return taken_ >= wanted_; }
+  // The number of measurements so far, with those that are not recorded.
+  std::uint64_t measurements() const noexcept { return measurements_; }
+  // Sets the rate of samples that have no time.
+  void set_nominal_rate(double rate_hz) noexcept { nominal_rate_hz_ = rate_hz; }
 
   // Ends the recording, once. Samples around a gap are joined, as if none were missing, which is without effect on
   // white noise, and on other noise as far as the share of missing samples is small. Throws std::runtime_error, with
@@ -70,7 +74,8 @@ class Recorder final : public MeasurementReceiver {
   StreamStatistics statistics_;
   std::optional<HostTime> arrival_;
   std::uint32_t fields_ = 0;  // that are recorded; 0 before the first sample
-  std::uint64_t taken_ = 0;
+  std::uint64_t taken_ = 0, measurements_ = 0;
+  std::optional<double> nominal_rate_hz_;
   StillRecording recording_;
 };
 

@@ -164,6 +164,7 @@ TEST_F(ImuPlot, DrawsARunItsErrorsAndTheirSpectrum) {
 TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
   for (const std::string device :
        {"port = \"pty:imu1\"\nprotocol = \"vectornav\"\ndevice.binary_1 = \"1,4,01,0121\"\ndevice.baud = 921600\n",
+        "port = \"pty:imu1\"\nprotocol = \"stim300\"\ndevice.sample_rate = 250\n",
         "port = \"can:none\"\nprotocol = \"xsens-can\"\ndevice.output_rate_hz = 200\n",
         "port = \"can:none\"\nprotocol = \"native-can\"\nrate_hz = 200\ngyro.max_rad_per_s = 9\naccelerometer.max_g "
         "= 9\n"}) {
@@ -171,6 +172,10 @@ TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
     const auto result = plot("run.png", {"--seeds", "2"});
     EXPECT_EQ(result.exit_code, 0) << result.errors;
     EXPECT_FALSE(contains(result.errors, "Warning")) << result.errors;
+    // Its samples have no time: the rate is that of its settings.
+    if (contains(device, "stim300")) {
+      EXPECT_TRUE(contains(result.output, " samples at 250 Hz,")) << result.output;
+    }
     EXPECT_TRUE(content("run.png").starts_with("\x89PNG"));
     const auto samples = columns("run.csv");
     ASSERT_EQ(samples.count("gyro_z_error"), 1U) << device;
