@@ -15,6 +15,8 @@ namespace imud {
 // north, east, down, and not negative.
 struct NavigationErrors {
   Nanoseconds latency{0};                    // the age of position and velocity, not negative
+  double time_s = 0;                         // standard deviation of the GPS time, not negative
+  double time_correlation_s = 600;           // above 0
   Vector3 position = Vector3::Zero();        // m, standard deviation
   double position_correlation_s = 600;       // above 0
   Vector3 position_noise = Vector3::Zero();  // m, standard deviation of one sample
@@ -34,8 +36,10 @@ class NavigationError {
         position_(errors.position, Vector3::Constant(errors.position_correlation_s), period_s, Quantity::position),
         velocity_(errors.velocity, Vector3::Constant(errors.velocity_correlation_s), period_s, Quantity::velocity),
         attitude_(errors.attitude, Vector3::Constant(errors.attitude_correlation_s), period_s, Quantity::attitude),
+        time_(Vector3(errors.time_s, 0, 0), Vector3::Constant(errors.time_correlation_s), period_s,
+              Quantity::gnss_time),
         has_noise_(!errors.position_noise.isZero(0.0) || !errors.velocity_noise.isZero(0.0)),
-        on_(has_noise_ || position_.is_on() || velocity_.is_on() || attitude_.is_on()) {}
+        on_(has_noise_ || position_.is_on() || velocity_.is_on() || attitude_.is_on() || time_.is_on()) {}
 
   // Returns false if there are no errors but the latency, which is not applied here.
   bool is_on() const noexcept { return on_; }
@@ -48,12 +52,14 @@ class NavigationError {
     Vector3 position = Vector3::Zero(), velocity = Vector3::Zero();
     if (position_.is_on()) position = position_.next(normals, k);
     if (velocity_.is_on()) velocity = velocity_.next(normals, k);
+    if (time_.is_on()) time_.next(normals, k);
     if (!sample.navigation.is_known) return;
     if (has_noise_) {
       position += errors_.position_noise.cwiseProduct(normals(Quantity::position, Process::white_noise, k));
       velocity += errors_.velocity_noise.cwiseProduct(normals(Quantity::velocity, Process::white_noise, k));
     }
     sample.navigation.v_L += velocity;
+    sample.navigation.gps_ns += static_cast<std::int64_t>(1e9 * time_.value().x());
     move(sample.navigation, position);
   }
   // Makes sample k the next, with the errors that it has in the sequence from 0. The time it takes is proportional to
@@ -62,11 +68,13 @@ class NavigationError {
     position_.seek(normals, k);
     velocity_.seek(normals, k);
     attitude_.seek(normals, k);
+    time_.seek(normals, k);
   }
 
  private:
   NavigationErrors errors_;
   CorrelatedNoise position_, velocity_, attitude_;
+  CorrelatedNoise time_;  // on x
   bool has_noise_, on_;
 };
 

@@ -21,6 +21,7 @@ enum class Quantity : std::uint32_t {
   position = 4,
   velocity = 5,
   attitude = 6,
+  gnss_time = 7,
 };
 enum class Process : std::uint32_t {
   gauss_markov = 0,

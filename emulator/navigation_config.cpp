@@ -23,6 +23,8 @@ NavigationErrors read_navigation(TableReader table) {
     time_s = table.real(key, time_s, 1e-3, 1e9);
   };
   errors.latency = nanoseconds(table.real("latency_s", 0, 0, 10));
+  errors.time_s = table.real("time_s", errors.time_s, 0, 1);
+  correlation("time_correlation_s", errors.time_correlation_s);
   errors.position = table.per_axis("position_m", errors.position, 0, most);
   correlation("position_correlation_s", errors.position_correlation_s);
   errors.position_noise = table.per_axis("position_noise_m", errors.position_noise, 0, most);

@@ -51,7 +51,7 @@ TEST_F(NavigationErrorTest, LatencyGivesTheStateBeforeWithTheTimeOfNow) {
 }
 
 // The mean squares of 4000 samples of white noise lie within 5 of their standard deviations, sqrt(2/4000); each of
-// the nine checks fails without cause below 1e-6. Seeking makes samples that are far apart in the sequence, whose
+// the ten checks fails without cause below 1e-6. Seeking makes samples that are far apart in the sequence, whose
 // correlated errors are independent as well.
 TEST_F(NavigationErrorTest, ComponentsHaveTheirStandardDeviations) {
   const Sample truth = sample();
@@ -60,17 +60,22 @@ TEST_F(NavigationErrorTest, ComponentsHaveTheirStandardDeviations) {
   model_.navigation.velocity = {0.1, 0.2, 0.3};
   model_.navigation.attitude = {1e-3, 1e-3, 1e-2};
   model_.navigation.position_correlation_s = model_.navigation.velocity_correlation_s =
-      model_.navigation.attitude_correlation_s = 1e-3;  // a tenth of a sample
+      model_.navigation.attitude_correlation_s = model_.navigation.time_correlation_s = 1e-3;  // a tenth of a sample
+  model_.navigation.time_s = 1e-6;
   constexpr int n = 4000;
   Vector3 position = Vector3::Zero(), velocity = Vector3::Zero(), attitude = Vector3::Zero();
+  double time = 0;
   Imu imu(model_, 1, 1);
   for (int k = 0; k < n; ++k) {
     const Sample s = imu.sample(timeline_, TruthTime{1'500'000'000 + k}, {});
     position += distance(truth, s).cwiseAbs2();
     velocity += (s.navigation.v_L - truth.navigation.v_L).cwiseAbs2();
     attitude += log(s.q_LP * truth.q_LP.conjugate()).cwiseAbs2();
+    const auto late_ns = static_cast<double>(s.navigation.gps_ns - truth.navigation.gps_ns - k);
+    time += 1e-18 * late_ns * late_ns;
   }
   const double bound = 5 * std::sqrt(2.0 / n);
+  EXPECT_NEAR(time / n / 1e-12, 1, bound);
   const auto expect = [&](const Vector3& sum, const Vector3& sigma) {
     for (int i = 0; i < 3; ++i) EXPECT_NEAR(sum[i] / n / (sigma[i] * sigma[i]), 1, bound) << i;
   };
@@ -82,6 +87,7 @@ TEST_F(NavigationErrorTest, ComponentsHaveTheirStandardDeviations) {
 TEST_F(NavigationErrorTest, ASampleHasTheErrorsOfTheSequence) {
   model_.navigation.position = model_.navigation.velocity = Vector3::Ones();
   model_.navigation.attitude = Vector3::Constant(0.01);
+  model_.navigation.time_s = 1e-3;
   Imu imu(model_, 1, 1);
   Sample last;
   for (int k = 0; k <= 100; ++k) last = imu.sample(timeline_, TruthTime{1'400'000'000 + k * 1'000'000}, {});
@@ -89,6 +95,7 @@ TEST_F(NavigationErrorTest, ASampleHasTheErrorsOfTheSequence) {
   EXPECT_EQ(sought.navigation.r_E, last.navigation.r_E);
   EXPECT_EQ(sought.navigation.v_L, last.navigation.v_L);
   EXPECT_EQ(sought.q_LP.coeffs(), last.q_LP.coeffs());
+  EXPECT_EQ(sought.navigation.gps_ns, last.navigation.gps_ns);
 }
 
 // A magnetometer measures the true field, whatever a filter thinks of the attitude.
