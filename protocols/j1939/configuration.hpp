@@ -62,7 +62,7 @@ struct Configuration {
   std::uint8_t address = 0x80;
   unsigned divider = 1;                                    // of 100 Hz; 0: no output
   unsigned packet_types = 7;                               // bits of Model::packet_bits
-  std::uint8_t rate_filter_hz = 25, force_filter_hz = 25;  // kept and reported; they change nothing
+  std::uint8_t rate_filter_hz = 25, force_filter_hz = 25;  // cut-offs; 0: no filter
   unsigned orientation = 0;
   unsigned behavior = 0x0082;
   std::array<std::uint16_t, 3> algorithm = {2000, 2000, 10};  // kept and reported

@@ -116,6 +116,19 @@ class J1939Device final : public Device {
 
   std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
 
+  // The order of the filters, the second, is an assumption. At 100 samples a second there is nothing above 50 Hz that
+  // the widest one could remove.
+  std::optional<SensorFilters> filters() const noexcept override {
+    const auto low_pass = [](std::uint8_t cutoff_hz) {
+      SensorFilter filter;
+      if (cutoff_hz < internal_hz / 2) filter.cut_off_hz = Vector3::Constant(cutoff_hz);
+      return filter;
+    };
+    return SensorFilters{.gyro = low_pass(active_.rate_filter_hz),
+                         .accelerometer = low_pass(active_.force_filter_hz),
+                         .magnetometer = {}};
+  }
+
  private:
   // --- Address ---
 

@@ -115,6 +115,19 @@ TEST(J1939SettingTest, HaveEffect) {
   EXPECT_EQ(unit.sample(sample), Texts{"08F02D80#387C647DD47B8000"});
 }
 
+TEST(J1939SettingTest, FiltersAreThoseOfTheSensors) {
+  Claimed unit;
+  const auto cut_off = [&unit](auto sensor) { return ((*unit.device->filters()).*sensor).cut_off_hz; };
+  EXPECT_EQ(cut_off(&SensorFilters::gyro), Vector3::Constant(25));
+  EXPECT_EQ(cut_off(&SensorFilters::accelerometer), Vector3::Constant(25));
+  unit.give("18FF5742#80050A");
+  EXPECT_EQ(cut_off(&SensorFilters::gyro), Vector3::Constant(5));
+  EXPECT_EQ(cut_off(&SensorFilters::accelerometer), Vector3::Constant(10));
+  unit.give("18FF5742#800032");  // none, and 50 Hz, which is half of the sample rate
+  EXPECT_FALSE(unit.device->filters()->gyro.is_on());
+  EXPECT_FALSE(unit.device->filters()->accelerometer.is_on());
+}
+
 TEST(J1939SettingTest, AreRefusedIfTheProductHasNone) {
   Claimed unit;
   for (const char* one : {"5542#8003", "5642#804000", "5742#800301", "5842#800001", "5842#800200", "5942#8000",
