@@ -77,7 +77,7 @@ std::array<Complex, 3> measured(const SensorFilter& filter, int cycles) {
     const Vector3 value = unit.take(Vector3::Constant(std::sin(phase))).value;
     if (k >= settling)
       for (std::size_t i = 0; i < 3; ++i)
-        ratio[i] += Complex(0, 2.0 / period) * std::polar(value[static_cast<int>(i)], -phase);
+        ratio[i] += Complex(0, 2.0 / period) * std::polar(1.0, -phase) * value[static_cast<int>(i)];
   }
   return ratio;
 }

@@ -105,8 +105,8 @@ std::array<Complex, 2> response(Unit& unit, int rate_hz, int hz) {
   std::array<Complex, 2> sum = {};
   for (std::size_t k = static_cast<std::size_t>(rate_hz); k < all.size(); ++k) {
     const double phase = 2 * M_PI * hz * static_cast<double>(k) / rate_hz;
-    sum[0] += Complex(0, 2.0 / rate_hz) * std::polar(all[k].sample.rate.x(), -phase);
-    sum[1] += Complex(0, 2.0 / rate_hz) * std::polar(all[k].sample.specific_force.y(), -phase);
+    sum[0] += Complex(0, 2.0 / rate_hz) * std::polar(1.0, -phase) * all[k].sample.rate.x();
+    sum[1] += Complex(0, 2.0 / rate_hz) * std::polar(1.0, -phase) * all[k].sample.specific_force.y();
   }
   return sum;
 }
