@@ -19,6 +19,7 @@
 #include "tools/npy_file.hpp"
 #include "tools/number_check.hpp"
 #include "tools/preset_text.hpp"
+#include "tools/program.hpp"
 #include "tools/setting_texts.hpp"
 #include "tools/still_recording.hpp"
 #include "tools/stop_signal.hpp"
@@ -29,8 +30,6 @@
 namespace imud {
 namespace {
 
-constexpr int failed = 1;
-constexpr int wrong_command_line = 2;
 constexpr int limit_broken = 3;
 constexpr std::string_view array_file = "npy";  // in place of a protocol
 
@@ -157,18 +156,7 @@ int execute(int argc, char** argv) {
                  "protocol of the device, see below; npy: PORT is a file of numpy.save")
       ->required()
       ->type_name("");
-  app.add_option("PORT", options.input.port, "port to receive from, see below; - is standard input")
-      ->required()
-      ->type_name("");
-  app.add_option("--set", options.input.settings, "a setting of the protocol; may be repeated")
-      ->allow_extra_args(false)
-      ->type_name("KEY=VALUE");
-  app.add_option("--for", options.input.for_s, "ends after this time of the host's clock")
-      ->check(number_check(0, 1e9))
-      ->type_name("SECONDS");
-  app.add_option("--count", options.input.count, "ends after this number of samples")
-      ->check(number_check(1, 1e18))
-      ->type_name("N");
+  add_input_options(app, options.input);
   app.add_option("--rate-hz", options.recording.rate_hz, "sample rate, in place of the device's clock")
       ->check(number_check(1e-6, 1e9))
       ->type_name("HZ");
@@ -223,16 +211,10 @@ int execute(int argc, char** argv) {
                   "the port cannot be opened, 3 a limit of --require is broken or --against differs.\n"
                   "Example: imu-allan stim300 serial:/dev/ttyUSB0 --for 3600 --against stim300 --plot stim300.svg",
                   known_protocols(), known_ports()));
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : wrong_command_line;
-  }
+  if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
 
   catch_stop_signals();
-  const Protocol* protocol = find_protocol(options.input.protocol);
-  const bool is_can = protocol != nullptr && protocol->link == Link::can;
-  if (options.input.port == "-") options.input.port = standard_input_port(is_can, is_can);
+  options.input.resolve_port();
   bool running = false;
   try {
     return analyse(options, running);
@@ -248,10 +230,4 @@ int execute(int argc, char** argv) {
 }  // namespace
 }  // namespace imud
 
-int main(int argc, char** argv) {
-  const int exit_code = imud::execute(argc, argv);
-  const int error = imud::flush_standard_output();
-  if (error == 0) return exit_code;
-  fmt::print(stderr, "imu-allan: standard output: {}\n", std::strerror(error));
-  return exit_code == 0 ? imud::failed : exit_code;
-}
+int main(int argc, char** argv) { return imud::run_tool("imu-allan", imud::execute, argc, argv); }

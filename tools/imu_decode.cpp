@@ -17,6 +17,7 @@
 #include "protocols/protocol.hpp"
 #include "tools/measurement_input.hpp"
 #include "tools/number_check.hpp"
+#include "tools/program.hpp"
 #include "tools/setting_texts.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/stream_report.hpp"
@@ -29,8 +30,6 @@
 namespace imud {
 namespace {
 
-constexpr int failed = 1;
-constexpr int wrong_command_line = 2;
 constexpr int limit_broken = 3;
 
 struct Options {
@@ -133,12 +132,7 @@ int execute(int argc, char** argv) {
   app.set_version_flag("--version", "imu-decode " IMUD_VERSION);
   Options options;
   app.add_option("PROTOCOL", options.input.protocol, "protocol of the device, see below")->required()->type_name("");
-  app.add_option("PORT", options.input.port, "port to receive from, see below; - is standard input")
-      ->required()
-      ->type_name("");
-  app.add_option("--set", options.input.settings, "a setting of the protocol; may be repeated")
-      ->allow_extra_args(false)
-      ->type_name("KEY=VALUE");
+  add_input_options(app, options.input);
   app.add_option("--require", options.limits,
                  "exits with 3 if a figure of the report breaks this limit, such as gaps=0 or jitter_p99_us<500;\n"
                  "several with commas; may be repeated")
@@ -151,27 +145,15 @@ int execute(int argc, char** argv) {
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
   app.add_option("--json", options.json_path, "also writes the report as JSON; - is standard output")
       ->type_name("FILE");
-  app.add_option("--for", options.input.for_s, "ends after this time of the host's clock")
-      ->check(number_check(0, 1e9))
-      ->type_name("SECONDS");
-  app.add_option("--count", options.input.count, "ends after this number of samples")
-      ->check(number_check(1, 1e18))
-      ->type_name("N");
   app.footer(fmt::format(
       "\n{}\n{}\nExit codes: 0 done, 1 failed while running or no sample decoded, 2 the command line is wrong or "
       "the port cannot be opened, 3 a limit of --require is broken.\n"
       "Example: imu-decode native pty:imu1 --for 60 > imu1.csv",
       known_protocols(), known_ports()));
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : wrong_command_line;
-  }
+  if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
 
   catch_stop_signals();
-  const Protocol* protocol = find_protocol(options.input.protocol);
-  const bool is_can = protocol != nullptr && protocol->link == Link::can;
-  if (options.input.port == "-") options.input.port = standard_input_port(is_can, is_can);
+  options.input.resolve_port();
   bool running = false;
   try {
     return decode(options, running);
@@ -184,10 +166,4 @@ int execute(int argc, char** argv) {
 }  // namespace
 }  // namespace imud
 
-int main(int argc, char** argv) {
-  const int exit_code = imud::execute(argc, argv);
-  const int error = imud::flush_standard_output();
-  if (error == 0) return exit_code;
-  fmt::print(stderr, "imu-decode: standard output: {}\n", std::strerror(error));
-  return exit_code == 0 ? imud::failed : exit_code;
-}
+int main(int argc, char** argv) { return imud::run_tool("imu-decode", imud::execute, argc, argv); }

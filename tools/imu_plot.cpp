@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <exception>
 #include <stdexcept>
 #include <string>
@@ -15,6 +14,7 @@
 #include "tools/emulated_run.hpp"
 #include "tools/gnuplot.hpp"
 #include "tools/number_check.hpp"
+#include "tools/program.hpp"
 #include "tools/run_errors.hpp"
 #include "tools/run_plot.hpp"
 #include "tools/text_output.hpp"
@@ -22,9 +22,6 @@
 
 namespace imud {
 namespace {
-
-constexpr int failed = 1;
-constexpr int wrong_command_line = 2;
 
 struct Options {
   EmulatedRun::Options run;
@@ -102,11 +99,7 @@ int execute(int argc, char** argv) {
   app.footer(
       "\nExit codes: 0 done, 1 failed while running, 2 the command line or the configuration is wrong.\n"
       "Example: imu-plot imu.toml flight.pcap --set 'imu.0.model=\"stim300\"' --plot flight.svg");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : wrong_command_line;
-  }
+  if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
   bool running = false;
   try {
     plot(options, running);
@@ -120,10 +113,4 @@ int execute(int argc, char** argv) {
 }  // namespace
 }  // namespace imud
 
-int main(int argc, char** argv) {
-  const int exit_code = imud::execute(argc, argv);
-  const int error = imud::flush_standard_output();
-  if (error == 0) return exit_code;
-  fmt::print(stderr, "imu-plot: standard output: {}\n", std::strerror(error));
-  return exit_code == 0 ? imud::failed : exit_code;
-}
+int main(int argc, char** argv) { return imud::run_tool("imu-plot", imud::execute, argc, argv); }

@@ -18,6 +18,7 @@
 #include "tools/duration_text.hpp"
 #include "tools/motion.hpp"
 #include "tools/number_check.hpp"
+#include "tools/program.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
 #include "tools/truth_csv.hpp"
@@ -29,8 +30,6 @@
 namespace imud {
 namespace {
 
-constexpr int failed = 1;
-constexpr int wrong_command_line = 2;
 constexpr int incomplete = 3;
 
 struct Options {
@@ -340,11 +339,7 @@ int execute(int argc, char** argv) {
                "imu-truth");
   Options options;
   define(app, options);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : wrong_command_line;
-  }
+  if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
   if (options.what == "list") {
     std::fputs(known_motions().c_str(), stdout);
     return 0;
@@ -365,10 +360,4 @@ int execute(int argc, char** argv) {
 }  // namespace
 }  // namespace imud
 
-int main(int argc, char** argv) {
-  const int exit_code = imud::execute(argc, argv);
-  const int error = imud::flush_standard_output();
-  if (error == 0) return exit_code;
-  fmt::print(stderr, "imu-truth: standard output: {}\n", std::strerror(error));
-  return exit_code == 0 ? imud::failed : exit_code;
-}
+int main(int argc, char** argv) { return imud::run_tool("imu-truth", imud::execute, argc, argv); }

@@ -8,12 +8,34 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "tools/number_check.hpp"
 #include "tools/stop_signal.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
 #include "transports/port_spec.hpp"
 
 namespace imud {
+
+void DecodeOptions::resolve_port() {
+  const Protocol* found = find_protocol(protocol);
+  const bool is_can = found != nullptr && found->link == Link::can;
+  if (port == "-") port = standard_input_port(is_can, is_can);
+}
+
+void add_input_options(CLI::App& app, DecodeOptions& options) {
+  app.add_option("PORT", options.port, "port to receive from, see below; - is standard input")
+      ->required()
+      ->type_name("");
+  app.add_option("--set", options.settings, "a setting of the protocol; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+  app.add_option("--for", options.for_s, "ends after this time of the host's clock")
+      ->check(number_check(0, 1e9))
+      ->type_name("SECONDS");
+  app.add_option("--count", options.count, "ends after this number of samples")
+      ->check(number_check(1, 1e18))
+      ->type_name("N");
+}
 
 std::string known_protocols() {
   std::string text = "Protocols:\n";

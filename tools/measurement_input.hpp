@@ -1,6 +1,7 @@
 // measurement_input: what a program needs that decodes any protocol from any port.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -22,7 +23,13 @@ struct DecodeOptions {
   std::vector<std::string> settings = {};                           // KEY=VALUE
   double for_s = std::numeric_limits<double>::infinity();           // of the host's clock
   std::uint64_t count = std::numeric_limits<std::uint64_t>::max();  // samples
+
+  // Makes "-" a port of the protocol's link that reads standard input.
+  void resolve_port();
 };
+
+// Adds PORT, --set, --for and --count, which every program that decodes has, to those of a command line.
+void add_input_options(CLI::App& app, DecodeOptions& options);
 
 // Return lists of what there is, for the help of a command line.
 std::string known_protocols();

@@ -3,20 +3,17 @@
 #include <cmath>
 
 #include "core/elementary.hpp"
+#include "core/units.hpp"
 
 namespace imud {
 
-namespace {
-constexpr double pi = 3.141592653589793;
-}
-
 double detail::prewarped(double cut_off_hz, double rate_hz) noexcept {
-  const auto [sin, cos] = elementary::sincos(pi * cut_off_hz / rate_hz);
+  const auto [sin, cos] = elementary::sincos(units::pi * cut_off_hz / rate_hz);
   return sin / cos;
 }
 
 std::complex<double> frequency_response(const SensorFilter& filter, int axis, double rate_hz, double frequency_hz) {
-  const double half = pi * frequency_hz / rate_hz;  // rad, half the phase from sample to sample
+  const double half = units::pi * frequency_hz / rate_hz;  // rad, half the phase from sample to sample
   std::complex<double> response = 1;
   if (filter.length > 1 && half != 0) {
     const double length = filter.length;

@@ -19,8 +19,7 @@ Vector3 Measured::g_compensation(const Configuration& c, const Matrix3& g_sensit
     has_filtered_ = false;
     return bias;
   }
-  constexpr double two_pi = 6.283185307179586;
-  const double gain = has_filtered_ ? 1 - elementary::exp(-two_pi * c.g_filter_hz / internal_hz) : 1;
+  const double gain = has_filtered_ ? 1 - elementary::exp(-2 * units::pi * c.g_filter_hz / internal_hz) : 1;
   for (std::size_t i = 0; i < sources.size(); ++i)
     filtered_[i] = has_filtered_ ? Vector3(filtered_[i] + gain * (sources[i] - filtered_[i])) : sources[i];
   has_filtered_ = true;

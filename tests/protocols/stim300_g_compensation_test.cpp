@@ -58,7 +58,7 @@ TEST(Stim300GCompensation, LeavesASeventh) {
   unit.configure("g 3");
   expect_near(unit.rate_at(g * Vector3(1, -0.5, 0)), left_per_g * Vector3(1, -0.5, 0), half_lsb);
   expect_near(unit.rate_at(g * Vector3(0, 0, 1)), left_per_g * Vector3(2, 0, 1), half_lsb);
-  // Of one axis alone.
+  // Only the z axis is compensated.
   unit.configure("g 0,0,1,1,0,0,0");
   expect_near(unit.rate_at(g * Vector3(0, 1, 1)), Vector3(2 * per_g, per_g, left_per_g), half_lsb);
 }

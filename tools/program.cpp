@@ -1,0 +1,29 @@
+#include "tools/program.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <cstring>
+
+#include "transports/output_path.hpp"
+
+namespace imud {
+
+std::optional<int> parse(CLI::App& app, int argc, char** argv) {
+  try {
+    app.parse(argc, argv);
+    return std::nullopt;
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : wrong_command_line;
+  }
+}
+
+int run_tool(std::string_view name, int (*execute)(int argc, char** argv), int argc, char** argv) {
+  const int exit_code = execute(argc, argv);
+  const int error = flush_standard_output();
+  if (error == 0) return exit_code;
+  fmt::print(stderr, "{}: standard output: {}\n", name, std::strerror(error));
+  return exit_code == 0 ? failed : exit_code;
+}
+
+}  // namespace imud

@@ -1,0 +1,20 @@
+// program: the begin and the end that the tools share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string_view>
+
+namespace imud {
+
+// Exit codes; 0 is done, and 3 what a tool says of it.
+inline constexpr int failed = 1;
+inline constexpr int wrong_command_line = 2;
+
+// Parses the command line. Returns the exit code if the program ends with that: 0 after --help or --version.
+std::optional<int> parse(CLI::App& app, int argc, char** argv);
+
+// Runs the tool; returns the exit code, which is `failed` if all went well, but standard output cannot be written.
+int run_tool(std::string_view name, int (*execute)(int argc, char** argv), int argc, char** argv);
+
+}  // namespace imud
