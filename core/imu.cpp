@@ -329,11 +329,15 @@ IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, Dev
   if (temperature_.follows_truth()) [[unlikely]]
     surroundings_c_ = timeline.temperature_c(time);
   Sample out = sense(now, time, is_first, stamp);
-  if (earth_.is_on()) {
-    sense_earth(earth_, timeline.position(now.time), now, out);
+  const bool has_given = timeline.has_field_or_pressure();
+  if (earth_.is_on() || has_given) {
+    const GivenFields given =
+        has_given ? GivenFields{timeline.magnetic_field_B(time), timeline.pressure(time)} : GivenFields{};
+    sense_earth(earth_, timeline.position(now.time), given, now, out);
     if (navigation_.latency().count() > 0) delay(timeline, now, out.navigation);
   }
   if (navigation_.is_on()) navigation_.apply(out, normals_, counter_);
+  out.status |= now.derived;
   if (now.basis != MotionState::Basis::interpolated) out.status |= status::truth_extrapolated;
   if (now.basis == MotionState::Basis::held) out.status |= status::truth_stale;
   ++counter_;
@@ -360,7 +364,7 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
   }
   Sample out = sense(now, time, is_first, stamp);
   if (rest_.earth().is_on()) {
-    sense_earth(rest_.earth(), {true, time, Vector3::Zero(), Vector3::Zero()}, now, out);
+    sense_earth(rest_.earth(), {true, time, Vector3::Zero(), Vector3::Zero()}, {}, now, out);
     out.navigation.v_L.setZero();
   }
   if (navigation_.is_on()) navigation_.apply(out, normals_, counter_);

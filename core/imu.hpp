@@ -157,7 +157,13 @@ class Imu {
   void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
   void add_piece(const MotionState& end) noexcept;
   Sample sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;
-  void sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept;
+  // The quantities that a simulator gives instead of the models of the Earth.
+  struct GivenFields {
+    std::optional<Vector3> magnetic_field_B;
+    std::optional<double> pressure;
+  };
+  void sense_earth(const Earth& earth, PositionVelocity position, const GivenFields& given, const MotionState& now,
+                   Sample& out) noexcept;
   void delay(const Timeline& timeline, const MotionState& now, Navigation& navigation) const noexcept;
   void move_to_sensor(const MotionState& state, PositionVelocity& position) const noexcept;
   Vector3 true_delta_angle_B(const MotionState& now) const noexcept;

@@ -21,20 +21,30 @@ void Imu::move_to_sensor(const MotionState& state, PositionVelocity& position) c
   position.v_N += state.q_NB * state.omega_BN_B.cross(model_.r_SB_B);
 }
 
-// Adds the place of S, given that of B's origin, and what the magnetometer and the barometer measure there.
-void Imu::sense_earth(const Earth& earth, PositionVelocity position, const MotionState& now, Sample& out) noexcept {
+// Adds the place of S, given that of B's origin, and what the magnetometer and the barometer measure there: what the
+// truth gives, and otherwise what the Earth's models have at a known place.
+void Imu::sense_earth(const Earth& earth, PositionVelocity position, const GivenFields& given, const MotionState& now,
+                      Sample& out) noexcept {
   move_to_sensor(now, position);
   out.navigation = earth.navigation(position);
-  if (out.navigation.is_known) {
+  const bool is_known = out.navigation.is_known;
+  const Quaternion q_NP = out.q_LP;
+  if (is_known) {
     // A vehicle whose motion is held stands still relative to the Earth.
     if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
     out.navigation.gps_ns += (now.time - position.time).count();
     out.q_LP = earth.q_LN(position.time, out.navigation) * out.q_LP;
-    out.magnetic_field = out.q_LP.conjugate() * earth.magnetic_field_L(out.navigation);
-    out.pressure = barometer_.measure(earth.pressure(out.navigation), normals_, counter_);
-  } else {
-    barometer_.pass(normals_, counter_);
   }
+  const bool has_field = is_known || given.magnetic_field_B;
+  if (given.magnetic_field_B)
+    out.magnetic_field = q_NP.conjugate() * (now.q_NB * *given.magnetic_field_B);
+  else if (is_known)
+    out.magnetic_field = out.q_LP.conjugate() * earth.magnetic_field_L(out.navigation);
+  if (given.pressure || is_known)
+    out.pressure =
+        barometer_.measure(given.pressure ? *given.pressure : earth.pressure(out.navigation), normals_, counter_);
+  else
+    barometer_.pass(normals_, counter_);
   const Vector3 none = Vector3::Zero();
   TriadStep step = {.normals = normals_,
                     .k = counter_,
@@ -46,9 +56,9 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Motio
                     .value = out.magnetic_field,
                     .increment = none,
                     .begins_run = !had_field_};
-  had_field_ = out.navigation.is_known;
-  magnetometer_.apply(step);  // the error processes continue where no place is known
-  if (out.navigation.is_known) out.magnetic_field = step.value;
+  had_field_ = has_field;
+  magnetometer_.apply(step);  // the error processes continue where there is no field
+  if (has_field) out.magnetic_field = step.value;
 }
 
 }  // namespace imud

@@ -75,6 +75,7 @@ IMUD_DISPATCHED Admission Timeline::push(const Truth& truth, TruthTime watermark
     begin_run(truth);
   else
     append(truth);
+  has_field_or_pressure_ = has_field_or_pressure_ || truth.has_magnetic_field || truth.has_pressure;
   newest_sequence_ = truth.sequence;
   return admission;
 }
@@ -82,6 +83,7 @@ IMUD_DISPATCHED Admission Timeline::push(const Truth& truth, TruthTime watermark
 void Timeline::begin_run(const Truth& truth) noexcept {
   first_ = 0;
   count_ = 0;
+  has_field_or_pressure_ = false;
   run_start_ = truth.time;
   run_start_sequence_ = truth.sequence;
   append(truth);
@@ -135,9 +137,12 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.state.q_NB = truth.q_NB.normalized();
   k.state.omega_BN_B = truth.omega_BN_B;
   k.state.dv_N.setZero();
-  k.position = {truth.has_position, truth.time, truth.r_BN_N, truth.v_BN_N};
-  k.has_temperature = truth.has_temperature;
-  k.temperature_c = truth.temperature_c;
+  k.state.derived =
+      (truth.is_rate_derived ? status::rate_derived : 0U) | (truth.is_force_derived ? status::force_derived : 0U);
+  k.position = {truth.has_position && truth.has_velocity, truth.time, truth.r_BN_N, truth.v_BN_N};
+  k.temperature_c = truth.has_temperature ? std::optional(truth.temperature_c) : std::nullopt;
+  k.pressure = truth.has_pressure ? std::optional(truth.pressure) : std::nullopt;
+  k.magnetic_field_B = truth.has_magnetic_field ? std::optional(truth.magnetic_field_B) : std::nullopt;
   k.has_angular_acceleration = truth.has_angular_acceleration;
   k.state.omegaDot_BN_B = truth.has_angular_acceleration ? truth.omegaDot_BN_B : Vector3::Zero();
   k.accumulated_dv = truth.accumulated_dv;
@@ -251,6 +256,7 @@ MotionState Timeline::interpolate(const Knot& begin, const Knot& end, double s) 
   const Vector3 phi = value(h * begin.state.omega_BN_B, end.phi, h * end.phi_slope);
   const Vector3 phi_dot = derivative(begin.state.omega_BN_B, inverse_h * end.phi, end.phi_slope);
   MotionState state;
+  state.derived = end.state.derived;
   state.q_NB = begin.state.q_NB * exp(phi);
   state.omega_BN_B = right_jacobian(phi, phi_dot);
   state.omegaDot_BN_B = (1.0 - s) * end.omegaDot_begin + s * end.omegaDot_end;
@@ -321,16 +327,25 @@ PositionVelocity Timeline::position(TruthTime time) const noexcept {
           Hermite::derivative(s)(v1, step / h, v2)};
 }
 
-std::optional<double> Timeline::temperature_c(TruthTime time) const noexcept {
+template <class Value>
+std::optional<Value> Timeline::linear(std::optional<Value> Knot::*member, TruthTime time) const noexcept {
   std::size_t i = count_ - 1;
   if (time <= newest()) i = time <= knot(0).state.time ? 0 : segment_end(time);
-  const Knot& end = knot(i);
-  if (!end.has_temperature) return std::nullopt;
-  if (i == 0 || time >= end.state.time || !knot(i - 1).has_temperature) return end.temperature_c;
-  const Knot& begin = knot(i - 1);
-  const double s = seconds(time - begin.state.time) / end.h_s;
-  return begin.temperature_c + s * (end.temperature_c - begin.temperature_c);
+  const std::optional<Value>& end = knot(i).*member;
+  if (!end || i == 0 || time >= knot(i).state.time) return end;
+  const std::optional<Value>& begin = knot(i - 1).*member;
+  if (!begin) return end;
+  const double s = seconds(time - knot(i - 1).state.time) / knot(i).h_s;
+  return *begin + s * (*end - *begin);
 }
+
+std::optional<double> Timeline::temperature_c(TruthTime time) const noexcept {
+  return linear(&Knot::temperature_c, time);
+}
+std::optional<Vector3> Timeline::magnetic_field_B(TruthTime time) const noexcept {
+  return linear(&Knot::magnetic_field_B, time);
+}
+std::optional<double> Timeline::pressure(TruthTime time) const noexcept { return linear(&Knot::pressure, time); }
 
 TruthTime Timeline::next_truth(TruthTime time) const noexcept {
   if (count_ == 0 || time >= newest()) return never;

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/sample.hpp"
 #include "core/truth.hpp"
 
 namespace imud {
@@ -28,6 +29,7 @@ struct MotionState {
   Vector3 specific_force_B = Vector3::Zero();  // m/s^2, of B's origin
   Vector3 dv_N = Vector3::Zero();              // m/s, integral of the specific force in inertial axes, from an
                                                // arbitrary origin in each run
+  std::uint32_t derived = 0;  // status::rate_derived and status::force_derived of the later truth beside `time`
 };
 
 // The part of a motion state from which increments begin.
@@ -125,10 +127,14 @@ class Timeline {
   // before the oldest truth, that truth's own. Must not be called if empty().
   PositionVelocity position(TruthTime time) const noexcept;
 
-  // Returns the temperature of the surroundings at `time`, degrees Celsius: linear between two truths that carry it,
-  // after the newest truth and before the oldest one that truth's own; nullopt if the truth there has none. Must not
-  // be called if empty().
+  // Return the temperature of the surroundings at `time`, degrees Celsius, the magnetic field, T, and the static
+  // pressure, Pa: linear between two truths that carry it, after the newest truth and before the oldest one that
+  // truth's own; nullopt if the truth there has none. Must not be called if empty().
   std::optional<double> temperature_c(TruthTime time) const noexcept;
+  std::optional<Vector3> magnetic_field_B(TruthTime time) const noexcept;
+  std::optional<double> pressure(TruthTime time) const noexcept;
+  // Returns whether any truth of the run carries a magnetic field or a pressure.
+  bool has_field_or_pressure() const noexcept { return has_field_or_pressure_; }
 
   // Returns the time of the first truth after `time`, or `never`. at() is smooth between `time` and there.
   TruthTime next_truth(TruthTime time) const noexcept;
@@ -140,8 +146,8 @@ class Timeline {
   struct Knot {
     MotionState state;  // at this truth
     PositionVelocity position;
-    bool has_temperature = false;
-    double temperature_c = 0;
+    std::optional<double> temperature_c, pressure;
+    std::optional<Vector3> magnetic_field_B;
     AccumulatedDv accumulated_dv = AccumulatedDv::none;
     Vector3 accumulated_dv_B = Vector3::Zero();
     bool has_specific_force = false;
@@ -172,11 +178,14 @@ class Timeline {
   static MotionState interpolate(const Knot& begin, const Knot& end, double s) noexcept;
   MotionState extrapolate(TruthTime time) const noexcept;
   MotionState before_run(TruthTime time) const noexcept;
+  template <class Value>
+  std::optional<Value> linear(std::optional<Value> Knot::*member, TruthTime time) const noexcept;
 
   Limits limits_;
   std::vector<Knot> knots_;  // ring
   std::size_t first_ = 0;
   std::size_t count_ = 0;
+  bool has_field_or_pressure_ = false;
   TruthTime run_start_;
   std::uint32_t run_start_sequence_ = 0;
   std::uint32_t newest_sequence_ = 0;

@@ -11,7 +11,7 @@ bool within(const Vector3& v, double limit) { return v.cwiseAbs().maxCoeff() <= 
 bool is_finite(const Truth& t) noexcept {
   return t.r_BN_N.allFinite() && t.v_BN_N.allFinite() && t.q_NB.coeffs().allFinite() && t.omega_BN_B.allFinite() &&
          t.omegaDot_BN_B.allFinite() && t.specific_force_B.allFinite() && t.accumulated_dv_B.allFinite() &&
-         std::isfinite(t.temperature_c);
+         std::isfinite(t.temperature_c) && t.magnetic_field_B.allFinite() && std::isfinite(t.pressure);
 }
 
 bool is_in_range(const Truth& t) noexcept {
@@ -20,7 +20,8 @@ bool is_in_range(const Truth& t) noexcept {
          within(t.v_BN_N, truth_limit::velocity) && std::abs(t.q_NB.squaredNorm() - 1.0) <= 2e-6 &&
          within(t.omega_BN_B, truth_limit::rate) && within(t.omegaDot_BN_B, truth_limit::angular_acceleration) &&
          within(t.specific_force_B, truth_limit::specific_force) &&
-         within(t.accumulated_dv_B, truth_limit::velocity) && std::abs(t.temperature_c) <= truth_limit::temperature;
+         within(t.accumulated_dv_B, truth_limit::velocity) && std::abs(t.temperature_c) <= truth_limit::temperature &&
+         within(t.magnetic_field_B, truth_limit::magnetic_field) && std::abs(t.pressure) <= truth_limit::pressure;
 }
 
 }  // namespace imud

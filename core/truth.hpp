@@ -24,11 +24,13 @@ struct Truth {
   bool acknowledge = false;    // the sender waits for an acknowledgement (lockstep)
   bool new_run = false;        // the sender marks the first truth of a new run
 
-  bool has_position = false;                 // r_BN_N and v_BN_N are given
-  Vector3 r_BN_N = Vector3::Zero();          // m; position of B's origin
+  bool has_position = false;
+  Vector3 r_BN_N = Vector3::Zero();  // m; position of B's origin
+  bool has_velocity = false;
   Vector3 v_BN_N = Vector3::Zero();          // m/s; its velocity
   Quaternion q_NB = Quaternion::Identity();  // unit; v_N = q_NB * v_B
-  Vector3 omega_BN_B = Vector3::Zero();      // rad/s
+  bool has_rate = true;
+  Vector3 omega_BN_B = Vector3::Zero();  // rad/s; 0 if it is not given
 
   bool has_angular_acceleration = false;
   Vector3 omegaDot_BN_B = Vector3::Zero();  // rad/s^2
@@ -41,6 +43,13 @@ struct Truth {
 
   bool has_temperature = false;
   double temperature_c = 0;  // degrees Celsius; of the sensor's surroundings
+  bool has_magnetic_field = false;
+  Vector3 magnetic_field_B = Vector3::Zero();  // T
+  bool has_pressure = false;
+  double pressure = 0;  // Pa; static
+
+  bool is_rate_derived = false;   // omega_BN_B and omegaDot_BN_B were derived from attitudes
+  bool is_force_derived = false;  // the specific force was derived from positions or velocities
 };
 
 // Returns whether every number of `truth`, given or not, is finite.
@@ -54,6 +63,8 @@ inline constexpr double rate = 1e5;                  // rad/s
 inline constexpr double angular_acceleration = 1e8;  // rad/s^2
 inline constexpr double specific_force = 1e8;        // m/s^2
 inline constexpr double temperature = 1e4;           // degrees Celsius
+inline constexpr double magnetic_field = 1e6;        // T
+inline constexpr double pressure = 1e12;             // Pa
 }  // namespace truth_limit
 
 // Returns whether every number of a finite `truth` is in the model's range, and the quaternion's length within 1e-6

@@ -28,7 +28,7 @@ Quaternion about_z(double angle) {
 Truth complete(TruthTime time) {
   Truth truth;
   truth.time = time;
-  truth.has_position = true;
+  truth.has_position = truth.has_velocity = true;
   truth.has_angular_acceleration = true;
   truth.has_specific_force = true;
   truth.accumulated_dv = AccumulatedDv::inertial;

@@ -34,7 +34,7 @@ constexpr Columns columns[] = {
 }  // namespace
 
 unsigned parts_of(const Truth& truth) {
-  return (truth.has_position ? TruthParts::position : TruthParts::none) |
+  return (truth.has_position && truth.has_velocity ? TruthParts::position : TruthParts::none) |
          (truth.has_angular_acceleration ? TruthParts::angular_acceleration : TruthParts::none) |
          (truth.has_specific_force ? TruthParts::specific_force : TruthParts::none) |
          (truth.accumulated_dv != AccumulatedDv::none ? TruthParts::accumulated_dv : TruthParts::none) |

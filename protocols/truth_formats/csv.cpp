@@ -107,7 +107,8 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
   TruthResult convert(Truth& truth) const noexcept override {
     Vector3 sigma;
     truth.has_angular_acceleration = columns().has(omegaDot_BN_B, 3);
-    truth.has_position = columns().has(r_BN_N, 3) && columns().has(v_BN_N, 3);
+    truth.has_position = columns().has(r_BN_N, 3);
+    truth.has_velocity = columns().has(v_BN_N, 3);
     truth.has_specific_force = columns().has(specific_force_B, 3);
     if (columns().has(accumulated_dv_B, 3)) truth.accumulated_dv = accumulation_;
     struct {
@@ -116,8 +117,8 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
       Vector3& vector;
     } const groups[] = {{true, sigma_BN, sigma},
                         {true, omega_BN_B, truth.omega_BN_B},
-                        {columns().has(r_BN_N, 3), r_BN_N, truth.r_BN_N},
-                        {columns().has(v_BN_N, 3), v_BN_N, truth.v_BN_N},
+                        {truth.has_position, r_BN_N, truth.r_BN_N},
+                        {truth.has_velocity, v_BN_N, truth.v_BN_N},
                         {truth.has_angular_acceleration, omegaDot_BN_B, truth.omegaDot_BN_B},
                         {truth.has_specific_force, specific_force_B, truth.specific_force_B},
                         {truth.accumulated_dv != AccumulatedDv::none, accumulated_dv_B, truth.accumulated_dv_B}};

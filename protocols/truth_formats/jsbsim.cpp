@@ -132,7 +132,8 @@ class JsbsimTruthDecoder final : public ColumnTruthDecoder {
     }
     const bool inertial = columns().has(inertial_rate, 3);
     truth.has_angular_acceleration = columns().has(angular_acceleration, 3);
-    truth.has_position = columns().has(position_ft, 3) && columns().has(velocity_fps, 3);
+    truth.has_position = columns().has(position_ft, 3);
+    truth.has_velocity = columns().has(velocity_fps, 3);
     truth.has_specific_force = columns().has(specific_force_ft, 3);
     struct {
       bool given;
@@ -141,8 +142,8 @@ class JsbsimTruthDecoder final : public ColumnTruthDecoder {
       double unit;
     } const groups[] = {
         {true, inertial ? inertial_rate : earth_relative_rate, truth.omega_BN_B, 1.0},
-        {columns().has(position_ft, 3), position_ft, truth.r_BN_N, metres_per_foot},
-        {columns().has(velocity_fps, 3), velocity_fps, truth.v_BN_N, metres_per_foot},
+        {truth.has_position, position_ft, truth.r_BN_N, metres_per_foot},
+        {truth.has_velocity, velocity_fps, truth.v_BN_N, metres_per_foot},
         {truth.has_angular_acceleration, angular_acceleration, truth.omegaDot_BN_B, 1.0},
         {truth.has_specific_force, specific_force_ft, truth.specific_force_B, metres_per_foot},
     };

@@ -158,7 +158,7 @@ class NativeTruthDecoder final : public DatagramTruthDecoder {
     truth.sequence = wire.sequence.value();
     truth.acknowledge = given(flag::acknowledge);
     truth.new_run = given(flag::new_run);
-    truth.has_position = true;
+    truth.has_position = truth.has_velocity = true;
     truth.r_BN_N = get_vector(wire.r_BN_N);
     truth.v_BN_N = get_vector(wire.v_BN_N);
     truth.omega_BN_B = get_vector(wire.omega_BN_B);

@@ -48,7 +48,7 @@ TEST(Barometer, DriftsOnWhereNoPlaceIsKnown) {
   model.earth.frame = EarthModel::Frame::local;
   model.barometer = {.drift = 20, .drift_correlation_s = 1};
   Truth seeing, blind;
-  seeing.has_position = true;
+  seeing.has_position = seeing.has_velocity = true;
   const auto third = [&](const Truth& second) {
     Imu imu(model, 1, 1);
     Timeline timeline;

@@ -134,7 +134,7 @@ TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
     Truth truth;
     truth.time.ns = k * 100'000'000LL;
     const PositionVelocity p = at(0.1 * k);
-    truth.has_position = true;
+    truth.has_position = truth.has_velocity = true;
     truth.r_BN_N = p.r_N;
     truth.v_BN_N = p.v_N;
     timeline.push(truth);
@@ -159,7 +159,7 @@ TEST(Earth, PositionsBetweenTruthsFollowTheirVelocities) {
   EXPECT_TRUE(timeline.position(TruthTime{2'000'000'000}).is_known);
   Truth seeing;
   seeing.time.ns = 2'200'000'000;
-  seeing.has_position = true;
+  seeing.has_position = seeing.has_velocity = true;
   timeline.push(seeing);
   EXPECT_FALSE(timeline.position(TruthTime{2'150'000'000}).is_known) << "from an unknown one";
   EXPECT_TRUE(timeline.position(seeing.time).is_known);
@@ -174,7 +174,7 @@ TEST(Earth, TheSensorMeasuresFieldAndPressureInItsAxes) {
   model.barometer.bias = 7;
   Timeline timeline;
   Truth truth;
-  truth.has_position = true;
+  truth.has_position = truth.has_velocity = true;
   timeline.push(truth);
   const auto sense = [&](std::uint64_t k) {
     Imu imu(model, 1, 1);
@@ -219,7 +219,7 @@ TEST(Earth, TheMagnetometersWalkGoesOnWherePlacesAreUnknown) {
   Timeline seeing, blind;
   Truth truth;
   blind.push(truth);
-  truth.has_position = true;
+  truth.has_position = truth.has_velocity = true;
   seeing.push(truth);
   constexpr std::uint64_t n = 10;
   Imu always(model, 1, 1), at_last(model, 1, 1), sought(model, 1, 1);
@@ -248,7 +248,7 @@ TEST(Earth, WhatIsHeldStaysWhereItIsOnTheGround) {
     Truth truth;
     truth.time.ns = ms * 1'000'000;
     truth.sequence = static_cast<std::uint32_t>(ms);
-    truth.has_position = true;
+    truth.has_position = truth.has_velocity = true;
     const double angle = 0.3 + units::earth_rate * 1e-3 * static_cast<double>(ms);
     truth.r_BN_N = 6'378'137.0 * Vector3(std::cos(angle), std::sin(angle), 0);
     truth.v_BN_N = Vector3(0, 0, units::earth_rate).cross(truth.r_BN_N);
@@ -276,7 +276,7 @@ TEST(Earth, TheLeverArmHasItsPlaceAndSpeed) {
   model.r_SB_B = {100, 0, 0};
   Timeline timeline;
   Truth truth;
-  truth.has_position = true;
+  truth.has_position = truth.has_velocity = true;
   truth.q_NB = Quaternion(dcm_from_yaw_pitch_roll(units::pi / 2, 0, 0).transpose());
   truth.omega_BN_B = {0, 0, 0.5};
   timeline.push(truth);

@@ -18,7 +18,7 @@ class NavigationErrorTest : public testing::Test {
     for (int k = 0; k <= 20; ++k) {
       Truth truth;
       truth.time.ns = k * 100'000'000;
-      truth.has_position = true;
+      truth.has_position = truth.has_velocity = true;
       truth.v_BN_N = {100, 0, 0};
       truth.r_BN_N = {10.0 * k, 0, 0};
       timeline_.push(truth);

@@ -139,7 +139,7 @@ TEST(Rest, AgreesWithATruthThatStandsOnTheTurningEarth) {
         truth.time = TruthTime{} + k * 100ms;
         truth.q_NB = q_NE * Quaternion(dcm_EB);
         truth.omega_BN_B = dcm_EB.transpose() * Vector3(0, 0, 7.292115e-5);
-        truth.has_angular_acceleration = truth.has_specific_force = truth.has_position = true;
+        truth.has_angular_acceleration = truth.has_specific_force = truth.has_position = truth.has_velocity = true;
         truth.specific_force_B = dcm_BL(angles) * Vector3(0, 0, -normal_gravity(ground.latitude, ground.height));
         truth.r_BN_N = q_NE * r_E;
         truth.v_BN_N = Vector3(0, 0, 7.292115e-5).cross(truth.r_BN_N);

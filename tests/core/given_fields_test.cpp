@@ -1,0 +1,110 @@
+// The magnetic field and the pressure that a truth carries, and the marks of what was derived.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/imu.hpp"
+
+namespace imud {
+namespace {
+
+class GivenFields : public testing::Test {
+ protected:
+  static Truth truth_at(std::int64_t ms) {
+    Truth truth;
+    truth.time.ns = ms * 1'000'000;
+    truth.has_magnetic_field = true;
+    truth.magnetic_field_B = Vector3(2e-5, -1e-5, 4e-5) * (1.0 + static_cast<double>(ms) * 1e-3);
+    truth.has_pressure = true;
+    truth.pressure = 90'000.0 + static_cast<double>(ms);
+    return truth;
+  }
+  static Sample sample_of(Imu& imu, const Timeline& timeline, std::int64_t ms) {
+    return imu.sample(timeline, TruthTime{ms * 1'000'000}, DeviceTime{});
+  }
+};
+
+TEST_F(GivenFields, AreMeasuredWithoutAnEarth) {
+  ImuModel model;
+  model.dcm_PB << 0, 1, 0, -1, 0, 0, 0, 0, 1;
+  Imu imu(model, 1, 1);
+  Timeline timeline;
+  timeline.push(truth_at(0));
+  timeline.push(truth_at(100));
+  sample_of(imu, timeline, 0);
+  const Sample sample = sample_of(imu, timeline, 50);
+  EXPECT_LT((sample.magnetic_field - 1.05 * Vector3(-1e-5, -2e-5, 4e-5)).norm(), 1e-18);
+  EXPECT_NEAR(sample.pressure, 90'050.0, 1e-9);
+  EXPECT_FALSE(sample.navigation.is_known);
+  Truth without;
+  without.time.ns = 200'000'000;
+  timeline.push(without);
+  const Sample none = sample_of(imu, timeline, 150);
+  EXPECT_TRUE(none.magnetic_field.isZero(0));
+  EXPECT_EQ(none.pressure, 0.0);
+}
+
+TEST_F(GivenFields, TakeThePlaceOfTheEarthsModels) {
+  ImuModel model;
+  model.earth.frame = EarthModel::Frame::local;
+  model.earth.latitude = 0.8;
+  Imu imu(model, 1, 1), other(model, 1, 1);
+  Truth truth = truth_at(0);
+  truth.has_position = truth.has_velocity = true;
+  Timeline timeline;
+  timeline.push(truth);
+  const Sample given = sample_of(imu, timeline, 0);
+  EXPECT_TRUE(given.navigation.is_known);
+  EXPECT_LT((given.magnetic_field - truth.magnetic_field_B).norm(), 1e-18);
+  EXPECT_EQ(given.pressure, truth.pressure);
+  truth.has_magnetic_field = false;
+  truth.time.ns += 1'000'000;
+  timeline.push(truth);
+  const Sample half = sample_of(other, timeline, 1);
+  EXPECT_GT((half.magnetic_field - truth.magnetic_field_B).norm(), 1e-6) << "the model's own";
+  EXPECT_EQ(half.pressure, truth.pressure);
+}
+
+TEST_F(GivenFields, MustBeFiniteAndInRange) {
+  Truth truth = truth_at(0);
+  EXPECT_TRUE(is_finite(truth) && is_in_range(truth));
+  truth.magnetic_field_B.y() = 1e7;
+  EXPECT_FALSE(is_in_range(truth));
+  truth.magnetic_field_B.y() = std::nan("");
+  EXPECT_FALSE(is_finite(truth));
+  truth = truth_at(0);
+  truth.pressure = 1e13;
+  EXPECT_FALSE(is_in_range(truth));
+  truth.pressure = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(is_finite(truth));
+}
+
+TEST_F(GivenFields, AVelocityAloneIsNoPlace) {
+  Timeline timeline;
+  Truth truth;
+  truth.has_velocity = true;
+  timeline.push(truth);
+  EXPECT_FALSE(timeline.position(truth.time).is_known);
+}
+
+TEST_F(GivenFields, StatusMarksWhatWasDerived) {
+  Imu imu(ImuModel{}, 1, 1);
+  Timeline timeline;
+  Truth truth;
+  timeline.push(truth);
+  EXPECT_EQ(sample_of(imu, timeline, 0).status, 0U);
+  truth.time.ns = 100'000'000;
+  truth.is_rate_derived = true;
+  timeline.push(truth);
+  EXPECT_EQ(sample_of(imu, timeline, 50).status, status::rate_derived) << "between truths: that of the later one";
+  truth.time.ns = 200'000'000;
+  truth.is_force_derived = true;
+  timeline.push(truth);
+  EXPECT_EQ(sample_of(imu, timeline, 200).status, status::rate_derived | status::force_derived);
+  EXPECT_EQ(sample_of(imu, timeline, 250).status,
+            status::rate_derived | status::force_derived | status::truth_extrapolated);
+}
+
+}  // namespace
+}  // namespace imud
