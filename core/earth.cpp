@@ -18,15 +18,17 @@ constexpr double b = a * (1.0 - f), e2 = f * (2.0 - f), second_e2 = e2 / ((1.0 -
 
 constexpr std::int64_t gps_began = 315'964'800, leap_seconds = 18;  // of UTC, s
 
-Vector3 from_geodetic(double latitude, double longitude, double height) {
-  const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
-  const auto [sin_lon, cos_lon] = elementary::sincos(longitude);
-  const double n = a / std::sqrt(1.0 - e2 * sin_lat * sin_lat);
-  return {(n + height) * cos_lat * cos_lon, (n + height) * cos_lat * sin_lon, ((1.0 - e2) * n + height) * sin_lat};
+}  // namespace
+
+Vector3 r_E_of(const Geodetic& place) noexcept {
+  const auto [sin_lat, cos_lat] = elementary::sincos(place.latitude);
+  const auto [sin_lon, cos_lon] = elementary::sincos(place.longitude);
+  const double n = a / std::sqrt(1.0 - e2 * sin_lat * sin_lat), h = place.height;
+  return {(n + h) * cos_lat * cos_lon, (n + h) * cos_lat * sin_lon, ((1.0 - e2) * n + h) * sin_lat};
 }
 
 // Bowring's iteration on the reduced latitude, from the outside in (Bowring, Survey Review 23, 1976).
-void to_geodetic(const Vector3& r, Navigation& navigation) {
+Geodetic geodetic_of(const Vector3& r) noexcept {
   const double p = std::sqrt(r.x() * r.x() + r.y() * r.y());
   double sin_beta = r.z(), cos_beta = (1.0 - f) * p, sin = 0, cos = 1;
   for (int i = 0; i < 4; ++i) {
@@ -41,12 +43,9 @@ void to_geodetic(const Vector3& r, Navigation& navigation) {
   const double norm = std::sqrt(sin * sin + cos * cos);
   sin /= norm;
   cos /= norm;
-  navigation.latitude = elementary::atan2(sin, cos);
-  navigation.longitude = elementary::atan2(r.y(), r.x());
-  navigation.height = p * cos + r.z() * sin - a * std::sqrt(1.0 - e2 * sin * sin);
+  return {elementary::atan2(sin, cos), elementary::atan2(r.y(), r.x()),
+          p * cos + r.z() * sin - a * std::sqrt(1.0 - e2 * sin * sin)};
 }
-
-}  // namespace
 
 Matrix3 dcm_EL(double latitude, double longitude) noexcept {
   const auto [sin_lat, cos_lat] = elementary::sincos(latitude);
@@ -122,7 +121,7 @@ double standard_pressure(double geopotential_m) noexcept {
 Earth::Earth(const EarthModel& model)
     : model_(model),
       q_EN_local_(Quaternion(dcm_EL(model.latitude, model.longitude)).normalized()),
-      origin_E_(from_geodetic(model.latitude, model.longitude, model.height)),
+      origin_E_(r_E_of({model.latitude, model.longitude, model.height})),
       magnetic_field_(igrf14(decimal_year(model.start_gps_ns))) {}
 
 Quaternion Earth::q_NE(TruthTime time) const noexcept {
@@ -132,9 +131,21 @@ Quaternion Earth::q_NE(TruthTime time) const noexcept {
   return {cos, 0.0, 0.0, sin};
 }
 
+namespace {
+
+// Sets latitude, longitude and height of a position in E.
+void set_place(Navigation& navigation) {
+  const Geodetic place = geodetic_of(navigation.r_E);
+  navigation.latitude = place.latitude;
+  navigation.longitude = place.longitude;
+  navigation.height = place.height;
+}
+
+}  // namespace
+
 void move(Navigation& navigation, const Vector3& offset_L) noexcept {
   navigation.r_E += dcm_EL(navigation.latitude, navigation.longitude) * offset_L;
-  to_geodetic(navigation.r_E, navigation);
+  set_place(navigation);
 }
 
 Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
@@ -152,7 +163,7 @@ Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
   if (!(navigation.r_E.squaredNorm() > deepest * deepest)) return Navigation{};
   navigation.is_known = true;
   navigation.gps_ns = model_.start_gps_ns + (position.time - TruthTime{}).count();
-  to_geodetic(navigation.r_E, navigation);
+  set_place(navigation);
   navigation.v_L = dcm_EL(navigation.latitude, navigation.longitude).transpose() * navigation.v_L;
   return navigation;
 }

@@ -48,6 +48,14 @@ double geopotential_altitude(double height_m) noexcept;
 // equator up to 10 km).
 double normal_gravity(double latitude, double height) noexcept;
 
+// A place on the Earth.
+struct Geodetic {
+  double latitude = 0, longitude = 0, height = 0;  // rad, rad, m above the ellipsoid
+};
+// Return the position in E, m, of a place, and the place of a position, which is at least 6000 km from the centre.
+Vector3 r_E_of(const Geodetic& place) noexcept;
+Geodetic geodetic_of(const Vector3& r_E) noexcept;
+
 // Returns the matrix v_E = dcm_EL * v_L at a latitude and longitude: its columns are north, east and down.
 Matrix3 dcm_EL(double latitude, double longitude) noexcept;
 
