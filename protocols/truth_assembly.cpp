@@ -4,6 +4,7 @@
 
 #include "core/attitude.hpp"
 #include "core/earth.hpp"
+#include "core/gravitation.hpp"
 #include "core/units.hpp"
 
 namespace imud {
@@ -214,12 +215,12 @@ void TruthAssembly::convert_force(const TruthReading& in, Truth& truth) const no
   if (force_ == specific_force) {
     truth.specific_force_B = body(vector(in, specific_force));
   } else if (force_ == acceleration_N) {
-    Vector3 a_N = vector(in, acceleration_N), gravitation_N = q_NL_ * gravity_L;
+    Vector3 a_N = vector(in, acceleration_N), attraction_N = gravity_L;
     if (is_inertial_)
-      gravitation_N += earth_rate.cross(earth_rate.cross(q_NE_ * r_E_));
+      attraction_N = gravitation_N({}, q_NE_ * r_E_);
     else if (axes_.is_enu)
       a_N = {a_N.y(), a_N.x(), -a_N.z()};
-    truth.specific_force_B = to_body * (a_N - gravitation_N);
+    truth.specific_force_B = to_body * (a_N - attraction_N);
   } else {
     const Quaternion q_LB = q_NL_.conjugate() * truth.q_NB;
     Vector3 a_L = force_ == acceleration_B ? Vector3(q_LB * body(vector(in, acceleration_B)))
