@@ -19,7 +19,7 @@ Endpoint Endpoint::parse(std::string_view text) {
   const std::size_t colon = text.rfind(':');
   const bool bracket = text.starts_with('[');
   if (colon != text.npos && (bracket ? colon > 0 && text[colon - 1] == ']' : text.find(':') == colon)) {
-    const UdpAddress whole = UdpAddress::parse(text);
+    const NumericAddress whole = NumericAddress::parse(text);
     if (whole.port == 0) throw PortError(fmt::format("'{}': a sender has no port 0; give its port, or none", text));
     host = whole.address;
     endpoint.port = whole.port;

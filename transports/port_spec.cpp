@@ -107,7 +107,7 @@ PortError PortSpec::error(std::string_view what) const {
   return PortError(fmt::format("{}:{}: {}", scheme, address, what));
 }
 
-UdpAddress UdpAddress::parse(std::string_view text) {
+NumericAddress NumericAddress::parse(std::string_view text) {
   const auto wrong = [text](std::string_view what) {
     return PortError(
         fmt::format("'{}': {}; right would be ADDR:PORT with a numeric address, such as 127.0.0.1:9810 or "
@@ -116,7 +116,7 @@ UdpAddress UdpAddress::parse(std::string_view text) {
   };
   const std::size_t colon = text.rfind(':');
   if (colon == std::string_view::npos) throw wrong("no port");
-  UdpAddress result;
+  NumericAddress result;
   const auto port = whole_number<std::uint16_t>(text.substr(colon + 1));
   if (!port) throw wrong("no port from 0 to 65535");
   result.port = *port;

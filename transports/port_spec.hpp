@@ -55,12 +55,12 @@ struct PortSpec {
   PortError error(std::string_view what) const;
 };
 
-// "ADDR:PORT" of UDP: a numeric IPv4 address, or a numeric IPv6 address in brackets; port 0 is one that the system
-// chooses. Throws PortError.
-struct UdpAddress {
+// "ADDR:PORT" of UDP or TCP: a numeric IPv4 address, or a numeric IPv6 address in brackets; port 0 is one that the
+// system chooses. Throws PortError.
+struct NumericAddress {
   std::string address;
   std::uint16_t port = 0;
-  static UdpAddress parse(std::string_view text);
+  static NumericAddress parse(std::string_view text);
 };
 
 }  // namespace imud

@@ -2,11 +2,9 @@
 #include <fmt/format.h>
 #include <ifaddrs.h>
 #include <net/if.h>
-#include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <memory>
@@ -17,66 +15,31 @@
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
+#include "transports/socket_address.hpp"
 
 namespace imud {
 namespace {
 
 constexpr std::size_t max_datagram = 65507;  // 65535 - IPv4 header - UDP header
 
-struct Peer {
-  sockaddr_storage address{};
-  socklen_t size = 0;
-  const sockaddr* get() const noexcept { return reinterpret_cast<const sockaddr*>(&address); }
-};
-
-Peer resolve(const PortSpec& spec) {
-  const UdpAddress udp = UdpAddress::parse(spec.address);
-  addrinfo hints{};
-  hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
-  hints.ai_socktype = SOCK_DGRAM;
-  addrinfo* found = nullptr;
-  const int error = ::getaddrinfo(udp.address.c_str(), std::to_string(udp.port).c_str(), &hints, &found);
-  if (error != 0) throw spec.error(::gai_strerror(error));
-  Peer peer;
-  std::memcpy(&peer.address, found->ai_addr, found->ai_addrlen);
-  peer.size = found->ai_addrlen;
-  ::freeaddrinfo(found);
-  return peer;
-}
-
-Endpoint endpoint(const Peer& peer) noexcept {
-  if (peer.address.ss_family == AF_INET) {
-    const auto& v4 = reinterpret_cast<const sockaddr_in&>(peer.address);
-    return Endpoint::ipv4(&v4.sin_addr, ntohs(v4.sin_port));
-  }
-  const auto& v6 = reinterpret_cast<const sockaddr_in6&>(peer.address);
-  return Endpoint::ipv6(&v6.sin6_addr, ntohs(v6.sin6_port));
-}
-
-bool is_multicast(const Peer& peer) noexcept {
-  if (peer.address.ss_family == AF_INET)
-    return IN_MULTICAST(ntohl(reinterpret_cast<const sockaddr_in&>(peer.address).sin_addr.s_addr));
-  return IN6_IS_ADDR_MULTICAST(&reinterpret_cast<const sockaddr_in6&>(peer.address).sin6_addr);
-}
-
 // Returns the interface of a multicast group: that of the option, or the one in the IPv6 address (%eth0); 0: the one
 // to which the routes lead.
-int multicast_interface(const PortSpec& spec, const Peer& group) {
+int multicast_interface(const PortSpec& spec, const SocketAddress& group) {
   if (const auto name = spec.text("interface")) {
     const unsigned index = ::if_nametoindex(name->c_str());
     if (index == 0) throw spec.error(fmt::format("interface={}: there is no such network interface", *name));
     return static_cast<int>(index);
   }
-  if (group.address.ss_family == AF_INET) return 0;
-  return static_cast<int>(reinterpret_cast<const sockaddr_in6&>(group.address).sin6_scope_id);
+  if (group.family() == AF_INET) return 0;
+  return static_cast<int>(reinterpret_cast<const sockaddr_in6&>(group.storage).sin6_scope_id);
 }
 
 class UdpPort final : public Port {
  public:
   UdpPort(const PortSpec& spec, const PortSettings& settings)
       : connected_(settings.role == Role::device), admitted_(settings.from), buffer_(max_datagram + 1) {
-    Peer named = resolve(spec);
-    socket_.reset(::socket(named.address.ss_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    SocketAddress named = SocketAddress::ip(spec);
+    socket_.reset(::socket(named.family(), SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     if (!socket_) throw spec.error(fmt::format("no socket: {}", std::strerror(errno)));
 
     // Room for a second of truth at 1 kHz while the receiver is held up; beyond rmem_max only for root.
@@ -84,28 +47,16 @@ class UdpPort final : public Port {
     if (::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUFFORCE, &receive_buffer, sizeof receive_buffer) != 0)
       ::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
 
-    if (is_multicast(named)) prepare_multicast(spec, named);
+    if (named.is_multicast()) prepare_multicast(spec, named);
     if (connected_) {
       if (::connect(socket_.get(), named.get(), named.size) != 0)
         throw spec.error(fmt::format("cannot send there: {}; is the network up?", std::strerror(errno)));
     } else if (::bind(socket_.get(), named.get(), named.size) != 0) {
-      const int error = errno;
-      throw spec.error(fmt::format("cannot receive there: {}{}", std::strerror(error),
-                                   error == EADDRINUSE ? "; another process does"
-                                   : error == EADDRNOTAVAIL
-                                       ? "; right would be an address of this machine, or 0.0.0.0 or [::] for all"
-                                   : error == EACCES ? "; ports below 1024 are root's"
-                                                     : ""));
-    } else if (UdpAddress::parse(spec.address).port == 0) {
-      Peer bound;
-      bound.size = sizeof bound.address;
-      ::getsockname(socket_.get(), reinterpret_cast<sockaddr*>(&bound.address), &bound.size);
-      std::array<char, NI_MAXSERV> port{};
-      ::getnameinfo(bound.get(), bound.size, nullptr, 0, port.data(), port.size(), NI_NUMERICSERV | NI_DGRAM);
-      chosen_port_ =
-          fmt::format("{}:{}:{}", spec.scheme, spec.address.substr(0, spec.address.rfind(':')), port.data());
+      throw bind_error(spec, errno);
+    } else {
+      chosen_port_ = chosen_port_of(spec, socket_.get());
     }
-    if (!connected_ && is_multicast(named)) join(spec, named);
+    if (!connected_ && named.is_multicast()) join(spec, named);
   }
 
   void send(std::span<const Frame> frames) noexcept override {
@@ -123,12 +74,12 @@ class UdpPort final : public Port {
     constexpr int most = 256;  // foreign datagrams that are dropped in one call, so that the caller can do other work
     // The first attempt may only report that an earlier datagram failed: try again.
     for (int foreign = 0, failed = 0; foreign < most && failed < 2;) {
-      Peer from;
-      from.size = sizeof from.address;
-      const ssize_t size = ::recvfrom(socket_.get(), buffer_.data(), buffer_.size(), MSG_DONTWAIT,
-                                      reinterpret_cast<sockaddr*>(&from.address), &from.size);
+      SocketAddress from;
+      from.size = sizeof from.storage;
+      const ssize_t size =
+          ::recvfrom(socket_.get(), buffer_.data(), buffer_.size(), MSG_DONTWAIT, from.room(), &from.size);
       if (size >= 0) {
-        const Endpoint sender = endpoint(from);
+        const Endpoint sender = from.endpoint();
         if (admitted_ && !admitted_->admits(sender)) {
           ++counters_.foreign;
           counters_.foreign_from = sender;
@@ -155,10 +106,10 @@ class UdpPort final : public Port {
   }
 
   // Sets the interface of what is sent, and lets several processes receive the group.
-  void prepare_multicast(const PortSpec& spec, Peer& group) {
+  void prepare_multicast(const PortSpec& spec, SocketAddress& group) {
     const int interface = multicast_interface(spec, group);
-    const bool v4 = group.address.ss_family == AF_INET;
-    if (!v4) reinterpret_cast<sockaddr_in6&>(group.address).sin6_scope_id = static_cast<unsigned>(interface);
+    const bool v4 = group.family() == AF_INET;
+    if (!v4) reinterpret_cast<sockaddr_in6&>(group.storage).sin6_scope_id = static_cast<unsigned>(interface);
     ip_mreqn request{};
     request.imr_ifindex = interface;
     if (interface != 0 && !(v4 ? set_option(IPPROTO_IP, IP_MULTICAST_IF, request)
@@ -167,18 +118,18 @@ class UdpPort final : public Port {
     if (!connected_) set_option(SOL_SOCKET, SO_REUSEADDR, 1);
   }
 
-  void join(const PortSpec& spec, const Peer& group) {
+  void join(const PortSpec& spec, const SocketAddress& group) {
     const int interface = multicast_interface(spec, group);
     bool joined = false;
-    if (group.address.ss_family == AF_INET) {
+    if (group.family() == AF_INET) {
       ip_mreqn request{};
-      request.imr_multiaddr = reinterpret_cast<const sockaddr_in&>(group.address).sin_addr;
+      request.imr_multiaddr = reinterpret_cast<const sockaddr_in&>(group.storage).sin_addr;
       request.imr_ifindex = interface;
       joined = set_option(IPPROTO_IP, IP_ADD_MEMBERSHIP, request);
       set_option(IPPROTO_IP, IP_MULTICAST_ALL, 0);  // not what other processes have joined on other interfaces
     } else {
       ipv6_mreq request{};
-      request.ipv6mr_multiaddr = reinterpret_cast<const sockaddr_in6&>(group.address).sin6_addr;
+      request.ipv6mr_multiaddr = reinterpret_cast<const sockaddr_in6&>(group.storage).sin6_addr;
       request.ipv6mr_interface = static_cast<unsigned>(interface);
       joined = set_option(IPPROTO_IPV6, IPV6_ADD_MEMBERSHIP, request);
       set_option(IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0);
@@ -207,15 +158,15 @@ class UdpPort final : public Port {
   const std::optional<Endpoint> admitted_;
   FileDescriptor socket_;
   std::string chosen_port_;
-  Peer peer_;  // a listener's: the sender of the last datagram
+  SocketAddress peer_;  // a listener's: the sender of the last datagram
   std::vector<std::byte> buffer_;
 };
 
 void check(const PortSpec& spec, const PortSettings& settings) {
-  const UdpAddress udp = UdpAddress::parse(spec.address);
+  const NumericAddress udp = NumericAddress::parse(spec.address);
   if (udp.port == 0 && settings.role == Role::device)
     throw spec.error("only a listener's port is chosen; right would be the receiver's, from 1 to 65535");
-  if (spec.text("interface") && !is_multicast(resolve(spec)))
+  if (spec.text("interface") && !SocketAddress::ip(spec).is_multicast())
     throw spec.error(fmt::format("interface= is for multicast, and {} is no multicast address", udp.address));
 }
 
@@ -223,35 +174,35 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<UdpPort>(spec, settings);
 }
 
-bool has_address(const Peer& peer, Endpoint endpoint_there) {
+bool has_address(const SocketAddress& peer, Endpoint endpoint_there) {
   endpoint_there.port = 0;
-  return endpoint_there.admits(endpoint(peer));
+  return endpoint_there.admits(peer.endpoint());
 }
 
-bool is_any(const Peer& peer) {
+bool is_any(const SocketAddress& peer) {
   const std::uint32_t any_v4 = INADDR_ANY;
   return has_address(peer, Endpoint()) || has_address(peer, Endpoint::ipv4(&any_v4, 0));
 }
 
-bool is_loopback(const Peer& peer) {
-  if (peer.address.ss_family == AF_INET6)
-    return IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6&>(peer.address).sin6_addr);
-  return ntohl(reinterpret_cast<const sockaddr_in&>(peer.address).sin_addr.s_addr) >> 24U == IN_LOOPBACKNET;
+bool is_loopback(const SocketAddress& peer) {
+  if (peer.family() == AF_INET6)
+    return IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6&>(peer.storage).sin6_addr);
+  return ntohl(reinterpret_cast<const sockaddr_in&>(peer.storage).sin_addr.s_addr) >> 24U == IN_LOOPBACKNET;
 }
 
 // Returns true if the address is one of this machine.
-bool is_local(const Peer& peer) {
+bool is_local(const SocketAddress& peer) {
   ifaddrs* all = nullptr;
   if (is_loopback(peer) || ::getifaddrs(&all) != 0) return is_loopback(peer);
   const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(all, &::freeifaddrs);
   for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
     if (one->ifa_addr == nullptr) continue;
-    Peer address;
+    SocketAddress address;
     address.size = one->ifa_addr->sa_family == AF_INET    ? sizeof(sockaddr_in)
                    : one->ifa_addr->sa_family == AF_INET6 ? sizeof(sockaddr_in6)
                                                           : 0;
-    std::memcpy(&address.address, one->ifa_addr, address.size);
-    if (address.size != 0 && has_address(peer, endpoint(address))) return true;
+    std::memcpy(&address.storage, one->ifa_addr, address.size);
+    if (address.size != 0 && has_address(peer, address.endpoint())) return true;
   }
   return false;
 }
@@ -259,15 +210,15 @@ bool is_local(const Peer& peer) {
 // A listener at 0.0.0.0 receives what is sent to any IPv4 address of this machine, one at [::] to any address. What
 // is sent to 0.0.0.0 or [::] goes to this machine.
 bool reaches(const PortSpec& device, const PortSpec& listener) {
-  if (UdpAddress::parse(device.address).port != UdpAddress::parse(listener.address).port) return false;
-  const Peer to = resolve(device), at = resolve(listener);
-  if (at.address.ss_family == AF_INET && to.address.ss_family != AF_INET) return false;
+  if (NumericAddress::parse(device.address).port != NumericAddress::parse(listener.address).port) return false;
+  const SocketAddress to = SocketAddress::ip(device), at = SocketAddress::ip(listener);
+  if (at.family() == AF_INET && to.family() != AF_INET) return false;
   if (is_any(to)) return is_any(at) || is_loopback(at);
-  return has_address(to, endpoint(at)) || (is_any(at) && is_local(to));
+  return has_address(to, at.endpoint()) || (is_any(at) && is_local(to));
 }
 
 std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
-  const std::uint16_t port = UdpAddress::parse(spec.address).port;
+  const std::uint16_t port = NumericAddress::parse(spec.address).port;
   return port == 0 ? std::nullopt : std::optional(port);
 }
 

@@ -79,18 +79,18 @@ TEST(PortSpec, ValuesOfOptionsAreInTheirRanges) {
     EXPECT_THROW(allow(bad), PortError) << bad;
 }
 
-TEST(UdpAddress, TakesNumericAddressesOfBothKinds) {
-  EXPECT_EQ(UdpAddress::parse("127.0.0.1:9810").address, "127.0.0.1");
-  EXPECT_EQ(UdpAddress::parse("127.0.0.1:9810").port, 9810);
-  EXPECT_EQ(UdpAddress::parse("[::1]:1").address, "::1");
-  EXPECT_EQ(UdpAddress::parse("[fe80::1%eth0]:65535").address, "fe80::1%eth0");
-  EXPECT_EQ(UdpAddress::parse("[fe80::1%eth0]:65535").port, 65535);
+TEST(NumericAddress, TakesNumericAddressesOfBothKinds) {
+  EXPECT_EQ(NumericAddress::parse("127.0.0.1:9810").address, "127.0.0.1");
+  EXPECT_EQ(NumericAddress::parse("127.0.0.1:9810").port, 9810);
+  EXPECT_EQ(NumericAddress::parse("[::1]:1").address, "::1");
+  EXPECT_EQ(NumericAddress::parse("[fe80::1%eth0]:65535").address, "fe80::1%eth0");
+  EXPECT_EQ(NumericAddress::parse("[fe80::1%eth0]:65535").port, 65535);
 }
 
-TEST(UdpAddress, RefusesTheRestAndNamesTheRemedy) {
+TEST(NumericAddress, RefusesTheRestAndNamesTheRemedy) {
   for (const char* text : {"", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "localhost:1",
                            "127.0.0.1:1x", "::1:9810", "[]:1", "[::1]", "[127.0.0.1]:1", "127.0.0.256:1", ":9810"})
-    EXPECT_TRUE(mentions(message_of([&] { UdpAddress::parse(text); }), "127.0.0.1:9810")) << text;
+    EXPECT_TRUE(mentions(message_of([&] { NumericAddress::parse(text); }), "127.0.0.1:9810")) << text;
 }
 
 TEST(OpenPort, UnknownTransportIsNamedWithThoseThereAre) {
