@@ -1,5 +1,6 @@
 #include "transports/byte_writer.hpp"
 
+#include <sys/socket.h>
 #include <sys/uio.h>
 
 #include <algorithm>
@@ -25,7 +26,13 @@ class Pieces {
     return true;
   }
   bool empty() const noexcept { return count_ == 0; }
-  ssize_t write(int fd) const noexcept { return ::writev(fd, pieces_.data(), static_cast<int>(count_)); }
+  ssize_t write(int fd, bool is_socket) noexcept {
+    if (!is_socket) return ::writev(fd, pieces_.data(), static_cast<int>(count_));
+    msghdr message{};
+    message.msg_iov = pieces_.data();
+    message.msg_iovlen = count_;
+    return ::sendmsg(fd, &message, MSG_NOSIGNAL | MSG_DONTWAIT);
+  }
 
  private:
   std::array<iovec, FrameBuffer::max_frames + 1> pieces_;
@@ -59,7 +66,7 @@ ByteWriter::Taken ByteWriter::write_some(int fd, std::span<const Frame> frames, 
 
     std::size_t written = 0;
     if (!pieces.empty()) {
-      const ssize_t result = pieces.write(fd);
+      const ssize_t result = pieces.write(fd, to_socket_);
       if (result < 0 && errno == EINTR) continue;
       if (result < 0) error = errno;
       if (result <= 0) break;

@@ -14,6 +14,10 @@ namespace imud {
 // at the next call; until it is gone, later frames are dropped whole. One thread.
 class ByteWriter {
  public:
+  ByteWriter() = default;
+  // `to_socket`: the descriptors are sockets, and a peer that has gone raises no SIGPIPE.
+  explicit ByteWriter(bool to_socket) noexcept : to_socket_(to_socket) {}
+
   // The longest frame, bytes. A longer one is dropped, because its rest could not be kept.
   static constexpr std::size_t max_frame = FrameBuffer::max_bytes;
 
@@ -38,6 +42,7 @@ class ByteWriter {
   void discard(PortCounters& counters) noexcept;
 
  private:
+  const bool to_socket_ = false;
   std::array<std::byte, max_frame> rest_;
   std::size_t rest_begin_ = 0;
   std::size_t rest_end_ = 0;
