@@ -43,7 +43,7 @@ for folder, (allowed, forbidden) in RULES.items():
             faults.append(f"{name}: no #pragma once")
 
 # Code asks for the properties of a transport, not for its name. A text for people may contain a port, but not begin with it.
-names = [name for path in sorted((root / "transports").glob("*.cpp"))
+names = [name.replace("_", "-") for path in sorted((root / "transports").glob("*.cpp"))
          for name in re.findall(r'constexpr Transport (\w+)_transport = ', path.read_text())]
 if len(names) < 6:
     faults.append(f"transports: only {len(names)} entries found")

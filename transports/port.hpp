@@ -59,17 +59,18 @@ enum class PortState : std::uint8_t {
 };
 
 struct PortCounters {
-  std::uint64_t sent = 0;        // frames that the kernel took whole
-  std::uint64_t replies = 0;     // of these, frames in answer to the host
-  std::uint64_t dropped = 0;     // frames that it did not take; one that it took in part is not counted yet
-  std::uint64_t failed = 0;      // of these, frames lost to an error of a file, such as a full disk
-  std::uint64_t received = 0;    // frames or chunks
-  std::uint64_t confirmed = 0;   // frames whose transmission was confirmed, see next_confirmation()
-  std::uint64_t lost_count = 0;  // times the device was lost
-  std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments
-  std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
-  std::uint64_t foreign = 0;     // datagrams of other senders than PortSettings::from
-  Endpoint foreign_from;         // the sender of the newest of these
+  std::uint64_t sent = 0;                 // frames that the kernel took whole
+  std::uint64_t replies = 0;              // of these, frames in answer to the host
+  std::uint64_t dropped = 0;              // frames that it did not take; one that it took in part is not counted yet
+  std::uint64_t failed = 0;               // of these, frames lost to an error of a file, such as a full disk
+  std::uint64_t received = 0;             // frames or chunks
+  std::uint64_t confirmed = 0;            // frames whose transmission was confirmed, see next_confirmation()
+  std::uint64_t lost_count = 0;           // times the device was lost
+  std::uint64_t truncated = 0;            // datagrams of a capture that are cut short, or fragments
+  std::uint64_t not_ours = 0;             // packets of a capture that are not UDP, or for another port
+  std::uint64_t foreign = 0;              // datagrams of other senders than PortSettings::from
+  Endpoint foreign_from;                  // the sender of the newest of these
+  std::uint64_t connections_refused = 0;  // because the port has another peer
   // CAN: error frames of the controller; times that it came to a state, see PortState; frames that an adapter
   // refused.
   std::uint64_t bus_errors = 0, error_warnings = 0, error_passives = 0, bus_offs = 0, bus_restarts = 0, refused = 0;
@@ -246,6 +247,10 @@ struct Transport {
   // when it opens. Throws PortError if the spec has not passed check(). nullptr: the transport does not use UDP. A
   // transport that `ends` has it as its option `port`.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
+  // Returns the port number at one end of a TCP connection, by which a capture has the same stream; nullopt: one that
+  // is chosen when the port opens. Throws PortError if the spec has not passed check(). nullptr: the transport does
+  // not use TCP.
+  std::optional<std::uint16_t> (*tcp_port)(const PortSpec& spec) = nullptr;
   // Returns true if what a device at `device` sends arrives at a listener at `listener`. Both have passed check().
   // nullptr: it never does.
   bool (*reaches)(const PortSpec& device, const PortSpec& listener) = nullptr;

@@ -81,7 +81,8 @@ TEST(Transports, ThoseThatEndAreOpenedByListeners) {
   EXPECT_EQ(error_of("pcap:" + folder / "x"),
             "pcap:" + folder / "x" +
                 ": can only be read; right for output would be file:PATH or pty:LINK "
-                "or serial:/dev/ttyUSB0 or udp:ADDR:PORT");
+                "or serial:/dev/ttyUSB0 or tcp:ADDR:PORT or tcp-listen:ADDR:PORT or udp:ADDR:PORT or unix:PATH "
+                "or unix-listen:PATH");
 }
 
 // Each option is in the manual, and accepts its range and nothing else.
