@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include "tools/child_program.hpp"
+#include "tools/resolved_config.hpp"
 #include "tools/setting_texts.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/port.hpp"
@@ -101,21 +102,10 @@ std::string without_errors(const std::string& config) {
 }  // namespace
 
 EmulatedRun::EmulatedRun(Options options) : options_(std::move(options)) {
-  std::vector<std::string> arguments = {"check", options_.config, "--toml"};
-  for (const std::string& text : options_.overrides) arguments.insert(arguments.end(), {"--set", text});
-  std::string resolved;
-  nlohmann::json checked;
-  try {
-    resolved = child_output(arguments);
-    checked = nlohmann::json::parse(child_output({"check", "-", "--json"}, resolved));
-  } catch (const std::exception& error) {
-    throw std::invalid_argument(error.what());
-  }
-  const auto& config = checked.at("config");
-  const auto& seed = config.at("seed");
-  seed_ = seed.is_string() ? std::stoull(seed.get<std::string>()) : seed.get<std::uint64_t>();
+  const ResolvedConfig resolved = resolve_config(options_.config, options_.overrides);
+  seed_ = resolved.seed;
   std::string names;
-  const auto& imus = config.at("imu");
+  const auto& imus = resolved.checked.at("config").at("imu");
   for (std::size_t i = 0; i < imus.size(); ++i) {
     const auto& imu = imus[i];
     const std::string name = imu.at("name");
@@ -125,8 +115,8 @@ EmulatedRun::EmulatedRun(Options options) : options_(std::move(options)) {
     protocol_ = imu.at("protocol");
     if (imu.contains("device"))
       for (const auto& [key, value] : imu["device"].items()) settings_.push_back(key + "=" + setting_text(value));
-    resolved_ = with_one_imu(resolved, i, "PORT");
-    frames_per_s_ = checked.at("imus").at(i).at("lines").at(0).at("frames_per_s");
+    resolved_ = with_one_imu(resolved.toml, i, "PORT");
+    frames_per_s_ = resolved.checked.at("imus").at(i).at("lines").at(0).at("frames_per_s");
   }
   if (name_.empty())
     throw std::invalid_argument(fmt::format("--imu {}: right would be one of {}", options_.imu, names));

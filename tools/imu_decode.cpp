@@ -15,6 +15,7 @@
 
 #include "protocols/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
+#include "tools/measurement_files.hpp"
 #include "tools/measurement_input.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
@@ -36,6 +37,7 @@ struct Options {
   DecodeOptions input{.program = "imu-decode"};
   std::vector<std::string> limits;
   std::string json_path;
+  MeasurementFiles::Options files;
   std::optional<int> ready_fd;
   bool quiet = false;
 };
@@ -43,14 +45,15 @@ struct Options {
 // Writes and counts measurements, up to the number wanted.
 class Recorder final : public MeasurementReceiver {
  public:
-  Recorder(const Protocol& protocol, const Options& options, TextOutput& csv)
-      : statistics_(protocol), csv_(csv), print_(!options.quiet), wanted_(options.input.count) {
+  Recorder(const Protocol& protocol, const Options& options, TextOutput& csv, MeasurementFiles& files)
+      : statistics_(protocol), csv_(csv), files_(files), print_(!options.quiet), wanted_(options.input.count) {
     if (print_) csv_.write(measurement_csv_header);
   }
 
   void on_measurement(const Measurement& measurement) override {
     if (is_full()) return;
     statistics_.add(measurement, arrival_);
+    files_.write(measurement);
     if (!print_) return;
     std::array<char, measurement_csv_row_max> row;
     csv_.write({row.data(), write_measurement_csv(measurement, row)});
@@ -59,12 +62,16 @@ class Recorder final : public MeasurementReceiver {
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
   bool is_full() const override { return statistics_.samples() >= wanted_; }
   bool is_open() const override { return csv_.is_open(); }
-  void flush() override { csv_.flush(); }
+  void flush() override {
+    csv_.flush();
+    files_.flush();
+  }
   StreamStatistics& statistics() { return statistics_; }
 
  private:
   StreamStatistics statistics_;
   TextOutput& csv_;
+  MeasurementFiles& files_;
   const bool print_;
   const std::uint64_t wanted_;
   std::optional<HostTime> arrival_;
@@ -92,9 +99,10 @@ int decode(const Options& options, bool& running) {
   if (is_same_file(address.substr(0, address.find('?')), options.json_path))
     throw std::runtime_error(options.json_path + ": is the input; give another file");
   if (!options.json_path.empty()) json.emplace(options.json_path);
+  MeasurementFiles files(options.files, protocol, options.input.port);
 
   running = true;
-  Recorder recorder(protocol, options, csv);
+  Recorder recorder(protocol, options, csv, files);
   const std::string_view ended_by = receive_all(*port, *decoder, recorder, options.input);
   const DecodeErrors errors = decoder->errors();
   csv.flush();
@@ -114,6 +122,7 @@ int decode(const Options& options, bool& running) {
     json->flush();
     if (!json->is_open()) throw std::runtime_error(options.json_path + ": " + std::strerror(json->error()));
   }
+  files.finish();
   if (!csv.is_open() && csv.error() != EPIPE)
     throw std::runtime_error(std::string("standard output: ") + std::strerror(csv.error()));
   if (recorder.statistics().samples() == 0) {
@@ -145,6 +154,7 @@ int execute(int argc, char** argv) {
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
   app.add_option("--json", options.json_path, "also writes the report as JSON; - is standard output")
       ->type_name("FILE");
+  MeasurementFiles::add_options(app, options.files);
   app.footer(fmt::format(
       "\n{}\n{}\nExit codes: 0 done, 1 failed while running or no sample decoded, 2 the command line is wrong or "
       "the port cannot be opened, 3 a limit of --require is broken.\n"

@@ -1,0 +1,82 @@
+#include "tools/measurement_files.hpp"
+
+#include <chrono>
+#include <exception>
+#include <stdexcept>
+
+#include "tools/hdf5_writer.hpp"
+#include "tools/npy_writer.hpp"
+#include "tools/resolved_config.hpp"
+#include "transports/host_clock.hpp"
+#include "transports/output_path.hpp"
+
+namespace imud {
+
+void MeasurementFiles::add_options(CLI::App& app, Options& options) {
+  app.add_option("--npy", options.npy, "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")")
+      ->type_name("FILE");
+  app.add_option("--hdf5", options.hdf5, "also writes HDF5: a dataset for each quantity")->type_name("FILE");
+  app.add_option("--config", options.config, "imud's configuration, which becomes an attribute of the HDF5 file")
+      ->type_name("FILE");
+}
+
+namespace {
+
+void check(const MeasurementFiles::Options& options, const std::string& port) {
+  if (!options.config.empty() && options.hdf5.empty())
+    throw std::invalid_argument("--config: is for the attributes of --hdf5, which is not given");
+  const std::string address = port.substr(port.find(':') + 1);
+  for (const std::string& path : {options.npy, options.hdf5}) {
+    if (path.empty()) continue;
+    if (is_standard_output(path)) throw std::invalid_argument(path + ": an array cannot go to a stream; give a file");
+    for (const std::string& input : {address.substr(0, address.find('?')), options.config})
+      if (is_same_file(input, path)) throw std::invalid_argument(path + ": is the input; give another file");
+  }
+  if (!options.npy.empty() && (options.npy == options.hdf5 || is_same_file(options.npy, options.hdf5)))
+    throw std::invalid_argument(options.npy + ": is given twice; give two files");
+}
+
+Hdf5Writer::Attributes attributes_of(const MeasurementFiles::Options& options, const Protocol& protocol,
+                                     const std::string& port) {
+  Hdf5Writer::Attributes all;
+  all.texts = {{"imud_version", IMUD_VERSION}, {"protocol", std::string(protocol.name)}, {"port", port}};
+  if (options.config.empty()) return all;
+  ResolvedConfig config = resolve_config(options.config);
+  all.texts.emplace_back("config", std::move(config.toml));
+  all.seed = config.seed;
+  return all;
+}
+
+}  // namespace
+
+MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port)
+    : absent_rates_(protocol.absent_rates) {
+  check(options, port);
+  if (!options.npy.empty()) files_.push_back(std::make_unique<NpyWriter>(options.npy, false));
+  if (!options.hdf5.empty())
+    files_.push_back(std::make_unique<Hdf5Writer>(options.hdf5, false, attributes_of(options, protocol, port)));
+}
+
+void MeasurementFiles::write(const Measurement& measurement) {
+  if (files_.empty()) return;
+  const MeasurementRow row(measurement, absent_rates_);
+  for (const auto& file : files_) file->write(row);
+}
+
+void MeasurementFiles::flush() {
+  if (files_.empty() || host_now() - flushed_ < std::chrono::seconds(1)) return;
+  flushed_ = host_now();
+  for (const auto& file : files_) file->flush();
+}
+
+void MeasurementFiles::finish() {
+  std::exception_ptr failure;
+  for (const auto& file : files_) try {
+      file->finish();
+    } catch (...) {
+      if (!failure) failure = std::current_exception();
+    }
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace imud

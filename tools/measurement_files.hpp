@@ -1,0 +1,40 @@
+// MeasurementFiles: the arrays that imu-decode writes.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/time.hpp"
+#include "tools/measurement_row.hpp"
+
+namespace imud {
+
+class MeasurementFiles {
+ public:
+  // The part of a command line that selects the files.
+  struct Options {
+    std::string npy, hdf5;  // paths; empty: none
+    std::string config;     // path of imud's configuration, for the attributes of `hdf5`; empty: none
+    bool any() const noexcept { return !npy.empty() || !hdf5.empty(); }
+  };
+  static void add_options(CLI::App& app, Options& options);
+
+  // Opens the files. `port`: the input, which they must not be. Throws std::runtime_error or std::invalid_argument
+  // with the fault and what would be right.
+  MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port);
+
+  void write(const Measurement& measurement);
+  // Makes the files whole, at most once a second.
+  void flush();
+  // Ends the files. Throws std::runtime_error, which names the first of them that could not be written.
+  void finish();
+
+ private:
+  const unsigned absent_rates_;
+  std::vector<std::unique_ptr<RowOutput>> files_;
+  HostTime flushed_;
+};
+
+}  // namespace imud

@@ -1,0 +1,68 @@
+// MeasurementRow: a measurement as a row of an array of NumPy or HDF5.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+// The truth at a sample, without errors: at the sensor's place and in its axes, as Sample has the measured values.
+// NaN where there is none.
+struct TrueValues {
+  static constexpr double none = std::numeric_limits<double>::quiet_NaN();
+  std::array<double, 3> gyro{none, none, none}, accel{none, none, none}, dtheta{none, none, none},
+      dvel{none, none, none};
+};
+
+// Units: measurement_columns(). A quantity that the measurement does not carry is NaN; `time_ns` is NumPy's NaT then,
+// `counter` its greatest value, and `status` 0. `fields` has the bits of those that it carries (Measurement::Field).
+// There is no padding.
+struct MeasurementRow {
+  static constexpr std::int64_t no_time = std::numeric_limits<std::int64_t>::min();
+  static constexpr std::uint64_t no_counter = std::numeric_limits<std::uint64_t>::max();
+
+  std::int64_t time_ns = no_time;
+  std::uint64_t counter = no_counter;
+  std::array<double, 3> gyro, accel, dtheta, dvel;
+  double temperature = TrueValues::none;
+  std::uint32_t status = 0;
+  std::uint32_t fields = 0;
+  TrueValues truth;  // only where the truth is known beside the measurement
+
+  // `absent_rates`: as Protocol has it.
+  explicit MeasurementRow(const Measurement& measurement, unsigned absent_rates = 0) noexcept;
+};
+
+struct MeasurementColumn {
+  std::string_view name;
+  std::string_view type;   // of NumPy, without the byte order: "i8"
+  std::size_t values = 1;  // in a row
+  std::string_view unit, frame, meaning;
+  constexpr std::size_t size() const { return values * static_cast<std::size_t>(type[1] - '0'); }
+};
+
+// Returns the members of MeasurementRow in their order, the last four only `with_truth`.
+std::span<const MeasurementColumn> measurement_columns(bool with_truth) noexcept;
+// Returns the number of bytes of a row.
+std::size_t row_size(bool with_truth) noexcept;
+
+// A file of rows. The constructor opens it, and throws std::runtime_error, which names the file and the cause.
+class RowOutput {
+ public:
+  virtual ~RowOutput() = default;
+  virtual void write(const MeasurementRow& row) = 0;
+  // Brings all rows into the file, which is whole then.
+  virtual void flush() = 0;
+  // Ends the file. Throws std::runtime_error, which names the file and the cause, if it or a row could not be
+  // written.
+  virtual void finish() = 0;
+};
+
+}  // namespace imud
