@@ -51,7 +51,7 @@ Matrix3 skew(const Vector3& a) {
 }
 
 // The state that Eq. 32-39 carry from step to step.
-struct Motion {
+struct MemoMotion {
   Accelerations a;
   Vector3 v_B{0.1, 0.2, -0.1};
   Vector3 v_C{0.05, 0.07, 0.08};
@@ -68,8 +68,8 @@ struct Motion {
     return 0.25 * B * w;
   }
 
-  Motion next(const Accelerations& to, double dt) const {
-    Motion n = *this;
+  MemoMotion next(const Accelerations& to, double dt) const {
+    MemoMotion n = *this;
     n.a = to;
     n.v_B += 0.5 * dt * (a.origin + to.origin);                               // Eq. 33
     n.v_C += 0.5 * dt * (a.centre + to.centre);                               // and the same for C
@@ -102,7 +102,7 @@ class Memo : public ::testing::TestWithParam<Run> {
   static constexpr double tolerance = 1e-8;  // relative; the memo allowed 1e-2
 
   Memo() {
-    Motion motion;
+    MemoMotion motion;
     motion.a = GetParam().program(0.0);
     for (int i = 0; i <= static_cast<int>(1.0 / GetParam().dt + 0.5); ++i) {
       motions_.push_back(motion);
@@ -123,7 +123,7 @@ class Memo : public ::testing::TestWithParam<Run> {
     Vector3 body_sum = Vector3::Zero();
     std::vector<Sample> result;
     for (std::size_t i = 0; i < motions_.size(); ++i) {
-      const Motion& m = motions_[i];
+      const MemoMotion& m = motions_[i];
       if (i > 0) body_sum += m.dcm_BN() * (m.v_B - motions_[i - 1].v_B);
       Truth truth;
       truth.time.ns = static_cast<std::int64_t>(static_cast<double>(i) * GetParam().dt * 1e9 + 0.5);
@@ -145,7 +145,7 @@ class Memo : public ::testing::TestWithParam<Run> {
     EXPECT_LT((actual - expected).norm(), tolerance * expected.norm());
   }
 
-  std::vector<Motion> motions_;
+  std::vector<MemoMotion> motions_;
   Matrix3 dcm_PB_;
 };
 
@@ -186,7 +186,7 @@ TEST_P(Memo, DeltaVelocityInTheBodyFrame) {
     const std::vector<Sample> out = samples(DeltaVelocity::memo, kind);
     for (std::size_t i = 1; i < out.size(); ++i) {
       SCOPED_TRACE(i);
-      const Motion &m1 = motions_[i - 1], &m2 = motions_[i];
+      const MemoMotion &m1 = motions_[i - 1], &m2 = motions_[i];
       const Vector3 lever1 = m1.dcm_BN() * (m1.v_S() - m1.v_B), lever2 = m2.dcm_BN() * (m2.v_S() - m2.v_B);
       expect(out[i].delta_velocity, dcm_PB_ * (m2.dcm_BN() * (m2.v_B - m1.v_B) + lever2 - lever1));
     }

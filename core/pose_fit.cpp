@@ -1,0 +1,241 @@
+#include "core/pose_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/attitude.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr int degree = 8;
+constexpr double widest_turn = 2.5;  // rad, from a truth to the ends of its window
+
+}  // namespace
+
+PoseFit::PoseFit(const Options& options)
+    : options_(options), delay_s_(seconds(options.delay)), items_(capacity), phi_(2 * most + 1) {
+  for (std::vector<double>* scratch : {&x_, &p_, &p_before_, &weights_[0], &weights_[1], &weights_[2]})
+    scratch->resize(2 * most + 1);
+}
+
+// The product with the delay is 1.03 for a rate from three truths on a side, 1.25 from many; for a force more.
+double PoseFit::bandwidth_hz(Nanoseconds delay) noexcept { return 1.0 / seconds(delay); }
+
+void PoseFit::push(const Truth& truth) noexcept {
+  if (count_ == capacity) drop_oldest();
+  Item& newest = items_[(oldest_ + count_) % capacity];
+  newest.truth = truth;
+  const auto is_derived = [](Source source, bool is_given) {
+    return source == Source::derived || (source == Source::automatic && !is_given);
+  };
+  newest.derives_rate = is_derived(options_.rate, truth.has_rate);
+  newest.derives_force =
+      is_derived(options_.specific_force, truth.has_specific_force || truth.accumulated_dv != AccumulatedDv::none) &&
+      (truth.has_position || (truth.has_velocity && !options_.gravitation.needs_position()));
+  newest.begins_segment = begins_segment(newest);
+  if (newest.begins_segment) newest_segment_ = count_;
+  ended_ = false;
+  ++count_;
+}
+
+bool PoseFit::begins_segment(const Item& newest) const noexcept {
+  if (count_ == 0 || ended_ || newest.truth.new_run) return true;
+  const Item& before = item(count_ - 1);
+  if (newest.derives_rate != before.derives_rate || newest.derives_force != before.derives_force ||
+      newest.truth.has_velocity != before.truth.has_velocity)
+    return true;
+  const std::size_t steps = count_ - 1 - newest_segment_;
+  const double step = seconds(newest.truth.time - before.truth.time);
+  return steps >= least && step > delay_s_ &&
+         step * static_cast<double>(steps) > 4.0 * seconds(before.truth.time - item(newest_segment_).truth.time);
+}
+
+// Finds the window of the next truth. Returns false if it is not complete.
+bool PoseFit::find_window(Window& window) const noexcept {
+  const std::size_t begin = segment_;
+  std::size_t end = count_;
+  if (newest_segment_ > next_)
+    for (end = next_ + 1; !item(end).begins_segment;) ++end;
+  const bool is_complete = end < count_ || ended_;
+  const std::size_t before = next_ - begin, after = end - 1 - next_;
+  const double oldest = since_s(begin), newest = since_s(end - 1);
+  // Times may jitter: half a step more belongs to the window, and half a step less completes it.
+  const double half_step = before + after == 0 ? 0.0 : 0.5 * (newest - oldest) / static_cast<double>(before + after);
+  double left = -delay_s_, right = delay_s_;
+  if (oldest > left + half_step) right = oldest + 2.0 * delay_s_;
+  if (is_complete && newest < delay_s_ - half_step) left = newest - 2.0 * delay_s_;
+  const std::size_t least_after = 2 * least - std::min(before, least);
+  if (!is_complete && after < most && (after < least_after || newest < right - half_step)) return false;
+
+  const std::size_t least_before = 2 * least - std::min(after, least);
+  window = {next_, next_};
+  while (window.first > begin && next_ - window.first < most &&
+         (next_ - window.first < least_before || since_s(window.first - 1) >= left - half_step))
+    --window.first;
+  while (window.last + 1 < end && window.last - next_ < most &&
+         (window.last - next_ < least_after || since_s(window.last + 1) <= right + half_step))
+    ++window.last;
+  return true;
+}
+
+// Computes the weights with which the values in a window give the fitted value and its derivatives at the next truth,
+// by polynomials that are orthogonal on its times: p_k+1 = (x - alpha) p_k - beta p_k-1. (G. E. Forsythe, Generation
+// and use of orthogonal polynomials for data-fitting with a digital computer, J. SIAM 5(2), 1957.)
+void PoseFit::weigh(const Window& window) noexcept {
+  const std::size_t n = window.last - window.first + 1;
+  const double scale = std::max({-since_s(window.first), since_s(window.last), 1e-9});
+  for (std::size_t j = 0; j < n; ++j) {
+    x_[j] = since_s(window.first + j) / scale;
+    p_before_[j] = 0.0;
+    p_[j] = 1.0;
+    for (std::vector<double>& weights : weights_) weights[j] = 0.0;
+  }
+  // p_k and its derivatives at x = 0, and those of p_k-1.
+  std::array<double, 3> at_0 = {1.0, 0.0, 0.0}, before_at_0 = {};
+  double square_before = 1.0;
+  for (int k = 0;; ++k) {
+    double square = 0.0, moment = 0.0;
+    for (std::size_t j = 0; j < n; ++j) {
+      const double p2 = p_[j] * p_[j];
+      square += p2;
+      moment += x_[j] * p2;
+    }
+    if (square < 1e-10) break;  // these times cannot tell a polynomial of this degree from a lower one
+    for (std::size_t d = 0; d < 3; ++d) {
+      const double factor = at_0[d] / square;
+      for (std::size_t j = 0; j < n; ++j) weights_[d][j] += factor * p_[j];
+    }
+    if (k == degree || k + 1 == static_cast<int>(n)) break;
+    const double alpha = moment / square, beta = k == 0 ? 0.0 : square / square_before;
+    for (std::size_t j = 0; j < n; ++j) {
+      const double p = (x_[j] - alpha) * p_[j] - beta * p_before_[j];
+      p_before_[j] = p_[j];
+      p_[j] = p;
+    }
+    const std::array<double, 3> next = {-alpha * at_0[0] - beta * before_at_0[0],
+                                        at_0[0] - alpha * at_0[1] - beta * before_at_0[1],
+                                        2.0 * at_0[1] - alpha * at_0[2] - beta * before_at_0[2]};
+    before_at_0 = at_0;
+    at_0 = next;
+    square_before = square;
+  }
+  for (std::size_t j = 0; j < n; ++j) {
+    weights_[1][j] /= scale;
+    weights_[2][j] /= scale * scale;
+  }
+}
+
+// Returns what the fit makes of value(i), a function of the truth's number.
+template <class Value>
+PoseFit::Derivatives PoseFit::fit(const Window& window, Value value) const noexcept {
+  Derivatives sum;
+  for (std::size_t i = window.first, j = 0; i <= window.last; ++i, ++j) {
+    const Vector3 v = value(i);
+    sum.value += weights_[0][j] * v;
+    sum.first += weights_[1][j] * v;
+    sum.second += weights_[2][j] * v;
+  }
+  return sum;
+}
+
+void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
+  const Quaternion q_NB = truth.q_NB.normalized();
+  const auto phi_of = [&](std::size_t i) { return log(q_NB.conjugate() * item(i).truth.q_NB.normalized()); };
+  const std::size_t offset = most - next_;  // phi_[most] is that of the next truth
+  phi_[most].setZero();
+  const auto is_wide = [&](std::size_t i) {
+    return (phi_[i + offset] = phi_of(i)).squaredNorm() > widest_turn * widest_turn;
+  };
+  for (std::size_t i = next_; i > window.first; --i)
+    if (is_wide(i - 1)) window.first = i;
+  for (std::size_t i = next_; i < window.last; ++i)
+    if (is_wide(i + 1)) window.last = i;
+  weigh(window);
+  const Derivatives phi = fit(window, [&](std::size_t i) { return phi_[i + offset]; });
+  truth.q_NB = (q_NB * exp(phi.value)).normalized();
+  truth.omega_BN_B = right_jacobian(phi.value, phi.first);
+  truth.omegaDot_BN_B = right_jacobian(phi.value, phi.second);
+  truth.has_rate = truth.has_angular_acceleration = truth.is_rate_derived = true;
+  // A given accumulated velocity is a vector in N, which must not turn with the correction of the attitude.
+  if (truth.accumulated_dv == AccumulatedDv::inertial)
+    truth.accumulated_dv_B = truth.q_NB.conjugate() * (q_NB * truth.accumulated_dv_B);
+}
+
+void PoseFit::derive_force(const Window& window, Truth& truth) noexcept {
+  weigh(window);
+  Vector3 a_N;
+  if (truth.has_velocity) {
+    const Vector3 v_N = truth.v_BN_N;
+    const Derivatives v = fit(window, [&](std::size_t i) { return Vector3(item(i).truth.v_BN_N - v_N); });
+    truth.v_BN_N += v.value;
+    a_N = v.first;
+  } else {
+    const Vector3 r_N = truth.r_BN_N;
+    const Derivatives r = fit(window, [&](std::size_t i) { return Vector3(item(i).truth.r_BN_N - r_N); });
+    truth.r_BN_N += r.value;
+    truth.v_BN_N = r.first;
+    truth.has_velocity = true;
+    a_N = r.second;
+  }
+  const GravitationModel& gravitation = options_.gravitation;
+  if (has_last_) {
+    // Two-point Gauss-Legendre along the cubic Hermite curve of the positions.
+    const double h = seconds(truth.time - last_time_);
+    const Vector3 step = truth.r_BN_N - last_r_N_;
+    Vector3 sum = Vector3::Zero();
+    for (const double s : {0.21132486540518713, 0.78867513459481287}) {
+      const double s2 = s * s, s3 = s2 * s;
+      sum += gravitation_N(gravitation, last_r_N_ + (3.0 * s2 - 2.0 * s3) * step +
+                                            h * ((s - 2.0 * s2 + s3) * last_v_N_ + (s3 - s2) * truth.v_BN_N));
+    }
+    dv_N_ += truth.v_BN_N - last_v_N_ - (0.5 * h) * sum;
+  }
+  has_last_ = true;
+  last_time_ = truth.time;
+  last_r_N_ = truth.r_BN_N;
+  last_v_N_ = truth.v_BN_N;
+  const Quaternion q_BN = truth.q_NB.normalized().conjugate();
+  truth.specific_force_B = q_BN * (a_N - gravitation_N(gravitation, truth.r_BN_N));
+  truth.accumulated_dv_B = q_BN * dv_N_;
+  truth.accumulated_dv = AccumulatedDv::inertial;
+  truth.has_specific_force = truth.is_force_derived = true;
+}
+
+bool PoseFit::next(Truth& truth) noexcept {
+  if (next_ == count_) return false;
+  const Item& now = item(next_);
+  if (now.begins_segment) segment_ = next_;
+  Window window{};
+  if ((now.derives_rate || now.derives_force) && !find_window(window)) return false;
+  truth = now.truth;
+  if (truth.new_run || !now.derives_force) {
+    has_last_ = false;
+    dv_N_.setZero();
+  }
+  if (now.derives_rate) derive_rate(window, truth);
+  if (now.derives_force) derive_force(window, truth);
+  advance();
+  return true;
+}
+
+void PoseFit::drop_oldest() noexcept {
+  oldest_ = (oldest_ + 1) % capacity;
+  --count_;
+  for (std::size_t* index : {&next_, &segment_, &newest_segment_}) *index -= std::min<std::size_t>(*index, 1);
+}
+
+// Drops the truths that no later window needs.
+void PoseFit::advance() noexcept {
+  ++next_;
+  if (next_ == count_) {  // with the newest, the next truth is compared
+    while (count_ > 1) drop_oldest();
+  } else if (item(next_).begins_segment) {
+    while (next_ > 0) drop_oldest();
+  } else {
+    while (next_ > 2 * least && since_s(0) < -3.0 * delay_s_) drop_oldest();
+  }
+}
+
+}  // namespace imud
