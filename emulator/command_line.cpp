@@ -26,6 +26,7 @@
 #include "emulator/list.hpp"
 #include "emulator/log.hpp"
 #include "emulator/run.hpp"
+#include "emulator/seeds.hpp"
 #include "emulator/selftest.hpp"
 #include "emulator/table_reader.hpp"
 #include "transports/output_path.hpp"
@@ -45,6 +46,7 @@ struct Arguments {
   std::vector<std::string> overrides;
   std::vector<std::string> limits;  // as on the command line
   RunOptions run;
+  SeedsOptions seeds;
 };
 
 // Holds ptys until SIGINT, SIGTERM or SIGHUP. In the background the calling process returns when they are ready.
@@ -71,12 +73,16 @@ std::string output_path(const std::string& path) { return is_standard_output(pat
 
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
-  if (arguments.fast) overrides.emplace_back("clock=fast");
+  const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
+  if (has_workers && (!arguments.run.monitor.quality_file.empty() || arguments.run.ready_fd))
+    throw PortError("--quality and --ready-fd are of a single run; omit them with --seeds, --jobs and --npy");
+  if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
   const bool is_stdin = arguments.capture == "-";
   if (is_stdin && arguments.config == "-")
     throw PortError("standard input is the configuration already; give a file as the capture");
   const std::string capture = is_stdin ? arguments.capture : capture_port(arguments.capture);
-  return run(load_config(arguments.config, overrides, capture), arguments.run);
+  const Config config = load_config(arguments.config, overrides, capture);
+  return has_workers ? replay_seeds(config, arguments.run, arguments.seeds) : run(config, arguments.run);
 }
 
 // Returns the arguments after the program's name; `help COMMAND` becomes `COMMAND --help`.
@@ -187,6 +193,26 @@ int execute(int argc, const char* const* argv) {
           "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst; - is standard input")
       ->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
+  replay_command
+      ->add_option_function<std::string>(
+          "--seeds", [&](const std::string& text) { arguments.seeds.seeds = SeedRange::parse(text); },
+          "Replay --fast once for each seed, in processes that share the cores; the imus' ports have {seed} in their "
+          "names, such as file:imu1_{seed}.bin")
+      ->type_name("FIRST..LAST")
+      ->check([](const std::string& text) {
+        return SeedRange::parse(text) ? std::string()
+                                      : "give a seed or a range of at most ten million, such as 1..1000";
+      });
+  replay_command
+      ->add_option("--jobs", arguments.seeds.jobs,
+                   "Processes for the seeds and, if they are more than those, for the imus (the processors)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  replay_command
+      ->add_option("--npy", arguments.seeds.npy,
+                   "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
+                   "them; {imu} in the name is the imu's")
+      ->type_name("FILE");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);
   with_require(check_command);
@@ -256,6 +282,7 @@ int execute(int argc, const char* const* argv) {
           arguments.config.empty() ? selftest_config() : load_config(arguments.config, arguments.overrides);
       return selftest_timing(config, {measure_s});
     }
+    arguments.seeds.quiet = arguments.quiet;
     if (replay_command->parsed()) return replay(arguments);
     return run(load_config(arguments.config, arguments.overrides), arguments.run);
   } catch (const ConfigError& error) {

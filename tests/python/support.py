@@ -9,7 +9,7 @@ PROGRAMS = pathlib.Path(sys.argv.pop(1))
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 FLIGHT = f"{SOURCE}/tests/captures/jsbsim_c172_10s.pcap?port=5140"
 
-# A flight of ten seconds; {} is the table of the imu.
+# A flight of ten seconds.
 CONFIG = """seed = 7
 clock = "fast"
 [truth]

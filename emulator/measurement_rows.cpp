@@ -1,0 +1,147 @@
+#include "emulator/measurement_rows.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include "emulator/text_file.hpp"
+#include "transports/output_path.hpp"
+
+namespace imud {
+
+static_assert(std::endian::native == std::endian::little, "the rows are written as they are in memory");
+static_assert(sizeof(MeasuredRow) == 128 && sizeof(TrueRow) == 104);
+
+MeasuredRow measured_row(const Measurement& measurement, unsigned absent_rates) noexcept {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  const Sample& sample = measurement.sample;
+  const auto has = [&](std::uint32_t field) { return (measurement.fields & field) != 0; };
+  const auto values = [&](std::uint32_t field, const Vector3& vector) {
+    return has(field) ? std::array{vector[0], vector[1], vector[2]} : std::array{nan, nan, nan};
+  };
+  MeasuredRow row{
+      .time_ns = has(Measurement::time) ? sample.time.ns : std::numeric_limits<std::int64_t>::min(),
+      .counter = has(Measurement::counter) ? sample.counter : std::numeric_limits<std::uint64_t>::max(),
+      .gyro = values(Measurement::rate, sample.rate),
+      .accel = values(Measurement::specific_force, sample.specific_force),
+      .dtheta = values(Measurement::delta_angle, sample.delta_angle),
+      .dvel = values(Measurement::delta_velocity, sample.delta_velocity),
+      .temperature = has(Measurement::temperature) ? sample.temperature_c : nan,
+      .status = has(Measurement::status) ? sample.status : 0,
+      .fields = measurement.fields,
+  };
+  for (std::size_t axis = 0; axis < row.gyro.size(); ++axis)
+    if (((absent_rates >> axis) & 1U) != 0) row.gyro[axis] = nan;
+  return row;
+}
+
+ArrayFile::ArrayFile(std::string path, std::string_view row_type) : path_(std::move(path)), row_type_(row_type) {
+  if (const std::string link = foreign_link(path_); !link.empty())
+    throw OpenError(fmt::format(
+        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
+        link));
+  file_.reset(::open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666));
+  if (!file_ || ::ftruncate(file_.get(), 0) != 0)
+    throw OpenError(fmt::format("{}: cannot write it: {}", path_, std::strerror(errno)));
+}
+
+// numpy.lib.format, version 1: magic, version, the length of the text, which ends at a multiple of 64. Its length
+// does not depend on the numbers of the shape.
+std::string ArrayFile::header(std::span<const std::uint64_t> shape) const {
+  std::string numbers;
+  for (const std::uint64_t size : shape) numbers += fmt::format("{}, ", size);
+  std::string text = fmt::format("{{'descr': [{}], 'fortran_order': False, 'shape': (", row_type_);
+  constexpr std::size_t before = 10, alignment = 64, longest_shape = 2 * 22, end = 5;
+  const std::size_t size =
+      (before + text.size() + longest_shape + end + alignment - 1) / alignment * alignment - before;
+  text += fmt::format("{}), }}", numbers);
+  text.append(size - text.size() - 1, ' ');
+  text += '\n';
+  std::string header = "\x93NUMPY\x01";
+  header += '\0';
+  header += static_cast<char>(text.size() & 0xFFU);
+  header += static_cast<char>(text.size() >> 8U);
+  return header + text;
+}
+
+void ArrayFile::set_shape(std::span<const std::uint64_t> shape, std::size_t row_size) {
+  const std::string text = header(shape);
+  std::uint64_t bytes = row_size;
+  for (const std::uint64_t size : shape) bytes *= size;
+  if (::ftruncate(file_.get(), static_cast<off_t>(text.size() + bytes)) != 0)
+    throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
+  write_at(std::as_bytes(std::span(text)), 0);
+}
+
+void ArrayFile::write(std::span<const std::byte> bytes, std::uint64_t offset) const {
+  write_at(bytes, header({}).size() + offset);
+}
+
+void ArrayFile::write_at(std::span<const std::byte> bytes, std::uint64_t offset) const {
+  while (!bytes.empty()) {
+    const ssize_t size = ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (size < 0 && errno == EINTR) continue;
+    if (size < 0) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
+    bytes = bytes.subspan(static_cast<std::size_t>(size));
+    offset += static_cast<std::uint64_t>(size);
+  }
+}
+
+namespace {
+
+class IdlePort : public Port {
+ public:
+  void send(std::span<const Frame> frames) noexcept override { counters_.count_sent(is_reply_, frames.size()); }
+  std::optional<Received> receive() noexcept override { return std::nullopt; }
+  bool can_receive() const noexcept override { return false; }
+  bool has_room() const noexcept override { return true; }
+};
+
+class DecodingPort final : public IdlePort, private MeasurementSink {
+ public:
+  DecodingPort(const ImuConfig& imu, std::function<void(const Measurement&)> receive)
+      : decoder_(imu.protocol->make_decoder(imu.settings)), receive_(std::move(receive)) {}
+  void send(std::span<const Frame> frames) noexcept override {
+    IdlePort::send(frames);
+    for (const Frame& frame : frames) decoder_->feed(frame, *this);
+  }
+  void commit() override { decoder_->finish(*this); }
+
+ private:
+  void on_measurement(const Measurement& measurement) override { receive_(measurement); }
+
+  std::unique_ptr<Decoder> decoder_;
+  std::function<void(const Measurement&)> receive_;
+};
+
+}  // namespace
+
+std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive) {
+  return std::make_unique<DecodingPort>(imu, std::move(receive));
+}
+
+std::unique_ptr<Port> idle_port() { return std::make_unique<IdlePort>(); }
+
+ImuConfig without_errors(const ImuConfig& imu) {
+  ImuConfig ideal = imu;
+  ideal.protocol = find_protocol("native");
+  ideal.settings = Settings(ideal.protocol->settings);
+  ideal.second_port.clear();
+  ideal.device_filters = false;
+  ImuModel& model = ideal.model;
+  model.internal_samples = 1;
+  model.gyro = model.accelerometer = model.magnetometer = TriadErrors{};
+  model.accelerometer_positions.setZero();
+  model.sampling_jitter = Nanoseconds{0};
+  model.barometer = BarometerErrors{};
+  model.navigation = NavigationErrors{};
+  return ideal;
+}
+
+}  // namespace imud

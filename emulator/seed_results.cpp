@@ -1,0 +1,65 @@
+#include "emulator/seed_results.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <utility>
+
+#include "transports/host_clock.hpp"
+
+namespace imud {
+
+int worse_exit_code(int a, int b) noexcept { return a == 1 || b == 1 ? 1 : std::max(a, b); }
+
+void SeedResults::add(std::uint64_t seed, const std::string& text) {
+  using Json = nlohmann::ordered_json;
+  constexpr std::uint64_t most_shortfalls = 10;  // that are logged
+  Json summary = Json::parse(text);
+  if (by_seed_.empty() && summary.at("truth").contains("remarks"))
+    for (const Json& remark : summary["truth"]["remarks"]) spdlog::warn("truth: {}", remark.get<std::string>());
+  exit_code_ = worse_exit_code(exit_code_, summary.at("exit_code"));
+  for (const Json& imu : summary.at("imus")) samples_ += imu.at("samples").get<std::uint64_t>();
+  for (const Json& shortfall : summary.at("shortfalls"))
+    if (++shortfalls_ <= most_shortfalls)
+      spdlog::error("seed {} is incomplete: {}", seed, shortfall.get<std::string>());
+
+  Json& whole = by_seed_[seed];
+  if (whole.is_null()) {
+    whole = std::move(summary);
+    return;
+  }
+  whole["exit_code"] = worse_exit_code(whole["exit_code"], summary["exit_code"]);
+  whole["complete"] = whole["complete"].get<bool>() && summary["complete"].get<bool>();
+  for (Json& shortfall : summary["shortfalls"])
+    if (std::find(whole["shortfalls"].begin(), whole["shortfalls"].end(), shortfall) == whole["shortfalls"].end())
+      whole["shortfalls"].push_back(std::move(shortfall));
+  for (Json& imu : summary["imus"]) whole["imus"].push_back(std::move(imu));
+}
+
+SeedProgress::SeedProgress(std::size_t items, bool quiet)
+    : items_(items), quiet_(quiet), is_terminal_(::isatty(STDERR_FILENO) == 1), begin_(host_now()), shown_(begin_) {}
+
+SeedProgress::~SeedProgress() {
+  if (is_terminal_ && shown_ != begin_) fmt::print(stderr, "\r\033[K");
+}
+
+void SeedProgress::show(std::size_t done) {
+  using namespace std::chrono_literals;
+  const HostTime now = host_now();
+  if (quiet_ || now - shown_ < (is_terminal_ ? Nanoseconds(200ms) : Nanoseconds(5s))) return;
+  shown_ = now;
+  std::string line = fmt::format("{} of {} runs", done, items_);
+  if (done > 0)
+    line += fmt::format(", {:.0f} s left",
+                        seconds(now - begin_) / static_cast<double>(done) * static_cast<double>(items_ - done));
+  if (is_terminal_)
+    fmt::print(stderr, "\r\033[K{}", line);
+  else
+    spdlog::info("{}", line);
+}
+
+}  // namespace imud

@@ -1,0 +1,257 @@
+#include "emulator/seeds.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <charconv>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "emulator/line_load.hpp"
+#include "emulator/loop.hpp"
+#include "emulator/seed_arrays.hpp"
+#include "emulator/seed_results.hpp"
+#include "emulator/stored_truths.hpp"
+#include "emulator/text_file.hpp"
+#include "emulator/worker_processes.hpp"
+#include "transports/host_clock.hpp"
+
+namespace imud {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+constexpr std::string_view placeholder = "{seed}";
+
+std::string with_seed(std::string port, std::string_view seed) {
+  for (std::size_t at = 0; (at = port.find(placeholder, at)) != std::string::npos; at += seed.size())
+    port.replace(at, placeholder.size(), seed);
+  return port;
+}
+
+// Throws PortError if two runs would write to one port, or a port is no file.
+void check_ports(const Config& config, bool many, bool has_arrays) {
+  for (std::size_t i = 0; i < config.imus.size(); ++i) {
+    const ImuConfig& imu = config.imus[i];
+    if (imu.sync.is_connected())
+      throw PortError(
+          fmt::format("imu.{}.sync: the pins of runs beside one another cannot be connected; omit it", i));
+    if (has_arrays) continue;
+    for (const auto& [key, port] : {std::pair("port", imu.port), std::pair("second_port", imu.second_port)}) {
+      if (port.empty()) continue;
+      const Transport* transport = transport_of(port);
+      if (transport == nullptr || !transport->has_path || transport->makes_link || transport->uart != Uart::none ||
+          transport->is_standard_output == nullptr || transport->is_standard_output(PortSpec::parse(port)))
+        throw PortError(fmt::format(
+            "imu.{}.{}: \"{}\": runs beside one another write files; give {}, or --npy FILE", i, key, port,
+            fmt::join(port_examples([](const Transport& t) { return t.has_path && t.is_standard_output != nullptr; }),
+                      " or ")));
+      if (many && port.find(placeholder) == std::string::npos)
+        throw PortError(
+            fmt::format("imu.{}.{}: \"{}\": each seed needs a file of its own; give a name with {}, such "
+                        "as imu1_{}.bin, or --npy FILE",
+                        i, key, port, placeholder, placeholder));
+    }
+  }
+}
+
+// Returns what was noticed, and the first refusal of each cause.
+std::vector<std::string> remarks(const TruthCounters& truth) {
+  std::vector<std::string> all;
+  for (const Remark* remark : truth.remarks.all())
+    if (remark->is_set()) all.emplace_back(remark->text());
+  for (std::size_t i = 0; i < truth.refused.first.size(); ++i)
+    if (const Remark& first = truth.refused.first[i]; first.is_set())
+      all.push_back(fmt::format("refused: {}: {}", cause(static_cast<Refusal>(i)), first.text()));
+  return all;
+}
+
+// The runs, and what they share.
+class Runs {
+ public:
+  Runs(const Config& config, const RunOptions& options, const SeedsOptions& seeds)
+      : config_(config),
+        options_(options),
+        seeds_(seeds.seeds.value_or(SeedRange{config.seed, config.seed})),
+        width_(fmt::formatted_size("{}", seeds_.last)),
+        truths_(StoredTruths::read(config.truth)) {
+    if (truths_) config_.truth.format = &truths_->format();
+    for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
+    if (seeds.npy.empty()) return;
+    arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy);
+    arrays_->begin(config_, seeds_.size(), [this](const Config& both, const Sync::OpenPort& open) {
+      const std::atomic<bool> no_stop = false;
+      run(both, open, no_stop, [](Session& session) { session.commit(); });
+    });
+  }
+
+  // Splits the runs by imu if `jobs` are more than the seeds.
+  void split(unsigned jobs) noexcept {
+    parts_ =
+        seeds_.size() < jobs && options_.required.empty() && truths_ && truths_->ascend() ? config_.imus.size() : 1;
+  }
+  std::size_t items() const noexcept { return seeds_.size() * parts_; }
+  std::uint64_t seed_of(std::size_t item) const noexcept { return seeds_.first + item / parts_; }
+
+  // Does an item; returns its summary as JSON in one line.
+  std::string work(std::size_t item) const;
+
+ private:
+  template <class End>
+  void run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end) const;
+  std::unique_ptr<Port> open_truth(std::string_view port, const PortSettings& settings) const {
+    return truths_ ? truths_->open() : open_port(port, settings);
+  }
+
+  Config config_;
+  const RunOptions& options_;
+  const SeedRange seeds_;
+  const std::size_t width_;  // digits of a seed
+  std::optional<StoredTruths> truths_;
+  std::vector<double> line_loads_;
+  std::unique_ptr<SeedArrays> arrays_;
+  std::size_t parts_ = 1;  // of a seed
+};
+
+template <class End>
+void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop,
+               const End& end) const {
+  Session session(config, [&](std::string_view port, const PortSettings& settings) {
+    return port == config.truth.port ? open_truth(port, settings) : open(port, settings);
+  });
+  MonotonicHost host;
+  const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+  LoopOptions options;
+  if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
+  Loop(session, host, *pacer, options, stop).run();
+  session.drain(std::chrono::milliseconds(50));
+  end(session);
+}
+
+std::string Runs::work(std::size_t item) const {
+  const HostTime begin = host_now();
+  Config config = config_;
+  config.seed = seed_of(item);
+  std::vector<double> loads = line_loads_;
+  const std::size_t imu = item % parts_;
+  if (parts_ > 1) {
+    config.imus = {config_.imus[imu]};
+    loads = {line_loads_[imu]};
+  }
+  const std::string seed = fmt::format("{:0{}}", config.seed, width_);
+  std::vector<SeedArrays::Rows> rows;
+  rows.reserve(config.imus.size());
+  for (std::size_t i = 0; i < config.imus.size(); ++i) {
+    ImuConfig& one = config.imus[i];
+    if (arrays_) {
+      rows.emplace_back(*arrays_, parts_ > 1 ? imu : i, config.seed - seeds_.first);
+      one.port = fmt::format("{}", i);
+    } else {
+      one.port = with_seed(one.port, seed);
+      one.second_port = with_seed(one.second_port, seed);
+    }
+  }
+  const auto open = [&](std::string_view port, const PortSettings& settings) -> std::unique_ptr<Port> {
+    if (!arrays_) return open_port(port, settings);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      if (config.imus[i].port == port) return rows[i].port();
+    return idle_port();
+  };
+  Summary summary;
+  const auto end = [&](Session& session) {
+    RunCounters counters{&session.intake().counters(), &session.quality(), {}};
+    for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
+    summary = summarize(counters, seconds(host_now() - begin), loads);
+    summary.truth.warning = session.intake().end_warning();
+    summary.truth.remarks = remarks(*counters.truth);
+    const EndedBy ended_by = session.intake().at_end() ? EndedBy::end_of_capture
+                             : workers_stop()          ? EndedBy::signal
+                                                       : EndedBy::duration;
+    summary.whole = {judge(summary, config, ended_by, options_.required), config.seed, config.sha256, {}};
+    if (summary.whole->outcome.ended_by != EndedBy::failure) session.commit();
+  };
+  run(config, open, workers_stop(), end);
+  for (SeedArrays::Rows& imu_rows : rows)
+    if (const std::string missing = imu_rows.finish(); !missing.empty())
+      summary.whole->outcome.shortfalls.push_back(missing);
+  return json(summary, JsonLayout::line);
+}
+
+}  // namespace
+
+std::optional<SeedRange> SeedRange::parse(std::string_view text) noexcept {
+  const auto number = [](std::string_view digits, std::uint64_t& value) {
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    return error == std::errc{} && end == digits.data() + digits.size();
+  };
+  constexpr std::uint64_t most = 10'000'000;
+  const std::size_t dots = text.find("..");
+  SeedRange range;
+  if (!number(text.substr(0, dots), range.first)) return std::nullopt;
+  if (!number(dots == text.npos ? text : text.substr(dots + 2), range.last)) return std::nullopt;
+  if (range.last < range.first || range.last - range.first >= most) return std::nullopt;
+  return range;
+}
+
+int replay_seeds(const Config& config, const RunOptions& options, const SeedsOptions& seeds) {
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+  const HostTime begin = host_now();
+  for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
+  check_figures(options.required, config);
+  check_ports(config, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
+  TextFile summary_file(options.summary_file);
+  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
+
+  Runs runs(config, options, seeds);
+  const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : std::max(1U, std::thread::hardware_concurrency());
+  runs.split(jobs);
+  SeedResults results;
+  SeedProgress progress(runs.items(), seeds.quiet);
+  std::size_t done = 0;
+  const bool is_whole =
+      run_workers({.jobs = jobs,
+                   .work =
+                       [&](std::size_t item) {
+                         try {
+                           return runs.work(item);
+                         } catch (const std::exception& error) {
+                           throw std::runtime_error(fmt::format("seed {}: {}", runs.seed_of(item), error.what()));
+                         }
+                       },
+                   .take =
+                       [&](std::size_t item, const std::string& text) {
+                         ++done;
+                         results.add(runs.seed_of(item), text);
+                       },
+                   .tick = [&] { progress.show(done); }},
+                  runs.items());
+
+  const double duration_s = seconds(host_now() - begin);
+  if (!is_whole) spdlog::error("incomplete: a signal ended it after {} of {} runs", done, runs.items());
+  const int exit_code = worse_exit_code(results.exit_code(), is_whole ? 0 : 3);
+  Json all = {{"duration_s", duration_s},
+              {"exit_code", exit_code},
+              {"complete", exit_code == 0},
+              {"ended_by", is_whole ? "end_of_capture" : "signal"},
+              {"version", IMUD_VERSION},
+              {"config_sha256", config.sha256},
+              {"jobs", jobs},
+              {"seeds", Json::array()}};
+  for (const auto& [seed, summary] : results.by_seed()) all["seeds"].push_back(summary);
+  summary_file.replace(all.dump(1) + "\n");
+  TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
+  printed.write(fmt::format("ran      {:.3f} s, {} runs of {} seed{}, {} samples, {:.3g} samples/s\n", duration_s,
+                            done, results.by_seed().size(), results.by_seed().size() == 1 ? "" : "s",
+                            results.samples(), static_cast<double>(results.samples()) / duration_s));
+  printed.write(fmt::format("ended    by {}, {}\n", is_whole ? "end_of_capture" : "signal",
+                            exit_code == 0 ? "complete" : "incomplete or failed"));
+  return exit_code;
+}
+
+}  // namespace imud

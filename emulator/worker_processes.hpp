@@ -1,0 +1,29 @@
+// Runs items of work in processes of their own, which share the cores.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <functional>
+#include <string>
+
+namespace imud {
+
+struct WorkerProcesses {
+  unsigned jobs = 1;  // processes, at least 1
+  // Does an item in a worker; returns a text without line feed. An exception ends all workers.
+  std::function<std::string(std::size_t item)> work;
+  // Receives the text of an item, in the order in which they end, in the calling process.
+  std::function<void(std::size_t item, std::string text)> take;
+  // Called about five times a second in the calling process.
+  std::function<void()> tick = [] {};
+};
+
+// Does the items 0 to `items` - 1, each once. Call it while the process has one thread. SIGINT and SIGTERM end the
+// items at work, and no further one begins: returns false then. Throws std::runtime_error with the cause if an item
+// or a worker has failed.
+bool run_workers(const WorkerProcesses& workers, std::size_t items);
+
+// Set by SIGINT and SIGTERM in run_workers(), in the workers, too.
+const std::atomic<bool>& workers_stop() noexcept;
+
+}  // namespace imud
