@@ -122,7 +122,7 @@ int decode(const Options& options, bool& running) {
     json->flush();
     if (!json->is_open()) throw std::runtime_error(options.json_path + ": " + std::strerror(json->error()));
   }
-  files.finish();
+  if (const std::string missing = files.finish(); !missing.empty()) fmt::print(stderr, "truth      {}\n", missing);
   if (!csv.is_open() && csv.error() != EPIPE)
     throw std::runtime_error(std::string("standard output: ") + std::strerror(csv.error()));
   if (recorder.statistics().samples() == 0) {

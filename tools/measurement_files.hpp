@@ -8,6 +8,7 @@
 
 #include "core/time.hpp"
 #include "tools/measurement_row.hpp"
+#include "tools/truth_beside.hpp"
 
 namespace imud {
 
@@ -15,24 +16,27 @@ class MeasurementFiles {
  public:
   // The part of a command line that selects the files.
   struct Options {
-    std::string npy, hdf5;  // paths; empty: none
-    std::string config;     // path of imud's configuration, for the attributes of `hdf5`; empty: none
-    bool any() const noexcept { return !npy.empty() || !hdf5.empty(); }
+    std::string npy, hdf5;           // paths; empty: none
+    std::string config;              // path of imud's configuration, for the attributes of `hdf5`; empty: none
+    std::vector<std::string> truth;  // configuration and capture; empty: no truth beside the measurements
+    std::string imu;                 // of that configuration; empty: the first with the protocol
   };
   static void add_options(CLI::App& app, Options& options);
 
   // Opens the files. `port`: the input, which they must not be. Throws std::runtime_error or std::invalid_argument
-  // with the fault and what would be right.
+  // with the fault and what would be right; as TruthBeside does, too.
   MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port);
 
   void write(const Measurement& measurement);
   // Makes the files whole, at most once a second.
   void flush();
-  // Ends the files. Throws std::runtime_error, which names the first of them that could not be written.
-  void finish();
+  // Ends the files. Returns what is missing of the truth; empty if nothing is. Throws std::runtime_error, which names
+  // the first of them that could not be written, or as TruthBeside::finish() does.
+  std::string finish();
 
  private:
   const unsigned absent_rates_;
+  std::unique_ptr<TruthBeside> truth_;
   std::vector<std::unique_ptr<RowOutput>> files_;
   HostTime flushed_;
 };
