@@ -19,10 +19,38 @@ bool is_capture(const std::string& truth_port) noexcept {
   return transport != nullptr && transport->ends;
 }
 
-Settings read_settings(TableReader& table, std::span<const Setting> declared) {
+namespace {
+
+// Returns {key = "text"} as "key=text", which is how a list has it. A number counts as its text.
+std::vector<std::string> texts_of(const toml::table& table) {
+  const std::invalid_argument fault("give a list of texts, or a table of texts such as {time_s = \"t\"}");
+  if (table.empty()) throw fault;
+  std::vector<std::string> list;
+  for (const auto& [key, value] : table) {
+    if (const auto* text = value.as_string())
+      list.push_back(fmt::format("{}={}", key.str(), text->get()));
+    else if (const auto* number = value.as_integer())
+      list.push_back(fmt::format("{}={}", key.str(), number->get()));
+    else
+      throw fault;
+  }
+  return list;
+}
+
+// The index of a list in Setting::initial and in SettingValue.
+constexpr std::size_t list_index = 4;
+static_assert(std::is_same_v<std::variant_alternative_t<list_index, SettingValue>, std::vector<std::string>>);
+
+}  // namespace
+
+Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own) {
   Settings settings(declared);
   for (const Setting& setting : declared) {
     const toml::node* node = table.node(setting.key);
+    if (own != nullptr && own->has(setting.key)) {
+      if (node != nullptr) own->fault(setting.key, "is given twice, here and in the table around it");
+      node = own->node(setting.key);
+    }
     if (node == nullptr) continue;
     try {
       if (const auto* flag = node->as_boolean()) {
@@ -40,11 +68,13 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared) {
           list.push_back(item.as_string()->get());
         }
         settings.set(setting.key, std::move(list));
+      } else if (const auto* map = node->as_table(); map != nullptr && setting.initial.index() == list_index) {
+        settings.set(setting.key, texts_of(*map));
       } else {
         throw std::invalid_argument("give a single value");
       }
     } catch (const std::invalid_argument& error) {
-      table.fault(setting.key, error.what());
+      (own != nullptr && own->has(setting.key) ? *own : table).fault(setting.key, error.what());
     }
   }
   for (const Setting& setting : declared)
@@ -168,14 +198,19 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
                                     ports_that([](const Transport& t) { return t.brings_truth; })));
 
   if (truth.format != nullptr) {
-    truth.settings = read_settings(table, truth.format->settings);
+    // The format's own table, such as [truth.csv]. What it has is resolved in [truth].
+    std::optional<TableReader> own;
+    if (table.has_table(truth.format->name)) own.emplace(table.child(truth.format->name));
+    truth.settings = read_settings(table, truth.format->settings, own ? &*own : nullptr);
     try {
       static_cast<void>(truth.format->make(truth.settings));
     } catch (const std::invalid_argument& error) {
       const std::string_view what = error.what();
       const std::size_t colon = std::min(what.find(": "), what.size());
-      table.fault(what.substr(0, colon), what.substr(std::min(colon + 2, what.size())));
+      const std::string_view key = what.substr(0, colon);
+      (own && own->has(key) ? *own : table).fault(key, what.substr(std::min(colon + 2, what.size())));
     }
+    if (own) own->finish();
     if (transport != nullptr && transport->brings_truth && !transport->keeps_datagrams &&
         !truth.format->delimits_itself)
       table.fault("port", fmt::format("{} truth is binary datagrams, whose borders {}: does not keep; give {}",

@@ -51,8 +51,9 @@ void check_files(Config& config, const std::string& path, const toml::array& tab
 // chooses it, or if the text is malformed.
 std::optional<std::uint16_t> udp_port(const std::string& port);
 
-// Reads the declared settings that the table has. Adds a fault for each value that is refused.
-Settings read_settings(TableReader& table, std::span<const Setting> declared);
+// Reads the declared settings that the table has, or `own`, a table in it that is for them alone. A list may be given
+// as a table: {a = "b"} is ["a=b"]. Adds a fault for each value that is refused.
+Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own = nullptr);
 
 // Returns the transport that the port's text names, if check_port() accepts the text with `settings`. Otherwise
 // returns nullptr and adds a fault of `key`, unless the key has no text.

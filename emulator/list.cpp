@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "emulator/entries.hpp"
+#include "protocols/truth_quantities.hpp"
 
 namespace imud {
 
@@ -66,6 +67,10 @@ Json described(const TruthFormat& format) {
   json["settings"] = described(format.settings);
   for (const ColumnGroup& group : format.columns)
     json["columns"].push_back({{"names", group.names}, {"need", word(group.need)}, {"help", group.help}});
+  if (format.maps_quantities)
+    for (const QuantityGroup& group : quantity_groups())
+      json["quantities"].push_back(
+          {{"names", group.names}, {"units", unit_suffixes(group.kind)}, {"help", group.help}});
   return json;
 }
 
@@ -120,11 +125,15 @@ void print(const Json& entry) {
     fmt::print("  {} of {} values are unconfirmed: from memory, from a secondary source, or assumed\n",
                entry["unconfirmed"].size(), entry["keys"].size());
   if (entry.contains("toml")) fmt::print("{}", text(entry, "toml"));
-  if (!entry.contains("columns")) return;
-  fmt::print("  columns, by the names in the header row:\n");
-  for (const Json& group : entry["columns"])
-    fmt::print("  {:<12} {}: {}\n", text(group, "need"),
-               fmt::join(group["names"].get<std::vector<std::string>>(), ", "), text(group, "help"));
+  const auto words = [](const Json& list) { return list.get<std::vector<std::string>>(); };
+  if (entry.contains("columns")) fmt::print("  columns, by the names in the header row:\n");
+  for (const Json& group : entry.value("columns", Json::array()))
+    fmt::print("  {:<12} {}: {}\n", text(group, "need"), fmt::join(words(group["names"]), ", "), text(group, "help"));
+  if (entry.contains("quantities"))
+    fmt::print("  quantities, for a map in `columns`; one of the units follows a name, as in p_deg_per_s:\n");
+  for (const Json& group : entry.value("quantities", Json::array()))
+    fmt::print("  {}: {}{}\n", fmt::join(words(group["names"]), ", "), text(group, "help"),
+               group["units"].empty() ? "" : fmt::format(" ({})", fmt::join(words(group["units"]), " ")));
 }
 
 }  // namespace

@@ -48,6 +48,10 @@ class TableReader {
       : table_(table), path_(std::move(path)), line_(line), faults_(faults), resolved_(resolved) {}
 
   bool has(std::string_view key) { return node(key) != nullptr; }
+  // Returns true if the key is a table. The key does not count as known.
+  bool has_table(std::string_view key) const {
+    return table_ != nullptr && table_->contains(key) && table_->get(key)->is_table();
+  }
   bool is_text(std::string_view key) { return has(key) && node(key)->is_string(); }
   // Returns the value as it is; nullptr if it is absent. The key counts as known.
   const toml::node* node(std::string_view key);

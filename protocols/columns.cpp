@@ -25,14 +25,6 @@ std::optional<Number> parse(std::string_view field) noexcept {
   return {};
 }
 
-// Returns `line` without blanks, CR and LF at both ends.
-std::string_view without_blanks(std::string_view line) noexcept {
-  constexpr auto blank = [](char c) { return c == ' ' || c == '\r' || c == '\n'; };
-  while (!line.empty() && blank(line.front())) line.remove_prefix(1);
-  while (!line.empty() && blank(line.back())) line.remove_suffix(1);
-  return line;
-}
-
 }  // namespace
 
 std::string_view trim(std::string_view text) noexcept {
@@ -40,6 +32,13 @@ std::string_view trim(std::string_view text) noexcept {
   while (!text.empty() && blank(text.front())) text.remove_prefix(1);
   while (!text.empty() && blank(text.back())) text.remove_suffix(1);
   return text;
+}
+
+std::string_view without_blanks(std::string_view line) noexcept {
+  constexpr auto blank = [](char c) { return c == ' ' || c == '\r' || c == '\n'; };
+  while (!line.empty() && blank(line.front())) line.remove_prefix(1);
+  while (!line.empty() && blank(line.back())) line.remove_suffix(1);
+  return line;
 }
 
 std::string_view unquoted(std::string_view field) noexcept {

@@ -17,6 +17,8 @@ namespace imud {
 
 // Returns `text` without blanks, tabs, CR and LF at both ends.
 std::string_view trim(std::string_view text) noexcept;
+// Returns `line` without blanks, CR and LF at both ends; tabs stay.
+std::string_view without_blanks(std::string_view line) noexcept;
 
 // Returns `field` trimmed, without the quotes that spreadsheets write around it; blanks inside the quotes are
 // trimmed, too.
@@ -130,9 +132,9 @@ class ColumnTruthDecoder : public LineTruthDecoder {
   void configure(const Settings& settings);
 
   const Columns& columns() const noexcept { return columns_; }
+  TruthResult decode(std::string_view line, Truth& truth) noexcept final;
 
  private:
-  TruthResult decode(std::string_view line, Truth& truth) noexcept final;
   // Returns the kind of `row`, which has no blanks at its ends and is not empty. Removes from a header row all but
   // the column names.
   virtual Kind kind(std::string_view& row) const noexcept = 0;

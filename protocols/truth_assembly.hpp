@@ -58,7 +58,10 @@ class TruthAssembly {
   // `given`: the quantities that every reading has. Throws std::invalid_argument, whose message names what is given
   // twice or missing. Quantities of an incomplete group are errors, too.
   TruthAssembly(const QuantitySet& given, const Axes& axes);
-  // Returns what the constructor was given.
+  // Does what the constructor does, without exception and allocation: on a fault, returns false and writes the
+  // message to `fault`, which must be empty; then convert() must not be called.
+  bool choose(const QuantitySet& given, const Axes& axes, RemarkWriter& fault) noexcept;
+  // Returns the quantities that are given.
   const QuantitySet& given() const noexcept { return given_; }
 
   // Converts the quantities of a record. Returns ok, not_finite or out_of_range.
@@ -71,9 +74,10 @@ class TruthAssembly {
 
  private:
   bool has(TruthGroup group) const noexcept { return has_[static_cast<std::size_t>(group)]; }
-  std::optional<TruthGroup> only(std::initializer_list<TruthGroup> groups, std::string_view what) const;
-  void check_groups();
-  void choose();
+  std::optional<TruthGroup> only(std::initializer_list<TruthGroup> groups, std::string_view what,
+                                 RemarkWriter& fault) const noexcept;
+  bool check_groups(RemarkWriter& fault) noexcept;
+  bool choose_groups(RemarkWriter& fault) noexcept;
 
   double number(const TruthReading& in, TruthGroup group, std::size_t i = 0) const noexcept {
     return in[quantity_group(group).first + i];
@@ -98,11 +102,11 @@ class TruthAssembly {
   std::optional<TruthGroup> time_, attitude_, rate_, position_, velocity_, force_;
 
   // Members of the record that is being converted.
-  double angle_ = 0;               // rad, from N to E about z
-  Quaternion q_NE_, q_NL_;         // L: north, east, down
-  double gravity_ = 0;             // m/s^2, along L's z
-  Vector3 r_E_ = Vector3::Zero();  // m; where the place is known
-  Vector3 v_L_ = Vector3::Zero();  // m/s, relative to the Earth
+  double angle_ = 0;                                                          // rad, from N to E about z
+  Quaternion q_NE_ = Quaternion::Identity(), q_NL_ = Quaternion::Identity();  // L: north, east, down
+  double gravity_ = 0;                                                        // m/s^2, along L's z
+  Vector3 r_E_ = Vector3::Zero();                                             // m; where the place is known
+  Vector3 v_L_ = Vector3::Zero();                                             // m/s, relative to the Earth
   std::size_t refused_ = quantity_count;
 
   std::optional<std::int64_t> origin_ns_;  // of an absolute time

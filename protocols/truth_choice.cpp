@@ -1,6 +1,8 @@
 // The configuration of a TruthAssembly: which quantities it uses.
+#include <array>
 #include <initializer_list>
 #include <stdexcept>
+#include <utility>
 
 #include "protocols/truth_assembly.hpp"
 
@@ -10,10 +12,10 @@ namespace {
 
 using Group = TruthGroup;
 
-std::string names_of(Group group) {
-  std::string text;
-  for (const std::string_view name : quantity_group(group).names) text.append(text.empty() ? "" : ", ").append(name);
-  return text;
+RemarkWriter& operator<<(RemarkWriter& out, Group group) noexcept {
+  const char* separator = "";
+  for (const std::string_view name : quantity_group(group).names) out << std::exchange(separator, ", ") << name;
+  return out;
 }
 
 }  // namespace
@@ -27,61 +29,68 @@ TruthAssembly::Axes TruthAssembly::axes(const Settings& settings) {
                                                             : AccumulatedDv::none};
 }
 
-TruthAssembly::TruthAssembly(const QuantitySet& given, const Axes& axes) : given_(given), axes_(axes) {
-  check_groups();
-  choose();
+TruthAssembly::TruthAssembly(const QuantitySet& given, const Axes& axes) {
+  std::array<char, 600> room;
+  RemarkWriter fault(room);
+  if (!choose(given, axes, fault)) throw std::invalid_argument(std::string(room.data(), fault.size()));
 }
 
-// Sets which groups are given. Throws if one is given in part.
-void TruthAssembly::check_groups() {
+// Sets which groups are given. Returns false if one is given in part.
+bool TruthAssembly::check_groups(RemarkWriter& fault) noexcept {
   for (std::size_t i = 0; i < truth_group_count; ++i) {
     const QuantityGroup& group = quantity_groups()[i];
     std::size_t count = 0;
-    std::string missing;
-    for (std::size_t j = 0; j < group.names.size(); ++j) {
-      if (given_[group.first + j])
-        ++count;
-      else
-        missing.append(missing.empty() ? "" : ", ").append(group.names[j]);
-    }
+    for (std::size_t j = 0; j < group.names.size(); ++j) count += given_[group.first + j] ? 1U : 0U;
     has_[i] = count == group.names.size();
-    if (count > 0 && !has_[i])
-      throw std::invalid_argument("with " + names_of(static_cast<Group>(i)) + " belong together, and missing are " +
-                                  missing);
+    if (count == 0 || has_[i]) continue;
+    fault << "with " << static_cast<Group>(i) << " belong together, and missing are ";
+    const char* separator = "";
+    for (std::size_t j = 0; j < group.names.size(); ++j)
+      if (!given_[group.first + j]) fault << std::exchange(separator, ", ") << group.names[j];
+    return false;
   }
+  return true;
 }
 
-// Returns which of the groups is given. Throws if more than one is.
-std::optional<TruthGroup> TruthAssembly::only(std::initializer_list<TruthGroup> groups, std::string_view what) const {
+// Returns which of the groups is given; more than one is a fault.
+std::optional<TruthGroup> TruthAssembly::only(std::initializer_list<TruthGroup> groups, std::string_view what,
+                                              RemarkWriter& fault) const noexcept {
   std::optional<TruthGroup> one;
   for (const Group group : groups) {
     if (!has(group)) continue;
-    if (one)
-      throw std::invalid_argument(std::string(what) + " is given twice, by " + names_of(*one) + " and by " +
-                                  names_of(group) + "; give one of them");
+    if (one && fault.size() == 0)
+      fault << what << " is given twice, by " << *one << " and by " << group << "; give one of them";
     one = group;
   }
   return one;
 }
 
-void TruthAssembly::choose() {
+bool TruthAssembly::choose(const QuantitySet& given, const Axes& axes, RemarkWriter& fault) noexcept {
+  *this = {};
+  given_ = given;
+  axes_ = axes;
+  return check_groups(fault) && choose_groups(fault);
+}
+
+bool TruthAssembly::choose_groups(RemarkWriter& fault) noexcept {
   using enum TruthGroup;
-  time_ = only({time, unix_time, gps_time_of_week, time_of_day, utc}, "the time");
+  time_ = only({time, unix_time, gps_time_of_week, time_of_day, utc}, "the time", fault);
   attitude_ = only({q_NB, q_BN, q_LB, q_BL, q_EB, q_BE, sigma_BN, sigma_BL, sigma_BE, dcm_BN, dcm_NB, dcm_BL, dcm_LB,
                     dcm_BE, dcm_EB, euler_L, euler_N, euler_E},
-                   "the attitude");
-  rate_ = only({rate_N, rate_E, euler_rate}, "the rate");
-  position_ = only({r_BE_E, geodetic, horizontal}, "the position");
+                   "the attitude", fault);
+  rate_ = only({rate_N, rate_E, euler_rate}, "the rate", fault);
+  position_ = only({r_BE_E, geodetic, horizontal}, "the position", fault);
   if (has(r_BN_N)) position_ = r_BN_N;
-  if (has(r_BN_N) && has(horizontal)) only({r_BN_N, horizontal}, "the position");
-  velocity_ = only({v_BN_N, v_BE_E, v_BE_B, v_horizontal}, "the velocity");
-  force_ = only({specific_force, acceleration_B, acceleration_N, acceleration_horizontal}, "the specific force");
-  only({down, up}, "the vertical position");
-  only({v_down, v_up}, "the vertical velocity");
-  only({acceleration_down, acceleration_up}, "the vertical acceleration");
+  if (has(r_BN_N) && has(horizontal)) only({r_BN_N, horizontal}, "the position", fault);
+  velocity_ = only({v_BN_N, v_BE_E, v_BE_B, v_horizontal}, "the velocity", fault);
+  force_ =
+      only({specific_force, acceleration_B, acceleration_N, acceleration_horizontal}, "the specific force", fault);
+  only({down, up}, "the vertical position", fault);
+  only({v_down, v_up}, "the vertical velocity", fault);
+  only({acceleration_down, acceleration_up}, "the vertical acceleration", fault);
 
-  const auto need = [](bool fulfilled, const std::string& text) {
-    if (!fulfilled) throw std::invalid_argument(text);
+  const auto need = [&](bool fulfilled, std::string_view text) {
+    if (!fulfilled && fault.size() == 0) fault << text;
   };
   need(time_.has_value(), "the time is missing; give time_s, unix_time_s, utc or another");
   need(time_ != gps_time_of_week || has(gps_week), "gps_time_of_week needs gps_week");
@@ -103,6 +112,7 @@ void TruthAssembly::choose() {
        "a quantity relative to the local level, or an acceleration, needs the place: give latitude and longitude");
   need(attitude_ || !is_inertial_ || !rate_ || rate_ == rate_N,
        "a rate relative to the Earth needs an attitude, which is missing");
+  return fault.size() == 0;
 }
 
 }  // namespace imud

@@ -138,6 +138,8 @@ struct TruthFormat {
   // Names the quantities that a simulator has to send so that the truth has a specific force or an accumulated
   // velocity, in its own words.
   std::string_view force_from = {};
+  // The setting `columns` takes the quantities of protocols/truth_quantities.hpp.
+  bool maps_quantities = false;
 };
 
 // Returns the word for `result` in summaries and logs: "short", "crc", ...; "" for ok.

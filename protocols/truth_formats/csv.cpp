@@ -1,15 +1,18 @@
-// Truth as rows of text: a header row, then a row per state, the columns by name in any order.
+// Truth as rows of text: a header row, then a row per state, the columns by name in any order. The names are those of
+// Basilisk, or quantities of truth with their units, or by the setting `columns` any (protocols/mapped_columns.hpp).
 //
-// `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required. `r_BN_N_x..z` (m),
-// `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific force, m/s^2) and
-// `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present, and so is `temperature_c`. Lines that
-// begin with '#' are ignored, and so are other columns, which describe() names. The names but the last are those of
-// Basilisk's SCStatesMsgPayload.
-// Columns are separated by what the header row has: commas, semicolons or tabs; the decimal sign is a point.
+// By Basilisk's names, // `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required.
+// `r_BN_N_x..z` (m), `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific
+// force, m/s^2) and `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present, and so is
+// `temperature_c`. Lines that begin with '#' are ignored, and so are other columns, which describe() names. The names
+// but the last are those of Basilisk's SCStatesMsgPayload. Columns are separated by what the header row has: commas,
+// semicolons or tabs; the decimal sign is a point.
+#include <algorithm>
 #include <cmath>
 
 #include "core/attitude.hpp"
 #include "protocols/columns.hpp"
+#include "protocols/mapped_columns.hpp"
 
 namespace imud {
 
@@ -61,30 +64,27 @@ constexpr ColumnLimit limits[] = {{7e153, ""},
                                   {truth_limit::velocity, "m/s"},
                                   {truth_limit::temperature, "degrees Celsius"}};
 
-constexpr std::string_view accumulations[] = {"inertial", "body_sum", "none"};
-
-AccumulatedDv accumulation(std::string_view word) {
-  if (word == "inertial") return AccumulatedDv::inertial;
-  return word == "body_sum" ? AccumulatedDv::body_sum : AccumulatedDv::none;
-}
-
-class CsvTruthDecoder final : public ColumnTruthDecoder {
+class BasiliskColumns final : public ColumnTruthDecoder {
  public:
-  explicit CsvTruthDecoder(const Settings& settings)
+  explicit BasiliskColumns(const Settings& settings)
       : ColumnTruthDecoder(column_names,
                            [](std::string_view given, std::string_view wanted) { return given == wanted; }),
-        accumulation_(accumulation(settings.text("accumulated_dv"))) {
+        accumulation_(TruthAssembly::axes(settings).accumulated_dv) {
     configure(settings);
+  }
+  using ColumnTruthDecoder::decode;
+  static bool is_header(std::string_view row) noexcept {
+    if (row.find(names[time_ns]) == std::string_view::npos) return false;
+    const char delimiter = delimiter_of(row);
+    for (std::string_view rest = row; rest.data() != nullptr;)
+      if (unquoted(take_field(rest, delimiter)) == names[time_ns]) return true;
+    return false;
   }
 
  private:
   Kind kind(std::string_view& row) const noexcept override {
     if (row.front() == '#') return Kind::remark;
-    if (row.find(names[time_ns]) == std::string_view::npos) return Kind::state;
-    const char delimiter = delimiter_of(row);
-    for (std::string_view rest = row; rest.data() != nullptr;)
-      if (unquoted(take_field(rest, delimiter)) == names[time_ns]) return Kind::header;
-    return Kind::state;
+    return is_header(row) ? Kind::header : Kind::state;
   }
 
   bool enough() const noexcept override { return columns().has(time_ns, required_columns); }
@@ -148,13 +148,85 @@ class CsvTruthDecoder final : public ColumnTruthDecoder {
   AccumulatedDv accumulation_;
 };
 
+// The names of a header row, or of the setting `columns`.
+class NamesSeen {
+ public:
+  void add(std::string_view name) noexcept {
+    const bool is_basilisk = std::ranges::find(names, name) != std::end(names), is_quantity = is_known(name);
+    has_basilisk_ = has_basilisk_ || (is_basilisk && !is_quantity);
+    has_quantity_ = has_quantity_ || (is_quantity && !is_basilisk);
+  }
+  // Some names have both meanings, such as time_ns and sigma_BN_1. Returns true if they are quantities of truth.
+  bool are_quantities() const noexcept { return has_quantity_ && !has_basilisk_; }
+
+ private:
+  static bool is_known(std::string_view name) noexcept { return find_signed_field(name).has_value(); }
+
+  bool has_basilisk_ = false, has_quantity_ = false;
+};
+
+// Rows by Basilisk's names, until a header row has names of quantities.
+class CsvTruthDecoder final : public LineTruthDecoder {
+ public:
+  explicit CsvTruthDecoder(const Settings& settings) : basilisk_(settings), mapped_(TruthAssembly::axes(settings)) {}
+
+  std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
+    if (!is_mapped_) return basilisk_.describe(result, room);
+    RemarkWriter out(room);
+    mapped_.describe(result, out);
+    return out.size();
+  }
+  void finish() noexcept override {
+    LineTruthDecoder::finish();
+    mapped_.begin();
+  }
+
+ private:
+  // Each truth has a time: that spares rows of numbers the search.
+  static bool has_quantities(std::string_view row) noexcept {
+    if (row.find("time") == row.npos && row.find("utc") == row.npos) return false;
+    const char delimiter = delimiter_of(row);
+    std::size_t count = 0;
+    NamesSeen seen;
+    for (std::string_view rest = row; rest.data() != nullptr && count < Columns::max_columns; ++count)
+      seen.add(unquoted(take_field(rest, delimiter)));
+    return seen.are_quantities();
+  }
+  TruthResult decode(std::string_view line, Truth& truth) noexcept override {
+    std::string_view row = line;
+    if (row.starts_with("\xEF\xBB\xBF")) row.remove_prefix(3);
+    if (has_quantities(row))
+      is_mapped_ = true;
+    else if (is_mapped_)
+      is_mapped_ = !BasiliskColumns::is_header(row);
+    return is_mapped_ ? mapped_.decode(line, truth) : basilisk_.decode(line, truth);
+  }
+
+  BasiliskColumns basilisk_;
+  MappedColumns mapped_;
+  bool is_mapped_ = false;
+};
+
+std::unique_ptr<TruthDecoder> make(const Settings& settings) {
+  const std::vector<std::string>& columns = settings.list(columns_setting.key);
+  const TruthAssembly::Axes axes = TruthAssembly::axes(settings);
+  if (is_truth_map(columns))
+    return std::make_unique<MappedColumnDecoder>(MappedColumns(parse_truth_map(columns), axes));
+  NamesSeen seen;
+  for (const std::string& name : columns) seen.add(unquoted(name));
+  if (seen.are_quantities())
+    return std::make_unique<MappedColumnDecoder>(MappedColumns(parse_truth_order(columns), axes));
+  return std::make_unique<CsvTruthDecoder>(settings);
+}
+
 constexpr Setting settings[] = {
-    {.key = "accumulated_dv",
-     .help = "how TotalAccumDV_BN_B was accumulated: in inertial space, or each step in its own body axes; none: not "
-             "used",
-     .initial = std::string_view("inertial"),
-     .choices = accumulations},
-    columns_setting,
+    accumulated_dv_setting,
+    {.key = columns_setting.key,
+     .help = "names of the columns, for a stream whose header row is missed, or a table of quantities with the names "
+             "of their columns, {time_s = \"t\", q_NB_w = \"qw\", ...}, or their numbers from 0",
+     .initial = columns_setting.initial},
+    level_setting,
+    body_setting,
 };
 
 }  // namespace
@@ -162,16 +234,15 @@ constexpr Setting settings[] = {
 extern const TruthFormat csv_truth_format;
 constexpr TruthFormat csv_truth_format = {
     .name = "csv",
-    .summary = "rows of text, columns by the names of Basilisk's spacecraft states",
+    .summary = "rows of text, columns by the names of Basilisk's spacecraft states, of quantities, or by a map",
     .document = "protocols/truth_formats/csv.cpp; Basilisk SCStatesMsgPayload",
     .delimits_itself = true,
     .acknowledges = false,
     .settings = settings,
     .columns = column_groups,
-    .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
-      return std::make_unique<CsvTruthDecoder>(chosen);
-    },
+    .make = make,
     .force_from = "the columns nonConservativeAccelpntB_B_x to _z, or TotalAccumDV_BN_B_x to _z",
+    .maps_quantities = true,
 };
 
 }  // namespace imud

@@ -45,8 +45,8 @@ TEST_P(TruthFormats, DescribesItself) {
 TEST_P(TruthFormats, RequiresTheColumnsOfItsEntry) {
   const TruthFormat& format = *GetParam();
   const bool has_setting = std::ranges::count(format.settings, "columns", &Setting::key) == 1;
-  ASSERT_EQ(has_setting, !format.columns.empty());
-  if (!has_setting) return;
+  ASSERT_TRUE(has_setting || format.columns.empty());
+  if (format.columns.empty()) return;
   const auto accepts = [&](const std::vector<std::string>& names) {
     Settings settings(format.settings);
     settings.set("columns", names);
