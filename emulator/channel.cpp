@@ -217,7 +217,7 @@ void Channel::apply_filters() noexcept {
 void Channel::publish() noexcept {
   const Port& port = *lines_[0].port;
   std::uint64_t sent = port.counters().sent, replies = port.counters().replies, dropped = port.counters().dropped,
-                failed = port.counters().failed;
+                failed = port.counters().failed, connections_refused = port.counters().connections_refused;
   counters_.speeds.store(port.speeds(), std::memory_order_relaxed);
   counters_.port_error.store(port.error(), std::memory_order_relaxed);
   if (line_count_ == 2) {
@@ -226,6 +226,7 @@ void Channel::publish() noexcept {
     replies += second.counters().replies;
     dropped += second.counters().dropped;
     failed += second.counters().failed;
+    connections_refused += second.counters().connections_refused;
     counters_.second_speeds.store(second.speeds(), std::memory_order_relaxed);
     counters_.second_port_error.store(second.error(), std::memory_order_relaxed);
     counters_.second_port_state.store(second.state(), std::memory_order_release);
@@ -236,6 +237,7 @@ void Channel::publish() noexcept {
   counters_.replies.store(replies, std::memory_order_relaxed);
   counters_.dropped.store(dropped, std::memory_order_relaxed);
   counters_.failed.store(failed, std::memory_order_relaxed);
+  counters_.connections_refused.store(connections_refused, std::memory_order_relaxed);
   if (sync_) counters_.edges_refused.store(sync_->refused(), std::memory_order_relaxed);
   counters_.port_state.store(port.state(), std::memory_order_release);
 }

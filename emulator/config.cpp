@@ -149,22 +149,31 @@ EarthModel read_earth(TableReader table) {
 
 }  // namespace
 
-std::optional<std::uint16_t> udp_port(const std::string& port) {
+namespace {
+
+std::optional<std::uint16_t> port_number(const std::string& port,
+                                         std::optional<std::uint16_t> (*Transport::*number)(const PortSpec&)) {
   const Transport* transport = transport_of(port);
-  if (transport == nullptr || transport->udp_port == nullptr) return std::nullopt;
+  if (transport == nullptr || transport->*number == nullptr) return std::nullopt;
   try {
-    return transport->udp_port(PortSpec::parse(port));
+    return (transport->*number)(PortSpec::parse(port));
   } catch (const PortError&) {
     return std::nullopt;
   }
 }
 
+}  // namespace
+
+std::optional<std::uint16_t> udp_port(const std::string& port) { return port_number(port, &Transport::udp_port); }
+std::optional<std::uint16_t> tcp_port(const std::string& port) { return port_number(port, &Transport::tcp_port); }
+
 namespace {
 
-// Returns the capture that replaces `port`. If it does not name a UDP port, it is limited to that of `port`.
+// Returns the capture that replaces `port`. If it does not name a port of UDP or TCP, it is limited to that of
+// `port`.
 std::string in_place_of(const std::string& port, const std::string& capture) {
   const Transport* transport = transport_of(capture);
-  const auto number = udp_port(port);
+  const auto number = udp_port(port) ? udp_port(port) : tcp_port(port);
   if (transport == nullptr || transport->udp_port == nullptr || udp_port(capture) || !number) return capture;
   return fmt::format("{}{}port={}", capture, capture.find('?') == std::string::npos ? '?' : '&', *number);
 }

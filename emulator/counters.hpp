@@ -118,6 +118,8 @@ struct ImuCounters : CounterGroup {
   Counter bus_offs{*this, {"bus_offs", "times bus-off", Show::if_not_zero, Show::if_not_zero}};
   Counter bus_restarts{*this, {"bus_restarts", "restarts of the bus"}};
   Counter refused{*this, {"refused", "refused by the adapter", Show::if_not_zero, Show::if_not_zero}};
+  // Connections to the port that were refused, because it has another peer.
+  Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   // Edges on the trigger and PPS pins that Sync refused.
   Counter edges_refused{*this, {"edges_refused", "edges refused", Show::if_not_zero, Show::if_not_zero}};
   // From a sample's instant to the beginning of its write, and the duration of that write.
@@ -190,8 +192,12 @@ struct TruthCounters : CounterGroup {
   Counter truncated{*this, {"truncated", "cut short", Show::if_not_zero, Show::if_not_zero}};
   // Times that another sender's truth followed one that this sender had sent before (SenderWatch).
   Counter sender_changes{*this, {"sender_changes", "changes of sender", Show::if_not_zero, Show::if_not_zero}};
+  // Times that the connection to the simulator was lost; connections refused, because there is one.
+  Counter disconnections{*this, {"disconnections", "disconnections", Show::if_not_zero, Show::if_not_zero}};
+  Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   RefusalCounters refused;
   TruthRemarks remarks;
+  std::atomic<PortState> port_state = PortState::ready;
   // Arrival of the first and of the newest truth accepted, by the port's clock.
   std::atomic<std::int64_t> first_ns = 0;
   std::atomic<std::int64_t> newest_ns = 0;

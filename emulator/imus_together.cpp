@@ -91,7 +91,8 @@ class Together {
     if (reaches(port, truth_port_))
       fault(key, "sends to truth.port, so that imud would receive its own frames; give another");
     if (transport->is_shared) return;
-    std::string path = path_of(port);  // which may have several spellings
+    if (transport->tcp_port != nullptr && !tcp_port(port)) return;  // the system chooses a free one
+    std::string path = path_of(port);                               // which may have several spellings
     if (transport->is_standard_output != nullptr &&
         is_standard_output(address_of(port).substr(transport->name.size() + 1)))
       path = "-";

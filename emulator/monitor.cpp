@@ -47,6 +47,7 @@ Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - 
 
 void Monitor::update() {
   report_first_truth();
+  report_connection();
   report_remarks();
   report_refusals();
   report_interruptions();
@@ -66,6 +67,7 @@ void Monitor::update() {
 }
 
 Summary Monitor::finish(std::string capture_warning) {
+  report_connection();
   report_remarks();
   report_refusals();
   report_interruptions();
@@ -121,6 +123,23 @@ void Monitor::report_first_truth() {
     (imu.before_first == BeforeFirst::rest ? at_rest : silent).push_back(imu.name);
   spdlog::info("no truth from {} yet; sampling a vehicle at rest: {}; silent: {}", config_.truth.port, names(at_rest),
                names(silent));
+}
+
+void Monitor::report_connection() {
+  const TruthCounters& truth = *counters_.truth;
+  if (is_capture(config_.truth.port)) return;
+  const PortState state = truth.port_state.load(std::memory_order_acquire);
+  if (const std::uint64_t n = disconnections_.of(truth.disconnections); n > 0) {
+    spdlog::warn("truth: {} is disconnected{}", config_.truth.port, times(n));
+    truth_port_ = PortState::lost;
+  }
+  if (const PortState before = std::exchange(truth_port_, state); before != state && state == PortState::ready)
+    spdlog::info("truth: {} is connected", config_.truth.port);
+  else if (before == PortState::ready && state != PortState::ready)
+    spdlog::info("truth: nobody is connected to {} yet", config_.truth.port);
+  if (refused_peer_reported_ || truth.connections_refused == 0) return;
+  refused_peer_reported_ = true;
+  spdlog::warn("truth: {} has refused a second connection (counted; reported once)", config_.truth.port);
 }
 
 void Monitor::report_refusals() {

@@ -50,6 +50,7 @@ class Monitor {
   void report_first_truth();
   void report_refusals();
   void report_remarks();
+  void report_connection();
   void report_interruptions();
   void report_imus();
   void report_skipped();
@@ -77,8 +78,9 @@ class Monitor {
   TextFile quality_;
   std::string quality_error_;
   Summary last_quality_, last_log_;  // at the last line of each
-  Rise runs_, stops_, returns_, resumed_;
-  bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false;
+  Rise runs_, stops_, returns_, resumed_, disconnections_;
+  PortState truth_port_ = PortState::ready;  // as reported
+  bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false, refused_peer_reported_ = false;
   // The reports so far: which causes of refusal; which imus that refuse edges; which figures of products; the ports.
   std::vector<bool> remarks_, refusals_, edges_refused_;
   std::vector<std::vector<bool>> device_reported_;  // by imu and DeviceCounter

@@ -20,11 +20,14 @@ ChosenPorts Session::chosen_ports() const {
     if (!port.empty()) all.emplace_back(std::move(key), std::move(port));
   };
   add("truth.port", intake_.chosen_port());
-  for (const auto& channel : channels_)
+  for (const auto& channel : channels_) {
+    add("imu." + channel->name() + ".port", channel->port(0).chosen_port());
+    if (channel->port_count() == 2) add("imu." + channel->name() + ".second_port", channel->port(1).chosen_port());
     if (channel->sync()) {
       add("imu." + channel->name() + ".sync.trigger_port", channel->sync()->chosen_trigger_port());
       add("imu." + channel->name() + ".sync.pps_port", channel->sync()->chosen_pps_port());
     }
+  }
   return all;
 }
 

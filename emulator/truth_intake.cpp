@@ -31,7 +31,8 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       decoder_(config.format->make(config.settings)),
       stream_(config.stream),
       is_stream_(is_stream(config.port)),
-      is_live_(!is_capture(config.port)) {
+      is_live_(!is_capture(config.port)),
+      max_gap_(config.limits.max_gap) {
   remark_columns();
 }
 
@@ -41,15 +42,33 @@ void TruthIntake::finish_input() noexcept {
   started_ = false;
 }
 
+// A stream ends where its simulator disconnects.
+void TruthIntake::watch_connection() noexcept {
+  if (!is_stream_) return;
+  const PortCounters& port = port_->counters();
+  counters_.connections_refused.store(port.connections_refused, std::memory_order_relaxed);
+  if (port.lost_count != times_lost_) {
+    times_lost_ = port.lost_count;
+    counters_.disconnections.store(port.lost_count, std::memory_order_relaxed);
+    is_back_ = true;
+    finish_input();
+  }
+  counters_.port_state.store(port_->state(), std::memory_order_release);
+}
+
+// Returns true if the truth, the first of a connection, does not continue that of the connection before.
+bool TruthIntake::starts_again() const noexcept {
+  if (timeline_.empty()) return false;
+  const Nanoseconds ahead = truth_.time - timeline_.newest();
+  return ahead.count() < 0 || ahead > max_gap_;
+}
+
 std::optional<TruthResult> TruthIntake::next_record() noexcept {
   constexpr int most = 256;  // pieces without a record in one call, so that the caller can do other work
   for (int i = 0; i < most; ++i) {
     if (const auto result = decoder_->next(truth_)) return result;
     const auto received = port_->receive();
-    if (is_stream_ && port_->counters().lost_count != times_lost_) {
-      times_lost_ = port_->counters().lost_count;
-      finish_input();
-    }
+    watch_connection();
     if (!received) {
       if (port_->at_end() && !std::exchange(finished_, true)) {
         finish_input();
@@ -186,6 +205,10 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   if (sender_ != senders_.newest()) [[unlikely]]
     watch_senders();
 
+  if (std::exchange(is_back_, false) && starts_again()) {
+    timeline_.forget_past();  // so that the truth is no repetition of the run's first
+    truth_.new_run = true;
+  }
   answer_due_ = truth_.acknowledge;
   has_sequence_ = has_sequence_ || truth_.sequence != 0;
   const TruthTime before = timeline_.empty() ? truth_.time : timeline_.newest();

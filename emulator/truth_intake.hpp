@@ -63,6 +63,8 @@ class TruthIntake {
  private:
   std::optional<TruthResult> next_record() noexcept;
   void finish_input() noexcept;
+  void watch_connection() noexcept;
+  bool starts_again() const noexcept;
   bool is_reachable() const noexcept;
   void count_truncated() noexcept;
   void count_lost(Admission admission) noexcept;
@@ -84,7 +86,9 @@ class TruthIntake {
   const bool is_live_;            // a simulator is at the port's other end, and can receive
   bool started_ = false;          // the decoder's start() was called, and the simulator has not disconnected since
   bool finished_ = false;         // the port's input has ended, and every record of it was taken
+  const Nanoseconds max_gap_;     // Timeline::Limits
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
+  bool is_back_ = false;          // no truth has come since the simulator has disconnected
   Truth truth_;
   std::uint32_t newest_sequence_ = 0;
   bool has_sequence_ = false;  // of a format without it, every number is 0

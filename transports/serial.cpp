@@ -234,6 +234,7 @@ constexpr Transport serial_transport = {
     .example = "serial:/dev/ttyUSB0?baud=921600",
     .document = "termios(3)",
     .options = serial_options,
+    .brings_truth = true,
     .has_path = true,
     .uart = Uart::real,
     .check = check,
