@@ -22,6 +22,17 @@ namespace {
 
 constexpr std::size_t max_datagram = 65507;  // 65535 - IPv4 header - UDP header
 
+// Returns the address to which a listener at `own` sends before it has received anything.
+SocketAddress resolve_peer(const PortSpec& spec, const SocketAddress& own, const std::string& text) {
+  PortSpec there = spec;
+  there.address = text;
+  const SocketAddress peer = SocketAddress::ip(there);
+  if (NumericAddress::parse(text).port == 0) throw spec.error("peer= needs a port from 1 to 65535");
+  if (peer.family() != own.family())
+    throw spec.error(fmt::format("peer={}: one address is IPv4 and one IPv6; give both alike", text));
+  return peer;
+}
+
 // Returns the interface of a multicast group: that of the option, or the one in the IPv6 address (%eth0); 0: the one
 // to which the routes lead.
 int multicast_interface(const PortSpec& spec, const SocketAddress& group) {
@@ -57,6 +68,7 @@ class UdpPort final : public Port {
       chosen_port_ = chosen_port_of(spec, socket_.get());
     }
     if (!connected_ && named.is_multicast()) join(spec, named);
+    if (const auto peer = spec.text("peer")) peer_ = resolve_peer(spec, named, *peer);
   }
 
   void send(std::span<const Frame> frames) noexcept override {
@@ -158,7 +170,7 @@ class UdpPort final : public Port {
   const std::optional<Endpoint> admitted_;
   FileDescriptor socket_;
   std::string chosen_port_;
-  SocketAddress peer_;  // a listener's: the sender of the last datagram
+  SocketAddress peer_;  // a listener's: the sender of the last datagram, or the one that is named
   std::vector<std::byte> buffer_;
 };
 
@@ -168,6 +180,10 @@ void check(const PortSpec& spec, const PortSettings& settings) {
     throw spec.error("only a listener's port is chosen; right would be the receiver's, from 1 to 65535");
   if (spec.text("interface") && !SocketAddress::ip(spec).is_multicast())
     throw spec.error(fmt::format("interface= is for multicast, and {} is no multicast address", udp.address));
+  if (const auto peer = spec.text("peer")) {
+    if (settings.role == Role::device) throw spec.error("peer= is for a listener; a device sends to its address");
+    resolve_peer(spec, SocketAddress::ip(spec), *peer);
+  }
 }
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
@@ -224,7 +240,10 @@ std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
 
 constexpr PortOption udp_options[] = {
     {.key = "interface",
-     .help = "network interface of a multicast group; without it the one to which the routes lead"}};
+     .help = "network interface of a multicast group; without it the one to which the routes lead"},
+    {.key = "peer",
+     .help =
+         "ADDR:PORT to which a listener sends until it has received something; later it sends to the last sender"}};
 
 }  // namespace
 
@@ -232,7 +251,7 @@ extern const Transport udp_transport;
 constexpr Transport udp_transport = {
     .name = "udp",
     .summary = "a datagram per frame; a listener binds the address, with port 0 a free one, a device sends to it",
-    .syntax = "udp:ADDR:PORT?interface=eth0",
+    .syntax = "udp:ADDR:PORT?interface=eth0&peer=ADDR:PORT",
     .example = "udp:127.0.0.1:9820",
     .document = "RFC 768, ip(7), ipv6(7)",
     .options = udp_options,

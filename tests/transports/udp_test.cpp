@@ -101,6 +101,30 @@ TEST(Udp, ListenerAnswersWhoSentLast) {
   EXPECT_EQ(listener->counters().sent, 2U);
 }
 
+TEST(Udp, AListenerSendsToItsPeerUntilItHasReceived) {
+  const auto peer = open_port("udp:127.0.0.1:0", Role::listener),
+             other = open_port("udp:127.0.0.1:0", Role::listener);
+  const std::string there = peer->chosen_port().substr(4);
+  const auto listener = open_port("udp:127.0.0.1:0?peer=" + there, Role::listener);
+  listener->send({{frame_of("first")}});
+  const auto first = peer->receive();
+  ASSERT_TRUE(first);
+  EXPECT_EQ(text_of(*first), "first");
+  peer->send({{frame_of("answer")}});
+  EXPECT_TRUE(listener->receive());
+  const auto device = open_port(listener->chosen_port(), Role::device);
+  device->send({{frame_of("x")}});
+  EXPECT_TRUE(listener->receive());
+  listener->send({{frame_of("second")}});
+  EXPECT_TRUE(device->receive());
+  EXPECT_FALSE(peer->receive());
+  for (const auto& [options, fault] : {std::pair{"?peer=127.0.0.1:0", "peer= needs a port from 1 to 65535"},
+                                       {"?peer=127.0.0.1", "ADDR:PORT"},
+                                       {"?peer=[::1]:9", "one address is IPv4 and one IPv6"}})
+    EXPECT_TRUE(mentions(error_of(std::string("udp:127.0.0.1:0") + options, Role::listener), fault)) << options;
+  EXPECT_TRUE(mentions(error_of("udp:127.0.0.1:9?peer=127.0.0.1:9", Role::device), "peer= is for a listener"));
+}
+
 TEST(Udp, EmptyDatagramIsNotNothing) {
   const std::string spec = local_spec();
   const auto listener = open_port(spec, Role::listener);
