@@ -64,8 +64,12 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared, Ta
       } else if (const auto* array = node->as_array()) {
         std::vector<std::string> list;
         for (const toml::node& item : *array) {
-          if (!item.is_string()) throw std::invalid_argument("give a list of texts in quotes");
-          list.push_back(item.as_string()->get());
+          if (const auto* number = item.as_integer())
+            list.push_back(fmt::to_string(number->get()));
+          else if (item.is_string())
+            list.push_back(item.as_string()->get());
+          else
+            throw std::invalid_argument("give a list of texts in quotes, or of whole numbers");
         }
         settings.set(setting.key, std::move(list));
       } else if (const auto* map = node->as_table(); map != nullptr && setting.initial.index() == list_index) {

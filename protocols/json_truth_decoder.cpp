@@ -35,9 +35,10 @@ std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
     return decode(line->text, truth, end);
   }
   if (!std::exchange(has_datagram_, false)) return std::nullopt;
+  datagram_ = trim(datagram_);
   std::size_t end = 0;
   const TruthResult result = decode(datagram_, truth, end);
-  datagram_.remove_prefix(std::min(end + 1, datagram_.size()));  // with the line feed
+  datagram_.remove_prefix(end);
   has_datagram_ = !datagram_.empty();
   return result;
 }

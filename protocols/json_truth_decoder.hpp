@@ -11,8 +11,8 @@
 
 namespace imud {
 
-// In a stream an object is a line. In a datagram it may have several lines, and further objects may follow, each on a
-// line of its own. A line that is blank is a record without state.
+// In a stream an object is a line, and a blank line is a record without state. In a datagram an object may have
+// several lines, and further objects may follow, each on a line of its own; blank lines around them are not records.
 class JsonTruthDecoder : public TruthDecoder {
  public:
   static constexpr std::size_t max_line = 65536;  // of a stream, in characters; no datagram is as long
