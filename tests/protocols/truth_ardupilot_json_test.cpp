@@ -140,7 +140,7 @@ TEST_F(ArdupilotJson, PacketsAreSentAtTheSimulatorsTime) {
     EXPECT_EQ(decoder_->deadline(), at_ms(due));
     EXPECT_EQ(poll(due).at(0).at(2), static_cast<unsigned>(i + 1));
   }
-  // After a jump ahead, back, or of the host, the pace begins anew.
+  // After a jump ahead, back, or of the host, the pace begins again.
   for (const auto& [time_s, ms] : {std::pair{500.0, 760}, {1.0, 770}, {1.001, 5000}}) {
     ASSERT_EQ(feed(answer_at(time_s), ms), TruthResult::ok);
     EXPECT_EQ(acknowledge().size(), 1U) << time_s;

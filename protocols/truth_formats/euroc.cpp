@@ -1,0 +1,31 @@
+// Ground truth of the EuRoC micro aerial vehicle datasets, state_groundtruth_estimate0/data.csv: rows of a time stamp
+// (ns), position p_RS_R (m), quaternion q_RS (w first; from body to world axes) and velocity v_RS_R (m/s); further
+// columns, the biases of the dataset's own sensor, are not used. A row that begins with '#' is a remark.
+//
+// The world and the body are as in tum.cpp: the dataset's world, from a Leica or Vicon system, has its z axis up. A
+// table of poses alone (leica0, vicon0) needs `columns`.
+#include "protocols/pose_table.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view columns[] = {"time_ns",          "r_BN_N_x_m",       "r_BN_N_y_m",      "r_BN_N_z_m",
+                                        "q_NB_w",           "q_NB_x",           "q_NB_y",          "q_NB_z",
+                                        "v_BN_N_x_m_per_s", "v_BN_N_y_m_per_s", "v_BN_N_z_m_per_s"};
+constexpr Setting settings[] = {column_order_setting, world_setting, body_setting, accumulated_dv_setting};
+
+}  // namespace
+
+extern const TruthFormat euroc_truth_format;
+constexpr TruthFormat euroc_truth_format = {
+    .name = "euroc",
+    .summary = "poses and velocities in rows: EuRoC's ground truth",
+    .document = "Burri et al., The EuRoC micro aerial vehicle datasets, IJRR 2016; state_groundtruth_estimate0",
+    .delimits_itself = true,
+    .acknowledges = false,
+    .settings = settings,
+    .make = [](const Settings& chosen) { return make_pose_table(chosen, columns); },
+};
+
+}  // namespace imud

@@ -1,0 +1,31 @@
+// Trajectories of the TUM RGB-D benchmark: rows "timestamp tx ty tz qx qy qz qw", separated by blanks; a row that
+// begins with '#' is a remark. s, m, and the rotation from body to world axes.
+//
+// The world is that of the recording. Its z axis is taken to point up, as in the benchmark and in most halls with
+// motion capture, and gravity to act against it; x and y of such a world are taken as east and north. `level = "ned"`
+// is for a world whose z axis points down, or whose axes are N's. The body axes are used as they are, unless `body`
+// is given. A table whose world is a camera's first image has an unknown vertical: rotate it before.
+#include "protocols/pose_table.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view columns[] = {"time_s", "r_BN_N_x_m", "r_BN_N_y_m", "r_BN_N_z_m",
+                                        "q_NB_x", "q_NB_y",     "q_NB_z",     "q_NB_w"};
+constexpr Setting settings[] = {column_order_setting, world_setting, body_setting, accumulated_dv_setting};
+
+}  // namespace
+
+extern const TruthFormat tum_truth_format;
+constexpr TruthFormat tum_truth_format = {
+    .name = "tum",
+    .summary = "poses in rows: timestamp tx ty tz qx qy qz qw",
+    .document = "TUM RGB-D benchmark, file formats: ground-truth trajectories",
+    .delimits_itself = true,
+    .acknowledges = false,
+    .settings = settings,
+    .make = [](const Settings& chosen) { return make_pose_table(chosen, columns); },
+};
+
+}  // namespace imud
