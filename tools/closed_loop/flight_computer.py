@@ -8,6 +8,7 @@ the one of vehicle.py by torques over UDP, or an aircraft of JSBSim by aileron a
 import argparse
 import math
 import os
+import select
 import signal
 import socket
 import struct
@@ -119,8 +120,8 @@ class Jsbsim:
 
     TARGETS = ((0, (0, 2)), (10, (20, 2)), (30, (-20, 2)), (45, (0, 4)))  # from a time on: roll, pitch, deg
 
-    def __init__(self, address):
-        self._address, self._socket = address, None
+    def __init__(self, address, waits):
+        self._address, self._waits, self._socket = address, waits, None
         self._integrals, self._seconds = [0.0, 0.0], 0.0
 
     def _connect(self):
@@ -129,16 +130,23 @@ class Jsbsim:
         self._send("resume\n", 1)  # with --suspend it holds after its first step
 
     def _send(self, lines, replies):
-        """Sends commands and waits for their replies, so that a step of JSBSim executes one transmission."""
+        """Sends commands. In lockstep it waits for the replies, so that a step of JSBSim executes one transmission."""
         self._socket.sendall(lines.encode())
+        if not self._waits:
+            while select.select([self._socket], [], [], 0)[0]:
+                self._receive()
+            return
         received = b""
         while received.count(b"successful") + received.count(b"Resuming") < replies:
             # JSBSim's second reply waits for the acknowledgement of its first, which Linux delays by 40 ms.
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-            data = self._socket.recv(4096)
-            if not data:
-                raise ConnectionError("JSBSim has ended")
-            received += data
+            received += self._receive()
+
+    def _receive(self):
+        data = self._socket.recv(4096)
+        if not data:
+            raise ConnectionError("JSBSim has ended")
+        return data
 
     def command(self, number, seconds, rate, q_NB):
         """Returns the attitude that it wants and aileron and elevator, -1 to 1."""
@@ -181,6 +189,7 @@ def main():
     parser.add_argument("--vehicle", type=address, default="127.0.0.1:9820",
                         help="UDP address of vehicle.py (%(default)s)")
     parser.add_argument("--jsbsim", type=address, help="TCP address of JSBSim's <input>, in place of vehicle.py")
+    parser.add_argument("--lockstep", action="store_true", help="JSBSim waits for each command")
     parser.add_argument("--start-deg", type=float, nargs=3, metavar=("ROLL", "PITCH", "YAW"),
                         help="attitude at the start, of a vehicle that is not at rest")
     parser.add_argument("--csv", help="writes measurement, estimate and commands of each sample")
@@ -191,7 +200,7 @@ def main():
     log = open(options.csv or os.devnull, "w", encoding="ascii")
     log.write("time_s,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,roll,pitch,yaw,wanted_roll,wanted_pitch,wanted_yaw,"
               "command_1,command_2,command_3\n")
-    vehicle = Jsbsim(options.jsbsim) if options.jsbsim else TestBed(options.vehicle)
+    vehicle = Jsbsim(options.jsbsim, options.lockstep) if options.jsbsim else TestBed(options.vehicle)
     sensor, attitude = Stim300(), Attitude(options.start_deg and [x * DEGREE for x in options.start_deg])
     number = 0
     try:
@@ -205,6 +214,7 @@ def main():
     except (KeyboardInterrupt, OSError):
         pass  # the other side has ended
     finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         log.close()
         print(f"flight computer: {number} samples, {sensor.skipped} bytes of no datagram", file=sys.stderr)
     return 0 if number else 1

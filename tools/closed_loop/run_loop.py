@@ -71,6 +71,7 @@ def main():
         settings.append("truth.format=jsbsim")
         # The flight begins level, with heading 200 deg (JSBSim's aircraft/c172x/reset01.xml).
         computer += ["--jsbsim", f"127.0.0.1:{jsbsim_port}", "--start-deg", "0", "0", "200"]
+        computer += ["--lockstep"] if options.clock == "lockstep" else []
     else:
         vehicle = [*python, HERE / "vehicle.py", "--clock", options.clock, "--for", str(options.seconds),
                    "--truth-port", str(truth_port), "--command-port", str(command_port),
