@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <malloc.h>
 #include <poll.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -60,6 +61,10 @@ bool write_all(int file, std::string_view text) {
 // The life of a worker: lines "ITEM TEXT", or "! CAUSE".
 [[noreturn]] void work(const WorkerProcesses& workers, NextItem& next, std::size_t items, int out) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  // The memory of an item is kept for the next: returning it to the kernel costs a tenth of a run.
+  constexpr int kept = 16 * 1024 * 1024;
+  ::mallopt(M_MMAP_THRESHOLD, kept);
+  ::mallopt(M_TRIM_THRESHOLD, 8 * kept);
   try {
     for (std::size_t item = next.take(); item < items && !stop; item = next.take())
       if (!write_all(out, fmt::format("{} {}\n", item, workers.work(item)))) break;
