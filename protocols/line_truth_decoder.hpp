@@ -17,8 +17,8 @@ class LineTruthDecoder : public TruthDecoder {
   // In characters; no datagram is as long. A longer line of a stream is dropped and counted.
   static constexpr std::size_t max_line = 65536;
 
-  void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept final;
-  std::optional<TruthResult> next(Truth& truth) noexcept final;
+  void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override;
+  std::optional<TruthResult> next(Truth& truth) noexcept override;
   void finish() noexcept override;
 
  private:

@@ -125,12 +125,12 @@ struct ColumnGroup {
 
 // One entry of the table.
 struct TruthFormat {
-  std::string_view name;              // keyword in the configuration: the file's stem with '-' for '_'
-  std::string_view summary;           // one line
-  std::string_view document;          // the document and revision followed
-  bool delimits_itself;               // its records are found in a stream or file too; otherwise only in datagrams
-  bool acknowledges;                  // acknowledge() sends an answer, so that the simulator can wait for the samples
-  std::span<const Setting> settings;  // beside `port` and `format` in [truth]
+  std::string_view name;      // keyword in the configuration: the file's stem with '-' for '_'; nasa_42 is "42"
+  std::string_view summary;   // one line
+  std::string_view document;  // the document and revision followed
+  bool delimits_itself;       // its records are found in a stream or file too; otherwise only in datagrams
+  bool acknowledges;          // acknowledge() sends an answer, so that the simulator can wait for the samples
+  std::span<const Setting> settings;          // beside `port` and `format` in [truth]
   std::span<const ColumnGroup> columns = {};  // all that it uses, required ones first; empty: it has no columns
   // Throws std::invalid_argument if the settings are inconsistent; the message is "KEY: ", then the fault and the
   // remedy.
@@ -145,7 +145,7 @@ struct TruthFormat {
 // Returns the word for `result` in summaries and logs: "short", "crc", ...; "" for ok.
 std::string_view cause(TruthResult result) noexcept;
 
-// The table, made by the build from the files in protocols/truth_formats, sorted by name.
+// The table, made by the build from the files in protocols/truth_formats, sorted by their stems.
 std::span<const TruthFormat* const> truth_formats() noexcept;
 // Returns nullptr if no format has that name.
 const TruthFormat* find_truth_format(std::string_view name) noexcept;

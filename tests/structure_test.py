@@ -64,6 +64,12 @@ for folder in ("core", "protocols", "emulator", "tools"):
 for unused in sorted(PORTS_GIVEN - given):
     faults.append(f"{unused[0]}: \"{unused[1]}\" is no longer given there: take it from PORTS_GIVEN")
 
+def keyword_of(stem):
+    """A keyword that begins with a digit, such as 42, has a word before it in its file's stem: nasa_42."""
+    last = stem.rpartition("_")[2]
+    return last if last[:1].isdigit() and last != stem else stem.replace("_", "-")
+
+
 for folder, suffix in ENTRY_FOLDERS.items():
     entries = {path: path.stem for path in (root / folder).glob("*.cpp")}
     if suffix == "protocol":
@@ -71,7 +77,7 @@ for folder, suffix in ENTRY_FOLDERS.items():
     for path, stem in sorted(entries.items()):
         checked += 1
         name = path.relative_to(root)
-        keyword = stem.replace("_", "-")
+        keyword = keyword_of(stem)
         text = path.read_text()
         entry = re.search(rf" {stem}_{suffix} = (\w+<\w+>\()?\{{", text)  # a function may complete it
         if entry is None:

@@ -10,8 +10,9 @@
 
 namespace imud {
 
-// Returns the expected names of the entries, sorted: those of the .cpp files in `folder` (relative to the project),
-// and of the folders beside it that contain a device.cpp.
+// Returns the expected names of the entries, in the order of their stems: those of the .cpp files in `folder`
+// (relative to the project), and of the folders beside it that contain a device.cpp. A name that begins with a digit
+// has a word before it in its stem: nasa_42.
 inline std::vector<std::string> names_from_files(const std::string& folder) {
   namespace fs = std::filesystem;
   const fs::path path = fs::path(IMUD_SOURCE_DIR) / folder;
@@ -21,8 +22,12 @@ inline std::vector<std::string> names_from_files(const std::string& folder) {
   for (const auto& beside : fs::directory_iterator(path.parent_path()))
     if (folder == "protocols/devices" && fs::exists(beside.path() / "device.cpp"))
       names.push_back(beside.path().filename().string());
-  for (std::string& name : names) std::ranges::replace(name, '_', '-');
   std::ranges::sort(names);
+  for (std::string& name : names) {
+    const std::size_t last = name.rfind('_') + 1;
+    if (last > 0 && name[last] >= '0' && name[last] <= '9') name.erase(0, last);
+    std::ranges::replace(name, '_', '-');
+  }
   return names;
 }
 
