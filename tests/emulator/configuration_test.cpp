@@ -86,13 +86,26 @@ class ConfigurationReference : public testing::Test {
     }
   }
 
+  // Collects the keys of all formats, which differ in [truth].
+  void collect_all(std::map<std::string, std::string>& all) {
+    collect("", "native", all);
+    for (const TruthFormat* format : truth_formats()) collect("truth.", std::string(format->name), all);
+  }
+  // Returns the first truth format that has the setting of that key, and the setting; nullptr if there is none.
+  static std::pair<const TruthFormat*, const Setting*> setting_of(const std::string& key) {
+    for (const TruthFormat* format : truth_formats())
+      for (const Setting& setting : format->settings)
+        if (key == "truth." + std::string(setting.key)) return {format, &setting};
+    return {};
+  }
+
   ScratchFolder folder_;
   const std::string path_ = folder_ / "config.toml";
 };
 
 TEST_F(ConfigurationReference, HasEveryKeyAndNoOther) {
   std::map<std::string, std::string> known;
-  for (const TruthFormat* format : truth_formats()) collect("", std::string(format->name), known);
+  collect_all(known);
   const std::map<std::string, Row> rows = documented();
   EXPECT_GT(known.size(), 60U);
   for (const auto& [key, fault] : known) EXPECT_TRUE(rows.contains(key)) << key << " is not documented";
@@ -127,7 +140,7 @@ TEST_F(ConfigurationReference, HasEverySettingOfEveryProtocol) {
 
 TEST_F(ConfigurationReference, RangesAreTheCodes) {
   std::map<std::string, std::string> known;
-  for (const TruthFormat* format : truth_formats()) collect("", std::string(format->name), known);
+  collect_all(known);
   std::size_t ranges = 0, choices = 0;
   for (const auto& [key, row] : documented()) {
     const std::string fault = known[key];
@@ -156,7 +169,13 @@ TEST_F(ConfigurationReference, RangesAreTheCodes) {
     } else if (fault.find("give text") != fault.npos) {
       EXPECT_EQ(row.range.substr(0, 5), " text") << key << fault;
     } else {
-      EXPECT_TRUE(key == "truth.columns" || key == "truth.accumulated_dv") << key << fault;
+      const Setting* const setting = setting_of(key).second;
+      ASSERT_NE(setting, nullptr) << key << fault;
+      for (const std::string_view choice : setting->choices)
+        EXPECT_NE(row.range.find(fmt::format("`\"{}\"`", choice)), row.range.npos) << key << row.range;
+      if (setting->min < setting->max) {
+        EXPECT_NE(row.range.find(fmt::format(" {} to {} ", setting->min, setting->max)), row.range.npos) << key;
+      }
     }
   }
   EXPECT_GT(ranges, 20U);
@@ -169,8 +188,9 @@ TEST_F(ConfigurationReference, DefaultsCanBeGiven) {
   for (const auto& [key, row] : documented()) {
     const std::size_t end = row.default_value.find('`', 2);
     if (!row.default_value.starts_with(" `")) continue;
-    const std::string format = key == "truth.accumulated_dv" ? "csv" : "native";
-    const std::string fault = faults(key + "=" + row.default_value.substr(2, end - 2), format);
+    const TruthFormat* const format = setting_of(key).first;
+    const std::string fault = faults(key + "=" + row.default_value.substr(2, end - 2),
+                                     format == nullptr ? "native" : std::string(format->name));
     ++given;
     EXPECT_TRUE(fault.empty() || fault.find(": needs ") != fault.npos) << fault;
   }
