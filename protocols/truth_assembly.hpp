@@ -53,6 +53,8 @@ class TruthAssembly {
     AccumulatedDv accumulated_dv = AccumulatedDv::inertial;
   };
   static Axes axes(const Settings& settings);
+  // Returns what accumulated_dv_setting is set to.
+  static AccumulatedDv accumulation(const Settings& settings);
 
   TruthAssembly() = default;  // of which no other function may be called
   // `given`: the quantities that every reading has. Throws std::invalid_argument, whose message names what is given

@@ -20,13 +20,17 @@ RemarkWriter& operator<<(RemarkWriter& out, Group group) noexcept {
 
 }  // namespace
 
-TruthAssembly::Axes TruthAssembly::axes(const Settings& settings) {
+AccumulatedDv TruthAssembly::accumulation(const Settings& settings) {
   const std::string& dv = settings.text(accumulated_dv_setting.key);
+  return dv == accumulation_choices[0]   ? AccumulatedDv::inertial
+         : dv == accumulation_choices[1] ? AccumulatedDv::body_sum
+                                         : AccumulatedDv::none;
+}
+
+TruthAssembly::Axes TruthAssembly::axes(const Settings& settings) {
   return {.is_enu = settings.text(level_setting.key) == level_choices[1],
           .is_flu = settings.text(body_setting.key) == body_choices[1],
-          .accumulated_dv = dv == accumulation_choices[0]   ? AccumulatedDv::inertial
-                            : dv == accumulation_choices[1] ? AccumulatedDv::body_sum
-                                                            : AccumulatedDv::none};
+          .accumulated_dv = accumulation(settings)};
 }
 
 TruthAssembly::TruthAssembly(const QuantitySet& given, const Axes& axes) {

@@ -11,8 +11,9 @@ std::optional<HostTime> TruthDecoder::deadline() const noexcept { return std::nu
 void TruthDecoder::poll(HostTime, FrameBuffer&) noexcept {}
 void TruthDecoder::acknowledge(const Truth&, TruthTime, std::uint64_t, FrameBuffer&) noexcept {}
 
-void DatagramTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput, HostTime) noexcept {
+void DatagramTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput, HostTime arrival) noexcept {
   datagram_ = bytes;
+  arrival_ = arrival;
   is_new_ = true;
 }
 

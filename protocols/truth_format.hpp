@@ -101,12 +101,14 @@ class DatagramTruthDecoder : public TruthDecoder {
  protected:
   // The last datagram fed.
   std::span<const std::byte> datagram() const noexcept { return datagram_; }
+  HostTime arrival() const noexcept { return arrival_; }
 
  private:
   // Decodes one datagram; returns as next() does.
   virtual TruthResult decode(std::span<const std::byte> datagram, Truth& truth) noexcept = 0;
 
   std::span<const std::byte> datagram_;
+  HostTime arrival_;
   bool is_new_ = false;
 };
 
