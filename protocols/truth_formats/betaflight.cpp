@@ -1,0 +1,120 @@
+// The state that Betaflight's simulator target receives on UDP port 9003: `fdm_packet`, 18 little-endian doubles, 144
+// bytes. Senders of older versions leave the last one, the pressure, out.
+//
+// | double  | field (src/platform/SIMULATOR/target/SITL/target.h)                        |
+// |---------|----------------------------------------------------------------------------|
+// | 0       | timestamp, s                                                               |
+// | 1 - 3   | imu_angular_velocity_rpy, rad/s                                            |
+// | 4 - 6   | imu_linear_acceleration_xyz, m/s^2: specific force, about -9.81 in z at rest |
+// | 7 - 10  | imu_orientation_quat, w x y z                                              |
+// | 11 - 13 | velocity_xyz, m/s                                                          |
+// | 14 - 16 | position_xyz, m from the origin; USE_VIRTUAL_GPS: longitude, latitude, altitude |
+// | 17      | pressure, Pa                                                               |
+//
+// The simulators (Gazebo's ArduCopterPlugin and BetaFlightPlugin, which state "body frame (FRD)" and "earth frame
+// (NED)") fill in front-right-down body axes; the quaternion is that of ArduPilot, from the body to north-east-down.
+// Betaflight itself negates gyro y and z, and every acceleration (sitl.c, updateState), to get its own axes. With
+// virtual GPS the velocity is east, north, up, and the place that of WGS 84 (target.h).
+#include "protocols/packed_datagram.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view position_choices[] = {"ned", "geodetic"};
+constexpr Setting settings[] = {
+    {.key = "position",
+     .help = "position_xyz and velocity_xyz: m north, east, down of an origin; or longitude, latitude, altitude, and "
+             "m/s east, north, up, as with USE_VIRTUAL_GPS",
+     .initial = std::string_view("ned"),
+     .choices = position_choices},
+};
+
+constexpr std::string_view local_fields[] = {
+    "time_s:f64",
+    "p_rad_per_s:f64",
+    "q_rad_per_s:f64",
+    "r_rad_per_s:f64",
+    "specific_force_x_m_per_s2:f64",
+    "specific_force_y_m_per_s2:f64",
+    "specific_force_z_m_per_s2:f64",
+    "q_LB_w:f64",
+    "q_LB_x:f64",
+    "q_LB_y:f64",
+    "q_LB_z:f64",
+    "v_north_m_per_s:f64",
+    "v_east_m_per_s:f64",
+    "v_down_m_per_s:f64",
+    "north_m:f64",
+    "east_m:f64",
+    "down_m:f64",
+    "pressure_pa:f64",
+};
+// The rate is relative to the Earth, as the simulators' Earth does not turn.
+constexpr std::string_view geodetic_fields[] = {
+    "time_s:f64",
+    "p_BE_rad_per_s:f64",
+    "q_BE_rad_per_s:f64",
+    "r_BE_rad_per_s:f64",
+    "specific_force_x_m_per_s2:f64",
+    "specific_force_y_m_per_s2:f64",
+    "specific_force_z_m_per_s2:f64",
+    "q_LB_w:f64",
+    "q_LB_x:f64",
+    "q_LB_y:f64",
+    "q_LB_z:f64",
+    "v_east_m_per_s:f64",
+    "v_north_m_per_s:f64",
+    "v_up_m_per_s:f64",
+    "longitude_deg:f64",
+    "latitude_deg:f64",
+    "height_m:f64",
+    "pressure_pa:f64",
+};
+
+PackedTruth make_truth(std::span<const std::string_view> fields) {
+  return {PackedLayout(fields, boost::endian::order::little), {}};
+}
+
+class BetaflightTruthDecoder final : public PackedDatagramDecoder {
+ public:
+  explicit BetaflightTruthDecoder(std::span<const std::string_view> fields)
+      : PackedDatagramDecoder(make_truth(fields)), without_pressure_(make_truth(fields.first(fields.size() - 1))) {}
+
+  std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
+    if (!is_older(datagram())) return PackedDatagramDecoder::describe(result, room);
+    RemarkWriter out(room);
+    without_pressure_.describe(out);
+    return out.size();
+  }
+
+ private:
+  bool is_older(std::span<const std::byte> record) const noexcept {
+    return record.size() == without_pressure_.layout().size();
+  }
+  TruthResult decode(std::span<const std::byte> record, Truth& truth) noexcept override {
+    return is_older(record) ? without_pressure_.convert(record, arrival(), truth)
+                            : PackedDatagramDecoder::decode(record, truth);
+  }
+
+  PackedTruth without_pressure_;
+};
+
+}  // namespace
+
+extern const TruthFormat betaflight_truth_format;
+constexpr TruthFormat betaflight_truth_format = {
+    .name = "betaflight",
+    .summary = "the state that simulators send to Betaflight's SITL: 18 doubles, or 17 without the pressure",
+    .document = "Betaflight 4.5, SITL/target.h, fdm_packet",
+    .delimits_itself = false,
+    .acknowledges = false,
+    .settings = settings,
+    .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
+      return std::make_unique<BetaflightTruthDecoder>(
+          chosen.text("position") == position_choices[1] ? std::span(geodetic_fields) : std::span(local_fields));
+    },
+    .force_from = "imu_linear_acceleration_xyz, which is in every datagram",
+};
+
+}  // namespace imud
