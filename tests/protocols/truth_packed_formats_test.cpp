@@ -1,4 +1,4 @@
-// Formats that are one table of a packed datagram: "betaflight", "basilisk". The datagrams are those of Python's
+// Formats whose datagrams are packed fields: "betaflight", "basilisk", "dis". The datagrams are those of Python's
 // struct.pack, as quoted.
 #include <gtest/gtest.h>
 
@@ -104,6 +104,66 @@ TEST_F(PackedFormat, BasiliskByHand) {
   EXPECT_EQ(decode(std::span(bytes).first(272)), TruthResult::too_short);
   EXPECT_EQ(remark(*decoder_, TruthResult::too_short).substr(0, 53),
             "a datagram has 272 bytes, and one of this format 280:");
+}
+
+// An Entity State PDU in the field order of open-dis-cpp's EntityStatePdu::marshal, by Python's struct:
+// pack('>BBBBIHH', 7, 1, 1, 1, 0x80000001, 144, 0) + pack('>HHH', 3, 4, 77) + pack('>BB', 1, 0) + bytes(16)
+// + pack('>3f', 1, -2, 3) + pack('>3d', 4e6, 1e6, 4.9e6) + pack('>3f', .5, -.25, 1.5) + pack('>I', 0) + pack('>B', 4)
+// + bytes(15) + pack('>3f', 9, 9, 9) + pack('>3f', .125, -.25, .5) + b'\1IMUD' + bytes(7) + pack('>I', 0)
+constexpr std::string_view entity_state =
+    "07010101800000010090000000030004004d0100000000000000000000000000000000003f800000c000000040400000"
+    "414e848000000000412e8480000000004152b128000000003f000000be8000003fc00000000000000400000000000000"
+    "00000000000000004110000041100000411000003e000000be8000003f00000001494d55440000000000000000000000";
+
+TEST_F(PackedFormat, DisByHand) {
+  make("dis");
+  std::vector<std::byte> pdu = hex_bytes(entity_state);
+  ASSERT_EQ(pdu.size(), 144U);
+  ASSERT_EQ(decode(pdu), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 1'800'000'000'000);  // half an hour
+  EXPECT_EQ(truth_.stream, 77U);
+  EXPECT_FALSE(truth_.has_specific_force);
+  EXPECT_TRUE(truth_.has_rate && truth_.has_position && truth_.has_velocity);
+  const Quaternion q_EN = exp(Vector3(0, 0, -units::earth_rate * 1800));
+  EXPECT_LE((q_EN * truth_.r_BN_N - Vector3(4e6, 1e6, 4.9e6)).norm(), 1e-8);
+  const Matrix3 dcm_BE = dcm_from_yaw_pitch_roll(0.5, -0.25, 1.5);
+  EXPECT_LE((dcm_BE * (q_EN * (truth_.q_NB * Vector3(1, 2, 3))) - Vector3(1, 2, 3)).norm(), 1e-14);
+  const Vector3 turning_B = truth_.q_NB.conjugate() * Vector3(0, 0, units::earth_rate);
+  EXPECT_LE((truth_.omega_BN_B - turning_B - Vector3(0.125, -0.25, 0.5)).norm(), 1e-15);
+  const auto velocity_E = [&] {
+    return Vector3(q_EN * (truth_.v_BN_N - Vector3(0, 0, units::earth_rate).cross(truth_.r_BN_N)));
+  };
+  EXPECT_LE((velocity_E() - Vector3(1, -2, 3)).norm(), 1e-9);
+
+  for (const int algorithm : {1, 2, 5, 6, 9}) {  // of entities that do not rotate
+    pdu[88] = static_cast<std::byte>(algorithm);
+    ASSERT_EQ(decode(pdu), TruthResult::ok);
+    EXPECT_FALSE(truth_.has_rate) << algorithm;
+  }
+  pdu[88] = std::byte{8};
+  ASSERT_EQ(decode(pdu), TruthResult::ok);
+  EXPECT_TRUE(truth_.has_rate);
+  EXPECT_LE((dcm_BE * velocity_E() - Vector3(1, -2, 3)).norm(), 1e-9);
+
+  // The last tick of the hour, and the first of the next.
+  for (std::size_t i = 4; i < 8; ++i) pdu[i] = std::byte{0xFF};
+  ASSERT_EQ(decode(pdu), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 3'599'999'998'324);
+  for (std::size_t i = 4; i < 8; ++i) pdu[i] = {};
+  ASSERT_EQ(decode(pdu), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 3'600'000'000'000);
+
+  EXPECT_EQ(decode(std::span(pdu).first(143)), TruthResult::too_short);
+  EXPECT_EQ(remark(*decoder_, TruthResult::too_short),
+            "a datagram has 143 bytes; an Entity State PDU has at least 144");
+  pdu[19] = std::byte{1};
+  EXPECT_EQ(decode(pdu), TruthResult::too_short);
+  pdu.resize(160);
+  EXPECT_EQ(decode(pdu), TruthResult::ok);
+  pdu.resize(161);
+  EXPECT_EQ(decode(pdu), TruthResult::too_long);
+  pdu[2] = std::byte{2};
+  EXPECT_EQ(decode(pdu), TruthResult::no_state);
 }
 
 }  // namespace
