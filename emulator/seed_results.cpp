@@ -19,7 +19,7 @@ void SeedResults::add(std::uint64_t seed, const std::string& text) {
   using Json = nlohmann::ordered_json;
   constexpr std::uint64_t most_shortfalls = 10;  // that are logged
   Json summary = Json::parse(text);
-  if (by_seed_.empty() && summary.at("truth").contains("remarks"))
+  if (!std::exchange(has_remarks_, true) && summary.at("truth").contains("remarks"))
     for (const Json& remark : summary["truth"]["remarks"]) spdlog::warn("truth: {}", remark.get<std::string>());
   exit_code_ = worse_exit_code(exit_code_, summary.at("exit_code"));
   for (const Json& imu : summary.at("imus")) samples_ += imu.at("samples").get<std::uint64_t>();
@@ -27,6 +27,7 @@ void SeedResults::add(std::uint64_t seed, const std::string& text) {
     if (++shortfalls_ <= most_shortfalls)
       spdlog::error("seed {} is incomplete: {}", seed, shortfall.get<std::string>());
 
+  if (!keeps_) return;
   Json& whole = by_seed_[seed];
   if (whole.is_null()) {
     whole = std::move(summary);

@@ -17,6 +17,9 @@ int worse_exit_code(int a, int b) noexcept;
 // The summaries by seed; those of a seed's imus, which ran apart, are merged.
 class SeedResults {
  public:
+  // `keeps`: by_seed() is wanted.
+  explicit SeedResults(bool keeps) : keeps_(keeps) {}
+
   // `text`: the JSON of a run's summary. Logs what is missing, of the first seeds, and the remarks of the first run.
   void add(std::uint64_t seed, const std::string& text);
 
@@ -26,6 +29,8 @@ class SeedResults {
 
  private:
   std::map<std::uint64_t, nlohmann::ordered_json> by_seed_;
+  const bool keeps_;
+  bool has_remarks_ = false;  // they are logged
   std::uint64_t samples_ = 0, shortfalls_ = 0;
   int exit_code_ = 0;
 };

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <charconv>
 #include <csignal>
+#include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <utility>
@@ -20,6 +22,7 @@
 #include "emulator/text_file.hpp"
 #include "emulator/worker_processes.hpp"
 #include "transports/host_clock.hpp"
+#include "transports/output_path.hpp"
 
 namespace imud {
 
@@ -71,6 +74,23 @@ std::vector<std::string> remarks(const TruthCounters& truth) {
   return all;
 }
 
+// Throws OpenError if the summary would be written over a file of the runs.
+void check_summary(const Config& config, const std::string& path) {
+  const std::string file = path.empty() || path == "-" ? std::string() : regular_file(path);
+  for (const std::string& other : config.files)
+    if (!file.empty() && (other == file || is_same_file(other, file)))
+      throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
+}
+
+// Returns how many records of the capture are kept at most: all, if it can be read only once.
+std::size_t most_records(const std::string& port) {
+  constexpr std::size_t most = 500'000;
+  const std::string path = port.substr(port.find(':') + 1);
+  std::error_code error;
+  const bool can_read_again = std::filesystem::is_regular_file(path.substr(0, path.find('?')), error);
+  return can_read_again ? most : std::numeric_limits<std::size_t>::max();
+}
+
 // The runs, and what they share.
 class Runs {
  public:
@@ -79,7 +99,7 @@ class Runs {
         options_(options),
         seeds_(seeds.seeds.value_or(SeedRange{config.seed, config.seed})),
         width_(fmt::formatted_size("{}", seeds_.last)),
-        truths_(StoredTruths::read(config.truth)) {
+        truths_(StoredTruths::read(config.truth, most_records(config.truth.port))) {
     if (truths_) config_.truth.format = &truths_->format();
     for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
     if (seeds.npy.empty()) return;
@@ -96,6 +116,7 @@ class Runs {
         seeds_.size() < jobs && options_.required.empty() && truths_ && truths_->ascend() ? config_.imus.size() : 1;
   }
   std::size_t items() const noexcept { return seeds_.size() * parts_; }
+  std::uint64_t seeds() const noexcept { return seeds_.size(); }
   std::uint64_t seed_of(std::size_t item) const noexcept { return seeds_.first + item / parts_; }
 
   // Does an item; returns its summary as JSON in one line.
@@ -205,13 +226,14 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
   check_figures(options.required, config);
   check_ports(config, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
+  check_summary(config, options.summary_file);
   TextFile summary_file(options.summary_file);
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
   Runs runs(config, options, seeds);
   const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : std::max(1U, std::thread::hardware_concurrency());
   runs.split(jobs);
-  SeedResults results;
+  SeedResults results(!options.summary_file.empty());
   SeedProgress progress(runs.items(), seeds.quiet);
   std::size_t done = 0;
   const bool is_whole =

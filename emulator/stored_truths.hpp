@@ -18,7 +18,7 @@ namespace imud {
 class StoredTruths {
  public:
   // Reads the capture to its end. Returns nullopt if it has more than `most` records. Throws PortError.
-  static std::optional<StoredTruths> read(const TruthConfig& config, std::size_t most = 500'000);
+  static std::optional<StoredTruths> read(const TruthConfig& config, std::size_t most);
 
   // Returns the format whose decoders read what open() returns. Both must not outlive this.
   const TruthFormat& format() const noexcept { return *format_; }

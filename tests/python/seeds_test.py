@@ -10,7 +10,7 @@ import unittest
 
 import numpy
 
-from support import FLIGHT, PROGRAMS, RunTest, run
+from support import FLIGHT, PROGRAMS, SOURCE, RunTest, run
 
 STIM300 = "name = 'a'\nprotocol = 'stim300'\nport = 'file:{folder}/a_{seed}.bin'\n"
 # Errors of a preset; sends every sample bit for bit.
@@ -143,6 +143,7 @@ class Seeds(RunTest):
             (["--seeds", "1..9", "--quality", "q"], "omit them with --seeds"),
             (["--seeds", "1..9", "--require", "c.samples>1"], "there is no figure c.samples"),
             (["--seeds", "1..9", same], "imu.1.port"),
+            (["--seeds", "1..9", "--summary", config], "the run reads or writes this file already; give another"),
         ]:
             _, errors = run("imud", "replay", config, FLIGHT, *arguments, exit_code=2)
             self.assertIn(fault, errors)
@@ -182,6 +183,21 @@ class Seeds(RunTest):
             del summary["duration_s"], summary["config_sha256"], summary["truth"]["rate_hz"]
         self.assertEqual(alone, stored)
         self.assertEqual((self.folder / "x").read_bytes(), (self.folder / "b_7.bin").read_bytes())
+
+    def test_a_capture_that_can_be_read_once(self):
+        config = self.imus(NATIVE)
+        flight = (SOURCE / "tests/captures/jsbsim_c172_10s.pcap").read_bytes()
+        config.write_text(config.read_text().replace(f"pcap:{FLIGHT}", "udp:127.0.0.1:5140"))
+        subprocess.run([PROGRAMS / "imud", "replay", config, "pcap:-", "--seeds", "1..2", "-q"], input=flight, check=True,
+                       capture_output=True)
+        run("imud", "replay", config, FLIGHT, "--seeds", "2..2", "-q", f"--set=imu.b.port=file:{self.folder}/x")
+        self.assertEqual((self.folder / "b_2.bin").read_bytes(), (self.folder / "x").read_bytes())
+
+    def test_a_bus_of_each_seed(self):
+        config = self.config("protocol = 'sbg-can'\nport = 'canfile:" + str(self.folder) + "/{seed}.log'")
+        run("imud", "replay", config, FLIGHT, "--seeds", "1..2", "-q")
+        run("imud", "replay", config, FLIGHT, "--set=seed=2", "-q", f"--set=imu.0.port=canfile:{self.folder}/x.log")
+        self.assertEqual((self.folder / "2.log").read_bytes(), (self.folder / "x.log").read_bytes())
 
     def test_a_signal_ends_all_workers(self):
         config = self.imus(STIM300)
