@@ -201,7 +201,7 @@ class Seeds(RunTest):
 
     def test_a_signal_ends_all_workers(self):
         config = self.imus(STIM300)
-        program = subprocess.Popen([PROGRAMS / "imud", "replay", config, FLIGHT, "--seeds", "1..100000", "--jobs", "2",
+        program = subprocess.Popen([PROGRAMS / "imud", "replay", config, FLIGHT, "--seeds", "1..3000", "--jobs", "2",
                                     "--npy", self.folder / "a.npy", "--summary", self.folder / "s.json"],
                                    stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
         begin = time.monotonic()
