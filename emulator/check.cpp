@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "emulator/config.hpp"
+#include "emulator/config_parts.hpp"
 #include "emulator/error_text.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/outcome.hpp"
@@ -56,6 +57,7 @@ void print_text(const std::string& path, const Config& config) {
   fmt::print("{}: good\n", path);
   fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
   fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
+  if (const std::string derived = fit_text(config.truth); !derived.empty()) fmt::print("{:<8} {}\n", "", derived);
   for (const ImuConfig& imu : config.imus) {
     fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
                line_load(imu).text());
@@ -128,10 +130,16 @@ void print_json(const std::string& path, const Config& config) {
                      {"percent", bus.percent},
                      {"average_percent", bus.average_percent}});
   }
+  Json fit;
+  if (config.truth.fit)
+    fit = {{"text", fit_text(config.truth)},
+           {"delay_s", seconds(config.truth.fit->delay)},
+           {"bandwidth_hz", PoseFit::bandwidth_hz(config.truth.fit->delay)}};
   const Json json = {{"path", path},
                      {"good", true},
                      {"faults", Json::array()},
                      {"warnings", config.warnings},
+                     {"derived", std::move(fit)},
                      {"imus", std::move(imus)},
                      {"buses", std::move(buses)},
                      {"config", Json::parse(resolved.str())}};

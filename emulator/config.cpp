@@ -252,6 +252,7 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   truth.limits.extrapolate = milliseconds("extrapolate_ms", truth.limits.extrapolate, 0.0, 10'000.0);
   truth.limits.max_gap = milliseconds("max_gap_ms", truth.limits.max_gap, 1.0, 3.6e6);
   truth.limits.gap_begins_run = is_capture(truth.port);
+  read_fit(table, clock, truth);
   table.finish();
   return truth;
 }
@@ -304,6 +305,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults, resolved_imu);
       config.imus.push_back(read_imu(reader, i));
       config.imus.back().model.earth = earth;
+      config.imus.back().model.r_SB_B -= config.truth.r_RB_B;  // core's B has its origin at R
       for (PortSettings* port : {&config.imus.back().port_settings, &config.imus.back().second_port_settings}) {
         if (config.clock != ClockMode::realtime) port->delivery = Delivery::complete;
         port->replaces_file = !capture.empty();

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
+#include "core/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "emulator/sync.hpp"
 #include "emulator/truth_clock.hpp"
@@ -44,6 +45,9 @@ struct TruthConfig {
   Timeline::Limits limits;
   TruthClock::Options clock;  // for realtime with live truth
   WhenStopped when_stopped = WhenStopped::hold;
+  std::optional<PoseFit::Options> fit;  // nullopt: nothing is derived
+  bool ignores_force = false;           // no specific force is used or derived
+  Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
 };
 
 // The thread that samples, for ClockMode::realtime.

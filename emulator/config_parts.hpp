@@ -96,6 +96,11 @@ ImuConfig read_imu(TableReader& table, std::size_t index);
 // that sends to the truth's port (imus_together.cpp).
 void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,
                          Faults& faults);
+// Reads what is derived from poses; truth.format and truth.port must be set.
+void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth);
+// Describes it, with delay and bandwidth; empty if nothing is derived.
+std::string fit_text(const TruthConfig& truth);
+
 // Returns true if the imu's protocol transmits these bits of Sample::status.
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);
 

@@ -144,6 +144,7 @@ enum class Refusal : std::uint8_t {
   not_finite,
   out_of_range,
   no_columns,
+  no_rate,
   duplicate,
   reordered,
   time_back,

@@ -30,6 +30,9 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       format_(*config.format),
       decoder_(config.format->make(config.settings)),
       stream_(config.stream),
+      derivation_(config.fit ? new Derivation{PoseFit(*config.fit), Timeline(config.limits)} : nullptr),
+      ignores_force_(config.ignores_force),
+      needs_earth_(config.fit && config.fit->gravitation.needs_position()),
       is_stream_(is_stream(config.port)),
       is_live_(!is_capture(config.port)),
       max_gap_(config.limits.max_gap) {
@@ -39,6 +42,7 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
 // Called when the input has ended, or the simulator has disconnected. The rest of an incomplete record will not come.
 void TruthIntake::finish_input() noexcept {
   decoder_->finish();
+  if (derivation_ != nullptr) derivation_->fit.finish();
   started_ = false;
 }
 
@@ -179,7 +183,7 @@ void TruthIntake::count_step(Admission admission, Nanoseconds step) noexcept {
 }
 
 TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
-  answer_due_ = false;
+  if (const auto outcome = take_derived(watermark)) return *outcome;
   const auto result = next_record();
   constexpr std::uint64_t between_reports = 256;  // records
   if (!is_live_ && (!result || counters_.received % between_reports == 0))
@@ -188,7 +192,7 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
     count_foreign();
   if (!result) {
     count_truncated();
-    return Outcome::nothing;
+    return take_derived(watermark).value_or(Outcome::nothing);
   }
   counters_.received.count();
   if (*result == TruthResult::no_state) {
@@ -211,52 +215,95 @@ TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   }
   answer_due_ = truth_.acknowledge;
   has_sequence_ = has_sequence_ || truth_.sequence != 0;
+  if (ignores_force_) [[unlikely]] {
+    truth_.has_specific_force = false;
+    truth_.accumulated_dv = AccumulatedDv::none;
+  }
+  return derivation_ == nullptr ? admit(watermark) : derive(watermark);
+}
+
+// Gives the record to the fit, and takes from it the truth that is complete now.
+TruthIntake::Outcome TruthIntake::derive(TruthTime watermark) noexcept {
+  auto& [fit, order] = *derivation_;
+  const TruthTime newest = order.empty() ? truth_.time : order.newest();
+  const Admission admission = order.push(truth_);
+  if (admission != Admission::accepted && admission != Admission::new_run) return refuse(admission, newest);
+  // After a gap of a capture, the timeline begins a run by itself, and the gap is counted.
+  truth_.new_run = admission == Admission::new_run && (is_live_ || truth_.time <= newest);
+  fit.push(truth_);
+  return take_derived(watermark).value_or(Outcome::ignored);
+}
+
+std::optional<TruthIntake::Outcome> TruthIntake::take_derived(TruthTime watermark) noexcept {
+  answer_due_ = false;
+  if (derivation_ == nullptr || !derivation_->fit.next(truth_)) return std::nullopt;
+  answer_due_ = truth_.acknowledge;
+  return admit(watermark);
+}
+
+TruthIntake::Outcome TruthIntake::admit(TruthTime watermark) noexcept {
+  if (!truth_.has_rate) [[unlikely]]
+    return refuse(Refusal::no_rate);
   const TruthTime before = timeline_.empty() ? truth_.time : timeline_.newest();
   const Admission admission = timeline_.push(truth_, watermark);
-  switch (admission) {
-    case Admission::accepted:
-    case Admission::inserted:
-    case Admission::new_run:
-      if (counters_.accepted == 0) counters_.first_ns.store(arrival_.ns, std::memory_order_relaxed);
-      counters_.newest_ns.store(arrival_.ns, std::memory_order_relaxed);
-      counters_.accepted.count();
-      count_lost(admission);
-      count_step(admission, truth_.time - before);
-      if (admission == Admission::accepted) remark_step(truth_.time - before);
-      if (!truth_.has_specific_force && truth_.accumulated_dv == AccumulatedDv::none) [[unlikely]]
-        counters_.remarks.no_force.set([&](std::span<char> room) {
-          return write(room,
-                       "has neither specific force nor accumulated velocity: accelerometers measure 0; supply {}",
-                       format_.force_from.empty() ? "one of them" : format_.force_from);
-        });
-      break;
-    default:
-      break;
+  if (admission != Admission::accepted && admission != Admission::inserted && admission != Admission::new_run)
+    return refuse(admission, before);
+  if (counters_.accepted == 0) counters_.first_ns.store(arrival_.ns, std::memory_order_relaxed);
+  counters_.newest_ns.store(arrival_.ns, std::memory_order_relaxed);
+  counters_.accepted.count();
+  count_lost(admission);
+  count_step(admission, truth_.time - before);
+  if (admission == Admission::accepted) remark_step(truth_.time - before);
+  if (!truth_.has_specific_force && truth_.accumulated_dv == AccumulatedDv::none) [[unlikely]]
+    remark_no_force();
+  if (truth_.is_force_derived && needs_earth_ && !is_near_earth(truth_.r_BN_N)) [[unlikely]]
+    remark_far_from_earth();
+  if (admission == Admission::accepted) return Outcome::accepted;
+  if (admission == Admission::inserted) {
+    counters_.inserted.count();
+    return Outcome::inserted;
   }
+  counters_.runs.count();
+  return Outcome::new_run;
+}
+
+void TruthIntake::remark_far_from_earth() noexcept {
+  counters_.remarks.far_from_earth.set([&](std::span<char> room) {
+    return write(
+        room,
+        "its position is {:.0f} m from the origin, which is not the Earth's centre, as truth.gravity needs: no "
+        "gravitation is taken away; give truth.gravity_m_per_s2, or gravity = \"none\"",
+        truth_.r_BN_N.norm());
+  });
+}
+
+void TruthIntake::remark_no_force() noexcept {
+  if (ignores_force_) return;
+  counters_.remarks.no_force.set([&](std::span<char> room) {
+    const bool is_derivable = truth_.has_position || truth_.has_velocity;
+    return write(room, "has neither specific force nor accumulated velocity: accelerometers measure 0; supply {}{}",
+                 format_.force_from.empty() ? "one of them" : format_.force_from,
+                 is_derivable ? ", or give truth.specific_force = \"derived\"" : "");
+  });
+}
+
+// `newest`: the time of the newest truth.
+TruthIntake::Outcome TruthIntake::refuse(Admission admission, TruthTime newest) noexcept {
   switch (admission) {
-    case Admission::accepted:
-      return Outcome::accepted;
-    case Admission::inserted:
-      counters_.inserted.count();
-      return Outcome::inserted;
-    case Admission::new_run:
-      counters_.runs.count();
-      return Outcome::new_run;
     case Admission::duplicate:
       if (has_sequence_ && static_cast<std::int32_t>(newest_sequence_ - truth_.sequence) >= 0)
         counters_.repeated.count();
       else
         remark_step(Nanoseconds{0});
-      return refuse(Refusal::duplicate, before);
+      return refuse(Refusal::duplicate, newest);
     case Admission::reordered:
       if (counters_.lost > 0) counters_.lost.fetch_sub(1, std::memory_order_relaxed);  // it has arrived
-      return refuse(Refusal::reordered, before);
+      return refuse(Refusal::reordered, newest);
     case Admission::time_back:
-      return refuse(Refusal::time_back, before);
-    case Admission::time_jump:
-      break;
+      return refuse(Refusal::time_back, newest);
+    default:
+      return refuse(Refusal::time_jump, newest);
   }
-  return refuse(Refusal::time_jump, before);
 }
 
 void TruthIntake::count_truncated() noexcept {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "core/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"
@@ -26,7 +27,7 @@ class TruthIntake {
 
   enum class Outcome : std::uint8_t {
     nothing,   // no record has arrived; wait for the descriptor, unless at_end()
-    ignored,   // the record had no state, or was refused
+    ignored,   // the record had no state, was refused, or waits for later ones, from which its motion is derived
     accepted,  // the truth is now the newest of the timeline
     inserted,  // the truth was reordered, and is inserted before the newest
     new_run,   // the truth has begun a new run of the timeline
@@ -35,11 +36,11 @@ class TruthIntake {
   // descriptor only after take() has returned `nothing`. `watermark`: see Timeline::push().
   Outcome take(TruthTime watermark = Timeline::never) noexcept;
 
-  // The truth of the last record; valid unless the record was ignored.
+  // The last truth that was accepted or inserted, or a refused repetition; valid unless the record was ignored.
   const Truth& truth() const noexcept { return truth_; }
-  // Returns true if the sender of the last record waits for an answer; that of a refused repetition does, too.
+  // Returns true if the sender of truth() waits for an answer; that of a refused repetition does, too.
   bool answer_due() const noexcept { return answer_due_; }
-  // Answers the last record with the time up to which samples were emitted, and their number in the run.
+  // Answers truth() with the time up to which samples were emitted, and their number in the run.
   void answer(TruthTime emitted_until, std::uint64_t samples) noexcept;
 
   // Returns when poll() has to be called next, for the messages of the format and the frames that the port holds
@@ -71,8 +72,14 @@ class TruthIntake {
   void count_step(Admission admission, Nanoseconds step) noexcept;
   void count_foreign() noexcept;
   void remark_columns() noexcept;
+  void remark_no_force() noexcept;
+  void remark_far_from_earth() noexcept;
   void remark_step(Nanoseconds step) noexcept;
   void watch_senders() noexcept;
+  Outcome derive(TruthTime watermark) noexcept;
+  std::optional<Outcome> take_derived(TruthTime watermark) noexcept;
+  Outcome admit(TruthTime watermark) noexcept;
+  Outcome refuse(Admission admission, TruthTime newest) noexcept;
   Outcome refuse(Refusal refusal) noexcept;
   Outcome refuse(TruthResult result) noexcept;
   Outcome refuse(Refusal refusal, TruthTime newest) noexcept;
@@ -82,6 +89,14 @@ class TruthIntake {
   const TruthFormat& format_;
   std::unique_ptr<TruthDecoder> decoder_;
   std::optional<std::uint32_t> stream_;
+  // The stage between decoder and timeline; null if nothing is derived.
+  struct Derivation {
+    PoseFit fit;
+    Timeline order;  // the records as they arrive: it refuses what is late, and finds new runs
+  };
+  std::unique_ptr<Derivation> derivation_;
+  const bool ignores_force_;
+  const bool needs_earth_;        // the gravitation depends on the position
   const bool is_stream_;          // the port does not keep datagrams apart
   const bool is_live_;            // a simulator is at the port's other end, and can receive
   bool started_ = false;          // the decoder's start() was called, and the simulator has not disconnected since

@@ -30,14 +30,17 @@ class Remark {
 };
 
 struct TruthRemarks {
-  Remark columns;    // columns that nothing reads
-  Remark no_force;   // truth without specific force and accumulated velocity
-  Remark time_unit;  // times that are not nanoseconds
-  Remark senders;    // two simulators at one port
-  Remark content;    // the datagrams of a capture without any for the port
+  Remark columns;         // columns that nothing reads
+  Remark no_force;        // truth without specific force and accumulated velocity
+  Remark far_from_earth;  // positions at which the model of gravitation is not valid
+  Remark time_unit;       // times that are not nanoseconds
+  Remark senders;         // two simulators at one port
+  Remark content;         // the datagrams of a capture without any for the port
 
   // In the order in which the log reports them.
-  std::array<const Remark*, 5> all() const noexcept { return {&content, &columns, &no_force, &time_unit, &senders}; }
+  std::array<const Remark*, 6> all() const noexcept {
+    return {&content, &columns, &no_force, &far_from_earth, &time_unit, &senders};
+  }
 };
 
 }  // namespace imud

@@ -142,6 +142,9 @@ struct TruthFormat {
   std::string_view force_from = {};
   // The setting `columns` takes the quantities of protocols/truth_quantities.hpp.
   bool maps_quantities = false;
+  // Its truths may lack rate or specific force, which are then derived from the poses (core/pose_fit.hpp) unless the
+  // configuration says otherwise. A format without this always gives the rate.
+  bool derives = false;
 };
 
 // Returns the word for `result` in summaries and logs: "short", "crc", ...; "" for ok.

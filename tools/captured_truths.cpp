@@ -38,25 +38,46 @@ CapturedTruths::CapturedTruths(const Options& options)
     if (!transport->keeps_datagrams) input_ = TruthInput::stream;
   }
   port_ = open_port(from, Role::listener);
+  if (format_.derives)
+    derivation_.reset(
+        new Derivation{PoseFit({.gravitation = options.gravitation}), Timeline({.gap_begins_run = true})});
 }
 
 std::optional<Truth> CapturedTruths::next() {
   Truth truth;
   while (!stop_requested()) {
+    if (derivation_ != nullptr && derivation_->fit.next(truth)) return truth;
     const auto result = decoder_->next(truth);
     if (!result) {
-      if (!feed_next()) break;
+      if (feed_next()) continue;
+      if (derivation_ == nullptr) break;
+      derivation_->fit.finish();
+      if (!derivation_->fit.next(truth)) break;
+      return truth;
     } else if (*result == TruthResult::ok) {
-      if (stream_.value_or(truth.stream) == truth.stream) {
-        stream_ = truth.stream;
-        return truth;
+      if (stream_.value_or(truth.stream) != truth.stream) {
+        ++of_other_vehicles_;
+        continue;
       }
-      ++of_other_vehicles_;
+      stream_ = truth.stream;
+      if (derivation_ == nullptr) return truth;
+      derive(truth);
     } else if (*result != TruthResult::no_state) {
       ++refused_[cause(*result)];
     }
   }
   return std::nullopt;
+}
+
+// Gives a truth to the fit, unless it is late.
+void CapturedTruths::derive(Truth& truth) {
+  const Admission admission = derivation_->order.push(truth);
+  if (admission != Admission::accepted && admission != Admission::new_run) {
+    ++refused_["late or repeated"];
+    return;
+  }
+  truth.new_run = admission == Admission::new_run;
+  derivation_->fit.push(truth);
 }
 
 // Returns false at the end of the capture.

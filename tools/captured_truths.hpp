@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/pose_fit.hpp"
+#include "core/timeline.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
 
@@ -21,6 +23,7 @@ class CapturedTruths {
     std::string format;
     std::vector<std::string> settings;    // of the format, KEY=VALUE
     std::optional<std::uint32_t> stream;  // vehicle; nullopt: that of the first truth
+    GravitationModel gravitation = {};    // for what is derived from poses, where the format lacks it
   };
 
   // Throws std::invalid_argument or PortError, which names the fault and what would be right.
@@ -37,11 +40,18 @@ class CapturedTruths {
   std::string damage() const;
 
  private:
+  // The fit, and the order in which it needs the truths.
+  struct Derivation {
+    PoseFit fit;
+    Timeline order;
+  };
   bool feed_next();
+  void derive(Truth& truth);
 
   const TruthFormat& format_;
   std::unique_ptr<TruthDecoder> decoder_;
   std::unique_ptr<Port> port_;
+  std::unique_ptr<Derivation> derivation_;  // null if the format derives nothing
   TruthInput input_ = TruthInput::datagram;
   std::optional<std::uint32_t> stream_;
   std::map<std::string_view, std::uint64_t> refused_;

@@ -56,7 +56,8 @@ constexpr struct {
     {"--frequency-hz", &MotionParameters::frequency_hz, "frequency of the coning, Hz"},
     {"--acceleration-m-per-s2", &MotionParameters::acceleration_m_per_s2, "acceleration, m/s^2"},
     {"--jerk-m-per-s3", &MotionParameters::jerk_m_per_s3, "jerk, m/s^3"},
-    {"--gravity-m-per-s2", &MotionParameters::gravity_m_per_s2, "gravity along +z of N (down), m/s^2"},
+    {"--gravity-m-per-s2", &MotionParameters::gravity_m_per_s2,
+     "gravity along +z of N (down), m/s^2; for the poses of a capture the default is that of WGS 84"},
 };
 
 std::string known_motions() {
@@ -92,7 +93,9 @@ void check(const CLI::App& app, Options& options) {
       refuse_unused(app, "a capture is sent as it is", {"--stream", "--format", "--set"});
     else
       refuse_unused(app, "with --csv a capture is converted whole", {"--for"});
-    for (const auto& entry : motion_options) refuse_unused(app, "a capture is sent as it is", {entry.option});
+    for (const auto& entry : motion_options)
+      if (options.csv_path.empty() || entry.parameter != &MotionParameters::gravity_m_per_s2)
+        refuse_unused(app, "a capture is sent as it is", {entry.option});
   } else {
     options.motion.motion = find_motion(options.what);
     if (options.motion.motion == nullptr)
@@ -157,9 +160,12 @@ int write_csv(const Options& options, bool& running) {
 
 // Writes the truths of a capture. The columns are those of the first one.
 int write_capture_csv(const CLI::App& app, const Options& options, bool& running) {
+  GravitationModel gravitation;
+  if (app.get_option("--gravity-m-per-s2")->count() > 0)
+    gravitation = {.kind = GravitationModel::Kind::constant, .constant = options.motion.parameters.gravity_m_per_s2};
   CapturedTruths truths(
       {options.capture, options.format, options.settings,
-       app.get_option("--stream")->count() > 0 ? std::optional(options.motion.stream) : std::nullopt});
+       app.get_option("--stream")->count() > 0 ? std::optional(options.motion.stream) : std::nullopt, gravitation});
   if (is_same_file(options.capture.substr(0, options.capture.find('?')), options.csv_path))
     throw std::runtime_error(options.csv_path + ": is the capture; give another file");
   TextOutput csv(options.csv_path);

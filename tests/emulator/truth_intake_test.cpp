@@ -1,13 +1,16 @@
 // TruthIntake on a port filled by the test: datagrams and streams, sequence numbers, and a format that sends.
 #include "emulator/truth_intake.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <deque>
 #include <vector>
 
 #include "protocols/native_truth.hpp"
+#include "tests/support/text.hpp"
 
 namespace imud {
 namespace {
@@ -135,13 +138,16 @@ std::string talk(std::int64_t time_ns) {
 
 class TruthIntakeTest : public testing::Test {
  protected:
-  void make(const TruthFormat& format, const std::string& port) {
+  void make(const TruthFormat& format, const std::string& port,
+            const std::optional<PoseFit::Options>& fit = std::nullopt) {
     auto scripted = std::make_unique<ScriptedPort>();
     port_ = scripted.get();
     TruthConfig config;
     config.port = port;
     config.format = &format;
     config.settings = Settings(format.settings);
+    config.fit = fit;
+    config.limits.gap_begins_run = port.starts_with("file:");
     intake_ = std::make_unique<TruthIntake>(config, timeline_, std::move(scripted));
   }
 
@@ -461,6 +467,89 @@ TEST_F(TruthIntakeTest, ASimulatorDisconnectsWithinARecordAndComesBack) {
   EXPECT_EQ(receive(talk(3)), Outcomes{Outcome::accepted});
   EXPECT_EQ(sent(), (std::vector<std::string>{"hello", "answer 1", "hello", "answer 3"}));
   EXPECT_EQ(intake_->counters().received, 2U);
+}
+
+// A turn at 0.5 rad/s and an acceleration of 2 m/s^2 upwards, as poses at 100 Hz.
+std::string pose_row(std::int64_t i) {
+  const double t = 0.01 * static_cast<double>(i);
+  return fmt::format("{},0,0,{},0,0,0,0,0,{}\n", i * 10'000'000, std::tan(0.125 * t), -t * t);
+}
+constexpr std::string_view pose_header =
+    "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z,r_BN_N_x,r_BN_N_y,r_BN_N_z\n";
+constexpr PoseFit::Options derive_both{
+    .rate = PoseFit::Source::derived,
+    .specific_force = PoseFit::Source::derived,
+    .gravitation = {.kind = GravitationModel::Kind::constant, .constant = 9.80665}};
+
+TEST_F(TruthIntakeTest, DerivesFromPosesAfterTheDelay) {
+  make(*find_truth_format("csv"), "file:truth.csv", derive_both);
+  port_->waiting.push_back(std::string(pose_header));
+  for (int i = 0; i <= 100; ++i) port_->waiting.push_back(pose_row(i));
+  take_all();
+  EXPECT_EQ(timeline_.newest(), TruthTime{970'000'000});
+  EXPECT_EQ(intake_->counters().accepted, 98U);
+  EXPECT_EQ(intake_->counters().runs, 1U);
+  const MotionState state = timeline_.at(TruthTime{500'000'000});
+  EXPECT_LT((state.omega_BN_B - Vector3(0, 0, 0.5)).norm(), 1e-10);
+  EXPECT_LT((state.specific_force_B - Vector3(0, 0, -11.80665)).norm(), 1e-9);
+  EXPECT_EQ(state.derived, status::rate_derived | status::force_derived);
+  port_->ends = true;
+  take_all();
+  EXPECT_TRUE(intake_->at_end());
+  EXPECT_EQ(timeline_.newest(), TruthTime{1'000'000'000}) << "the end is not waited for";
+  EXPECT_EQ(intake_->counters().accepted, 101U);
+  EXPECT_FALSE(remarks().no_force.is_set() || remarks().far_from_earth.is_set());
+}
+
+TEST_F(TruthIntakeTest, WhatIsDerivedIsInOrderAndInItsRun) {
+  timeline_ = Timeline({.gap_begins_run = true});
+  make(*find_truth_format("csv"), "file:truth.csv", derive_both);
+  port_->waiting.push_back(std::string(pose_header));
+  for (int i = 0; i <= 100; ++i) port_->waiting.push_back(pose_row(i));
+  port_->waiting.push_back(pose_row(100));                                        // a duplicate
+  for (int i = 0; i < 2000; ++i) port_->waiting.push_back(pose_row(10'000 + i));  // a gap of 99 s
+  port_->ends = true;
+  take_all();
+  EXPECT_EQ(refused(Refusal::duplicate), 1U);
+  EXPECT_EQ(intake_->counters().accepted, 2101U);
+  EXPECT_EQ(intake_->counters().runs, 2U);
+  EXPECT_EQ(intake_->counters().gaps, 1U);
+  EXPECT_EQ(timeline_.run_start(), TruthTime{100'000'000'000});
+}
+
+TEST_F(TruthIntakeTest, ADisconnectedSimulatorIsNotWaitedFor) {
+  make(*find_truth_format("csv"), "pipe:truth", derive_both);
+  port_->connect();
+  port_->waiting.push_back(std::string(pose_header));
+  for (int i = 0; i <= 20; ++i) port_->waiting.push_back(pose_row(i));
+  take_all();
+  EXPECT_EQ(intake_->counters().accepted, 18U);
+  port_->disconnect();
+  take_all();
+  EXPECT_EQ(timeline_.newest(), TruthTime{200'000'000});
+  port_->connect();
+  port_->waiting.push_back(std::string(pose_header));
+  for (int i = 0; i <= 200; ++i) port_->waiting.push_back(pose_row(i));  // from the beginning
+  take_all();
+  EXPECT_EQ(intake_->counters().runs, 2U);
+  EXPECT_GT(timeline_.newest(), TruthTime{1'900'000'000});
+}
+
+TEST_F(TruthIntakeTest, GravitationNeedsTheEarth) {
+  PoseFit::Options fit = derive_both;
+  fit.gravitation = {};
+  make(*find_truth_format("csv"), "file:truth.csv", fit);
+  port_->waiting.push_back(std::string(pose_header));
+  for (int i = 0; i <= 20; ++i) port_->waiting.push_back(pose_row(i));
+  take_all();
+  EXPECT_TRUE(contains(remarks().far_from_earth.text(), "give truth.gravity_m_per_s2"))
+      << remarks().far_from_earth.text();
+}
+
+TEST_F(TruthIntakeTest, PositionsWithoutForceNameTheRemedy) {
+  make(*find_truth_format("csv"), "file:truth.csv");
+  receive(std::string(pose_header) + pose_row(0));
+  EXPECT_TRUE(contains(remarks().no_force.text(), "or give truth.specific_force = \"derived\""));
 }
 
 }  // namespace

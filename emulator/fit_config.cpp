@@ -1,0 +1,78 @@
+// The keys of [truth] for what is derived from poses, and the point that truth speaks of.
+#include "emulator/config_parts.hpp"
+
+namespace imud {
+
+namespace {
+
+using Source = PoseFit::Source;
+
+GravitationModel read_gravitation(TableReader& table) {
+  using Kind = GravitationModel::Kind;
+  GravitationModel gravitation;
+  if (table.has("gravity_m_per_s2")) {
+    gravitation.kind = Kind::constant;
+    gravitation.constant = table.real("gravity_m_per_s2", gravitation.constant, -1000.0, 1000.0);
+    if (table.has("gravity")) table.fault("gravity", "give either this or gravity_m_per_s2, not both");
+    return gravitation;
+  }
+  constexpr Kind kinds[] = {Kind::wgs84, Kind::j2, Kind::none};
+  gravitation.kind = kinds[table.choice("gravity", {"wgs84", "j2", "none"}, 0)];
+  return gravitation;
+}
+
+std::string_view word(Source source, bool is_force) {
+  if (source == Source::given) return is_force ? "given, or 0" : "given";
+  return source == Source::derived ? "derived" : "derived unless given";
+}
+
+std::string text(const GravitationModel& gravitation) {
+  switch (gravitation.kind) {
+    case GravitationModel::Kind::wgs84:
+      return "the normal gravitation of WGS 84";
+    case GravitationModel::Kind::j2:
+      return "central gravitation with J2";
+    case GravitationModel::Kind::constant:
+      return fmt::format("{} m/s^2 along N's z", gravitation.constant);
+    case GravitationModel::Kind::none:
+    default:
+      return "no gravitation";
+  }
+}
+
+}  // namespace
+
+void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
+  // In lockstep the simulator waits for the answer to each truth, which a derived quantity of it would delay until
+  // the next ones.
+  const bool waits = clock == ClockMode::lockstep && !is_capture(truth.port);
+  const auto source_of = [&](std::string_view key, std::size_t choice) {
+    if (choice == 2 && waits)
+      table.fault(key,
+                  "\"derived\" needs the truths that follow, but in lockstep the simulator waits for an answer to "
+                  "each; send the quantity, or give clock = \"realtime\"");
+    if (choice == 0 && truth.format != nullptr && truth.format->derives && !waits) return Source::automatic;
+    return choice == 2 ? Source::derived : Source::given;
+  };
+  PoseFit::Options fit;
+  fit.rate = source_of("rate", table.choice("rate", {"auto", "given", "derived"}, 0));
+  const std::size_t force = table.choice("specific_force", {"auto", "given", "derived", "none"}, 0);
+  fit.specific_force = source_of("specific_force", force);
+  truth.ignores_force = force == 3;
+  fit.delay = nanoseconds(1e-3 * table.real("fit_delay_ms", 30.0, 1.0, 500.0));
+  fit.gravitation = read_gravitation(table);
+  if (fit.rate != Source::given || fit.specific_force != Source::given) truth.fit = fit;
+  truth.r_RB_B = table.vector3("r_RB_B_m", truth.r_RB_B);
+}
+
+std::string fit_text(const TruthConfig& truth) {
+  if (!truth.fit) return {};
+  const PoseFit::Options& fit = *truth.fit;
+  const bool derives_force = fit.specific_force != Source::given && !truth.ignores_force;
+  return fmt::format("rate {}, specific force {}{}; derived with {:.6g} ms of delay, to {:.3g} Hz",
+                     word(fit.rate, false), truth.ignores_force ? "0" : word(fit.specific_force, true),
+                     derives_force ? fmt::format(", less {}", text(fit.gravitation)) : "", 1e3 * seconds(fit.delay),
+                     PoseFit::bandwidth_hz(fit.delay));
+}
+
+}  // namespace imud

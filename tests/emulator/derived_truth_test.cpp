@@ -1,0 +1,97 @@
+// What is derived from poses, by whole runs: the same motion given and derived, the keys, and the point R.
+#include <gtest/gtest.h>
+
+#include "emulator/config.hpp"
+#include "tests/emulator/run_test.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+class DerivedTruth : public RunTest {
+ protected:
+  void SetUp() override {
+    const ProgramResult made =
+        run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "2", "--rate", "100"});
+    ASSERT_EQ(made.exit_code, 0) << made.errors;
+  }
+  std::string run(const std::vector<std::string>& settings) {
+    const std::string toml =
+        config("fast", "file:" + path("truth.csv"), "csv", 200, "csv", "file:" + path("out.csv"));
+    std::vector<std::string> arguments = {"run", toml, "--summary", path("summary.json")};
+    for (const std::string& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    const ProgramResult result = run_program("imud", arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.errors;
+    errors_ = result.errors;
+    return read_file(path("out.csv"));
+  }
+  std::string faults(const std::vector<std::string>& settings, const std::string& clock = "fast") {
+    const std::string port = clock == "lockstep" ? "udp:127.0.0.1:9810" : "file:" + path("truth.csv");
+    try {
+      load_config(config(clock, port, clock == "lockstep" ? "native" : "csv", 200, "csv", "file:" + path("out.csv")),
+                  settings);
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return {};
+  }
+  std::string errors_;
+};
+
+TEST_F(DerivedTruth, IsTheGivenMotion) {
+  const auto given = rows(run({}));
+  const auto derived =
+      rows(run({"truth.rate=derived", "truth.specific_force=derived", "truth.gravity_m_per_s2=9.80665"}));
+  EXPECT_TRUE(summary()["complete"].get<bool>());
+  EXPECT_EQ(summary()["truth"]["accepted"], 201);
+  ASSERT_EQ(given.size(), derived.size());
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    ASSERT_EQ(given[i][0], derived[i][0]);
+    for (std::size_t field = 2; field < 14; ++field)  // rate, force, increments
+      ASSERT_NEAR(std::stod(given[i][field]), std::stod(derived[i][field]), 1e-7) << i << ' ' << field;
+    ASSERT_EQ(given[i][15], "0");
+    ASSERT_EQ(derived[i][15], "3072");
+  }
+}
+
+TEST_F(DerivedTruth, ChangesNoByteWhereNothingIsDerived) {
+  const std::string given = run({});
+  EXPECT_EQ(run({"truth.rate=given", "truth.specific_force=given", "truth.fit_delay_ms=80"}), given);
+}
+
+TEST_F(DerivedTruth, NoneIsNoForce) {
+  for (const auto& row : rows(run({"truth.specific_force=none"})))
+    for (const std::size_t field : {5U, 6U, 7U, 11U, 12U, 13U}) ASSERT_EQ(std::stod(row[field]), 0.0);
+  EXPECT_FALSE(contains(errors_, "accelerometers measure 0"));
+}
+
+// A place on the vehicle is where it is, whichever point the simulator reports.
+TEST_F(DerivedTruth, LeverArmsAreFromThePointOfTheTruth) {
+  const std::string at_r = run({});
+  const std::string elsewhere = run({"truth.r_RB_B_m=[1, -2, 0.5]"});
+  EXPECT_NE(elsewhere, at_r);
+  EXPECT_EQ(run({"truth.r_RB_B_m=[1, -2, 0.5]", "imu.0.mounting.position_m=[1, -2, 0.5]"}), at_r);
+  EXPECT_EQ(run({"imu.0.mounting.position_m=[-1, 2, -0.5]"}), elsewhere);
+}
+
+TEST_F(DerivedTruth, FaultsSayWhatWouldBeRight) {
+  EXPECT_EQ(faults({"truth.rate=derived"}), "");
+  EXPECT_TRUE(contains(faults({"truth.rate=derived"}, "lockstep"), "in lockstep the simulator waits for an answer"));
+  EXPECT_TRUE(contains(faults({"truth.specific_force=derived"}, "lockstep"), "truth.specific_force"));
+  EXPECT_EQ(faults({"truth.specific_force=none"}, "lockstep"), "");
+  EXPECT_TRUE(contains(faults({"truth.gravity=j2", "truth.gravity_m_per_s2=9.81"}), "not both"));
+  EXPECT_TRUE(contains(faults({"truth.gravity=moon"}), "wgs84"));
+  EXPECT_TRUE(contains(faults({"truth.fit_delay_ms=0"}), "from 1 to 500"));
+}
+
+TEST_F(DerivedTruth, CheckNamesDelayAndBandwidth) {
+  const std::string toml = config("fast", "file:" + path("truth.csv"), "csv", 200, "csv", "file:" + path("out.csv"));
+  EXPECT_FALSE(contains(run_program("imud", {"check", toml}).output, "derived with"));
+  const ProgramResult checked = run_program("imud", {"check", toml, "--set", "truth.rate=derived"});
+  EXPECT_TRUE(
+      contains(checked.output, "rate derived, specific force given, or 0; derived with 30 ms of delay, to 33.3 Hz"))
+      << checked.output;
+}
+
+}  // namespace
+}  // namespace imud
