@@ -216,6 +216,10 @@ bool PoseFit::next(Truth& truth) noexcept {
   }
   if (now.derives_rate) derive_rate(window, truth);
   if (now.derives_force) derive_force(window, truth);
+  if ((now.derives_rate || now.derives_force) && !(is_finite(truth) && is_in_range(truth))) {
+    has_last_ = false;  // the accumulated velocity restarts at 0
+    dv_N_.setZero();
+  }
   advance();
   return true;
 }

@@ -50,7 +50,8 @@ class PoseFit {
   // Ends the segment: no truth is waited for any more.
   void finish() noexcept { ended_ = true; }
   // Takes the next truth with what is derived, in the order of push(). Returns false if it has to wait for further
-  // ones; a truth of which nothing is derived does not wait, and is not changed.
+  // ones; a truth of which nothing is derived does not wait, and is not changed. From positions that no vehicle has,
+  // the derived state may fail is_finite() or is_in_range().
   bool next(Truth& truth) noexcept;
 
   // Returns the frequency, Hz, up to which derived rates and specific forces are less than 3 dB below the true ones,

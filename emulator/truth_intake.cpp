@@ -238,6 +238,7 @@ std::optional<TruthIntake::Outcome> TruthIntake::take_derived(TruthTime watermar
   answer_due_ = false;
   if (derivation_ == nullptr || !derivation_->fit.next(truth_)) return std::nullopt;
   answer_due_ = truth_.acknowledge;
+  if (!is_finite(truth_) || !is_in_range(truth_)) return refuse(Refusal::out_of_range);
   return admit(watermark);
 }
 

@@ -46,13 +46,13 @@ CapturedTruths::CapturedTruths(const Options& options)
 std::optional<Truth> CapturedTruths::next() {
   Truth truth;
   while (!stop_requested()) {
-    if (derivation_ != nullptr && derivation_->fit.next(truth)) return truth;
+    if (take_derived(truth)) return truth;
     const auto result = decoder_->next(truth);
     if (!result) {
       if (feed_next()) continue;
       if (derivation_ == nullptr) break;
       derivation_->fit.finish();
-      if (!derivation_->fit.next(truth)) break;
+      if (!take_derived(truth)) break;
       return truth;
     } else if (*result == TruthResult::ok) {
       if (stream_.value_or(truth.stream) != truth.stream) {
@@ -78,6 +78,15 @@ void CapturedTruths::derive(Truth& truth) {
   }
   truth.new_run = admission == Admission::new_run;
   derivation_->fit.push(truth);
+}
+
+// Takes a truth from the fit. Returns false if it has to wait.
+bool CapturedTruths::take_derived(Truth& truth) {
+  while (derivation_ != nullptr && derivation_->fit.next(truth)) {
+    if (is_finite(truth) && is_in_range(truth)) return true;
+    ++refused_[cause(TruthResult::out_of_range)];
+  }
+  return false;
 }
 
 // Returns false at the end of the capture.

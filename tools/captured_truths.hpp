@@ -47,6 +47,7 @@ class CapturedTruths {
   };
   bool feed_next();
   void derive(Truth& truth);
+  bool take_derived(Truth& truth);
 
   const TruthFormat& format_;
   std::unique_ptr<TruthDecoder> decoder_;

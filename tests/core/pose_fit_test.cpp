@@ -10,31 +10,12 @@
 #include "core/attitude.hpp"
 #include "core/imu.hpp"
 #include "tests/core/pose_motion.hpp"
-#include "tests/support/allocations.hpp"
 
 namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
 using Source = PoseFit::Source;
-
-std::vector<Truth> fitted(PoseFit& fit, const std::vector<Truth>& given) {
-  std::vector<Truth> all;
-  Truth truth;
-  for (const Truth& t : given) {
-    fit.push(t);
-    while (fit.next(truth)) all.push_back(truth);
-  }
-  fit.finish();
-  while (fit.next(truth)) all.push_back(truth);
-  return all;
-}
-std::vector<Truth> fitted(const PoseFit::Options& options, const std::vector<Truth>& given) {
-  PoseFit fit(options);
-  return fitted(fit, given);
-}
-
-constexpr PoseFit::Options level{.gravitation = {.kind = GravitationModel::Kind::constant, .constant = 9.80665}};
 
 double angle_of(const Quaternion& q) { return log(q).norm(); }
 
@@ -276,7 +257,7 @@ TEST(PoseFit, WaitsForItsDelayAndNoLonger) {
   }
 }
 
-TEST(PoseFit, BeginsAnewAtARunAndAtAGap) {
+TEST(PoseFit, RestartsAtARunAndAtAGap) {
   const PoseMotion& motion = find_pose_motion("aerobatic");
   auto poses = poses_of(motion, 100, 4s, false);
   poses.erase(poses.begin() + 150, poses.begin() + 250);  // a second is missing
@@ -303,59 +284,6 @@ TEST(PoseFit, BeginsAnewAtARunAndAtAGap) {
     ASSERT_LT((truth.specific_force_B - motion.at(truth.time).specific_force_B).norm(), 1e-6);
   }
   EXPECT_TRUE(derived[poses.size() - again.size()].accumulated_dv_B.isZero(0));
-}
-
-// A few poses have no window; a single one stands still.
-TEST(PoseFit, TakesWhatThereIs) {
-  for (const std::size_t count : {1U, 2U, 3U, 4U, 5U}) {
-    auto poses = poses_of(find_pose_motion("spiral"), 100, 1s, false);
-    poses.resize(count);
-    const auto derived = fitted(level, poses);
-    ASSERT_EQ(derived.size(), count);
-    for (const Truth& truth : derived) EXPECT_TRUE(is_finite(truth) && is_in_range(truth));
-    if (count == 1)
-      EXPECT_LT((derived[0].specific_force_B - Vector3(0, 0, -9.80665)).norm(), 1e-9);
-    else
-      EXPECT_NEAR(derived[0].omega_BN_B.z(), 0.5, 1e-9);
-  }
-}
-
-// 1.3 rad from one truth to the next: three of them on one side are beyond half a turn.
-TEST(PoseFit, FollowsFastSpin) {
-  std::vector<Truth> poses;
-  for (std::int64_t i = 0; i < 300; ++i) {
-    Truth pose;
-    pose.time.ns = i * 10'000'000;
-    pose.has_rate = false;
-    pose.q_NB = Eigen::AngleAxisd(1.3 * static_cast<double>(i), Vector3::UnitX());
-    poses.push_back(pose);
-  }
-  for (const Truth& truth : fitted(level, poses))
-    ASSERT_LT((truth.omega_BN_B - Vector3(130, 0, 0)).norm(), 1e-9) << truth.time.ns;
-}
-
-TEST(PoseFit, AllocatesNothing) {
-  const auto poses = poses_of(find_pose_motion("aerobatic"), 1000, 1s, false);
-  PoseFit fit(level);
-  Truth out;
-  const std::uint64_t before = allocations();
-  for (const Truth& pose : poses) {
-    fit.push(pose);
-    while (fit.next(out)) continue;
-  }
-  fit.finish();
-  while (fit.next(out)) continue;
-  EXPECT_EQ(allocations(), before);
-}
-
-// More truths than a window takes, and truths a nanosecond apart.
-TEST(PoseFit, IsFiniteAtAnyRate) {
-  const PoseMotion& motion = find_pose_motion("aerobatic");
-  FitErrors errors = errors_of(fitted(level, poses_of(motion, 20'000, 300ms, false)), motion);
-  EXPECT_LT(errors.rate, 1e-8);
-  auto poses = poses_of(motion, 100, 1s, false);
-  poses[50].time = poses[49].time + Nanoseconds{1};
-  for (const Truth& truth : fitted(level, poses)) ASSERT_TRUE(is_finite(truth));
 }
 
 }  // namespace

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/truth.hpp"
+#include "core/pose_fit.hpp"
 #include "tools/motion.hpp"
 
 namespace imud {
@@ -89,5 +89,26 @@ inline std::vector<Truth> poses_of(const PoseMotion& motion, int rate_hz, Nanose
   }
   return poses;
 }
+
+// Returns what a fit makes of all truths.
+inline std::vector<Truth> fitted(PoseFit& fit, const std::vector<Truth>& given) {
+  std::vector<Truth> all;
+  Truth truth;
+  for (const Truth& t : given) {
+    fit.push(t);
+    while (fit.next(truth)) all.push_back(truth);
+  }
+  fit.finish();
+  while (fit.next(truth)) all.push_back(truth);
+  return all;
+}
+inline std::vector<Truth> fitted(const PoseFit::Options& options, const std::vector<Truth>& given) {
+  PoseFit fit(options);
+  return fitted(fit, given);
+}
+
+// The gravitation of these motions.
+inline constexpr PoseFit::Options level{
+    .gravitation = {.kind = GravitationModel::Kind::constant, .constant = 9.80665}};
 
 }  // namespace imud
