@@ -17,7 +17,9 @@ ENTRY_FOLDERS = {"protocols/devices": "protocol", "protocols/truth_formats": "tr
 # Defaults for users and a command: the only texts in emulator and tools that may begin with a transport's name.
 PORTS_GIVEN = {("emulator/selftest.cpp", "pty:imu"), ("emulator/command_line.cpp", "pty"), ("emulator/example.cpp", "udp:127.0.0.1:9810"),
                ("tools/imu_truth.cpp", "udp:127.0.0.1:9810"),
-               ("tools/lockstep_client.hpp", "udp:")}
+               ("tools/lockstep_client.hpp", "udp:"),
+               # The noun, not the transport.
+               ("emulator/outcome.cpp", "record"), ("tools/stream_report.cpp", "record")}
 TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "core", "emulator", "protocols", "tests",
              "tools", "transports", "build"}
 

@@ -61,7 +61,7 @@ const Protocol& protocol_for(const DecodeOptions& options) {
   const std::string scheme = PortSpec::parse(options.port).scheme;
   const Transport* transport = find_transport(scheme);
   const bool wants_can = protocol->link == Link::can;
-  if (transport != nullptr && transport->carries_can != wants_can)
+  if (transport != nullptr && !transport->carries_any && transport->carries_can != wants_can)
     throw std::invalid_argument(fmt::format("{} needs a {}; {}: carries {}", protocol->name,
                                             wants_can ? "CAN port" : "port for bytes", scheme,
                                             wants_can ? "bytes" : "CAN frames"));

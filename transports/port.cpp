@@ -50,6 +50,10 @@ std::string capture_port(std::string_view capture) {
   const std::size_t colon = capture.find(':');
   if (const Transport* named = transport_of(capture); colon != std::string_view::npos && named && named->ends)
     return std::string(capture);
+  const std::string file(capture.substr(0, capture.find('?')));
+  for (const Transport* transport : transports())
+    if (transport->is_record != nullptr && transport->is_record(file))
+      return fmt::format("{}:{}", transport->name, capture);
   const std::string_view path = CompressedFile::without_suffix(capture.substr(0, capture.find('?')));
   const Transport* any = nullptr;
   for (const Transport* transport : transports()) {

@@ -122,6 +122,9 @@ class Port {
   virtual bool at_end() const noexcept { return false; }
   // Describes how a capture ended if it is damaged ("cut short in record 12"); empty otherwise.
   virtual std::string_view end_warning() const noexcept { return {}; }
+  // Returns whether the datagrams of what was recorded are kept apart, where that differs from file to file; nullopt:
+  // as the transport does.
+  virtual std::optional<bool> keeps_datagrams() const noexcept { return std::nullopt; }
   // Describes what a capture that has ended holds in place of the datagrams for the UDP port: "300 datagrams to port
   // 9810 and none to 9811". Empty if it has had some.
   virtual std::string_view other_content() const noexcept { return {}; }
@@ -220,6 +223,7 @@ struct Transport {
   std::span<const PortOption> options = {};  // all that its ports have; check_port() checks that each is in its range
 
   bool carries_can = false;           // frames have an identifier; otherwise they are bytes
+  bool carries_any = false;           // what was recorded: bytes or frames with an identifier
   bool keeps_datagrams = false;       // one frame sent is one frame received; otherwise a stream of bytes
   bool ends = false;                  // a listener reads something recorded, up to its end
   bool brings_truth = false;          // may be the port of the truth
@@ -234,6 +238,10 @@ struct Transport {
   // Files that `imud replay` and `imu-truth capture` open by this transport if no transport is named: suffixes of
   // their names (".csv .txt"), without that of compression; "*" stands for those that no other transport claims.
   std::string_view suffixes = {};
+
+  // Returns true if the file is the record of a run, which this transport reads whatever its name, and which
+  // `imud replay` repeats. nullptr: none is.
+  bool (*is_record)(const std::string& path) = nullptr;
 
   // Throws PortError if such a port cannot have this address, these options together, or these settings; its text has
   // the fault and what would be right. Opens nothing. check_port() checks the role and each option.
@@ -282,7 +290,7 @@ void check_port(const Transport& transport, const PortSpec& spec, const PortSett
 std::unique_ptr<Port> open_port(std::string_view port, const PortSettings& settings);
 
 // Returns the port that reads a capture: `capture` itself if it begins with the scheme of a transport that `ends`,
-// otherwise that of the transport for such a file name.
+// otherwise that of the transport for such a record, or for such a file name.
 std::string capture_port(std::string_view capture);
 
 // Returns the port that reads standard input: as datagrams with borders, as a stream of bytes, or as CAN frames.
