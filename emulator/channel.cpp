@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/recorder.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -25,7 +26,7 @@ OwnFigures figures_of(const ImuModel& model) noexcept {
 
 }  // namespace
 
-Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open)
+Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder)
     : name_(config.name),
       grid_(config.grid),
       rests_before_truth_(config.before_first == BeforeFirst::rest),
@@ -34,6 +35,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       device_filters_(config.device_filters),
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       device_(config.protocol->make(config.settings)),
+      recorder_(recorder),
       clock_(config.grid),
       counters_(config.protocol->counters) {
   device_->set_figures(figures_of(config.model));
@@ -45,7 +47,8 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
     line_count_ = 2;
   }
   for (Line& line : lines()) line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
-  if (config.sync.is_connected()) sync_.emplace(config.sync, open);
+  if (recorder_ != nullptr) add_interfaces();
+  if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, recorder_);
   if (is_can_) {
     // The device's own identifiers pass too, so that the port can confirm its frames and the device detects other
     // users.
@@ -57,14 +60,35 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
   publish();
 }
 
+void Channel::add_interfaces() {
+  const std::uint16_t link = is_can_ ? link_type::can_socketcan : link_type::bytes;
+  for (Line& line : lines()) {
+    const std::string name = &line == &lines_[0] ? name_ : name_ + " second";
+    line.interface = recorder_->add_interface(name, link);
+    recorder_->add_interface(name + " host", link);
+    recorder_->add_interface(name + " dropped", link);
+  }
+}
+
 void Channel::power_on(HostTime origin) noexcept {
+  if (recorder_ != nullptr)
+    recorder_->event({.type = RecordEvent::Type::power_on, .interface = record_interface(), .a = origin.ns});
   clock_.power_on(origin);
   device_->power_on(clock_.now());
   apply_filters();
 }
 
 void Channel::set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept {
+  if (recorder_ != nullptr)
+    recorder_->event({RecordEvent::Type::set_clock, origin ? RecordEvent::has_host_time : std::uint8_t{0},
+                      record_interface(), zero.ns, origin.value_or(HostTime{}).ns});
   device_->step_clock(clock_.set(zero, origin));
+}
+
+void Channel::start_samples() noexcept {
+  if (recorder_ != nullptr)
+    recorder_->event({.type = RecordEvent::Type::start_samples, .interface = record_interface()});
+  clock_.start_samples();
 }
 
 void Channel::begin_run() noexcept {
@@ -125,13 +149,23 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
     std::size_t size = 1;
     while (size < frames.size() && frames[size].uart == frames.front().uart) ++size;
     line.port->set_time(time);
+    const std::uint64_t dropped = line.port->counters().dropped;
     if (is_reply)
       line.port->reply(frames.first(size));
     else
       line.port->send(frames.first(size));
     line.passed += size;
+    if (recorder_ != nullptr) record(line, frames.first(size), line.port->counters().dropped - dropped);
     frames = frames.subspan(size);
   }
+}
+
+// A port drops the last frames of those that it is passed.
+void Channel::record(Line& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept {
+  const std::size_t left = frames.size() - std::min<std::uint64_t>(dropped, frames.size());
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    recorder_->packet(static_cast<std::uint16_t>(line.interface + (i < left ? 0 : 2)), PacketDirection::outbound,
+                      recorder_->now(), frames[i]);
 }
 
 void Channel::record_times(Nanoseconds lateness, Nanoseconds write) noexcept {
@@ -181,19 +215,27 @@ std::size_t Channel::serve(std::size_t uart, HostTime now, Host* clock) noexcept
     const auto chunk = lines_[uart].port->receive();
     if (!chunk) break;
     received += per_frame + chunk->frame.bytes.size();
-    const DeviceTime time = clock_.now(now);
-    poll_until(time);
-    others_.clear();
-    Frame frame = chunk->frame;
-    frame.uart = static_cast<std::uint8_t>(uart);
-    device_->receive(frame, time, others_);
-    apply_filters();
-    send(others_.frames(), time, true);
+    if (recorder_ != nullptr) {
+      recorder_->event({RecordEvent::Type::receive, static_cast<std::uint8_t>(uart), record_interface(), now.ns});
+      recorder_->packet(static_cast<std::uint16_t>(lines_[uart].interface + 1), PacketDirection::inbound, chunk->time,
+                        chunk->frame);
+    }
+    receive(chunk->frame, uart, now);
     if (clock != nullptr && !others_.frames().empty())
       counters_.reply.add(std::max(0.0, seconds(clock->now() - chunk->time)));
     apply_uarts();
   }
   return received;
+}
+
+void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
+  const DeviceTime time = clock_.now(now);
+  poll_until(time);
+  others_.clear();
+  frame.uart = static_cast<std::uint8_t>(uart);
+  device_->receive(frame, time, others_);
+  apply_filters();
+  send(others_.frames(), time, true);
 }
 
 // A device answers with its old settings; the new ones apply to all that is sent afterwards.

@@ -26,8 +26,8 @@ namespace imud {
 // throws, and only wait_until_sent() and wait_for_room() wait. One thread; the counters may be read by any.
 class Channel {
  public:
-  // Opens the ports and the pins. Throws PortError.
-  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open);
+  // Opens the ports and the pins. `recorder`: records what happens; nullptr: none does. Throws PortError.
+  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder = nullptr);
 
   const std::string& name() const noexcept { return name_; }
   const Grid& grid() const noexcept { return grid_; }
@@ -44,7 +44,7 @@ class Channel {
   // Sets the clock (DeviceClock::set()), and shifts the times that the device keeps by the same step.
   void set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept;
   // Starts the grid: the next sample is that of instant 0.
-  void start_samples() noexcept { clock_.start_samples(); }
+  void start_samples() noexcept;
   // Begins a run of the truth, whose first sample has no increments.
   void begin_run() noexcept;
   // Switches the device's supply off and on at host time `now`.
@@ -82,6 +82,8 @@ class Channel {
   // ::poll() would return at once again, because of more bytes or a lasting error. `clock` measures the durations
   // from the arrivals to the ends of the writes of the replies; nullptr: they are not measured.
   bool serve(HostTime now, Host* clock = nullptr) noexcept;
+  // Executes what the host has sent to the UART, at host time `now`, and sends the replies.
+  void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
   void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
   // Sends the frames that the ports hold back, as far as they can now.
@@ -96,6 +98,8 @@ class Channel {
   // The number of ports: 1, or 2 if the product's second UART is connected; `i` is the frames' Frame::uart.
   std::size_t port_count() const noexcept { return line_count_; }
   Port& port(std::size_t i) noexcept { return *lines_[i].port; }
+  // The number of the first port's interface in the record.
+  std::uint16_t record_interface() const noexcept { return lines_[0].interface; }
   // Returns the time up to which the imu has used the truth of this run; nullopt before its first sample.
   std::optional<TruthTime> used_until() const noexcept;
   // Integrates the truth up to `until`, which is not after the imu's next sample (Imu::advance()).
@@ -111,6 +115,8 @@ class Channel {
     std::uint64_t passed = 0;  // frames passed to the port
     bool is_file = false;      // a regular file, which accepts everything and never answers
     bool is_stalled = false;   // the port has accepted nothing for 2 s
+    // In the record: frames that left; the next two are what the host has sent, and frames that were dropped.
+    std::uint16_t interface = 0;
     bool holds_back() const noexcept;
   };
   std::span<Line> lines() noexcept { return {lines_.data(), line_count_}; }
@@ -121,6 +127,8 @@ class Channel {
   void encode(bool too_late) noexcept;
   // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
+  void add_interfaces();
+  void record(Line& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
   std::size_t serve(std::size_t uart, HostTime now, Host* clock) noexcept;
   void apply_uarts() noexcept;
   void apply_filters() noexcept;
@@ -138,6 +146,7 @@ class Channel {
   std::unique_ptr<Device> device_;
   std::array<Line, 2> lines_;  // by Frame::uart
   std::size_t line_count_ = 1;
+  Recorder* const recorder_;
   std::optional<Sync> sync_;  // nullopt if no pin is connected
   DeviceClock clock_;
   bool is_resting_ = false;      // the last sample was taken at rest

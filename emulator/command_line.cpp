@@ -74,15 +74,26 @@ std::string output_path(const std::string& path) { return is_standard_output(pat
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
-  if (has_workers && (!arguments.run.monitor.quality_file.empty() || arguments.run.ready_fd))
-    throw PortError("--quality and --ready-fd are of a single run; omit them with --seeds, --jobs and --npy");
+  if (has_workers &&
+      (!arguments.run.monitor.quality_file.empty() || arguments.run.ready_fd || !arguments.run.record.file.empty()))
+    throw PortError(
+        "--quality, --record and --ready-fd are of a single run; omit them with --seeds, --jobs and --npy");
   if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
   const bool is_stdin = arguments.capture == "-";
   if (is_stdin && arguments.config == "-")
     throw PortError("standard input is the configuration already; give a file as the capture");
   const std::string capture = is_stdin ? arguments.capture : capture_port(arguments.capture);
+  RunOptions options = arguments.run;
+  const Transport* transport = transport_of(capture);
+  options.repeats = capture != arguments.capture && transport != nullptr && transport->is_record != nullptr &&
+                    capture.find('?') == std::string::npos;
+  if (options.repeats && !options.record.file.empty())
+    throw PortError("--record: a repeated run has the record that it is repeated from; omit --record");
   const Config config = load_config(arguments.config, overrides, capture);
-  return has_workers ? replay_seeds(config, arguments.run, arguments.seeds) : run(config, arguments.run);
+  if (options.repeats && has_workers)
+    throw PortError(
+        "a record is repeated as it was, without --seeds, --jobs and --npy; give record:FILE for its truth");
+  return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
 }
 
 // Returns the arguments after the program's name; `help COMMAND` becomes `COMMAND --help`.
@@ -125,6 +136,7 @@ int execute(int argc, const char* const* argv) {
   app.set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
   app.require_subcommand(1);
   Arguments arguments;
+  std::uint64_t record_max_mb = 0;
 
   const auto with_set = [&](CLI::App* command) {
     command
@@ -180,6 +192,20 @@ int execute(int argc, const char* const* argv) {
         });
     command->add_flag("--wait-for-reader", arguments.run.wait_for_reader,
                       "Begin when the pty of each imu has a reader");
+    command
+        ->add_option("--record", arguments.run.record.file,
+                     "Record truth, frames and the hosts' bytes as pcapng, which Wireshark opens and replay repeats")
+        ->type_name("FILE");
+    command
+        ->add_option("--record-max-mb", record_max_mb,
+                     "Begin another file of the record, FILE-00001.pcapng and so on, after this many MB")
+        ->type_name("N")
+        ->check(CLI::Range(1, 1'000'000));
+    command
+        ->add_option("--record-files", arguments.run.record.max_files,
+                     "Keep only the last N files of the record; needs --record-max-mb")
+        ->type_name("N")
+        ->check(CLI::Range(1, 1'000'000));
     auto* quiet = command->add_flag("-q,--quiet", arguments.quiet, "Log warnings and errors only");
     command->add_flag("-v,--verbose", arguments.verbose, "Log details, too")->excludes(quiet);
   };
@@ -190,7 +216,8 @@ int execute(int argc, const char* const* argv) {
   replay_command
       ->add_option(
           "CAPTURE", arguments.capture,
-          "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst; - is standard input")
+          "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst; - is standard input; or "
+          "a record, whose run is repeated (its truth alone as record:X.pcapng)")
       ->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
   replay_command
@@ -272,6 +299,11 @@ int execute(int argc, const char* const* argv) {
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     arguments.run.summary_file = output_path(arguments.run.summary_file);
     arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
+    arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
+    if (arguments.run.record.file.empty() && record_max_mb > 0)
+      throw OpenError("--record-max-mb: needs --record FILE");
+    if (record_max_mb == 0 && arguments.run.record.max_files > 0)
+      throw OpenError("--record-files: needs --record-max-mb");
     if (list_command->parsed()) return list(arguments.name, json);
     if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
     if (check_command->parsed())

@@ -230,11 +230,22 @@ struct TruthQuality : CounterGroup {
   std::atomic<bool> known = false;
 };
 
+// The counters of a record (`--record`).
+struct RecordCounters : CounterGroup {
+  Counter packets{*this, {"packets", "packets", Show::always}};
+  Counter bytes{*this, {"bytes", "bytes", Show::always}};
+  Counter files{*this, {"files", "files", Show::always}};
+  // Packets for which the queue had no room, or that the file did not take.
+  Counter lost{*this, {"lost", "lost", Show::always, Show::if_not_zero}};
+  std::atomic<int> error = 0;  // errno of the last write that failed; 0: none has
+};
+
 // The counters of a whole run, which outlive this.
 struct RunCounters {
   const TruthCounters* truth;
   const TruthQuality* quality;
   std::vector<std::pair<std::string, const ImuCounters*>> imus;  // by name
+  const RecordCounters* record = nullptr;                        // nullptr: nothing is recorded
 };
 
 // The numbers of a group at an instant, or their change in an interval, in the order of their declaration.

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/recorder.hpp"
+
 namespace imud {
 
 namespace {
@@ -36,6 +38,7 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
       pacer_(pacer),
       options_(options),
       stop_(stop),
+      recorder_(session.recorder()),
       intake_(session.intake()),
       timeline_(session.timeline()),
       paced_(pacer.is_paced()),
@@ -49,6 +52,7 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
 void Loop::run() noexcept {
   if (!waits_for_truth_) {
     origin_ = host_.now() + pause;
+    if (recorder_ != nullptr) recorder_->set_time(origin_ - pause);
     for (std::size_t i = 0; i < session_.channels().size(); ++i) {
       Channel& channel = *session_.channels()[i];
       channel.power_on(origin_);
@@ -58,6 +62,7 @@ void Loop::run() noexcept {
     }
   }
   while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
+  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::end, .b = recorder_->polled().ns});
   send_all();
 }
 
@@ -189,6 +194,7 @@ void Loop::begin_run() noexcept {
 // Discards the truth before the newest, because the simulator's time has jumped or the simulator was paused.
 void Loop::forget_past() noexcept {
   session_.quality().resumed.count();
+  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::forget_past});
   timeline_.forget_past();
 }
 
@@ -233,12 +239,19 @@ void Loop::prepare() noexcept {
   } while (next_due() == due_);
 }
 
+void Loop::record_transmission(std::uint8_t flags) noexcept {
+  if (recorder_ != nullptr)
+    recorder_->event({RecordEvent::Type::transmit, flags, 0, due_.ns, recorder_->polled().ns});
+}
+
 void Loop::transmit(HostTime now) noexcept {
+  if (recorder_ != nullptr) recorder_->set_time(paced_ ? now : host_.now());
   session_.cycle_power_if_requested(now);
   for (Channel* channel : prepared_) {
     if (!paced_) channel->wait_for_room(stop_);  // frames of deadlines leave before the sample's
     channel->encode();
   }
+  record_transmission(0);
   if (!paced_) {
     for (Channel* channel : prepared_) channel->wait_for_room(stop_);
     for (Channel* channel : prepared_) {
@@ -251,6 +264,7 @@ void Loop::transmit(HostTime now) noexcept {
     if (now < due_) host_.sleep_until(due_, options_.spin);
     for (Channel* channel : prepared_) {
       const HostTime begin = host_.now();
+      if (recorder_ != nullptr) recorder_->set_time(begin);
       channel->transmit();
       channel->record_times(begin - due_, host_.now() - begin);
     }
@@ -266,7 +280,9 @@ void Loop::transmit(HostTime now) noexcept {
 // The devices receive the samples, so that counters, clocks and increments are those of a sensor that went on while
 // this host was held up.
 void Loop::skip(HostTime now) noexcept {
+  if (recorder_ != nullptr) recorder_->set_time(now);
   session_.cycle_power_if_requested(now);
+  record_transmission(RecordEvent::skipped);
   for (Channel* channel : prepared_) channel->skip();
   count_samples();
   truth_waits_ = true;  // poll() was not called

@@ -48,6 +48,7 @@ class Loop {
   void prepare() noexcept;
   void transmit(HostTime now) noexcept;
   void skip(HostTime now) noexcept;
+  void record_transmission(std::uint8_t flags) noexcept;
   void count_samples() noexcept;
 
   void send_all() noexcept;
@@ -61,6 +62,7 @@ class Loop {
   Pacer& pacer_;
   const LoopOptions options_;
   const std::atomic<bool>& stop_;
+  Recorder* const recorder_;
   TruthIntake& intake_;
   Timeline& timeline_;
   const bool paced_;            // by the host's clock

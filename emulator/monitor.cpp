@@ -53,6 +53,7 @@ void Monitor::update() {
   report_interruptions();
   report_imus();
   report_skipped();
+  report_record();
   const double now_s = seconds(host_now() - begin_);
   if (quality_.is_open() && now_s - last_quality_.duration_s >= 1.0) {
     Summary all = now();
@@ -73,6 +74,7 @@ Summary Monitor::finish(std::string capture_warning) {
   report_interruptions();
   report_imus();
   report_skipped();
+  report_record();
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
   for (const Remark* remark : counters_.truth->remarks.all())
@@ -212,6 +214,18 @@ void Monitor::report_skipped() {
       "{} samples are skipped, because they are more than {:g} ms late (realtime.skip_after_ms): this process or its "
       "machine was stopped, or is too slow (counted; reported once)",
       skipped, 1e3 * seconds(config_.realtime.skip_after));
+}
+
+void Monitor::report_record() {
+  if (counters_.record == nullptr || record_reported_) return;
+  const int error = counters_.record->error;
+  const std::uint64_t lost = counters_.record->lost;
+  record_reported_ = error != 0 || lost > 0;
+  if (error != 0)
+    spdlog::error("the record: {}; packets are lost until it can be written again (counted; reported once)",
+                  strerrordesc_np(error));
+  else if (lost > 0)
+    spdlog::warn("the record lacks {} packets, because the disk is too slow (counted; reported once)", lost);
 }
 
 void Monitor::report_port(ReportedPort& reported, const std::string& imu, const std::string& port,

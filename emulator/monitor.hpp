@@ -54,6 +54,7 @@ class Monitor {
   void report_interruptions();
   void report_imus();
   void report_skipped();
+  void report_record();
   // The reports about a port so far.
   struct ReportedPort {
     PortState state = PortState::ready;
@@ -81,6 +82,7 @@ class Monitor {
   Rise runs_, stops_, returns_, resumed_, disconnections_;
   PortState truth_port_ = PortState::ready;  // as reported
   bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false, refused_peer_reported_ = false;
+  bool record_reported_ = false;
   // The reports so far: which causes of refusal; which imus that refuse edges; which figures of products; the ports.
   std::vector<bool> remarks_, refusals_, edges_refused_;
   std::vector<std::vector<bool>> device_reported_;  // by imu and DeviceCounter

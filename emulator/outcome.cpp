@@ -39,11 +39,13 @@ std::string causes(const Summary::Truth& truth) {
   return fmt::format("{}", fmt::join(all, ", "));
 }
 
-// `gaps_allowed`: a requirement limits them.
-void judge_capture(const Summary::Truth& truth, EndedBy ended_by, bool gaps_allowed,
-                   std::vector<std::string>& shortfalls) {
+void judge_end(EndedBy ended_by, std::vector<std::string>& shortfalls) {
   if (ended_by == EndedBy::signal) shortfalls.emplace_back("a signal ended it before the capture's end");
   if (ended_by == EndedBy::duration) shortfalls.emplace_back("--for ended it before the capture's end");
+}
+
+// `gaps_allowed`: a requirement limits them.
+void judge_capture(const Summary::Truth& truth, bool gaps_allowed, std::vector<std::string>& shortfalls) {
   if (const auto n = refused_truths(truth); n > 0)
     shortfalls.push_back(fmt::format("{} refused ({})", plural(n, "truth"), causes(truth)));
   if (const auto n = truth.counters[&TruthCounters::lost]; n > 0)
@@ -108,25 +110,31 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 }
 
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
-              std::span<const Requirement> requirements) {
+              std::span<const Requirement> requirements, bool is_repeated) {
   Outcome outcome{ended_by, {}, {}};
   std::vector<std::string>& shortfalls = outcome.shortfalls;
   const bool capture = is_capture(config.truth.port);
   const bool gaps_allowed = std::any_of(requirements.begin(), requirements.end(),
                                         [](const Requirement& limit) { return limit.figure == "truth.gaps"; });
-  if (capture) judge_capture(summary.truth, ended_by, gaps_allowed, shortfalls);
+  if (capture) judge_end(ended_by, shortfalls);
+  if (capture && !is_repeated) judge_capture(summary.truth, gaps_allowed, shortfalls);
+  if (is_repeated && !summary.truth.warning.empty())
+    shortfalls.push_back(fmt::format("the record is {}", summary.truth.warning));
   for (std::size_t i = 0; i < summary.imus.size(); ++i) {
     const Summary::Imu& imu = summary.imus[i];
     const std::uint64_t dropped = imu.counters[&ImuCounters::dropped], failed = imu.counters[&ImuCounters::failed];
     if (failed > 0)
       shortfalls.push_back(fmt::format("{}: {} lost to errors of the file", imu.name, plural(failed, "frame")));
-    if (const auto n = imu.counters[&ImuCounters::skipped]; capture && n > 0)
+    if (const auto n = imu.counters[&ImuCounters::skipped]; capture && !is_repeated && n > 0)
       shortfalls.push_back(fmt::format("{}: {} skipped", imu.name, plural(n, "sample")));
     const bool may_be_unread = config.clock == ClockMode::realtime && is_emulated_line(config.imus[i]);
     if (capture && !may_be_unread && dropped > failed)
       shortfalls.push_back(fmt::format("{}: {} dropped", imu.name, plural(dropped - failed, "frame")));
   }
-  if (capture && ended_by == EndedBy::end_of_capture && summary.truth.counters[&TruthCounters::accepted] == 0) {
+  if (const auto n = summary.record[&RecordCounters::lost]; n > 0)
+    shortfalls.push_back(fmt::format("{} missing in the record", plural(n, "packet")));
+  if (capture && !is_repeated && ended_by == EndedBy::end_of_capture &&
+      summary.truth.counters[&TruthCounters::accepted] == 0) {
     outcome.ended_by = EndedBy::failure;
     if (refused_truths(summary.truth) == 0)
       shortfalls.push_back(fmt::format("there is no truth of the format {}", config.truth.format->name));

@@ -42,8 +42,8 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 // truth in it was accepted, no sample was skipped, and every frame was written; at the recorded pace, frames that
 // nobody read from a pty are not missing. A requirement about truth.gaps decides in place of the rule that there is
 // none. With live truth only frames lost to errors of a file are missing. Percentages are those of the truths
-// received, or of the imu's samples.
+// received, or of the imu's samples. A run that `is_repeated` from its record may lack what the recorded run lacked.
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
-              std::span<const Requirement> requirements);
+              std::span<const Requirement> requirements, bool is_repeated = false);
 
 }  // namespace imud

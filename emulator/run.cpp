@@ -21,6 +21,8 @@
 #include "emulator/loop.hpp"
 #include "emulator/readiness.hpp"
 #include "emulator/realtime_thread.hpp"
+#include "emulator/recorded_run.hpp"
+#include "emulator/recorder.hpp"
 #include "emulator/text_file.hpp"
 #include "transports/output_path.hpp"
 
@@ -48,7 +50,8 @@ class Ticker {
 };
 
 // The work of the sampling thread. Returns false if a reader has not read all that was sent.
-bool drive(Session& session, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
+bool drive(Session& session, const Config& config, const RunOptions& options, RecordedRun* repeated,
+           const std::atomic<bool>& stop) {
   MonotonicHost host;
   const bool realtime = config.clock == ClockMode::realtime, capture = is_capture(config.truth.port);
   if (realtime)
@@ -57,14 +60,19 @@ bool drive(Session& session, const Config& config, const RunOptions& options, co
   if (realtime) loop.spin = config.realtime.spin;
   loop.skip_after = config.realtime.skip_after;
   if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
-  const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
-  Loop(session, host, *pacer, loop, stop).run();
+  if (repeated != nullptr) {
+    repeated->run(session, host, {realtime, loop.limit}, stop);
+  } else {
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+    Loop(session, host, *pacer, loop, stop).run();
+  }
   using namespace std::chrono_literals;
   return session.drain(realtime || stop ? 50ms : 2000ms);
 }
 
 RunCounters counters_of(const Session& session) {
-  RunCounters counters{&session.intake().counters(), &session.quality(), {}};
+  RunCounters counters{&session.intake().counters(), &session.quality(), {}, nullptr};
+  if (session.recorder() != nullptr) counters.record = &session.recorder()->counters();
   for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
   return counters;
 }
@@ -109,7 +117,7 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
 void check_outputs(const Config& config, const RunOptions& options) {
   std::vector<std::string> files = config.files;
   if (writes_to_stdout(config)) files.emplace_back("-");
-  for (const std::string& path : {options.summary_file, options.monitor.quality_file}) {
+  for (const std::string& path : {options.summary_file, options.monitor.quality_file, options.record.file}) {
     const std::string file = path.empty() || path == "-" ? path : regular_file(path);
     if (file.empty()) continue;
     if (std::any_of(files.begin(), files.end(),
@@ -143,7 +151,13 @@ int run(const Config& config, const RunOptions& options) {
   if (config.clock == ClockMode::realtime) {
     process.emplace(config.realtime);
   }
-  Session session(config);
+  std::optional<RecordedRun> repeated;
+  if (options.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
+  std::optional<Recorder> recorder;
+  if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
+  Session session(repeated ? repeated->adapted(config) : config,
+                  repeated ? repeated->open(open_port) : Sync::OpenPort(open_port), recorder ? &*recorder : nullptr);
+  if (recorder) recorder->start(!is_capture(config.truth.port));
   log_details(config);
   report_ready(session.chosen_ports(), options.ready_fd);
   if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
@@ -181,7 +195,7 @@ int run(const Config& config, const RunOptions& options) {
   bool all_read = true;
   std::thread worker([&] {
     try {
-      all_read = drive(session, config, options, stop);
+      all_read = drive(session, config, options, repeated ? &*repeated : nullptr, stop);
     } catch (...) {
       failure = std::current_exception();
     }
@@ -190,17 +204,19 @@ int run(const Config& config, const RunOptions& options) {
   io.run();
   report_stopping();
   worker.join();
+  if (recorder) recorder->finish();
   if (failure) std::rethrow_exception(failure);
 
   EndedBy ended_by = stopped_by;
   if (is_capture(config.truth.port))
     ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? EndedBy::signal : EndedBy::duration;
   Summary summary = monitor.finish(session.intake().end_warning());
-  summary.whole = {judge(summary, config, ended_by, options.required), config.seed, config.sha256,
+  summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
                    session.chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
     outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
+  if (repeated && !repeated->difference().empty()) outcome.shortfalls.push_back(repeated->difference());
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
   if (outcome.ended_by != EndedBy::failure) session.commit();

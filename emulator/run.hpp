@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "emulator/monitor.hpp"
+#include "emulator/record_file.hpp"
 
 namespace imud {
 
@@ -16,6 +17,8 @@ struct RunOptions {
   std::optional<int> ready_fd;   // an open descriptor that report_ready() writes to and closes
   bool wait_for_reader = false;  // the run begins when each pty has a reader
   Monitor::Options monitor;
+  RecordOptions record;
+  bool repeats = false;  // the truth port is a record, whose run is repeated
 };
 
 // Runs until the capture ends, the duration is over, or SIGINT or SIGTERM arrives, and prints the summary. Returns

@@ -3,13 +3,17 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/recorder.hpp"
+
 namespace imud {
 
-Session::Session(const Config& config, const Sync::OpenPort& open)
-    : when_stopped_(config.truth.when_stopped),
+Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder)
+    : recorder_(recorder),
+      when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
-      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings)) {
-  for (const ImuConfig& imu : config.imus) channels_.push_back(std::make_unique<Channel>(imu, config.seed, open));
+      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder) {
+  for (const ImuConfig& imu : config.imus)
+    channels_.push_back(std::make_unique<Channel>(imu, config.seed, open, recorder));
   constexpr std::size_t most_ports = 2;
   inputs_.reserve(most_ports * channels_.size() + 1);
 }
@@ -32,6 +36,7 @@ ChosenPorts Session::chosen_ports() const {
 }
 
 void Session::begin_run() noexcept {
+  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::run, .b = recorder_->polled().ns});
   in_run_ = true;
   samples_in_run_ = 0;
   truths_since_advance_ = 0;
@@ -39,13 +44,25 @@ void Session::begin_run() noexcept {
   for (const auto& channel : channels_) channel->begin_run();
 }
 
+void Session::record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept {
+  recorder_->event({RecordEvent::Type::sample, flags, channel.record_interface(), time,
+                    timeline_.empty() ? 0 : timeline_.newest().ns, static_cast<std::int64_t>(k)});
+}
+
 void Session::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept {
+  if (recorder_ != nullptr) record_sample(channel, RecordEvent::at_rest, since_power_on.count(), k);
   channel.prepare(channel.sense_at_rest(since_power_on, k), std::nullopt, false);
 }
 
 void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
   Sample sample = channel.sense(timeline_, time, k);
   watermark_ = std::max(watermark_, time);
+  if (recorder_ != nullptr) {
+    const auto basis = (sample.status & status::truth_stale) != 0          ? MotionState::Basis::held
+                       : (sample.status & status::truth_extrapolated) != 0 ? MotionState::Basis::extrapolated
+                                                                           : MotionState::Basis::interpolated;
+    record_sample(channel, static_cast<std::uint8_t>(basis), time.ns, k);
+  }
 
   const bool held = (sample.status & status::truth_stale) != 0;
   // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
@@ -68,6 +85,7 @@ void Session::raise_watermark(TruthTime until) noexcept { watermark_ = std::max(
 
 void Session::advance_imus(TruthTime until) noexcept {
   until = std::min(until, timeline_.newest());
+  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::advance, .a = until.ns});
   raise_watermark(until);
   for (const auto& channel : channels_) channel->advance(timeline_, until);
 }
@@ -96,6 +114,7 @@ std::span<pollfd> Session::inputs(bool truth) noexcept {
 }
 
 bool Session::serve_inputs(HostTime now, Host* clock) noexcept {
+  if (recorder_ != nullptr) recorder_->set_time(now);
   constexpr int failures = POLLERR | POLLHUP | POLLNVAL;
   bool may_poll = (inputs_[0].revents & failures) == 0;
   auto input = inputs_.begin() + 1;
@@ -111,6 +130,7 @@ bool Session::serve_inputs(HostTime now, Host* clock) noexcept {
 }
 
 void Session::serve_all(HostTime now, Host* clock) noexcept {
+  if (recorder_ != nullptr) recorder_->set_polled(now);
   intake_.poll(now);
   for (const auto& channel : channels_) {
     channel->serve(now, clock);
@@ -119,6 +139,7 @@ void Session::serve_all(HostTime now, Host* clock) noexcept {
 }
 
 void Session::poll(HostTime now) noexcept {
+  if (recorder_ != nullptr) recorder_->set_polled(now);
   intake_.poll(now);
   for (const auto& channel : channels_) {
     channel->poll(now);
@@ -166,6 +187,12 @@ void Session::commit() {
 void Session::cycle_power_if_requested(HostTime now) noexcept {
   if (!power_cycle_.load(std::memory_order_relaxed)) return;
   power_cycle_.store(false, std::memory_order_relaxed);
+  cycle_power(now);
+}
+
+void Session::cycle_power(HostTime now) noexcept {
+  if (recorder_ != nullptr)
+    recorder_->event({.type = RecordEvent::Type::power_cycle, .a = now.ns, .b = recorder_->polled().ns});
   for (const auto& channel : channels_) channel->cycle_power(now);
 }
 

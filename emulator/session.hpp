@@ -26,8 +26,10 @@ using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
 // all memory. One thread, except for request_power_cycle() and the counters, which any thread may use.
 class Session {
  public:
-  // Opens every port. Throws PortError.
-  explicit Session(const Config& config, const Sync::OpenPort& open = open_port);
+  // Opens every port. `recorder`: records what happens; nullptr: none does. Throws PortError.
+  explicit Session(const Config& config, const Sync::OpenPort& open = open_port, Recorder* recorder = nullptr);
+
+  Recorder* recorder() const noexcept { return recorder_; }
 
   TruthIntake& intake() noexcept { return intake_; }
   const TruthIntake& intake() const noexcept { return intake_; }
@@ -56,6 +58,8 @@ class Session {
   void advance(TruthTime until) noexcept;
   // Raises the watermark to `until`: no truth up to it is accepted any more.
   void raise_watermark(TruthTime until) noexcept;
+  // Integrates the truth up to `until` in slow imus, and raises the watermark: advance() does it when it has to.
+  void advance_imus(TruthTime until) noexcept;
   // Returns false while the timeline has no room for another truth. If it is full, first advances slow imus and the
   // watermark to `until`.
   bool has_room_for_truth(TruthTime until) noexcept;
@@ -84,10 +88,12 @@ class Session {
   void request_power_cycle() noexcept { power_cycle_.store(true, std::memory_order_relaxed); }
   // Does so if it was requested. Must not be called between a channel's encode() and transmit().
   void cycle_power_if_requested(HostTime now) noexcept;
+  void cycle_power(HostTime now) noexcept;
 
  private:
-  void advance_imus(TruthTime until) noexcept;
+  void record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept;
 
+  Recorder* const recorder_;
   const WhenStopped when_stopped_;
   Timeline timeline_;
   TruthIntake intake_;

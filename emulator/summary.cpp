@@ -33,6 +33,8 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
     const auto& [name, imu] = counters.imus[i];
     summary.imus.push_back({name, Snapshot(*imu), device_counts(imu->device), line_loads[i]});
   }
+  summary.has_record = counters.record != nullptr;
+  if (summary.has_record) summary.record = Snapshot(*counters.record);
   return summary;
 }
 
@@ -43,6 +45,7 @@ Summary Summary::since(const Summary& before) const {
   rest.truth.counters.subtract(before.truth.counters);
   rest.truth.refused.subtract(before.truth.refused);
   rest.truth.quality.subtract(before.truth.quality);
+  rest.record.subtract(before.record);
   const auto accepted = static_cast<double>(rest.truth.counters[&TruthCounters::accepted]);
   rest.truth.rate_hz = rest.duration_s > 0 ? accepted / rest.duration_s : 0;
   for (std::size_t i = 0; i < rest.imus.size(); ++i) {
@@ -67,7 +70,8 @@ std::optional<std::uint64_t> count_of(const Snapshot<Group>& snapshot, std::stri
 }  // namespace
 
 std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view name) {
-  constexpr std::string_view truth = "truth.", refused = "refused.";
+  constexpr std::string_view truth = "truth.", refused = "refused.", record = "record.";
+  if (name.starts_with(record)) return count_of(summary.record, name.substr(record.size()));
   if (name == "truth.refused") return summary.truth.refused.total();
   if (name.starts_with(truth)) {
     name.remove_prefix(truth.size());
@@ -101,6 +105,7 @@ std::vector<std::string> count_names(const Summary& summary) {
   names.emplace_back("truth.refused");
   add("truth.refused.", summary.truth.refused);
   add("truth.", summary.truth.quality);
+  add("record.", summary.record);
   return names;
 }
 
@@ -193,6 +198,7 @@ std::string text(const Summary& s) {
     if (imu.line_load_percent > 0) out += fmt::format("; line {:.1f} %", imu.line_load_percent);
     out += "\n";
   }
+  if (s.has_record) out += fmt::format("{:<8} {}\n", "record", counts_text(s.record, where));
   if (s.whole) out += text(s.whole->outcome);
   return out;
 }
@@ -221,6 +227,7 @@ std::string line(const Summary& s) {
   out += fmt::format(", {}, extrapolated {:.1f} %", counts_text(sums, where),
                      100 * share(sums[&ImuCounters::extrapolated], samples));
   if (load > 0) out += fmt::format(", line {:.1f} %", load);
+  if (const std::string counts = counts_text(s.record, where); !counts.empty()) out += ", record: " + counts;
   return out;
 }
 
@@ -286,6 +293,7 @@ std::string json(const Summary& s, JsonLayout layout) {
   if (s.whole) add(all, *s.whole);
   all["truth"] = truth;
   all["imus"] = imus;
+  if (s.has_record) add_counts(all["record"], s.record);
   return layout == JsonLayout::line ? all.dump() : all.dump(2) + "\n";
 }
 

@@ -42,6 +42,8 @@ struct Summary {
     double line_load_percent = 0;  // 0: the line has no bit rate
   };
   std::vector<Imu> imus;
+  bool has_record = false;          // the run is recorded
+  Snapshot<RecordCounters> record;  // its figures
 
   // The whole run's only.
   struct Whole {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "emulator/recorder.hpp"
 #include "protocols/sync_datagram.hpp"
 
 namespace imud {
@@ -11,16 +12,30 @@ constexpr Nanoseconds furthest_ahead = std::chrono::seconds(10);
 constexpr int datagrams_at_a_time = 16;  // so that a flood does not delay samples
 }  // namespace
 
-Sync::Sync(const SyncConfig& config, const OpenPort& open) {
-  if (!config.trigger_port.empty()) trigger_.port = open(config.trigger_port, Role::listener);
-  if (!config.pps_port.empty()) pps_.port = open(config.pps_port, Role::listener);
+Sync::Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu, Recorder* recorder)
+    : recorder_(recorder) {
+  open_input(trigger_, config.trigger_port, open, imu + " trigger");
+  open_input(pps_, config.pps_port, open, imu + " pps");
   if (!config.tov_port.empty()) tov_ = open(config.tov_port, Role::device);
+}
+
+void Sync::open_input(Input& input, std::string_view port, const OpenPort& open, const std::string& name) {
+  if (port.empty()) return;
+  input.port = open(port, Role::listener);
+  if (recorder_ != nullptr) input.interface = recorder_->add_interface(name, link_type::bytes);
+}
+
+std::optional<Port::Received> Sync::receive(Input& input) noexcept {
+  auto received = input.port->receive();
+  if (received && recorder_ != nullptr)
+    recorder_->packet(input.interface, PacketDirection::inbound, recorder_->now(), received->frame);
+  return received;
 }
 
 void Sync::discard_edges() noexcept {
   for (Input* input : {&trigger_, &pps_}) {
     input->count = 0;
-    for (int i = 0; input->port != nullptr && i < datagrams_at_a_time && input->port->receive(); ++i) {
+    for (int i = 0; input->port != nullptr && i < datagrams_at_a_time && receive(*input); ++i) {
     }
   }
   last_.reset();
@@ -39,7 +54,7 @@ void Sync::deliver_edges(Device& device, TruthTime time, DeviceTime stamp) noexc
 
 void Sync::receive(Input& input, TruthTime time) noexcept {
   for (int i = 0; i < datagrams_at_a_time; ++i) {
-    const auto received = input.port->receive();
+    const auto received = receive(input);
     if (!received) break;
     const TruthTime at = decode_edge(received->frame.bytes).value_or(time);
     if (at <= time + furthest_ahead && input.count < input.edges.size())

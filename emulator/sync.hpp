@@ -14,6 +14,8 @@
 
 namespace imud {
 
+class Recorder;
+
 // The ports of the pins; an empty one is not connected.
 struct SyncConfig {
   std::string trigger_port, pps_port, tov_port;
@@ -26,7 +28,8 @@ struct SyncConfig {
 class Sync {
  public:
   using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>;
-  Sync(const SyncConfig& config, const OpenPort& open);  // throws PortError
+  // `imu`: the name of the imu. `recorder`: records the datagrams received; nullptr: none does. Throws PortError.
+  Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu, Recorder* recorder);
 
   // Delivers the edges up to `time` to the device. Call it before the device's sample at `time`, whose stamp is
   // `stamp`.
@@ -46,13 +49,17 @@ class Sync {
  private:
   struct Input {
     std::unique_ptr<Port> port;
+    std::uint16_t interface = 0;           // of the record
     std::array<TruthTime, 64> edges = {};  // those that wait
     std::size_t count = 0;
   };
+  void open_input(Input& input, std::string_view port, const OpenPort& open, const std::string& name);
+  std::optional<Port::Received> receive(Input& input) noexcept;
   void receive(Input& input, TruthTime time) noexcept;
   void deliver(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input& input, TruthTime time,
                DeviceTime stamp) noexcept;
 
+  Recorder* const recorder_;
   Input trigger_, pps_;
   std::unique_ptr<Port> tov_;
   std::uint64_t refused_ = 0;

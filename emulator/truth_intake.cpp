@@ -5,14 +5,30 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/recorder.hpp"
+
 namespace imud {
 
 namespace {
 
 // Returns true for a file, a fifo or a connection, whose bytes arrive in pieces of any length.
-bool is_stream(const std::string& port) noexcept {
+bool is_stream(const std::string& text, const Port& port) noexcept {
+  const Transport* transport = transport_of(text);
+  return !port.keeps_datagrams().value_or(transport != nullptr && transport->keeps_datagrams);
+}
+
+// Returns the address that `port` receives datagrams at, as far as its text has it.
+Endpoint address_of(const std::string& port) {
   const Transport* transport = transport_of(port);
-  return transport == nullptr || !transport->keeps_datagrams;
+  Endpoint address;
+  if (transport == nullptr || transport->udp_port == nullptr) return address;
+  try {
+    const PortSpec spec = PortSpec::parse(port);
+    if (!transport->ends) address = Endpoint::parse(NumericAddress::parse(spec.address).address);
+    address.port = transport->udp_port(spec).value_or(0);
+  } catch (const PortError&) {  // the address stays unknown
+  }
+  return address;
 }
 
 // Writes a remark; cuts off what exceeds `room`. Returns the length.
@@ -24,19 +40,37 @@ std::size_t write(std::span<char> room, fmt::format_string<Values...> format, Va
 
 }  // namespace
 
-TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port)
+TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port,
+                         Recorder* recorder)
     : timeline_(timeline),
       port_(std::move(port)),
+      recorder_(recorder),
       format_(*config.format),
       decoder_(config.format->make(config.settings)),
       stream_(config.stream),
       derivation_(config.fit ? new Derivation{PoseFit(*config.fit), Timeline(config.limits)} : nullptr),
       ignores_force_(config.ignores_force),
       needs_earth_(config.fit && config.fit->gravitation.needs_position()),
-      is_stream_(is_stream(config.port)),
+      is_stream_(is_stream(config.port, *port_)),
       is_live_(!is_capture(config.port)),
       max_gap_(config.limits.max_gap) {
   remark_columns();
+  if (recorder_ != nullptr) add_interface(config);
+}
+
+void TruthIntake::add_interface(const TruthConfig& config) {
+  interface_ =
+      recorder_->add_interface(std::string(truth_interface), is_stream_ ? link_type::bytes : link_type::raw_ip);
+  const std::string chosen = port_->chosen_port();
+  recorder_->set_truth_address(address_of(chosen.empty() ? config.port : chosen));
+}
+
+// Sends `outgoing_`.
+void TruthIntake::send() noexcept {
+  port_->send(outgoing_.frames());
+  if (recorder_ == nullptr) return;
+  for (const Frame& frame : outgoing_.frames())
+    recorder_->packet(interface_, PacketDirection::outbound, recorder_->now(), frame, sender_);
 }
 
 // Called when the input has ended, or the simulator has disconnected. The rest of an incomplete record will not come.
@@ -56,6 +90,7 @@ void TruthIntake::watch_connection() noexcept {
     counters_.disconnections.store(port.lost_count, std::memory_order_relaxed);
     is_back_ = true;
     finish_input();
+    if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::disconnected});
   }
   counters_.port_state.store(port_->state(), std::memory_order_release);
 }
@@ -85,6 +120,10 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
     }
     arrival_ = received->time;
     sender_ = received->from;
+    // A capture's own time stamps are no host times.
+    if (recorder_ != nullptr)
+      recorder_->packet(interface_, PacketDirection::inbound, is_live_ ? arrival_ : recorder_->now(), received->frame,
+                        sender_);
     decoder_->feed(received->frame.bytes, is_stream_ ? TruthInput::stream : TruthInput::datagram, arrival_);
   }
   return std::nullopt;
@@ -183,7 +222,15 @@ void TruthIntake::count_step(Admission admission, Nanoseconds step) noexcept {
 }
 
 TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
-  if (const auto outcome = take_derived(watermark)) return *outcome;
+  const Outcome outcome = process(watermark);
+  if (recorder_ != nullptr && outcome != Outcome::nothing)
+    recorder_->event({RecordEvent::Type::truth, static_cast<std::uint8_t>(outcome), 0,
+                      outcome == Outcome::ignored ? 0 : truth_.time.ns, watermark.ns});
+  return outcome;
+}
+
+TruthIntake::Outcome TruthIntake::process(TruthTime watermark) noexcept {
+  if (const auto derived = take_derived(watermark)) return *derived;
   const auto result = next_record();
   constexpr std::uint64_t between_reports = 256;  // records
   if (!is_live_ && (!result || counters_.received % between_reports == 0))
@@ -317,7 +364,7 @@ void TruthIntake::answer(TruthTime emitted_until, std::uint64_t samples) noexcep
   if (!is_live_) return;
   outgoing_.clear();
   decoder_->acknowledge(truth_, emitted_until, samples, outgoing_);
-  port_->send(outgoing_.frames());
+  send();
 }
 
 bool TruthIntake::is_reachable() const noexcept {
@@ -338,7 +385,7 @@ void TruthIntake::poll(HostTime now) noexcept {
   if (const auto deadline = decoder_->deadline(); deadline && *deadline <= now) {
     outgoing_.clear();
     decoder_->poll(now, outgoing_);
-    port_->send(outgoing_.frames());
+    send();
   }
   port_->flush();
 }

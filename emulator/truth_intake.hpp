@@ -19,11 +19,14 @@
 
 namespace imud {
 
+class Recorder;
+
 // Owns the truth port and the format's decoder. One thread, but any thread may read counters().
 class TruthIntake {
  public:
-  // `config.format` must outlive this.
-  TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port);
+  // `config.format` must outlive this. `recorder`: records what is received and sent; nullptr: none does.
+  TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port,
+              Recorder* recorder = nullptr);
 
   enum class Outcome : std::uint8_t {
     nothing,   // no record has arrived; wait for the descriptor, unless at_end()
@@ -62,6 +65,9 @@ class TruthIntake {
   std::string end_warning() const;
 
  private:
+  Outcome process(TruthTime watermark) noexcept;
+  void add_interface(const TruthConfig& config);
+  void send() noexcept;
   std::optional<TruthResult> next_record() noexcept;
   void finish_input() noexcept;
   void watch_connection() noexcept;
@@ -86,6 +92,8 @@ class TruthIntake {
 
   Timeline& timeline_;
   std::unique_ptr<Port> port_;
+  Recorder* const recorder_;
+  std::uint16_t interface_ = 0;  // of the record
   const TruthFormat& format_;
   std::unique_ptr<TruthDecoder> decoder_;
   std::optional<std::uint32_t> stream_;

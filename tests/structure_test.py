@@ -19,7 +19,7 @@ PORTS_GIVEN = {("emulator/selftest.cpp", "pty:imu"), ("emulator/command_line.cpp
                ("tools/imu_truth.cpp", "udp:127.0.0.1:9810"),
                ("tools/lockstep_client.hpp", "udp:"),
                # The noun, not the transport.
-               ("emulator/outcome.cpp", "record"), ("tools/stream_report.cpp", "record")}
+               ("emulator/outcome.cpp", "record"), ("emulator/summary.cpp", "record"), ("tools/stream_report.cpp", "record")}
 TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "core", "emulator", "protocols", "tests",
              "tools", "transports", "build"}
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "emulator/loop.hpp"
+#include "emulator/recorder.hpp"
 #include "protocols/native_truth.hpp"
 
 namespace imud {
@@ -125,6 +126,7 @@ class SimulatedRun {
   SimulatedHost& host() { return host_; }
   // Replaces the SimulatedSensor.
   std::function<std::unique_ptr<Port>(SimulatedHost&)> make_sensor;
+  Recorder* recorder = nullptr;  // started by run()
   // Time since the simulation's start.
   HostTime at(double s) const { return begin_ + nanoseconds(s); }
   double since_begin(HostTime time) const { return seconds(time - begin_); }
@@ -142,10 +144,14 @@ class SimulatedRun {
     host_.end = at(until_s);
     left_.resize(config_.imus.size());
     std::size_t next = 0;
-    session_ = std::make_unique<Session>(config_, [&](std::string_view, const PortSettings& port) {
-      if (port.role == Role::listener) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
-      return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
-    });
+    session_ = std::make_unique<Session>(
+        config_,
+        [&](std::string_view, const PortSettings& port) {
+          if (port.role == Role::listener) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
+          return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
+        },
+        recorder);
+    if (recorder != nullptr) recorder->start(true);
     const auto pacer = make_pacer(config_, session_->quality());
     Loop(*session_, host_, *pacer,
          {.spin = config_.realtime.spin, .skip_after = config_.realtime.skip_after, .limit = {}}, host_.stop)

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "emulator/loop.hpp"
+#include "emulator/recorder.hpp"
 #include "tests/emulator/live_test.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/locks.hpp"
@@ -40,7 +41,7 @@ TEST(Locks, AreCountedOnThreadsThatEnableIt) {
 
 // Samples of six imus to a pty with a reader, one without, a file, a socket, and paced ptys whose readers have set
 // the right and a wrong speed, at 1 kHz; truth at 500 Hz with bad datagrams among it, repeated ones, and pauses
-// beyond which motion is held.
+// beyond which motion is held. All of it is recorded.
 TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::string text = "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\nextrapolate_ms = 20\n";
   const std::array<std::string, 6> ports = {"pty:" + path("read"),
@@ -57,7 +58,9 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
         i, protocols[i], ports[i], i < 4 ? "none" : "line");
   const Config config = load_config(write("config.toml", text));
   std::atomic<bool> stop = false;
-  Session session(config);
+  Recorder recorder({.file = path("record.pcapng")}, false);
+  Session session(config, open_port, &recorder);
+  recorder.start(true);
   const auto counters = [&](std::size_t i) -> const ImuCounters& { return session.channels()[i]->counters(); };
   const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   ASSERT_TRUE(reader);
@@ -121,6 +124,9 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
                        << counters(2).frames << ' ' << counters(4).frames << ' ' << counters(5).frames << ' '
                        << refused(Refusal::duplicate) << ' ' << refused(Refusal::too_short) << ' ' << quality.stops
                        << ' ' << quality.returns;
+  recorder.finish();
+  EXPECT_EQ(recorder.counters().lost, 0U);
+  EXPECT_GT(recorder.counters().packets, counters(0).samples * 10) << "four frames and six samples each";
   EXPECT_EQ(counters(4).port_state, PortState::ready);
   EXPECT_EQ(counters(5).port_state, PortState::wrong_speed);
 }

@@ -1,0 +1,131 @@
+#include "emulator/record_file.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <string_view>
+#include <utility>
+
+#include "emulator/text_file.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::size_t large_batch = 256 * 1024;
+constexpr std::string_view suffix = ".pcapng";
+
+FileDescriptor create(const std::string& path) {
+  return FileDescriptor(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOCTTY, 0666));
+}
+
+}  // namespace
+
+RecordFile::RecordFile(const RecordOptions& options, RecordCounters& counters)
+    : options_(options), counters_(counters) {
+  batch_.reserve(2 * large_batch);
+  packet_.reserve(large_batch);
+  if (!open_next()) throw OpenError(fmt::format("{}: {}", path_, std::strerror(errno)));
+}
+
+std::string RecordFile::numbered(std::uint64_t number) const {
+  if (options_.max_bytes == 0) return options_.file;
+  std::string_view stem = options_.file;
+  if (stem.ends_with(suffix)) stem.remove_suffix(suffix.size());
+  return fmt::format("{}-{:05}{}", stem, number, suffix);
+}
+
+// Opens the next file, and removes the one that is not kept any more.
+bool RecordFile::open_next() {
+  path_ = numbered(number_ + 1);
+  FileDescriptor next = create(path_);
+  if (!next) return false;
+  file_ = std::move(next);
+  ++number_;
+  size_ = 0;
+  has_head_ = false;
+  counters_.files.count();
+  if (options_.max_files > 0 && number_ > options_.max_files)
+    ::unlink(numbered(number_ - options_.max_files).c_str());
+  return true;
+}
+
+void RecordFile::begin(std::vector<PcapngInterface> interfaces, std::int64_t offset_ns, std::uint8_t flags,
+                       const Endpoint& truth) {
+  interfaces_ = std::move(interfaces);
+  offset_ns_ = offset_ns;
+  flags_ = flags;
+  truth_ = truth;
+  append_head();
+  flush();
+}
+
+void RecordFile::append_event(const RecordEvent& event) {
+  append_packet(batch_, {.interface = 0, .time_ns = time_ns_, .bytes = encode_record_event(event)});
+}
+
+void RecordFile::append_head() {
+  append_section(batch_, "imud " IMUD_VERSION);
+  for (const PcapngInterface& interface : interfaces_) append_interface(batch_, interface);
+  append_event(
+      {RecordEvent::Type::begin, flags_, 0, offset_ns_, static_cast<std::int64_t>(number_), RecordEvent::version});
+}
+
+void RecordFile::add(const PacketRing::Head& head, std::span<const std::byte> bytes) {
+  time_ns_ = head.time.ns + offset_ns_;
+  if (batch_.empty() && !has_head_) append_head();
+  if (batch_.empty() && missing_ > 0)
+    append_event({.type = RecordEvent::Type::lost, .a = static_cast<std::int64_t>(missing_)});
+  const std::uint16_t link = interfaces_[head.interface].link_type;
+  packet_.clear();
+  if (link == link_type::can_socketcan)
+    append_can_packet(packet_, {bytes, head.can});
+  else if (link == link_type::raw_ip && head.direction == PacketDirection::outbound)
+    append_udp_packet(packet_, bytes, truth_, head.peer);
+  else if (link == link_type::raw_ip)
+    append_udp_packet(packet_, bytes, head.peer, truth_);
+  const bool is_wrapped = link == link_type::can_socketcan || link == link_type::raw_ip;
+  append_packet(batch_, {head.interface, time_ns_, head.direction, is_wrapped ? packet_ : bytes});
+  ++packets_;
+  if (batch_.size() >= large_batch || (options_.max_bytes > 0 && size_ + batch_.size() >= options_.max_bytes))
+    flush();
+}
+
+void RecordFile::flush() {
+  if (batch_.empty()) return;
+  if (write_batch()) {
+    size_ += batch_.size();
+    counters_.bytes.count(batch_.size());
+    counters_.packets.count(packets_);
+    has_head_ = true;
+    missing_ = 0;
+  } else {
+    counters_.lost.count(packets_);
+    missing_ += packets_;
+  }
+  batch_.clear();
+  packets_ = 0;
+  if (options_.max_bytes > 0 && size_ >= options_.max_bytes && !open_next()) counters_.error = errno;
+}
+
+// Returns false if the file did not take all of it; then none of it stays in a regular file.
+bool RecordFile::write_batch() noexcept {
+  for (std::size_t written = 0; written < batch_.size();) {
+    const ssize_t size = ::write(file_.get(), batch_.data() + written, batch_.size() - written);
+    if (size < 0 && errno == EINTR) continue;
+    if (size > 0) {
+      written += static_cast<std::size_t>(size);
+      continue;
+    }
+    counters_.error = size < 0 ? errno : ENOSPC;
+    if (::ftruncate(file_.get(), static_cast<off_t>(size_)) == 0)
+      ::lseek(file_.get(), static_cast<off_t>(size_), SEEK_SET);
+    return false;
+  }
+  return true;
+}
+
+}  // namespace imud

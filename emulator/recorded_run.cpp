@@ -1,0 +1,290 @@
+#include "emulator/recorded_run.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <deque>
+#include <utility>
+
+namespace imud {
+
+namespace {
+using Type = RecordEvent::Type;
+}  // namespace
+
+// A port that is fed from the record.
+class RecordedRun::Input final : public Port {
+ public:
+  Input(RecordedRun& run, bool is_stream) : run_(run), is_stream_(is_stream) {}
+
+  void feed(std::span<const std::byte> bytes, HostTime time, const Endpoint& from) {
+    waiting_.push_back({{bytes.begin(), bytes.end()}, time, from, std::exchange(disconnects_, 0)});
+  }
+  void disconnect() noexcept { ++disconnects_; }
+
+  void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
+  std::optional<Received> receive() noexcept override {
+    if (waiting_.empty()) return std::nullopt;
+    current_ = std::move(waiting_.front());
+    waiting_.pop_front();
+    counters_.lost_count += current_.disconnects;
+    return Received{{current_.bytes}, current_.time, current_.from};
+  }
+  bool at_end() const noexcept override { return run_.has_end_ && waiting_.empty(); }
+  std::string_view end_warning() const noexcept override { return run_.end_warning(); }
+  std::optional<double> progress() const noexcept override { return run_.reader_.progress(); }
+  std::optional<bool> keeps_datagrams() const noexcept override { return !is_stream_; }
+
+ private:
+  struct Packet {
+    std::vector<std::byte> bytes;
+    HostTime time;
+    Endpoint from;
+    std::uint64_t disconnects = 0;  // before it
+  };
+  RecordedRun& run_;
+  const bool is_stream_;
+  std::deque<Packet> waiting_;
+  std::uint64_t disconnects_ = 0;
+  Packet current_;
+};
+
+RecordedRun::RecordedRun(const PortSpec& spec, const Config& config) : reader_(spec), truth_port_(config.truth.port) {
+  while (!first_ && !reader_.at_end()) first_ = reader_.next();
+  const auto has = [this](std::string_view name) {
+    const auto all = reader_.interfaces();
+    return std::any_of(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
+  };
+  const auto begin = first_ && reader_.interfaces()[first_->interface].link_type == link_type::event
+                         ? decode_record_event(first_->bytes)
+                         : std::nullopt;
+  constexpr std::string_view only_truth = "the capture record:FILE is its truth alone";
+  if (!begin || begin->type != Type::begin || begin->c != RecordEvent::version)
+    throw spec.error(fmt::format("is no record of a run by this version of imud; {}", only_truth));
+  if (begin->b != 1)
+    throw spec.error(fmt::format("is file {} of a record: a run can be repeated from its beginning only; {}",
+                                 begin->b, only_truth));
+  std::vector<std::string> missing;
+  for (const ImuConfig& imu : config.imus) {
+    if (!has(imu.name)) missing.push_back(imu.name);
+    if (!imu.sync.trigger_port.empty()) pins_[imu.sync.trigger_port] = imu.name + " trigger";
+    if (!imu.sync.pps_port.empty()) pins_[imu.sync.pps_port] = imu.name + " pps";
+  }
+  if (!missing.empty()) throw spec.error(fmt::format("has no imu {}; {}", fmt::join(missing, ", "), only_truth));
+  is_live_ = (begin->flags & RecordEvent::is_live) != 0;
+  offset_ns_ = begin->a;
+}
+
+Config RecordedRun::adapted(Config config) const {
+  config.truth.limits.gap_begins_run = !is_live_;
+  return config;
+}
+
+Sync::OpenPort RecordedRun::open(Sync::OpenPort others) {
+  return [this, others = std::move(others)](std::string_view text, const PortSettings& settings) {
+    const std::string port(text);
+    const auto pin = pins_.find(port);
+    if (port != truth_port_ && pin == pins_.end()) return others(text, settings);
+    const std::string name = port == truth_port_ ? std::string(truth_interface) : pin->second;
+    const auto all = reader_.interfaces();
+    const auto found = std::find_if(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
+    const bool is_stream = port == truth_port_ && found != all.end() && found->link_type == link_type::bytes;
+    auto input = std::make_unique<Input>(*this, is_stream);
+    inputs_[name] = input.get();
+    return std::unique_ptr<Port>(std::move(input));
+  };
+}
+
+void RecordedRun::run(Session& session, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept {
+  session_ = &session;
+  host_ = &host;
+  options_ = options;
+  stop_ = &stop;
+  prepared_.reserve(session.channels().size());
+  while (!ended_ && !stop.load(std::memory_order_relaxed)) {
+    const auto packet = first_ ? std::exchange(first_, std::nullopt) : reader_.next();
+    if (!packet) {
+      if (reader_.at_end()) break;
+      continue;
+    }
+    const HostTime time{packet->time_ns - offset_ns_};
+    if (!begin_) begin_ = time;
+    if (options.duration && time - *begin_ > *options.duration) return;
+    const PcapngInterface& interface = reader_.interfaces()[packet->interface];
+    if (interface.link_type != link_type::event) {
+      feed(*packet, interface.name);
+    } else if (const auto event = decode_record_event(packet->bytes)) {
+      execute(*event);
+    }
+  }
+  has_end_ = !stop.load(std::memory_order_relaxed);
+  session.intake().take(session.watermark());  // finds the end
+}
+
+// Truth, edges, and what a host has sent.
+void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface) noexcept {
+  if (packet.direction != PacketDirection::inbound) return;
+  const HostTime time{packet.time_ns - offset_ns_};
+  const std::uint16_t link = reader_.interfaces()[packet.interface].link_type;
+  if (const auto input = inputs_.find(interface); input != inputs_.end()) {
+    if (link != link_type::raw_ip) return input->second->feed(packet.bytes, time, {});
+    const UdpPacket datagram = decode_udp_packet(packet.bytes);
+    if (datagram.outcome == UdpPacket::Outcome::whole) input->second->feed(datagram.payload, time, datagram.from);
+    return;
+  }
+  if (!receive_) return;
+  const RecordEvent event = *std::exchange(receive_, std::nullopt);
+  Channel* channel = channel_of(event);
+  std::optional<Frame> frame = Frame{packet.bytes};
+  if (link == link_type::can_socketcan) frame = decode_can_packet(packet.bytes);
+  if (channel != nullptr && frame && event.flags < channel->port_count())
+    channel->receive(*frame, event.flags, HostTime{event.a});
+}
+
+Channel* RecordedRun::channel_of(const RecordEvent& event) noexcept {
+  if (event.interface >= reader_.interfaces().size()) return nullptr;
+  const std::string& name = reader_.interfaces()[event.interface].name;
+  const auto all = session_->channels();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const auto& channel) { return channel->name() == name; });
+  return found == all.end() ? nullptr : found->get();
+}
+
+void RecordedRun::poll(std::int64_t polled_ns) noexcept {
+  for (const auto& channel : session_->channels()) {
+    channel->poll(HostTime{polled_ns});
+    channel->flush();
+  }
+}
+
+void RecordedRun::execute(const RecordEvent& event) noexcept {
+  Channel* const channel = channel_of(event);  // of the events that are of an imu
+  switch (event.type) {
+    case Type::begin:
+      offset_ns_ = event.a;
+      break;
+    case Type::power_on:
+      if (channel != nullptr) channel->power_on(HostTime{event.a});
+      break;
+    case Type::power_cycle:
+      poll(event.b);
+      session_->cycle_power(HostTime{event.a});
+      break;
+    case Type::truth:
+      process_truth(event);
+      break;
+    case Type::disconnected:
+      if (const auto truth = inputs_.find(std::string(truth_interface)); truth != inputs_.end())
+        truth->second->disconnect();
+      break;
+    case Type::forget_past:
+      if (session_->timeline().empty()) break;
+      session_->quality().resumed.count();
+      session_->timeline().forget_past();
+      break;
+    case Type::run:
+      if (session_->timeline().empty()) break;
+      poll(event.b);
+      session_->begin_run();
+      break;
+    case Type::set_clock:
+      if (channel == nullptr) break;
+      channel->set_clock(DeviceTime{event.a}, (event.flags & RecordEvent::has_host_time) != 0
+                                                  ? std::optional(HostTime{event.b})
+                                                  : std::nullopt);
+      break;
+    case Type::start_samples:
+      if (channel != nullptr) channel->start_samples();
+      break;
+    case Type::advance:
+      if (!session_->timeline().empty()) session_->advance_imus(TruthTime{event.a});
+      break;
+    case Type::sample:
+      if (channel != nullptr) take_sample(*channel, event);
+      break;
+    case Type::transmit:
+      transmit(event);
+      break;
+    case Type::receive:
+      receive_ = event;
+      break;
+    case Type::lost:
+      lost_ += static_cast<std::uint64_t>(std::max<std::int64_t>(event.a, 0));
+      break;
+    case Type::end:
+      poll(event.b);
+      ended_ = true;
+      break;
+  }
+}
+
+// Pieces of a stream may have come without a record in them.
+void RecordedRun::process_truth(const RecordEvent& event) noexcept {
+  TruthIntake& intake = session_->intake();
+  constexpr int most = 1024;
+  auto outcome = TruthIntake::Outcome::nothing;
+  for (int i = 0; i < most && outcome == TruthIntake::Outcome::nothing; ++i)
+    outcome = intake.take(TruthTime{event.b});
+  const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::nothing;
+  if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
+    ++differing_;
+}
+
+void RecordedRun::take_sample(Channel& channel, const RecordEvent& event) noexcept {
+  if (prepared_.size() == prepared_.capacity()) return;  // a damaged record
+  const auto k = static_cast<std::uint64_t>(event.c);
+  if ((event.flags & RecordEvent::at_rest) != 0) {
+    session_->prepare_at_rest(channel, k, Nanoseconds(event.a));
+  } else if (session_->timeline().empty()) {
+    return;
+  } else {
+    if (session_->timeline().newest().ns != event.b) ++differing_;
+    session_->prepare(channel, k, TruthTime{event.a});
+  }
+  prepared_.push_back(&channel);
+}
+
+// In steps, so that a signal ends the wait.
+void RecordedRun::wait_until(HostTime instant) noexcept {
+  if (!options_.paced) return;
+  const HostTime now = host_->now();
+  if (!shift_) shift_ = now - instant;
+  constexpr Nanoseconds step = std::chrono::milliseconds(20);
+  const HostTime until = instant + *shift_;
+  for (HostTime at = now; at < until && !stop_->load(std::memory_order_relaxed);) {
+    at = host_->sleep_until(std::min(until, at + step));
+    session_->flush();
+  }
+}
+
+void RecordedRun::transmit(const RecordEvent& event) noexcept {
+  wait_until(HostTime{event.a});
+  if ((event.flags & RecordEvent::skipped) != 0) {
+    poll(event.b);
+    for (Channel* channel : prepared_) channel->skip();
+  } else {
+    for (Channel* channel : prepared_) {
+      if (!options_.paced) channel->wait_for_room(*stop_);
+      channel->encode();
+    }
+    for (Channel* channel : prepared_) {
+      if (!options_.paced) channel->wait_for_room(*stop_);
+      channel->transmit();
+      if (!options_.paced && channel->is_can()) channel->wait_until_sent(*stop_);
+    }
+  }
+  for (Channel* channel : prepared_) channel->count_sample();
+  session_->count_samples(prepared_.size());
+  prepared_.clear();
+}
+
+std::string RecordedRun::difference() const {
+  if (lost_ > 0) return fmt::format("the record lacks {} packets: what follows them is not that of the run", lost_);
+  if (differing_ > 0)
+    return fmt::format("truth was processed differently from the run {} times: was the configuration another?",
+                       differing_);
+  return {};
+}
+
+}  // namespace imud

@@ -1,0 +1,76 @@
+// RecordedRun: repeats a run from its record (`imud replay CONFIG RECORD`).
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "emulator/host.hpp"
+#include "emulator/session.hpp"
+#include "transports/pcapng_reader.hpp"
+#include "transports/record_packet.hpp"
+
+namespace imud {
+
+// Drives a Session as the Loop did when the record was made: in the order of its events, with the times that they
+// have. Truth, what the hosts sent, and the edges at the pins come from the record; the hosts at the imus' ports are
+// not listened to. One thread.
+class RecordedRun {
+ public:
+  // Opens the record. Throws PortError if it is none, does not begin with the run's begin, or lacks an imu of the
+  // configuration.
+  RecordedRun(const PortSpec& spec, const Config& config);
+
+  // Returns `config` with what a capture would change set as the recorded run had it.
+  Config adapted(Config config) const;
+  // Opens the ports of a Session: the truth port and the pins are fed by run(), the others are opened by `others`.
+  Sync::OpenPort open(Sync::OpenPort others);
+
+  struct Options {
+    bool paced = false;                   // samples leave when as much time has passed as in the recorded run
+    std::optional<Nanoseconds> duration;  // of the recorded run; ends there
+  };
+  // Runs to the end of the record, or until `stop` is set.
+  void run(Session& session, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept;
+
+  // Describes how the replay differs from the run; empty if it does not. Valid after run().
+  std::string difference() const;
+  std::string_view end_warning() const noexcept { return reader_.end_warning(); }
+
+ private:
+  class Input;
+  void execute(const RecordEvent& event) noexcept;
+  void feed(const PcapngPacket& packet, const std::string& interface) noexcept;
+  void process_truth(const RecordEvent& event) noexcept;
+  void take_sample(Channel& channel, const RecordEvent& event) noexcept;
+  void transmit(const RecordEvent& event) noexcept;
+  void wait_until(HostTime instant) noexcept;
+  void poll(std::int64_t polled_ns) noexcept;
+  Channel* channel_of(const RecordEvent& event) noexcept;
+
+  PcapngReader reader_;
+  std::optional<PcapngPacket> first_;  // read ahead
+  const std::string truth_port_;
+  std::map<std::string, std::string> pins_;  // name of the interface by the text of its port
+  std::map<std::string, Input*> inputs_;     // by the name of the interface
+  bool is_live_ = true;
+  std::int64_t offset_ns_ = 0;  // from host times to those of the packets
+
+  Session* session_ = nullptr;
+  Host* host_ = nullptr;
+  const std::atomic<bool>* stop_ = nullptr;
+  Options options_;
+  std::optional<Nanoseconds> shift_;  // from the host times of the run to those of the replay
+  std::optional<HostTime> begin_;     // of the run
+  std::vector<Channel*> prepared_;
+  std::optional<RecordEvent> receive_;  // the next packet of its host is received
+  bool ended_ = false, has_end_ = false;
+  std::uint64_t lost_ = 0, differing_ = 0;
+};
+
+}  // namespace imud
