@@ -29,7 +29,8 @@ class Sync {
  public:
   using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>;
   // `imu`: the name of the imu. `recorder`: records the datagrams received; nullptr: none does. Throws PortError.
-  Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu, Recorder* recorder);
+  explicit Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu = {},
+                Recorder* recorder = nullptr);
 
   // Delivers the edges up to `time` to the device. Call it before the device's sample at `time`, whose stamp is
   // `stamp`.
