@@ -10,7 +10,11 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
+import tomllib
 import types
+
+import numpy
 
 imud, source = sys.argv[1], pathlib.Path(sys.argv[2])
 bridges = source / "tools/bridges"
@@ -33,8 +37,11 @@ def load(path):
     return module
 
 
-def sensed(send):
-    """Runs `send`, which sends truths to a port in lockstep. Returns the rows of an ideal sensor of 100 Hz."""
+def sensed(send, rows=None, truth=""):
+    """Runs `send`, which sends truths to a port in lockstep. Returns the rows of an ideal sensor of 100 Hz.
+
+    Waits for `rows` rows, if `send` ends without waiting for imud. `truth`: further lines of the configuration.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -43,6 +50,7 @@ def sensed(send):
     config = folder / "imu.toml"
     config.write_text(f"""clock = "lockstep"
 truth.port = "udp:127.0.0.1:{port}"
+{truth}
 [[imu]]
 rate_hz = 100
 protocol = "csv"
@@ -51,8 +59,13 @@ gyro.max_rad_per_s = 10
 accelerometer.max_m_per_s2 = 100
 """)
     program = subprocess.Popen([imud, "run", config], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 30
     try:
+        while not out.exists() and time.monotonic() < until:
+            time.sleep(0.01)  # the imu's port is opened after that of the truth
         send(port)
+        while rows and out.exists() and len(out.read_text().splitlines()) <= rows and time.monotonic() < until:
+            time.sleep(0.01)
     finally:
         program.terminate()
         log = program.communicate(timeout=30)[1]
@@ -134,6 +147,37 @@ def gazebo():
               math.degrees(4 * math.atan(sigma[2])), yaw, 1e-9)
 
 
+def packed():
+    """The datagram of struct/README.md as NumPy writes it."""
+    truth = tomllib.loads((bridges / "struct/simulink.toml").read_text())["truth"]
+    settings = "\n".join(f"truth.{key} = {json.dumps(truth[key])}" for key in ("format", "byte_order", "fields"))
+    layout = numpy.dtype([
+        ("time", "<f8"), ("q", "<f8", 4), ("rate", "<f8", 3), ("force", "<f8", 3), ("position", "<f8", 3)])
+    check("struct: size", layout.itemsize, 112)
+
+    def send(port):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+            for step in range(11):
+                datagram = numpy.zeros(1, layout)
+                datagram["time"] = step / 100
+                datagram["q"] = (math.cos(0.1 * step / 200), 0, 0, math.sin(0.1 * step / 200))
+                datagram["rate"], datagram["force"], datagram["position"] = (0, 0, 0.1), (0.5, 0, -9.8), (1, 2, -3)
+                line.sendto(datagram.tobytes(), ("127.0.0.1", port))
+    rows = sensed(send, 11, settings)
+    check("struct: samples", len(rows), 11)
+    check("struct: rate", numbers(rows[5], "gyro"), (0, 0, 0.1), 1e-9)
+    check("struct: force", numbers(rows[0], "accel"), (0.5, 0, -9.8), 1e-9)
+
+
+def configurations():
+    found = sorted(bridges.rglob("*.toml"))
+    check("configurations", len(found), 5)
+    for path in found:
+        done = subprocess.run([imud, "check", path], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            faults.append(f"{path}: {done.stderr}")
+
+
 def mavlink():
     """The tee's frames, from a stream that is cut anywhere and has other bytes in between."""
     module = load(bridges / "px4/mavlink_tee.py")
@@ -158,6 +202,8 @@ try:
     basilisk()
     gazebo()
     mavlink()
+    packed()
+    configurations()
 finally:
     shutil.rmtree(folder)
 sys.exit("\n".join(faults) if faults else 0)
