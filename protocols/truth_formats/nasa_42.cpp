@@ -267,6 +267,7 @@ constexpr TruthFormat nasa_42_truth_format = {
     .acknowledges = true,
     .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<Nasa42Decoder>(); },
+    .force_from = "SC[i].Accel[0].TrueAcc to SC[i].Accel[2].TrueAcc",
 };
 
 }  // namespace imud

@@ -360,7 +360,8 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"clock=fast"}).find("clock: \"fast\" reads a capture"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.port=pty:x"}).find("truth.port: cannot carry truth; give "), std::string::npos);
   EXPECT_NE(fault(good, {"truth.port=file:x.csv"}).find("truth.port: native truth is binary"), std::string::npos);
-  EXPECT_NE(fault(good, {"truth.format="}).find("truth.format: there is no \"\"; known: csv, "), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.format="}).find("truth.format: there is no \"\"; known: ardupilot-json, csv, "),
+            std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.protocol="}).find("imu.0.protocol: there is no \"\"; known: bosch-mm5, "),
             std::string::npos);
   const auto replaced = [](std::string text, const std::string& was, const std::string& is) {
