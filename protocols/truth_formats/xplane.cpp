@@ -1,0 +1,218 @@
+// X-Plane by UDP, whose port is 49000, in one of two ways:
+//
+// RREF: imud requests each dataref, in datagrams of 413 bytes ("RREF", 0, i32 times per second, i32 index, 400
+// characters), and again every 2 s, as X-Plane may have been restarted. X-Plane answers with each of its frames:
+// "RREF,", then for each an i32 index and a float32.
+//
+// DATA: the rows 1, 4, 16, 17, 20 and 21 of its Data Output screen, sent to imud: "DATA" and a byte, then for each an
+// i32 number and eight float32: times; Mach and g-loads; rates; attitude; place; position and velocity.
+//
+// All is little-endian. Attitude is that of front-right-down relative to north-east-down, the rate is relative to the
+// Earth, whose own is added, and B's origin is the centre of gravity. X-Plane's local axes are east, up, south at the
+// origin of the scenery, and are taken as those at the aircraft. The g-loads are 1 upwards in level flight, and
+// positive backwards and to the left, so the specific force is their negative.
+//
+// A time in float32 is coarse: 0.2 ms after an hour. With time = "arrival" it has the jitter of the network instead.
+//
+// Sources: "Sending Data to X-Plane" (Laminar Research), section "SEND ME ALL THE DATAREFS I WANT: RREF";
+// DataRefs.txt of X-Plane 11. The signs of the g-loads are those that px4xplane uses. The contents of the rows and
+// their units are from general knowledge, not compared with a capture.
+#include <algorithm>
+#include <array>
+#include <bitset>
+#include <cstring>
+
+#include "protocols/packed_truth.hpp"
+#include "protocols/wire.hpp"
+
+namespace imud {
+
+namespace {
+
+struct Dataref {
+  std::string_view name, field;
+};
+constexpr Dataref datarefs[] = {
+    {"sim/time/total_running_time_sec", "time_s:f32"},
+    {"sim/flightmodel/position/latitude", "latitude_deg:f32"},
+    {"sim/flightmodel/position/longitude", "longitude_deg:f32"},
+    {"sim/flightmodel/position/elevation", "height_m:f32"},
+    {"sim/flightmodel/position/true_psi", "yaw_deg:f32"},
+    {"sim/flightmodel/position/true_theta", "pitch_deg:f32"},
+    {"sim/flightmodel/position/true_phi", "roll_deg:f32"},
+    {"sim/flightmodel/position/Prad", "p_BE_rad_per_s:f32"},
+    {"sim/flightmodel/position/Qrad", "q_BE_rad_per_s:f32"},
+    {"sim/flightmodel/position/Rrad", "r_BE_rad_per_s:f32"},
+    {"sim/flightmodel/position/local_vx", "v_east_m_per_s:f32"},
+    {"sim/flightmodel/position/local_vy", "v_up_m_per_s:f32"},
+    {"sim/flightmodel/position/local_vz", "v_north_m_per_s:f32*-1"},
+    {"sim/flightmodel/forces/g_axil", "specific_force_x_g:f32*-1"},
+    {"sim/flightmodel/forces/g_side", "specific_force_y_g:f32*-1"},
+    {"sim/flightmodel/forces/g_nrml", "specific_force_z_g:f32*-1"},
+};
+constexpr std::int32_t rows[] = {1, 4, 16, 17, 20, 21};
+constexpr std::size_t row_size = 32;
+constexpr std::string_view row_fields[] = {
+    // 1: real and total time, s
+    "_:4",
+    "time_s:f32",
+    "_:24",
+    // 4: Mach, climb, normal, axial and side g-load
+    "_:16",
+    "specific_force_z_g:f32*-1",
+    "specific_force_x_g:f32*-1",
+    "specific_force_y_g:f32*-1",
+    "_:4",
+    // 16: Q, P, R
+    "q_BE_rad_per_s:f32",
+    "p_BE_rad_per_s:f32",
+    "r_BE_rad_per_s:f32",
+    "_:20",
+    // 17: pitch, roll, true heading
+    "pitch_deg:f32",
+    "roll_deg:f32",
+    "yaw_deg:f32",
+    "_:20",
+    // 20: latitude, longitude, altitude above sea level
+    "latitude_deg:f32",
+    "longitude_deg:f32",
+    "height_ft:f32",
+    "_:20",
+    // 21: position and velocity in local axes
+    "_:12",
+    "v_east_m_per_s:f32",
+    "v_up_m_per_s:f32",
+    "v_north_m_per_s:f32*-1",
+    "_:8",
+};
+constexpr std::string_view time_word = "time_s:f32";
+
+constexpr std::string_view source_choices[] = {"rref", "data"};
+constexpr Setting settings[] = {
+    {.key = "source",
+     .help = "\"rref\": imud requests datarefs; \"data\": rows 1, 4, 16, 17, 20 and 21 of X-Plane's Data Output",
+     .initial = std::string_view("rref"),
+     .choices = source_choices},
+    {.key = "request_hz",
+     .help = "how often X-Plane should send the datarefs, at most once each of its frames, Hz",
+     .initial = std::int64_t{100},
+     .min = 1,
+     .max = 999},
+    time_setting,
+};
+
+PackedTruth make_truth(bool is_rref, bool has_time) {
+  std::vector<std::string_view> fields;
+  if (is_rref)
+    for (const Dataref& dataref : datarefs) fields.push_back(dataref.field);
+  else
+    fields.assign(std::begin(row_fields), std::end(row_fields));
+  if (!has_time) *std::ranges::find(fields, time_word) = "_:4";
+  return {PackedLayout(std::span<const std::string_view>(fields), boost::endian::order::little), {}, has_time};
+}
+
+class XplaneTruthDecoder final : public DatagramTruthDecoder {
+ public:
+  XplaneTruthDecoder(bool is_rref, std::uint32_t request_hz, bool has_time)
+      : is_rref_(is_rref),
+        request_hz_(request_hz),
+        parts_(is_rref ? std::size(datarefs) : std::size(rows)),
+        part_size_(is_rref ? sizeof(float) : row_size),
+        truth_(make_truth(is_rref, has_time)) {
+    if (!has_time) needless_.set(0);
+  }
+
+  void start(HostTime now) noexcept override {
+    if (is_rref_) next_request_ = now;
+  }
+  std::optional<HostTime> deadline() const noexcept override { return next_request_; }
+  void poll(HostTime now, FrameBuffer& out) noexcept override {
+    constexpr Nanoseconds between_requests = std::chrono::seconds(2);
+    constexpr std::size_t request_size = 413, rate_offset = 5, index_offset = 9, name_offset = 13;
+    if (!next_request_ || now < *next_request_) return;
+    next_request_ = now + between_requests;
+    for (std::size_t i = 0; i < std::size(datarefs); ++i) {
+      const std::span<std::byte> room = out.room(request_size);
+      if (room.empty()) return;
+      std::ranges::fill(room.first(request_size), std::byte{0});
+      std::memcpy(room.data(), request.data(), request.size());
+      write_little(request_hz_, room.subspan(rate_offset, sizeof(std::int32_t)));
+      write_little(i, room.subspan(index_offset, sizeof(std::int32_t)));
+      std::memcpy(room.data() + name_offset, datarefs[i].name.data(), datarefs[i].name.size());
+      out.push(request_size);
+    }
+  }
+
+  std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
+    RemarkWriter out(room);
+    const std::string_view text{reinterpret_cast<const char*>(datagram().data()), datagram().size()};
+    if (result == TruthResult::not_this_kind)
+      (out << "a datagram begins with ").quote(text.substr(0, head_size))
+          << ", and one of X-Plane with RREF, or DATA";
+    else if (result == TruthResult::too_short && is_rref_)
+      out << "a datagram of RREF has " << datagram().size() << " bytes; 5, and 8 for each dataref, are expected";
+    else if (result == TruthResult::too_short)
+      out << "rows of the Data Output are missing; select 1, 4, 16, 17, 20 and 21 for the network";
+    else if (result != TruthResult::ok)
+      truth_.describe(out);
+    return out.size();
+  }
+
+ private:
+  static constexpr std::string_view request = "RREF", answer = "RREF,", data = "DATA";
+  static constexpr std::size_t head_size = 5, most_parts = 32;
+
+  std::size_t part_of(std::uint32_t number) const noexcept {
+    if (is_rref_) return number;
+    return static_cast<std::size_t>(std::ranges::find(rows, static_cast<std::int32_t>(number)) - std::begin(rows));
+  }
+
+  TruthResult decode(std::span<const std::byte> bytes, Truth& truth) noexcept override {
+    const std::string_view text{reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+    const bool is_data = text.starts_with(data);
+    if (bytes.size() < head_size || (!is_data && !text.starts_with(answer))) return TruthResult::not_this_kind;
+    if (is_data == is_rref_) return TruthResult::no_state;
+    const std::size_t entry = sizeof(std::int32_t) + part_size_;
+    std::span<const std::byte> rest = bytes.subspan(head_size);
+    if (rest.empty() || rest.size() % entry != 0) return TruthResult::too_short;
+    for (; !rest.empty(); rest = rest.subspan(entry)) {
+      const auto number = static_cast<std::uint32_t>(read_little(rest.first(sizeof(std::int32_t))));
+      const std::size_t part = part_of(number);
+      if (part >= parts_) continue;
+      std::memcpy(record_.data() + part * part_size_, rest.data() + sizeof(std::int32_t), part_size_);
+      has_.set(part);
+    }
+    // Datarefs may come in several datagrams; those of the next frame then complete the truth of their own.
+    if ((has_ | needless_).count() < parts_) return is_rref_ ? TruthResult::no_state : TruthResult::too_short;
+    has_.reset();
+    return truth_.convert(record_, arrival(), truth);
+  }
+
+  bool is_rref_;
+  std::uint32_t request_hz_;
+  std::size_t parts_, part_size_;
+  PackedTruth truth_;
+  std::array<std::byte, std::size(rows)* row_size> record_ = {};
+  std::bitset<most_parts> has_, needless_;  // which parts the record has; which it does not need
+  std::optional<HostTime> next_request_;
+};
+
+}  // namespace
+
+extern const TruthFormat xplane_truth_format;
+constexpr TruthFormat xplane_truth_format = {
+    .name = "xplane",
+    .summary = "X-Plane: datarefs that imud requests (RREF), or rows of its Data Output (DATA)",
+    .document = "Laminar Research, Sending Data to X-Plane (X-Plane 11): RREF, DATA",
+    .delimits_itself = false,
+    .acknowledges = false,
+    .settings = settings,
+    .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
+      return std::make_unique<XplaneTruthDecoder>(chosen.text("source") == source_choices[0],
+                                                  static_cast<std::uint32_t>(chosen.integer("request_hz")),
+                                                  chosen.text("time") == time_choices[0]);
+    },
+    .force_from = "sim/flightmodel/forces/g_axil, g_side and g_nrml, or row 4",
+};
+
+}  // namespace imud
