@@ -71,7 +71,8 @@ void PackedLayout::add(std::string_view text) {
         field.type != Type::f32) {
       const double modulus =
           std::ldexp(field.scale, static_cast<int>(8 * bytes)) * std::pow(10.0, field.quantity.exponent);
-      if (std::abs(modulus) < truth_limit::time_ns) time_modulus_ = std::llround(std::abs(modulus));
+      constexpr double longest_round = 0x1p53;  // ns, 104 days: many rounds are still in the range of a time
+      if (std::abs(modulus) < longest_round) time_modulus_ = std::llround(std::abs(modulus));
     }
     fields_.push_back(field);
   }

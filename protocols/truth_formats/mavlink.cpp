@@ -259,7 +259,8 @@ class MavlinkTruthDecoder final : public TruthDecoder {
                      truth);
     }
     // A time since 1970 is one that is in this millennium.
-    constexpr std::uint64_t year_2001_us = 978'307'200'000'000, latest_us = truth_limit::time_ns / 1e3;
+    constexpr std::uint64_t year_2001_us = 978'307'200'000'000,
+                            latest_us = static_cast<std::uint64_t>(truth_limit::time_ns / 1e3);
     constexpr std::int64_t ns_per_us = 1000;
     const std::uint64_t time_us = read_little(std::span(payload).first(8));
     if (!origin_us_) origin_us_ = time_us >= year_2001_us ? time_us : 0;
