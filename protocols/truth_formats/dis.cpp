@@ -121,6 +121,7 @@ constexpr TruthFormat dis_truth_format = {
     .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<DisTruthDecoder>(); },
     .force_from = "nothing, as a PDU has no specific force: use another format, or derive it from the poses",
+    .derives = true,
 };
 
 }  // namespace imud

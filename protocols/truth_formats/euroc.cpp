@@ -27,6 +27,7 @@ constexpr TruthFormat euroc_truth_format = {
     .settings = settings,
     .make = [](const Settings& chosen) { return make_pose_table(chosen, columns); },
     .force_from = "the columns specific_force_x_m_per_s2 to _z_m_per_s2, by truth.columns",
+    .derives = true,
 };
 
 }  // namespace imud

@@ -55,6 +55,7 @@ constexpr TruthFormat flightgear_truth_format = {
     .settings = settings,
     .make = make,
     .force_from = "insgns-imu, or columns specific_force_x_m_per_s2 to _z",
+    .derives = true,
 };
 
 }  // namespace imud

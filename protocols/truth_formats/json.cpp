@@ -32,6 +32,7 @@ constexpr TruthFormat json_truth_format = {
     .make = make,
     .force_from = "specific_force_x_m_per_s2 to _z_m_per_s2, or an acceleration",
     .maps_quantities = true,
+    .derives = true,
 };
 
 }  // namespace imud

@@ -246,6 +246,7 @@ constexpr TruthFormat struct_truth_format = {
     .force_from =
         "fields of a specific force (specific_force_x_m_per_s2 to _z), an acceleration or an accumulated "
         "velocity",
+    .derives = true,
 };
 
 }  // namespace imud

@@ -11,6 +11,7 @@
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/allocations.hpp"
+#include "tests/support/hex_bytes.hpp"
 #include "tests/support/random_changes.hpp"
 
 namespace imud {
@@ -24,10 +25,28 @@ struct TruthFuzzCase {
 
 void PrintTo(const TruthFuzzCase& fuzzed, std::ostream* out) { *out << fuzzed.format; }
 
+// A HIL_STATE_QUATERNION of mavlink/c_library_v2 at 7e16bc0, see truth_mavlink_test.cpp.
+constexpr std::string_view mavlink_reference =
+    "fd4000000b01c873000015cd5b07000000000000803f0000000000000000000000000ad7233c0ad7a3bc8fc2f53c00de391a80157dd4a086"
+    "0100640038ff2c01dc054006010002002bfcb92a";
+
+std::string bytes_of_hex(std::string_view hex) {
+  std::string bytes;
+  for (const std::byte byte : hex_bytes(hex)) bytes += static_cast<char>(byte);
+  return bytes;
+}
+
 std::string native_records() {
   std::array<std::byte, native_truth_size> datagram;
   encode_native_truth(Truth(), datagram);
   return {reinterpret_cast<const char*>(datagram.data()), datagram.size()};
+}
+
+// Returns a record of `size` bytes that are 0, but for `bytes` from `offset` on, and perhaps others.
+std::string zeros_but(std::size_t size, std::size_t offset, std::string_view bytes, std::size_t offset2 = 0,
+                      std::string_view bytes2 = {}) {
+  std::string record(size, '\0');
+  return record.replace(offset, bytes.size(), bytes).replace(offset2, bytes2.size(), bytes2);
 }
 
 // Every format has a case; the formats named here have good records.
@@ -66,6 +85,15 @@ std::vector<TruthFuzzCase> truth_fuzz_cases() {
        {},
        "TIME 2024-099-00:00:00.01\nSC[0].qn = [0 0 0 1]\nSC[0].wn = [0.1 0.2 0.3]\nSC[0].PosR = [1 2 3]\n"
        "SC[1].qn = [0 0 0 1]\nSC[1].wn = [0.1 0.2 0.3]\nOrb[0].PosN = [7e6 0 0]\n[ENDMSG]\n"},
+      {"struct", {{"fields", "time_s:f64,yaw_deg:f32,pitch_deg:f32,roll_deg:f32"}}, std::string(20, '\0')},
+      {"struct",
+       {{"fields", "time_ms:u32,yaw_deg:i16,pitch_deg:i16,roll_deg:i16"}, {"magic", "CAFE"}, {"checksum", "sum8"}},
+       zeros_but(13, 0, "\xCA\xFE", 12, "\xC8")},
+      {"fgnetfdm", {{"time", "arrival"}}, zeros_but(408, 3, "\x18")},
+      {"betaflight", {}, zeros_but(144, 62, "\xF0\x3F")},
+      {"basilisk", {}, std::string(280, '\0')},
+      {"dis", {}, zeros_but(144, 0, std::string_view("\7\1\1\1\0\0\0\0\0\x90", 10), 48, "\x41\x58\x6A")},
+      {"mavlink", {}, bytes_of_hex(mavlink_reference)},
   };
   for (const TruthFormat* format : truth_formats()) {
     const auto is_it = [&](const TruthFuzzCase& fuzzed) { return fuzzed.format == format->name; };
