@@ -75,8 +75,8 @@ TEST(Transports, ThoseThatEndAreOpenedByListeners) {
     else
       EXPECT_THROW(check_device(), PortError) << transport->name;
   }
-  EXPECT_EQ(captures, 3);
-  EXPECT_EQ(devices, static_cast<int>(transports().size()) - 1);
+  EXPECT_EQ(captures, 4);
+  EXPECT_EQ(devices, static_cast<int>(transports().size()) - 2);
   const ScratchFolder folder;
   EXPECT_EQ(error_of("pcap:" + folder / "x"),
             "pcap:" + folder / "x" +
