@@ -68,8 +68,9 @@ bool is_near_earth(const Vector3& r_N) noexcept { return r_N.squaredNorm() > 0.2
 
 Vector3 gravitation_N(const GravitationModel& model, const Vector3& r_N) noexcept {
   using Kind = GravitationModel::Kind;
-  if (model.kind == Kind::constant) return {0.0, 0.0, model.constant};
-  if (model.kind == Kind::none || !is_near_earth(r_N)) return Vector3::Zero();
+  const bool is_near = is_near_earth(r_N);
+  if (model.kind == Kind::constant || (model.kind == Kind::automatic && !is_near)) return {0.0, 0.0, model.constant};
+  if (model.kind == Kind::none || !is_near) return Vector3::Zero();
   return model.kind == Kind::j2 ? central_and_j2(r_N) : wgs84(r_N);
 }
 

@@ -12,14 +12,15 @@ namespace imud {
 struct GravitationModel {
   enum class Kind : std::uint8_t {
     none,
-    constant,  // along N's z axis, which points down
-    j2,        // the Earth's centre is N's origin, its axis N's z: central, and the zonal harmonic of degree 2
-    wgs84,     // likewise: the whole normal gravity field of the ellipsoid WGS 84
+    constant,   // along N's z axis, which points down
+    j2,         // the Earth's centre is N's origin, its axis N's z: central, and the zonal harmonic of degree 2
+    wgs84,      // likewise: the whole normal gravity field of the ellipsoid WGS 84
+    automatic,  // wgs84 at a position that is near the Earth; constant at any other, which is one in a local level
   };
-  Kind kind = Kind::wgs84;
+  Kind kind = Kind::automatic;
   double constant = 9.80665;  // m/s^2
 
-  // Returns whether the gravitation depends on the position.
+  // Returns whether the gravitation needs a position near the Earth.
   bool needs_position() const noexcept { return kind == Kind::j2 || kind == Kind::wgs84; }
 };
 

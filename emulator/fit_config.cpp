@@ -16,8 +16,8 @@ GravitationModel read_gravitation(TableReader& table) {
     if (table.has("gravity")) table.fault("gravity", "give either this or gravity_m_per_s2, not both");
     return gravitation;
   }
-  constexpr Kind kinds[] = {Kind::wgs84, Kind::j2, Kind::none};
-  gravitation.kind = kinds[table.choice("gravity", {"wgs84", "j2", "none"}, 0)];
+  constexpr Kind kinds[] = {Kind::automatic, Kind::wgs84, Kind::j2, Kind::none};
+  gravitation.kind = kinds[table.choice("gravity", {"auto", "wgs84", "j2", "none"}, 0)];
   return gravitation;
 }
 
@@ -28,6 +28,8 @@ std::string_view word(Source source, bool is_force) {
 
 std::string text(const GravitationModel& gravitation) {
   switch (gravitation.kind) {
+    case GravitationModel::Kind::automatic:
+      return "the normal gravitation of WGS 84, or 9.80665 m/s^2 along N's z if N is a local level";
     case GravitationModel::Kind::wgs84:
       return "the normal gravitation of WGS 84";
     case GravitationModel::Kind::j2:

@@ -74,7 +74,8 @@ std::optional<StoredTruths> StoredTruths::read(const TruthConfig& config, std::s
   Content& content = *stored.content_;
   const auto port = open_port(config.port, config.port_settings);
   const auto decoder = config.format->make(config.settings);
-  const TruthInput input = transport_of(config.port)->keeps_datagrams ? TruthInput::datagram : TruthInput::stream;
+  const bool keeps_datagrams = port->keeps_datagrams().value_or(transport_of(config.port)->keeps_datagrams);
+  const TruthInput input = keeps_datagrams ? TruthInput::datagram : TruthInput::stream;
   std::array<char, 1024> remark;
   const auto add = [&](Piece& piece, TruthResult result, const Truth& truth) {
     Record& record = piece.records.emplace_back(Record{result, truth, {}});
@@ -86,6 +87,7 @@ std::optional<StoredTruths> StoredTruths::read(const TruthConfig& config, std::s
   std::optional<TruthTime> newest;
   while (true) {
     if (const auto received = port->receive()) {
+      if (received->is_piece) return std::nullopt;  // of a connection, whose ends the port counts
       Piece& piece = content.pieces.emplace_back();
       piece.time = received->time;
       piece.from = received->from;

@@ -80,9 +80,9 @@ void TruthIntake::finish_input() noexcept {
   started_ = false;
 }
 
-// A stream ends where its simulator disconnects.
+// A stream ends where its simulator disconnects, also in a capture.
 void TruthIntake::watch_connection() noexcept {
-  if (!is_stream_) return;
+  if (!is_stream_ && is_live_) return;
   const PortCounters& port = port_->counters();
   counters_.connections_refused.store(port.connections_refused, std::memory_order_relaxed);
   if (port.lost_count != times_lost_) {
@@ -124,7 +124,8 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
     if (recorder_ != nullptr)
       recorder_->packet(interface_, PacketDirection::inbound, is_live_ ? arrival_ : recorder_->now(), received->frame,
                         sender_);
-    decoder_->feed(received->frame.bytes, is_stream_ ? TruthInput::stream : TruthInput::datagram, arrival_);
+    const bool is_stream = is_stream_ || received->is_piece;
+    decoder_->feed(received->frame.bytes, is_stream ? TruthInput::stream : TruthInput::datagram, arrival_);
   }
   return std::nullopt;
 }

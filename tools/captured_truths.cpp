@@ -5,6 +5,7 @@
 #include <poll.h>
 
 #include <stdexcept>
+#include <utility>
 
 #include "tools/setting_texts.hpp"
 #include "tools/stop_signal.hpp"
@@ -35,9 +36,11 @@ CapturedTruths::CapturedTruths(const Options& options)
     if (!is_right(*transport))
       throw std::invalid_argument(fmt::format("{}: has no {} truth; right would be {}", options.capture, format_.name,
                                               fmt::join(port_examples(is_right), " or ")));
-    if (!transport->keeps_datagrams) input_ = TruthInput::stream;
+    port_ = open_port(from, Role::listener);
+    if (!port_->keeps_datagrams().value_or(transport->keeps_datagrams)) input_ = TruthInput::stream;
+  } else {
+    port_ = open_port(from, Role::listener);  // which throws
   }
-  port_ = open_port(from, Role::listener);
   if (format_.derives)
     derivation_.reset(
         new Derivation{PoseFit({.gravitation = options.gravitation}), Timeline({.gap_begins_run = true})});
@@ -93,7 +96,8 @@ bool CapturedTruths::take_derived(Truth& truth) {
 bool CapturedTruths::feed_next() {
   while (!stop_requested()) {
     if (const auto received = port_->receive()) {
-      decoder_->feed(received->frame.bytes, input_, received->time);
+      if (std::exchange(streams_, port_->counters().lost_count) != port_->counters().lost_count) decoder_->finish();
+      decoder_->feed(received->frame.bytes, received->is_piece ? TruthInput::stream : input_, received->time);
       return true;
     }
     if (port_->at_end()) break;

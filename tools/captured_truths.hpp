@@ -54,6 +54,7 @@ class CapturedTruths {
   std::unique_ptr<Port> port_;
   std::unique_ptr<Derivation> derivation_;  // null if the format derives nothing
   TruthInput input_ = TruthInput::datagram;
+  std::uint64_t streams_ = 0;  // PortCounters::lost_count
   std::optional<std::uint32_t> stream_;
   std::map<std::string_view, std::uint64_t> refused_;
   std::uint64_t of_other_vehicles_ = 0;

@@ -64,6 +64,9 @@ class CaptureSource final : public TruthSource {
       received = port_.receive();
     }
     if (!received) return std::nullopt;
+    if (received->is_piece)
+      throw std::runtime_error(
+          "the truth came by TCP, which keeps no borders of datagrams; right would be imud replay, which reads it");
     if (!first_) first_ = received->time;
     // Time stamps may step back; the order of the datagrams stays.
     offset_ = std::max(offset_, received->time - *first_);

@@ -1,4 +1,4 @@
-// The UDP datagrams of a capture file, read by libpcap.
+// The UDP datagrams and TCP streams of a capture file, read by libpcap.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <pcap/pcap.h>
@@ -14,16 +14,21 @@
 #include <filesystem>
 #include <new>
 #include <string_view>
+#include <utility>
 
 #include "transports/compressed_file.hpp"
 #include "transports/port.hpp"
+#include "transports/tcp_stream.hpp"
 #include "transports/udp_packet.hpp"
 
 namespace imud {
 namespace {
 
 constexpr PortOption port_option = {
-    .key = "port", .help = "UDP port of the datagrams' destination; without it all", .min = 1, .max = 65'535};
+    .key = "port",
+    .help = "UDP port of the datagrams' destination, or TCP port at either end; without it all datagrams",
+    .min = 1,
+    .max = 65'535};
 
 class PcapPort final : public Port {
  public:
@@ -62,33 +67,27 @@ class PcapPort final : public Port {
   std::optional<Received> receive() noexcept override {
     constexpr int most = 1024;  // packets that are skipped in one call, so that the caller can do other work
     for (int i = 0; i < most && !at_end_; ++i) {
+      if (const auto piece = next_piece()) return piece;
+      if (records_end_) {
+        end(*records_end_);
+        break;
+      }
       if (is_pipe_ && !is_readable(0)) break;
       pcap_pkthdr* record = nullptr;
       const unsigned char* bytes = nullptr;
       const int result = ::pcap_next_ex(capture_.get(), &record, &bytes);
       if (result != 1) {
-        end(result);
-        break;
+        records_end_ = result;
+        stream_.finish();
+        continue;
       }
       ++records_;
-      const UdpPacket packet = udp_packet(link_type_, std::as_bytes(std::span(bytes, record->caplen)), port_);
-      switch (packet.outcome) {
-        case UdpPacket::Outcome::truncated:
-          ++counters_.truncated;
-          break;
-        case UdpPacket::Outcome::not_ours:
-          ++counters_.not_ours;
-          count_other(packet.port);
-          break;
-        case UdpPacket::Outcome::whole:
-          if (admitted_ && !admitted_->admits(packet.from)) {
-            ++counters_.foreign;
-            counters_.foreign_from = packet.from;
-            break;
-          }
-          ++counters_.received;
-          return Received{{packet.payload}, stamp(*record), packet.from};
-      }
+      stamp_ = stamp(*record);
+      const IpPacket ip = ip_packet(link_type_, std::as_bytes(std::span(bytes, record->caplen)));
+      if (ip.outcome == IpPacket::Outcome::found && ip.protocol == IpPacket::tcp)
+        add_segment(tcp_segment(ip, port_));
+      else if (const auto datagram = received_datagram(udp_packet(ip, port_)))
+        return datagram;
     }
     return std::nullopt;
   }
@@ -104,6 +103,49 @@ class PcapPort final : public Port {
   int descriptor() const noexcept override { return is_pipe_ ? STDIN_FILENO : -1; }
 
  private:
+  std::optional<Received> received_datagram(const UdpPacket& packet) noexcept {
+    switch (packet.outcome) {
+      case UdpPacket::Outcome::truncated:
+        ++counters_.truncated;
+        break;
+      case UdpPacket::Outcome::not_ours:
+        ++counters_.not_ours;
+        count_other(packet.port, false);
+        break;
+      case UdpPacket::Outcome::whole:
+        if (admitted_ && !admitted_->admits(packet.from)) {
+          ++counters_.foreign;
+          counters_.foreign_from = packet.from;
+          break;
+        }
+        ++counters_.received;
+        return Received{{packet.payload}, stamp_, packet.from};
+    }
+    return std::nullopt;
+  }
+
+  void add_segment(const TcpSegment& segment) noexcept {
+    if (segment.outcome == TcpSegment::Outcome::truncated) {
+      ++counters_.truncated;
+      return;
+    }
+    const bool is_ours =
+        segment.outcome == TcpSegment::Outcome::whole && (!admitted_ || admitted_->admits(segment.from));
+    if (is_ours && stream_.push(segment)) return;
+    ++counters_.not_ours;
+    if (!is_ours && !segment.payload.empty()) count_other(segment.to.port, true);
+  }
+
+  std::optional<Received> next_piece() noexcept {
+    const std::uint64_t holes = stream_.holes();
+    const auto piece = stream_.next();
+    counters_.truncated += stream_.holes() - holes;
+    if (!piece) return std::nullopt;
+    if (piece->begins && std::exchange(had_stream_, true)) ++counters_.lost_count;
+    ++counters_.received;
+    return Received{{piece->bytes}, stamp_, stream_.from(), true};
+  }
+
   // Waits for the first byte, because libpcap would not return at a signal. Without a buffer, poll() finds every
   // record that libpcap can read.
   void begin_standard_input(const PortSpec& spec) {
@@ -144,30 +186,36 @@ class PcapPort final : public Port {
     return capture;
   }
 
-  // `port`: the destination of a datagram; 0: the packet was none.
-  void count_other(std::uint16_t port) noexcept {
+  // `port`: the destination of a datagram, or of a segment with data; 0: the packet was neither.
+  void count_other(std::uint16_t port, bool is_tcp) noexcept {
     for (OtherPort& other : others_) {
-      if (other.datagrams != 0 && other.port != port) continue;
+      if (other.packets != 0 && (other.port != port || other.is_tcp != is_tcp)) continue;
       if (port == 0) return;
       other.port = port;
-      ++other.datagrams;
+      other.is_tcp = is_tcp;
+      ++other.packets;
       return;
     }
   }
 
   void describe_content() noexcept {
-    if (port_ == 0 || counters_.received + counters_.foreign + counters_.truncated != 0) return;
+    // Without a port, all datagrams are received, and no stream.
+    if ((port_ == 0 && others_[0].packets == 0) || counters_.received + counters_.foreign + counters_.truncated != 0)
+      return;
     const auto append = [this](auto format, const auto&... values) {
       const std::size_t left = content_.size() - content_size_;
       content_size_ +=
           std::min(left, fmt::format_to_n(content_.data() + content_size_, left, format, values...).size);
     };
-    if (others_[0].datagrams == 0) return append(FMT_STRING("no UDP datagram in {} packets"), records_);
+    if (others_[0].packets == 0) return append(FMT_STRING("no UDP datagram and no TCP data in {} packets"), records_);
     for (const OtherPort& other : others_)
-      if (other.datagrams != 0)
-        append(FMT_STRING("{}{} datagram{} to port {}"), content_size_ == 0 ? "" : ", ", other.datagrams,
-               other.datagrams == 1 ? "" : "s", other.port);
-    append(FMT_STRING(" and none to {}"), port_);
+      if (other.packets != 0)
+        append(FMT_STRING("{}{} {}{} to port {}"), content_size_ == 0 ? "" : ", ", other.packets,
+               other.is_tcp ? "TCP segment" : "datagram", other.packets == 1 ? "" : "s", other.port);
+    if (port_ != 0)
+      append(FMT_STRING(" and none to {}"), port_);
+    else
+      append(FMT_STRING("; give the port of a TCP connection, at either end"));
   }
 
   void end(int result) noexcept {
@@ -187,10 +235,11 @@ class PcapPort final : public Port {
   struct Close {
     void operator()(pcap_t* capture) const noexcept { ::pcap_close(capture); }
   };
-  // The destination of datagrams that are not for this port.
+  // The destination of datagrams or segments that are not for this port.
   struct OtherPort {
     std::uint16_t port = 0;
-    std::uint64_t datagrams = 0;
+    bool is_tcp = false;
+    std::uint64_t packets = 0;
   };
 
   const std::uint16_t port_;  // 0: any
@@ -199,8 +248,12 @@ class PcapPort final : public Port {
   std::unique_ptr<CompressedFile> compressed_;  // nullptr: libpcap opens the file by itself
   std::unique_ptr<pcap_t, Close> capture_;      // closed before the file that it reads
   int link_type_ = 0;
-  double size_ = 0;       // bytes of the file
-  bool is_pipe_ = false;  // standard input, and no regular file
+  TcpStream stream_;
+  bool had_stream_ = false;         // the capture has had one, so that the next is another
+  HostTime stamp_;                  // of the last record
+  std::optional<int> records_end_;  // the result of libpcap after the last record
+  double size_ = 0;                 // bytes of the file
+  bool is_pipe_ = false;            // standard input, and no regular file
   bool at_end_ = false;
   std::uint64_t records_ = 0;
   std::array<char, 400> warning_, content_;
@@ -223,7 +276,8 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 extern const Transport pcap_transport;
 constexpr Transport pcap_transport = {
     .name = "pcap",
-    .summary = "the UDP datagrams of a capture file (pcap, pcapng, also .gz, .zst), of one destination port or all",
+    .summary =
+        "the UDP datagrams of a capture (pcap, pcapng, also .gz, .zst) to one port or all, or a TCP port's stream",
     .syntax = "pcap:PATH?port=N",
     .example = "pcap:flight.pcap?port=9810",
     .document = "libpcap 1.10",

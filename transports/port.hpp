@@ -59,17 +59,17 @@ enum class PortState : std::uint8_t {
 };
 
 struct PortCounters {
-  std::uint64_t sent = 0;                 // frames that the kernel took whole
-  std::uint64_t replies = 0;              // of these, frames in answer to the host
-  std::uint64_t dropped = 0;              // frames that it did not take; one that it took in part is not counted yet
-  std::uint64_t failed = 0;               // of these, frames lost to an error of a file, such as a full disk
-  std::uint64_t received = 0;             // frames or chunks
-  std::uint64_t confirmed = 0;            // frames whose transmission was confirmed, see next_confirmation()
-  std::uint64_t lost_count = 0;           // times the device was lost
-  std::uint64_t truncated = 0;            // datagrams of a capture that are cut short, or fragments
-  std::uint64_t not_ours = 0;             // packets of a capture that are not UDP, or for another port
-  std::uint64_t foreign = 0;              // datagrams of other senders than PortSettings::from
-  Endpoint foreign_from;                  // the sender of the newest of these
+  std::uint64_t sent = 0;        // frames that the kernel took whole
+  std::uint64_t replies = 0;     // of these, frames in answer to the host
+  std::uint64_t dropped = 0;     // frames that it did not take; one that it took in part is not counted yet
+  std::uint64_t failed = 0;      // of these, frames lost to an error of a file, such as a full disk
+  std::uint64_t received = 0;    // frames or chunks
+  std::uint64_t confirmed = 0;   // frames whose transmission was confirmed, see next_confirmation()
+  std::uint64_t lost_count = 0;  // times the device was lost; streams of a capture that others follow
+  std::uint64_t truncated = 0;   // datagrams of a capture that are cut short, or fragments; holes in its streams
+  std::uint64_t not_ours = 0;    // packets of a capture that are not UDP, or for another port
+  std::uint64_t foreign = 0;     // datagrams of other senders than PortSettings::from
+  Endpoint foreign_from;         // the sender of the newest of these
   std::uint64_t connections_refused = 0;  // because the port has another peer
   // CAN: error frames of the controller; times that it came to a state, see PortState; frames that an adapter
   // refused.
@@ -114,7 +114,10 @@ class Port {
   struct Received {
     Frame frame;
     HostTime time;       // of arrival; a capture's own time stamp
-    Endpoint from = {};  // UDP: the sender; elsewhere its port is 0
+    Endpoint from = {};  // UDP and captures: the sender; elsewhere its port is 0
+    // The bytes are a piece of a stream, although the transport keeps datagrams: a capture has both. A new stream
+    // begins with the first piece after PortCounters::lost_count has risen.
+    bool is_piece = false;
   };
   virtual std::optional<Received> receive() noexcept = 0;
 
@@ -125,8 +128,8 @@ class Port {
   // Returns whether the datagrams of what was recorded are kept apart, where that differs from file to file; nullopt:
   // as the transport does.
   virtual std::optional<bool> keeps_datagrams() const noexcept { return std::nullopt; }
-  // Describes what a capture that has ended holds in place of the datagrams for the UDP port: "300 datagrams to port
-  // 9810 and none to 9811". Empty if it has had some.
+  // Describes what a capture that has ended holds in place of the datagrams for the UDP port, or the stream of the
+  // TCP port: "300 datagrams to port 9810 and none to 9811". Empty if it has had some.
   virtual std::string_view other_content() const noexcept { return {}; }
 
   // Changes the UART's settings for all that is sent from now on. A real line drops new frames until those sent
@@ -253,7 +256,7 @@ struct Transport {
   WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
   // Returns the UDP port whose datagrams a listener receives; nullopt: those of all ports, or of one that is chosen
   // when it opens. Throws PortError if the spec has not passed check(). nullptr: the transport does not use UDP. A
-  // transport that `ends` has it as its option `port`.
+  // transport that `ends` has it as its option `port`, which selects the streams of a TCP port as well.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
   // Returns the port number at one end of a TCP connection, by which a capture has the same stream; nullopt: one that
   // is chosen when the port opens. Throws PortError if the spec has not passed check(). nullptr: the transport does

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "transports/endpoint.hpp"
+#include "transports/ip_packet.hpp"
 
 namespace imud {
 
@@ -20,11 +21,10 @@ struct UdpPacket {
   Endpoint from = {};      // valid if whole
 };
 
-// Returns whether udp_packet() supports the link type, a DLT_ number of libpcap.
-bool supports_link_type(int link_type) noexcept;
-
-// Parses a packet: Ethernet (also with VLAN tags), Linux cooked 1 and 2, raw IP, null and loop; IPv4 with options,
-// IPv6 with extension headers. `port` is the destination's; 0 accepts any. Any content of `captured` is safe.
-UdpPacket udp_packet(int link_type, std::span<const std::byte> captured, std::uint16_t port) noexcept;
+// Returns the datagram in a packet. `port` is the destination's; 0 accepts any. Any content is safe.
+UdpPacket udp_packet(const IpPacket& ip, std::uint16_t port) noexcept;
+inline UdpPacket udp_packet(int link_type, std::span<const std::byte> captured, std::uint16_t port) noexcept {
+  return udp_packet(ip_packet(link_type, captured), port);
+}
 
 }  // namespace imud

@@ -360,7 +360,7 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   EXPECT_NE(fault(good, {"clock=fast"}).find("clock: \"fast\" reads a capture"), std::string::npos);
   EXPECT_NE(fault(good, {"truth.port=pty:x"}).find("truth.port: cannot carry truth; give "), std::string::npos);
   EXPECT_NE(fault(good, {"truth.port=file:x.csv"}).find("truth.port: native truth is binary"), std::string::npos);
-  EXPECT_NE(fault(good, {"truth.format="}).find("truth.format: there is no \"\"; known: ardupilot-json, csv, "),
+  EXPECT_NE(fault(good, {"truth.format="}).find("truth.format: there is no \"\"; known: ardupilot-json, basilisk, "),
             std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.protocol="}).find("imu.0.protocol: there is no \"\"; known: bosch-mm5, "),
             std::string::npos);
@@ -372,7 +372,8 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
   EXPECT_EQ(fault(replaced(good, "\"native\"", "3")), "7: imu.0.protocol: give text in quotes");
   EXPECT_EQ(fault(replaced(good, "\"pty:imu1\"", "3")), "8: imu.0.port: give text in quotes");
   EXPECT_NE(fault(good, {"imu.0.port=pcap:x"}).find("imu.0.port: pcap:x: can only be read"), std::string::npos);
-  EXPECT_NE(fault(good, {"truth.format=xplane"}).find("truth.format: there is no \"xplane\""), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.format=simulator"}).find("truth.format: there is no \"simulator\""),
+            std::string::npos);
   EXPECT_NE(fault(good, {"imu.0.device.can_id=3"}).find("imu.0.device.can_id: unknown key"), std::string::npos);
   EXPECT_NE(fault(good, {"imu.7.rate_hz=3"}).find("\"7\" is not an index below 1"), std::string::npos);
   EXPECT_NE(

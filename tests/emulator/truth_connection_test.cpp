@@ -228,12 +228,16 @@ TEST_F(TruthConnectionTest, AnswersAreSentOnTheStream) {
     timeline_ = Timeline();
     const auto listening = intake(port);
     const std::string at = listening->chosen_port().empty() ? port : listening->chosen_port();
-    for (int times = 0; times < 3; ++times) {
+    for (std::uint64_t times = 0; times < 3; ++times) {
       Connection simulator(at);
-      ASSERT_TRUE(
-          serve(*listening, [&] { return listening->deadline() == std::nullopt && listening->descriptor() >= 0; }));
+      const auto first = static_cast<std::int64_t>(10 * times);
+      ASSERT_TRUE(serve(*listening, [&] {
+        const auto& seen = listening->counters();
+        return seen.disconnections == times && seen.port_state.load() == PortState::ready &&
+               listening->deadline() == std::nullopt;
+      }));
       EXPECT_EQ(simulator.line(), "hello");
-      exchange(*listening, simulator, 10 * times, 10 * times + 10);
+      exchange(*listening, simulator, first, first + 10);
       simulator.send("77");
     }
     ASSERT_TRUE(serve(*listening, [&] { return listening->counters().disconnections == 3; }));

@@ -402,7 +402,7 @@ TEST(ImuTruth, WrongCommandLineIsReported) {
       {{"rest", "--csv", folder / "x.csv"}, "--for: must be given"},
       {{"rest", "--csv", "/does/not/exist", "--for", "1"}, "cannot write it"},
       {{"rest", "--csv", folder / "x.csv", "--for", "1", "--to", "udp:127.0.0.1:1"}, "--to: not with --csv"},
-      {{"rest", "--to", "file:x"}, "right would be udp:ADDR:PORT"},
+      {{"rest", "--to", "file:x"}, " or udp:ADDR:PORT"},
       {{"rest", "--to", "udp:localhost"}, "ADDR:PORT"},
       {{"rest", "--rate", "0"}, "--rate"},
       {{"rest", "--drop", "101"}, "--drop"},

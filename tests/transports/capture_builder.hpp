@@ -21,6 +21,15 @@ inline Bytes udp(const Bytes& payload, unsigned port, std::optional<unsigned> le
          payload;
 }
 
+// The flags of a TCP segment.
+inline constexpr unsigned fin = 1, syn = 2, rst = 4, ack = 16;
+
+inline Bytes tcp(const Bytes& payload, unsigned from, unsigned to, std::uint32_t sequence, unsigned flags = ack,
+                 const Bytes& options = {}) {
+  return be16(from) + be16(to) + be32(sequence) + be32(0) + u8(static_cast<unsigned>(20 + options.size()) / 4 << 4) +
+         u8(flags) + be16(65535) + be16(0) + be16(0) + options + payload;
+}
+
 struct Ipv4 {
   Bytes options = {};
   unsigned protocol = 17;

@@ -176,7 +176,7 @@ TEST_F(Pcap, DatagramThatItsPacketDoesNotHoldIsTruncated) {
 TEST_F(Pcap, OtherTraffic) {
   expect_not_ours(ethernet(0x0806, Bytes(28, '\0')));
   expect_not_ours(ethernet(type_ipv4, ipv4(udp("payload", ours + 1))));
-  expect_not_ours(ethernet(type_ipv4, ipv4(udp("payload", ours), {{}, 6})));
+  expect_not_ours(ethernet(type_ipv4, ipv4(udp("payload", ours), {{}, 47})));
   expect_not_ours(ethernet(type_ipv6, ipv6(udp("payload", ours), 58)));
   expect_not_ours(ethernet(type_ipv6, ipv6(extension(59, 0), 0)));
   expect_not_ours(ethernet(type_ipv4, v6));
@@ -213,7 +213,7 @@ TEST_F(Pcap, OtherPortsAreNamedIfThereIsNothingForOurs) {
   EXPECT_EQ(content({other, ethernet(type_ipv6, ipv6(udp("payload", 53))), other}),
             "2 datagrams to port 9811, 1 datagram to port 53 and none to 9810");
   EXPECT_EQ(content({other, ethernet(type_ipv4, v4)}), "");
-  EXPECT_EQ(content({arp, arp}), "no UDP datagram in 2 packets");
+  EXPECT_EQ(content({arp, arp}), "no UDP datagram and no TCP data in 2 packets");
   std::vector<Bytes> many;
   for (unsigned port = 1; port <= 1000; ++port) many.push_back(ethernet(type_ipv4, ipv4(udp("payload", port))));
   EXPECT_TRUE(content(many).ends_with("1 datagram to port 6 and none to 9810")) << content(many);
