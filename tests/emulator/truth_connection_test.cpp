@@ -12,6 +12,7 @@
 
 #include "emulator/truth_intake.hpp"
 #include "tests/emulator/live_test.hpp"
+#include "tests/transports/capture_builder.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -344,6 +345,42 @@ TEST_F(TruthConnectionTest, ADeviceIsReadByTcp) {
   truth.kill();
   const auto imu = summary()["imus"][0];
   EXPECT_EQ(imu["frames"].get<std::uint64_t>() + imu["dropped"].get<std::uint64_t>(), imu["samples"]);
+}
+
+// A capture of a simulator that disconnects within a line and comes back; its segments have no regard for lines.
+TEST_F(TruthConnectionTest, ACaptureOfConnectionsIsReplayed) {
+  constexpr unsigned simulator = 10001, listener = 40000;
+  capture::Bytes content = capture::file_header({}, 1);
+  std::int64_t ns = 0;
+  const auto add = [&](std::uint32_t sequence, const std::string& payload, unsigned flags) {
+    const capture::Bytes segment = capture::tcp(payload, simulator, listener, sequence, flags);
+    content += capture::file_record({}, {ns += 1000, capture::ethernet(0x0800, capture::ipv4(segment, {{}, 6}))});
+  };
+  std::uint32_t sequence = 0xFFFF'FF00;
+  for (const std::string& text : {header() + rows_of(0, 1000) + "1000000000,0,0,0,0", header() + rows_of(0, 500)}) {
+    add(sequence++, "", capture::syn);
+    std::size_t i = 0;
+    for (std::size_t at = 0; at < text.size(); at += 100, ++i) {
+      const bool is_swapped = at + (i % 2 == 0 ? 200 : 100) <= text.size();  // pairs of whole segments
+      const std::size_t swapped = !is_swapped ? at : i % 2 == 0 ? at + 100 : at - 100;
+      add(sequence + static_cast<std::uint32_t>(swapped), text.substr(swapped, 100), capture::ack);
+      if (i % 5 == 0) add(sequence + static_cast<std::uint32_t>(swapped), text.substr(swapped, 100), capture::ack);
+    }
+    add(sequence + static_cast<std::uint32_t>(text.size()), "", capture::fin);
+    sequence += 100'000;
+  }
+  capture::write_file(path("flight.pcap"), content);
+  // The port is that of the configuration.
+  const std::string c = config("lockstep", "tcp:127.0.0.1:10001", "csv", 100, "csv", "file:" + path("out"));
+  const ProgramResult replayed =
+      run_program("imud", {"replay", c, path("flight.pcap"), "--fast", "--summary", path("summary.json")});
+  EXPECT_EQ(replayed.exit_code, 3) << "a line is cut short: " << replayed.errors;
+  const auto s = summary();
+  EXPECT_EQ(s["truth"]["accepted"], 150) << replayed.errors;
+  EXPECT_EQ(s["truth"]["refused"].size(), 0U) << s["truth"]["refused"];
+  EXPECT_EQ(s["truth"]["runs"], 2);
+  EXPECT_EQ(s["truth"]["truncated"], 1);
+  EXPECT_EQ(rows(read_file(path("out"))).size(), 150U);
 }
 
 TEST_F(TruthConnectionTest, PortsAreChecked) {
