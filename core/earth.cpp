@@ -13,8 +13,8 @@ namespace imud {
 namespace {
 
 // WGS 84 (NGA.STND.0036).
-constexpr double a = 6'378'137.0, f = 1.0 / 298.257223563;
-constexpr double b = a * (1.0 - f), e2 = f * (2.0 - f), second_e2 = e2 / ((1.0 - f) * (1.0 - f));
+using units::wgs84::a, units::wgs84::b, units::wgs84::f;
+constexpr double e2 = f * (2.0 - f), second_e2 = e2 / ((1.0 - f) * (1.0 - f));
 
 constexpr std::int64_t gps_began = 315'964'800, leap_seconds = 18;  // of UTC, s
 

@@ -10,8 +10,8 @@ namespace {
 
 // WGS 84 (NGA.STND.0036, table 3.1 and 3.5).
 constexpr double gm = 3.986004418e14;  // m^3/s^2, with the atmosphere
-constexpr double a = 6'378'137.0, f = 1.0 / 298.257223563, b = a * (1.0 - f);
-constexpr double omega = 7.292115e-5;  // rad/s
+using units::wgs84::a, units::wgs84::b, units::wgs84::f;
+constexpr double omega = units::earth_rate;
 constexpr double j2 = 1.08262982131e-3;
 constexpr double e_squared = a * a * f * (2.0 - f);  // E^2, E being the linear eccentricity, m^2
 

@@ -10,4 +10,9 @@ inline constexpr double foot = 0.3048;               // m, exact
 inline constexpr double standard_gravity = 9.80665;  // m/s^2, exact
 inline constexpr double earth_rate = 7.292115e-5;    // rad/s, WGS 84
 
+// The ellipsoid of WGS 84 (NGA.STND.0036, table 3.1).
+namespace wgs84 {
+inline constexpr double a = 6'378'137.0, f = 1.0 / 298.257223563, b = a * (1.0 - f);  // m, m/m, m
+}
+
 }  // namespace imud::units

@@ -87,7 +87,7 @@ std::string_view without_blanks(std::string_view text) {
   return text.substr(first, text.find_last_not_of(" \t") - first + 1);
 }
 
-std::optional<std::int64_t> parse_integer(std::string_view text) {
+std::optional<std::int64_t> integer_from(std::string_view text) {
   const bool negative = text.starts_with('-');
   std::string_view digits = text.substr(negative ? 1 : 0);
   const bool hexadecimal = digits.starts_with("0x") || digits.starts_with("0X");
@@ -101,7 +101,7 @@ std::optional<std::int64_t> parse_integer(std::string_view text) {
   return value;
 }
 
-std::optional<double> parse_real(std::string_view text) {
+std::optional<double> real_from(std::string_view text) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size()) return {};
@@ -156,8 +156,8 @@ void Settings::set_text(std::string_view key, std::string_view text) {
                             if (text != "true" && text != "false") refuse(setting);
                             return text == "true";
                           },
-                          [&](std::int64_t) { return parsed(parse_integer(text)); },
-                          [&](double) { return parsed(parse_real(text)); },
+                          [&](std::int64_t) { return parsed(integer_from(text)); },
+                          [&](double) { return parsed(real_from(text)); },
                           [&](const std::string&) -> SettingValue { return std::string(text); },
                           [&](const List&) -> SettingValue { return parse_list(text); },
                       },

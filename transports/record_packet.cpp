@@ -14,13 +14,13 @@ namespace imud {
 
 namespace {
 
-using Bytes = std::span<const std::byte>;
+using ByteSpan = std::span<const std::byte>;
 
 void put(std::byte* at, std::uint64_t value, std::size_t size) noexcept {
   for (std::size_t i = 0; i < size; ++i) at[i] = static_cast<std::byte>(value >> (8 * i) & 0xFFU);
 }
 
-std::uint64_t get(Bytes bytes, std::size_t at, std::size_t size) noexcept {
+std::uint64_t get(ByteSpan bytes, std::size_t at, std::size_t size) noexcept {
   std::uint64_t value = 0;
   for (std::size_t i = size; i-- > 0;) value = value << 8 | std::to_integer<std::uint64_t>(bytes[at + i]);
   return value;
@@ -31,7 +31,7 @@ void append_big_endian(std::vector<std::byte>& out, std::uint64_t value, std::si
 }
 
 // The sum of RFC 1071 over `bytes`, an odd one padded with 0.
-std::uint64_t sum16(Bytes bytes) noexcept {
+std::uint64_t sum16(ByteSpan bytes) noexcept {
   std::uint64_t sum = 0;
   for (std::size_t i = 0; i < bytes.size(); ++i)
     sum += std::to_integer<std::uint64_t>(bytes[i]) << (i % 2 == 0 ? 8 : 0);
@@ -76,7 +76,7 @@ RecordEventBytes encode_record_event(const RecordEvent& event) noexcept {
   return bytes;
 }
 
-std::optional<RecordEvent> decode_record_event(Bytes bytes) noexcept {
+std::optional<RecordEvent> decode_record_event(ByteSpan bytes) noexcept {
   if (bytes.size() != RecordEvent::size) return std::nullopt;
   RecordEvent event;
   event.type = static_cast<RecordEvent::Type>(get(bytes, 0, 1));
@@ -102,7 +102,7 @@ void append_can_packet(std::vector<std::byte>& out, const Frame& frame) {
   out.insert(out.end(), frame.bytes.begin(), frame.bytes.end());
 }
 
-std::optional<Frame> decode_can_packet(Bytes packet) noexcept {
+std::optional<Frame> decode_can_packet(ByteSpan packet) noexcept {
   constexpr std::size_t header = 8;
   constexpr std::uint64_t bit_rate_switch = 0x01, fd = 0x04;
   if (packet.size() < header) return std::nullopt;
@@ -123,9 +123,9 @@ std::optional<Frame> decode_can_packet(Bytes packet) noexcept {
   return frame;
 }
 
-UdpPacket decode_udp_packet(Bytes packet) noexcept { return udp_packet(DLT_RAW, packet, 0); }
+UdpPacket decode_udp_packet(ByteSpan packet) noexcept { return udp_packet(DLT_RAW, packet, 0); }
 
-void append_udp_packet(std::vector<std::byte>& out, Bytes payload, const Endpoint& from, const Endpoint& to) {
+void append_udp_packet(std::vector<std::byte>& out, ByteSpan payload, const Endpoint& from, const Endpoint& to) {
   constexpr std::size_t udp_header = 8, longest = 65'535;
   constexpr std::uint8_t protocol_udp = 17, hops = 64;
   const bool is_ipv4 = may_be_ipv4(from) && may_be_ipv4(to);
@@ -150,14 +150,14 @@ void append_udp_packet(std::vector<std::byte>& out, Bytes payload, const Endpoin
     out.insert(out.end(), bytes.end() - static_cast<std::ptrdiff_t>(address), bytes.end());
   }
   constexpr std::size_t ipv4_checksum = 10, udp_checksum = 6;
-  if (is_ipv4) replace(out, begin + ipv4_checksum, checksum(sum16(Bytes(out).subspan(begin, ip_header))));
+  if (is_ipv4) replace(out, begin + ipv4_checksum, checksum(sum16(ByteSpan(out).subspan(begin, ip_header))));
   append_big_endian(out, from.port, 2);
   append_big_endian(out, to.port, 2);
   append_big_endian(out, udp_size, 2);
   append_big_endian(out, 0, 2);
   out.insert(out.end(), payload.begin(), payload.end());
   const std::uint64_t pseudo_header = protocol_udp + udp_size;
-  const std::uint16_t sum = checksum(pseudo_header + sum16(Bytes(out).subspan(begin + ip_header - 2 * address)));
+  const std::uint16_t sum = checksum(pseudo_header + sum16(ByteSpan(out).subspan(begin + ip_header - 2 * address)));
   replace(out, begin + ip_header + udp_checksum, sum == 0 ? 0xFFFF : sum);
 }
 
