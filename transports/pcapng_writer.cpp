@@ -8,21 +8,21 @@ namespace imud {
 
 namespace {
 
-using Bytes = std::vector<std::byte>;
+using ByteVector = std::vector<std::byte>;
 
 template <class T>
-void append(Bytes& out, T value) {
+void append(ByteVector& out, T value) {
   const std::size_t at = out.size();
   out.resize(at + sizeof value);
   std::memcpy(out.data() + at, &value, sizeof value);
 }
 
-void append_padded(Bytes& out, std::span<const std::byte> bytes) {
+void append_padded(ByteVector& out, std::span<const std::byte> bytes) {
   out.insert(out.end(), bytes.begin(), bytes.end());
   out.resize((out.size() + 3) / 4 * 4);  // blocks begin at multiples of 4, and so does `out`
 }
 
-void append_option(Bytes& out, std::uint16_t code, std::span<const std::byte> value) {
+void append_option(ByteVector& out, std::uint16_t code, std::span<const std::byte> value) {
   constexpr std::size_t longest = 65'535;
   value = value.first(std::min(value.size(), longest));
   append(out, code);
@@ -30,13 +30,13 @@ void append_option(Bytes& out, std::uint16_t code, std::span<const std::byte> va
   append_padded(out, value);
 }
 
-void append_option(Bytes& out, std::uint16_t code, std::string_view text) {
+void append_option(ByteVector& out, std::uint16_t code, std::string_view text) {
   append_option(out, code, std::as_bytes(std::span(text.data(), text.size())));
 }
 
 // A block with the content that `fill` appends.
 template <class Fill>
-void append_block(Bytes& out, std::uint32_t type, Fill fill) {
+void append_block(ByteVector& out, std::uint32_t type, Fill fill) {
   const std::size_t begin = out.size();
   append(out, type);
   append(out, std::uint32_t{0});
@@ -50,7 +50,7 @@ constexpr std::uint16_t end_of_options = 0;
 
 }  // namespace
 
-void append_section(Bytes& out, std::string_view application) {
+void append_section(ByteVector& out, std::string_view application) {
   append_block(out, 0x0A0D0D0A, [&] {
     append(out, std::uint32_t{0x1A2B3C4D});
     append(out, std::uint16_t{1});
@@ -62,7 +62,7 @@ void append_section(Bytes& out, std::string_view application) {
   });
 }
 
-void append_interface(Bytes& out, const PcapngInterface& interface) {
+void append_interface(ByteVector& out, const PcapngInterface& interface) {
   append_block(out, 1, [&] {
     append(out, interface.link_type);
     append(out, std::uint16_t{0});
@@ -75,7 +75,7 @@ void append_interface(Bytes& out, const PcapngInterface& interface) {
   });
 }
 
-void append_packet(Bytes& out, const PcapngPacket& packet) {
+void append_packet(ByteVector& out, const PcapngPacket& packet) {
   append_block(out, 6, [&] {
     const auto time = static_cast<std::uint64_t>(packet.time_ns);
     const auto size = static_cast<std::uint32_t>(packet.bytes.size());

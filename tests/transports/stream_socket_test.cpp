@@ -89,7 +89,8 @@ TEST_P(StreamSockets, WholeFramesInOrderBothWays) {
   listen();
   EXPECT_EQ(server->state(), PortState::no_reader);
   join();
-  for (auto [from, to] : {std::pair(client.get(), server.get()), std::pair(server.get(), client.get())}) {
+  for (const auto& ends : {std::pair(client.get(), server.get()), std::pair(server.get(), client.get())}) {
+    Port *const from = ends.first, *const to = ends.second;
     NumberedFrames sent;
     NumberedReader received;
     from->send(sent.next(20));
