@@ -151,7 +151,7 @@ StillRecording EmulatedRun::record(const std::string& config) {
   options.rate_hz = options_.rate_hz;
   options.largest_missing = 100;
   DecodeOptions input{.program = "imu-plot", .protocol = protocol_, .port = port};
-  Recorder recorder(protocol, options, input.count);
+  StillRecorder recorder(protocol, options, input.count);
   receive_all(*opened, *decoder, recorder, input);
   const std::uint64_t frames =
       nlohmann::json::parse(std::ifstream(summary.path())).at("imus").at(0).at("frames").get<std::uint64_t>();

@@ -94,7 +94,7 @@ StillRecording record_port(const Options& options, bool& running, std::string& e
   if (const std::string chosen = port->chosen_port(); !chosen.empty())
     fmt::print(stderr, "imu-allan: receives at {}\n", chosen);
   running = true;
-  Recorder recorder(protocol, options.recording, options.input.count);
+  StillRecorder recorder(protocol, options.recording, options.input.count);
   ended_by = receive_all(*port, *decoder, recorder, options.input);
   if (const auto warning = port->end_warning(); !warning.empty())
     fmt::print(stderr, "imu-allan: {}: {}\n", options.input.port, warning);

@@ -25,10 +25,10 @@ void require_length(const StillRecording& recording) {
 
 }  // namespace
 
-Recorder::Recorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted)
+StillRecorder::StillRecorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted)
     : protocol_(protocol), options_(options), wanted_(wanted), statistics_(protocol) {}
 
-void Recorder::choose_channels(const Measurement& first) {
+void StillRecorder::choose_channels(const Measurement& first) {
   const auto choose = [&](std::uint32_t plain, std::uint32_t increment) {
     const bool has_increment = (first.fields & increment) != 0;
     return has_increment && (options_.increments || (first.fields & plain) == 0) ? increment : first.fields & plain;
@@ -42,7 +42,7 @@ void Recorder::choose_channels(const Measurement& first) {
     if (force != 0) recording_.channels.push_back({channels_per_sensor + axis, {}});
 }
 
-void Recorder::on_measurement(const Measurement& measurement) {
+void StillRecorder::on_measurement(const Measurement& measurement) {
   if (is_full()) return;
   ++measurements_;
   const Sample& sample = measurement.sample;
@@ -69,7 +69,7 @@ void Recorder::on_measurement(const Measurement& measurement) {
   }
 }
 
-StillRecording Recorder::finish() {
+StillRecording StillRecorder::finish() {
   statistics_.finish();
   StillRecording& r = recording_;
   r.gaps = statistics_.gaps();

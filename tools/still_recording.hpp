@@ -47,9 +47,9 @@ struct RecordingOptions {
 // Makes a recording of decoded measurements. Increments divided by the period take the place of rates that the
 // measurements do not have. Samples that the device marks as no measurement are left out; before the first valid one
 // they are its start-up and do not count.
-class Recorder final : public MeasurementReceiver {
+class StillRecorder final : public MeasurementReceiver {
  public:
-  Recorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted);
+  StillRecorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted);
 
   void on_measurement(const Measurement& measurement) override;
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
@@ -80,7 +80,7 @@ class Recorder final : public MeasurementReceiver {
 };
 
 // Makes a recording of an array whose columns are those channels; nullopt: the column is left out. Throws as
-// Recorder::finish(), and if a value is not finite.
+// StillRecorder::finish(), and if a value is not finite.
 StillRecording recording_of(const NpyArray& array, const std::vector<std::optional<std::size_t>>& columns,
                             double rate_hz);
 
