@@ -50,10 +50,8 @@ int name_socket(const PortSpec& spec, const std::string& fresh, const std::strin
     // Another process may do the same at this moment: the one that moves the old socket away removes it, unless it
     // has moved that of the other, which it puts back.
     if (::rename(path.c_str(), aside.c_str()) != 0) continue;
-    const bool is_live = is_served(address_of(spec, aside));
-    if (is_live) static_cast<void>(::link(aside.c_str(), path.c_str()));
+    if (is_served(address_of(spec, aside))) return ::rename(aside.c_str(), path.c_str()) == 0 ? EADDRINUSE : errno;
     ::unlink(aside.c_str());
-    if (is_live) return EADDRINUSE;
   }
   return EADDRINUSE;
 }

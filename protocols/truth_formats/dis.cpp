@@ -46,11 +46,12 @@ constexpr unsigned entity_state = 1;
 constexpr std::int64_t hour_ns = 3'600'000'000'000;
 
 PackedTruth make_truth(bool is_in_body, bool has_rate) {
-  std::vector<std::string_view> fields(is_in_body ? std::begin(velocity_in_body) : std::begin(velocity_in_E),
-                                       is_in_body ? std::end(velocity_in_body) : std::end(velocity_in_E));
-  fields.insert(fields.end(), std::begin(pose), std::end(pose));
+  std::vector<std::string_view> fields;
+  for (const std::string_view field : is_in_body ? velocity_in_body : velocity_in_E) fields.push_back(field);
+  for (const std::string_view field : pose) fields.push_back(field);
   fields.push_back(to_the_rate);
-  if (has_rate) fields.insert(fields.end(), std::begin(rate), std::end(rate));
+  if (has_rate)
+    for (const std::string_view field : rate) fields.push_back(field);
   return {
       PackedLayout(std::span<const std::string_view>(fields), boost::endian::order::big, state_offset), {}, false};
 }
