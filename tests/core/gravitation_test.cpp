@@ -84,6 +84,8 @@ TEST(Gravitation, IsConstantOrNone) {
   EXPECT_EQ(gravitation_N({.kind = Kind::constant, .constant = 9.81}, r), Vector3(0, 0, 9.81));
   EXPECT_EQ(gravitation_N({.kind = Kind::none}, 7e6 * r), Vector3(0, 0, 0));
   EXPECT_EQ(gravitation_N(normal_field, r), Vector3(0, 0, 0)) << "inside of the Earth";
+  EXPECT_EQ(gravitation_N({}, r), Vector3(0, 0, 9.80665)) << "a local level";
+  EXPECT_EQ(gravitation_N({}, 7e6 * r), gravitation_N(normal_field, 7e6 * r));
   EXPECT_FALSE(is_near_earth(r));
   EXPECT_TRUE(is_near_earth(6.3e6 * Vector3::UnitX()));
 }

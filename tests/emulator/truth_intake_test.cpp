@@ -537,7 +537,7 @@ TEST_F(TruthIntakeTest, ADisconnectedSimulatorIsNotWaitedFor) {
 
 TEST_F(TruthIntakeTest, GravitationNeedsTheEarth) {
   PoseFit::Options fit = derive_both;
-  fit.gravitation = {};
+  fit.gravitation = {.kind = GravitationModel::Kind::wgs84};
   make(*find_truth_format("csv"), "file:truth.csv", fit);
   port_->waiting.push_back(std::string(pose_header));
   for (int i = 0; i <= 20; ++i) port_->waiting.push_back(pose_row(i));
