@@ -418,7 +418,7 @@ TEST(ImuTruth, WrongCommandLineIsReported) {
       {{"capture", "/does/not/exist.pcap"}, "/does/not/exist.pcap"},
       {{"capture", file, "--format", "csv"}, "--format: a capture is sent as it is"},
       {{"capture", file, "--csv", "-", "--format", "xml"},
-       "there is no truth format 'xml'; right would be one of csv"},
+       "there is no truth format 'xml'; right would be one of ardupilot-json"},
       {{"capture", file, "--csv", "-", "--for", "1"}, "--for: with --csv a capture is converted whole"},
       {{"capture", file, "--csv", "-", "--to", "udp:127.0.0.1:1"}, "--to: not with --csv"},
       {{"capture", "x.csv", "--csv", "-"}, "x.csv: has no native truth; right would be pcap:PATH"},
