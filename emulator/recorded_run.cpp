@@ -22,16 +22,20 @@ class RecordedRun::Input final : public Port {
     waiting_.push_back({{bytes.begin(), bytes.end()}, time, from, std::exchange(disconnects_, 0)});
   }
   void disconnect() noexcept { ++disconnects_; }
+  void end() noexcept { ended_ = true; }
 
   void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
   std::optional<Received> receive() noexcept override {
-    if (waiting_.empty()) return std::nullopt;
+    if (waiting_.empty()) {
+      counters_.lost_count += std::exchange(disconnects_, 0);
+      return std::nullopt;
+    }
     current_ = std::move(waiting_.front());
     waiting_.pop_front();
     counters_.lost_count += current_.disconnects;
     return Received{{current_.bytes}, current_.time, current_.from};
   }
-  bool at_end() const noexcept override { return run_.has_end_ && waiting_.empty(); }
+  bool at_end() const noexcept override { return (ended_ || run_.has_end_) && waiting_.empty(); }
   std::string_view end_warning() const noexcept override { return run_.end_warning(); }
   std::optional<double> progress() const noexcept override { return run_.reader_.progress(); }
   std::optional<bool> keeps_datagrams() const noexcept override { return !is_stream_; }
@@ -47,6 +51,7 @@ class RecordedRun::Input final : public Port {
   const bool is_stream_;
   std::deque<Packet> waiting_;
   std::uint64_t disconnects_ = 0;
+  bool ended_ = false;
   Packet current_;
 };
 
@@ -176,7 +181,7 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       break;
     case Type::disconnected:
       if (const auto truth = inputs_.find(std::string(truth_interface)); truth != inputs_.end())
-        truth->second->disconnect();
+        (event.flags & RecordEvent::input_ended) != 0 ? truth->second->end() : truth->second->disconnect();
       break;
     case Type::forget_past:
       if (session_->timeline().empty()) break;

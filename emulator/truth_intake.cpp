@@ -111,6 +111,8 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
     if (!received) {
       if (port_->at_end() && !std::exchange(finished_, true)) {
         finish_input();
+        if (recorder_ != nullptr)
+          recorder_->event({.type = RecordEvent::Type::disconnected, .flags = RecordEvent::input_ended});
         counters_.remarks.content.set([&](std::span<char> room) {
           const std::string_view content = port_->other_content();
           return write(room, "{}{}", content.empty() ? "" : "the capture has ", content);

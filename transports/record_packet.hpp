@@ -53,6 +53,7 @@ struct RecordEvent {
     end,            // of the run. b: when deadlines were polled last
   };
   static constexpr std::uint8_t is_live = 1;        // begin: truth was no capture
+  static constexpr std::uint8_t input_ended = 1;    // disconnected: the truth's capture has ended
   static constexpr std::uint8_t has_host_time = 1;  // set_clock
   static constexpr std::uint8_t at_rest = 4;        // sample
   static constexpr std::uint8_t skipped = 1;        // transmit

@@ -85,6 +85,20 @@ TEST_F(RecordRunTest, ARecordOfACaptureIsWholeAndRepeatsTheBytes) {
   }
 }
 
+// The last truths leave the fit when the capture has ended.
+TEST_F(RecordRunTest, ARunOfDerivedTruthIsRepeatedToItsEnd) {
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--rate", "100", "--for", "2"}).exit_code,
+            0);
+  const std::string c = two_imus("fast", "format = \"csv\"\nrate = \"derived\"\nspecific_force = \"derived\"");
+  const auto first = run_program("imud", {"replay", c, path("truth.csv"), "--record", record()});
+  ASSERT_EQ(first.exit_code, 0) << first.errors;
+  const std::string out1 = read_file(path("out1"));
+  EXPECT_GT(out1.size(), 50'000U);
+  const auto again = run_program("imud", {"replay", c, record(), "--fast"});
+  EXPECT_EQ(again.exit_code, 0) << again.errors;
+  EXPECT_TRUE(read_file(path("out1")) == out1);
+}
+
 TEST_F(RecordRunTest, ALiveRunIsRepeatedAndReadableAfterAKill) {
   const std::string c = two_imus("realtime", "port = \"" + simulator_.port() + "\"\nextrapolate_ms = 20");
   Program imud("imud");
