@@ -129,7 +129,7 @@ TEST_P(TruthFormats, AnyBytesAreHarmless) {
   const auto decoder = GetParam()->make(Settings(GetParam()->settings));
   std::mt19937_64 random(5);
   std::size_t records = 0;
-  for (int round = 0; round < 20'000; ++round) {
+  for (int round = 0; round < 6'000; ++round) {
     const auto bytes = round % 2 == 0 ? random_bytes(random() % 600, random) : random_text(random);
     const std::uint64_t before = allocations();
     decoder->feed(bytes, round % 3 == 0 ? TruthInput::stream : TruthInput::datagram, {});
@@ -137,7 +137,7 @@ TEST_P(TruthFormats, AnyBytesAreHarmless) {
     records += results(*decoder).size();
     if (HasFailure()) return;
   }
-  EXPECT_GT(records, 10'000U);
+  EXPECT_GT(records, 3'000U);
 }
 
 bool has_lines(const TruthDecoder& decoder) { return dynamic_cast<const LineTruthDecoder*>(&decoder) != nullptr; }
