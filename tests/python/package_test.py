@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
 """The package of tools/python, as it is installed, on what the programs write and on captures of Wireshark's tools."""
-import importlib.util
 import shutil
 import struct
 import subprocess
@@ -156,7 +155,6 @@ class Package(RunTest):
             with self.assertRaisesRegex(ValueError, fault):
                 imud.load_record(path)
 
-    @unittest.skipUnless(importlib.util.find_spec("matplotlib"), "needs matplotlib")
     def test_plots_a_run(self):
         self.measurements()
         array = imud.load(self.folder / "b.npy")
