@@ -1,4 +1,5 @@
-// What is derived from poses, by whole runs: the same motion given and derived, the keys, and the point R.
+// Whole runs that derive rate and specific force from poses: the same motion given and derived, the keys, the point
+// R.
 #include <gtest/gtest.h>
 
 #include "emulator/config.hpp"

@@ -186,7 +186,7 @@ TEST_F(RecordTest, RepeatsWhatAHostHasCaused) {
   }
 }
 
-// What does not fit into the queue is counted, the place is marked, and a replay says so.
+// A packet for which the queue has no room is counted, its place is marked, and a replay reports it.
 TEST_F(RecordTest, CountsAndMarksWhatTheQueueCouldNotTake) {
   Recorder recorder(options(), false, 4096);
   const std::uint16_t interface = recorder.add_interface("imu1", link_type::bytes);

@@ -19,7 +19,7 @@ class PcapTcp : public ::testing::Test {
   static constexpr unsigned type_ipv4 = 0x0800, type_ipv6 = 0x86DD;
 
   static Bytes frame(const Bytes& segment) { return ethernet(type_ipv4, ipv4(segment, {{}, 6})); }
-  // What the simulator sends, and what is sent to it.
+  // Return the packet of a segment that the simulator sends, and of one that is sent to it.
   static Bytes out(std::uint32_t sequence, const Bytes& payload, unsigned flags = ack) {
     return frame(tcp(payload, simulator, imud_end, sequence, flags));
   }

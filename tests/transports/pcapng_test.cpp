@@ -97,7 +97,7 @@ TEST(Pcapng, ChecksumsOfDatagramsAreRight) {
   EXPECT_EQ(sum(12, packet.size(), 17 + 13), 0xFFFFU);
 }
 
-// Of a big-endian section, with times in microseconds, and with times in 2^-10 s from an offset.
+// The section is big-endian; its times are in microseconds, or in 2^-10 s from an offset.
 TEST(Pcapng, ReadsOtherByteOrdersAndClocks) {
   std::string text;
   const auto u32 = [&](std::uint32_t value) {
