@@ -3,10 +3,8 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 
-#include <bit>
 #include <cerrno>
 #include <cstring>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -15,33 +13,10 @@
 
 namespace imud {
 
-static_assert(std::endian::native == std::endian::little, "the rows are written as they are in memory");
-static_assert(sizeof(MeasuredRow) == 128 && sizeof(TrueRow) == 104);
+static_assert(sizeof(TrueRow) == sizeof(std::int64_t) + sizeof(TrueValues));
 
-MeasuredRow measured_row(const Measurement& measurement, unsigned absent_rates) noexcept {
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  const Sample& sample = measurement.sample;
-  const auto has = [&](std::uint32_t field) { return (measurement.fields & field) != 0; };
-  const auto values = [&](std::uint32_t field, const Vector3& vector) {
-    return has(field) ? std::array{vector[0], vector[1], vector[2]} : std::array{nan, nan, nan};
-  };
-  MeasuredRow row{
-      .time_ns = has(Measurement::time) ? sample.time.ns : std::numeric_limits<std::int64_t>::min(),
-      .counter = has(Measurement::counter) ? sample.counter : std::numeric_limits<std::uint64_t>::max(),
-      .gyro = values(Measurement::rate, sample.rate),
-      .accel = values(Measurement::specific_force, sample.specific_force),
-      .dtheta = values(Measurement::delta_angle, sample.delta_angle),
-      .dvel = values(Measurement::delta_velocity, sample.delta_velocity),
-      .temperature = has(Measurement::temperature) ? sample.temperature_c : nan,
-      .status = has(Measurement::status) ? sample.status : 0,
-      .fields = measurement.fields,
-  };
-  for (std::size_t axis = 0; axis < row.gyro.size(); ++axis)
-    if (((absent_rates >> axis) & 1U) != 0) row.gyro[axis] = nan;
-  return row;
-}
-
-ArrayFile::ArrayFile(std::string path, std::string_view row_type) : path_(std::move(path)), row_type_(row_type) {
+ArrayFile::ArrayFile(std::string path, std::span<const MeasurementColumn> columns)
+    : path_(std::move(path)), columns_(columns) {
   if (const std::string link = foreign_link(path_); !link.empty())
     throw OpenError(fmt::format(
         "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
@@ -51,27 +26,8 @@ ArrayFile::ArrayFile(std::string path, std::string_view row_type) : path_(std::m
     throw OpenError(fmt::format("{}: cannot write it: {}", path_, std::strerror(errno)));
 }
 
-// numpy.lib.format, version 1: magic, version, the length of the text, which ends at a multiple of 64. Its length
-// does not depend on the numbers of the shape.
-std::string ArrayFile::header(std::span<const std::uint64_t> shape) const {
-  std::string numbers;
-  for (const std::uint64_t size : shape) numbers += fmt::format("{}, ", size);
-  std::string text = fmt::format("{{'descr': [{}], 'fortran_order': False, 'shape': (", row_type_);
-  constexpr std::size_t before = 10, alignment = 64, longest_shape = 2 * 22, end = 5;
-  const std::size_t size =
-      (before + text.size() + longest_shape + end + alignment - 1) / alignment * alignment - before;
-  text += fmt::format("{}), }}", numbers);
-  text.append(size - text.size() - 1, ' ');
-  text += '\n';
-  std::string header = "\x93NUMPY\x01";
-  header += '\0';
-  header += static_cast<char>(text.size() & 0xFFU);
-  header += static_cast<char>(text.size() >> 8U);
-  return header + text;
-}
-
 void ArrayFile::set_shape(std::span<const std::uint64_t> shape, std::size_t row_size) {
-  const std::string text = header(shape);
+  const std::string text = npy_header(columns_, shape);
   std::uint64_t bytes = row_size;
   for (const std::uint64_t size : shape) bytes *= size;
   if (::ftruncate(file_.get(), static_cast<off_t>(text.size() + bytes)) != 0)
@@ -80,7 +36,7 @@ void ArrayFile::set_shape(std::span<const std::uint64_t> shape, std::size_t row_
 }
 
 void ArrayFile::write(std::span<const std::byte> bytes, std::uint64_t offset) const {
-  write_at(bytes, header({}).size() + offset);
+  write_at(bytes, npy_header(columns_, {}).size() + offset);
 }
 
 void ArrayFile::write_at(std::span<const std::byte> bytes, std::uint64_t offset) const {

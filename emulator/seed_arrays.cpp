@@ -30,8 +30,9 @@ class TruthRows {
   }
   void on_measurement() {
     const auto values = [](const Vector3& v) { return std::array{v[0], v[1], v[2]}; };
-    held_.push_back({newest_.time.ns, values(newest_.rate), values(newest_.specific_force),
-                     values(increments_.delta_angle), values(increments_.delta_velocity)});
+    held_.push_back({newest_.time.ns,
+                     {values(newest_.rate), values(newest_.specific_force), values(increments_.delta_angle),
+                      values(increments_.delta_velocity)}});
     increments_ = {};
     if (held_.size() >= hold_at_most) flush();
   }
@@ -69,8 +70,8 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
         if (regular_file(output) == used)
           throw PortError(
               fmt::format("--npy {}: the run reads or writes this file already; give another", output.string()));
-    imus_.push_back({imu, std::make_unique<ArrayFile>(file, measured_row_type),
-                     std::make_unique<ArrayFile>(truth, true_row_type), 0});
+    imus_.push_back({imu, std::make_unique<ArrayFile>(file, measurement_columns(false)),
+                     std::make_unique<ArrayFile>(truth, truth_columns()), 0});
   }
 }
 
@@ -101,28 +102,30 @@ void SeedArrays::begin(const Config& config, std::uint64_t seeds, const Run& run
       throw std::runtime_error(
           fmt::format("{}: sends no measurement, so that there is no array", imus_[i].config.name));
     const std::array shape{seeds, imus_[i].rows};
-    imus_[i].measured->set_shape(shape, sizeof(MeasuredRow));
+    imus_[i].measured->set_shape(shape, row_size(false));
     imus_[i].truth->set_shape(std::span(shape).last(1), sizeof(TrueRow));
   }
 }
 
 SeedArrays::Rows::Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index)
     : arrays_(arrays), imu_(imu), begin_(seed_index * arrays.imus_[imu].rows) {
-  held_.reserve(hold_at_most);
+  held_.reserve(hold_at_most * row_size(false));
 }
 
 std::unique_ptr<Port> SeedArrays::Rows::port() {
   const ImuConfig& imu = arrays_.imus_[imu_].config;
   return decoding_port(imu, [this, absent = imu.protocol->absent_rates](const Measurement& measurement) {
     if (++taken_ > arrays_.imus_[imu_].rows) return;
-    held_.push_back(measured_row(measurement, absent));
-    if (held_.size() == hold_at_most) flush();
+    const MeasurementRow row(measurement, absent);
+    const auto bytes = std::as_bytes(std::span(&row, 1)).first(row_size(false));
+    held_.insert(held_.end(), bytes.begin(), bytes.end());
+    if (held_.size() == hold_at_most * row_size(false)) flush();
   });
 }
 
 void SeedArrays::Rows::flush() {
-  arrays_.imus_[imu_].measured->write(std::as_bytes(std::span(held_)), (begin_ + rows_) * sizeof(MeasuredRow));
-  rows_ += held_.size();
+  arrays_.imus_[imu_].measured->write(held_, (begin_ + rows_) * row_size(false));
+  rows_ += held_.size() / row_size(false);
   held_.clear();
 }
 

@@ -42,7 +42,7 @@ class SeedArrays {
     const SeedArrays& arrays_;
     const std::size_t imu_;
     std::uint64_t begin_, rows_ = 0, taken_ = 0;
-    std::vector<MeasuredRow> held_;
+    std::vector<std::byte> held_;  // rows
   };
 
  private:

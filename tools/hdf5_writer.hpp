@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "tools/measurement_row.hpp"
+#include "tools/row_output.hpp"
 
 namespace imud {
 

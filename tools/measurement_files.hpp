@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/time.hpp"
-#include "tools/measurement_row.hpp"
+#include "tools/row_output.hpp"
 #include "tools/truth_beside.hpp"
 
 namespace imud {

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
-#include <bit>
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
@@ -15,31 +14,6 @@ namespace imud {
 
 namespace {
 constexpr std::size_t hold_at_most = 64 * 1024;
-}
-
-std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape) {
-  constexpr char order = std::endian::native == std::endian::little ? '<' : '>';
-  std::string text = "{'descr': [";
-  for (const MeasurementColumn& column : columns) {
-    text += fmt::format("('{}', '{}{}'", column.name, order, column.type);
-    text += column.values > 1 ? fmt::format(", ({},)), ", column.values) : "), ";
-  }
-  text += "], 'fortran_order': False, 'shape': (";
-  std::string numbers;
-  for (const std::uint64_t size : shape) numbers += fmt::format("{}, ", size);
-  // Behind magic, version and length, padded with blanks to a multiple of 64, with room for the longest shape.
-  constexpr std::string_view end = "), }";
-  constexpr std::size_t before = 10, alignment = 64, longest_shape = 2 * 22;
-  const std::size_t longest = before + text.size() + longest_shape + end.size() + 1;
-  const std::size_t size = (longest + alignment - 1) / alignment * alignment - before;
-  text += fmt::format("{}{}", numbers, end);
-  text.append(size - text.size() - 1, ' ');
-  text += '\n';
-  std::string header = "\x93NUMPY\x01";
-  header += '\0';
-  header += static_cast<char>(text.size() & 0xFFU);
-  header += static_cast<char>(text.size() >> 8U);
-  return header + text;
 }
 
 NpyWriter::NpyWriter(std::string path, bool with_truth) : path_(std::move(path)), with_truth_(with_truth) {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/measurement_row.hpp"
+#include "tools/row_output.hpp"
 #include "transports/file_descriptor.hpp"
 
 namespace imud {
@@ -32,9 +32,5 @@ class NpyWriter final : public RowOutput {
   std::uint64_t rows_ = 0;  // in the file
   int error_ = 0;
 };
-
-// Returns the header of an array of the shape: a text of a length that depends neither on the number of rows nor on
-// the number of dimensions up to two.
-std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape);
 
 }  // namespace imud

@@ -6,8 +6,8 @@
 #include <span>
 #include <string>
 
+#include "protocols/measurement_row.hpp"
 #include "protocols/protocol.hpp"
-#include "tools/measurement_row.hpp"
 #include "tools/resolved_config.hpp"
 
 namespace imud {

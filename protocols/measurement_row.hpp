@@ -50,19 +50,13 @@ struct MeasurementColumn {
 
 // Returns the members of MeasurementRow in their order, the last four only `with_truth`.
 std::span<const MeasurementColumn> measurement_columns(bool with_truth) noexcept;
+// Returns the columns of the truth alone: `time_ns`, then the members of TrueValues in their order.
+std::span<const MeasurementColumn> truth_columns() noexcept;
 // Returns the number of bytes of a row.
 std::size_t row_size(bool with_truth) noexcept;
 
-// A file of rows. The constructor opens it, and throws std::runtime_error, which names the file and the cause.
-class RowOutput {
- public:
-  virtual ~RowOutput() = default;
-  virtual void write(const MeasurementRow& row) = 0;
-  // Brings all rows into the file, which is whole then.
-  virtual void flush() = 0;
-  // Ends the file. Throws std::runtime_error, which names the file and the cause, if it or a row could not be
-  // written.
-  virtual void finish() = 0;
-};
+// Returns the header of an array of NumPy (numpy.lib.format, version 1) with these columns and this shape: a text of
+// a length that depends neither on the number of rows nor on the number of dimensions up to two.
+std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape);
 
 }  // namespace imud
