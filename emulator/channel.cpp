@@ -104,19 +104,18 @@ void Channel::cycle_power(HostTime now) noexcept {
   apply_filters();
 }
 
-Sample Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
+Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
   has_sampled_ = true;
   is_resting_ = false;
-  return imu_.sample(timeline, time, clock_.stamp(k));
+  return sample_ = imu_.sample(timeline, time, clock_.stamp(k));
 }
 
-Sample Channel::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept {
+Sample& Channel::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept {
   is_resting_ = true;
-  return imu_.sample_at_rest(since_power_on, clock_.stamp(k));
+  return sample_ = imu_.sample_at_rest(since_power_on, clock_.stamp(k));
 }
 
-void Channel::prepare(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept {
-  sample_ = sample;
+void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   truth_ = truth;
   silent_ = silent;
 }

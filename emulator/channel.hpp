@@ -51,12 +51,13 @@ class Channel {
   void cycle_power(HostTime now) noexcept;
 
   // --- Samples ---
-  // Return the sample of instant `k` of the grid: of the truth at `time`, or of the vehicle at rest.
-  Sample sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept;
-  Sample sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept;
-  // Keeps a sample for encode(), and the truth time up to which the device receives edges before the sample; if it is
-  // nullopt, edges are discarded. The frames of a `silent` sample are discarded.
-  void prepare(const Sample& sample, std::optional<TruthTime> truth, bool silent) noexcept;
+  // Take the sample of instant `k` of the grid, of the truth at `time` or of the vehicle at rest, and return it; it
+  // is kept for encode().
+  Sample& sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept;
+  Sample& sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept;
+  // Keeps the truth time up to which the device receives edges before the sample; if it is nullopt, edges are
+  // discarded. The frames of a `silent` sample are discarded.
+  void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample.
   void encode() noexcept { encode(false); }
   // Sends the sample's frames, and the pulse of the output pin.
@@ -149,11 +150,11 @@ class Channel {
   Recorder* const recorder_;
   std::optional<Sync> sync_;  // nullopt if no pin is connected
   DeviceClock clock_;
-  bool is_resting_ = false;      // the last sample was taken at rest
-  bool has_sampled_ = false;     // in this run
-  std::uint64_t power_ons_ = 0;  // after the first
-  Sample sample_;                // prepare() sets these three
-  std::optional<TruthTime> truth_;
+  bool is_resting_ = false;         // the last sample was taken at rest
+  bool has_sampled_ = false;        // in this run
+  std::uint64_t power_ons_ = 0;     // after the first
+  Sample sample_;                   // of sense()
+  std::optional<TruthTime> truth_;  // prepare() sets these two
   bool silent_ = false;
   FrameBuffer frames_;  // of the sample
   FrameBuffer others_;  // of a deadline or an answer, or of a silent sample

@@ -16,11 +16,11 @@ Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.en
 }
 
 void Schedule::advance() noexcept {
-  std::pop_heap(heap_.begin(), heap_.end(), is_later);
+  if (heap_.size() > 1) std::pop_heap(heap_.begin(), heap_.end(), is_later);
   Slot& slot = heap_.back();
   ++slot.index;
   slot.offset = origins_[slot.imu] + grids_[slot.imu].offset(slot.index);
-  std::push_heap(heap_.begin(), heap_.end(), is_later);
+  if (heap_.size() > 1) std::push_heap(heap_.begin(), heap_.end(), is_later);
 }
 
 void Schedule::push(std::size_t imu) noexcept {

@@ -51,11 +51,12 @@ void Session::record_sample(const Channel& channel, std::uint8_t flags, std::int
 
 void Session::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept {
   if (recorder_ != nullptr) record_sample(channel, RecordEvent::at_rest, since_power_on.count(), k);
-  channel.prepare(channel.sense_at_rest(since_power_on, k), std::nullopt, false);
+  channel.sense_at_rest(since_power_on, k);
+  channel.prepare(std::nullopt, false);
 }
 
 void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
-  Sample sample = channel.sense(timeline_, time, k);
+  Sample& sample = channel.sense(timeline_, time, k);
   watermark_ = std::max(watermark_, time);
   if (recorder_ != nullptr) {
     const auto basis = (sample.status & status::truth_stale) != 0          ? MotionState::Basis::held
@@ -71,7 +72,7 @@ void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcep
   if (std::exchange(stopped_, stopped) != stopped) (stopped ? quality_.stops : quality_.returns).count();
   const bool silent = stopped && when_stopped_ == WhenStopped::silence;
   if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
-  channel.prepare(sample, silent ? std::nullopt : std::optional(time), silent);
+  channel.prepare(silent ? std::nullopt : std::optional(time), silent);
 }
 
 void Session::advance(TruthTime until) noexcept {

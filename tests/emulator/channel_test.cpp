@@ -90,7 +90,8 @@ class ChannelTest : public RunTest {
   // More than the pipe accepts.
   void fill() {
     for (int i = 0; i < 100; ++i, ++handed_) {
-      channel_->prepare(channel_->sense_at_rest(Nanoseconds{}, handed_), std::nullopt, false);
+      channel_->sense_at_rest(Nanoseconds{}, handed_);
+      channel_->prepare(std::nullopt, false);
       channel_->encode();
       channel_->transmit();
     }
@@ -174,7 +175,8 @@ TEST_F(ChannelTest, AStopEndsTheWaiting) {
 
 TEST_F(ChannelTest, AStopEndsTheWaitingForAFrameThatIsNotDue) {
   port_->is_paced = true;
-  channel_->prepare(channel_->sense_at_rest(Nanoseconds{}, 0), std::nullopt, false);
+  channel_->sense_at_rest(Nanoseconds{}, 0);
+  channel_->prepare(std::nullopt, false);
   channel_->encode();
   channel_->transmit();
   std::atomic<bool> stop = false;

@@ -77,7 +77,8 @@ class Unit {
       truth.specific_force_B = {0, truth.omega_BN_B.x(), 0};
       truth.has_specific_force = true;
       timeline.push(truth);
-      channel_->prepare(channel_->sense(timeline, truth.time, k_++), std::nullopt, false);
+      channel_->sense(timeline, truth.time, k_++);
+      channel_->prepare(std::nullopt, false);
       channel_->encode();
       channel_->transmit();
     }
