@@ -1,0 +1,66 @@
+// Fault: what fails, how, and when. A fault is a [[fault]] of a configuration or a scenario, or begins by control.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace imud {
+
+// The place on the way from truth to bytes at which a fault acts.
+enum class FaultSeam : std::uint8_t {
+  truth,    // between the simulator and the sensors
+  sensor,   // the sample that a sensor takes
+  message,  // the sample that the device receives, and the frames that it makes of it
+  wire,     // the frames on the line or the bus
+  power,    // the device's supply
+};
+
+// A number that a fault has beside its times, such as its magnitude.
+struct FaultParameter {
+  static constexpr double required = std::numeric_limits<double>::quiet_NaN();
+
+  std::string_view key;  // "value"; with the unit, if it is not that of the target: "jitter_ms"
+  std::string_view meaning;
+  double initial = required;
+  double min = -1e9, max = 1e9;
+  // The key is in the target's unit, SI, or has the unit as its suffix: value_deg_per_s.
+  bool has_targets_unit = false;
+};
+
+// A way to fail. Each seam declares its kinds in a table (fault_kinds.hpp).
+struct FaultKind {
+  static constexpr std::size_t max_parameters = 4;
+
+  std::string_view name;     // of the key `kind`: "bias"
+  std::string_view summary;  // follows the target in a sentence: "gyro.x: a constant is added"
+  FaultSeam seam = FaultSeam::sensor;
+  std::span<const std::string_view> targets;  // of the key `target`, without axes: "gyro"
+  std::span<const FaultParameter> parameters = {};
+  bool has_axes = false;  // the target may be one axis: "gyro.x"
+  bool is_ramped = true;  // its effect is proportional to a weight; false: it is there or not
+  bool is_event = false;  // it happens at its begin, and has no duration
+  // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
+  // after the end are those of a run without the fault.
+  std::string_view stays = {};
+};
+
+// A fault during one sample.
+struct ActiveFault {
+  const FaultKind* kind = nullptr;
+  std::uint32_t number = 0;  // of the fault in the configuration
+  std::uint8_t target = 0;   // index into FaultKind::targets
+  std::uint8_t axes = 7;     // bits of x, y and z
+  // Those of the kind, in order, as drawn for this occurrence.
+  std::array<double, FaultKind::max_parameters> parameters = {};
+  double weight = 1;             // in (0, 1]: below 1 during the ramps
+  std::uint64_t since = 0;       // samples since its begin; 0 in its first
+  std::uint64_t occurrence = 0;  // of a repeated fault, from 0
+  bool is_last = false;          // the sample is its last, as far as that is known by its times
+};
+
+}  // namespace imud
