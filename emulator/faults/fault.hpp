@@ -57,7 +57,7 @@ struct ActiveFault {
   std::uint8_t axes = 7;     // bits of x, y and z
   // Those of the kind, in order, as drawn for this occurrence.
   std::array<double, FaultKind::max_parameters> parameters = {};
-  double weight = 1;             // in (0, 1]: below 1 during the ramps
+  double weight = 1;             // from 0 to 1: below 1 during the ramps
   std::uint64_t since = 0;       // samples since its begin; 0 in its first
   std::uint64_t occurrence = 0;  // of a repeated fault, from 0
   bool is_last = false;          // the sample is its last, as far as that is known by its times

@@ -1,0 +1,27 @@
+#include "emulator/faults/channel_faults.hpp"
+
+#include "emulator/config.hpp"
+
+namespace imud {
+
+ChannelFaults::ChannelFaults(std::span<const FaultConfig> faults, const ImuConfig& imu, std::uint16_t number,
+                             std::uint64_t seed, FaultLog& log)
+    : schedule_(faults, imu.name, number, imu.rate_hz, seed, log),
+      sensors_(imu.model, imu.name, seed, faults.size()),
+      messages_(faults, imu.name, imu.rate_hz, seed) {}
+
+void ChannelFaults::begin_run() noexcept {
+  schedule_.begin_run();
+  messages_.discard();
+  last_.reset();
+}
+
+void ChannelFaults::take(Sample& sample, Nanoseconds since_begin) noexcept {
+  schedule_.take(sample, since_begin);
+  const double step_s = last_ ? seconds(since_begin - *last_) : 0.0;
+  last_ = since_begin;
+  sensors_.apply(schedule_.active(FaultSeam::sensor), schedule_.sample(), step_s, sample);
+  messages_.apply(schedule_.active(FaultSeam::message), schedule_.sample(), sample);
+}
+
+}  // namespace imud

@@ -1,0 +1,40 @@
+// ChannelFaults: all faults of one imu, at the places where they act.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "emulator/faults/fault_schedule.hpp"
+#include "emulator/faults/message_faults.hpp"
+#include "emulator/faults/sensor_faults.hpp"
+
+namespace imud {
+
+struct ImuConfig;
+
+// No allocation after construction; one thread.
+class ChannelFaults {
+ public:
+  // `faults`, those of the run, must outlive this. `number`: that of the imu.
+  ChannelFaults(std::span<const FaultConfig> faults, const ImuConfig& imu, std::uint16_t number, std::uint64_t seed,
+                FaultLog& log);
+
+  void begin_run() noexcept;
+  // Ends the faults that act, after the last sample.
+  void finish() noexcept { schedule_.finish(); }
+  // Determines the faults of a sample of the truth, `since_begin` after the begin of its run, and applies those of
+  // the sensors and of what the device is given.
+  void take(Sample& sample, Nanoseconds since_begin) noexcept;
+  // The frames of that sample.
+  MessageFaults& messages() noexcept { return messages_; }
+  std::span<const ActiveFault> active(FaultSeam seam) const noexcept { return schedule_.active(seam); }
+
+ private:
+  FaultSchedule schedule_;
+  SensorFaults sensors_;
+  MessageFaults messages_;
+  std::optional<Nanoseconds> last_;  // the time of the last sample of this run
+};
+
+}  // namespace imud

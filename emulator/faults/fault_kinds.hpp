@@ -1,0 +1,30 @@
+// The kinds of faults of all seams.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/faults/fault.hpp"
+
+namespace imud {
+
+// The tables of the seams.
+std::span<const FaultKind> sensor_fault_kinds() noexcept;
+std::span<const FaultKind> message_fault_kinds() noexcept;
+
+// Returns the kinds of all seams, by seam.
+std::span<const FaultKind* const> fault_kinds() noexcept;
+// Returns the kind of that name that has the target; nullptr if there is none.
+const FaultKind* find_fault_kind(std::string_view name, std::string_view target) noexcept;
+
+// A unit as a key ends, and its value in SI.
+struct FaultUnit {
+  std::string_view suffix;
+  double si;
+};
+// Returns the units of a target's values; the first is that of SI. Empty: the values have none.
+std::span<const FaultUnit> fault_units(std::string_view target) noexcept;
+
+}  // namespace imud

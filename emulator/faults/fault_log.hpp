@@ -1,0 +1,56 @@
+// FaultLog: the begins and ends of faults, from the sampling thread to any one that reads them.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/time.hpp"
+#include "emulator/faults/fault.hpp"
+
+namespace imud {
+
+// The begin or the end of an occurrence of a fault on an imu.
+struct FaultEvent {
+  std::uint32_t fault = 0;  // its number in the configuration
+  std::uint16_t imu = 0;    // likewise
+  bool has_begun = false;   // false: it has ended
+  std::uint64_t occurrence = 0;
+  std::uint64_t sample = 0;   // of its run: the first, or the last that the fault acts on
+  std::uint64_t counter = 0;  // of all samples of the imu (Sample::counter)
+  double time_s = 0;          // since the begin of the run
+  DeviceTime device_time;     // of the sample
+  std::array<double, FaultKind::max_parameters> parameters = {};  // as drawn
+};
+
+// A list that only grows, up to a size that is set at the start; further events are counted as lost. One thread adds,
+// any other reads what is there.
+class FaultLog {
+ public:
+  static constexpr std::size_t default_size = 65536;
+  explicit FaultLog(std::size_t size = default_size) : events_(size) {}
+
+  void add(const FaultEvent& event) noexcept {
+    const std::size_t size = size_.load(std::memory_order_relaxed);
+    if (size == events_.size()) {
+      lost_.fetch_add(1, std::memory_order_relaxed);
+      return;
+    }
+    events_[size] = event;
+    size_.store(size + 1, std::memory_order_release);
+  }
+
+  std::size_t size() const noexcept { return size_.load(std::memory_order_acquire); }
+  // `i` is below a value that size() has returned.
+  const FaultEvent& operator[](std::size_t i) const noexcept { return events_[i]; }
+  std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
+
+ private:
+  std::vector<FaultEvent> events_;
+  std::atomic<std::size_t> size_ = 0;
+  std::atomic<std::uint64_t> lost_ = 0;
+};
+
+}  // namespace imud

@@ -1,0 +1,78 @@
+// FaultSchedule: which faults act on a sample.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "core/random.hpp"
+#include "core/sample.hpp"
+#include "emulator/faults/fault_config.hpp"
+#include "emulator/faults/fault_log.hpp"
+
+namespace imud {
+
+// The faults of one imu, sample by sample. Begins and ends are a function of the faults, the seed and the samples. No
+// allocation after construction, no lock; one thread.
+class FaultSchedule {
+ public:
+  // `faults` must outlive this; those that do not act on the imu are ignored. `log` receives begins and
+  // ends. `rate_hz`: of the samples.
+  FaultSchedule(std::span<const FaultConfig> faults, std::string_view imu, std::uint16_t imu_number, double rate_hz,
+                std::uint64_t seed, FaultLog& log);
+
+  bool empty() const noexcept { return states_.empty(); }
+  // Begins a run: all faults begin again. Those that act end with the run's last sample.
+  void begin_run() noexcept;
+  // Determines the faults of a sample, `since_begin` after the first sample of its run. `sample` is without faults;
+  // later calls are for later samples.
+  void take(const Sample& sample, Nanoseconds since_begin) noexcept;
+  // Ends all faults that act, with the last sample. Called when the run has ended.
+  void finish() noexcept { begin_run(); }
+
+  // Returns the faults of the sample that act at `seam`, in the order of the configuration.
+  std::span<const ActiveFault> active(FaultSeam seam) const noexcept {
+    const Range range = ranges_[static_cast<std::size_t>(seam)];
+    return std::span(active_).subspan(range.begin, range.size);
+  }
+  // Returns the number of the sample in its run, from 0.
+  std::uint64_t sample() const noexcept { return next_ - 1; }
+
+ private:
+  static constexpr std::size_t seams = 5;
+
+  struct State {
+    const FaultConfig* fault;
+    std::uint32_t number;  // in the configuration
+    Normals draws;
+    std::uint64_t occurrence = 0;
+    bool is_active = false;
+    bool is_above = false;  // the condition held at the last sample
+    double begin_s = 0, end_s = 0;
+    std::uint64_t first = 0;  // its first sample
+    ActiveFault active = {};
+  };
+  struct Range {
+    std::size_t begin = 0, size = 0;
+  };
+  double draw(const State& state, const FaultNumber& number, std::uint64_t parameter) const noexcept;
+  bool begins(State& state, const Sample& sample, double time_s) noexcept;
+  void begin(State& state) noexcept;
+  void end(State& state) noexcept;
+  static bool is_over(const State& state, std::uint64_t sample, double time_s) noexcept;
+  void log(const State& state, bool has_begun) noexcept;
+
+  const std::uint16_t imu_;
+  const double period_s_;
+  FaultLog& log_;
+  std::vector<State> states_;        // by seam, then in the order of the configuration
+  std::vector<ActiveFault> active_;  // likewise
+  Range ranges_[seams];
+  std::uint64_t next_ = 0;     // the number of the next sample of the run
+  std::uint64_t counter_ = 0;  // Sample::counter of the last sample
+  DeviceTime device_time_;     // of it
+  double time_s_ = 0;          // since the begin of the run
+};
+
+}  // namespace imud

@@ -1,0 +1,223 @@
+#include "emulator/faults/message_faults.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "emulator/faults/fault_config.hpp"
+#include "emulator/faults/fault_kinds.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view message[] = {"message"}, device_clock[] = {"clock"};
+constexpr FaultParameter chance[] = {
+    {.key = "each", .meaning = "the probability of each message", .initial = 1, .min = 0, .max = 1}};
+constexpr FaultParameter copies[] = {
+    {.key = "value", .meaning = "how often it is sent again", .initial = 1, .min = 1, .max = 8}};
+constexpr FaultParameter lateness[] = {
+    {.key = "delay_ms", .meaning = "by which messages are late", .min = 0, .max = 10'000},
+    {.key = "jitter_ms", .meaning = "by which they are later at random", .initial = 0, .min = 0, .max = 10'000}};
+constexpr FaultParameter counts[] = {{.key = "value", .meaning = "the number that is added"}};
+constexpr FaultParameter off_s[] = {{.key = "value_s", .meaning = "by which the clock is ahead"}};
+constexpr FaultParameter off_ppm[] = {
+    {.key = "value_ppm", .meaning = "by which the clock runs fast", .min = -1e5, .max = 1e5}};
+
+enum Kind : std::size_t {
+  missing,
+  repeated,
+  late,
+  out_of_order,
+  counter_stuck,
+  counter_jump,
+  invalid,
+  valid,
+  clock_jump,
+  clock_drift,
+  kinds
+};
+
+constexpr FaultKind table[] = {
+    {.name = "missing",
+     .summary = "messages are not sent",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .parameters = chance,
+     .is_ramped = false},
+    {.name = "repeated",
+     .summary = "messages are sent again",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .parameters = copies,
+     .is_ramped = false},
+    {.name = "late",
+     .summary = "messages leave late, in their order",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .parameters = lateness,
+     .stays = "messages that are still withheld leave at their times"},
+    {.name = "out_of_order",
+     .summary = "two messages change places",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .is_ramped = false},
+    {.name = "counter_stuck",
+     .summary = "the counter stands still",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .is_ramped = false},
+    {.name = "counter_jump",
+     .summary = "the counter is ahead",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .parameters = counts,
+     .is_ramped = false},
+    {.name = "invalid",
+     .summary = "good samples are marked as not valid",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .is_ramped = false},
+    {.name = "valid",
+     .summary = "saturated, stale and failed samples are marked as good",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .is_ramped = false},
+    {.name = "jump",
+     .summary = "the sensor's clock is wrong",
+     .seam = FaultSeam::message,
+     .targets = device_clock,
+     .parameters = off_s,
+     .is_ramped = false},
+    {.name = "drift",
+     .summary = "the sensor's clock runs away",
+     .seam = FaultSeam::message,
+     .targets = device_clock,
+     .parameters = off_ppm,
+     .is_ramped = false},
+};
+static_assert(std::size(table) == kinds);
+
+void append(const FrameBuffer& frames, FrameBuffer& to) noexcept {
+  for (const Frame& frame : frames.frames()) to.append(frame.bytes, frame.can, frame.uart);
+}
+
+constexpr std::size_t most_held = 1024;
+constexpr double margin = 2;  // messages that are held back beside those of the delay
+
+}  // namespace
+
+std::span<const FaultKind> message_fault_kinds() noexcept { return table; }
+
+MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::string_view imu, double rate_hz,
+                             std::uint64_t seed)
+    : rate_hz_(rate_hz) {
+  double longest = 0;
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    normals_.emplace_back(seed, stream_id(fmt::format("{}/fault/{}", imu, i)));
+    const FaultKind* kind = faults[i].kind;
+    if (kind->seam != FaultSeam::message || !faults[i].acts_on(imu)) continue;
+    if (kind != &table[late]) continue;
+    const auto most = [](const FaultNumber& number) {
+      constexpr double sigmas = 6;
+      return number.law == FaultNumber::Law::normal ? number.a + sigmas * number.b : std::max(number.a, number.b);
+    };
+    longest = std::max(longest, 1e-3 * (most(faults[i].parameters[0]) + most(faults[i].parameters[1])));
+  }
+  if (longest > 0) held_.resize(std::min(most_held, static_cast<std::size_t>(longest * rate_hz + margin)));
+}
+
+void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept {
+  is_missing_ = is_exchanged_ = false;
+  repetitions_ = 0;
+  delay_ = clock_offset_ = Nanoseconds{0};
+  for (const ActiveFault& fault : faults) {
+    const double p = fault.parameters[0];
+    const double since_s = static_cast<double>(fault.since) / rate_hz_;
+    const auto uniform = [&] { return normals_[fault.number].uniform(Quantity::rate, Process::fault_noise, k); };
+    switch (static_cast<Kind>(fault.kind - table)) {
+      case missing:
+        is_missing_ = is_missing_ || p >= 1 || uniform() < p;
+        break;
+      case repeated:
+        repetitions_ += static_cast<int>(p);
+        break;
+      case late:
+        delay_ += nanoseconds(1e-3 * (fault.weight * p + fault.parameters[1] * uniform()));
+        break;
+      case out_of_order:
+        is_exchanged_ = fault.since % 2 == 0 && !fault.is_last;
+        break;
+      case counter_stuck:
+        if (fault.since == 0) stuck_counter_ = counter_;
+        sample.counter = stuck_counter_;
+        break;
+      case counter_jump:
+        sample.counter += static_cast<std::uint64_t>(static_cast<std::int64_t>(p));
+        break;
+      case invalid:
+        sample.status |= status::not_valid;
+        break;
+      case valid:
+        sample.status = 0;
+        break;
+      case clock_jump:
+        clock_offset_ += nanoseconds(p);
+        break;
+      case clock_drift:
+        clock_offset_ += nanoseconds(1e-6 * p * since_s);
+        break;
+      default:
+        break;
+    }
+  }
+  counter_ = sample.counter;
+}
+
+void MessageFaults::withhold(const FrameBuffer& frames, DeviceTime due) noexcept {
+  if (count_ == held_.size()) {
+    ++lost_;
+    return;
+  }
+  last_due_ = count_ > 0 ? std::max(last_due_, due) : due;  // a line keeps the order
+  Held& held = held_[(first_ + count_++) % held_.size()];
+  held.due = last_due_;
+  held.frames.clear();
+  append(frames, held.frames);
+}
+
+void MessageFaults::shape(FrameBuffer& frames, DeviceTime time) noexcept {
+  if (is_missing_) frames.clear();
+  if (repetitions_ > 0 && !frames.frames().empty()) {
+    copy_.clear();
+    append(frames, copy_);
+    for (int i = 0; i < repetitions_; ++i) append(copy_, frames);
+  }
+  if (is_exchanged_) {
+    exchanged_.clear();
+    append(frames, exchanged_);
+    frames.clear();
+  } else {
+    append(exchanged_, frames);
+    exchanged_.clear();
+  }
+  if (delay_ <= Nanoseconds{0} && !(count_ > 0 && last_due_ > time)) return;
+  withhold(frames, time + delay_);
+  frames.clear();
+}
+
+std::optional<DeviceTime> MessageFaults::next_release() const noexcept {
+  return count_ > 0 ? std::optional(held_[first_].due) : std::nullopt;
+}
+
+const FrameBuffer* MessageFaults::release(DeviceTime time) noexcept {
+  if (count_ == 0 || held_[first_].due > time) return nullptr;
+  const FrameBuffer* frames = &held_[first_].frames;
+  first_ = (first_ + 1) % held_.size();
+  --count_;
+  return frames;
+}
+
+}  // namespace imud

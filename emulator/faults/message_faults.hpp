@@ -1,0 +1,69 @@
+// MessageFaults: faults of the messages: what a device is given, and the frames that it makes.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "core/frame.hpp"
+#include "core/random.hpp"
+#include "core/sample.hpp"
+#include "emulator/faults/fault.hpp"
+
+namespace imud {
+
+struct FaultConfig;
+
+// For the samples of one imu, in order. No allocation after construction; one thread.
+class MessageFaults {
+ public:
+  // `faults`: those of the run. Memory is made for as many frames as the longest delay holds back at `rate_hz`.
+  MessageFaults(std::span<const FaultConfig> faults, std::string_view imu, double rate_hz, std::uint64_t seed);
+
+  // Changes the sample that the device receives. `k`: its number in its run.
+  void apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept;
+  // By how much the device's clock is off.
+  Nanoseconds clock_offset() const noexcept { return clock_offset_; }
+
+  // Changes the frames that the device has made of the sample at `time`: removes, repeats or withholds them.
+  void shape(FrameBuffer& frames, DeviceTime time) noexcept;
+  // Returns when withheld frames are due; nullopt: there are none.
+  std::optional<DeviceTime> next_release() const noexcept;
+  // Returns the frames that are due at `time`, until the next call; nullptr: none are.
+  const FrameBuffer* release(DeviceTime time) noexcept;
+  // Discards what is withheld.
+  void discard() noexcept {
+    count_ = 0;
+    exchanged_.clear();
+  }
+  // The number of messages that were discarded because too many were withheld.
+  std::uint64_t lost() const noexcept { return lost_; }
+
+ private:
+  struct Held {
+    DeviceTime due;
+    FrameBuffer frames;
+  };
+  void withhold(const FrameBuffer& frames, DeviceTime due) noexcept;
+
+  const double rate_hz_;
+  std::vector<Normals> normals_;  // by the faults' numbers
+  std::vector<Held> held_;        // a ring
+  std::size_t first_ = 0, count_ = 0;
+  DeviceTime last_due_;
+  FrameBuffer copy_;       // while frames are repeated
+  FrameBuffer exchanged_;  // the frames of a sample that leave behind those of the next
+  std::uint64_t lost_ = 0;
+
+  // What applies to the current sample.
+  bool is_missing_ = false, is_exchanged_ = false;
+  int repetitions_ = 0;
+  Nanoseconds delay_{0};
+  Nanoseconds clock_offset_{0};
+  std::uint64_t counter_ = 0;        // of the last sample as it was sent, for a counter that is stuck
+  std::uint64_t stuck_counter_ = 0;  // at which it is stuck
+};
+
+}  // namespace imud

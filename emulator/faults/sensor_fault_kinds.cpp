@@ -1,0 +1,126 @@
+#include "emulator/faults/sensor_fault_kinds.hpp"
+
+#include <iterator>
+
+#include "emulator/faults/fault_kinds.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view triads[] = {"gyro", "accelerometer", "magnetometer"};
+constexpr std::string_view all_sensors[] = {"gyro", "accelerometer", "magnetometer", "barometer", "temperature"};
+constexpr std::string_view gnss[] = {"gnss"};
+
+constexpr FaultParameter value_of(std::string_view meaning) {
+  return {.key = "value", .meaning = meaning, .has_targets_unit = true};
+}
+constexpr FaultParameter added[] = {value_of("what is added")};
+constexpr FaultParameter per_second[] = {value_of("the slope, by which the error grows in each second")};
+constexpr FaultParameter factor[] = {{.key = "value", .meaning = "the factor on the value"}};
+constexpr FaultParameter noise[] = {
+    {.key = "factor", .meaning = "by which the sensor's own white noise grows", .initial = 1, .min = 1},
+    {.key = "value",
+     .meaning = "standard deviation of white noise of a sample that is added",
+     .initial = 0,
+     .min = 0,
+     .has_targets_unit = true}};
+constexpr FaultParameter constant[] = {value_of("the value that is sent")};
+constexpr FaultParameter spikes[] = {
+    value_of("the height of a spike, of either sign"),
+    {.key = "per_s", .meaning = "spikes on each axis in a second, on average", .min = 0}};
+constexpr FaultParameter limit_at[] = {
+    {.key = "value", .meaning = "the magnitude at which the value is cut off", .min = 0, .has_targets_unit = true}};
+constexpr FaultParameter step[] = {{.key = "value", .meaning = "the LSB", .min = 1e-300, .has_targets_unit = true}};
+constexpr FaultParameter sine[] = {value_of("the amplitude"),
+                                   {.key = "hz", .meaning = "the frequency", .min = 1e-6, .max = 1e6}};
+constexpr FaultParameter jump[] = {
+    {.key = "north_m", .meaning = "by which the position is off, to the north", .initial = 0},
+    {.key = "east_m", .meaning = "to the east", .initial = 0},
+    {.key = "down_m", .meaning = "downwards", .initial = 0}};
+constexpr FaultParameter drift_of_position[] = {
+    {.key = "north_m_per_s", .meaning = "the speed at which the position drifts to the north", .initial = 0},
+    {.key = "east_m_per_s", .meaning = "to the east", .initial = 0},
+    {.key = "down_m_per_s", .meaning = "downwards", .initial = 0}};
+constexpr FaultParameter time_step[] = {{.key = "value_s", .meaning = "by which GPS time is off"}};
+
+constexpr FaultKind table[] = {
+    {.name = "bias", .summary = "a constant is added", .targets = all_sensors, .parameters = added, .has_axes = true},
+    {.name = "drift",
+     .summary = "an error grows in proportion to time",
+     .targets = all_sensors,
+     .parameters = per_second,
+     .has_axes = true,
+     .is_ramped = false},
+    {.name = "scale",
+     .summary = "the value is multiplied",
+     .targets = all_sensors,
+     .parameters = factor,
+     .has_axes = true},
+    {.name = "noise",
+     .summary = "white noise is added",
+     .targets = all_sensors,
+     .parameters = noise,
+     .has_axes = true},
+    {.name = "stuck",
+     .summary = "the last value before the fault is sent again and again",
+     .targets = all_sensors,
+     .has_axes = true,
+     .is_ramped = false},
+    {.name = "stuck_at",
+     .summary = "a constant value is sent",
+     .targets = all_sensors,
+     .parameters = constant,
+     .has_axes = true,
+     .is_ramped = false},
+    {.name = "dead", .summary = "the value is 0", .targets = all_sensors, .has_axes = true, .is_ramped = false},
+    {.name = "inverted",
+     .summary = "the sign is the opposite",
+     .targets = triads,
+     .has_axes = true,
+     .is_ramped = false},
+    {.name = "swapped",
+     .summary = "the values of two axes are exchanged, those of three in a circle",
+     .targets = triads,
+     .has_axes = true,
+     .is_ramped = false},
+    {.name = "spike",
+     .summary = "spikes are added at random",
+     .targets = all_sensors,
+     .parameters = spikes,
+     .has_axes = true},
+    {.name = "saturation",
+     .summary = "the value is cut off early",
+     .targets = triads,
+     .parameters = limit_at,
+     .has_axes = true,
+     .is_ramped = false},
+    {.name = "quantisation",
+     .summary = "the value is rounded to a coarse LSB",
+     .targets = all_sensors,
+     .parameters = step,
+     .has_axes = true,
+     .is_ramped = false},
+    {.name = "vibration",
+     .summary = "a sine is added, with its integral in the increments",
+     .targets = triads,
+     .parameters = sine,
+     .has_axes = true},
+    {.name = "no_fix", .summary = "the position is not known", .targets = gnss, .is_ramped = false},
+    {.name = "jump", .summary = "the position is off", .targets = gnss, .parameters = jump},
+    {.name = "drift",
+     .summary = "the position drifts away, as by slow spoofing, with a velocity that agrees",
+     .targets = gnss,
+     .parameters = drift_of_position,
+     .is_ramped = false},
+    {.name = "time_jump", .summary = "GPS time is off", .targets = gnss, .parameters = time_step, .is_ramped = false},
+};
+static_assert(std::size(table) == static_cast<std::size_t>(SensorFault::count));
+
+}  // namespace
+
+std::span<const FaultKind> sensor_fault_kinds() noexcept { return table; }
+
+SensorFault sensor_fault_of(const FaultKind& kind) noexcept { return static_cast<SensorFault>(&kind - table); }
+
+}  // namespace imud

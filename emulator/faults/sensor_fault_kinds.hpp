@@ -1,0 +1,35 @@
+// The kinds of faults of the sensors.
+#pragma once
+
+#include <cstdint>
+
+#include "emulator/faults/fault.hpp"
+
+namespace imud {
+
+// In the order of the table. The targets of those before no_fix are sensors, that of the others is GNSS.
+enum class SensorFault : std::uint8_t {
+  bias,
+  drift,
+  scale,
+  more_noise,
+  stuck,
+  stuck_at,
+  dead,
+  inverted,
+  swapped,
+  spike,
+  saturation,
+  quantisation,
+  vibration,
+  no_fix,
+  position_jump,
+  position_drift,
+  gps_time_jump,
+  count
+};
+
+// `kind` is of sensor_fault_kinds().
+SensorFault sensor_fault_of(const FaultKind& kind) noexcept;
+
+}  // namespace imud

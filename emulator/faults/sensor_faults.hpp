@@ -1,0 +1,55 @@
+// SensorFaults: faults of the sensors themselves, which change a sample that is complete.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/imu.hpp"
+#include "core/random.hpp"
+#include "core/sample.hpp"
+#include "emulator/faults/fault.hpp"
+
+namespace imud {
+
+// Applies the active faults to the samples of one imu, in order. A faulty value is limited to the sensor's range and
+// rounded to its LSB, as every value is. Increments change by the value's change times the step, those of vibration
+// by its integral; the first sample of a run has none. No allocation after construction; one thread.
+class SensorFaults {
+ public:
+  // Faults of this number and less may act; the random numbers follow from `seed` and the imu's name.
+  SensorFaults(const ImuModel& model, std::string_view imu, std::uint64_t seed, std::size_t faults);
+
+  // Changes a sample. `k`: its number in its run; `step_s`: since the sample before, 0 for the first of a run.
+  void apply(std::span<const ActiveFault> faults, std::uint64_t k, double step_s, Sample& sample) noexcept;
+
+ private:
+  // The three sensors of a target.
+  struct Triad {
+    Vector3* value;
+    Vector3* increment;  // nullptr: none
+    const TriadErrors& errors;
+    double white_sigma;        // of the sensor's own white noise in a sample, of the x axis
+    unsigned saturated_shift;  // of its saturation in Sample::status
+    bool has_status;
+  };
+  // The output of the targets in the last sample, for values that are stuck.
+  struct Output {
+    Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero(), magnetic_field = Vector3::Zero();
+    double pressure = 0, temperature_c = 0;
+    Navigation navigation;
+  };
+  void apply_to_triad(const ActiveFault& fault, std::uint64_t k, double step_s, const Vector3& last, Triad& triad,
+                      Sample& sample) noexcept;
+  void apply_to_number(const ActiveFault& fault, std::uint64_t k, double step_s, double last, double& value) noexcept;
+  void apply_to_gnss(const ActiveFault& fault, double step_s, Sample& sample) noexcept;
+  static void limit(Triad& triad, unsigned axes, Sample& sample, double step_s) noexcept;
+
+  const ImuModel model_;
+  std::vector<Normals> normals_;  // by the faults' numbers
+  Output last_;
+  std::vector<Output> held_;  // by the faults' numbers: the last output before each began
+};
+
+}  // namespace imud
