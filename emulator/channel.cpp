@@ -26,7 +26,8 @@ OwnFigures figures_of(const ImuModel& model) noexcept {
 
 }  // namespace
 
-Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder)
+Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder,
+                 std::unique_ptr<ChannelFaults> faults)
     : name_(config.name),
       grid_(config.grid),
       rests_before_truth_(config.before_first == BeforeFirst::rest),
@@ -36,6 +37,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       device_(config.protocol->make(config.settings)),
       recorder_(recorder),
+      faults_(std::move(faults)),
       clock_(config.grid),
       counters_(config.protocol->counters) {
   device_->set_figures(figures_of(config.model));
@@ -95,11 +97,12 @@ void Channel::begin_run() noexcept {
   if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
   has_sampled_ = false;
   if (sync_) sync_->begin_run();
+  if (faults_) faults_->begin_run();
 }
 
 void Channel::cycle_power(HostTime now) noexcept {
   imu_.power_on(++power_ons_);
-  device_->power_on(clock_.now(now));
+  device_->power_on(clock_.now(now) + clock_offset_);
   apply_uarts();
   apply_filters();
 }
@@ -107,7 +110,9 @@ void Channel::cycle_power(HostTime now) noexcept {
 Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
   has_sampled_ = true;
   is_resting_ = false;
-  return sample_ = imu_.sample(timeline, time, clock_.stamp(k));
+  sample_ = imu_.sample(timeline, time, clock_.stamp(k));
+  if (faults_) faults_->take(sample_, time - timeline.run_start());
+  return sample_;
 }
 
 Sample& Channel::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept {
@@ -126,15 +131,20 @@ void Channel::skip() noexcept {
 }
 
 void Channel::encode(bool too_late) noexcept {
-  poll_until(sample_.time, too_late);
-  clock_.take_sample(sample_.time);
+  const DeviceTime time = sample_.time;
+  if (faults_) set_clock_offset(faults_->messages().clock_offset());
+  poll_until(time, too_late);
+  clock_.take_sample(time);
   frames_.clear();
   others_.clear();
   if (sync_ && truth_)
-    sync_->deliver_edges(*device_, *truth_, sample_.time);
+    sync_->deliver_edges(*device_, *truth_, time);
   else if (sync_)
     sync_->discard_edges();
+  sample_.time = time + clock_offset_;
   device_->sample(sample_, silent_ || too_late ? others_ : frames_);
+  sample_.time = time;
+  if (faults_) faults_->messages().shape(frames_, time);
 }
 
 void Channel::transmit() noexcept {
@@ -183,13 +193,30 @@ void Channel::count_sample() noexcept {
 }
 
 void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
-  for (auto deadline = device_->deadline(); deadline && *deadline <= now; deadline = device_->deadline()) {
+  if (faults_) release_until(now, too_late);
+  for (auto deadline = device_->deadline(); deadline && *deadline <= now + clock_offset_;
+       deadline = device_->deadline()) {
     others_.clear();
     device_->poll(*deadline, others_);
     apply_filters();
-    if (!too_late) send(others_.frames(), *deadline);
+    if (!too_late) send(others_.frames(), *deadline - clock_offset_);
     publish();
   }
+}
+
+// Sends the frames that a fault has withheld until now.
+void Channel::release_until(DeviceTime now, bool too_late) noexcept {
+  while (const auto due = faults_->messages().next_release()) {
+    const FrameBuffer* frames = faults_->messages().release(now);
+    if (frames == nullptr) return;
+    if (!too_late) send(frames->frames(), *due);
+  }
+}
+
+void Channel::set_clock_offset(Nanoseconds offset) noexcept {
+  if (offset == clock_offset_) return;
+  device_->step_clock(offset - clock_offset_);
+  clock_offset_ = offset;
 }
 
 namespace {
@@ -232,7 +259,7 @@ void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
   poll_until(time);
   others_.clear();
   frame.uart = static_cast<std::uint8_t>(uart);
-  device_->receive(frame, time, others_);
+  device_->receive(frame, time + clock_offset_, others_);
   apply_filters();
   send(others_.frames(), time, true);
 }
@@ -365,8 +392,12 @@ std::optional<HostTime> Channel::next_wake() const noexcept {
   std::optional<HostTime> first;
   for (const Line& line : lines())
     if (const auto at = line.port->next_flush(); at && (!first || *at < *first)) first = at;
-  if (const auto deadline = device_->deadline())
-    if (const auto at = clock_.host_time(*deadline); at && (!first || *at < *first)) first = at;
+  const auto wake_at = [&](DeviceTime time) {
+    if (const auto at = clock_.host_time(time); at && (!first || *at < *first)) first = at;
+  };
+  if (const auto deadline = device_->deadline()) wake_at(*deadline - clock_offset_);
+  if (faults_)
+    if (const auto due = faults_->messages().next_release()) wake_at(*due);
   return first;
 }
 

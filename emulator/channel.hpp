@@ -13,6 +13,7 @@
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"
 #include "emulator/device_clock.hpp"
+#include "emulator/faults/channel_faults.hpp"
 #include "emulator/host.hpp"
 #include "emulator/sync.hpp"
 #include "transports/port.hpp"
@@ -26,8 +27,10 @@ namespace imud {
 // throws, and only wait_until_sent() and wait_for_room() wait. One thread; the counters may be read by any.
 class Channel {
  public:
-  // Opens the ports and the pins. `recorder`: records what happens; nullptr: none does. Throws PortError.
-  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder = nullptr);
+  // Opens the ports and the pins. `recorder`: records what happens; nullptr: none does. `faults`: nullptr: there are
+  // none. Throws PortError.
+  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder = nullptr,
+          std::unique_ptr<ChannelFaults> faults = nullptr);
 
   const std::string& name() const noexcept { return name_; }
   const Grid& grid() const noexcept { return grid_; }
@@ -67,6 +70,10 @@ class Channel {
   void skip() noexcept;
   // Counts the sample as sent.
   void count_sample() noexcept;
+  // Ends the faults that act, after the last sample.
+  void finish_faults() noexcept {
+    if (faults_) faults_->finish();
+  }
   // Records how late after its instant a sample was transmitted, and how long transmit() took.
   void record_times(Nanoseconds lateness, Nanoseconds write) noexcept;
   // Waits until the ports have sent all frames. If the reader or the bus accepts nothing for 2 s, the port is no
@@ -126,6 +133,8 @@ class Channel {
   // `too_late`: frames are discarded.
   void poll_until(DeviceTime now, bool too_late = false) noexcept;
   void encode(bool too_late) noexcept;
+  void release_until(DeviceTime now, bool too_late) noexcept;
+  void set_clock_offset(Nanoseconds offset) noexcept;
   // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   void add_interfaces();
@@ -148,7 +157,10 @@ class Channel {
   std::array<Line, 2> lines_;  // by Frame::uart
   std::size_t line_count_ = 1;
   Recorder* const recorder_;
-  std::optional<Sync> sync_;  // nullopt if no pin is connected
+  std::optional<Sync> sync_;                     // nullopt if no pin is connected
+  const std::unique_ptr<ChannelFaults> faults_;  // nullptr: there are none
+  // By how much the clock of the device is ahead of clock_, because of a fault.
+  Nanoseconds clock_offset_{0};
   DeviceClock clock_;
   bool is_resting_ = false;         // the last sample was taken at rest
   bool has_sampled_ = false;        // in this run

@@ -274,6 +274,34 @@ RealtimeConfig read_realtime(TableReader table) {
 
 }  // namespace
 
+namespace {
+
+// Reads all [[fault]].
+std::vector<FaultConfig> read_faults(TableReader& table, const std::vector<ImuConfig>& imus, Faults& faults,
+                                     toml::table& resolved) {
+  const toml::node* node = table.node("fault");
+  if (node == nullptr) return {};
+  const toml::array* array = node->as_array();
+  if (array == nullptr || (!array->empty() && !array->is_array_of_tables())) {
+    table.fault("fault", "give tables, each as [[fault]]");
+    return {};
+  }
+  std::vector<std::string> names;
+  for (const ImuConfig& imu : imus) names.push_back(imu.name);
+  std::vector<FaultConfig> all;
+  toml::array resolved_faults;
+  for (std::size_t i = 0; i < array->size(); ++i) {
+    const toml::table& fault = *(*array)[i].as_table();
+    TableReader reader(&fault, fmt::format("fault.{}.", i), fault.source().begin.line, faults,
+                       resolved_faults.emplace_back<toml::table>());
+    all.push_back(read_fault(reader, i, names));
+  }
+  resolved.insert_or_assign("fault", std::move(resolved_faults));
+  return all;
+}
+
+}  // namespace
+
 Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture) {
   Faults faults(path);
   ConfigText text = read_config_text(path, overrides, faults);
@@ -327,6 +355,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
                         "\"hold\" or \"silence\"",
                         read.protocol->name));
     }
+    config.faults = read_faults(table, config.imus, faults, resolved);
     check_imus_together(config.imus, config.truth.port, *array, faults);
     check_files(config, path, *array, faults);
   }

@@ -12,6 +12,7 @@
 #include "core/imu.hpp"
 #include "core/pose_fit.hpp"
 #include "core/timeline.hpp"
+#include "emulator/faults/fault_config.hpp"
 #include "emulator/sync.hpp"
 #include "emulator/truth_clock.hpp"
 #include "protocols/protocol.hpp"
@@ -84,6 +85,7 @@ struct Config {
   TruthConfig truth;
   RealtimeConfig realtime;
   std::vector<ImuConfig> imus;
+  std::vector<FaultConfig> faults;
   // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
   std::string sha256;
   // The value of every key, those that were absent included, as TOML that load_config() reads as this configuration.

@@ -9,13 +9,27 @@ namespace imud {
 
 Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder)
     : recorder_(recorder),
+      faults_(config.faults),
+      fault_log_(config.faults.empty() ? 0 : FaultLog::default_size),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
       intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder) {
   for (const ImuConfig& imu : config.imus)
-    channels_.push_back(std::make_unique<Channel>(imu, config.seed, open, recorder));
+    channels_.push_back(std::make_unique<Channel>(imu, config.seed, open, recorder, faults_of(imu, config.seed)));
   constexpr std::size_t most_ports = 2;
   inputs_.reserve(most_ports * channels_.size() + 1);
+}
+
+// Returns nullptr if the imu has no faults.
+std::unique_ptr<ChannelFaults> Session::faults_of(const ImuConfig& imu, std::uint64_t seed) {
+  if (std::none_of(faults_.begin(), faults_.end(), [&](const FaultConfig& fault) { return fault.acts_on(imu.name); }))
+    return nullptr;
+  return std::make_unique<ChannelFaults>(faults_, imu, static_cast<std::uint16_t>(channels_.size()), seed,
+                                         fault_log_);
+}
+
+void Session::finish_faults() noexcept {
+  for (const auto& channel : channels_) channel->finish_faults();
 }
 
 ChosenPorts Session::chosen_ports() const {

@@ -30,6 +30,11 @@ class Session {
   explicit Session(const Config& config, const Sync::OpenPort& open = open_port, Recorder* recorder = nullptr);
 
   Recorder* recorder() const noexcept { return recorder_; }
+  // The faults of the run, and their begins and ends so far.
+  std::span<const FaultConfig> faults() const noexcept { return faults_; }
+  const FaultLog& fault_log() const noexcept { return fault_log_; }
+  // Ends the faults that act. Called after the last sample.
+  void finish_faults() noexcept;
 
   TruthIntake& intake() noexcept { return intake_; }
   const TruthIntake& intake() const noexcept { return intake_; }
@@ -91,9 +96,12 @@ class Session {
   void cycle_power(HostTime now) noexcept;
 
  private:
+  std::unique_ptr<ChannelFaults> faults_of(const ImuConfig& imu, std::uint64_t seed);
   void record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept;
 
   Recorder* const recorder_;
+  const std::vector<FaultConfig> faults_;
+  FaultLog fault_log_;
   const WhenStopped when_stopped_;
   Timeline timeline_;
   TruthIntake intake_;
