@@ -1,0 +1,82 @@
+#include "emulator/faults/fault_labels.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace imud {
+
+std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
+                                     const FaultLog& log) {
+  std::vector<FaultLabel> labels;
+  for (std::size_t i = 0; i < log.size(); ++i) {
+    const FaultEvent& event = log[i];
+    if (event.has_begun) {
+      labels.push_back({&faults[event.fault], imus[event.imu], event, event, false});
+      continue;
+    }
+    const auto begin = std::find_if(labels.rbegin(), labels.rend(), [&](const FaultLabel& label) {
+      return !label.has_ended && label.first.fault == event.fault && label.first.imu == event.imu;
+    });
+    if (begin == labels.rend()) continue;
+    begin->last = event;
+    begin->has_ended = true;
+  }
+  return labels;
+}
+
+std::string parameters_text(const FaultConfig& fault, const FaultEvent& event) {
+  std::vector<std::string> all;
+  for (std::size_t i = 0; i < fault.kind->parameters.size(); ++i)
+    all.push_back(fmt::format("{}={}", fault.kind->parameters[i].key, event.parameters[i]));
+  return fmt::format("{}", fmt::join(all, " "));
+}
+
+std::string event_text(const FaultConfig& fault, const std::string& imu, const FaultEvent& event) {
+  const std::string numbers = event.has_begun ? parameters_text(fault, event) : std::string();
+  return fmt::format("{}: {}: {} of {}{}{} {} sample {}, {:.6g} s after the begin of the run", imu, fault.name,
+                     fault.kind->name, fault.target_text(), numbers.empty() ? "" : ", ", numbers,
+                     event.has_begun ? "begins with" : "ends with", event.sample, event.time_s);
+}
+
+std::string labels_csv(std::span<const FaultLabel> labels) {
+  std::string text =
+      "fault,imu,target,kind,occurrence,first_sample,last_sample,first_counter,last_counter,begin_s,end_s,"
+      "first_time_ns,last_time_ns,parameters\n";
+  for (const FaultLabel& label : labels)
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", label.fault->name, label.imu,
+                        label.fault->target_text(), label.fault->kind->name, label.first.occurrence,
+                        label.first.sample, label.last.sample, label.first.counter, label.last.counter,
+                        label.first.time_s, label.last.time_s, label.first.device_time.ns, label.last.device_time.ns,
+                        parameters_text(*label.fault, label.first));
+  return text;
+}
+
+std::string labels_json(std::span<const FaultLabel> labels) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const FaultLabel& label : labels) {
+    nlohmann::ordered_json parameters = nlohmann::ordered_json::object();
+    for (std::size_t i = 0; i < label.fault->kind->parameters.size(); ++i)
+      parameters[std::string(label.fault->kind->parameters[i].key)] = label.first.parameters[i];
+    all.push_back({{"fault", label.fault->name},
+                   {"imu", label.imu},
+                   {"target", label.fault->target_text()},
+                   {"kind", label.fault->kind->name},
+                   {"occurrence", label.first.occurrence},
+                   {"first_sample", label.first.sample},
+                   {"last_sample", label.last.sample},
+                   {"first_counter", label.first.counter},
+                   {"last_counter", label.last.counter},
+                   {"begin_s", label.first.time_s},
+                   {"end_s", label.last.time_s},
+                   {"first_time_ns", label.first.device_time.ns},
+                   {"last_time_ns", label.last.device_time.ns},
+                   {"parameters", std::move(parameters)}});
+  }
+  return all.dump(1) + "\n";
+}
+
+}  // namespace imud

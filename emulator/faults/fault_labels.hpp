@@ -1,0 +1,35 @@
+// FaultLabels: what failed, and on which samples, for the log and for files by which a detector is scored.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "emulator/faults/fault_config.hpp"
+#include "emulator/faults/fault_log.hpp"
+
+namespace imud {
+
+// An occurrence of a fault on an imu.
+struct FaultLabel {
+  const FaultConfig* fault = nullptr;
+  std::string imu;
+  FaultEvent first;  // with its first sample
+  FaultEvent last;   // with its last; that of the first while it acts
+  bool has_ended = false;
+};
+
+// Pairs begins and ends, in the order of the begins. `imus`: their names, by number.
+std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
+                                     const FaultLog& log);
+// Returns the numbers as drawn: "value=0.1 per_s=2".
+std::string parameters_text(const FaultConfig& fault, const FaultEvent& event);
+// Describes a begin or an end for the log.
+std::string event_text(const FaultConfig& fault, const std::string& imu, const FaultEvent& event);
+
+// A header row and a row for each label. Columns: emulator/faults/README.md.
+std::string labels_csv(std::span<const FaultLabel> labels);
+// The same as a list of objects.
+std::string labels_json(std::span<const FaultLabel> labels);
+
+}  // namespace imud
