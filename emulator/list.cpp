@@ -4,12 +4,14 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "emulator/entries.hpp"
+#include "emulator/faults/fault_kinds.hpp"
 #include "protocols/truth_quantities.hpp"
 
 namespace imud {
@@ -93,6 +95,21 @@ Json described(const Preset& preset) {
   return json;
 }
 
+Json described(const FaultKind& kind) {
+  Json json = {{"kind", "fault"}, {"name", kind.name}, {"summary", kind.summary}};
+  json["targets"] = std::vector<std::string>(kind.targets.begin(), kind.targets.end());
+  json["axes"] = kind.has_axes;
+  json["ramp"] = kind.is_ramped;
+  if (!kind.stays.empty()) json["afterwards"] = kind.stays;
+  json["settings"] = Json::array();
+  for (const FaultParameter& parameter : kind.parameters) {
+    Json setting = {{"key", parameter.key}, {"help", parameter.meaning}};
+    if (std::isfinite(parameter.initial)) setting["default"] = parameter.initial;
+    json["settings"].push_back(std::move(setting));
+  }
+  return json;
+}
+
 std::string text(const Json& json, const char* key) { return json.value(key, std::string()); }
 
 void print_table(const char* key, const Json& rows) {
@@ -136,14 +153,42 @@ void print(const Json& entry) {
                group["units"].empty() ? "" : fmt::format(" ({})", fmt::join(words(group["units"]), " ")));
 }
 
+// The kinds of faults, all of one target together.
+void print_faults() {
+  std::vector<std::string_view> targets;
+  for (const FaultKind* kind : fault_kinds())
+    for (const std::string_view target : kind->targets)
+      if (std::find(targets.begin(), targets.end(), target) == targets.end()) targets.push_back(target);
+  for (const std::string_view target : targets) {
+    std::vector<std::string_view> units;
+    for (const FaultUnit& unit : fault_units(target)) units.push_back(unit.suffix);
+    fmt::print("target {}{}\n", target,
+               units.empty() ? std::string() : fmt::format(", values in {}", fmt::join(units, ", ")));
+    for (const FaultKind* kind : fault_kinds()) {
+      if (std::find(kind->targets.begin(), kind->targets.end(), target) == kind->targets.end()) continue;
+      fmt::print("  {:<16} {}{}\n", kind->name, kind->summary,
+                 kind->stays.empty() ? std::string() : fmt::format("; afterwards {}", kind->stays));
+      for (const FaultParameter& parameter : kind->parameters)
+        fmt::print("    {:<14} {}{}\n", parameter.key, parameter.meaning,
+                   std::isfinite(parameter.initial) ? fmt::format(" ({:g})", parameter.initial) : std::string());
+    }
+  }
+}
+
 }  // namespace
 
 int list(const std::string& name, bool json) {
+  if (name == "faults" && !json) {
+    print_faults();
+    return 0;
+  }
   Json chosen = Json::array();
   const auto add = [&](const auto* entry) {
     if (entry != nullptr) chosen.push_back(described(*entry));
   };
-  if (!name.empty()) {
+  if (name == "faults") {
+    for (const FaultKind* kind : fault_kinds()) add(kind);
+  } else if (!name.empty()) {
     const auto entries = find_entries(name);
     if (!entries) return 2;
     add(entries->protocol);
