@@ -157,7 +157,7 @@ int print_faults(const std::string& path, const std::vector<std::string>& faults
 
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options) {
   try {
-    const Config config = load_config(path, overrides);
+    const Config config = load_config(path, overrides, {}, options.scenarios);
     make_parts(config, options);
     if (options.layout == CheckLayout::text) print_text(path, config);
     if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved);

@@ -17,7 +17,8 @@ enum class CheckLayout : std::uint8_t {
 
 struct CheckOptions {
   CheckLayout layout = CheckLayout::text;
-  std::span<const Requirement> required;  // limits whose figures must exist
+  std::span<const Requirement> required;   // limits whose figures must exist
+  std::span<const std::string> scenarios;  // as load_config() takes them
 };
 
 // Loads a configuration as `imud run` does, and makes all of its parts on ports that are not opened. Prints what it

@@ -44,6 +44,7 @@ struct Arguments {
   bool fast = false;
   bool quiet = false, verbose = false;
   std::vector<std::string> overrides;
+  std::vector<std::string> scenarios;
   std::vector<std::string> limits;  // as on the command line
   RunOptions run;
   SeedsOptions seeds;
@@ -89,7 +90,7 @@ int replay(const Arguments& arguments) {
                     capture.find('?') == std::string::npos;
   if (options.repeats && !options.record.file.empty())
     throw PortError("--record: a repeated run has the record that it is repeated from; omit --record");
-  const Config config = load_config(arguments.config, overrides, capture);
+  const Config config = load_config(arguments.config, overrides, capture, arguments.scenarios);
   if (options.repeats && has_workers)
     throw PortError(
         "a record is repeated as it was, without --seeds, --jobs and --npy; give record:FILE for its truth");
@@ -151,6 +152,11 @@ int execute(int argc, const char* const* argv) {
     command->add_option("CONFIG", arguments.config, "Configuration, TOML")->required();
     with_set(command);
   };
+  const auto with_scenario = [&](CLI::App* command) {
+    command->add_option("--scenario", arguments.scenarios, "Also take the [[fault]] of this file; repeatable")
+        ->type_name("FILE")
+        ->allow_extra_args(false);
+  };
   const auto with_require = [&](CLI::App* command) {
     command
         ->add_option("--require", arguments.limits,
@@ -171,6 +177,11 @@ int execute(int argc, const char* const* argv) {
     command->add_option("--summary", arguments.run.summary_file, "Also write the closing summary as JSON")
         ->type_name("FILE");
     with_require(command);
+    with_scenario(command);
+    command
+        ->add_option("--labels", arguments.run.labels_file,
+                     "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json")
+        ->type_name("FILE");
     command
         ->add_option("--log-every", arguments.run.monitor.log_every_s,
                      "Interval of the figures in the log; 0: none (10)")
@@ -243,6 +254,7 @@ int execute(int argc, const char* const* argv) {
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);
   with_require(check_command);
+  with_scenario(check_command);
   CheckLayout layout = CheckLayout::text;
   check_command->add_flag_callback(
       "--toml", [&] { layout = CheckLayout::toml; }, "Print only the configuration, with the value of every key");
@@ -261,8 +273,8 @@ int execute(int argc, const char* const* argv) {
   selftest_command->add_option("--for", measure_s, "Duration of each measurement (2)")
       ->type_name("SECONDS")
       ->check(CLI::Range(0.1, 3600.0));
-  auto* list_command =
-      app.add_subcommand("list", "Show protocols, truth formats, transports and presets, or what NAME has");
+  auto* list_command = app.add_subcommand(
+      "list", "Show protocols, truth formats, transports and presets, or what NAME has; faults: kinds of faults");
   list_command->add_option("NAME", arguments.name, "A protocol, truth format, transport or preset");
   bool json = false;
   list_command->add_flag("--json", json, "As JSON");
@@ -298,6 +310,7 @@ int execute(int argc, const char* const* argv) {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     arguments.run.summary_file = output_path(arguments.run.summary_file);
+    arguments.run.labels_file = output_path(arguments.run.labels_file);
     arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
     arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
     if (arguments.run.record.file.empty() && record_max_mb > 0)
@@ -307,7 +320,7 @@ int execute(int argc, const char* const* argv) {
     if (list_command->parsed()) return list(arguments.name, json);
     if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
     if (check_command->parsed())
-      return check(arguments.config, arguments.overrides, {layout, arguments.run.required});
+      return check(arguments.config, arguments.overrides, {layout, arguments.run.required, arguments.scenarios});
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =
@@ -316,7 +329,7 @@ int execute(int argc, const char* const* argv) {
     }
     arguments.seeds.quiet = arguments.quiet;
     if (replay_command->parsed()) return replay(arguments);
-    return run(load_config(arguments.config, arguments.overrides), arguments.run);
+    return run(load_config(arguments.config, arguments.overrides, {}, arguments.scenarios), arguments.run);
   } catch (const ConfigError& error) {
     print_fault(error.what());
     fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");

@@ -276,33 +276,50 @@ RealtimeConfig read_realtime(TableReader table) {
 
 namespace {
 
-// Reads all [[fault]].
-std::vector<FaultConfig> read_faults(TableReader& table, const std::vector<ImuConfig>& imus, Faults& faults,
-                                     toml::table& resolved) {
+// Reads all [[fault]] after those of `all`.
+void read_faults(TableReader& table, const std::vector<ImuConfig>& imus, Faults& faults, toml::array& resolved,
+                 std::vector<FaultConfig>& all) {
   const toml::node* node = table.node("fault");
-  if (node == nullptr) return {};
+  if (node == nullptr) return;
   const toml::array* array = node->as_array();
   if (array == nullptr || (!array->empty() && !array->is_array_of_tables())) {
     table.fault("fault", "give tables, each as [[fault]]");
-    return {};
+    return;
   }
   std::vector<std::string> names;
   for (const ImuConfig& imu : imus) names.push_back(imu.name);
-  std::vector<FaultConfig> all;
-  toml::array resolved_faults;
   for (std::size_t i = 0; i < array->size(); ++i) {
     const toml::table& fault = *(*array)[i].as_table();
     TableReader reader(&fault, fmt::format("fault.{}.", i), fault.source().begin.line, faults,
-                       resolved_faults.emplace_back<toml::table>());
-    all.push_back(read_fault(reader, i, names));
+                       resolved.emplace_back<toml::table>());
+    all.push_back(read_fault(reader, all.size(), names));
   }
-  resolved.insert_or_assign("fault", std::move(resolved_faults));
-  return all;
+}
+
+// Reads the [[fault]] of the configuration and of the scenarios, whose digests are added to that of the
+// configuration.
+void read_all_faults(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
+                     std::vector<std::string>& all_faults) {
+  toml::array resolved;
+  read_faults(table, config.imus, faults, resolved, config.faults);
+  for (const std::string& path : scenarios) {
+    Faults of_scenario(path);
+    const ConfigText text = read_config_text(path, {}, of_scenario);
+    toml::table unused;
+    TableReader scenario(&text.root, "", 0, of_scenario, unused);
+    read_faults(scenario, config.imus, of_scenario, resolved, config.faults);
+    scenario.finish();
+    config.sha256 = sha256(config.sha256 + text.sha256);
+    if (const std::string file = regular_file(path); !file.empty()) config.files.push_back(file);
+    all_faults.insert(all_faults.end(), of_scenario.all().begin(), of_scenario.all().end());
+  }
+  if (!resolved.empty()) table.resolve("fault", std::move(resolved));
 }
 
 }  // namespace
 
-Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture) {
+Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture,
+                   std::span<const std::string> scenarios) {
   Faults faults(path);
   ConfigText text = read_config_text(path, overrides, faults);
   const toml::table& root = text.root;
@@ -355,12 +372,15 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
                         "\"hold\" or \"silence\"",
                         read.protocol->name));
     }
-    config.faults = read_faults(table, config.imus, faults, resolved);
     check_imus_together(config.imus, config.truth.port, *array, faults);
     check_files(config, path, *array, faults);
   }
+  std::vector<std::string> of_scenarios;
+  read_all_faults(table, scenarios, faults, config, of_scenarios);
   table.finish();
-  if (!faults.all().empty()) throw ConfigError(faults.all());
+  std::vector<std::string> all_faults = faults.all();
+  all_faults.insert(all_faults.end(), of_scenarios.begin(), of_scenarios.end());
+  if (!all_faults.empty()) throw ConfigError(all_faults);
   config.warnings = faults.warnings();
   table.resolve("imu", std::move(resolved_imus));
   config.resolved = toml_text(resolved);

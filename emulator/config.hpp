@@ -104,9 +104,10 @@ struct ConfigError : std::runtime_error {
 
 // Reads `path` (- is standard input), then sets each override, such as "imu.0.rate_hz=400" (the value as in TOML; a
 // bare word is text). A `capture` that is not empty replaces truth.port; - is standard input. Then regular files of
-// the imus are replaced when the run has ended (PortSettings::replaces_file). Throws ConfigError with every fault.
+// the imus are replaced when the run has ended (PortSettings::replaces_file). `scenarios` are files with further
+// [[fault]]. Throws ConfigError with every fault of all files.
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
-                   const std::string& capture = {});
+                   const std::string& capture = {}, std::span<const std::string> scenarios = {});
 
 // Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
 std::string regular_file(const std::string& path);

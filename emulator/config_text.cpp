@@ -21,6 +21,12 @@
 
 namespace imud {
 
+std::string sha256(const std::string& bytes) {
+  std::array<char, SHA256_DIGEST_STRING_LENGTH> text;
+  SHA256Data(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), text.data());
+  return text.data();
+}
+
 namespace {
 
 // Returns the file's content. Throws std::system_error.
@@ -36,13 +42,6 @@ std::string read_file(const std::string& path) {
   std::string content(std::istreambuf_iterator<char>(file), {});
   check(!file.bad());
   return content;
-}
-
-// Returns it in hexadecimal.
-std::string sha256(const std::string& bytes) {
-  std::array<char, SHA256_DIGEST_STRING_LENGTH> text;
-  SHA256Data(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), text.data());
-  return text.data();
 }
 
 // Returns the fault of a word without quotes where TOML has a value, at line and column; empty if there is none.

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/duration_histogram.hpp"
+#include "emulator/faults/fault_log.hpp"
 #include "emulator/truth_remarks.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
@@ -246,6 +247,7 @@ struct RunCounters {
   const TruthQuality* quality;
   std::vector<std::pair<std::string, const ImuCounters*>> imus;  // by name
   const RecordCounters* record = nullptr;                        // nullptr: nothing is recorded
+  const FaultLog* faults = nullptr;                              // nullptr: there are none
 };
 
 // The numbers of a group at an instant, or their change in an interval, in the order of their declaration.

@@ -6,6 +6,7 @@
 #include <array>
 #include <string_view>
 
+#include "emulator/faults/fault_labels.hpp"
 #include "emulator/line_load.hpp"
 
 namespace imud {
@@ -54,6 +55,7 @@ void Monitor::update() {
   report_imus();
   report_skipped();
   report_record();
+  report_faults();
   const double now_s = seconds(host_now() - begin_);
   if (quality_.is_open() && now_s - last_quality_.duration_s >= 1.0) {
     Summary all = now();
@@ -75,6 +77,7 @@ Summary Monitor::finish(std::string capture_warning) {
   report_imus();
   report_skipped();
   report_record();
+  report_faults();
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
   for (const Remark* remark : counters_.truth->remarks.all())
@@ -226,6 +229,16 @@ void Monitor::report_record() {
                   strerrordesc_np(error));
   else if (lost > 0)
     spdlog::warn("the record lacks {} packets, because the disk is too slow (counted; reported once)", lost);
+}
+
+void Monitor::report_faults() {
+  if (counters_.faults == nullptr) return;
+  constexpr std::size_t most = 1000;  // more are in the labels only
+  for (; faults_reported_ < std::min(most, counters_.faults->size()); ++faults_reported_) {
+    const FaultEvent& event = (*counters_.faults)[faults_reported_];
+    spdlog::info("{}", event_text(config_.faults[event.fault], config_.imus[event.imu].name, event));
+    if (faults_reported_ + 1 == most) spdlog::info("further begins and ends of faults are not logged");
+  }
 }
 
 void Monitor::report_port(ReportedPort& reported, const std::string& imu, const std::string& port,

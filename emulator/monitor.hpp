@@ -55,6 +55,7 @@ class Monitor {
   void report_imus();
   void report_skipped();
   void report_record();
+  void report_faults();
   // The reports about a port so far.
   struct ReportedPort {
     PortState state = PortState::ready;
@@ -83,6 +84,7 @@ class Monitor {
   PortState truth_port_ = PortState::ready;  // as reported
   bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false, refused_peer_reported_ = false;
   bool record_reported_ = false;
+  std::size_t faults_reported_ = 0;
   // The reports so far: which causes of refusal; which imus that refuse edges; which figures of products; the ports.
   std::vector<bool> remarks_, refusals_, edges_refused_;
   std::vector<std::vector<bool>> device_reported_;  // by imu and DeviceCounter

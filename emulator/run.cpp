@@ -18,6 +18,7 @@
 #include <thread>
 #include <utility>  // Boost 1.74's Asio needs it first
 
+#include "emulator/faults/fault_labels.hpp"
 #include "emulator/loop.hpp"
 #include "emulator/readiness.hpp"
 #include "emulator/realtime_thread.hpp"
@@ -72,6 +73,7 @@ bool drive(Session& session, const Config& config, const RunOptions& options, Re
 
 RunCounters counters_of(const Session& session) {
   RunCounters counters{&session.intake().counters(), &session.quality(), {}, nullptr};
+  if (!session.faults().empty()) counters.faults = &session.fault_log();
   if (session.recorder() != nullptr) counters.record = &session.recorder()->counters();
   for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
   return counters;
@@ -101,7 +103,8 @@ void log_details(const Config& config) {
 
 // Returns true if standard output carries frames or JSON, among which the text of the summary has no place.
 bool has_data_on_stdout(const Config& config, const RunOptions& options) {
-  return writes_to_stdout(config) || options.summary_file == "-" || options.monitor.quality_file == "-";
+  return writes_to_stdout(config) || options.summary_file == "-" || options.labels_file == "-" ||
+         options.monitor.quality_file == "-";
 }
 
 // Logs what is missing.
@@ -117,7 +120,8 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
 void check_outputs(const Config& config, const RunOptions& options) {
   std::vector<std::string> files = config.files;
   if (writes_to_stdout(config)) files.emplace_back("-");
-  for (const std::string& path : {options.summary_file, options.monitor.quality_file, options.record.file}) {
+  for (const std::string& path :
+       {options.summary_file, options.labels_file, options.monitor.quality_file, options.record.file}) {
     const std::string file = path.empty() || path == "-" ? path : regular_file(path);
     if (file.empty()) continue;
     if (std::any_of(files.begin(), files.end(),
@@ -125,6 +129,14 @@ void check_outputs(const Config& config, const RunOptions& options) {
       throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
     files.push_back(file);
   }
+}
+
+// Returns the labels of the session's faults, as the name of their file asks for.
+std::string labels(const Session& session, const Config& config, std::string_view file) {
+  std::vector<std::string> imus;
+  for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
+  const std::vector<FaultLabel> all = fault_labels(session.faults(), imus, session.fault_log());
+  return file.ends_with(".json") ? labels_json(all) : labels_csv(all);
 }
 
 }  // namespace
@@ -143,7 +155,7 @@ int run(const Config& config, const RunOptions& options) {
   check_figures(options.required, config);
   check_outputs(config, options);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
-  TextFile summary_file(options.summary_file);
+  TextFile summary_file(options.summary_file), labels_file(options.labels_file);
   // The file of a run that was killed must not look like that of a whole run.
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
@@ -204,6 +216,7 @@ int run(const Config& config, const RunOptions& options) {
   io.run();
   report_stopping();
   worker.join();
+  session.finish_faults();
   if (recorder) recorder->finish();
   if (failure) std::rethrow_exception(failure);
 
@@ -221,6 +234,7 @@ int run(const Config& config, const RunOptions& options) {
   report(outcome, summary, named);
   if (outcome.ended_by != EndedBy::failure) session.commit();
   summary_file.replace(json(summary, JsonLayout::indented));
+  if (!options.labels_file.empty()) labels_file.replace(labels(session, config, options.labels_file));
   TextFile printed = has_data_on_stdout(config, options) ? TextFile::standard_error() : TextFile("-");
   printed.write(text(summary));
   return outcome.exit_code();
