@@ -277,8 +277,8 @@ RealtimeConfig read_realtime(TableReader table) {
 namespace {
 
 // Reads all [[fault]] after those of `all`.
-void read_faults(TableReader& table, const std::vector<ImuConfig>& imus, Faults& faults, toml::array& resolved,
-                 std::vector<FaultConfig>& all) {
+void read_faults(TableReader& table, const std::vector<ImuConfig>& imus, ClockMode clock, Faults& faults,
+                 toml::array& resolved, std::vector<FaultConfig>& all) {
   const toml::node* node = table.node("fault");
   if (node == nullptr) return;
   const toml::array* array = node->as_array();
@@ -293,6 +293,8 @@ void read_faults(TableReader& table, const std::vector<ImuConfig>& imus, Faults&
     TableReader reader(&fault, fmt::format("fault.{}.", i), fault.source().begin.line, faults,
                        resolved.emplace_back<toml::table>());
     all.push_back(read_fault(reader, all.size(), names));
+    if (all.back().kind != nullptr && !all.back().kind->in_lockstep && clock == ClockMode::lockstep)
+      reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
   }
 }
 
@@ -301,13 +303,13 @@ void read_faults(TableReader& table, const std::vector<ImuConfig>& imus, Faults&
 void read_all_faults(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
                      std::vector<std::string>& all_faults) {
   toml::array resolved;
-  read_faults(table, config.imus, faults, resolved, config.faults);
+  read_faults(table, config.imus, config.clock, faults, resolved, config.faults);
   for (const std::string& path : scenarios) {
     Faults of_scenario(path);
     const ConfigText text = read_config_text(path, {}, of_scenario);
     toml::table unused;
     TableReader scenario(&text.root, "", 0, of_scenario, unused);
-    read_faults(scenario, config.imus, of_scenario, resolved, config.faults);
+    read_faults(scenario, config.imus, config.clock, of_scenario, resolved, config.faults);
     scenario.finish();
     config.sha256 = sha256(config.sha256 + text.sha256);
     if (const std::string file = regular_file(path); !file.empty()) config.files.push_back(file);

@@ -40,7 +40,10 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       device_reported_(config.imus.size()),
       ports_(config.imus.size()),
       second_ports_(config.imus.size()) {
-  for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
+  for (const ImuConfig& imu : config.imus) {
+    line_loads_.push_back(line_load(imu).percent);
+    imu_names_.push_back(imu.name);
+  }
   last_quality_ = last_log_ = now();
 }
 
@@ -236,7 +239,7 @@ void Monitor::report_faults() {
   constexpr std::size_t most = 1000;  // more are in the labels only
   for (; faults_reported_ < std::min(most, counters_.faults->size()); ++faults_reported_) {
     const FaultEvent& event = (*counters_.faults)[faults_reported_];
-    spdlog::info("{}", event_text(config_.faults[event.fault], config_.imus[event.imu].name, event));
+    spdlog::info("{}", event_text(config_.faults[event.fault], imu_of(event, imu_names_), event));
     if (faults_reported_ + 1 == most) spdlog::info("further begins and ends of faults are not logged");
   }
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/faults/truth_faults.hpp"
 #include "emulator/recorder.hpp"
 
 namespace imud {
@@ -13,7 +14,8 @@ Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* rec
       fault_log_(config.faults.empty() ? 0 : FaultLog::default_size),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
-      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder) {
+      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder,
+              with_faults(config.truth.format->make(config.truth.settings), faults_, config.seed, fault_log_)) {
   for (const ImuConfig& imu : config.imus)
     channels_.push_back(std::make_unique<Channel>(imu, config.seed, open, recorder, faults_of(imu, config.seed)));
   constexpr std::size_t most_ports = 2;
@@ -29,6 +31,7 @@ std::unique_ptr<ChannelFaults> Session::faults_of(const ImuConfig& imu, std::uin
 }
 
 void Session::finish_faults() noexcept {
+  intake_.finish();
   for (const auto& channel : channels_) channel->finish_faults();
 }
 

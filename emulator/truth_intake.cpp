@@ -41,12 +41,12 @@ std::size_t write(std::span<char> room, fmt::format_string<Values...> format, Va
 }  // namespace
 
 TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port,
-                         Recorder* recorder)
+                         Recorder* recorder, std::unique_ptr<TruthDecoder> decoder)
     : timeline_(timeline),
       port_(std::move(port)),
       recorder_(recorder),
       format_(*config.format),
-      decoder_(config.format->make(config.settings)),
+      decoder_(decoder ? std::move(decoder) : config.format->make(config.settings)),
       stream_(config.stream),
       derivation_(config.fit ? new Derivation{PoseFit(*config.fit), Timeline(config.limits)} : nullptr),
       ignores_force_(config.ignores_force),

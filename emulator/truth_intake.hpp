@@ -24,9 +24,10 @@ class Recorder;
 // Owns the truth port and the format's decoder. One thread, but any thread may read counters().
 class TruthIntake {
  public:
-  // `config.format` must outlive this. `recorder`: records what is received and sent; nullptr: none does.
-  TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port,
-              Recorder* recorder = nullptr);
+  // `config.format` must outlive this. `recorder`: records what is received and sent; nullptr: none does. `decoder`
+  // decodes in place of that of the format; nullptr: that of the format does.
+  TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port, Recorder* recorder = nullptr,
+              std::unique_ptr<TruthDecoder> decoder = nullptr);
 
   enum class Outcome : std::uint8_t {
     nothing,   // no record has arrived; wait for the descriptor, unless at_end()
@@ -58,6 +59,8 @@ class TruthIntake {
   std::string chosen_port() const { return port_->chosen_port(); }
   // Returns true if the truth comes from a simulator, false if from a capture.
   bool is_live() const noexcept { return is_live_; }
+  // Ends the input. Called after the last take().
+  void finish() noexcept { decoder_->finish(); }
   // The arrival of the last record.
   HostTime arrival() const noexcept { return arrival_; }
   const TruthCounters& counters() const noexcept { return counters_; }

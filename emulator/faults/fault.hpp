@@ -20,6 +20,10 @@ enum class FaultSeam : std::uint8_t {
   power,    // the device's supply
 };
 
+// The name and the number of truth where those of an imu stand.
+inline constexpr std::string_view fault_of_truth = "truth";
+inline constexpr std::uint16_t truth_number = 0xFFFF;
+
 // A number that a fault has beside its times, such as its magnitude.
 struct FaultParameter {
   static constexpr double required = std::numeric_limits<double>::quiet_NaN();
@@ -47,6 +51,7 @@ struct FaultKind {
   // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
   // after the end are those of a run without the fault.
   std::string_view stays = {};
+  bool in_lockstep = true;  // false: the simulator would wait for ever
 };
 
 // A fault during one sample.

@@ -249,7 +249,9 @@ std::string FaultConfig::target_text() const {
 }
 
 std::string FaultConfig::text() const {
-  std::string text = fmt::format("{} {}: {}", fmt::join(imus, ", "), target_text(), kind->summary);
+  std::string text = fmt::format(
+      "{} {}: {}", fmt::join(kind->seam == FaultSeam::truth ? std::vector<std::string>{"all imus"} : imus, ", "),
+      target_text(), kind->summary);
   const std::span<const FaultUnit> units = fault_units(kind->targets[target]);
   std::vector<std::string> numbers;
   for (std::size_t i = 0; i < kind->parameters.size(); ++i) {
@@ -288,8 +290,13 @@ std::string FaultConfig::text() const {
 FaultConfig read_fault(TableReader& table, std::size_t index, const std::vector<std::string>& imus) {
   FaultConfig fault;
   fault.name = table.text("name", fmt::format("fault{}", index + 1));
-  read_imus(table, fault, imus);
   read_kind(table, fault);
+  if (fault.kind != nullptr && fault.kind->seam == FaultSeam::truth) {
+    fault.imus = {std::string(fault_of_truth)};
+    if (table.has("imu")) table.fault("imu", "truth is that of all imus; omit it");
+  } else {
+    read_imus(table, fault, imus);
+  }
   if (fault.kind != nullptr) read_parameters(table, fault);
   read_times(table, fault);
   if (fault.kind != nullptr) table.finish();  // otherwise its keys are not known

@@ -35,7 +35,7 @@ struct FaultCondition {
 // [begin, end); with numbers of samples, on the samples [first, first + count).
 struct FaultConfig {
   std::string name;               // in labels; "fault1" if it has none
-  std::vector<std::string> imus;  // whose names; empty for a fault of truth
+  std::vector<std::string> imus;  // whose names; fault_of_truth alone for a fault of truth
   const FaultKind* kind = nullptr;
   std::uint8_t target = 0;  // index into FaultKind::targets
   std::uint8_t axes = 7;    // bits of x, y and z

@@ -13,6 +13,7 @@ namespace imud {
 // The tables of the seams.
 std::span<const FaultKind> sensor_fault_kinds() noexcept;
 std::span<const FaultKind> message_fault_kinds() noexcept;
+std::span<const FaultKind> truth_fault_kinds() noexcept;
 
 // Returns the kinds of all seams, by seam.
 std::span<const FaultKind* const> fault_kinds() noexcept;

@@ -15,7 +15,7 @@ std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::s
   for (std::size_t i = 0; i < log.size(); ++i) {
     const FaultEvent& event = log[i];
     if (event.has_begun) {
-      labels.push_back({&faults[event.fault], imus[event.imu], event, event, false});
+      labels.push_back({&faults[event.fault], imu_of(event, imus), event, event, false});
       continue;
     }
     const auto begin = std::find_if(labels.rbegin(), labels.rend(), [&](const FaultLabel& label) {
@@ -26,6 +26,11 @@ std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::s
     begin->has_ended = true;
   }
   return labels;
+}
+
+const std::string& imu_of(const FaultEvent& event, std::span<const std::string> imus) {
+  static const std::string truth(fault_of_truth);
+  return event.imu == truth_number ? truth : imus[event.imu];
 }
 
 std::string parameters_text(const FaultConfig& fault, const FaultEvent& event) {

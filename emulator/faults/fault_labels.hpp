@@ -27,6 +27,9 @@ std::string parameters_text(const FaultConfig& fault, const FaultEvent& event);
 // Describes a begin or an end for the log.
 std::string event_text(const FaultConfig& fault, const std::string& imu, const FaultEvent& event);
 
+// Returns the name of the imu of this number, or that of truth.
+const std::string& imu_of(const FaultEvent& event, std::span<const std::string> imus);
+
 // A header row and a row for each label. Columns: emulator/faults/README.md.
 std::string labels_csv(std::span<const FaultLabel> labels);
 // The same as a list of objects.

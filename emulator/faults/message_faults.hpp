@@ -57,7 +57,7 @@ class MessageFaults {
   FrameBuffer exchanged_;  // the frames of a sample that leave behind those of the next
   std::uint64_t lost_ = 0;
 
-  // What applies to the current sample.
+  // The changes to the current sample and its frames.
   bool is_missing_ = false, is_exchanged_ = false;
   int repetitions_ = 0;
   Nanoseconds delay_{0};

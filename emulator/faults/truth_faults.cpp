@@ -1,0 +1,189 @@
+#include "emulator/faults/truth_faults.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "emulator/faults/fault_kinds.hpp"
+#include "emulator/faults/fault_schedule.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view truth_target[] = {fault_of_truth};
+constexpr std::size_t most_late = 64;
+constexpr FaultParameter offset[] = {
+    {.key = "x_m", .meaning = "by which the position is off, along N's x", .initial = 0},
+    {.key = "y_m", .meaning = "along N's y", .initial = 0},
+    {.key = "z_m", .meaning = "along N's z", .initial = 0}};
+constexpr FaultParameter number[] = {{.key = "value",
+                                      .meaning = "the number of truths that arrive before it",
+                                      .initial = 1,
+                                      .min = 1,
+                                      .max = most_late}};
+
+enum Kind : std::size_t { frozen, jump, nan, late, lost, kinds };
+
+constexpr FaultKind table[] = {
+    {.name = "frozen",
+     .summary = "the motion of the last truth before the fault is sent again and again, with new times",
+     .seam = FaultSeam::truth,
+     .targets = truth_target,
+     .is_ramped = false},
+    {.name = "jump",
+     .summary = "the position jumps",
+     .seam = FaultSeam::truth,
+     .targets = truth_target,
+     .parameters = offset},
+    {.name = "nan",
+     .summary = "numbers are no numbers, so that truth is refused",
+     .seam = FaultSeam::truth,
+     .targets = truth_target,
+     .is_ramped = false,
+     .stays = "motion is extrapolated or held to the next truth"},
+    {.name = "late",
+     .summary = "truth arrives late, after others that were sent later",
+     .seam = FaultSeam::truth,
+     .targets = truth_target,
+     .parameters = number,
+     .is_ramped = false,
+     .stays = "the late truths follow at once",
+     .in_lockstep = false},
+    {.name = "lost",
+     .summary = "truth does not arrive",
+     .seam = FaultSeam::truth,
+     .targets = truth_target,
+     .is_ramped = false,
+     .stays = "motion is extrapolated or held to the next truth",
+     .in_lockstep = false},
+};
+static_assert(std::size(table) == kinds);
+
+class FaultyTruthDecoder final : public TruthDecoder {
+ public:
+  FaultyTruthDecoder(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults, std::uint64_t seed,
+                     FaultLog& log)
+      : decoder_(std::move(decoder)), schedule_(faults, fault_of_truth, truth_number, 1, seed, log) {
+    waiting_.reserve(most_late + 1);
+    losses_ = decoder_->losses();
+  }
+  void start(HostTime now) noexcept override { decoder_->start(now); }
+  void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override {
+    decoder_->feed(bytes, input, arrival);
+  }
+  std::optional<TruthResult> next(Truth& truth) noexcept override {
+    for (;;) {
+      if (!waiting_.empty() && waiting_.size() > late_) {
+        truth = waiting_.front();
+        waiting_.erase(waiting_.begin());
+        return TruthResult::ok;
+      }
+      const auto result = decoder_->next(truth);
+      losses_ = decoder_->losses();
+      if (result != TruthResult::ok) return result;
+      if (const auto changed = apply(truth)) return changed;
+    }
+  }
+  std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
+    return decoder_->describe(result, room);
+  }
+  void finish() noexcept override {
+    decoder_->finish();
+    schedule_.finish();
+    begin_.reset();
+    waiting_.clear();
+    losses_ = decoder_->losses();
+  }
+  std::optional<HostTime> deadline() const noexcept override { return decoder_->deadline(); }
+  void poll(HostTime now, FrameBuffer& out) noexcept override { decoder_->poll(now, out); }
+  void acknowledge(const Truth& truth, TruthTime used_until, std::uint64_t samples,
+                   FrameBuffer& out) noexcept override {
+    decoder_->acknowledge(truth, used_until, samples, out);
+  }
+
+ private:
+  // Returns nothing if the truth is not to be seen now.
+  std::optional<TruthResult> apply(Truth& truth) noexcept {
+    if (!begin_ || truth.new_run || truth.time < *begin_) {
+      schedule_.begin_run();
+      begin_ = truth.time;
+      count_ = 0;
+    }
+    Sample sample;  // what a schedule knows of a sample
+    sample.counter = count_++;
+    sample.time = DeviceTime{truth.time.ns};
+    sample.rate = truth.omega_BN_B;
+    sample.specific_force = truth.specific_force_B;
+    schedule_.take(sample, truth.time - *begin_);
+    late_ = 0;
+    bool is_lost = false, is_nan = false;
+    for (const ActiveFault& fault : schedule_.active(FaultSeam::truth)) {
+      const auto& p = fault.parameters;
+      switch (static_cast<Kind>(fault.kind - table)) {
+        case frozen:
+          freeze(truth);
+          break;
+        case jump:
+          truth.r_BN_N += fault.weight * Vector3(p[0], p[1], p[2]);
+          break;
+        case nan:
+          is_nan = true;
+          break;
+        case late:
+          late_ = std::max(late_, static_cast<std::size_t>(p[0]));
+          break;
+        case lost:
+          is_lost = true;
+          break;
+        default:
+          break;
+      }
+    }
+    last_ = truth;
+    if (is_lost) return std::nullopt;
+    if (is_nan) {
+      truth.q_NB.w() = truth.omega_BN_B.x() = std::numeric_limits<double>::quiet_NaN();
+      return is_finite(truth) ? TruthResult::ok : TruthResult::not_finite;
+    }
+    if (late_ == 0 && waiting_.empty()) return TruthResult::ok;
+    waiting_.push_back(truth);
+    return std::nullopt;
+  }
+
+  void freeze(Truth& truth) const noexcept {
+    if (!last_) return;
+    Truth frozen_truth = *last_;
+    frozen_truth.time = truth.time;
+    frozen_truth.stream = truth.stream;
+    frozen_truth.sequence = truth.sequence;
+    frozen_truth.acknowledge = truth.acknowledge;
+    frozen_truth.new_run = truth.new_run;
+    truth = frozen_truth;
+  }
+
+  const std::unique_ptr<TruthDecoder> decoder_;
+  FaultSchedule schedule_;
+  std::vector<Truth> waiting_;  // late truths, at most most_late and one
+  std::size_t late_ = 0;        // how many may wait
+  std::optional<TruthTime> begin_;
+  std::uint64_t count_ = 0;  // truths of the run
+  std::optional<Truth> last_;
+};
+
+}  // namespace
+
+std::span<const FaultKind> truth_fault_kinds() noexcept { return table; }
+
+std::unique_ptr<TruthDecoder> with_faults(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults,
+                                          std::uint64_t seed, FaultLog& log) {
+  if (std::none_of(faults.begin(), faults.end(),
+                   [](const FaultConfig& fault) { return fault.acts_on(fault_of_truth); }))
+    return decoder;
+  return std::make_unique<FaultyTruthDecoder>(std::move(decoder), faults, seed, log);
+}
+
+}  // namespace imud
