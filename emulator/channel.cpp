@@ -132,6 +132,7 @@ void Channel::skip() noexcept {
 
 void Channel::encode(bool too_late) noexcept {
   const DeviceTime time = sample_.time;
+  if (faults_) faults_->expectations().port_is(lines_[0].port->state());
   if (faults_) set_clock_offset(faults_->messages().clock_offset());
   poll_until(time, too_late);
   clock_.take_sample(time);
@@ -259,6 +260,7 @@ void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
   poll_until(time);
   others_.clear();
   frame.uart = static_cast<std::uint8_t>(uart);
+  if (faults_) faults_->expectations().host_sent(frame.bytes);
   device_->receive(frame, time + clock_offset_, others_);
   apply_filters();
   send(others_.frames(), time, true);

@@ -70,6 +70,10 @@ class Channel {
   void skip() noexcept;
   // Counts the sample as sent.
   void count_sample() noexcept;
+  // Returns what was expected of the host. Called after the last sample.
+  std::vector<Expected> expected() const {
+    return faults_ ? faults_->expectations().results() : std::vector<Expected>{};
+  }
   // Ends the faults that act, after the last sample.
   void finish_faults() noexcept {
     if (faults_) faults_->finish();

@@ -78,6 +78,8 @@ void print_text(const std::string& path, const Config& config) {
   for (const BusLoad& bus : bus_loads(config.imus))
     if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());
   for (const FaultConfig& fault : config.faults) fmt::print("{:<8} {}\n", fault.name, fault.text());
+  for (const ExpectConfig& expect : config.expectations)
+    fmt::print("{:<8} expected: {}\n", expect.name, expect.text());
   for (const std::string& warning : config.warnings) fmt::print("warning: {}\n", warning);
   fmt::print("\n# The value of every key; imud check --toml prints only this.\n{}", config.resolved);
 }

@@ -153,7 +153,9 @@ int execute(int argc, const char* const* argv) {
     with_set(command);
   };
   const auto with_scenario = [&](CLI::App* command) {
-    command->add_option("--scenario", arguments.scenarios, "Also take the [[fault]] of this file; repeatable")
+    command
+        ->add_option("--scenario", arguments.scenarios,
+                     "Also take the [[fault]] and [[expect]] of this file; repeatable")
         ->type_name("FILE")
         ->allow_extra_args(false);
   };
@@ -181,6 +183,8 @@ int execute(int argc, const char* const* argv) {
     command
         ->add_option("--labels", arguments.run.labels_file,
                      "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json")
+        ->type_name("FILE");
+    command->add_option("--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML")
         ->type_name("FILE");
     command
         ->add_option("--log-every", arguments.run.monitor.log_every_s,
@@ -311,6 +315,7 @@ int execute(int argc, const char* const* argv) {
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
     arguments.run.summary_file = output_path(arguments.run.summary_file);
     arguments.run.labels_file = output_path(arguments.run.labels_file);
+    arguments.run.junit_file = output_path(arguments.run.junit_file);
     arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
     arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
     if (arguments.run.record.file.empty() && record_max_mb > 0)

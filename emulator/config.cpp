@@ -8,6 +8,7 @@
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/config_text.hpp"
+#include "emulator/faults/scenario.hpp"
 
 namespace imud {
 
@@ -274,52 +275,6 @@ RealtimeConfig read_realtime(TableReader table) {
 
 }  // namespace
 
-namespace {
-
-// Reads all [[fault]] after those of `all`.
-void read_faults(TableReader& table, const std::vector<ImuConfig>& imus, ClockMode clock, Faults& faults,
-                 toml::array& resolved, std::vector<FaultConfig>& all) {
-  const toml::node* node = table.node("fault");
-  if (node == nullptr) return;
-  const toml::array* array = node->as_array();
-  if (array == nullptr || (!array->empty() && !array->is_array_of_tables())) {
-    table.fault("fault", "give tables, each as [[fault]]");
-    return;
-  }
-  std::vector<std::string> names;
-  for (const ImuConfig& imu : imus) names.push_back(imu.name);
-  for (std::size_t i = 0; i < array->size(); ++i) {
-    const toml::table& fault = *(*array)[i].as_table();
-    TableReader reader(&fault, fmt::format("fault.{}.", i), fault.source().begin.line, faults,
-                       resolved.emplace_back<toml::table>());
-    all.push_back(read_fault(reader, all.size(), names));
-    if (all.back().kind != nullptr && !all.back().kind->in_lockstep && clock == ClockMode::lockstep)
-      reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
-  }
-}
-
-// Reads the [[fault]] of the configuration and of the scenarios, whose digests are added to that of the
-// configuration.
-void read_all_faults(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
-                     std::vector<std::string>& all_faults) {
-  toml::array resolved;
-  read_faults(table, config.imus, config.clock, faults, resolved, config.faults);
-  for (const std::string& path : scenarios) {
-    Faults of_scenario(path);
-    const ConfigText text = read_config_text(path, {}, of_scenario);
-    toml::table unused;
-    TableReader scenario(&text.root, "", 0, of_scenario, unused);
-    read_faults(scenario, config.imus, config.clock, of_scenario, resolved, config.faults);
-    scenario.finish();
-    config.sha256 = sha256(config.sha256 + text.sha256);
-    if (const std::string file = regular_file(path); !file.empty()) config.files.push_back(file);
-    all_faults.insert(all_faults.end(), of_scenario.all().begin(), of_scenario.all().end());
-  }
-  if (!resolved.empty()) table.resolve("fault", std::move(resolved));
-}
-
-}  // namespace
-
 Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture,
                    std::span<const std::string> scenarios) {
   Faults faults(path);
@@ -378,7 +333,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
     check_files(config, path, *array, faults);
   }
   std::vector<std::string> of_scenarios;
-  read_all_faults(table, scenarios, faults, config, of_scenarios);
+  read_scenarios(table, scenarios, faults, config, of_scenarios);
   table.finish();
   std::vector<std::string> all_faults = faults.all();
   all_faults.insert(all_faults.end(), of_scenarios.begin(), of_scenarios.end());

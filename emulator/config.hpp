@@ -12,6 +12,7 @@
 #include "core/imu.hpp"
 #include "core/pose_fit.hpp"
 #include "core/timeline.hpp"
+#include "emulator/faults/expectations.hpp"
 #include "emulator/faults/fault_config.hpp"
 #include "emulator/sync.hpp"
 #include "emulator/truth_clock.hpp"
@@ -86,6 +87,7 @@ struct Config {
   RealtimeConfig realtime;
   std::vector<ImuConfig> imus;
   std::vector<FaultConfig> faults;
+  std::vector<ExpectConfig> expectations;
   // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
   std::string sha256;
   // The value of every key, those that were absent included, as TOML that load_config() reads as this configuration.
@@ -105,7 +107,7 @@ struct ConfigError : std::runtime_error {
 // Reads `path` (- is standard input), then sets each override, such as "imu.0.rate_hz=400" (the value as in TOML; a
 // bare word is text). A `capture` that is not empty replaces truth.port; - is standard input. Then regular files of
 // the imus are replaced when the run has ended (PortSettings::replaces_file). `scenarios` are files with further
-// [[fault]]. Throws ConfigError with every fault of all files.
+// [[fault]] and [[expect]]. Throws ConfigError with every fault of all files.
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {}, std::span<const std::string> scenarios = {});
 

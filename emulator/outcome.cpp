@@ -44,13 +44,15 @@ void judge_end(EndedBy ended_by, std::vector<std::string>& shortfalls) {
   if (ended_by == EndedBy::duration) shortfalls.emplace_back("--for ended it before the capture's end");
 }
 
-// `gaps_allowed`: a requirement limits them.
-void judge_capture(const Summary::Truth& truth, bool gaps_allowed, std::vector<std::string>& shortfalls) {
-  if (const auto n = refused_truths(truth); n > 0)
-    shortfalls.push_back(fmt::format("{} refused ({})", plural(n, "truth"), causes(truth)));
-  if (const auto n = truth.counters[&TruthCounters::lost]; n > 0)
+// `gaps_allowed`: a requirement limits them. `is_faulty`: faults of truth are configured.
+void judge_capture(const Summary::Truth& truth, bool gaps_allowed, bool is_faulty,
+                   std::vector<std::string>& shortfalls) {
+  const auto no_numbers = is_faulty ? truth.refused.counts[static_cast<std::size_t>(Refusal::not_finite)] : 0;
+  if (refused_truths(truth) > no_numbers)
+    shortfalls.push_back(fmt::format("{} refused ({})", plural(refused_truths(truth), "truth"), causes(truth)));
+  if (const auto n = truth.counters[&TruthCounters::lost]; n > 0 && !is_faulty)
     shortfalls.push_back(fmt::format("{} missing by the sequence numbers", plural(n, "truth")));
-  if (const auto n = truth.counters[&TruthCounters::gaps]; n > 0 && !gaps_allowed)
+  if (const auto n = truth.counters[&TruthCounters::gaps]; n > 0 && !gaps_allowed && !is_faulty)
     shortfalls.push_back(
         fmt::format("{} in the truth's time, of up to {:.3f} s", plural(n, "gap"), truth.longest_gap_s));
   if (!truth.warning.empty())
@@ -96,6 +98,7 @@ int Outcome::exit_code() const noexcept {
   if (ended_by == EndedBy::failure) return 1;
   bool good = is_complete();
   for (const Required& limit : required) good = good && limit.holds;
+  for (const Expected& one : expected) good = good && one.holds;
   return good ? 0 : 3;
 }
 
@@ -111,13 +114,15 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
               std::span<const Requirement> requirements, bool is_repeated) {
-  Outcome outcome{ended_by, {}, {}};
+  Outcome outcome{ended_by, {}, {}, {}};
   std::vector<std::string>& shortfalls = outcome.shortfalls;
   const bool capture = is_capture(config.truth.port);
   const bool gaps_allowed = std::any_of(requirements.begin(), requirements.end(),
                                         [](const Requirement& limit) { return limit.figure == "truth.gaps"; });
+  const bool is_faulty = std::any_of(config.faults.begin(), config.faults.end(),
+                                     [](const FaultConfig& f) { return f.acts_on(fault_of_truth); });
   if (capture) judge_end(ended_by, shortfalls);
-  if (capture && !is_repeated) judge_capture(summary.truth, gaps_allowed, shortfalls);
+  if (capture && !is_repeated) judge_capture(summary.truth, gaps_allowed, is_faulty, shortfalls);
   if (is_repeated && !summary.truth.warning.empty())
     shortfalls.push_back(fmt::format("the record is {}", summary.truth.warning));
   for (std::size_t i = 0; i < summary.imus.size(); ++i) {

@@ -9,6 +9,7 @@
 
 #include "core/requirement.hpp"
 #include "emulator/config.hpp"
+#include "emulator/faults/expectations.hpp"
 
 namespace imud {
 
@@ -29,9 +30,10 @@ struct Outcome {
     bool holds = false;
   };
   std::vector<Required> required;
+  std::vector<Expected> expected;  // of the hosts
 
   bool is_complete() const noexcept { return shortfalls.empty(); }
-  // Returns 0 if the run is complete and every limit holds, 1 after a failure, otherwise 3.
+  // Returns 0 if the run is complete and every limit and expectation holds, 1 after a failure, otherwise 3.
   int exit_code() const noexcept;
 };
 
@@ -41,8 +43,9 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 // Judges a run of `config`. With a capture as truth nothing may be missing: the capture was read to its end, every
 // truth in it was accepted, no sample was skipped, and every frame was written; at the recorded pace, frames that
 // nobody read from a pty are not missing. A requirement about truth.gaps decides in place of the rule that there is
-// none. With live truth only frames lost to errors of a file are missing. Percentages are those of the truths
-// received, or of the imu's samples. A run that `is_repeated` from its record may lack what the recorded run lacked.
+// none. What the configured faults of truth take away is not missing. With live truth only frames lost to errors of a
+// file are missing. Percentages are those of the truths received, or of the imu's samples. A run that `is_repeated`
+// from its record may lack what the recorded run lacked.
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
               std::span<const Requirement> requirements, bool is_repeated = false);
 

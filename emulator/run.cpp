@@ -104,7 +104,7 @@ void log_details(const Config& config) {
 // Returns true if standard output carries frames or JSON, among which the text of the summary has no place.
 bool has_data_on_stdout(const Config& config, const RunOptions& options) {
   return writes_to_stdout(config) || options.summary_file == "-" || options.labels_file == "-" ||
-         options.monitor.quality_file == "-";
+         options.junit_file == "-" || options.monitor.quality_file == "-";
 }
 
 // Logs what is missing.
@@ -114,14 +114,16 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
   for (const Outcome::Required& limit : outcome.required)
     if (!limit.holds)
       spdlog::error("required {}, but {} is {}", limit.requirement.text, limit.requirement.figure, limit.seen);
+  for (const Expected& one : outcome.expected)
+    if (!one.holds) spdlog::error("expected {}: {}; {}", one.name, one.text, one.seen);
 }
 
 // Throws OpenError if a file of figures would be written over another file of the run.
 void check_outputs(const Config& config, const RunOptions& options) {
   std::vector<std::string> files = config.files;
   if (writes_to_stdout(config)) files.emplace_back("-");
-  for (const std::string& path :
-       {options.summary_file, options.labels_file, options.monitor.quality_file, options.record.file}) {
+  for (const std::string& path : {options.summary_file, options.labels_file, options.junit_file,
+                                  options.monitor.quality_file, options.record.file}) {
     const std::string file = path.empty() || path == "-" ? path : regular_file(path);
     if (file.empty()) continue;
     if (std::any_of(files.begin(), files.end(),
@@ -155,7 +157,7 @@ int run(const Config& config, const RunOptions& options) {
   check_figures(options.required, config);
   check_outputs(config, options);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
-  TextFile summary_file(options.summary_file), labels_file(options.labels_file);
+  TextFile summary_file(options.summary_file), labels_file(options.labels_file), junit_file(options.junit_file);
   // The file of a run that was killed must not look like that of a whole run.
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
@@ -227,6 +229,7 @@ int run(const Config& config, const RunOptions& options) {
   summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
                    session.chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
+  outcome.expected = session.expected();
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
     outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
   if (repeated && !repeated->difference().empty()) outcome.shortfalls.push_back(repeated->difference());
@@ -235,6 +238,7 @@ int run(const Config& config, const RunOptions& options) {
   if (outcome.ended_by != EndedBy::failure) session.commit();
   summary_file.replace(json(summary, JsonLayout::indented));
   if (!options.labels_file.empty()) labels_file.replace(labels(session, config, options.labels_file));
+  if (!options.junit_file.empty()) junit_file.replace(junit_xml(outcome.expected, "imud"));
   TextFile printed = has_data_on_stdout(config, options) ? TextFile::standard_error() : TextFile("-");
   printed.write(text(summary));
   return outcome.exit_code();

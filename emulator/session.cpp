@@ -11,6 +11,7 @@ namespace imud {
 Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder)
     : recorder_(recorder),
       faults_(config.faults),
+      expectations_(config.expectations),
       fault_log_(config.faults.empty() ? 0 : FaultLog::default_size),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
@@ -22,12 +23,20 @@ Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* rec
   inputs_.reserve(most_ports * channels_.size() + 1);
 }
 
-// Returns nullptr if the imu has no faults.
+// Returns nullptr if the imu has no faults, and nothing is expected of its host.
 std::unique_ptr<ChannelFaults> Session::faults_of(const ImuConfig& imu, std::uint64_t seed) {
-  if (std::none_of(faults_.begin(), faults_.end(), [&](const FaultConfig& fault) { return fault.acts_on(imu.name); }))
+  if (std::none_of(faults_.begin(), faults_.end(), [&](const FaultConfig& f) { return f.acts_on(imu.name); }) &&
+      std::none_of(expectations_.begin(), expectations_.end(), [&](const auto& e) { return e.imu == imu.name; }))
     return nullptr;
-  return std::make_unique<ChannelFaults>(faults_, imu, static_cast<std::uint16_t>(channels_.size()), seed,
-                                         fault_log_);
+  return std::make_unique<ChannelFaults>(faults_, expectations_, imu, static_cast<std::uint16_t>(channels_.size()),
+                                         seed, fault_log_);
+}
+
+std::vector<Expected> Session::expected() const {
+  std::vector<Expected> all;
+  for (const auto& channel : channels_)
+    for (Expected& one : channel->expected()) all.push_back(std::move(one));
+  return all;
 }
 
 void Session::finish_faults() noexcept {

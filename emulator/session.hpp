@@ -33,6 +33,8 @@ class Session {
   // The faults of the run, and their begins and ends so far.
   std::span<const FaultConfig> faults() const noexcept { return faults_; }
   const FaultLog& fault_log() const noexcept { return fault_log_; }
+  // Returns what was expected of the hosts. Called after the last sample.
+  std::vector<Expected> expected() const;
   // Ends the faults that act. Called after the last sample.
   void finish_faults() noexcept;
 
@@ -101,6 +103,7 @@ class Session {
 
   Recorder* const recorder_;
   const std::vector<FaultConfig> faults_;
+  const std::vector<ExpectConfig> expectations_;
   FaultLog fault_log_;
   const WhenStopped when_stopped_;
   Timeline timeline_;

@@ -173,6 +173,8 @@ std::string text(const Outcome& outcome) {
   for (const Outcome::Required& limit : outcome.required)
     out +=
         fmt::format("required {}: {}, {}\n", limit.requirement.text, limit.holds ? "holds" : "VIOLATED", limit.seen);
+  for (const Expected& one : outcome.expected)
+    out += fmt::format("expected {}: {}: {}, {}\n", one.name, one.text, one.holds ? "holds" : "FAILED", one.seen);
   return out;
 }
 
@@ -258,6 +260,9 @@ void add(nlohmann::ordered_json& json, const Summary::Whole& whole) {
   json["required"] = nlohmann::ordered_json::array();
   for (const Outcome::Required& limit : outcome.required)
     json["required"].push_back({{"limit", limit.requirement.text}, {"seen", limit.seen}, {"holds", limit.holds}});
+  json["expected"] = nlohmann::ordered_json::array();
+  for (const Expected& one : outcome.expected)
+    json["expected"].push_back({{"name", one.name}, {"text", one.text}, {"holds", one.holds}, {"seen", one.seen}});
   json["version"] = IMUD_VERSION;
   json["seed"] = whole.seed;
   json["config_sha256"] = whole.config_sha256;

@@ -4,15 +4,17 @@
 
 namespace imud {
 
-ChannelFaults::ChannelFaults(std::span<const FaultConfig> faults, const ImuConfig& imu, std::uint16_t number,
-                             std::uint64_t seed, FaultLog& log)
+ChannelFaults::ChannelFaults(std::span<const FaultConfig> faults, std::span<const ExpectConfig> expectations,
+                             const ImuConfig& imu, std::uint16_t number, std::uint64_t seed, FaultLog& log)
     : schedule_(faults, imu.name, number, imu.rate_hz, seed, log),
       sensors_(imu.model, imu.name, seed, faults.size()),
-      messages_(faults, imu.name, imu.rate_hz, seed) {}
+      messages_(faults, imu.name, imu.rate_hz, seed),
+      expectations_(expectations, imu.name) {}
 
 void ChannelFaults::begin_run() noexcept {
   schedule_.begin_run();
   messages_.discard();
+  expectations_.begin_run();
   last_.reset();
 }
 
@@ -22,6 +24,7 @@ void ChannelFaults::take(Sample& sample, Nanoseconds since_begin) noexcept {
   last_ = since_begin;
   sensors_.apply(schedule_.active(FaultSeam::sensor), schedule_.sample(), step_s, sample);
   messages_.apply(schedule_.active(FaultSeam::message), schedule_.sample(), sample);
+  expectations_.take(schedule_, seconds(since_begin));
 }
 
 }  // namespace imud

@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 
+#include "emulator/faults/expectations.hpp"
 #include "emulator/faults/fault_schedule.hpp"
 #include "emulator/faults/message_faults.hpp"
 #include "emulator/faults/sensor_faults.hpp"
@@ -16,9 +17,9 @@ struct ImuConfig;
 // No allocation after construction; one thread.
 class ChannelFaults {
  public:
-  // `faults`, those of the run, must outlive this. `number`: that of the imu.
-  ChannelFaults(std::span<const FaultConfig> faults, const ImuConfig& imu, std::uint16_t number, std::uint64_t seed,
-                FaultLog& log);
+  // `faults` and `expectations`, those of the run, must outlive this. `number`: that of the imu.
+  ChannelFaults(std::span<const FaultConfig> faults, std::span<const ExpectConfig> expectations, const ImuConfig& imu,
+                std::uint16_t number, std::uint64_t seed, FaultLog& log);
 
   void begin_run() noexcept;
   // Ends the faults that act, after the last sample.
@@ -28,12 +29,16 @@ class ChannelFaults {
   void take(Sample& sample, Nanoseconds since_begin) noexcept;
   // The frames of that sample.
   MessageFaults& messages() noexcept { return messages_; }
+  // The host of the imu.
+  Expectations& expectations() noexcept { return expectations_; }
+  const Expectations& expectations() const noexcept { return expectations_; }
   std::span<const ActiveFault> active(FaultSeam seam) const noexcept { return schedule_.active(seam); }
 
  private:
   FaultSchedule schedule_;
   SensorFaults sensors_;
   MessageFaults messages_;
+  Expectations expectations_;
   std::optional<Nanoseconds> last_;  // the time of the last sample of this run
 };
 

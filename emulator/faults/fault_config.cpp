@@ -153,7 +153,7 @@ void read_parameters(TableReader& table, FaultConfig& fault) {
 }
 
 void read_times(TableReader& table, FaultConfig& fault) {
-  fault.begin_s = read_number(table, "at_s", 0, 0, longest_s);
+  if (!table.has("at_sample") || table.has("at_s")) fault.begin_s = read_number(table, "at_s", 0, 0, longest_s);
   constexpr std::uint64_t most = 1'000'000'000'000;
   if (table.has("at_sample")) {
     fault.begin_sample = table.unsigned_integer("at_sample", 0, most);

@@ -1,6 +1,7 @@
 // FaultSchedule: which faults act on a sample.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <string_view>
@@ -35,6 +36,10 @@ class FaultSchedule {
   std::span<const ActiveFault> active(FaultSeam seam) const noexcept {
     const Range range = ranges_[static_cast<std::size_t>(seam)];
     return std::span(active_).subspan(range.begin, range.size);
+  }
+  // Returns whether the fault of this number in the configuration acts on the sample.
+  bool is_active(std::size_t number) const noexcept {
+    return std::any_of(active_.begin(), active_.end(), [number](const ActiveFault& f) { return f.number == number; });
   }
   // Returns the number of the sample in its run, from 0.
   std::uint64_t sample() const noexcept { return next_ - 1; }

@@ -166,6 +166,8 @@ TEST_F(ConfigurationReference, RangesAreTheCodes) {
     } else if (fault.find("three") != fault.npos) {
       EXPECT_EQ(row.range.substr(0, 6), " three") << key << fault;
       EXPECT_EQ(fault.find("rows") != fault.npos, row.range.find("rows") != row.range.npos) << key << fault;
+    } else if (fault.find("give tables, each as ") != fault.npos) {
+      EXPECT_EQ(row.range, fmt::format(" tables, each as [[{}]] ", key)) << key << fault;
     } else if (fault.find("give text") != fault.npos) {
       EXPECT_EQ(row.range.substr(0, 5), " text") << key << fault;
     } else {

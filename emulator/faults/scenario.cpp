@@ -1,0 +1,65 @@
+#include "emulator/faults/scenario.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "emulator/config_text.hpp"
+
+namespace imud {
+
+namespace {
+
+// Reads the tables of an array, such as [[fault]], by read(TableReader&).
+template <class Read>
+void read_each(TableReader& table, std::string_view key, Faults& faults, toml::array& resolved, const Read& read) {
+  const toml::node* node = table.node(key);
+  if (node == nullptr) return;
+  const toml::array* array = node->as_array();
+  if (array == nullptr || (!array->empty() && !array->is_array_of_tables())) {
+    table.fault(key, fmt::format("give tables, each as [[{}]]", key));
+    return;
+  }
+  for (std::size_t i = 0; i < array->size(); ++i) {
+    const toml::table& one = *(*array)[i].as_table();
+    TableReader reader(&one, fmt::format("{}.{}.", key, i), one.source().begin.line, faults,
+                       resolved.emplace_back<toml::table>());
+    read(reader);
+  }
+}
+
+}  // namespace
+
+void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
+                    std::vector<std::string>& wrong) {
+  std::vector<std::string> imus;
+  for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
+  toml::array resolved_faults, resolved_expectations;
+  const auto read = [&](TableReader& from, Faults& of_file) {
+    read_each(from, "fault", of_file, resolved_faults, [&](TableReader& reader) {
+      config.faults.push_back(read_fault(reader, config.faults.size(), imus));
+      const FaultKind* kind = config.faults.back().kind;
+      if (kind != nullptr && !kind->in_lockstep && config.clock == ClockMode::lockstep)
+        reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
+    });
+    read_each(from, "expect", of_file, resolved_expectations, [&](TableReader& reader) {
+      config.expectations.push_back(read_expect(reader, config.expectations.size(), imus, config.faults));
+    });
+  };
+  read(table, faults);
+  for (const std::string& path : scenarios) {
+    Faults of_scenario(path);
+    const ConfigText text = read_config_text(path, {}, of_scenario);
+    toml::table unused;
+    TableReader scenario(&text.root, "", 0, of_scenario, unused);
+    read(scenario, of_scenario);
+    scenario.finish();
+    config.sha256 = sha256(config.sha256 + text.sha256);
+    if (std::string file = regular_file(path); !file.empty()) config.files.push_back(std::move(file));
+    wrong.insert(wrong.end(), of_scenario.all().begin(), of_scenario.all().end());
+  }
+  if (!resolved_faults.empty()) table.resolve("fault", std::move(resolved_faults));
+  if (!resolved_expectations.empty()) table.resolve("expect", std::move(resolved_expectations));
+}
+
+}  // namespace imud

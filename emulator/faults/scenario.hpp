@@ -1,0 +1,18 @@
+// Scenario: what fails in a run, and what is expected of its hosts.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/table_reader.hpp"
+
+namespace imud {
+
+// Reads the [[fault]] and [[expect]] of a configuration and of the files `scenarios`, whose digests are added to that
+// of the configuration. The imus and the clock must be set. Adds the faults of the scenarios' texts to `wrong`.
+void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
+                    std::vector<std::string>& wrong);
+
+}  // namespace imud
