@@ -21,6 +21,8 @@ constexpr FaultParameter copies[] = {
 constexpr FaultParameter lateness[] = {
     {.key = "delay_ms", .meaning = "by which messages are late", .min = 0, .max = 10'000},
     {.key = "jitter_ms", .meaning = "by which they are later at random", .initial = 0, .min = 0, .max = 10'000}};
+constexpr FaultParameter batch[] = {
+    {.key = "period_ms", .meaning = "the time from one batch to the next", .min = 0.001, .max = 10'000}};
 constexpr FaultParameter counts[] = {{.key = "value", .meaning = "the number that is added"}};
 constexpr FaultParameter off_s[] = {{.key = "value_s", .meaning = "by which the clock is ahead"}};
 constexpr FaultParameter off_ppm[] = {
@@ -30,6 +32,7 @@ enum Kind : std::size_t {
   missing,
   repeated,
   late,
+  batched,
   out_of_order,
   counter_stuck,
   counter_jump,
@@ -59,6 +62,13 @@ constexpr FaultKind table[] = {
      .targets = message,
      .parameters = lateness,
      .stays = "messages that are still withheld leave at their times"},
+    {.name = "batched",
+     .summary = "messages leave together, as those of a USB adapter do",
+     .seam = FaultSeam::message,
+     .targets = message,
+     .parameters = batch,
+     .is_ramped = false,
+     .stays = "the last batch leaves at its time"},
     {.name = "out_of_order",
      .summary = "two messages change places",
      .seam = FaultSeam::message,
@@ -119,7 +129,7 @@ MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::string_vi
     normals_.emplace_back(seed, stream_id(fmt::format("{}/fault/{}", imu, i)));
     const FaultKind* kind = faults[i].kind;
     if (kind->seam != FaultSeam::message || !faults[i].acts_on(imu)) continue;
-    if (kind != &table[late]) continue;
+    if (kind != &table[late] && kind != &table[batched]) continue;
     const auto most = [](const FaultNumber& number) {
       constexpr double sigmas = 6;
       return number.law == FaultNumber::Law::normal ? number.a + sigmas * number.b : std::max(number.a, number.b);
@@ -147,6 +157,13 @@ void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, 
       case late:
         delay_ += nanoseconds(1e-3 * (fault.weight * p + fault.parameters[1] * uniform()));
         break;
+      case batched: {
+        // Batches leave at multiples of the period of the device's clock.
+        const std::int64_t period = std::max<std::int64_t>(1, nanoseconds(1e-3 * p).count());
+        const std::int64_t into = ((sample.time.ns % period) + period) % period;
+        delay_ = std::max(delay_, Nanoseconds{into == 0 ? 0 : period - into});
+        break;
+      }
       case out_of_order:
         is_exchanged_ = fault.since % 2 == 0 && !fault.is_last;
         break;

@@ -1,6 +1,7 @@
 // Faults of messages and of truth: each kind in closed form, through the bytes.
 #include <gtest/gtest.h>
 
+#include <map>
 #include <set>
 
 #include "tests/emulator/faulty_run.hpp"
@@ -69,6 +70,23 @@ TEST_F(MessageFaultsTest, JitterKeepsTheOrder) {
   }
   EXPECT_GT(delays.size(), 100U);
   EXPECT_LE(*delays.rbegin(), 11'000'000);
+}
+
+TEST_F(MessageFaultsTest, BatchesOfAUsbAdapter) {
+  const Result clean = run(""), batched = faulty("batched", "period_ms = 16\n");
+  ASSERT_EQ(batched.frames.size(), clean.frames.size());
+  std::map<std::int64_t, int> batches;
+  for (std::size_t k = 0; k < clean.frames.size(); ++k) {
+    ASSERT_EQ(batched.frames[k].bytes, clean.frames[k].bytes) << k;
+    if (k < first_late || k > last_late) continue;
+    const Nanoseconds late = batched.frames[k].time - clean.frames[k].time;
+    ASSERT_TRUE(late >= Nanoseconds{0} && late < std::chrono::milliseconds(16));
+    ASSERT_EQ(batched.frames[k].time.ns % 16'000'000, 0);
+    ++batches[batched.frames[k].time.ns];
+  }
+  // 500 Hz: eight messages in a batch. The first message is at a multiple of 16 ms, and the last batch has 3.
+  EXPECT_EQ(batches.size(), 64U);
+  EXPECT_EQ(std::next(batches.begin())->second, 8);
 }
 
 TEST_F(MessageFaultsTest, MessagesChangePlaces) {
