@@ -18,13 +18,13 @@ constexpr std::size_t first = 1000, last = 1499;
 const std::string window = "at_s = 2\nfor_s = 1\n";
 
 // The value and the increment that are expected of an axis, by those without the fault.
-struct Expected {
+struct Closed {
   double value, increment;
 };
 struct Case {
   std::string name, settings;
   // `k`: the sample; `axis` and the clean samples, of which the last is that before the fault.
-  std::function<Expected(double value, double increment, std::size_t k, double held)> expected;
+  std::function<Closed(double value, double increment, std::size_t k, double held)> expected;
   double held_increment = 0;
 };
 
@@ -36,47 +36,47 @@ std::vector<Case> cases(double T) {
   return {
       {"bias", value,
        [=](double v, double d, std::size_t, double) {
-         return Expected{v + p, d + p * T};
+         return Closed{v + p, d + p * T};
        }},
       {"drift", value,
        [=](double v, double d, std::size_t k, double) {
          const double t = static_cast<double>(k - first) * T;
-         return Expected{v + p * t, k == first ? d : d + p * T * (t - 0.5 * T)};
+         return Closed{v + p * t, k == first ? d : d + p * T * (t - 0.5 * T)};
        }},
       {"scale", "value = 1.5\n",
        [](double v, double d, std::size_t, double) {
-         return Expected{1.5 * v, 1.5 * d};
+         return Closed{1.5 * v, 1.5 * d};
        }},
       {"stuck", "",
        [=](double, double, std::size_t, double held) {
-         return Expected{held, held * T};
+         return Closed{held, held * T};
        }},
       {"stuck_at", value,
        [=](double, double, std::size_t, double) {
-         return Expected{p, p * T};
+         return Closed{p, p * T};
        }},
       {"dead", "",
        [](double, double, std::size_t, double) {
-         return Expected{0, 0};
+         return Closed{0, 0};
        }},
       {"inverted", "",
        [](double v, double d, std::size_t, double) {
-         return Expected{-v, -d};
+         return Closed{-v, -d};
        }},
       {"saturation", "value = 0.001\n",
        [=](double v, double d, std::size_t, double) {
          const double limited = std::clamp(v, -0.001, 0.001);
-         return Expected{limited, limited == v ? d : limited * T};
+         return Closed{limited, limited == v ? d : limited * T};
        }},
       {"quantisation", "value = 0.004\n",
        [=](double v, double d, std::size_t, double) {
          const double rounded = 0.004 * std::floor(v / 0.004 + 0.5);
-         return Expected{rounded, d + T * (rounded - v)};
+         return Closed{rounded, d + T * (rounded - v)};
        }},
       {"vibration", value + "hz = 20\n",
        [=](double v, double d, std::size_t k, double) {
          const double w = 2 * std::numbers::pi * 20, t = static_cast<double>(k - first) * T;
-         return Expected{v + p * std::sin(w * t), d + p / w * (std::cos(w * std::max(0.0, t - T)) - std::cos(w * t))};
+         return Closed{v + p * std::sin(w * t), d + p / w * (std::cos(w * std::max(0.0, t - T)) - std::cos(w * t))};
        }},
   };
 }
@@ -108,8 +108,8 @@ TEST_F(SensorFaultsTest, EachKindInClosedForm) {
         changed += faulty.frames[k].bytes != clean.frames[k].bytes;
         for (int axis = 0; axis < 3; ++axis) {
           const double value = values(clean, k)[axis], increment = increments(clean, k)[axis];
-          const Expected expected = axis == 1 ? Expected{value, increment}
-                                              : one.expected(value, increment, k, values(clean, first - 1)[axis]);
+          const Closed expected = axis == 1 ? Closed{value, increment}
+                                            : one.expected(value, increment, k, values(clean, first - 1)[axis]);
           ASSERT_NEAR(values(faulty, k)[axis], expected.value, 1e-13) << k << ' ' << axis;
           ASSERT_NEAR(increments(faulty, k)[axis], expected.increment, 1e-15) << k << ' ' << axis;
           ++checked;
