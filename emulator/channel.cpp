@@ -208,9 +208,9 @@ void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
 // Sends the frames that a fault has withheld until now.
 void Channel::release_until(DeviceTime now, bool too_late) noexcept {
   while (const auto due = faults_->messages().next_release()) {
-    const FrameBuffer* frames = faults_->messages().release(now);
-    if (frames == nullptr) return;
-    if (!too_late) send(frames->frames(), *due);
+    const std::optional<Frame> frame = faults_->messages().release(now);
+    if (!frame) return;
+    if (!too_late) send(std::span(&*frame, 1), *due);
   }
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "emulator/faults/expectations.hpp"
 #include "emulator/faults/fault_schedule.hpp"
@@ -17,10 +18,12 @@ struct ImuConfig;
 // No allocation after construction; one thread.
 class ChannelFaults {
  public:
-  // `faults` and `expectations`, those of the run, must outlive this. `number`: that of the imu.
+  // `faults` and `expectations`, those of the run, must outlive this. `most`: the number of faults that may be added.
+  // `number`: that of the imu.
   ChannelFaults(std::span<const FaultConfig> faults, std::span<const ExpectConfig> expectations, const ImuConfig& imu,
-                std::uint16_t number, std::uint64_t seed, FaultLog& log);
+                std::uint16_t number, std::uint64_t seed, FaultLog& log, std::size_t most = 0);
 
+  FaultSchedule& schedule() noexcept { return schedule_; }
   void begin_run() noexcept;
   // Ends the faults that act, after the last sample.
   void finish() noexcept { schedule_.finish(); }
@@ -35,6 +38,7 @@ class ChannelFaults {
   std::span<const ActiveFault> active(FaultSeam seam) const noexcept { return schedule_.active(seam); }
 
  private:
+  const std::vector<Normals> normals_;  // by the faults' numbers
   FaultSchedule schedule_;
   SensorFaults sensors_;
   MessageFaults messages_;

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <sstream>
 
-#include "core/random.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 
 namespace imud {
@@ -285,6 +284,13 @@ std::string FaultConfig::text() const {
   if (probability < 1) text += fmt::format(", each with probability {:g}", probability);
   if (!kind->stays.empty()) text += fmt::format("; afterwards {}", kind->stays);
   return text;
+}
+
+std::vector<Normals> fault_normals(std::string_view imu, std::uint64_t seed, std::size_t faults) {
+  std::vector<Normals> all;
+  all.reserve(faults);
+  for (std::size_t i = 0; i < faults; ++i) all.emplace_back(seed, stream_id(fmt::format("{}/fault/{}", imu, i)));
+  return all;
 }
 
 FaultConfig read_fault(TableReader& table, std::size_t index, const std::vector<std::string>& imus) {

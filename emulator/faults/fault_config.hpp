@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/random.hpp"
 #include "core/time.hpp"
 #include "emulator/faults/fault.hpp"
 #include "emulator/table_reader.hpp"
@@ -58,6 +59,9 @@ struct FaultConfig {
   // Describes it in a sentence with its times, for people.
   std::string text() const;
 };
+
+// Returns the random numbers of the first `faults` faults of an imu, by their numbers.
+std::vector<Normals> fault_normals(std::string_view imu, std::uint64_t seed, std::size_t faults);
 
 // Reads a [[fault]]. `imus`: the names of all imus. Adds a fault of the file for everything that is wrong.
 FaultConfig read_fault(TableReader& table, std::size_t index, const std::vector<std::string>& imus);

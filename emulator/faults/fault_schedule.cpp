@@ -1,7 +1,5 @@
 #include "emulator/faults/fault_schedule.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <limits>
 
@@ -13,45 +11,71 @@ constexpr std::uint64_t draw_of_begin = FaultKind::max_parameters, draw_of_durat
                         draw_of_probability = draw_of_begin + 2, draws_per_occurrence = 8;
 }  // namespace
 
-FaultSchedule::FaultSchedule(std::span<const FaultConfig> faults, std::string_view imu, std::uint16_t imu_number,
-                             double rate_hz, std::uint64_t seed, FaultLog& log)
-    : imu_(imu_number), period_s_(1 / rate_hz), log_(log) {
-  for (std::size_t seam = 0; seam < seams; ++seam)
-    for (std::size_t i = 0; i < faults.size(); ++i)
-      if (faults[i].acts_on(imu) && faults[i].kind->seam == static_cast<FaultSeam>(seam))
-        states_.push_back({.fault = &faults[i],
-                           .number = static_cast<std::uint32_t>(i),
-                           .draws = Normals(seed, stream_id(fmt::format("{}/fault/{}", imu, i)))});
-  active_.reserve(states_.size());
+FaultSchedule::FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals,
+                             std::string_view imu, std::uint16_t imu_number, double rate_hz, FaultLog& log)
+    : normals_(normals), imu_(imu_number), period_s_(1 / rate_hz), log_(log) {
+  states_.reserve(normals.size());
+  active_.reserve(normals.size());
+  for (std::size_t i = 0; i < faults.size(); ++i)
+    if (faults[i].acts_on(imu)) insert({.fault = &faults[i], .number = static_cast<std::uint32_t>(i)});
+}
+
+// Keeps the order.
+void FaultSchedule::insert(const State& state) noexcept {
+  const auto seam = [](const State& s) { return s.fault->kind->seam; };
+  states_.insert(std::find_if(states_.begin(), states_.end(), [&](const State& s) { return seam(s) > seam(state); }),
+                 state);
 }
 
 void FaultSchedule::begin_run() noexcept {
   for (State& state : states_) {
     if (state.is_active) end(state);
     state.occurrence = 0;
-    state.is_above = false;
+    state.is_above = state.is_ended = false;
   }
+  std::erase_if(states_, [](const State& state) { return state.is_added; });
   active_.clear();
   std::fill(std::begin(ranges_), std::end(ranges_), Range{});
   next_ = 0;
 }
 
+void FaultSchedule::add(const FaultConfig& fault, std::uint32_t number) noexcept {
+  if (states_.size() == states_.capacity()) return;
+  insert({.fault = &fault, .number = number, .zero = std::nullopt, .is_added = true});
+}
+
+void FaultSchedule::end(std::uint32_t number) noexcept {
+  for (State& state : states_) {
+    if (state.number != number) continue;
+    if (state.is_active) end(state);
+    state.is_ended = true;
+  }
+}
+
+void FaultSchedule::end_all() noexcept {
+  for (State& state : states_) {
+    if (state.is_active) end(state);
+    state.is_ended = true;
+  }
+}
+
 double FaultSchedule::draw(const State& state, const FaultNumber& number, std::uint64_t parameter) const noexcept {
   if (number.is_fixed()) return number.a;
-  return number.draw(
-      state.draws.uniform(Quantity::rate, Process::fault_draw, draws_per_occurrence * state.occurrence + parameter));
+  return number.draw(normals_[state.number].uniform(Quantity::rate, Process::fault_draw,
+                                                    draws_per_occurrence * state.occurrence + parameter));
 }
 
 // Returns true if the next occurrence begins at this sample.
 bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) noexcept {
   const FaultConfig& fault = *state.fault;
-  if (fault.times > 0 && state.occurrence >= fault.times) return false;
-  if (fault.begin_sample && next_ < *fault.begin_sample) return false;
+  if (state.is_ended || (fault.times > 0 && state.occurrence >= fault.times)) return false;
+  if (fault.begin_sample && next_ < *state.zero + *fault.begin_sample) return false;
   // All occurrences of a repeated fault have the begin that is drawn for the first.
   const std::uint64_t occurrence = state.occurrence;
   State first = state;
   first.occurrence = 0;
-  const double begin_s = draw(first, fault.begin_s, draw_of_begin) + static_cast<double>(occurrence) * fault.every_s;
+  const double begin_s =
+      state.zero_s + draw(first, fault.begin_s, draw_of_begin) + static_cast<double>(occurrence) * fault.every_s;
   if (!fault.begin_sample && time_s < begin_s) return false;
   if (fault.condition.quantity != FaultCondition::Quantity::none) {
     const Vector3& value =
@@ -67,9 +91,9 @@ bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) no
 
 void FaultSchedule::begin(State& state) noexcept {
   const FaultConfig& fault = *state.fault;
-  if (fault.probability < 1 &&
-      state.draws.uniform(Quantity::rate, Process::fault_draw,
-                          draws_per_occurrence * state.occurrence + draw_of_probability) >= fault.probability) {
+  if (fault.probability < 1 && normals_[state.number].uniform(Quantity::rate, Process::fault_draw,
+                                                              draws_per_occurrence * state.occurrence +
+                                                                  draw_of_probability) >= fault.probability) {
     ++state.occurrence;
     return;
   }
@@ -117,12 +141,21 @@ void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin) noexcept
   const double time_s = seconds(since_begin);
   for (State& state : states_)
     if (state.is_active && is_over(state, next_, time_s)) end(state);  // the log's figures are of the last sample
+  std::erase_if(states_, [](const State& state) {
+    const FaultConfig& fault = *state.fault;
+    const bool is_over = state.is_ended || (fault.times > 0 && state.occurrence >= fault.times);
+    return state.is_added && !state.is_active && is_over;
+  });
   counter_ = sample.counter;
   device_time_ = sample.time;
   time_s_ = time_s;
   active_.clear();
   std::fill(std::begin(ranges_), std::end(ranges_), Range{});
   for (State& state : states_) {
+    if (!state.zero) {
+      state.zero = next_;
+      state.zero_s = time_s;
+    }
     // An occurrence whose end has passed already, between two samples, acts on none.
     while (!state.is_active && begins(state, sample, time_s)) {
       begin(state);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -18,14 +19,20 @@ namespace imud {
 // allocation after construction, no lock; one thread.
 class FaultSchedule {
  public:
-  // `faults` must outlive this; those that do not act on the imu are ignored. `log` receives begins and
-  // ends. `rate_hz`: of the samples.
-  FaultSchedule(std::span<const FaultConfig> faults, std::string_view imu, std::uint16_t imu_number, double rate_hz,
-                std::uint64_t seed, FaultLog& log);
+  // `faults` and `normals`, by their numbers, must outlive this; faults that do not act on the imu are ignored. There
+  // are as many numbers as normals. `log` receives begins and ends. `rate_hz`: of the samples.
+  FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
+                std::uint16_t imu_number, double rate_hz, FaultLog& log);
 
   bool empty() const noexcept { return states_.empty(); }
-  // Begins a run: all faults begin again. Those that act end with the run's last sample.
+  // Begins a run: all faults begin again, but those that were added are forgotten. Those that act end with the run's
+  // last sample.
   void begin_run() noexcept;
+  // Adds a fault, whose times begin with the next sample. It must outlive this; its number is above those before.
+  void add(const FaultConfig& fault, std::uint32_t number) noexcept;
+  // Ends the fault of this number with the last sample, or all faults; they do not begin again in this run.
+  void end(std::uint32_t number) noexcept;
+  void end_all() noexcept;
   // Determines the faults of a sample, `since_begin` after the first sample of its run. `sample` is without faults;
   // later calls are for later samples.
   void take(const Sample& sample, Nanoseconds since_begin) noexcept;
@@ -49,9 +56,13 @@ class FaultSchedule {
 
   struct State {
     const FaultConfig* fault;
-    std::uint32_t number;  // in the configuration
-    Normals draws;
+    std::uint32_t number;
     std::uint64_t occurrence = 0;
+    // The sample, and its time, from which the times of the fault count; nothing: those of the next sample.
+    std::optional<std::uint64_t> zero = 0;
+    double zero_s = 0;
+    bool is_ended = false;
+    bool is_added = false;  // by add()
     bool is_active = false;
     bool is_above = false;  // the condition held at the last sample
     double begin_s = 0, end_s = 0;
@@ -63,15 +74,17 @@ class FaultSchedule {
   };
   double draw(const State& state, const FaultNumber& number, std::uint64_t parameter) const noexcept;
   bool begins(State& state, const Sample& sample, double time_s) noexcept;
+  void insert(const State& state) noexcept;
   void begin(State& state) noexcept;
   void end(State& state) noexcept;
   static bool is_over(const State& state, std::uint64_t sample, double time_s) noexcept;
   void log(const State& state, bool has_begun) noexcept;
 
+  const std::span<const Normals> normals_;
   const std::uint16_t imu_;
   const double period_s_;
   FaultLog& log_;
-  std::vector<State> states_;        // by seam, then in the order of the configuration
+  std::vector<State> states_;        // by seam, then by number
   std::vector<ActiveFault> active_;  // likewise
   Range ranges_[seams];
   std::uint64_t next_ = 0;     // the number of the next sample of the run

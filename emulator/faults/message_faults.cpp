@@ -1,7 +1,5 @@
 #include "emulator/faults/message_faults.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -114,29 +112,32 @@ void append(const FrameBuffer& frames, FrameBuffer& to) noexcept {
   for (const Frame& frame : frames.frames()) to.append(frame.bytes, frame.can, frame.uart);
 }
 
-constexpr std::size_t most_held = 1024;
-constexpr double margin = 2;  // messages that are held back beside those of the delay
+// Returns the bytes for what is withheld by the delays of the configured faults.
+std::size_t ring_size(std::span<const FaultConfig> faults, std::string_view imu, double rate_hz) {
+  constexpr double bytes_per_sample = 1024, least = 256 * 1024, most = 64 * 1024 * 1024;
+  const auto longest_of = [](const FaultNumber& number) {
+    constexpr double sigmas = 6;
+    return number.law == FaultNumber::Law::normal ? number.a + sigmas * number.b : std::max(number.a, number.b);
+  };
+  double longest_ms = 0;
+  for (const FaultConfig& fault : faults) {
+    if (!fault.acts_on(imu)) continue;
+    if (fault.kind == &table[batched]) longest_ms = std::max(longest_ms, longest_of(fault.parameters[0]));
+    if (fault.kind == &table[late])
+      longest_ms = std::max(longest_ms, longest_of(fault.parameters[0]) + longest_of(fault.parameters[1]));
+  }
+  return static_cast<std::size_t>(std::clamp(1e-3 * longest_ms * rate_hz * bytes_per_sample, least, most));
+}
 
 }  // namespace
 
 std::span<const FaultKind> message_fault_kinds() noexcept { return table; }
 
-MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::string_view imu, double rate_hz,
-                             std::uint64_t seed)
-    : rate_hz_(rate_hz) {
-  double longest = 0;
-  for (std::size_t i = 0; i < faults.size(); ++i) {
-    normals_.emplace_back(seed, stream_id(fmt::format("{}/fault/{}", imu, i)));
-    const FaultKind* kind = faults[i].kind;
-    if (kind->seam != FaultSeam::message || !faults[i].acts_on(imu)) continue;
-    if (kind != &table[late] && kind != &table[batched]) continue;
-    const auto most = [](const FaultNumber& number) {
-      constexpr double sigmas = 6;
-      return number.law == FaultNumber::Law::normal ? number.a + sigmas * number.b : std::max(number.a, number.b);
-    };
-    longest = std::max(longest, 1e-3 * (most(faults[i].parameters[0]) + most(faults[i].parameters[1])));
-  }
-  if (longest > 0) held_.resize(std::min(most_held, static_cast<std::size_t>(longest * rate_hz + margin)));
+MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals,
+                             std::string_view imu, double rate_hz)
+    : rate_hz_(rate_hz), normals_(normals), ring_(ring_size(faults, imu, rate_hz)) {
+  next_bytes_.reserve(FrameBuffer::max_bytes);
+  released_.reserve(FrameBuffer::max_bytes);
 }
 
 void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept {
@@ -194,15 +195,18 @@ void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, 
 }
 
 void MessageFaults::withhold(const FrameBuffer& frames, DeviceTime due) noexcept {
-  if (count_ == held_.size()) {
-    ++lost_;
-    return;
-  }
-  last_due_ = count_ > 0 ? std::max(last_due_, due) : due;  // a line keeps the order
-  Held& held = held_[(first_ + count_++) % held_.size()];
-  held.due = last_due_;
-  held.frames.clear();
-  append(frames, held.frames);
+  last_due_ = has_next_ ? std::max(last_due_, due) : due;  // a line keeps the order
+  for (const Frame& frame : frames.frames())
+    if (!ring_.push({.interface = frame.uart, .can = frame.can, .time = HostTime{last_due_.ns}}, frame.bytes))
+      ++lost_;
+  if (!has_next_) pop();
+}
+
+void MessageFaults::pop() noexcept { has_next_ = ring_.pop(next_, next_bytes_); }
+
+void MessageFaults::discard() noexcept {
+  while (has_next_) pop();
+  exchanged_.clear();
 }
 
 void MessageFaults::shape(FrameBuffer& frames, DeviceTime time) noexcept {
@@ -220,21 +224,21 @@ void MessageFaults::shape(FrameBuffer& frames, DeviceTime time) noexcept {
     append(exchanged_, frames);
     exchanged_.clear();
   }
-  if (delay_ <= Nanoseconds{0} && !(count_ > 0 && last_due_ > time)) return;
+  if (delay_ <= Nanoseconds{0} && !(has_next_ && last_due_ > time)) return;
   withhold(frames, time + delay_);
   frames.clear();
 }
 
 std::optional<DeviceTime> MessageFaults::next_release() const noexcept {
-  return count_ > 0 ? std::optional(held_[first_].due) : std::nullopt;
+  return has_next_ ? std::optional(DeviceTime{next_.time.ns}) : std::nullopt;
 }
 
-const FrameBuffer* MessageFaults::release(DeviceTime time) noexcept {
-  if (count_ == 0 || held_[first_].due > time) return nullptr;
-  const FrameBuffer* frames = &held_[first_].frames;
-  first_ = (first_ + 1) % held_.size();
-  --count_;
-  return frames;
+std::optional<Frame> MessageFaults::release(DeviceTime time) noexcept {
+  if (!has_next_ || DeviceTime{next_.time.ns} > time) return std::nullopt;
+  released_.swap(next_bytes_);
+  const Frame frame{released_, next_.can, static_cast<std::uint8_t>(next_.interface)};
+  pop();
+  return frame;
 }
 
 }  // namespace imud

@@ -11,6 +11,7 @@
 #include "core/random.hpp"
 #include "core/sample.hpp"
 #include "emulator/faults/fault.hpp"
+#include "emulator/packet_ring.hpp"
 
 namespace imud {
 
@@ -19,8 +20,10 @@ struct FaultConfig;
 // For the samples of one imu, in order. No allocation after construction; one thread.
 class MessageFaults {
  public:
-  // `faults`: those of the run. Memory is made for as many frames as the longest delay holds back at `rate_hz`.
-  MessageFaults(std::span<const FaultConfig> faults, std::string_view imu, double rate_hz, std::uint64_t seed);
+  // `faults`: those of the run. Memory is made for what the longest delay holds back at `rate_hz`, and for 256 KiB.
+  // `normals`: by the faults' numbers; they must outlive this.
+  MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
+                double rate_hz);
 
   // Changes the sample that the device receives. `k`: its number in its run.
   void apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept;
@@ -31,27 +34,24 @@ class MessageFaults {
   void shape(FrameBuffer& frames, DeviceTime time) noexcept;
   // Returns when withheld frames are due; nullopt: there are none.
   std::optional<DeviceTime> next_release() const noexcept;
-  // Returns the frames that are due at `time`, until the next call; nullptr: none are.
-  const FrameBuffer* release(DeviceTime time) noexcept;
+  // Returns the next withheld frame if it is due at `time`, until the next call; nothing otherwise.
+  std::optional<Frame> release(DeviceTime time) noexcept;
   // Discards what is withheld.
-  void discard() noexcept {
-    count_ = 0;
-    exchanged_.clear();
-  }
-  // The number of messages that were discarded because too many were withheld.
+  void discard() noexcept;
+  // The number of frames that were discarded because too many were withheld.
   std::uint64_t lost() const noexcept { return lost_; }
 
  private:
-  struct Held {
-    DeviceTime due;
-    FrameBuffer frames;
-  };
   void withhold(const FrameBuffer& frames, DeviceTime due) noexcept;
+  void pop() noexcept;
 
   const double rate_hz_;
-  std::vector<Normals> normals_;  // by the faults' numbers
-  std::vector<Held> held_;        // a ring
-  std::size_t first_ = 0, count_ = 0;
+  const std::span<const Normals> normals_;
+  // The withheld frames after the next one: the due time is that of the packet, the UART its interface.
+  PacketRing ring_;
+  PacketRing::Head next_;                         // the next one
+  std::vector<std::byte> next_bytes_, released_;  // its bytes, and those of the last one
+  bool has_next_ = false;
   DeviceTime last_due_;
   FrameBuffer copy_;       // while frames are repeated
   FrameBuffer exchanged_;  // the frames of a sample that leave behind those of the next

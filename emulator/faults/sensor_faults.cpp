@@ -1,7 +1,5 @@
 #include "emulator/faults/sensor_faults.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -30,10 +28,8 @@ Vector3 change(const Matrix3& coefficients, double a, double b) noexcept {
 
 }  // namespace
 
-SensorFaults::SensorFaults(const ImuModel& model, std::string_view imu, std::uint64_t seed, std::size_t faults)
-    : model_(model), held_(faults) {
-  for (std::size_t i = 0; i < faults; ++i) normals_.emplace_back(seed, stream_id(fmt::format("{}/fault/{}", imu, i)));
-}
+SensorFaults::SensorFaults(const ImuModel& model, std::span<const Normals> normals)
+    : model_(model), normals_(normals), held_(normals.size()) {}
 
 void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, double step_s,
                          Sample& sample) noexcept {

@@ -18,8 +18,8 @@ namespace imud {
 // by its integral; the first sample of a run has none. No allocation after construction; one thread.
 class SensorFaults {
  public:
-  // Faults of this number and less may act; the random numbers follow from `seed` and the imu's name.
-  SensorFaults(const ImuModel& model, std::string_view imu, std::uint64_t seed, std::size_t faults);
+  // `normals`: by the faults' numbers, as many as faults may act; they must outlive this.
+  SensorFaults(const ImuModel& model, std::span<const Normals> normals);
 
   // Changes a sample. `k`: its number in its run; `step_s`: since the sample before, 0 for the first of a run.
   void apply(std::span<const ActiveFault> faults, std::uint64_t k, double step_s, Sample& sample) noexcept;
@@ -47,7 +47,7 @@ class SensorFaults {
   static void limit(Triad& triad, unsigned axes, Sample& sample, double step_s) noexcept;
 
   const ImuModel model_;
-  std::vector<Normals> normals_;  // by the faults' numbers
+  const std::span<const Normals> normals_;
   Output last_;
   std::vector<Output> held_;  // by the faults' numbers: the last output before each began
 };

@@ -67,7 +67,9 @@ class FaultyTruthDecoder final : public TruthDecoder {
  public:
   FaultyTruthDecoder(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults, std::uint64_t seed,
                      FaultLog& log)
-      : decoder_(std::move(decoder)), schedule_(faults, fault_of_truth, truth_number, 1, seed, log) {
+      : decoder_(std::move(decoder)),
+        normals_(fault_normals(fault_of_truth, seed, faults.size())),
+        schedule_(faults, normals_, fault_of_truth, truth_number, 1, log) {
     waiting_.reserve(most_late + 1);
     losses_ = decoder_->losses();
   }
@@ -166,6 +168,7 @@ class FaultyTruthDecoder final : public TruthDecoder {
   }
 
   const std::unique_ptr<TruthDecoder> decoder_;
+  const std::vector<Normals> normals_;
   FaultSchedule schedule_;
   std::vector<Truth> waiting_;  // late truths, at most most_late and one
   std::size_t late_ = 0;        // how many may wait

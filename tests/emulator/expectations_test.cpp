@@ -31,7 +31,8 @@ class ExpectationsTest : public FaultyRunTest {
   std::vector<Expected> results(const std::string& text, const std::vector<Done>& host, int samples = 600) {
     const Config config = read(text);
     FaultLog log;
-    FaultSchedule schedule(config.faults, "imu1", 0, 100, 1, log);
+    const std::vector<Normals> normals = fault_normals("imu1", 1, config.faults.size());
+    FaultSchedule schedule(config.faults, normals, "imu1", 0, 100, log);
     Expectations expectations(config.expectations, "imu1");
     for (int k = 0; k < samples; ++k) {
       schedule.take(Sample{}, std::chrono::milliseconds(10 * k));

@@ -239,7 +239,8 @@ TEST_F(SensorFaultsTest, EveryKindOfEveryTargetRuns) {
 TEST(GnssFaults, ChangeThePlace) {
   ImuModel model;
   model.rate_hz = 100;
-  SensorFaults faults(model, "imu1", 1, 1);
+  const std::vector<Normals> normals = fault_normals("imu1", 1, 1);
+  SensorFaults faults(model, normals);
   Sample clean;
   clean.navigation.is_known = true;
   clean.navigation.latitude = 0.8;
