@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <cerrno>
 #include <cstring>
@@ -22,7 +23,9 @@ ArrayFile::ArrayFile(std::string path, std::span<const MeasurementColumn> column
         "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
         link));
   file_.reset(::open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666));
-  if (!file_ || ::ftruncate(file_.get(), 0) != 0)
+  // A file that is empty is not truncated: ext4 writes a file that was, before it returns from close(2).
+  struct stat old {};
+  if (!file_ || ::fstat(file_.get(), &old) != 0 || (old.st_size != 0 && ::ftruncate(file_.get(), 0) != 0))
     throw OpenError(fmt::format("{}: cannot write it: {}", path_, std::strerror(errno)));
 }
 
