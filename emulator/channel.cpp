@@ -408,6 +408,10 @@ void Channel::discard_pending() noexcept {
   publish();
 }
 
+void Channel::commit() {
+  for (Line& line : lines()) line.port->commit();
+}
+
 std::optional<TruthTime> Channel::used_until() const noexcept {
   return has_sampled_ ? std::optional(imu_.advanced_to()) : std::nullopt;
 }

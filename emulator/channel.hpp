@@ -106,6 +106,8 @@ class Channel {
   std::optional<HostTime> next_wake() const noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
+  // Called at the end: Port::commit(). Throws std::runtime_error.
+  void commit();
 
   // The number of ports: 1, or 2 if the product's second UART is connected; `i` is the frames' Frame::uart.
   std::size_t port_count() const noexcept { return line_count_; }

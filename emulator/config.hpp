@@ -65,6 +65,7 @@ struct ImuConfig {
   static constexpr double max_internal_rate_hz = 1e5;
 
   std::string name;
+  std::optional<std::uint64_t> seed;  // nullopt: that of the run
   double rate_hz = 0;
   Grid grid{1.0};  // the instants of its samples: the rate with the clock's error, and the phase
   const Protocol* protocol = nullptr;

@@ -13,12 +13,17 @@
 
 namespace imud {
 
+using Json = nlohmann::ordered_json;
+
 int worse_exit_code(int a, int b) noexcept { return a == 1 || b == 1 ? 1 : std::max(a, b); }
 
-void SeedResults::add(std::uint64_t seed, const std::string& text) {
-  using Json = nlohmann::ordered_json;
+void SeedResults::add(const std::string& text) {
+  for (Json& summary : Json::parse(text)) add_run(std::move(summary));
+}
+
+void SeedResults::add_run(Json summary) {
   constexpr std::uint64_t most_shortfalls = 10;  // that are logged
-  Json summary = Json::parse(text);
+  const auto seed = summary.at("seed").get<std::uint64_t>();
   if (!std::exchange(has_remarks_, true) && summary.at("truth").contains("remarks"))
     for (const Json& remark : summary["truth"]["remarks"]) spdlog::warn("truth: {}", remark.get<std::string>());
   exit_code_ = worse_exit_code(exit_code_, summary.at("exit_code"));
@@ -41,8 +46,8 @@ void SeedResults::add(std::uint64_t seed, const std::string& text) {
   for (Json& imu : summary["imus"]) whole["imus"].push_back(std::move(imu));
 }
 
-SeedProgress::SeedProgress(std::size_t items, bool quiet)
-    : items_(items), quiet_(quiet), is_terminal_(::isatty(STDERR_FILENO) == 1), begin_(host_now()), shown_(begin_) {}
+SeedProgress::SeedProgress(std::size_t runs, bool quiet)
+    : runs_(runs), quiet_(quiet), is_terminal_(::isatty(STDERR_FILENO) == 1), begin_(host_now()), shown_(begin_) {}
 
 SeedProgress::~SeedProgress() {
   if (is_terminal_ && shown_ != begin_) fmt::print(stderr, "\r\033[K");
@@ -53,10 +58,10 @@ void SeedProgress::show(std::size_t done) {
   const HostTime now = host_now();
   if (quiet_ || now - shown_ < (is_terminal_ ? Nanoseconds(200ms) : Nanoseconds(5s))) return;
   shown_ = now;
-  std::string line = fmt::format("{} of {} runs", done, items_);
+  std::string line = fmt::format("{} of {} runs", done, runs_);
   if (done > 0)
     line += fmt::format(", {:.0f} s left",
-                        seconds(now - begin_) / static_cast<double>(done) * static_cast<double>(items_ - done));
+                        seconds(now - begin_) / static_cast<double>(done) * static_cast<double>(runs_ - done));
   if (is_terminal_)
     fmt::print(stderr, "\r\033[K{}", line);
   else

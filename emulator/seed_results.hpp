@@ -20,14 +20,17 @@ class SeedResults {
   // `keeps`: by_seed() is wanted.
   explicit SeedResults(bool keeps) : keeps_(keeps) {}
 
-  // `text`: the JSON of a run's summary. Logs what is missing, of the first seeds, and the remarks of the first run.
-  void add(std::uint64_t seed, const std::string& text);
+  // `text`: a JSON array of the summaries of runs. Logs what is missing, of the first seeds, and the remarks of the
+  // first run.
+  void add(const std::string& text);
 
   int exit_code() const noexcept { return exit_code_; }
   std::uint64_t samples() const noexcept { return samples_; }
   const std::map<std::uint64_t, nlohmann::ordered_json>& by_seed() const noexcept { return by_seed_; }
 
  private:
+  void add_run(nlohmann::ordered_json summary);
+
   std::map<std::uint64_t, nlohmann::ordered_json> by_seed_;
   const bool keeps_;
   bool has_remarks_ = false;  // they are logged
@@ -38,14 +41,14 @@ class SeedResults {
 // The line of progress on standard error: rewritten on a terminal, otherwise logged every five seconds.
 class SeedProgress {
  public:
-  SeedProgress(std::size_t items, bool quiet);
+  SeedProgress(std::size_t runs, bool quiet);
   ~SeedProgress();
   SeedProgress(const SeedProgress&) = delete;
   SeedProgress& operator=(const SeedProgress&) = delete;
   void show(std::size_t done);
 
  private:
-  const std::size_t items_;
+  const std::size_t runs_;
   const bool quiet_, is_terminal_;
   const HostTime begin_;
   HostTime shown_;

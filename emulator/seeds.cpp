@@ -10,6 +10,8 @@
 #include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <span>
+#include <stdexcept>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -110,21 +112,40 @@ class Runs {
     });
   }
 
-  // Splits the runs by imu if `jobs` are more than the seeds.
-  void split(unsigned jobs) noexcept {
+  // Divides the runs into items of work: seeds that run together, because they share the truth and the instants of
+  // samples; or each imu of a seed, if `jobs` are more than the seeds.
+  void divide(unsigned jobs) noexcept {
+    constexpr std::size_t most_imus = 8;  // in a session: 4 and 8 take the same time, 16 and 32 more
+    constexpr std::uint64_t per_job = 4;  // items, so that all jobs end at about the same time
+    const std::uint64_t most_together = std::max<std::size_t>(1, most_imus / config_.imus.size());
+    together_ = std::clamp<std::uint64_t>(seeds_.size() / (per_job * jobs), 1, most_together);
     parts_ =
         seeds_.size() < jobs && options_.required.empty() && truths_ && truths_->ascend() ? config_.imus.size() : 1;
   }
-  std::size_t items() const noexcept { return seeds_.size() * parts_; }
+  std::size_t items() const noexcept { return (seeds_.size() + together_ - 1) / together_ * parts_; }
   std::uint64_t seeds() const noexcept { return seeds_.size(); }
-  std::uint64_t seed_of(std::size_t item) const noexcept { return seeds_.first + item / parts_; }
+  std::size_t runs() const noexcept { return seeds_.size() * parts_; }
+  std::size_t runs_of(std::size_t item) const noexcept { return seeds_of(item).size(); }
 
-  // Does an item; returns its summary as JSON in one line.
+  // Does an item; returns the summaries of its runs as a JSON array in one line. Throws std::runtime_error, which
+  // names the seed if the fault is that of a port.
   std::string work(std::size_t item) const;
 
  private:
   template <class End>
   void run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end) const;
+  SeedRange seeds_of(std::size_t item) const noexcept {
+    const std::uint64_t before = item / parts_ * together_;
+    return {seeds_.first + before, seeds_.first + std::min(before + together_, seeds_.size()) - 1};
+  }
+  // The runs of an item.
+  struct Batch {
+    Config config;  // of one seed
+    std::vector<double> line_loads;
+    std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
+    HostTime begin;
+  };
+  std::string end(Batch& batch, std::size_t run, Session& session) const;
   std::unique_ptr<Port> open_truth(std::string_view port, const PortSettings& settings) const {
     return truths_ ? truths_->open() : open_port(port, settings);
   }
@@ -136,7 +157,8 @@ class Runs {
   std::optional<StoredTruths> truths_;
   std::vector<double> line_loads_;
   std::unique_ptr<SeedArrays> arrays_;
-  std::size_t parts_ = 1;  // of a seed
+  std::uint64_t together_ = 1;  // seeds of an item
+  std::size_t parts_ = 1;       // of a seed
 };
 
 template <class End>
@@ -155,51 +177,76 @@ void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atom
 }
 
 std::string Runs::work(std::size_t item) const {
-  const HostTime begin = host_now();
-  Config config = config_;
-  config.seed = seed_of(item);
-  std::vector<double> loads = line_loads_;
-  const std::size_t imu = item % parts_;
+  const SeedRange seeds = seeds_of(item);
+  const std::size_t part = item % parts_;
+  Batch batch{config_, line_loads_, {}, host_now()};
   if (parts_ > 1) {
-    config.imus = {config_.imus[imu]};
-    loads = {line_loads_[imu]};
+    batch.config.imus = {config_.imus[part]};
+    batch.line_loads = {line_loads_[part]};
   }
-  const std::string seed = fmt::format("{:0{}}", config.seed, width_);
-  std::vector<SeedArrays::Rows> rows;
-  rows.reserve(config.imus.size());
-  for (std::size_t i = 0; i < config.imus.size(); ++i) {
-    ImuConfig& one = config.imus[i];
+  const std::vector<ImuConfig>& imus = batch.config.imus;
+  Config all = batch.config;
+  all.imus.clear();
+  batch.rows.reserve(seeds.size() * imus.size());
+  for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
+    ImuConfig& imu = all.imus.emplace_back(imus[i % imus.size()]);
+    imu.seed = seeds.first + i / imus.size();
     if (arrays_) {
-      rows.emplace_back(*arrays_, parts_ > 1 ? imu : i, config.seed - seeds_.first);
-      one.port = fmt::format("{}", i);
+      batch.rows.emplace_back(*arrays_, part + i % imus.size(), *imu.seed - seeds_.first);
+      imu.port = fmt::format("{}", i);
     } else {
-      one.port = with_seed(one.port, seed);
-      one.second_port = with_seed(one.second_port, seed);
+      const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);
+      imu.port = with_seed(imu.port, seed);
+      imu.second_port = with_seed(imu.second_port, seed);
     }
   }
   const auto open = [&](std::string_view port, const PortSettings& settings) -> std::unique_ptr<Port> {
-    if (!arrays_) return open_port(port, settings);
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      if (config.imus[i].port == port) return rows[i].port();
-    return idle_port();
+    const auto imu = std::find_if(all.imus.begin(), all.imus.end(), [port](const ImuConfig& config) {
+      return config.port == port || config.second_port == port;
+    });
+    const auto i = static_cast<std::size_t>(imu - all.imus.begin());
+    if (arrays_) return imu->port == port ? batch.rows[i].port() : idle_port();
+    try {
+      return open_port(port, settings);
+    } catch (const PortError& error) {
+      throw std::runtime_error(fmt::format("seed {}: {}", *imu->seed, error.what()));
+    }
   };
-  Summary summary;
-  const auto end = [&](Session& session) {
-    RunCounters counters{&session.intake().counters(), &session.quality(), {}};
-    for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
-    summary = summarize(counters, seconds(host_now() - begin), loads);
-    summary.truth.warning = session.intake().end_warning();
-    summary.truth.remarks = remarks(*counters.truth);
-    const EndedBy ended_by = session.intake().at_end() ? EndedBy::end_of_capture
-                             : workers_stop()          ? EndedBy::signal
-                                                       : EndedBy::duration;
-    summary.whole = {judge(summary, config, ended_by, options_.required), config.seed, config.sha256, {}};
-    if (summary.whole->outcome.ended_by != EndedBy::failure) session.commit();
-  };
-  run(config, open, workers_stop(), end);
-  for (SeedArrays::Rows& imu_rows : rows)
-    if (const std::string missing = imu_rows.finish(); !missing.empty())
-      summary.whole->outcome.shortfalls.push_back(missing);
+  std::vector<std::string> summaries;
+  std::string failure;
+  run(all, open, workers_stop(), [&](Session& session) {
+    for (std::size_t i = 0; i < seeds.size(); ++i) {
+      batch.config.seed = seeds.first + i;
+      try {
+        summaries.push_back(end(batch, i, session));
+      } catch (const std::exception& error) {  // the other seeds have runs of their own
+        if (failure.empty()) failure = fmt::format("seed {}: {}", batch.config.seed, error.what());
+      }
+    }
+  });
+  if (!failure.empty()) throw std::runtime_error(failure);
+  return fmt::format("[{}]", fmt::join(summaries, ","));
+}
+
+// Ends the run number `run` of a batch, which is that of Batch::config; returns its summary.
+std::string Runs::end(Batch& batch, std::size_t run, Session& session) const {
+  const std::size_t imus = batch.config.imus.size();
+  const auto channels = session.channels().subspan(run * imus, imus);
+  RunCounters counters{&session.intake().counters(), &session.quality(), {}};
+  for (const auto& channel : channels) counters.imus.emplace_back(channel->name(), &channel->counters());
+  Summary summary = summarize(counters, seconds(host_now() - batch.begin), batch.line_loads);
+  summary.truth.warning = session.intake().end_warning();
+  summary.truth.remarks = remarks(*counters.truth);
+  const EndedBy ended_by = session.intake().at_end() ? EndedBy::end_of_capture
+                           : workers_stop()          ? EndedBy::signal
+                                                     : EndedBy::duration;
+  Outcome outcome = judge(summary, batch.config, ended_by, options_.required);
+  if (outcome.ended_by != EndedBy::failure)
+    for (const auto& channel : channels) channel->commit();
+  if (arrays_)
+    for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
+      if (const std::string missing = rows.finish(); !missing.empty()) outcome.shortfalls.push_back(missing);
+  summary.whole = {std::move(outcome), batch.config.seed, batch.config.sha256, {}};
   return json(summary, JsonLayout::line);
 }
 
@@ -232,30 +279,22 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
 
   Runs runs(config, options, seeds);
   const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : std::max(1U, std::thread::hardware_concurrency());
-  runs.split(jobs);
+  runs.divide(jobs);
   SeedResults results(!options.summary_file.empty());
-  SeedProgress progress(runs.items(), seeds.quiet);
+  SeedProgress progress(runs.runs(), seeds.quiet);
   std::size_t done = 0;
-  const bool is_whole =
-      run_workers({.jobs = jobs,
-                   .work =
-                       [&](std::size_t item) {
-                         try {
-                           return runs.work(item);
-                         } catch (const std::exception& error) {
-                           throw std::runtime_error(fmt::format("seed {}: {}", runs.seed_of(item), error.what()));
-                         }
-                       },
-                   .take =
-                       [&](std::size_t item, const std::string& text) {
-                         ++done;
-                         results.add(runs.seed_of(item), text);
-                       },
-                   .tick = [&] { progress.show(done); }},
-                  runs.items());
+  const bool is_whole = run_workers({.jobs = jobs,
+                                     .work = [&](std::size_t item) { return runs.work(item); },
+                                     .take =
+                                         [&](std::size_t item, const std::string& text) {
+                                           done += runs.runs_of(item);
+                                           results.add(text);
+                                         },
+                                     .tick = [&] { progress.show(done); }},
+                                    runs.items());
 
   const double duration_s = seconds(host_now() - begin);
-  if (!is_whole) spdlog::error("incomplete: a signal ended it after {} of {} runs", done, runs.items());
+  if (!is_whole) spdlog::error("incomplete: a signal ended it after {} of {} runs", done, runs.runs());
   const int exit_code = worse_exit_code(results.exit_code(), is_whole ? 0 : 3);
   Json all = {{"duration_s", duration_s},
               {"exit_code", exit_code},
@@ -269,8 +308,8 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   summary_file.replace(all.dump(1) + "\n");
   TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
   printed.write(fmt::format("ran      {:.3f} s, {} runs of {} seed{}, {} samples, {:.3g} samples/s\n", duration_s,
-                            done, results.by_seed().size(), results.by_seed().size() == 1 ? "" : "s",
-                            results.samples(), static_cast<double>(results.samples()) / duration_s));
+                            done, runs.seeds(), runs.seeds() == 1 ? "" : "s", results.samples(),
+                            static_cast<double>(results.samples()) / duration_s));
   printed.write(fmt::format("ended    by {}, {}\n", is_whole ? "end_of_capture" : "signal",
                             exit_code == 0 ? "complete" : "incomplete or failed"));
   return exit_code;

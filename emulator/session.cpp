@@ -17,8 +17,10 @@ Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* rec
       timeline_(config.truth.limits),
       intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder,
               with_faults(config.truth.format->make(config.truth.settings), faults_, config.seed, fault_log_)) {
-  for (const ImuConfig& imu : config.imus)
-    channels_.push_back(std::make_unique<Channel>(imu, config.seed, open, recorder, faults_of(imu, config.seed)));
+  for (const ImuConfig& imu : config.imus) {
+    const std::uint64_t seed = imu.seed.value_or(config.seed);
+    channels_.push_back(std::make_unique<Channel>(imu, seed, open, recorder, faults_of(imu, seed)));
+  }
   constexpr std::size_t most_ports = 2;
   inputs_.reserve(most_ports * channels_.size() + 1);
 }
@@ -207,8 +209,7 @@ bool Session::drain(std::chrono::milliseconds readers) noexcept {
 }
 
 void Session::commit() {
-  for (const auto& channel : channels_)
-    for (std::size_t i = 0; i < channel->port_count(); ++i) channel->port(i).commit();
+  for (const auto& channel : channels_) channel->commit();
 }
 
 void Session::cycle_power_if_requested(HostTime now) noexcept {

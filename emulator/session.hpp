@@ -88,7 +88,7 @@ class Session {
   // lines have sent everything; the rest counts as dropped. Returns false if a reader is known not to have read
   // everything.
   bool drain(std::chrono::milliseconds readers) noexcept;
-  // Called after drain() if the run has not failed: Port::commit(). Throws std::runtime_error.
+  // Called after drain() if the run has not failed: Channel::commit() of all. Throws std::runtime_error.
   void commit();
 
   // Switches the supply of all devices off and on, between two samples. Any thread.

@@ -47,6 +47,46 @@ class Seeds(RunTest):
         self.assertEqual((written["exit_code"], written["complete"], written["ended_by"]), (0, True, "end_of_capture"))
         self.assertEqual([imu["samples"] for imu in written["seeds"][2]["imus"]], [20001, 2001])
 
+    def short_flight(self):
+        """Writes a capture of a second."""
+        capture = self.folder / "truth.csv"
+        rows = ["time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z"]
+        rows += [f"{i}0000000,0,0,{i}e-4,0,0,0.04" for i in range(101)]
+        capture.write_text("\n".join(rows) + "\n")
+        return capture
+
+    def of_csv(self, config):
+        config.write_text(config.read_text().replace(FLIGHT, "x.pcap").replace("jsbsim", "csv"))
+        return config
+
+    def test_seeds_that_run_together_have_the_bytes_of_seeds_one_by_one(self):
+        """With one job four seeds run together, with three jobs three, and the last two."""
+        config, capture = self.of_csv(self.imus(STIM300, NATIVE)), self.short_flight()
+        alone, summary = self.folder / "alone", self.folder / "summary.json"
+        alone.mkdir()
+        for seed in range(8, 46):
+            ports = [f"--set=imu.{name}.port=file:{alone}/{name}_{seed:02}.bin" for name in "ab"]
+            run("imud", "replay", config, capture, f"--set=seed={seed}", *ports, "-q")
+        self.assertEqual(len({file.read_bytes() for file in alone.iterdir()}), 2 * 38)
+        for jobs in 1, 3:
+            arguments = "replay", config, capture, "--seeds", "8..45", "--jobs", jobs, "-q"
+            run("imud", *arguments, "--summary", summary)
+            for file in alone.iterdir():
+                self.assertEqual((self.folder / file.name).read_bytes(), file.read_bytes(), (jobs, file.name))
+                (self.folder / file.name).unlink()
+            written = json.loads(summary.read_text())["seeds"]
+            self.assertEqual([entry["seed"] for entry in written], list(range(8, 46)))
+            self.assertEqual([[imu["samples"] for imu in entry["imus"]] for entry in written], [[2001, 201]] * 38)
+            run("imud", *arguments, "--npy", self.folder / "{imu}.npy")
+            for name, protocol in ("a", "stim300"), ("b", "native"):
+                array = numpy.load(self.folder / f"{name}.npy")
+                self.assertEqual(len(array), 38)
+                for seed in range(8, 46):
+                    run("imu-decode", protocol, f"file:{alone}/{name}_{seed:02}.bin", "--quiet", "--npy",
+                        self.folder / "one.npy")
+                    self.assertEqual(numpy.load(self.folder / "one.npy").tobytes(), array[seed - 8].tobytes(),
+                                     (jobs, name, seed))
+
     def test_imus_of_one_replay_have_processes_of_their_own(self):
         config = self.imus(STIM300, NATIVE)
         ports = [f"--set=imu.{name}.port=file:{self.folder}/{name}.bin" for name in "ab"]
@@ -153,6 +193,26 @@ class Seeds(RunTest):
         _, errors = run("imud", "replay", config, FLIGHT, "--seeds", "1..50", "-q",
                         f"--set=imu.b.port=file:{self.folder}/no/{{seed}}.bin", exit_code=1)
         self.assertRegex(errors, r"seed \d+: .*/no/\d+.bin")
+        (self.folder / "b_30.bin").mkdir()
+        _, errors = run("imud", "replay", config, FLIGHT, "--seeds", "1..50", "-q", exit_code=1)
+        self.assertIn("seed 30: ", errors)
+        self.assertEqual(list(self.folder.glob("*.incomplete")), [])
+
+    def test_a_file_that_fails_makes_its_own_seed_incomplete(self):
+        config, capture = self.of_csv(self.imus(NATIVE)), self.short_flight()
+        summary = self.folder / "s.json"
+        arguments = "replay", config, capture, "--seeds", "1..40", "--jobs", 1, "-q", "--summary", summary
+        run("imud", *arguments)
+        files = {file: file.read_bytes() for file in self.folder.glob("b_*.bin")}
+        failed = self.folder / "b_13.bin"
+        for file in files:
+            file.unlink()
+        failed.symlink_to("/dev/full")
+        run("imud", *arguments, exit_code=3)
+        seeds = json.loads(summary.read_text())["seeds"]
+        self.assertEqual([seed["seed"] for seed in seeds if not seed["complete"]], [13])
+        self.assertEqual([seed["imus"][0]["failed"] > 0 for seed in seeds], [seed == 13 for seed in range(1, 41)])
+        self.assertTrue(all(file.read_bytes() == content for file, content in files.items() if file != failed))
 
     def test_incomplete_runs_and_limits_make_the_worst_exit_code(self):
         config = self.imus(NATIVE)
@@ -170,13 +230,12 @@ class Seeds(RunTest):
         rows += [f"{i}0000000,0,0,{i}e-4,0,0,0.04,1" for i in range(100)]
         rows[20], rows[40], rows[60] = "x,0,0,0,0,0,0,1", rows[10], "1,2"
         capture.write_text("\n".join(rows) + "\n123,0")
-        config = self.imus(NATIVE)
-        config.write_text(config.read_text().replace(FLIGHT, "x.pcap").replace("jsbsim", "csv"))
+        config = self.of_csv(self.imus(NATIVE))
         arguments = "replay", config, capture, "-q", "--summary", self.folder / "s.json"
         run("imud", *arguments, f"--set=imu.b.port=file:{self.folder}/x", exit_code=3)
         alone = json.loads((self.folder / "s.json").read_text())
-        run("imud", *arguments, "--seeds", "7", exit_code=3)
-        (stored,) = json.loads((self.folder / "s.json").read_text())["seeds"]
+        run("imud", *arguments, "--seeds", "1..9", "--jobs", 1, exit_code=3)
+        stored = json.loads((self.folder / "s.json").read_text())["seeds"][6]
         self.assertGreater(len(alone["truth"]["refused"]), 2)
         self.assertGreater(len(alone["truth"]["remarks"]), 2)
         for summary in alone, stored:
