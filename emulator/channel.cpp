@@ -48,7 +48,10 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
     lines_[1] = {open(config.second_port, config.second_port_settings), device_->second_uart()};
     line_count_ = 2;
   }
-  for (Line& line : lines()) line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
+  for (Line& line : lines()) {
+    line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
+    are_files_ = are_files_ && line.is_file;
+  }
   if (recorder_ != nullptr) add_interfaces();
   if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, recorder_);
   if (is_can_) {
@@ -226,8 +229,8 @@ namespace {
 constexpr std::size_t most_served = 256, per_frame = 16;
 }  // namespace
 
-bool Channel::serve(HostTime now, Host* clock) noexcept {
-  const std::size_t first = serve(0, now, clock), second = line_count_ == 2 ? serve(1, now, clock) : 0;
+bool Channel::serve_lines(HostTime now, Host* clock) noexcept {
+  const std::size_t first = serve_line(0, now, clock), second = line_count_ == 2 ? serve_line(1, now, clock) : 0;
   const bool has_received = first + second > 0;
   if (has_received || lines_[0].port->state() != counters_.port_state.load(std::memory_order_relaxed) ||
       (line_count_ == 2 && lines_[1].port->state() != counters_.second_port_state.load(std::memory_order_relaxed)))
@@ -236,7 +239,7 @@ bool Channel::serve(HostTime now, Host* clock) noexcept {
 }
 
 // Returns the number of bytes received at one port, with a surcharge for each frame.
-std::size_t Channel::serve(std::size_t uart, HostTime now, Host* clock) noexcept {
+std::size_t Channel::serve_line(std::size_t uart, HostTime now, Host* clock) noexcept {
   std::size_t received = 0;
   while (received < most_served && !lines_[uart].is_file) {
     const auto chunk = lines_[uart].port->receive();
@@ -332,9 +335,9 @@ bool Channel::holds_back() const noexcept {
   return std::any_of(lines().begin(), lines().end(), [](const Line& line) { return line.holds_back(); });
 }
 
-void Channel::wait_for_room(const std::atomic<bool>& stop) noexcept {
+void Channel::wait_for_lines(const std::atomic<bool>& stop) noexcept {
   for (Line& line : lines())
-    if (!line.port->has_room()) wait(line, true, stop);
+    if (!line.is_file && !line.port->has_room()) wait(line, true, stop);
 }
 
 void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {

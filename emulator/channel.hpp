@@ -85,7 +85,9 @@ class Channel {
   void wait_until_sent(const std::atomic<bool>& stop) noexcept;
   // Waits in the same way until each port has room for the frames of a sample, so that nothing is dropped where the
   // host's clock does not pace.
-  void wait_for_room(const std::atomic<bool>& stop) noexcept;
+  void wait_for_room(const std::atomic<bool>& stop) noexcept {
+    if (!are_files_) wait_for_lines(stop);
+  }
   // Returns true while a port holds frames back.
   bool holds_back() const noexcept;
 
@@ -93,7 +95,7 @@ class Channel {
   // Receives the host's commands, at most some 256 bytes from each port, and sends the replies. Returns false if
   // ::poll() would return at once again, because of more bytes or a lasting error. `clock` measures the durations
   // from the arrivals to the ends of the writes of the replies; nullptr: they are not measured.
-  bool serve(HostTime now, Host* clock = nullptr) noexcept;
+  bool serve(HostTime now, Host* clock = nullptr) noexcept { return !are_files_ && serve_lines(now, clock); }
   // Executes what the host has sent to the UART, at host time `now`, and sends the replies.
   void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
@@ -145,9 +147,11 @@ class Channel {
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   void add_interfaces();
   void record(Line& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
-  std::size_t serve(std::size_t uart, HostTime now, Host* clock) noexcept;
+  bool serve_lines(HostTime now, Host* clock) noexcept;
+  std::size_t serve_line(std::size_t uart, HostTime now, Host* clock) noexcept;
   void apply_uarts() noexcept;
   void apply_filters() noexcept;
+  void wait_for_lines(const std::atomic<bool>& stop) noexcept;
   static void wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept;
   void publish() noexcept;
   void publish_bus() noexcept;
@@ -162,6 +166,7 @@ class Channel {
   std::unique_ptr<Device> device_;
   std::array<Line, 2> lines_;  // by Frame::uart
   std::size_t line_count_ = 1;
+  bool are_files_ = true;  // Line::is_file of all
   Recorder* const recorder_;
   std::optional<Sync> sync_;                     // nullopt if no pin is connected
   const std::unique_ptr<ChannelFaults> faults_;  // nullptr: there are none

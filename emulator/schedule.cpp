@@ -16,11 +16,18 @@ Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.en
 }
 
 void Schedule::advance() noexcept {
-  if (heap_.size() > 1) std::pop_heap(heap_.begin(), heap_.end(), is_later);
-  Slot& slot = heap_.back();
+  Slot slot = heap_.front();
   ++slot.index;
   slot.offset = origins_[slot.imu] + grids_[slot.imu].offset(slot.index);
-  if (heap_.size() > 1) std::push_heap(heap_.begin(), heap_.end(), is_later);
+  // It takes the place of the first, and sinks below those that are earlier.
+  std::size_t place = 0;
+  for (std::size_t next = 1; next < heap_.size(); next = 2 * place + 1) {
+    if (next + 1 < heap_.size() && is_later(heap_[next], heap_[next + 1])) ++next;
+    if (!is_later(slot, heap_[next])) break;
+    heap_[place] = heap_[next];
+    place = next;
+  }
+  heap_[place] = slot;
 }
 
 void Schedule::push(std::size_t imu) noexcept {
