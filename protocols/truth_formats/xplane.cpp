@@ -2,21 +2,25 @@
 //
 // RREF: imud requests each dataref, in datagrams of 413 bytes ("RREF", 0, i32 times per second, i32 index, 400
 // characters), and again every 2 s, as X-Plane may have been restarted. X-Plane answers with each of its frames:
-// "RREF,", then for each an i32 index and a float32.
+// "RREF" and a byte ("," since version 11, "O" in 10), then for each an i32 index and a float32.
 //
 // DATA: the rows 1, 4, 16, 17, 20 and 21 of its Data Output screen, sent to imud: "DATA" and a byte, then for each an
-// i32 number and eight float32: times; Mach and g-loads; rates; attitude; place; position and velocity.
+// i32 number and eight float32: times; Mach and g-loads; rates; attitude; place; position and velocity. Row 16 has P,
+// Q, R in deg/s since X-Plane 12, and Q, P, R in rad/s before.
 //
 // All is little-endian. Attitude is that of front-right-down relative to north-east-down, the rate is relative to the
 // Earth, whose own is added, and B's origin is the centre of gravity. X-Plane's local axes are east, up, south at the
-// origin of the scenery, and are taken as those at the aircraft. The g-loads are 1 upwards in level flight, and
-// positive backwards and to the left, so the specific force is their negative.
+// origin of the scenery, and are taken as those at the aircraft. The g-loads are specific force in X-Plane's body
+// axes, in g: positive backwards (axial), to the right (side), and upwards (normal).
 //
 // A time in float32 is coarse: 0.2 ms after an hour. With time = "arrival" it has the jitter of the network instead.
 //
 // Sources: "Sending Data to X-Plane" (Laminar Research), section "SEND ME ALL THE DATAREFS I WANT: RREF";
-// DataRefs.txt of X-Plane 11. The signs of the g-loads are those that px4xplane uses. The contents of the rows and
-// their units are from general knowledge, not compared with a capture.
+// DataRefs.txt of X-Plane 11. Signs of the g-loads: px4xplane at 971a855a (src/MAVLinkManager.cpp: -axial, +side,
+// -normal, from captures of three aircraft) and INAV-X-Plane-HITL at 05f1153f (src/simData.cpp). Order of the rows'
+// numbers: XPlaneConnect at 11a5f35 (xpcPlugin/DataManager.cpp). Row 16 of X-Plane 12: ArduPilot at 00bc4884
+// (libraries/SITL/SIM_XPlane.cpp). Row 4 is taken to have the signs of the datarefs; ArduPilot takes its axial g-load
+// as positive forwards, and no capture decides.
 #include <algorithm>
 #include <array>
 #include <bitset>
@@ -47,7 +51,7 @@ constexpr Dataref datarefs[] = {
     {"sim/flightmodel/position/local_vy", "v_up_m_per_s:f32"},
     {"sim/flightmodel/position/local_vz", "v_north_m_per_s:f32*-1"},
     {"sim/flightmodel/forces/g_axil", "specific_force_x_g:f32*-1"},
-    {"sim/flightmodel/forces/g_side", "specific_force_y_g:f32*-1"},
+    {"sim/flightmodel/forces/g_side", "specific_force_y_g:f32"},
     {"sim/flightmodel/forces/g_nrml", "specific_force_z_g:f32*-1"},
 };
 constexpr std::int32_t rows[] = {1, 4, 16, 17, 20, 21};
@@ -61,12 +65,12 @@ constexpr std::string_view row_fields[] = {
     "_:16",
     "specific_force_z_g:f32*-1",
     "specific_force_x_g:f32*-1",
-    "specific_force_y_g:f32*-1",
+    "specific_force_y_g:f32",
     "_:4",
-    // 16: Q, P, R
-    "q_BE_rad_per_s:f32",
-    "p_BE_rad_per_s:f32",
-    "r_BE_rad_per_s:f32",
+    // 16: P, Q, R
+    "p_BE_deg_per_s:f32",
+    "q_BE_deg_per_s:f32",
+    "r_BE_deg_per_s:f32",
     "_:20",
     // 17: pitch, roll, true heading
     "pitch_deg:f32",
@@ -86,6 +90,9 @@ constexpr std::string_view row_fields[] = {
     "_:8",
 };
 constexpr std::string_view time_word = "time_s:f32";
+constexpr std::string_view first_rate_of_12 = "p_BE_deg_per_s:f32";
+constexpr std::string_view rates_before_12[] = {"q_BE_rad_per_s:f32", "p_BE_rad_per_s:f32", "r_BE_rad_per_s:f32"};
+constexpr std::int64_t version_12 = 12;
 
 constexpr std::string_view source_choices[] = {"rref", "data"};
 constexpr Setting settings[] = {
@@ -98,27 +105,36 @@ constexpr Setting settings[] = {
      .initial = std::int64_t{100},
      .min = 1,
      .max = 999},
+    {.key = "version",
+     .help =
+         "version of X-Plane whose Data Output is sent: its rates are P, Q, R in deg/s since 12, Q, P, R in rad/s "
+         "before",
+     .initial = version_12,
+     .min = 9,
+     .max = version_12},
     time_setting,
 };
 
-PackedTruth make_truth(bool is_rref, bool has_time) {
+PackedTruth make_truth(bool is_rref, std::int64_t version, bool has_time) {
   std::vector<std::string_view> fields;
   if (is_rref)
     for (const Dataref& dataref : datarefs) fields.push_back(dataref.field);
   else
     fields.assign(std::begin(row_fields), std::end(row_fields));
+  if (!is_rref && version < version_12)
+    std::ranges::copy(rates_before_12, std::ranges::find(fields, first_rate_of_12));
   if (!has_time) *std::ranges::find(fields, time_word) = "_:4";
   return {PackedLayout(std::span<const std::string_view>(fields), boost::endian::order::little), {}, has_time};
 }
 
 class XplaneTruthDecoder final : public DatagramTruthDecoder {
  public:
-  XplaneTruthDecoder(bool is_rref, std::uint32_t request_hz, bool has_time)
+  XplaneTruthDecoder(bool is_rref, std::int64_t version, std::uint32_t request_hz, bool has_time)
       : is_rref_(is_rref),
         request_hz_(request_hz),
         parts_(is_rref ? std::size(datarefs) : std::size(rows)),
         part_size_(is_rref ? sizeof(float) : row_size),
-        truth_(make_truth(is_rref, has_time)) {
+        truth_(make_truth(is_rref, version, has_time)) {
     if (!has_time) needless_.set(0);
   }
 
@@ -135,7 +151,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
       const std::span<std::byte> room = out.room(request_size);
       if (room.empty()) return;
       std::ranges::fill(room.first(request_size), std::byte{0});
-      std::memcpy(room.data(), request.data(), request.size());
+      std::memcpy(room.data(), datarefs_word.data(), datarefs_word.size());
       write_little(request_hz_, room.subspan(rate_offset, sizeof(std::int32_t)));
       write_little(i, room.subspan(index_offset, sizeof(std::int32_t)));
       std::memcpy(room.data() + name_offset, datarefs[i].name.data(), datarefs[i].name.size());
@@ -159,7 +175,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
   }
 
  private:
-  static constexpr std::string_view request = "RREF", answer = "RREF,", data = "DATA";
+  static constexpr std::string_view datarefs_word = "RREF", data = "DATA";
   static constexpr std::size_t head_size = 5, most_parts = 32;
 
   std::size_t part_of(std::uint32_t number) const noexcept {
@@ -170,7 +186,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
   TruthResult decode(std::span<const std::byte> bytes, Truth& truth) noexcept override {
     const std::string_view text{reinterpret_cast<const char*>(bytes.data()), bytes.size()};
     const bool is_data = text.starts_with(data);
-    if (bytes.size() < head_size || (!is_data && !text.starts_with(answer))) return TruthResult::not_this_kind;
+    if (bytes.size() < head_size || (!is_data && !text.starts_with(datarefs_word))) return TruthResult::not_this_kind;
     if (is_data == is_rref_) return TruthResult::no_state;
     const std::size_t entry = sizeof(std::int32_t) + part_size_;
     std::span<const std::byte> rest = bytes.subspan(head_size);
@@ -203,14 +219,14 @@ extern const TruthFormat xplane_truth_format;
 constexpr TruthFormat xplane_truth_format = {
     .name = "xplane",
     .summary = "X-Plane: datarefs that imud requests (RREF), or rows of its Data Output (DATA)",
-    .document = "Laminar Research, Sending Data to X-Plane (X-Plane 11): RREF, DATA",
+    .document = "Laminar Research, Sending Data to X-Plane (X-Plane 11 and 12): RREF, DATA",
     .delimits_itself = false,
     .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
-      return std::make_unique<XplaneTruthDecoder>(chosen.text("source") == source_choices[0],
-                                                  static_cast<std::uint32_t>(chosen.integer("request_hz")),
-                                                  chosen.text("time") == time_choices[0]);
+      return std::make_unique<XplaneTruthDecoder>(
+          chosen.text("source") == source_choices[0], chosen.integer("version"),
+          static_cast<std::uint32_t>(chosen.integer("request_hz")), chosen.text("time") == time_choices[0]);
     },
     .force_from = "sim/flightmodel/forces/g_axil, g_side and g_nrml, or row 4",
 };
