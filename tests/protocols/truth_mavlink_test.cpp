@@ -30,6 +30,30 @@ constexpr std::string_view reference_sensor =
 constexpr std::string_view reference_scaled_imu =
     "fd1800000901c81a000040e201000a0014002bfc0a00ecff1e00fa0000009001c4098e3f";
 
+// By mavlink/c_library_v2 at 7e16bc0 too: SYSTEM_TIME with time_boot_ms 12500; HIL_STATE at 12.5 s, roll, pitch, yaw
+// .5
+// -.25 1.5, rates .125 -.25 .5, lat 47.5, lon 8.5, alt 400000 mm, v 100 -200 300 cm/s, acc 125 -250 -1000 mG;
+// SIM_STATE, q .5 .5 .5 .5, acc .5 -.25 -9.75, rates, lat, lon and v as before, alt 400, lat_int 475000123, lon_int
+// 85000456.
+constexpr std::string_view reference_system_time_v1 = "fe0c0401c80200401e18240a0600d430000052f2";
+constexpr std::string_view reference_system_time = "fd0a00000001c802000000401e18240a0600d430edb9";
+constexpr std::string_view reference_hil_state_v1 =
+    "fe380501c85a20bcbe00000000000000003f000080be0000c03f0000003e000080be0000003fc0ec4f1c40ff1005801a0600640038ff2c01"
+    "7d0006ff18fc4115";
+constexpr std::string_view reference_hil_state =
+    "fd3800000101c85a000020bcbe00000000000000003f000080be0000c03f0000003e000080be0000003fc0ec4f1c40ff1005801a06006400"
+    "38ff2c017d0006ff18fc90e8";
+// In version 1 without the extensions lat_int and lon_int, as in version 2 where they are 0.
+constexpr std::string_view reference_sim_state_v1 =
+    "fe540601c86c0000003f0000003f0000003f0000003f0000c03f000080be0000003f0000003f000080be00001cc10000003e000080be0000"
+    "003f00003e42000008410000c8430000803f000000400000803f000000c0000040402359";
+constexpr std::string_view reference_sim_state =
+    "fd5c00000201c86c00000000003f0000003f0000003f0000003f0000c03f000080be0000003f0000003f000080be00001cc10000003e0000"
+    "80be0000003f00003e42000008410000c8430000803f000000400000803f000000c0000040403bed4f1c08011105102a";
+constexpr std::string_view reference_sim_state_without_int =
+    "fd5400000301c86c00000000003f0000003f0000003f0000003f0000c03f000080be0000003f0000003f000080be00001cc10000003e0000"
+    "80be0000003f00003e42000008410000c8430000803f000000400000803f000000c0000040409dc9";
+
 // CRC-16/MCRF4XX bit by bit.
 std::uint16_t mavlink_crc(std::span<const std::byte> bytes, std::uint16_t crc = 0xFFFF) {
   for (const std::byte byte : bytes) {
@@ -54,8 +78,7 @@ constexpr std::string_view hil_state_fields =
 constexpr std::string_view sim_state_fields =
     "float q1 float q2 float q3 float q4 float roll float pitch float yaw float xacc float yacc float zacc float "
     "xgyro float ygyro float zgyro float lat float lon float alt float std_dev_horz float std_dev_vert float vn "
-    "float "
-    "ve float vd ";
+    "float ve float vd ";
 constexpr std::string_view quaternion_fields =
     "uint64_t time_usec float attitude_quaternion \4float rollspeed float pitchspeed float yawspeed int32_t lat "
     "int32_t lon int32_t alt int16_t vx int16_t vy int16_t vz uint16_t ind_airspeed uint16_t true_airspeed int16_t "
@@ -130,8 +153,28 @@ class MavlinkTruth : public testing::Test {
     return results;
   }
 
+  Quaternion q_EN() const {
+    return exp(Vector3(0, 0, -units::earth_rate * 1e-9 * static_cast<double>(truth_.time.ns)));
+  }
+  void expect_place(double latitude_deg, double longitude_deg, double height) {
+    latitude_ = latitude_deg * units::degree;
+    dcm_LE_ = dcm_EL(latitude_, longitude_deg * units::degree).transpose();
+    const Vector3 r_E = r_E_of({latitude_, longitude_deg * units::degree, height});
+    EXPECT_LE((q_EN() * truth_.r_BN_N - r_E).norm(), 1e-8);
+  }
+  Matrix3 dcm_LB() const { return dcm_LE_ * (q_EN() * truth_.q_NB).toRotationMatrix(); }
+  // p .125, q -.25, r .5 rad/s relative to the Earth; 1, -2, 3 m/s.
+  void expect_motion() const {
+    const Vector3 earth_rate_L(units::earth_rate * std::cos(latitude_), 0, -units::earth_rate * std::sin(latitude_));
+    EXPECT_LE((truth_.omega_BN_B - Vector3(0.125, -0.25, 0.5) - dcm_LB().transpose() * earth_rate_L).norm(), 1e-15);
+    const Vector3 v_N = truth_.v_BN_N - Vector3(0, 0, units::earth_rate).cross(truth_.r_BN_N);
+    EXPECT_LE((dcm_LE_ * (q_EN() * v_N) - Vector3(1, -2, 3)).norm(), 1e-9);
+  }
+
   std::unique_ptr<TruthDecoder> decoder_;
   Truth truth_;
+  double latitude_ = 0;
+  Matrix3 dcm_LE_;
 };
 
 TEST(MavlinkCrcExtra, IsThatOfTheGeneratedHeaders) {  // MAVLINK_MSG_ID_2_CRC, _90_, _108_, _115_
@@ -157,6 +200,38 @@ TEST_F(MavlinkTruth, FramesOfTheReference) {
   EXPECT_LE((truth_.v_BN_N - v_N).norm(), 1e-12);
   EXPECT_EQ(decode(hex_bytes(reference_sensor)), TruthResult::no_state);
   EXPECT_EQ(decode(hex_bytes(reference_scaled_imu)), TruthResult::no_state);
+}
+
+TEST_F(MavlinkTruth, HilStateOfTheReference) {
+  for (const std::string_view frame : {reference_hil_state_v1, reference_hil_state}) {
+    make("specific_force");
+    ASSERT_EQ(decode(hex_bytes(frame)), TruthResult::ok);
+    EXPECT_EQ(truth_.time.ns, 12'500'000'000);
+    EXPECT_EQ(truth_.stream, 1U);
+    expect_place(47.5, 8.5, 400);
+    EXPECT_LE((dcm_LB() - dcm_from_yaw_pitch_roll(1.5, -0.25, 0.5).transpose()).norm(), 1e-7);
+    EXPECT_LE((truth_.specific_force_B - units::standard_gravity * Vector3(0.125, -0.25, -1)).norm(), 1e-14);
+    expect_motion();
+  }
+}
+
+TEST_F(MavlinkTruth, SimStateOfTheReference) {
+  const std::pair<std::string_view, std::string_view> frames[] = {
+      {reference_system_time_v1, reference_sim_state_v1},
+      {reference_system_time, reference_sim_state},
+      {reference_system_time, reference_sim_state_without_int}};
+  for (const auto& [time, state] : frames) {
+    make("specific_force");
+    ASSERT_EQ(decode(hex_bytes(time)), TruthResult::no_state);
+    ASSERT_EQ(decode(hex_bytes(state)), TruthResult::ok);
+    EXPECT_EQ(truth_.time.ns, 12'500'000'000);
+    const bool is_extended = state == reference_sim_state;
+    expect_place(is_extended ? 47.5000123 : 47.5, is_extended ? 8.5000456 : 8.5, 400);
+    // q turns x to y, y to z, z to x.
+    EXPECT_LE((dcm_LB() * Vector3(1, 2, 3) - Vector3(3, 1, 2)).norm(), 1e-14);
+    EXPECT_EQ(truth_.specific_force_B, Vector3(0.5, -0.25, -9.75));
+    expect_motion();
+  }
 }
 
 TEST_F(MavlinkTruth, HilStateInBothVersionsAndSigned) {
