@@ -20,7 +20,8 @@
 //   struct.pack('<Q33dQ', CurrentSimNanos, *m.r_BN_N, *m.v_BN_N, *m.r_CN_N, *m.v_CN_N, *m.sigma_BN, *m.omega_BN_B,
 //               *m.omegaDot_BN_B, *m.TotalAccumDVBdy, *m.TotalAccumDV_BN_B, *m.TotalAccumDV_CN_N,
 //               *m.nonConservativeAccelpntB_B, m.MRPSwitchCount)
-// B's origin is the spacecraft's body frame. Source: Basilisk 2.3, msgPayloadDefC/SCStatesMsgPayload.h.
+// B's origin is the spacecraft's body frame. Source: Basilisk 2.12 at babdff7,
+// src/architecture/msgPayloadDefC/SCStatesMsgPayload.h.
 #include "protocols/packed_datagram.hpp"
 
 namespace imud {
@@ -70,7 +71,7 @@ extern const TruthFormat basilisk_truth_format;
 constexpr TruthFormat basilisk_truth_format = {
     .name = "basilisk",
     .summary = "Basilisk's SCStatesMsgPayload as it lies in memory, after the time in ns: 280 bytes",
-    .document = "Basilisk 2.3, msgPayloadDefC/SCStatesMsgPayload.h",
+    .document = "Basilisk 2.12, msgPayloadDefC/SCStatesMsgPayload.h",
     .delimits_itself = false,
     .acknowledges = false,
     .settings = settings,

@@ -1,5 +1,5 @@
 // The state that Betaflight's simulator target receives on UDP port 9003: `fdm_packet`, 18 little-endian doubles, 144
-// bytes. Senders of older versions leave the last one, the pressure, out.
+// bytes. Versions up to 4.4 have no pressure, the last one.
 //
 // | double  | field (src/platform/SIMULATOR/target/SITL/target.h)                        |
 // |---------|----------------------------------------------------------------------------|
@@ -11,10 +11,11 @@
 // | 14 - 16 | position_xyz, m from the origin; USE_VIRTUAL_GPS: longitude, latitude, altitude |
 // | 17      | pressure, Pa                                                               |
 //
-// The simulators (Gazebo's ArduCopterPlugin and BetaFlightPlugin, which state "body frame (FRD)" and "earth frame
-// (NED)") fill in front-right-down body axes; the quaternion is that of ArduPilot, from the body to north-east-down.
-// Betaflight itself negates gyro y and z, and every acceleration (sitl.c, updateState), to get its own axes. With
-// virtual GPS the velocity is east, north, up, and the place that of WGS 84 (target.h).
+// The simulators (Gazebo's ArduPilotPlugin, khancyr/ardupilot_gazebo at a28cab4, and BetaFlightPlugin) fill in
+// front-right-down body axes and north-east-down; the quaternion turns from the body to north-east-down. Betaflight
+// itself negates gyro y and z, and every acceleration (sitl.c, updateState), to get its own axes. The feed of its
+// tests (src/test/sitl/sitl_harness.py at 301d01a) has other signs, and a turned quaternion. With virtual GPS the
+// velocity is east, north, up, and the place that of WGS 84 (target.h).
 #include "protocols/packed_datagram.hpp"
 
 namespace imud {
@@ -106,7 +107,7 @@ extern const TruthFormat betaflight_truth_format;
 constexpr TruthFormat betaflight_truth_format = {
     .name = "betaflight",
     .summary = "the state that simulators send to Betaflight's SITL: 18 doubles, or 17 without the pressure",
-    .document = "Betaflight 4.5, SITL/target.h, fdm_packet",
+    .document = "Betaflight at 301d01a (2026), SITL/target.h, fdm_packet",
     .delimits_itself = false,
     .acknowledges = false,
     .settings = settings,

@@ -19,8 +19,9 @@
 // of the entity's bounding box. A sender omits PDUs while dead reckoning is good enough; for a sensor, set its
 // thresholds to 0, so that it sends one each step.
 //
-// Sources: IEEE Std 1278.1-2012, as known from open-dis-cpp's EntityStatePdu, whose field order this is; the offsets
-// were computed from it.
+// Sources: IEEE Std 1278.1-2012, as open-dis-cpp at b66306e (src/dis7/EntityStatePdu.cpp) and open-dis-python at
+// b9c4cd0 encode it; the axes of velocity and rate by dead reckoning algorithm: opendis/DeadReckoning.py of the
+// latter.
 #include <algorithm>
 #include <boost/endian/conversion.hpp>
 

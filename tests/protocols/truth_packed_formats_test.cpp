@@ -1,10 +1,12 @@
-// Formats whose datagrams are packed fields: "betaflight", "basilisk", "dis". The datagrams are those of Python's
-// struct.pack, as quoted.
+// Formats whose datagrams are packed fields: "betaflight", "basilisk", "dis". The datagrams of the first two are the
+// bytes of the other project's own struct, filled with the quoted numbers by a program that was compiled with its
+// header (g++ 12.2, x86-64); those of DIS are by the encoders of Open-DIS.
 #include <gtest/gtest.h>
 
 #include <string>
 
 #include "core/attitude.hpp"
+#include "core/earth.hpp"
 #include "core/units.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
@@ -13,18 +15,22 @@
 namespace imud {
 namespace {
 
-// struct.pack('<18d', 1.25, 0.1, -0.2, 0.3, 0.5, -0.25, -9.75, 0.5, 0.5, 0.5, 0.5, 1, 2, 3, 10, 20, -30, 101325)
+// fdm_packet of betaflight/betaflight at 301d01a, src/platform/SIMULATOR/target/SITL/target.h:
+// {1.25, {0.1, -0.2, 0.3}, {0.5, -0.25, -9.75}, {0.5, 0.5, 0.5, 0.5}, {1, 2, 3}, {10, 20, -30}, 101325}
 constexpr std::string_view betaflight_18 =
     "000000000000f43f9a9999999999b93f9a9999999999c9bf333333333333d33f000000000000e03f000000000000d0bf"
     "00000000008023c0000000000000e03f000000000000e03f000000000000e03f000000000000e03f000000000000f03f"
     "00000000000000400000000000000840000000000000244000000000000034400000000000003ec000000000d0bcf840";
-// struct.pack('<17d', 1.25, 0.1, -0.2, 0.3, 0.5, -0.25, -9.75, 1, 0, 0, 0, 1, 2, 3, 8.5, 47.5, 400)
-constexpr std::string_view betaflight_17 =
+// The same with virtual GPS: {1.25, {0.1, -0.2, 0.3}, {0.5, -0.25, -9.75}, {1, 0, 0, 0}, {1, 2, 3}, {8.5, 47.5, 400},
+// 95000}. Up to version 4.4 (59207272, src/main/target/SITL/target.h) it has no pressure, and 136 bytes.
+constexpr std::string_view betaflight_geodetic =
     "000000000000f43f9a9999999999b93f9a9999999999c9bf333333333333d33f000000000000e03f000000000000d0bf"
     "00000000008023c0000000000000f03f000000000000000000000000000000000000000000000000000000000000f03f"
-    "0000000000000040000000000000084000000000000021400000000000c047400000000000007940";
-// struct.pack('<Q33dQ', 5_000_000_000, 6.7e6, -1, 2, 7.5e3, .5, -.25, 6.7e6, -2, 3, 7.5e3, .75, -.125, 0, 0, 1, .25,
-//             -.5, .125, .0625, 2, -3, 9, 9, 9, 4, 5, 6, 8, 8, 8, .5, -8, .75, 3)
+    "0000000000000040000000000000084000000000000021400000000000c047400000000000007940000000008031f740";
+// 5000000000, then SCStatesMsgPayload of AVSLab/basilisk at babdff7 (2.12.0b0), src/architecture/msgPayloadDefC:
+// {{6.7e6, -1, 2}, {7.5e3, .5, -.25}, {6.7e6, -2, 3}, {7.5e3, .75, -.125}, {0, 0, 1}, {.25, -.5, .125}, {.0625, 2,
+// -3},
+//  {9, 9, 9}, {4, 5, 6}, {8, 8, 8}, {.5, -8, .75}, 3}
 constexpr std::string_view basilisk_state =
     "00f2052a0100000000000000f88e5941000000000000f0bf000000000000004000000000004cbd40000000000000e03f"
     "000000000000d0bf00000000f88e594100000000000000c0000000000000084000000000004cbd40000000000000e83f"
@@ -47,7 +53,7 @@ class PackedFormat : public testing::Test {
   Truth truth_;
 };
 
-TEST_F(PackedFormat, BetaflightByHand) {
+TEST_F(PackedFormat, BetaflightsOwnStruct) {
   make("betaflight");
   ASSERT_EQ(decode(hex_bytes(betaflight_18)), TruthResult::ok);
   EXPECT_EQ(truth_.time.ns, 1'250'000'000);
@@ -59,10 +65,19 @@ TEST_F(PackedFormat, BetaflightByHand) {
   EXPECT_TRUE(truth_.has_pressure && truth_.has_position && truth_.has_velocity);
   EXPECT_EQ(truth_.pressure, 101325);
 
-  // An older sender, and virtual GPS: at 1.25 s N is almost E.
-  make("betaflight", "position", "geodetic");
-  ASSERT_EQ(decode(hex_bytes(betaflight_17)), TruthResult::ok);
+  const std::vector<std::byte> whole = hex_bytes(betaflight_18);
+  const std::size_t older_size = 136;
+  ASSERT_EQ(decode(std::span(whole).first(older_size)), TruthResult::ok);
+  EXPECT_EQ(truth_.r_BN_N, Vector3(10, 20, -30));
   EXPECT_FALSE(truth_.has_pressure);
+
+  // Virtual GPS: at 1.25 s N is almost E.
+  make("betaflight", "position", "geodetic");
+  const std::vector<std::byte> geodetic = hex_bytes(betaflight_geodetic);
+  ASSERT_EQ(decode(std::span(geodetic).first(older_size)), TruthResult::ok);
+  EXPECT_FALSE(truth_.has_pressure);
+  ASSERT_EQ(decode(geodetic), TruthResult::ok);
+  EXPECT_EQ(truth_.pressure, 95000);
   EXPECT_NEAR(truth_.r_BN_N.norm(), 6366873, 1000);
   const Vector3 north_N = truth_.q_NB * Vector3(1, 0, 0);
   const Vector3 earth_rate_L(std::cos(47.5 * units::degree), 0, -std::sin(47.5 * units::degree));
@@ -71,19 +86,19 @@ TEST_F(PackedFormat, BetaflightByHand) {
   const Vector3 turning = Vector3(0, 0, units::earth_rate).cross(truth_.r_BN_N);
   EXPECT_LE((truth_.q_NB.conjugate() * (truth_.v_BN_N - turning) - Vector3(2, 1, -3)).norm(), 1e-9);
 
-  std::vector<std::byte> whole = hex_bytes(betaflight_18);
   EXPECT_EQ(decode(std::span(whole).first(135)), TruthResult::too_short);
   EXPECT_EQ(decode(std::span(whole).first(143)), TruthResult::too_short);
-  whole.push_back({});
-  EXPECT_EQ(decode(whole), TruthResult::too_long);
-  std::vector<std::byte> nan = hex_bytes(betaflight_17);
+  std::vector<std::byte> nan = whole;
+  nan.push_back({});
+  EXPECT_EQ(decode(nan), TruthResult::too_long);
+  nan.pop_back();
   nan[14] = nan[15] = std::byte{0x7F};
   nan[14] = std::byte{0xF8};
   EXPECT_EQ(decode(nan), TruthResult::not_finite);
   EXPECT_EQ(remark(*decoder_, TruthResult::not_finite), "p_BE, f64 at byte 8, is nan");
 }
 
-TEST_F(PackedFormat, BasiliskByHand) {
+TEST_F(PackedFormat, BasilisksOwnStruct) {
   make("basilisk");
   const std::vector<std::byte> bytes = hex_bytes(basilisk_state);
   ASSERT_EQ(bytes.size(), 280U);
@@ -106,16 +121,28 @@ TEST_F(PackedFormat, BasiliskByHand) {
             "a datagram has 272 bytes, and one of this format 280:");
 }
 
-// An Entity State PDU in the field order of open-dis-cpp's EntityStatePdu::marshal, by Python's struct:
-// pack('>BBBBIHH', 7, 1, 1, 1, 0x80000001, 144, 0) + pack('>HHH', 3, 4, 77) + pack('>BB', 1, 0) + bytes(16)
-// + pack('>3f', 1, -2, 3) + pack('>3d', 4e6, 1e6, 4.9e6) + pack('>3f', .5, -.25, 1.5) + pack('>I', 0) + pack('>B', 4)
-// + bytes(15) + pack('>3f', 9, 9, 9) + pack('>3f', .125, -.25, .5) + b'\1IMUD' + bytes(7) + pack('>I', 0)
+// EntityStatePdu::marshal() of open-dis/open-dis-cpp at b66306e, src/dis7: version 7, timestamp 0x80000001, entity 3,
+// 4, 77, velocity 1 -2 3, location 4e6 1e6 4.9e6, psi theta phi .5 -.25 1.5, dead reckoning 4, acceleration 9 10 11,
+// angular velocity .125 -.25 .5, marking IMUD.
 constexpr std::string_view entity_state =
-    "07010101800000010090000000030004004d0100000000000000000000000000000000003f800000c000000040400000"
-    "414e848000000000412e8480000000004152b128000000003f000000be8000003fc00000000000000400000000000000"
-    "00000000000000004110000041100000411000003e000000be8000003f00000001494d55440000000000000000000000";
+    "07010101800000010090000000030004004d0100010200e10103000000000000000000003f800000c000000040400000"
+    "414e848000000000412e8480000000004152b128000000003f000000be8000003fc00000010203040400000000000000"
+    "00000000000000004110000041200000413000003e000000be8000003f00000001494d55440000000000000000000000";
+// The same with dead reckoning 8, and a variable parameter of zeros.
+constexpr std::string_view entity_state_8 =
+    "070101018000000100a0000000030004004d0101010200e10103000000000000000000003f800000c000000040400000"
+    "414e848000000000412e8480000000004152b128000000003f000000be8000003fc00000010203040800000000000000"
+    "00000000000000004110000041200000413000003e000000be8000003f00000001494d55440000000000000000000000"
+    "00000000000000000000000000000000";
+// open-dis/open-dis-python at b9c4cd0, EntityStatePdu.serialize(), with location and orientation by
+// GPS().llarpy2ecef(): latitude 47.5 deg, longitude 8.5 deg, altitude 400 m, roll .3, pitch -.2, yaw 1; entity 17,
+// 23, 42, timestamp 1, dead reckoning 4, angular velocity .125 -.25 .5.
+constexpr std::string_view entity_state_at_place =
+    "07010101000000010090000000110017002a010000000000000000000000000000000000000000000000000000000000"
+    "415049a5a76f64e84123794372014e394151da1c2a0a33d140124957be59fc50c00e22d5000000000400000000000000"
+    "00000000000000000000000000000000000000003e000000be8000003f0000000049676f723364000000000000000000";
 
-TEST_F(PackedFormat, DisByHand) {
+TEST_F(PackedFormat, DisByOpenDis) {
   make("dis");
   std::vector<std::byte> pdu = hex_bytes(entity_state);
   ASSERT_EQ(pdu.size(), 144U);
@@ -140,8 +167,7 @@ TEST_F(PackedFormat, DisByHand) {
     ASSERT_EQ(decode(pdu), TruthResult::ok);
     EXPECT_FALSE(truth_.has_rate) << algorithm;
   }
-  pdu[88] = std::byte{8};
-  ASSERT_EQ(decode(pdu), TruthResult::ok);
+  ASSERT_EQ(decode(hex_bytes(entity_state_8)), TruthResult::ok);
   EXPECT_TRUE(truth_.has_rate);
   EXPECT_LE((dcm_BE * velocity_E() - Vector3(1, -2, 3)).norm(), 1e-9);
 
@@ -153,6 +179,7 @@ TEST_F(PackedFormat, DisByHand) {
   ASSERT_EQ(decode(pdu), TruthResult::ok);
   EXPECT_EQ(truth_.time.ns, 3'600'000'000'000);
 
+  pdu[88] = std::byte{8};
   EXPECT_EQ(decode(std::span(pdu).first(143)), TruthResult::too_short);
   EXPECT_EQ(remark(*decoder_, TruthResult::too_short),
             "a datagram has 143 bytes; an Entity State PDU has at least 144");
@@ -164,6 +191,18 @@ TEST_F(PackedFormat, DisByHand) {
   EXPECT_EQ(decode(pdu), TruthResult::too_long);
   pdu[2] = std::byte{2};
   EXPECT_EQ(decode(pdu), TruthResult::no_state);
+}
+
+TEST_F(PackedFormat, DisAtAPlaceByOpenDis) {
+  make("dis");
+  ASSERT_EQ(decode(hex_bytes(entity_state_at_place)), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 0);
+  EXPECT_EQ(truth_.stream, 42U);
+  EXPECT_LE((truth_.r_BN_N - r_E_of({47.5 * units::degree, 8.5 * units::degree, 400})).norm(),
+            1e-4);  // their b: 4 digits
+  const Matrix3 dcm_BL =
+      truth_.q_NB.conjugate().toRotationMatrix() * dcm_EL(47.5 * units::degree, 8.5 * units::degree);
+  EXPECT_LE((dcm_BL - dcm_from_yaw_pitch_roll(1, -0.2, 0.3)).norm(), 1e-6);  // float32 angles
 }
 
 }  // namespace
