@@ -2,11 +2,13 @@
 // whose order is that of the chunks in Protocol/NAME.xml. Two that are shipped (FGDATA, read at 0508a7a0):
 //
 // insgns-imu: time (s), p, q, r (JSBSim's pi, qi, ri: relative to inertial space, rad/s, 6 decimals), x, y, z of the
-//   pilot's acceleration (specific force at the eye point, m/s^2, 5 decimals). It has no attitude: that is
-//   integrated.
-// insgns-truth: time, latitude, longitude (rad), altitude (m, negative), velocity north, east, down (m/s), yaw,
-// pitch,
-//   roll (rad, 5 decimals). It has no rate: that is derived, within what 1e-5 rad permit.
+//   pilot's acceleration (specific force at the eye point, m/s^2, 5 decimals). It has no attitude, which is
+//   therefore integrated.
+// insgns-truth: time, latitude, longitude (rad), altitude (m, negative), velocity north, east, down (m/s), and yaw,
+//   pitch, roll (rad, 5 decimals). It has no rate: that is derived, within what 1e-5 rad permit.
+//
+// Chunks of type float are read as float32: the time of both has 4 decimals, and is coarser than these, 0.24 ms, from
+// 2048 s on.
 //
 // The setting `columns` gives the chunks of another protocol in their order. Rows leave with FlightGear's frames.
 #include "protocols/pose_table.hpp"

@@ -17,6 +17,22 @@ std::string answer_at(double time_s, const std::string& attitude = R"("attitude"
          attitude + R"(, "velocity": [4.0, 5.0, -6.0], "rng_1": 3.5, "no_time_sync": 1})" + "\n";
 }
 
+// libraries/SITL/examples/JSON/python/velocity_controlled_robot.py of ArduPilot at b6f464f: its Vehicle(tau=0.2)
+// after 100 steps of 1/400 s with the pulse widths 1750, 1500, 1625.
+constexpr std::string_view robots_answer =
+    "\n{\"timestamp\": 0.25000000000000017, \"imu\": {\"gyro\": [0.0, 0.0, 0.10736152249573322], \"accel_body\": "
+    "[0.8095913450177239, 0.043224361922256836, -9.80665]}, \"position\": [0.06110761012628982, "
+    "0.0005039814762246597, 0.0], \"attitude\": [0.0, 0.0, 0.016296099307094636], \"velocity\": "
+    "[0.4025522519817089, 0.006560612236504011, 0.0]}\n";
+// SendState() of libraries/SITL/examples/JSON/C++/libAP_JSON.cpp at 0cd281b: time 1700000000.123456, gyro .01 -.02
+// .03, accelerometer .1 .2 -9.8, position 1 2 -3, roll .1, pitch -.2, yaw 3, velocity 4 5 -6, and all options.
+constexpr std::string_view libraries_answer =
+    "\n{\"timestamp\":1700000000.123456,\"imu\":{\"gyro\":[0.010000,-0.020000,0.030000],\"accel_body\":[0.100000,"
+    "0.200000,-9.800000]},\"position\":[1.000000,2.000000,-3.000000],\"attitude\":[0.100000,-0.200000,3.000000],"
+    "\"velocity\":[4.000000,5.000000,-6.000000],\"airspeed\":1.000000,\"windvane\":{\"direction\":1.000000,"
+    "\"speed\":1.000000},\"rng_1\":1.000000,\"rng_2\":2.000000,\"rng_3\":3.000000,\"rng_4\":4.000000,"
+    "\"rng_5\":5.000000,\"rng_6\":6.000000}\n";
+
 using Packets = std::vector<std::vector<unsigned>>;
 
 class ArdupilotJson : public testing::Test {
@@ -83,6 +99,31 @@ TEST_F(ArdupilotJson, AnAnswerIsATruth) {
   EXPECT_EQ(remark(*decoder_, TruthResult::too_short),
             "an object lacks \"imu.accel_body.0\" (specific_force_x_m_per_s2), \"imu.accel_body.1\" "
             "(specific_force_y_m_per_s2), \"imu.accel_body.2\" (specific_force_z_m_per_s2)");
+}
+
+TEST_F(ArdupilotJson, AnswersOfArdupilotsExamples) {
+  make();
+  ASSERT_EQ(feed(std::string(robots_answer), 0), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 250'000'000);
+  // Speed and turn rate approach 0.5625 m/s and 0.15 rad/s by 1/80 of the difference each step of 1/400 s.
+  const double left = std::pow(79.0 / 80, 100), speed = 0.5625 * (1 - left), turn_rate = 0.15 * (1 - left);
+  const double yaw = 0.15 * (100 - 79 * (1 - left)) / 400;
+  EXPECT_LE((truth_.omega_BN_B - Vector3(0, 0, turn_rate)).norm(), 1e-14);
+  const double forward = 0.5625 * left / 79 * 400;
+  EXPECT_LE((truth_.specific_force_B - Vector3(forward, speed * turn_rate, -9.80665)).norm(), 1e-12);
+  EXPECT_LE((truth_.q_NB * Vector3(1, 0, 0) - Vector3(std::cos(yaw), std::sin(yaw), 0)).norm(), 1e-14);
+  EXPECT_LE((truth_.v_BN_N - speed * Vector3(std::cos(yaw), std::sin(yaw), 0)).norm(), 1e-14);
+  EXPECT_EQ(truth_.r_BN_N, Vector3(0.06110761012628982, 0.0005039814762246597, 0));
+
+  make();
+  ASSERT_EQ(feed(std::string(libraries_answer), 0), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 1'700'000'000'123'456'000);
+  EXPECT_EQ(truth_.omega_BN_B, Vector3(0.01, -0.02, 0.03));
+  EXPECT_EQ(truth_.specific_force_B, Vector3(0.1, 0.2, -9.8));
+  EXPECT_EQ(truth_.r_BN_N, Vector3(1, 2, -3));
+  EXPECT_EQ(truth_.v_BN_N, Vector3(4, 5, -6));
+  const Vector3 x_N(std::cos(3.0) * std::cos(-0.2), std::sin(3.0) * std::cos(-0.2), -std::sin(-0.2));
+  EXPECT_LE((truth_.q_NB * Vector3(1, 0, 0) - x_N).norm(), 1e-15);
 }
 
 TEST_F(ArdupilotJson, ServoPacketsAreThoseOfTheDocument) {

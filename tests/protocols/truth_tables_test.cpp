@@ -1,8 +1,10 @@
-// Pose tables and FlightGear's rows: known rows of their own documents and datasets.
+// Pose tables and FlightGear's rows: known rows of their own datasets and encoder.
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "core/attitude.hpp"
+#include "core/earth.hpp"
 #include "core/units.hpp"
 #include "tests/support/decode_truth.hpp"
 
@@ -70,33 +72,43 @@ TEST_F(TruthTable, Euroc) {
             TruthResult::too_short);
 }
 
-// Rows by the chunks of FGDATA's Protocol/insgns-imu.xml: %.4f, %.6f and %.5f with tabs.
+// Rows of FlightGear's own FGGeneric::gen_message() (flightgear at 85a9c13, release/2020.3, src/Network/generic.cxx,
+// with SimGear 2020.3.16) for FGDATA's Protocol/insgns-imu.xml at 0508a7a: elapsed 12.345 and 3600.12345678 s, of
+// which it reads a float32; pi, qi, ri .0123456789 -.25 1.5 rad/s; pilot's acceleration 1 -.5 -32.174049 ft/s^2.
 TEST_F(TruthTable, FlightgearImu) {
   make("flightgear");
-  ASSERT_EQ(decode("12.3450\t0.001000\t-0.002000\t0.003000\t0.10000\t0.20000\t-9.80000\n"), TruthResult::ok);
+  ASSERT_EQ(decode("12.3450\t0.012346\t-0.250000\t1.500000\t0.30480\t-0.15240\t-9.80665\n"), TruthResult::ok);
   EXPECT_EQ(truth_.time.ns, 12'345'000'000);
-  EXPECT_EQ(truth_.omega_BN_B, Vector3(0.001, -0.002, 0.003));
-  EXPECT_EQ(truth_.specific_force_B, Vector3(0.1, 0.2, -9.8));
+  EXPECT_EQ(truth_.omega_BN_B, Vector3(0.012346, -0.25, 1.5));
+  EXPECT_LE((truth_.specific_force_B - units::foot * Vector3(1, -0.5, -32.174049)).norm(), 1e-5);
   EXPECT_TRUE(truth_.q_NB.isApprox(Quaternion::Identity()));
+  ASSERT_EQ(decode("3600.1235\t0.012346\t-0.250000\t1.500000\t0.30480\t-0.15240\t-9.80665\n"), TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 3'600'123'500'000);
+
+  make("flightgear");
+  ASSERT_EQ(decode("12.3450\t0.001000\t-0.002000\t0.003000\t0.10000\t0.20000\t-9.80000\n"), TruthResult::ok);
   ASSERT_EQ(decode("13.3450\t0.001000\t-0.002000\t0.003000\t0.10000\t0.20000\t-9.80000\n"), TruthResult::ok);
   EXPECT_NEAR(truth_.q_NB.angularDistance(Quaternion::Identity()), Vector3(0.001, -0.002, 0.003).norm(), 1e-9);
 }
 
-// By those of Protocol/insgns-truth.xml: %.4f, %.12f, %.3f, %.8f and %.5f.
+// The same for Protocol/insgns-truth.xml: 47 deg, 8 deg, 1640.4199475 ft; 100 -50 10 ft/s; heading, pitch, roll 90
+// -10 30 deg.
 TEST_F(TruthTable, FlightgearTruth) {
   make("flightgear", {{"protocol", std::string("insgns-truth")}});
-  ASSERT_EQ(decode("0.0000\t0.820304748437\t0.139626340160\t-500.000\t10.00000000\t0.00000000\t0.00000000\t1.57080\t"
-                   "0.00000\t0.00000\n"),
+  ASSERT_EQ(decode("12.3450\t0.820304748437\t0.139626340160\t-500.000\t30.47999954\t-15.23999977\t3.04800010\t"
+                   "1.57080\t-0.17453\t0.52360\n"),
             TruthResult::ok);
+  EXPECT_EQ(truth_.time.ns, 12'345'000'000);
   EXPECT_TRUE(truth_.has_position && truth_.has_velocity);
   EXPECT_FALSE(truth_.has_rate || truth_.has_specific_force);
-  // WGS 84 at 47 deg, 8 deg, 500 m.
-  const double sin = std::sin(47 * units::degree), normal = 6'378'137 / std::sqrt(1 - 0.00669437999014 * sin * sin);
-  EXPECT_NEAR(truth_.r_BN_N.head<2>().norm(), (normal + 500) * std::cos(47 * units::degree), 1e-4);
-  EXPECT_GT(truth_.r_BN_N.norm(), 6.36e6);
-  const Vector3 up = truth_.r_BN_N.normalized(), east = Vector3(0, 0, 1).cross(up).normalized();
-  EXPECT_NEAR((truth_.q_NB * Vector3(1, 0, 0)).dot(east), 1, 1e-4);
-  EXPECT_NEAR(truth_.v_BN_N.dot(east), units::earth_rate * truth_.r_BN_N.head<2>().norm(), 1e-6);
+  const double latitude = 47 * units::degree, longitude = 8 * units::degree;
+  const Quaternion q_EN = exp(Vector3(0, 0, -units::earth_rate * 12.345));
+  const Matrix3 dcm_LE = dcm_EL(latitude, longitude).transpose();
+  EXPECT_LE((q_EN * truth_.r_BN_N - r_E_of({latitude, longitude, 500})).norm(), 1e-5);
+  const Vector3 v_N = truth_.v_BN_N - Vector3(0, 0, units::earth_rate).cross(truth_.r_BN_N);
+  EXPECT_LE((dcm_LE * (q_EN * v_N) - units::foot * Vector3(100, -50, 10)).norm(), 1e-6);
+  const Matrix3 dcm_BL = dcm_from_yaw_pitch_roll(90 * units::degree, -10 * units::degree, 30 * units::degree);
+  EXPECT_LE((dcm_LE * (q_EN * truth_.q_NB).toRotationMatrix() - dcm_BL.transpose()).norm(), 2e-5);
   make("flightgear", {{"columns", std::vector<std::string>{"time_s", "roll_deg", "_", "pitch_deg", "yaw_deg"}}});
   ASSERT_EQ(decode("1,90,7,0,0"), TruthResult::ok);
   EXPECT_LE((truth_.q_NB * Vector3(0, 1, 0) - Vector3(0, 0, 1)).norm(), 1e-15);
