@@ -25,6 +25,7 @@
 #include "emulator/example.hpp"
 #include "emulator/list.hpp"
 #include "emulator/log.hpp"
+#include "emulator/recorded_config.hpp"
 #include "emulator/run.hpp"
 #include "emulator/seeds.hpp"
 #include "emulator/selftest.hpp"
@@ -72,6 +73,17 @@ int keep_ptys(const std::vector<std::string>& links, bool background) {
 // Returns "-" for each spelling of standard output.
 std::string output_path(const std::string& path) { return is_standard_output(path) ? "-" : path; }
 
+// Throws ConfigError if the file has another configuration than the recorded run. What --set changes is wanted so.
+void check_recorded(const Config& config, const std::string& record, const std::vector<std::string>& overrides,
+                    const std::string& capture) {
+  if (recorded_config(record).value_or(std::string()).empty()) return;
+  std::vector<std::string> all = differences(config, load_config(record, overrides, capture));
+  for (std::string& difference : all)
+    difference = fmt::format("{}: {}; give the same, or another by --set, or record:FILE for the truth alone", record,
+                             difference);
+  if (!all.empty()) throw ConfigError(all);
+}
+
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
@@ -91,9 +103,7 @@ int replay(const Arguments& arguments) {
   if (options.repeats && !options.record.file.empty())
     throw PortError("--record: a repeated run has the record that it is repeated from; omit --record");
   const Config config = load_config(arguments.config, overrides, capture, arguments.scenarios);
-  if (options.repeats && has_workers)
-    throw PortError(
-        "a record is repeated as it was, without --seeds, --jobs and --npy; give record:FILE for its truth");
+  if (options.repeats) check_recorded(config, arguments.capture, overrides, capture);
   return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
 }
 
@@ -149,7 +159,8 @@ int execute(int argc, const char* const* argv) {
     command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
   };
   const auto with_config = [&](CLI::App* command) {
-    command->add_option("CONFIG", arguments.config, "Configuration, TOML")->required();
+    command->add_option("CONFIG", arguments.config, "Configuration, TOML, or a record, for that of its run")
+        ->required();
     with_set(command);
   };
   const auto with_scenario = [&](CLI::App* command) {

@@ -12,12 +12,14 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <stdexcept>
 #include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "emulator/config.hpp"
+#include "emulator/recorded_config.hpp"
 
 namespace imud {
 
@@ -29,8 +31,13 @@ std::string sha256(const std::string& bytes) {
 
 namespace {
 
-// Returns the file's content. Throws std::system_error.
+// Returns the file's content, or that of the configuration in a record. Throws std::system_error, or
+// std::invalid_argument if the record has none.
 std::string read_file(const std::string& path) {
+  if (auto config = recorded_config(path)) {
+    if (config->empty()) throw std::invalid_argument("is not in this record; give that of its run");
+    return *std::move(config);
+  }
   const auto check = [](bool good) {
     if (!good) throw std::system_error(errno == 0 ? EIO : errno, std::generic_category());
   };
@@ -151,6 +158,9 @@ ConfigText read_config_text(const std::string& path, std::span<const std::string
     text.root = toml::parse(content, path);
   } catch (const std::system_error& error) {
     faults.add(0, "cannot be read", error.code().message());
+    throw ConfigError(faults.all());
+  } catch (const std::invalid_argument& error) {
+    faults.add(0, "configuration", error.what());
     throw ConfigError(faults.all());
   } catch (const toml::parse_error& error) {
     const auto& [line, column] = error.source().begin;

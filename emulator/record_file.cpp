@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <string_view>
@@ -53,12 +54,9 @@ bool RecordFile::open_next() {
   return true;
 }
 
-void RecordFile::begin(std::vector<PcapngInterface> interfaces, std::int64_t offset_ns, std::uint8_t flags,
-                       const Endpoint& truth) {
-  interfaces_ = std::move(interfaces);
-  offset_ns_ = offset_ns;
-  flags_ = flags;
-  truth_ = truth;
+void RecordFile::begin(Head head, HostTime now) {
+  head_ = std::move(head);
+  time_ns_ = now.ns + head_.offset_ns;
   append_head();
   flush();
 }
@@ -69,24 +67,29 @@ void RecordFile::append_event(const RecordEvent& event) {
 
 void RecordFile::append_head() {
   append_section(batch_, "imud " IMUD_VERSION);
-  for (const PcapngInterface& interface : interfaces_) append_interface(batch_, interface);
-  append_event(
-      {RecordEvent::Type::begin, flags_, 0, offset_ns_, static_cast<std::int64_t>(number_), RecordEvent::version});
+  for (const PcapngInterface& interface : head_.interfaces) append_interface(batch_, interface);
+  append_event({RecordEvent::Type::begin, head_.flags, 0, head_.offset_ns, static_cast<std::int64_t>(number_),
+                RecordEvent::version});
+  constexpr std::size_t piece = 64 * 1024;
+  for (std::span<const char> rest = head_.config; !rest.empty(); rest = rest.subspan(std::min(piece, rest.size())))
+    append_packet(
+        batch_,
+        {.interface = 1, .time_ns = time_ns_, .bytes = std::as_bytes(rest.first(std::min(piece, rest.size())))});
 }
 
 void RecordFile::add(const PacketRing::Head& head, std::span<const std::byte> bytes) {
-  time_ns_ = head.time.ns + offset_ns_;
+  time_ns_ = head.time.ns + head_.offset_ns;
   if (batch_.empty() && !has_head_) append_head();
   if (batch_.empty() && missing_ > 0)
     append_event({.type = RecordEvent::Type::lost, .a = static_cast<std::int64_t>(missing_)});
-  const std::uint16_t link = interfaces_[head.interface].link_type;
+  const std::uint16_t link = head_.interfaces[head.interface].link_type;
   packet_.clear();
   if (link == link_type::can_socketcan)
     append_can_packet(packet_, {bytes, head.can});
   else if (link == link_type::raw_ip && head.direction == PacketDirection::outbound)
-    append_udp_packet(packet_, bytes, truth_, head.peer);
+    append_udp_packet(packet_, bytes, head_.truth, head.peer);
   else if (link == link_type::raw_ip)
-    append_udp_packet(packet_, bytes, head.peer, truth_);
+    append_udp_packet(packet_, bytes, head.peer, head_.truth);
   const bool is_wrapped = link == link_type::can_socketcan || link == link_type::raw_ip;
   append_packet(batch_, {head.interface, time_ns_, head.direction, is_wrapped ? packet_ : bytes});
   ++packets_;

@@ -29,10 +29,16 @@ class RecordFile {
   // Creates the file, or FILE-00001.pcapng of FILE.pcapng if max_bytes is set. Throws OpenError.
   RecordFile(const RecordOptions& options, RecordCounters& counters);
 
-  // Writes the head of the first file. `offset_ns`: from host time to the packets' times; `flags`: of the event
-  // `begin`. `truth`: the truth port's own address, for the headers of its datagrams. Interface 0 has the events.
-  void begin(std::vector<PcapngInterface> interfaces, std::int64_t offset_ns, std::uint8_t flags,
-             const Endpoint& truth);
+  // The head of each file.
+  struct Head {
+    std::vector<PcapngInterface> interfaces;  // the first has the events, the second the configuration
+    std::string config;                       // TOML
+    std::int64_t offset_ns = 0;               // from host time to the packets' times
+    std::uint8_t flags = 0;                   // of the event `begin`
+    Endpoint truth;                           // the truth port's own address, for the headers of its datagrams
+  };
+  // Writes the head of the first file, at host time `now`.
+  void begin(Head head, HostTime now);
   // Adds a packet to the batch, which is written when it is large.
   void add(const PacketRing::Head& head, std::span<const std::byte> bytes);
   // Writes the batch.
@@ -56,10 +62,7 @@ class RecordFile {
   std::uint64_t missing_ = 0;  // packets that are lost since the last one that was written
   bool has_head_ = false;      // the file's head has been written
 
-  std::vector<PcapngInterface> interfaces_;
-  std::int64_t offset_ns_ = 0;
-  std::uint8_t flags_ = 0;
-  Endpoint truth_;
+  Head head_;
   std::int64_t time_ns_ = 0;  // of the last packet
   std::vector<std::byte> batch_, packet_;
   std::uint64_t packets_ = 0;  // in the batch, without its head

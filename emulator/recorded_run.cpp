@@ -96,7 +96,7 @@ Sync::OpenPort RecordedRun::open(Sync::OpenPort others) {
     const auto found = std::find_if(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
     const bool is_stream = port == truth_port_ && found != all.end() && found->link_type == link_type::bytes;
     auto input = std::make_unique<Input>(*this, is_stream);
-    inputs_[name] = input.get();
+    inputs_.emplace(name, input.get());
     return std::unique_ptr<Port>(std::move(input));
   };
 }
@@ -132,28 +132,31 @@ void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface)
   if (packet.direction != PacketDirection::inbound) return;
   const HostTime time{packet.time_ns - offset_ns_};
   const std::uint16_t link = reader_.interfaces()[packet.interface].link_type;
-  if (const auto input = inputs_.find(interface); input != inputs_.end()) {
-    if (link != link_type::raw_ip) return input->second->feed(packet.bytes, time, {});
-    const UdpPacket datagram = decode_udp_packet(packet.bytes);
-    if (datagram.outcome == UdpPacket::Outcome::whole) input->second->feed(datagram.payload, time, datagram.from);
+  if (const auto [first, last] = inputs_.equal_range(interface); first != last) {
+    const UdpPacket datagram = link == link_type::raw_ip ? decode_udp_packet(packet.bytes) : UdpPacket{};
+    for (auto input = first; input != last; ++input) {
+      if (link != link_type::raw_ip)
+        input->second->feed(packet.bytes, time, {});
+      else if (datagram.outcome == UdpPacket::Outcome::whole)
+        input->second->feed(datagram.payload, time, datagram.from);
+    }
     return;
   }
   if (!receive_) return;
   const RecordEvent event = *std::exchange(receive_, std::nullopt);
-  Channel* channel = channel_of(event);
   std::optional<Frame> frame = Frame{packet.bytes};
   if (link == link_type::can_socketcan) frame = decode_can_packet(packet.bytes);
-  if (channel != nullptr && frame && event.flags < channel->port_count())
-    channel->receive(*frame, event.flags, HostTime{event.a});
+  for_imus(event, [&](Channel& channel) {
+    if (frame && event.flags < channel.port_count()) channel.receive(*frame, event.flags, HostTime{event.a});
+  });
 }
 
-Channel* RecordedRun::channel_of(const RecordEvent& event) noexcept {
-  if (event.interface >= reader_.interfaces().size()) return nullptr;
+template <class Function>
+void RecordedRun::for_imus(const RecordEvent& event, Function function) noexcept {
+  if (event.interface >= reader_.interfaces().size()) return;
   const std::string& name = reader_.interfaces()[event.interface].name;
-  const auto all = session_->channels();
-  const auto found =
-      std::find_if(all.begin(), all.end(), [&](const auto& channel) { return channel->name() == name; });
-  return found == all.end() ? nullptr : found->get();
+  for (const auto& channel : session_->channels())
+    if (channel->name() == name) function(*channel);
 }
 
 void RecordedRun::poll(std::int64_t polled_ns) noexcept {
@@ -164,13 +167,12 @@ void RecordedRun::poll(std::int64_t polled_ns) noexcept {
 }
 
 void RecordedRun::execute(const RecordEvent& event) noexcept {
-  Channel* const channel = channel_of(event);  // of the events that are of an imu
   switch (event.type) {
     case Type::begin:
       offset_ns_ = event.a;
       break;
     case Type::power_on:
-      if (channel != nullptr) channel->power_on(HostTime{event.a});
+      for_imus(event, [&](Channel& channel) { channel.power_on(HostTime{event.a}); });
       break;
     case Type::power_cycle:
       poll(event.b);
@@ -194,19 +196,20 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       session_->begin_run();
       break;
     case Type::set_clock:
-      if (channel == nullptr) break;
-      channel->set_clock(DeviceTime{event.a}, (event.flags & RecordEvent::has_host_time) != 0
-                                                  ? std::optional(HostTime{event.b})
-                                                  : std::nullopt);
+      for_imus(event, [&](Channel& channel) {
+        channel.set_clock(DeviceTime{event.a}, (event.flags & RecordEvent::has_host_time) != 0
+                                                   ? std::optional(HostTime{event.b})
+                                                   : std::nullopt);
+      });
       break;
     case Type::start_samples:
-      if (channel != nullptr) channel->start_samples();
+      for_imus(event, [](Channel& channel) { channel.start_samples(); });
       break;
     case Type::advance:
       if (!session_->timeline().empty()) session_->advance_imus(TruthTime{event.a});
       break;
     case Type::sample:
-      if (channel != nullptr) take_sample(*channel, event);
+      for_imus(event, [&](Channel& channel) { take_sample(channel, event); });
       break;
     case Type::transmit:
       transmit(event);

@@ -19,7 +19,7 @@ namespace imud {
 
 // Drives a Session as the Loop did when the record was made: in the order of its events, with the times that they
 // have. Truth, what the hosts sent, and the edges at the pins come from the record; the hosts at the imus' ports are
-// not listened to. One thread.
+// not listened to. Several imus of the Session may have one name: each does what that of the run did. One thread.
 class RecordedRun {
  public:
   // Opens the record. Throws PortError if it is none, does not begin with the run's begin, or lacks an imu of the
@@ -51,13 +51,15 @@ class RecordedRun {
   void transmit(const RecordEvent& event) noexcept;
   void wait_until(HostTime instant) noexcept;
   void poll(std::int64_t polled_ns) noexcept;
-  Channel* channel_of(const RecordEvent& event) noexcept;
+  // Calls function(Channel&) for each imu of the event's name.
+  template <class Function>
+  void for_imus(const RecordEvent& event, Function function) noexcept;
 
   PcapngReader reader_;
   std::optional<PcapngPacket> first_;  // read ahead
   const std::string truth_port_;
-  std::map<std::string, std::string> pins_;  // name of the interface by the text of its port
-  std::map<std::string, Input*> inputs_;     // by the name of the interface
+  std::map<std::string, std::string> pins_;    // name of the interface by the text of its port
+  std::multimap<std::string, Input*> inputs_;  // by the name of the interface
   bool is_live_ = true;
   std::int64_t offset_ns_ = 0;  // from host times to those of the packets
 

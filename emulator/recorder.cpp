@@ -23,6 +23,7 @@ std::int64_t realtime_offset() noexcept {
 Recorder::Recorder(const RecordOptions& options, bool waits, std::size_t size)
     : waits_(waits), file_(options, counters_), path_(file_.path()), ring_(size) {
   add_interface(std::string(events_interface), link_type::event);
+  add_interface(std::string(config_interface), link_type::text);
 }
 
 Recorder::~Recorder() { finish(); }
@@ -32,8 +33,13 @@ std::uint16_t Recorder::add_interface(std::string name, std::uint16_t link_type)
   return static_cast<std::uint16_t>(interfaces_.size() - 1);
 }
 
-void Recorder::start(bool is_live) {
-  file_.begin(interfaces_, realtime_offset(), is_live ? RecordEvent::is_live : std::uint8_t{0}, truth_);
+void Recorder::start(bool is_live, std::string config) {
+  file_.begin({.interfaces = interfaces_,
+               .config = std::move(config),
+               .offset_ns = realtime_offset(),
+               .flags = is_live ? RecordEvent::is_live : std::uint8_t{0},
+               .truth = truth_},
+              host_now());
   writer_ = std::thread([this] { write(); });
 }
 

@@ -34,8 +34,8 @@ class Recorder {
   std::uint16_t add_interface(std::string name, std::uint16_t link_type);
   // Sets the address of the truth port.
   void set_truth_address(const Endpoint& address) { truth_ = address; }
-  // Writes the head and starts the thread. `is_live`: the truth is no capture.
-  void start(bool is_live);
+  // Writes the head and starts the thread. `is_live`: the truth is no capture. `config`: the run's, as TOML.
+  void start(bool is_live, std::string config);
 
   // --- The sampling thread ---
   // Sets the time of what follows.

@@ -171,7 +171,7 @@ int run(const Config& config, const RunOptions& options) {
   if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
   Session session(repeated ? repeated->adapted(config) : config,
                   repeated ? repeated->open(open_port) : Sync::OpenPort(open_port), recorder ? &*recorder : nullptr);
-  if (recorder) recorder->start(!is_capture(config.truth.port));
+  if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
   report_ready(session.chosen_ports(), options.ready_fd);
   if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });

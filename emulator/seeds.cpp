@@ -18,6 +18,7 @@
 
 #include "emulator/line_load.hpp"
 #include "emulator/loop.hpp"
+#include "emulator/recorded_run.hpp"
 #include "emulator/seed_arrays.hpp"
 #include "emulator/seed_results.hpp"
 #include "emulator/stored_truths.hpp"
@@ -40,10 +41,10 @@ std::string with_seed(std::string port, std::string_view seed) {
 }
 
 // Throws PortError if two runs would write to one port, or a port is no file.
-void check_ports(const Config& config, bool many, bool has_arrays) {
+void check_ports(const Config& config, bool repeats, bool many, bool has_arrays) {
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
     const ImuConfig& imu = config.imus[i];
-    if (imu.sync.is_connected())
+    if (!repeats && imu.sync.is_connected())
       throw PortError(
           fmt::format("imu.{}.sync: the pins of runs beside one another cannot be connected; omit it", i));
     if (has_arrays) continue;
@@ -101,14 +102,14 @@ class Runs {
         options_(options),
         seeds_(seeds.seeds.value_or(SeedRange{config.seed, config.seed})),
         width_(fmt::formatted_size("{}", seeds_.last)),
-        truths_(StoredTruths::read(config.truth, most_records(config.truth.port))) {
+        truths_(options.repeats ? std::nullopt : StoredTruths::read(config.truth, most_records(config.truth.port))) {
     if (truths_) config_.truth.format = &truths_->format();
     for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
     if (seeds.npy.empty()) return;
     arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy);
     arrays_->begin(config_, seeds_.size(), [this](const Config& both, const Sync::OpenPort& open) {
       const std::atomic<bool> no_stop = false;
-      run(both, open, no_stop, [](Session& session) { session.commit(); });
+      run(both, open, no_stop, [](Session& session, const std::string&) { session.commit(); });
     });
   }
 
@@ -145,7 +146,7 @@ class Runs {
     std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
     HostTime begin;
   };
-  std::string end(Batch& batch, std::size_t run, Session& session) const;
+  std::string end(Batch& batch, std::size_t run, Session& session, const std::string& difference) const;
   std::unique_ptr<Port> open_truth(std::string_view port, const PortSettings& settings) const {
     return truths_ ? truths_->open() : open_port(port, settings);
   }
@@ -164,16 +165,23 @@ class Runs {
 template <class End>
 void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop,
                const End& end) const {
-  Session session(config, [&](std::string_view port, const PortSettings& settings) {
+  const Sync::OpenPort open_all = [&](std::string_view port, const PortSettings& settings) {
     return port == config.truth.port ? open_truth(port, settings) : open(port, settings);
-  });
+  };
+  std::optional<RecordedRun> repeated;
+  if (options_.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
+  Session session(repeated ? repeated->adapted(config) : config, repeated ? repeated->open(open) : open_all);
   MonotonicHost host;
-  const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
   LoopOptions options;
   if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
-  Loop(session, host, *pacer, options, stop).run();
+  if (repeated) {
+    repeated->run(session, host, {.paced = false, .duration = options.limit}, stop);
+  } else {
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+    Loop(session, host, *pacer, options, stop).run();
+  }
   session.drain(std::chrono::milliseconds(50));
-  end(session);
+  end(session, repeated ? repeated->difference() : std::string());
 }
 
 std::string Runs::work(std::size_t item) const {
@@ -214,11 +222,11 @@ std::string Runs::work(std::size_t item) const {
   };
   std::vector<std::string> summaries;
   std::string failure;
-  run(all, open, workers_stop(), [&](Session& session) {
+  run(all, open, workers_stop(), [&](Session& session, const std::string& difference) {
     for (std::size_t i = 0; i < seeds.size(); ++i) {
       batch.config.seed = seeds.first + i;
       try {
-        summaries.push_back(end(batch, i, session));
+        summaries.push_back(end(batch, i, session, difference));
       } catch (const std::exception& error) {  // the other seeds have runs of their own
         if (failure.empty()) failure = fmt::format("seed {}: {}", batch.config.seed, error.what());
       }
@@ -229,7 +237,7 @@ std::string Runs::work(std::size_t item) const {
 }
 
 // Ends the run number `run` of a batch, which is that of Batch::config; returns its summary.
-std::string Runs::end(Batch& batch, std::size_t run, Session& session) const {
+std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std::string& difference) const {
   const std::size_t imus = batch.config.imus.size();
   const auto channels = session.channels().subspan(run * imus, imus);
   RunCounters counters{&session.intake().counters(), &session.quality(), {}};
@@ -240,7 +248,8 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session) const {
   const EndedBy ended_by = session.intake().at_end() ? EndedBy::end_of_capture
                            : workers_stop()          ? EndedBy::signal
                                                      : EndedBy::duration;
-  Outcome outcome = judge(summary, batch.config, ended_by, options_.required);
+  Outcome outcome = judge(summary, batch.config, ended_by, options_.required, options_.repeats);
+  if (!difference.empty()) outcome.shortfalls.push_back(difference);
   if (outcome.ended_by != EndedBy::failure)
     for (const auto& channel : channels) channel->commit();
   if (arrays_)
@@ -272,7 +281,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   const HostTime begin = host_now();
   for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
   check_figures(options.required, config);
-  check_ports(config, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
+  check_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
   check_summary(config, options.summary_file);
   TextFile summary_file(options.summary_file);
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");

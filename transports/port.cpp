@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <filesystem>
 #include <string>
+#include <system_error>
 
 #include "transports/compressed_file.hpp"
 
@@ -46,14 +48,20 @@ std::unique_ptr<Port> open_port(std::string_view text, const PortSettings& setti
   throw PortError(fmt::format("'{}': there is no transport '{}'; right would be one of{}", text, spec.scheme, known));
 }
 
+const Transport* record_transport_of(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return nullptr;
+  for (const Transport* transport : transports())
+    if (transport->is_record != nullptr && transport->is_record(path)) return transport;
+  return nullptr;
+}
+
 std::string capture_port(std::string_view capture) {
   const std::size_t colon = capture.find(':');
   if (const Transport* named = transport_of(capture); colon != std::string_view::npos && named && named->ends)
     return std::string(capture);
   const std::string file(capture.substr(0, capture.find('?')));
-  for (const Transport* transport : transports())
-    if (transport->is_record != nullptr && transport->is_record(file))
-      return fmt::format("{}:{}", transport->name, capture);
+  if (const Transport* record = record_transport_of(file)) return fmt::format("{}:{}", record->name, capture);
   const std::string_view path = CompressedFile::without_suffix(capture.substr(0, capture.find('?')));
   const Transport* any = nullptr;
   for (const Transport* transport : transports()) {

@@ -292,6 +292,9 @@ void check_port(const Transport& transport, const PortSpec& spec, const PortSett
 // Opens "scheme:address?key=value&...". Throws PortError.
 std::unique_ptr<Port> open_port(std::string_view port, const PortSettings& settings);
 
+// Returns the transport for which a regular file is a record (Transport::is_record); nullptr if it is none.
+const Transport* record_transport_of(const std::string& path);
+
 // Returns the port that reads a capture: `capture` itself if it begins with the scheme of a transport that `ends`,
 // otherwise that of the transport for such a record, or for such a file name.
 std::string capture_port(std::string_view capture);

@@ -33,7 +33,8 @@ class RecordPort final : public Port {
     if (found == all.end()) {
       std::vector<std::string> names;
       for (const PcapngInterface& interface : all)
-        if (interface.name != events_interface) names.push_back(interface.name);
+        if (interface.link_type != link_type::event && interface.link_type != link_type::text)
+          names.push_back(interface.name);
       throw spec.error(
           fmt::format("has no interface \"{}\"; right would be one of {}", name_, fmt::join(names, ", ")));
     }

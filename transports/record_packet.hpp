@@ -20,12 +20,15 @@ namespace link_type {
 inline constexpr std::uint16_t raw_ip = 101;         // LINKTYPE_RAW: datagrams of truth
 inline constexpr std::uint16_t bytes = 147;          // LINKTYPE_USER0: bytes of a stream or of a serial line
 inline constexpr std::uint16_t event = 148;          // LINKTYPE_USER1: a RecordEvent
+inline constexpr std::uint16_t text = 149;           // LINKTYPE_USER2: a piece of the configuration
 inline constexpr std::uint16_t can_socketcan = 227;  // LINKTYPE_CAN_SOCKETCAN
 }  // namespace link_type
 
 // The name of the interface that has the events; a file is a record if it has this interface.
 inline constexpr std::string_view events_interface = "imud";
 inline constexpr std::string_view truth_interface = "truth";
+// The name of the interface that has the configuration, TOML with the value of every key, in pieces after `begin`.
+inline constexpr std::string_view config_interface = "imud config";
 
 // One thing that the sampling thread did, in the order in which it did it. 32 bytes, little-endian: u8 type, u8
 // flags, u16 interface, u32 0, i64 a, i64 b, i64 c. `interface` is the number of the imu's own interface, whose

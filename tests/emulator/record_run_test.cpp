@@ -67,7 +67,8 @@ TEST_F(RecordRunTest, ARecordOfACaptureIsWholeAndRepeatsTheBytes) {
   EXPECT_EQ(json["record"]["lost"], 0);
   const std::vector<std::string> all = packets(record());
   EXPECT_EQ(read_file(path("tshark.err")).find("rror"), std::string::npos) << read_file(path("tshark.err"));
-  EXPECT_EQ(all.size(), json["record"]["packets"].get<std::size_t>() + 1) << "with the event of the file's begin";
+  EXPECT_EQ(all.size(), json["record"]["packets"].get<std::size_t>() + 2)
+      << "with the event of the file's begin, and the configuration";
   EXPECT_EQ(std::count(all.begin(), all.end(), "imu1"), 2501);
   EXPECT_GT(std::count(all.begin(), all.end(), "truth"), 0);
 
@@ -118,7 +119,7 @@ TEST_F(RecordRunTest, ALiveRunIsRepeatedAndReadableAfterAKill) {
   ASSERT_EQ(imud.stop(SIGTERM), 0) << imud.errors();
   const std::string out1 = read_file(path("out1")), out2 = read_file(path("out2"));
   EXPECT_GT(summary()["imus"][0]["held"], 10);
-  EXPECT_EQ(packets(record()).size(), summary()["record"]["packets"].get<std::size_t>() + 1);
+  EXPECT_EQ(packets(record()).size(), summary()["record"]["packets"].get<std::size_t>() + 2);
   const auto again = run_program("imud", {"replay", c, record(), "--fast"});
   EXPECT_EQ(again.exit_code, 0) << again.errors;
   EXPECT_GT(out1.size(), 50'000U);

@@ -1,32 +1,17 @@
 // A run is recorded and repeated from its record: the same bytes, whatever truth, hosts and the supply have done.
+#include "tests/emulator/record_test.hpp"
+
 #include <map>
 #include <random>
 
-#include "emulator/recorded_run.hpp"
 #include "tests/emulator/mode_clients.hpp"
-#include "tests/emulator/realtime_test.hpp"
 
 namespace imud {
 namespace {
 
 using namespace std::chrono_literals;
 
-// A sensor's line that keeps what is sent, with the borders of the frames.
-class KeptLine : public Port {
- public:
-  explicit KeptLine(std::string& sent) : sent_(sent) {}
-  void send(std::span<const Frame> frames) noexcept override {
-    for (const Frame& frame : frames)
-      sent_.append(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size()).append("|");
-    counters_.count_sent(is_reply_, frames.size());
-  }
-  std::optional<Received> receive() noexcept override { return std::nullopt; }
-
- private:
-  std::string& sent_;
-};
-
-// The same, with a host that writes every 0.1 to 60 ms.
+// A KeptLine with a host that writes every 0.1 to 60 ms.
 class HostedLine final : public KeptLine {
  public:
   HostedLine(SimulatedHost& host, ModeClient& client, std::string& sent)
@@ -57,27 +42,6 @@ class HostedLine final : public KeptLine {
   HostTime next_ = host_.now() + 1s;
   std::string written_, answer_;
   bool is_executing_ = false;
-};
-
-class RecordTest : public RealtimeTest {
- protected:
-  // Repeats the run of the record, and returns what each sensor sends, in the order of the configuration.
-  std::vector<std::string> repeat(Config config) {
-    config.truth.port = "record:" + path("run.pcapng");
-    std::vector<std::string> sent(config.imus.size());
-    std::size_t next = 0;
-    RecordedRun run(PortSpec::parse(config.truth.port), config);
-    Session session(run.adapted(config), run.open([&](std::string_view, const PortSettings&) {
-      return std::make_unique<KeptLine>(sent[next++]);
-    }));
-    SimulatedHost host;
-    host.end = SimulatedHost::never;
-    run.run(session, host, {}, host.stop);
-    EXPECT_EQ(run.difference(), "");
-    EXPECT_TRUE(session.intake().at_end());
-    return sent;
-  }
-  RecordOptions options() const { return {.file = path("run.pcapng"), .max_bytes = 0, .max_files = 0}; }
 };
 
 // Four imus at rates that have no common period, one with every kind of noise, one at rest before the first truth;
@@ -195,7 +159,7 @@ TEST_F(RecordTest, CountsAndMarksWhatTheQueueCouldNotTake) {
   const std::uint64_t lost = recorder.counters().lost;
   EXPECT_GT(lost, 70U);
   EXPECT_LT(lost, 100U);
-  recorder.start(true);
+  recorder.start(true, "");
   while (recorder.counters().packets == 0) std::this_thread::sleep_for(1ms);
   recorder.event({.type = RecordEvent::Type::end});
   recorder.finish();

@@ -72,7 +72,7 @@ class SimulatedHost final : public Host {
 };
 
 // Truth that arrives at its time, and takes a little time to receive; or a capture, which is available at once, and
-// ends.
+// ends. An arrival without bytes is an end of the connection.
 class SimulatedTruth final : public Port {
  public:
   explicit SimulatedTruth(SimulatedHost& host, bool capture = false, Nanoseconds cost = Nanoseconds{2'000})
@@ -83,6 +83,10 @@ class SimulatedTruth final : public Port {
     if (host_.arrivals.empty() || (!capture_ && host_.arrivals.front().time > host_.now())) return std::nullopt;
     newest_ = std::move(host_.arrivals.front());
     host_.arrivals.pop_front();
+    if (newest_.bytes.empty()) {
+      ++counters_.lost_count;
+      return std::nullopt;
+    }
     return Received{{newest_.bytes}, host_.now()};
   }
   bool at_end() const noexcept override { return capture_ && host_.arrivals.empty(); }
@@ -126,6 +130,8 @@ class SimulatedRun {
   SimulatedHost& host() { return host_; }
   // Replaces the SimulatedSensor.
   std::function<std::unique_ptr<Port>(SimulatedHost&)> make_sensor;
+  // Opens the pins; nullptr: there is none.
+  Sync::OpenPort open_pin;
   Recorder* recorder = nullptr;  // started by run()
   // Time since the simulation's start.
   HostTime at(double s) const { return begin_ + nanoseconds(s); }
@@ -137,6 +143,10 @@ class SimulatedRun {
     encode_native_truth(truth, std::span<std::byte, native_truth_size>(bytes));
     arrivals_.emplace(at(arrival_s), std::move(bytes));
   }
+  void arrival(double arrival_s, std::string_view text) {
+    const auto bytes = std::as_bytes(std::span(text));
+    arrivals_.emplace(at(arrival_s), std::vector<std::byte>(bytes.begin(), bytes.end()));
+  }
   void garbage(double arrival_s) { arrivals_.emplace(at(arrival_s), std::vector<std::byte>(100)); }
 
   void run(double until_s) {
@@ -146,12 +156,13 @@ class SimulatedRun {
     std::size_t next = 0;
     session_ = std::make_unique<Session>(
         config_,
-        [&](std::string_view, const PortSettings& port) {
-          if (port.role == Role::listener) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
+        [&](std::string_view text, const PortSettings& port) {
+          if (text == config_.truth.port) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
+          if (port.role == Role::listener) return open_pin(text, port);
           return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
         },
         recorder);
-    if (recorder != nullptr) recorder->start(true);
+    if (recorder != nullptr) recorder->start(true, config_.resolved);
     const auto pacer = make_pacer(config_, session_->quality());
     Loop(*session_, host_, *pacer,
          {.spin = config_.realtime.spin, .skip_after = config_.realtime.skip_after, .limit = {}}, host_.stop)

@@ -60,7 +60,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::atomic<bool> stop = false;
   Recorder recorder({.file = path("record.pcapng")}, false);
   Session session(config, open_port, &recorder);
-  recorder.start(true);
+  recorder.start(true, "");
   const auto counters = [&](std::size_t i) -> const ImuCounters& { return session.channels()[i]->counters(); };
   const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   ASSERT_TRUE(reader);
