@@ -53,7 +53,7 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       needs_earth_(config.fit && config.fit->gravitation.needs_position()),
       is_stream_(is_stream(config.port, *port_)),
       is_live_(!is_capture(config.port)),
-      max_gap_(config.limits.max_gap) {
+      limits_(config.limits) {
   remark_columns();
   if (recorder_ != nullptr) add_interface(config);
 }
@@ -99,7 +99,7 @@ void TruthIntake::watch_connection() noexcept {
 bool TruthIntake::starts_again() const noexcept {
   if (timeline_.empty()) return false;
   const Nanoseconds ahead = truth_.time - timeline_.newest();
-  return ahead.count() < 0 || ahead > max_gap_;
+  return ahead.count() < 0 || ahead > limits_.max_gap;
 }
 
 std::optional<TruthResult> TruthIntake::next_record() noexcept {
@@ -279,7 +279,7 @@ TruthIntake::Outcome TruthIntake::derive(TruthTime watermark) noexcept {
   const Admission admission = order.push(truth_);
   if (admission != Admission::accepted && admission != Admission::new_run) return refuse(admission, newest);
   // After a gap of a capture, the timeline begins a run by itself, and the gap is counted.
-  truth_.new_run = admission == Admission::new_run && (is_live_ || truth_.time <= newest);
+  truth_.new_run = admission == Admission::new_run && (!limits_.gap_begins_run || truth_.time <= newest);
   fit.push(truth_);
   return take_derived(watermark).value_or(Outcome::ignored);
 }

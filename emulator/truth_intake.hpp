@@ -107,12 +107,12 @@ class TruthIntake {
   };
   std::unique_ptr<Derivation> derivation_;
   const bool ignores_force_;
-  const bool needs_earth_;        // the gravitation depends on the position
-  const bool is_stream_;          // the port does not keep datagrams apart
-  const bool is_live_;            // a simulator is at the port's other end, and can receive
-  bool started_ = false;          // the decoder's start() was called, and the simulator has not disconnected since
-  bool finished_ = false;         // the port's input has ended, and every record of it was taken
-  const Nanoseconds max_gap_;     // Timeline::Limits
+  const bool needs_earth_;  // the gravitation depends on the position
+  const bool is_stream_;    // the port does not keep datagrams apart
+  const bool is_live_;      // a simulator is at the port's other end, and can receive
+  bool started_ = false;    // the decoder's start() was called, and the simulator has not disconnected since
+  bool finished_ = false;   // the port's input has ended, and every record of it was taken
+  const Timeline::Limits limits_;
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
   bool is_back_ = false;          // no truth has come since the simulator has disconnected
   Truth truth_;
