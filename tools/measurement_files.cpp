@@ -9,6 +9,7 @@
 #include "tools/resolved_config.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/output_path.hpp"
+#include "transports/port.hpp"
 
 namespace imud {
 
@@ -18,10 +19,12 @@ void MeasurementFiles::add_options(CLI::App& app, Options& options) {
   app.add_option("--hdf5", options.hdf5, "also writes HDF5: a dataset for each quantity")->type_name("FILE");
   app.add_option("--config", options.config, "imud's configuration, which becomes an attribute of the HDF5 file")
       ->type_name("FILE");
-  app.add_option("--truth", options.truth,
-                 "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded")
-      ->expected(2)
-      ->type_name("CONFIG CAPTURE");
+  app.add_option(
+         "--truth", options.truth,
+         "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded,\n"
+         "or what a run has sent, from its RECORD alone")
+      ->expected(1, 2)
+      ->type_name("RECORD | CONFIG CAPTURE");
   app.add_option("--imu", options.imu, "name of the imu in --truth; default: the first with the protocol")
       ->type_name("NAME");
 }
@@ -37,6 +40,9 @@ void check(const MeasurementFiles::Options& options, const std::string& port) {
     throw std::invalid_argument("--config: that of --truth becomes the attribute; omit it");
   if (options.truth.empty() && !options.imu.empty())
     throw std::invalid_argument("--imu: is for --truth, which is not given");
+  if (options.truth.size() == 1 && record_transport_of(options.truth.front()) == nullptr)
+    throw std::invalid_argument(options.truth.front() +
+                                ": is no record of imud; --truth needs one, or a configuration and its capture");
   std::vector<std::string> inputs = options.truth;
   for (std::string& input : inputs) input = input.substr(0, input.find('?'));
   const std::string address = port.substr(port.find(':') + 1);

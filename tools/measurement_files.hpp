@@ -18,7 +18,7 @@ class MeasurementFiles {
   struct Options {
     std::string npy, hdf5;           // paths; empty: none
     std::string config;              // path of imud's configuration, for the attributes of `hdf5`; empty: none
-    std::vector<std::string> truth;  // configuration and capture; empty: no truth beside the measurements
+    std::vector<std::string> truth;  // record, or configuration and capture; empty: no truth beside the measurements
     std::string imu;                 // of that configuration; empty: the first with the protocol
   };
   static void add_options(CLI::App& app, Options& options);

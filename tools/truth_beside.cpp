@@ -59,13 +59,16 @@ void TruthBeside::Mapped::open(const std::string& path, std::size_t row_size) {
 }
 
 TruthBeside::TruthBeside(const Options& options, const Protocol& protocol) : options_(options) {
-  config_ = resolve_config(options.config, {"truth.port=" + capture_port(options.capture), "clock=fast"});
+  // The line's pace is that of a port, which is not opened.
+  constexpr const char* unpaced = "imu.*.pace=none";
+  config_ = resolve_config(options.config, {"truth.port=" + capture_port(options.capture), "clock=fast", unpaced});
   const std::string name = imu_name(options, config_.checked.at("config").at("imu"), protocol);
   folder_ = std::filesystem::temp_directory_path() / "imu-decode-XXXXXX";
   if (::mkdtemp(folder_.data()) == nullptr) throw std::runtime_error(folder_ + ": " + std::strerror(errno));
   try {
-    const ChildResult result = run_child(imud_program(), {"replay", options.config, options.capture, "--npy",
-                                                          folder_ + "/{imu}.npy", "--jobs", "1", "--quiet"});
+    const ChildResult result =
+        run_child(imud_program(), {"replay", options.config, options.capture, "--npy", folder_ + "/{imu}.npy",
+                                   "--jobs", "1", "--quiet", "--set", unpaced});
     constexpr int incomplete = 3;  // so was the run that is decoded
     if (result.exit_code != 0 && result.exit_code != incomplete)
       throw std::runtime_error(fmt::format("imud replay: exit code {}", result.exit_code));
@@ -102,10 +105,10 @@ TrueValues TruthBeside::at(const MeasurementRow& row) {
 
 std::string TruthBeside::finish() const {
   if (with_ == 0 && without_ > 0)
-    throw std::runtime_error(
-        fmt::format("--truth {} {}: no sample is one of a replay of this; give the configuration and the capture of "
-                    "the `imud replay` that was decoded",
-                    options_.config, options_.capture));
+    throw std::runtime_error(fmt::format(
+        "--truth {} {}: no sample is one of a replay of this; give the record of the run that was decoded, or the "
+        "configuration and the capture of the `imud replay`",
+        options_.config, options_.capture));
   if (without_ > 0) return fmt::format("{} samples have none, of {}", without_, with_ + without_);
   if (is_by_order_ && with_ != measured_.rows())
     return fmt::format("by order, as the samples have neither time nor number, but there are {}, and {} in a replay",

@@ -1,4 +1,5 @@
-// TruthBeside: the truth at each measurement of an imu, from the configuration and the capture that it ran with.
+// TruthBeside: the truth at each measurement of an imu, from its record, or from the configuration and the capture
+// that it ran with.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +18,7 @@ namespace imud {
 class TruthBeside {
  public:
   struct Options {
-    std::string config, capture;  // as for `imud replay`
+    std::string config, capture;  // as for `imud replay`; a record is both
     std::string imu;              // name; empty: the first with the protocol
   };
   // Throws std::invalid_argument if the configuration has faults, which imud has reported on standard error, or no

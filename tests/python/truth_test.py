@@ -63,7 +63,7 @@ class Truth(RunTest):
         text = config.read_text()
         config.write_text(text.replace("rate_hz = 100", "rate_hz = 100\nphase_us = 1000"))
         _, errors = self.decode("native", "a", config, exit_code=1)
-        self.assertIn("no sample is one of a replay of this; give the configuration and the capture", errors)
+        self.assertIn("no sample is one of a replay of this; give the record of the run that was decoded", errors)
         config.write_text(text.replace("rate_hz = 100", "rate_hz = 50"))
         array, errors = self.decode("native", "a", config, exit_code=0)
         self.assertIn("truth      1000 samples have none, of 1001", errors)  # its time and number are one sample's
@@ -79,7 +79,7 @@ class Truth(RunTest):
     def test_faults_name_what_would_be_right(self):
         config = self.replay(self.imu("a", "native", rate=100))
         for arguments, fault in [
-            (["--npy", self.folder / "x", "--truth", config], "--truth"),
+            (["--npy", self.folder / "x", "--truth", config], "is no record of imud; --truth needs one, or a conf"),
             (["--truth", config, FLIGHT], "--truth: is for --npy and --hdf5"),
             (["--npy", self.folder / "x", "--imu", "a"], "--imu: is for --truth"),
             (["--npy", self.folder / "x", "--truth", config, FLIGHT, "--imu", "b"],
