@@ -9,7 +9,7 @@ namespace imud {
 
 namespace {
 
-constexpr int degree = 8;
+constexpr std::size_t highest_degree = 8;
 constexpr double widest_turn = 2.5;  // rad, from a truth to the ends of its window
 
 }  // namespace
@@ -64,12 +64,14 @@ bool PoseFit::find_window(Window& window) const noexcept {
   // Times may jitter: half a step more belongs to the window, and half a step less completes it.
   const double half_step = before + after == 0 ? 0.0 : 0.5 * (newest - oldest) / static_cast<double>(before + after);
   double left = -delay_s_, right = delay_s_;
-  if (oldest > left + half_step) right = oldest + 2.0 * delay_s_;
-  if (is_complete && newest < delay_s_ - half_step) left = newest - 2.0 * delay_s_;
-  const std::size_t least_after = 2 * least - std::min(before, least);
+  const bool at_begin = before < least || oldest > left + half_step;
+  const bool at_end = is_complete && (after < least || newest < right - half_step);
+  if (at_begin) right = oldest + 2.0 * delay_s_;
+  if (at_end) left = newest - 2.0 * delay_s_;
+  const std::size_t least_after = at_begin ? least_at_end - std::min(before, least_at_end) : least;
   if (!is_complete && after < most && (after < least_after || newest < right - half_step)) return false;
 
-  const std::size_t least_before = 2 * least - std::min(after, least);
+  const std::size_t least_before = at_end ? least_at_end - std::min(after, least_at_end) : least;
   window = {next_, next_};
   while (window.first > begin && next_ - window.first < most &&
          (next_ - window.first < least_before || since_s(window.first - 1) >= left - half_step))
@@ -85,6 +87,9 @@ bool PoseFit::find_window(Window& window) const noexcept {
 // and use of orthogonal polynomials for data-fitting with a digital computer, J. SIAM 5(2), 1957.)
 void PoseFit::weigh(const Window& window) noexcept {
   const std::size_t n = window.last - window.first + 1;
+  const auto [shorter, longer] = std::minmax({next_ - window.first, window.last - next_});
+  // To one side, the noise of a derivative rises steeply with the degree, above all with few truths.
+  const std::size_t degree = std::min(highest_degree, longer > 2 * shorter ? 4 + (n + 3) / 8 : highest_degree);
   const double scale = std::max({-since_s(window.first), since_s(window.last), 1e-9});
   for (std::size_t j = 0; j < n; ++j) {
     x_[j] = since_s(window.first + j) / scale;
@@ -95,7 +100,7 @@ void PoseFit::weigh(const Window& window) noexcept {
   // p_k and its derivatives at x = 0, and those of p_k-1.
   std::array<double, 3> at_0 = {1.0, 0.0, 0.0}, before_at_0 = {};
   double square_before = 1.0;
-  for (int k = 0;; ++k) {
+  for (std::size_t k = 0;; ++k) {
     double square = 0.0, moment = 0.0;
     for (std::size_t j = 0; j < n; ++j) {
       const double p2 = p_[j] * p_[j];
@@ -107,7 +112,7 @@ void PoseFit::weigh(const Window& window) noexcept {
       const double factor = at_0[d] / square;
       for (std::size_t j = 0; j < n; ++j) weights_[d][j] += factor * p_[j];
     }
-    if (k == degree || k + 1 == static_cast<int>(n)) break;
+    if (k == degree || k + 1 == n) break;
     const double alpha = moment / square, beta = k == 0 ? 0.0 : square / square_before;
     for (std::size_t j = 0; j < n; ++j) {
       const double p = (x_[j] - alpha) * p_[j] - beta * p_before_[j];
@@ -238,7 +243,7 @@ void PoseFit::advance() noexcept {
   } else if (item(next_).begins_segment) {
     while (next_ > 0) drop_oldest();
   } else {
-    while (next_ > 2 * least && since_s(0) < -3.0 * delay_s_) drop_oldest();
+    while (next_ > least_at_end && since_s(0) < -3.0 * delay_s_) drop_oldest();
   }
 }
 

@@ -21,7 +21,8 @@ namespace imud {
 // rate; position and velocity with the specific force.
 //
 // A window has at least 3 truths on either side, if need be of more than the delay, and at most 256. Near the ends of
-// a segment it has the length of the others and lies to one side. A segment ends with a run, a gap (a step longer
+// a segment it has the length of the others, or 13 truths, and lies to one side; there the degree is lower, 6 with up
+// to 18 truths. So the first truths of a segment have more delay. A segment ends with a run, a gap (a step longer
 // than the delay and four mean steps), a change of what is derived, and at finish(). The vehicle must turn by less
 // than 180 deg between two truths; where it turns by more than 143 deg (2.5 rad) within a window, that is shortened.
 //
@@ -60,6 +61,7 @@ class PoseFit {
 
  private:
   static constexpr std::size_t least = 3, most = 256;  // truths on one side
+  static constexpr std::size_t least_at_end = 12;      // beside the truth, near the ends of a segment
   static constexpr std::size_t capacity = 1024;
   struct Item {
     Truth truth;

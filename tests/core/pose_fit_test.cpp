@@ -49,12 +49,12 @@ struct FitCase {
 };
 
 constexpr FitCase fit_cases[] = {
-    {"spiral", 100, false, 2e-13, 2e-9, 3e-13, 5e-9},   {"spiral", 1000, false, 1e-13, 1e-9, 3e-13, 5e-9},
-    {"spiral", 100, true, 2e-5, 0.15, 6e-5, 1.0},       {"spiral", 1000, true, 1e-5, 0.08, 4e-5, 1.0},
-    {"coning", 100, false, 5e-8, 1e-13, 1e-6, 1e-13},   {"coning", 1000, false, 5e-11, 1e-13, 1e-9, 1e-11},
-    {"coning", 100, true, 8e-7, 1e-7, 1e-6, 1e-7},      {"coning", 1000, true, 3e-7, 4e-8, 1e-6, 4e-8},
-    {"aerobatic", 100, false, 5e-11, 5e-9, 1e-9, 2e-8}, {"aerobatic", 1000, false, 1e-12, 2e-9, 1e-12, 1e-8},
-    {"aerobatic", 100, true, 2e-5, 0.6, 5e-5, 2.5},     {"aerobatic", 1000, true, 1.2e-5, 0.3, 3e-5, 1.5},
+    {"spiral", 100, false, 2e-13, 2e-9, 3e-13, 5e-9},    {"spiral", 1000, false, 1e-13, 1e-9, 3e-13, 5e-9},
+    {"spiral", 100, true, 1.2e-5, 0.15, 1.5e-5, 0.079},  {"spiral", 1000, true, 1e-5, 0.08, 4e-5, 1.0},
+    {"coning", 100, false, 5e-8, 1e-13, 5e-5, 6e-7},     {"coning", 1000, false, 5e-11, 1e-13, 1e-9, 1e-11},
+    {"coning", 100, true, 8e-7, 1e-7, 5e-5, 6e-7},       {"coning", 1000, true, 3e-7, 5e-8, 1e-6, 5e-8},
+    {"aerobatic", 100, false, 5e-11, 5e-9, 5e-8, 5e-7},  {"aerobatic", 1000, false, 1e-12, 2e-9, 1e-12, 1e-8},
+    {"aerobatic", 100, true, 1.4e-5, 0.6, 1.5e-5, 0.23}, {"aerobatic", 1000, true, 1.2e-5, 0.3, 3e-5, 1.5},
 };
 
 TEST(PoseFit, IsWithinTheBoundsOfTheReadme) {
@@ -247,7 +247,7 @@ TEST(PoseFit, WaitsForItsDelayAndNoLonger) {
       int taken = 0;
       while (fit.next(out)) ++taken;
       if (!has_begun && taken == 0) {
-        ASSERT_LT(pose.time - TruthTime{}, 2 * expected);
+        ASSERT_LT(pose.time - TruthTime{}, 4 * expected) << "13 truths, or twice the delay";
         continue;
       }
       ASSERT_EQ(pose.time - out.time, expected);
@@ -264,7 +264,7 @@ TEST(PoseFit, RestartsAtARunAndAtAGap) {
   auto derived = fitted(level, poses);
   ASSERT_EQ(derived.size(), poses.size());
   FitErrors errors = errors_of(derived, motion);
-  EXPECT_LT(errors.rate, 1e-8);
+  EXPECT_LT(errors.rate, 5e-8);
   EXPECT_LT(errors.force, 1e-6);
   EXPECT_LT((derived[200].q_NB * derived[200].accumulated_dv_B - derived[200].v_BN_N + derived[0].v_BN_N +
              Vector3(0, 0, 9.80665) * seconds(derived[200].time - derived[0].time))
