@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <deque>
 #include <utility>
 
@@ -113,13 +114,16 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
       if (reader_.at_end()) break;
       continue;
     }
-    const HostTime time{packet->time_ns - offset_ns_};
+    ++packets_;
+    const HostTime time = time_of(*packet);
     if (!begin_) begin_ = time;
     if (options.duration && time - *begin_ > *options.duration) return;
     const PcapngInterface& interface = reader_.interfaces()[packet->interface];
     if (interface.link_type != link_type::event) {
-      feed(*packet, interface.name);
+      feed(*packet, interface.name, time);
     } else if (const auto event = decode_record_event(packet->bytes)) {
+      is_damaged_ = !is_plausible(*event, time);
+      if (is_damaged_) break;
       execute(*event);
     }
   }
@@ -127,10 +131,62 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
   session.intake().take(session.watermark());  // finds the end
 }
 
+// A time of a damaged packet may wrap around.
+HostTime RecordedRun::time_of(const PcapngPacket& packet) const noexcept {
+  return HostTime{
+      static_cast<std::int64_t>(static_cast<std::uint64_t>(packet.time_ns) - static_cast<std::uint64_t>(offset_ns_))};
+}
+
+// `time`: that of its packet. Returns false for times of which sums may overflow, and for those up to which devices
+// would be polled for more than an hour.
+bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept {
+  constexpr std::int64_t hour = 3'600'000'000'000, limit = std::int64_t{1} << 62;
+  constexpr std::int64_t most_samples = 10'000'000'000'000;
+  if (event.type == Type::begin) return true;
+  const auto is_in_range = [](std::int64_t ns) { return ns > -limit && ns < limit; };
+  // Where no clock paces the run, hosts are served at the instants of the samples.
+  const auto is_near = [&](std::int64_t ns) {
+    return is_in_range(ns) && std::min(std::abs(ns - time.ns), std::abs(ns - instant_.ns)) <= hour;
+  };
+  const auto is_polled = [&](std::int64_t ns) { return ns == 0 || is_near(ns); };
+  if (!is_in_range(time.ns)) return false;
+  switch (event.type) {
+    case Type::power_on:
+    case Type::receive:
+      return is_near(event.a);
+    case Type::power_cycle:
+      return is_near(event.a) && is_polled(event.b);
+    case Type::run:
+    case Type::end:
+      return is_polled(event.b);
+    case Type::transmit:
+      if (!is_in_range(event.a) || !is_polled(event.b)) return false;
+      instant_ = HostTime{event.a};
+      return true;
+    case Type::set_clock:
+      return is_in_range(event.a) && is_in_range(event.b);
+    case Type::advance:
+      return is_in_range(event.a);
+    case Type::sample: {
+      bool is_next = is_in_range(event.a) && event.c >= 0 && event.c < most_samples;
+      for_imus(event, [&](const Channel& channel) {
+        const auto offset = [&](std::int64_t k) {
+          return channel.grid().offset(static_cast<std::uint64_t>(k)).count();
+        };
+        std::int64_t& last = last_samples_[&channel];
+        is_next = is_next && offset(event.c) < limit / 2 && offset(event.c) - offset(last) <= hour;
+        if (is_next) last = event.c;
+      });
+      return is_next;
+    }
+    default:
+      return true;
+  }
+}
+
 // Truth, edges, and what a host has sent.
-void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface) noexcept {
+void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept {
   if (packet.direction != PacketDirection::inbound) return;
-  const HostTime time{packet.time_ns - offset_ns_};
   const std::uint16_t link = reader_.interfaces()[packet.interface].link_type;
   if (const auto [first, last] = inputs_.equal_range(interface); first != last) {
     const UdpPacket datagram = link == link_type::raw_ip ? decode_udp_packet(packet.bytes) : UdpPacket{};
@@ -288,6 +344,9 @@ void RecordedRun::transmit(const RecordEvent& event) noexcept {
 }
 
 std::string RecordedRun::difference() const {
+  if (is_damaged_)
+    return fmt::format("the record is damaged: packet {} has an impossible time, and what follows it is left out",
+                       packets_);
   if (lost_ > 0) return fmt::format("the record lacks {} packets: what follows them is not that of the run", lost_);
   if (differing_ > 0)
     return fmt::format("truth was processed differently from the run {} times: was the configuration another?",

@@ -44,8 +44,10 @@ class RecordedRun {
 
  private:
   class Input;
+  HostTime time_of(const PcapngPacket& packet) const noexcept;
+  bool is_plausible(const RecordEvent& event, HostTime time) noexcept;
   void execute(const RecordEvent& event) noexcept;
-  void feed(const PcapngPacket& packet, const std::string& interface) noexcept;
+  void feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept;
   void process_truth(const RecordEvent& event) noexcept;
   void take_sample(Channel& channel, const RecordEvent& event) noexcept;
   void transmit(const RecordEvent& event) noexcept;
@@ -70,9 +72,12 @@ class RecordedRun {
   std::optional<Nanoseconds> shift_;  // from the host times of the run to those of the replay
   std::optional<HostTime> begin_;     // of the run
   std::vector<Channel*> prepared_;
-  std::optional<RecordEvent> receive_;  // the next packet of its host is received
+  std::map<const Channel*, std::int64_t> last_samples_;  // numbers on the imus' grids
+  std::optional<RecordEvent> receive_;                   // the next packet of its host is received
   bool ended_ = false, has_end_ = false;
-  std::uint64_t lost_ = 0, differing_ = 0;
+  std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0;
+  bool is_damaged_ = false;  // at the last packet
+  HostTime instant_;         // of the last samples
 };
 
 }  // namespace imud
