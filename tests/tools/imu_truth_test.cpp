@@ -311,6 +311,24 @@ TEST(ImuTruth, ResendsACaptureByteForByte) {
   EXPECT_TRUE(contains(none.errors, "no datagram in it for that port")) << none.errors;
 }
 
+// A table of names on the command line, as truth.columns in a configuration.
+TEST(ImuTruth, NamesTheColumnsOfACapture) {
+  const ScratchFolder folder;
+  capture::write_file(folder / "log.csv", "t,qw,qx,qy,qz,P,Q,R\n0,1,0,0,0,0,0,180\n0.01,1,0,0,0,90,0,0\n");
+  std::vector<std::string> arguments = {"capture", folder / "log.csv", "--format", "csv", "--csv", "-", "--set"};
+  const std::string names = "time_s=t,q_NB_w=qw,q_NB_x=qx,q_NB_y=qy,q_NB_z=qz,p_deg_per_s=P,q_deg_per_s=Q";
+  arguments.push_back("columns=" + names + ",r_deg_per_s=R");
+  const auto named = run_program("imu-truth", arguments);
+  EXPECT_EQ(named.exit_code, 0) << named.errors;
+  EXPECT_EQ(named.output,
+            "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z\n"
+            "0,0,0,0,0,0,3.141592653589793\n10000000,0,0,0,1.5707963267948966,0,0\n");
+  arguments.back() = "columns=" + names + ",r_deg_per_s=S";
+  const auto missing = run_program("imu-truth", arguments);
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_TRUE(contains(missing.errors, "3 columns")) << missing.errors;
+}
+
 // The columns are those that the truths have; what is refused is counted, and makes the exit code 3.
 TEST(ImuTruth, WritesTheTruthsOfACaptureAsCsv) {
   const ScratchFolder folder;
