@@ -120,6 +120,10 @@ class Runs {
     constexpr std::uint64_t per_job = 4;  // items, so that all jobs end at about the same time
     const std::uint64_t most_together = std::max<std::size_t>(1, most_imus / config_.imus.size());
     together_ = std::clamp<std::uint64_t>(seeds_.size() / (per_job * jobs), 1, most_together);
+    // The seed of a run draws the faults of its truth.
+    if (std::any_of(config_.faults.begin(), config_.faults.end(),
+                    [](const FaultConfig& f) { return f.acts_on(fault_of_truth); }))
+      together_ = 1;
     parts_ =
         seeds_.size() < jobs && options_.required.empty() && truths_ && truths_->ascend() ? config_.imus.size() : 1;
   }
