@@ -186,7 +186,7 @@ std::string in_place_of(const std::string& port, const std::string& capture) {
 TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& capture) {
   TruthConfig truth;
   truth.port = table.text("port", "");
-  const std::string format = table.text("format", "native");
+  const std::string format = table.text("format", default_truth_format);
   truth.format = entry(table, "format", format, truth_formats(), find_truth_format(format));
   if (capture == "-")
     truth.port =

@@ -22,6 +22,8 @@
 
 namespace imud {
 
+inline constexpr const char* default_truth_format = "native";
+
 // The clock that paces the samples: the host's, each truth that arrives, or a capture as fast as it can be read.
 enum class ClockMode : std::uint8_t { realtime, lockstep, fast };
 

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "emulator/config.hpp"
 #include "emulator/entries.hpp"
 
 namespace imud {
@@ -42,7 +43,8 @@ std::string port_text(std::string_view key, const Transport& transport, std::str
 
 std::string truth_text(const TruthFormat& format, const Transport& port) {
   // A device may have the example of the same transport.
-  const std::string_view address = port.ends ? port.example : "udp:127.0.0.1:9810";
+  const std::string_view example = format.example_port.empty() ? "127.0.0.1:9810" : format.example_port;
+  const std::string address = port.ends ? std::string(port.example) : fmt::format("{}:{}", port.name, example);
   std::string text = "\n[truth]\n" + port_text("port", port, address) +
                      comment(format.summary, std::string(format.document)) +
                      fmt::format("format = \"{}\"\n", format.name);
@@ -96,7 +98,7 @@ int example(const std::string& name) {
       return p.link != Link::can && (p.product == nullptr) == is_device_port;
     });
   const TruthFormat* format = entries->format;
-  if (format == nullptr) format = first(truth_formats(), [](const TruthFormat& f) { return f.acknowledges; });
+  if (format == nullptr) format = find_truth_format(default_truth_format);
   const Transport* truth_port = named;
   if (named == nullptr || is_device_port)
     truth_port = first(transports(), [](const Transport& t) { return t.udp_port != nullptr && !t.ends; });

@@ -145,6 +145,9 @@ struct TruthFormat {
   // Its truths may lack rate or specific force, which are then derived from the poses (core/pose_fit.hpp) unless the
   // configuration says otherwise. A format without this always gives the rate.
   bool derives = false;
+  // The address of the port of an example configuration, after the transport's name. A format that sends first needs
+  // its simulator's. Empty: any.
+  std::string_view example_port = {};
 };
 
 // Returns the word for `result` in summaries and logs: "short", "crc", ...; "" for ok.

@@ -15,7 +15,7 @@ RULES = {
 CLOCKS = re.compile(r"(steady|system|high_resolution)_clock|clock_gettime|\btime\(NULL\)|\btime\(nullptr\)")
 ENTRY_FOLDERS = {"protocols/devices": "protocol", "protocols/truth_formats": "truth_format"}
 # Defaults for users and a command: the only texts in emulator and tools that may begin with a transport's name.
-PORTS_GIVEN = {("emulator/selftest.cpp", "pty:imu"), ("emulator/command_line.cpp", "pty"), ("emulator/example.cpp", "udp:127.0.0.1:9810"),
+PORTS_GIVEN = {("emulator/selftest.cpp", "pty:imu"), ("emulator/command_line.cpp", "pty"),
                ("tools/imu_truth.cpp", "udp:127.0.0.1:9810"),
                ("tools/lockstep_client.hpp", "udp:"),
                # The noun, not the transport.

@@ -191,6 +191,7 @@ constexpr TruthFormat ardupilot_json_truth_format = {
       return std::make_unique<ArdupilotJsonDecoder>(chosen);
     },
     .force_from = "imu.accel_body",
+    .example_port = "0.0.0.0:0?peer=127.0.0.1:9002",
 };
 
 }  // namespace imud

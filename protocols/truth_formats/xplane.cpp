@@ -229,6 +229,7 @@ constexpr TruthFormat xplane_truth_format = {
           static_cast<std::uint32_t>(chosen.integer("request_hz")), chosen.text("time") == time_choices[0]);
     },
     .force_from = "sim/flightmodel/forces/g_axil, g_side and g_nrml, or row 4",
+    .example_port = "0.0.0.0:0?peer=127.0.0.1:49000",
 };
 
 }  // namespace imud

@@ -127,6 +127,12 @@ TEST(Example, IsAcceptedForEveryName) {
     EXPECT_EQ(contains(good.output, "errors of the model " + name + ":"), find_preset(name) != nullptr)
         << good.output;
     EXPECT_TRUE(format == nullptr || contains(good.output, "truth    " + name + " from ")) << good.output;
+    EXPECT_TRUE(format != nullptr || contains(example.output, "format = \"native\"")) << example.output;
+    if (format == nullptr) continue;
+    // A format that sends before it receives needs its simulator's address.
+    const auto decoder = format->make(Settings(format->settings));
+    decoder->start({});
+    EXPECT_TRUE(!decoder->deadline() || contains(example.output, "?peer=127.0.0.1:")) << example.output;
   }
   EXPECT_EQ(run_program("imud", {"example", "nonsense"}).exit_code, 2);
 }
