@@ -2,6 +2,7 @@
 // configuration or a list of faults. The environment variable IMUD_FUZZ_INPUTS sets their number. The seed is fixed.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -29,6 +30,11 @@ class ConfigFuzz : public testing::Test {
         lines_.push_back(texts_.back().substr(at, end - at));
     }
     ASSERT_GE(texts_.size(), 8U);
+    // A scenario is a part of a configuration.
+    const auto is_whole = [](const std::string& text) { return text.find("[[imu]]") != std::string::npos; };
+    const std::string whole = *std::find_if(texts_.begin(), texts_.end(), is_whole);
+    for (std::string& text : texts_)
+      if (!is_whole(text)) text.insert(0, whole + "\n");
     for (const Protocol* protocol : protocols()) {
       words_.emplace_back(protocol->name);
       for (const Setting& setting : protocol->settings) words_.emplace_back(setting.key);
