@@ -225,6 +225,10 @@ struct Protocol {
   bool has_checksum = false;  // every one-bit error of a frame is detected; false: some are not
   // The longest burst of errors that is always detected, in bits; each byte is counted from its LSB.
   unsigned burst_bits = 0;
+  // Writes the right checksum to `frame`, a whole frame of the product, and returns those of its bytes that can
+  // change without a change of the framing. Empty, and nothing is written, if the bytes are no such frame. nullptr:
+  // no frame has a checksum of its own.
+  std::span<std::byte> (*reseal)(std::span<std::byte> frame) noexcept = nullptr;
 
   bool has_sync_pins = false;                    // Device's trigger(), pps() and pulse()
   bool has_second_uart = false;                  // Device's connect_second_uart() and second_uart()

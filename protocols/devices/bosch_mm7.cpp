@@ -76,6 +76,12 @@ constexpr CanSignal pitch_az[] = {
     crc};
 
 constexpr MessageChecksum j1850 = {.profile = ChecksumProfile::j1850};
+std::span<std::byte> reseal(std::span<std::byte> frame) noexcept {
+  constexpr std::size_t at = 7;
+  if (frame.size() != at + 1) return {};
+  frame[at] = static_cast<std::byte>(j1850.of(frame, at, 0));
+  return frame.first(at);
+}
 constexpr SignalProductMessage messages[] = {{"yaw_ay", 0x174, 8, yaw_ay, j1850},
                                              {"roll_ax", 0x178, 8, roll_ax, j1850},
                                              {"pitch_az", 0x17C, 8, pitch_az, j1850}};
@@ -106,6 +112,7 @@ constexpr Protocol bosch_mm7_protocol = signal_protocol<table>({
     .status_bits = 0x3F | status::not_valid,
     .has_checksum = true,
     .burst_bits = 6,
+    .reseal = reseal,
 });
 
 }  // namespace imud

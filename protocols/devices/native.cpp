@@ -44,6 +44,18 @@ static_assert(sizeof(Wire) == 124);
 constexpr std::uint8_t start[4] = {'I', 'M', 1, sizeof(Wire)};
 constexpr std::size_t crc_offset = offsetof(Wire, crc);
 
+// Writes the checksum of a frame.
+void seal(std::span<std::byte> frame) noexcept {
+  const little_uint32_buf_t crc{crc32c(frame.first(crc_offset))};
+  std::memcpy(frame.data() + crc_offset, &crc, sizeof crc);
+}
+
+std::span<std::byte> reseal(std::span<std::byte> frame) noexcept {
+  if (frame.size() != sizeof(Wire) || std::memcmp(frame.data(), start, sizeof start) != 0) return {};
+  seal(frame);
+  return frame.subspan(sizeof start, crc_offset - sizeof start);
+}
+
 class NativeDevice final : public Device {
  public:
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
@@ -60,8 +72,7 @@ class NativeDevice final : public Device {
     wire.temperature_c = to_float(sample.temperature_c);
     wire.status = sample.status;
     write_wire(wire, room);
-    const little_uint32_buf_t crc{crc32c(room.first(crc_offset))};
-    std::memcpy(room.data() + crc_offset, &crc, sizeof crc);
+    seal(room);
     out.push(sizeof(Wire));
   }
 };
@@ -127,6 +138,7 @@ constexpr Protocol native_protocol = {
     .counter_bits = 32,
     .has_checksum = true,
     .burst_bits = 32,
+    .reseal = reseal,
     .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<NativeDevice>(); },
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return std::make_unique<NativeDecoder>(); },
 };

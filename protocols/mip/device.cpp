@@ -279,6 +279,7 @@ constexpr Protocol mip_protocol = {
     .status_bits = 0x3F,
     .has_checksum = true,
     .burst_bits = 8,
+    .reseal = mip::reseal,
     .has_sync_pins = true,
     .product = product,
     .preset = [](const Settings& settings) { return model_of(settings).preset; },

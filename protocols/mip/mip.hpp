@@ -42,6 +42,9 @@ std::optional<std::size_t> packet_size(std::span<const std::byte> held) noexcept
 // Returns true if the checksum of a whole packet is right.
 bool is_intact(std::span<const std::byte> packet) noexcept;
 
+// Protocol::reseal.
+std::span<std::byte> reseal(std::span<std::byte> packet) noexcept;
+
 // Calls `act(descriptor, data)` for each field. Returns false if the fields do not fill the packet.
 template <class Act>
 bool for_each_field(std::span<const std::byte> packet, Act&& act) {

@@ -32,6 +32,11 @@ inline std::uint32_t crc_of(std::span<const std::byte> bytes) noexcept {
   return crc.checksum();
 }
 
+// Returns the size in bytes of a datagram with that identifier, without CR LF; 0 if there is none.
+std::size_t datagram_size_of(unsigned id) noexcept;
+// Protocol::reseal.
+std::span<std::byte> reseal(std::span<std::byte> datagram) noexcept;
+
 // Writes one datagram into a FrameBuffer.
 class Datagram {
  public:

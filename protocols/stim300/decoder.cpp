@@ -8,6 +8,12 @@ namespace imud::stim300 {
 
 namespace {
 
+std::optional<unsigned> content_of(unsigned id) noexcept {
+  for (unsigned content = 0; content < 16; ++content)
+    if (identifier(content, false) == id || identifier(content, true) == id) return content;
+  return std::nullopt;
+}
+
 class DatagramDecoder final : public Decoder {
  public:
   explicit DatagramDecoder(const Configuration& configuration) : c_(configuration) {}
@@ -20,37 +26,6 @@ class DatagramDecoder final : public Decoder {
 
  private:
   using Search = FrameSearch<longest_datagram>;
-  static constexpr std::size_t none = 0;
-
-  static std::optional<unsigned> content_of(unsigned id) noexcept {
-    for (unsigned content = 0; content < 16; ++content)
-      if (identifier(content, false) == id || identifier(content, true) == id) return content;
-    return std::nullopt;
-  }
-
-  // Returns the size in bytes without CR LF; `none` if `id` is not an identifier.
-  static std::size_t size_of(unsigned id) noexcept {
-    switch (id) {
-      case 0xB1:
-      case 0xB3:
-      case 0xB5:
-      case 0xB7:
-        return 20;
-      case 0xBC:
-      case 0xBD:
-        return 26;
-      case 0xD1:
-      case 0xD2:
-        return 40;
-      case 0xBE:
-      case 0xBF:
-        return 21;
-      default:
-        break;
-    }
-    const auto content = content_of(id);
-    return content ? datagram_size(*content) : none;
-  }
 
   static std::uint64_t get(std::span<const std::byte>& bytes, unsigned count) noexcept {
     std::uint64_t number = 0;
@@ -65,8 +40,8 @@ class DatagramDecoder final : public Decoder {
 
   std::size_t parse(std::span<const std::byte> held, MeasurementSink& sink) {
     const auto id = std::to_integer<unsigned>(held[0]);
-    const std::size_t size = size_of(id);
-    if (size == none) return Search::reject;
+    const std::size_t size = datagram_size_of(id);
+    if (size == 0) return Search::reject;
     if (held.size() < size) return Search::need_more;
     std::span<const std::byte> rest = held.subspan(size - 4, 4);
     if (get(rest, 4) != crc_of(held.first(size - 4))) {
@@ -134,6 +109,39 @@ class DatagramDecoder final : public Decoder {
 };
 
 }  // namespace
+
+std::size_t datagram_size_of(unsigned id) noexcept {
+  switch (id) {
+    case 0xB1:
+    case 0xB3:
+    case 0xB5:
+    case 0xB7:
+      return 20;
+    case 0xBC:
+    case 0xBD:
+      return 26;
+    case 0xD1:
+    case 0xD2:
+      return 40;
+    case 0xBE:
+    case 0xBF:
+      return 21;
+    default:
+      break;
+  }
+  const auto content = content_of(id);
+  return content ? datagram_size(*content) : 0;
+}
+
+std::span<std::byte> reseal(std::span<std::byte> datagram) noexcept {
+  if (datagram.empty()) return {};
+  const std::size_t size = datagram_size_of(std::to_integer<unsigned>(datagram[0]));
+  const bool is_whole = size != 0 && (datagram.size() == size || datagram.size() == size + 2);  // with CR LF
+  if (!is_whole) return {};
+  std::uint32_t crc = crc_of(datagram.first(size - 4));
+  for (std::size_t i = size; i > size - 4; crc >>= 8) datagram[--i] = static_cast<std::byte>(crc);
+  return datagram.subspan(1, size - 5);
+}
 
 std::unique_ptr<Decoder> make_decoder(const Configuration& configuration) {
   return std::make_unique<DatagramDecoder>(configuration);

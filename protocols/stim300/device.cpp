@@ -375,6 +375,7 @@ constexpr Protocol stim300_protocol = {
     .status_bits = 0x3F | status::not_valid,
     .has_checksum = true,
     .burst_bits = 32,
+    .reseal = stim300::reseal,
     .has_sync_pins = true,
     .product = product,
     .preset = [](const Settings&) -> std::string_view { return "stim300"; },

@@ -27,25 +27,9 @@ class VectorNavDecoder final : public Decoder {
   }
 
   std::size_t parse_binary(std::span<const std::byte> held, MeasurementSink& sink) {
-    if (held.size() < 2) return Search::need_more;
-    const auto bits = std::to_integer<unsigned>(held[1]);
-    if (bits == 0 || bits > 0x7F) return Search::reject;
-    std::size_t size = 2 + 2 * static_cast<std::size_t>(std::popcount(bits));
-    if (held.size() < size) return Search::need_more;
-    std::array<unsigned, groups> masks = {};
-    std::size_t at = 2;
-    for (unsigned g = 0; g < groups; ++g) {
-      if ((bits >> g & 1U) == 0) continue;
-      masks[g] = std::to_integer<unsigned>(held[at]) | std::to_integer<unsigned>(held[at + 1]) << 8;
-      at += 2;
-      for (unsigned bit = 0; bit < mask_bits; ++bit) {
-        if ((masks[g] >> bit & 1U) == 0) continue;
-        if (field_size(g, bit) == 0) return Search::reject;
-        size += field_size(g, bit);
-      }
-    }
-    size += 2;
-    if (size > longest) return Search::reject;
+    const auto head = binary_head(held);
+    if (!head) return Search::reject;
+    const auto& [masks, fields, size] = *head;
     if (held.size() < size) return Search::need_more;
     if (crc16(held.subspan(1, size - 1)) != 0) {
       ++errors_.checksum;
@@ -53,6 +37,7 @@ class VectorNavDecoder final : public Decoder {
     }
     Measurement measurement;
     bool finite = true;
+    std::size_t at = fields;
     for (unsigned g = 0; g < groups; ++g)
       for (unsigned bit = 0; bit < mask_bits; ++bit)
         if ((masks[g] >> bit & 1U) != 0) {
@@ -175,6 +160,32 @@ class VectorNavDecoder final : public Decoder {
 };
 
 }  // namespace
+
+std::optional<BinaryHead> binary_head(std::span<const std::byte> held) noexcept {
+  BinaryHead head;
+  head.size = 2;
+  if (!held.empty() && held[0] != std::byte{0xFA}) return std::nullopt;
+  if (held.size() < head.size) return head;
+  const auto bits = std::to_integer<unsigned>(held[1]);
+  if (bits == 0 || bits > 0x7F) return std::nullopt;
+  head.size += 2 * static_cast<std::size_t>(std::popcount(bits));
+  if (held.size() < head.size) return head;
+  std::size_t at = 2;
+  head.fields = head.size;
+  for (unsigned g = 0; g < groups; ++g) {
+    if ((bits >> g & 1U) == 0) continue;
+    head.masks[g] = std::to_integer<unsigned>(held[at]) | std::to_integer<unsigned>(held[at + 1]) << 8;
+    at += 2;
+    for (unsigned bit = 0; bit < mask_bits; ++bit) {
+      if ((head.masks[g] >> bit & 1U) == 0) continue;
+      if (field_size(g, bit) == 0) return std::nullopt;
+      head.size += field_size(g, bit);
+    }
+  }
+  head.size += 2;
+  if (head.size > longest) return std::nullopt;
+  return head;
+}
 
 std::unique_ptr<Decoder> make_decoder() { return std::make_unique<VectorNavDecoder>(); }
 

@@ -397,6 +397,7 @@ constexpr Protocol vectornav_protocol = {
     .status_bits = 0x3F,
     .has_checksum = true,
     .burst_bits = 16,
+    .reseal = vectornav::reseal,
     .has_sync_pins = true,
     .has_second_uart = true,
     .counters = counters,

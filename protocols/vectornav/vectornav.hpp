@@ -58,6 +58,22 @@ unsigned crc16(std::string_view text) noexcept;
 // Returns true if `sum`, the text after '*', is the checksum of `body`.
 bool is_checksum_of(std::string_view body, std::string_view sum) noexcept;
 
+// Writes what follows the body of a text: "*", its checksum, CR LF. `place` has room for 16 characters. Returns the
+// number of characters; a NUL follows them.
+enum class Form : std::uint8_t { two_digits, four_digits };  // of the checksum: XOR, CRC-16
+std::size_t write_checksum(std::string_view body, Form form, char* place) noexcept;
+
+// The head of a binary frame: the offset of its fields, and the frame's size, which may be more than is held; as long
+// as the head is incomplete, `size` is that of the head.
+struct BinaryHead {
+  std::array<unsigned, groups> masks = {};
+  std::size_t fields = 0, size = 0;
+};
+// Returns nullopt if no frame begins with these bytes.
+std::optional<BinaryHead> binary_head(std::span<const std::byte> held) noexcept;
+// Protocol::reseal.
+std::span<std::byte> reseal(std::span<std::byte> frame) noexcept;
+
 // The words between commas. `count` is greater than words.size() if there are more words than that.
 struct Words {
   explicit Words(std::string_view text) noexcept;
@@ -69,7 +85,6 @@ struct Words {
 std::optional<double> real_in(std::string_view text) noexcept;
 
 // Writes a text message; send() adds the checksum and sends the message.
-enum class Form : std::uint8_t { two_digits, four_digits };  // of the checksum: XOR, CRC-16
 class Message {
  public:
   // `uart`: Frame::uart.

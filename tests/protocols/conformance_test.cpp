@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "tests/protocols/conformance_cases.hpp"
 #include "tests/protocols/recording.hpp"
@@ -317,6 +318,55 @@ TEST_P(Conformance, AChecksumRefusesEveryBurst) {
       }
   ASSERT_EQ(flipper.measurements(), 1U);
   EXPECT_EQ(bursts > 500, protocol().has_checksum);
+}
+
+// Each frame with any one bit of its content changed is accepted with a new checksum, and each frame with the
+// checksum of another content is not.
+TEST_P(Conformance, AChecksumCanBeWrittenAnew) {
+  if (protocol().link == Link::bytes && protocol().has_checksum) {
+    ASSERT_NE(protocol().reseal, nullptr);
+  }
+  if (protocol().reseal == nullptr) return;
+  // Decodes the frames with `other` in place of frame `i`.
+  const auto decode = [this](std::span<const StoredFrame> frames, std::size_t i, std::span<const std::byte> other) {
+    Line line(protocol(), GetParam().settings);
+    Recording recording(4);
+    for (std::size_t k = 0; k < frames.size(); ++k)
+      line.decoder->feed(k == i ? Frame{other, frames[k].can} : frames[k].view(), recording);
+    line.decoder->finish(recording);
+    return std::pair(line.decoder->errors(), recording.measurements.size());
+  };
+  const std::vector<StoredFrame> frames = line_.encode_all(random_samples(1, protocol(), random_));
+  std::size_t changes = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    std::vector<std::byte> frame = frames[i].bytes;
+    const std::span<const std::byte> content = protocol().reseal(frame);
+    ASSERT_FALSE(content.empty());
+    ASSERT_EQ(frame, frames[i].bytes) << "the checksum was another";
+    const std::ptrdiff_t begin = content.data() - frame.data();
+    const std::size_t size = content.size();
+    for (std::size_t bit = 0; bit < 8 * size; ++bit) {
+      std::vector<std::byte> changed = frames[i].bytes, refused = changed;
+      changed[static_cast<std::size_t>(begin) + bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
+      const std::span<const std::byte> same = protocol().reseal(changed);
+      if (same.data() != changed.data() + begin || same.size() != size) continue;  // another frame
+      ++changes;
+      EXPECT_EQ(decode(frames, i, changed).first.checksum, 0U) << "bit " << bit;
+      EXPECT_EQ(decode(frames, i, changed).first.skipped_bytes, 0U) << "bit " << bit;
+      for (std::size_t k = 0; k < refused.size(); ++k)
+        if (k < static_cast<std::size_t>(begin) || k >= static_cast<std::size_t>(begin) + size)
+          refused[k] = changed[k];
+      const auto [errors, measurements] = decode(frames, i, refused);
+      EXPECT_EQ(measurements, 0U) << "bit " << bit;
+      EXPECT_GT(errors.checksum, 0U) << "bit " << bit;
+      if (HasFailure()) return;
+    }
+    std::vector<std::byte> part(frames[i].bytes.begin(), frames[i].bytes.end() - 1);
+    EXPECT_TRUE(protocol().reseal(part).empty());
+    EXPECT_TRUE(std::equal(part.begin(), part.end(), frames[i].bytes.begin()));
+  }
+  EXPECT_GT(changes, 8U);
+  EXPECT_TRUE(protocol().reseal({}).empty());
 }
 
 }  // namespace

@@ -13,6 +13,17 @@ namespace {
 
 using namespace throwaway_imu;
 
+void seal(std::span<std::byte> frame) noexcept {
+  const boost::endian::little_uint32_buf_t crc{crc32c(frame.first(crc_offset))};
+  std::memcpy(frame.data() + crc_offset, &crc, sizeof crc);
+}
+
+std::span<std::byte> reseal(std::span<std::byte> frame) noexcept {
+  if (frame.size() != sizeof(Wire) || std::memcmp(frame.data(), start, sizeof start) != 0) return {};
+  seal(frame);
+  return frame.subspan(sizeof start, crc_offset - sizeof start);
+}
+
 class ThrowawayDevice final : public Device {
  public:
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
@@ -25,8 +36,7 @@ class ThrowawayDevice final : public Device {
       wire.rate[i] =
           static_cast<std::int32_t>(std::llround(std::clamp(sample.rate[i], -rate_range, rate_range) / rate_lsb));
     write_wire(wire, room);
-    const boost::endian::little_uint32_buf_t crc{crc32c(room.first(crc_offset))};
-    std::memcpy(room.data() + crc_offset, &crc, sizeof crc);
+    seal(room);
     out.push(sizeof(Wire));
   }
 
@@ -60,6 +70,7 @@ constexpr Protocol throwaway_imu_protocol = {
     .status_bits = 0,
     .has_checksum = true,
     .burst_bits = 32,
+    .reseal = reseal,
     .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<ThrowawayDevice>(); },
     .make_decoder = make_decoder,
 };
