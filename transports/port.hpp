@@ -136,6 +136,13 @@ class Port {
   // before have left. A port without UART ignores it.
   virtual void set_line(const UartSettings&) noexcept {}
 
+  // Pulls the cable out, or in again. A pty without a keeper hangs its client up and has no link meanwhile;
+  // afterwards there is another one, which a client has to open. Default: does nothing, for a port whose peer sees
+  // no cable.
+  virtual void set_connected(bool) noexcept {}
+  // Begins or ends a break: the line is at space. Returns false if the port cannot do that.
+  virtual bool set_break(bool) noexcept { return false; }
+
   // Sends what is held back, as far as possible now: a file's buffer, the rest of a frame taken in part, the
   // characters that a paced line has carried by now.
   virtual void flush() noexcept {}

@@ -90,6 +90,20 @@ class PtyDevice final : public Port {
     if (line.baud != 0) line_ = line;
   }
 
+  // A keeper has the master, too, so that its client is not hung up.
+  void set_connected(bool connected) noexcept override {
+    if (kept_ || connected == is_connected_) return;
+    is_connected_ = connected;
+    if (connected) {
+      reconnect();
+      return;
+    }
+    lose_client();
+    pty_.hang_up();
+    speeds_ = {};
+    state_ = PortState::lost;
+  }
+
   void flush() noexcept override {
     if (!paced_ || next_flush() <= host_now()) send({});
   }
@@ -110,9 +124,12 @@ class PtyDevice final : public Port {
   }
 
   // -1 without a reader, because poll() would always return at once.
-  int descriptor() const noexcept override { return state_ == PortState::no_reader ? -1 : pty_.master(); }
+  int descriptor() const noexcept override { return is_open() ? pty_.master() : -1; }
 
  private:
+  // Returns true if a client has the pty open, as last seen.
+  bool is_open() const noexcept { return state_ != PortState::no_reader && state_ != PortState::lost; }
+
   // Sets the line's speed, unless a client of a kept pty has set one: one that no earlier device has, or by a
   // constant of termios, which set_line_speed() does not use. Returns false, with errno, on failure.
   bool set_first_speed() noexcept {
@@ -131,14 +148,30 @@ class PtyDevice final : public Port {
     std::optional<KeptPty> next = next_keeper_->take();
     if (!next || !pty_.replace(std::move(next->master))) return;
     kept_ = std::move(next);
+    lose_client();
+    set_first_speed();
+    access_.apply(pty_.open_slave().get());
+    state_ = PortState::no_reader;
+  }
+
+  // Discards what was on its way between imud and a client that no longer has the pty.
+  void lose_client() noexcept {
     ++counters_.lost_count;
     writer_.discard(counters_);
     if (paced_) paced_->discard(counters_);
     to_client_.idle();
     from_client_.idle();
-    set_first_speed();
-    access_.apply(pty_.open_slave().get());
-    state_ = PortState::no_reader;
+  }
+
+  // Makes another pty in place of one that was hung up. If that fails, check_reader() tries again.
+  bool reconnect() noexcept {
+    if (pty_.renew() && set_first_speed() && access_.apply(pty_.open_slave().get()) == 0 && pty_.renew_link()) {
+      state_ = PortState::no_reader;
+      return true;
+    }
+    pty_.hang_up();
+    back_off_.start();
+    return false;
   }
 
   // Discards what the client sent while no device was there, and what a client that has left did not read.
@@ -153,12 +186,13 @@ class PtyDevice final : public Port {
   // not read.
   bool has_reader() noexcept {
     constexpr Nanoseconds between_checks = std::chrono::milliseconds(5);
-    if (state_ == PortState::no_reader || host_now() - checked_ >= between_checks) return check_reader();
+    if (!is_open() || host_now() - checked_ >= between_checks) return check_reader();
     state_ = state_with_reader();
     return true;
   }
 
   bool check_reader() noexcept {
+    if (pty_.master() < 0 && !(is_connected_ && back_off_.due() && reconnect())) return false;
     if (kept_ && !kept_->connection) follow_keeper();
     std::array<pollfd, 2> ends{{{pty_.master(), 0, 0}, {kept_ ? kept_->connection.get() : -1, 0, 0}}};
     ::poll(ends.data(), ends.size(), 0);
@@ -254,6 +288,8 @@ class PtyDevice final : public Port {
   PtyPair pty_;
   UartSettings line_;  // of the device; baud 0: not known
   const bool any_speed_;
+  bool is_connected_ = true;
+  BackOff back_off_;  // of reconnect()
   HostTime checked_;  // when has_reader() last checked for a reader
   ByteWriter writer_;
   std::optional<PacedWriter> paced_;

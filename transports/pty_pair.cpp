@@ -47,10 +47,16 @@ std::string slave_of(const PortSpec& spec, const FileDescriptor& master) {
   return fmt::format("{}{}", slaves, *number);
 }
 
-FileDescriptor new_master(const PortSpec& spec) {
+// Returns no descriptor, with errno, on failure.
+FileDescriptor open_master() noexcept {
   FileDescriptor master(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-  if (!master || ::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0)
-    throw failed(spec, "cannot make a pty");
+  if (master && (::grantpt(master.get()) != 0 || ::unlockpt(master.get()) != 0)) master.reset();
+  return master;
+}
+
+FileDescriptor new_master(const PortSpec& spec) {
+  FileDescriptor master = open_master();
+  if (!master) throw failed(spec, "cannot make a pty");
   return master;
 }
 
@@ -81,6 +87,23 @@ bool PtyPair::replace(FileDescriptor master) noexcept {
   master_ = std::move(master);
   return true;
 }
+
+void PtyPair::hang_up() noexcept {
+  std::array<char, 32> target{};
+  const ssize_t size = link_.empty() ? 0 : ::readlink(link_.c_str(), target.data(), target.size());
+  if (size > 0 && std::string_view(target.data(), static_cast<std::size_t>(size)) == slave_) ::unlink(link_.c_str());
+  master_.reset();
+}
+
+bool PtyPair::renew() noexcept {
+  if (!replace(open_master())) return false;
+  const FileDescriptor slave = open_slave();
+  if (slave && make_raw(slave.get())) return true;
+  master_.reset();
+  return false;
+}
+
+bool PtyPair::renew_link() const noexcept { return link_.empty() || ::symlink(slave_.c_str(), link_.c_str()) == 0; }
 
 PtyPair::~PtyPair() {
   if (link_.empty()) return;

@@ -31,6 +31,15 @@ class PtyPair {
   // nothing changes.
   bool replace(FileDescriptor master) noexcept;
 
+  // Closes the master, which is -1 from then on, and removes the link that make_link() has made. The kernel hangs the
+  // client up, unless another process has the master, too.
+  void hang_up() noexcept;
+  // After hang_up(): makes another pty, whose slave is raw, without a link. Returns false, with errno, on failure.
+  bool renew() noexcept;
+  // Makes the link again that hang_up() has removed. Returns false, with errno, on failure, for example because the
+  // name is in use by now.
+  bool renew_link() const noexcept;
+
   int master() const noexcept { return master_.get(); }
   const std::string& slave() const noexcept { return slave_; }  // "/dev/pts/3"
   // Opens the slave, without waiting and not as the controlling terminal.

@@ -111,6 +111,8 @@ class SerialPort final : public Port {
   bool wants_output() const noexcept override { return !writer_.is_idle(); }
   int descriptor() const noexcept override { return line_.get(); }
 
+  bool set_break(bool on) noexcept override { return line_ && ::ioctl(line_.get(), on ? TIOCSBRK : TIOCCBRK) == 0; }
+
   void set_line(const UartSettings& line) noexcept override {
     wanted_ = line;
     apply_line();

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <thread>
 
+#include "tests/support/allocations.hpp"
 #include "tests/transports/port_error.hpp"
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
@@ -63,6 +64,61 @@ TEST_F(Pty, ReportsWhetherTheReaderHasReadAll) {
     EXPECT_EQ(std::stoul(line.data()), sent) << round;
     ::pclose(client);
   }
+}
+
+TEST_F(Pty, ClientIsHungUpWhileTheCableIsOut) {
+  const auto port = device();
+  FileDescriptor client = open_terminal(link);
+  port->send(frames.next(3));
+  drain(client.get(), reader);
+  EXPECT_EQ(reader.numbers.size(), 3U);
+
+  const std::uint64_t before = allocations();
+  port->set_connected(false);
+  port->set_connected(false);
+  EXPECT_EQ(port->state(), PortState::lost);
+  EXPECT_EQ(port->descriptor(), -1);
+  EXPECT_EQ(port->counters().lost_count, 1U);
+  pollfd hung_up{client.get(), POLLIN, 0};
+  EXPECT_EQ(::poll(&hung_up, 1, 0), 1);
+  EXPECT_NE(hung_up.revents & POLLHUP, 0);
+  std::byte byte{};
+  EXPECT_EQ(::write(client.get(), &byte, 1), -1);
+  EXPECT_EQ(errno, EIO);
+  port->send(frames.next(2));
+  EXPECT_FALSE(port->receive());
+  port->flush();
+  EXPECT_TRUE(port->is_drained());
+  EXPECT_EQ(port->counters().dropped, 2U);
+  EXPECT_EQ(allocations() - before, 0U);
+  EXPECT_FALSE(fs::exists(fs::symlink_status(link)));
+
+  const std::uint64_t again = allocations();
+  port->set_connected(true);
+  EXPECT_EQ(allocations() - again, 0U);
+  EXPECT_EQ(port->state(), PortState::no_reader);
+  client.reset();
+  client = open_terminal(link);
+  port->send(frames.next(4));
+  EXPECT_EQ(port->state(), PortState::ready);
+  drain(client.get(), reader);
+  EXPECT_EQ(reader.numbers.size(), 7U);
+  EXPECT_EQ(port->counters().sent, 7U);
+}
+
+TEST_F(Pty, NameThatIsTakenMeanwhileIsLeftAlone) {
+  auto port = device();
+  port->set_connected(false);
+  std::ofstream(link) << "mine";
+  port->set_connected(true);
+  EXPECT_EQ(port->state(), PortState::lost);
+  fs::remove(link);
+  for (int ms = 0; ms < 10'000 && port->state() == PortState::lost; ms += 10, ::poll(nullptr, 0, 10))
+    port->send(frames.next(1));
+  EXPECT_EQ(port->state(), PortState::no_reader);
+  EXPECT_TRUE(fs::is_character_file(link));
+  port.reset();
+  EXPECT_FALSE(fs::exists(fs::symlink_status(link)));
 }
 
 TEST_F(Pty, LinkOfACrashedRunIsReplaced) {
