@@ -151,7 +151,8 @@ class CanPort final : public Port {
     bus_off_ = false;
     bus_state_ = PortState::ready;
     update_mtu();
-    max_frames_per_s_ = socket_.is_virtual() ? virtual_frames_per_s_ : std::nullopt;
+    is_virtual_ = socket_.is_virtual();
+    max_frames_per_s_ = is_virtual_ ? virtual_frames_per_s_ : std::nullopt;
     if (const int down = socket_.pending_error(); down != 0)
       lose(down);
     else
@@ -221,16 +222,21 @@ class CanPort final : public Port {
     return false;
   }
 
-  // Returns false if the interface cannot carry the frame.
+  // Returns false if the interface cannot carry the frame. Error frames are the controller's own; a virtual
+  // interface, which has none, passes on those of others.
   bool pack(const Frame& frame, CanQueue::Queued& queued) const noexcept {
     const CanHeader& header = frame.can;
     const std::size_t limit = header.fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN;
-    if (frame.bytes.size() > limit || header.error || (header.fd && (header.remote || !carries_fd_))) return false;
-    if (header.id > (header.extended ? CAN_EFF_MASK : CAN_SFF_MASK)) return false;
+    if (frame.bytes.size() > limit || (header.error && !is_virtual_) ||
+        (header.fd && (header.remote || !carries_fd_)))
+      return false;
+    const canid_t ids = header.error ? CAN_ERR_MASK : header.extended ? CAN_EFF_MASK : CAN_SFF_MASK;
+    if (header.id > ids) return false;
 
     canfd_frame& out = queued.frame;
     out = {};
-    out.can_id = header.id | (header.extended ? CAN_EFF_FLAG : 0) | (header.remote ? CAN_RTR_FLAG : 0);
+    out.can_id = header.id | (header.extended ? CAN_EFF_FLAG : 0) | (header.remote ? CAN_RTR_FLAG : 0) |
+                 (header.error ? CAN_ERR_FLAG : 0);
     out.len = static_cast<std::uint8_t>(header.fd ? fd_length(frame.bytes.size()) : frame.bytes.size());
     if (header.fd) out.flags = static_cast<std::uint8_t>(CANFD_FDF | (header.bit_rate_switch ? CANFD_BRS : 0));
     std::memcpy(out.data, frame.bytes.data(), frame.bytes.size());
@@ -306,6 +312,7 @@ class CanPort final : public Port {
   CanSocket socket_;
   CanQueue queue_;
   bool carries_fd_ = false;
+  bool is_virtual_ = false;
   bool bus_off_ = false;
   PortState bus_state_ = PortState::ready;  // of the controller, unless it is off
   bool output_full_ = false;                // the socket's send buffer was full at the last attempt

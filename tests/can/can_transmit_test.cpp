@@ -1,5 +1,6 @@
 // The transmit queue of a port on real interfaces: full ones, slow ones, and unlimited ones. Runs in tools/with-vcan,
 // whose guest has a coarse clock: times are compared with lower bounds only.
+#include <linux/can/error.h>
 #include <poll.h>
 
 #include <string_view>
@@ -236,6 +237,24 @@ TEST_F(Can, AReceiverWithADefaultBufferSeesEveryPacedFrame) {
   for (int i = 0; i < 20; ++i) send_sample(*unlimited, 1, 50);
   EXPECT_EQ(unlimited->counters().sent, 1000U);
   EXPECT_LT(node.receive_all().size(), 1000U) << "the buffer holds everything: the test above proves nothing";
+}
+
+// A virtual interface has no controller: an error frame that a node sends reaches the others as one.
+TEST_F(Can, ErrorFramesPassAVirtualInterface) {
+  const auto receiver = open(own), sender = open(own);
+  SampleFrames frames;
+  frames.add({.id = CAN_ERR_PROT | CAN_ERR_BUSERROR, .error = true}, CAN_ERR_DLC);
+  frames.add({.id = 0x123}, 8);
+  sender->send(frames);
+  EXPECT_EQ(sender->counters().sent, 2U);
+  const auto error = receive_next(*receiver);
+  ASSERT_TRUE(error);
+  EXPECT_TRUE(error->frame.can.error);
+  EXPECT_EQ(error->frame.can.id, unsigned{CAN_ERR_PROT | CAN_ERR_BUSERROR});
+  EXPECT_EQ(receiver->counters().bus_errors, 1U);
+  const auto data = receive_next(*receiver);
+  ASSERT_TRUE(data);
+  EXPECT_FALSE(data->frame.can.error);
 }
 
 }  // namespace
