@@ -1,5 +1,6 @@
 #include "emulator/recorder.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <utility>
@@ -50,6 +51,12 @@ void Recorder::finish() {
 
 void Recorder::event(const RecordEvent& event) noexcept {
   push({.interface = 0, .time = now_}, encode_record_event(event));
+}
+
+void Recorder::frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept {
+  const std::size_t left = frames.size() - std::min<std::uint64_t>(dropped, frames.size());
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    packet(static_cast<std::uint16_t>(interface + (i < left ? 0 : 2)), PacketDirection::outbound, now_, frames[i]);
 }
 
 void Recorder::packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,

@@ -47,6 +47,9 @@ class Recorder {
   void event(const RecordEvent& event) noexcept;
   void packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
               const Endpoint& peer = {}) noexcept;
+  // Records frames that a port was passed, of which it has dropped the last `dropped`: those that left by
+  // `interface`, the others by `interface` + 2.
+  void frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
 
   // --- Any other thread ---
   // Called when the sampling thread has ended: writes what is in the queue.

@@ -1,0 +1,128 @@
+#include "emulator/faults/wire_faults.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view wire[] = {"wire"};
+
+constexpr FaultParameter probability_of(std::string_view meaning) {
+  return {.key = "value", .meaning = meaning, .min = 0, .max = 1};
+}
+constexpr FaultParameter of_frames = {
+    .key = "value", .meaning = "probability with which a frame is affected", .initial = 1, .min = 0, .max = 1};
+
+constexpr FaultParameter of_bits[] = {probability_of("probability that a data bit is wrong"),
+                                      {.key = "burst_bits",
+                                       .meaning = "mean length of a run of wrong bits; 0: each bit is independent",
+                                       .initial = 0,
+                                       .min = 0,
+                                       .max = 1e6}};
+constexpr FaultParameter of_lost_bytes[] = {probability_of("probability that a byte is lost")};
+constexpr FaultParameter of_inserted_bytes[] = {probability_of("probability that a random byte precedes a byte")};
+constexpr FaultParameter of_cut[] = {
+    {.key = "bytes",
+     .meaning = "bytes of a frame that leave; 0: as `fraction` has it",
+     .initial = 0,
+     .min = 0,
+     .max = 16384},
+    {.key = "fraction", .meaning = "part of a frame that leaves", .initial = 0.5, .min = 0, .max = 1},
+    of_frames};
+constexpr FaultParameter of_checksum[] = {of_frames};
+constexpr FaultParameter of_garbage[] = {
+    {.key = "bytes_per_s", .meaning = "rate of random bytes", .min = 0, .max = 1e6}};
+constexpr FaultParameter of_baud[] = {
+    {.key = "value", .meaning = "length of the sensor's bits, in bits of the line", .min = 0.05, .max = 20}};
+constexpr FaultParameter of_bandwidth[] = {
+    {.key = "value", .meaning = "part of the line's rate that is left", .initial = 0.5, .min = 1e-6, .max = 1},
+    {.key = "baud", .meaning = "bit/s of a line whose port has none", .initial = 115200, .min = 50, .max = 1e9}};
+constexpr FaultParameter of_frame_rate[] = {
+    {.key = "frames_per_s", .meaning = "rate of the frames", .min = 0, .max = 1e5}};
+constexpr FaultParameter of_load[] = {
+    {.key = "percent", .meaning = "load of the bus with the sensor's own frames", .min = 0, .max = 100},
+    {.key = "bitrate",
+     .meaning = "bit/s of a bus whose port has none",
+     .initial = 500'000,
+     .min = 5'000,
+     .max = 1'000'000}};
+
+constexpr std::string_view host_bytes_lost = "commands that the host has sent meanwhile are lost";
+
+constexpr FaultKind kind(std::string_view name, std::string_view summary, std::span<const FaultParameter> parameters,
+                         bool is_ramped, std::string_view stays = {}) {
+  return {.name = name,
+          .summary = summary,
+          .seam = FaultSeam::wire,
+          .targets = wire,
+          .parameters = parameters,
+          .is_ramped = is_ramped,
+          .stays = stays};
+}
+
+// In the order of WireFault.
+constexpr std::array kinds = {
+    kind("bit_errors", "bits of the characters are wrong, alone or in runs", of_bits, true),
+    kind("byte_loss", "bytes are lost", of_lost_bytes, true),
+    kind("byte_insertion", "random bytes are inserted", of_inserted_bytes, true),
+    kind("cut", "frames end early", of_cut, true),
+    kind("checksum_wrong", "the content of frames is right, the checksum is that of another content", of_checksum,
+         true),
+    kind("content_wrong", "a bit of the content of frames is wrong, the checksum is right for it", of_checksum, true),
+    kind("garbage", "random bytes between the frames", of_garbage, true),
+    kind("break", "the line is at space: the receiver gets one 0x00 with a framing error, then nothing", {}, false),
+    kind("silence", "nothing leaves, and nothing that the host sends arrives", {}, false, host_bytes_lost),
+    kind("baud_wrong",
+         "the sensor's UART runs at another speed: both sides sample the other's bits at the wrong times", of_baud,
+         false, host_bytes_lost),
+    kind("disconnect", "the cable is out: a pty is hung up and its link is gone, on other lines nothing passes", {},
+         false, "the client of a pty has to open it anew; commands that the host has sent meanwhile are lost"),
+    kind("half_bandwidth", "the line carries less, and the frames of a sample that finds it busy are dropped whole",
+         of_bandwidth, false),
+    kind("bus_off", "the controller has left the bus until the end, when it restarts", {}, false,
+         "counted as a bus-off and a restart; commands that the host has sent meanwhile are lost"),
+    kind("error_frames", "error frames are on the bus", of_frame_rate, true),
+    kind("same_id", "another node sends a frame with the same identifier and random data after a frame of the sensor",
+         of_checksum, true),
+    kind("babbling", "a node sends frames with the highest priority", of_frame_rate, true),
+    kind("bus_load", "other nodes send frames with the lowest priority up to a level of load", of_load, true),
+};
+static_assert(kinds.size() == static_cast<std::size_t>(WireFault::bus_load) + 1);
+
+bool suits(WireFault fault, Link link) {
+  switch (fault) {
+    case WireFault::checksum_wrong:
+    case WireFault::content_wrong:
+    case WireFault::silence:
+    case WireFault::disconnect:
+      return true;
+    default:
+      return (fault >= WireFault::bus_off) == (link == Link::can);
+  }
+}
+
+}  // namespace
+
+std::span<const FaultKind> wire_fault_kinds() noexcept { return kinds; }
+
+std::string wire_fault_objection(const FaultKind& kind, const Protocol& protocol) {
+  const WireFault fault = wire_fault(kind);
+  const bool is_can = protocol.link == Link::can;
+  if (!suits(fault, protocol.link)) {
+    std::string right;
+    for (const FaultKind& other : kinds)
+      if (suits(wire_fault(other), protocol.link))
+        right += fmt::format("{}{}", right.empty() ? "" : ", ", other.name);
+    return fmt::format("{} is on {}; right would be {}", protocol.name, is_can ? "a CAN bus" : "a line of bytes",
+                       right);
+  }
+  if ((fault == WireFault::checksum_wrong || fault == WireFault::content_wrong) && protocol.reseal == nullptr)
+    return fmt::format("the frames of {} have no checksum{}", protocol.name,
+                       is_can ? "" : "; bit_errors changes their content");
+  return {};
+}
+
+}  // namespace imud
