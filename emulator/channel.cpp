@@ -10,22 +10,6 @@
 
 namespace imud {
 
-namespace {
-
-// Returns the figures that a unit has of these errors.
-OwnFigures figures_of(const ImuModel& model) noexcept {
-  const NavigationErrors& errors = model.navigation;
-  const auto both = [](const Vector3& slow, const Vector3& white) -> Vector3 {
-    return (slow.array().square() + white.array().square()).sqrt();
-  };
-  return {.g_sensitivity = model.gyro.g_sensitivity,
-          .position = both(errors.position, errors.position_noise),
-          .velocity = both(errors.velocity, errors.velocity_noise),
-          .attitude = errors.attitude};
-}
-
-}  // namespace
-
 Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder,
                  std::unique_ptr<ChannelFaults> faults)
     : name_(config.name),
@@ -55,11 +39,8 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
   if (recorder_ != nullptr) add_interfaces();
   if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, recorder_);
   if (is_can_) {
-    // The device's own identifiers pass too, so that the port can confirm its frames and the device detects other
-    // users.
-    std::vector<CanFilter> filters = config.protocol->can_filters(config.settings);
-    for (const CanMessage& message : config.protocol->can_messages(config.settings, config.rate_hz))
-      filters.push_back({.id = message.can.id, .extended = message.can.extended});
+    std::vector<CanFilter> filters;
+    add_filters(*config.protocol, config.settings, config.rate_hz, filters);
     lines_[0].port->set_filters(filters);
   }
   publish();
@@ -103,18 +84,12 @@ void Channel::begin_run() noexcept {
   if (faults_) faults_->begin_run();
 }
 
-void Channel::cycle_power(HostTime now) noexcept {
-  imu_.power_on(++power_ons_);
-  device_->power_on(clock_.now(now) + clock_offset_);
-  apply_uarts();
-  apply_filters();
-}
-
 Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
   has_sampled_ = true;
   is_resting_ = false;
   sample_ = imu_.sample(timeline, time, clock_.stamp(k));
   if (faults_) faults_->take(sample_, time - timeline.run_start());
+  if (faults_ && power_faults_) set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
   return sample_;
 }
 
@@ -138,13 +113,15 @@ void Channel::encode(bool too_late) noexcept {
   if (faults_) faults_->expectations().port_is(lines_[0].port->state());
   if (faults_) set_clock_offset(faults_->messages().clock_offset());
   poll_until(time, too_late);
+  if (apply_power_faults()) poll_until(time, too_late);
   clock_.take_sample(time);
   frames_.clear();
   others_.clear();
-  if (sync_ && truth_)
+  if (sync_ && truth_ && is_on())
     sync_->deliver_edges(*device_, *truth_, time);
   else if (sync_)
     sync_->discard_edges();
+  if (!is_on()) return;
   sample_.time = time + clock_offset_;
   device_->sample(sample_, silent_ || too_late ? others_ : frames_);
   sample_.time = time;
@@ -152,7 +129,7 @@ void Channel::encode(bool too_late) noexcept {
 }
 
 void Channel::transmit() noexcept {
-  if (sync_ && truth_) sync_->send_pulse(*device_);
+  if (sync_ && truth_ && is_on()) sync_->send_pulse(*device_);
   send(frames_.frames(), sample_.time);
 }
 
@@ -168,17 +145,11 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
     else
       line.port->send(frames.first(size));
     line.passed += size;
-    if (recorder_ != nullptr) record(line, frames.first(size), line.port->counters().dropped - dropped);
+    // A port drops the last frames of those that it is passed.
+    if (recorder_ != nullptr && line.wire == nullptr)
+      recorder_->frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
     frames = frames.subspan(size);
   }
-}
-
-// A port drops the last frames of those that it is passed.
-void Channel::record(Line& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept {
-  const std::size_t left = frames.size() - std::min<std::uint64_t>(dropped, frames.size());
-  for (std::size_t i = 0; i < frames.size(); ++i)
-    recorder_->packet(static_cast<std::uint16_t>(line.interface + (i < left ? 0 : 2)), PacketDirection::outbound,
-                      recorder_->now(), frames[i]);
 }
 
 void Channel::record_times(Nanoseconds lateness, Nanoseconds write) noexcept {
@@ -198,6 +169,7 @@ void Channel::count_sample() noexcept {
 
 void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
   if (faults_) release_until(now, too_late);
+  if (!is_on()) return;
   for (auto deadline = device_->deadline(); deadline && *deadline <= now + clock_offset_;
        deadline = device_->deadline()) {
     others_.clear();
@@ -262,8 +234,9 @@ void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
   const DeviceTime time = clock_.now(now);
   poll_until(time);
   others_.clear();
-  frame.uart = static_cast<std::uint8_t>(uart);
   if (faults_) faults_->expectations().host_sent(frame.bytes);
+  if (!is_on()) return;
+  frame.uart = static_cast<std::uint8_t>(uart);
   device_->receive(frame, time + clock_offset_, others_);
   apply_filters();
   send(others_.frames(), time, true);
@@ -304,7 +277,8 @@ void Channel::publish() noexcept {
     counters_.second_port_error.store(second.error(), std::memory_order_relaxed);
     counters_.second_port_state.store(second.state(), std::memory_order_release);
   }
-  counters_.device.store(device_->counts());
+  counters_.device.store(device_->counts(),
+                         other_device_ ? other_device_->counts() : std::span<const std::uint64_t>());
   publish_bus();
   counters_.frames.store(sent - replies, std::memory_order_relaxed);
   counters_.replies.store(replies, std::memory_order_relaxed);
@@ -400,7 +374,7 @@ std::optional<HostTime> Channel::next_wake() const noexcept {
   const auto wake_at = [&](DeviceTime time) {
     if (const auto at = clock_.host_time(time); at && (!first || *at < *first)) first = at;
   };
-  if (const auto deadline = device_->deadline()) wake_at(*deadline - clock_offset_);
+  if (const auto deadline = is_on() ? device_->deadline() : std::nullopt) wake_at(*deadline - clock_offset_);
   if (faults_)
     if (const auto due = faults_->messages().next_release()) wake_at(*due);
   return first;

@@ -8,12 +8,15 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "core/imu.hpp"
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"
 #include "emulator/device_clock.hpp"
 #include "emulator/faults/channel_faults.hpp"
+#include "emulator/faults/power_faults.hpp"
+#include "emulator/faults/wire_port.hpp"
 #include "emulator/host.hpp"
 #include "emulator/sync.hpp"
 #include "transports/port.hpp"
@@ -31,6 +34,10 @@ class Channel {
   // none. Throws PortError.
   Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder = nullptr,
           std::unique_ptr<ChannelFaults> faults = nullptr);
+
+  // Prepares for faults of the wire and of the power: wraps the ports, and makes a second device with the settings as
+  // delivered. `config` and `seed`: of the constructor. Called before power_on(). Throws as Protocol::make does.
+  void enable_faults(const ImuConfig& config, std::uint64_t seed);
 
   const std::string& name() const noexcept { return name_; }
   const Grid& grid() const noexcept { return grid_; }
@@ -52,6 +59,14 @@ class Channel {
   void begin_run() noexcept;
   // Switches the device's supply off and on at host time `now`.
   void cycle_power(HostTime now) noexcept;
+  // Switches the device's supply at host time `now`. While it is off, the device neither sends nor receives, and the
+  // sensor goes on; when it is switched on, the device starts as by cycle_power().
+  void set_supply(bool on, HostTime now) noexcept;
+
+  // --- Faults, after enable_faults() ---
+  // Sets the faults of a sample, after sense() and before encode(): those of the wire act on all frames from now on,
+  // those of the power at the instant of the sample; a start has new turn-on errors from the sample after it on.
+  void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;
 
   // --- Samples ---
   // Take the sample of instant `k` of the grid, of the truth at `time` or of the vehicle at rest, and return it; it
@@ -133,10 +148,18 @@ class Channel {
     bool is_stalled = false;   // the port has accepted nothing for 2 s
     // In the record: frames that left; the next two are what the host has sent, and frames that were dropped.
     std::uint16_t interface = 0;
+    WirePort* wire = nullptr;  // the port, if faults act on it
     bool holds_back() const noexcept;
   };
   std::span<Line> lines() noexcept { return {lines_.data(), line_count_}; }
   std::span<const Line> lines() const noexcept { return {lines_.data(), line_count_}; }
+
+  // Returns the figures that a unit has of these errors.
+  static OwnFigures figures_of(const ImuModel& model) noexcept;
+  // Adds the filters of a product. The device's own identifiers pass too, so that the port can confirm its frames and
+  // the device detects other users.
+  static void add_filters(const Protocol& protocol, const Settings& settings, double rate_hz,
+                          std::vector<CanFilter>& filters);
 
   // `too_late`: frames are discarded.
   void poll_until(DeviceTime now, bool too_late = false) noexcept;
@@ -149,6 +172,10 @@ class Channel {
   void record(Line& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
   bool serve_lines(HostTime now, Host* clock) noexcept;
   std::size_t serve_line(std::size_t uart, HostTime now, Host* clock) noexcept;
+  bool is_on() const noexcept { return is_supplied_ && power_step_.is_on; }
+  void start_device(DeviceTime now) noexcept;
+  // Switches the device as the faults of the sample's power have it. Returns true if it starts.
+  bool apply_power_faults() noexcept;
   void apply_uarts() noexcept;
   void apply_filters() noexcept;
   void wait_for_lines(const std::atomic<bool>& stop) noexcept;
@@ -173,11 +200,16 @@ class Channel {
   // By how much the clock of the device is ahead of clock_, because of a fault.
   Nanoseconds clock_offset_{0};
   DeviceClock clock_;
-  bool is_resting_ = false;         // the last sample was taken at rest
-  bool has_sampled_ = false;        // in this run
-  std::uint64_t power_ons_ = 0;     // after the first
-  Sample sample_;                   // of sense()
-  std::optional<TruthTime> truth_;  // prepare() sets these two
+  bool is_resting_ = false;      // the last sample was taken at rest
+  bool has_sampled_ = false;     // in this run
+  std::uint64_t power_ons_ = 0;  // after the first
+  std::optional<PowerFaults> power_faults_;
+  std::unique_ptr<Device> other_device_;  // as delivered, or after a loss of the settings the configured one
+  bool has_lost_settings_ = false;
+  bool is_supplied_ = true;                 // by set_supply()
+  PowerStep power_step_, next_power_step_;  // by faults: now, and from the next sample on
+  Sample sample_;                           // of sense()
+  std::optional<TruthTime> truth_;          // prepare() sets these two
   bool silent_ = false;
   FrameBuffer frames_;  // of the sample
   FrameBuffer others_;  // of a deadline or an answer, or of a silent sample

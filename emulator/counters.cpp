@@ -90,9 +90,9 @@ RefusalCounters::RefusalCounters() {
                          CounterInfo{cause(r.refusal), cause(r.refusal), Show::if_not_zero, Show::if_not_zero});
 }
 
-void DeviceCounters::store(std::span<const std::uint64_t> counts) noexcept {
+void DeviceCounters::store(std::span<const std::uint64_t> counts, std::span<const std::uint64_t> others) noexcept {
   for (std::size_t i = 0; i < std::min(counts.size(), counts_.size()); ++i)
-    counts_[i].store(counts[i], std::memory_order_relaxed);
+    counts_[i].store(counts[i] + (i < others.size() ? others[i] : 0), std::memory_order_relaxed);
 }
 
 SnapshotValues::SnapshotValues(const CounterGroup& group) {

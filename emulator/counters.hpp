@@ -80,8 +80,8 @@ class DeviceCounters {
   explicit DeviceCounters(std::span<const DeviceCounter> declared = {})
       : declared_(declared), counts_(declared.size()) {}
   std::span<const DeviceCounter> declared() const noexcept { return declared_; }
-  // `counts` are in the order of the declarations.
-  void store(std::span<const std::uint64_t> counts) noexcept;
+  // `counts` are in the order of the declarations; `others`, of another device of the imu, are added to them.
+  void store(std::span<const std::uint64_t> counts, std::span<const std::uint64_t> others = {}) noexcept;
   std::uint64_t count(std::size_t i) const noexcept { return counts_[i].load(std::memory_order_relaxed); }
 
  private:

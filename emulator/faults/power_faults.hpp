@@ -1,0 +1,39 @@
+// PowerFaults: the device's supply, as the faults of the power have it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "emulator/faults/fault.hpp"
+
+namespace imud {
+
+// The kinds, with the target "power".
+std::span<const FaultKind> power_fault_kinds() noexcept;
+
+// The state of the device at a sample.
+struct PowerStep {
+  bool is_on = true;          // it runs
+  bool starts = false;        // it is switched on, or comes out of a reset, at the sample
+  bool as_delivered = false;  // its settings were lost at this start or at an earlier one
+};
+
+// The faults of one imu's power, sample by sample. No allocation after construction; one thread.
+class PowerFaults {
+ public:
+  PowerFaults(std::string_view imu, std::uint64_t seed, double rate_hz);
+  // Returns the state at the next sample, of which `faults` are active.
+  PowerStep step(std::span<const ActiveFault> faults) noexcept;
+
+ private:
+  const std::uint64_t seed_;
+  const std::uint32_t stream_;
+  const double rate_hz_;
+  bool is_supplied_ = true;
+  bool is_on_ = true;
+  bool as_delivered_ = false;
+  std::uint64_t waiting_ = 0;  // samples until the device starts
+};
+
+}  // namespace imud
