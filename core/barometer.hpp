@@ -52,6 +52,7 @@ class Barometer {
     is_settled_ = false;
     drift_.seek(normals, k);
   }
+  void forget_numbers() noexcept { drift_.forget_numbers(); }
   // Makes the next sample the first of a run.
   void begin_run() noexcept { is_settled_ = false; }
 

@@ -40,6 +40,8 @@ class CorrelatedNoise {
     if (!on_) return;
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
   }
+  // Discards the random numbers computed ahead; b continues from its value.
+  void forget_numbers() noexcept { normals_.forget(); }
 
  private:
   Vector3 sigma_, transition_, driving_;

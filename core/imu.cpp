@@ -54,6 +54,24 @@ void Imu::power_on(std::uint64_t number) noexcept {
   magnetometer_.power_on(number);
 }
 
+void Imu::set_bias(Quantity quantity, const Vector3& bias) noexcept {
+  const bool is_rate = quantity == Quantity::rate, is_force = quantity == Quantity::specific_force;
+  (is_rate ? model_.gyro : is_force ? model_.accelerometer : model_.magnetometer).bias = bias;
+  (is_rate ? gyro_ : is_force ? accelerometer_ : magnetometer_).set_bias(bias);
+}
+
+const Vector3& Imu::bias(Quantity quantity) const noexcept {
+  const bool is_rate = quantity == Quantity::rate, is_force = quantity == Quantity::specific_force;
+  return (is_rate ? model_.gyro : is_force ? model_.accelerometer : model_.magnetometer).bias;
+}
+
+void Imu::set_seed(std::uint64_t seed) noexcept {
+  normals_.set_seed(seed);
+  for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->forget_numbers();
+  barometer_.forget_numbers();
+  navigation_.forget_numbers();
+}
+
 void Imu::reserve_filters(int length) {
   for (Triad* triad : {&gyro_, &accelerometer_, &magnetometer_}) triad->reserve_filter(length);
 }
@@ -179,6 +197,8 @@ template <class Out>
   const Vector3 specific_force_B = now.specific_force_B + now.omegaDot_BN_B.cross(model_.r_SB_B) +
                                    now.omega_BN_B.cross(now.omega_BN_B.cross(model_.r_SB_B));  // Eq. 8
   Vector3 specific_force = vector_of(dcm_PB_ * specific_force_B);                              // Eq. 9
+  true_rate_ = rate;
+  true_specific_force_ = specific_force;
   if (is_disturbed_) [[unlikely]] {
     // Copies, so that the values need no memory where nothing disturbs them.
     Disturbed input = {rate, delta_angle, specific_force, delta_velocity};

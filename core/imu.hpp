@@ -97,6 +97,13 @@ class Imu {
   // Replaces the model's filters; each settles on its next value.
   void set_filters(const SensorFilters& filters) noexcept;
 
+  // Replace TriadErrors::bias of a quantity (rate, specific force or magnetic field) from the next sample on.
+  void set_bias(Quantity quantity, const Vector3& bias) noexcept;
+  const Vector3& bias(Quantity quantity) const noexcept;
+  // Replaces the seed: from the next sample on random numbers are those that it has for that sample. Errors with a
+  // memory continue from their values; those that are drawn once, at power on or for the vibration, stay.
+  void set_seed(std::uint64_t seed) noexcept;
+
   // Returns the sample at `time`, with the device's own time `stamp`. `time` is later than the sample before in this
   // run; `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
@@ -111,6 +118,9 @@ class Imu {
   // Makes the next sample number k, with the errors that it has in the sequence from 0, except for a carried
   // remainder of rounding. The time it takes is proportional to k where a walk has a memory.
   void seek(std::uint64_t k) noexcept;
+  // The motion of the last sample, without any error, in platform axes: rad/s and m/s^2. Zero before the first one.
+  const Vector3& true_rate() const noexcept { return true_rate_; }
+  const Vector3& true_specific_force() const noexcept { return true_specific_force_; }
   // The number of the next sample.
   std::uint64_t next() const noexcept { return counter_; }
 
@@ -196,6 +206,7 @@ class Imu {
   MotionState advanced_;        // the state at the end of the sums below
   std::uint32_t revision_ = 0;  // Timeline::revision() when advanced_ was computed
   Internal internal_;
+  Vector3 true_rate_ = Vector3::Zero(), true_specific_force_ = Vector3::Zero();  // of the last sample
   Vector3 angle_sum_B_;        // rad, integral of the rate since last_
   Vector3 velocity_sum_B_;     // m/s, of the specific force of B's origin, as model_.delta_velocity defines it
   Vector3 centripetal_sum_B_;  // m/s, of omega x (omega x r)

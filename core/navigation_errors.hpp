@@ -70,6 +70,9 @@ class NavigationError {
     attitude_.seek(normals, k);
     time_.seek(normals, k);
   }
+  void forget_numbers() noexcept {
+    for (CorrelatedNoise* noise : {&position_, &velocity_, &attitude_, &time_}) noise->forget_numbers();
+  }
 
  private:
   NavigationErrors errors_;

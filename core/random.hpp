@@ -64,6 +64,8 @@ class Normals {
  public:
   Normals(std::uint64_t seed, std::uint32_t stream) noexcept : seed_(seed), stream_(stream) {}
 
+  // Replaces the seed.
+  void set_seed(std::uint64_t seed) noexcept { seed_ = seed; }
   // Returns N(0, 1) on each of the three axes for sample `k`.
   Vector3 operator()(Quantity quantity, Process process, std::uint64_t k) const noexcept;
   // Returns a deviate that is uniform in (0, 1), in the place of the normal one of the x axis.
@@ -83,7 +85,9 @@ class NormalSequence {
  public:
   static constexpr std::size_t batch = 16;  // samples
   NormalSequence(Quantity quantity, Process process) noexcept : quantity_(quantity), process_(process) {}
-  // Returns N(0, 1) on each axis for sample k. `normals` must be the same in all calls.
+  // Discards what is computed ahead: the next call may have other `normals`.
+  void forget() noexcept { number_ = ~std::uint64_t{0}; }
+  // Returns N(0, 1) on each axis for sample k. `normals` must be the same in all calls since forget().
   Vector3 at(const Normals& normals, std::uint64_t k) noexcept {
     if (k / batch != number_) compute(normals, k / batch);
     const std::size_t i = k % batch;

@@ -92,6 +92,9 @@ class Timeline {
   explicit Timeline(const Limits& limits);
   Timeline() : Timeline(Limits{}) {}
 
+  // Replaces Limits::extrapolate.
+  void set_extrapolate(Nanoseconds extrapolate) noexcept { limits_.extrapolate = extrapolate; }
+
   // Adds a truth, which must pass is_finite() and is_in_range(), or refuses it and leaves the timeline as it was. A
   // truth with `new_run` set begins a run, unless it repeats the run's first (the same time and sequence) within a
   // second of it. The motion up to `watermark` has been used and is fixed: a reordered truth is inserted if it is

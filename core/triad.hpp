@@ -83,6 +83,14 @@ class Triad {
   void power_on(std::uint64_t number) noexcept {
     each([number](auto& effect) { effect.power_on(number); });
   }
+  // After this apply() may have other Normals.
+  void forget_numbers() noexcept {
+    each([](auto& effect) {
+      if constexpr (requires { effect.forget_numbers(); }) effect.forget_numbers();
+    });
+  }
+  // Bias::set().
+  void set_bias(const Vector3& bias) noexcept { std::get<Bias>(effects_).set(bias); }
   // Bandwidth::reserve() and set().
   void reserve_filter(int length) { std::get<Bandwidth>(effects_).reserve(length); }
   void set_filter(const SensorFilter& filter) noexcept {

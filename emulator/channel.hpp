@@ -12,6 +12,7 @@
 
 #include "core/imu.hpp"
 #include "emulator/config.hpp"
+#include "emulator/control/sample_feed.hpp"
 #include "emulator/counters.hpp"
 #include "emulator/device_clock.hpp"
 #include "emulator/faults/channel_faults.hpp"
@@ -62,6 +63,8 @@ class Channel {
   // Switches the device's supply at host time `now`. While it is off, the device neither sends nor receives, and the
   // sensor goes on; when it is switched on, the device starts as by cycle_power().
   void set_supply(bool on, HostTime now) noexcept;
+  // Discards all frames while `paused`; they are counted. Sensor and device go on.
+  void pause(bool paused) noexcept;
 
   // --- Faults, after enable_faults() ---
   // Sets the faults of a sample, after sense() and before encode(): those of the wire act on all frames from now on,
@@ -83,7 +86,20 @@ class Channel {
   // In place of encode() and transmit(), for a sample that is too late: discards its frames, those of the deadlines
   // up to it, and the pulse, and counts it as skipped.
   void skip() noexcept;
-  // Counts the sample as sent.
+  // Imu::set_seed(), and the bias of one axis of the gyros or the accelerometers (Imu::set_bias()).
+  void set_seed(std::uint64_t seed) noexcept { imu_.set_seed(seed); }
+  void set_bias(Quantity quantity, std::size_t axis, double bias) noexcept;
+  // The sample that sense() has taken last, and the number and the time stamp of the next one; nullopt where the time
+  // is not known before the first truth of a run.
+  const Sample& last_sample() const noexcept { return sample_; }
+  std::uint64_t next_sample() const noexcept { return imu_.next(); }
+  std::optional<DeviceTime> next_time() const noexcept { return clock_.next_sample(); }
+  // From now on offers the samples to those who watch them, as those of that imu.
+  void set_feed(SampleFeed& feed, std::uint16_t imu) noexcept {
+    feed_ = &feed;
+    number_ = imu;
+  }
+  // Counts the sample as sent, and offers it to those who watch.
   void count_sample() noexcept;
   // Returns what was expected of the host. Called after the last sample.
   std::vector<Expected> expected() const {
@@ -161,6 +177,7 @@ class Channel {
   static void add_filters(const Protocol& protocol, const Settings& settings, double rate_hz,
                           std::vector<CanFilter>& filters);
 
+  void push_to_feed() noexcept;
   // `too_late`: frames are discarded.
   void poll_until(DeviceTime now, bool too_late = false) noexcept;
   void encode(bool too_late) noexcept;
@@ -209,11 +226,14 @@ class Channel {
   bool is_supplied_ = true;                 // by set_supply()
   PowerStep power_step_, next_power_step_;  // by faults: now, and from the next sample on
   Sample sample_;                           // of sense()
+  bool paused_ = false;                     // pause()
   std::optional<TruthTime> truth_;          // prepare() sets these two
   bool silent_ = false;
   FrameBuffer frames_;  // of the sample
   FrameBuffer others_;  // of a deadline or an answer, or of a silent sample
   ImuCounters counters_;
+  SampleFeed* feed_ = nullptr;  // nullptr: nobody can watch
+  std::uint16_t number_ = 0;    // of the imu, in the feed
 };
 
 }  // namespace imud

@@ -72,6 +72,7 @@ void Channel::set_supply(bool on, HostTime now) noexcept {
   if (on == is_supplied_) return;
   if (!on) poll(now);
   is_supplied_ = on;
+  counters_.has_power.store(on, std::memory_order_relaxed);
   if (!is_on()) return;
   imu_.power_on(++power_ons_);
   start_device(clock_.now(now));

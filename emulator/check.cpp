@@ -14,6 +14,7 @@
 
 #include "emulator/config.hpp"
 #include "emulator/config_parts.hpp"
+#include "emulator/control/running_keys.hpp"
 #include "emulator/error_text.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/outcome.hpp"
@@ -145,6 +146,7 @@ void print_json(const std::string& path, const Config& config) {
                      {"derived", std::move(fit)},
                      {"imus", std::move(imus)},
                      {"buses", std::move(buses)},
+                     {"running_keys", running_keys_json()},
                      {"config", Json::parse(resolved.str())}};
   fmt::print("{}\n", json.dump(2));
 }

@@ -8,6 +8,7 @@
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/config_text.hpp"
+#include "emulator/control/tcp_address.hpp"
 #include "emulator/faults/scenario.hpp"
 
 namespace imud {
@@ -273,6 +274,30 @@ RealtimeConfig read_realtime(TableReader table) {
   return realtime;
 }
 
+ControlConfig read_control(TableReader table) {
+  ControlConfig control;
+  control.name = table.text("name", control.name);
+  constexpr std::size_t longest = 40;
+  const bool is_name = std::all_of(control.name.begin(), control.name.end(), [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '-' || c == '_';
+  });
+  if (!is_name || control.name.size() > longest)
+    table.fault("name", fmt::format("give at most {} letters, digits, - and _", longest));
+  control.socket = table.text("socket", control.socket);
+  if (control.socket.empty()) table.fault("socket", "give a path, \"auto\" or \"none\"");
+  control.listen = table.text("listen", control.listen);
+  control.token_file = table.text("token_file", control.token_file);
+  if (!control.listen.empty()) {
+    if (const auto address = TcpAddress::parse(control.listen); !address || !address->is_loopback)
+      table.fault("listen", "give a loopback address and a port, such as \"127.0.0.1:7700\" or \"[::1]:7700\"");
+    if (control.token_file.empty()) table.fault("token_file", "missing: the file whose first line clients must know");
+  } else if (!control.token_file.empty()) {
+    table.fault("token_file", "needs listen");
+  }
+  table.finish();
+  return control;
+}
+
 }  // namespace
 
 Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture,
@@ -289,6 +314,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   config.clock = clocks[table.choice("clock", {"realtime", "lockstep", "fast"}, 0)];
   config.truth = read_truth(table.child("truth"), config.clock, capture);
   config.realtime = read_realtime(table.child("realtime"));
+  config.control = read_control(table.child("control"));
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
     table.fault("clock", fmt::format("\"fast\" reads a capture; give truth.port {}, or \"lockstep\"",
                                      ports_that([](const Transport& t) { return t.brings_truth && t.ends; })));

@@ -83,11 +83,20 @@ struct ImuConfig {
   bool device_filters = false;  // the filters of `model` are those that the product's settings choose
 };
 
+// Who may control a run (control/README.md).
+struct ControlConfig {
+  std::string name;             // of this instance; empty: the number of its process
+  std::string socket = "auto";  // a path; "auto": in the folder for sockets, by the name; "none"
+  std::string listen;           // ADDRESS:PORT of a loopback interface; empty: none
+  std::string token_file;       // its first line is what clients at `listen` show
+};
+
 struct Config {
   std::uint64_t seed = 1;
   ClockMode clock = ClockMode::realtime;
   TruthConfig truth;
   RealtimeConfig realtime;
+  ControlConfig control;
   std::vector<ImuConfig> imus;
   std::vector<FaultConfig> faults;
   std::vector<ExpectConfig> expectations;

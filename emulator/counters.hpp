@@ -107,6 +107,8 @@ struct ImuCounters : CounterGroup {
   Counter extrapolated{*this, {"extrapolated", "extrapolated"}};
   Counter held{*this, {"held", "held"}};
   Counter silent{*this, {"silent", "not sent", Show::if_not_zero, Show::if_not_zero}};
+  // Frames that were discarded while the output was paused by a command.
+  Counter paused{*this, {"paused", "discarded while paused"}};
   // Samples of the vehicle at rest before the first truth.
   Counter at_rest{*this, {"at_rest", "at rest before the first truth"}};
   // Frames in answer to the host that the port took whole; `frames` does not include them.
@@ -129,6 +131,7 @@ struct ImuCounters : CounterGroup {
   // From the arrival of a host's bytes or frame, as the port has stamped it, to the end of the write of the answer.
   Durations reply{*this, "reply_us"};
   DeviceCounters device;
+  std::atomic<bool> has_power = true, is_paused = false;
   std::atomic<PortState> port_state = PortState::ready, second_port_state = PortState::ready;
   std::atomic<int> port_error = 0, second_port_error = 0;  // Port::error()
   std::atomic<Port::Speeds> speeds = Port::Speeds{}, second_speeds = Port::Speeds{};

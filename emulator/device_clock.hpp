@@ -41,6 +41,10 @@ class DeviceClock {
   // Starts the samples: the next one is that of instant 0.
   void start_samples() noexcept { has_samples_ = true; }
 
+  // Returns the stamp of the next sample; nullopt before start_samples().
+  std::optional<DeviceTime> next_sample() const noexcept {
+    return has_samples_ ? std::optional(stamp(next_)) : std::nullopt;
+  }
   // Returns the stamp of instant k, counted from set().
   DeviceTime stamp(std::uint64_t k) const noexcept { return zero_ + grid_.nominal_offset(k); }
   // Records that the next sample, which is stamped `stamp`, is taken.

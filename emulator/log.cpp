@@ -50,10 +50,14 @@ void set_up_log(LogLevel level) {
   }
   auto logger = std::make_shared<spdlog::logger>("imud", sink);
   logger->set_formatter(std::move(formatter));
-  logger->set_level(level == LogLevel::quiet     ? spdlog::level::warn
-                    : level == LogLevel::verbose ? spdlog::level::debug
-                                                 : spdlog::level::info);
   spdlog::set_default_logger(std::move(logger));
+  set_log_level(level);
+}
+
+void set_log_level(LogLevel level) {
+  spdlog::default_logger()->set_level(level == LogLevel::quiet     ? spdlog::level::warn
+                                      : level == LogLevel::verbose ? spdlog::level::debug
+                                                                   : spdlog::level::info);
 }
 
 }  // namespace imud

@@ -10,4 +10,7 @@ enum class LogLevel { quiet, normal, verbose };  // from warnings, from informat
 // with its priority, such as "<4>" (sd-daemon(3)), and the journal adds the time. May be called again.
 void set_up_log(LogLevel level = LogLevel::normal);
 
+// Changes the level alone.
+void set_log_level(LogLevel level);
+
 }  // namespace imud

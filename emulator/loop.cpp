@@ -47,7 +47,10 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
       limit_(options.limit),
       budget_(most_truths) {
   prepared_.reserve(session.channels().size());
+  session_.set_pacer(&pacer_);
 }
+
+Loop::~Loop() { session_.set_pacer(nullptr); }
 
 void Loop::run() noexcept {
   if (!waits_for_truth_) {
@@ -212,6 +215,7 @@ void Loop::wait(HostTime until) noexcept {
   truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
   session_.cycle_power_if_requested(now);
+  if (prepared_.empty()) session_.execute_commands(host_);
   if (is_ready && !session_.serve_inputs(now, reply_clock())) host_.sleep_until(std::min(until, now + pause));
   if (now - served_ <= longest_wait) return;
   serve_all();
@@ -225,6 +229,7 @@ void Loop::serve_all() noexcept {
 
 // Takes all samples of the instant `due_`.
 void Loop::prepare() noexcept {
+  session_.execute_commands(host_);
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {

@@ -25,6 +25,9 @@ struct LoopOptions {
 class Loop {
  public:
   Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
+  ~Loop();
+  Loop(const Loop&) = delete;
+  Loop& operator=(const Loop&) = delete;
 
   // Returns within 20 ms after `stop` is set, and when the capture ends or reaches its limit.
   void run() noexcept;

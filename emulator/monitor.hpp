@@ -31,6 +31,8 @@ class Monitor {
   // Logs the last events after the sampling thread has ended, and returns the figures of the whole run.
   // `capture_warning`: see TruthIntake::end_warning().
   Summary finish(std::string capture_warning);
+  // Returns the figures from the beginning until now.
+  Summary now() const;
   // Returns why the file of figures could not be written; empty if it was.
   const std::string& quality_error() const { return quality_error_; }
 
@@ -70,7 +72,6 @@ class Monitor {
   static void report_port(ReportedPort& reported, const std::string& imu, const std::string& port,
                           const PortFigures& now);
   void write_quality(const Summary& all);
-  Summary now() const;
 
   const RunCounters counters_;
   const Config& config_;

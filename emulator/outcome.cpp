@@ -40,6 +40,7 @@ std::string causes(const Summary::Truth& truth) {
 }
 
 void judge_end(EndedBy ended_by, std::vector<std::string>& shortfalls) {
+  if (ended_by == EndedBy::control) shortfalls.emplace_back("a command ended it before the capture's end");
   if (ended_by == EndedBy::signal) shortfalls.emplace_back("a signal ended it before the capture's end");
   if (ended_by == EndedBy::duration) shortfalls.emplace_back("--for ended it before the capture's end");
 }
@@ -88,6 +89,8 @@ std::string_view word(EndedBy ended_by) noexcept {
       return "for";
     case EndedBy::signal:
       return "signal";
+    case EndedBy::control:
+      return "control";
     case EndedBy::failure:
       break;
   }

@@ -15,8 +15,8 @@ namespace imud {
 
 struct Summary;
 
-enum class EndedBy : std::uint8_t { end_of_capture, duration, signal, failure };
-// Returns the word of the JSON: "end_of_capture", "for", "signal", "failure".
+enum class EndedBy : std::uint8_t { end_of_capture, duration, signal, control, failure };
+// Returns the word of the JSON: "end_of_capture", "for", "signal", "control", "failure".
 std::string_view word(EndedBy ended_by) noexcept;
 
 struct Outcome {

@@ -22,6 +22,10 @@ class Pacer {
   // has arrived.
   virtual bool is_paced() const noexcept = 0;
 
+  // Replace the delay and the extrapolation of live truth in `realtime`; without effect in the other modes.
+  virtual void set_delay(const TruthClock::Options&) noexcept {}
+  virtual void set_extrapolate(Nanoseconds) noexcept {}
+
   // Begins a run with `truth`, which arrived at `arrival` and is processed at `now`. Returns the instant at which it
   // is sampled.
   virtual HostTime begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept = 0;
@@ -73,6 +77,8 @@ class HostPacer final : public Pacer {
   HostTime begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept override;
   bool observe(TruthTime truth, HostTime arrival, HostTime due) noexcept override;
   bool review(TruthTime truth, HostTime now) noexcept override;
+  void set_delay(const TruthClock::Options& options) noexcept override { clock_.set(options); }
+  void set_extrapolate(Nanoseconds extrapolate) noexcept override { monitor_.set_extrapolate(extrapolate); }
   TruthTime truth(HostTime instant) const noexcept override { return clock_.truth(instant); }
   TruthTime use(HostTime instant) noexcept override { return clock_.use(instant); }
 

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstdlib>
 #include <deque>
 #include <utility>
@@ -276,11 +277,31 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
     case Type::lost:
       lost_ += static_cast<std::uint64_t>(std::max<std::int64_t>(event.a, 0));
       break;
+    case Type::command:
+      repeat_command(event);
+      break;
+    case Type::mark:
+      break;
     case Type::end:
       poll(event.b);
       ended_ = true;
       break;
   }
+}
+
+void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
+  Command command = {.kind = static_cast<Command::Kind>(event.flags),
+                     .value = std::bit_cast<double>(event.b),
+                     .number = static_cast<std::uint64_t>(event.c)};
+  if (!has_value(command.kind)) poll(event.b);
+  const auto all = session_->channels();
+  if (event.interface != RecordEvent::all_imus) {
+    const Channel* channel = channel_of(event);
+    const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == channel; });
+    if (found == all.end()) return;
+    command.imu = static_cast<std::uint16_t>(found - all.begin());
+  }
+  imud::execute(*session_, command, HostTime{event.a});
 }
 
 // Pieces of a stream may have come without a record in them.

@@ -47,6 +47,7 @@ class RecordedRun {
   HostTime time_of(const PcapngPacket& packet) const noexcept;
   bool is_plausible(const RecordEvent& event, HostTime time) noexcept;
   void execute(const RecordEvent& event) noexcept;
+  void repeat_command(const RecordEvent& event) noexcept;
   void feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept;
   void process_truth(const RecordEvent& event) noexcept;
   void take_sample(Channel& channel, const RecordEvent& event) noexcept;

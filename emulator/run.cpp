@@ -18,6 +18,7 @@
 #include <thread>
 #include <utility>  // Boost 1.74's Asio needs it first
 
+#include "emulator/control/control_api.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/loop.hpp"
 #include "emulator/readiness.hpp"
@@ -33,21 +34,21 @@ namespace {
 
 namespace asio = boost::asio;
 
-// Calls Monitor::update() ten times a second.
+// Calls `work` ten times a second.
 class Ticker {
  public:
-  Ticker(asio::io_context& io, Monitor& monitor) : timer_(io), monitor_(monitor) { tick(); }
+  Ticker(asio::io_context& io, std::function<void()> work) : timer_(io), work_(std::move(work)) { tick(); }
 
  private:
   void tick() {
-    monitor_.update();
+    work_();
     timer_.expires_after(std::chrono::milliseconds(100));
     timer_.async_wait([this](const boost::system::error_code& error) {
       if (!error) tick();
     });
   }
   asio::steady_timer timer_;
-  Monitor& monitor_;
+  const std::function<void()> work_;
 };
 
 // The work of the sampling thread. Returns false if a reader has not read all that was sent.
@@ -169,8 +170,10 @@ int run(const Config& config, const RunOptions& options) {
   if (options.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
   std::optional<Recorder> recorder;
   if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
+  RunControl control(config.imus.size());
   Session session(repeated ? repeated->adapted(config) : config,
-                  repeated ? repeated->open(open_port) : Sync::OpenPort(open_port), recorder ? &*recorder : nullptr);
+                  repeated ? repeated->open(open_port) : Sync::OpenPort(open_port), recorder ? &*recorder : nullptr,
+                  &control);
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
   report_ready(session.chosen_ports(), options.ready_fd);
@@ -194,7 +197,19 @@ int run(const Config& config, const RunOptions& options) {
     });
   };
   wait_for_others();
-  Ticker ticker(io, monitor);
+  const auto quit = [&] {
+    if (stop) return;
+    stopped_by = EndedBy::control;
+    stop = true;
+  };
+  ControlApi api(io, {fmt::to_string(::getpid()), named, control, monitor, counters_of(session), quit});
+  const auto report_events = [&] {
+    for (RunEvent event; control.events.pop(event);) api.report(event);
+  };
+  Ticker ticker(io, [&] {
+    monitor.update();
+    report_events();
+  });
   asio::steady_timer end(io);
   if (options.duration_s && !is_capture(config.truth.port)) {
     end.expires_after(nanoseconds(*options.duration_s));
@@ -219,12 +234,14 @@ int run(const Config& config, const RunOptions& options) {
   report_stopping();
   worker.join();
   session.finish_faults();
+  report_events();
+  api.finish();
   if (recorder) recorder->finish();
   if (failure) std::rethrow_exception(failure);
 
   EndedBy ended_by = stopped_by;
   if (is_capture(config.truth.port))
-    ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? EndedBy::signal : EndedBy::duration;
+    ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? stopped_by : EndedBy::duration;
   Summary summary = monitor.finish(session.intake().end_warning());
   summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
                    session.chosen_ports()};

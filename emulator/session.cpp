@@ -8,8 +8,9 @@
 
 namespace imud {
 
-Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder)
+Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder, RunControl* control)
     : recorder_(recorder),
+      control_(control),
       faults_(config.faults),
       expectations_(config.expectations),
       fault_log_(config.faults.empty() ? 0 : FaultLog::default_size),
@@ -21,6 +22,9 @@ Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* rec
     const std::uint64_t seed = imu.seed.value_or(config.seed);
     channels_.push_back(std::make_unique<Channel>(imu, seed, open, recorder, faults_of(imu, seed)));
   }
+  if (control_ != nullptr)
+    for (std::size_t i = 0; i < channels_.size(); ++i)
+      channels_[i]->set_feed(control_->feed, static_cast<std::uint16_t>(i));
   constexpr std::size_t most_ports = 2;
   inputs_.reserve(most_ports * channels_.size() + 1);
 }
@@ -70,6 +74,9 @@ void Session::begin_run() noexcept {
   truths_since_advance_ = 0;
   watermark_ = timeline_.run_start();
   for (const auto& channel : channels_) channel->begin_run();
+  if (control_ != nullptr)
+    control_->events.push(
+        {.kind = RunEvent::Kind::run, .sample = channels_[0]->next_sample(), .time_ns = watermark_.ns});
 }
 
 void Session::record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept {

@@ -14,10 +14,13 @@
 #include "core/timeline.hpp"
 #include "emulator/channel.hpp"
 #include "emulator/config.hpp"
+#include "emulator/control/run_control.hpp"
 #include "emulator/counters.hpp"
 #include "emulator/truth_intake.hpp"
 
 namespace imud {
+
+class Pacer;
 
 // Configuration keys of ports that the system has chosen, with the ports.
 using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
@@ -26,8 +29,10 @@ using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
 // all memory. One thread, except for request_power_cycle() and the counters, which any thread may use.
 class Session {
  public:
-  // Opens every port. `recorder`: records what happens; nullptr: none does. Throws PortError.
-  explicit Session(const Config& config, const Sync::OpenPort& open = open_port, Recorder* recorder = nullptr);
+  // Opens every port. `recorder`: records what happens; `control`: brings commands and takes what is watched;
+  // nullptr: none does. Throws PortError.
+  explicit Session(const Config& config, const Sync::OpenPort& open = open_port, Recorder* recorder = nullptr,
+                   RunControl* control = nullptr);
 
   Recorder* recorder() const noexcept { return recorder_; }
   // The faults of the run, and their begins and ends so far.
@@ -91,6 +96,16 @@ class Session {
   // Called after drain() if the run has not failed: Channel::commit() of all. Throws std::runtime_error.
   void commit();
 
+  // The pacer of the Loop that drives this; nullptr: none does.
+  void set_pacer(Pacer* pacer) noexcept { pacer_ = pacer; }
+  Pacer* pacer() noexcept { return pacer_; }
+  void set_when_stopped(WhenStopped reaction) noexcept { when_stopped_ = reaction; }
+
+  // Executes the commands that wait. Must be called only where each sample that was taken has been transmitted.
+  void execute_commands(Host& host) noexcept {
+    if (control_ != nullptr && control_->commands.has_batch()) imud::execute_commands(*this, *control_, host.now());
+  }
+
   // Switches the supply of all devices off and on, between two samples. Any thread.
   void request_power_cycle() noexcept { power_cycle_.store(true, std::memory_order_relaxed); }
   // Does so if it was requested. Must not be called between a channel's encode() and transmit().
@@ -102,10 +117,12 @@ class Session {
   void record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept;
 
   Recorder* const recorder_;
+  RunControl* const control_;
   const std::vector<FaultConfig> faults_;
   const std::vector<ExpectConfig> expectations_;
   FaultLog fault_log_;
-  const WhenStopped when_stopped_;
+  WhenStopped when_stopped_;
+  Pacer* pacer_ = nullptr;
   Timeline timeline_;
   TruthIntake intake_;
   std::vector<std::unique_ptr<Channel>> channels_;

@@ -62,6 +62,11 @@ double TruthClock::line_at(HostTime time) const noexcept {
   return line_s_ + rate_ * since_s + correction_s_ * std::clamp(since_s / slew_s_, 0.0, 1.0);
 }
 
+void TruthClock::set(const Options& options) noexcept {
+  options_ = options;
+  if (options.automatic_percent == 0) delay_s_ = seconds(options.delay);
+}
+
 double TruthClock::delay_at(HostTime time) const noexcept {
   const double most_s = largest_slew * std::max(0.0, seconds(time - anchor_));
   return applied_delay_s_ + std::clamp(delay_s_ - applied_delay_s_, -most_s, most_s);

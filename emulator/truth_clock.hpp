@@ -25,6 +25,9 @@ class TruthClock {
   };
   explicit TruthClock(const Options& options) noexcept;
 
+  // Replaces the options; the map slews to the new delay.
+  void set(const Options& options) noexcept;
+
   // Begins a run with `truth`, which arrived at `arrival`. Returns the instant at which the sensors sample it, which
   // is later than `arrival` by the delay. The simulator's rate is taken as `rate` for the first 0.2 s of arrivals.
   HostTime begin(TruthTime truth, HostTime arrival, double rate) noexcept;
@@ -63,7 +66,7 @@ class TruthClock {
   void move_anchor(HostTime time) noexcept;
   const Point& point(std::size_t i) const noexcept { return points_[(first_ + i) % points_.size()]; }
 
-  const Options options_;
+  Options options_;
   TruthTime truth_origin_;  // of begin()
   HostTime host_origin_;
 

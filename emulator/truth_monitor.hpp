@@ -14,6 +14,8 @@ class TruthMonitor {
   // `extrapolate`: how long motion is extrapolated after the newest truth; a truth that is later than this is late.
   explicit TruthMonitor(Nanoseconds extrapolate) noexcept : extrapolate_(extrapolate) {}
 
+  void set_extrapolate(Nanoseconds extrapolate) noexcept { extrapolate_ = extrapolate; }
+
   // Begins a run with `truth`, which arrived at `arrival`.
   void begin_run(TruthTime truth, HostTime arrival) noexcept;
 
@@ -29,7 +31,7 @@ class TruthMonitor {
   double rate() const noexcept { return rate_; }
 
  private:
-  const Nanoseconds extrapolate_;
+  Nanoseconds extrapolate_;
   TruthTime newest_;
   Nanoseconds step_{0};  // from the truth before the newest
   HostTime begun_;       // when the run's first truth arrived

@@ -80,7 +80,7 @@ std::optional<RecordEvent> decode_record_event(ByteSpan bytes) noexcept {
   if (bytes.size() != RecordEvent::size) return std::nullopt;
   RecordEvent event;
   event.type = static_cast<RecordEvent::Type>(get(bytes, 0, 1));
-  if (event.type < RecordEvent::Type::begin || event.type > RecordEvent::Type::end) return std::nullopt;
+  if (event.type < RecordEvent::Type::begin || event.type > RecordEvent::Type::mark) return std::nullopt;
   event.flags = static_cast<std::uint8_t>(get(bytes, 1, 1));
   event.interface = static_cast<std::uint16_t>(get(bytes, 2, 2));
   event.a = static_cast<std::int64_t>(get(bytes, 8, 8));

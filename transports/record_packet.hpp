@@ -54,12 +54,17 @@ struct RecordEvent {
     receive,        // a device receives the next packet of its host. flags: the UART; a: host time
     lost,           // a: number of packets that are missing here
     end,            // of the run. b: when deadlines were polled last
+    command,        // a command changed the run. flags: Command::Kind; interface: the imu's own, or all_imus; a: host
+                    // time; b: its value, the bits of a double, or, if it has none, when deadlines were polled last;
+                    // c: its number
+    mark,           // likewise; the next packet of this interface is its text
   };
-  static constexpr std::uint8_t is_live = 1;        // begin: truth was no capture
-  static constexpr std::uint8_t input_ended = 1;    // disconnected: the truth's capture has ended
-  static constexpr std::uint8_t has_host_time = 1;  // set_clock
-  static constexpr std::uint8_t at_rest = 4;        // sample
-  static constexpr std::uint8_t skipped = 1;        // transmit
+  static constexpr std::uint8_t is_live = 1;         // begin: truth was no capture
+  static constexpr std::uint8_t input_ended = 1;     // disconnected: the truth's capture has ended
+  static constexpr std::uint8_t has_host_time = 1;   // set_clock
+  static constexpr std::uint8_t at_rest = 4;         // sample
+  static constexpr std::uint8_t skipped = 1;         // transmit
+  static constexpr std::uint16_t all_imus = 0xFFFF;  // command
   static constexpr std::int64_t version = 1;
   static constexpr std::size_t size = 32;
 

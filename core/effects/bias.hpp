@@ -13,6 +13,8 @@ class Bias : public StatelessEffect {
   static constexpr std::string_view name = "bias";
   Bias(const TriadErrors& errors, Quantity, double) : bias_(errors.bias) {}
   static bool is_on() noexcept { return true; }
+  // Replaces b from the next sample on.
+  void set(const Vector3& bias) noexcept { bias_ = bias; }
   void apply(TriadStep& step) const noexcept { step.constant_error += bias_; }
 
  private:

@@ -25,6 +25,7 @@ class ExponentiallyCorrelated {
   }
   void seek(const Normals& normals, std::uint64_t k) noexcept { noise_.seek(normals, k); }
   void power_on(std::uint64_t) noexcept {}
+  void forget_numbers() noexcept { noise_.forget_numbers(); }
 
  private:
   CorrelatedNoise noise_;

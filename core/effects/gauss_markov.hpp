@@ -43,6 +43,7 @@ class GaussMarkov {
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
   }
   void power_on(std::uint64_t) noexcept {}
+  void forget_numbers() noexcept { normals_.forget(); }
 
  private:
   static constexpr double infinity = std::numeric_limits<double>::infinity();

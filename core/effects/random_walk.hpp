@@ -35,6 +35,10 @@ class RandomWalk {
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
   }
   void power_on(std::uint64_t) noexcept {}
+  void forget_numbers() noexcept {
+    normals_.forget();
+    within_step_.forget();
+  }
 
  private:
   void next(const Normals& normals, std::uint64_t k) noexcept {

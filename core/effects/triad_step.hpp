@@ -16,7 +16,8 @@ namespace imud {
 //   void seek(const Normals&, std::uint64_t k) noexcept
 //                                              after which apply() of sample k does as in the sequence from 0
 //   void power_on(std::uint64_t number) noexcept
-// The last two are empty in StatelessEffect.
+// The last two are empty in StatelessEffect. An effect that has computed random numbers ahead also has
+//   void forget_numbers() noexcept             after which apply() may have other Normals
 struct TriadStep {
   const Normals& normals;
   std::uint64_t k;                // number of the sample

@@ -22,6 +22,7 @@ class WhiteNoise : public StatelessEffect {
   void apply(TriadStep& step) noexcept {
     step.constant_error += sigma_.cwiseProduct(normals_.at(step.normals, step.k));
   }
+  void forget_numbers() noexcept { normals_.forget(); }
 
  private:
   Vector3 sigma_;

@@ -1,0 +1,163 @@
+#include "emulator/control/change.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "emulator/control/running_keys.hpp"
+#include "emulator/table_reader.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr auto methods = std::to_array<MethodInfo>({
+    {"status", "what runs, and its figures", ""},
+    {"list", "the methods, the imus, and what can be changed", ""},
+    {"mark", "a named line into the log and the record", R"({"text": "climb begins"})", true},
+    {"power", "the supply of an imu, or of all: off, on, or cycle", R"({"imu": "imu1", "state": "cycle"})", true},
+    {"pause", "the frames of an imu, or of all, are discarded; the sensor goes on", R"({"imu": "imu1"})", true},
+    {"resume", "the opposite of pause", R"({"imu": "imu1"})", true},
+    {"set", "new values of keys of the configuration, at one sample",
+     R"({"truth.delay_ms": 20, "imu.imu1.gyro.bias_rad_per_s": [0.01, 0, 0]})", true},
+    {"seed", "random numbers from the next sample on are those of this seed", R"({"seed": 7})", true},
+    {"batch", "several changes that take effect at one sample",
+     R"({"changes": [{"method": "pause", "params": {"imu": "imu1"}}, {"method": "mark", "params": {"text": "a"}}]})"},
+    {"subscribe", "notifications of samples, truth, counters or events",
+     R"({"what": "samples", "imu": "imu1", "rate_hz": 50})"},
+    {"unsubscribe", "the opposite of subscribe; without parameters of everything", R"({"what": "samples"})"},
+    {"quit", "ends the run, with its summary", ""},
+});
+
+// A text becomes a part of a line of the log.
+std::string line_of_text(RpcParams& params) {
+  std::string text = params.text("text", "one line of text");
+  const bool is_line = std::none_of(text.begin(), text.end(),
+                                    [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7F'; });
+  if (!is_line || text.empty() || text.size() > Command::longest_text)
+    throw RpcError(RpcError::invalid_params,
+                   fmt::format("text: give one line of 1 to {} bytes", Command::longest_text));
+  return text;
+}
+
+std::string name_of(std::uint16_t imu, const Config& config) {
+  return imu < config.imus.size() ? config.imus[imu].name : "*";
+}
+
+Change of_imu(Command::Kind kind, std::uint16_t imu, const Config& config, std::string_view event) {
+  const std::string name = name_of(imu, config);
+  return {{{.kind = kind, .imu = imu}}, fmt::format("{} {}", event, name), {{"event", event}, {"imu", name}}};
+}
+
+}  // namespace
+
+std::span<const MethodInfo> control_methods() noexcept { return methods; }
+
+Change change_of(const std::string& method, const Json& request_params, const Config& config) {
+  RpcParams params(request_params);
+  Change change;
+  if (method == "mark") {
+    const std::string text = line_of_text(params);
+    Command command = {.text_size = static_cast<std::uint8_t>(text.size())};
+    std::copy(text.begin(), text.end(), command.text.begin());
+    change = {{command}, fmt::format("mark: {}", text), {{"event", "mark"}, {"text", text}}};
+  } else if (method == "set" || method == "seed") {
+    if (method == "seed") static_cast<void>(params.get("seed", "a whole number that is not negative"));
+    if (!request_params.is_object() || request_params.empty())
+      throw RpcError(RpcError::invalid_params, "Invalid params: give the keys with their values");
+    for (const auto& [key, value] : request_params.items()) {
+      add_commands(change.commands, key, value, config);
+      change.words += fmt::format("{}{} = {}", change.words.empty() ? "set " : ", ", key, json_line(value));
+    }
+    change.event = {{"event", "set"}, {"values", request_params}};
+    if (method == "set") return change;
+  } else if (method == "power") {
+    const std::uint16_t imu = params.imu(config);
+    constexpr std::array<std::string_view, 3> states = {"off", "on", "cycle"};
+    const std::string state = params.choice("state", states);
+    change = of_imu(state == "off"  ? Command::Kind::power_off
+                    : state == "on" ? Command::Kind::power_on
+                                    : Command::Kind::power_cycle,
+                    imu, config, "power");
+    change.words = fmt::format("power {}: {}", state, name_of(imu, config));
+    change.event["state"] = state;
+  } else if (method == "pause" || method == "resume") {
+    change =
+        of_imu(method == "pause" ? Command::Kind::pause : Command::Kind::resume, params.imu(config), config, method);
+  } else {
+    throw RpcError(RpcError::method_not_found, fmt::format("Method not found: {} is no change", method));
+  }
+  params.finish();
+  return change;
+}
+
+RpcParams::RpcParams(const Json& params) : params_(params) {
+  if (params.is_array()) throw RpcError(RpcError::invalid_params, "Invalid params: give them by name, as an object");
+}
+
+bool RpcParams::has(std::string_view name) {
+  known_.emplace_back(name);
+  return params_.is_object() && params_.contains(std::string(name));
+}
+
+const Json& RpcParams::get(std::string_view name, std::string_view meaning) {
+  if (!has(name))
+    throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {} is missing: {}", name, meaning));
+  return params_[std::string(name)];
+}
+
+std::string RpcParams::text(std::string_view name, std::string_view meaning) {
+  const Json& value = get(name, meaning);
+  if (!value.is_string())
+    throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {}: give a text, {}", name, meaning));
+  return value.get<std::string>();
+}
+
+double RpcParams::number(std::string_view name, std::string_view meaning, double min, double max) {
+  const Json& value = get(name, meaning);
+  if (!value.is_number() || !(value.get<double>() >= min && value.get<double>() <= max))
+    throw RpcError(RpcError::invalid_params,
+                   fmt::format("Invalid params: {}: give a number from {} to {}, {}", name, min, max, meaning));
+  return value.get<double>();
+}
+
+std::string RpcParams::choice(std::string_view name, std::span<const std::string_view> words) {
+  const std::string word = text(name, fmt::format("one of {}", fmt::join(words, ", ")));
+  if (std::find(words.begin(), words.end(), word) == words.end())
+    throw RpcError(RpcError::invalid_params,
+                   fmt::format("Invalid params: {}: give one of {}", name, fmt::join(words, ", ")));
+  return word;
+}
+
+std::uint16_t RpcParams::imu(const Config& config) {
+  if (!has("imu")) return Command::all_imus;
+  const std::string name = text("imu", "the name of an imu, or \"*\" for all");
+  if (name == "*") return Command::all_imus;
+  const auto found =
+      std::find_if(config.imus.begin(), config.imus.end(), [&](const ImuConfig& imu) { return imu.name == name; });
+  if (found == config.imus.end()) {
+    std::vector<std::string> names;
+    for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
+    throw RpcError(RpcError::invalid_params,
+                   fmt::format("Invalid params: there is no such imu; there are {}", fmt::join(names, ", ")));
+  }
+  return static_cast<std::uint16_t>(found - config.imus.begin());
+}
+
+void RpcParams::finish() const {
+  if (!params_.is_object()) return;
+  for (const auto& [name, value] : params_.items())
+    if (std::find(known_.begin(), known_.end(), name) == known_.end()) {
+      const std::string meant = nearest(name, known_);
+      throw RpcError(RpcError::invalid_params,
+                     meant.empty()
+                         ? fmt::format("Invalid params: there is no \"{}\"; known: {}", name,
+                                       known_.empty() ? "none" : fmt::to_string(fmt::join(known_, ", ")))
+                         : fmt::format("Invalid params: there is no \"{}\"; did you mean \"{}\"?", name, meant));
+    }
+}
+
+}  // namespace imud

@@ -1,0 +1,55 @@
+// Change: a request that changes the run, as the commands of the sampling thread that make it.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/control/command.hpp"
+#include "emulator/control/json_rpc.hpp"
+
+namespace imud {
+
+// A method of the protocol, as `list` shows it.
+struct MethodInfo {
+  std::string_view name;
+  std::string_view summary;
+  std::string_view params;  // an example, JSON; empty: it has none
+  bool is_change = false;   // change_of() reads it, and `batch` may have it
+};
+std::span<const MethodInfo> control_methods() noexcept;
+
+struct Change {
+  std::vector<Command> commands;
+  std::string words;  // for the log: "power off"
+  // The notification of its event: {"event": "power", "state": "off"}; the samples are added when it has been
+  // applied.
+  Json event;
+};
+
+// Returns the change that a method makes. Throws RpcError.
+Change change_of(const std::string& method, const Json& params, const Config& config);
+
+// The parameters of a request by their names. A getter throws RpcError if a value is missing or wrong; finish() if
+// there is one that no getter was called for.
+class RpcParams {
+ public:
+  explicit RpcParams(const Json& params);
+  bool has(std::string_view name);
+  // Returns the value; throws if it is missing.
+  const Json& get(std::string_view name, std::string_view meaning);
+  std::string text(std::string_view name, std::string_view meaning);
+  double number(std::string_view name, std::string_view meaning, double min, double max);
+  std::string choice(std::string_view name, std::span<const std::string_view> words);
+  // Returns the number of the imu of that name; Command::all_imus if it is absent or "*".
+  std::uint16_t imu(const Config& config);
+  void finish() const;
+
+ private:
+  const Json& params_;
+  std::vector<std::string> known_;
+};
+
+}  // namespace imud

@@ -1,0 +1,54 @@
+// Command: one change that is made while a run goes on, between two samples.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace imud {
+
+// A change that the sampling thread makes. Trivially copyable, because it goes through a queue. The values of Kind
+// stand in records: they do not change.
+struct Command {
+  enum class Kind : std::uint8_t {
+    mark = 0,         // changes nothing; states the samples that are next. Its text goes into the record
+    power_off = 1,    // of an imu's supply
+    power_on = 2,     // likewise; has no effect if it is on
+    power_cycle = 3,  // off and on at once
+    pause = 4,        // the frames of an imu are discarded; its sensor and its device go on
+    resume = 5,
+    seed = 6,                // `number`: Imu::set_seed()
+    gyro_bias = 7,           // `value`: rad/s, of the axis `number`
+    accelerometer_bias = 8,  // `value`: m/s^2, likewise
+    delay = 9,               // of the truth; `value`: s
+    automatic_delay = 10,    // of the truth; `value`: TruthClock::Options::automatic_percent
+    extrapolate = 11,        // of the truth; `value`: s
+    when_stopped = 12,       // `number`: WhenStopped
+    log_level = 13,          // changes nothing in the sampling thread; `number`: LogLevel
+  };
+  static constexpr std::uint16_t all_imus = 0xFFFF;
+  static constexpr std::size_t longest_text = 120;  // bytes
+
+  Kind kind = Kind::mark;
+  std::uint8_t text_size = 0;
+  std::uint16_t imu = all_imus;  // its number in the configuration
+  double value = 0;
+  std::uint64_t number = 0;
+  std::array<char, longest_text> text = {};  // of a mark
+};
+
+// Returns false for commands that change what a device sends, and have no value.
+constexpr bool has_value(Command::Kind kind) noexcept { return kind > Command::Kind::resume; }
+
+// The first sample of an imu that a batch of commands applies to, if it changes that imu.
+struct Applied {
+  std::uint64_t batch = 0;
+  std::uint16_t imu = 0;
+  bool is_last = false;      // the answer to the batch ends here
+  bool has_time = false;     // the sample's time is known; false before the first truth of a run
+  std::uint64_t sample = 0;  // Sample::counter
+  std::int64_t time_ns = 0;  // its time stamp by the device's clock
+};
+
+}  // namespace imud

@@ -1,0 +1,241 @@
+#include "emulator/control/control_api.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <utility>
+
+#include "emulator/control/running_keys.hpp"
+#include "emulator/log.hpp"
+#include "transports/host_clock.hpp"
+
+namespace imud {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::string_view clocks[] = {"realtime", "lockstep", "fast"};
+
+// Words for people: "imu1 from sample 1234, imu2 from sample 617".
+std::string samples_text(const Json& applied) {
+  std::string out;
+  for (const Json& one : applied)
+    out += fmt::format("{}{} from sample {}", out.empty() ? "" : ", ", one["imu"].get<std::string>(),
+                       one["sample"].get<std::uint64_t>());
+  return out;
+}
+
+bool concerns(const Change& change, std::uint16_t imu) {
+  for (const Command& command : change.commands)
+    if (command.imu == Command::all_imus || command.imu == imu) return true;
+  return false;
+}
+
+}  // namespace
+
+ControlApi::ControlApi(boost::asio::io_context& io, Run run)
+    : run_(std::move(run)), timer_(io), subscriptions_(run_.config, run_.control, run_.monitor) {}
+
+void ControlApi::call(std::string_view request, std::function<void(std::string)> answer,
+                      const std::shared_ptr<Subscriber>& client) {
+  if (request.size() > max_request) return answer(refuse_long());
+  answer_rpc(
+      request,
+      [&](const std::string& method, const Json& params, const RpcReply& reply) {
+        execute(method, params, reply, client);
+      },
+      std::move(answer));
+}
+
+std::string ControlApi::refuse_long() {
+  return rpc_refusal(
+      RpcError(RpcError::invalid_request, fmt::format("Invalid Request: longer than {} bytes", max_request)));
+}
+
+void ControlApi::execute(const std::string& method, const Json& params, const RpcReply& reply,
+                         const std::shared_ptr<Subscriber>& client) {
+  const auto known = control_methods();
+  const auto found = std::find_if(known.begin(), known.end(), [&](const MethodInfo& m) { return m.name == method; });
+  if (found == known.end()) throw RpcError(RpcError::method_not_found, "Method not found; `list` names the methods");
+  if (ended_) throw RpcError(RpcError::run_ended, "the run has ended");
+  if (found->is_change) {
+    std::vector<Change> changes;
+    changes.push_back(change_of(method, params, run_.config));
+    return make(std::move(changes), reply);
+  }
+  if (method == "batch") return make(changes_of_batch(params), reply);
+  if (method == "subscribe" || method == "unsubscribe") {
+    if (method == "subscribe")
+      reply.result(subscriptions_.subscribe(params, client));
+    else
+      reply.result(subscriptions_.unsubscribe(params, client));
+    return schedule();
+  }
+  RpcParams(params).finish();
+  if (method == "status") return reply.result(status());
+  if (method == "list") return reply.result(list());
+  spdlog::info("control: quit");
+  reply.result({{"quits", true}});
+  run_.quit();
+}
+
+std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) const {
+  RpcParams params(request_params);
+  const Json& list = params.get("changes", "a list of {\"method\": ..., \"params\": {...}}");
+  params.finish();
+  if (!list.is_array() || list.empty())
+    throw RpcError(RpcError::invalid_params, "Invalid params: changes: give a list of at least one change");
+  std::vector<Change> changes;
+  for (const Json& item : list) {
+    if (!item.is_object()) throw RpcError(RpcError::invalid_params, "Invalid params: changes: each is an object");
+    RpcParams of_item(item);
+    const std::string method = of_item.text("method", "the method of a change");
+    const Json none;
+    changes.push_back(change_of(method, of_item.has("params") ? item["params"] : none, run_.config));
+    of_item.finish();
+  }
+  return changes;
+}
+
+// Passes the changes to the sampling thread as one batch.
+void ControlApi::make(std::vector<Change> changes, const RpcReply& reply) {
+  std::vector<Command> commands;
+  for (const Change& change : changes)
+    commands.insert(commands.end(), change.commands.begin(), change.commands.end());
+  if (commands.size() > CommandQueue::longest_batch)
+    throw RpcError(RpcError::invalid_params,
+                   fmt::format("Invalid params: more than {} changes at one sample", CommandQueue::longest_batch));
+  if (!run_.control.commands.push(last_batch_ + 1, commands))
+    throw RpcError(RpcError::busy, "too many changes wait for their sample; try again later");
+  waiting_.emplace(++last_batch_, Waiting{reply, std::move(changes), {}});
+  schedule();
+}
+
+void ControlApi::take_results() {
+  for (Applied result; run_.control.applied.pop(result);) {
+    const auto batch = waiting_.find(result.batch);
+    if (batch == waiting_.end()) continue;
+    batch->second.applied.push_back(result);
+    if (result.is_last) complete(result.batch);
+  }
+}
+
+void ControlApi::complete(std::uint64_t number) {
+  const Waiting batch = std::move(waiting_.extract(number).mapped());
+  const auto applied_to = [&](auto wants) {
+    Json list = Json::array();
+    for (const Applied& one : batch.applied) {
+      if (!wants(one.imu)) continue;
+      list.push_back({{"imu", run_.config.imus[one.imu].name},
+                      {"sample", one.sample},
+                      {"time_ns", one.has_time ? Json(one.time_ns) : Json()}});
+    }
+    return list;
+  };
+  for (const Change& change : batch.changes) {
+    for (const Command& command : change.commands)
+      if (command.kind == Command::Kind::log_level) set_log_level(static_cast<LogLevel>(command.number));
+    Json event = change.event;
+    event["applied"] = applied_to([&](std::uint16_t imu) { return concerns(change, imu); });
+    log(fmt::format("control: {}; {}", change.words, samples_text(event["applied"])));
+    subscriptions_.send_event(event);
+    if (on_event) on_event(event);
+  }
+  batch.reply.result({{"applied", applied_to([&](std::uint16_t imu) {
+                         for (const Change& change : batch.changes)
+                           if (concerns(change, imu)) return true;
+                         return false;
+                       })}});
+}
+
+// Limits the lines of the log, because a client may send as many commands as it wants.
+void ControlApi::log(const std::string& words) {
+  constexpr int most = 20;  // a second
+  if (const HostTime now = host_now(); now - log_second_ >= 1s) {
+    if (unlogged_ > 0) spdlog::info("control: {} changes more", std::exchange(unlogged_, 0));
+    log_second_ = now;
+    logged_ = 0;
+  }
+  if (logged_++ < most)
+    spdlog::info("{}", words);
+  else
+    ++unlogged_;
+}
+
+void ControlApi::report(const RunEvent& event) {
+  constexpr std::string_view kinds[] = {"run"};
+  Json json = {{"event", kinds[static_cast<std::size_t>(event.kind)]},
+               {"imu", event.imu < run_.config.imus.size() ? run_.config.imus[event.imu].name : "*"},
+               {"sample", event.sample},
+               {"time_ns", event.time_ns}};
+  subscriptions_.send_event(json);
+  if (on_event) on_event(json);
+}
+
+void ControlApi::finish() {
+  ended_ = true;
+  take_results();
+  for (auto& [number, batch] : std::exchange(waiting_, {}))
+    batch.reply.error(RpcError(RpcError::run_ended, "the run has ended before the change took effect"));
+  timer_.cancel();
+}
+
+// Looks for results and for samples as long as there may be any.
+void ControlApi::schedule() {
+  if (is_ticking_ || ended_) return;
+  if (waiting_.empty() && !subscriptions_.is_watched()) return;
+  is_ticking_ = true;
+  timer_.expires_after(waiting_.empty() ? 40ms : 1ms);
+  timer_.async_wait([this](const boost::system::error_code& error) {
+    if (!error) tick();
+  });
+}
+
+void ControlApi::tick() {
+  is_ticking_ = false;
+  take_results();
+  if (subscriptions_.is_watched()) subscriptions_.distribute();
+  schedule();
+}
+
+Json ControlApi::status() const {
+  Json imus = Json::array();
+  for (std::size_t i = 0; i < run_.config.imus.size(); ++i) {
+    const ImuConfig& imu = run_.config.imus[i];
+    const ImuCounters& counters = *run_.counters.imus[i].second;
+    imus.push_back({{"name", imu.name},
+                    {"protocol", imu.protocol->name},
+                    {"port", imu.port},
+                    {"rate_hz", imu.rate_hz},
+                    {"samples", counters.samples.load(std::memory_order_relaxed)},
+                    {"power", counters.has_power.load(std::memory_order_relaxed) ? "on" : "off"},
+                    {"paused", counters.is_paused.load(std::memory_order_relaxed)}});
+  }
+  return {{"api", version},
+          {"version", IMUD_VERSION},
+          {"name", run_.name},
+          {"pid", ::getpid()},
+          {"clock", clocks[static_cast<std::size_t>(run_.config.clock)]},
+          {"seed", run_.config.seed},
+          {"config_sha256", run_.config.sha256},
+          {"imus", std::move(imus)},
+          {"lost", {{"samples", run_.control.feed.lost()}, {"events", run_.control.events.lost()}}},
+          {"counters", Json::parse(json(run_.monitor.now(), JsonLayout::line))}};
+}
+
+Json ControlApi::list() const {
+  Json methods = Json::array(), imus = Json::array();
+  for (const MethodInfo& method : control_methods()) {
+    Json one = {{"name", method.name}, {"summary", method.summary}, {"is_change", method.is_change}};
+    if (!method.params.empty()) one["example"] = Json::parse(method.params);
+    methods.push_back(std::move(one));
+  }
+  for (const ImuConfig& imu : run_.config.imus) imus.push_back(imu.name);
+  return {
+      {"api", version}, {"methods", std::move(methods)}, {"imus", std::move(imus)}, {"keys", running_keys_json()}};
+}
+
+}  // namespace imud

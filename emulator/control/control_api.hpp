@@ -1,0 +1,92 @@
+// ControlApi: answers the requests of the control protocol (README.md in this folder), and notifies subscribers.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/control/change.hpp"
+#include "emulator/control/json_rpc.hpp"
+#include "emulator/control/run_control.hpp"
+#include "emulator/control/subscriptions.hpp"
+#include "emulator/monitor.hpp"
+
+namespace imud {
+
+// Knows nothing of connections: each server of a transport passes it the texts of its clients. One thread, that of
+// the io_context.
+class ControlApi {
+ public:
+  static constexpr int version = 1;
+  static constexpr std::size_t max_request = 64 * 1024;  // bytes; a server refuses longer ones by refuse_long()
+
+  // The run that is controlled. All of it outlives the api.
+  struct Run {
+    std::string name;  // of this instance of imud
+    const Config& config;
+    RunControl& control;
+    const Monitor& monitor;
+    RunCounters counters;
+    std::function<void()> quit;  // ends the run; may be called again
+  };
+  ControlApi(boost::asio::io_context& io, Run run);
+
+  // Executes the requests of a text. Calls `answer` once with the text of the answer, in one line without its line
+  // feed, empty if none is wanted: at once, or when the sampling thread has made the changes, or from finish().
+  // `answer` must hold its connection weakly. `client`: to which notifications go; nullptr: this connection cannot
+  // have any.
+  void call(std::string_view request, std::function<void(std::string)> answer,
+            const std::shared_ptr<Subscriber>& client = nullptr);
+  // Returns the answer to a request that is longer than max_request.
+  static std::string refuse_long();
+
+  // Reports an event of the sampling thread to the subscribers.
+  void report(const RunEvent& event);
+  // Answers what still waits, with an error. Called when the sampling thread has ended.
+  void finish();
+
+  // Called with each event that subscribers get, such as {"event": "mark", ...}, after it took effect.
+  std::function<void(const Json& event)> on_event;
+
+ private:
+  void execute(const std::string& method, const Json& params, const RpcReply& reply,
+               const std::shared_ptr<Subscriber>& client);
+  void make(std::vector<Change> changes, const RpcReply& reply);
+  void take_results();
+  void complete(std::uint64_t batch);
+  void log(const std::string& words);
+  void schedule();
+  void tick();
+  Json status() const;
+  Json list() const;
+  std::vector<Change> changes_of_batch(const Json& params) const;
+
+  const Run run_;
+  boost::asio::steady_timer timer_;
+  bool is_ticking_ = false;
+  Subscriptions subscriptions_;
+
+  // A batch that the sampling thread has not answered completely.
+  struct Waiting {
+    RpcReply reply;
+    std::vector<Change> changes;
+    std::vector<Applied> applied;
+  };
+  std::map<std::uint64_t, Waiting> waiting_;
+  std::uint64_t last_batch_ = 0;
+  bool ended_ = false;
+  // The lines of the log in the second that began at log_second_, and those left out since.
+  HostTime log_second_;
+  int logged_ = 0;
+  std::uint64_t unlogged_ = 0;
+};
+
+}  // namespace imud

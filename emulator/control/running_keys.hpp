@@ -1,0 +1,45 @@
+// RunningKeys: the keys of the configuration that can change while a run goes on.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/control/command.hpp"
+#include "emulator/control/json_rpc.hpp"
+
+namespace imud {
+
+// To make a key changeable, add its entry to the table.
+struct RunningKey {
+  enum class Type : std::uint8_t {
+    number,   // from min to max
+    integer,  // unsigned, 64 bits
+    vector,   // three numbers from min to max, or one for all axes
+    word,     // one of `words`, whose place is Command::number
+  };
+  std::string_view key;  // that of an imu without its "imu.NAME."
+  std::string_view meaning;
+  Type type = Type::number;
+  Command::Kind kind = Command::Kind::mark;  // a command for each axis of a vector
+  bool of_imu = false;
+  double min = 0, max = 0;
+  double si = 1;  // its unit
+  std::span<const std::string_view> words = {};
+  std::string_view automatic = {};  // a word in place of the number, which makes another command
+  // Returns why a run of this configuration cannot change it to that value; nullptr if it can.
+  const char* (*refusal)(const Config&, double value) = nullptr;
+};
+
+std::span<const RunningKey> running_keys() noexcept;
+
+// Adds to `commands` those that set the key, "truth.delay_ms" or "imu.imu1.gyro.bias_rad_per_s" ("imu.*." for all).
+// Throws RpcError.
+void add_commands(std::vector<Command>& commands, const std::string& key, const Json& value, const Config& config);
+
+// Returns the table for people's programs: [{"key", "meaning", "type", "min", "max", "words"}, ...].
+Json running_keys_json();
+
+}  // namespace imud

@@ -1,0 +1,53 @@
+// SampleFeed: a bounded queue of samples, with the truth behind them, for those who watch a run.
+#pragma once
+
+#include <atomic>
+#include <boost/lockfree/spsc_queue.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+
+#include "core/sample.hpp"
+
+namespace imud {
+
+// A sample as its device has received it, and the truth that it measures, both in platform axes.
+struct FeedSample {
+  std::uint16_t imu = 0;  // its number in the configuration
+  std::uint32_t status = 0;
+  std::uint64_t k = 0;       // Sample::counter
+  std::int64_t time_ns = 0;  // its stamp by the device's clock
+  double temperature_c = 0;
+  Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero();            // rad/s, m/s^2
+  Vector3 true_rate = Vector3::Zero(), true_specific_force = Vector3::Zero();  // of the motion, without any error
+};
+
+// Filled only while somebody watches, and only with each n-th sample of an imu. The constructor allocates; neither
+// thread waits or locks. A sample for which there is no room is counted.
+class SampleFeed {
+ public:
+  static constexpr std::size_t capacity = 16384;  // 2 s of 8 imus at 1 kHz
+
+  explicit SampleFeed(std::size_t imus) : samples_(capacity), every_(imus) {}
+
+  // Main thread: the feed has those samples of the imu whose number is a multiple of `every`; 0: none.
+  void watch(std::size_t imu, std::uint32_t every) noexcept { every_[imu].store(every, std::memory_order_relaxed); }
+  bool pop(FeedSample& sample) noexcept { return samples_.pop(sample); }
+  std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
+
+  // Sampling thread.
+  bool wants(std::size_t imu, std::uint64_t k) const noexcept {
+    const std::uint32_t every = every_[imu].load(std::memory_order_relaxed);
+    return every != 0 && k % every == 0;
+  }
+  void push(const FeedSample& sample) noexcept {
+    if (!samples_.push(sample)) lost_.fetch_add(1, std::memory_order_relaxed);
+  }
+
+ private:
+  boost::lockfree::spsc_queue<FeedSample> samples_;
+  std::deque<std::atomic<std::uint32_t>> every_;  // by imu
+  std::atomic<std::uint64_t> lost_ = 0;
+};
+
+}  // namespace imud

@@ -1,0 +1,193 @@
+#include "emulator/control/subscriptions.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <numeric>
+#include <tuple>
+
+#include "emulator/control/change.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::array<std::string_view, 4> kinds = {"samples", "truth", "counters", "events"};
+
+using Buffer = fmt::memory_buffer;
+
+void append(Buffer& out, std::string_view text) { out.append(text.data(), text.data() + text.size()); }
+
+// JSON has no numbers that are not finite.
+void append_number(Buffer& out, double value) {
+  if (std::isfinite(value))
+    fmt::format_to(std::back_inserter(out), "{}", value);
+  else
+    append(out, "null");
+}
+
+void append_vector(Buffer& out, const Vector3& v) {
+  for (int i = 0; i < 3; ++i) {
+    out.push_back(i == 0 ? '[' : ',');
+    append_number(out, v[i]);
+  }
+  out.push_back(']');
+}
+
+// Appends ,"name":[...] with an element for each sample.
+template <class Append>
+void append_list(Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples, Append element) {
+  fmt::format_to(std::back_inserter(out), ",\"{}\":", name);
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    out.push_back(i == 0 ? '[' : ',');
+    element(*samples[i]);
+  }
+  out.push_back(']');
+}
+
+}  // namespace
+
+Subscriptions::What Subscriptions::what_of(const std::string& word) {
+  return static_cast<What>(std::find(kinds.begin(), kinds.end(), word) - kinds.begin());
+}
+
+Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<Subscriber>& client) {
+  RpcParams params(request_params);
+  const std::string word = params.choice("what", kinds);
+  const What what = what_of(word);
+  const std::uint16_t imu = params.imu(config_);
+  constexpr double most_decimated = 1e9;
+  std::uint32_t every = 1;
+  double rate_hz = 0;
+  const bool has_rate = params.has("rate_hz");
+  if (has_rate) rate_hz = params.number("rate_hz", "samples a second", 1e-3, 1e6);
+  if (params.has("decimate")) {
+    if (has_rate) throw RpcError(RpcError::invalid_params, "Invalid params: give decimate or rate_hz");
+    every = static_cast<std::uint32_t>(params.number("decimate", "of so many samples one", 1, most_decimated));
+  }
+  params.finish();
+  if (client == nullptr)
+    throw RpcError(RpcError::refused, "this connection takes no notifications; use the socket or a WebSocket");
+  unsubscribe({{"what", word}, {"imu", imu < config_.imus.size() ? config_.imus[imu].name : "*"}}, client);
+  Json subscribed = Json::array();
+  const auto add = [&](std::uint16_t of_imu, std::uint32_t decimate) {
+    if (all_.size() >= most) throw RpcError(RpcError::busy, "there are too many subscriptions");
+    all_.push_back({client, what, of_imu, decimate});
+    Json one = {{"what", word}};
+    if (what == What::samples || what == What::truth) {
+      one["imu"] = config_.imus[of_imu].name;
+      one["decimate"] = decimate;
+    }
+    subscribed.push_back(std::move(one));
+  };
+  if (what == What::counters) last_ = monitor_.now();
+  if (what == What::counters || what == What::events) {
+    add(0, 1);
+  } else {
+    for (std::uint16_t i = 0; i < config_.imus.size(); ++i) {
+      if (imu != Command::all_imus && imu != i) continue;
+      const double of_rate = std::round(config_.imus[i].rate_hz / rate_hz);
+      add(i, has_rate ? static_cast<std::uint32_t>(std::clamp(of_rate, 1.0, most_decimated)) : every);
+    }
+  }
+  watch();
+  return {{"subscribed", std::move(subscribed)}};
+}
+
+Json Subscriptions::unsubscribe(const Json& request_params, const std::shared_ptr<Subscriber>& client) {
+  RpcParams params(request_params);
+  const bool all_kinds = !params.has("what");
+  const What what = all_kinds ? What::samples : what_of(params.choice("what", kinds));
+  const std::uint16_t imu = params.imu(config_);
+  params.finish();
+  const std::size_t removed = std::erase_if(all_, [&](const Subscription& s) {
+    const bool is_of_imu =
+        imu == Command::all_imus || s.imu == imu || s.what == What::counters || s.what == What::events;
+    return s.client.lock() == client && (all_kinds || s.what == what) && is_of_imu;
+  });
+  watch();
+  return {{"removed", removed}};
+}
+
+// The feed has the samples that any subscription wants: a multiple of the greatest common divisor.
+void Subscriptions::watch() {
+  for (std::uint16_t imu = 0; imu < config_.imus.size(); ++imu) {
+    std::uint32_t every = 0;
+    for (const Subscription& s : all_)
+      if (s.imu == imu && (s.what == What::samples || s.what == What::truth)) every = std::gcd(every, s.every);
+    control_.feed.watch(imu, every);
+  }
+}
+
+void Subscriptions::send_event(const Json& event) {
+  std::shared_ptr<const std::string> text;
+  for (const Subscription& s : all_) {
+    const auto client = s.client.lock();
+    if (client == nullptr || s.what != What::events) continue;
+    if (!text) text = std::make_shared<const std::string>(rpc_notification("event", json_line(event)));
+    client->notify(text);
+  }
+}
+
+bool Subscriptions::is_watched() {
+  if (std::erase_if(all_, [](const Subscription& s) { return s.client.expired(); }) > 0) watch();
+  return std::any_of(all_.begin(), all_.end(), [](const Subscription& s) { return s.what != What::events; });
+}
+
+std::string Subscriptions::text_of(What what, std::uint16_t imu, std::uint32_t every,
+                                   const std::vector<FeedSample>& samples) const {
+  std::vector<const FeedSample*> chosen;
+  for (const FeedSample& sample : samples)
+    if (sample.k % every == 0) chosen.push_back(&sample);
+  if (chosen.empty()) return {};
+  Buffer out;
+  append(out, "{\"imu\":");
+  append(out, json_line(config_.imus[imu].name));
+  append_list(out, "k", chosen, [&](const FeedSample& s) { fmt::format_to(std::back_inserter(out), "{}", s.k); });
+  append_list(out, "time_s", chosen,
+              [&](const FeedSample& s) { append_number(out, static_cast<double>(s.time_ns) / 1e9); });
+  if (what == What::samples) {
+    append_list(out, "rate", chosen, [&](const FeedSample& s) { append_vector(out, s.rate); });
+    append_list(out, "specific_force", chosen, [&](const FeedSample& s) { append_vector(out, s.specific_force); });
+  }
+  append_list(out, "true_rate", chosen, [&](const FeedSample& s) { append_vector(out, s.true_rate); });
+  append_list(out, "true_specific_force", chosen,
+              [&](const FeedSample& s) { append_vector(out, s.true_specific_force); });
+  if (what == What::samples)
+    append_list(out, "temperature_c", chosen, [&](const FeedSample& s) { append_number(out, s.temperature_c); });
+  append_list(out, "status", chosen,
+              [&](const FeedSample& s) { fmt::format_to(std::back_inserter(out), "{}", s.status); });
+  out.push_back('}');
+  return rpc_notification(kinds[static_cast<std::size_t>(what)], {out.data(), out.size()});
+}
+
+void Subscriptions::distribute() {
+  samples_.resize(config_.imus.size());
+  for (auto& samples : samples_) samples.clear();
+  for (FeedSample sample; control_.feed.pop(sample);) samples_[sample.imu].push_back(sample);
+  std::shared_ptr<const std::string> counters;
+  if (Summary now = monitor_.now(); now.duration_s - last_.duration_s >= 1.0) {
+    counters =
+        std::make_shared<const std::string>(rpc_notification("counters", json(now.since(last_), JsonLayout::line)));
+    last_ = std::move(now);
+  }
+  // Clients that subscribe to the same get the same text.
+  std::map<std::tuple<What, std::uint16_t, std::uint32_t>, std::shared_ptr<const std::string>> texts;
+  for (const Subscription& s : all_) {
+    const auto client = s.client.lock();
+    if (client == nullptr || s.what == What::events) continue;
+    if (s.what == What::counters) {
+      if (counters) client->notify(counters);
+      continue;
+    }
+    auto& text = texts[{s.what, s.imu, s.every}];
+    if (!text) text = std::make_shared<const std::string>(text_of(s.what, s.imu, s.every, samples_[s.imu]));
+    if (!text->empty()) client->notify(text);
+  }
+}
+
+}  // namespace imud

@@ -1,0 +1,67 @@
+// Subscriptions: who watches which samples, truth, counters and events, and the texts that they get.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/control/json_rpc.hpp"
+#include "emulator/control/run_control.hpp"
+#include "emulator/monitor.hpp"
+
+namespace imud {
+
+// A connection that gets notifications.
+class Subscriber {
+ public:
+  virtual ~Subscriber() = default;
+  // Queues the text, one line without its line feed, to be sent. Discards it if the client reads too slowly, and
+  // counts it. The text is shared by all who subscribe to the same.
+  virtual void notify(const std::shared_ptr<const std::string>& text) = 0;
+};
+
+// Reads the feed of the sampling thread and distributes it. A subscription ends with its Subscriber. One thread.
+class Subscriptions {
+ public:
+  static constexpr std::size_t most = 1000;  // subscriptions together
+
+  // All outlive this.
+  Subscriptions(const Config& config, RunControl& control, const Monitor& monitor)
+      : config_(config), control_(control), monitor_(monitor) {}
+
+  // Execute `subscribe` and `unsubscribe` and return their results. Throw RpcError.
+  Json subscribe(const Json& params, const std::shared_ptr<Subscriber>& client);
+  Json unsubscribe(const Json& params, const std::shared_ptr<Subscriber>& client);
+
+  // Sends an event to those who subscribe to events.
+  void send_event(const Json& event);
+  // Sends what the feed has, and each second the figures since the last ones.
+  void distribute();
+  // Removes the subscriptions whose clients have gone. Returns true if somebody subscribes to samples, truth or
+  // counters, so that distribute() must be called often.
+  bool is_watched();
+
+ private:
+  enum class What : std::uint8_t { samples, truth, counters, events };
+  struct Subscription {
+    std::weak_ptr<Subscriber> client;
+    What what = What::samples;
+    std::uint16_t imu = 0;    // of samples and truth
+    std::uint32_t every = 1;  // likewise: of so many samples one is sent
+  };
+  static What what_of(const std::string& word);
+  void watch();
+  std::string text_of(What what, std::uint16_t imu, std::uint32_t every,
+                      const std::vector<FeedSample>& samples) const;
+
+  const Config& config_;
+  RunControl& control_;
+  const Monitor& monitor_;
+  std::vector<Subscription> all_;
+  std::vector<std::vector<FeedSample>> samples_;  // by imu, of distribute()
+  Summary last_;                                  // of the counters
+};
+
+}  // namespace imud
