@@ -84,17 +84,6 @@ void Channel::begin_run() noexcept {
   if (faults_) faults_->begin_run();
 }
 
-void Channel::pause(bool paused) noexcept {
-  paused_ = paused;
-  counters_.is_paused.store(paused, std::memory_order_relaxed);
-}
-
-void Channel::set_bias(Quantity quantity, std::size_t axis, double bias) noexcept {
-  Vector3 all = imu_.bias(quantity);
-  all[static_cast<Eigen::Index>(axis)] = bias;
-  imu_.set_bias(quantity, all);
-}
-
 Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
   has_sampled_ = true;
   is_resting_ = false;
@@ -181,18 +170,6 @@ void Channel::count_sample() noexcept {
   if (silent_) counters_.silent.count();
   if (feed_ != nullptr && feed_->wants(number_, sample_.counter)) push_to_feed();
   publish();
-}
-
-void Channel::push_to_feed() noexcept {
-  feed_->push({.imu = number_,
-               .status = sample_.status,
-               .k = sample_.counter,
-               .time_ns = sample_.time.ns,
-               .temperature_c = sample_.temperature_c,
-               .rate = sample_.rate,
-               .specific_force = sample_.specific_force,
-               .true_rate = imu_.true_rate(),
-               .true_specific_force = imu_.true_specific_force()});
 }
 
 void Channel::poll_until(DeviceTime now, bool too_late) noexcept {

@@ -22,6 +22,7 @@
 
 #include "emulator/check.hpp"
 #include "emulator/config.hpp"
+#include "emulator/control/ctl.hpp"
 #include "emulator/example.hpp"
 #include "emulator/list.hpp"
 #include "emulator/log.hpp"
@@ -306,6 +307,20 @@ int execute(int argc, const char* const* argv) {
   bool background = false;
   pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
 
+  auto* ctl_command =
+      app.add_subcommand("ctl", "Ask or change a run that goes on; without METHOD: list those of this user");
+  CtlOptions ctl_options;
+  ctl_command->add_option("METHOD", ctl_options.method, "status, list, mark, power, set, subscribe, ...: see list");
+  ctl_command
+      ->add_option("PARAMETER", ctl_options.parameters,
+                   "Such as imu=imu1 state=cycle; a value is JSON, such as [0.01, 0, 0], or a text")
+      ->type_name("KEY=VALUE");
+  auto* ctl_socket =
+      ctl_command->add_option("--socket", ctl_options.socket, "The socket of the run")->type_name("PATH");
+  ctl_command->add_option("--name", ctl_options.name, "The name of the run ([control] name); else its process number")
+      ->excludes(ctl_socket);
+  ctl_command->add_flag("--json", ctl_options.json, "Print the answer as JSON");
+
   app.add_subcommand("help", "Show this text, or that of COMMAND")->add_option("COMMAND");
   app.footer("Example: imud check imu.toml && imud run imu.toml --for 10\nEvery key: emulator/CONFIGURATION.md");
 
@@ -337,6 +352,7 @@ int execute(int argc, const char* const* argv) {
     if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
     if (check_command->parsed())
       return check(arguments.config, arguments.overrides, {layout, arguments.run.required, arguments.scenarios});
+    if (ctl_command->parsed()) return ctl(ctl_options);
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
       const Config config =

@@ -19,6 +19,7 @@
 #include <utility>  // Boost 1.74's Asio needs it first
 
 #include "emulator/control/control_api.hpp"
+#include "emulator/control/control_server.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/loop.hpp"
 #include "emulator/readiness.hpp"
@@ -176,6 +177,8 @@ int run(const Config& config, const RunOptions& options) {
                   &control);
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
+  const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
+  std::optional<ControlServer> server(std::in_place, io, config.control, instance);
   report_ready(session.chosen_ports(), options.ready_fd);
   if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
   Config named = config;  // as the log shall name its ports
@@ -202,7 +205,8 @@ int run(const Config& config, const RunOptions& options) {
     stopped_by = EndedBy::control;
     stop = true;
   };
-  ControlApi api(io, {fmt::to_string(::getpid()), named, control, monitor, counters_of(session), quit});
+  ControlApi api(io, {instance, named, control, monitor, counters_of(session), quit, repeated.has_value()});
+  server->start(api);
   const auto report_events = [&] {
     for (RunEvent event; control.events.pop(event);) api.report(event);
   };
@@ -236,6 +240,7 @@ int run(const Config& config, const RunOptions& options) {
   session.finish_faults();
   report_events();
   api.finish();
+  server.reset();
   if (recorder) recorder->finish();
   if (failure) std::rethrow_exception(failure);
 

@@ -17,6 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr std::chrono::milliseconds between_notifications(40);
 constexpr std::string_view clocks[] = {"realtime", "lockstep", "fast"};
 
 // Words for people: "imu1 from sample 1234, imu2 from sample 617".
@@ -102,6 +103,7 @@ std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) con
 
 // Passes the changes to the sampling thread as one batch.
 void ControlApi::make(std::vector<Change> changes, const RpcReply& reply) {
+  if (run_.is_repeated) throw RpcError(RpcError::refused, "a run that is repeated from its record cannot be changed");
   std::vector<Command> commands;
   for (const Change& change : changes)
     commands.insert(commands.end(), change.commands.begin(), change.commands.end());
@@ -188,7 +190,7 @@ void ControlApi::schedule() {
   if (is_ticking_ || ended_) return;
   if (waiting_.empty() && !subscriptions_.is_watched()) return;
   is_ticking_ = true;
-  timer_.expires_after(waiting_.empty() ? 40ms : 1ms);
+  timer_.expires_after(waiting_.empty() ? between_notifications : 1ms);
   timer_.async_wait([this](const boost::system::error_code& error) {
     if (!error) tick();
   });
@@ -197,7 +199,10 @@ void ControlApi::schedule() {
 void ControlApi::tick() {
   is_ticking_ = false;
   take_results();
-  if (subscriptions_.is_watched()) subscriptions_.distribute();
+  if (const HostTime now = host_now(); now - distributed_ >= between_notifications && subscriptions_.is_watched()) {
+    distributed_ = now;
+    subscriptions_.distribute(now);
+  }
   schedule();
 }
 

@@ -36,6 +36,7 @@ class ControlApi {
     const Monitor& monitor;
     RunCounters counters;
     std::function<void()> quit;  // ends the run; may be called again
+    bool is_repeated = false;    // from its record, so that nothing can be changed
   };
   ControlApi(boost::asio::io_context& io, Run run);
 
@@ -72,6 +73,7 @@ class ControlApi {
   const Run run_;
   boost::asio::steady_timer timer_;
   bool is_ticking_ = false;
+  HostTime distributed_;  // when subscribers were notified last
   Subscriptions subscriptions_;
 
   // A batch that the sampling thread has not answered completely.

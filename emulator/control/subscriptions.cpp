@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <map>
@@ -11,6 +12,7 @@
 #include <tuple>
 
 #include "emulator/control/change.hpp"
+#include "transports/host_clock.hpp"
 
 namespace imud {
 
@@ -84,7 +86,10 @@ Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<
     }
     subscribed.push_back(std::move(one));
   };
-  if (what == What::counters) last_ = monitor_.now();
+  if (what == What::counters) {
+    last_ = monitor_.now();
+    counted_ = host_now();
+  }
   if (what == What::counters || what == What::events) {
     add(0, 1);
   } else {
@@ -165,15 +170,19 @@ std::string Subscriptions::text_of(What what, std::uint16_t imu, std::uint32_t e
   return rpc_notification(kinds[static_cast<std::size_t>(what)], {out.data(), out.size()});
 }
 
-void Subscriptions::distribute() {
+void Subscriptions::distribute(HostTime now) {
   samples_.resize(config_.imus.size());
   for (auto& samples : samples_) samples.clear();
   for (FeedSample sample; control_.feed.pop(sample);) samples_[sample.imu].push_back(sample);
   std::shared_ptr<const std::string> counters;
-  if (Summary now = monitor_.now(); now.duration_s - last_.duration_s >= 1.0) {
-    counters =
-        std::make_shared<const std::string>(rpc_notification("counters", json(now.since(last_), JsonLayout::line)));
-    last_ = std::move(now);
+  const bool is_counted =
+      std::any_of(all_.begin(), all_.end(), [](const auto& s) { return s.what == What::counters; });
+  if (is_counted && now - counted_ >= std::chrono::seconds(1)) {
+    Summary figures = monitor_.now();
+    counters = std::make_shared<const std::string>(
+        rpc_notification("counters", json(figures.since(last_), JsonLayout::line)));
+    last_ = std::move(figures);
+    counted_ = now;
   }
   // Clients that subscribe to the same get the same text.
   std::map<std::tuple<What, std::uint16_t, std::uint32_t>, std::shared_ptr<const std::string>> texts;

@@ -38,7 +38,7 @@ class Subscriptions {
   // Sends an event to those who subscribe to events.
   void send_event(const Json& event);
   // Sends what the feed has, and each second the figures since the last ones.
-  void distribute();
+  void distribute(HostTime now);
   // Removes the subscriptions whose clients have gone. Returns true if somebody subscribes to samples, truth or
   // counters, so that distribute() must be called often.
   bool is_watched();
@@ -61,6 +61,7 @@ class Subscriptions {
   const Monitor& monitor_;
   std::vector<Subscription> all_;
   std::vector<std::vector<FeedSample>> samples_;  // by imu, of distribute()
+  HostTime counted_;                              // when the figures were sent last
   Summary last_;                                  // of the counters
 };
 

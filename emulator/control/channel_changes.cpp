@@ -1,0 +1,29 @@
+// The changes that commands make to a Channel, and the sample that those who watch get of it.
+#include "emulator/channel.hpp"
+
+namespace imud {
+
+void Channel::pause(bool paused) noexcept {
+  paused_ = paused;
+  counters_.is_paused.store(paused, std::memory_order_relaxed);
+}
+
+void Channel::set_bias(Quantity quantity, std::size_t axis, double bias) noexcept {
+  Vector3 all = imu_.bias(quantity);
+  all[static_cast<Eigen::Index>(axis)] = bias;
+  imu_.set_bias(quantity, all);
+}
+
+void Channel::push_to_feed() noexcept {
+  feed_->push({.imu = number_,
+               .status = sample_.status,
+               .k = sample_.counter,
+               .time_ns = sample_.time.ns,
+               .temperature_c = sample_.temperature_c,
+               .rate = sample_.rate,
+               .specific_force = sample_.specific_force,
+               .true_rate = imu_.true_rate(),
+               .true_specific_force = imu_.true_specific_force()});
+}
+
+}  // namespace imud

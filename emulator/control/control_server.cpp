@@ -1,0 +1,263 @@
+#include "emulator/control/control_server.hpp"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/ip/address.hpp>
+#include <boost/asio/write.hpp>
+#include <chrono>
+#include <deque>
+#include <utility>
+
+#include "emulator/control/tcp_address.hpp"
+#include "emulator/text_file.hpp"
+
+namespace imud {
+
+namespace asio = boost::asio;
+using Socket = asio::generic::stream_protocol::socket;
+using ErrorCode = boost::system::error_code;
+
+// A connection. It lives as long as an operation on it waits.
+class ControlServer::Client final : public Subscriber, public std::enable_shared_from_this<Client> {
+ public:
+  // `token`: what the client must show first; nullptr: nothing. It outlives this.
+  Client(Socket socket, ControlApi& api, const Token* token)
+      : socket_(std::move(socket)), api_(api), token_(token), deadline_(socket_.get_executor()) {}
+
+  void start() {
+    if (token_ != nullptr) {
+      deadline_.expires_after(std::chrono::seconds(10));
+      deadline_.async_wait([weak = weak_from_this()](const ErrorCode& error) {
+        if (const auto self = weak.lock(); self && !error && self->token_ != nullptr) self->close();
+      });
+    }
+    read();
+  }
+
+  void notify(const std::shared_ptr<const std::string>& text) override {
+    if (queued_ + text->size() > most_notified) return;
+    queue(text);
+  }
+
+  // Sends the text and closes.
+  void refuse(std::string text) {
+    closes_ = true;
+    queue(std::make_shared<const std::string>(std::move(text)));
+  }
+
+  void close() {
+    ErrorCode ignored;
+    socket_.close(ignored);
+    deadline_.cancel();
+  }
+
+ private:
+  // Bytes that wait to be sent: beyond the first limit notifications are discarded, beyond the second the client is
+  // closed.
+  static constexpr std::size_t most_notified = 256 * 1024, most_queued = 1024 * 1024;
+  static constexpr int most_calls = 32;  // that are not answered, beyond which the client's requests are not read
+
+  void read() {
+    if (is_reading_ || has_ended_ || closes_ || calls_ >= most_calls || !socket_.is_open()) return;
+    is_reading_ = true;
+    socket_.async_read_some(asio::buffer(buffer_),
+                            [self = shared_from_this()](const ErrorCode& error, std::size_t n) {
+                              self->is_reading_ = false;
+                              self->on_read(error, n);
+                            });
+  }
+
+  void on_read(const ErrorCode& error, std::size_t size) {
+    input_.append(buffer_.data(), size);
+    if (error) {
+      has_ended_ = true;
+      if (!input_.empty()) input_ += '\n';  // the last line may lack its line feed
+    }
+    take_lines();
+  }
+
+  // A client that has many unanswered requests waits with the others.
+  void take_lines() {
+    if (std::exchange(is_taking_, true)) return;  // called by an answer that came at once
+    std::size_t begin = 0;
+    for (std::size_t end = 0; calls_ < most_calls && !closes_ && (end = input_.find('\n', begin)) != input_.npos;
+         begin = end + 1) {
+      std::string_view line(input_.data() + begin, end - begin);
+      if (line.ends_with('\r')) line.remove_suffix(1);
+      if (!line.empty()) take(line);
+    }
+    input_.erase(0, begin);
+    // The end of such a line cannot be waited for.
+    if (input_.size() > ControlApi::max_request && input_.find('\n') == input_.npos)
+      refuse(ControlApi::refuse_long());
+    if (closes_) input_.clear();
+    is_taking_ = false;
+    close_if_done();
+    read();
+  }
+
+  void take(std::string_view line) {
+    if (token_ != nullptr) return authenticate(line);
+    ++calls_;
+    api_.call(
+        line,
+        [weak = weak_from_this()](std::string answer) {
+          const auto self = weak.lock();
+          if (self == nullptr) return;
+          --self->calls_;
+          if (!answer.empty()) self->queue(std::make_shared<const std::string>(std::move(answer)));
+          self->take_lines();  // which may have waited for it
+        },
+        shared_from_this());
+  }
+
+  // Anything but the right token closes the connection, so that neither a browser nor a search for it gets further.
+  void authenticate(std::string_view line) {
+    bool is_good = false;
+    answer_rpc(
+        line,
+        [&](const std::string& method, const Json& params, const RpcReply& reply) {
+          RpcParams named(params);
+          is_good = method == "authenticate" && token_->matches(named.text("token", "the token"));
+          if (!is_good) throw RpcError(RpcError::refused, "the first request must be authenticate, with the token");
+          reply.result({{"authenticated", true}});
+        },
+        [&](std::string answer) {
+          closes_ = !is_good;
+          if (!answer.empty()) queue(std::make_shared<const std::string>(std::move(answer)));
+        });
+    if (is_good) token_ = nullptr;
+  }
+
+  void queue(const std::shared_ptr<const std::string>& text) {
+    if (!socket_.is_open()) return;
+    queued_ += text->size();
+    if (queued_ > most_queued) return close();
+    output_.push_back(text);
+    write();
+  }
+
+  void write() {
+    if (is_writing_ || output_.empty()) return;
+    is_writing_ = true;
+    static constexpr char line_feed = '\n';
+    const std::array<asio::const_buffer, 2> buffers = {asio::buffer(*output_.front()), asio::buffer(&line_feed, 1)};
+    asio::async_write(socket_, buffers, [self = shared_from_this()](const ErrorCode& error, std::size_t) {
+      self->is_writing_ = false;
+      self->queued_ -= self->output_.front()->size();
+      self->output_.pop_front();
+      if (error) return self->close();
+      self->write();
+      self->close_if_done();
+    });
+  }
+
+  void close_if_done() {
+    if (output_.empty() && (closes_ || (has_ended_ && calls_ == 0 && input_.empty()))) close();
+  }
+
+  Socket socket_;
+  ControlApi& api_;
+  const Token* token_;  // nullptr: nothing is missing
+  asio::steady_timer deadline_;
+  std::array<char, 16 * 1024> buffer_;
+  std::string input_;  // from the begin of a line
+  std::deque<std::shared_ptr<const std::string>> output_;
+  std::size_t queued_ = 0;  // bytes of output_
+  int calls_ = 0;           // that are not answered
+  bool is_reading_ = false, is_writing_ = false, is_taking_ = false;
+  bool has_ended_ = false;  // the client sends nothing more
+  bool closes_ = false;     // when all is written
+};
+
+namespace {
+
+// Returns true if the process at the other end is of this user, or of root.
+bool is_same_user(int descriptor) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  return ::getsockopt(descriptor, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 &&
+         (peer.uid == ::geteuid() || peer.uid == 0);
+}
+
+}  // namespace
+
+ControlServer::ControlServer(asio::io_context& io, const ControlConfig& config, const std::string& name) : io_(io) {
+  if (config.socket == "auto") {
+    try {
+      socket_.emplace(ListeningSocket::in_folder(name));
+    } catch (const OpenError& error) {
+      if (!config.name.empty()) throw;  // somebody will look for that name
+      spdlog::info("no socket for imud ctl: {}", error.what());
+    }
+  } else if (config.socket != "none") {
+    socket_.emplace(config.socket);
+  }
+  if (socket_) {
+    spdlog::debug("imud ctl finds this run as {}, at {}", name, socket_->path());
+    local_.emplace(io_, asio::local::stream_protocol(), socket_->release());
+  }
+  if (config.listen.empty()) return;
+  token_ = Token::read(config.token_file);
+  const TcpAddress address = TcpAddress::parse(config.listen).value_or(TcpAddress{});
+  const asio::ip::tcp::endpoint endpoint(asio::ip::make_address(address.address), address.port);
+  try {
+    tcp_.emplace(io_, endpoint);
+  } catch (const boost::system::system_error& error) {
+    throw OpenError(fmt::format("control.listen {}: {}", config.listen, error.code().message()));
+  }
+  spdlog::info("control: TCP port {}", tcp_->local_endpoint().port());
+}
+
+void ControlServer::start(ControlApi& api) {
+  api_ = &api;
+  if (local_) accept_local();
+  if (tcp_) accept_tcp();
+}
+
+ControlServer::~ControlServer() {
+  for (const auto& weak : clients_)
+    if (const auto client = weak.lock()) client->close();
+}
+
+std::optional<std::uint16_t> ControlServer::port() const {
+  return tcp_ ? std::optional(tcp_->local_endpoint().port()) : std::nullopt;
+}
+
+void ControlServer::accept_local() {
+  local_->async_accept([this](const ErrorCode& error, asio::local::stream_protocol::socket socket) {
+    if (error == asio::error::operation_aborted) return;
+    if (!error) add(std::move(socket), false);
+    accept_local();
+  });
+}
+
+void ControlServer::accept_tcp() {
+  tcp_->async_accept([this](const ErrorCode& error, asio::ip::tcp::socket socket) {
+    if (error == asio::error::operation_aborted) return;
+    if (!error) {
+      ErrorCode ignored;
+      socket.set_option(asio::ip::tcp::no_delay(true), ignored);
+      add(std::move(socket), true);
+    }
+    accept_tcp();
+  });
+}
+
+void ControlServer::add(Socket socket, bool needs_token) {
+  std::erase_if(clients_, [](const auto& client) { return client.expired(); });
+  const bool is_admitted = needs_token || is_same_user(socket.native_handle());
+  const auto client = std::make_shared<Client>(std::move(socket), *api_, needs_token ? &*token_ : nullptr);
+  if (!is_admitted)
+    return client->refuse(rpc_refusal(RpcError(RpcError::refused, "this imud belongs to another user")));
+  if (clients_.size() >= most_clients)
+    return client->refuse(rpc_refusal(RpcError(RpcError::busy, fmt::format("there are {} clients", most_clients))));
+  clients_.push_back(client);
+  client->start();
+}
+
+}  // namespace imud

@@ -1,0 +1,56 @@
+// ControlServer: the control protocol over a UNIX socket, and over TCP on a loopback address.
+#pragma once
+
+#include <boost/asio/basic_socket_acceptor.hpp>
+#include <boost/asio/generic/stream_protocol.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/local/stream_protocol.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "emulator/config.hpp"
+#include "emulator/control/control_api.hpp"
+#include "emulator/control/socket_path.hpp"
+#include "emulator/control/token.hpp"
+
+namespace imud {
+
+// Serves one JSON text a line. A client of the UNIX socket must be of the same user, or root; one of TCP must show
+// the token first. One thread, that of the io_context.
+class ControlServer {
+ public:
+  static constexpr std::size_t most_clients = 128;  // further ones are refused
+
+  // Opens what the configuration names; `name` is that of the instance. Throws OpenError, except for the socket
+  // "auto", which is left out if there is no place for it.
+  ControlServer(boost::asio::io_context& io, const ControlConfig& config, const std::string& name);
+  // Serves clients, those included that have connected since the construction. `api` outlives this.
+  void start(ControlApi& api);
+  // Closes all connections. What is queued for them and fits into the system's buffers is sent.
+  ~ControlServer();
+
+  // The path of the socket; empty: there is none. The port of TCP; nullopt: it does not listen.
+  std::string path() const { return socket_ ? socket_->path() : std::string(); }
+  std::optional<std::uint16_t> port() const;
+
+  class Client;
+
+ private:
+  void accept_local();
+  void accept_tcp();
+  void add(boost::asio::generic::stream_protocol::socket socket, bool needs_token);
+
+  boost::asio::io_context& io_;
+  ControlApi* api_ = nullptr;
+  std::optional<ListeningSocket> socket_;
+  std::optional<boost::asio::local::stream_protocol::acceptor> local_;
+  std::optional<boost::asio::ip::tcp::acceptor> tcp_;
+  std::optional<Token> token_;
+  std::vector<std::weak_ptr<Client>> clients_;
+};
+
+}  // namespace imud

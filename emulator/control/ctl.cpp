@@ -1,0 +1,187 @@
+#include "emulator/control/ctl.hpp"
+
+#include <fmt/format.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <optional>
+
+#include "emulator/control/json_rpc.hpp"
+#include "emulator/control/socket_path.hpp"
+
+namespace imud {
+
+namespace {
+
+// A connection that sends and receives lines.
+class Lines {
+ public:
+  explicit Lines(FileDescriptor socket) : socket_(std::move(socket)) {}
+  explicit operator bool() const { return static_cast<bool>(socket_); }
+
+  bool send(std::string line) {
+    line += '\n';
+    for (std::size_t sent = 0; sent < line.size();) {
+      const ssize_t n = ::send(socket_.get(), line.data() + sent, line.size() - sent, MSG_NOSIGNAL);
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) return false;
+      sent += static_cast<std::size_t>(n);
+    }
+    return true;
+  }
+  std::optional<std::string> receive() {
+    for (;;) {
+      if (const std::size_t end = waiting_.find('\n'); end != waiting_.npos) {
+        std::string line = waiting_.substr(0, end);
+        waiting_.erase(0, end + 1);
+        return line;
+      }
+      std::array<char, 16 * 1024> bytes;
+      const ssize_t n = ::recv(socket_.get(), bytes.data(), bytes.size(), 0);
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) return std::nullopt;
+      waiting_.append(bytes.data(), static_cast<std::size_t>(n));
+    }
+  }
+
+ private:
+  FileDescriptor socket_;
+  std::string waiting_;
+};
+
+int fail(std::string_view what, int exit_code = 1) {
+  fmt::print(stderr, "imud: {}\n", what);
+  return exit_code;
+}
+
+std::string names_of(const std::vector<Instance>& all) {
+  std::string names;
+  for (const Instance& one : all) names += (names.empty() ? "" : ", ") + one.name;
+  return names;
+}
+
+constexpr const char* none_runs =
+    "no imud of this user runs that can be controlled: start one by imud run, without [control] socket = \"none\"";
+
+// Returns a connection, or prints why there is none.
+Lines connect(const CtlOptions& options) {
+  std::string path = options.socket;
+  if (path.empty()) {
+    const std::vector<Instance> all = running_instances();
+    for (const Instance& one : all)
+      if (options.name.empty() ? all.size() == 1 : one.name == options.name) path = one.path;
+    if (path.empty() && all.empty()) fail(none_runs);
+    if (path.empty() && !all.empty() && options.name.empty())
+      fail(fmt::format("several run; choose one by --name: {}", names_of(all)));
+    if (path.empty() && !all.empty() && !options.name.empty())
+      fail(fmt::format("there is no {}; those that run: {}", options.name, names_of(all)));
+    if (path.empty()) return Lines(FileDescriptor());
+  }
+  FileDescriptor socket = connect_to_socket(path);
+  if (!socket) fail(fmt::format("{}: {}; does that imud run?", path, std::strerror(errno)));
+  return Lines(std::move(socket));
+}
+
+int list_instances(bool json) {
+  const std::vector<Instance> all = running_instances();
+  if (json) {
+    Json list = Json::array();
+    for (const Instance& one : all) list.push_back({{"name", one.name}, {"socket", one.path}});
+    fmt::print("{}\n", list.dump(2));
+    return 0;
+  }
+  if (all.empty()) return fail(none_runs);
+  for (const Instance& one : all) fmt::print("{:<12} {}\n", one.name, one.path);
+  return 0;
+}
+
+// A value is JSON, or else a text, as a shell passes it: text=climb, rate_hz=50, value=[1, 2, 3].
+Json value_of(const std::string& text) {
+  Json value = Json::parse(text, nullptr, false);
+  return value.is_discarded() ? Json(text) : value;
+}
+
+// Lines of words for an answer.
+std::string words_of(const std::string& method, const Json& result) {
+  std::string out;
+  if (method == "status") {
+    out = fmt::format("imud {}, {} (process {}), clock {}, {:.1f} s\n", result["version"].get<std::string>(),
+                      result["name"].get<std::string>(), result["pid"].get<int>(), result["clock"].get<std::string>(),
+                      result["counters"]["duration_s"].get<double>());
+    for (const Json& imu : result["imus"])
+      out += fmt::format("{:<8} {} at {:g} Hz to {}, power {}{}, {} samples\n", imu["name"].get<std::string>(),
+                         imu["protocol"].get<std::string>(), imu["rate_hz"].get<double>(),
+                         imu["port"].get<std::string>(), imu["power"].get<std::string>(),
+                         imu["paused"].get<bool>() ? ", paused" : "", imu["samples"].get<std::uint64_t>());
+    return out;
+  }
+  if (method == "list") {
+    out = "methods\n";
+    for (const Json& one : result["methods"])
+      out += fmt::format("  {:<14} {}{}\n", one["name"].get<std::string>(), one["summary"].get<std::string>(),
+                         one.contains("example") ? "; " + one["example"].dump() : "");
+    out += "keys of set\n";
+    for (const Json& one : result["keys"])
+      out += fmt::format("  {:<36} {}\n", one["key"].get<std::string>(), one["meaning"].get<std::string>());
+    out += "imus\n";
+    for (const Json& one : result["imus"]) out += fmt::format("  {}\n", one.get<std::string>());
+    return out;
+  }
+  if (result.contains("applied")) {
+    for (const Json& one : result["applied"]) {
+      out += fmt::format("{}: from sample {}", one["imu"].get<std::string>(), one["sample"].get<std::uint64_t>());
+      if (one["time_ns"].is_number()) out += fmt::format(", {:.6f} s", 1e-9 * one["time_ns"].get<double>());
+      out += '\n';
+    }
+    return out;
+  }
+  return result.dump(2) + "\n";
+}
+
+}  // namespace
+
+int ctl(const CtlOptions& options) {
+  if (options.method.empty()) return list_instances(options.json);
+  Json params = Json::object();
+  for (const std::string& parameter : options.parameters) {
+    const std::size_t equals = parameter.find('=');
+    if (equals == parameter.npos || equals == 0)
+      return fail(fmt::format("{}: give parameters as KEY=VALUE", parameter), 2);
+    params[parameter.substr(0, equals)] = value_of(parameter.substr(equals + 1));
+  }
+  Lines lines = connect(options);
+  if (!lines) return 1;
+  Json request = {{"jsonrpc", "2.0"}, {"method", options.method}};
+  if (!params.empty()) request["params"] = std::move(params);
+  request["id"] = 1;
+  const auto answer = lines.send(json_line(request)) ? lines.receive() : std::nullopt;
+  if (!answer) return fail("the connection has ended before the answer");
+  const Json response = Json::parse(*answer, nullptr, false);
+  if (!response.is_object()) return fail("the answer is no JSON");
+  if (options.json) fmt::print("{}\n", (response.contains("error") ? response["error"] : response["result"]).dump(2));
+  if (response.contains("error")) {
+    const int code = response["error"]["code"].get<int>();
+    const std::string words = response["error"]["message"].get<std::string>();
+    const bool is_wrong = code <= RpcError::invalid_request && code >= RpcError::invalid_params;
+    return options.json ? (is_wrong ? 2 : 1) : fail(words, is_wrong ? 2 : 1);
+  }
+  if (options.method != "subscribe") {
+    if (!options.json) fmt::print("{}", words_of(options.method, response["result"]));
+    return 0;
+  }
+  std::signal(SIGINT, [](int) { std::_Exit(0); });
+  while (const auto line = lines.receive()) {
+    const Json notification = Json::parse(*line, nullptr, false);
+    if (!notification.is_object() || !notification.contains("params")) continue;
+    fmt::print("{}\n", json_line(notification["params"]));
+    if (std::fflush(stdout) != 0) return 0;  // the reader has gone
+  }
+  return 0;
+}
+
+}  // namespace imud

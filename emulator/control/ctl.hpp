@@ -1,0 +1,21 @@
+// `imud ctl`: a client of the control protocol for people and scripts.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace imud {
+
+struct CtlOptions {
+  std::string socket;                   // a path; empty: that of `name`
+  std::string name;                     // of the instance; empty: the only one that runs
+  std::string method;                   // empty: the instances that run are listed
+  std::vector<std::string> parameters;  // KEY=VALUE, the value as JSON, or a text
+  bool json = false;                    // print the answer as JSON
+};
+
+// Sends one request and prints the answer; after `subscribe`, each notification as a line of JSON, until the run ends
+// or SIGINT. Returns 0; 1 if no imud answers or it refuses; 2 if the request is wrong.
+int ctl(const CtlOptions& options);
+
+}  // namespace imud

@@ -1,0 +1,57 @@
+// The UNIX sockets of the instances of imud: where they are, and how one is made.
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "transports/file_descriptor.hpp"
+
+namespace imud {
+
+// Returns the folders in which instances of this user, and of the system's service, have their sockets, the one for
+// new sockets first: $RUNTIME_DIRECTORY of a systemd unit, $XDG_RUNTIME_DIR, /run/imud for root, /tmp/imud-UID.
+std::vector<std::string> socket_folders();
+
+// Returns "FOLDER/imud-NAME.sock".
+std::string socket_path(const std::string& folder, const std::string& name);
+
+// A listening UNIX socket that its user alone can open, removed at the end.
+class ListeningSocket {
+ public:
+  // Makes the socket, in place of one that no process listens to any more. Throws OpenError: a process listens, the
+  // path is too long or something else than a socket, or the folder cannot be written.
+  explicit ListeningSocket(const std::string& path);
+  // Makes the socket of that name in the first of socket_folders() that permits it, and makes the folder.
+  static ListeningSocket in_folder(const std::string& name);
+  ListeningSocket(ListeningSocket&& other) noexcept
+      : path_(std::exchange(other.path_, {})),
+        socket_(std::move(other.socket_)),
+        device_(other.device_),
+        inode_(other.inode_) {}
+  ~ListeningSocket();
+
+  const std::string& path() const noexcept { return path_; }
+  // Gives the descriptor away.
+  int release() noexcept;
+
+ private:
+  std::string path_;
+  FileDescriptor socket_;
+  dev_t device_ = 0;  // of the file, which is removed only if it is still this one
+  ino_t inode_ = 0;
+};
+
+// Connects to a socket. Returns an empty descriptor, with errno, if nobody listens.
+FileDescriptor connect_to_socket(const std::string& path);
+
+struct Instance {
+  std::string name, path;
+};
+// Returns the instances that run, by connecting to the sockets in socket_folders().
+std::vector<Instance> running_instances();
+
+}  // namespace imud
