@@ -43,6 +43,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
     add_filters(*config.protocol, config.settings, config.rate_hz, filters);
     lines_[0].port->set_filters(filters);
   }
+  if (faults_) enable_faults(config, seed);
   publish();
 }
 
@@ -88,7 +89,10 @@ Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k
   has_sampled_ = true;
   is_resting_ = false;
   sample_ = imu_.sample(timeline, time, clock_.stamp(k));
-  if (faults_) faults_->take(sample_, time - timeline.run_start());
+  if (faults_) {
+    faults_->take(sample_, time - timeline.run_start());
+    set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
+  }
   if (faults_ && power_faults_) set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
   return sample_;
 }

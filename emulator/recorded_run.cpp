@@ -294,14 +294,13 @@ void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
                      .value = std::bit_cast<double>(event.b),
                      .number = static_cast<std::uint64_t>(event.c)};
   if (!has_value(command.kind)) poll(event.b);
+  if (event.interface == RecordEvent::all_imus) return imud::execute(*session_, command, HostTime{event.a});
   const auto all = session_->channels();
-  if (event.interface != RecordEvent::all_imus) {
-    const Channel* channel = channel_of(event);
-    const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == channel; });
-    if (found == all.end()) return;
+  for_imus(event, [&](const Channel& channel) {
+    const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == &channel; });
     command.imu = static_cast<std::uint16_t>(found - all.begin());
-  }
-  imud::execute(*session_, command, HostTime{event.a});
+    imud::execute(*session_, command, HostTime{event.a});
+  });
 }
 
 // Pieces of a stream may have come without a record in them.

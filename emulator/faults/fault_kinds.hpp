@@ -14,6 +14,8 @@ namespace imud {
 std::span<const FaultKind> sensor_fault_kinds() noexcept;
 std::span<const FaultKind> message_fault_kinds() noexcept;
 std::span<const FaultKind> truth_fault_kinds() noexcept;
+std::span<const FaultKind> wire_fault_kinds() noexcept;
+std::span<const FaultKind> power_fault_kinds() noexcept;
 
 // Returns the kinds of all seams, by seam.
 std::span<const FaultKind* const> fault_kinds() noexcept;

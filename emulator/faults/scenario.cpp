@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "emulator/config_text.hpp"
+#include "emulator/faults/wire_faults.hpp"
 
 namespace imud {
 
@@ -41,6 +42,11 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
       const FaultKind* kind = config.faults.back().kind;
       if (kind != nullptr && !kind->in_lockstep && config.clock == ClockMode::lockstep)
         reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
+      if (kind == nullptr || kind->seam != FaultSeam::wire) return;
+      for (const ImuConfig& imu : config.imus)
+        if (imu.protocol != nullptr && config.faults.back().acts_on(imu.name))
+          if (const std::string objection = wire_fault_objection(*kind, *imu.protocol); !objection.empty())
+            reader.fault("kind", fmt::format("{}: {}", imu.name, objection));
     });
     read_each(from, "expect", of_file, resolved_expectations, [&](TableReader& reader) {
       config.expectations.push_back(read_expect(reader, config.expectations.size(), imus, config.faults));
