@@ -42,7 +42,7 @@ class ControlApi {
 
   // Executes the requests of a text. Calls `answer` once with the text of the answer, in one line without its line
   // feed, empty if none is wanted: at once, or when the sampling thread has made the changes, or from finish().
-  // `answer` must hold its connection weakly. `client`: to which notifications go; nullptr: this connection cannot
+  // It is kept until then. `client`: to which notifications go; nullptr: this connection cannot
   // have any.
   void call(std::string_view request, std::function<void(std::string)> answer,
             const std::shared_ptr<Subscriber>& client = nullptr);

@@ -21,7 +21,7 @@ namespace asio = boost::asio;
 using Socket = asio::generic::stream_protocol::socket;
 using ErrorCode = boost::system::error_code;
 
-// A connection. It lives as long as an operation on it waits.
+// A connection. It lives as long as an operation on it, or an answer, waits.
 class ControlServer::Client final : public Subscriber, public std::enable_shared_from_this<Client> {
  public:
   // `token`: what the client must show first; nullptr: nothing. It outlives this.
@@ -105,9 +105,7 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
     ++calls_;
     api_.call(
         line,
-        [weak = weak_from_this()](std::string answer) {
-          const auto self = weak.lock();
-          if (self == nullptr) return;
+        [self = shared_from_this()](std::string answer) {  // while nothing is read, this keeps the client
           --self->calls_;
           if (!answer.empty()) self->queue(std::make_shared<const std::string>(std::move(answer)));
           self->take_lines();  // which may have waited for it
