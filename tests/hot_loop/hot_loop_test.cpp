@@ -41,7 +41,7 @@ TEST(Locks, AreCountedOnThreadsThatEnableIt) {
 
 // Samples of six imus to a pty with a reader, one without, a file, a socket, and paced ptys whose readers have set
 // the right and a wrong speed, at 1 kHz; truth at 500 Hz with bad datagrams among it, repeated ones, and pauses
-// beyond which motion is held. All of it is recorded.
+// beyond which motion is held. All of it is recorded, controlled by commands, and watched.
 TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::string text = "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\nextrapolate_ms = 20\n";
   const std::array<std::string, 6> ports = {"pty:" + path("read"),
@@ -59,7 +59,10 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   const Config config = load_config(write("config.toml", text));
   std::atomic<bool> stop = false;
   Recorder recorder({.file = path("record.pcapng")}, false);
-  Session session(config, open_port, &recorder);
+  RunControl control(config.imus.size());
+  Session session(config, open_port, &recorder, &control);
+  control.feed.watch(0, 1);
+  control.feed.watch(3, 7);
   recorder.start(true, "");
   const auto counters = [&](std::size_t i) -> const ImuCounters& { return session.channels()[i]->counters(); };
   const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
@@ -83,6 +86,18 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::array<std::byte, 4096> buffer;
   const TruthQuality& quality = session.quality();
   std::uint32_t k = 0;
+  std::uint64_t batches = 0, answers = 0, watched = 0;
+  // Every kind of command, in batches that do not leave an imu off.
+  using Kind = Command::Kind;
+  const std::array<std::array<Command, 3>, 5> commands = {{
+      {{{.kind = Kind::pause, .imu = 4},
+        {.kind = Kind::power_off, .imu = 2},
+        {.kind = Kind::gyro_bias, .value = 0.1}}},
+      {{{.kind = Kind::resume, .imu = 4}, {.kind = Kind::power_on, .imu = 2}, {.kind = Kind::seed, .number = 3}}},
+      {{{.kind = Kind::power_cycle, .imu = 3}, {.kind = Kind::mark, .text_size = 5}, {.kind = Kind::log_level}}},
+      {{{.kind = Kind::delay, .value = 0.01}, {.kind = Kind::when_stopped}, {.kind = Kind::accelerometer_bias}}},
+      {{{.kind = Kind::automatic_delay, .value = 99}, {.kind = Kind::extrapolate, .value = 0.02}, {}}},
+  }};
   const auto play = [&](std::uint32_t truths) {
     for (const std::uint32_t until = k + truths; k < until; ++k) {
       const Simulator::Datagram good = Simulator::encode(Simulator::truth(2 * k, k, k % 10 == 0));
@@ -96,10 +111,15 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
         }
       while (simulator_.answer(0)) {
       }
+      if (k % 3 == 0 && control.commands.push(batches + 1, commands[batches % commands.size()])) ++batches;
+      for (Applied applied; control.applied.pop(applied);) ++answers;
+      for (FeedSample sample; control.feed.pop(sample);) ++watched;
+      for (RunEvent event; control.events.pop(event);) continue;
     }
   };
   play(150);
   const std::uint64_t allocated = allocations(), locked = locks_taken();
+  const std::uint64_t answers_before = answers, watched_before = watched;
   const std::uint64_t samples = counters(0).samples, stops = quality.stops, returns = quality.returns;
   const auto refused = [&](Refusal refusal) -> std::uint64_t {
     return session.intake().counters().refused[static_cast<std::size_t>(refusal)];
@@ -120,6 +140,8 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   EXPECT_EQ(allocated_after - allocated, 0U);
   EXPECT_EQ(locked_after - locked, 0U);
   EXPECT_EQ(log.str(), "");
+  EXPECT_GT(answers - answers_before, 6 * 20U) << "an answer for each imu";
+  EXPECT_GT(watched - watched_before, 1000U);
   EXPECT_TRUE(is_busy) << counters(0).samples << ' ' << counters(0).frames << ' ' << counters(1).dropped << ' '
                        << counters(2).frames << ' ' << counters(4).frames << ' ' << counters(5).frames << ' '
                        << refused(Refusal::duplicate) << ' ' << refused(Refusal::too_short) << ' ' << quality.stops

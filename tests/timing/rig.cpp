@@ -19,6 +19,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "emulator/control/socket_path.hpp"
 #include "protocols/native_truth.hpp"
 #include "tests/tools/run_program.hpp"
 #include "transports/host_clock.hpp"
@@ -140,6 +141,33 @@ PtyReaders::PtyReaders(std::vector<std::string> links)
           for (const pollfd& one : ready)
             if ((one.revents & POLLIN) != 0) [[maybe_unused]]
               const auto n = ::read(one.fd, buffer.data(), buffer.size());
+        }
+      }) {}
+
+ControlFlood::ControlFlood(std::string socket, std::atomic<std::uint64_t>& answers)
+    : thread_([socket = std::move(socket), &answers](const std::stop_token& stop) {
+        constexpr std::string_view request =
+            "{\"jsonrpc\": \"2.0\", \"method\": \"set\", \"params\": {\"truth.extrapolate_ms\": 100}, \"id\": 1}\n";
+        FileDescriptor connection;
+        std::array<char, 65536> buffer;
+        std::string waiting;
+        while (!stop.stop_requested()) {
+          if (!connection) connection = connect_to_socket(socket);
+          if (!connection) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            continue;
+          }
+          if (waiting.empty()) waiting = request;
+          pollfd ready{connection.get(), POLLIN | POLLOUT, 0};
+          ::poll(&ready, 1, 50);
+          if ((ready.revents & POLLOUT) != 0)
+            if (const auto n = ::send(connection.get(), waiting.data(), waiting.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+                n > 0)
+              waiting.erase(0, static_cast<std::size_t>(n));
+          if ((ready.revents & POLLIN) == 0) continue;
+          const auto n = ::recv(connection.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
+          if (n == 0) connection.reset();
+          if (n > 0) answers += static_cast<std::uint64_t>(std::count(buffer.begin(), buffer.begin() + n, '\n'));
         }
       }) {}
 

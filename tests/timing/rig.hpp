@@ -60,6 +60,16 @@ class PtyReaders {
   std::jthread thread_;
 };
 
+// Connects to the control socket as soon as it exists, and sends changes as fast as they are taken. Counts the
+// answers.
+class ControlFlood {
+ public:
+  ControlFlood(std::string socket, std::atomic<std::uint64_t>& answers);
+
+ private:
+  std::jthread thread_;
+};
+
 // Records when each datagram to it was sent: the kernel's receive time stamp, which on loopback is taken during the
 // sender's call.
 class DatagramTimes {

@@ -110,6 +110,36 @@ void many_imus(const Folder& folder, int rounds, double s) {
   }
 }
 
+// A client that sends changes as fast as they are taken, against runs without a client and without a socket.
+void under_control(const Folder& folder, int rounds, double s) {
+  fmt::print("\nA flood of control requests, 1 kHz, one pty, {} rounds of {} s each, by turns; us, medians\n", rounds,
+             s);
+  std::vector<Percentiles> alone, idle, flooded;
+  std::atomic<std::uint64_t> answers = 0;
+  for (int i = 0; i < rounds; ++i) {
+    const auto run = [&](const std::string& socket) {
+      const int port = free_udp_port();
+      const std::string control = fmt::format("\n[control]\nsocket = \"{}\"\n", socket);
+      return run_imud(folder, config(port, control, 1, "rate_hz = 1000\n" + pty(folder)), port, s, links(folder, 1))
+          .lateness();
+    };
+    alone.push_back(run("none"));
+    idle.push_back(run(folder / "control"));
+    const ControlFlood flood(folder / "control", answers);
+    flooded.push_back(run(folder / "control"));
+  }
+  row("no socket", median(alone));
+  row("a socket, no client", median(idle));
+  row("a flood", median(flooded));
+  const double idle_times = ratio(median(idle).p99, median(alone).p99);
+  const double times = ratio(median(flooded).p99, median(alone).p99);
+  print_criterion("a socket without clients: p99 within 1.1 of that without", idle_times <= 1.1,
+                  fmt::format("{:.2f} x", idle_times));
+  print_criterion(
+      "a flood: p99 at most 1.2 x that without", times <= 1.2,
+      fmt::format("{:.2f} x, {:.0f} changes a second", times, static_cast<double>(answers) / (rounds * s)));
+}
+
 // Returns the slope of the line as the median of the slopes between samples half the run apart, which a hold-up of
 // some ms changes less than a least-squares fit. `at_once`: number of samples sent at each instant.
 double fitted_step(const std::vector<double>& t, std::size_t at_once) {
@@ -179,6 +209,7 @@ int main(int argc, char** argv) {
     if (wanted("latency")) latency(folder, 4000);
     if (wanted("lateness")) against_cyclictest(folder, 5, std::max(2.0, s / 12));
     if (wanted("rates")) rates(folder, s);
+    if (wanted("control")) under_control(folder, 6, std::max(2.0, s / 6));
     if (wanted("imus")) many_imus(folder, 6, std::max(2.0, s / 6));
   } catch (const std::exception& error) {
     fmt::print(stderr, "timing: {}\n", error.what());
