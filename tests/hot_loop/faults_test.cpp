@@ -1,0 +1,51 @@
+// Faults allocate nothing after the start.
+#include <gtest/gtest.h>
+
+#include "tests/emulator/powered_unit.hpp"
+#include "tests/emulator/run_test.hpp"
+#include "tests/support/allocations.hpp"
+
+namespace imud {
+namespace {
+
+class FaultsAllocate : public RunTest {};
+
+TEST_F(FaultsAllocate, NothingOnTheWire) {
+  WireBench bench("native");
+  std::vector<ActiveFault> active;
+  for (std::uint32_t i = 0; i < WirePort::max_active + 8; ++i)
+    active.push_back(WireWindow{static_cast<WireFault>(i % wire_fault_kinds().size()), {0.1, 1, 1}, 0, 100, i}.at(0));
+  std::erase_if(active, [](const ActiveFault& fault) { return wire_fault(*fault.kind) == WireFault::line_break; });
+  bench.inner->keeps = false;
+  const std::vector<std::byte> bytes(4);
+  const Frame frame{bytes};
+  const std::span<const ActiveFault> all = active;
+  const std::uint64_t before = allocations();
+  for (std::size_t i = 0; i <= all.size(); ++i) {
+    bench.port->set_active(all.first(i));
+    bench.port->send({&frame, 1});
+  }
+  for (std::size_t i = 0; i <= all.size(); ++i) {
+    bench.port->set_active(all.subspan(i));
+    bench.port->send({&frame, 1});
+  }
+  EXPECT_EQ(allocations() - before, 0U);
+}
+
+TEST_F(FaultsAllocate, NothingOnThePower) {
+  PoweredUnit unit(write("config.toml", std::string(powered_unit_config)), true);
+  unit.inner->keeps = false;
+  const std::array<std::string_view, 5> names = {"off", "brown_out", "slow_start", "settings_lost", "boot_loader"};
+  for (std::uint64_t k = 0; k < 2000; ++k) {
+    const std::array<ActiveFault, 1> fault = {power_fault(names[k / 20 % 5], k % 20, 1)};
+    const std::span<const ActiveFault> active =
+        k % 20 < 10 ? std::span<const ActiveFault>(fault) : std::span<const ActiveFault>();
+    const std::uint64_t before = allocations();
+    unit.channel->set_faults({}, active);
+    unit.step();
+    ASSERT_EQ(allocations(), before) << k;
+  }
+}
+
+}  // namespace
+}  // namespace imud
