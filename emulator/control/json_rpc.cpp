@@ -71,7 +71,7 @@ const char* fault_of(const Json& request) {
   return nullptr;
 }
 
-void execute(const Json& request, const RpcMethod& method, const std::shared_ptr<Call>& call) {
+void execute_one(const Json& request, const RpcMethod& method, const std::shared_ptr<Call>& call) {
   if (const char* fault = fault_of(request))
     return call->add(error_response(nullptr, RpcError(RpcError::invalid_request, fault)));
   const bool is_notification = !request.contains("id");
@@ -109,9 +109,9 @@ void answer_rpc(std::string_view text, const RpcMethod& method, std::function<vo
     return call->add(error_response(nullptr, error));
   }
   call->is_batch = requests.is_array();
-  if (!call->is_batch) return execute(requests, method, call);
+  if (!call->is_batch) return execute_one(requests, method, call);
   call->missing = requests.size();
-  for (const Json& request : requests) execute(request, method, call);
+  for (const Json& request : requests) execute_one(request, method, call);
 }
 
 std::string rpc_notification(std::string_view method, std::string_view params) {
