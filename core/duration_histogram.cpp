@@ -58,4 +58,27 @@ double DurationHistogram::percentile(double percent) const {
   return max();
 }
 
+std::vector<std::uint64_t> DurationHistogram::counts_up_to(std::span<const double> limits) const {
+  const Axis& axis = histogram_.axis();
+  const double half_bucket = std::pow(longest / shortest, 0.5 / buckets);
+  std::vector<std::uint64_t> counts;
+  std::uint64_t cumulative = 0;
+  int next = -1;  // the bucket of durations below the shortest
+  for (const double limit : limits) {
+    const int end = std::isinf(limit) ? axis.size() + 1 : axis.index(limit * half_bucket);
+    for (; next < end; ++next) cumulative += std::uint64_t{histogram_.at(next)};
+    counts.push_back(cumulative);
+  }
+  return counts;
+}
+
+double DurationHistogram::sum() const {
+  const Axis& axis = histogram_.axis();
+  double sum = 0;
+  for (int i = 0; i <= axis.size(); ++i)
+    if (const std::uint64_t n = histogram_.at(i); n > 0)
+      sum += static_cast<double>(n) * (i < axis.size() ? axis.bin(i).center() : longest);
+  return sum;
+}
+
 }  // namespace imud

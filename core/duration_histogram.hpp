@@ -4,7 +4,9 @@
 #include <atomic>
 #include <boost/histogram.hpp>
 #include <cstdint>
+#include <span>
 #include <tuple>
+#include <vector>
 
 namespace imud {
 
@@ -31,6 +33,11 @@ class DurationHistogram {
   // Returns the duration, s, that `percent` of all durations do not exceed, within half a bucket; 0 if there is
   // none. `percent` is in [0, 100].
   double percentile(double percent) const;
+  // Returns for each of `limits`, s, ascending, the number of durations that do not exceed it, within half a bucket.
+  // Infinity has the number of all.
+  std::vector<std::uint64_t> counts_up_to(std::span<const double> limits) const;
+  // Returns the sum of all durations, s, each within half a bucket; one below 100 ns counts as 0.
+  double sum() const;
 
  private:
   using Axis = boost::histogram::axis::regular<double, boost::histogram::axis::transform::log>;

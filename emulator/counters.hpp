@@ -32,6 +32,7 @@ struct CounterInfo {
   std::string_view words;  // follow the number: "1999 frames sent"
   Show summary = Show::if_not_zero;
   Show log = Show::never;  // in the log's line, which has the counts since the line before
+  bool may_fall = false;
 };
 
 struct CounterGroup;
@@ -186,7 +187,7 @@ struct TruthCounters : CounterGroup {
   // Truths accepted although a later one had arrived before.
   Counter inserted{*this, {"inserted", "reordered but in time"}};
   // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
-  Counter lost{*this, {"lost", "lost"}};
+  Counter lost{*this, {"lost", "lost", Show::if_not_zero, Show::never, true}};
   // Those of the refused duplicates that repeat a truth by its sequence number, too.
   Counter repeated{*this, {"repeated", "repeated"}};
   // Times that a truth was later than the one before by more than StepWatch::far_above usual steps.
