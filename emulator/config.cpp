@@ -315,6 +315,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   config.truth = read_truth(table.child("truth"), config.clock, capture);
   config.realtime = read_realtime(table.child("realtime"));
   config.control = read_control(table.child("control"));
+  config.web = read_web(table.child("web"));
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
     table.fault("clock", fmt::format("\"fast\" reads a capture; give truth.port {}, or \"lockstep\"",
                                      ports_that([](const Transport& t) { return t.brings_truth && t.ends; })));

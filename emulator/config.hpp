@@ -16,6 +16,7 @@
 #include "emulator/faults/fault_config.hpp"
 #include "emulator/sync.hpp"
 #include "emulator/truth_clock.hpp"
+#include "emulator/web/web_config.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
@@ -97,6 +98,7 @@ struct Config {
   TruthConfig truth;
   RealtimeConfig realtime;
   ControlConfig control;
+  WebConfig web;
   std::vector<ImuConfig> imus;
   std::vector<FaultConfig> faults;
   std::vector<ExpectConfig> expectations;

@@ -87,6 +87,9 @@ NavigationErrors read_navigation(TableReader table);
 VibrationModel read_vibration(TableReader table);
 TemperatureModel read_temperature(TableReader table);
 
+// Reads where the web server listens (web/web_config.cpp).
+WebConfig read_web(TableReader table);
+
 // Reads the sampling jitter of an imu, whose grid must be set (environment_config.cpp).
 void read_jitter(TableReader& table, ImuConfig& imu);
 

@@ -27,6 +27,8 @@
 #include "emulator/recorded_run.hpp"
 #include "emulator/recorder.hpp"
 #include "emulator/text_file.hpp"
+#include "emulator/web/open_metrics.hpp"
+#include "emulator/web/web_server.hpp"
 #include "transports/output_path.hpp"
 
 namespace imud {
@@ -179,10 +181,14 @@ int run(const Config& config, const RunOptions& options) {
   log_details(config);
   const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
   std::optional<ControlServer> server(std::in_place, io, config.control, instance);
-  report_ready(session.chosen_ports(), options.ready_fd);
+  std::optional<WebServer> web;
+  if (!config.web.listen.empty()) web.emplace(io, config.web);
+  ChosenPorts chosen = session.chosen_ports();
+  if (web && web->address() != config.web.listen) chosen.emplace_back("web.listen", web->address());
+  report_ready(chosen, options.ready_fd);
   if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
   Config named = config;  // as the log shall name its ports
-  for (const auto& [key, port] : session.chosen_ports())
+  for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
   Monitor monitor(counters_of(session), named, options.monitor);
   const std::function<void()> wait_for_others = [&] {
@@ -207,6 +213,13 @@ int run(const Config& config, const RunOptions& options) {
   };
   ControlApi api(io, {instance, named, control, monitor, counters_of(session), quit, repeated.has_value()});
   server->start(api);
+  if (web) {
+    const auto call = [&api](std::string_view request, std::function<void(std::string)> answer,
+                             const std::shared_ptr<Subscriber>& client) {
+      api.call(request, std::move(answer), client);
+    };
+    web->serve(call, [&monitor] { return open_metrics(monitor.now()); });
+  }
   const auto report_events = [&] {
     for (RunEvent event; control.events.pop(event);) api.report(event);
   };
@@ -249,7 +262,7 @@ int run(const Config& config, const RunOptions& options) {
     ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? stopped_by : EndedBy::duration;
   Summary summary = monitor.finish(session.intake().end_warning());
   summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
-                   session.chosen_ports()};
+                   chosen};
   Outcome& outcome = summary.whole->outcome;
   outcome.expected = session.expected();
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)

@@ -1,0 +1,63 @@
+// HttpConnection: the requests of one connection, until it ends or becomes a WebSocket.
+#pragma once
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http/message.hpp>
+#include <boost/beast/http/parser.hpp>
+#include <boost/beast/http/string_body.hpp>
+#include <functional>
+#include <list>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+
+#include "emulator/web/web_api.hpp"
+#include "emulator/web/web_socket.hpp"
+
+namespace imud {
+
+class HttpConnection;
+
+// The answers of the server, and whom it answers. Shared by all connections.
+struct WebContent {
+  std::string machine;  // the name of this machine
+  std::string token;    // empty: none is asked for
+  WebApi api;
+  std::function<std::string()> metrics;
+  std::list<std::weak_ptr<WebSocket>> sockets;
+  std::set<std::shared_ptr<HttpConnection>> calls;  // those that wait for an answer
+};
+
+class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
+ public:
+  // `guard` is destroyed with the connection. `content` must outlive it, as long as events are handled.
+  HttpConnection(boost::asio::ip::tcp::socket socket, WebContent& content, std::shared_ptr<void> guard);
+  void read();
+
+ private:
+  using Request = boost::beast::http::request<boost::beast::http::string_body>;
+  using Response = boost::beast::http::response<boost::beast::http::string_body>;
+
+  void respond(const Request& request);
+  // Returns the response that refuses the request; nullopt if the request is admitted.
+  std::optional<Response> refusal(const Request& request) const;
+  // Returns the response to a GET or HEAD.
+  Response get(const Request& request) const;
+  void call(const Request& request);
+  void upgrade(const Request& request);
+  void write(Response response);
+  void end();
+
+  boost::beast::tcp_stream stream_;
+  WebContent& content_;
+  const std::shared_ptr<void> guard_;
+  boost::beast::flat_buffer buffer_;
+  std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;
+  Response response_;
+};
+
+}  // namespace imud

@@ -1,0 +1,69 @@
+// The faults of one imu: a form that begins one, and the active ones with a button to end each.
+const element = (tag, properties = {}, ...children) => {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+};
+
+export class FaultForm {
+  #kinds = [];
+  #kind;
+  #target;
+  #fields;
+
+  constructor(form, active, imu, command) {
+    Object.assign(this, {form, active, imu, command});
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#begin();
+    });
+  }
+
+  // `kinds`: of the method `list`: [{name, summary, seam, targets, has_axes, is_event, parameters: [{key, meaning,
+  // initial}]}]; a parameter without `initial` must be given.
+  set_kinds(kinds) {
+    this.#kinds = kinds;
+    this.form.hidden = kinds.length === 0;
+    this.form.replaceChildren();
+    if (kinds.length === 0) return;
+    this.#kind = element("select", {ariaLabel: `fault of ${this.imu}`});
+    for (const seam of new Set(kinds.map((kind) => kind.seam))) {
+      const group = element("optgroup", {label: seam});
+      kinds.forEach((kind, i) => kind.seam === seam && group.append(element("option", {value: i, textContent: kind.name, title: kind.summary})));
+      this.#kind.append(group);
+    }
+    this.#target = element("select", {ariaLabel: "its target"});
+    this.#fields = element("span", {className: "buttons"});
+    this.#kind.addEventListener("change", () => this.#show());
+    this.form.append(element("label", {}, "Fault ", this.#kind), element("label", {}, "of ", this.#target), this.#fields,
+      element("button", {textContent: "Begin fault"}),
+      element("button", {type: "button", textContent: "End all faults", onclick: () => this.command("fault.clear", {imu: this.imu})}));
+    this.#show();
+  }
+
+  #show() {
+    const kind = this.#kinds[this.#kind.value];
+    this.#kind.title = kind.summary;
+    const targets = kind.targets.flatMap((target) => (kind.has_axes ? ["", ".x", ".y", ".z"].map((axis) => target + axis) : [target]));
+    this.#target.replaceChildren(...targets.map((text) => element("option", {textContent: text})));
+    const field = (name, title, value, required) => element("label", {title}, `${name} `,
+      element("input", {type: "number", step: "any", name, value, required, ariaLabel: `${name}: ${title}`}));
+    this.#fields.replaceChildren(
+      ...(kind.parameters ?? []).map(({key, meaning, initial}) => field(key, meaning, initial ?? "", initial == null)),
+      ...(kind.is_event ? [] : [field("for_s", "duration; empty: until it is ended", 5, false)]));
+  }
+
+  #begin() {
+    const params = {imu: this.imu, kind: this.#kinds[this.#kind.value].name, target: this.#target.value};
+    for (const input of this.#fields.querySelectorAll("input"))
+      if (input.value !== "") params[input.name] = input.valueAsNumber;
+    return this.command("fault.begin", params);
+  }
+
+  // Shows the spans that have no end yet; those of faults have a button to end them.
+  show_active(spans) {
+    this.active.replaceChildren(...spans.filter((span) => span.end_s === undefined).map(({name, fault}) => (
+      element("li", {}, `${name} `, ...(fault === undefined ? [] : [element("button",
+        {type: "button", textContent: `End ${name}`, onclick: () => this.command("fault.end", {name: fault})})])))));
+  }
+}

@@ -1,0 +1,122 @@
+#include "emulator/web/web_server.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <fstream>
+#include <utility>
+
+#include "emulator/control/tcp_address.hpp"
+#include "emulator/text_file.hpp"
+#include "emulator/web/http_connection.hpp"
+#include "transports/port_spec.hpp"
+
+namespace imud {
+
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::tcp;
+
+std::string machine_name() {
+  std::array<char, 256> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
+// Returns the first line of the file.
+std::string read_token(const std::string& path) {
+  constexpr std::size_t shortest = 16;
+  if (path.empty()) return {};
+  std::ifstream file(path);
+  std::string token;
+  std::getline(file, token);
+  if (token.size() < shortest)
+    throw OpenError(
+        fmt::format("{}: web.token_file: its first line must be a token of at least {} characters, such as "
+                    "`openssl rand -hex 16` prints",
+                    path, shortest));
+  return token;
+}
+
+tcp::endpoint endpoint_of(const std::string& listen) {
+  const TcpAddress address = TcpAddress::parse(listen).value();
+  return {asio::ip::make_address(address.address), address.port};
+}
+
+}  // namespace
+
+class WebServer::Impl {
+ public:
+  Impl(asio::io_context& io, const WebConfig& config) : acceptor_(io), retry_(io) {
+    content_.machine = machine_name();
+    content_.token = read_token(config.token_file);
+    try {
+      const tcp::endpoint endpoint = endpoint_of(config.listen);
+      acceptor_.open(endpoint.protocol());
+      acceptor_.set_option(asio::socket_base::reuse_address(true));
+      acceptor_.bind(endpoint);
+      acceptor_.listen();
+    } catch (const boost::system::system_error& error) {
+      throw PortError(fmt::format("web.listen: {}: {}", config.listen, error.code().message()));
+    }
+  }
+  ~Impl() {
+    content_.calls.clear();
+    for (const std::weak_ptr<WebSocket>& weak : content_.sockets)
+      if (const auto socket = weak.lock()) socket->close();
+  }
+
+  std::string address() const {
+    const tcp::endpoint endpoint = acceptor_.local_endpoint();
+    const bool has_colons = endpoint.address().is_v6();
+    return fmt::format("{}{}{}:{}", has_colons ? "[" : "", endpoint.address().to_string(), has_colons ? "]" : "",
+                       endpoint.port());
+  }
+
+  void serve(WebApi api, std::function<std::string()> metrics) {
+    content_.api = std::move(api);
+    content_.metrics = std::move(metrics);
+    accept();
+  }
+
+ private:
+  void accept() {
+    acceptor_.async_accept([this](boost::system::error_code error, tcp::socket socket) {
+      if (error == asio::error::operation_aborted) return;
+      if (error) return retry();  // for example, too many open files
+      if (open_.use_count() <= static_cast<long>(max_connections)) {
+        boost::system::error_code ignored;
+        socket.set_option(tcp::no_delay(true), ignored);
+        socket.set_option(asio::socket_base::send_buffer_size(max_queue_to_lose), ignored);
+        std::make_shared<HttpConnection>(std::move(socket), content_, open_)->read();
+      }
+      accept();
+    });
+  }
+  void retry() {
+    retry_.expires_after(std::chrono::milliseconds(100));
+    retry_.async_wait([this](boost::system::error_code error) {
+      if (!error) accept();
+    });
+  }
+
+  tcp::acceptor acceptor_;
+  asio::steady_timer retry_;
+  WebContent content_;
+  const std::shared_ptr<void> open_ = std::make_shared<int>(0);  // each connection has a copy
+};
+
+WebServer::WebServer(asio::io_context& io, const WebConfig& config) : impl_(std::make_unique<Impl>(io, config)) {}
+WebServer::~WebServer() = default;
+
+std::string WebServer::address() const { return impl_->address(); }
+
+void WebServer::serve(WebApi api, std::function<std::string()> metrics) {
+  impl_->serve(std::move(api), std::move(metrics));
+}
+
+}  // namespace imud

@@ -1,0 +1,44 @@
+// WebServer: the page, the metrics and the control protocol by HTTP.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "emulator/counters.hpp"
+#include "emulator/web/web_api.hpp"
+#include "emulator/web/web_config.hpp"
+
+namespace imud {
+
+// Answers GET of the page's files and of /metrics, POST of JSON-RPC 2.0 to /api, and a WebSocket at /api, whose text
+// messages are JSON-RPC, too. Runs in the thread that runs the io_context, and never waits: a WebSocket that reads
+// too slowly loses notifications, and is closed if answers or events do not fit in its queue. What it answers does
+// not depend on file names of the request: the files are a table.
+class WebServer {
+ public:
+  static constexpr std::size_t max_connections = 32;  // further ones are closed at once
+  static constexpr std::size_t max_header_bytes = 8192, max_request_bytes = 65536;
+  static constexpr std::size_t max_queue_bytes = 1 << 20;    // of a WebSocket
+  static constexpr std::size_t max_queue_to_lose = 1 << 17;  // beyond it, notifications are lost
+  static constexpr int idle_s = 30;                          // a connection without a request is closed
+
+  // Listens; connections wait until serve() is called. Throws PortError if the address cannot be used, OpenError if
+  // the token cannot be read.
+  WebServer(boost::asio::io_context& io, const WebConfig& config);
+  ~WebServer();
+  WebServer(const WebServer&) = delete;
+  WebServer& operator=(const WebServer&) = delete;
+
+  // Returns "ADDR:PORT" with the port that the system has chosen.
+  std::string address() const;
+  // Begins to answer. `metrics` returns the text of /metrics.
+  void serve(WebApi api, std::function<std::string()> metrics);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace imud

@@ -1,0 +1,137 @@
+"""The page in Chromium: it loads without an error, shows motion, its buttons act, it survives imud's restart, and it fits a
+phone. usage: page_test.py IMUD IMU_TRUTH SCREENSHOT_FOLDER"""
+import pathlib
+import shutil
+import sys
+
+from imud_page import Imud, wait_until
+
+chromium, driver_path = shutil.which("chromium"), shutil.which("chromedriver")
+if not chromium or not driver_path:
+    sys.exit("chromium or chromedriver is missing: install them by tools/setup")
+from selenium import webdriver  # noqa: E402
+from selenium.webdriver.chrome.service import Service  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+from selenium.webdriver.support.ui import Select  # noqa: E402
+
+imud_path, truth_path, pictures = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
+pictures.mkdir(parents=True, exist_ok=True)
+
+options = webdriver.ChromeOptions()
+options.binary_location = chromium
+for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1280,1400",
+                 "--force-prefers-reduced-motion", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"):
+    options.add_argument(argument)
+options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+
+
+def errors(browser):
+    return [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+def text(browser, selector):
+    return browser.find_element(By.CSS_SELECTOR, selector).text
+
+
+def button(browser, name):
+    return browser.find_element(By.XPATH, f"//details[@data-imu='imu1']//button[.='{name}']")
+
+
+# Returns the colours that a canvas has, as a number; an empty one has 1.
+COLOURS = """const canvas = arguments[0].querySelector("canvas");
+const pixels = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+return new Set(pixels).size;"""
+# Returns the page's width beyond that of the window.
+OVERHANG = "return document.documentElement.scrollWidth - document.documentElement.clientWidth;"
+
+
+def check_fault(browser):
+    form = browser.find_element(By.CSS_SELECTOR, "[data-imu=imu1] .faults")
+    kinds, targets = (Select(select) for select in form.find_elements(By.TAG_NAME, "select"))
+    kinds.select_by_visible_text("bias")
+    targets.select_by_visible_text("gyro.x")
+    form.find_element(By.NAME, "value").send_keys("0.5")
+    form.find_element(By.NAME, "for_s").clear()
+    button(browser, "Begin fault").click()
+    wait_until("the span of the fault", lambda: "gyro.x bias" in text(browser, ".active"))
+    wait_until("its effect", lambda: abs(float(text(browser, ".values tr:nth-of-type(2) td:nth-of-type(4)")) - 0.5) < 0.1)
+    browser.save_screenshot(str(pictures / "fault.png"))
+    button(browser, "End gyro.x bias").click()
+    wait_until("its end", lambda: "gyro.x bias" not in text(browser, ".active"))
+    wait_until("no effect", lambda: abs(float(text(browser, ".values tr:nth-of-type(2) td:nth-of-type(4)"))) < 0.1)
+
+
+def check(browser):
+    global imud
+    browser.get(f"http://{imud.address}/")
+    wait_until("the newest sample of imu1", lambda: browser.execute_script("return !!document.querySelector('.values td')"))
+    values = text(browser, ".values")
+    wait_until("other values", lambda: text(browser, ".values") != values)
+    figures = browser.find_elements(By.CSS_SELECTOR, "[data-imu=imu1] figure")
+    assert len(figures) == 5, len(figures)
+    for figure in figures:
+        wait_until("curves in " + figure.text, lambda: browser.execute_script(COLOURS, figure) > 10)
+    for canvas in browser.find_elements(By.CSS_SELECTOR, "[data-imu=imu1] canvas"):
+        assert canvas.get_attribute("aria-label"), "a canvas without a label"
+    assert "line load" in text(browser, "[data-imu=imu1] .figures"), text(browser, "[data-imu=imu1] .figures")
+    assert "samples" in text(browser, "#counters"), text(browser, "#counters")
+    for control in browser.find_elements(By.CSS_SELECTOR, "details[open] :is(button, input, select), section :is(button, input)"):
+        assert control.accessible_name or not control.is_displayed(), control.get_attribute("outerHTML")
+    assert not errors(browser), errors(browser)
+
+    # By the keyboard alone, as by a click.
+    pause = button(browser, "Pause output")
+    pause.send_keys(Keys.ENTER)
+    wait_until("paused", lambda: pause.get_attribute("aria-pressed") == "true")
+    wait_until("the span of the pause", lambda: "output paused" in text(browser, ".active"))
+    wait_until("the pause in the log", lambda: "pause" in text(browser, "#log"))
+    pause.click()
+    wait_until("resumed", lambda: pause.get_attribute("aria-pressed") == "false")
+    browser.find_element(By.NAME, "text").send_keys("climb <b>begins</b>", Keys.ENTER)
+    wait_until("the mark in the log", lambda: "climb <b>begins</b>" in text(browser, "#log"))
+    browser.save_screenshot(str(pictures / "page.png"))
+
+    if browser.find_elements(By.CSS_SELECTOR, "[data-imu=imu1] .faults:not([hidden])"):
+        check_fault(browser)
+
+    # The second imu is closed until it is asked for.
+    second = browser.find_element(By.XPATH, "//details[@data-imu='tail \"left\"']")
+    assert second.get_attribute("open") is None
+    second.find_element(By.TAG_NAME, "summary").click()
+    wait_until("the newest sample of the second imu", lambda: second.find_elements(By.CSS_SELECTOR, ".values td"))
+    assert browser.execute_script(OVERHANG) <= 0
+    assert not errors(browser), errors(browser)
+
+    assert imud.stop() == 0
+    wait_until("the loss is shown", lambda: "not connected" in text(browser, "#connection"))
+    imud = Imud(imud_path, truth_path, listen=imud.address)
+    wait_until("connected again", lambda: text(browser, "#connection") == "connected")
+    wait_until("values again", lambda: browser.execute_script("return !!document.querySelector('.values td')"))
+    assert not browser.find_elements(By.CSS_SELECTOR, "#failure:not([hidden])"), text(browser, "#failure")
+    errors(browser)  # those of the attempts to connect
+
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 360, "height": 740, "deviceScaleFactor": 2, "mobile": True})
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "dark"}]})
+    wait_until("no horizontal scrolling at phone width", lambda: browser.execute_script(OVERHANG) <= 0)
+    back = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+    assert sum(int(n) for n in back[4:-1].split(",")) < 150, f"{back} is not dark"
+    browser.save_screenshot(str(pictures / "phone.png"))
+    assert not errors(browser), errors(browser)
+
+
+imud = Imud(imud_path, truth_path)
+try:
+    browser = webdriver.Chrome(service=Service(driver_path), options=options)
+    try:
+        check(browser)
+    except BaseException:
+        browser.save_screenshot(str(pictures / "failed.png"))
+        print(*browser.get_log("browser"), sep="\n")
+        raise
+    finally:
+        browser.quit()
+finally:
+    code = imud.stop()
+    print("".join(imud.log))
+assert code == 0, f"imud has ended with {code}"
