@@ -17,7 +17,7 @@ port = "udp:127.0.0.1:0"
 priority = 0
 lock_memory = false
 [control]
-socket = "none"
+socket = "{folder}/control.sock"
 [web]
 listen = "{listen}"
 {more}
