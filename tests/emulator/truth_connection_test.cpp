@@ -18,7 +18,7 @@
 namespace imud {
 namespace {
 
-using Outcome = TruthIntake::Outcome;
+using Taken = TruthIntake::Outcome;
 
 // A simulator's end of a connection.
 class Connection {
@@ -162,7 +162,7 @@ class TruthConnectionTest : public LiveTest {
   bool serve(TruthIntake& intake, Condition condition) {
     return eventually([&] {
       if (const auto deadline = intake.deadline(); deadline) intake.poll(host_now());
-      for (Outcome outcome = intake.take(); outcome != Outcome::nothing; outcome = intake.take()) {
+      for (Taken outcome = intake.take(); outcome != Taken::nothing; outcome = intake.take()) {
         outcomes_.push_back(outcome);
         if (intake.answer_due()) intake.answer(timeline_.newest(), 0);
       }
@@ -221,7 +221,7 @@ class TruthConnectionTest : public LiveTest {
   }
 
   Timeline timeline_;
-  std::vector<Outcome> outcomes_;
+  std::vector<Taken> outcomes_;
 };
 
 TEST_F(TruthConnectionTest, AnswersAreSentOnTheStream) {

@@ -15,8 +15,8 @@
 namespace imud {
 namespace {
 
-using Outcome = TruthIntake::Outcome;
-using Outcomes = std::vector<Outcome>;
+using Taken = TruthIntake::Outcome;
+using Outcomes = std::vector<Taken>;
 
 class ScriptedPort final : public Port {
  public:
@@ -155,9 +155,9 @@ class TruthIntakeTest : public testing::Test {
   Outcomes take_all() {
     Outcomes outcomes;
     while (true) {
-      const Outcome outcome = intake_->take();
+      const Taken outcome = intake_->take();
       if (intake_->answer_due()) intake_->answer(timeline_.newest(), 0);
-      if (outcome == Outcome::nothing) return outcomes;
+      if (outcome == Taken::nothing) return outcomes;
       outcomes.push_back(outcome);
     }
   }
@@ -191,10 +191,10 @@ std::string row(int ms) { return std::to_string(ms) + "000000,0,0,0,0,0,0\n"; }
 TEST_F(TruthIntakeTest, ADatagramMayHoldSeveralRecords) {
   make(*find_truth_format("csv"), "udp:127.0.0.1:9810");
   EXPECT_EQ(receive(std::string(header) + row(1) + row(2)),
-            (Outcomes{Outcome::ignored, Outcome::new_run, Outcome::accepted}));
+            (Outcomes{Taken::ignored, Taken::new_run, Taken::accepted}));
   EXPECT_EQ(receive(row(3) + "4,0\n" + "5000000,0,0,0,0,0,0"),
-            (Outcomes{Outcome::accepted, Outcome::ignored, Outcome::accepted}));
-  EXPECT_EQ(receive(""), Outcomes{Outcome::ignored});
+            (Outcomes{Taken::accepted, Taken::ignored, Taken::accepted}));
+  EXPECT_EQ(receive(""), Outcomes{Taken::ignored});
   EXPECT_EQ(timeline_.newest().ns, 5'000'000);
   EXPECT_EQ(intake_->counters().received, 7U);
   EXPECT_EQ(intake_->counters().no_state, 2U);
@@ -206,10 +206,10 @@ TEST_F(TruthIntakeTest, AStreamsLastLineCountsWhenItsLineFeedIsThere) {
   make(*find_truth_format("csv"), "file:some.csv");
   const std::string text = std::string(header) + row(1) + row(2) + "3000000,0";
   for (const char c : text) port_->waiting.emplace_back(1, c);
-  EXPECT_EQ(take_all(), (Outcomes{Outcome::ignored, Outcome::new_run, Outcome::accepted}));
+  EXPECT_EQ(take_all(), (Outcomes{Taken::ignored, Taken::new_run, Taken::accepted}));
   EXPECT_FALSE(intake_->at_end());
   EXPECT_EQ(intake_->end_warning(), "");
-  EXPECT_EQ(receive(",0,0,0,0,0\n4"), Outcomes{Outcome::accepted});
+  EXPECT_EQ(receive(",0,0,0,0,0\n4"), Outcomes{Taken::accepted});
   EXPECT_EQ(intake_->counters().truncated, 0U);
   port_->ends = true;
   EXPECT_EQ(take_all(), Outcomes());
@@ -232,7 +232,7 @@ TEST_F(TruthIntakeTest, NothingIsSentToACapture) {
   make(talker, "file:some.capture");
   EXPECT_FALSE(intake_->deadline());
   intake_->poll({5});
-  EXPECT_EQ(receive(talk(7)), Outcomes{Outcome::new_run});
+  EXPECT_EQ(receive(talk(7)), Outcomes{Taken::new_run});
   EXPECT_EQ(sent(), std::vector<std::string>{});
 }
 
@@ -295,7 +295,7 @@ TEST_F(TruthIntakeTest, ForeignDatagramsAreRefusals) {
     EXPECT_EQ(take_all(), Outcomes());
   }
   port_->drop_foreign(Endpoint::parse("10.0.0.2:6000"));
-  EXPECT_EQ(receive(std::string(header) + row(1)), (Outcomes{Outcome::ignored, Outcome::new_run}));
+  EXPECT_EQ(receive(std::string(header) + row(1)), (Outcomes{Taken::ignored, Taken::new_run}));
   EXPECT_EQ(refused(Refusal::foreign_sender), 4U);
   EXPECT_EQ(intake_->counters().received, 6U);
   EXPECT_EQ(first_refusal(Refusal::foreign_sender), "from [::1]:6000");
@@ -374,21 +374,21 @@ TEST_F(TruthIntakeTest, GapsOfTheSequenceAreLossesUnlessItJumps) {
     std::string datagram(native_truth_size, '\0');
     encode_native_truth(truth, std::span<std::byte, native_truth_size>(std::as_writable_bytes(std::span(datagram))));
     port_->waiting.push_back(datagram);
-    const Outcome outcome = intake_->take(watermark);
-    return std::pair<Outcome, std::uint64_t>(outcome, intake_->counters().lost);
+    const Taken outcome = intake_->take(watermark);
+    return std::pair<Taken, std::uint64_t>(outcome, intake_->counters().lost);
   };
-  using Seen = std::pair<Outcome, std::uint64_t>;
-  EXPECT_EQ(send(1, begin), Seen(Outcome::new_run, 0));
-  EXPECT_EQ(send(2, begin + 1), Seen(Outcome::accepted, 0));
-  EXPECT_EQ(send(6, begin + 5), Seen(Outcome::accepted, 3));  // the number wraps in between
-  EXPECT_EQ(send(5, begin + 4, TruthTime{0}), Seen(Outcome::inserted, 2));
-  EXPECT_EQ(send(7, begin + 6), Seen(Outcome::accepted, 2));
-  EXPECT_EQ(send(8, begin + 6 + 99'999), Seen(Outcome::accepted, 2 + 99'998));
+  using Seen = std::pair<Taken, std::uint64_t>;
+  EXPECT_EQ(send(1, begin), Seen(Taken::new_run, 0));
+  EXPECT_EQ(send(2, begin + 1), Seen(Taken::accepted, 0));
+  EXPECT_EQ(send(6, begin + 5), Seen(Taken::accepted, 3));  // the number wraps in between
+  EXPECT_EQ(send(5, begin + 4, TruthTime{0}), Seen(Taken::inserted, 2));
+  EXPECT_EQ(send(7, begin + 6), Seen(Taken::accepted, 2));
+  EXPECT_EQ(send(8, begin + 6 + 99'999), Seen(Taken::accepted, 2 + 99'998));
   EXPECT_EQ(send(9, begin + 6 + 99'999 + 100'000),
-            Seen(Outcome::accepted, 100'000));  // the sender counts from elsewhere
-  EXPECT_EQ(send(10, 3), Seen(Outcome::accepted, 100'000));
-  EXPECT_EQ(send(11, 5), Seen(Outcome::accepted, 100'001));
-  EXPECT_EQ(send(12, 5), Seen(Outcome::accepted, 100'001));  // a sender that does not count
+            Seen(Taken::accepted, 100'000));  // the sender counts from elsewhere
+  EXPECT_EQ(send(10, 3), Seen(Taken::accepted, 100'000));
+  EXPECT_EQ(send(11, 5), Seen(Taken::accepted, 100'001));
+  EXPECT_EQ(send(12, 5), Seen(Taken::accepted, 100'001));  // a sender that does not count
 }
 
 TEST_F(TruthIntakeTest, AFormatMaySendFirstAndEachSecond) {
@@ -425,11 +425,11 @@ TEST_F(TruthIntakeTest, WhatThePortHoldsBackIsFlushedInTime) {
 
 TEST_F(TruthIntakeTest, EachOfTwoTruthsInADatagramIsAnswered) {
   make(talker, "udp:127.0.0.1:9810");
-  EXPECT_EQ(receive(talk(1) + talk(2)), (Outcomes{Outcome::new_run, Outcome::accepted}));
+  EXPECT_EQ(receive(talk(1) + talk(2)), (Outcomes{Taken::new_run, Taken::accepted}));
   EXPECT_EQ(sent(), (std::vector<std::string>{"answer 1", "answer 2"}));
-  EXPECT_EQ(receive(talk(3) + "Tx"), (Outcomes{Outcome::accepted, Outcome::ignored}));
+  EXPECT_EQ(receive(talk(3) + "Tx"), (Outcomes{Taken::accepted, Taken::ignored}));
   EXPECT_EQ(receive(talk(4)),
-            Outcomes{Outcome::accepted});  // an incomplete record of a datagram does not continue in the next one
+            Outcomes{Taken::accepted});  // an incomplete record of a datagram does not continue in the next one
   EXPECT_EQ(sent(), (std::vector<std::string>{"answer 3", "answer 4"}));
   EXPECT_EQ(intake_->counters().received, 5U);
   EXPECT_EQ(refused(Refusal::too_short), 1U);
@@ -439,7 +439,7 @@ TEST_F(TruthIntakeTest, AConversationOverAStreamInPiecesOfOneByte) {
   make(talker, "serial:/dev/ttyUSB0");
   intake_->poll({5});
   for (const char c : talk(1) + talk(2) + "?" + talk(3)) port_->waiting.emplace_back(1, c);
-  EXPECT_EQ(take_all(), (Outcomes{Outcome::new_run, Outcome::accepted, Outcome::ignored, Outcome::accepted}));
+  EXPECT_EQ(take_all(), (Outcomes{Taken::new_run, Taken::accepted, Taken::ignored, Taken::accepted}));
   EXPECT_EQ(sent(), (std::vector<std::string>{"hello", "answer 1", "answer 2", "answer 3"}));
   EXPECT_EQ(intake_->counters().received, 4U);
   EXPECT_EQ(refused(Refusal::not_this_kind), 1U);
@@ -456,7 +456,7 @@ TEST_F(TruthIntakeTest, ASimulatorDisconnectsWithinARecordAndComesBack) {
   port_->connect();
   EXPECT_EQ(intake_->deadline(), HostTime{});
   intake_->poll({2});
-  EXPECT_EQ(receive(talk(1) + talk(2).substr(0, 5)), Outcomes{Outcome::new_run});
+  EXPECT_EQ(receive(talk(1) + talk(2).substr(0, 5)), Outcomes{Taken::new_run});
   port_->disconnect();
   EXPECT_EQ(take_all(), Outcomes());
   EXPECT_EQ(intake_->counters().truncated, 1U);
@@ -464,7 +464,7 @@ TEST_F(TruthIntakeTest, ASimulatorDisconnectsWithinARecordAndComesBack) {
   port_->connect();
   EXPECT_EQ(intake_->deadline(), HostTime{});
   intake_->poll({3});
-  EXPECT_EQ(receive(talk(3)), Outcomes{Outcome::accepted});
+  EXPECT_EQ(receive(talk(3)), Outcomes{Taken::accepted});
   EXPECT_EQ(sent(), (std::vector<std::string>{"hello", "answer 1", "hello", "answer 3"}));
   EXPECT_EQ(intake_->counters().received, 2U);
 }
