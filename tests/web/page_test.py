@@ -26,8 +26,9 @@ for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-d
 options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
 
 
-def errors(browser):
-    return [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+def expect_no_errors(browser):
+    errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    assert not errors, errors
 
 
 def text(browser, selector):
@@ -78,7 +79,7 @@ def check(browser):
     assert "samples" in text(browser, "#counters"), text(browser, "#counters")
     for control in browser.find_elements(By.CSS_SELECTOR, "details[open] :is(button, input, select), section :is(button, input)"):
         assert control.accessible_name or not control.is_displayed(), control.get_attribute("outerHTML")
-    assert not errors(browser), errors(browser)
+    expect_no_errors(browser)
 
     # By the keyboard alone, as by a click.
     pause = button(browser, "Pause output")
@@ -101,7 +102,7 @@ def check(browser):
     second.find_element(By.TAG_NAME, "summary").click()
     wait_until("the newest sample of the second imu", lambda: second.find_elements(By.CSS_SELECTOR, ".values td"))
     assert browser.execute_script(OVERHANG) <= 0
-    assert not errors(browser), errors(browser)
+    expect_no_errors(browser)
 
     assert imud.stop() == 0
     wait_until("the loss is shown", lambda: "not connected" in text(browser, "#connection"))
@@ -109,7 +110,7 @@ def check(browser):
     wait_until("connected again", lambda: text(browser, "#connection") == "connected")
     wait_until("values again", lambda: browser.execute_script("return !!document.querySelector('.values td')"))
     assert not browser.find_elements(By.CSS_SELECTOR, "#failure:not([hidden])"), text(browser, "#failure")
-    errors(browser)  # those of the attempts to connect
+    browser.get_log("browser")  # has those of the attempts to connect
 
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 360, "height": 740, "deviceScaleFactor": 2, "mobile": True})
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "dark"}]})
@@ -117,7 +118,7 @@ def check(browser):
     back = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
     assert sum(int(n) for n in back[4:-1].split(",")) < 150, f"{back} is not dark"
     browser.save_screenshot(str(pictures / "phone.png"))
-    assert not errors(browser), errors(browser)
+    expect_no_errors(browser)
 
 
 imud = Imud(imud_path, truth_path)
