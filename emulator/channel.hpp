@@ -67,6 +67,17 @@ class Channel {
   void pause(bool paused) noexcept;
 
   // --- Faults, after enable_faults() ---
+  // Begin a fault, if it acts on this imu, and end one, or all, between two samples (FaultSchedule). Without effect
+  // if there are no faults.
+  void begin_fault(const FaultConfig& fault, std::uint32_t number) noexcept {
+    if (faults_ && fault.acts_on(name_)) faults_->schedule().add(fault, number);
+  }
+  void end_fault(std::uint32_t number) noexcept {
+    if (faults_) faults_->schedule().end(number);
+  }
+  void end_faults() noexcept {
+    if (faults_) faults_->schedule().end_all();
+  }
   // Sets the faults of a sample, after sense() and before encode(): those of the wire act on all frames from now on,
   // those of the power at the instant of the sample; a start has new turn-on errors from the sample after it on.
   void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;

@@ -274,7 +274,7 @@ RealtimeConfig read_realtime(TableReader table) {
   return realtime;
 }
 
-ControlConfig read_control(TableReader table) {
+ControlConfig read_control(TableReader table, bool faults) {
   ControlConfig control;
   control.name = table.text("name", control.name);
   constexpr std::size_t longest = 40;
@@ -294,6 +294,7 @@ ControlConfig read_control(TableReader table) {
   } else if (!control.token_file.empty()) {
     table.fault("token_file", "needs listen");
   }
+  control.faults = table.flag("faults", faults);
   table.finish();
   return control;
 }
@@ -314,8 +315,8 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   config.clock = clocks[table.choice("clock", {"realtime", "lockstep", "fast"}, 0)];
   config.truth = read_truth(table.child("truth"), config.clock, capture);
   config.realtime = read_realtime(table.child("realtime"));
-  config.control = read_control(table.child("control"));
   config.web = read_web(table.child("web"));
+  config.control = read_control(table.child("control"), !config.web.listen.empty());
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
     table.fault("clock", fmt::format("\"fast\" reads a capture; give truth.port {}, or \"lockstep\"",
                                      ports_that([](const Transport& t) { return t.brings_truth && t.ends; })));

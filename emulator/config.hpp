@@ -90,6 +90,7 @@ struct ControlConfig {
   std::string socket = "auto";  // a path; "auto": in the folder for sockets, by the name; "none"
   std::string listen;           // ADDRESS:PORT of a loopback interface; empty: none
   std::string token_file;       // its first line is what clients at `listen` show
+  bool faults = false;          // faults can be begun
 };
 
 struct Config {

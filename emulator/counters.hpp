@@ -15,13 +15,14 @@
 #include <vector>
 
 #include "core/duration_histogram.hpp"
-#include "emulator/faults/fault_log.hpp"
 #include "emulator/truth_remarks.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
+
+class FaultBook;
 
 // When a text shows a counter. The JSON shows every counter, but a cause of refusal only if it occurred.
 enum class Show : std::uint8_t { never, if_not_zero, if_several, always };
@@ -251,7 +252,7 @@ struct RunCounters {
   const TruthQuality* quality;
   std::vector<std::pair<std::string, const ImuCounters*>> imus;  // by name
   const RecordCounters* record = nullptr;                        // nullptr: nothing is recorded
-  const FaultLog* faults = nullptr;                              // nullptr: there are none
+  const FaultBook* faults = nullptr;                             // nullptr: there are none
 };
 
 // The numbers of a group at an instant, or their change in an interval, in the order of their declaration.

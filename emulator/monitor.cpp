@@ -6,6 +6,7 @@
 #include <array>
 #include <string_view>
 
+#include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/line_load.hpp"
 
@@ -237,9 +238,9 @@ void Monitor::report_record() {
 void Monitor::report_faults() {
   if (counters_.faults == nullptr) return;
   constexpr std::size_t most = 1000;  // more are in the labels only
-  for (; faults_reported_ < std::min(most, counters_.faults->size()); ++faults_reported_) {
-    const FaultEvent& event = (*counters_.faults)[faults_reported_];
-    spdlog::info("{}", event_text(config_.faults[event.fault], imu_of(event, imu_names_), event));
+  for (; faults_reported_ < std::min(most, counters_.faults->log().size()); ++faults_reported_) {
+    const FaultEvent& event = counters_.faults->log()[faults_reported_];
+    spdlog::info("{}", event_text(counters_.faults->all()[event.fault], imu_of(event, imu_names_), event));
     if (faults_reported_ + 1 == most) spdlog::info("further begins and ends of faults are not logged");
   }
 }

@@ -77,7 +77,7 @@ bool drive(Session& session, const Config& config, const RunOptions& options, Re
 
 RunCounters counters_of(const Session& session) {
   RunCounters counters{&session.intake().counters(), &session.quality(), {}, nullptr};
-  if (!session.faults().empty()) counters.faults = &session.fault_log();
+  if (session.faults().capacity() > 0) counters.faults = &session.faults();
   if (session.recorder() != nullptr) counters.record = &session.recorder()->counters();
   for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
   return counters;
@@ -141,7 +141,7 @@ void check_outputs(const Config& config, const RunOptions& options) {
 std::string labels(const Session& session, const Config& config, std::string_view file) {
   std::vector<std::string> imus;
   for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
-  const std::vector<FaultLabel> all = fault_labels(session.faults(), imus, session.fault_log());
+  const std::vector<FaultLabel> all = fault_labels(session.faults().all(), imus, session.faults().log());
   return file.ends_with(".json") ? labels_json(all) : labels_csv(all);
 }
 
@@ -211,7 +211,8 @@ int run(const Config& config, const RunOptions& options) {
     stopped_by = EndedBy::control;
     stop = true;
   };
-  ControlApi api(io, {instance, named, control, monitor, counters_of(session), quit, repeated.has_value()});
+  ControlApi api(
+      io, {instance, named, control, monitor, counters_of(session), quit, session.faults(), repeated.has_value()});
   server->start(api);
   if (web) {
     const auto call = [&api](std::string_view request, std::function<void(std::string)> answer,
@@ -222,6 +223,7 @@ int run(const Config& config, const RunOptions& options) {
   }
   const auto report_events = [&] {
     for (RunEvent event; control.events.pop(event);) api.report(event);
+    api.report_faults();
   };
   Ticker ticker(io, [&] {
     monitor.update();

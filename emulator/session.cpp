@@ -11,13 +11,13 @@ namespace imud {
 Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder, RunControl* control)
     : recorder_(recorder),
       control_(control),
-      faults_(config.faults),
+      faults_(config.faults, control != nullptr && config.control.faults),
       expectations_(config.expectations),
-      fault_log_(config.faults.empty() ? 0 : FaultLog::default_size),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
       intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder,
-              with_faults(config.truth.format->make(config.truth.settings), faults_, config.seed, fault_log_)) {
+              with_faults(config.truth.format->make(config.truth.settings), faults_.configured(), config.seed,
+                          faults_.log())) {
   for (const ImuConfig& imu : config.imus) {
     const std::uint64_t seed = imu.seed.value_or(config.seed);
     channels_.push_back(std::make_unique<Channel>(imu, seed, open, recorder, faults_of(imu, seed)));
@@ -29,13 +29,15 @@ Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* rec
   inputs_.reserve(most_ports * channels_.size() + 1);
 }
 
-// Returns nullptr if the imu has no faults, and nothing is expected of its host.
+// Returns nullptr if the imu can have no faults, and nothing is expected of its host.
 std::unique_ptr<ChannelFaults> Session::faults_of(const ImuConfig& imu, std::uint64_t seed) {
-  if (std::none_of(faults_.begin(), faults_.end(), [&](const FaultConfig& f) { return f.acts_on(imu.name); }) &&
+  const std::span<const FaultConfig> configured = faults_.configured();
+  if (!faults_.can_grow() &&
+      std::none_of(configured.begin(), configured.end(), [&](const FaultConfig& f) { return f.acts_on(imu.name); }) &&
       std::none_of(expectations_.begin(), expectations_.end(), [&](const auto& e) { return e.imu == imu.name; }))
     return nullptr;
-  return std::make_unique<ChannelFaults>(faults_, expectations_, imu, static_cast<std::uint16_t>(channels_.size()),
-                                         seed, fault_log_);
+  return std::make_unique<ChannelFaults>(configured, expectations_, imu, static_cast<std::uint16_t>(channels_.size()),
+                                         seed, faults_.log(), faults_.capacity() - configured.size());
 }
 
 std::vector<Expected> Session::expected() const {

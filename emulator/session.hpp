@@ -16,6 +16,7 @@
 #include "emulator/config.hpp"
 #include "emulator/control/run_control.hpp"
 #include "emulator/counters.hpp"
+#include "emulator/faults/fault_book.hpp"
 #include "emulator/truth_intake.hpp"
 
 namespace imud {
@@ -36,8 +37,8 @@ class Session {
 
   Recorder* recorder() const noexcept { return recorder_; }
   // The faults of the run, and their begins and ends so far.
-  std::span<const FaultConfig> faults() const noexcept { return faults_; }
-  const FaultLog& fault_log() const noexcept { return fault_log_; }
+  FaultBook& faults() noexcept { return faults_; }
+  const FaultBook& faults() const noexcept { return faults_; }
   // Returns what was expected of the hosts. Called after the last sample.
   std::vector<Expected> expected() const;
   // Ends the faults that act. Called after the last sample.
@@ -118,9 +119,8 @@ class Session {
 
   Recorder* const recorder_;
   RunControl* const control_;
-  const std::vector<FaultConfig> faults_;
+  FaultBook faults_;
   const std::vector<ExpectConfig> expectations_;
-  FaultLog fault_log_;
   WhenStopped when_stopped_;
   Pacer* pacer_ = nullptr;
   Timeline timeline_;

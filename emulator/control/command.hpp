@@ -26,6 +26,9 @@ struct Command {
     extrapolate = 11,        // of the truth; `value`: s
     when_stopped = 12,       // `number`: WhenStopped
     log_level = 13,          // changes nothing in the sampling thread; `number`: LogLevel
+    fault_begin = 14,        // `number`: of the fault in the FaultBook
+    fault_end = 15,          // likewise
+    fault_clear = 16,        // ends all faults
   };
   static constexpr std::uint16_t all_imus = 0xFFFF;
   static constexpr std::size_t longest_text = 120;  // bytes

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <utility>
 
+#include "emulator/control/fault_change.hpp"
 #include "emulator/control/running_keys.hpp"
 #include "emulator/log.hpp"
 #include "transports/host_clock.hpp"
@@ -64,7 +65,7 @@ void ControlApi::execute(const std::string& method, const Json& params, const Rp
   if (ended_) throw RpcError(RpcError::run_ended, "the run has ended");
   if (found->is_change) {
     std::vector<Change> changes;
-    changes.push_back(change_of(method, params, run_.config));
+    changes.push_back(change(method, params));
     return make(std::move(changes), reply);
   }
   if (method == "batch") return make(changes_of_batch(params), reply);
@@ -83,7 +84,12 @@ void ControlApi::execute(const std::string& method, const Json& params, const Rp
   run_.quit();
 }
 
-std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) const {
+Change ControlApi::change(const std::string& method, const Json& params) {
+  if (method.starts_with("fault.")) return fault_change_of(method, params, run_.config, run_.faults);
+  return change_of(method, params, run_.config);
+}
+
+std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) {
   RpcParams params(request_params);
   const Json& list = params.get("changes", "a list of {\"method\": ..., \"params\": {...}}");
   params.finish();
@@ -95,7 +101,7 @@ std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) con
     RpcParams of_item(item);
     const std::string method = of_item.text("method", "the method of a change");
     const Json none;
-    changes.push_back(change_of(method, of_item.has("params") ? item["params"] : none, run_.config));
+    changes.push_back(change(method, of_item.has("params") ? item["params"] : none));
     of_item.finish();
   }
   return changes;
@@ -177,6 +183,16 @@ void ControlApi::report(const RunEvent& event) {
   if (on_event) on_event(json);
 }
 
+void ControlApi::report_faults() {
+  std::vector<std::string> imus;
+  for (const ImuConfig& imu : run_.config.imus) imus.push_back(imu.name);
+  for (; faults_reported_ < run_.faults.log().size(); ++faults_reported_) {
+    const Json json = fault_event_json(run_.faults, run_.faults.log()[faults_reported_], imus);
+    subscriptions_.send_event(json);
+    if (on_event) on_event(json);
+  }
+}
+
 void ControlApi::finish() {
   ended_ = true;
   take_results();
@@ -227,6 +243,7 @@ Json ControlApi::status() const {
           {"seed", run_.config.seed},
           {"config_sha256", run_.config.sha256},
           {"imus", std::move(imus)},
+          {"faults", active_faults_json(run_.faults, run_.config)},
           {"lost", {{"samples", run_.control.feed.lost()}, {"events", run_.control.events.lost()}}},
           {"counters", Json::parse(json(run_.monitor.now(), JsonLayout::line))}};
 }
@@ -239,8 +256,11 @@ Json ControlApi::list() const {
     methods.push_back(std::move(one));
   }
   for (const ImuConfig& imu : run_.config.imus) imus.push_back(imu.name);
-  return {
-      {"api", version}, {"methods", std::move(methods)}, {"imus", std::move(imus)}, {"keys", running_keys_json()}};
+  return {{"api", version},
+          {"methods", std::move(methods)},
+          {"imus", std::move(imus)},
+          {"keys", running_keys_json()},
+          {"faults", run_.faults.can_grow() ? fault_kinds_json() : Json::array()}};
 }
 
 }  // namespace imud

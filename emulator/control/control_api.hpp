@@ -17,6 +17,7 @@
 #include "emulator/control/json_rpc.hpp"
 #include "emulator/control/run_control.hpp"
 #include "emulator/control/subscriptions.hpp"
+#include "emulator/faults/fault_book.hpp"
 #include "emulator/monitor.hpp"
 
 namespace imud {
@@ -36,7 +37,8 @@ class ControlApi {
     const Monitor& monitor;
     RunCounters counters;
     std::function<void()> quit;  // ends the run; may be called again
-    bool is_repeated = false;    // from its record, so that nothing can be changed
+    FaultBook& faults;
+    bool is_repeated = false;  // from its record, so that nothing can be changed
   };
   ControlApi(boost::asio::io_context& io, Run run);
 
@@ -51,6 +53,8 @@ class ControlApi {
 
   // Reports an event of the sampling thread to the subscribers.
   void report(const RunEvent& event);
+  // Reports the begins and ends of faults since the last call.
+  void report_faults();
   // Answers what still waits, with an error. Called when the sampling thread has ended.
   void finish();
 
@@ -68,7 +72,8 @@ class ControlApi {
   void tick();
   Json status() const;
   Json list() const;
-  std::vector<Change> changes_of_batch(const Json& params) const;
+  std::vector<Change> changes_of_batch(const Json& params);
+  Change change(const std::string& method, const Json& params);
 
   const Run run_;
   boost::asio::steady_timer timer_;
@@ -85,6 +90,7 @@ class ControlApi {
   std::map<std::uint64_t, Waiting> waiting_;
   std::uint64_t last_batch_ = 0;
   bool ended_ = false;
+  std::size_t faults_reported_ = 0;
   // The lines of the log in the second that began at log_second_, and those left out since.
   HostTime log_second_;
   int logged_ = 0;

@@ -10,7 +10,7 @@ namespace imud {
 
 namespace {
 
-void change_channel(Channel& channel, const Command& command, HostTime now) noexcept {
+void change_channel(Channel& channel, const FaultBook& faults, const Command& command, HostTime now) noexcept {
   const auto axis = static_cast<std::size_t>(command.number % 3);
   switch (command.kind) {
     case Command::Kind::power_off:
@@ -24,6 +24,16 @@ void change_channel(Channel& channel, const Command& command, HostTime now) noex
     case Command::Kind::pause:
     case Command::Kind::resume:
       channel.pause(command.kind == Command::Kind::pause);
+      break;
+    case Command::Kind::fault_begin:
+      channel.begin_fault(faults[static_cast<std::uint32_t>(command.number)],
+                          static_cast<std::uint32_t>(command.number));
+      break;
+    case Command::Kind::fault_end:
+      channel.end_fault(static_cast<std::uint32_t>(command.number));
+      break;
+    case Command::Kind::fault_clear:
+      channel.end_faults();
       break;
     case Command::Kind::seed:
       channel.set_seed(command.number);
@@ -84,9 +94,9 @@ void record(Session& session, const Command& command, HostTime now) noexcept {
 void execute(Session& session, const Command& command, HostTime now) noexcept {
   record(session, command, now);
   const auto channels = session.channels();
-  if (command.imu < channels.size()) return change_channel(*channels[command.imu], command, now);
+  if (command.imu < channels.size()) return change_channel(*channels[command.imu], session.faults(), command, now);
   change_session(session, command);
-  for (const auto& channel : channels) change_channel(*channel, command, now);
+  for (const auto& channel : channels) change_channel(*channel, session.faults(), command, now);
 }
 
 void execute_commands(Session& session, RunControl& control, HostTime now) noexcept {

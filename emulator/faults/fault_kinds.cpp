@@ -9,7 +9,8 @@ namespace imud {
 std::span<const FaultKind* const> fault_kinds() noexcept {
   static const std::vector<const FaultKind*> all = [] {
     std::vector<const FaultKind*> kinds;
-    for (const std::span<const FaultKind> table : {sensor_fault_kinds(), message_fault_kinds(), wire_fault_kinds(), power_fault_kinds(), truth_fault_kinds()})
+    for (const std::span<const FaultKind> table :
+         {sensor_fault_kinds(), message_fault_kinds(), wire_fault_kinds(), power_fault_kinds(), truth_fault_kinds()})
       for (const FaultKind& kind : table) kinds.push_back(&kind);
     return kinds;
   }();

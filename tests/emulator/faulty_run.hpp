@@ -95,7 +95,7 @@ class FaultyRunTest : public RunTest {
     session.finish_faults();
     std::vector<std::string> names;
     for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
-    result.labels = fault_labels(session.faults(), names, session.fault_log());
+    result.labels = fault_labels(session.faults().all(), names, session.faults().log());
     // The labels outlive the session's faults: only what they hold themselves is used.
     for (const std::string& of_imu : bytes) result.all_bytes += of_imu;
     return result;

@@ -1,0 +1,164 @@
+#include "emulator/control/fault_change.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "emulator/control/command_queue.hpp"
+#include "emulator/faults/fault_kinds.hpp"
+#include "emulator/faults/fault_labels.hpp"
+#include "emulator/faults/wire_faults.hpp"
+#include "emulator/table_reader.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::string_view seam_words[] = {"truth", "sensor", "message", "wire", "power"};
+
+std::vector<std::string> imu_names(const Config& config) {
+  std::vector<std::string> names;
+  for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
+  return names;
+}
+
+[[noreturn]] void refuse(const std::string& what) {
+  throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {}", what));
+}
+
+// Returns the JSON value as TOML.
+std::string toml_of(const Json& value) {
+  std::vector<std::string> items;
+  if (value.is_array()) {
+    for (const Json& item : value) items.push_back(toml_of(item));
+    return fmt::format("[{}]", fmt::join(items, ", "));
+  }
+  if (value.is_object()) {
+    for (const auto& [key, item] : value.items())
+      items.push_back(fmt::format("{} = {}", json_line(Json(key)), toml_of(item)));
+    return fmt::format("{{{}}}", fmt::join(items, ", "));
+  }
+  if (value.is_null()) refuse("null is no value");
+  return json_line(value);
+}
+
+// Returns the fault that the parameters describe, as a [[fault]] of the configuration.
+FaultConfig read(const Json& params, const Config& config, std::size_t number) {
+  if (!params.is_object()) refuse("give the keys of a [[fault]]");
+  std::string text;
+  for (const auto& [key, item] : params.items())
+    text += fmt::format("{} = {}\n", json_line(Json(key)), toml_of(item));
+  toml::table table, resolved;
+  try {
+    table = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    refuse(std::string(error.description()));
+  }
+  Faults wrong("params");
+  TableReader reader(&table, "", 0, wrong, resolved);
+  const FaultConfig fault = read_fault(reader, number, imu_names(config));
+  if (!wrong.all().empty()) refuse(fmt::format("{}", fmt::join(wrong.all(), "; ")));
+  if (fault.kind->seam == FaultSeam::truth) refuse("truth cannot fail by control; give a [[fault]]");
+  if (fault.kind->seam != FaultSeam::wire) return fault;
+  for (const ImuConfig& imu : config.imus)
+    if (fault.acts_on(imu.name))
+      if (const std::string objection = wire_fault_objection(*fault.kind, *imu.protocol); !objection.empty())
+        refuse(fmt::format("{}: {}", imu.name, objection));
+  return fault;
+}
+
+}  // namespace
+
+Change fault_change_of(const std::string& method, const Json& request_params, const Config& config,
+                       FaultBook& faults) {
+  if (!faults.can_grow())
+    throw RpcError(RpcError::refused,
+                   "this run cannot fail by control; give faults = true in [control] of its configuration");
+  if (method == "fault.begin") {
+    if (faults.is_full())
+      throw RpcError(RpcError::refused,
+                     fmt::format("{} faults have begun by control in this run; no more can", FaultBook::most_added));
+    FaultConfig fault = read(request_params, config, faults.all().size());
+    const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", request_params}};
+    std::vector<Command> commands;
+    const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
+    const bool is_of_all = fault.imus.size() == config.imus.size();
+    for (std::size_t i = 0; i < config.imus.size() && !is_of_all; ++i)
+      if (fault.acts_on(config.imus[i].name))
+        commands.push_back({.kind = Command::Kind::fault_begin, .imu = static_cast<std::uint16_t>(i)});
+    if (is_of_all) commands.push_back({.kind = Command::Kind::fault_begin});
+    const std::uint32_t number = faults.add(std::move(fault));
+    for (Command& command : commands) command.number = number;
+    return {std::move(commands), words, event};
+  }
+  RpcParams params(request_params);
+  Change change;
+  if (method == "fault.end") {
+    const std::string name = params.text("name", "the name of a fault");
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < faults.all().size(); ++i) {
+      names.push_back(faults.all()[i].name);
+      if (names.back() == name) change.commands.push_back({.kind = Command::Kind::fault_end, .number = i});
+    }
+    if (change.commands.empty())
+      refuse(fmt::format("there is no fault \"{}\"; there are {}", name, fmt::join(names, ", ")));
+    if (change.commands.size() > CommandQueue::longest_batch)
+      change.commands.erase(change.commands.begin(), change.commands.end() - CommandQueue::longest_batch);
+    change.words = fmt::format("end of fault {}", name);
+    change.event = {{"event", "fault.end_requested"}, {"name", name}};
+  } else {
+    const std::uint16_t imu = params.imu(config);
+    change = {{{.kind = Command::Kind::fault_clear, .imu = imu}},
+              fmt::format("end of all faults of {}", imu < config.imus.size() ? config.imus[imu].name : "all imus"),
+              {{"event", "fault.clear_requested"}}};
+  }
+  params.finish();
+  return change;
+}
+
+Json fault_kinds_json() {
+  Json all = Json::array();
+  for (const FaultKind* kind : fault_kinds()) {
+    if (kind->seam == FaultSeam::truth) continue;
+    Json parameters = Json::array();
+    for (const FaultParameter& parameter : kind->parameters)
+      parameters.push_back({{"key", parameter.key},
+                            {"meaning", parameter.meaning},
+                            {"initial", std::isfinite(parameter.initial) ? Json(parameter.initial) : Json()}});
+    all.push_back({{"name", kind->name},
+                   {"summary", kind->summary},
+                   {"seam", seam_words[static_cast<std::size_t>(kind->seam)]},
+                   {"targets", std::vector<std::string>(kind->targets.begin(), kind->targets.end())},
+                   {"has_axes", kind->has_axes},
+                   {"is_event", kind->is_event},
+                   {"parameters", std::move(parameters)}});
+  }
+  return all;
+}
+
+Json active_faults_json(const FaultBook& faults, const Config& config) {
+  Json all = Json::array();
+  const std::vector<std::string> imus = imu_names(config);
+  for (const FaultLabel& label : fault_labels(faults.all(), imus, faults.log()))
+    if (!label.has_ended) all.push_back(fault_event_json(faults, label.first, imus));
+  return all;
+}
+
+Json fault_event_json(const FaultBook& faults, const FaultEvent& event, std::span<const std::string> imus) {
+  const FaultConfig& fault = faults.all()[event.fault];
+  Json parameters = Json::object();
+  for (std::size_t i = 0; i < fault.kind->parameters.size(); ++i)
+    parameters[std::string(fault.kind->parameters[i].key)] = event.parameters[i];
+  return {{"event", event.has_begun ? "fault.begin" : "fault.end"},
+          {"name", fault.name},
+          {"kind", fault.kind->name},
+          {"target", fault.target_text()},
+          {"imu", imu_of(event, imus)},
+          {"sample", event.counter},
+          {"time_ns", event.device_time.ns},
+          {"parameters", std::move(parameters)}};
+}
+
+}  // namespace imud
