@@ -30,7 +30,7 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   std::vector<std::string> imu_keys = keys_of(imu);
   imu_keys.insert(imu_keys.end(), {"name", "line_load_percent"});
   EXPECT_EQ(truth_keys.size(), 12U + 8U + 6U);
-  EXPECT_EQ(imu_keys.size(), 22U + 2U);
+  EXPECT_EQ(imu_keys.size(), 23U + 2U);
   for (const auto& keys : {truth_keys, imu_keys, keys_of(truth.refused)}) {
     EXPECT_EQ(std::set<std::string>(keys.begin(), keys.end()).size(), keys.size());
     for (const std::string& key : keys)
@@ -39,12 +39,12 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   std::size_t words = 0;
   for (const CounterGroup* group : std::initializer_list<const CounterGroup*>{&imu, &truth, &quality, &truth.refused})
     for (const Counter* counter : group->counters) words += !counter->info.words.empty();
-  EXPECT_EQ(words, 19U + 12U + 3U + 16U);
+  EXPECT_EQ(words, 20U + 12U + 3U + 16U);
 }
 
 TEST(Counters, BeginAtZero) {
   const Snapshot<ImuCounters> imu;
-  ASSERT_EQ(imu.counts.size(), 19U);
+  ASSERT_EQ(imu.counts.size(), 20U);
   EXPECT_EQ(imu.total(), 0U);
   EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::rate], 1.0);
   EXPECT_EQ(Snapshot<TruthQuality>()[&TruthQuality::offset_s], 0.0);
