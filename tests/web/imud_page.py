@@ -56,7 +56,7 @@ accelerometer.max_m_per_s2 = 200
         return self.imud.wait()
 
 
-def wait_until(what, condition, limit_s=10):
+def wait_until(what, condition, limit_s=120):
     """Returns the value of the condition once it is true."""
     end = time.monotonic() + limit_s
     while not (value := condition()):

@@ -93,8 +93,7 @@ def check(browser):
     wait_until("the mark in the log", lambda: "climb <b>begins</b>" in text(browser, "#log"))
     browser.save_screenshot(str(pictures / "page.png"))
 
-    if browser.find_elements(By.CSS_SELECTOR, "[data-imu=imu1] .faults:not([hidden])"):
-        check_fault(browser)
+    check_fault(browser)
 
     # The second imu is closed until it is asked for.
     second = browser.find_element(By.XPATH, "//details[@data-imu='tail \"left\"']")
