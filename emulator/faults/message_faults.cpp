@@ -11,22 +11,22 @@ namespace imud {
 
 namespace {
 
-constexpr std::string_view message[] = {"message"}, device_clock[] = {"clock"};
-constexpr FaultParameter chance[] = {
+constexpr std::string_view message_target[] = {"message"}, clock_target[] = {"clock"};
+constexpr FaultParameter message_chance[] = {
     {.key = "each", .meaning = "the probability of each message", .initial = 1, .min = 0, .max = 1}};
-constexpr FaultParameter copies[] = {
+constexpr FaultParameter message_copies[] = {
     {.key = "value", .meaning = "how often it is sent again", .initial = 1, .min = 1, .max = 8}};
-constexpr FaultParameter lateness[] = {
+constexpr FaultParameter message_lateness[] = {
     {.key = "delay_ms", .meaning = "by which messages are late", .min = 0, .max = 10'000},
     {.key = "jitter_ms", .meaning = "by which they are later at random", .initial = 0, .min = 0, .max = 10'000}};
-constexpr FaultParameter batch[] = {
+constexpr FaultParameter message_batch[] = {
     {.key = "period_ms", .meaning = "the time from one batch to the next", .min = 0.001, .max = 10'000}};
-constexpr FaultParameter counts[] = {{.key = "value", .meaning = "the number that is added"}};
-constexpr FaultParameter off_s[] = {{.key = "value_s", .meaning = "by which the clock is ahead"}};
-constexpr FaultParameter off_ppm[] = {
+constexpr FaultParameter counter_ahead[] = {{.key = "value", .meaning = "the number that is added"}};
+constexpr FaultParameter clock_ahead[] = {{.key = "value_s", .meaning = "by which the clock is ahead"}};
+constexpr FaultParameter clock_fast[] = {
     {.key = "value_ppm", .meaning = "by which the clock runs fast", .min = -1e5, .max = 1e5}};
 
-enum Kind : std::size_t {
+enum class MessageFault : std::uint8_t {
   missing,
   repeated,
   late,
@@ -38,77 +38,77 @@ enum Kind : std::size_t {
   valid,
   clock_jump,
   clock_drift,
-  kinds
+  count
 };
 
-constexpr FaultKind table[] = {
+constexpr FaultKind message_table[] = {
     {.name = "missing",
      .summary = "messages are not sent",
      .seam = FaultSeam::message,
-     .targets = message,
-     .parameters = chance,
+     .targets = message_target,
+     .parameters = message_chance,
      .is_ramped = false},
     {.name = "repeated",
      .summary = "messages are sent again",
      .seam = FaultSeam::message,
-     .targets = message,
-     .parameters = copies,
+     .targets = message_target,
+     .parameters = message_copies,
      .is_ramped = false},
     {.name = "late",
      .summary = "messages leave late, in their order",
      .seam = FaultSeam::message,
-     .targets = message,
-     .parameters = lateness,
+     .targets = message_target,
+     .parameters = message_lateness,
      .stays = "messages that are still withheld leave at their times"},
     {.name = "batched",
      .summary = "messages leave together, as those of a USB adapter do",
      .seam = FaultSeam::message,
-     .targets = message,
-     .parameters = batch,
+     .targets = message_target,
+     .parameters = message_batch,
      .is_ramped = false,
      .stays = "the last batch leaves at its time"},
     {.name = "out_of_order",
      .summary = "two messages change places",
      .seam = FaultSeam::message,
-     .targets = message,
+     .targets = message_target,
      .is_ramped = false},
     {.name = "counter_stuck",
      .summary = "the counter stands still",
      .seam = FaultSeam::message,
-     .targets = message,
+     .targets = message_target,
      .is_ramped = false},
     {.name = "counter_jump",
      .summary = "the counter is ahead",
      .seam = FaultSeam::message,
-     .targets = message,
-     .parameters = counts,
+     .targets = message_target,
+     .parameters = counter_ahead,
      .is_ramped = false},
     {.name = "invalid",
      .summary = "good samples are marked as not valid",
      .seam = FaultSeam::message,
-     .targets = message,
+     .targets = message_target,
      .is_ramped = false},
     {.name = "valid",
      .summary = "saturated, stale and failed samples are marked as good",
      .seam = FaultSeam::message,
-     .targets = message,
+     .targets = message_target,
      .is_ramped = false},
     {.name = "jump",
      .summary = "the sensor's clock is wrong",
      .seam = FaultSeam::message,
-     .targets = device_clock,
-     .parameters = off_s,
+     .targets = clock_target,
+     .parameters = clock_ahead,
      .is_ramped = false},
     {.name = "drift",
      .summary = "the sensor's clock runs away",
      .seam = FaultSeam::message,
-     .targets = device_clock,
-     .parameters = off_ppm,
+     .targets = clock_target,
+     .parameters = clock_fast,
      .is_ramped = false},
 };
-static_assert(std::size(table) == kinds);
+static_assert(std::size(message_table) == static_cast<std::size_t>(MessageFault::count));
 
-void append(const FrameBuffer& frames, FrameBuffer& to) noexcept {
+void append_all(const FrameBuffer& frames, FrameBuffer& to) noexcept {
   for (const Frame& frame : frames.frames()) to.append(frame.bytes, frame.can, frame.uart);
 }
 
@@ -119,11 +119,14 @@ std::size_t ring_size(std::span<const FaultConfig> faults, std::string_view imu,
     constexpr double sigmas = 6;
     return number.law == FaultNumber::Law::normal ? number.a + sigmas * number.b : std::max(number.a, number.b);
   };
+  const auto is = [](const FaultConfig& fault, MessageFault kind) {
+    return fault.kind == &message_table[static_cast<std::size_t>(kind)];
+  };
   double longest_ms = 0;
   for (const FaultConfig& fault : faults) {
     if (!fault.acts_on(imu)) continue;
-    if (fault.kind == &table[batched]) longest_ms = std::max(longest_ms, longest_of(fault.parameters[0]));
-    if (fault.kind == &table[late])
+    if (is(fault, MessageFault::batched)) longest_ms = std::max(longest_ms, longest_of(fault.parameters[0]));
+    if (is(fault, MessageFault::late))
       longest_ms = std::max(longest_ms, longest_of(fault.parameters[0]) + longest_of(fault.parameters[1]));
   }
   return static_cast<std::size_t>(std::clamp(1e-3 * longest_ms * rate_hz * bytes_per_sample, least, most));
@@ -131,7 +134,7 @@ std::size_t ring_size(std::span<const FaultConfig> faults, std::string_view imu,
 
 }  // namespace
 
-std::span<const FaultKind> message_fault_kinds() noexcept { return table; }
+std::span<const FaultKind> message_fault_kinds() noexcept { return message_table; }
 
 MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals,
                              std::string_view imu, double rate_hz)
@@ -148,43 +151,43 @@ void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, 
     const double p = fault.parameters[0];
     const double since_s = static_cast<double>(fault.since) / rate_hz_;
     const auto uniform = [&] { return normals_[fault.number].uniform(Quantity::rate, Process::fault_noise, k); };
-    switch (static_cast<Kind>(fault.kind - table)) {
-      case missing:
+    switch (static_cast<MessageFault>(fault.kind - message_table)) {
+      case MessageFault::missing:
         is_missing_ = is_missing_ || p >= 1 || uniform() < p;
         break;
-      case repeated:
+      case MessageFault::repeated:
         repetitions_ += static_cast<int>(p);
         break;
-      case late:
+      case MessageFault::late:
         delay_ += nanoseconds(1e-3 * (fault.weight * p + fault.parameters[1] * uniform()));
         break;
-      case batched: {
+      case MessageFault::batched: {
         // Batches leave at multiples of the period of the device's clock.
         const std::int64_t period = std::max<std::int64_t>(1, nanoseconds(1e-3 * p).count());
         const std::int64_t into = ((sample.time.ns % period) + period) % period;
         delay_ = std::max(delay_, Nanoseconds{into == 0 ? 0 : period - into});
         break;
       }
-      case out_of_order:
+      case MessageFault::out_of_order:
         is_exchanged_ = fault.since % 2 == 0 && !fault.is_last;
         break;
-      case counter_stuck:
+      case MessageFault::counter_stuck:
         if (fault.since == 0) stuck_counter_ = counter_;
         sample.counter = stuck_counter_;
         break;
-      case counter_jump:
+      case MessageFault::counter_jump:
         sample.counter += static_cast<std::uint64_t>(static_cast<std::int64_t>(p));
         break;
-      case invalid:
+      case MessageFault::invalid:
         sample.status |= status::not_valid;
         break;
-      case valid:
+      case MessageFault::valid:
         sample.status = 0;
         break;
-      case clock_jump:
+      case MessageFault::clock_jump:
         clock_offset_ += nanoseconds(p);
         break;
-      case clock_drift:
+      case MessageFault::clock_drift:
         clock_offset_ += nanoseconds(1e-6 * p * since_s);
         break;
       default:
@@ -213,15 +216,15 @@ void MessageFaults::shape(FrameBuffer& frames, DeviceTime time) noexcept {
   if (is_missing_) frames.clear();
   if (repetitions_ > 0 && !frames.frames().empty()) {
     copy_.clear();
-    append(frames, copy_);
-    for (int i = 0; i < repetitions_; ++i) append(copy_, frames);
+    append_all(frames, copy_);
+    for (int i = 0; i < repetitions_; ++i) append_all(copy_, frames);
   }
   if (is_exchanged_) {
     exchanged_.clear();
-    append(frames, exchanged_);
+    append_all(frames, exchanged_);
     frames.clear();
   } else {
-    append(exchanged_, frames);
+    append_all(exchanged_, frames);
     exchanged_.clear();
   }
   if (delay_ <= Nanoseconds{0} && !(has_next_ && last_due_ > time)) return;

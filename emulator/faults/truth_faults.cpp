@@ -16,19 +16,19 @@ namespace {
 
 constexpr std::string_view truth_target[] = {fault_of_truth};
 constexpr std::size_t most_late = 64;
-constexpr FaultParameter offset[] = {
+constexpr FaultParameter truth_offset[] = {
     {.key = "x_m", .meaning = "by which the position is off, along N's x", .initial = 0},
     {.key = "y_m", .meaning = "along N's y", .initial = 0},
     {.key = "z_m", .meaning = "along N's z", .initial = 0}};
-constexpr FaultParameter number[] = {{.key = "value",
-                                      .meaning = "the number of truths that arrive before it",
-                                      .initial = 1,
-                                      .min = 1,
-                                      .max = most_late}};
+constexpr FaultParameter truths_late[] = {{.key = "value",
+                                           .meaning = "the number of truths that arrive before it",
+                                           .initial = 1,
+                                           .min = 1,
+                                           .max = most_late}};
 
-enum Kind : std::size_t { frozen, jump, nan, late, lost, kinds };
+enum class TruthFault : std::uint8_t { frozen, jump, nan, late, lost, count };
 
-constexpr FaultKind table[] = {
+constexpr FaultKind truth_table[] = {
     {.name = "frozen",
      .summary = "the motion of the last truth before the fault is sent again and again, with new times",
      .seam = FaultSeam::truth,
@@ -38,7 +38,7 @@ constexpr FaultKind table[] = {
      .summary = "the position jumps",
      .seam = FaultSeam::truth,
      .targets = truth_target,
-     .parameters = offset},
+     .parameters = truth_offset},
     {.name = "nan",
      .summary = "numbers are no numbers, so that truth is refused",
      .seam = FaultSeam::truth,
@@ -49,7 +49,7 @@ constexpr FaultKind table[] = {
      .summary = "truth arrives late, after others that were sent later",
      .seam = FaultSeam::truth,
      .targets = truth_target,
-     .parameters = number,
+     .parameters = truths_late,
      .is_ramped = false,
      .stays = "the late truths follow at once",
      .in_lockstep = false},
@@ -61,7 +61,7 @@ constexpr FaultKind table[] = {
      .stays = "motion is extrapolated or held to the next truth",
      .in_lockstep = false},
 };
-static_assert(std::size(table) == kinds);
+static_assert(std::size(truth_table) == static_cast<std::size_t>(TruthFault::count));
 
 class FaultyTruthDecoder final : public TruthDecoder {
  public:
@@ -125,20 +125,20 @@ class FaultyTruthDecoder final : public TruthDecoder {
     bool is_lost = false, is_nan = false;
     for (const ActiveFault& fault : schedule_.active(FaultSeam::truth)) {
       const auto& p = fault.parameters;
-      switch (static_cast<Kind>(fault.kind - table)) {
-        case frozen:
+      switch (static_cast<TruthFault>(fault.kind - truth_table)) {
+        case TruthFault::frozen:
           freeze(truth);
           break;
-        case jump:
+        case TruthFault::jump:
           truth.r_BN_N += fault.weight * Vector3(p[0], p[1], p[2]);
           break;
-        case nan:
+        case TruthFault::nan:
           is_nan = true;
           break;
-        case late:
+        case TruthFault::late:
           late_ = std::max(late_, static_cast<std::size_t>(p[0]));
           break;
-        case lost:
+        case TruthFault::lost:
           is_lost = true;
           break;
         default:
@@ -179,7 +179,7 @@ class FaultyTruthDecoder final : public TruthDecoder {
 
 }  // namespace
 
-std::span<const FaultKind> truth_fault_kinds() noexcept { return table; }
+std::span<const FaultKind> truth_fault_kinds() noexcept { return truth_table; }
 
 std::unique_ptr<TruthDecoder> with_faults(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults,
                                           std::uint64_t seed, FaultLog& log) {
