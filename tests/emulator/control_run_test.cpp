@@ -116,6 +116,65 @@ TEST_F(ControlRun, ChangesOfABatchTakeEffectAtOneSample) {
   EXPECT_EQ(play(two_imus(), script), changed);
 }
 
+// By control at sample k the bytes are those of a scenario at sample k, also where they are drawn by the seed.
+TEST_F(ControlRun, AFaultIsThatOfAScenario) {
+  const auto with_faults = [](std::string text, const std::string& faults) {
+    const std::string table = "[control]\n";
+    return text.insert(text.find(table) + table.size(), "faults = true\n") + faults;
+  };
+  const std::string plain = read_file(two_imus());
+  const std::string faults =
+      "[[fault]]\nimu = \"imu1\"\ntarget = \"gyro.x\"\nkind = \"noise\"\nvalue = 0.5\nat_sample = 21\nfor_samples = "
+      "10\n"
+      "[[fault]]\ntarget = \"accelerometer\"\nkind = \"bias\"\nvalue_g = {uniform = [0.5, 1.5]}\nat_sample = 21\n";
+  const auto clean = play(write("clean.toml", plain), {});
+  const auto scenario = play(write("scenario.toml", with_faults(plain, faults)), {});
+  json answer;
+  const auto control = play(
+      write("control.toml", with_faults(plain, "")),
+      {{2, [&](ControlClient& client) {
+          answer = client.call(
+              "batch",
+              {{"changes",
+                {{{"method", "fault.begin"},
+                  {"params",
+                   {{"imu", "imu1"}, {"target", "gyro.x"}, {"kind", "noise"}, {"value", 0.5}, {"for_samples", 10}}}},
+                 {{"method", "fault.begin"},
+                  {"params",
+                   {{"target", "accelerometer"}, {"kind", "bias"}, {"value_g", {{"uniform", {0.5, 1.5}}}}}}}}}});
+        }}});
+  ASSERT_EQ(answer["result"]["applied"].size(), 2U) << answer;
+  EXPECT_EQ(answer["result"]["applied"][0]["sample"], 21);
+  EXPECT_EQ(control, scenario);
+  EXPECT_NE(control, clean);
+  EXPECT_EQ(rows_of(control.first, 0, 21), rows_of(clean.first, 0, 21));
+  // Without the key a run cannot fail, and what is wrong is explained.
+  std::vector<std::string> refusals;
+  const auto refused = [&](ControlClient& client, const json& params) {
+    refusals.push_back(client.call("fault.begin", params)["error"]["message"].get<std::string>());
+  };
+  play(write("without.toml", plain), {{1, [&](ControlClient& client) {
+                                         refused(client, {{"target", "gyro"}, {"kind", "dead"}});
+                                       }}});
+  play(write("wrong.toml", with_faults(plain, "")),
+       {{1, [&](ControlClient& client) {
+           refused(client, {{"target", "gyro"}, {"kind", "bais"}, {"value", 1}});
+           refused(client, {{"target", "truth"}, {"kind", "nan"}});
+           refused(client, {{"target", "wire"}, {"kind", "bus_off"}});
+           refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", nullptr}});
+           EXPECT_EQ(client.call("fault.end", {{"name", "none"}})["error"]["code"], -32602);
+           client.call("fault.begin", {{"target", "gyro"}, {"kind", "dead"}, {"name", "a"}});
+           EXPECT_TRUE(client.call("fault.end", {{"name", "a"}}).contains("result"));
+           EXPECT_TRUE(client.call("fault.clear").contains("result"));
+         }}});
+  ASSERT_EQ(refusals.size(), 5U);
+  EXPECT_TRUE(contains(refusals[0], "give faults = true in [control]")) << refusals[0];
+  EXPECT_TRUE(contains(refusals[1], "did you mean \"bias\"?")) << refusals[1];
+  EXPECT_TRUE(contains(refusals[2], "truth cannot fail by control")) << refusals[2];
+  EXPECT_TRUE(contains(refusals[3], "is on a line of bytes")) << refusals[3];
+  EXPECT_TRUE(contains(refusals[4], "null is no value")) << refusals[4];
+}
+
 TEST_F(ControlRun, SwitchesThePowerOfOneImu) {
   const Script script = {{2,
                           [](ControlClient& client) {
