@@ -293,6 +293,10 @@ void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
   Command command = {.kind = static_cast<Command::Kind>(event.flags),
                      .value = std::bit_cast<double>(event.b),
                      .number = static_cast<std::uint64_t>(event.c)};
+  if (command.kind == Command::Kind::fault_begin) {  // the record does not have the fault
+    ++faults_begun_;
+    return;
+  }
   if (!has_value(command.kind)) poll(event.b);
   if (event.interface == RecordEvent::all_imus) return imud::execute(*session_, command, HostTime{event.a});
   const auto all = session_->channels();
@@ -368,6 +372,8 @@ std::string RecordedRun::difference() const {
     return fmt::format("the record is damaged: packet {} has an impossible time, and what follows it is left out",
                        packets_);
   if (lost_ > 0) return fmt::format("the record lacks {} packets: what follows them is not that of the run", lost_);
+  if (faults_begun_ > 0)
+    return fmt::format("{} faults were begun by control, which the record does not have", faults_begun_);
   if (differing_ > 0)
     return fmt::format("truth was processed differently from the run {} times: was the configuration another?",
                        differing_);

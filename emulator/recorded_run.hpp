@@ -76,7 +76,7 @@ class RecordedRun {
   std::map<const Channel*, std::int64_t> last_samples_;  // numbers on the imus' grids
   std::optional<RecordEvent> receive_;                   // the next packet of its host is received
   bool ended_ = false, has_end_ = false;
-  std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0;
+  std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_begun_ = 0;
   bool is_damaged_ = false;  // at the last packet
   HostTime instant_;         // of the last samples
 };

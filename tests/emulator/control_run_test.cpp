@@ -26,9 +26,10 @@ class ControlRun : public LiveTest {
   }
   // Plays truths at 10 ms steps; `at[i]` is called when the truth of 10 i ms has been answered. Returns both files.
   using Script = std::map<int, std::function<void(ControlClient&)>>;
-  std::pair<std::string, std::string> play(const std::string& config, const Script& at, int last = 6) {
+  std::pair<std::string, std::string> play(const std::string& config, const Script& at, int last = 6,
+                                           const std::vector<std::string>& more = {}) {
     Program imud("imud");
-    start(imud, config);
+    start(imud, config, more);
     ControlClient client(path("socket"));
     for (int i = 0; i <= last; ++i) {
       EXPECT_TRUE(simulator_.exchange(Simulator::truth(10 * i, static_cast<std::uint32_t>(i), true)));
@@ -148,6 +149,16 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
   EXPECT_EQ(control, scenario);
   EXPECT_NE(control, clean);
   EXPECT_EQ(rows_of(control.first, 0, 21), rows_of(clean.first, 0, 21));
+  // A record has no faults that were begun by control: its repetition states that it differs.
+  play(write("recorded.toml", with_faults(plain, "")),
+       {{2,
+         [&](ControlClient& client) {
+           client.call("fault.begin", {{"target", "gyro"}, {"kind", "dead"}});
+         }}},
+       6, {"--record", path("record.pcapng")});
+  const ProgramResult repeated = run_program("imud", {"replay", path("record.pcapng"), path("record.pcapng")});
+  EXPECT_EQ(repeated.exit_code, 3) << repeated.errors;
+  EXPECT_TRUE(contains(repeated.errors, "1 faults were begun by control")) << repeated.errors;
   // Without the key a run cannot fail, and what is wrong is explained.
   std::vector<std::string> refusals;
   const auto refused = [&](ControlClient& client, const json& params) {
