@@ -187,7 +187,7 @@ bool is_same_user(int descriptor) {
 ControlServer::ControlServer(asio::io_context& io, const ControlConfig& config, const std::string& name) : io_(io) {
   if (config.socket == "auto") {
     try {
-      socket_.emplace(ListeningSocket::in_folder(name));
+      socket_.emplace(ControlSocketFile::in_folder(name));
     } catch (const OpenError& error) {
       if (!config.name.empty()) throw;  // somebody will look for that name
       spdlog::info("no socket for imud ctl: {}", error.what());

@@ -46,7 +46,7 @@ class ControlServer {
 
   boost::asio::io_context& io_;
   ControlApi* api_ = nullptr;
-  std::optional<ListeningSocket> socket_;
+  std::optional<ControlSocketFile> socket_;
   std::optional<boost::asio::local::stream_protocol::acceptor> local_;
   std::optional<boost::asio::ip::tcp::acceptor> tcp_;
   std::optional<Token> token_;

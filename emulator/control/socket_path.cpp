@@ -82,7 +82,7 @@ FileDescriptor connect_to_socket(const std::string& path) {
   return socket;
 }
 
-ListeningSocket::ListeningSocket(const std::string& path) : path_(path) {
+ControlSocketFile::ControlSocketFile(const std::string& path) : path_(path) {
   const auto fail = [&](std::string_view what) { throw OpenError(fmt::format("{}: {}", path, what)); };
   const auto address = address_of(path);
   if (!address) fail(fmt::format("a socket's path has 1 to {} bytes", sizeof(sockaddr_un::sun_path) - 1));
@@ -106,7 +106,7 @@ ListeningSocket::ListeningSocket(const std::string& path) : path_(path) {
   inode_ = status.st_ino;
 }
 
-ListeningSocket ListeningSocket::in_folder(const std::string& name) {
+ControlSocketFile ControlSocketFile::in_folder(const std::string& name) {
   std::string faults;
   for (const std::string& folder : socket_folders()) {
     ::mkdir(folder.c_str(), S_IRWXU);
@@ -118,7 +118,7 @@ ListeningSocket ListeningSocket::in_folder(const std::string& name) {
     // The other folders are no better if an instance of that name runs.
     if (connect_to_socket(path)) throw OpenError(fmt::format("{}: an imud of that name runs already", path));
     try {
-      return ListeningSocket(path);
+      return ControlSocketFile(path);
     } catch (const OpenError& error) {
       faults += fmt::format("{}{}", faults.empty() ? "" : "; ", error.what());
     }
@@ -126,13 +126,13 @@ ListeningSocket ListeningSocket::in_folder(const std::string& name) {
   throw OpenError(faults);
 }
 
-ListeningSocket::~ListeningSocket() {
+ControlSocketFile::~ControlSocketFile() {
   if (inode_ == 0 || path_.empty()) return;
   const FileDescriptor lock = locked_folder_of(path_);
   if (is_file_of(path_, device_, inode_)) ::unlink(path_.c_str());
 }
 
-int ListeningSocket::release() noexcept {
+int ControlSocketFile::release() noexcept {
   const int descriptor = ::fcntl(socket_.get(), F_DUPFD_CLOEXEC, 0);
   socket_.reset();
   return descriptor;

@@ -20,19 +20,19 @@ std::vector<std::string> socket_folders();
 std::string socket_path(const std::string& folder, const std::string& name);
 
 // A listening UNIX socket that its user alone can open, removed at the end.
-class ListeningSocket {
+class ControlSocketFile {
  public:
   // Makes the socket, in place of one that no process listens to any more. Throws OpenError: a process listens, the
   // path is too long or something else than a socket, or the folder cannot be written.
-  explicit ListeningSocket(const std::string& path);
+  explicit ControlSocketFile(const std::string& path);
   // Makes the socket of that name in the first of socket_folders() that permits it, and makes the folder.
-  static ListeningSocket in_folder(const std::string& name);
-  ListeningSocket(ListeningSocket&& other) noexcept
+  static ControlSocketFile in_folder(const std::string& name);
+  ControlSocketFile(ControlSocketFile&& other) noexcept
       : path_(std::exchange(other.path_, {})),
         socket_(std::move(other.socket_)),
         device_(other.device_),
         inode_(other.inode_) {}
-  ~ListeningSocket();
+  ~ControlSocketFile();
 
   const std::string& path() const noexcept { return path_; }
   // Gives the descriptor away.
