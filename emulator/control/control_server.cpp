@@ -178,8 +178,7 @@ namespace {
 bool is_same_user(int descriptor) {
   ucred peer{};
   socklen_t size = sizeof peer;
-  return ::getsockopt(descriptor, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 &&
-         (peer.uid == ::geteuid() || peer.uid == 0);
+  return ::getsockopt(descriptor, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && may_control(peer.uid, ::geteuid());
 }
 
 }  // namespace

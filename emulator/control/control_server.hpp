@@ -1,6 +1,8 @@
 // ControlServer: the control protocol over a UNIX socket, and over TCP on a loopback address.
 #pragma once
 
+#include <sys/types.h>
+
 #include <boost/asio/basic_socket_acceptor.hpp>
 #include <boost/asio/generic/stream_protocol.hpp>
 #include <boost/asio/io_context.hpp>
@@ -52,5 +54,8 @@ class ControlServer {
   std::optional<Token> token_;
   std::vector<std::weak_ptr<Client>> clients_;
 };
+
+// Returns whether a process of the user `peer` may control an imud of the user `own`: the same user, and root.
+constexpr bool may_control(uid_t peer, uid_t own) noexcept { return peer == own || peer == 0; }
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// What a scenario expects of the host: times, patterns, results, JUnit.
+// Expectations of a scenario on the host: times, patterns, results, JUnit.
 #include "emulator/faults/expectations.hpp"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ class ExpectationsTest : public FaultyRunTest {
                                                         "rate_hz = 100\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
                                                         "accelerometer.max_m_per_s2 = 100\n")));
   }
-  // What the host does after the samples of these numbers, at 100 Hz.
+  // An act of the host after the sample of this number, at 100 Hz.
   struct Done {
     int sample;
     std::string bytes;

@@ -1,4 +1,4 @@
-// What a recorded run receives beside datagrams of truth: edges at pins, hosts at a second UART, truth of a stream,
+// A recorded run receives more than datagrams of truth: edges at pins, hosts at a second UART, truth of a stream,
 // and truth that is derived.
 #include <deque>
 
@@ -63,6 +63,10 @@ class RecordInputs : public RecordTest {
       "protocol = \"native\"\nport = \"file:x\"\nrate_hz = 200\n"
       "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n";
   static constexpr const char* udp = "port = \"udp:127.0.0.1:9810\"";
+  // Two seconds of truth at 100 Hz, from 0.5 s on.
+  static void fly(SimulatedRun& run) {
+    for (int k = 0; k < 200; ++k) run.truth(0.5 + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+  }
   std::array<TimedLine::Inputs, 2> inputs_;
   TimedLine::Inputs edges_;
   std::string edge_sent_;
@@ -73,7 +77,7 @@ TEST_F(RecordInputs, EdgesAtAPinAreRepeated) {
                             "protocol = \"stim300\"\nport = \"file:x\"\ndevice.sample_rate = 0\n"
                             "device.start_up = false\nsync.trigger_port = \"udp:127.0.0.1:9811\"");
   SimulatedRun run(config);
-  for (int k = 0; k < 200; ++k) run.truth(0.5 + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+  fly(run);
   for (int k = 0; k < 100; ++k) {
     const std::int64_t ns = 17'000'000 * k;  // some edges have no time
     edges_.emplace_back(run.at(0.5 + 0.016 * k),
@@ -89,7 +93,7 @@ TEST_F(RecordInputs, AHostAtASecondUartIsRepeated) {
                             "protocol = \"vectornav\"\ndevice.model = \"vn-200\"\nport = \"pty:a\"\n"
                             "second_port = \"pty:b\"\ndevice.async_type = 0");
   SimulatedRun run(config);
-  for (int k = 0; k < 200; ++k) run.truth(0.5 + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+  fly(run);
   inputs_[0].emplace_back(run.at(1), "$VNWRG,75,2,8,01,0001*XX\r\n");
   inputs_[1].emplace_back(run.at(1.2), "$VNRRG,04*77\r\n");
   const std::vector<std::string> sent = record(run, 2, 3);

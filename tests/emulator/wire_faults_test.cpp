@@ -221,7 +221,8 @@ TEST(WireFaults, ASlowSenderIsReceivedAsSampled) {
   EXPECT_EQ(sent({0xFF}), bytes_of({0xFE}));
   EXPECT_EQ(sent({0x00}), bytes_of({0x00}));
   EXPECT_EQ(sent({0x55}), bytes_of({0x66, 0xE6}));
-  // What the host sends at the line's speed is sampled at half of it: every second bit, from the start bit's end on.
+  // Bytes that the host sends at the line's speed are sampled at half of it: every second bit, from the start bit's
+  // end on.
   bench.inner->from_host = {bytes_of({0xFF})};
   EXPECT_FALSE(bench.port->receive()) << "the start bit is over when its middle is sampled";
   bench.inner->from_host = {bytes_of({0xFE})};

@@ -1,4 +1,4 @@
-// What a UART receives from another one that runs at another speed, worked out by hand from the waveforms.
+// A UART receives from another one that runs at another speed: known answers, worked out by hand from the waveforms.
 #include "transports/uart_wire.hpp"
 
 #include <gtest/gtest.h>
