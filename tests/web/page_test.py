@@ -10,10 +10,12 @@ chromium, driver_path = shutil.which("chromium"), shutil.which("chromedriver")
 if not chromium or not driver_path:
     sys.exit("chromium or chromedriver is missing: install them by tools/setup")
 from selenium import webdriver  # noqa: E402
+from selenium.common.exceptions import (ElementClickInterceptedException, NoSuchElementException,  # noqa: E402
+                                        StaleElementReferenceException)
 from selenium.webdriver.chrome.service import Service  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import Select  # noqa: E402
+from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
 
 imud_path, truth_path, pictures = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
 pictures.mkdir(parents=True, exist_ok=True)
@@ -31,12 +33,26 @@ def expect_no_errors(browser):
     assert not errors, errors
 
 
+# Returns the shown text of the first element of a selector in one step, because the page may replace its elements at any time.
+TEXT = "return document.querySelector(arguments[0])?.innerText ?? '';"
+
+
 def text(browser, selector):
-    return browser.find_element(By.CSS_SELECTOR, selector).text
+    return browser.execute_script(TEXT, selector)
+
+
+def error_of_gyro_x(browser):
+    return abs(float(text(browser, ".values tr:nth-of-type(2) td:nth-of-type(4)")))
 
 
 def button(browser, name):
     return browser.find_element(By.XPATH, f"//details[@data-imu='imu1']//button[.='{name}']")
+
+
+def click(browser, name):
+    """Clicks a button of imu1, again if the page has replaced or moved it meanwhile."""
+    ignored = (NoSuchElementException, StaleElementReferenceException, ElementClickInterceptedException)
+    WebDriverWait(browser, 120, ignored_exceptions=ignored).until(lambda _: button(browser, name).click() or True, name)
 
 
 # Returns the colours that a canvas has, as a number; an empty one has 1.
@@ -54,13 +70,13 @@ def check_fault(browser):
     targets.select_by_visible_text("gyro.x")
     form.find_element(By.NAME, "value").send_keys("0.5")
     form.find_element(By.NAME, "for_s").clear()
-    button(browser, "Begin fault").click()
+    click(browser, "Begin fault")
     wait_until("the span of the fault", lambda: "gyro.x bias" in text(browser, ".active"))
-    wait_until("its effect", lambda: abs(float(text(browser, ".values tr:nth-of-type(2) td:nth-of-type(4)")) - 0.5) < 0.1)
+    wait_until("its effect", lambda: 0.4 < error_of_gyro_x(browser) < 0.6)
     browser.save_screenshot(str(pictures / "fault.png"))
-    button(browser, "End gyro.x bias").click()
+    click(browser, "End gyro.x bias")
     wait_until("its end", lambda: "gyro.x bias" not in text(browser, ".active"))
-    wait_until("no effect", lambda: abs(float(text(browser, ".values tr:nth-of-type(2) td:nth-of-type(4)"))) < 0.1)
+    wait_until("no effect", lambda: error_of_gyro_x(browser) < 0.1)
 
 
 def check(browser):
@@ -87,7 +103,7 @@ def check(browser):
     wait_until("paused", lambda: pause.get_attribute("aria-pressed") == "true")
     wait_until("the span of the pause", lambda: "output paused" in text(browser, ".active"))
     wait_until("the pause in the log", lambda: "pause" in text(browser, "#log"))
-    pause.click()
+    click(browser, "Pause output")
     wait_until("resumed", lambda: pause.get_attribute("aria-pressed") == "false")
     browser.find_element(By.NAME, "text").send_keys("climb <b>begins</b>", Keys.ENTER)
     wait_until("the mark in the log", lambda: "climb <b>begins</b>" in text(browser, "#log"))
