@@ -114,7 +114,8 @@ Latencies measure_latency(const Folder& folder, int steps) {
       << config(imud_port, "", 1, "rate_hz = 1000\nport = \"pty:" + (folder / "lockstep") + "\"") << "\n";
   const Relay relay(folder / "relay");
   Program imud("imud");
-  imud.start({"run", folder / "lockstep.toml", "--set", "clock=lockstep"});
+  imud.start({"run", folder / "lockstep.toml", "--set", "clock=lockstep", "--set", "truth.delay_ms=0"});
+  if (!imud.wait_for_errors("ready")) throw std::runtime_error("imud has not begun: " + imud.errors());
   Path through_relay(relay.port(), folder / "relay");
   Path through_imud(imud_port, folder / "lockstep");
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until imud has noticed that the pty is open
