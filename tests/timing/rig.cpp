@@ -247,14 +247,17 @@ double children_cpu_s() {
 }  // namespace
 
 Run run_imud(const Folder& folder, const std::string& config, int truth_port, double duration_s,
-             std::vector<std::string> links) {
+             std::vector<std::string> links, const std::vector<std::string>& arguments) {
   std::ofstream(folder / "config.toml") << config;
   const double before_s = children_cpu_s();
   Run run;
   {
     Program imud("imud");
-    imud.start({"run", folder / "config.toml", "--for", fmt::format("{}", duration_s), "--summary",
-                folder / "summary.json", "--log-every", "0"});
+    std::vector<std::string> all = {
+        "run",       folder / "config.toml",  "--for",       fmt::format("{}", duration_s),
+        "--summary", folder / "summary.json", "--log-every", "0"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    imud.start(all);
     const PtyReaders readers(std::move(links));
     const Simulator simulator(truth_port);
     const int code = imud.wait(std::chrono::milliseconds(static_cast<int>(1e3 * duration_s) + 20'000));

@@ -97,9 +97,9 @@ struct Run {
   Percentiles lateness() const;
   std::uint64_t count(const std::string& key) const;  // summed
 };
-// Runs `imud run` for that time with a simulator and readers of those links.
+// Runs `imud run` for that time with a simulator and readers of those links; `arguments` are further ones of imud.
 Run run_imud(const Folder& folder, const std::string& config, int truth_port, double duration_s,
-             std::vector<std::string> links = {});
+             std::vector<std::string> links = {}, const std::vector<std::string>& arguments = {});
 
 // The latencies of the bare loop's wake-ups, at 1 kHz with imud's priority. Adds the number of wake-ups that are a
 // period late to `missed`.

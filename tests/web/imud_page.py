@@ -6,21 +6,8 @@ import tempfile
 import time
 
 
-class Imud:
-    def __init__(self, imud, imu_truth, more="", listen="127.0.0.1:0"):
-        self.folder = tempfile.TemporaryDirectory(prefix="web")
-        folder = pathlib.Path(self.folder.name)
-        (folder / "imu.toml").write_text(f"""
-[truth]
-port = "udp:127.0.0.1:0"
-[realtime]
-priority = 0
-lock_memory = false
-[control]
-socket = "{folder}/control.sock"
-[web]
-listen = "{listen}"
-{more}
+# A product at the speed of its line, and a file.
+TWO_IMUS = """
 [[imu]]
 name = "imu1"
 protocol = "stim300"
@@ -33,8 +20,32 @@ rate_hz = 200
 port = "file:{folder}/imu2.bin"
 gyro.max_rad_per_s = 10
 accelerometer.max_m_per_s2 = 200
-""")
-        self.imud = subprocess.Popen([imud, "run", folder / "imu.toml", "--log-every", "0"], stderr=subprocess.PIPE, text=True)
+"""
+NO_PRIORITY = """
+[realtime]
+priority = 0
+lock_memory = false
+"""
+
+
+class Imud:
+    """`imus` and `realtime` are parts of the configuration, `arguments` further ones of `imud run`; {folder} is that of the run."""
+
+    def __init__(self, imud, imu_truth, imus=TWO_IMUS, realtime=NO_PRIORITY, listen="127.0.0.1:0", arguments=()):
+        self.folder = tempfile.TemporaryDirectory(prefix="web")
+        folder = self.folder.name
+        config = pathlib.Path(folder) / "imu.toml"
+        config.write_text(f"""
+[truth]
+port = "udp:127.0.0.1:0"
+{realtime}
+[control]
+socket = "{folder}/control.sock"
+[web]
+listen = "{listen}"
+{imus.replace("{folder}", folder)}""")
+        arguments = [argument.replace("{folder}", folder) for argument in arguments]
+        self.imud = subprocess.Popen([imud, "run", config, "--log-every", "0", *arguments], stderr=subprocess.PIPE, text=True)
         self.log = []
         for line in self.imud.stderr:
             self.log.append(line)

@@ -1,31 +1,18 @@
 """The page in Chromium: it loads without an error, shows motion, its buttons act, it survives imud's restart, and it fits a
 phone. usage: page_test.py IMUD IMU_TRUTH SCREENSHOT_FOLDER"""
 import pathlib
-import shutil
 import sys
 
+from chromium import open_browser
 from imud_page import Imud, wait_until
-
-chromium, driver_path = shutil.which("chromium"), shutil.which("chromedriver")
-if not chromium or not driver_path:
-    sys.exit("chromium or chromedriver is missing: install them by tools/setup")
-from selenium import webdriver  # noqa: E402
-from selenium.common.exceptions import (ElementClickInterceptedException, NoSuchElementException,  # noqa: E402
+from selenium.common.exceptions import (ElementClickInterceptedException, NoSuchElementException,
                                         StaleElementReferenceException)
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select, WebDriverWait
 
 imud_path, truth_path, pictures = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
 pictures.mkdir(parents=True, exist_ok=True)
-
-options = webdriver.ChromeOptions()
-options.binary_location = chromium
-for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--window-size=1280,1400",
-                 "--force-prefers-reduced-motion", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"):
-    options.add_argument(argument)
-options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
 
 
 def expect_no_errors(browser):
@@ -138,7 +125,7 @@ def check(browser):
 
 imud = Imud(imud_path, truth_path)
 try:
-    browser = webdriver.Chrome(service=Service(driver_path), options=options)
+    browser = open_browser()
     try:
         check(browser)
     except BaseException:
