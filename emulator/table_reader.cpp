@@ -12,6 +12,7 @@
 namespace imud {
 
 std::string Faults::text(std::uint32_t line, std::string_view key, std::string_view what) const {
+  if (file_.empty()) return fmt::format("{}: {}", key, what);
   return line > 0 ? fmt::format("{}:{}: {}: {}", file_, line, key, what)
                   : fmt::format("{}: {}: {}", file_, key, what);
 }

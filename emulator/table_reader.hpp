@@ -19,6 +19,7 @@ namespace imud {
 // The faults of one file, and the warnings, in the order in which they were found.
 class Faults {
  public:
+  // `file` is empty if there is none; the texts have no line then.
   explicit Faults(std::string file) : file_(std::move(file)) {}
   // `line` is 0 if the key came from the command line, or is missing.
   void add(std::uint32_t line, std::string_view key, std::string_view what) { all_.push_back(text(line, key, what)); }

@@ -28,35 +28,35 @@ std::vector<std::string> imu_names(const Config& config) {
   throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {}", what));
 }
 
-// Returns the JSON value as TOML.
-std::string toml_of(const Json& value) {
+// Returns the JSON value of a key as TOML.
+std::string toml_of(const std::string& key, const Json& value) {
   std::vector<std::string> items;
   if (value.is_array()) {
-    for (const Json& item : value) items.push_back(toml_of(item));
+    for (const Json& item : value) items.push_back(toml_of(key, item));
     return fmt::format("[{}]", fmt::join(items, ", "));
   }
   if (value.is_object()) {
-    for (const auto& [key, item] : value.items())
-      items.push_back(fmt::format("{} = {}", json_line(Json(key)), toml_of(item)));
+    for (const auto& [name, item] : value.items())
+      items.push_back(fmt::format("{} = {}", json_line(Json(name)), toml_of(key, item)));
     return fmt::format("{{{}}}", fmt::join(items, ", "));
   }
-  if (value.is_null()) refuse("null is no value");
+  if (value.is_null()) refuse(fmt::format("{}: null is no value", key));
   return json_line(value);
 }
 
 // Returns the fault that the parameters describe, as a [[fault]] of the configuration.
 FaultConfig read(const Json& params, const Config& config, std::size_t number) {
   if (!params.is_object()) refuse("give the keys of a [[fault]]");
-  std::string text;
-  for (const auto& [key, item] : params.items())
-    text += fmt::format("{} = {}\n", json_line(Json(key)), toml_of(item));
   toml::table table, resolved;
-  try {
-    table = toml::parse(text);
-  } catch (const toml::parse_error& error) {
-    refuse(std::string(error.description()));
+  for (const auto& [key, item] : params.items()) {
+    try {
+      table.insert_or_assign(key,
+                             std::move(*toml::parse(fmt::format("value = {}", toml_of(key, item))).get("value")));
+    } catch (const toml::parse_error& error) {
+      refuse(fmt::format("{}: {}", key, error.description()));
+    }
   }
-  Faults wrong("params");
+  Faults wrong("");
   TableReader reader(&table, "", 0, wrong, resolved);
   const FaultConfig fault = read_fault(reader, number, imu_names(config));
   if (!wrong.all().empty()) refuse(fmt::format("{}", fmt::join(wrong.all(), "; ")));

@@ -83,6 +83,8 @@ void read_kind(TableReader& table, FaultConfig& fault) {
   table.require("target", "what fails, for example \"gyro.x\", \"message\" or \"wire\"");
   table.require("kind", "how it fails, for example \"bias\"; imud list faults shows all");
   const std::string text = table.text("target", ""), kind = table.text("kind", "");
+  for (const char* key : {"target", "kind"})
+    if (table.is_text(key) && table.text(key, "").empty()) table.fault(key, "empty; imud list faults shows all");
   if (text.empty() || kind.empty()) return;
   const std::size_t dot = text.find('.');
   const std::string target = text.substr(0, dot);

@@ -3,6 +3,7 @@
 
 #include "tests/emulator/control_client.hpp"
 #include "tests/emulator/live_test.hpp"
+#include "tests/support/text.hpp"
 
 namespace imud {
 namespace {
@@ -173,17 +174,24 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
            refused(client, {{"target", "truth"}, {"kind", "nan"}});
            refused(client, {{"target", "wire"}, {"kind", "bus_off"}});
            refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", nullptr}});
+           refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", "much"}});
+           refused(client, {{"target", ""}, {"kind", ""}});
+           refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", 1}, {"for_s", ~std::uint64_t{0}}});
            EXPECT_EQ(client.call("fault.end", {{"name", "none"}})["error"]["code"], -32602);
            client.call("fault.begin", {{"target", "gyro"}, {"kind", "dead"}, {"name", "a"}});
            EXPECT_TRUE(client.call("fault.end", {{"name", "a"}}).contains("result"));
            EXPECT_TRUE(client.call("fault.clear").contains("result"));
          }}});
-  ASSERT_EQ(refusals.size(), 5U);
+  ASSERT_EQ(refusals.size(), 8U);
   EXPECT_TRUE(contains(refusals[0], "give faults = true in [control]")) << refusals[0];
-  EXPECT_TRUE(contains(refusals[1], "did you mean \"bias\"?")) << refusals[1];
+  EXPECT_TRUE(refusals[1].starts_with("Invalid params: kind: ") && contains(refusals[1], "did you mean \"bias\"?"))
+      << refusals[1];
   EXPECT_TRUE(contains(refusals[2], "truth cannot fail by control")) << refusals[2];
   EXPECT_TRUE(contains(refusals[3], "is on a line of bytes")) << refusals[3];
-  EXPECT_TRUE(contains(refusals[4], "null is no value")) << refusals[4];
+  EXPECT_EQ(refusals[4], "Invalid params: value: null is no value");
+  EXPECT_TRUE(refusals[5].starts_with("Invalid params: value: ")) << refusals[5];
+  EXPECT_TRUE(refusals[6].starts_with("Invalid params: target: empty")) << refusals[6];
+  EXPECT_TRUE(refusals[7].starts_with("Invalid params: for_s: ")) << refusals[7];
 }
 
 TEST_F(ControlRun, SwitchesThePowerOfOneImu) {
