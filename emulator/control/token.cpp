@@ -25,7 +25,7 @@ std::array<std::uint8_t, SHA256_DIGEST_LENGTH> digest_of(std::string_view text) 
 
 Token::Token(std::string_view secret) : digest_(digest_of(secret)) {}
 
-Token Token::read(const std::string& path) {
+std::string Token::read_secret(const std::string& path) {
   struct stat status {};
   if (::stat(path.c_str(), &status) != 0) throw OpenError(fmt::format("{}: the token cannot be read", path));
   if ((status.st_mode & (S_IRWXG | S_IRWXO)) != 0)
@@ -35,11 +35,13 @@ Token Token::read(const std::string& path) {
   std::getline(file, line);
   constexpr std::string_view spaces = " \t\r";
   const std::size_t first = line.find_first_not_of(spaces), last = line.find_last_not_of(spaces);
-  const std::string_view secret =
-      first == line.npos ? std::string_view() : std::string_view(line).substr(first, last + 1 - first);
+  std::string secret = first == line.npos ? std::string() : line.substr(first, last + 1 - first);
   if (secret.size() < shortest)
-    throw OpenError(fmt::format("{}: the token in its first line must have at least {} characters", path, shortest));
-  return Token(secret);
+    throw OpenError(
+        fmt::format("{}: the token in its first line must have at least {} characters, such as "
+                    "`openssl rand -hex 16` prints",
+                    path, shortest));
+  return secret;
 }
 
 bool Token::matches(std::string_view shown) const noexcept {

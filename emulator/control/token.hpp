@@ -1,4 +1,4 @@
-// Token: a secret that clients of a TCP port must show.
+// Token: a secret that clients must show, by TCP and HTTP.
 #pragma once
 
 #include <array>
@@ -12,9 +12,10 @@ class Token {
  public:
   static constexpr std::size_t shortest = 16;  // bytes
 
-  // The first line of the file, without spaces at its ends. Throws OpenError if the file cannot be read, if others
-  // than its owner can read it, or if the line is shorter than `shortest`.
-  static Token read(const std::string& path);
+  // Returns the first line of the file, without spaces at its ends. Throws OpenError if the file cannot be read, if
+  // others than its owner can read it, or if the line is shorter than `shortest`.
+  static std::string read_secret(const std::string& path);
+  static Token read(const std::string& path) { return Token(read_secret(path)); }
   explicit Token(std::string_view secret);
 
   // Compares in a time that does not depend on where the two differ: by SHA-256 digests, all of whose bytes are

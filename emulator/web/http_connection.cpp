@@ -11,7 +11,6 @@
 
 #include "emulator/web/open_metrics.hpp"
 #include "emulator/web/page_files.hpp"
-#include "emulator/web/web_access.hpp"
 #include "emulator/web/web_server.hpp"
 
 namespace imud {
@@ -103,7 +102,7 @@ std::optional<Response> HttpConnection::refusal(const Request& request) const {
                  "the name of the host is none of imud's; use its address, or localhost");
   if (!is_own_origin(view(request[http::field::origin]), host))
     return fault(request, http::status::forbidden, "the request is of another site's page");
-  if (!content_.token.empty() && !has_token(view(request[http::field::authorization]), content_.token)) {
+  if (content_.token && !content_.token->is_in(view(request[http::field::authorization]))) {
     Response wrong = fault(request, http::status::unauthorized, "the token is missing or wrong");
     wrong.set(http::field::www_authenticate, "Basic realm=\"imud: user imud, password the token\"");
     return wrong;

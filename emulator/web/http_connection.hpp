@@ -15,6 +15,7 @@
 #include <string>
 #include <string_view>
 
+#include "emulator/web/web_access.hpp"
 #include "emulator/web/web_api.hpp"
 #include "emulator/web/web_socket.hpp"
 
@@ -24,8 +25,8 @@ class HttpConnection;
 
 // The answers of the server, and whom it answers. Shared by all connections.
 struct WebContent {
-  std::string machine;  // the name of this machine
-  std::string token;    // empty: none is asked for
+  std::string machine;            // the name of this machine
+  std::optional<WebToken> token;  // nullopt: none is asked for
   WebApi api;
   std::function<std::string()> metrics;
   std::list<std::weak_ptr<WebSocket>> sockets;

@@ -4,7 +4,6 @@
 #include <boost/archive/iterators/transform_width.hpp>
 #include <boost/asio/ip/address.hpp>
 #include <boost/beast/core/string.hpp>
-#include <cstdint>
 #include <string>
 #include <utility>  // Boost 1.74's Asio needs it first
 
@@ -22,14 +21,6 @@ std::string_view without_port(std::string_view host) {
 
 bool equals(std::string_view a, std::string_view b) {
   return beast::iequals(beast::string_view(a.data(), a.size()), beast::string_view(b.data(), b.size()));
-}
-
-bool equals_in_constant_time(std::string_view a, std::string_view b) {
-  if (a.size() != b.size()) return false;
-  volatile std::uint8_t difference = 0;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    difference = static_cast<std::uint8_t>(difference | static_cast<std::uint8_t>(a[i] ^ b[i]));
-  return difference == 0;
 }
 
 std::string base64(const std::string& text) {
@@ -57,11 +48,12 @@ bool is_own_origin(std::string_view origin, std::string_view host) {
   return false;
 }
 
-bool has_token(std::string_view authorization, std::string_view token) {
-  const std::string text(token);
-  const bool bearer = equals_in_constant_time(authorization, "Bearer " + text);
-  const bool basic = equals_in_constant_time(authorization, "Basic " + base64("imud:" + text));
-  return bearer || basic;
+WebToken::WebToken(const std::string& secret)
+    : bearer_("Bearer " + secret), basic_("Basic " + base64("imud:" + secret)) {}
+
+bool WebToken::is_in(std::string_view authorization) const noexcept {
+  const bool is_bearer = bearer_.matches(authorization), is_basic = basic_.matches(authorization);
+  return is_bearer || is_basic;
 }
 
 }  // namespace imud

@@ -1,7 +1,10 @@
 // WebAccess: whose requests the web server answers.
 #pragma once
 
+#include <string>
 #include <string_view>
+
+#include "emulator/control/token.hpp"
 
 namespace imud {
 
@@ -14,8 +17,16 @@ bool is_own_host(std::string_view host, std::string_view machine);
 // sends no Origin.
 bool is_own_origin(std::string_view origin, std::string_view host);
 
-// Returns true if the header Authorization has the token: as `Bearer TOKEN`, or as `Basic`, which browsers ask for,
-// as the password of the user `imud`. The time that it takes does not depend on how much of the token is right.
-bool has_token(std::string_view authorization, std::string_view token);
+// The token in the header Authorization: as `Bearer TOKEN`, or as `Basic`, which browsers ask for, as the password of
+// the user `imud`.
+class WebToken {
+ public:
+  explicit WebToken(const std::string& secret);
+  // Takes a time that does not depend on how much of the token is right.
+  bool is_in(std::string_view authorization) const noexcept;
+
+ private:
+  Token bearer_, basic_;  // the whole header
+};
 
 }  // namespace imud

@@ -7,7 +7,6 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
-#include <fstream>
 #include <utility>
 
 #include "emulator/control/tcp_address.hpp"
@@ -27,21 +26,6 @@ std::string machine_name() {
   return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
 }
 
-// Returns the first line of the file.
-std::string read_token(const std::string& path) {
-  constexpr std::size_t shortest = 16;
-  if (path.empty()) return {};
-  std::ifstream file(path);
-  std::string token;
-  std::getline(file, token);
-  if (token.size() < shortest)
-    throw OpenError(
-        fmt::format("{}: web.token_file: its first line must be a token of at least {} characters, such as "
-                    "`openssl rand -hex 16` prints",
-                    path, shortest));
-  return token;
-}
-
 tcp::endpoint endpoint_of(const std::string& listen) {
   const TcpAddress address = TcpAddress::parse(listen).value();
   return {asio::ip::make_address(address.address), address.port};
@@ -53,7 +37,7 @@ class WebServer::Impl {
  public:
   Impl(asio::io_context& io, const WebConfig& config) : acceptor_(io), retry_(io) {
     content_.machine = machine_name();
-    content_.token = read_token(config.token_file);
+    if (!config.token_file.empty()) content_.token.emplace(Token::read_secret(config.token_file));
     try {
       const tcp::endpoint endpoint = endpoint_of(config.listen);
       acceptor_.open(endpoint.protocol());

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <boost/asio/ip/tcp.hpp>
@@ -56,13 +57,14 @@ TEST(WebAccess, OriginsOfOtherSitesAreRefused) {
 }
 
 TEST(WebAccess, TokensAreComparedWhole) {
-  EXPECT_TRUE(has_token("Bearer 0123456789abcdef", "0123456789abcdef"));
+  const WebToken token("0123456789abcdef");
+  EXPECT_TRUE(token.is_in("Bearer 0123456789abcdef"));
   // RFC 7617: base64 of "imud:0123456789abcdef", by Python's base64.b64encode.
-  EXPECT_TRUE(has_token("Basic aW11ZDowMTIzNDU2Nzg5YWJjZGVm", "0123456789abcdef"));
-  EXPECT_TRUE(has_token("Basic aW11ZDowMTIzNDU2Nzg5YWJjZGVmMA==", "0123456789abcdef0"));
+  EXPECT_TRUE(token.is_in("Basic aW11ZDowMTIzNDU2Nzg5YWJjZGVm"));
+  EXPECT_TRUE(WebToken("0123456789abcdef0").is_in("Basic aW11ZDowMTIzNDU2Nzg5YWJjZGVmMA=="));
   for (const char* wrong : {"", "Bearer", "Bearer ", "Bearer 0123456789abcdeg", "Bearer 0123456789abcdef0",
                             "Basic 0123456789abcdef", "0123456789abcdef"})
-    EXPECT_FALSE(has_token(wrong, "0123456789abcdef")) << wrong;
+    EXPECT_FALSE(token.is_in(wrong)) << wrong;
 }
 
 TEST(WebConfigTest, OtherMachinesNeedTheToken) {
@@ -205,6 +207,9 @@ TEST_F(WebServerTest, AsksForTheToken) {
   EXPECT_THROW(WebServer(io_, {"127.0.0.1:0", folder / "short"}), OpenError);
   EXPECT_THROW(WebServer(io_, {"127.0.0.1:0", folder / "absent"}), OpenError);
   std::ofstream(folder / "token") << "0123456789abcdef\nthe rest of the file\n";
+  EXPECT_THROW(WebServer(io_, {"127.0.0.1:0", folder / "token"}), OpenError) << "others can read it";
+  for (const char* file : {"short", "token"}) ASSERT_EQ(::chmod((folder / file).c_str(), 0600), 0);
+  EXPECT_THROW(WebServer(io_, {"127.0.0.1:0", folder / "short"}), OpenError);
   start({"127.0.0.1:0", folder / "token"});
   for (const char* path : {"GET /", "GET /metrics", "POST /api", "GET /absent"}) {
     EXPECT_TRUE(response(path, json_type, "a").starts_with("HTTP/1.1 401 ")) << path;
