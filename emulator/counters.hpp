@@ -246,6 +246,20 @@ struct RecordCounters : CounterGroup {
   std::atomic<int> error = 0;  // errno of the last write that failed; 0: none has
 };
 
+// The counters of the control protocol, of all its clients together.
+struct ControlCounters : CounterGroup {
+  // Clients that were refused: too many, another user's, or without the token; those that were closed because they
+  // did not read their answers.
+  Counter connections_refused{*this, {"connections_refused", "connections refused"}};
+  Counter clients_closed{*this, {"clients_closed", "clients closed that read no answers"}};
+  // Notifications of samples, truth and counters, and those of events, that clients were too slow for.
+  Counter notifications_lost{*this, {"notifications_lost", "notifications lost"}};
+  Counter events_lost{*this, {"events_lost", "events lost"}};
+  // Samples to be watched, and events, for which the queue from the sampling thread had no room.
+  Counter samples_overrun{*this, {"samples_overrun", "samples not shown"}};
+  Counter events_overrun{*this, {"events_overrun", "events not reported"}};
+};
+
 // The counters of a whole run, which outlive this.
 struct RunCounters {
   const TruthCounters* truth;
@@ -253,6 +267,7 @@ struct RunCounters {
   std::vector<std::pair<std::string, const ImuCounters*>> imus;  // by name
   const RecordCounters* record = nullptr;                        // nullptr: nothing is recorded
   const FaultBook* faults = nullptr;                             // nullptr: there are none
+  const ControlCounters* control = nullptr;                      // nullptr: nobody can control it
 };
 
 // The numbers of a group at an instant, or their change in an interval, in the order of their declaration.

@@ -75,11 +75,12 @@ bool drive(Session& session, const Config& config, const RunOptions& options, Re
   return session.drain(realtime || stop ? 50ms : 2000ms);
 }
 
-RunCounters counters_of(const Session& session) {
+RunCounters counters_of(const Session& session, const RunControl& control) {
   RunCounters counters{&session.intake().counters(), &session.quality(), {}, nullptr};
   if (session.faults().capacity() > 0) counters.faults = &session.faults();
   if (session.recorder() != nullptr) counters.record = &session.recorder()->counters();
   for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
+  counters.control = &control.counters;
   return counters;
 }
 
@@ -190,7 +191,7 @@ int run(const Config& config, const RunOptions& options) {
   Config named = config;  // as the log shall name its ports
   for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
-  Monitor monitor(counters_of(session), named, options.monitor);
+  Monitor monitor(counters_of(session, control), named, options.monitor);
   const std::function<void()> wait_for_others = [&] {
     others.async_wait([&](const boost::system::error_code& error, int signal) {
       if (error) return;
@@ -211,15 +212,16 @@ int run(const Config& config, const RunOptions& options) {
     stopped_by = EndedBy::control;
     stop = true;
   };
-  ControlApi api(
-      io, {instance, named, control, monitor, counters_of(session), quit, session.faults(), repeated.has_value()});
+  ControlApi api(io, {instance, named, control, monitor, counters_of(session, control), quit, session.faults(),
+                      repeated.has_value()});
   server->start(api);
   if (web) {
     const auto call = [&api](std::string_view request, std::function<void(std::string)> answer,
                              const std::shared_ptr<Subscriber>& client) {
       api.call(request, std::move(answer), client);
     };
-    web->serve(call, [&monitor] { return open_metrics(monitor.now()); });
+    web->serve(
+        call, [&monitor] { return open_metrics(monitor.now()); }, control.counters);
   }
   const auto report_events = [&] {
     for (RunEvent event; control.events.pop(event);) api.report(event);

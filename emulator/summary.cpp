@@ -35,6 +35,8 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   }
   summary.has_record = counters.record != nullptr;
   if (summary.has_record) summary.record = Snapshot(*counters.record);
+  summary.has_control = counters.control != nullptr;
+  if (summary.has_control) summary.control = Snapshot(*counters.control);
   return summary;
 }
 
@@ -46,6 +48,7 @@ Summary Summary::since(const Summary& before) const {
   rest.truth.refused.subtract(before.truth.refused);
   rest.truth.quality.subtract(before.truth.quality);
   rest.record.subtract(before.record);
+  rest.control.subtract(before.control);
   const auto accepted = static_cast<double>(rest.truth.counters[&TruthCounters::accepted]);
   rest.truth.rate_hz = rest.duration_s > 0 ? accepted / rest.duration_s : 0;
   for (std::size_t i = 0; i < rest.imus.size(); ++i) {
@@ -70,8 +73,9 @@ std::optional<std::uint64_t> count_of(const Snapshot<Group>& snapshot, std::stri
 }  // namespace
 
 std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view name) {
-  constexpr std::string_view truth = "truth.", refused = "refused.", record = "record.";
+  constexpr std::string_view truth = "truth.", refused = "refused.", record = "record.", control = "control.";
   if (name.starts_with(record)) return count_of(summary.record, name.substr(record.size()));
+  if (name.starts_with(control)) return count_of(summary.control, name.substr(control.size()));
   if (name == "truth.refused") return summary.truth.refused.total();
   if (name.starts_with(truth)) {
     name.remove_prefix(truth.size());
@@ -106,6 +110,7 @@ std::vector<std::string> count_names(const Summary& summary) {
   add("truth.refused.", summary.truth.refused);
   add("truth.", summary.truth.quality);
   add("record.", summary.record);
+  add("control.", summary.control);
   return names;
 }
 
@@ -201,6 +206,7 @@ std::string text(const Summary& s) {
     out += "\n";
   }
   if (s.has_record) out += fmt::format("{:<8} {}\n", "record", counts_text(s.record, where));
+  if (s.control.total() > 0) out += fmt::format("{:<8} {}\n", "control", counts_text(s.control, where));
   if (s.whole) out += text(s.whole->outcome);
   return out;
 }
@@ -299,6 +305,7 @@ std::string json(const Summary& s, JsonLayout layout) {
   all["truth"] = truth;
   all["imus"] = imus;
   if (s.has_record) add_counts(all["record"], s.record);
+  if (s.has_control) add_counts(all["control"], s.control);
   return layout == JsonLayout::line ? all.dump() : all.dump(2) + "\n";
 }
 

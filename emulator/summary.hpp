@@ -44,6 +44,8 @@ struct Summary {
   std::vector<Imu> imus;
   bool has_record = false;          // the run is recorded
   Snapshot<RecordCounters> record;  // its figures
+  bool has_control = false;         // the run can be controlled
+  Snapshot<ControlCounters> control;
 
   // The whole run's only.
   struct Whole {

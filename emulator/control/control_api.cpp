@@ -244,7 +244,9 @@ Json ControlApi::status() const {
           {"config_sha256", run_.config.sha256},
           {"imus", std::move(imus)},
           {"faults", active_faults_json(run_.faults, run_.config)},
-          {"lost", {{"samples", run_.control.feed.lost()}, {"events", run_.control.events.lost()}}},
+          {"lost",
+           {{"samples", run_.control.counters.samples_overrun.load()},
+            {"events", run_.control.counters.events_overrun.load()}}},
           {"counters", Json::parse(json(run_.monitor.now(), JsonLayout::line))}};
 }
 

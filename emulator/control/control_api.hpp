@@ -51,6 +51,9 @@ class ControlApi {
   // Returns the answer to a request that is longer than max_request.
   static std::string refuse_long();
 
+  // The servers count here what they refuse and what their clients lose.
+  ControlCounters& counters() const noexcept { return run_.control.counters; }
+
   // Reports an event of the sampling thread to the subscribers.
   void report(const RunEvent& event);
   // Reports the begins and ends of faults since the last call.

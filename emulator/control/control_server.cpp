@@ -9,9 +9,9 @@
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/write.hpp>
 #include <chrono>
-#include <deque>
 #include <utility>
 
+#include "emulator/control/send_queue.hpp"
 #include "emulator/control/tcp_address.hpp"
 #include "emulator/text_file.hpp"
 
@@ -26,27 +26,35 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
  public:
   // `token`: what the client must show first; nullptr: nothing. It outlives this.
   Client(Socket socket, ControlApi& api, const Token* token)
-      : socket_(std::move(socket)), api_(api), token_(token), deadline_(socket_.get_executor()) {}
+      : socket_(std::move(socket)),
+        api_(api),
+        token_(token),
+        deadline_(socket_.get_executor()),
+        output_(api.counters()) {}
 
   void start() {
     if (token_ != nullptr) {
       deadline_.expires_after(std::chrono::seconds(10));
       deadline_.async_wait([weak = weak_from_this()](const ErrorCode& error) {
-        if (const auto self = weak.lock(); self && !error && self->token_ != nullptr) self->close();
+        const auto self = weak.lock();
+        if (self == nullptr || error || self->token_ == nullptr) return;
+        self->api_.counters().connections_refused.count();
+        self->close();
       });
     }
     read();
   }
 
-  void notify(const std::shared_ptr<const std::string>& text) override {
-    if (queued_ + text->size() > most_notified) return;
-    queue(text);
+  void notify(const std::shared_ptr<const std::string>& text, Notification kind) override {
+    if (!socket_.is_open()) return;
+    output_.notify(text, kind);
+    write();
   }
 
   // Sends the text and closes.
   void refuse(std::string text) {
     closes_ = true;
-    queue(std::make_shared<const std::string>(std::move(text)));
+    answer(std::move(text));
   }
 
   void close() {
@@ -56,9 +64,6 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
   }
 
  private:
-  // Bytes that wait to be sent: beyond the first limit notifications are discarded, beyond the second the client is
-  // closed.
-  static constexpr std::size_t most_notified = 256 * 1024, most_queued = 1024 * 1024;
   static constexpr int most_calls = 32;  // that are not answered, beyond which the client's requests are not read
 
   void read() {
@@ -107,7 +112,7 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
         line,
         [self = shared_from_this()](std::string answer) {  // while nothing is read, this keeps the client
           --self->calls_;
-          if (!answer.empty()) self->queue(std::make_shared<const std::string>(std::move(answer)));
+          if (!answer.empty()) self->answer(std::move(answer));
           self->take_lines();  // which may have waited for it
         },
         shared_from_this());
@@ -126,16 +131,17 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
         },
         [&](std::string answer) {
           closes_ = !is_good;
-          if (!answer.empty()) queue(std::make_shared<const std::string>(std::move(answer)));
+          if (!answer.empty()) this->answer(std::move(answer));
         });
-    if (is_good) token_ = nullptr;
+    if (is_good)
+      token_ = nullptr;
+    else
+      api_.counters().connections_refused.count();
   }
 
-  void queue(const std::shared_ptr<const std::string>& text) {
+  void answer(std::string text) {
     if (!socket_.is_open()) return;
-    queued_ += text->size();
-    if (queued_ > most_queued) return close();
-    output_.push_back(text);
+    if (!output_.add(std::make_shared<const std::string>(std::move(text)))) return close();
     write();
   }
 
@@ -143,11 +149,10 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
     if (is_writing_ || output_.empty()) return;
     is_writing_ = true;
     static constexpr char line_feed = '\n';
-    const std::array<asio::const_buffer, 2> buffers = {asio::buffer(*output_.front()), asio::buffer(&line_feed, 1)};
+    const std::array<asio::const_buffer, 2> buffers = {asio::buffer(output_.front()), asio::buffer(&line_feed, 1)};
     asio::async_write(socket_, buffers, [self = shared_from_this()](const ErrorCode& error, std::size_t) {
       self->is_writing_ = false;
-      self->queued_ -= self->output_.front()->size();
-      self->output_.pop_front();
+      self->output_.pop();
       if (error) return self->close();
       self->write();
       self->close_if_done();
@@ -164,9 +169,8 @@ class ControlServer::Client final : public Subscriber, public std::enable_shared
   asio::steady_timer deadline_;
   std::array<char, 16 * 1024> buffer_;
   std::string input_;  // from the begin of a line
-  std::deque<std::shared_ptr<const std::string>> output_;
-  std::size_t queued_ = 0;  // bytes of output_
-  int calls_ = 0;           // that are not answered
+  SendQueue output_;
+  int calls_ = 0;  // that are not answered
   bool is_reading_ = false, is_writing_ = false, is_taking_ = false;
   bool has_ended_ = false;  // the client sends nothing more
   bool closes_ = false;     // when all is written
@@ -249,9 +253,11 @@ void ControlServer::add(Socket socket, bool needs_token) {
   std::erase_if(clients_, [](const auto& client) { return client.expired(); });
   const bool is_admitted = needs_token || is_same_user(socket.native_handle());
   const auto client = std::make_shared<Client>(std::move(socket), *api_, needs_token ? &*token_ : nullptr);
+  const bool is_full = clients_.size() >= most_clients;
+  if (!is_admitted || is_full) api_->counters().connections_refused.count();
   if (!is_admitted)
     return client->refuse(rpc_refusal(RpcError(RpcError::refused, "this imud belongs to another user")));
-  if (clients_.size() >= most_clients)
+  if (is_full)
     return client->refuse(rpc_refusal(RpcError(RpcError::busy, fmt::format("there are {} clients", most_clients))));
   clients_.push_back(client);
   client->start();

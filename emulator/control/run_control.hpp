@@ -8,6 +8,7 @@
 #include "emulator/control/command_queue.hpp"
 #include "emulator/control/run_events.hpp"
 #include "emulator/control/sample_feed.hpp"
+#include "emulator/counters.hpp"
 
 namespace imud {
 
@@ -15,10 +16,12 @@ class Session;
 
 // Outlives the Session that has it. All memory is allocated by the constructor.
 struct RunControl {
-  explicit RunControl(std::size_t imus) : applied(results), feed(imus) {}
+  explicit RunControl(std::size_t imus)
+      : applied(results), events(counters.events_overrun), feed(imus, counters.samples_overrun) {}
 
   static constexpr std::size_t results = 4096;  // of commands that the main thread has not read yet
 
+  ControlCounters counters;
   CommandQueue commands;
   boost::lockfree::spsc_queue<Applied> applied;  // the answers to `commands`: for each batch one for each imu
   RunEvents events;

@@ -1,9 +1,10 @@
 // RunEvents: a bounded queue of what the sampling thread reports to the main thread.
 #pragma once
 
-#include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstdint>
+
+#include "emulator/counters.hpp"
 
 namespace imud {
 
@@ -25,18 +26,18 @@ class RunEvents {
  public:
   static constexpr std::size_t capacity = 1024;
 
-  RunEvents() : events_(capacity) {}
+  // `lost` outlives this.
+  explicit RunEvents(Counter& lost) : events_(capacity), lost_(lost) {}
   // Sampling thread.
   void push(const RunEvent& event) noexcept {
-    if (!events_.push(event)) lost_.fetch_add(1, std::memory_order_relaxed);
+    if (!events_.push(event)) lost_.count();
   }
   // Main thread.
   bool pop(RunEvent& event) noexcept { return events_.pop(event); }
-  std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
 
  private:
   boost::lockfree::spsc_queue<RunEvent> events_;
-  std::atomic<std::uint64_t> lost_ = 0;
+  Counter& lost_;
 };
 
 }  // namespace imud

@@ -8,6 +8,7 @@
 #include <deque>
 
 #include "core/sample.hpp"
+#include "emulator/counters.hpp"
 
 namespace imud {
 
@@ -28,12 +29,12 @@ class SampleFeed {
  public:
   static constexpr std::size_t capacity = 16384;  // 2 s of 8 imus at 1 kHz
 
-  explicit SampleFeed(std::size_t imus) : samples_(capacity), every_(imus) {}
+  // `lost` outlives this.
+  SampleFeed(std::size_t imus, Counter& lost) : samples_(capacity), every_(imus), lost_(lost) {}
 
   // Main thread: the feed has those samples of the imu whose number is a multiple of `every`; 0: none.
   void watch(std::size_t imu, std::uint32_t every) noexcept { every_[imu].store(every, std::memory_order_relaxed); }
   bool pop(FeedSample& sample) noexcept { return samples_.pop(sample); }
-  std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
 
   // Sampling thread.
   bool wants(std::size_t imu, std::uint64_t k) const noexcept {
@@ -41,13 +42,13 @@ class SampleFeed {
     return every != 0 && k % every == 0;
   }
   void push(const FeedSample& sample) noexcept {
-    if (!samples_.push(sample)) lost_.fetch_add(1, std::memory_order_relaxed);
+    if (!samples_.push(sample)) lost_.count();
   }
 
  private:
   boost::lockfree::spsc_queue<FeedSample> samples_;
   std::deque<std::atomic<std::uint32_t>> every_;  // by imu
-  std::atomic<std::uint64_t> lost_ = 0;
+  Counter& lost_;
 };
 
 }  // namespace imud

@@ -134,7 +134,7 @@ void Subscriptions::send_event(const Json& event) {
     const auto client = s.client.lock();
     if (client == nullptr || s.what != What::events) continue;
     if (!text) text = std::make_shared<const std::string>(rpc_notification("event", json_line(event)));
-    client->notify(text);
+    client->notify(text, Notification::event);
   }
 }
 
@@ -190,12 +190,12 @@ void Subscriptions::distribute(HostTime now) {
     const auto client = s.client.lock();
     if (client == nullptr || s.what == What::events) continue;
     if (s.what == What::counters) {
-      if (counters) client->notify(counters);
+      if (counters) client->notify(counters, Notification::points);
       continue;
     }
     auto& text = texts[{s.what, s.imu, s.every}];
     if (!text) text = std::make_shared<const std::string>(text_of(s.what, s.imu, s.every, samples_[s.imu]));
-    if (!text->empty()) client->notify(text);
+    if (!text->empty()) client->notify(text, Notification::points);
   }
 }
 

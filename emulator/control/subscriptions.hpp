@@ -13,13 +13,16 @@
 
 namespace imud {
 
+// Points are samples, truth and counters, of which the next are as good; events come once.
+enum class Notification : std::uint8_t { points, event };
+
 // A connection that gets notifications.
 class Subscriber {
  public:
   virtual ~Subscriber() = default;
   // Queues the text, one line without its line feed, to be sent. Discards it if the client reads too slowly, and
   // counts it. The text is shared by all who subscribe to the same.
-  virtual void notify(const std::shared_ptr<const std::string>& text) = 0;
+  virtual void notify(const std::shared_ptr<const std::string>& text, Notification kind) = 0;
 };
 
 // Reads the feed of the sampling thread and distributes it. A subscription ends with its Subscriber. One thread.

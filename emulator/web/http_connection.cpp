@@ -78,7 +78,10 @@ void HttpConnection::read() {
 }
 
 void HttpConnection::respond(const Request& request) {
-  if (std::optional<Response> refused = refusal(request)) return write(std::move(*refused));
+  if (std::optional<Response> refused = refusal(request)) {
+    content_.counters->connections_refused.count();
+    return write(std::move(*refused));
+  }
   if (path_of(request) == api_path && content_.api) {
     if (beast::websocket::is_upgrade(request)) return upgrade(request);
     if (request.method() == http::verb::post) return call(request);
@@ -142,7 +145,7 @@ void HttpConnection::call(const Request& request) {
 }
 
 void HttpConnection::upgrade(const Request& request) {
-  const auto socket = std::make_shared<WebSocket>(std::move(stream_), guard_);
+  const auto socket = std::make_shared<WebSocket>(std::move(stream_), guard_, *content_.counters);
   content_.sockets.remove_if([](const std::weak_ptr<WebSocket>& other) { return other.expired(); });
   content_.sockets.push_back(socket);
   socket->start(request, content_.api);

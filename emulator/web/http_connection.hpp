@@ -29,6 +29,7 @@ struct WebContent {
   std::optional<WebToken> token;  // nullopt: none is asked for
   WebApi api;
   std::function<std::string()> metrics;
+  ControlCounters* counters = nullptr;
   std::list<std::weak_ptr<WebSocket>> sockets;
   std::set<std::shared_ptr<HttpConnection>> calls;  // those that wait for an answer
 };

@@ -203,6 +203,7 @@ std::string open_metrics(const Summary& summary) {
 
   add_imus(text, summary);
   if (summary.has_record) add_counters(text, "imud_record_", summary.record.declared(), {{"", &summary.record}});
+  if (summary.has_control) add_counters(text, "imud_control_", summary.control.declared(), {{"", &summary.control}});
   return text.finish();
 }
 

@@ -61,8 +61,9 @@ class WebServer::Impl {
                        endpoint.port());
   }
 
-  void serve(WebApi api, std::function<std::string()> metrics) {
+  void serve(WebApi api, std::function<std::string()> metrics, ControlCounters& counters) {
     content_.api = std::move(api);
+    content_.counters = &counters;
     content_.metrics = std::move(metrics);
     accept();
   }
@@ -72,10 +73,12 @@ class WebServer::Impl {
     acceptor_.async_accept([this](boost::system::error_code error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
       if (error) return retry();  // for example, too many open files
-      if (open_.use_count() <= static_cast<long>(max_connections)) {
+      if (open_.use_count() > static_cast<long>(max_connections)) {
+        content_.counters->connections_refused.count();
+      } else {
         boost::system::error_code ignored;
         socket.set_option(tcp::no_delay(true), ignored);
-        socket.set_option(asio::socket_base::send_buffer_size(max_queue_to_lose), ignored);
+        socket.set_option(asio::socket_base::send_buffer_size(SendQueue::most_for_points), ignored);
         std::make_shared<HttpConnection>(std::move(socket), content_, open_)->read();
       }
       accept();
@@ -99,8 +102,8 @@ WebServer::~WebServer() = default;
 
 std::string WebServer::address() const { return impl_->address(); }
 
-void WebServer::serve(WebApi api, std::function<std::string()> metrics) {
-  impl_->serve(std::move(api), std::move(metrics));
+void WebServer::serve(WebApi api, std::function<std::string()> metrics, ControlCounters& counters) {
+  impl_->serve(std::move(api), std::move(metrics), counters);
 }
 
 }  // namespace imud

@@ -14,15 +14,13 @@ namespace imud {
 
 // Answers GET of the page's files and of /metrics, POST of JSON-RPC 2.0 to /api, and a WebSocket at /api, whose text
 // messages are JSON-RPC, too. Runs in the thread that runs the io_context, and never waits: a WebSocket that reads
-// too slowly loses notifications, and is closed if answers or events do not fit in its queue. What it answers does
+// too slowly loses notifications (SendQueue). What it answers does
 // not depend on file names of the request: the files are a table.
 class WebServer {
  public:
   static constexpr std::size_t max_connections = 32;  // further ones are closed at once
   static constexpr std::size_t max_header_bytes = 8192, max_request_bytes = 65536;
-  static constexpr std::size_t max_queue_bytes = 1 << 20;    // of a WebSocket
-  static constexpr std::size_t max_queue_to_lose = 1 << 17;  // beyond it, notifications are lost
-  static constexpr int idle_s = 30;                          // a connection without a request is closed
+  static constexpr int idle_s = 30;  // a connection without a request is closed
 
   // Listens; connections wait until serve() is called. Throws PortError if the address cannot be used, OpenError if
   // the token cannot be read.
@@ -33,8 +31,8 @@ class WebServer {
 
   // Returns "ADDR:PORT" with the port that the system has chosen.
   std::string address() const;
-  // Begins to answer. `metrics` returns the text of /metrics.
-  void serve(WebApi api, std::function<std::string()> metrics);
+  // Begins to answer. `metrics` returns the text of /metrics. `counters` outlives the handlers of the io_context.
+  void serve(WebApi api, std::function<std::string()> metrics, ControlCounters& counters);
 
  private:
   class Impl;

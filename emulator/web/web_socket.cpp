@@ -14,8 +14,8 @@ namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 }  // namespace
 
-WebSocket::WebSocket(beast::tcp_stream stream, std::shared_ptr<void> guard)
-    : stream_(std::move(stream)), guard_(std::move(guard)) {}
+WebSocket::WebSocket(beast::tcp_stream stream, std::shared_ptr<void> guard, ControlCounters& counters)
+    : stream_(std::move(stream)), guard_(std::move(guard)), queue_(counters), counters_(counters) {}
 
 void WebSocket::start(const Request& request, const WebApi& api) {
   stream_.next_layer().expires_never();  // the WebSocket has its own time limits
@@ -27,7 +27,7 @@ void WebSocket::start(const Request& request, const WebApi& api) {
   stream_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
     if (error || self->api_ == nullptr) return self->close();
     self->is_open_ = true;
-    self->write();
+    self->begin_writing();
     self->read();
   });
 }
@@ -40,7 +40,11 @@ void WebSocket::close() {
 
 void WebSocket::read() {
   stream_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-    if (error || self->api_ == nullptr || self->calls_ == max_calls) return self->close();
+    if (error || self->api_ == nullptr) return self->close();
+    if (self->calls_ == max_calls) {
+      self->counters_.clients_closed.count();
+      return self->close();
+    }
     self->execute();
     self->read();
   });
@@ -54,30 +58,34 @@ void WebSocket::execute() {
     const auto self = weak.lock();
     if (self == nullptr) return;
     --self->calls_;
-    if (!text.empty()) self->send(std::make_shared<const std::string>(std::move(text)));
+    if (!text.empty()) self->answer(std::move(text));
   };
   (*api_)(request, answer, shared_from_this());
 }
 
-void WebSocket::notify(const std::shared_ptr<const std::string>& text) {
-  if (queued_bytes_ <= WebServer::max_queue_to_lose) send(text);
+void WebSocket::notify(const std::shared_ptr<const std::string>& text, Notification kind) {
+  if (api_ == nullptr) return;
+  queue_.notify(text, kind);
+  begin_writing();
 }
 
-void WebSocket::send(std::shared_ptr<const std::string> text) {
+void WebSocket::answer(std::string text) {
   if (api_ == nullptr) return;
-  queued_bytes_ += text->size();
-  queue_.push_back(std::move(text));
-  if (queued_bytes_ > WebServer::max_queue_bytes) return close();
-  if (is_open_ && queue_.size() == 1) write();
+  if (!queue_.add(std::make_shared<const std::string>(std::move(text)))) return close();
+  begin_writing();
+}
+
+void WebSocket::begin_writing() {
+  if (is_open_ && !is_writing_) write();
 }
 
 void WebSocket::write() {
-  if (queue_.empty()) return;
-  stream_.async_write(boost::asio::buffer(*queue_.front()),
+  is_writing_ = !queue_.empty();
+  if (!is_writing_) return;
+  stream_.async_write(boost::asio::buffer(queue_.front()),
                       [self = shared_from_this()](beast::error_code error, std::size_t) {
                         if (error) return self->close();
-                        self->queued_bytes_ -= self->queue_.front()->size();
-                        self->queue_.pop_front();
+                        self->queue_.pop();
                         self->write();
                       });
 }

@@ -8,41 +8,42 @@
 #include <boost/beast/http/string_body.hpp>
 #include <boost/beast/websocket/stream.hpp>
 #include <cstddef>
-#include <deque>
 #include <memory>
 #include <string>
 
+#include "emulator/control/send_queue.hpp"
 #include "emulator/web/web_api.hpp"
 
 namespace imud {
 
-// Lives until its connection ends. `guard` is destroyed with it. A notification for which the queue has no room is
-// lost.
+// Lives until its connection ends. `guard` is destroyed with it.
 class WebSocket : public Subscriber, public std::enable_shared_from_this<WebSocket> {
  public:
   using Request = boost::beast::http::request<boost::beast::http::string_body>;
   static constexpr std::size_t max_calls = 64;  // without an answer; a further one ends the connection
 
-  WebSocket(boost::beast::tcp_stream stream, std::shared_ptr<void> guard);
+  // `counters` outlives this.
+  WebSocket(boost::beast::tcp_stream stream, std::shared_ptr<void> guard, ControlCounters& counters);
   // Answers the request for a WebSocket, and begins to read. `api` outlives the connection, or close() is called.
   void start(const Request& request, const WebApi& api);
   void close();
-  void notify(const std::shared_ptr<const std::string>& text) override;
+  void notify(const std::shared_ptr<const std::string>& text, Notification kind) override;
 
  private:
   void read();
   void execute();
-  void send(std::shared_ptr<const std::string> text);
+  void answer(std::string text);
+  void begin_writing();
   void write();
 
   boost::beast::websocket::stream<boost::beast::tcp_stream> stream_;
   const std::shared_ptr<void> guard_;
   const WebApi* api_ = nullptr;  // nullptr: the connection is closed
   boost::beast::flat_buffer buffer_;
-  std::size_t calls_ = 0;                                 // without an answer
-  std::deque<std::shared_ptr<const std::string>> queue_;  // the first is being written
-  std::size_t queued_bytes_ = 0;
-  bool is_open_ = false;
+  std::size_t calls_ = 0;  // without an answer
+  SendQueue queue_;        // the first is being written
+  ControlCounters& counters_;
+  bool is_open_ = false, is_writing_ = false;
 };
 
 }  // namespace imud

@@ -7,29 +7,14 @@
 #include "emulator/control/control_server.hpp"
 #include "emulator/control/token.hpp"
 #include "emulator/text_file.hpp"
-#include "tests/emulator/control_client.hpp"
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/controlled_run.hpp"
 
 namespace imud {
 namespace {
 
 using nlohmann::json;
 
-class ControlSocket : public LiveTest {
- protected:
-  // A run in real time at 1 kHz.
-  std::string running(const std::string& control = {}) {
-    return write(
-        "config.toml",
-        fmt::format("clock = \"realtime\"\n[control]\nsocket = \"{}\"\n{}[truth]\nport = \"{}\"\n[[imu]]\n"
-                    "rate_hz = 1000\nprotocol = \"native\"\nport = \"udp:127.0.0.1:9\"\nbefore_first = \"rest\"\n"
-                    "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n",
-                    path("socket"), control, simulator_.port()));
-  }
-  std::uint64_t samples(ControlClient& client) {
-    return client.call("status")["result"]["imus"][0]["samples"].get<std::uint64_t>();
-  }
-};
+class ControlSocket : public ControlledRun {};
 
 TEST_F(ControlSocket, AHundredClientsAndStalledOnesLeaveTheRunAlone) {
   Program imud("imud");
@@ -215,8 +200,7 @@ TEST_F(ControlSocket, TcpNeedsTheToken) {
   Program imud("imud");
   start(imud, config);
   ASSERT_TRUE(imud.wait_for_errors("control: TCP port ") && imud.wait_for_errors("ready"));
-  const std::string errors = imud.errors();
-  const auto port = static_cast<std::uint16_t>(std::stoi(errors.substr(errors.find("TCP port ") + 9)));
+  const std::uint16_t port = tcp_port(imud);
   for (const std::string wrong :
        {R"({"jsonrpc": "2.0", "method": "authenticate", "params": {"token": "0123456789abcdef-tokem"}, "id": 1})",
         R"({"jsonrpc": "2.0", "method": "authenticate", "params": {"token": ""}, "id": 1})",
@@ -231,6 +215,7 @@ TEST_F(ControlSocket, TcpNeedsTheToken) {
   ControlClient client(connect_to_tcp(port));
   EXPECT_EQ(client.call("authenticate", {{"token", token}})["result"]["authenticated"], true);
   EXPECT_EQ(client.call("status")["result"]["api"], 1);
+  EXPECT_EQ(client.call("status")["result"]["counters"]["control"]["connections_refused"], 5);
   EXPECT_EQ(client.call("quit")["result"]["quits"], true);
   EXPECT_EQ(imud.wait(), 0) << imud.errors();
 }

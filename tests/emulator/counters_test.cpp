@@ -23,6 +23,7 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   const ImuCounters imu;
   const TruthCounters truth;
   const TruthQuality quality;
+  const ControlCounters control;
   // In the JSON the last two are one object, beside `refused`, `rate_hz` and others.
   std::vector<std::string> truth_keys = keys_of(truth), quality_keys = keys_of(quality);
   truth_keys.insert(truth_keys.end(), quality_keys.begin(), quality_keys.end());
@@ -31,15 +32,16 @@ TEST(Counters, HaveKeysOfTheirOwnAndWords) {
   imu_keys.insert(imu_keys.end(), {"name", "line_load_percent"});
   EXPECT_EQ(truth_keys.size(), 12U + 8U + 6U);
   EXPECT_EQ(imu_keys.size(), 23U + 2U);
-  for (const auto& keys : {truth_keys, imu_keys, keys_of(truth.refused)}) {
+  for (const auto& keys : {truth_keys, imu_keys, keys_of(truth.refused), keys_of(control)}) {
     EXPECT_EQ(std::set<std::string>(keys.begin(), keys.end()).size(), keys.size());
     for (const std::string& key : keys)
       EXPECT_EQ(key.find_first_not_of("abcdefghijklmnopqrstuvwxyz_"), key.npos) << "a limit names it: " << key;
   }
   std::size_t words = 0;
-  for (const CounterGroup* group : std::initializer_list<const CounterGroup*>{&imu, &truth, &quality, &truth.refused})
+  for (const CounterGroup* group :
+       std::initializer_list<const CounterGroup*>{&imu, &truth, &quality, &truth.refused, &control})
     for (const Counter* counter : group->counters) words += !counter->info.words.empty();
-  EXPECT_EQ(words, 20U + 12U + 3U + 16U);
+  EXPECT_EQ(words, 20U + 12U + 3U + 16U + 6U);
 }
 
 TEST(Counters, BeginAtZero) {

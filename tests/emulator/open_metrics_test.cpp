@@ -13,7 +13,8 @@ class OpenMetricsTest : public testing::Test {
  protected:
   std::string metrics() const {
     return open_metrics(
-        summarize({&truth_, &quality_, {{"imu1", &imu_}, {"left \"wing\"", &product_}}, &record_}, 2.5, {12.5, 0}));
+        summarize({&truth_, &quality_, {{"imu1", &imu_}, {"left \"wing\"", &product_}}, &record_, nullptr, &control_},
+                  2.5, {12.5, 0}));
   }
   TruthCounters truth_;
   TruthQuality quality_;
@@ -21,6 +22,7 @@ class OpenMetricsTest : public testing::Test {
   ImuCounters imu_;
   ImuCounters product_{declared};
   RecordCounters record_;
+  ControlCounters control_;
 };
 
 TEST_F(OpenMetricsTest, HasEveryDeclaredFigure) {
@@ -47,6 +49,7 @@ TEST_F(OpenMetricsTest, HasEveryDeclaredFigure) {
   expect_group("imud_truth_", truth_, "");
   expect_group("imud_truth_", quality_, "");
   expect_group("imud_record_", record_, "");
+  expect_group("imud_control_", control_, "");
   expect_group("imud_imu_", imu_, "{imu=\"imu1\"}");
   expect_group("imud_imu_", product_, R"({imu="left \"wing\""})");
   for (const Counter* cause : truth_.refused.counters)

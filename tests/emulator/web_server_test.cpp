@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "emulator/config.hpp"
+#include "emulator/control/send_queue.hpp"
 #include "emulator/text_file.hpp"
 #include "emulator/web/web_access.hpp"
 #include "tests/support/text.hpp"
@@ -102,7 +103,7 @@ class WebServerTest : public testing::Test {
           if (request == "never") return;
           answer(request == "nothing" ? "" : "answer to " + std::string(request));
         },
-        [] { return "metrics\n"; });
+        [] { return "metrics\n"; }, counters_);
     thread_ = std::thread([this] { io_.run(); });
   }
   void stop() {
@@ -158,6 +159,7 @@ class WebServerTest : public testing::Test {
     return beast::buffers_to_string(buffer.data());
   }
 
+  ControlCounters counters_;
   asio::io_context io_, client_io_;
   std::optional<WebServer> server_;
   std::string port_;
@@ -229,7 +231,7 @@ TEST_F(WebServerTest, AWebSocketHasAnswersAndNotifications) {
   BrowserSocket socket = browser();
   EXPECT_EQ(exchange(socket, "a"), "answer to a");
   EXPECT_EQ(exchange(socket, "subscribe"), "answer to subscribe");
-  in_server([&] { client_.lock()->notify(std::make_shared<const std::string>("news")); });
+  in_server([&] { client_.lock()->notify(std::make_shared<const std::string>("news"), Notification::points); });
   EXPECT_EQ(read(socket), "news");
   socket.close(beast::websocket::close_code::normal);
   in_server([] {});
@@ -237,21 +239,53 @@ TEST_F(WebServerTest, AWebSocketHasAnswersAndNotifications) {
   EXPECT_TRUE(client_.expired());
 }
 
-// It gets the first and the newest notifications, and the others nothing of it.
+// It gets the first and the newest points, all events, and the others nothing of it.
 TEST_F(WebServerTest, ASlowWebSocketLosesNotifications) {
   start();
   BrowserSocket slow = browser(), other = browser();
   exchange(slow, "subscribe");
   constexpr int sent = 20'000;  // 20 MB
   const auto client = client_.lock();
+  const auto notify = [&](std::string text, Notification kind) {
+    client->notify(std::make_shared<const std::string>(std::move(text)), kind);
+  };
+  constexpr int points_per_event = 100;
   for (int i = 0; i < sent; ++i)
-    in_server([&] { client->notify(std::make_shared<const std::string>(fmt::format("{:>1000}", i))); });
+    in_server([&] {
+      notify(fmt::format("{:>1000}", i), Notification::points);
+      if (i % points_per_event == 0) notify(fmt::format("event {}", i), Notification::event);
+    });
   EXPECT_EQ(exchange(other, "a"), "answer to a");
+  slow.write(asio::buffer(std::string("end")));
+  int received = 0, events = 0;
+  for (std::string text; (text = read(slow)) != "answer to end";)
+    if (text.starts_with("event "))
+      EXPECT_EQ(text, fmt::format("event {}", points_per_event * events++));
+    else
+      ++received;
+  EXPECT_GT(received, 50);
+  EXPECT_LT(received, sent / 2);
+  EXPECT_EQ(events, sent / points_per_event);
+  EXPECT_EQ(counters_.notifications_lost, static_cast<std::uint64_t>(sent - received));
+  EXPECT_EQ(counters_.events_lost, 0U);
+}
+
+TEST_F(WebServerTest, EventsOfASlowWebSocketAreBoundedToo) {
+  start();
+  BrowserSocket slow = browser();
+  exchange(slow, "subscribe");
+  constexpr int sent = 20'000;
+  const auto client = client_.lock();
+  for (int i = 0; i < sent; ++i)
+    in_server([&] {
+      client->notify(std::make_shared<const std::string>(fmt::format("{:>1000}", i)), Notification::event);
+    });
   slow.write(asio::buffer(std::string("end")));
   int received = 0;
   while (read(slow) != "answer to end") ++received;
-  EXPECT_GT(received, 50);
-  EXPECT_LT(received, sent / 2);
+  EXPECT_GT(received, static_cast<int>(SendQueue::most_for_events / 1000) - 1);
+  EXPECT_EQ(counters_.events_lost, static_cast<std::uint64_t>(sent - received));
+  EXPECT_GT(counters_.events_lost, 0U);
 }
 
 TEST_F(WebServerTest, ClosesAWebSocketThatDoesNotReadItsAnswers) {
@@ -261,6 +295,7 @@ TEST_F(WebServerTest, ClosesAWebSocketThatDoesNotReadItsAnswers) {
   boost::system::error_code error;
   for (int i = 0; i < 1000 && !error; ++i) socket.write(asio::buffer(request), error);
   EXPECT_TRUE(error) << "60 MB are queued";
+  in_server([&] { EXPECT_EQ(counters_.clients_closed, 1U); });
   BrowserSocket calls = browser();
   error = {};
   for (int i = 0; i < 100'000 && !error; ++i) calls.write(asio::buffer(std::string("never")), error);
@@ -273,6 +308,7 @@ TEST_F(WebServerTest, ConnectionsAreLimited) {
   for (std::size_t i = 0; i < WebServer::max_connections; ++i) sockets.push_back(browser());
   tcp::socket further = connected();
   EXPECT_EQ(read_all(further), "");
+  EXPECT_EQ(counters_.connections_refused, 1U);
   EXPECT_EQ(exchange(sockets.back(), "a"), "answer to a");
   sockets.clear();
   std::string page;

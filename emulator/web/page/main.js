@@ -110,12 +110,12 @@ async function read_metrics() {
   const rows = new Map();
   for (const {name, labels, value} of metrics.samples) {
     if (!name.endsWith("_total") || value === 0) continue;
-    const family = name.replace(/_total$/, ""), column = labels.imu ?? (family.startsWith("imud_record") ? "record" : "truth");
+    const family = name.replace(/_total$/, ""), column = labels.imu ?? family.match(/^imud_(record|control)/)?.[1] ?? "truth";
     const words = labels.cause ? `refused: ${labels.cause}` : metrics.help.get(family) ?? family;
     if (!rows.has(words)) rows.set(words, {});
     rows.get(words)[column] = value;
   }
-  const columns = ["truth", ...names, "record"].filter((c) => [...rows.values()].some((row) => c in row));
+  const columns = ["truth", ...names, "record", "control"].filter((c) => [...rows.values()].some((row) => c in row));
   fill_table($("#counters"), ["", ...columns], [...rows].map(([words, row]) => [words, ...columns.map((c) => row[c] ?? "")]));
 }
 
