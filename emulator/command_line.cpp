@@ -307,19 +307,8 @@ int execute(int argc, const char* const* argv) {
   bool background = false;
   pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
 
-  auto* ctl_command =
-      app.add_subcommand("ctl", "Ask or change a run that goes on; without METHOD: list those of this user");
   CtlOptions ctl_options;
-  ctl_command->add_option("METHOD", ctl_options.method, "status, list, mark, power, set, subscribe, ...: see list");
-  ctl_command
-      ->add_option("PARAMETER", ctl_options.parameters,
-                   "Such as imu=imu1 state=cycle; a value is JSON, such as [0.01, 0, 0], or a text")
-      ->type_name("KEY=VALUE");
-  auto* ctl_socket =
-      ctl_command->add_option("--socket", ctl_options.socket, "The socket of the run")->type_name("PATH");
-  ctl_command->add_option("--name", ctl_options.name, "The name of the run ([control] name); else its process number")
-      ->excludes(ctl_socket);
-  ctl_command->add_flag("--json", ctl_options.json, "Print the answer as JSON");
+  const CLI::App* ctl_command = add_ctl_command(app, ctl_options);
 
   app.add_subcommand("help", "Show this text, or that of COMMAND")->add_option("COMMAND");
   app.footer("Example: imud check imu.toml && imud run imu.toml --for 10\nEvery key: emulator/CONFIGURATION.md");

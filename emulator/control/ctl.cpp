@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 #include <sys/socket.h>
 
+#include <CLI/CLI.hpp>
 #include <array>
+#include <boost/asio/ip/tcp.hpp>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -13,6 +15,8 @@
 
 #include "emulator/control/json_rpc.hpp"
 #include "emulator/control/socket_path.hpp"
+#include "emulator/control/tcp_address.hpp"
+#include "emulator/control/token.hpp"
 
 namespace imud {
 
@@ -65,38 +69,83 @@ std::string names_of(const std::vector<Instance>& all) {
   return names;
 }
 
-constexpr const char* none_runs =
-    "no imud of this user runs that can be controlled: start one by imud run, without [control] socket = \"none\"";
+// Returns words for people: why none of the instances that run is meant.
+std::string none_text(const Instances& found, const std::string& name) {
+  for (const Instance& one : found.killed)
+    if (one.name == name)
+      return fmt::format("{} does not run: it was killed, and has left {}, which the next run removes", name,
+                         one.path);
+  if (found.running.empty()) {
+    std::string text =
+        "no imud of this user runs that can be controlled: start one by imud run, without [control] socket = "
+        "\"none\"";
+    if (!found.killed.empty()) text += fmt::format("; killed were: {}", names_of(found.killed));
+    return text;
+  }
+  if (name.empty()) return fmt::format("several run; choose one by --name: {}", names_of(found.running));
+  return fmt::format("there is no {}; those that run: {}", name, names_of(found.running));
+}
+
+// Returns words for people: why a connection to that socket has failed.
+std::string failure_text(const std::string& path, int error) {
+  switch (error) {
+    case ENOENT:
+      return fmt::format("{}: there is no such socket: does that imud run, with this path?", path);
+    case ECONNREFUSED:
+      return fmt::format("{}: no imud listens there any more: it was killed, and its next run replaces the socket",
+                         path);
+    case EACCES:
+      return fmt::format("{}: no permission: that imud belongs to another user", path);
+    default:
+      return fmt::format("{}: {}", path, std::strerror(error));
+  }
+}
 
 // Returns a connection, or prints why there is none.
-Lines connect(const CtlOptions& options) {
+Lines connect_by_socket(const CtlOptions& options) {
   std::string path = options.socket;
   if (path.empty()) {
-    const std::vector<Instance> all = running_instances();
-    for (const Instance& one : all)
-      if (options.name.empty() ? all.size() == 1 : one.name == options.name) path = one.path;
-    if (path.empty() && all.empty()) fail(none_runs);
-    if (path.empty() && !all.empty() && options.name.empty())
-      fail(fmt::format("several run; choose one by --name: {}", names_of(all)));
-    if (path.empty() && !all.empty() && !options.name.empty())
-      fail(fmt::format("there is no {}; those that run: {}", options.name, names_of(all)));
-    if (path.empty()) return Lines(FileDescriptor());
+    const Instances found = find_instances();
+    for (const Instance& one : found.running)
+      if (options.name.empty() ? found.running.size() == 1 : one.name == options.name) path = one.path;
+    if (path.empty()) {
+      fail(none_text(found, options.name));
+      return Lines(FileDescriptor());
+    }
   }
   FileDescriptor socket = connect_to_socket(path);
-  if (!socket) fail(fmt::format("{}: {}; does that imud run?", path, std::strerror(errno)));
+  if (!socket) fail(failure_text(path, errno));
   return Lines(std::move(socket));
 }
 
+// Likewise, after the token. `address` has the form ADDRESS:PORT.
+Lines connect_by_tcp(const TcpAddress& address, const std::string& secret) {
+  const boost::asio::ip::tcp::endpoint to(boost::asio::ip::make_address(address.address), address.port);
+  const std::string name = fmt::format("{}, port {}", address.address, address.port);
+  FileDescriptor socket(::socket(to.protocol().family(), SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (!socket || ::connect(socket.get(), to.data(), static_cast<socklen_t>(to.size())) != 0) {
+    fail(fmt::format("{}: {}; does an imud run with that [control] listen?", name, std::strerror(errno)));
+    return Lines(FileDescriptor());
+  }
+  Lines lines(std::move(socket));
+  const Json request = {{"jsonrpc", "2.0"}, {"method", "authenticate"}, {"params", {{"token", secret}}}, {"id", 0}};
+  const auto answer = lines.send(json_line(request)) ? lines.receive() : std::nullopt;
+  const Json response = answer ? Json::parse(*answer, nullptr, false) : Json();
+  if (response.is_object() && response.contains("result")) return lines;
+  fail(fmt::format("{}: {}", name, response.is_object() ? "the token is not that of the run" : "no imud answers"));
+  return Lines(FileDescriptor());
+}
+
 int list_instances(bool json) {
-  const std::vector<Instance> all = running_instances();
+  const Instances found = find_instances();
   if (json) {
     Json list = Json::array();
-    for (const Instance& one : all) list.push_back({{"name", one.name}, {"socket", one.path}});
+    for (const Instance& one : found.running) list.push_back({{"name", one.name}, {"socket", one.path}});
     fmt::print("{}\n", list.dump(2));
     return 0;
   }
-  if (all.empty()) return fail(none_runs);
-  for (const Instance& one : all) fmt::print("{:<12} {}\n", one.name, one.path);
+  if (found.running.empty()) return fail(none_text(found, ""));
+  for (const Instance& one : found.running) fmt::print("{:<12} {}\n", one.name, one.path);
   return 0;
 }
 
@@ -145,8 +194,33 @@ std::string words_of(const std::string& method, const Json& result) {
 
 }  // namespace
 
+const CLI::App* add_ctl_command(CLI::App& app, CtlOptions& options) {
+  CLI::App* command =
+      app.add_subcommand("ctl", "Ask or change a run that goes on; without METHOD: list those of this user");
+  command->add_option("METHOD", options.method, "status, list, mark, power, set, subscribe, ...: see list");
+  command
+      ->add_option("PARAMETER", options.parameters,
+                   "Such as imu=imu1 state=cycle; a value is JSON, such as [0.01, 0, 0], or a text")
+      ->type_name("KEY=VALUE");
+  CLI::Option* socket = command->add_option("--socket", options.socket, "The socket of the run")->type_name("PATH");
+  CLI::Option* name =
+      command->add_option("--name", options.name, "The name of the run ([control] name); else its process number")
+          ->excludes(socket);
+  CLI::Option* to = command->add_option("--to", options.to, "The TCP port of the run ([control] listen)")
+                        ->type_name("ADDRESS:PORT")
+                        ->excludes(socket)
+                        ->excludes(name);
+  CLI::Option* token =
+      command->add_option("--token-file", options.token_file, "The file with the token, for --to")->type_name("FILE");
+  to->needs(token);
+  token->needs(to);
+  command->add_flag("--json", options.json, "Print the answer as JSON");
+  return command;
+}
+
 int ctl(const CtlOptions& options) {
-  if (options.method.empty()) return list_instances(options.json);
+  if (options.method.empty() && options.to.empty()) return list_instances(options.json);
+  if (options.method.empty()) return fail("give a METHOD, such as status", 2);
   Json params = Json::object();
   for (const std::string& parameter : options.parameters) {
     const std::size_t equals = parameter.find('=');
@@ -154,7 +228,14 @@ int ctl(const CtlOptions& options) {
       return fail(fmt::format("{}: give parameters as KEY=VALUE", parameter), 2);
     params[parameter.substr(0, equals)] = value_of(parameter.substr(equals + 1));
   }
-  Lines lines = connect(options);
+  std::optional<TcpAddress> to;
+  if (!options.to.empty()) {
+    to = TcpAddress::parse(options.to);
+    // The token crosses the connection in the clear.
+    if (!to || !to->is_loopback)
+      return fail(fmt::format("{}: give a loopback address and a port, such as 127.0.0.1:7700", options.to), 2);
+  }
+  Lines lines = to ? connect_by_tcp(*to, Token::read_secret(options.token_file)) : connect_by_socket(options);
   if (!lines) return 1;
   Json request = {{"jsonrpc", "2.0"}, {"method", options.method}};
   if (!params.empty()) request["params"] = std::move(params);

@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -49,6 +50,31 @@ FileDescriptor locked_folder_of(const std::string& path) {
   FileDescriptor descriptor(::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (descriptor) ::flock(descriptor.get(), LOCK_EX);
   return descriptor;
+}
+
+// Returns what has the name of a socket, by path.
+std::vector<Instance> sockets_in(const std::string& folder) {
+  std::vector<Instance> all;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string file = entry.path().filename().string();
+    if (file.starts_with(prefix) && file.ends_with(suffix) && file.size() > prefix.size() + suffix.size())
+      all.push_back({file.substr(prefix.size(), file.size() - prefix.size() - suffix.size()), entry.path().string()});
+  }
+  std::sort(all.begin(), all.end(), [](const Instance& a, const Instance& b) { return a.path < b.path; });
+  return all;
+}
+
+bool is_socket(const std::string& path) {
+  struct stat status {};
+  return ::lstat(path.c_str(), &status) == 0 && S_ISSOCK(status.st_mode);
+}
+
+// Removes the sockets to which no process listens.
+void remove_stale(const std::string& folder) {
+  const FileDescriptor lock = locked_folder_of(folder + "/");
+  for (const Instance& one : sockets_in(folder))
+    if (is_socket(one.path) && !connect_to_socket(one.path) && errno == ECONNREFUSED) ::unlink(one.path.c_str());
 }
 
 }  // namespace
@@ -114,6 +140,7 @@ ControlSocketFile ControlSocketFile::in_folder(const std::string& name) {
       faults += fmt::format("{}{}: no folder of this user alone", faults.empty() ? "" : "; ", folder);
       continue;
     }
+    remove_stale(folder);
     const std::string path = socket_path(folder, name);
     // The other folders are no better if an instance of that name runs.
     if (connect_to_socket(path)) throw OpenError(fmt::format("{}: an imud of that name runs already", path));
@@ -138,25 +165,19 @@ int ControlSocketFile::release() noexcept {
   return descriptor;
 }
 
-std::vector<Instance> running_instances() {
-  std::vector<Instance> all;
+Instances find_instances() {
+  Instances found;
+  std::set<std::string> folders;
   for (const std::string& folder : socket_folders()) {
     // In /tmp another user may have made it; the user of a service may own one in /run.
-    if (!folder.starts_with("/run/") && !is_own_folder(folder)) continue;
-    std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-      const std::string file = entry.path().filename().string();
-      if (!file.starts_with(prefix) || !file.ends_with(suffix) || file.size() <= prefix.size() + suffix.size())
-        continue;
-      if (!connect_to_socket(entry.path().string())) continue;
-      all.push_back({file.substr(prefix.size(), file.size() - prefix.size() - suffix.size()), entry.path().string()});
+    if ((!folder.starts_with("/run/") && !is_own_folder(folder)) || !folders.insert(folder).second) continue;
+    for (Instance& one : sockets_in(folder)) {
+      const bool runs = static_cast<bool>(connect_to_socket(one.path));
+      if (!runs && errno != ECONNREFUSED) continue;
+      (runs ? found.running : found.killed).push_back(std::move(one));
     }
   }
-  std::sort(all.begin(), all.end(), [](const Instance& a, const Instance& b) { return a.path < b.path; });
-  all.erase(
-      std::unique(all.begin(), all.end(), [](const Instance& a, const Instance& b) { return a.path == b.path; }),
-      all.end());
-  return all;
+  return found;
 }
 
 }  // namespace imud

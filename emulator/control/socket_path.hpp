@@ -25,7 +25,8 @@ class ControlSocketFile {
   // Makes the socket, in place of one that no process listens to any more. Throws OpenError: a process listens, the
   // path is too long or something else than a socket, or the folder cannot be written.
   explicit ControlSocketFile(const std::string& path);
-  // Makes the socket of that name in the first of socket_folders() that permits it, and makes the folder.
+  // Makes the socket of that name in the first of socket_folders() that permits it, and makes the folder. Removes the
+  // sockets there that killed runs have left.
   static ControlSocketFile in_folder(const std::string& name);
   ControlSocketFile(ControlSocketFile&& other) noexcept
       : path_(std::exchange(other.path_, {})),
@@ -51,7 +52,10 @@ FileDescriptor connect_to_socket(const std::string& path);
 struct Instance {
   std::string name, path;
 };
-// Returns the instances that run, by connecting to the sockets in socket_folders().
-std::vector<Instance> running_instances();
+// The instances in socket_folders(): those that run, to whose sockets one can connect, and those that were killed.
+struct Instances {
+  std::vector<Instance> running, killed;
+};
+Instances find_instances();
 
 }  // namespace imud
