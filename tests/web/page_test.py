@@ -50,6 +50,30 @@ return new Set(pixels).size;"""
 OVERHANG = "return document.documentElement.scrollWidth - document.documentElement.clientWidth;"
 
 
+# Returns the element of a cell of the newest sample, and selects its row's name.
+CELL = """const cell = document.querySelector("[data-imu=imu1] .values tr:nth-of-type(2) td");
+getSelection().selectAllChildren(cell.parentElement.cells[0]);
+return cell;"""
+
+
+def check_tables_stay(browser):
+    """New figures are written to the elements that are there: selections stay."""
+    cell = browser.execute_script(CELL)
+    before = browser.execute_script("return arguments[0].textContent", cell)
+    wait_until("another value in the same element", lambda: browser.execute_script("return arguments[0].textContent", cell) != before)
+    assert browser.execute_script("return arguments[0].isConnected", cell)
+    assert browser.execute_script("return String(getSelection())") == "Rate, rad/s"
+
+
+def check_buttons_of_faults(browser):
+    for name, span in ("Gyro stuck", "gyro stuck"), ("Messages missing", "message missing"), ("Supply off", "power off"):
+        button(browser, name).click()
+        wait_until(f"the span of {name}", lambda: span in browser.execute_script("return document.querySelector('.active').textContent"))
+    button(browser, "End all faults").click()
+    wait_until("their end", lambda: not browser.execute_script("return document.querySelector('.active').textContent"))
+    expect_no_errors(browser)
+
+
 def check_fault(browser):
     form = browser.find_element(By.CSS_SELECTOR, "[data-imu=imu1] .faults")
     kinds, targets = (Select(select) for select in form.find_elements(By.TAG_NAME, "select"))
@@ -97,6 +121,8 @@ def check(browser):
     browser.save_screenshot(str(pictures / "page.png"))
 
     check_fault(browser)
+    check_tables_stay(browser)
+    check_buttons_of_faults(browser)
 
     # The second imu is closed until it is asked for.
     second = browser.find_element(By.XPATH, "//details[@data-imu='tail \"left\"']")

@@ -1,4 +1,13 @@
-// The faults of one imu: a form that begins one, and the active ones with a button to end each.
+// The faults of one imu: buttons that begin usual ones, a form that begins any, and the active ones with a button to
+// end each.
+const usual_s = 5;
+const usual = [
+  {text: "Gyro stuck", target: "gyro", kind: "stuck"},
+  {text: "Gyro bias 0.1 rad/s", target: "gyro.x", kind: "bias", value: 0.1},
+  {text: "Accelerometer dead", target: "accelerometer", kind: "dead"},
+  {text: "Messages missing", target: "message", kind: "missing"},
+  {text: "Supply off", target: "power", kind: "off"},
+];
 const element = (tag, properties = {}, ...children) => {
   const made = Object.assign(document.createElement(tag), properties);
   made.append(...children);
@@ -35,7 +44,12 @@ export class FaultForm {
     this.#target = element("select", {ariaLabel: "its target"});
     this.#fields = element("span", {className: "buttons"});
     this.#kind.addEventListener("change", () => this.#show());
-    this.form.append(element("label", {}, "Fault ", this.#kind), element("label", {}, "of ", this.#target), this.#fields,
+    const buttons = element("div", {className: "buttons", role: "group", ariaLabel: `usual faults, for ${usual_s} s each`});
+    buttons.append(`For ${usual_s} s: `, ...usual.filter(({target, kind}) => (
+      kinds.some(({name, targets}) => name === kind && targets.includes(target.split(".")[0])))).map(({text, ...params}) => (
+      element("button", {type: "button", textContent: text,
+        onclick: () => this.command("fault.begin", {imu: this.imu, for_s: usual_s, ...params})}))));
+    this.form.append(buttons, element("label", {}, "Fault ", this.#kind), element("label", {}, "of ", this.#target), this.#fields,
       element("button", {textContent: "Begin fault"}),
       element("button", {type: "button", textContent: "End all faults", onclick: () => this.command("fault.clear", {imu: this.imu})}));
     this.#show();

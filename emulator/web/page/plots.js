@@ -165,18 +165,22 @@ export class Plots {
   }
 }
 
-// Replaces the rows of a table; a caption stays.
+// Gives a table its rows, which are known by the text of their first cells. Rows and cells that stay keep their
+// elements, so that selections, and readers of the screen, stay where they are.
 export function fill_table(table, head, rows) {
-  const row = (cells, tag) => {
-    const tr = document.createElement("tr");
-    tr.append(...cells.map((text, i) => {
-      const cell = document.createElement(i === 0 ? "th" : tag);
-      if (cell.tagName === "TH") cell.scope = tag === "th" ? "col" : "row";
-      cell.textContent = text;
-      return cell;
-    }));
-    return tr;
-  };
-  table.querySelectorAll("tr").forEach((tr) => tr.remove());
-  table.append(row(head, "th"), ...rows.map((cells) => row(cells, "td")));
+  const names = new Set([head, ...rows].map(([name]) => name)), old = new Map();
+  for (const tr of [...table.rows]) {
+    if (names.has(tr.cells[0].textContent)) old.set(tr.cells[0].textContent, tr);
+    else tr.remove();
+  }
+  [head, ...rows].forEach((cells, place) => {
+    const tr = old.get(cells[0]) ?? document.createElement("tr");
+    cells.forEach((text, i) => {
+      const cell = tr.cells[i] ?? tr.appendChild(document.createElement(i === 0 || place === 0 ? "th" : "td"));
+      if (cell.tagName === "TH") cell.scope = place === 0 ? "col" : "row";
+      if (cell.textContent !== String(text)) cell.textContent = text;
+    });
+    while (tr.cells.length > cells.length) tr.lastElementChild.remove();
+    if (table.rows[place] !== tr) table.insertBefore(tr, table.rows[place] ?? null);
+  });
 }
