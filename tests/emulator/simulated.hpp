@@ -133,6 +133,7 @@ class SimulatedRun {
   // Opens the pins; nullptr: there is none.
   Sync::OpenPort open_pin;
   Recorder* recorder = nullptr;  // started by run()
+  RunControl* control = nullptr;
   // Time since the simulation's start.
   HostTime at(double s) const { return begin_ + nanoseconds(s); }
   double since_begin(HostTime time) const { return seconds(time - begin_); }
@@ -161,7 +162,7 @@ class SimulatedRun {
           if (port.role == Role::listener) return open_pin(text, port);
           return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
         },
-        recorder);
+        recorder, control);
     if (recorder != nullptr) recorder->start(true, config_.resolved);
     const auto pacer = make_pacer(config_, session_->quality());
     Loop(*session_, host_, *pacer,
