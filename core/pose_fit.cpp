@@ -9,16 +9,12 @@ namespace imud {
 
 namespace {
 
-constexpr std::size_t highest_degree = 8;
 constexpr double widest_turn = 2.5;  // rad, from a truth to the ends of its window
 
 }  // namespace
 
 PoseFit::PoseFit(const Options& options)
-    : options_(options), delay_s_(seconds(options.delay)), items_(capacity), phi_(2 * most + 1) {
-  for (std::vector<double>* scratch : {&x_, &p_, &p_before_, &weights_[0], &weights_[1], &weights_[2]})
-    scratch->resize(2 * most + 1);
-}
+    : options_(options), delay_s_(seconds(options.delay)), items_(capacity), phi_(2 * most + 1), fit_(2 * most + 1) {}
 
 // The product with the delay is 1.03 for a rate from three truths on a side, 1.25 from many; for a force more.
 double PoseFit::bandwidth_hz(Nanoseconds delay) noexcept { return 1.0 / seconds(delay); }
@@ -82,67 +78,12 @@ bool PoseFit::find_window(Window& window) const noexcept {
   return true;
 }
 
-// Computes the weights with which the values in a window give the fitted value and its derivatives at the next truth,
-// by polynomials that are orthogonal on its times: p_k+1 = (x - alpha) p_k - beta p_k-1. (G. E. Forsythe, Generation
-// and use of orthogonal polynomials for data-fitting with a digital computer, J. SIAM 5(2), 1957.)
-void PoseFit::weigh(const Window& window) noexcept {
-  const std::size_t n = window.last - window.first + 1;
-  const auto [shorter, longer] = std::minmax({next_ - window.first, window.last - next_});
-  // To one side, the noise of a derivative rises steeply with the degree, above all with few truths.
-  const std::size_t degree = std::min(highest_degree, longer > 2 * shorter ? 4 + (n + 3) / 8 : highest_degree);
-  const double scale = std::max({-since_s(window.first), since_s(window.last), 1e-9});
-  for (std::size_t j = 0; j < n; ++j) {
-    x_[j] = since_s(window.first + j) / scale;
-    p_before_[j] = 0.0;
-    p_[j] = 1.0;
-    for (std::vector<double>& weights : weights_) weights[j] = 0.0;
-  }
-  // p_k and its derivatives at x = 0, and those of p_k-1.
-  std::array<double, 3> at_0 = {1.0, 0.0, 0.0}, before_at_0 = {};
-  double square_before = 1.0;
-  for (std::size_t k = 0;; ++k) {
-    double square = 0.0, moment = 0.0;
-    for (std::size_t j = 0; j < n; ++j) {
-      const double p2 = p_[j] * p_[j];
-      square += p2;
-      moment += x_[j] * p2;
-    }
-    if (square < 1e-10) break;  // these times cannot tell a polynomial of this degree from a lower one
-    for (std::size_t d = 0; d < 3; ++d) {
-      const double factor = at_0[d] / square;
-      for (std::size_t j = 0; j < n; ++j) weights_[d][j] += factor * p_[j];
-    }
-    if (k == degree || k + 1 == n) break;
-    const double alpha = moment / square, beta = k == 0 ? 0.0 : square / square_before;
-    for (std::size_t j = 0; j < n; ++j) {
-      const double p = (x_[j] - alpha) * p_[j] - beta * p_before_[j];
-      p_before_[j] = p_[j];
-      p_[j] = p;
-    }
-    const std::array<double, 3> next = {-alpha * at_0[0] - beta * before_at_0[0],
-                                        at_0[0] - alpha * at_0[1] - beta * before_at_0[1],
-                                        2.0 * at_0[1] - alpha * at_0[2] - beta * before_at_0[2]};
-    before_at_0 = at_0;
-    at_0 = next;
-    square_before = square;
-  }
-  for (std::size_t j = 0; j < n; ++j) {
-    weights_[1][j] /= scale;
-    weights_[2][j] /= scale * scale;
-  }
-}
-
 // Returns what the fit makes of value(i), a function of the truth's number.
 template <class Value>
-PoseFit::Derivatives PoseFit::fit(const Window& window, Value value) const noexcept {
-  Derivatives sum;
-  for (std::size_t i = window.first, j = 0; i <= window.last; ++i, ++j) {
-    const Vector3 v = value(i);
-    sum.value += weights_[0][j] * v;
-    sum.first += weights_[1][j] * v;
-    sum.second += weights_[2][j] * v;
-  }
-  return sum;
+PolynomialFit::Derivatives PoseFit::fit(const Window& window, Value value) noexcept {
+  fit_.clear();
+  for (std::size_t i = window.first; i <= window.last; ++i) fit_.add(since_s(i), value(i));
+  return fit_.at_0();
 }
 
 void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
@@ -157,8 +98,7 @@ void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
     if (is_wide(i - 1)) window.first = i;
   for (std::size_t i = next_; i < window.last; ++i)
     if (is_wide(i + 1)) window.last = i;
-  weigh(window);
-  const Derivatives phi = fit(window, [&](std::size_t i) { return phi_[i + offset]; });
+  const PolynomialFit::Derivatives phi = fit(window, [&](std::size_t i) { return phi_[i + offset]; });
   truth.q_NB = (q_NB * exp(phi.value)).normalized();
   truth.omega_BN_B = right_jacobian(phi.value, phi.first);
   truth.omegaDot_BN_B = right_jacobian(phi.value, phi.second);
@@ -169,16 +109,17 @@ void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
 }
 
 void PoseFit::derive_force(const Window& window, Truth& truth) noexcept {
-  weigh(window);
   Vector3 a_N;
   if (truth.has_velocity) {
     const Vector3 v_N = truth.v_BN_N;
-    const Derivatives v = fit(window, [&](std::size_t i) { return Vector3(item(i).truth.v_BN_N - v_N); });
+    const PolynomialFit::Derivatives v =
+        fit(window, [&](std::size_t i) { return Vector3(item(i).truth.v_BN_N - v_N); });
     truth.v_BN_N += v.value;
     a_N = v.first;
   } else {
     const Vector3 r_N = truth.r_BN_N;
-    const Derivatives r = fit(window, [&](std::size_t i) { return Vector3(item(i).truth.r_BN_N - r_N); });
+    const PolynomialFit::Derivatives r =
+        fit(window, [&](std::size_t i) { return Vector3(item(i).truth.r_BN_N - r_N); });
     truth.r_BN_N += r.value;
     truth.v_BN_N = r.first;
     truth.has_velocity = true;

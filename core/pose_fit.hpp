@@ -2,17 +2,17 @@
 // velocities.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "core/gravitation.hpp"
+#include "core/polynomial_fit.hpp"
 #include "core/truth.hpp"
 
 namespace imud {
 
-// Fits a polynomial of up to the eighth degree, by least squares, to the truths within +-delay of each truth: to the
+// Fits a polynomial of up to the eighth degree (PolynomialFit) to the truths within +-delay of each truth: to the
 // rotation vector relative to its attitude, and to the position, or the velocity where that is given, relative to its
 // own. The values and derivatives of the polynomials at that truth are its new state:
 //   q_NB = q_NB exp(phi), omega = J_r(phi) phi', omega' = J_r(phi) phi'' (phi is the remainder of the fit, near 0)
@@ -21,10 +21,11 @@ namespace imud {
 // rate; position and velocity with the specific force.
 //
 // A window has at least 3 truths on either side, if need be of more than the delay, and at most 256. Near the ends of
-// a segment it has the length of the others, or 13 truths, and lies to one side; there the degree is lower, 6 with up
-// to 18 truths. So the first truths of a segment have more delay. A segment ends with a run, a gap (a step longer
-// than the delay and four mean steps), a change of what is derived, and at finish(). The vehicle must turn by less
-// than 180 deg between two truths; where it turns by more than 143 deg (2.5 rad) within a window, that is shortened.
+// a segment it has the length of the others, or 13 truths, and lies to one side; there the degree depends on the
+// noise and the motion. So the first truths of a segment have more delay. A segment ends with a run, a gap (a step
+// longer than the delay and four mean steps), a change of what is derived, and at finish(). The vehicle must turn by
+// less than 180 deg between two truths; where it turns by more than 143 deg (2.5 rad) within a window, that is
+// shortened.
 //
 // The constructor allocates all memory; nothing else here allocates, locks or throws. The same bits on every machine.
 // Not thread-safe.
@@ -71,18 +72,13 @@ class PoseFit {
   struct Window {
     std::size_t first, last;
   };
-  // The sums over a window with the weights of value, first and second derivative at its truth.
-  struct Derivatives {
-    Vector3 value = Vector3::Zero(), first = Vector3::Zero(), second = Vector3::Zero();
-  };
 
   const Item& item(std::size_t i) const noexcept { return items_[(oldest_ + i) % capacity]; }
   double since_s(std::size_t i) const noexcept { return seconds(item(i).truth.time - item(next_).truth.time); }
   bool begins_segment(const Item& newest) const noexcept;
   bool find_window(Window& window) const noexcept;
-  void weigh(const Window& window) noexcept;
   template <class Value>
-  Derivatives fit(const Window& window, Value value) const noexcept;
+  PolynomialFit::Derivatives fit(const Window& window, Value value) noexcept;
   void derive_rate(Window window, Truth& truth) noexcept;
   void derive_force(const Window& window, Truth& truth) noexcept;
   void advance() noexcept;
@@ -96,8 +92,7 @@ class PoseFit {
   std::size_t segment_ = 0, newest_segment_ = 0;  // the first kept of its segment, and of the newest's
   bool ended_ = false;                            // finish() was called after the newest
   std::vector<Vector3> phi_;                      // rad, of the window's attitudes
-  std::vector<double> x_, p_, p_before_;
-  std::array<std::vector<double>, 3> weights_;
+  PolynomialFit fit_;
 
   // The last truth of the run whose specific force was derived.
   bool has_last_ = false;

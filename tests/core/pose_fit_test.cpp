@@ -19,63 +19,6 @@ using Source = PoseFit::Source;
 
 double angle_of(const Quaternion& q) { return log(q).norm(); }
 
-struct FitErrors {
-  double rate = 0, force = 0;          // rad/s, m/s^2; the largest inside
-  double end_rate = 0, end_force = 0;  // within a window of the ends
-};
-
-FitErrors errors_of(const std::vector<Truth>& derived, const PoseMotion& motion) {
-  FitErrors errors;
-  for (const Truth& truth : derived) {
-    const Truth expected = motion.at(truth.time);
-    const double rate = (truth.omega_BN_B - expected.omega_BN_B).norm();
-    const double force = (truth.specific_force_B - expected.specific_force_B).norm();
-    const bool is_inside = truth.time - derived.front().time > 60ms && derived.back().time - truth.time > 60ms;
-    double& largest_rate = is_inside ? errors.rate : errors.end_rate;
-    double& largest_force = is_inside ? errors.force : errors.end_force;
-    largest_rate = std::max(largest_rate, rate);
-    largest_force = std::max(largest_force, force);
-  }
-  return errors;
-}
-
-// The bounds of the table in core/README.md.
-struct FitCase {
-  const char* motion;
-  int rate_hz;
-  bool in_float32;
-  double rate, force;          // largest errors, rad/s and m/s^2
-  double end_rate, end_force;  // near the ends
-};
-
-constexpr FitCase fit_cases[] = {
-    {"spiral", 100, false, 2e-13, 2e-9, 3e-13, 5e-9},    {"spiral", 1000, false, 1e-13, 1e-9, 3e-13, 5e-9},
-    {"spiral", 100, true, 1.2e-5, 0.15, 1.5e-5, 0.079},  {"spiral", 1000, true, 1e-5, 0.08, 4e-5, 1.0},
-    {"coning", 100, false, 5e-8, 1e-13, 5e-5, 6e-7},     {"coning", 1000, false, 5e-11, 1e-13, 1e-9, 1e-11},
-    {"coning", 100, true, 8e-7, 1e-7, 5e-5, 6e-7},       {"coning", 1000, true, 3e-7, 5e-8, 1e-6, 5e-8},
-    {"aerobatic", 100, false, 5e-11, 5e-9, 5e-8, 5e-7},  {"aerobatic", 1000, false, 1e-12, 2e-9, 1e-12, 1e-8},
-    {"aerobatic", 100, true, 1.4e-5, 0.6, 1.5e-5, 0.23}, {"aerobatic", 1000, true, 1.2e-5, 0.3, 3e-5, 1.5},
-};
-
-TEST(PoseFit, IsWithinTheBoundsOfTheReadme) {
-  for (const FitCase& c : fit_cases) {
-    const PoseMotion& motion = find_pose_motion(c.motion);
-    const auto derived = fitted(level, poses_of(motion, c.rate_hz, 10s, c.in_float32));
-    ASSERT_EQ(derived.size(), static_cast<std::size_t>(10 * c.rate_hz + 1));
-    const FitErrors errors = errors_of(derived, motion);
-    const auto name = testing::Message() << c.motion << ' ' << c.rate_hz << (c.in_float32 ? " float32" : " double");
-    EXPECT_LT(errors.rate, c.rate) << name;
-    EXPECT_LT(errors.force, c.force) << name;
-    EXPECT_LT(errors.end_rate, c.end_rate) << name;
-    EXPECT_LT(errors.end_force, c.end_force) << name;
-    for (const Truth& truth : derived)
-      ASSERT_TRUE(truth.has_rate && truth.is_rate_derived && truth.has_angular_acceleration &&
-                  truth.is_force_derived && truth.has_specific_force && truth.has_velocity && is_finite(truth) &&
-                  is_in_range(truth))
-          << name;
-  }
-}
-
 // Times with a jitter of a third of a step, as float32 seconds have.
 TEST(PoseFit, NeedsNoUniformTimes) {
   const PoseMotion& motion = find_pose_motion("aerobatic");

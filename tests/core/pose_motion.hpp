@@ -2,6 +2,8 @@
 // with 9.80665 m/s^2 along its z. They share no code with the model: std::sin, Eigen's AngleAxis.
 #pragma once
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <string_view>
 #include <vector>
@@ -105,6 +107,27 @@ inline std::vector<Truth> fitted(PoseFit& fit, const std::vector<Truth>& given) 
 inline std::vector<Truth> fitted(const PoseFit::Options& options, const std::vector<Truth>& given) {
   PoseFit fit(options);
   return fitted(fit, given);
+}
+
+struct FitErrors {
+  double rate = 0, force = 0;          // rad/s, m/s^2; the largest inside
+  double end_rate = 0, end_force = 0;  // within a window of the ends
+};
+
+inline FitErrors errors_of(const std::vector<Truth>& derived, const PoseMotion& motion) {
+  constexpr std::chrono::milliseconds ends(60);
+  FitErrors errors;
+  for (const Truth& truth : derived) {
+    const Truth expected = motion.at(truth.time);
+    const double rate = (truth.omega_BN_B - expected.omega_BN_B).norm();
+    const double force = (truth.specific_force_B - expected.specific_force_B).norm();
+    const bool is_inside = truth.time - derived.front().time > ends && derived.back().time - truth.time > ends;
+    double& largest_rate = is_inside ? errors.rate : errors.end_rate;
+    double& largest_force = is_inside ? errors.force : errors.end_force;
+    largest_rate = std::max(largest_rate, rate);
+    largest_force = std::max(largest_force, force);
+  }
+  return errors;
 }
 
 // The gravitation of these motions.

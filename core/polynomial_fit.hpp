@@ -1,0 +1,45 @@
+// PolynomialFit: the derivatives, at one instant, of the polynomials that fit vectors given at other instants.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "core/vector.hpp"
+
+namespace imud {
+
+// Fits polynomials in time by least squares, of the eighth degree. Where more than two in three of the other points
+// lie to one side of time 0, the noise of a derivative rises steeply with the degree. There n points have the degree
+// 4 + (n + 3)/8, at most 8, and a further one, up to 10, as long as its coefficient stands out of the noise beyond
+// doubt. Coefficients from the second degree on are reduced by factors that fall with the degree and minimise the
+// estimated mean squared error, given the noise of the residuals: monotone shrinkage (R. Beran and L. Duembgen,
+// Modulation of estimators and confidence sets, The Annals of Statistics 26(5), 1998). So a constant rate is fitted
+// by a line, and a motion that stands out of the noise as without.
+//
+// The constructor allocates all memory; nothing else here allocates, locks or throws. The same bits on every machine.
+// Not thread-safe.
+class PolynomialFit {
+ public:
+  struct Derivatives {
+    Vector3 value = Vector3::Zero(), first = Vector3::Zero(), second = Vector3::Zero();  // per s, per s^2
+  };
+
+  explicit PolynomialFit(std::size_t most_points);
+
+  void clear() noexcept { count_ = 0; }
+  // Adds a point later than the one before, s; at most `most_points` since clear().
+  void add(double time_s, const Vector3& value) noexcept { points_[count_++] = {time_s, 0.0, 1.0, value}; }
+  // Returns the fit's derivatives at time 0, which must be that of a point. Once after the last add().
+  Derivatives at_0() noexcept;
+
+ private:
+  struct Point {
+    double x;            // s, then relative to the scale
+    double before, now;  // p_k-1 and p_k at x
+    Vector3 value;       // then less what is fitted
+  };
+  std::vector<Point> points_;
+  std::size_t count_ = 0;
+};
+
+}  // namespace imud
