@@ -27,26 +27,33 @@ ArrayFile::ArrayFile(std::string path, std::span<const MeasurementColumn> column
   struct stat old {};
   if (!file_ || ::fstat(file_.get(), &old) != 0 || (old.st_size != 0 && ::ftruncate(file_.get(), 0) != 0))
     throw OpenError(fmt::format("{}: cannot write it: {}", path_, std::strerror(errno)));
+  if (!S_ISREG(old.st_mode))
+    throw OpenError(path_ + ": the rows of an array are written in any order; give a regular file");
 }
 
-void ArrayFile::set_shape(std::span<const std::uint64_t> shape, std::size_t row_size) {
+void ArrayFile::set_shape(std::span<const std::uint64_t> shape, std::size_t row_size) noexcept {
   const std::string text = npy_header(columns_, shape);
   std::uint64_t bytes = row_size;
   for (const std::uint64_t size : shape) bytes *= size;
-  if (::ftruncate(file_.get(), static_cast<off_t>(text.size() + bytes)) != 0)
-    throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
+  if (error_ == 0 && ::ftruncate(file_.get(), static_cast<off_t>(text.size() + bytes)) != 0) error_ = errno;
   write_at(std::as_bytes(std::span(text)), 0);
 }
 
-void ArrayFile::write(std::span<const std::byte> bytes, std::uint64_t offset) const {
+void ArrayFile::write(std::span<const std::byte> bytes, std::uint64_t offset) noexcept {
   write_at(bytes, npy_header(columns_, {}).size() + offset);
 }
 
-void ArrayFile::write_at(std::span<const std::byte> bytes, std::uint64_t offset) const {
-  while (!bytes.empty()) {
+void ArrayFile::check() const {
+  if (error_ != 0) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(error_)));
+}
+
+void ArrayFile::write_at(std::span<const std::byte> bytes, std::uint64_t offset) noexcept {
+  while (!bytes.empty() && error_ == 0) {
     const ssize_t size = ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (size < 0 && errno == EINTR) continue;
-    if (size < 0) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
+    if (size < 0) {
+      if (errno != EINTR) error_ = errno;
+      continue;
+    }
     bytes = bytes.subspan(static_cast<std::size_t>(size));
     offset += static_cast<std::uint64_t>(size);
   }

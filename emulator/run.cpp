@@ -275,9 +275,9 @@ int run(const Config& config, const RunOptions& options) {
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
   if (outcome.ended_by != EndedBy::failure) session.commit();
-  summary_file.replace(json(summary, JsonLayout::indented));
   if (!options.labels_file.empty()) labels_file.replace(labels(session, config, options.labels_file));
   if (!options.junit_file.empty()) junit_file.replace(junit_xml(outcome.expected, "imud"));
+  summary_file.replace(json(summary, JsonLayout::indented));  // last: it says that the run is complete
   TextFile printed = has_data_on_stdout(config, options) ? TextFile::standard_error() : TextFile("-");
   printed.write(text(summary));
   return outcome.exit_code();

@@ -36,7 +36,7 @@ class TruthRows {
     increments_ = {};
     if (held_.size() >= hold_at_most) flush();
   }
-  void flush() {
+  void flush() noexcept {
     file_.write(std::as_bytes(std::span(held_)), rows_ * sizeof(TrueRow));
     rows_ += held_.size();
     held_.clear();
@@ -98,12 +98,14 @@ void SeedArrays::begin(const Config& config, std::uint64_t seeds, const Run& run
   });
   for (std::size_t i = 0; i < imus_.size(); ++i) {
     rows[i]->flush();
+    imus_[i].truth->check();
     if (imus_[i].rows == 0)
       throw std::runtime_error(
           fmt::format("{}: sends no measurement, so that there is no array", imus_[i].config.name));
     const std::array shape{seeds, imus_[i].rows};
     imus_[i].measured->set_shape(shape, row_size(false));
     imus_[i].truth->set_shape(std::span(shape).last(1), sizeof(TrueRow));
+    for (const auto& file : {imus_[i].measured.get(), imus_[i].truth.get()}) file->check();
   }
 }
 
@@ -123,7 +125,7 @@ std::unique_ptr<Port> SeedArrays::Rows::port() {
   });
 }
 
-void SeedArrays::Rows::flush() {
+void SeedArrays::Rows::flush() noexcept {
   arrays_.imus_[imu_].measured->write(held_, (begin_ + rows_) * row_size(false));
   rows_ += held_.size() / row_size(false);
   held_.clear();
@@ -132,6 +134,7 @@ void SeedArrays::Rows::flush() {
 std::string SeedArrays::Rows::finish() {
   flush();
   const Imu& imu = arrays_.imus_[imu_];
+  imu.measured->check();
   if (taken_ == imu.rows) return {};
   return fmt::format("{}: {} measurements in place of {}", imu.config.name, taken_, imu.rows);
 }

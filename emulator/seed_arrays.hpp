@@ -25,7 +25,7 @@ class SeedArrays {
 
   // Writes the truth, by a run of `config` and of its imus without errors; `run` runs a configuration with that way
   // to open a port. Then the files have room for `seeds` runs. Throws std::runtime_error if an imu sends no
-  // measurement.
+  // measurement, or a file cannot be written.
   using Run = std::function<void(const Config& config, const Sync::OpenPort& open)>;
   void begin(const Config& config, std::uint64_t seeds, const Run& run);
 
@@ -34,11 +34,12 @@ class SeedArrays {
    public:
     Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index);
     std::unique_ptr<Port> port();
-    // Writes the last rows. Returns what is missing, or a text of length 0. Throws std::runtime_error.
+    // Writes the last rows. Returns what is missing, or a text of length 0. Throws std::runtime_error if the file
+    // cannot be written.
     std::string finish();
 
    private:
-    void flush();
+    void flush() noexcept;
     const SeedArrays& arrays_;
     const std::size_t imu_;
     std::uint64_t begin_, rows_ = 0, taken_ = 0;

@@ -168,6 +168,24 @@ TEST_F(ReplayedFiles, JsonOnStandardOutputIsJsonAlone) {
   EXPECT_EQ(decoded.output, read_file(path("out")));
 }
 
+TEST_F(ReplayedFiles, AFullDiskIsAnError) {
+  for (const std::string option : {"--summary", "--labels", "--junit"}) {
+    const ProgramResult full = replay(path("truth.csv"), {option, "/dev/full", "-q"});
+    EXPECT_EQ(full.exit_code, 1) << option;
+    EXPECT_EQ(full.errors, "imud: /dev/full: cannot be written: No space left on device\n") << option;
+    EXPECT_FALSE(read_file(path("out")).empty()) << option;
+  }
+  ASSERT_EQ(replay(path("truth.csv"), {"--labels", "/dev/full", "--summary", path("summary.json")}).exit_code, 1);
+  EXPECT_EQ(summary()["complete"], false);
+
+  const ProgramResult json = run_program("imu-decode", {"csv", "file:" + path("out"), "--json", "/dev/full"});
+  EXPECT_EQ(json.exit_code, 1);
+  EXPECT_NE(json.errors.find("imu-decode: /dev/full: No space left on device\n"), std::string::npos) << json.errors;
+  const ProgramResult csv = run_program("imu-truth", {"spiral", "--for", "9", "--csv", "/dev/full"});
+  EXPECT_EQ(csv.exit_code, 1);
+  EXPECT_EQ(csv.errors, "imu-truth: /dev/full: No space left on device\n");
+}
+
 TEST_F(ReplayedFiles, AFullStandardOutputIsAnError) {
   ASSERT_EQ(replay(path("truth.csv")).exit_code, 0);
   const std::string commands[] = {

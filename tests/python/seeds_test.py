@@ -214,6 +214,20 @@ class Seeds(RunTest):
         self.assertEqual([seed["imus"][0]["failed"] > 0 for seed in seeds], [seed == 13 for seed in range(1, 41)])
         self.assertTrue(all(file.read_bytes() == content for file, content in files.items() if file != failed))
 
+    def test_a_full_disk_is_an_error(self):
+        """A limit of the files' size is as a full disk."""
+        config = self.imus(NATIVE)
+        _, errors = run("imud", "replay", config, FLIGHT, "--npy", "/dev/full", "-q", exit_code=2)
+        self.assertIn("imud: /dev/full: the rows of an array are written in any order; give a regular file", errors)
+        for kib, name in (20, "x_truth.npy"), (230, "x.npy"):
+            for seeds in [], ["--seeds", "1..3"]:
+                command = [PROGRAMS / "imud", "replay", config, FLIGHT, "--npy", self.folder / "x.npy", "-q", *seeds]
+                done = subprocess.run(["bash", "-c", f'ulimit -f {kib}; exec "$@"', "bash", *command],
+                                      capture_output=True, text=True)
+                self.assertEqual(done.returncode, 1, done.stderr)
+                self.assertIn(f"imud: {self.folder}/{name}: File too large\n", done.stderr)
+                self.assertNotIn("terminate", done.stderr)
+
     def test_incomplete_runs_and_limits_make_the_worst_exit_code(self):
         config = self.imus(NATIVE)
         run("imud", "replay", config, FLIGHT, "--seeds", "1..3", "-q", "--for", 2, "--summary", self.folder / "s.json",
