@@ -3,6 +3,7 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <exception>
 #include <utility>
 
 #include "emulator/recorder.hpp"
@@ -394,8 +395,28 @@ void Channel::discard_pending() noexcept {
   publish();
 }
 
+namespace {
+
+// Calls `commit` for each of `all`, then throws what the first has thrown.
+template <class Range, class Commit>
+void commit_each(const Range& all, const Commit& commit) {
+  std::exception_ptr failure;
+  for (auto& one : all) try {
+      commit(one);
+    } catch (const std::exception&) {
+      if (!failure) failure = std::current_exception();
+    }
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace
+
 void Channel::commit() {
-  for (Line& line : lines()) line.port->commit();
+  commit_each(lines(), [](Line& line) { line.port->commit(); });
+}
+
+void commit(std::span<const std::unique_ptr<Channel>> channels) {
+  commit_each(channels, [](const std::unique_ptr<Channel>& channel) { channel->commit(); });
 }
 
 std::optional<TruthTime> Channel::used_until() const noexcept {

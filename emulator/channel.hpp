@@ -150,7 +150,7 @@ class Channel {
   std::optional<HostTime> next_wake() const noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
-  // Called at the end: Port::commit(). Throws std::runtime_error.
+  // Called at the end: Port::commit() of all ports, also if one of them fails. Throws what the first has thrown.
   void commit();
 
   // The number of ports: 1, or 2 if the product's second UART is connected; `i` is the frames' Frame::uart.
@@ -246,5 +246,8 @@ class Channel {
   SampleFeed* feed_ = nullptr;  // nullptr: nobody can watch
   std::uint16_t number_ = 0;    // of the imu, in the feed
 };
+
+// Channel::commit() of all channels, also if one of them fails. Throws what the first has thrown.
+void commit(std::span<const std::unique_ptr<Channel>> channels);
 
 }  // namespace imud

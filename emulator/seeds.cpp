@@ -254,8 +254,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
                                                      : EndedBy::duration;
   Outcome outcome = judge(summary, batch.config, ended_by, options_.required, options_.repeats);
   if (!difference.empty()) outcome.shortfalls.push_back(difference);
-  if (outcome.ended_by != EndedBy::failure)
-    for (const auto& channel : channels) channel->commit();
+  if (outcome.ended_by != EndedBy::failure) commit(channels);
   if (arrays_)
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
       if (const std::string missing = rows.finish(); !missing.empty()) outcome.shortfalls.push_back(missing);

@@ -217,9 +217,7 @@ bool Session::drain(std::chrono::milliseconds readers) noexcept {
   return read;
 }
 
-void Session::commit() {
-  for (const auto& channel : channels_) channel->commit();
-}
+void Session::commit() { imud::commit(channels_); }
 
 void Session::cycle_power_if_requested(HostTime now) noexcept {
   if (!power_cycle_.load(std::memory_order_relaxed)) return;

@@ -94,7 +94,7 @@ class Session {
   // lines have sent everything; the rest counts as dropped. Returns false if a reader is known not to have read
   // everything.
   bool drain(std::chrono::milliseconds readers) noexcept;
-  // Called after drain() if the run has not failed: Channel::commit() of all. Throws std::runtime_error.
+  // Called after drain() if the run has not failed: commit() of all channels. Throws std::runtime_error.
   void commit();
 
   // The pacer of the Loop that drives this; nullptr: none does.

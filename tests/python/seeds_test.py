@@ -228,6 +228,30 @@ class Seeds(RunTest):
                 self.assertIn(f"imud: {self.folder}/{name}: File too large\n", done.stderr)
                 self.assertNotIn("terminate", done.stderr)
 
+    def test_a_file_that_cannot_be_replaced_loses_itself_alone(self):
+        """At their end b, c and d rename their files; b_13.bin is a link to the unfinished file of c."""
+        names = "b", "c", "d"
+        config = self.of_csv(self.imus(*(NATIVE.replace("'b'", f"'{name}'").replace("/b_", f"/{name}_")
+                                         for name in names)))
+        replay = "replay", config, self.short_flight(), "-q"
+        seeds = "--jobs", 1, "--seeds", "11..18"  # two of them run together
+        run("imud", *replay, *seeds)
+        whole = {file.name: file.read_bytes() for file in self.folder.glob("?_1?.bin")}
+        self.assertEqual(len(whole), 24)
+        alone = "--fast", "--set=seed=13", *(f"--set=imu.{name}.port=file:{self.folder}/{name}_13.bin"
+                                             for name in names)
+        for arguments, ended in (seeds, range(11, 15)), (alone, [13]):
+            for file in self.folder.glob("?_1?.bin*"):
+                file.unlink()
+            (self.folder / "b_13.bin").symlink_to("c_13.bin.incomplete")
+            _, errors = run("imud", *replay, *arguments, exit_code=1)
+            prefix = "seed 13: " if arguments == seeds else ""
+            self.assertIn(f"imud: {prefix}{self.folder}/c_13.bin.incomplete: another process has removed or replaced "
+                          "it\n", errors)
+            left = {file.name: file.read_bytes() for file in self.folder.glob("?_1?.bin")}
+            self.assertEqual(left, {name: whole[name] for name in left})
+            self.assertEqual(set(left), {f"{name}_{seed}.bin" for name in names for seed in ended} - {"c_13.bin"})
+
     def test_incomplete_runs_and_limits_make_the_worst_exit_code(self):
         config = self.imus(NATIVE)
         run("imud", "replay", config, FLIGHT, "--seeds", "1..3", "-q", "--for", 2, "--summary", self.folder / "s.json",
