@@ -47,6 +47,9 @@ class TruthIntake {
   // Answers truth() with the time up to which samples were emitted, and their number in the run.
   void answer(TruthTime emitted_until, std::uint64_t samples) noexcept;
 
+  // Sets a servo of the format, see TruthDecoder::set_servo().
+  void set_servo(std::size_t servo, std::uint16_t pulse_us) noexcept { decoder_->set_servo(servo, pulse_us); }
+
   // Returns when poll() has to be called next, for the messages of the format and the frames that the port holds
   // back; nullopt: it need not be; HostTime{}: at once. take() and answer() change it.
   std::optional<HostTime> deadline() const noexcept;

@@ -10,6 +10,7 @@ void TruthDecoder::finish() noexcept {}
 std::optional<HostTime> TruthDecoder::deadline() const noexcept { return std::nullopt; }
 void TruthDecoder::poll(HostTime, FrameBuffer&) noexcept {}
 void TruthDecoder::acknowledge(const Truth&, TruthTime, std::uint64_t, FrameBuffer&) noexcept {}
+void TruthDecoder::set_servo(std::size_t, std::uint16_t) noexcept {}
 
 void DatagramTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput, HostTime arrival) noexcept {
   datagram_ = bytes;

@@ -85,6 +85,9 @@ class TruthDecoder {
   // been emitted so far in the run. Default: appends nothing.
   virtual void acknowledge(const Truth& truth, TruthTime used_until, std::uint64_t samples,
                            FrameBuffer& out) noexcept;
+  // Sets the pulse width (us) of a servo, below TruthFormat::servos, in all that is sent to the simulator from now
+  // on. Default: does nothing, for a format without servos.
+  virtual void set_servo(std::size_t servo, std::uint16_t pulse_us) noexcept;
 
   const StreamLosses& losses() const noexcept { return losses_; }
 
@@ -145,6 +148,8 @@ struct TruthFormat {
   // Its truths may lack rate or specific force, which are then derived from the poses (core/pose_fit.hpp) unless the
   // configuration says otherwise. A format without this always gives the rate.
   bool derives = false;
+  // How many servos TruthDecoder::set_servo() can set.
+  std::size_t servos = 0;
   // The address of the port of an example configuration, after the transport's name. A format that sends first needs
   // its simulator's. Empty: any.
   std::string_view example_port = {};

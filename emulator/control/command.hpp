@@ -29,6 +29,7 @@ struct Command {
     fault_begin = 14,        // `number`: of the fault in the FaultBook
     fault_end = 15,          // likewise
     fault_clear = 16,        // ends all faults
+    servo = 17,              // of the truth format: TruthIntake::set_servo() of the servo `number`; `value`: us
   };
   static constexpr std::uint16_t all_imus = 0xFFFF;
   static constexpr std::size_t longest_text = 120;  // bytes

@@ -63,6 +63,9 @@ void change_session(Session& session, const Command& command) noexcept {
       session.timeline().set_extrapolate(nanoseconds(command.value));
       if (session.pacer() != nullptr) session.pacer()->set_extrapolate(nanoseconds(command.value));
       break;
+    case Command::Kind::servo:
+      session.intake().set_servo(command.number, static_cast<std::uint16_t>(command.value));
+      break;
     case Command::Kind::when_stopped:
       session.set_when_stopped(static_cast<WhenStopped>(command.number));
       break;

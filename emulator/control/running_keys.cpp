@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::array<std::string_view, 3> reactions = {"hold", "flag", "silence"};  // WhenStopped
 constexpr std::array<std::string_view, 3> levels = {"quiet", "normal", "verbose"};  // LogLevel
-constexpr std::array<std::string_view, 4> types = {"number", "integer", "vector", "word"};
+constexpr std::array<std::string_view, 5> types = {"number", "integer", "vector", "word", "list"};
 constexpr double millisecond = 1e-3, per_hour = 1.0 / 3600.0, huge = 1e9;
 
 const char* needs_live_truth(const Config& config, double) {
@@ -29,6 +29,10 @@ const char* needs_mark(const Config& config, double reaction) {
   const bool can = std::all_of(config.imus.begin(), config.imus.end(),
                                [](const ImuConfig& imu) { return carries_status(imu, status::not_valid); });
   return reaction != 1 || can ? nullptr : "a protocol of this run cannot mark a sample as not valid";
+}
+
+const char* needs_servos(const Config& config, double) {
+  return config.truth.format->servos > 0 ? nullptr : "the truth format of this run sends no pulse widths";
 }
 
 using Kind = Command::Kind;
@@ -65,6 +69,18 @@ constexpr auto keys = std::to_array<RunningKey>({
      reactions,
      {},
      needs_mark},
+    {"truth.pwm",
+     "pulse widths of the first servo channels, us; the others stay, and more than 16 are sent as 32",
+     Type::list,
+     Kind::servo,
+     false,
+     0,
+     65535,
+     1,
+     {},
+     {},
+     needs_servos,
+     32},
     {"log.level", "what the log has", Type::word, Kind::log_level, false, 0, 0, 1, levels},
     bias_of("gyro.bias_rad_per_s", gyro, Kind::gyro_bias, 1),
     bias_of("gyro.bias_deg_per_s", gyro, Kind::gyro_bias, units::degree),
@@ -165,6 +181,20 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
         commands.push_back(command);
       }
       return;
+    case Type::list:
+      check(*entry, key, config, 0);
+      if (!value.is_array() || value.empty() || value.size() > entry->most ||
+          !std::all_of(value.begin(), value.end(), [&](const Json& one) {
+            return one.is_number_integer() && one.get<double>() >= entry->min && one.get<double>() <= entry->max;
+          }))
+        refuse(key, fmt::format("give a list of 1 to {} whole numbers from {} to {}", entry->most, entry->min,
+                                entry->max));
+      for (std::size_t i = 0; i < value.size(); ++i) {
+        command.value = value[i].get<double>();
+        command.number = i;
+        commands.push_back(command);
+      }
+      return;
   }
   check(*entry, key, config, entry->type == Type::word ? static_cast<double>(command.number) : command.value);
   commands.push_back(command);
@@ -176,10 +206,11 @@ Json running_keys_json() {
     Json one = {{"key", fmt::format("{}{}", key.of_imu ? "imu.NAME." : "", key.key)},
                 {"meaning", key.meaning},
                 {"type", types[static_cast<std::size_t>(key.type)]}};
-    if (key.type == Type::number || key.type == Type::vector) {
+    if (key.type == Type::number || key.type == Type::vector || key.type == Type::list) {
       one["min"] = key.min;
       one["max"] = key.max;
     }
+    if (key.most > 0) one["most"] = key.most;
     if (!key.words.empty()) one["words"] = key.words;
     if (!key.automatic.empty()) one["words"] = {key.automatic};
     all.push_back(std::move(one));

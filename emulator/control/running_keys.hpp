@@ -19,6 +19,7 @@ struct RunningKey {
     integer,  // unsigned, 64 bits
     vector,   // three numbers from min to max, or one for all axes
     word,     // one of `words`, whose place is Command::number
+    list,     // one to `most` whole numbers from min to max, a command for each, whose place is Command::number
   };
   std::string_view key;  // that of an imu without its "imu.NAME."
   std::string_view meaning;
@@ -31,6 +32,7 @@ struct RunningKey {
   std::string_view automatic = {};  // a word in place of the number, which makes another command
   // Returns why a run of this configuration cannot change it to that value; nullptr if it can.
   const char* (*refusal)(const Config&, double value) = nullptr;
+  std::size_t most = 0;
 };
 
 std::span<const RunningKey> running_keys() noexcept;

@@ -76,12 +76,11 @@ class ArdupilotJsonDecoder final : public JsonTruthDecoder {
       throw std::invalid_argument("pwm: " + text + "; give at most 32 whole numbers from 0 to 65535, us");
     };
     if (pulses.size() > most_channels) fault(std::to_string(pulses.size()) + " channels");
-    channels_ = pulses.size() > few_channels ? most_channels : few_channels;
     pulses_.fill(idle_us);
     for (std::size_t i = 0; i < pulses.size(); ++i) {
       const auto pulse = parse_integer(pulses[i]);
       if (!pulse || *pulse < 0 || *pulse > 0xFFFF) fault("\"" + pulses[i] + "\" is no pulse width");
-      pulses_[i] = static_cast<std::uint16_t>(pulse.value_or(0));
+      ArdupilotJsonDecoder::set_servo(i, static_cast<std::uint16_t>(pulse.value_or(0)));
     }
   }
 
@@ -111,6 +110,11 @@ class ArdupilotJsonDecoder final : public JsonTruthDecoder {
       due_ = due;
     else
       send(arrival_, out);
+  }
+  void set_servo(std::size_t servo, std::uint16_t pulse_us) noexcept override {
+    if (servo >= most_channels) return;
+    if (servo >= few_channels) channels_ = most_channels;
+    pulses_[servo] = pulse_us;
   }
 
  private:
@@ -191,6 +195,7 @@ constexpr TruthFormat ardupilot_json_truth_format = {
       return std::make_unique<ArdupilotJsonDecoder>(chosen);
     },
     .force_from = "imu.accel_body",
+    .servos = most_channels,
     .example_port = "0.0.0.0:0?peer=127.0.0.1:9002",
 };
 

@@ -96,7 +96,9 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
       {{{.kind = Kind::resume, .imu = 4}, {.kind = Kind::power_on, .imu = 2}, {.kind = Kind::seed, .number = 3}}},
       {{{.kind = Kind::power_cycle, .imu = 3}, {.kind = Kind::mark, .text_size = 5}, {.kind = Kind::log_level}}},
       {{{.kind = Kind::delay, .value = 0.01}, {.kind = Kind::when_stopped}, {.kind = Kind::accelerometer_bias}}},
-      {{{.kind = Kind::automatic_delay, .value = 99}, {.kind = Kind::extrapolate, .value = 0.02}, {}}},
+      {{{.kind = Kind::automatic_delay, .value = 99},
+        {.kind = Kind::extrapolate, .value = 0.02},
+        {.kind = Kind::servo}}},
   }};
   const auto play = [&](std::uint32_t truths) {
     for (const std::uint32_t until = k + truths; k < until; ++k) {

@@ -148,6 +148,25 @@ TEST_F(ArdupilotJson, ServoPacketsAreThoseOfTheDocument) {
   EXPECT_THROW(make({{"pwm", std::vector<std::string>{"fast"}}}), std::invalid_argument);
 }
 
+TEST_F(ArdupilotJson, AServoThatIsSetIsInTheNextPacket) {
+  make({{"pwm", std::vector<std::string>{"1500", "1600"}}, {"speedup", 0.0}});
+  decoder_->start(at_ms(0));
+  std::vector<unsigned> packet = poll(0).at(0);
+  decoder_->set_servo(1, 1750);
+  decoder_->set_servo(15, 65535);
+  packet[5] = 1750;
+  packet[19] = 65535;
+  EXPECT_EQ(poll(1000), (Packets{packet})) << "also if it is sent again";
+  decoder_->set_servo(31, 1234);
+  packet.resize(4 + 32, 1000);
+  packet[0] = 29569;
+  packet[2] = 1;
+  packet[35] = 1234;
+  ASSERT_EQ(feed(answer_at(0.001), 1001), TruthResult::ok);
+  EXPECT_EQ(acknowledge(), (Packets{packet}));
+  decoder_->set_servo(32, 1);
+}
+
 TEST_F(ArdupilotJson, APacketIsSentAgainUntilItIsAnsweredAndTheNextOneAfterTheSamples) {
   make({{"speedup", 0.0}});
   EXPECT_FALSE(decoder_->deadline());
