@@ -10,17 +10,19 @@
 //
 // All is little-endian. Attitude is that of front-right-down relative to north-east-down, the rate is relative to the
 // Earth, whose own is added, and B's origin is the centre of gravity. X-Plane's local axes are east, up, south at the
-// origin of the scenery, and are taken as those at the aircraft. The g-loads are specific force in X-Plane's body
-// axes, in g: positive backwards (axial), to the right (side), and upwards (normal).
+// origin of the scenery, and are taken as those at the aircraft. The g-loads are specific force in g: positive to the
+// right (side), upwards (normal), and, along the axis, backwards as a dataref and forwards in row 4.
 //
 // A time in float32 is coarse: 0.2 ms after an hour. With time = "arrival" it has the jitter of the network instead.
 //
 // Sources: "Sending Data to X-Plane" (Laminar Research), section "SEND ME ALL THE DATAREFS I WANT: RREF";
-// DataRefs.txt of X-Plane 11. Signs of the g-loads: px4xplane at 971a855a (src/MAVLinkManager.cpp: -axial, +side,
-// -normal, from captures of three aircraft) and INAV-X-Plane-HITL at 05f1153f (src/simData.cpp). Order of the rows'
-// numbers: XPlaneConnect at 11a5f35 (xpcPlugin/DataManager.cpp). Row 16 of X-Plane 12: ArduPilot at 00bc4884
-// (libraries/SITL/SIM_XPlane.cpp). Row 4 is taken to have the signs of the datarefs; ArduPilot takes its axial g-load
-// as positive forwards, and no capture decides.
+// DataRefs.txt of X-Plane 11. Signs of the g-loads as datarefs: px4xplane at 971a855a (src/MAVLinkManager.cpp:
+// -axial, +side, -normal, from captures of three aircraft) and INAV-X-Plane-HITL at 05f1153f (src/simData.cpp). Order
+// of the rows' numbers: XPlaneConnect at 11a5f35 (xpcPlugin/DataManager.cpp). Row 16 of X-Plane 12: ArduPilot at
+// 00bc4884 (libraries/SITL/SIM_XPlane.cpp). Row 4: +axial, +side, -normal are the accelerometers of three programs
+// that fly autopilots by it: ArduPilot there, QGroundControl at 023fa901 (src/comm/QGCXPlaneLink.cc; at standstill it
+// replaces them by those of a vehicle at rest) and dRonin at 6a1b8cb9
+// (ground/gcs/src/plugins/hitl/xplanesimulator.cpp). No capture was found.
 #include <algorithm>
 #include <array>
 #include <bitset>
@@ -64,7 +66,7 @@ constexpr std::string_view row_fields[] = {
     // 4: Mach, climb, normal, axial and side g-load
     "_:16",
     "specific_force_z_g:f32*-1",
-    "specific_force_x_g:f32*-1",
+    "specific_force_x_g:f32",
     "specific_force_y_g:f32",
     "_:4",
     // 16: P, Q, R
