@@ -41,10 +41,25 @@ std::string port_text(std::string_view key, const Transport& transport, std::str
   return text + fmt::format("{} = \"{}\"\n", key, port);
 }
 
+// Returns true if truth may come by that way through the transport.
+bool brings(const Transport& transport, TruthFormat::Way way) {
+  if (!transport.brings_truth) return false;
+  switch (way) {
+    case TruthFormat::Way::datagrams:
+      return transport.udp_port != nullptr && !transport.ends;
+    case TruthFormat::Way::connection:
+      return transport.tcp_port != nullptr && !transport.ends;
+    case TruthFormat::Way::file:
+      return transport.ends && transport.serves_device;
+  }
+  return false;
+}
+
 std::string truth_text(const TruthFormat& format, const Transport& port) {
   // A device may have the example of the same transport.
   const std::string_view example = format.example_port.empty() ? "127.0.0.1:9810" : format.example_port;
-  const std::string address = port.ends ? std::string(port.example) : fmt::format("{}:{}", port.name, example);
+  const std::string address =
+      brings(port, format.way) ? fmt::format("{}:{}", port.name, example) : std::string(port.example);
   std::string text = "\n[truth]\n" + port_text("port", port, address) +
                      comment(format.summary, std::string(format.document)) +
                      fmt::format("format = \"{}\"\n", format.name);
@@ -101,7 +116,7 @@ int example(const std::string& name) {
   if (format == nullptr) format = find_truth_format(default_truth_format);
   const Transport* truth_port = named;
   if (named == nullptr || is_device_port)
-    truth_port = first(transports(), [](const Transport& t) { return t.udp_port != nullptr && !t.ends; });
+    truth_port = first(transports(), [&](const Transport& t) { return brings(t, format->way); });
   const Transport* port = named;
   if (!is_device_port)
     port = first(transports(), [&](const Transport& t) {

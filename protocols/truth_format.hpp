@@ -150,8 +150,15 @@ struct TruthFormat {
   bool derives = false;
   // How many servos TruthDecoder::set_servo() can set.
   std::size_t servos = 0;
-  // The address of the port of an example configuration, after the transport's name. A format that sends first needs
-  // its simulator's. Empty: any.
+  // The way by which its records usually come: the port of an example configuration.
+  enum class Way : std::uint8_t {
+    datagrams,
+    connection,  // as a stream
+    file,
+  };
+  Way way = Way::datagrams;
+  // The address of that port, after the transport's name. A format that sends first needs its simulator's. Empty:
+  // any.
   std::string_view example_port = {};
 };
 

@@ -28,6 +28,8 @@ constexpr TruthFormat euroc_truth_format = {
     .make = [](const Settings& chosen) { return make_pose_table(chosen, columns); },
     .force_from = "the columns specific_force_x_m_per_s2 to _z_m_per_s2, by truth.columns",
     .derives = true,
+    .way = TruthFormat::Way::file,
+    .example_port = "data.csv",
 };
 
 }  // namespace imud

@@ -268,6 +268,8 @@ constexpr TruthFormat nasa_42_truth_format = {
     .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<Nasa42Decoder>(); },
     .force_from = "SC[i].Accel[0].TrueAcc to SC[i].Accel[2].TrueAcc",
+    .way = TruthFormat::Way::connection,
+    .example_port = "127.0.0.1:10001",
 };
 
 }  // namespace imud
