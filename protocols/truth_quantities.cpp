@@ -178,8 +178,8 @@ std::optional<std::int64_t> scaled(std::int64_t number, int exponent) noexcept {
   return result;
 }
 
-// Reads the whole of `text` as a decimal number of seconds, milliseconds, ..., as ns; digits beyond 1 ns are rounded
-// down in magnitude. nullopt if it is none, or has an exponent.
+// Reads the whole of `text` as a decimal number of seconds, milliseconds, ..., rounded to ns. nullopt if it is none,
+// or has an exponent.
 std::optional<std::int64_t> decimal_ns(std::string_view text, int exponent) noexcept {
   const bool negative = text.starts_with('-');
   if (negative || text.starts_with('+')) text.remove_prefix(1);
@@ -190,9 +190,11 @@ std::optional<std::int64_t> decimal_ns(std::string_view text, int exponent) noex
   std::int64_t high = 0, low = 0;
   if (!whole.empty() && std::from_chars(whole.data(), whole.data() + whole.size(), high).ec != std::errc{})
     return std::nullopt;
-  fraction = fraction.substr(0, static_cast<std::size_t>(exponent));
+  const auto digits = static_cast<std::size_t>(exponent);  // up to 1 ns
+  const bool is_rounded_up = fraction.size() > digits && fraction[digits] >= '5';
+  fraction = fraction.substr(0, digits);
   if (!fraction.empty()) std::from_chars(fraction.data(), fraction.data() + fraction.size(), low);
-  low *= powers_of_ten[exponent - static_cast<int>(fraction.size())];
+  low = low * powers_of_ten[exponent - static_cast<int>(fraction.size())] + (is_rounded_up ? 1 : 0);
   const auto ns = scaled(high, exponent);
   std::int64_t sum = 0;
   if (!ns || __builtin_add_overflow(*ns, low, &sum)) return std::nullopt;
