@@ -1,4 +1,5 @@
 // The remarks of ColumnTruthDecoder: which columns are missing, not used or wrong.
+#include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
@@ -35,6 +36,21 @@ bool is_near(std::string_view given, std::string_view wanted) noexcept {
   if (given.empty() || given.size() > 2 * wanted.size()) return false;
   const std::size_t tolerated = 1 + wanted.size() / 12;
   return distance(given.substr(0, wanted.size()), wanted) == 0 || distance(given, wanted) <= tolerated;
+}
+
+// Writes the unit of a quantity's name, "ft/s^2" of "specific_force_x_ft_per_s2", after a blank; nothing if it has
+// none.
+void write_unit(RemarkWriter& out, std::string_view name, std::size_t quantity) noexcept {
+  constexpr std::string_view per = "_per_";
+  name.remove_prefix(quantity_name(quantity).size());
+  if (name.empty()) return;
+  const std::size_t end = std::min(name.find(per), name.size());
+  out << " " << name.substr(1, end - 1);
+  if (end == name.size()) return;
+  name.remove_prefix(end + per.size());
+  const bool is_power = name.back() >= '0' && name.back() <= '9';
+  out << "/" << name.substr(0, name.size() - (is_power ? 1 : 0));
+  if (is_power) out << "^" << name.substr(name.size() - 1);
 }
 
 }  // namespace
@@ -87,8 +103,11 @@ void ColumnTruthDecoder::describe_header(RemarkWriter& out) const noexcept {
           (out << " (did you mean ").quote(columns_.name(i)) << "?)";
           break;
         }
-    if (!known || again || number < wanted_.required) continue;
-    for (std::size_t i = number - (number - wanted_.required) % 3, end = i + 3; i < end; ++i)
+    if (!known || again) continue;
+    std::size_t first = 0;
+    const auto* group = wanted_.groups.data();
+    while (first + group->names.size() <= number) first += (group++)->names.size();
+    for (std::size_t i = first; i < first + group->names.size(); ++i)
       if (!columns_.has(i)) {
         (out << " (needs ").quote(columns_.name(i)) << ")";
         break;
@@ -106,7 +125,7 @@ void ColumnTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
   } else {
     std::size_t missing = 0;
     out << "the header row lacks ";
-    for (std::size_t i = 0; i < wanted_.required; ++i) {
+    for (std::size_t i = 0; i < wanted_.required(); ++i) {
       std::string_view meant;
       bool present = kind_ == Kind::header && columns_.has(i);
       constexpr int most = 64;  // fields that are compared, so that a long row costs little
@@ -131,16 +150,17 @@ void ColumnTruthDecoder::describe_number(TruthResult result, RemarkWriter& out) 
     if (!columns_.has(i) || !reads(i)) continue;
     const std::string_view field = columns_.field(i);
     const std::optional<double> number = parse_real(field);
-    const ColumnLimit largest = limit(i);
-    const bool is_cause = !number                               ? result == TruthResult::bad_number
-                          : !std::isfinite(*number)             ? result == TruthResult::not_finite
-                          : std::abs(*number) > largest.largest ? result == TruthResult::out_of_range
-                                                                : false;
+    const double largest = largest_of(fields_[i]);
+    const bool is_cause = !number                       ? result == TruthResult::bad_number
+                          : !std::isfinite(*number)     ? result == TruthResult::not_finite
+                          : std::abs(*number) > largest ? result == TruthResult::out_of_range
+                                                        : false;
     if (!is_cause) continue;
     (out << "the column ").quote(columns_.name(i)) << " has ";
     out.quote(field, 64);
     if (result == TruthResult::out_of_range) {
-      out << ", and its limit is " << largest.largest << (largest.unit.empty() ? "" : " ") << largest.unit;
+      out << ", and its limit is " << largest;
+      write_unit(out, wanted_.quantities[i], fields_[i].quantity);
     }
     if (!number && field.find(',') != field.npos) out << "; the decimal sign must be a point";
     return;

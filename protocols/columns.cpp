@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstring>
 #include <stdexcept>
+#include <utility>
 
 namespace imud {
 
@@ -152,20 +153,37 @@ TruthResult Columns::split_quoted(std::string_view row) noexcept {
   return row.data() == nullptr ? TruthResult::ok : TruthResult::too_long;
 }
 
-TruthResult Columns::read(std::size_t first, double& number) const noexcept {
-  std::optional<double> parsed = parse_real(fields_[first]);
-  if (!parsed) parsed = parse_real(field(first));  // spreadsheets may quote numbers
-  if (!parsed) return TruthResult::bad_number;
-  number = *parsed;
-  return TruthResult::ok;
+ColumnTruthDecoder::ColumnTruthDecoder(const ColumnNames& wanted, Columns::Same same, const TruthAssembly::Axes& axes)
+    : wanted_(wanted), axes_(axes), columns_(wanted.names, same) {
+  for (std::size_t i = 0; i < wanted.quantities.size(); ++i)
+    fields_[i] = find_truth_field(wanted.quantities[i]).value();
 }
 
-TruthResult Columns::read(std::size_t first, Vector3& vector) const noexcept {
-  for (std::size_t i = 0; i < 3; ++i) {
-    const auto result = read(first + i, vector[static_cast<Eigen::Index>(i)]);
-    if (result != TruthResult::ok) return result;
+// Chooses the columns that are read: those of all complete groups, but of alternatives the first. Returns false if
+// they are not enough.
+bool ColumnTruthDecoder::choose() noexcept {
+  used_ = 0;
+  QuantitySet given;
+  bool needs_one = false, has_one = false;
+  std::size_t first = 0;
+  for (const ColumnGroup& group : wanted_.groups) {
+    const std::size_t begin = std::exchange(first, first + group.names.size());
+    bool is_used = columns_.has(begin, group.names.size());
+    if (group.need == ColumnGroup::required && !is_used) return false;
+    if (group.need == ColumnGroup::one_of) {
+      needs_one = true;
+      is_used = is_used && !has_one;
+      has_one = has_one || is_used;
+    }
+    const bool is_accumulated = fields_[begin].quantity == quantity_group(TruthGroup::accumulated_dv).first;
+    if (is_accumulated && axes_.accumulated_dv == AccumulatedDv::none) is_used = false;
+    for (std::size_t i = begin; i < first && is_used; ++i) {
+      used_ |= 1U << i;
+      given.set(fields_[i].quantity);
+    }
   }
-  return TruthResult::ok;
+  RemarkWriter fault({});
+  return has_one == needs_one && assembly_.choose(given, axes_, fault);
 }
 
 TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
@@ -181,28 +199,26 @@ TruthResult ColumnTruthDecoder::decode(std::string_view line, Truth& truth) noex
     case Kind::remark:
       return TruthResult::no_state;
     case Kind::header:
-      enough_ = columns_.set(header_) && enough();
+      enough_ = columns_.set(header_) && choose();
       return enough_ ? TruthResult::no_state : TruthResult::no_columns;
   }
   if (!enough_) return TruthResult::no_columns;
   auto result = columns_.split(row_);
   if (result != TruthResult::ok) return result;
-  truth = {};
-  result = convert(truth);
-  if (result != TruthResult::ok) return result;
-  if (!is_finite(truth)) return TruthResult::not_finite;
-  return is_in_range(truth) ? TruthResult::ok : TruthResult::out_of_range;
+  for (std::size_t i = 0; i < wanted_.names.size() && result == TruthResult::ok; ++i)
+    if (reads(i)) result = reading_.set(fields_[i], columns_.field(i));
+  return result == TruthResult::ok ? assembly_.convert(reading_, truth) : result;
 }
 
 void ColumnTruthDecoder::configure(const Settings& settings) {
   const std::vector<std::string>& names = settings.list(columns_setting.key);
   if (names.empty()) return;
-  enough_ = columns_.set(names) && enough();
+  enough_ = columns_.set(names) && choose();
   for (const std::string& name : names) configured_.append(configured_.empty() ? "" : ",").append(name);
   header_ = configured_;
   if (enough_) return;
   std::string missing;
-  for (std::size_t i = 0; i < wanted_.required && names.size() <= Columns::max_columns; ++i)
+  for (std::size_t i = 0; i < wanted_.required() && names.size() <= Columns::max_columns; ++i)
     if (!columns_.has(i)) missing.append(missing.empty() ? "missing " : ", ").append(columns_.name(i));
   if (!missing.empty()) missing += "; ";
   throw std::invalid_argument("columns: " + missing + "give at most " + std::to_string(Columns::max_columns) +

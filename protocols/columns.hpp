@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "protocols/line_truth_decoder.hpp"
-#include "protocols/remark_writer.hpp"
+#include "protocols/truth_assembly.hpp"
 
 namespace imud {
 
@@ -67,10 +67,7 @@ class Columns {
   // Splits a row into fields, which are views into `row`. Returns ok, too_short or too_long.
   TruthResult split(std::string_view row) noexcept;
 
-  // Read wanted columns from index `first` on of the row that was split last; they must be present (has()). Return ok
-  // or bad_number.
-  TruthResult read(std::size_t first, double& number) const noexcept;
-  TruthResult read(std::size_t first, Vector3& vector) const noexcept;
+  // The field of a wanted column, which must be present (has()), in the row that was split last.
   std::string_view field(std::size_t wanted) const noexcept { return unquoted(fields_[wanted]); }
 
  private:
@@ -96,29 +93,24 @@ inline constexpr Setting columns_setting = {
     .initial = std::span<const std::string_view>{},
 };
 
-// Returns the number of columns of the groups that are needed so.
-constexpr std::size_t column_count(std::span<const ColumnGroup> groups, ColumnGroup::Need need) {
-  std::size_t count = 0;
-  for (const ColumnGroup& group : groups)
-    if (group.need == need) count += group.names.size();
-  return count;
-}
-
-// The wanted columns of a truth format. The first `required` of them must be present; the others are vectors, three
-// columns each.
+// The wanted columns of a truth format.
 struct ColumnNames {
   std::span<const std::string_view> names;
-  std::size_t required;
-  std::string_view summary;  // of all that is required, for people
+  std::span<const std::string_view> quantities;  // of the names, with their units (truth_quantities.hpp)
+  std::span<const ColumnGroup> groups;           // of the names, in their order, required ones first
+  std::string_view summary;                      // of all that is required, for people
+
+  // The number of required names.
+  constexpr std::size_t required() const {
+    std::size_t count = 0;
+    for (const ColumnGroup& group : groups)
+      if (group.need == ColumnGroup::required) count += group.names.size();
+    return count;
+  }
 };
 
-// The largest magnitude of the numbers in a column.
-struct ColumnLimit {
-  double largest;
-  std::string_view unit;
-};
-
-// A truth format whose records are rows that follow a header row. A byte order mark (UTF-8) before a row is ignored.
+// A truth format whose records are rows that follow a header row; its columns are quantities of truth. A byte order
+// mark (UTF-8) before a row is ignored.
 class ColumnTruthDecoder : public LineTruthDecoder {
  public:
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept final;
@@ -126,34 +118,32 @@ class ColumnTruthDecoder : public LineTruthDecoder {
  protected:
   enum class Kind : std::uint8_t { state, header, remark };
 
-  ColumnTruthDecoder(const ColumnNames& wanted, Columns::Same same) : wanted_(wanted), columns_(wanted.names, same) {}
+  ColumnTruthDecoder(const ColumnNames& wanted, Columns::Same same, const TruthAssembly::Axes& axes = {});
   // Applies the setting `columns`, if it is not empty; called by the constructor of a derived class. Throws
   // std::invalid_argument, which names the missing columns, if required ones are missing.
   void configure(const Settings& settings);
 
-  const Columns& columns() const noexcept { return columns_; }
   TruthResult decode(std::string_view line, Truth& truth) noexcept final;
 
  private:
   // Returns the kind of `row`, which has no blanks at its ends and is not empty. Removes from a header row all but
   // the column names.
   virtual Kind kind(std::string_view& row) const noexcept = 0;
-  // Returns true if the columns present are enough.
-  virtual bool enough() const noexcept = 0;
-  // Converts the row that was split last. Numbers stored in `truth` need no check: the caller checks that they are
-  // finite and in range.
-  virtual TruthResult convert(Truth& truth) const noexcept = 0;
-  // For remarks: returns whether convert() reads a wanted column that is present, and its limit.
-  virtual bool reads(std::size_t wanted) const noexcept = 0;
-  virtual ColumnLimit limit(std::size_t wanted) const noexcept = 0;
 
+  bool choose() noexcept;
+  bool reads(std::size_t wanted) const noexcept { return ((used_ >> wanted) & 1U) != 0; }
   void describe_header(RemarkWriter& out) const noexcept;
   void describe_missing(RemarkWriter& out) const noexcept;
   void describe_number(TruthResult result, RemarkWriter& out) const noexcept;
 
   const ColumnNames wanted_;
+  const TruthAssembly::Axes axes_;
+  std::array<TruthField, Columns::max_wanted> fields_;  // by wanted column
   Columns columns_;
-  bool enough_ = false;
+  std::uint32_t used_ = 0;  // bit set of the wanted columns that are read
+  bool enough_ = false;     // columns are present
+  TruthReading reading_;
+  TruthAssembly assembly_;
   std::string configured_;    // the setting `columns`, as a header row
   Kind kind_ = Kind::header;  // of the last row
   std::string_view row_;      // the last row

@@ -50,6 +50,11 @@ const Vector3 earth_rate = {0, 0, units::earth_rate};  // in E, and in an inerti
 
 }  // namespace
 
+double largest_of(const TruthField& field) noexcept {
+  if (field.kind != QuantityKind::time) return largest(field.kind) / field.factor;
+  return truth_limit::time_ns / std::pow(10.0, field.exponent);
+}
+
 Vector3 TruthAssembly::vector(const TruthReading& in, TruthGroup group) const noexcept {
   return {number(in, group, 0), number(in, group, 1), number(in, group, 2)};
 }

@@ -36,6 +36,9 @@ inline constexpr Setting accumulated_dv_setting = {
     .initial = std::string_view("inertial"),
     .choices = accumulation_choices};
 
+// Returns the largest magnitude of the numbers of a field, in its unit.
+double largest_of(const TruthField& field) noexcept;
+
 // Makes Truths, in B front-right-down. N is inertial where the quantities have a place on the Earth, an attitude
 // relative to it, or `earth_angle`: its origin is the Earth's centre, its z axis the axis of rotation, and unless
 // `earth_angle` is given it coincides with E at truth time 0. Elsewhere N is the local level, north-east-down, and

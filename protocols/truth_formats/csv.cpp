@@ -1,16 +1,14 @@
 // Truth as rows of text: a header row, then a row per state, the columns by name in any order. The names are those of
 // Basilisk, or quantities of truth with their units, or by the setting `columns` any (protocols/mapped_columns.hpp).
 //
-// By Basilisk's names, // `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required.
+// By Basilisk's names, `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required.
 // `r_BN_N_x..z` (m), `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific
 // force, m/s^2) and `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present, and so is
 // `temperature_c`. Lines that begin with '#' are ignored, and so are other columns, which describe() names. The names
 // but the last are those of Basilisk's SCStatesMsgPayload. Columns are separated by what the header row has: commas,
 // semicolons or tabs; the decimal sign is a point.
 #include <algorithm>
-#include <cmath>
 
-#include "core/attitude.hpp"
 #include "protocols/columns.hpp"
 #include "protocols/mapped_columns.hpp"
 
@@ -36,6 +34,20 @@ constexpr std::string_view names[] = {
     "temperature_c",
 };
 // clang-format on
+constexpr std::string_view quantities[] = {
+    // clang-format off
+    "time_ns",
+    "sigma_BN_1", "sigma_BN_2", "sigma_BN_3",
+    "p_rad_per_s", "q_rad_per_s", "r_rad_per_s",
+    "r_BN_N_x_m", "r_BN_N_y_m", "r_BN_N_z_m",
+    "v_BN_N_x_m_per_s", "v_BN_N_y_m_per_s", "v_BN_N_z_m_per_s",
+    "p_dot_rad_per_s2", "q_dot_rad_per_s2", "r_dot_rad_per_s2",
+    "specific_force_x_m_per_s2", "specific_force_y_m_per_s2", "specific_force_z_m_per_s2",
+    "accumulated_dv_x_m_per_s", "accumulated_dv_y_m_per_s", "accumulated_dv_z_m_per_s",
+    "temperature_c",
+    // clang-format on
+};
+static_assert(std::size(quantities) == std::size(names));
 constexpr ColumnGroup group(Column first, std::size_t size, std::string_view help,
                             ColumnGroup::Need need = ColumnGroup::optional) {
   return {std::span(names).subspan(first, size), help, need};
@@ -52,24 +64,15 @@ constexpr ColumnGroup column_groups[] = {
     group(accumulated_dv_B, 3, "accumulated velocity of B's origin without gravity, m/s; see accumulated_dv"),
     group(temperature_c, 1, "temperature of the sensor's surroundings, degrees Celsius; see [imu.temperature]"),
 };
-constexpr std::size_t required_columns = column_count(column_groups, ColumnGroup::required);
-constexpr ColumnNames column_names = {names, required_columns, "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z"};
-// By vectors, after the time.
-constexpr ColumnLimit limits[] = {{7e153, ""},
-                                  {truth_limit::rate, "rad/s"},
-                                  {truth_limit::position, "m"},
-                                  {truth_limit::velocity, "m/s"},
-                                  {truth_limit::angular_acceleration, "rad/s^2"},
-                                  {truth_limit::specific_force, "m/s^2"},
-                                  {truth_limit::velocity, "m/s"},
-                                  {truth_limit::temperature, "degrees Celsius"}};
+constexpr ColumnNames column_names = {names, quantities, column_groups,
+                                      "time_ns, sigma_BN_1 to _3, omega_BN_B_x to _z"};
 
 class BasiliskColumns final : public ColumnTruthDecoder {
  public:
   explicit BasiliskColumns(const Settings& settings)
       : ColumnTruthDecoder(column_names,
-                           [](std::string_view given, std::string_view wanted) { return given == wanted; }),
-        accumulation_(TruthAssembly::axes(settings).accumulated_dv) {
+                           [](std::string_view given, std::string_view wanted) { return given == wanted; },
+                           {.accumulated_dv = TruthAssembly::accumulation(settings)}) {
     configure(settings);
   }
   using ColumnTruthDecoder::decode;
@@ -86,66 +89,6 @@ class BasiliskColumns final : public ColumnTruthDecoder {
     if (row.front() == '#') return Kind::remark;
     return is_header(row) ? Kind::header : Kind::state;
   }
-
-  bool enough() const noexcept override { return columns().has(time_ns, required_columns); }
-
-  // Reads nanoseconds as a 64-bit integer; a floating-point text such as 5e7 is accepted, too.
-  TruthResult read_time(TruthTime& time) const noexcept {
-    if (const auto integer = parse_integer(columns().field(time_ns))) {
-      time.ns = *integer;
-      return TruthResult::ok;
-    }
-    double real = 0;
-    const auto result = columns().read(time_ns, real);
-    if (result != TruthResult::ok) return result;
-    if (!std::isfinite(real)) return TruthResult::not_finite;
-    if (std::abs(real) > truth_limit::time_ns) return TruthResult::out_of_range;
-    time.ns = std::llround(real);
-    return TruthResult::ok;
-  }
-
-  TruthResult convert(Truth& truth) const noexcept override {
-    Vector3 sigma;
-    truth.has_angular_acceleration = columns().has(omegaDot_BN_B, 3);
-    truth.has_position = columns().has(r_BN_N, 3);
-    truth.has_velocity = columns().has(v_BN_N, 3);
-    truth.has_specific_force = columns().has(specific_force_B, 3);
-    if (columns().has(accumulated_dv_B, 3)) truth.accumulated_dv = accumulation_;
-    struct {
-      bool given;
-      Column column;
-      Vector3& vector;
-    } const groups[] = {{true, sigma_BN, sigma},
-                        {true, omega_BN_B, truth.omega_BN_B},
-                        {truth.has_position, r_BN_N, truth.r_BN_N},
-                        {truth.has_velocity, v_BN_N, truth.v_BN_N},
-                        {truth.has_angular_acceleration, omegaDot_BN_B, truth.omegaDot_BN_B},
-                        {truth.has_specific_force, specific_force_B, truth.specific_force_B},
-                        {truth.accumulated_dv != AccumulatedDv::none, accumulated_dv_B, truth.accumulated_dv_B}};
-    auto result = read_time(truth.time);
-    for (const auto& group : groups)
-      if (result == TruthResult::ok && group.given) result = columns().read(group.column, group.vector);
-    truth.has_temperature = columns().has(temperature_c, 1);
-    if (result == TruthResult::ok && truth.has_temperature)
-      result = columns().read(temperature_c, truth.temperature_c);
-    if (result != TruthResult::ok) return result;
-    if (!sigma.allFinite()) return TruthResult::not_finite;
-    if (!std::isfinite(sigma.squaredNorm())) return TruthResult::out_of_range;
-    truth.q_NB = quaternion_from_mrp(sigma);
-    return TruthResult::ok;
-  }
-
-  bool reads(std::size_t wanted) const noexcept override {
-    if (wanted < required_columns || wanted == temperature_c) return true;
-    if (wanted >= accumulated_dv_B && accumulation_ == AccumulatedDv::none) return false;
-    return columns().has(wanted - (wanted - r_BN_N) % 3, 3);
-  }
-
-  ColumnLimit limit(std::size_t wanted) const noexcept override {
-    return wanted == time_ns ? ColumnLimit{truth_limit::time_ns, "ns"} : limits[(wanted - sigma_BN) / 3];
-  }
-
-  AccumulatedDv accumulation_;
 };
 
 // The names of a header row, or of the setting `columns`.

@@ -15,9 +15,6 @@
 //
 // The specific force is that of the pilot's eye point, which therefore is B's origin: r_SB_B is measured from there.
 // JSBSim's `eci-*` are those of the centre of gravity.
-#include <cmath>
-
-#include "core/elementary.hpp"
 #include "protocols/columns.hpp"
 
 namespace imud {
@@ -39,6 +36,16 @@ constexpr std::string_view names[] = {
     "pidot-rad sec2", "qidot-rad sec2", "ridot-rad sec2",
     "a-pilot-x-ft sec2", "a-pilot-y-ft sec2", "a-pilot-z-ft sec2",
 };
+constexpr std::string_view quantities[] = {
+    "time_s", "latitude_rad", "longitude_rad", "earth_angle_rad", "roll_rad", "pitch_rad", "yaw_rad",
+    "p_rad_per_s", "q_rad_per_s", "r_rad_per_s",
+    "p_BE_rad_per_s", "q_BE_rad_per_s", "r_BE_rad_per_s",
+    "r_BN_N_x_ft", "r_BN_N_y_ft", "r_BN_N_z_ft",
+    "v_BN_N_x_ft_per_s", "v_BN_N_y_ft_per_s", "v_BN_N_z_ft_per_s",
+    "p_dot_rad_per_s2", "q_dot_rad_per_s2", "r_dot_rad_per_s2",
+    "specific_force_x_ft_per_s2", "specific_force_y_ft_per_s2", "specific_force_z_ft_per_s2",
+};
+static_assert(std::size(quantities) == std::size(names));
 // clang-format on
 constexpr ColumnGroup group(Column first, std::size_t size, std::string_view help, ColumnGroup::Need need) {
   return {std::span(names).subspan(first, size), help, need};
@@ -58,26 +65,11 @@ constexpr ColumnGroup column_groups[] = {
     group(angular_acceleration, 3, "angular acceleration, rad/s^2", ColumnGroup::optional),
     group(specific_force_ft, 3, "specific force at the pilot's eye point, ft/s^2", ColumnGroup::optional),
 };
-constexpr std::size_t required_columns =
-    column_count(column_groups, ColumnGroup::required);  // and one of the two rates
 constexpr ColumnNames column_names = {
-    names, required_columns,
+    names, quantities, column_groups,
     "Time, lat-geod-rad, long-gc-rad, epa-rad, phi-rad, theta-rad, psi-rad, pi-rad_sec "
     "to ri-rad_sec, each a <property> "
     "of the <output>"};
-
-constexpr double metres_per_foot = 0.3048;
-constexpr double earth_rate = 7.292115e-5;  // rad/s; the rate of epa-rad
-constexpr double half_pi = 0x1.921fb54442d18p0;
-constexpr double largest_angle = 1e5;    // rad; the limit of elementary::sincos
-constexpr double longest_time = 0x1p32;  // s
-// By vectors, from inertial_rate on.
-constexpr ColumnLimit limits[] = {{truth_limit::rate, "rad/s"},
-                                  {truth_limit::rate, "rad/s"},
-                                  {truth_limit::position / metres_per_foot, "ft"},
-                                  {truth_limit::velocity / metres_per_foot, "ft/s"},
-                                  {truth_limit::angular_acceleration, "rad/s^2"},
-                                  {truth_limit::specific_force / metres_per_foot, "ft/s^2"}};
 
 bool same_label(std::string_view given, std::string_view wanted) {
   given.remove_prefix(given.rfind('/') + 1);
@@ -85,20 +77,6 @@ bool same_label(std::string_view given, std::string_view wanted) {
   for (std::size_t i = 0; i < given.size(); ++i)
     if ((given[i] == '_' ? ' ' : given[i]) != wanted[i]) return false;
   return true;
-}
-
-Quaternion about(const Vector3& axis, double angle) {
-  const auto [sin, cos] = elementary::sincos(0.5 * angle);
-  return {cos, sin * axis.x(), sin * axis.y(), sin * axis.z()};
-}
-
-// E is N turned by the Earth position angle, L is north-east-down at geodetic latitude, B is L turned by psi, theta,
-// phi.
-Quaternion attitude(double epa, double lat, double lon, double psi, double theta, double phi) {
-  const Vector3 x = Vector3::UnitX(), y = Vector3::UnitY(), z = Vector3::UnitZ();
-  const Quaternion q_NL = about(z, epa + lon) * about(y, -half_pi - lat);
-  const Quaternion q_LB = about(z, psi) * about(y, theta) * about(x, phi);
-  return q_NL * q_LB;
 }
 
 class JsbsimTruthDecoder final : public ColumnTruthDecoder {
@@ -117,64 +95,6 @@ class JsbsimTruthDecoder final : public ColumnTruthDecoder {
     if (row.find(names[time_s]) == row.npos) return Kind::state;
     std::string_view rest = row;
     return unquoted(take_field(rest, delimiter_of(row))) == names[time_s] ? Kind::header : Kind::state;
-  }
-
-  bool enough() const noexcept override {
-    return columns().has(0, required_columns) &&
-           (columns().has(inertial_rate, 3) || columns().has(earth_relative_rate, 3));
-  }
-
-  TruthResult convert(Truth& truth) const noexcept override {
-    double scalars[required_columns];
-    for (std::size_t i = 0; i < required_columns; ++i) {
-      const auto result = columns().read(i, scalars[i]);
-      if (result != TruthResult::ok) return result;
-    }
-    const bool inertial = columns().has(inertial_rate, 3);
-    truth.has_angular_acceleration = columns().has(angular_acceleration, 3);
-    truth.has_position = columns().has(position_ft, 3);
-    truth.has_velocity = columns().has(velocity_fps, 3);
-    truth.has_specific_force = columns().has(specific_force_ft, 3);
-    struct {
-      bool given;
-      Column column;
-      Vector3& vector;
-      double unit;
-    } const groups[] = {
-        {true, inertial ? inertial_rate : earth_relative_rate, truth.omega_BN_B, 1.0},
-        {truth.has_position, position_ft, truth.r_BN_N, metres_per_foot},
-        {truth.has_velocity, velocity_fps, truth.v_BN_N, metres_per_foot},
-        {truth.has_angular_acceleration, angular_acceleration, truth.omegaDot_BN_B, 1.0},
-        {truth.has_specific_force, specific_force_ft, truth.specific_force_B, metres_per_foot},
-    };
-    for (const auto& group : groups) {
-      if (!group.given) continue;
-      const auto result = columns().read(group.column, group.vector);
-      if (result != TruthResult::ok) return result;
-      group.vector *= group.unit;
-    }
-    for (const double scalar : scalars)
-      if (!std::isfinite(scalar)) return TruthResult::not_finite;
-    if (std::abs(scalars[time_s]) > longest_time) return TruthResult::out_of_range;
-    for (std::size_t i = latitude; i <= yaw; ++i)
-      if (std::abs(scalars[i]) > largest_angle) return TruthResult::out_of_range;
-
-    truth.time.ns = std::llround(scalars[time_s] * 1e9);
-    truth.q_NB = attitude(scalars[earth_angle], scalars[latitude], scalars[longitude], scalars[yaw], scalars[pitch],
-                          scalars[roll]);
-    if (!inertial) truth.omega_BN_B += truth.q_NB.conjugate() * Vector3(0, 0, earth_rate);
-    return TruthResult::ok;
-  }
-
-  bool reads(std::size_t wanted) const noexcept override {
-    if (wanted < required_columns) return true;
-    if (wanted >= earth_relative_rate && wanted < position_ft && columns().has(inertial_rate, 3)) return false;
-    return columns().has(wanted - (wanted - inertial_rate) % 3, 3);
-  }
-
-  ColumnLimit limit(std::size_t wanted) const noexcept override {
-    if (wanted == time_s) return {longest_time, "s"};
-    return wanted < inertial_rate ? ColumnLimit{largest_angle, "rad"} : limits[(wanted - inertial_rate) / 3];
   }
 };
 

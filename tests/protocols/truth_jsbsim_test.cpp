@@ -215,7 +215,8 @@ TEST_F(JsbsimTruth, RemarksNameTheColumns) {
   const auto remark_on = [this](const std::string& row) { return remark(*decoder_, decode(row)); };
   EXPECT_EQ(remark_on(with(row_0, 26, "1e9")),
             "the column \"a-pilot-x-ft sec2\" has \"1e9\", and its limit is 328083989.5013123 ft/s^2");
-  EXPECT_EQ(remark_on(with(row_0, 0, "1e12")), "the column \"Time\" has \"1e12\", and its limit is 4294967296 s");
+  EXPECT_EQ(remark_on(with(row_0, 0, "1e12")),
+            "the column \"Time\" has \"1e12\", and its limit is 4611686018.427388 s");
 }
 
 TEST_F(JsbsimTruth, EveryCause) {
@@ -244,6 +245,7 @@ TEST_F(JsbsimTruth, TimeIsRoundedToTheNanosecond) {
   for (const auto& [text, ns] : {std::pair<std::string_view, std::int64_t>{"0.4950000000000003", 495000000},
                                  {"1.005", 1005000000},
                                  {"59.995", 59995000000},
+                                 {"9.8299999999995", 9830000000},
                                  {"  86400.00833333333", 86400008333333}}) {
     ASSERT_EQ(decode(with(row_0, 0, text)), TruthResult::ok);
     EXPECT_EQ(truth_.time.ns, ns);
