@@ -127,6 +127,7 @@ void Channel::encode(bool too_late) noexcept {
   else if (sync_)
     sync_->discard_edges();
   if (!is_on()) return;
+  if (other_units_ != nullptr) other_units_->select(faults_->messages().other_unit());
   sample_.time = time + clock_offset_;
   device_->sample(sample_, silent_ || too_late ? others_ : frames_);
   sample_.time = time;

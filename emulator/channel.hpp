@@ -16,6 +16,7 @@
 #include "emulator/counters.hpp"
 #include "emulator/device_clock.hpp"
 #include "emulator/faults/channel_faults.hpp"
+#include "emulator/faults/other_units.hpp"
 #include "emulator/faults/power_faults.hpp"
 #include "emulator/faults/wire_port.hpp"
 #include "emulator/host.hpp"
@@ -234,6 +235,7 @@ class Channel {
   std::optional<PowerFaults> power_faults_;
   std::unique_ptr<Device> other_device_;  // as delivered, or after a loss of the settings the configured one
   bool has_lost_settings_ = false;
+  OtherUnits* other_units_ = nullptr;       // the device, if faults have other units in its place
   bool is_supplied_ = true;                 // by set_supply()
   PowerStep power_step_, next_power_step_;  // by faults: now, and from the next sample on
   Sample sample_;                           // of sense()

@@ -44,14 +44,26 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
     if (recorder_ != nullptr) line.wire->set_recorder(recorder_, line.interface);
   }
   power_faults_.emplace(name_, seed, config.rate_hz);
-  const Settings delivered(config.protocol->settings);
+  const Settings delivered = settings_as_delivered(config);
   other_device_ = config.protocol->make(delivered);
-  other_device_->set_figures(figures_of(config.model));
-  if (line_count_ == 2) other_device_->connect_second_uart();
+  const auto prepare = [&](Device& device) {
+    device.set_figures(figures_of(config.model));
+    if (line_count_ == 2) device.connect_second_uart();
+  };
+  prepare(*other_device_);
+  const std::span<const FaultConfig> faults = faults_ ? faults_->configured() : std::span<const FaultConfig>();
+  if (OtherUnits::are_needed(faults, config)) {
+    auto units = std::make_unique<OtherUnits>(std::move(device_), faults, config, prepare);
+    other_units_ = units.get();
+    device_ = std::move(units);
+  }
   if (is_can_) {
     std::vector<CanFilter> filters;
     add_filters(*config.protocol, config.settings, config.rate_hz, filters);
     add_filters(*config.protocol, delivered, config.rate_hz, filters);
+    for (const FaultConfig& fault : faults)
+      if (const Settings* settings = fault.settings_of(config.name))
+        add_filters(*config.protocol, *settings, config.rate_hz, filters);
     lines_[0].port->set_filters(filters);
   }
 }
@@ -88,7 +100,8 @@ bool Channel::apply_power_faults() noexcept {
   power_step_ = next_power_step_;
   if (!power_step_.starts) return false;
   next_power_step_.starts = false;
-  if (power_step_.as_delivered && !std::exchange(has_lost_settings_, true)) std::swap(device_, other_device_);
+  if (power_step_.as_delivered && !std::exchange(has_lost_settings_, true))
+    std::swap(other_units_ != nullptr ? other_units_->own() : device_, other_device_);
   if (!is_supplied_) return false;
   start_device(sample_.time);
   return true;

@@ -45,8 +45,9 @@ static_assert(std::is_same_v<std::variant_alternative_t<list_index, SettingValue
 
 }  // namespace
 
-Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own) {
-  Settings settings(declared);
+Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own,
+                       const Settings* absent) {
+  Settings settings = absent != nullptr ? *absent : Settings(declared);
   for (const Setting& setting : declared) {
     const toml::node* node = table.node(setting.key);
     if (own != nullptr && own->has(setting.key)) {

@@ -56,8 +56,9 @@ std::optional<std::uint16_t> tcp_port(const std::string& port);
 
 // Reads the declared settings that the table has, or `own`, a table in it that is for them alone. A list may be given
 // as a table: {a = "b"} is ["a=b"]; a whole number in it counts as its text. Adds a fault for each value that is
-// refused.
-Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own = nullptr);
+// refused. `absent`: the values of absent keys; nullptr: the initial ones.
+Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own = nullptr,
+                       const Settings* absent = nullptr);
 
 // Returns the transport that the port's text names, if check_port() accepts the text with `settings`. Otherwise
 // returns nullptr and adds a fault of `key`, unless the key has no text.

@@ -102,6 +102,10 @@ Json described(const FaultKind& kind) {
   json["ramp"] = kind.is_ramped;
   if (!kind.stays.empty()) json["afterwards"] = kind.stays;
   json["settings"] = Json::array();
+  if (kind.has_settings)
+    json["settings"].push_back(
+        {{"key", "device"},
+         {"help", "settings of the other unit, as in [imu.device], over those of its own; absent: as delivered"}});
   for (const FaultParameter& parameter : kind.parameters) {
     Json setting = {{"key", parameter.key}, {"help", parameter.meaning}};
     if (std::isfinite(parameter.initial)) setting["default"] = parameter.initial;

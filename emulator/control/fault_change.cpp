@@ -60,6 +60,9 @@ FaultConfig read(const Json& params, const Config& config, std::size_t number) {
   TableReader reader(&table, "", 0, wrong, resolved);
   const FaultConfig fault = read_fault(reader, number, imu_names(config));
   if (!wrong.all().empty()) refuse(fmt::format("{}", fmt::join(wrong.all(), "; ")));
+  if (fault.kind->has_settings)
+    refuse(fmt::format("{} needs a second unit, which is made at the start of imud; give a [[fault]]",
+                       fault.kind->name));
   if (fault.kind->seam == FaultSeam::truth) refuse("truth cannot fail by control; give a [[fault]]");
   if (fault.kind->seam != FaultSeam::wire) return fault;
   for (const ImuConfig& imu : config.imus)
@@ -121,7 +124,7 @@ Change fault_change_of(const std::string& method, const Json& request_params, co
 Json fault_kinds_json() {
   Json all = Json::array();
   for (const FaultKind* kind : fault_kinds()) {
-    if (kind->seam == FaultSeam::truth) continue;
+    if (kind->seam == FaultSeam::truth || kind->has_settings) continue;
     Json parameters = Json::array();
     for (const FaultParameter& parameter : kind->parameters)
       parameters.push_back({{"key", parameter.key},

@@ -7,7 +7,8 @@ namespace imud {
 ChannelFaults::ChannelFaults(std::span<const FaultConfig> faults, std::span<const ExpectConfig> expectations,
                              const ImuConfig& imu, std::uint16_t number, std::uint64_t seed, FaultLog& log,
                              std::size_t most)
-    : normals_(fault_normals(imu.name, seed, faults.size() + most)),
+    : configured_(faults),
+      normals_(fault_normals(imu.name, seed, faults.size() + most)),
       schedule_(faults, normals_, imu.name, number, imu.rate_hz, log),
       sensors_(imu.model, normals_),
       messages_(faults, normals_, imu.name, imu.rate_hz),

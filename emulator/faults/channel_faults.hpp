@@ -24,6 +24,8 @@ class ChannelFaults {
                 std::uint16_t number, std::uint64_t seed, FaultLog& log, std::size_t most = 0);
 
   FaultSchedule& schedule() noexcept { return schedule_; }
+  // The faults of the run that were there at its start.
+  std::span<const FaultConfig> configured() const noexcept { return configured_; }
   void begin_run() noexcept;
   // Ends the faults that act, after the last sample.
   void finish() noexcept { schedule_.finish(); }
@@ -38,6 +40,7 @@ class ChannelFaults {
   std::span<const ActiveFault> active(FaultSeam seam) const noexcept { return schedule_.active(seam); }
 
  private:
+  const std::span<const FaultConfig> configured_;
   const std::vector<Normals> normals_;  // by the faults' numbers
   FaultSchedule schedule_;
   SensorFaults sensors_;

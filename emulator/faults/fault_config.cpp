@@ -240,6 +240,11 @@ bool FaultConfig::acts_on(std::string_view imu) const noexcept {
   return std::find(imus.begin(), imus.end(), imu) != imus.end();
 }
 
+const Settings* FaultConfig::settings_of(std::string_view imu) const noexcept {
+  const auto found = std::find_if(settings.begin(), settings.end(), [&](const auto& of) { return of.first == imu; });
+  return found == settings.end() ? nullptr : &found->second;
+}
+
 std::string FaultConfig::target_text() const {
   std::string text(kind->targets[target]);
   if (!kind->has_axes || axes == 7) return text;
@@ -263,6 +268,7 @@ std::string FaultConfig::text() const {
                                   has_unit ? fmt::format("{}_{}", parameter.key, units[0].suffix) : parameter.key,
                                   number_text(parameters[i], 1)));
   }
+  if (kind->has_settings) numbers.push_back(settings_text.empty() ? "as delivered" : settings_text);
   if (!numbers.empty()) text += fmt::format(" ({})", fmt::join(numbers, ", "));
   if (condition.quantity != FaultCondition::Quantity::none)
     text += fmt::format(", when {} is above {:g}{}",
@@ -307,7 +313,8 @@ FaultConfig read_fault(TableReader& table, std::size_t index, const std::vector<
   }
   if (fault.kind != nullptr) read_parameters(table, fault);
   read_times(table, fault);
-  if (fault.kind != nullptr) table.finish();  // otherwise its keys are not known
+  if (fault.kind != nullptr && fault.kind->has_settings) table.node("device");  // read_other_settings() reads it
+  if (fault.kind != nullptr) table.finish();                                    // otherwise its keys are not known
   return fault;
 }
 

@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/random.hpp"
 #include "core/time.hpp"
 #include "emulator/faults/fault.hpp"
 #include "emulator/table_reader.hpp"
+#include "protocols/settings.hpp"
 
 namespace imud {
 
@@ -51,9 +53,15 @@ struct FaultConfig {
   double every_s = 0;       // from one occurrence to the next; 0: there is one
   std::uint64_t times = 1;  // occurrences; 0: any number
   double probability = 1;   // of each occurrence
+  // The settings of the other unit of each imu, by its name, for a kind that has settings, and those that were given
+  // as text; empty: they are those as delivered.
+  std::vector<std::pair<std::string, Settings>> settings = {};
+  std::string settings_text = {};
 
   // Returns true if the fault acts on the imu of this name.
   bool acts_on(std::string_view imu) const noexcept;
+  // Returns the settings of the other unit in the place of the imu's; nullptr: there is none.
+  const Settings* settings_of(std::string_view imu) const noexcept;
   // Returns the target with its axes: "gyro.x".
   std::string target_text() const;
   // Describes it in a sentence with its times, for people.

@@ -36,6 +36,7 @@ enum class MessageFault : std::uint8_t {
   counter_jump,
   invalid,
   valid,
+  other_settings,
   clock_jump,
   clock_drift,
   count
@@ -93,6 +94,12 @@ constexpr FaultKind message_table[] = {
      .seam = FaultSeam::message,
      .targets = message_target,
      .is_ramped = false},
+    {.name = "other_settings",
+     .summary = "messages are those of a unit with other settings, such as another unit, range or identifier",
+     .seam = FaultSeam::message,
+     .targets = message_target,
+     .is_ramped = false,
+     .has_settings = true},
     {.name = "jump",
      .summary = "the sensor's clock is wrong",
      .seam = FaultSeam::message,
@@ -146,6 +153,7 @@ MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::span<cons
 void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept {
   is_missing_ = is_exchanged_ = false;
   repetitions_ = 0;
+  other_unit_.reset();
   delay_ = clock_offset_ = Nanoseconds{0};
   for (const ActiveFault& fault : faults) {
     const double p = fault.parameters[0];
@@ -183,6 +191,9 @@ void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, 
         break;
       case MessageFault::valid:
         sample.status = 0;
+        break;
+      case MessageFault::other_settings:
+        other_unit_ = fault.number;
         break;
       case MessageFault::clock_jump:
         clock_offset_ += nanoseconds(p);

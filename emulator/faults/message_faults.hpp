@@ -29,6 +29,8 @@ class MessageFaults {
   void apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept;
   // By how much the device's clock is off.
   Nanoseconds clock_offset() const noexcept { return clock_offset_; }
+  // The number of the fault whose unit makes the frames; nullopt: the own unit does.
+  std::optional<std::uint32_t> other_unit() const noexcept { return other_unit_; }
 
   // Changes the frames that the device has made of the sample at `time`: removes, repeats or withholds them.
   void shape(FrameBuffer& frames, DeviceTime time) noexcept;
@@ -60,6 +62,7 @@ class MessageFaults {
   // The changes to the current sample and its frames.
   bool is_missing_ = false, is_exchanged_ = false;
   int repetitions_ = 0;
+  std::optional<std::uint32_t> other_unit_;
   Nanoseconds delay_{0};
   Nanoseconds clock_offset_{0};
   std::uint64_t counter_ = 0;        // of the last sample as it was sent, for a counter that is stuck

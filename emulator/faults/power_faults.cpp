@@ -24,8 +24,8 @@ constexpr FaultParameter of_slow_start[] = {
 constexpr std::string_view started_anew =
     "the device starts up, with its saved settings and new turn-on errors; what the host has sent meanwhile is lost";
 
-constexpr FaultKind kind(std::string_view name, std::string_view summary, std::span<const FaultParameter> parameters,
-                         std::string_view stays) {
+constexpr FaultKind power_kind(std::string_view name, std::string_view summary,
+                               std::span<const FaultParameter> parameters, std::string_view stays) {
   return {.name = name,
           .summary = summary,
           .seam = FaultSeam::power,
@@ -37,22 +37,22 @@ constexpr FaultKind kind(std::string_view name, std::string_view summary, std::s
 }
 
 // In the order of Kind.
-constexpr std::array kinds = {
-    kind("off", "the supply is off, and on again at the end", {}, started_anew),
-    kind("brown_out", "the supply drops at random instants, at each of which the device is reset", of_brown_out,
-         started_anew),
-    kind("slow_start", "each start of the device takes longer", of_slow_start,
-         "a start that has begun takes as long as it would"),
-    kind("settings_lost", "the device is reset, and starts with the settings as delivered", {},
-         "the settings are those as delivered until the host changes them"),
-    kind("boot_loader", "the device is reset, and stays in its boot loader, which neither sends nor answers", {},
-         started_anew),
+constexpr std::array power_table = {
+    power_kind("off", "the supply is off, and on again at the end", {}, started_anew),
+    power_kind("brown_out", "the supply drops at random instants, at each of which the device is reset", of_brown_out,
+               started_anew),
+    power_kind("slow_start", "each start of the device takes longer", of_slow_start,
+               "a start that has begun takes as long as it would"),
+    power_kind("settings_lost", "the device is reset, and starts with the settings as delivered", {},
+               "the settings are those as delivered until the host changes them"),
+    power_kind("boot_loader", "the device is reset, and stays in its boot loader, which neither sends nor answers",
+               {}, started_anew),
 };
-static_assert(kinds.size() == kind_count);
+static_assert(power_table.size() == kind_count);
 
 }  // namespace
 
-std::span<const FaultKind> power_fault_kinds() noexcept { return kinds; }
+std::span<const FaultKind> power_fault_kinds() noexcept { return power_table; }
 
 PowerFaults::PowerFaults(std::string_view imu, std::uint64_t seed, double rate_hz)
     : seed_(seed), stream_(stream_id(fmt::format("{}/power", imu))), rate_hz_(rate_hz) {}
@@ -61,7 +61,7 @@ PowerStep PowerFaults::step(std::span<const ActiveFault> faults) noexcept {
   bool is_supplied = true, is_reset = false;
   double slow_s = 0;
   for (const ActiveFault& fault : faults) {
-    switch (static_cast<Kind>(fault.kind - kinds.data())) {
+    switch (static_cast<Kind>(fault.kind - power_table.data())) {
       case off:
       case boot_loader:
         is_supplied = false;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "emulator/config_text.hpp"
+#include "emulator/faults/other_units.hpp"
 #include "emulator/faults/wire_faults.hpp"
 
 namespace imud {
@@ -40,6 +41,7 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
     read_each(from, "fault", of_file, resolved_faults, [&](TableReader& reader) {
       config.faults.push_back(read_fault(reader, config.faults.size(), imus));
       const FaultKind* kind = config.faults.back().kind;
+      if (kind != nullptr && kind->has_settings) read_other_settings(reader, config.imus, config.faults.back());
       if (kind != nullptr && !kind->in_lockstep && config.clock == ClockMode::lockstep)
         reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
       if (kind == nullptr || kind->seam != FaultSeam::wire) return;

@@ -25,6 +25,7 @@ class FaultyRunTest : public RunTest {
   struct Sent {
     DeviceTime time;
     std::string bytes;
+    std::uint32_t can_id = 0;
   };
   struct Result {
     std::vector<Sent> frames;               // of the first imu
@@ -43,7 +44,7 @@ class FaultyRunTest : public RunTest {
         const std::string text(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
         bytes_ += text;
         if (!is_first_) continue;
-        result_.frames.push_back({time_, text});
+        result_.frames.push_back({time_, text, frame.can.id});
         decoder_->feed(frame, *this);
       }
     }
@@ -70,8 +71,8 @@ class FaultyRunTest : public RunTest {
         "format = \"jsbsim\"\n",
         IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap");
     for (int i = 1; i <= imus; ++i)
-      text += fmt::format("[[imu]]\nname = \"imu{0}\"\nprotocol = \"{1}\"\nport = \"file:{0}\"\n{2}\n", i, protocol,
-                          errors);
+      text += fmt::format("[[imu]]\nname = \"imu{0}\"\nprotocol = \"{1}\"\nport = \"{3}:{0}\"\n{2}\n", i, protocol,
+                          errors, find_protocol(protocol)->link == Link::can ? "canfile" : "file");
     return text + faults;
   }
 

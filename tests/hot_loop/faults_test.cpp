@@ -1,6 +1,7 @@
 // Faults allocate nothing after the start.
 #include <gtest/gtest.h>
 
+#include "emulator/faults/other_units.hpp"
 #include "tests/emulator/powered_unit.hpp"
 #include "tests/emulator/run_test.hpp"
 #include "tests/support/allocations.hpp"
@@ -43,6 +44,28 @@ TEST_F(FaultsAllocate, NothingOnThePower) {
     const std::uint64_t before = allocations();
     unit.channel->set_faults({}, active);
     unit.step();
+    ASSERT_EQ(allocations(), before) << k;
+  }
+}
+
+TEST_F(FaultsAllocate, NothingInOtherUnits) {
+  const Config config = load_config(write(
+      "config.toml", std::string(powered_unit_config) + "[[fault]]\ntarget = \"message\"\nkind = \"other_settings\"\n"
+                                                        "device = {cr_lf = true}\n"));
+  const ImuConfig& imu = config.imus[0];
+  OtherUnits units(imu.protocol->make(imu.settings), config.faults, imu, [](Device&) {});
+  const auto frames = std::make_unique<FrameBuffer>();
+  const std::string_view command = "SERVICEMODE\r";
+  Sample sample;
+  units.power_on(DeviceTime{});
+  for (std::int64_t k = 0; k < 4000; ++k) {
+    const std::uint64_t before = allocations();
+    frames->clear();
+    units.select(k / 100 % 2 == 0 ? std::optional<std::uint32_t>() : 0);
+    sample.time = DeviceTime{500'000 * k};
+    if (const auto at = units.deadline(); at && *at <= sample.time) units.poll(*at, *frames);
+    units.sample(sample, *frames);
+    if (k == 3500) units.receive({std::as_bytes(std::span(command))}, sample.time, *frames);
     ASSERT_EQ(allocations(), before) << k;
   }
 }

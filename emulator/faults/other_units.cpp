@@ -1,0 +1,133 @@
+#include "emulator/faults/other_units.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <sstream>
+#include <stdexcept>
+
+#include "emulator/config_parts.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns what is wrong with a unit of these settings in the place of the imu's; empty: nothing.
+std::string objection(const ImuConfig& imu, const Settings& settings) {
+  try {
+    static_cast<void>(imu.protocol->make(settings));
+    if (imu.protocol->check != nullptr) imu.protocol->check(settings, imu.rate_hz);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  if (imu.protocol->product == nullptr) return {};
+  const double rate_hz = imu.protocol->product(settings).rate_hz;
+  return rate_hz == imu.rate_hz ? std::string()
+                                : fmt::format("it samples at {} Hz, {} at {} Hz; give settings with the same rate",
+                                              rate_hz, imu.name, imu.rate_hz);
+}
+
+}  // namespace
+
+Settings settings_as_delivered(const ImuConfig& imu) {
+  Settings settings(imu.protocol->settings);
+  try {
+    static_cast<void>(imu.protocol->make(settings));
+    return settings;
+  } catch (const std::invalid_argument&) {
+    return imu.settings;
+  }
+}
+
+void read_other_settings(TableReader& table, const std::vector<ImuConfig>& imus, FaultConfig& fault) {
+  const toml::node* node = table.node("device");
+  const toml::table* given = node == nullptr ? nullptr : node->as_table();
+  if (node != nullptr && given == nullptr) return table.fault("device", "give settings, as those of [imu.device]");
+  std::optional<TableReader> reader;
+  if (given != nullptr) reader.emplace(table.child("device"));
+  for (const ImuConfig& imu : imus) {
+    if (imu.protocol == nullptr || !fault.acts_on(imu.name)) continue;
+    const Settings settings =
+        reader ? read_settings(*reader, imu.protocol->settings, nullptr, &imu.settings) : settings_as_delivered(imu);
+    if (const std::string wrong = objection(imu, settings); !wrong.empty())
+      table.fault("device", fmt::format("{}: {}", imu.name, wrong));
+    fault.settings.emplace_back(imu.name, settings);
+  }
+  if (!reader) return;
+  reader->finish();
+  toml::table only_given = *given;
+  only_given.is_inline(true);
+  std::ostringstream text;
+  text << only_given;
+  fault.settings_text = text.str();
+  table.resolve("device", std::move(only_given));
+}
+
+bool OtherUnits::are_needed(std::span<const FaultConfig> faults, const ImuConfig& imu) noexcept {
+  return std::any_of(faults.begin(), faults.end(),
+                     [&](const FaultConfig& fault) { return fault.settings_of(imu.name) != nullptr; });
+}
+
+std::vector<OtherUnits::Other> OtherUnits::others_of(std::span<const FaultConfig> faults, const ImuConfig& imu) {
+  std::vector<Other> others;
+  for (std::size_t i = 0; i < faults.size(); ++i)
+    if (const Settings* settings = faults[i].settings_of(imu.name))
+      others.push_back({static_cast<std::uint32_t>(i), imu.protocol->make(*settings)});
+  return others;
+}
+
+void OtherUnits::select(std::optional<std::uint32_t> fault) noexcept {
+  selected_ = nullptr;
+  if (!fault) return;
+  for (const Other& other : others_)
+    if (other.fault == *fault) selected_ = &other;
+}
+
+template <class Function>
+void OtherUnits::for_all(FrameBuffer& out, Function function) noexcept {
+  const auto call = [&](Device& device, bool is_selected) {
+    unsent_.clear();
+    function(device, is_selected ? out : unsent_);
+  };
+  call(*own_, selected_ == nullptr);
+  for (const Other& other : others_) call(*other.device, selected_ == &other);
+}
+
+void OtherUnits::power_on(DeviceTime now) noexcept {
+  for_all(unsent_, [&](Device& device, FrameBuffer&) { device.power_on(now); });
+}
+
+void OtherUnits::sample(const Sample& sample, FrameBuffer& out) noexcept {
+  for_all(out, [&](Device& device, FrameBuffer& frames) { device.sample(sample, frames); });
+}
+
+void OtherUnits::receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept {
+  for_all(replies, [&](Device& device, FrameBuffer& frames) { device.receive(from_host, now, frames); });
+}
+
+std::optional<DeviceTime> OtherUnits::deadline() const noexcept {
+  std::optional<DeviceTime> first = own_->deadline();
+  for (const Other& other : others_)
+    if (const auto at = other.device->deadline(); at && (!first || *at < *first)) first = at;
+  return first;
+}
+
+void OtherUnits::poll(DeviceTime now, FrameBuffer& out) noexcept {
+  for_all(out, [&](Device& device, FrameBuffer& frames) {
+    if (const auto at = device.deadline(); at && *at <= now) device.poll(now, frames);
+  });
+}
+
+void OtherUnits::step_clock(Nanoseconds by) noexcept {
+  for_all(unsent_, [&](Device& device, FrameBuffer&) { device.step_clock(by); });
+}
+
+void OtherUnits::trigger(DeviceTime time) noexcept {
+  for_all(unsent_, [&](Device& device, FrameBuffer&) { device.trigger(time); });
+}
+
+void OtherUnits::pps(DeviceTime time) noexcept {
+  for_all(unsent_, [&](Device& device, FrameBuffer&) { device.pps(time); });
+}
+
+}  // namespace imud

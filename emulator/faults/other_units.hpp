@@ -1,0 +1,75 @@
+// OtherUnits: a unit in whose place units with other settings send, as faults have it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "emulator/faults/fault_config.hpp"
+#include "emulator/table_reader.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+struct ImuConfig;
+
+// Returns the settings of the imu's product as delivered; those that are configured if there are none, as of messages
+// that a file describes.
+Settings settings_as_delivered(const ImuConfig& imu);
+
+// Reads `device` of a fault that has settings: FaultConfig::settings of each of its imus. Adds a fault of the file
+// for everything that is wrong.
+void read_other_settings(TableReader& table, const std::vector<ImuConfig>& imus, FaultConfig& fault);
+
+// All units have power, samples, edges, clock and host of the own one, so that each is at any time what it would be
+// if it had been there always. Only the frames of one leave; line, filters, pulses and figures are those of the own
+// one. One thread.
+class OtherUnits final : public Device {
+ public:
+  // `own` and the units of `faults` that act on the imu; units that are not the own one are passed to `prepare`
+  // first.
+  template <class Prepare>
+  OtherUnits(std::unique_ptr<Device> own, std::span<const FaultConfig> faults, const ImuConfig& imu, Prepare prepare)
+      : own_(std::move(own)), others_(others_of(faults, imu)) {
+    for (const Other& other : others_) prepare(*other.device);
+  }
+  // Returns true if any of the faults needs another unit of the imu.
+  static bool are_needed(std::span<const FaultConfig> faults, const ImuConfig& imu) noexcept;
+
+  // From now on frames are those of the unit of this fault; nullopt: those of the own one.
+  void select(std::optional<std::uint32_t> fault) noexcept;
+  std::unique_ptr<Device>& own() noexcept { return own_; }
+
+  void power_on(DeviceTime now) noexcept override;
+  void sample(const Sample& sample, FrameBuffer& out) noexcept override;
+  void receive(const Frame& from_host, DeviceTime now, FrameBuffer& replies) noexcept override;
+  std::optional<DeviceTime> deadline() const noexcept override;
+  void poll(DeviceTime now, FrameBuffer& out) noexcept override;
+  void step_clock(Nanoseconds by) noexcept override;
+  UartSettings uart() const noexcept override { return own_->uart(); }
+  UartSettings second_uart() const noexcept override { return own_->second_uart(); }
+  std::span<const std::uint64_t> counts() const noexcept override { return own_->counts(); }
+  std::optional<SensorFilters> filters() const noexcept override { return own_->filters(); }
+  void trigger(DeviceTime time) noexcept override;
+  void pps(DeviceTime time) noexcept override;
+  std::optional<Pulse> pulse() const noexcept override { return own_->pulse(); }
+
+ private:
+  struct Other {
+    std::uint32_t fault;
+    std::unique_ptr<Device> device;
+  };
+  static std::vector<Other> others_of(std::span<const FaultConfig> faults, const ImuConfig& imu);
+  // Calls function(Device&, FrameBuffer&) for each unit, with `out` for the one that is selected.
+  template <class Function>
+  void for_all(FrameBuffer& out, Function function) noexcept;
+
+  std::unique_ptr<Device> own_;
+  const std::vector<Other> others_;
+  const Other* selected_ = nullptr;  // nullptr: the own unit
+  FrameBuffer unsent_;
+};
+
+}  // namespace imud
