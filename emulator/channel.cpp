@@ -91,7 +91,7 @@ Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k
   is_resting_ = false;
   sample_ = imu_.sample(timeline, time, clock_.stamp(k));
   if (faults_) {
-    faults_->take(sample_, time - timeline.run_start());
+    faults_->take(sample_, time - timeline.run_start(), utc_ns_of(sample_.time));
     set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
   }
   if (faults_ && power_faults_) set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
@@ -245,7 +245,7 @@ void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
   const DeviceTime time = clock_.now(now);
   poll_until(time);
   others_.clear();
-  if (faults_) faults_->expectations().host_sent(frame.bytes);
+  if (faults_) faults_->host_sent(frame.bytes);
   if (!is_on()) return;
   frame.uart = static_cast<std::uint8_t>(uart);
   device_->receive(frame, time + clock_offset_, others_);

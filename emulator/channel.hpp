@@ -195,6 +195,8 @@ class Channel {
   void encode(bool too_late) noexcept;
   void release_until(DeviceTime now, bool too_late) noexcept;
   void set_clock_offset(Nanoseconds offset) noexcept;
+  // Returns the UTC, ns since 1970, of a time of clock_; nullopt if the host's clock does not pace it.
+  std::optional<std::int64_t> utc_ns_of(DeviceTime time) const noexcept;
   // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   void add_interfaces();
@@ -226,6 +228,7 @@ class Channel {
   Recorder* const recorder_;
   std::optional<Sync> sync_;                     // nullopt if no pin is connected
   const std::unique_ptr<ChannelFaults> faults_;  // nullptr: there are none
+  std::int64_t utc_offset_ns_ = 0;               // UTC, ns since 1970, less host time; of enable_faults()
   // By how much the clock of the device is ahead of clock_, because of a fault.
   Nanoseconds clock_offset_{0};
   DeviceClock clock_;

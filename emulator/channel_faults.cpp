@@ -1,7 +1,9 @@
 // The power of a channel, and the faults that act on its wire, its power and its clock.
+#include <chrono>
 #include <utility>
 
 #include "emulator/channel.hpp"
+#include "transports/host_clock.hpp"
 
 namespace imud {
 
@@ -43,6 +45,8 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
     line.port = std::move(wire);
     if (recorder_ != nullptr) line.wire->set_recorder(recorder_, line.interface);
   }
+  const auto utc = std::chrono::system_clock::now().time_since_epoch();
+  utc_offset_ns_ = std::chrono::duration_cast<Nanoseconds>(utc).count() - host_now().ns;
   power_faults_.emplace(name_, seed, config.rate_hz);
   const Settings delivered = settings_as_delivered(config);
   other_device_ = config.protocol->make(delivered);
@@ -66,6 +70,11 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
         add_filters(*config.protocol, *settings, config.rate_hz, filters);
     lines_[0].port->set_filters(filters);
   }
+}
+
+std::optional<std::int64_t> Channel::utc_ns_of(DeviceTime time) const noexcept {
+  const std::optional<HostTime> host = clock_.host_time(time);
+  return host ? std::optional(host->ns + utc_offset_ns_) : std::nullopt;
 }
 
 void Channel::cycle_power(HostTime now) noexcept {

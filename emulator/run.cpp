@@ -21,6 +21,7 @@
 #include "emulator/control/control_api.hpp"
 #include "emulator/control/control_server.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/faults/scenario.hpp"
 #include "emulator/loop.hpp"
 #include "emulator/readiness.hpp"
 #include "emulator/realtime_thread.hpp"
@@ -160,6 +161,7 @@ int run(const Config& config, const RunOptions& options) {
   });
   for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
   check_figures(options.required, config);
+  check_begins_by_host(config, options.repeats);
   check_outputs(config, options);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file), junit_file(options.junit_file);

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/faults/scenario.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/loop.hpp"
 #include "emulator/recorded_run.hpp"
@@ -284,6 +285,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   const HostTime begin = host_now();
   for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
   check_figures(options.required, config);
+  check_begins_by_host(config, options.repeats);
   check_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
   check_summary(config, options.summary_file);
   TextFile summary_file(options.summary_file);

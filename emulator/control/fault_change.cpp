@@ -9,6 +9,7 @@
 #include "emulator/control/command_queue.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/faults/fault_labels.hpp"
+#include "emulator/faults/scenario.hpp"
 #include "emulator/faults/wire_faults.hpp"
 #include "emulator/table_reader.hpp"
 
@@ -63,6 +64,7 @@ FaultConfig read(const Json& params, const Config& config, std::size_t number) {
   if (fault.kind->has_settings)
     refuse(fmt::format("{} needs a second unit, which is made at the start of imud; give a [[fault]]",
                        fault.kind->name));
+  if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
   if (fault.kind->seam == FaultSeam::truth) refuse("truth cannot fail by control; give a [[fault]]");
   if (fault.kind->seam != FaultSeam::wire) return fault;
   for (const ImuConfig& imu : config.imus)

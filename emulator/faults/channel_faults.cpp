@@ -21,8 +21,8 @@ void ChannelFaults::begin_run() noexcept {
   last_.reset();
 }
 
-void ChannelFaults::take(Sample& sample, Nanoseconds since_begin) noexcept {
-  schedule_.take(sample, since_begin);
+void ChannelFaults::take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept {
+  schedule_.take(sample, since_begin, utc_ns);
   const double step_s = last_ ? seconds(since_begin - *last_) : 0.0;
   last_ = since_begin;
   sensors_.apply(schedule_.active(FaultSeam::sensor), schedule_.sample(), step_s, sample);

@@ -30,8 +30,13 @@ class ChannelFaults {
   // Ends the faults that act, after the last sample.
   void finish() noexcept { schedule_.finish(); }
   // Determines the faults of a sample of the truth, `since_begin` after the begin of its run, and applies those of
-  // the sensors and of what the device is given.
-  void take(Sample& sample, Nanoseconds since_begin) noexcept;
+  // the sensors and of what the device is given. `utc_ns`: as for FaultSchedule::take().
+  void take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept;
+  // The host has sent bytes, after the last sample.
+  void host_sent(std::span<const std::byte> bytes) noexcept {
+    schedule_.host_sent(bytes);
+    expectations_.host_sent(bytes);
+  }
   // The frames of that sample.
   MessageFaults& messages() noexcept { return messages_; }
   // The host of the imu.

@@ -6,49 +6,12 @@
 #include <algorithm>
 #include <boost/property_tree/ptree.hpp>
 #include <boost/property_tree/xml_parser.hpp>
-#include <cctype>
-#include <cstring>
 #include <sstream>
 
 namespace imud {
 
-namespace {
-
-constexpr std::size_t longest_pattern = 256;
-
-// Returns nothing if the text is not hexadecimal.
-std::optional<std::vector<std::byte>> bytes_of_hex(std::string text) {
-  std::erase(text, ' ');
-  if (text.empty() || text.size() % 2 != 0) return std::nullopt;
-  std::vector<std::byte> bytes;
-  for (std::size_t i = 0; i < text.size(); i += 2) {
-    const auto digit = [&](char c) -> int {
-      return std::isdigit(static_cast<unsigned char>(c)) != 0 ? c - '0'
-             : c >= 'a' && c <= 'f'                           ? c - 'a' + 10
-             : c >= 'A' && c <= 'F'                           ? c - 'A' + 10
-                                                              : -1;
-    };
-    const int high = digit(text[i]), low = digit(text[i + 1]);
-    if (high < 0 || low < 0) return std::nullopt;
-    bytes.push_back(static_cast<std::byte>(16 * high + low));
-  }
-  return bytes;
-}
-
-std::string shown(const std::vector<std::byte>& pattern) {
-  const bool is_text = std::all_of(pattern.begin(), pattern.end(),
-                                   [](std::byte b) { return std::isprint(std::to_integer<unsigned char>(b)) != 0; });
-  std::string text;
-  for (const std::byte b : pattern)
-    text += is_text ? std::string(1, std::to_integer<char>(b)) : fmt::format("{:02x} ", std::to_integer<int>(b));
-  if (!is_text) text.pop_back();
-  return is_text ? fmt::format("\"{}\"", text) : text;
-}
-
-}  // namespace
-
 std::string ExpectConfig::text() const {
-  const std::string bytes = pattern.empty() ? "bytes" : shown(pattern);
+  const std::string bytes = text_of(pattern);
   std::string text;
   switch (what) {
     case What::host_sends:
@@ -78,16 +41,7 @@ ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vecto
   constexpr ExpectConfig::What all[] = {ExpectConfig::What::host_sends, ExpectConfig::What::host_is_silent,
                                         ExpectConfig::What::host_reopens};
   expect.what = all[table.choice("what", {"host_sends", "host_is_silent", "host_reopens"}, 0)];
-  if (table.has("text") && table.has("hex")) table.fault("hex", "give either text or hex");
-  if (table.has("text"))
-    for (const char c : table.text("text", "")) expect.pattern.push_back(static_cast<std::byte>(c));
-  if (table.has("hex")) {
-    const auto bytes = bytes_of_hex(table.text("hex", "00"));
-    if (!bytes) table.fault("hex", "give bytes as hexadecimal digits, such as \"fa 05\"");
-    expect.pattern = bytes.value_or(std::vector<std::byte>{});
-  }
-  if (expect.pattern.size() > longest_pattern)
-    table.fault("text", fmt::format("give at most {} bytes", longest_pattern));
+  expect.pattern = read_host_bytes(table);
   if (expect.what == ExpectConfig::What::host_reopens && !expect.pattern.empty())
     table.fault("what", "\"host_reopens\" is not about bytes; omit text and hex");
   const auto number_of = [&](std::string_view key) -> std::optional<std::size_t> {
@@ -145,22 +99,7 @@ void Expectations::host_sent(std::span<const std::byte> bytes) noexcept {
   for (Watch& watch : watches_) {
     const ExpectConfig& config = *watch.config;
     if (config.what == ExpectConfig::What::host_reopens || bytes.empty()) continue;
-    if (config.pattern.empty()) meet(watch);
-    for (const std::byte b : bytes) {
-      if (config.pattern.empty()) break;
-      // Falls back to the longest begin of the pattern that ends with this byte.
-      const auto& pattern = config.pattern;
-      while (watch.matched > 0 && pattern[watch.matched] != b) {
-        std::size_t shorter = watch.matched - 1;
-        while (shorter > 0 && std::memcmp(pattern.data(), pattern.data() + watch.matched - shorter, shorter) != 0)
-          --shorter;
-        watch.matched = shorter;
-      }
-      if (pattern[watch.matched] == b) ++watch.matched;
-      if (watch.matched < pattern.size()) continue;
-      watch.matched = 0;
-      meet(watch);
-    }
+    if (watch.search.take(config.pattern, bytes)) meet(watch);
   }
 }
 

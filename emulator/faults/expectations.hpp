@@ -11,6 +11,7 @@
 #include "core/time.hpp"
 #include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_schedule.hpp"
+#include "emulator/faults/host_bytes.hpp"
 #include "emulator/table_reader.hpp"
 #include "transports/port.hpp"
 
@@ -25,7 +26,7 @@ struct ExpectConfig {
   std::string name;  // "expect1" if it has none
   std::string imu;   // whose host
   What what = What::host_sends;
-  std::vector<std::byte> pattern;    // empty: any byte
+  HostBytes pattern;
   std::optional<std::size_t> fault;  // the number of the fault after which the time begins
   bool after_end = false;            // after its end; false: after its begin
   double at_s = 0;                   // else: s after the begin of the run
@@ -72,7 +73,7 @@ class Expectations {
     std::optional<double> begin_s = {};  // of the time
     std::optional<double> met_s = {};    // when the host did it
     bool is_over = false;                // the time is over
-    std::size_t matched = 0;             // bytes of the pattern that the last bytes of the host were
+    HostBytesSearch search = {};
   };
   void meet(Watch& watch) noexcept;
 

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <sstream>
 
@@ -76,6 +77,40 @@ FaultCondition read_condition(TableReader& table) {
   if (!is_read || sign != ">" || condition.quantity == FaultCondition::Quantity::none || !(condition.above >= 0))
     table.fault("when", "give \"rate > X\" in rad/s or \"specific_force > X\" in m/s^2; both are magnitudes");
   return condition;
+}
+
+// Reads `after_host` and `at_time`.
+void read_wait(TableReader& table, FaultConfig& fault) {
+  if (const toml::node* node = table.node("after_host"); node != nullptr) {
+    if (node->is_table()) {
+      TableReader bytes = table.child("after_host");
+      fault.after_host = read_host_bytes(bytes);
+      if (!bytes.has("text") && !bytes.has("hex")) table.fault("after_host", "give text or hex, or \"any\" bytes");
+      bytes.finish();
+    } else {
+      fault.after_host = HostBytes{};
+      if (table.text("after_host", "any") != "any")
+        table.fault("after_host", "give \"any\", {text = \"...\"} or {hex = \"...\"}");
+    }
+  }
+  if (const toml::node* node = table.node("at_time"); node != nullptr) {
+    const toml::value<toml::date_time>* given = node->as_date_time();
+    if (given == nullptr || !given->get().offset) {
+      table.fault("at_time", "give a date and time with its offset, such as 2026-01-01T12:00:00Z, without quotes");
+      return;
+    }
+    const toml::date_time& time = given->get();
+    const std::chrono::sys_days day = std::chrono::year(time.date.year) / time.date.month / time.date.day;
+    const std::int64_t minutes =
+        std::int64_t{60} * time.time.hour + time.time.minute - std::int64_t{time.offset->minutes};
+    fault.after_utc_ns = std::chrono::duration_cast<Nanoseconds>(day.time_since_epoch()).count() +
+                         (60 * minutes + time.time.second) * 1'000'000'000 + time.time.nanosecond;
+    std::ostringstream text;
+    text << time;
+    fault.after_utc_text = text.str();
+    table.resolve("at_time", time);
+    if (fault.after_host) table.fault("at_time", "give either after_host or at_time");
+  }
 }
 
 // Reads `target` and `kind`.
@@ -160,6 +195,7 @@ void read_times(TableReader& table, FaultConfig& fault) {
     fault.begin_sample = table.unsigned_integer("at_sample", 0, most);
     if (table.has("at_s")) table.fault("at_sample", "give either at_s or at_sample");
   }
+  read_wait(table, fault);
   fault.condition = read_condition(table);
   const int durations = int{table.has("for_s")} + int{table.has("until_s")} + int{table.has("for_samples")};
   if (durations > 1) table.fault("for_s", "give one of for_s, until_s and for_samples");
@@ -168,7 +204,8 @@ void read_times(TableReader& table, FaultConfig& fault) {
     if (fault.samples == 0) table.fault("for_samples", "give at least 1");
   } else if (table.has("until_s")) {
     const double until = table.real("until_s", 0, 0, longest_s);
-    if (!fault.begin_s.is_fixed() || fault.begin_sample || fault.condition.quantity != FaultCondition::Quantity::none)
+    if (!fault.begin_s.is_fixed() || fault.begin_sample || fault.waits() ||
+        fault.condition.quantity != FaultCondition::Quantity::none)
       table.fault("until_s", "needs a begin by a fixed at_s; give for_s");
     else if (until <= fault.begin_s.a)
       table.fault("until_s", fmt::format("give a time after at_s, {:g}", fault.begin_s.a));
@@ -279,6 +316,8 @@ std::string FaultConfig::text() const {
     text += fmt::format(", {} sample {}", kind->is_event ? "at" : "from", *begin_sample);
   else
     text += fmt::format(", {} {} s", kind->is_event ? "at" : "from", number_text(begin_s, 1));
+  if (after_host) text += fmt::format(" after the host has sent {}", text_of(*after_host));
+  if (after_utc_ns) text += fmt::format(" after {}", after_utc_text);
   if (samples)
     text += fmt::format(", for {} samples", *samples);
   else if (has_duration)

@@ -11,6 +11,7 @@
 #include "core/random.hpp"
 #include "core/time.hpp"
 #include "emulator/faults/fault.hpp"
+#include "emulator/faults/host_bytes.hpp"
 #include "emulator/table_reader.hpp"
 #include "protocols/settings.hpp"
 
@@ -45,6 +46,11 @@ struct FaultConfig {
   std::array<FaultNumber, FaultKind::max_parameters> parameters = {};
   FaultNumber begin_s;
   std::optional<std::uint64_t> begin_sample;  // takes the place of begin_s
+  // A fault that waits has its times, and its numbers of samples, from the first sample of a run on by whose instant
+  // the host of its imu has sent this, or this UTC, ns since 1970, has come.
+  std::optional<HostBytes> after_host;
+  std::optional<std::int64_t> after_utc_ns;
+  std::string after_utc_text = {};  // as it was given
   FaultCondition condition;
   FaultNumber duration_s;                // used if has_duration and there is no number of samples
   bool has_duration = false;             // false: to the end of the run
@@ -58,6 +64,7 @@ struct FaultConfig {
   std::vector<std::pair<std::string, Settings>> settings = {};
   std::string settings_text = {};
 
+  bool waits() const noexcept { return after_host || after_utc_ns; }
   // Returns true if the fault acts on the imu of this name.
   bool acts_on(std::string_view imu) const noexcept;
   // Returns the settings of the other unit in the place of the imu's; nullptr: there is none.

@@ -17,7 +17,14 @@ FaultSchedule::FaultSchedule(std::span<const FaultConfig> faults, std::span<cons
   states_.reserve(normals.size());
   active_.reserve(normals.size());
   for (std::size_t i = 0; i < faults.size(); ++i)
-    if (faults[i].acts_on(imu)) insert({.fault = &faults[i], .number = static_cast<std::uint32_t>(i)});
+    if (faults[i].acts_on(imu)) insert(state_of(faults[i], static_cast<std::uint32_t>(i)));
+}
+
+// Returns the state of a fault at the begin of a run.
+FaultSchedule::State FaultSchedule::state_of(const FaultConfig& fault, std::uint32_t number) noexcept {
+  State state{.fault = &fault, .number = number, .waits = fault.waits()};
+  if (!state.waits) state.zero = 0;
+  return state;
 }
 
 // Keeps the order.
@@ -32,6 +39,10 @@ void FaultSchedule::begin_run() noexcept {
     if (state.is_active) end(state);
     state.occurrence = 0;
     state.is_above = state.is_ended = false;
+    if (next_ == 0 || !state.fault->waits()) continue;  // what the host sends before the first run counts
+    state.waits = true;
+    state.zero.reset();
+    state.search = {};
   }
   std::erase_if(states_, [](const State& state) { return state.is_added; });
   active_.clear();
@@ -41,7 +52,7 @@ void FaultSchedule::begin_run() noexcept {
 
 void FaultSchedule::add(const FaultConfig& fault, std::uint32_t number) noexcept {
   if (states_.size() == states_.capacity()) return;
-  insert({.fault = &fault, .number = number, .zero = std::nullopt, .is_added = true});
+  insert({.fault = &fault, .number = number, .is_added = true, .waits = fault.waits()});
 }
 
 void FaultSchedule::end(std::uint32_t number) noexcept {
@@ -68,7 +79,7 @@ double FaultSchedule::draw(const State& state, const FaultNumber& number, std::u
 // Returns true if the next occurrence begins at this sample.
 bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) noexcept {
   const FaultConfig& fault = *state.fault;
-  if (state.is_ended || (fault.times > 0 && state.occurrence >= fault.times)) return false;
+  if (!state.zero || state.is_ended || (fault.times > 0 && state.occurrence >= fault.times)) return false;
   if (fault.begin_sample && next_ < *state.zero + *fault.begin_sample) return false;
   // All occurrences of a repeated fault have the begin that is drawn for the first.
   const std::uint64_t occurrence = state.occurrence;
@@ -137,7 +148,13 @@ void FaultSchedule::log(const State& state, bool has_begun) noexcept {
             .parameters = state.active.parameters});
 }
 
-void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin) noexcept {
+void FaultSchedule::host_sent(std::span<const std::byte> bytes) noexcept {
+  for (State& state : states_)
+    if (state.waits && state.fault->after_host && state.search.take(*state.fault->after_host, bytes))
+      state.waits = false;
+}
+
+void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept {
   const double time_s = seconds(since_begin);
   for (State& state : states_)
     if (state.is_active && is_over(state, next_, time_s)) end(state);  // the log's figures are of the last sample
@@ -152,7 +169,9 @@ void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin) noexcept
   active_.clear();
   std::fill(std::begin(ranges_), std::end(ranges_), Range{});
   for (State& state : states_) {
-    if (!state.zero) {
+    if (state.waits && state.fault->after_utc_ns && utc_ns && *utc_ns >= *state.fault->after_utc_ns)
+      state.waits = false;
+    if (!state.zero && !state.waits) {
       state.zero = next_;
       state.zero_s = time_s;
     }

@@ -35,7 +35,11 @@ class FaultSchedule {
   void end_all() noexcept;
   // Determines the faults of a sample, `since_begin` after the first sample of its run. `sample` is without faults;
   // later calls are for later samples.
-  void take(const Sample& sample, Nanoseconds since_begin) noexcept;
+  // `utc_ns`: that of the sample, ns since 1970; nullopt if no clock of the host paces the samples.
+  void take(const Sample& sample, Nanoseconds since_begin,
+            std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
+  // The host of the imu has sent bytes. What it sends before the first run counts for that.
+  void host_sent(std::span<const std::byte> bytes) noexcept;
   // Ends all faults that act, with the last sample. Called when the run has ended.
   void finish() noexcept { begin_run(); }
 
@@ -59,10 +63,12 @@ class FaultSchedule {
     std::uint32_t number;
     std::uint64_t occurrence = 0;
     // The sample, and its time, from which the times of the fault count; nothing: those of the next sample.
-    std::optional<std::uint64_t> zero = 0;
+    std::optional<std::uint64_t> zero = {};
     double zero_s = 0;
     bool is_ended = false;
     bool is_added = false;  // by add()
+    bool waits = false;     // for the host
+    HostBytesSearch search = {};
     bool is_active = false;
     bool is_above = false;  // the condition held at the last sample
     double begin_s = 0, end_s = 0;
@@ -77,6 +83,7 @@ class FaultSchedule {
   void insert(const State& state) noexcept;
   void begin(State& state) noexcept;
   void end(State& state) noexcept;
+  static State state_of(const FaultConfig& fault, std::uint32_t number) noexcept;
   static bool is_over(const State& state, std::uint64_t sample, double time_s) noexcept;
   void log(const State& state, bool has_begun) noexcept;
 

@@ -30,7 +30,32 @@ void read_each(TableReader& table, std::string_view key, Faults& faults, toml::a
   }
 }
 
+bool is_record(const std::string& port) {
+  const Transport* transport = transport_of(port);
+  return transport != nullptr && transport->is_record != nullptr;
+}
+
+constexpr std::string_view needs_host =
+    "needs clock = \"realtime\", or the replay of a record of --record, which has what the host has sent";
+
 }  // namespace
+
+std::string begin_objection(const FaultConfig& fault, const Config& config) {
+  const bool is_paced = config.clock == ClockMode::realtime;
+  if (fault.waits() && fault.acts_on(fault_of_truth)) return "truth has no host; give at_s";
+  if (fault.after_host && !is_paced && !is_record(config.truth.port)) return std::string(needs_host);
+  if (fault.after_utc_ns && (!is_paced || is_record(config.truth.port)))
+    return "needs clock = \"realtime\", and a truth that is no record; give at_s";
+  return {};
+}
+
+void check_begins_by_host(const Config& config, bool repeats) {
+  if (config.clock == ClockMode::realtime || repeats) return;
+  std::vector<std::string> wrong;
+  for (const FaultConfig& fault : config.faults)
+    if (fault.after_host) wrong.push_back(fmt::format("fault {}: after_host: {}", fault.name, needs_host));
+  if (!wrong.empty()) throw ConfigError(wrong);
+}
 
 void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
                     std::vector<std::string>& wrong) {
@@ -44,6 +69,8 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
       if (kind != nullptr && kind->has_settings) read_other_settings(reader, config.imus, config.faults.back());
       if (kind != nullptr && !kind->in_lockstep && config.clock == ClockMode::lockstep)
         reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
+      if (const std::string objection = begin_objection(config.faults.back(), config); !objection.empty())
+        reader.fault(config.faults.back().after_host ? "after_host" : "at_time", objection);
       if (kind == nullptr || kind->seam != FaultSeam::wire) return;
       for (const ImuConfig& imu : config.imus)
         if (imu.protocol != nullptr && config.faults.back().acts_on(imu.name))

@@ -1,9 +1,13 @@
 // A recorded run receives more than datagrams of truth: edges at pins, hosts at a second UART, truth of a stream,
 // and truth that is derived.
+#include <fmt/chrono.h>
+
+#include <chrono>
 #include <deque>
 
 #include "protocols/sync_datagram.hpp"
 #include "tests/emulator/record_test.hpp"
+#include "transports/host_clock.hpp"
 
 namespace imud {
 namespace {
@@ -139,6 +143,54 @@ TEST_F(RecordInputs, ARestartAheadOfDerivedTruthIsRepeated) {
   EXPECT_EQ(run.truth_counters().runs, 2U);
   EXPECT_GT(sent[0].size(), 10'000U);
   EXPECT_TRUE(repeat(config) == sent);
+}
+
+// The times of a fault that waits for the host count from the first sample after that.
+TEST_F(RecordInputs, AFaultThatBeginsByTheHostIsRepeated) {
+  constexpr double host_s = 1.3021;
+  const auto sent = [&](const std::string& begin, const std::string& host) {
+    const Config config =
+        imu(udp, std::string(native) + "name = \"a\"\n" +
+                     (begin.empty()
+                          ? std::string()
+                          : "[[fault]]\ntarget = \"gyro\"\nkind = \"bias\"\nvalue = 1\nfor_samples = 20\n" + begin));
+    SimulatedRun run(config);
+    fly(run);
+    inputs_[0].clear();
+    for (std::size_t i = 0; i < host.size(); ++i)
+      inputs_[0].emplace_back(run.at(host_s - 0.01 * static_cast<double>(host.size() - 1 - i)), host.substr(i, 1));
+    const std::vector<std::string> all = record(run, 1, 3);
+    if (!begin.starts_with("at_time")) {
+      EXPECT_TRUE(repeat(config) == all) << begin;
+    }
+    return all[0];
+  };
+  // Frames of 124 bytes, and a border.
+  const std::string clean = sent("", "");
+  const auto changed = [&](const std::string& bytes) {
+    std::vector<std::size_t> samples;
+    EXPECT_EQ(bytes.size(), clean.size());
+    for (std::size_t at = 0; at + 125 <= std::min(clean.size(), bytes.size()); at += 125)
+      if (bytes.compare(at, 125, clean, at, 125) != 0) samples.push_back(at / 125);
+    return samples;
+  };
+  const std::vector<std::size_t> any = changed(sent("after_host = \"any\"\n", "x"));
+  ASSERT_EQ(any.size(), 20U);
+  EXPECT_EQ(any.back() - any.front(), 19U);
+  std::vector<std::size_t> later = any;
+  for (std::size_t& sample : later) sample += 50;
+  EXPECT_EQ(changed(sent("after_host = {text = \"GO\"}\n", "GxGO")), any);
+  EXPECT_EQ(changed(sent("after_host = {hex = \"47 4f\"}\nat_s = 0.25\n", "GGO")), later);
+  EXPECT_EQ(changed(sent("after_host = {text = \"GO\"}\n", "GxO")), std::vector<std::size_t>());
+  // UTC less host time is that of the clocks now, within much less than a sample's 5 ms.
+  const auto utc = std::chrono::duration_cast<Nanoseconds>(std::chrono::system_clock::now().time_since_epoch()) -
+                   Nanoseconds(host_now().ns);
+  const SimulatedRun run(imu(udp, std::string(native) + "name = \"a\"\n"));
+  const std::int64_t ns = run.at(host_s).ns + utc.count();
+  const auto at_time =
+      fmt::format("at_time = {:%Y-%m-%dT%H:%M:%S}.{:09}Z\n", fmt::gmtime(ns / 1'000'000'000), ns % 1'000'000'000);
+  EXPECT_EQ(changed(sent(at_time, "")), any) << at_time;
+  EXPECT_EQ(changed(sent(at_time + "at_s = 0.25\n", "")), later);
 }
 
 }  // namespace
