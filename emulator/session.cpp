@@ -17,7 +17,7 @@ Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* rec
       timeline_(config.truth.limits),
       intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder,
               with_faults(config.truth.format->make(config.truth.settings), faults_.configured(), config.seed,
-                          faults_.log())) {
+                          faults_.log(), faults_.capacity() - faults_.configured().size(), truth_faults_)) {
   for (const ImuConfig& imu : config.imus) {
     const std::uint64_t seed = imu.seed.value_or(config.seed);
     channels_.push_back(std::make_unique<Channel>(imu, seed, open, recorder, faults_of(imu, seed)));

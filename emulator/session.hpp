@@ -41,6 +41,18 @@ class Session {
   const FaultBook& faults() const noexcept { return faults_; }
   // Returns what was expected of the hosts. Called after the last sample.
   std::vector<Expected> expected() const;
+  // Begins a fault of truth, whose times count from the next truth, and ends one, or all (FaultSchedule). Without
+  // effect if truth cannot fail.
+  void begin_truth_fault(std::uint32_t number) noexcept {
+    if (truth_faults_ != nullptr && faults_[number].acts_on(fault_of_truth))
+      truth_faults_->add(faults_[number], number);
+  }
+  void end_truth_fault(std::uint32_t number) noexcept {
+    if (truth_faults_ != nullptr) truth_faults_->end(number);
+  }
+  void end_truth_faults() noexcept {
+    if (truth_faults_ != nullptr) truth_faults_->end_all();
+  }
   // Ends the faults that act. Called after the last sample.
   void finish_faults() noexcept;
 
@@ -124,6 +136,7 @@ class Session {
   WhenStopped when_stopped_;
   Pacer* pacer_ = nullptr;
   Timeline timeline_;
+  FaultSchedule* truth_faults_ = nullptr;  // of the intake's decoder; nullptr: truth cannot fail
   TruthIntake intake_;
   std::vector<std::unique_ptr<Channel>> channels_;
   std::vector<pollfd> inputs_;

@@ -65,7 +65,9 @@ FaultConfig read(const Json& params, const Config& config, std::size_t number) {
     refuse(fmt::format("{} needs a second unit, which is made at the start of imud; give a [[fault]]",
                        fault.kind->name));
   if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
-  if (fault.kind->seam == FaultSeam::truth) refuse("truth cannot fail by control; give a [[fault]]");
+  if (!fault.kind->in_lockstep && config.clock == ClockMode::lockstep)
+    refuse(
+        fmt::format("{} needs another clock than \"lockstep\": the simulator would wait for ever", fault.kind->name));
   if (fault.kind->seam != FaultSeam::wire) return fault;
   for (const ImuConfig& imu : config.imus)
     if (fault.acts_on(imu.name))
@@ -89,7 +91,8 @@ Change fault_change_of(const std::string& method, const Json& request_params, co
     const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", request_params}};
     std::vector<Command> commands;
     const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
-    const bool is_of_all = fault.imus.size() == config.imus.size();
+    // Truth is that of all imus.
+    const bool is_of_all = fault.kind->seam == FaultSeam::truth || fault.imus.size() == config.imus.size();
     for (std::size_t i = 0; i < config.imus.size() && !is_of_all; ++i)
       if (fault.acts_on(config.imus[i].name))
         commands.push_back({.kind = Command::Kind::fault_begin, .imu = static_cast<std::uint16_t>(i)});

@@ -69,6 +69,15 @@ void change_session(Session& session, const Command& command) noexcept {
     case Command::Kind::when_stopped:
       session.set_when_stopped(static_cast<WhenStopped>(command.number));
       break;
+    case Command::Kind::fault_begin:
+      session.begin_truth_fault(static_cast<std::uint32_t>(command.number));
+      break;
+    case Command::Kind::fault_end:
+      session.end_truth_fault(static_cast<std::uint32_t>(command.number));
+      break;
+    case Command::Kind::fault_clear:
+      session.end_truth_faults();
+      break;
     default:
       break;
   }

@@ -66,13 +66,14 @@ static_assert(std::size(truth_table) == static_cast<std::size_t>(TruthFault::cou
 class FaultyTruthDecoder final : public TruthDecoder {
  public:
   FaultyTruthDecoder(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults, std::uint64_t seed,
-                     FaultLog& log)
+                     FaultLog& log, std::size_t most)
       : decoder_(std::move(decoder)),
-        normals_(fault_normals(fault_of_truth, seed, faults.size())),
+        normals_(fault_normals(fault_of_truth, seed, faults.size() + most)),
         schedule_(faults, normals_, fault_of_truth, truth_number, 1, log) {
     waiting_.reserve(most_late + 1);
     losses_ = decoder_->losses();
   }
+  FaultSchedule& schedule() noexcept { return schedule_; }
   void start(HostTime now) noexcept override { decoder_->start(now); }
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override {
     decoder_->feed(bytes, input, arrival);
@@ -182,11 +183,15 @@ class FaultyTruthDecoder final : public TruthDecoder {
 std::span<const FaultKind> truth_fault_kinds() noexcept { return truth_table; }
 
 std::unique_ptr<TruthDecoder> with_faults(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults,
-                                          std::uint64_t seed, FaultLog& log) {
-  if (std::none_of(faults.begin(), faults.end(),
-                   [](const FaultConfig& fault) { return fault.acts_on(fault_of_truth); }))
+                                          std::uint64_t seed, FaultLog& log, std::size_t most,
+                                          FaultSchedule*& schedule) {
+  schedule = nullptr;
+  if (most == 0 && std::none_of(faults.begin(), faults.end(),
+                                [](const FaultConfig& fault) { return fault.acts_on(fault_of_truth); }))
     return decoder;
-  return std::make_unique<FaultyTruthDecoder>(std::move(decoder), faults, seed, log);
+  auto faulty = std::make_unique<FaultyTruthDecoder>(std::move(decoder), faults, seed, log, most);
+  schedule = &faulty->schedule();
+  return faulty;
 }
 
 }  // namespace imud

@@ -171,7 +171,7 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
   play(write("wrong.toml", with_faults(plain, "")),
        {{1, [&](ControlClient& client) {
            refused(client, {{"target", "gyro"}, {"kind", "bais"}, {"value", 1}});
-           refused(client, {{"target", "truth"}, {"kind", "nan"}});
+           refused(client, {{"target", "truth"}, {"kind", "lost"}});
            refused(client, {{"target", "wire"}, {"kind", "bus_off"}});
            refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", nullptr}});
            refused(client, {{"target", "gyro"}, {"kind", "bias"}, {"value", "much"}});
@@ -186,12 +186,42 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
   EXPECT_TRUE(contains(refusals[0], "give faults = true in [control]")) << refusals[0];
   EXPECT_TRUE(refusals[1].starts_with("Invalid params: kind: ") && contains(refusals[1], "did you mean \"bias\"?"))
       << refusals[1];
-  EXPECT_TRUE(contains(refusals[2], "truth cannot fail by control")) << refusals[2];
+  EXPECT_TRUE(contains(refusals[2], "lost needs another clock than \"lockstep\"")) << refusals[2];
   EXPECT_TRUE(contains(refusals[3], "is on a line of bytes")) << refusals[3];
   EXPECT_EQ(refusals[4], "Invalid params: value: null is no value");
   EXPECT_TRUE(refusals[5].starts_with("Invalid params: value: ")) << refusals[5];
   EXPECT_TRUE(refusals[6].starts_with("Invalid params: target: empty")) << refusals[6];
   EXPECT_TRUE(refusals[7].starts_with("Invalid params: for_s: ")) << refusals[7];
+}
+
+// A fault of truth that begins after truth 2 acts from truth 3 on, as that of a scenario.
+TEST_F(ControlRun, AFaultOfTruthIsThatOfAScenario) {
+  const std::string plain = two_imus();
+  const auto with_faults = [text = read_file(plain)](const std::string& faults) {
+    const std::string table = "[control]\n";
+    std::string all = text;
+    return all.insert(all.find(table) + table.size(), "faults = true\n") + faults;
+  };
+  const std::string frozen = "[[fault]]\ntarget = \"truth\"\nkind = \"frozen\"\nat_sample = 3\n";
+  const json params = {{"target", "truth"}, {"kind", "frozen"}, {"name", "a"}};
+  const auto begin = [&](ControlClient& client) {
+    const json answer = client.call("fault.begin", params);
+    EXPECT_EQ(answer["result"]["applied"], applied_after(2)) << answer;
+  };
+  const auto clean = play(write("clean.toml", with_faults("")), {});
+  const auto scenario = play(write("scenario.toml", with_faults(frozen)), {});
+  const auto ended = play(write("ended.toml", with_faults(frozen + "for_samples = 2\n")), {});
+  EXPECT_EQ(play(write("control.toml", with_faults("")), {{2, begin}}), scenario);
+  for (const std::string method : {"fault.end", "fault.clear"}) {
+    const auto end = [&](ControlClient& client) {
+      EXPECT_TRUE(
+          client.call(method, method == "fault.end" ? json{{"name", "a"}} : json::object()).contains("result"));
+    };
+    EXPECT_EQ(play(write("control.toml", with_faults("")), {{2, begin}, {4, end}}), ended) << method;
+  }
+  EXPECT_EQ(rows_of(scenario.first, 0, 21), rows_of(clean.first, 0, 21));
+  EXPECT_NE(scenario, clean);
+  EXPECT_NE(scenario, ended);
 }
 
 TEST_F(ControlRun, SwitchesThePowerOfOneImu) {
