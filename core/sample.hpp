@@ -23,7 +23,9 @@ inline constexpr std::uint32_t force_derived = 1U << 11;  // its specific force,
 // The place and time of a sample on the Earth, as the truth has them, without errors (frames E and L:
 // core/README.md).
 struct Navigation {
-  bool is_known = false;               // if not, all other members are 0
+  bool is_known = false;               // if not, place, time and velocity are 0
+  std::uint8_t satellites = 12;        // that a receiver with a fix uses
+  float accuracy_factor = 1;           // on the accuracies of position and velocity that receivers and filters report
   std::int64_t gps_ns = 0;             // GPS time, ns since 1980-01-06
   double latitude = 0, longitude = 0;  // rad, geodetic, WGS 84
   double height = 0;                   // m, above the ellipsoid

@@ -43,6 +43,10 @@ constexpr FaultParameter drift_of_position[] = {
     {.key = "north_m_per_s", .meaning = "the speed at which the position drifts to the north", .initial = 0},
     {.key = "east_m_per_s", .meaning = "to the east", .initial = 0},
     {.key = "down_m_per_s", .meaning = "downwards", .initial = 0}};
+constexpr FaultParameter satellites_left[] = {
+    {.key = "value", .meaning = "the number of satellites", .min = 0, .max = 99}};
+constexpr FaultParameter factor_on_accuracy[] = {
+    {.key = "factor", .meaning = "on the accuracies; below 1 they promise too much", .min = 0, .max = 1e6}};
 constexpr FaultParameter time_step[] = {{.key = "value_s", .meaning = "by which GPS time is off"}};
 
 constexpr FaultKind sensor_table[] = {
@@ -119,6 +123,15 @@ constexpr FaultKind sensor_table[] = {
      .parameters = drift_of_position,
      .is_ramped = false},
     {.name = "time_jump", .summary = "GPS time is off", .targets = gnss, .parameters = time_step, .is_ramped = false},
+    {.name = "satellites",
+     .summary = "the receiver uses another number of satellites",
+     .targets = gnss,
+     .parameters = satellites_left,
+     .is_ramped = false},
+    {.name = "accuracy",
+     .summary = "the reported accuracies of position and velocity are wrong",
+     .targets = gnss,
+     .parameters = factor_on_accuracy},
 };
 static_assert(std::size(sensor_table) == static_cast<std::size_t>(SensorFault::count));
 

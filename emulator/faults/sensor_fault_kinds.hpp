@@ -26,6 +26,8 @@ enum class SensorFault : std::uint8_t {
   position_jump,
   position_drift,
   gps_time_jump,
+  satellites,
+  accuracy,
   count
 };
 

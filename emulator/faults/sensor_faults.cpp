@@ -268,6 +268,12 @@ void SensorFaults::apply_to_gnss(const ActiveFault& fault, double, Sample& sampl
     case SensorFault::gps_time_jump:
       sample.navigation.gps_ns += static_cast<std::int64_t>(1e9 * p.x());
       break;
+    case SensorFault::satellites:
+      sample.navigation.satellites = static_cast<std::uint8_t>(p.x());
+      break;
+    case SensorFault::accuracy:
+      sample.navigation.accuracy_factor *= static_cast<float>(1 + fault.weight * (p.x() - 1));
+      break;
     default:
       break;
   }

@@ -80,11 +80,13 @@ void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
       packet.put_floats(Vector3::Zero());
       break;
     case 0x08:
-      packet.put_floats(figure_or(figures_.position, {0.5, 0.5, 0.8}));  // m: north, east, down
+      packet.put_floats(double{navigation.accuracy_factor} *
+                        figure_or(figures_.position, {0.5, 0.5, 0.8}));  // m: north, east, down
       valid = navigates;
       break;
     case 0x09:
-      packet.put_floats(figure_or(figures_.velocity, {0.03, 0.03, 0.05}));  // m/s
+      packet.put_floats(double{navigation.accuracy_factor} *
+                        figure_or(figures_.velocity, {0.03, 0.03, 0.05}));  // m/s
       valid = navigates;
       break;
     case 0x0A:
@@ -159,7 +161,7 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
   const Vector3& v = navigation.v_L;
   const auto if_known = [&](int flags) { return static_cast<std::uint16_t>(is_known() ? flags : 0); };
   const auto put_accuracy = [&](double figure, double otherwise) {
-    packet.put_float(is_known() ? figure_or(figure, otherwise) : 0.0);
+    packet.put_float(is_known() ? double{navigation.accuracy_factor} * figure_or(figure, otherwise) : 0.0);
   };
   switch (descriptor) {
     case 0x03:
@@ -198,7 +200,7 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       break;
     case 0x0B:  // 3D or none
       packet.put(static_cast<std::uint8_t>(is_known() ? 0 : 3));
-      packet.put(static_cast<std::uint8_t>(is_known() ? 12 : 0));
+      packet.put(static_cast<std::uint8_t>(is_known() ? navigation.satellites : 0));
       packet.put(std::uint16_t{0});
       packet.put(std::uint16_t{0x07});
       break;

@@ -72,7 +72,9 @@ class Quantities {
   // --- Position and velocity ---
   bool has_fix() const noexcept { return r_.model.receivers > 0 && navigation_.is_known; }
   bool has_receiver(unsigned number) const noexcept { return number <= r_.model.receivers; }
-  std::uint8_t satellites() const noexcept { return has_fix() ? 12 : 0; }
+  std::uint8_t satellites() const noexcept {
+    return static_cast<std::uint8_t>(has_fix() ? navigation_.satellites : 0);
+  }
   std::uint8_t fix() const noexcept { return has_fix() ? 3 : 0; }  // 3D
   // Latitude and longitude in degrees, height in metres.
   Vector3 lla() const noexcept {
@@ -92,12 +94,15 @@ class Quantities {
     return r_.model.receivers == 2 ? 0x0306 : 0x0006;
   }
   Vector3 position_errors_m() const noexcept {
-    return if_fixed(figure_or(r_.figures.position, Vector3::Constant(position_error)));
+    return if_fixed(double{navigation_.accuracy_factor} *
+                    figure_or(r_.figures.position, Vector3::Constant(position_error)));
   }
   double position_error_m() const noexcept {
-    return has_fix() ? figure_or(rms(r_.figures.position), position_error) : 0;
+    return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.position), position_error) : 0;
   }
-  double velocity_error_m_per_s() const noexcept { return has_fix() ? figure_or(rms(r_.figures.velocity), 0.05) : 0; }
+  double velocity_error_m_per_s() const noexcept {
+    return has_fix() ? double{navigation_.accuracy_factor} * figure_or(rms(r_.figures.velocity), 0.05) : 0;
+  }
   double time_error_s() const noexcept { return has_fix() ? 2e-8 : 0; }
   double ins_attitude_error_deg() const noexcept {
     return has_fix() ? figure_or(rms(r_.figures.attitude) / units::degree, attitude_error_deg) : 0;
