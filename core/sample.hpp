@@ -17,7 +17,8 @@ inline constexpr std::uint32_t truth_stale = 1U << 7;                // it was s
 inline constexpr std::uint32_t not_valid = 1U << 8;                  // the sensor marks the sample as no measurement
 inline constexpr std::uint32_t at_rest = 1U << 9;                    // there was no truth yet: the vehicle is at rest
 inline constexpr std::uint32_t rate_derived = 1U << 10;              // the truth's rate was derived from attitudes
-inline constexpr std::uint32_t force_derived = 1U << 11;  // its specific force, from positions or velocities
+inline constexpr std::uint32_t force_derived = 1U << 11;     // its specific force, from positions or velocities
+inline constexpr std::uint32_t self_test_failed = 1U << 12;  // the sensor's self test reports a failure
 }  // namespace status
 
 // The place and time of a sample on the Earth, as the truth has them, without errors (frames E and L:

@@ -232,6 +232,7 @@ struct Protocol {
 
   bool has_sync_pins = false;                    // Device's trigger(), pps() and pulse()
   bool has_second_uart = false;                  // Device's connect_second_uart() and second_uart()
+  bool has_self_test = false;                    // it reports status::self_test_failed, in its status or by an answer
   std::span<const DeviceCounter> counters = {};  // of Device::counts()
 
   // Set if, and only if, the link is Link::can; both throw as make does. can_messages: every identifier that the

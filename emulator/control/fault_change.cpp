@@ -10,7 +10,6 @@
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/faults/scenario.hpp"
-#include "emulator/faults/wire_faults.hpp"
 #include "emulator/table_reader.hpp"
 
 namespace imud {
@@ -68,10 +67,9 @@ FaultConfig read(const Json& params, const Config& config, std::size_t number) {
   if (!fault.kind->in_lockstep && config.clock == ClockMode::lockstep)
     refuse(
         fmt::format("{} needs another clock than \"lockstep\": the simulator would wait for ever", fault.kind->name));
-  if (fault.kind->seam != FaultSeam::wire) return fault;
   for (const ImuConfig& imu : config.imus)
     if (fault.acts_on(imu.name))
-      if (const std::string objection = wire_fault_objection(*fault.kind, *imu.protocol); !objection.empty())
+      if (const std::string objection = fault_objection(*fault.kind, *imu.protocol); !objection.empty())
         refuse(fmt::format("{}: {}", imu.name, objection));
   return fault;
 }

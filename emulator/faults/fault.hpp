@@ -51,8 +51,9 @@ struct FaultKind {
   // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
   // after the end are those of a run without the fault.
   std::string_view stays = {};
-  bool in_lockstep = true;    // false: the simulator would wait for ever
-  bool has_settings = false;  // it has those of a product: FaultConfig::settings
+  bool in_lockstep = true;       // false: the simulator would wait for ever
+  bool has_settings = false;     // it has those of a product: FaultConfig::settings
+  bool needs_self_test = false;  // the product must have one
 };
 
 // A fault during one sample.

@@ -1,8 +1,11 @@
 #include "emulator/faults/fault_kinds.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "core/units.hpp"
+#include "emulator/faults/wire_faults.hpp"
 
 namespace imud {
 
@@ -22,6 +25,15 @@ const FaultKind* find_fault_kind(std::string_view name, std::string_view target)
     if (kind->name == name && std::find(kind->targets.begin(), kind->targets.end(), target) != kind->targets.end())
       return kind;
   return nullptr;
+}
+
+std::string fault_objection(const FaultKind& kind, const Protocol& protocol) {
+  if (kind.seam == FaultSeam::wire) return wire_fault_objection(kind, protocol);
+  if (!kind.needs_self_test || protocol.has_self_test) return {};
+  std::string right;
+  for (const Protocol* other : protocols())
+    if (other->has_self_test) right += fmt::format("{}{}", right.empty() ? "" : ", ", other->name);
+  return fmt::format("{} reports no self test; these do: {}", protocol.name, right);
 }
 
 std::span<const FaultUnit> fault_units(std::string_view target) noexcept {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "emulator/faults/fault.hpp"
+#include "protocols/protocol.hpp"
 
 namespace imud {
 
@@ -21,6 +22,9 @@ std::span<const FaultKind> power_fault_kinds() noexcept;
 std::span<const FaultKind* const> fault_kinds() noexcept;
 // Returns the kind of that name that has the target; nullptr if there is none.
 const FaultKind* find_fault_kind(std::string_view name, std::string_view target) noexcept;
+
+// Returns why the product cannot have a fault of this kind, and which it can have; empty if it can.
+std::string fault_objection(const FaultKind& kind, const Protocol& protocol);
 
 // A unit as a key ends, and its value in SI.
 struct FaultUnit {

@@ -11,7 +11,7 @@ namespace imud {
 
 namespace {
 
-constexpr std::string_view message_target[] = {"message"}, clock_target[] = {"clock"};
+constexpr std::string_view message_target[] = {"message"}, clock_target[] = {"clock"}, device_target[] = {"device"};
 constexpr FaultParameter message_chance[] = {
     {.key = "each", .meaning = "the probability of each message", .initial = 1, .min = 0, .max = 1}};
 constexpr FaultParameter message_copies[] = {
@@ -37,6 +37,7 @@ enum class MessageFault : std::uint8_t {
   invalid,
   valid,
   other_settings,
+  self_test_failed,
   clock_jump,
   clock_drift,
   count
@@ -100,6 +101,13 @@ constexpr FaultKind message_table[] = {
      .targets = message_target,
      .is_ramped = false,
      .has_settings = true},
+    {.name = "self_test_failed",
+     .summary = "the self test reports a failure, in the status or in the answer to its command",
+     .seam = FaultSeam::message,
+     .targets = device_target,
+     .is_ramped = false,
+     .stays = "a status that is collected since the last message has it once more",
+     .needs_self_test = true},
     {.name = "jump",
      .summary = "the sensor's clock is wrong",
      .seam = FaultSeam::message,
@@ -194,6 +202,9 @@ void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, 
         break;
       case MessageFault::other_settings:
         other_unit_ = fault.number;
+        break;
+      case MessageFault::self_test_failed:
+        sample.status |= status::self_test_failed;
         break;
       case MessageFault::clock_jump:
         clock_offset_ += nanoseconds(p);

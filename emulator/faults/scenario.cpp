@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "emulator/config_text.hpp"
+#include "emulator/faults/fault_kinds.hpp"
 #include "emulator/faults/other_units.hpp"
-#include "emulator/faults/wire_faults.hpp"
 
 namespace imud {
 
@@ -71,10 +71,10 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
         reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
       if (const std::string objection = begin_objection(config.faults.back(), config); !objection.empty())
         reader.fault(config.faults.back().after_host ? "after_host" : "at_time", objection);
-      if (kind == nullptr || kind->seam != FaultSeam::wire) return;
+      if (kind == nullptr) return;
       for (const ImuConfig& imu : config.imus)
         if (imu.protocol != nullptr && config.faults.back().acts_on(imu.name))
-          if (const std::string objection = wire_fault_objection(*kind, *imu.protocol); !objection.empty())
+          if (const std::string objection = fault_objection(*kind, *imu.protocol); !objection.empty())
             reader.fault("kind", fmt::format("{}: {}", imu.name, objection));
     });
     read_each(from, "expect", of_file, resolved_expectations, [&](TableReader& reader) {

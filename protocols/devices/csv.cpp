@@ -74,6 +74,7 @@ constexpr Protocol csv_protocol = {
     .link = Link::bytes,
     .document = "protocols/measurement_csv.hpp",
     .settings = {},
+    .has_self_test = true,
     .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<CsvDevice>(); },
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return std::make_unique<CsvDecoder>(); },
 };

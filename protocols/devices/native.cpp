@@ -139,6 +139,7 @@ constexpr Protocol native_protocol = {
     .has_checksum = true,
     .burst_bits = 32,
     .reseal = reseal,
+    .has_self_test = true,
     .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<NativeDevice>(); },
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return std::make_unique<NativeDecoder>(); },
 };

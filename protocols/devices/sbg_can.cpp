@@ -16,13 +16,15 @@ namespace {
 constexpr double accel_lsb = 0.01, gyro_lsb = 0.001, temperature_lsb = 0.01;
 
 // --- Numbers that only this product has ---
-// IMU_STATUS (sbgEComLogImu.h): communication and built-in tests are good in bits 0 to 7; accelerometers and gyros
-// are within their range in bits 8 and 9.
+// IMU_STATUS (sbgEComLogImu.h): communication is good in bit 0, the general built-in test in bit 1, those of the
+// sensors in bits 2 to 7; accelerometers and gyros are within their range in bits 8 and 9.
 double imu_status(const Reading& reading) noexcept {
   const std::uint32_t status = reading.sample.status;
   const bool accelerometers = (status / status::accelerometer_saturated_x & 7U) == 0;
   const bool gyros = (status / status::gyro_saturated_x & 7U) == 0;
-  const unsigned tests = (status & status::not_valid) != 0 ? 0x01 : 0xFF;
+  const unsigned tests = (status & status::not_valid) != 0          ? 0x01
+                         : (status & status::self_test_failed) != 0 ? 0xFD
+                                                                    : 0xFF;
   return tests | (accelerometers ? 0x100U : 0U) | (gyros ? 0x200U : 0U);
 }
 constexpr MeasuredQuantity imu_status_word = {.name = "imu_status", .help = "", .get = imu_status};
@@ -131,6 +133,7 @@ constexpr Protocol sbg_can_protocol = signal_protocol<table>({
               .temperature_c = 32767 * temperature_lsb},
     .time_period_ns = (std::int64_t{1} << 32) * 1000,
     .status_bits = 0,
+    .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "sbg-ellipse"; },
     .conformance_settings = conformance_settings,
 });

@@ -26,11 +26,13 @@ constexpr double rate_lsb = 0x1p-9, force_lsb = 0x1p-8, temperature_lsb = 0x1p-8
 double status_word(const Reading& reading) noexcept {
   const std::uint32_t status = reading.sample.status;
   const std::uint32_t clipped = (status >> 3 & 7U) << 8 | (status & 7U) << 11;
-  return 3U | (reading.sample.navigation.is_known ? 4U : 0U) | clipped | (clipped != 0 ? 1U << 19 : 0U);
+  return ((status & status::self_test_failed) == 0 ? 3U : 2U) | (reading.sample.navigation.is_known ? 4U : 0U) |
+         clipped | (clipped != 0 ? 1U << 19 : 0U);
 }
 void put_status_word(double value, ReadBack& read) noexcept {
   const auto word = static_cast<std::uint32_t>(value);
-  read.measurement.sample.status = (word >> 11 & 7U) | (word >> 8 & 7U) << 3;
+  read.measurement.sample.status =
+      (word >> 11 & 7U) | (word >> 8 & 7U) << 3 | ((word & 1U) == 0 ? status::self_test_failed : 0U);
   read.measurement.fields |= Measurement::status;
 }
 constexpr MeasuredQuantity status_quantity = {
@@ -212,7 +214,8 @@ constexpr Protocol xsens_can_protocol = signal_protocol<table>({
               .temperature_c = 32767 * temperature_lsb},
     .time_period_ns = (std::int64_t{1} << 32) * 100'000,
     .counter_bits = 16,
-    .status_bits = 0x3F,
+    .status_bits = 0x3F | status::self_test_failed,
+    .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "mti-630"; },
     .conformance_settings = conformance_settings,
 });

@@ -59,7 +59,8 @@ class DroneCanDevice final : public Device {
   void sample(const Sample& sample, FrameBuffer& out) noexcept override {
     constexpr std::uint32_t saturated = 7 * (status::gyro_saturated_x | status::accelerometer_saturated_x);
     if ((sample.status & saturated) != 0) node_.health = std::max(node_.health, health_warning);
-    if ((sample.status & status::not_valid) != 0) node_.health = std::max(node_.health, health_error);
+    if ((sample.status & (status::not_valid | status::self_test_failed)) != 0)
+      node_.health = std::max(node_.health, health_error);
     if (node_.id == anonymous || !node_.is_operational(sample.time)) return;
     increments_.add(sample);
     ++samples_;
@@ -285,6 +286,7 @@ constexpr Protocol dronecan_protocol = {
     .status_bits = 0,
     .has_checksum = true,
     .burst_bits = 14,
+    .has_self_test = true,
     .counters = counters,
     .can_messages = dronecan::can_messages,
     .can_filters = dronecan::can_filters,

@@ -109,6 +109,8 @@ Memory::Code Memory::execute(std::uint8_t set, std::uint8_t command, Data data, 
 
 Memory::Code Memory::execute_base(std::uint8_t command, Reader& reader, const Context& context) noexcept {
   Packet& answer = context.answer;
+  // The bits of a built-in test are those of each product; that of a failure is taken as bit 0 (an assumption).
+  const bool has_failed = (context.fields.newest().status & status::self_test_failed) != 0;
   switch (command) {
     case 0x01:
       return ok;
@@ -123,7 +125,7 @@ Memory::Code Memory::execute_base(std::uint8_t command, Reader& reader, const Co
       return ok;
     case 0x05:
       answer.begin(0x83);
-      answer.put(std::uint32_t{0});
+      answer.put(std::uint32_t{has_failed});
       answer.end();
       return ok;
     case 0x06:
@@ -134,7 +136,8 @@ Memory::Code Memory::execute_base(std::uint8_t command, Reader& reader, const Co
       return ok;
     case 0x08:
       answer.begin(0x88);
-      for (int i = 0; i < 16; ++i) answer.put(std::uint8_t{0});
+      answer.put(std::uint8_t{has_failed});  // the least significant byte is the first
+      for (int i = 1; i < 16; ++i) answer.put(std::uint8_t{0});
       answer.end();
       return ok;
     case 0x09: {

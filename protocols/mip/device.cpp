@@ -281,6 +281,7 @@ constexpr Protocol mip_protocol = {
     .burst_bits = 8,
     .reseal = mip::reseal,
     .has_sync_pins = true,
+    .has_self_test = true,
     .product = product,
     .preset = [](const Settings& settings) { return model_of(settings).preset; },
     .conformance_settings = mip::conformance_settings,

@@ -377,6 +377,7 @@ constexpr Protocol stim300_protocol = {
     .burst_bits = 32,
     .reseal = stim300::reseal,
     .has_sync_pins = true,
+    .has_self_test = true,
     .product = product,
     .preset = [](const Settings&) -> std::string_view { return "stim300"; },
     .conformance_settings = conformance_settings,

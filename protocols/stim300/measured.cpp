@@ -37,7 +37,8 @@ void Measured::add(const Sample& sample, bool is_starting, const Matrix3& g_sens
   counter_ = sample.counter & 0xFFU;
   const bool outside = sample.temperature_c < -40 || sample.temperature_c > 85;  // Table 5-1
   status_ = (is_starting ? status_bit::start_up : 0U) | (outside ? status_bit::outside : 0U) |
-            ((sample.status & status::not_valid) != 0 ? status_bit::integrity : 0U);
+            ((sample.status & status::not_valid) != 0 ? status_bit::integrity : 0U) |
+            ((sample.status & status::self_test_failed) != 0 ? status_bit::channel : 0U);
   temperature_c_ = sample.temperature_c;
   const auto put = [&](Cluster cluster, const Vector3& value, const Vector3& step, unsigned overloaded) {
     constexpr double dt = 1 / internal_hz;

@@ -157,7 +157,7 @@ constexpr bool can_transmit(const Configuration& c) noexcept {
 
 // Table 5-23.
 namespace status_bit {
-inline constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10;
+inline constexpr unsigned integrity = 0x80, start_up = 0x40, outside = 0x20, overload = 0x10, channel = 0x08;
 }
 
 // The samples of a cluster since the last transmission, in deg or g, and s.
