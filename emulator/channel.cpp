@@ -94,7 +94,6 @@ Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k
     faults_->take(sample_, time - timeline.run_start(), utc_ns_of(sample_.time));
     set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
   }
-  if (faults_ && power_faults_) set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
   return sample_;
 }
 

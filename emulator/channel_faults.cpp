@@ -100,7 +100,10 @@ void Channel::set_supply(bool on, HostTime now) noexcept {
 }
 
 void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept {
-  for (Line& line : lines()) line.wire->set_active(wire);
+  for (Line& line : lines()) {
+    line.wire->set_time(sample_.time);  // of what others send before its frames
+    line.wire->set_active(wire);
+  }
   next_power_step_ = power_faults_->step(power);
   if (next_power_step_.starts && is_supplied_) imu_.power_on(++power_ons_);
 }

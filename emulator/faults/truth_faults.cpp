@@ -26,6 +26,8 @@ constexpr FaultParameter truths_late[] = {{.key = "value",
                                            .min = 1,
                                            .max = most_late}};
 
+constexpr std::string_view last_curve = "motion returns on the curve to the next truth";
+
 enum class TruthFault : std::uint8_t { frozen, jump, nan, late, lost, count };
 
 constexpr FaultKind truth_table[] = {
@@ -33,12 +35,14 @@ constexpr FaultKind truth_table[] = {
      .summary = "the motion of the last truth before the fault is sent again and again, with new times",
      .seam = FaultSeam::truth,
      .targets = truth_target,
-     .is_ramped = false},
+     .is_ramped = false,
+     .stays = last_curve},
     {.name = "jump",
      .summary = "the position jumps",
      .seam = FaultSeam::truth,
      .targets = truth_target,
-     .parameters = truth_offset},
+     .parameters = truth_offset,
+     .stays = last_curve},
     {.name = "nan",
      .summary = "numbers are no numbers, so that truth is refused",
      .seam = FaultSeam::truth,
@@ -115,6 +119,7 @@ class FaultyTruthDecoder final : public TruthDecoder {
       schedule_.begin_run();
       begin_ = truth.time;
       count_ = 0;
+      last_.reset();
     }
     Sample sample;  // what a schedule knows of a sample
     sample.counter = count_++;
