@@ -125,11 +125,17 @@ void Channel::encode(bool too_late) noexcept {
     sync_->deliver_edges(*device_, *truth_, time);
   else if (sync_)
     sync_->discard_edges();
-  if (!is_on()) return;
-  if (other_units_ != nullptr) other_units_->select(faults_->messages().other_unit());
-  sample_.time = time + clock_offset_;
-  device_->sample(sample_, silent_ || too_late ? others_ : frames_);
-  sample_.time = time;
+  if (is_on()) {
+    if (other_units_ != nullptr) other_units_->select(faults_->messages().other_unit());
+    const std::uint64_t counter = sample_.counter;
+    const std::uint32_t status = sample_.status;
+    sample_.time = time + clock_offset_;
+    if (faults_) faults_->messages().forge(sample_);
+    device_->sample(sample_, silent_ || too_late ? others_ : frames_);
+    sample_.time = time;
+    sample_.counter = counter;
+    sample_.status = status;
+  }
   if (faults_) faults_->messages().shape(frames_, time);
 }
 
@@ -292,6 +298,7 @@ void Channel::publish() noexcept {
   publish_bus();
   counters_.frames.store(sent - replies, std::memory_order_relaxed);
   counters_.replies.store(replies, std::memory_order_relaxed);
+  if (faults_) dropped += faults_->messages().lost();
   counters_.dropped.store(dropped, std::memory_order_relaxed);
   counters_.failed.store(failed, std::memory_order_relaxed);
   counters_.connections_refused.store(connections_refused, std::memory_order_relaxed);

@@ -26,7 +26,7 @@ void ChannelFaults::take(Sample& sample, Nanoseconds since_begin, std::optional<
   const double step_s = last_ ? seconds(since_begin - *last_) : 0.0;
   last_ = since_begin;
   sensors_.apply(schedule_.active(FaultSeam::sensor), schedule_.sample(), step_s, sample);
-  messages_.apply(schedule_.active(FaultSeam::message), schedule_.sample(), sample);
+  messages_.take(schedule_.active(FaultSeam::message), schedule_.sample(), sample);
   expectations_.take(schedule_, seconds(since_begin));
 }
 

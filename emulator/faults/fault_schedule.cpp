@@ -190,7 +190,8 @@ void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin, std::opt
     const FaultConfig& fault = *state.fault;
     ActiveFault& active = state.active;
     active.since = next_ - state.first;
-    active.is_last = is_over(state, next_ + 1, time_s + period_s_);
+    // The next sample may be later than that by the rounding of its time and by the error of the sensor's clock.
+    active.is_last = is_over(state, next_ + 1, time_s + 1.001 * period_s_);
     active.weight = 1;
     if (fault.ramp_in_s > 0) active.weight = std::min(1.0, (time_s - state.begin_s) / fault.ramp_in_s);
     if (fault.ramp_out_s > 0) active.weight = std::min(active.weight, (state.end_s - time_s) / fault.ramp_out_s);

@@ -158,8 +158,11 @@ MessageFaults::MessageFaults(std::span<const FaultConfig> faults, std::span<cons
   released_.reserve(FrameBuffer::max_bytes);
 }
 
-void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept {
+void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, const Sample& sample) noexcept {
   is_missing_ = is_exchanged_ = false;
+  status_kept_ = ~std::uint32_t{0};
+  status_added_ = 0;
+  std::uint64_t counter = sample.counter;
   repetitions_ = 0;
   other_unit_.reset();
   delay_ = clock_offset_ = Nanoseconds{0};
@@ -189,22 +192,22 @@ void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, 
         break;
       case MessageFault::counter_stuck:
         if (fault.since == 0) stuck_counter_ = counter_;
-        sample.counter = stuck_counter_;
+        counter = stuck_counter_;
         break;
       case MessageFault::counter_jump:
-        sample.counter += static_cast<std::uint64_t>(static_cast<std::int64_t>(p));
+        counter += static_cast<std::uint64_t>(static_cast<std::int64_t>(p));
         break;
       case MessageFault::invalid:
-        sample.status |= status::not_valid;
+        status_added_ |= status::not_valid;
         break;
       case MessageFault::valid:
-        sample.status = 0;
+        status_kept_ = status_added_ = 0;
         break;
       case MessageFault::other_settings:
         other_unit_ = fault.number;
         break;
       case MessageFault::self_test_failed:
-        sample.status |= status::self_test_failed;
+        status_added_ |= status::self_test_failed;
         break;
       case MessageFault::clock_jump:
         clock_offset_ += nanoseconds(p);
@@ -216,7 +219,13 @@ void MessageFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, 
         break;
     }
   }
-  counter_ = sample.counter;
+  counter_ = counter;
+  counter_ahead_ = counter - sample.counter;
+}
+
+void MessageFaults::forge(Sample& sample) const noexcept {
+  sample.counter += counter_ahead_;
+  sample.status = (sample.status & status_kept_) | status_added_;
 }
 
 void MessageFaults::withhold(const FrameBuffer& frames, DeviceTime due) noexcept {

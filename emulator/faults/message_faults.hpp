@@ -25,8 +25,10 @@ class MessageFaults {
   MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
                 double rate_hz);
 
-  // Changes the sample that the device receives. `k`: its number in its run.
-  void apply(std::span<const ActiveFault> faults, std::uint64_t k, Sample& sample) noexcept;
+  // Determines the changes to a sample and its frames. `k`: its number in its run.
+  void take(std::span<const ActiveFault> faults, std::uint64_t k, const Sample& sample) noexcept;
+  // Changes the counter and the status of that sample to those that the device is to send.
+  void forge(Sample& sample) const noexcept;
   // By how much the device's clock is off.
   Nanoseconds clock_offset() const noexcept { return clock_offset_; }
   // The number of the fault whose unit makes the frames; nullopt: the own unit does.
@@ -67,6 +69,8 @@ class MessageFaults {
   Nanoseconds clock_offset_{0};
   std::uint64_t counter_ = 0;        // of the last sample as it was sent, for a counter that is stuck
   std::uint64_t stuck_counter_ = 0;  // at which it is stuck
+  std::uint64_t counter_ahead_ = 0;  // of that of the sample
+  std::uint32_t status_kept_ = ~std::uint32_t{0}, status_added_ = 0;
 };
 
 }  // namespace imud

@@ -93,6 +93,23 @@ TEST_F(RealtimeRun, WhenTruthStopsTheSampleIsFlaggedOrNotSent) {
   }
 }
 
+// The fault changes what the sensor says of itself, not that it has no truth.
+TEST_F(RealtimeRun, AFlagThatLiesDoesNotHideThatTruthHasStopped) {
+  const std::string lie = "[[fault]]\ntarget = \"message\"\nkind = \"valid\"\n";
+  for (const std::string reaction : {"flag", "silence"}) {
+    SimulatedRun run(config(1000, "extrapolate_ms = 100\nwhen_stopped = \"" + reaction + "\"", lie));
+    send(run, 0, 2);
+    send(run, 3, 5);
+    run.run(5.1);
+    EXPECT_EQ(run.quality().stops, 1U);
+    EXPECT_EQ(run.quality().returns, 1U);
+    EXPECT_NEAR(static_cast<double>(run.counters().held), 900, 2);
+    const std::vector<Left> some = within(run, 2.25, 3.05);
+    EXPECT_EQ(some.empty(), reaction == "silence");
+    for (const Left& left : some) ASSERT_EQ(left.sample.status, 0U);
+  }
+}
+
 // The simulator's user pauses it for 3 s: its time continues where it stopped.
 TEST_F(RealtimeRun, AfterAPauseANewRunBegins) {
   SimulatedRun run(config(1000, "delay_ms = 20"));
