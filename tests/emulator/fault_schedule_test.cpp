@@ -6,10 +6,8 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
-#include <random>
 
 #include "emulator/faults/fault_kinds.hpp"
-#include "emulator/faults/wire_faults.hpp"
 #include "tests/emulator/faulty_run.hpp"
 #include "tests/support/text.hpp"
 
@@ -170,45 +168,6 @@ TEST(FaultReadme, HasEveryKind) {
     EXPECT_TRUE(contains(text, fmt::format("| `{}` | {}", kind->name, kind->summary))) << kind->name;
     for (const FaultParameter& parameter : kind->parameters)
       EXPECT_TRUE(contains(text, fmt::format("`{}`", parameter.key))) << parameter.key;
-  }
-}
-
-// Hundreds of faults of all kinds at random over the flight, twice: the same bytes, and the last samples, after the
-// last fault has ended, are those of the run without.
-TEST_F(FaultScheduleTest, ASoupOfFaults) {
-  const Result clean = run("");
-  std::mt19937_64 random(17);
-  const auto uniform = [&](double from, double to) {
-    return std::uniform_real_distribution<double>(from, to)(random);
-  };
-  for (int round = 0; round < 6; ++round) {
-    std::string text;
-    for (int i = 0; i < 60; ++i) {
-      const FaultKind& kind = *fault_kinds()[random() % fault_kinds().size()];
-      // A wrong content with a right checksum is any measurement.
-      if (kind.seam == FaultSeam::truth || kind.name == "content_wrong") continue;
-      // A slow start, or a slow line that is busy, may outlast the flight.
-      if (kind.name == "slow_start" || kind.name == "half_bandwidth") continue;
-      if (kind.seam == FaultSeam::wire && !wire_fault_objection(kind, *find_protocol("native")).empty()) continue;
-      text += fmt::format("[[fault]]\ntarget = \"{}\"\nkind = \"{}\"\nat_s = {}\n",
-                          kind.targets[random() % kind.targets.size()], kind.name, uniform(0, 8));
-      if (!kind.is_event) text += fmt::format("for_s = {}\n", uniform(0.001, 1.5));
-      if (kind.is_ramped) text += fmt::format("ramp_in_s = {}\n", uniform(0, 1));
-      for (const FaultParameter& parameter : kind.parameters)
-        text += fmt::format(
-            "{} = {}\n", parameter.key,
-            uniform(std::max(parameter.min, -20.0), std::min(parameter.max, std::max(20.0, 2 * parameter.min))));
-    }
-    SCOPED_TRACE(text);
-    const Result one = run(text, "native", 2), two = run(text, "native", 2);
-    ASSERT_EQ(one.all_bytes, two.all_bytes);
-    ASSERT_GT(one.labels.size(), 60U);
-    ASSERT_GE(one.frames.size(), 100U);
-    for (std::size_t back = 1; back < 100; ++back)
-      ASSERT_EQ(one.frames[one.frames.size() - back].bytes, clean.frames[clean.frames.size() - back].bytes) << back;
-    for (const Measurement& measurement : one.measurements)
-      ASSERT_TRUE(measurement.sample.rate.cwiseAbs().maxCoeff() <= 10 &&
-                  measurement.sample.specific_force.cwiseAbs().maxCoeff() <= 100);
   }
 }
 
