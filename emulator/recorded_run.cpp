@@ -9,6 +9,8 @@
 #include <deque>
 #include <utility>
 
+#include "emulator/faults/scenario.hpp"
+
 namespace imud {
 
 namespace {
@@ -57,7 +59,8 @@ class RecordedRun::Input final : public Port {
   Packet current_;
 };
 
-RecordedRun::RecordedRun(const PortSpec& spec, const Config& config) : reader_(spec), truth_port_(config.truth.port) {
+RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
+    : reader_(spec), truth_port_(config.truth.port), imus_(config.imus) {
   while (!first_ && !reader_.at_end()) first_ = reader_.next();
   const auto has = [this](std::string_view name) {
     const auto all = reader_.interfaces();
@@ -126,6 +129,8 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
       is_damaged_ = !is_plausible(*event, time);
       if (is_damaged_) break;
       execute(*event);
+    } else if (begin_fault_) {
+      begin_fault(*std::exchange(begin_fault_, std::nullopt), packet->bytes);
     }
   }
   has_end_ = !stop.load(std::memory_order_relaxed);
@@ -290,13 +295,30 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
 }
 
 void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
+  if (static_cast<Command::Kind>(event.flags) != Command::Kind::fault_begin) return execute_for_imus(event);
+  ++faults_missing_;
+  begin_fault_ = event;
+}
+
+// A fault of several imus is in the record with each.
+void RecordedRun::begin_fault(const RecordEvent& event, std::span<const std::byte> text) {
+  FaultBook& faults = session_->faults();
+  const auto number = static_cast<std::uint64_t>(event.c);
+  if (number == faults.all().size() && !faults.is_full()) {
+    std::string keys(reinterpret_cast<const char*>(text.data()), text.size());
+    std::vector<std::string> wrong;
+    FaultConfig fault = read_begun_fault(keys, number, imus_, wrong);
+    if (wrong.empty()) faults.add(std::move(fault), std::move(keys));
+  }
+  if (number < faults.configured().size() || number >= faults.all().size()) return;
+  --faults_missing_;
+  execute_for_imus(event);
+}
+
+void RecordedRun::execute_for_imus(const RecordEvent& event) noexcept {
   Command command = {.kind = static_cast<Command::Kind>(event.flags),
                      .value = std::bit_cast<double>(event.b),
                      .number = static_cast<std::uint64_t>(event.c)};
-  if (command.kind == Command::Kind::fault_begin) {  // the record does not have the fault
-    ++faults_begun_;
-    return;
-  }
   if (!has_value(command.kind)) poll(event.b);
   if (event.interface == RecordEvent::all_imus) return imud::execute(*session_, command, HostTime{event.a});
   const auto all = session_->channels();
@@ -372,8 +394,10 @@ std::string RecordedRun::difference() const {
     return fmt::format("the record is damaged: packet {} has an impossible time, and what follows it is left out",
                        packets_);
   if (lost_ > 0) return fmt::format("the record lacks {} packets: what follows them is not that of the run", lost_);
-  if (faults_begun_ > 0)
-    return fmt::format("{} faults were begun by control, which the record does not have", faults_begun_);
+  if (faults_missing_ > 0)
+    return fmt::format("{} faults that were begun by control cannot be repeated: {}", faults_missing_,
+                       session_->faults().can_grow() ? "the record does not have them"
+                                                     : "give faults = true in [control] of the configuration");
   if (differing_ > 0)
     return fmt::format("truth was processed differently from the run {} times: was the configuration another?",
                        differing_);

@@ -48,6 +48,8 @@ class RecordedRun {
   bool is_plausible(const RecordEvent& event, HostTime time) noexcept;
   void execute(const RecordEvent& event) noexcept;
   void repeat_command(const RecordEvent& event) noexcept;
+  void begin_fault(const RecordEvent& event, std::span<const std::byte> text);
+  void execute_for_imus(const RecordEvent& event) noexcept;
   void feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept;
   void process_truth(const RecordEvent& event) noexcept;
   void take_sample(Channel& channel, const RecordEvent& event) noexcept;
@@ -61,6 +63,7 @@ class RecordedRun {
   PcapngReader reader_;
   std::optional<PcapngPacket> first_;  // read ahead
   const std::string truth_port_;
+  const std::vector<ImuConfig> imus_;
   std::map<std::string, std::string> pins_;    // name of the interface by the text of its port
   std::multimap<std::string, Input*> inputs_;  // by the name of the interface
   bool is_live_ = true;
@@ -75,8 +78,9 @@ class RecordedRun {
   std::vector<Channel*> prepared_;
   std::map<const Channel*, std::int64_t> last_samples_;  // numbers on the imus' grids
   std::optional<RecordEvent> receive_;                   // the next packet of its host is received
+  std::optional<RecordEvent> begin_fault_;               // the next packet of the events is its fault
   bool ended_ = false, has_end_ = false;
-  std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_begun_ = 0;
+  std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_missing_ = 0;
   bool is_damaged_ = false;  // at the last packet
   HostTime instant_;         // of the last samples
 };

@@ -105,6 +105,7 @@ class Runs {
         width_(fmt::formatted_size("{}", seeds_.last)),
         truths_(options.repeats ? std::nullopt : StoredTruths::read(config.truth, most_records(config.truth.port))) {
     if (truths_) config_.truth.format = &truths_->format();
+    if (!options.repeats) config_.control.faults = false;  // nobody controls these runs
     for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
     if (seeds.npy.empty()) return;
     arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy);

@@ -11,7 +11,7 @@ namespace imud {
 Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder, RunControl* control)
     : recorder_(recorder),
       control_(control),
-      faults_(config.faults, control != nullptr && config.control.faults),
+      faults_(config.faults, config.control.faults),
       expectations_(config.expectations),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),

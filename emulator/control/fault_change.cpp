@@ -44,34 +44,20 @@ std::string toml_of(const std::string& key, const Json& value) {
   return json_line(value);
 }
 
-// Returns the fault that the parameters describe, as a [[fault]] of the configuration.
-FaultConfig read(const Json& params, const Config& config, std::size_t number) {
+// Returns the keys of the [[fault]] that the parameters describe, as TOML.
+std::string text_of(const Json& params) {
   if (!params.is_object()) refuse("give the keys of a [[fault]]");
-  toml::table table, resolved;
+  std::string text;
   for (const auto& [key, item] : params.items()) {
+    const std::string value = toml_of(key, item);
     try {
-      table.insert_or_assign(key,
-                             std::move(*toml::parse(fmt::format("value = {}", toml_of(key, item))).get("value")));
+      static_cast<void>(toml::parse("value = " + value));
     } catch (const toml::parse_error& error) {
       refuse(fmt::format("{}: {}", key, error.description()));
     }
+    text += fmt::format("{} = {}\n", json_line(Json(key)), value);
   }
-  Faults wrong("");
-  TableReader reader(&table, "", 0, wrong, resolved);
-  const FaultConfig fault = read_fault(reader, number, imu_names(config));
-  if (!wrong.all().empty()) refuse(fmt::format("{}", fmt::join(wrong.all(), "; ")));
-  if (fault.kind->has_settings)
-    refuse(fmt::format("{} needs a second unit, which is made at the start of imud; give a [[fault]]",
-                       fault.kind->name));
-  if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
-  if (!fault.kind->in_lockstep && config.clock == ClockMode::lockstep)
-    refuse(
-        fmt::format("{} needs another clock than \"lockstep\": the simulator would wait for ever", fault.kind->name));
-  for (const ImuConfig& imu : config.imus)
-    if (fault.acts_on(imu.name))
-      if (const std::string objection = fault_objection(*fault.kind, *imu.protocol); !objection.empty())
-        refuse(fmt::format("{}: {}", imu.name, objection));
-  return fault;
+  return text;
 }
 
 }  // namespace
@@ -85,7 +71,14 @@ Change fault_change_of(const std::string& method, const Json& request_params, co
     if (faults.is_full())
       throw RpcError(RpcError::refused,
                      fmt::format("{} faults have begun by control in this run; no more can", FaultBook::most_added));
-    FaultConfig fault = read(request_params, config, faults.all().size());
+    std::string text = text_of(request_params);
+    std::vector<std::string> wrong;
+    FaultConfig fault = read_begun_fault(text, faults.all().size(), config.imus, wrong);
+    if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
+    if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
+    if (!fault.kind->in_lockstep && config.clock == ClockMode::lockstep)
+      refuse(fmt::format("{} needs another clock than \"lockstep\": the simulator would wait for ever",
+                         fault.kind->name));
     const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", request_params}};
     std::vector<Command> commands;
     const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
@@ -95,7 +88,7 @@ Change fault_change_of(const std::string& method, const Json& request_params, co
       if (fault.acts_on(config.imus[i].name))
         commands.push_back({.kind = Command::Kind::fault_begin, .imu = static_cast<std::uint16_t>(i)});
     if (is_of_all) commands.push_back({.kind = Command::Kind::fault_begin});
-    const std::uint32_t number = faults.add(std::move(fault));
+    const std::uint32_t number = faults.add(std::move(fault), std::move(text));
     for (Command& command : commands) command.number = number;
     return {std::move(commands), words, event};
   }

@@ -99,6 +99,9 @@ void record(Session& session, const Command& command, HostTime now) noexcept {
   if (is_mark)
     recorder->packet(0, PacketDirection::unknown, now,
                      {std::as_bytes(std::span(command.text.data(), command.text_size))});
+  if (command.kind == Command::Kind::fault_begin)
+    recorder->packet(0, PacketDirection::unknown, now,
+                     {std::as_bytes(std::span(session.faults().text(static_cast<std::uint32_t>(command.number))))});
 }
 
 }  // namespace

@@ -1,9 +1,12 @@
 // FaultBook: all faults of a run, those that are configured and those that begin by control.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -12,7 +15,8 @@
 
 namespace imud {
 
-// Faults stay where they are, so that the sampling thread may use one while the main thread adds the next.
+// Faults stay where they are, so that a thread may use one while another adds the next. One thread adds: the main
+// thread, or the sampling thread where a run is repeated from its record.
 class FaultBook {
  public:
   static constexpr std::size_t most_added = 1024;  // in a run
@@ -22,7 +26,9 @@ class FaultBook {
       : log_(configured.empty() && !can_grow ? 0 : FaultLog::default_size), can_grow_(can_grow) {
     faults_.reserve(configured.size() + (can_grow ? most_added : 0));
     faults_.insert(faults_.end(), configured.begin(), configured.end());
+    texts_.reserve(can_grow ? most_added : 0);
     configured_ = configured.size();
+    size_ = configured_;
   }
   FaultBook(const FaultBook&) = delete;
   FaultBook& operator=(const FaultBook&) = delete;
@@ -33,22 +39,30 @@ class FaultBook {
   FaultLog& log() noexcept { return log_; }
   const FaultLog& log() const noexcept { return log_; }
 
-  // --- Main thread ---
-  std::span<const FaultConfig> all() const noexcept { return faults_; }
+  // --- Any thread ---
+  std::span<const FaultConfig> all() const noexcept {
+    return {faults_.data(), size_.load(std::memory_order_acquire)};
+  }
+  // `number` was returned by add().
+  const FaultConfig& operator[](std::uint32_t number) const noexcept { return faults_.data()[number]; }
+  std::string_view text(std::uint32_t number) const noexcept { return texts_.data()[number - configured_]; }
+
+  // --- The thread that adds ---
   bool is_full() const noexcept { return !can_grow_ || faults_.size() == faults_.capacity(); }
-  // Returns the number of the fault. Must not be called if the book is full.
-  std::uint32_t add(FaultConfig fault) {
+  // Returns the number of the fault. `text`: as read_fault() had it, for the record. Must not be called if the book
+  // is full.
+  std::uint32_t add(FaultConfig fault, std::string text) {
     faults_.push_back(std::move(fault));
+    texts_.push_back(std::move(text));
+    size_.store(faults_.size(), std::memory_order_release);
     return static_cast<std::uint32_t>(faults_.size() - 1);
   }
 
-  // --- Sampling thread ---
-  // `number` was returned by add().
-  const FaultConfig& operator[](std::uint32_t number) const noexcept { return faults_.data()[number]; }
-
  private:
   std::vector<FaultConfig> faults_;
+  std::vector<std::string> texts_;  // of those that were added
   std::size_t configured_ = 0;
+  std::atomic<std::size_t> size_ = 0;
   FaultLog log_;
   bool can_grow_;
 };

@@ -57,6 +57,32 @@ void check_begins_by_host(const Config& config, bool repeats) {
   if (!wrong.empty()) throw ConfigError(wrong);
 }
 
+FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::span<const ImuConfig> imus,
+                             std::vector<std::string>& wrong) {
+  toml::table table, resolved;
+  try {
+    table = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    wrong.emplace_back(error.description());
+    return {};
+  }
+  std::vector<std::string> names;
+  for (const ImuConfig& imu : imus) names.push_back(imu.name);
+  Faults faults("");
+  TableReader reader(&table, "", 0, faults, resolved);
+  FaultConfig fault = read_fault(reader, number, names);
+  wrong = faults.all();
+  if (!wrong.empty()) return fault;
+  if (fault.kind->has_settings)
+    wrong.push_back(fmt::format("{} needs a second unit, which is made at the start of imud; give a [[fault]]",
+                                fault.kind->name));
+  for (const ImuConfig& imu : imus)
+    if (fault.acts_on(imu.name))
+      if (const std::string objection = fault_objection(*fault.kind, *imu.protocol); !objection.empty())
+        wrong.push_back(fmt::format("{}: {}", imu.name, objection));
+  return fault;
+}
+
 void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
                     std::vector<std::string>& wrong) {
   std::vector<std::string> imus;

@@ -3,6 +3,7 @@
 
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "emulator/config.hpp"
@@ -21,5 +22,9 @@ std::string begin_objection(const FaultConfig& fault, const Config& config);
 // Throws ConfigError if faults begin by what the host sends, but no clock of the host paces the run, and it does not
 // repeat a record.
 void check_begins_by_host(const Config& config, bool repeats);
+// Reads a fault that begins by control from its keys, TOML. `number`: the fault's. Adds to `wrong` what is wrong with
+// them, or why the imus cannot have it; the fault is right if nothing is.
+FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::span<const ImuConfig> imus,
+                             std::vector<std::string>& wrong);
 
 }  // namespace imud

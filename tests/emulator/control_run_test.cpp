@@ -118,12 +118,13 @@ TEST_F(ControlRun, ChangesOfABatchTakeEffectAtOneSample) {
   EXPECT_EQ(play(two_imus(), script), changed);
 }
 
+std::string with_faults(std::string text, const std::string& faults) {
+  const std::string table = "[control]\n";
+  return text.insert(text.find(table) + table.size(), "faults = true\n") + faults;
+}
+
 // By control at sample k the bytes are those of a scenario at sample k, also where they are drawn by the seed.
 TEST_F(ControlRun, AFaultIsThatOfAScenario) {
-  const auto with_faults = [](std::string text, const std::string& faults) {
-    const std::string table = "[control]\n";
-    return text.insert(text.find(table) + table.size(), "faults = true\n") + faults;
-  };
   const std::string plain = read_file(two_imus());
   const std::string faults =
       "[[fault]]\nimu = \"imu1\"\ntarget = \"gyro.x\"\nkind = \"noise\"\nvalue = 0.5\nat_sample = 21\nfor_samples = "
@@ -150,16 +151,6 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
   EXPECT_EQ(control, scenario);
   EXPECT_NE(control, clean);
   EXPECT_EQ(rows_of(control.first, 0, 21), rows_of(clean.first, 0, 21));
-  // A record has no faults that were begun by control: its repetition states that it differs.
-  play(write("recorded.toml", with_faults(plain, "")),
-       {{2,
-         [&](ControlClient& client) {
-           client.call("fault.begin", {{"target", "gyro"}, {"kind", "dead"}});
-         }}},
-       6, {"--record", path("record.pcapng")});
-  const ProgramResult repeated = run_program("imud", {"replay", path("record.pcapng"), path("record.pcapng")});
-  EXPECT_EQ(repeated.exit_code, 3) << repeated.errors;
-  EXPECT_TRUE(contains(repeated.errors, "1 faults were begun by control")) << repeated.errors;
   // Without the key a run cannot fail, and what is wrong is explained.
   std::vector<std::string> refusals;
   const auto refused = [&](ControlClient& client, const json& params) {
@@ -244,39 +235,63 @@ TEST_F(ControlRun, SwitchesThePowerOfOneImu) {
   EXPECT_EQ(rows_of(changed.second, 31, 1000), rows_of(plain.second, 31, 1000)) << "nothing is drawn at power on";
 }
 
-// A record repeats what the commands did.
+// A record repeats what the commands did, and the faults that they began, with the labels of the run.
 TEST_F(ControlRun, ARecordRepeatsTheCommands) {
-  const Script script = {{1,
-                          [](ControlClient& client) {
-                            client.call("set", {{"imu.imu1.gyro.bias_deg_per_s", 3}});
-                          }},
-                         {2,
-                          [](ControlClient& client) {
-                            client.call("pause", {{"imu", "imu2"}});
-                          }},
-                         {3, [](ControlClient& client) {
-                            client.call("resume");
-                            client.call("mark", {{"text", "here"}});
-                            client.call("seed", {{"seed", 77}});
-                          }}};
-  const std::string config = two_imus();
-  Program imud("imud");
-  start(imud, config, {"--record", path("record.pcapng")});
-  ControlClient client(path("socket"));
-  for (int i = 0; i <= 6; ++i) {
-    EXPECT_TRUE(simulator_.exchange(Simulator::truth(10 * i, static_cast<std::uint32_t>(i), true)));
-    if (const auto action = script.find(i); action != script.end()) action->second(client);
-  }
-  client.call("quit");
-  EXPECT_EQ(imud.wait(), 0) << imud.errors();
-  const std::string first = read_file(path("out1")), second = read_file(path("out2"));
-  EXPECT_EQ(rows_of(second, 0, 1000).size(), 51U);
+  const Script script = {
+      {1,
+       [](ControlClient& client) {
+         client.call("set", {{"imu.imu1.gyro.bias_deg_per_s", 3}});
+         client.call("fault.begin", {{"imu", "imu1"}, {"target", "gyro.y"}, {"kind", "noise"}, {"value", 0.5}});
+       }},
+      {2,
+       [](ControlClient& client) {
+         client.call("pause", {{"imu", "imu2"}});
+         client.call("fault.begin", {{"name", "both"},
+                                     {"imu", {"imu1", "imu2"}},
+                                     {"target", "accelerometer"},
+                                     {"kind", "bias"},
+                                     {"value_g", {{"uniform", {0.5, 1.5}}}}});
+         client.call(
+             "fault.begin",
+             {{"imu", "imu1"}, {"target", "wire"}, {"kind", "bit_errors"}, {"value", 0.001}, {"for_s", 0.015}});
+       }},
+      {3,
+       [](ControlClient& client) {
+         client.call("resume");
+         client.call("mark", {{"text", "here"}});
+         client.call("seed", {{"seed", 77}});
+         client.call("power", {{"imu", "imu1"}, {"state", "off"}});
+       }},
+      {4, [](ControlClient& client) {
+         client.call("power", {{"imu", "imu1"}, {"state", "on"}});
+         client.call("fault.end", {{"name", "both"}});
+       }}};
+  const std::string plain = read_file(two_imus());
+  const std::string config = write("recorded.toml", with_faults(plain,
+                                                                "[[fault]]\ntarget = \"gyro.z\"\nkind = "
+                                                                "\"bias\"\nvalue = 0.1\nat_s = 0.055\n"));
+  const auto [first, second] =
+      play(config, script, 6, {"--record", path("record.pcapng"), "--labels", path("labels.csv")});
+  EXPECT_EQ(lines_of(second).size(), 1U + 51) << "paused for ten samples";
   EXPECT_NE(read_file(path("record.pcapng")).find("here"), std::string::npos);
-  Program replay("imud");
-  replay.start({"replay", config, path("record.pcapng"), "--fast"});
-  EXPECT_EQ(replay.wait(), 0) << replay.errors();
-  EXPECT_EQ(read_file(path("out1")), first);
-  EXPECT_EQ(read_file(path("out2")), second);
+  const std::string labels = read_file(path("labels.csv"));
+  EXPECT_EQ(lines_of(labels).size(), 1U + 6) << labels;
+  const auto replay = [&](const std::string& of) {
+    return run_program("imud", {"replay", of, path("record.pcapng"), "--fast", "--labels", path("labels.csv")});
+  };
+  for (const std::string& of : {config, path("record.pcapng")}) {
+    const ProgramResult repeated = replay(of);
+    EXPECT_EQ(repeated.exit_code, 0) << repeated.errors;
+    EXPECT_EQ(read_file(path("out1")), first);
+    EXPECT_EQ(read_file(path("out2")), second);
+    EXPECT_EQ(read_file(path("labels.csv")), labels);
+  }
+  // A configuration that does not permit faults by control cannot repeat them.
+  const ProgramResult without =
+      run_program("imud", {"replay", config, path("record.pcapng"), "--fast", "--set", "control.faults=false"});
+  EXPECT_EQ(without.exit_code, 3) << without.errors;
+  EXPECT_TRUE(contains(without.errors, "3 faults that were begun by control cannot be repeated: give faults = true"))
+      << without.errors;
 }
 
 TEST_F(ControlRun, RefusesWhatIsWrongWithClearWords) {
