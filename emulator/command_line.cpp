@@ -88,10 +88,10 @@ void check_recorded(const Config& config, const std::string& record, const std::
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
-  if (has_workers &&
-      (!arguments.run.monitor.quality_file.empty() || arguments.run.ready_fd || !arguments.run.record.file.empty()))
+  if (has_workers && (!arguments.run.monitor.quality_file.empty() || arguments.run.ready_fd ||
+                      !arguments.run.record.file.empty() || !arguments.run.junit_file.empty()))
     throw PortError(
-        "--quality, --record and --ready-fd are of a single run; omit them with --seeds, --jobs and --npy");
+        "--quality, --record, --ready-fd and --junit are of a single run; omit them with --seeds, --jobs and --npy");
   if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
   const bool is_stdin = arguments.capture == "-";
   if (is_stdin && arguments.config == "-")

@@ -26,6 +26,10 @@ void SeedResults::add_run(Json summary) {
   const auto seed = summary.at("seed").get<std::uint64_t>();
   if (!std::exchange(has_remarks_, true) && summary.at("truth").contains("remarks"))
     for (const Json& remark : summary["truth"]["remarks"]) spdlog::warn("truth: {}", remark.get<std::string>());
+  if (const auto labels = summary.find("labels"); labels != summary.end()) {
+    labels_[{seed, labels->at("part")}] = labels->at("text");
+    summary.erase(labels);
+  }
   exit_code_ = worse_exit_code(exit_code_, summary.at("exit_code"));
   for (const Json& imu : summary.at("imus")) samples_ += imu.at("samples").get<std::uint64_t>();
   for (const Json& shortfall : summary.at("shortfalls"))
@@ -44,6 +48,18 @@ void SeedResults::add_run(Json summary) {
     if (std::find(whole["shortfalls"].begin(), whole["shortfalls"].end(), shortfall) == whole["shortfalls"].end())
       whole["shortfalls"].push_back(std::move(shortfall));
   for (Json& imu : summary["imus"]) whole["imus"].push_back(std::move(imu));
+}
+
+std::string SeedResults::labels(bool as_json) const {
+  if (as_json) {
+    Json all = Json::array();
+    for (const auto& [of, text] : labels_)
+      for (Json& label : Json::parse(text)) all.push_back(std::move(label));
+    return all.dump(1) + "\n";
+  }
+  std::string all;
+  for (const auto& [of, text] : labels_) all += all.empty() ? text : text.substr(text.find('\n') + 1);
+  return all;
 }
 
 SeedProgress::SeedProgress(std::size_t runs, bool quiet)

@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "core/time.hpp"
 
@@ -26,12 +27,15 @@ class SeedResults {
 
   int exit_code() const noexcept { return exit_code_; }
   std::uint64_t samples() const noexcept { return samples_; }
+  // The labels of all runs, if the summaries have them: by seed, and by part of a run.
+  std::string labels(bool as_json) const;
   const std::map<std::uint64_t, nlohmann::ordered_json>& by_seed() const noexcept { return by_seed_; }
 
  private:
   void add_run(nlohmann::ordered_json summary);
 
   std::map<std::uint64_t, nlohmann::ordered_json> by_seed_;
+  std::map<std::pair<std::uint64_t, std::size_t>, std::string> labels_;  // by seed and part
   const bool keeps_;
   bool has_remarks_ = false;  // they are logged
   std::uint64_t samples_ = 0, shortfalls_ = 0;

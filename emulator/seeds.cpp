@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/faults/fault_labels.hpp"
 #include "emulator/faults/scenario.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/loop.hpp"
@@ -78,12 +79,17 @@ std::vector<std::string> remarks(const TruthCounters& truth) {
   return all;
 }
 
-// Throws OpenError if the summary would be written over a file of the runs.
-void check_summary(const Config& config, const std::string& path) {
-  const std::string file = path.empty() || path == "-" ? std::string() : regular_file(path);
-  for (const std::string& other : config.files)
-    if (!file.empty() && (other == file || is_same_file(other, file)))
-      throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
+// Throws OpenError if the summary or the labels would be written over a file of the runs, or over one another.
+void check_files(const Config& config, const RunOptions& options) {
+  std::vector<std::string> files = config.files;
+  for (const std::string& path : {options.summary_file, options.labels_file}) {
+    const std::string file = path.empty() || path == "-" ? path : regular_file(path);
+    if (file.empty()) continue;
+    for (const std::string& other : files)
+      if (other == file || is_same_file(other, file))
+        throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
+    files.push_back(file);
+  }
 }
 
 // Returns how many records of the capture are kept at most: all, if it can be read only once.
@@ -152,7 +158,9 @@ class Runs {
     std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
     HostTime begin;
   };
-  std::string end(Batch& batch, std::size_t run, Session& session, const std::string& difference) const;
+  std::string end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
+                  std::size_t part) const;
+  Json labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const;
   std::unique_ptr<Port> open_truth(std::string_view port, const PortSettings& settings) const {
     return truths_ ? truths_->open() : open_port(port, settings);
   }
@@ -187,6 +195,7 @@ void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atom
     Loop(session, host, *pacer, options, stop).run();
   }
   session.drain(std::chrono::milliseconds(50));
+  session.finish_faults();
   end(session, repeated ? repeated->difference() : std::string());
 }
 
@@ -200,6 +209,7 @@ std::string Runs::work(std::size_t item) const {
   }
   const std::vector<ImuConfig>& imus = batch.config.imus;
   Config all = batch.config;
+  all.seed = seeds.first;  // it draws the faults of truth
   all.imus.clear();
   batch.rows.reserve(seeds.size() * imus.size());
   for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
@@ -232,7 +242,7 @@ std::string Runs::work(std::size_t item) const {
     for (std::size_t i = 0; i < seeds.size(); ++i) {
       batch.config.seed = seeds.first + i;
       try {
-        summaries.push_back(end(batch, i, session, difference));
+        summaries.push_back(end(batch, i, session, difference, part));
       } catch (const std::exception& error) {  // the other seeds have runs of their own
         if (failure.empty()) failure = fmt::format("seed {}: {}", batch.config.seed, error.what());
       }
@@ -243,7 +253,8 @@ std::string Runs::work(std::size_t item) const {
 }
 
 // Ends the run number `run` of a batch, which is that of Batch::config; returns its summary.
-std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std::string& difference) const {
+std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
+                      std::size_t part) const {
   const std::size_t imus = batch.config.imus.size();
   const auto channels = session.channels().subspan(run * imus, imus);
   RunCounters counters{&session.intake().counters(), &session.quality(), {}};
@@ -256,12 +267,33 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
                                                      : EndedBy::duration;
   Outcome outcome = judge(summary, batch.config, ended_by, options_.required, options_.repeats);
   if (!difference.empty()) outcome.shortfalls.push_back(difference);
+  for (const auto& channel : channels)
+    for (Expected& one : channel->expected()) outcome.expected.push_back(std::move(one));
   if (outcome.ended_by != EndedBy::failure) commit(channels);
   if (arrays_)
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
       if (const std::string missing = rows.finish(); !missing.empty()) outcome.shortfalls.push_back(missing);
   summary.whole = {std::move(outcome), batch.config.seed, batch.config.sha256, {}};
-  return json(summary, JsonLayout::line);
+  const std::string text = json(summary, JsonLayout::line);
+  if (options_.labels_file.empty()) return text;
+  Json with_labels = Json::parse(text);
+  with_labels["labels"] = labels(batch, run, session, part);
+  return with_labels.dump();
+}
+
+// Returns the labels of a run, or of its part, for SeedResults.
+Json Runs::labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const {
+  std::vector<std::string> names;
+  for (const auto& channel : session.channels()) names.push_back(channel->name());
+  const std::size_t first = run * batch.config.imus.size(), end = first + batch.config.imus.size();
+  std::vector<FaultLabel> all = fault_labels(session.faults().all(), names, session.faults().log());
+  // Each part of a run has the faults of its truth.
+  std::erase_if(all, [&](const FaultLabel& label) {
+    return label.first.imu == truth_number ? part > 0 : label.first.imu < first || label.first.imu >= end;
+  });
+  const bool is_json = options_.labels_file.ends_with(".json");
+  return {{"part", part},
+          {"text", is_json ? labels_json(all, batch.config.seed) : labels_csv(all, batch.config.seed)}};
 }
 
 }  // namespace
@@ -288,8 +320,8 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   check_figures(options.required, config);
   check_begins_by_host(config, options.repeats);
   check_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
-  check_summary(config, options.summary_file);
-  TextFile summary_file(options.summary_file);
+  check_files(config, options);
+  TextFile summary_file(options.summary_file), labels_file(options.labels_file);
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
   Runs runs(config, options, seeds);
@@ -321,6 +353,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
               {"seeds", Json::array()}};
   for (const auto& [seed, summary] : results.by_seed()) all["seeds"].push_back(summary);
   summary_file.replace(all.dump(1) + "\n");
+  if (!options.labels_file.empty()) labels_file.replace(results.labels(options.labels_file.ends_with(".json")));
   TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
   printed.write(fmt::format("ran      {:.3f} s, {} runs of {} seed{}, {} samples, {:.3g} samples/s\n", duration_s,
                             done, runs.seeds(), runs.seeds() == 1 ? "" : "s", results.samples(),

@@ -9,6 +9,18 @@
 
 namespace imud {
 
+namespace {
+
+// Returns the text as a field of CSV (RFC 4180).
+std::string quoted(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string field = "\"";
+  for (const char c : text) field.append(c == '"' ? 2 : 1, c);
+  return field + "\"";
+}
+
+}  // namespace
+
 std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
                                      const FaultLog& log) {
   std::vector<FaultLabel> labels;
@@ -47,39 +59,44 @@ std::string event_text(const FaultConfig& fault, const std::string& imu, const F
                      event.has_begun ? "begins with" : "ends with", event.sample, event.time_s);
 }
 
-std::string labels_csv(std::span<const FaultLabel> labels) {
-  std::string text =
+std::string labels_csv(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed) {
+  std::string text = seed ? "seed," : "";
+  text +=
       "fault,imu,target,kind,occurrence,first_sample,last_sample,first_counter,last_counter,begin_s,end_s,"
       "first_time_ns,last_time_ns,parameters\n";
-  for (const FaultLabel& label : labels)
-    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", label.fault->name, label.imu,
+  for (const FaultLabel& label : labels) {
+    if (seed) text += fmt::format("{},", *seed);
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", quoted(label.fault->name), quoted(label.imu),
                         label.fault->target_text(), label.fault->kind->name, label.first.occurrence,
                         label.first.sample, label.last.sample, label.first.counter, label.last.counter,
                         label.first.time_s, label.last.time_s, label.first.device_time.ns, label.last.device_time.ns,
                         parameters_text(*label.fault, label.first));
+  }
   return text;
 }
 
-std::string labels_json(std::span<const FaultLabel> labels) {
+std::string labels_json(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed) {
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   for (const FaultLabel& label : labels) {
     nlohmann::ordered_json parameters = nlohmann::ordered_json::object();
     for (std::size_t i = 0; i < label.fault->kind->parameters.size(); ++i)
       parameters[std::string(label.fault->kind->parameters[i].key)] = label.first.parameters[i];
-    all.push_back({{"fault", label.fault->name},
-                   {"imu", label.imu},
-                   {"target", label.fault->target_text()},
-                   {"kind", label.fault->kind->name},
-                   {"occurrence", label.first.occurrence},
-                   {"first_sample", label.first.sample},
-                   {"last_sample", label.last.sample},
-                   {"first_counter", label.first.counter},
-                   {"last_counter", label.last.counter},
-                   {"begin_s", label.first.time_s},
-                   {"end_s", label.last.time_s},
-                   {"first_time_ns", label.first.device_time.ns},
-                   {"last_time_ns", label.last.device_time.ns},
-                   {"parameters", std::move(parameters)}});
+    nlohmann::ordered_json& one = all.emplace_back(nlohmann::ordered_json::object());
+    if (seed) one["seed"] = *seed;
+    one.update({{"fault", label.fault->name},
+                {"imu", label.imu},
+                {"target", label.fault->target_text()},
+                {"kind", label.fault->kind->name},
+                {"occurrence", label.first.occurrence},
+                {"first_sample", label.first.sample},
+                {"last_sample", label.last.sample},
+                {"first_counter", label.first.counter},
+                {"last_counter", label.last.counter},
+                {"begin_s", label.first.time_s},
+                {"end_s", label.last.time_s},
+                {"first_time_ns", label.first.device_time.ns},
+                {"last_time_ns", label.last.device_time.ns},
+                {"parameters", std::move(parameters)}});
   }
   return all.dump(1) + "\n";
 }

@@ -1,6 +1,8 @@
 // FaultLabels: what failed, and on which samples, for the log and for files by which a detector is scored.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,9 +32,10 @@ std::string event_text(const FaultConfig& fault, const std::string& imu, const F
 // Returns the name of the imu of this number, or that of truth.
 const std::string& imu_of(const FaultEvent& event, std::span<const std::string> imus);
 
-// A header row and a row for each label. Columns: emulator/faults/README.md.
-std::string labels_csv(std::span<const FaultLabel> labels);
+// A header row and a row for each label. Columns: emulator/faults/README.md. `seed`: that of the run, as another
+// column before these, for the labels of many runs.
+std::string labels_csv(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed = std::nullopt);
 // The same as a list of objects.
-std::string labels_json(std::span<const FaultLabel> labels);
+std::string labels_json(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed = std::nullopt);
 
 }  // namespace imud

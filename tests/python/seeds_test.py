@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """imud replay with seeds: the bytes of single runs, arrays with a seed axis, truth beside the measurements."""
+import csv
 import json
 import os
 import pathlib
@@ -170,6 +171,58 @@ class Seeds(RunTest):
         dcm = about_x @ about_y @ about_z
         numpy.testing.assert_allclose(truth["true_accel"], body["true_accel"] @ dcm.T, atol=1e-12)
 
+    def test_labels_have_what_was_drawn_for_each_seed(self):
+        """They are those of runs with each seed; without a fault of truth, two seeds run together with one job."""
+        bias = """
+[[fault]]
+imu = ['b', 'c']
+target = 'gyro.x'
+kind = 'bias'
+name = 'a, b'
+value_deg_per_s = {uniform = [1, 5]}
+at_s = {uniform = [0.2, 0.4]}
+for_s = 0.1
+"""
+        frozen = """
+[[fault]]
+target = 'truth'
+kind = 'frozen'
+at_s = {uniform = [0.5, 0.7]}
+for_s = 0.1
+"""
+        config, capture = self.imus(NATIVE, NATIVE.replace("'b'", "'c'").replace("b_", "c_")), self.short_flight()
+        plain = self.of_csv(config).read_text()
+        labels = {suffix: self.folder / f"labels.{suffix}" for suffix in ("csv", "json")}
+        for faults, count in (bias, 2), (bias + frozen, 3):
+            config.write_text(plain + faults)
+            expected, files = {"csv": [], "json": []}, {}
+            for seed in range(8, 16):
+                ports = [f"--set=imu.{name}.port=file:{self.folder}/{name}.bin" for name in "bc"]
+                for suffix, file in labels.items():
+                    run("imud", "replay", config, capture, "--fast", f"--set=seed={seed}", *ports, "-q",
+                        "--labels", file)
+                expected["csv"] += [{"seed": str(seed), **row} for row in self.rows(labels["csv"])]
+                expected["json"] += [{"seed": seed, **one} for one in json.loads(labels["json"].read_text())]
+                for name in "bc":
+                    files[f"{name}_{seed:02}.bin"] = (self.folder / f"{name}.bin").read_bytes()
+            self.assertEqual(len(expected["csv"]), 8 * count)
+            self.assertEqual(len({row["parameters"] for row in expected["csv"]}), 16 + (count == 3))
+            for jobs in 1, 3, 16:
+                for suffix, file in labels.items():
+                    run("imud", "replay", config, capture, "--seeds", "8..15", "--jobs", jobs, "-q", "--labels", file)
+                    found = self.rows(file) if suffix == "csv" else json.loads(file.read_text())
+                    self.assertEqual([int(one["seed"]) for one in found],
+                                     [seed for seed in range(8, 16) for _ in range(count)])
+                    # The imus of a seed may have run apart.
+                    self.assertEqual(sorted(map(repr, found)), sorted(map(repr, expected[suffix])), (jobs, suffix))
+                for name, content in files.items():
+                    self.assertEqual((self.folder / name).read_bytes(), content, (jobs, name))
+
+    @staticmethod
+    def rows(path):
+        with open(path, newline="", encoding="utf-8") as file:
+            return list(csv.DictReader(file))
+
     def test_faults_name_what_would_be_right(self):
         config = self.imus(STIM300, NATIVE)
         same = f"--set=imu.*.port=file:{self.folder}/x.bin"
@@ -181,6 +234,8 @@ class Seeds(RunTest):
             (["--npy", self.folder / "x.npy"], "each imu needs a file of its own; give a name with {imu}"),
             (["--npy", self.folder / "no" / "{imu}.npy"], "No such file or directory"),
             (["--seeds", "1..9", "--quality", "q"], "omit them with --seeds"),
+            (["--seeds", "1..9", "--junit", "j.xml"], "omit them with --seeds"),
+            (["--seeds", "1..9", "--labels", config], "the run reads or writes this file already; give another"),
             (["--seeds", "1..9", "--require", "c.samples>1"], "there is no figure c.samples"),
             (["--seeds", "1..9", same], "imu.1.port"),
             (["--seeds", "1..9", "--summary", config], "the run reads or writes this file already; give another"),
