@@ -227,8 +227,12 @@ struct Protocol {
   unsigned burst_bits = 0;
   // Writes the right checksum to `frame`, a whole frame of the product, and returns those of its bytes that can
   // change without a change of the framing. Empty, and nothing is written, if the bytes are no such frame. nullptr:
-  // no frame has a checksum of its own.
-  std::span<std::byte> (*reseal)(std::span<std::byte> frame) noexcept = nullptr;
+  // no frame has a checksum of its own. `can`: its header.
+  std::span<std::byte> (*reseal)(std::span<std::byte> frame, const CanHeader& can) noexcept = nullptr;
+  // Where a checksum covers a transfer of several CAN frames, reseal() takes the data of these, one after another.
+  // Returns how many of `frames`, from the first one on, are a transfer, at least 1; there is a first one. nullptr:
+  // each frame has its own checksum.
+  std::size_t (*transfer_frames)(std::span<const Frame> frames) noexcept = nullptr;
 
   bool has_sync_pins = false;                    // Device's trigger(), pps() and pulse()
   bool has_second_uart = false;                  // Device's connect_second_uart() and second_uart()

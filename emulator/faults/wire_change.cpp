@@ -93,11 +93,12 @@ void WireChange::cut(ChangingFrame& frame) noexcept {
 }
 
 // The checksum of the frame with another bit of the content: with that content, or with the right one.
-ChangingFrame& WireChange::reseal(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol) noexcept {
+ChangingFrame& WireChange::reseal(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol,
+                                  const CanHeader& can) noexcept {
   if (!numbers_.happens(fault_.parameters[0] * fault_.weight) || protocol.reseal == nullptr) return frame;
   const double u = numbers_.uniform();
   other.assign(frame.bytes());
-  const std::span<std::byte> content = protocol.reseal(other.bytes());
+  const std::span<std::byte> content = protocol.reseal(other.bytes(), can);
   if (content.empty()) return frame;
   const std::size_t begin = static_cast<std::size_t>(content.data() - other.bytes().data()),
                     bits = 8 * content.size();
@@ -107,7 +108,7 @@ ChangingFrame& WireChange::reseal(ChangingFrame& frame, ChangingFrame& other, co
     other.assign(frame.bytes());
     std::byte& changed = other.bytes()[begin + bit / 8];
     changed ^= static_cast<std::byte>(1U << bit % 8);
-    const std::span<std::byte> same = protocol.reseal(other.bytes());
+    const std::span<std::byte> same = protocol.reseal(other.bytes(), can);
     if (same.data() != content.data() || same.size() != content.size()) continue;  // a frame of another form
     if (kind_ == WireFault::checksum_wrong) changed ^= static_cast<std::byte>(1U << bit % 8);
     return other;
@@ -127,7 +128,7 @@ ChangingFrame& WireChange::resample(ChangingFrame& frame, ChangingFrame& other, 
 }
 
 ChangingFrame& WireChange::change(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol,
-                                  const UartSettings& uart, bool is_last) noexcept {
+                                  const CanHeader& can, const UartSettings& uart, bool is_last) noexcept {
   switch (kind_) {
     case WireFault::bit_errors:
       change_bits(frame.bytes());
@@ -142,7 +143,7 @@ ChangingFrame& WireChange::change(ChangingFrame& frame, ChangingFrame& other, co
       return frame;
     case WireFault::checksum_wrong:
     case WireFault::content_wrong:
-      return reseal(frame, other, protocol);
+      return reseal(frame, other, protocol, can);
     case WireFault::baud_wrong:
       return resample(frame, other, uart, is_last);
     default:

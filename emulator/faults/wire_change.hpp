@@ -46,9 +46,9 @@ class WireChange {
   WireFault kind() const noexcept { return kind_; }
   FaultNumbers& numbers() noexcept { return numbers_; }
 
-  // Changes `frame`. `other` is room to work in; the changed frame is the one that is returned. `is_last`: the line
-  // is idle afterwards.
-  ChangingFrame& change(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol,
+  // Changes `frame`, or the frames of a transfer (Protocol::transfer_frames), with the header `can`. `other` is room
+  // to work in; the changed frame is the one that is returned. `is_last`: the line is idle afterwards.
+  ChangingFrame& change(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol, const CanHeader& can,
                         const UartSettings& uart, bool is_last) noexcept;
   // Writes to `received` what the device receives of what the host has sent, and returns its size.
   std::size_t receive(std::span<const std::byte> sent, const UartSettings& uart,
@@ -63,7 +63,8 @@ class WireChange {
   void lose_bytes(ChangingFrame& frame) noexcept;
   ChangingFrame& insert_bytes(ChangingFrame& frame, ChangingFrame& other) noexcept;
   void cut(ChangingFrame& frame) noexcept;
-  ChangingFrame& reseal(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol) noexcept;
+  ChangingFrame& reseal(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol,
+                        const CanHeader& can) noexcept;
   ChangingFrame& resample(ChangingFrame& frame, ChangingFrame& other, UartSettings uart, bool is_last) noexcept;
   void draw_run() noexcept;
 

@@ -191,21 +191,38 @@ void WirePort::send(std::span<const Frame> frames) noexcept {
   } else if (passage_ != Passage::open) {
     lose(frames);
   } else {
-    for (const Frame& frame : frames) change(frame, &frame == &frames.back());
+    while (!frames.empty()) {
+      const std::size_t size = protocol_.transfer_frames != nullptr ? protocol_.transfer_frames(frames) : 1;
+      change(frames.first(size), size == frames.size());
+      frames = frames.subspan(size);
+    }
     deliver();
   }
   mirror();
 }
 
-void WirePort::change(const Frame& frame, bool is_last) noexcept {
-  frame_.assign(frame.bytes);
+// Changes one frame, or the frames of a transfer, whose sizes and headers stay as they are.
+void WirePort::change(std::span<const Frame> transfer, bool is_last) noexcept {
+  frame_.resize(0);
+  for (const Frame& frame : transfer)
+    for (const std::byte byte : frame.bytes) frame_.push(byte);
   ChangingFrame* changed = &frame_;
   for (WireChange& fault : active()) {
-    changed = &fault.change(*changed, changed == &frame_ ? other_ : frame_, protocol_, uart_, is_last);
+    ChangingFrame& other = changed == &frame_ ? other_ : frame_;
+    changed = &fault.change(*changed, other, protocol_, transfer[0].can, uart_, is_last);
     if (fault.kind() == WireFault::half_bandwidth)
       fault.owed += static_cast<double>(changed->bytes().size() * uart_.bits_per_character());
   }
-  const std::span<const std::byte> bytes = changed->bytes();
+  std::span<const std::byte> bytes = changed->bytes();
+  for (const Frame& frame : transfer) {
+    const std::size_t size = transfer.size() == 1 ? bytes.size() : frame.bytes.size();
+    add_own(frame, bytes.first(size));
+    bytes = bytes.subspan(size);
+  }
+}
+
+// Adds a frame of the device, changed to `bytes`, and those of others that follow it.
+void WirePort::add_own(const Frame& frame, std::span<const std::byte> bytes) noexcept {
   if (bytes.empty() && !frame.bytes.empty()) {
     ++sent_;
     if (is_reply_) ++lost_replies_;

@@ -93,7 +93,8 @@ class WirePort final : public Port {
   void prepare(WireChange& change) noexcept;
   void send_others(WireChange& change) noexcept;
   double add_other(const CanHeader& can, std::size_t size, WireChange& change, bool is_random) noexcept;
-  void change(const Frame& frame, bool is_last) noexcept;
+  void change(std::span<const Frame> transfer, bool is_last) noexcept;
+  void add_own(const Frame& frame, std::span<const std::byte> bytes) noexcept;
   void pass(std::span<const Frame> frames, std::size_t own) noexcept;
   void deliver() noexcept;
   void lose(std::span<const Frame> frames) noexcept;

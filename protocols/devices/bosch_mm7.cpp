@@ -76,7 +76,7 @@ constexpr CanSignal pitch_az[] = {
     crc};
 
 constexpr MessageChecksum j1850 = {.profile = ChecksumProfile::j1850};
-std::span<std::byte> reseal(std::span<std::byte> frame) noexcept {
+std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader&) noexcept {
   constexpr std::size_t at = 7;
   if (frame.size() != at + 1) return {};
   frame[at] = static_cast<std::byte>(j1850.of(frame, at, 0));

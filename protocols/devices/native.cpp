@@ -50,7 +50,7 @@ void seal(std::span<std::byte> frame) noexcept {
   std::memcpy(frame.data() + crc_offset, &crc, sizeof crc);
 }
 
-std::span<std::byte> reseal(std::span<std::byte> frame) noexcept {
+std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader&) noexcept {
   if (frame.size() != sizeof(Wire) || std::memcmp(frame.data(), start, sizeof start) != 0) return {};
   seal(frame);
   return frame.subspan(sizeof start, crc_offset - sizeof start);

@@ -193,6 +193,26 @@ const DataType* find_service(unsigned id) noexcept {
   return nullptr;
 }
 
+const DataType* find_message(unsigned id) noexcept {
+  for (const DataType* message : messages)
+    if (message->id == id) return message;
+  return nullptr;
+}
+
+std::span<std::byte> reseal(std::span<std::byte> data, const CanHeader& can) noexcept {
+  const Identifier identifier = Identifier::parse(can.id);
+  const DataType* type = identifier.is_anonymous() ? nullptr
+                         : identifier.is_service   ? find_service(identifier.type)
+                                                   : find_message(identifier.type);
+  return type == nullptr ? std::span<std::byte>() : reseal(data, *type);
+}
+
+std::size_t transfer_frames(std::span<const Frame> frames) noexcept {
+  for (std::size_t i = 0; i < frames.size() && !frames[i].bytes.empty(); ++i)
+    if (frames[i].can == frames[0].can && Tail::parse(frames[i].bytes.back()).is_last) return i + 1;
+  return 1;
+}
+
 Served serve(const DataType& service, std::span<const std::byte> request, DeviceTime now, Node& node,
              Payload& response) noexcept {
   switch (service.id) {

@@ -8,8 +8,13 @@
 
 namespace imud::dronecan {
 
-// Returns the service with that id, or nullptr.
+// Return the service, or the message that the node sends, with that id, or nullptr.
 const DataType* find_service(unsigned id) noexcept;
+const DataType* find_message(unsigned id) noexcept;
+
+// Protocol::reseal, of a transfer of several frames that the node sends, and Protocol::transfer_frames.
+std::span<std::byte> reseal(std::span<std::byte> data, const CanHeader& can) noexcept;
+std::size_t transfer_frames(std::span<const Frame> frames) noexcept;
 
 enum class Served : std::uint8_t {
   answered,

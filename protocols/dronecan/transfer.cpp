@@ -88,6 +88,28 @@ std::size_t send(const Identifier& identifier, const DataType& type, unsigned tr
   return frames;
 }
 
+std::span<std::byte> reseal(std::span<std::byte> data, const DataType& type) noexcept {
+  constexpr std::size_t with_tail = frame_data + 1, crc_size = 2;
+  const std::size_t frames = (data.size() + with_tail - 1) / with_tail;
+  std::array<std::byte, longest_transfer> payload;
+  std::size_t size = 0;
+  if (frames < 2 || data.size() - frames > payload.size()) return {};
+  const unsigned transfer_id = Tail::parse(data[frame_data]).transfer_id;
+  for (std::size_t i = 0; i < frames; ++i) {
+    const std::span<const std::byte> frame =
+        data.subspan(with_tail * i, std::min(with_tail, data.size() - with_tail * i));
+    if (frame.back() != Tail{i == 0, i + 1 == frames, i % 2 == 1, transfer_id}.byte()) return {};
+    const std::span<const std::byte> content = frame.subspan(i == 0 ? crc_size : 0);
+    size = static_cast<std::size_t>(
+        std::copy(content.begin(), content.end() - 1, payload.begin() + static_cast<std::ptrdiff_t>(size)) -
+        payload.begin());
+  }
+  const unsigned crc = crc_of(type, std::span(payload).first(size));
+  data[0] = static_cast<std::byte>(crc & 0xFFU);
+  data[1] = static_cast<std::byte>(crc >> 8);
+  return data.subspan(crc_size, data.size() - crc_size - 1);
+}
+
 bool Reception::append(std::span<const std::byte> data) noexcept {
   if (data.size() > bytes_.size() - size_) return false;
   std::copy(data.begin(), data.end(), bytes_.begin() + static_cast<std::ptrdiff_t>(size_));

@@ -75,6 +75,10 @@ struct Tail {
 std::size_t send(const Identifier& identifier, const DataType& type, unsigned transfer_id,
                  std::span<const std::byte> payload, FrameBuffer& out) noexcept;
 
+// Writes the CRC of a transfer of several frames to `data`, that of these frames one after another, and returns what
+// follows it, without the last tail byte. Empty, and nothing is written, if it is no such transfer.
+std::span<std::byte> reseal(std::span<std::byte> data, const DataType& type) noexcept;
+
 // Assembles transfers of one data type from one node. A frame out of turn is discarded, as a controller may receive
 // one twice (the toggle's purpose); where one is missing, the CRC or the length is wrong. A transfer that another one
 // follows before its last frame is counted as incomplete; one whose frames are not full or are too many, as

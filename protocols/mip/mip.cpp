@@ -142,7 +142,7 @@ bool is_intact(std::span<const std::byte> packet) noexcept {
   return packet[packet.size() - 2] == std::byte{sums[0]} && packet[packet.size() - 1] == std::byte{sums[1]};
 }
 
-std::span<std::byte> reseal(std::span<std::byte> packet) noexcept {
+std::span<std::byte> reseal(std::span<std::byte> packet, const CanHeader&) noexcept {
   const auto size = packet_size(packet);
   if (!size || *size != packet.size() || !for_each_field(packet, [](auto...) {})) return {};
   const std::span<std::byte> sealed = packet.first(packet.size() - checksum_size);

@@ -133,7 +133,7 @@ std::size_t datagram_size_of(unsigned id) noexcept {
   return content ? datagram_size(*content) : 0;
 }
 
-std::span<std::byte> reseal(std::span<std::byte> datagram) noexcept {
+std::span<std::byte> reseal(std::span<std::byte> datagram, const CanHeader&) noexcept {
   if (datagram.empty()) return {};
   const std::size_t size = datagram_size_of(std::to_integer<unsigned>(datagram[0]));
   const bool is_whole = size != 0 && (datagram.size() == size || datagram.size() == size + 2);  // with CR LF

@@ -60,7 +60,7 @@ std::span<std::byte> reseal_text(std::span<std::byte> frame) noexcept {
 
 }  // namespace
 
-std::span<std::byte> reseal(std::span<std::byte> frame) noexcept {
+std::span<std::byte> reseal(std::span<std::byte> frame, const CanHeader&) noexcept {
   if (frame.empty()) return {};
   if (frame[0] == std::byte{'$'}) return reseal_text(frame);
   const auto head = binary_head(frame);

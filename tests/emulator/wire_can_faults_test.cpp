@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 #include <linux/can/error.h>
 
+#include <bit>
+
 #include "tests/emulator/wire_bench.hpp"
 #include "transports/can_bits.hpp"
 
@@ -129,6 +131,41 @@ TEST(CanWire, OtherNodesLoadTheBusUpToALevel) {
   std::size_t frames = 0;
   for (const auto& all : bench.run({&window, 1}, 100)) frames += all.size();
   EXPECT_EQ(frames, 300U) << "the load of the device alone is above the level";
+}
+
+// The CRC of DroneCAN covers a transfer of seven frames: one with another content's CRC is refused as a whole, one
+// with a wrong bit and the right CRC is read as if it were good.
+TEST(CanWire, ChecksumsOfATransfer) {
+  constexpr std::string_view product = "dronecan", settings = "sample_rate_hz=100 raw_imu_hz=100 start_up_ms=0";
+  WireBench without(product, settings);
+  const CanFrames plain = without.run({}, 30);
+  for (const WireFault kind : {WireFault::checksum_wrong, WireFault::content_wrong}) {
+    WireBench bench(product, settings);
+    const WireWindow window{kind, {1}};
+    const CanFrames faulty = bench.run({&window, 1}, 30);
+    expect_same_outside(faulty, plain);
+    for (std::size_t k = 10; k <= 19; ++k) {
+      ASSERT_EQ(faulty[k].size(), plain[k].size());
+      ASSERT_EQ(faulty[k].size(), 7U);
+      std::size_t content_bits = 0, crc_bits = 0;
+      for (std::size_t i = 0; i < 7; ++i) {
+        ASSERT_EQ(faulty[k][i].can, plain[k][i].can);
+        ASSERT_EQ(faulty[k][i].bytes.size(), plain[k][i].bytes.size());
+        ASSERT_EQ(faulty[k][i].bytes.back(), plain[k][i].bytes.back()) << "the tail byte";
+        for (std::size_t at = 0; at < faulty[k][i].bytes.size(); ++at)
+          (i == 0 && at < 2 ? crc_bits : content_bits) += static_cast<std::size_t>(
+              std::popcount(std::to_integer<unsigned>(faulty[k][i].bytes[at] ^ plain[k][i].bytes[at])));
+      }
+      EXPECT_EQ(content_bits, kind == WireFault::content_wrong ? 1U : 0U);
+      EXPECT_GT(crc_bits, 0U);
+    }
+    Line line(bench.protocol, settings_of(bench.protocol, settings));
+    Recording recording;
+    for (const auto& frames : faulty) line.feed(frames, recording);
+    line.decoder->finish(recording);
+    EXPECT_EQ(recording.measurements.size(), kind == WireFault::content_wrong ? 30U : 20U);
+    EXPECT_EQ(line.decoder->errors().checksum, kind == WireFault::content_wrong ? 0U : 10U);
+  }
 }
 
 }  // namespace

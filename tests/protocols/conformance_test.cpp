@@ -327,46 +327,60 @@ TEST_P(Conformance, AChecksumCanBeWrittenAnew) {
     ASSERT_NE(protocol().reseal, nullptr);
   }
   if (protocol().reseal == nullptr) return;
-  // Decodes the frames with `other` in place of frame `i`.
-  const auto decode = [this](std::span<const StoredFrame> frames, std::size_t i, std::span<const std::byte> other) {
+  const std::vector<StoredFrame> frames = line_.encode_all(random_samples(1, protocol(), random_));
+  std::vector<Frame> views;
+  for (const StoredFrame& frame : frames) views.push_back(frame.view());
+  // Decodes the frames with `other` in place of the frames from `i` to before `end`.
+  const auto decode = [&](std::size_t i, std::size_t end, std::span<const std::byte> other) {
     Line line(protocol(), GetParam().settings);
     Recording recording(4);
-    for (std::size_t k = 0; k < frames.size(); ++k)
-      line.decoder->feed(k == i ? Frame{other, frames[k].can} : frames[k].view(), recording);
+    for (std::size_t k = 0; k < frames.size(); ++k) {
+      if (k < i || k >= end) {
+        line.decoder->feed(views[k], recording);
+        continue;
+      }
+      line.decoder->feed(Frame{other.first(frames[k].bytes.size()), frames[k].can}, recording);
+      other = other.subspan(frames[k].bytes.size());
+    }
     line.decoder->finish(recording);
     return std::pair(line.decoder->errors(), recording.measurements.size());
   };
-  const std::vector<StoredFrame> frames = line_.encode_all(random_samples(1, protocol(), random_));
   std::size_t changes = 0;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    std::vector<std::byte> frame = frames[i].bytes;
-    const std::span<const std::byte> content = protocol().reseal(frame);
+  for (std::size_t i = 0, end = 0; i < frames.size(); i = end) {
+    const auto transfer_frames = protocol().transfer_frames;
+    end = i + (transfer_frames != nullptr ? transfer_frames(std::span(views).subspan(i)) : 1);
+    ASSERT_LE(end, frames.size());
+    const std::vector<std::byte> original = concatenated(std::span(frames).subspan(i, end - i));
+    const CanHeader& can = frames[i].can;
+    std::vector<std::byte> frame = original;
+    const std::span<const std::byte> content = protocol().reseal(frame, can);
+    if (content.empty() && transfer_frames != nullptr && end == i + 1) continue;  // only a longer transfer has one
     ASSERT_FALSE(content.empty());
-    ASSERT_EQ(frame, frames[i].bytes) << "the checksum was another";
+    ASSERT_EQ(frame, original) << "the checksum was another";
     const std::ptrdiff_t begin = content.data() - frame.data();
     const std::size_t size = content.size();
     for (std::size_t bit = 0; bit < 8 * size; ++bit) {
-      std::vector<std::byte> changed = frames[i].bytes, refused = changed;
+      std::vector<std::byte> changed = original, refused = changed;
       changed[static_cast<std::size_t>(begin) + bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
-      const std::span<const std::byte> same = protocol().reseal(changed);
+      const std::span<const std::byte> same = protocol().reseal(changed, can);
       if (same.data() != changed.data() + begin || same.size() != size) continue;  // another frame
       ++changes;
-      EXPECT_EQ(decode(frames, i, changed).first.checksum, 0U) << "bit " << bit;
-      EXPECT_EQ(decode(frames, i, changed).first.skipped_bytes, 0U) << "bit " << bit;
+      EXPECT_EQ(decode(i, end, changed).first.checksum, 0U) << "bit " << bit;
+      EXPECT_EQ(decode(i, end, changed).first.skipped_bytes, 0U) << "bit " << bit;
       for (std::size_t k = 0; k < refused.size(); ++k)
         if (k < static_cast<std::size_t>(begin) || k >= static_cast<std::size_t>(begin) + size)
           refused[k] = changed[k];
-      const auto [errors, measurements] = decode(frames, i, refused);
+      const auto [errors, measurements] = decode(i, end, refused);
       EXPECT_EQ(measurements, 0U) << "bit " << bit;
       EXPECT_GT(errors.checksum, 0U) << "bit " << bit;
       if (HasFailure()) return;
     }
-    std::vector<std::byte> part(frames[i].bytes.begin(), frames[i].bytes.end() - 1);
-    EXPECT_TRUE(protocol().reseal(part).empty());
-    EXPECT_TRUE(std::equal(part.begin(), part.end(), frames[i].bytes.begin()));
+    std::vector<std::byte> part(original.begin(), original.end() - 1);
+    EXPECT_TRUE(protocol().reseal(part, can).empty());
+    EXPECT_TRUE(std::equal(part.begin(), part.end(), original.begin()));
   }
   EXPECT_GT(changes, 8U);
-  EXPECT_TRUE(protocol().reseal({}).empty());
+  EXPECT_TRUE(protocol().reseal({}, {}).empty());
 }
 
 }  // namespace
