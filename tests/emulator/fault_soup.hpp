@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "emulator/faults/fault_kinds.hpp"
-#include "emulator/faults/wire_faults.hpp"
 #include "tests/emulator/sampled_run.hpp"
 
 namespace imud {
@@ -44,9 +43,8 @@ class FaultSoup {
   std::string imus_of(const FaultKind& kind) {
     std::vector<std::string> all;
     for (const Target& one : targets_) {
-      const bool can_be = kind.seam == FaultSeam::wire
-                              ? wire_fault_objection(kind, *find_protocol(one.protocol)).empty()
-                              : kind.name != "settings_lost" || !one.has_settings;
+      const bool can_be = fault_objection(kind, *find_protocol(one.protocol)).empty() &&
+                          (kind.name != "settings_lost" || !one.has_settings);
       if (can_be) all.push_back("\"" + one.imu + "\"");
     }
     if (all.empty()) return {};

@@ -1,5 +1,5 @@
 // All kinds of faults at random over a long flight: nothing breaks, and where none acts the output is right.
-// IMUD_SOUP_SECONDS=600 sets the length; 20 s without it.
+// IMUD_SOUP_SECONDS=600 sets the length; 30 s without it.
 #include "tests/emulator/fault_soup.hpp"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ class FaultSoupTest : public EveryQuantityTest {};
 
 TEST_F(FaultSoupTest, WhereNoFaultActsTheOutputIsRight) {
   const char* const given = std::getenv("IMUD_SOUP_SECONDS");
-  const int epochs = std::max(1, static_cast<int>((given != nullptr ? std::atof(given) : 20) / FaultSoup::epoch_s));
+  const int epochs = std::max(1, static_cast<int>((given != nullptr ? std::atof(given) : 30) / FaultSoup::epoch_s));
   const double seconds = FaultSoup::epoch_s * epochs;
   const std::vector<Unit> units = {native_unit("imu1"), every_quantity_unit("imu2")};
   FaultSoup soup(17, {{"imu1", "native"}, {"imu2", "dbc", true}});
