@@ -231,7 +231,7 @@ class ControlFuzz::Target {
 
 TEST_P(ControlFuzz, AnyBytesDoNoHarm) {
   const char* wanted = std::getenv("IMUD_FUZZ_INPUTS");
-  const long inputs = wanted != nullptr ? std::atol(wanted) : 20'000;
+  const long inputs = wanted != nullptr ? std::atol(wanted) : 10'000;
   constexpr long of_a_run = 20'000;  // a run has a limited number of faults
   for (long n = 0; n < inputs && !HasFailure(); n += of_a_run) Target(*this, std::min(of_a_run, inputs - n)).run();
 }
