@@ -331,6 +331,7 @@ for_s = 0.1
         stored = json.loads((self.folder / "s.json").read_text())["seeds"][6]
         self.assertGreater(len(alone["truth"]["refused"]), 2)
         self.assertGreater(len(alone["truth"]["remarks"]), 2)
+        del alone["control"]  # runs of many seeds have none
         for summary in alone, stored:
             del summary["duration_s"], summary["config_sha256"], summary["truth"]["rate_hz"]
         self.assertEqual(alone, stored)
