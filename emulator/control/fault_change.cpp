@@ -76,9 +76,6 @@ Change fault_change_of(const std::string& method, const Json& request_params, co
     FaultConfig fault = read_begun_fault(text, faults.all().size(), config.imus, wrong);
     if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
     if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
-    if (!fault.kind->in_lockstep && config.clock == ClockMode::lockstep)
-      refuse(fmt::format("{} needs another clock than \"lockstep\": the simulator would wait for ever",
-                         fault.kind->name));
     const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", request_params}};
     std::vector<Command> commands;
     const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());

@@ -42,6 +42,9 @@ constexpr std::string_view needs_host =
 
 std::string begin_objection(const FaultConfig& fault, const Config& config) {
   const bool is_paced = config.clock == ClockMode::realtime;
+  if (fault.kind != nullptr && !fault.kind->in_lockstep && config.clock == ClockMode::lockstep)
+    return fmt::format("{} needs another clock than \"lockstep\": the simulator would wait for ever",
+                       fault.kind->name);
   if (fault.waits() && fault.acts_on(fault_of_truth)) return "truth has no host; give at_s";
   if (fault.after_host && !is_paced && !is_record(config.truth.port)) return std::string(needs_host);
   if (fault.after_utc_ns && (!is_paced || is_record(config.truth.port)))
@@ -93,10 +96,11 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
       config.faults.push_back(read_fault(reader, config.faults.size(), imus));
       const FaultKind* kind = config.faults.back().kind;
       if (kind != nullptr && kind->has_settings) read_other_settings(reader, config.imus, config.faults.back());
-      if (kind != nullptr && !kind->in_lockstep && config.clock == ClockMode::lockstep)
-        reader.fault("kind", "needs another clock than \"lockstep\": the simulator would wait for ever");
       if (const std::string objection = begin_objection(config.faults.back(), config); !objection.empty())
-        reader.fault(config.faults.back().after_host ? "after_host" : "at_time", objection);
+        reader.fault(config.faults.back().after_host     ? "after_host"
+                     : config.faults.back().after_utc_ns ? "at_time"
+                                                         : "kind",
+                     objection);
       if (kind == nullptr) return;
       for (const ImuConfig& imu : config.imus)
         if (imu.protocol != nullptr && config.faults.back().acts_on(imu.name))

@@ -16,8 +16,8 @@ namespace imud {
 void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
                     std::vector<std::string>& wrong);
 
-// Returns why a fault that begins by the host cannot begin in a run of this configuration; empty if it can. A record
-// as truth may have what the host has sent.
+// Returns why a fault cannot begin in a run of this configuration: for its clock, or for a truth that is no record
+// with what the host has sent; empty if it can.
 std::string begin_objection(const FaultConfig& fault, const Config& config);
 // Throws ConfigError if faults begin by what the host sends, but no clock of the host paces the run, and it does not
 // repeat a record.

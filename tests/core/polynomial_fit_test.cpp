@@ -54,7 +54,7 @@ TEST(PolynomialFit, ReproducesPolynomials) {
 TEST(PolynomialFit, ReducesNoiseAndAddsNone) {
   constexpr double full = 2.872 * 2.872;
   std::mt19937_64 random(1);
-  // Of variance 1.
+  // Returns a number of variance 1.
   const auto noise = [&random] {
     const double sum = unit_noise(random) + unit_noise(random) + unit_noise(random) + unit_noise(random);
     return (sum - 2.0) * std::sqrt(3.0);

@@ -120,5 +120,15 @@ TEST_F(FaultBeginsTest, NeedTheHost) {
   EXPECT_THROW(check_begins_by_host(config, false), ConfigError);
 }
 
+// A simulator in lockstep waits for the answer to a truth that does not come.
+TEST_F(FaultBeginsTest, LateAndLostTruthNeedAnotherClockThanLockstep) {
+  for (const std::string kind : {"late", "lost"}) {
+    const std::string text = "[[fault]]\ntarget = \"truth\"\nkind = \"" + kind + "\"\n";
+    EXPECT_TRUE(contains(wrong(text, "lockstep"), "fault.0.kind: " + kind + " needs another clock than \"lockstep\""))
+        << wrong(text, "lockstep");
+    EXPECT_EQ(read(text).faults.size(), 1U);
+  }
+}
+
 }  // namespace
 }  // namespace imud

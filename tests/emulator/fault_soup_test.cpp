@@ -21,7 +21,7 @@ struct SoupReach {
 };
 SoupReach soup_reach(const FaultKind& kind, std::span<const double> parameters, double rate_hz) {
   const auto samples = [&](double seconds) { return static_cast<std::uint64_t>(std::ceil(seconds * rate_hz)) + 1; };
-  // What is withheld leaves at its time.
+  // Frames that are withheld leave at their time.
   if (kind.name == "late" && kind.seam == FaultSeam::message)
     return {0, samples(1e-3 * (parameters[0] + parameters[1]))};
   if (kind.name == "batched") return {0, samples(1e-3 * parameters[0])};

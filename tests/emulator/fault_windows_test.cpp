@@ -41,7 +41,7 @@ std::string in_window(const FaultKind& kind, std::string_view target) {
   return text;
 }
 
-// What a fault may change beside the samples of its window, and which of these it need not change.
+// Reach: the samples beside its window that a fault may change, and those in it that it need not change.
 struct Reach {
   std::uint64_t before = 0, after = 0;  // samples
   std::uint64_t late = 0, early = 0;    // it begins to change samples so many after its first, or ends so many before
@@ -57,7 +57,7 @@ const std::map<std::string_view, Reach> lasting = {
     {"message.late", {.after = 2}},
     // That of 495 ms leaves at 22 times 23 ms, 506 ms.
     {"message.batched", {.after = 2}},
-    // What the host has sent is lost; the frames that leave do not depend on it here.
+    // Bytes from the host are lost; the frames that leave do not depend on them here.
     {"wire.silence", {}},
     {"wire.baud_wrong", {}},
     {"wire.disconnect", {}},
