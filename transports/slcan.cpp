@@ -13,6 +13,7 @@
 
 #include "transports/can_bus.hpp"
 #include "transports/can_dlc.hpp"
+#include "transports/can_filters.hpp"
 #include "transports/port.hpp"
 #include "transports/slcan_text.hpp"
 #include "transports/uart_options.hpp"

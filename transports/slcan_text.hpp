@@ -43,17 +43,4 @@ class SlcanReader {
   std::array<std::byte, 64> data_{};
 };
 
-// Filters as Port::set_filters() has them, for ports whose kernel has none. One thread.
-class CanFilters {
- public:
-  static constexpr std::size_t most = 64;
-  void set(std::span<const CanFilter> filters) noexcept;
-  bool pass(const CanHeader& header) const noexcept;
-
- private:
-  std::array<CanFilter, most> filters_{};
-  std::size_t count_ = 0;
-  bool filtered_ = false;
-};
-
 }  // namespace imud
