@@ -67,9 +67,7 @@ TEST(Transports, ThoseThatEndAreOpenedByListeners) {
     EXPECT_TRUE(transport->ends || transport->suffixes.empty()) << transport->name;
     EXPECT_TRUE(transport->uart == Uart::none || transport->wire_time != nullptr) << transport->name;
     EXPECT_TRUE(transport->serves_device || transport->ends) << transport->name;
-    const auto check_device = [&] {
-      check_port(*transport, PortSpec::parse(std::string(transport->name) + ":127.0.0.1:9"), Role::device);
-    };
+    const auto check_device = [&] { check_port(*transport, PortSpec::parse(transport->example), Role::device); };
     if (transport->serves_device)
       EXPECT_NO_THROW(check_device()) << transport->name;
     else
