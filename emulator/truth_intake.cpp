@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "emulator/recorder.hpp"
+#include "transports/host_address.hpp"
 
 namespace imud {
 
@@ -24,7 +25,7 @@ Endpoint address_of(const std::string& port) {
   if (transport == nullptr || transport->udp_port == nullptr) return address;
   try {
     const PortSpec spec = PortSpec::parse(port);
-    if (!transport->ends) address = Endpoint::parse(NumericAddress::parse(spec.address).address);
+    if (!transport->ends) address = Endpoint::parse(HostAddress::parse(spec.address).numeric().address);
     address.port = transport->udp_port(spec).value_or(0);
   } catch (const PortError&) {  // the address stays unknown
   }

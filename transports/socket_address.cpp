@@ -9,6 +9,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "transports/host_address.hpp"
+
 namespace imud {
 namespace {
 
@@ -22,7 +24,7 @@ const sockaddr_in6& v6(const SocketAddress& address) noexcept {
 }  // namespace
 
 SocketAddress SocketAddress::ip(const PortSpec& spec) {
-  const NumericAddress numeric = NumericAddress::parse(spec.address);
+  const NumericAddress numeric = HostAddress::parse(spec.address).numeric();
   addrinfo hints{};
   hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
   hints.ai_socktype = SOCK_DGRAM;  // one result; the address is the same for TCP
@@ -68,7 +70,7 @@ bool SocketAddress::is_multicast() const noexcept {
 }
 
 std::string chosen_port_of(const PortSpec& spec, int socket) {
-  if (NumericAddress::parse(spec.address).port != 0) return {};
+  if (HostAddress::parse(spec.address).port != 0) return {};
   return fmt::format("{}:{}:{}", spec.scheme, spec.address.substr(0, spec.address.rfind(':')),
                      SocketAddress::bound(socket).endpoint().port);
 }

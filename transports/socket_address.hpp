@@ -15,7 +15,7 @@ struct SocketAddress {
   sockaddr_storage storage{};
   socklen_t size = 0;  // bytes; 0: none
 
-  // Return the address of a spec: "ADDR:PORT", numeric, for UDP and TCP, or the path of a Unix socket. Throw
+  // Return the address of a spec: "ADDR:PORT" for UDP and TCP (host_address.hpp), or the path of a Unix socket. Throw
   // PortError on any other form.
   static SocketAddress ip(const PortSpec& spec);
   static SocketAddress unix_path(const PortSpec& spec);

@@ -1,13 +1,14 @@
 // A connection by TCP that this end makes. RFC 9293, tcp(7).
 #include <memory>
 
+#include "transports/host_address.hpp"
 #include "transports/stream_socket.hpp"
 
 namespace imud {
 namespace {
 
 void check(const PortSpec& spec, const PortSettings&) {
-  if (NumericAddress::parse(spec.address).port == 0)
+  if (HostAddress::parse(spec.address).port == 0)
     throw spec.error("only a listener's port is chosen; right would be the other end's, from 1 to 65535");
   if (SocketAddress::ip(spec).is_multicast())
     throw spec.error("is a multicast group, which TCP does not have; right would be the address of one machine");
@@ -17,7 +18,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<ConnectingSocket>(SocketAddress::ip(spec), settings.role);
 }
 
-std::optional<std::uint16_t> tcp_port(const PortSpec& spec) { return NumericAddress::parse(spec.address).port; }
+std::optional<std::uint16_t> tcp_port(const PortSpec& spec) { return HostAddress::parse(spec.address).port; }
 
 }  // namespace
 

@@ -2,6 +2,7 @@
 #include <cerrno>
 #include <memory>
 
+#include "transports/host_address.hpp"
 #include "transports/stream_socket.hpp"
 
 namespace imud {
@@ -28,7 +29,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 }
 
 std::optional<std::uint16_t> tcp_port(const PortSpec& spec) {
-  const std::uint16_t port = NumericAddress::parse(spec.address).port;
+  const std::uint16_t port = HostAddress::parse(spec.address).port;
   return port == 0 ? std::nullopt : std::optional(port);
 }
 

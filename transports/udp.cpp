@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "transports/file_descriptor.hpp"
+#include "transports/host_address.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
 #include "transports/socket_address.hpp"
@@ -27,7 +28,7 @@ SocketAddress resolve_peer(const PortSpec& spec, const SocketAddress& own, const
   PortSpec there = spec;
   there.address = text;
   const SocketAddress peer = SocketAddress::ip(there);
-  if (NumericAddress::parse(text).port == 0) throw spec.error("peer= needs a port from 1 to 65535");
+  if (HostAddress::parse(text).port == 0) throw spec.error("peer= needs a port from 1 to 65535");
   if (peer.family() != own.family())
     throw spec.error(fmt::format("peer={}: one address is IPv4 and one IPv6; give both alike", text));
   return peer;
@@ -175,14 +176,15 @@ class UdpPort final : public Port {
 };
 
 void check(const PortSpec& spec, const PortSettings& settings) {
-  const NumericAddress udp = NumericAddress::parse(spec.address);
+  const HostAddress udp = HostAddress::parse(spec.address);
   if (udp.port == 0 && settings.role == Role::device)
     throw spec.error("only a listener's port is chosen; right would be the receiver's, from 1 to 65535");
-  if (spec.text("interface") && !SocketAddress::ip(spec).is_multicast())
-    throw spec.error(fmt::format("interface= is for multicast, and {} is no multicast address", udp.address));
+  const SocketAddress address = SocketAddress::ip(spec);
+  if (spec.text("interface") && !address.is_multicast())
+    throw spec.error(fmt::format("interface= is for multicast, and {} is no multicast address", udp.host));
   if (const auto peer = spec.text("peer")) {
     if (settings.role == Role::device) throw spec.error("peer= is for a listener; a device sends to its address");
-    resolve_peer(spec, SocketAddress::ip(spec), *peer);
+    resolve_peer(spec, address, *peer);
   }
 }
 
@@ -226,7 +228,7 @@ bool is_local(const SocketAddress& peer) {
 // A listener at 0.0.0.0 receives what is sent to any IPv4 address of this machine, one at [::] to any address. What
 // is sent to 0.0.0.0 or [::] goes to this machine.
 bool reaches(const PortSpec& device, const PortSpec& listener) {
-  if (NumericAddress::parse(device.address).port != NumericAddress::parse(listener.address).port) return false;
+  if (HostAddress::parse(device.address).port != HostAddress::parse(listener.address).port) return false;
   const SocketAddress to = SocketAddress::ip(device), at = SocketAddress::ip(listener);
   if (at.family() == AF_INET && to.family() != AF_INET) return false;
   if (is_any(to)) return is_any(at) || is_loopback(at);
@@ -234,7 +236,7 @@ bool reaches(const PortSpec& device, const PortSpec& listener) {
 }
 
 std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
-  const std::uint16_t port = NumericAddress::parse(spec.address).port;
+  const std::uint16_t port = HostAddress::parse(spec.address).port;
   return port == 0 ? std::nullopt : std::optional(port);
 }
 

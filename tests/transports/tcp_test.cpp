@@ -85,9 +85,10 @@ TEST(Tcp, ErrorsNameWhatWouldBeRight) {
   EXPECT_TRUE(mentions(error_of("tcp:127.0.0.1:9810?nodelay=1"), "unknown option 'nodelay'; tcp has none"));
   for (const std::string scheme : {"tcp:", "tcp-listen:"})
     for (const std::string address :
-         {"localhost:1", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "::1:5", "[::1]",
-          "[127.0.0.1]:1", ":9810", "-", "/tmp/x", "127.0.0.1:1:2", "[]:1"})
-      EXPECT_TRUE(mentions(error_of(scheme + address), "right would be ADDR:PORT with a numeric address")) << address;
+         {"local host:1", "127.0.0.l:1", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "::1:5",
+          "[::1]", "[127.0.0.1]:1", ":9810", "-", "/tmp/x", "127.0.0.1:1:2", "[]:1"})
+      EXPECT_TRUE(mentions(error_of(scheme + address), "right would be ADDR:PORT with a numeric address or a name"))
+          << address;
 }
 
 // No text is harmful, and each that is refused is refused by a PortError.

@@ -265,7 +265,9 @@ TEST(Udp, NamesTheCauseIfItCannotBeOpened) {
   EXPECT_TRUE(mentions(error_of(spec, Role::listener), spec.substr(4)));
   EXPECT_TRUE(mentions(error_of(spec, Role::listener), "another process"));
   EXPECT_TRUE(mentions(error_of("udp:192.0.2.1:9810", Role::listener), "an address of this machine"));
-  EXPECT_TRUE(mentions(error_of("udp:localhost:9810"), "numeric"));
+  EXPECT_TRUE(mentions(error_of("udp:localhost"), "numeric"));
+  EXPECT_TRUE(mentions(error_of("udp:no-such-host.invalid:9810"), "there is no host \"no-such-host.invalid\" ("));
+  EXPECT_TRUE(mentions(error_of("udp:no-such-host.invalid:9810"), "right would be its address, or a name that"));
 }
 
 }  // namespace
