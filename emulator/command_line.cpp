@@ -243,8 +243,9 @@ int execute(int argc, const char* const* argv) {
   replay_command
       ->add_option(
           "CAPTURE", arguments.capture,
-          "X.pcap, X.pcap?port=N, or X.csv; each may be compressed, X.pcap.gz or X.csv.zst; - is standard input; or "
-          "a record, whose run is repeated (its truth alone as record:X.pcapng)")
+          "X.pcap, X.pcap?port=N, or a file of any name with records of truth.format, X.csv; each may be compressed, "
+          "X.pcap.gz or X.csv.zst; - is standard input; or a record, whose run is repeated "
+          "(its truth alone as record:X.pcapng)")
       ->required();
   replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
   replay_command

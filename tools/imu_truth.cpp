@@ -66,7 +66,7 @@ std::string known_motions() {
   return text +
          "  capture FILE the UDP datagrams of a capture, byte for byte: FILE.pcap, FILE.pcap?port=9810, "
          "FILE.pcap.gz;\n"
-         "               with --csv its truths, of any format, as truth CSV\n";
+         "               with --csv its truths, or those of a file such as poses.tum, of any format, as truth CSV\n";
 }
 
 // Returns true if the motion depends on the parameter.
@@ -239,8 +239,10 @@ int send(const Options& options, bool& running) {
     const std::string from = capture_port(options.capture);
     const auto has_datagrams = [](const Transport& t) { return t.ends && t.keeps_datagrams; };
     if (const Transport* transport = transport_of(from); transport != nullptr && !has_datagrams(*transport))
-      throw std::invalid_argument(fmt::format("{}: has no datagrams; right would be {}", options.capture,
-                                              fmt::join(port_examples(has_datagrams), " or ")));
+      throw std::invalid_argument(
+          fmt::format("{}: has no datagrams to be sent; right would be {}. imud replay reads it as it is, and --csv "
+                      "FILE converts it",
+                      options.capture, fmt::join(port_examples(has_datagrams), " or ")));
     capture = open_port(from, Role::listener);
     source = capture_source(*capture, options.motion.for_s);
   } else {

@@ -22,6 +22,18 @@ bool ends_in_one_of(std::string_view path, std::string_view suffixes) {
   return false;
 }
 
+// Returns whether `path` is a regular file that `transport` cannot read.
+bool is_another_file(const Transport& transport, const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;
+  try {
+    transport.open({std::string(transport.name), path, {}}, Role::listener);
+    return false;
+  } catch (const PortError&) {
+    return true;
+  }
+}
+
 }  // namespace
 
 const Transport* transport_of(std::string_view port) noexcept {
@@ -68,6 +80,7 @@ std::string capture_port(std::string_view capture) {
     if (ends_in_one_of(path, transport->suffixes)) return fmt::format("{}:{}", transport->name, capture);
     if (transport->suffixes.find('*') != std::string_view::npos) any = transport;
   }
+  if (any == nullptr || is_another_file(*any, file)) any = transport_of(standard_input_port(false, false));
   return any == nullptr ? std::string(capture) : fmt::format("{}:{}", any->name, capture);
 }
 

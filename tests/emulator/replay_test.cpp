@@ -169,7 +169,8 @@ TEST_F(ReplayTest, ACsvCutShortIsReadToTheLastWholeRow) {
 TEST_F(ReplayTest, AFaultIsReportedWithExitCodeTwo) {
   const std::string c = config("fast", "udp:127.0.0.1:5140", "jsbsim", 100, "csv", "file:" + path("out"));
   EXPECT_EQ(run_program("imud", {"replay", c, path("nothing.pcap")}).exit_code, 2);
-  EXPECT_EQ(run_program("imud", {"replay", c, c}).exit_code, 2);  // no capture
+  EXPECT_EQ(run_program("imud", {"replay", c, write("text.pcap", "no capture")}).exit_code, 2);
+  EXPECT_EQ(run_program("imud", {"replay", c, c}).exit_code, 1);  // a file of text without any truth
   EXPECT_EQ(run_program("imud", {"replay", c}).exit_code, 2);
   EXPECT_EQ(run_program("imud", {"run", path("nothing.toml")}).exit_code, 2);
   EXPECT_EQ(run_program("imud", {"run", c}).exit_code, 2);  // fast without a capture

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "tests/transports/capture_builder.hpp"
 #include "tests/transports/port_error.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
@@ -57,6 +58,16 @@ TEST(Transports, AFileNameFindsTheTransportOfACapture) {
   EXPECT_EQ(capture_port("pcap:x.csv"), "pcap:x.csv");
   EXPECT_EQ(capture_port("udp:x.csv"), "file:udp:x.csv") << "it does not end: a file's name";
   EXPECT_EQ(capture_port("file"), "pcap:file");
+}
+
+// A file whose name says nothing is a capture if it is one, and otherwise text: a table of poses may have any name.
+TEST(Transports, AFileWithoutAKnownSuffixIsReadAsWhatItIs) {
+  const ScratchFolder folder;
+  const std::string poses = folder / "pose.tum", packets = folder / "flight.dump";
+  capture::write_file(poses, "0.00 0 0 0 0 0 0 1\n");
+  capture::write_file(packets, capture::file_header({}, 101));
+  EXPECT_EQ(capture_port(poses), "file:" + poses);
+  EXPECT_EQ(capture_port(packets), "pcap:" + packets);
 }
 
 TEST(Transports, ThoseThatEndAreOpenedByListeners) {
