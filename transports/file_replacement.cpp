@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
 namespace imud {
 namespace {
@@ -43,17 +44,24 @@ std::optional<std::string> FileReplacement::target(const std::string& path) {
   return std::nullopt;
 }
 
-FileReplacement::FileReplacement(const PortSpec& spec, const std::string& path)
+FileReplacement::FileReplacement(const PortSpec& spec, const std::string& path, LeftBehind left)
     : path_(path), incomplete_(fmt::format("{}{}", path, suffix)) {
   struct stat old {};
   const bool exists = ::stat(path_.c_str(), &old) == 0;
   if (exists && ::faccessat(AT_FDCWD, path_.c_str(), W_OK, AT_EACCESS) != 0) throw failed(spec, path_);
   constexpr int most_attempts = 10;  // another process may start at the same time
   for (int i = 0; i < most_attempts; ++i) {
-    file_.reset(::open(incomplete_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    file_.reset(::open(incomplete_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
     if (!file_ && errno != EEXIST) throw failed(spec, errno == ENOENT ? spec.address : incomplete_);
     if (!file_) {
-      remove_stale(spec);
+      FileDescriptor stale = open_stale(spec);
+      if (!stale || !has_name(stale.get())) continue;
+      if (left == LeftBehind::go_on) {
+        file_ = std::move(stale);
+        goes_on_ = is_kept_ = true;
+        return;
+      }
+      if (::unlink(incomplete_.c_str()) != 0) throw failed(spec, incomplete_);
     } else if (::flock(file_.get(), LOCK_EX | LOCK_NB) == 0 && has_name(file_.get())) {
       // Neither can fail for one's own file; another's keeps its owner if root writes it.
       if (exists && ::fchown(file_.get(), old.st_uid, old.st_gid) != 0) errno = 0;
@@ -66,7 +74,7 @@ FileReplacement::FileReplacement(const PortSpec& spec, const std::string& path)
 }
 
 FileReplacement::~FileReplacement() {
-  if (file_ && !committed_ && has_name(file_.get())) ::unlink(incomplete_.c_str());
+  if (file_ && !committed_ && !is_kept_ && has_name(file_.get())) ::unlink(incomplete_.c_str());
 }
 
 void FileReplacement::commit() {
@@ -78,16 +86,17 @@ void FileReplacement::commit() {
   committed_ = true;
 }
 
-// Removes what a process has left behind that was killed. Nothing else has that name.
-void FileReplacement::remove_stale(const PortSpec& spec) const {
-  const FileDescriptor stale(::open(incomplete_.c_str(), O_WRONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
-  if (!stale && errno == ENOENT) return;
+// Opens and locks what a process has left behind; nothing else has that name. Returns no file if it has gone
+// meanwhile.
+FileDescriptor FileReplacement::open_stale(const PortSpec& spec) const {
+  FileDescriptor stale(::open(incomplete_.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+  if (!stale && errno == ENOENT) return {};
   struct stat status {};
   if (!stale || ::fstat(stale.get(), &status) != 0) throw failed(spec, incomplete_);
   if (!S_ISREG(status.st_mode)) throw spec.error(fmt::format("{} is no regular file; remove it", incomplete_));
   if (::flock(stale.get(), LOCK_EX | LOCK_NB) != 0)
     throw spec.error(fmt::format("another process writes it, as {}", incomplete_));
-  if (has_name(stale.get()) && ::unlink(incomplete_.c_str()) != 0) throw failed(spec, incomplete_);
+  return stale;
 }
 
 // Returns true if PATH.incomplete is the name of this open file.

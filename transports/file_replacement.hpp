@@ -1,6 +1,7 @@
 // FileReplacement: the new content of a file, which takes the place of the old one when it is whole.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -11,8 +12,9 @@
 namespace imud {
 
 // Content for PATH is written to PATH.incomplete in the same folder. commit() renames it to PATH; without that, the
-// destructor removes it, and PATH stays as it was. A process that is killed leaves PATH.incomplete behind, which the
-// next one replaces. Two processes cannot write the same file: it is locked (flock(2)) while it is incomplete.
+// destructor removes it, and PATH stays as it was. A process that is killed, or that calls keep(), leaves
+// PATH.incomplete behind, which the next one replaces, or goes on with. Two processes cannot write the same file: it
+// is locked (flock(2)) while it is incomplete.
 class FileReplacement {
  public:
   static constexpr std::string_view suffix = ".incomplete";
@@ -22,23 +24,31 @@ class FileReplacement {
   // folder, or a descriptor of this process such as /dev/fd/3.
   static std::optional<std::string> target(const std::string& path);
 
-  // Creates PATH.incomplete, with the owner and the mode of PATH. `path` is a target(). Throws PortError.
-  FileReplacement(const PortSpec& spec, const std::string& path);
+  // A PATH.incomplete that was left behind is replaced, or the writer goes on with it.
+  enum class LeftBehind : std::uint8_t { replace, go_on };
+  // Creates PATH.incomplete, with the owner and the mode of PATH, or opens the one that was left behind. `path` is a
+  // target(). Throws PortError.
+  FileReplacement(const PortSpec& spec, const std::string& path, LeftBehind left = LeftBehind::replace);
   FileReplacement(const FileReplacement&) = delete;
   FileReplacement& operator=(const FileReplacement&) = delete;
   ~FileReplacement();
 
+  // It is open for reading and writing.
   int descriptor() const noexcept { return file_.get(); }
+  // Returns true if the file was left behind by another process.
+  bool goes_on() const noexcept { return goes_on_; }
   // Renames the file to PATH. Throws std::runtime_error.
   void commit();
+  // Leaves PATH.incomplete behind when this ends, or removes it. The initial value is goes_on().
+  void keep(bool is_kept = true) noexcept { is_kept_ = is_kept; }
 
  private:
-  void remove_stale(const PortSpec& spec) const;
+  FileDescriptor open_stale(const PortSpec& spec) const;
   bool has_name(int file) const noexcept;
 
   std::string path_, incomplete_;
   FileDescriptor file_;
-  bool committed_ = false;
+  bool committed_ = false, is_kept_ = false, goes_on_ = false;
 };
 
 }  // namespace imud
