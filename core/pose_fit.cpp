@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
+#include "core/units.hpp"
 
 namespace imud {
 
@@ -88,16 +89,21 @@ PolynomialFit::Derivatives PoseFit::fit(const Window& window, Value value) noexc
 
 void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
   const Quaternion q_NB = truth.q_NB.normalized();
-  const auto phi_of = [&](std::size_t i) { return log(q_NB.conjugate() * item(i).truth.q_NB.normalized()); };
+  const auto q_of = [&](std::size_t i) { return item(i).truth.q_NB.normalized(); };
   const std::size_t offset = most - next_;  // phi_[most] is that of the next truth
   phi_[most].setZero();
-  const auto is_wide = [&](std::size_t i) {
-    return (phi_[i + offset] = phi_of(i)).squaredNorm() > widest_turn * widest_turn;
+  // True if the vehicle turns too far from the next truth to number i, whose neighbour `before` on the side of the
+  // next truth is not too far. A step turns by less than pi, so that its own rotation vector is unique.
+  const auto is_wide = [&](std::size_t i, std::size_t before) {
+    const Vector3 phi = phi_[i + offset] = log(q_NB.conjugate() * q_of(i));
+    if (before == next_) return false;
+    const double turned = phi_[before + offset].norm() + log(q_of(before).conjugate() * q_of(i)).norm();
+    return phi.norm() > widest_turn || turned > 2.0 * units::pi - widest_turn;
   };
   for (std::size_t i = next_; i > window.first; --i)
-    if (is_wide(i - 1)) window.first = i;
+    if (is_wide(i - 1, i)) window.first = i;
   for (std::size_t i = next_; i < window.last; ++i)
-    if (is_wide(i + 1)) window.last = i;
+    if (is_wide(i + 1, i)) window.last = i;
   const PolynomialFit::Derivatives phi = fit(window, [&](std::size_t i) { return phi_[i + offset]; });
   truth.q_NB = (q_NB * exp(phi.value)).normalized();
   truth.omega_BN_B = right_jacobian(phi.value, phi.first);

@@ -30,18 +30,23 @@ TEST(PoseFitInput, TakesWhatThereIs) {
   }
 }
 
-// 1.3 rad from one truth to the next: three of them on one side are beyond half a turn.
+// Turns at constant rate, in rad from one truth to the next. Several of them on one side are beyond half a turn, and
+// from 1.89 rad (108 deg) on, two of them are as far away as the nearest turn in the other direction.
 TEST(PoseFitInput, FollowsFastSpin) {
-  std::vector<Truth> poses;
-  for (std::int64_t i = 0; i < 300; ++i) {
-    Truth pose;
-    pose.time.ns = i * 10'000'000;
-    pose.has_rate = false;
-    pose.q_NB = Eigen::AngleAxisd(1.3 * static_cast<double>(i), Vector3::UnitX());
-    poses.push_back(pose);
+  for (const double step : {1.3, 1.5, 1.89, 1.91, 2.0, 2.4, 2.6, 3.1}) {
+    std::vector<Truth> poses;
+    for (std::int64_t i = 0; i < 300; ++i) {
+      Truth pose;
+      pose.time.ns = i * 10'000'000;
+      pose.has_rate = false;
+      pose.q_NB = Eigen::AngleAxisd(step * static_cast<double>(i), Vector3::UnitX());
+      poses.push_back(pose);
+    }
+    const auto derived = fitted(level, poses);
+    ASSERT_EQ(derived.size(), poses.size());
+    for (const Truth& truth : derived)
+      ASSERT_LT((truth.omega_BN_B - Vector3(100 * step, 0, 0)).norm(), 1e-8) << step << ", " << truth.time.ns;
   }
-  for (const Truth& truth : fitted(level, poses))
-    ASSERT_LT((truth.omega_BN_B - Vector3(130, 0, 0)).norm(), 1e-9) << truth.time.ns;
 }
 
 TEST(PoseFitInput, AllocatesNothing) {
