@@ -19,6 +19,10 @@ constexpr double certain = 60.0;
 // spline at the ends, in place of 0.94 of it. In return a coefficient as large as the noise has up to 4 % more error.
 constexpr double prudence = 1.5;
 
+// With points on both sides, coefficients are reduced only if there are this many points more than coefficients, so
+// that the noise is known well enough.
+constexpr std::size_t least_beyond = 8;
+
 struct Term {
   Vector3 coefficient;
   std::array<double, 3> at_0;  // the polynomial and its derivatives
@@ -48,7 +52,7 @@ PolynomialFit::PolynomialFit(std::size_t most_points) : points_(most_points) {}
 
 // By polynomials that are orthogonal on the times: p_k+1 = (x - alpha) p_k - beta p_k-1. (G. E. Forsythe, Generation
 // and use of orthogonal polynomials for data-fitting with a digital computer, J. SIAM 5(2), 1957.)
-PolynomialFit::Derivatives PolynomialFit::at_0() noexcept {
+PolynomialFit::Derivatives PolynomialFit::at_0(Reduce reduce) noexcept {
   const std::size_t n = count_;
   const auto points = std::span(points_).first(n);
   std::size_t before = 0;
@@ -60,6 +64,7 @@ PolynomialFit::Derivatives PolynomialFit::at_0() noexcept {
   const double scale = std::max({-points.front().x, points.back().x, 1e-9});
   for (Point& point : points) point.x /= scale;
 
+  Derivatives result;
   std::array<Term, highest_to_one_side + 1> terms;
   std::size_t count = 0;
   double residual = 0.0;  // sum of squares
@@ -80,6 +85,8 @@ PolynomialFit::Derivatives PolynomialFit::at_0() noexcept {
     const double energy = coefficient.squaredNorm() * square;
     if (k > degree && energy * static_cast<double>(n - 1 - k) <= certain * (residual - energy)) break;
     terms[count++] = {coefficient, at_0, energy};
+    result.first_gain += at_0[1] * at_0[1] / (scale * scale * square);
+    result.second_gain += at_0[2] * at_0[2] / (scale * scale * scale * scale * square);
     const double alpha = moment / square, beta = k == 0 ? 0.0 : square / square_before;
     residual = 0.0;
     for (Point& point : points) {
@@ -97,15 +104,15 @@ PolynomialFit::Derivatives PolynomialFit::at_0() noexcept {
     square_before = square;
   }
 
-  const double noise = is_one_sided && n > count ? prudence * residual / static_cast<double>(n - count) : 0.0;
-  Derivatives sum;
+  const bool reduces = is_one_sided ? n > count : reduce == Reduce::always && n >= count + least_beyond;
+  const double noise = reduces ? prudence * residual / static_cast<double>(n - count) : 0.0;
   for (std::size_t k = 0; k < count; ++k) {
     const Vector3 coefficient = factor_of(terms, count, k, noise) * terms[k].coefficient;
-    sum.value += terms[k].at_0[0] * coefficient;
-    sum.first += terms[k].at_0[1] / scale * coefficient;
-    sum.second += terms[k].at_0[2] / (scale * scale) * coefficient;
+    result.value += terms[k].at_0[0] * coefficient;
+    result.first += terms[k].at_0[1] / scale * coefficient;
+    result.second += terms[k].at_0[2] / (scale * scale) * coefficient;
   }
-  return sum;
+  return result;
 }
 
 }  // namespace imud

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "core/vector.hpp"
@@ -22,6 +23,9 @@ class PolynomialFit {
  public:
   struct Derivatives {
     Vector3 value = Vector3::Zero(), first = Vector3::Zero(), second = Vector3::Zero();  // per s, per s^2
+    // The variance of a component of the derivatives, not reduced, by noise of variance 1: the noise gain of the
+    // filter that the fit is (A. Savitzky and M. J. E. Golay, Analytical Chemistry 36(8), 1964).
+    double first_gain = 0, second_gain = 0;  // 1/s^2, 1/s^4
   };
 
   explicit PolynomialFit(std::size_t most_points);
@@ -29,8 +33,10 @@ class PolynomialFit {
   void clear() noexcept { count_ = 0; }
   // Adds a point later than the one before, s; at most `most_points` since clear().
   void add(double time_s, const Vector3& value) noexcept { points_[count_++] = {time_s, 0.0, 1.0, value}; }
+  // Coefficients are reduced to one side only, or wherever more points than coefficients show the noise.
+  enum class Reduce : std::uint8_t { to_one_side, always };
   // Returns the fit's derivatives at time 0, which must be that of a point. Once after the last add().
-  Derivatives at_0() noexcept;
+  Derivatives at_0(Reduce reduce = Reduce::to_one_side) noexcept;
 
  private:
   struct Point {

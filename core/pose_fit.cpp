@@ -15,7 +15,11 @@ constexpr double widest_turn = 2.5;  // rad, from a truth to the ends of its win
 }  // namespace
 
 PoseFit::PoseFit(const Options& options)
-    : options_(options), delay_s_(seconds(options.delay)), items_(capacity), phi_(2 * most + 1), fit_(2 * most + 1) {}
+    : options_(options), delay_s_(seconds(options.delay)), items_(capacity), phi_(2 * most + 1), fit_(2 * most + 1) {
+  if (options.widest > 0)
+    for (auto& probes : probes_) probes.resize(capacity);
+  chosen_s_.fill(delay_s_);
+}
 
 // The product with the delay is 1.03 for a rate from three truths on a side, 1.25 from many; for a force more.
 double PoseFit::bandwidth_hz(Nanoseconds delay) noexcept { return 1.0 / seconds(delay); }
@@ -31,10 +35,12 @@ void PoseFit::push(const Truth& truth) noexcept {
   newest.derives_force =
       is_derived(options_.specific_force, truth.has_specific_force || truth.accumulated_dv != AccumulatedDv::none) &&
       (truth.has_position || (truth.has_velocity && !options_.gravitation.needs_position()));
+  newest.noise = {-1.0, -1.0};
   newest.begins_segment = begins_segment(newest);
   if (newest.begins_segment) newest_segment_ = count_;
   ended_ = false;
   ++count_;
+  if ((newest.derives_rate || newest.derives_force) && !refuse_outlier()) estimate_noise();
 }
 
 bool PoseFit::begins_segment(const Item& newest) const noexcept {
@@ -50,21 +56,18 @@ bool PoseFit::begins_segment(const Item& newest) const noexcept {
 }
 
 // Finds the window of the next truth. Returns false if it is not complete.
-bool PoseFit::find_window(Window& window) const noexcept {
-  const std::size_t begin = segment_;
-  std::size_t end = count_;
-  if (newest_segment_ > next_)
-    for (end = next_ + 1; !item(end).begins_segment;) ++end;
+bool PoseFit::find_window(double delay_s, Window& window) const noexcept {
+  const std::size_t begin = segment_, end = segment_end();
   const bool is_complete = end < count_ || ended_;
   const std::size_t before = next_ - begin, after = end - 1 - next_;
   const double oldest = since_s(begin), newest = since_s(end - 1);
   // Times may jitter: half a step more belongs to the window, and half a step less completes it.
   const double half_step = before + after == 0 ? 0.0 : 0.5 * (newest - oldest) / static_cast<double>(before + after);
-  double left = -delay_s_, right = delay_s_;
+  double left = -delay_s, right = delay_s;
   const bool at_begin = before < least || oldest > left + half_step;
   const bool at_end = is_complete && (after < least || newest < right - half_step);
-  if (at_begin) right = oldest + 2.0 * delay_s_;
-  if (at_end) left = newest - 2.0 * delay_s_;
+  if (at_begin) right = oldest + 2.0 * delay_s;
+  if (at_end) left = newest - 2.0 * delay_s;
   const std::size_t least_after = at_begin ? least_at_end - std::min(before, least_at_end) : least;
   if (!is_complete && after < most && (after < least_after || newest < right - half_step)) return false;
 
@@ -84,7 +87,8 @@ template <class Value>
 PolynomialFit::Derivatives PoseFit::fit(const Window& window, Value value) noexcept {
   fit_.clear();
   for (std::size_t i = window.first; i <= window.last; ++i) fit_.add(since_s(i), value(i));
-  return fit_.at_0();
+  using Reduce = PolynomialFit::Reduce;
+  return fit_.at_0(options_.widest > 0 ? Reduce::always : Reduce::to_one_side);
 }
 
 void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
@@ -105,6 +109,7 @@ void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
   for (std::size_t i = next_; i < window.last; ++i)
     if (is_wide(i + 1, i)) window.last = i;
   const PolynomialFit::Derivatives phi = fit(window, [&](std::size_t i) { return phi_[i + offset]; });
+  count_derived(attitude, phi.first_gain);
   truth.q_NB = (q_NB * exp(phi.value)).normalized();
   truth.omega_BN_B = right_jacobian(phi.value, phi.first);
   truth.omegaDot_BN_B = right_jacobian(phi.value, phi.second);
@@ -120,12 +125,14 @@ void PoseFit::derive_force(const Window& window, Truth& truth) noexcept {
     const Vector3 v_N = truth.v_BN_N;
     const PolynomialFit::Derivatives v =
         fit(window, [&](std::size_t i) { return Vector3(item(i).truth.v_BN_N - v_N); });
+    count_derived(place, v.first_gain);
     truth.v_BN_N += v.value;
     a_N = v.first;
   } else {
     const Vector3 r_N = truth.r_BN_N;
     const PolynomialFit::Derivatives r =
         fit(window, [&](std::size_t i) { return Vector3(item(i).truth.r_BN_N - r_N); });
+    count_derived(place, r.second_gain);
     truth.r_BN_N += r.value;
     truth.v_BN_N = r.first;
     truth.has_velocity = true;
@@ -159,15 +166,22 @@ bool PoseFit::next(Truth& truth) noexcept {
   if (next_ == count_) return false;
   const Item& now = item(next_);
   if (now.begins_segment) segment_ = next_;
-  Window window{};
-  if ((now.derives_rate || now.derives_force) && !find_window(window)) return false;
+  std::array<Window, 2> windows{};
+  if (now.derives_rate || now.derives_force) {
+    if (options_.widest > 0) {
+      if (!has_all_ahead()) return false;
+      choose();
+    }
+    for (const Quantity quantity : quantities)
+      if (now.derives(quantity) && !find_window(chosen_s_[quantity], windows[quantity])) return false;
+  }
   truth = now.truth;
   if (truth.new_run || !now.derives_force) {
     has_last_ = false;
     dv_N_.setZero();
   }
-  if (now.derives_rate) derive_rate(window, truth);
-  if (now.derives_force) derive_force(window, truth);
+  if (now.derives_rate) derive_rate(windows[attitude], truth);
+  if (now.derives_force) derive_force(windows[place], truth);
   if ((now.derives_rate || now.derives_force) && !(is_finite(truth) && is_in_range(truth))) {
     has_last_ = false;  // the accumulated velocity restarts at 0
     dv_N_.setZero();
@@ -179,7 +193,8 @@ bool PoseFit::next(Truth& truth) noexcept {
 void PoseFit::drop_oldest() noexcept {
   oldest_ = (oldest_ + 1) % capacity;
   --count_;
-  for (std::size_t* index : {&next_, &segment_, &newest_segment_}) *index -= std::min<std::size_t>(*index, 1);
+  for (std::size_t* index : {&next_, &segment_, &newest_segment_, &probed_})
+    *index -= std::min<std::size_t>(*index, 1);
 }
 
 // Drops the truths that no later window needs.
@@ -190,8 +205,32 @@ void PoseFit::advance() noexcept {
   } else if (item(next_).begins_segment) {
     while (next_ > 0) drop_oldest();
   } else {
-    while (next_ > least_at_end && since_s(0) < -3.0 * delay_s_) drop_oldest();
+    const double kept_s = 3.0 * (options_.widest > 0 ? 16.0 * shortest_s() : delay_s_);
+    while (next_ > least_at_end && since_s(0) < -kept_s) drop_oldest();
   }
+}
+
+void PoseFit::count_derived(Quantity quantity, double gain) noexcept {
+  Tally& tally = tallies_[quantity];
+  const double delay_s = chosen_s_[quantity];
+  tally.shortest_s = tally.count == 0 ? delay_s : std::min(tally.shortest_s, delay_s);
+  tally.longest_s = std::max(tally.longest_s, delay_s);
+  tally.delay_s += delay_s;
+  tally.derived += gain * tally.recent;
+  ++tally.count;
+}
+
+PoseFit::Quality PoseFit::quality(Quantity quantity) const noexcept {
+  const Tally& tally = tallies_[quantity];
+  const auto rms = [](double energies, std::uint64_t count) {
+    return count == 0 ? 0.0 : std::sqrt(energies / (3.0 * static_cast<double>(count)));
+  };
+  return {tally.count,
+          rms(tally.noise, tally.noises),
+          rms(tally.derived, tally.count),
+          tally.shortest_s,
+          tally.count == 0 ? 0.0 : tally.delay_s / static_cast<double>(tally.count),
+          tally.longest_s};
 }
 
 }  // namespace imud

@@ -2,6 +2,7 @@
 // velocities.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -19,6 +20,26 @@ namespace imud {
 //   specific force = q_NB^-1 (a - gravitation),   accumulated velocity = q_NB^-1 (v - v_0 - integral of gravitation)
 // Noise of the input, such as its resolution, is averaged over the window. The angular acceleration comes with the
 // rate; position and velocity with the specific force.
+//
+// With Options::widest the window is chosen: `delay` times a power of the square root of 2, for the rate and for the
+// force apart, once in each half of `delay`. A wider window has less noise, and follows the motion less well: it is
+// taken if that reduces the estimated mean squared error of the derived quantity, over the 16 delays before and as
+// much after the truth as the widest window has on a side. Noise alone, of variance s^2, changes the quantity by a
+// mean square of s^2 (g - g'), the difference of the two fits' noise gains (J. A. Hausman, Specification tests in
+// econometrics, Econometrica 46(6), 1978: the covariance of a fit and a more efficient one is the latter's variance).
+// What exceeds that is an error of the wider window, which is better while the mean square change is below twice
+// that. It is taken up to four times, as the estimates scatter. s^2 is that of the poses themselves (pose_noise.hpp).
+// Coefficients that do not stand out of the noise are reduced then. So windows are wide at rest, and short where a
+// motion is fast, or free of noise. Motion faster than a quarter of the rate of the poses counts as noise: give a
+// delay for that.
+//
+// A truth that is off by more than any noise is refused, if three truths of its segment precede and three follow it:
+// its distance from the quartic through the 6 to 3 before and the 3 to 6 after it is more than 10 times its expected
+// root mean square, by the noise of about the last 100 truths, and also its squared distance more than 150 times that
+// by the misfit of those neighbours (1500 times, while fewer than 20 truths have shown the noise), and it is above 2
+// mrad or 2 mm and above 2^-21 of the position. For normal noise in three axes the second condition alone has a
+// probability below 1e-9 (F distribution, 3 and 12 degrees of freedom). A kink of the motion (a step of velocity or
+// acceleration) has a ratio of at most 22. Two such truths in a row are not found.
 //
 // A window has at least 3 truths on either side, if need be of more than the delay, and at most 256. Near the ends of
 // a segment it has the length of the others, or 13 truths, and lies to one side; there the degree depends on the
@@ -41,7 +62,10 @@ class PoseFit {
     // The specific force and the accumulated velocity together. A derived one needs a velocity or a position; a
     // position if the gravitation depends on it. Truths without are left as they are.
     Source specific_force = Source::automatic;
-    Nanoseconds delay = std::chrono::milliseconds(30);  // above 0
+    Nanoseconds delay = std::chrono::milliseconds(30);  // above 0; the shortest that may be chosen
+    // The exponent of the longest delay that may be chosen, `delay` 2^(widest/2): up to 8, 16 delays; 0: none is
+    // chosen. Truths leave after twice that time.
+    int widest = 0;
     GravitationModel gravitation = {};
   };
 
@@ -56,18 +80,58 @@ class PoseFit {
   // the derived state may fail is_finite() or is_in_range().
   bool next(Truth& truth) noexcept;
 
+  // The noise of the truths since the constructor, and what was chosen, of the rate from attitudes, or of the force
+  // from positions or velocities.
+  struct Quality {
+    std::uint64_t count = 0;   // of the truths that it was derived for
+    double noise = 0;          // rms of a component: rad; m, or m/s of velocities
+    double derived_noise = 0;  // the same of the derived quantity, if no coefficient is reduced: rad/s; m/s^2
+    double shortest_s = 0, mean_s = 0, longest_s = 0;  // delay
+  };
+  Quality rate_quality() const noexcept { return quality(attitude); }
+  Quality force_quality() const noexcept { return quality(place); }
+
+  // Truths that were refused, and the last of them.
+  struct Outliers {
+    std::uint64_t count = 0;
+    TruthTime time;
+    double angle = 0, distance = 0;              // from its neighbours: rad; m, or m/s of velocities
+    double angle_bound = 0, distance_bound = 0;  // beyond which it is refused
+  };
+  const Outliers& outliers() const noexcept { return outliers_; }
+
   // Returns the frequency, Hz, up to which derived rates and specific forces are less than 3 dB below the true ones,
   // where three truths or more are within `delay`.
   static double bandwidth_hz(Nanoseconds delay) noexcept;
+  // Returns 2^(widest/2), the longest delay that may be chosen in shortest ones.
+  static double widest_factor(int widest) noexcept;
 
  private:
   static constexpr std::size_t least = 3, most = 256;  // truths on one side
   static constexpr std::size_t least_at_end = 12;      // beside the truth, near the ends of a segment
-  static constexpr std::size_t capacity = 1024;
+  static constexpr std::size_t capacity = 2048;
+  static constexpr std::size_t levels = 9;  // of the delay; number k is `delay` 2^(k/2)
+  enum Quantity : std::uint8_t { attitude, place };
+  static constexpr std::array<Quantity, 2> quantities = {attitude, place};
   struct Item {
     Truth truth;
     bool begins_segment = false;
     bool derives_rate = false, derives_force = false;
+    std::array<double, 2> noise = {-1.0, -1.0};  // noise_energy() around it, of each quantity; negative: not known
+
+    bool derives(Quantity quantity) const noexcept { return quantity == attitude ? derives_rate : derives_force; }
+  };
+  // The derived quantity at a truth by the windows of each level, not reduced.
+  struct Probe {
+    std::size_t known = 0;     // levels, from the first
+    bool is_rejected = false;  // by the level after those, beyond doubt
+    std::array<Vector3, levels> value;
+    std::array<double, levels> gain{};
+  };
+  struct Tally {
+    double noise = 0, derived = 0, delay_s = 0, shortest_s = 0, longest_s = 0;
+    std::uint64_t noises = 0, count = 0;
+    double recent = 0;  // noise energy, exponential mean
   };
   struct Window {
     std::size_t first, last;
@@ -76,11 +140,28 @@ class PoseFit {
   const Item& item(std::size_t i) const noexcept { return items_[(oldest_ + i) % capacity]; }
   double since_s(std::size_t i) const noexcept { return seconds(item(i).truth.time - item(next_).truth.time); }
   bool begins_segment(const Item& newest) const noexcept;
-  bool find_window(Window& window) const noexcept;
+  bool find_window(double delay_s, Window& window) const noexcept;
   template <class Value>
   PolynomialFit::Derivatives fit(const Window& window, Value value) noexcept;
   void derive_rate(Window window, Truth& truth) noexcept;
   void derive_force(const Window& window, Truth& truth) noexcept;
+  void count_derived(Quantity quantity, double gain) noexcept;
+  Quality quality(Quantity quantity) const noexcept;
+
+  // pose_fit_noise.cpp
+  Vector3 value_of(Quantity quantity, std::size_t origin, std::size_t i) const noexcept;
+  double size_of(Quantity quantity, std::size_t i) const noexcept;
+  bool refuse_outlier() noexcept;
+  bool is_outlier(Quantity quantity, std::size_t first, std::size_t i, double& distance,
+                  double& bound) const noexcept;
+  void estimate_noise() noexcept;
+  // pose_fit_choice.cpp
+  std::size_t segment_end() const noexcept;
+  double shortest_s() const noexcept;
+  bool has_all_ahead() const noexcept;
+  void choose() noexcept;
+  void probe(Quantity quantity, std::size_t i, std::size_t end, double delay_s) noexcept;
+  std::size_t choose(Quantity quantity, std::size_t end, double delay_s) const noexcept;
   void advance() noexcept;
   void drop_oldest() noexcept;
 
@@ -93,6 +174,11 @@ class PoseFit {
   bool ended_ = false;                            // finish() was called after the newest
   std::vector<Vector3> phi_;                      // rad, of the window's attitudes
   PolynomialFit fit_;
+  std::array<std::vector<Probe>, 2> probes_;  // of each quantity, beside items_; empty if none is chosen
+  std::size_t probed_ = 0;                    // the first that was not probed yet
+  std::array<double, 2> chosen_s_ = {};       // delay
+  std::array<Tally, 2> tallies_;
+  Outliers outliers_;
 
   // The last truth of the run whose specific force was derived.
   bool has_last_ = false;
