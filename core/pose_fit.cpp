@@ -43,7 +43,8 @@ void PoseFit::push(const Truth& truth) noexcept {
   if ((newest.derives_rate || newest.derives_force) && !refuse_outlier()) estimate_noise();
 }
 
-bool PoseFit::begins_segment(const Item& newest) const noexcept {
+// Returns whether a segment begins with the newest truth; marks one that follows a gap.
+bool PoseFit::begins_segment(Item& newest) const noexcept {
   if (count_ == 0 || ended_ || newest.truth.new_run) return true;
   const Item& before = item(count_ - 1);
   if (newest.derives_rate != before.derives_rate || newest.derives_force != before.derives_force ||
@@ -51,8 +52,10 @@ bool PoseFit::begins_segment(const Item& newest) const noexcept {
     return true;
   const std::size_t steps = count_ - 1 - newest_segment_;
   const double step = seconds(newest.truth.time - before.truth.time);
-  return steps >= least && step > delay_s_ &&
-         step * static_cast<double>(steps) > 4.0 * seconds(before.truth.time - item(newest_segment_).truth.time);
+  newest.truth.follows_gap =
+      steps >= least && step > delay_s_ &&
+      step * static_cast<double>(steps) > 4.0 * seconds(before.truth.time - item(newest_segment_).truth.time);
+  return newest.truth.follows_gap;
 }
 
 // Finds the window of the next truth. Returns false if it is not complete.

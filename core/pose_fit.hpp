@@ -139,7 +139,7 @@ class PoseFit {
 
   const Item& item(std::size_t i) const noexcept { return items_[(oldest_ + i) % capacity]; }
   double since_s(std::size_t i) const noexcept { return seconds(item(i).truth.time - item(next_).truth.time); }
-  bool begins_segment(const Item& newest) const noexcept;
+  bool begins_segment(Item& newest) const noexcept;
   bool find_window(double delay_s, Window& window) const noexcept;
   template <class Value>
   PolynomialFit::Derivatives fit(const Window& window, Value value) noexcept;

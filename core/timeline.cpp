@@ -32,7 +32,63 @@ struct Hermite {
   }
 };
 
+// Returns the derivative of the right Jacobian along d phi/dt, applied to that: where omega = right_jacobian(phi,
+// phi'), the angular acceleration is right_jacobian(phi, phi'') + jacobian_change(phi, phi').
+// Out of line: only the curves of derived rates need it.
+[[gnu::noinline]] Vector3 jacobian_change(const Vector3& phi, const Vector3& phi_dot) {
+  // By z = |phi|^2: d versine/dz = (sinc - 2 versine)/(2 z) and d cubic/dz = (versine - 3 cubic)/(2 z). Near 0 these
+  // cancel, and have the limits -1/24 and -1/120. The rate of versine's term is along phi x phi', of which the
+  // derivative with phi' constant is 0.
+  const double z = phi.squaredNorm();
+  const auto even = elementary::even_series(z);
+  const bool is_small = z < 1e-6;
+  const double versine = is_small ? -1.0 / 24.0 : (even.sinc - 2.0 * even.versine) / (2.0 * z);
+  const double cubic = is_small ? -1.0 / 120.0 : (even.versine - 3.0 * even.cubic) / (2.0 * z);
+  const double z_dot = 2.0 * phi.dot(phi_dot);
+  const Vector3 cross = phi.cross(phi_dot);
+  return -z_dot * versine * cross + z_dot * cubic * phi.cross(cross) + even.cubic * phi_dot.cross(cross);
+}
+
+// Returns the second derivative of the rotation vector `phi` with the first derivative `phi_slope` and the angular
+// acceleration `omega_dot`.
+[[gnu::noinline]] Vector3 second_derivative(const Vector3& phi, const Vector3& phi_slope, const Vector3& omega_dot) {
+  return inverse_right_jacobian(phi, omega_dot - jacobian_change(phi, phi_slope));
+}
+
+// Quintic Hermite basis on [0, 1]: for the slope and the second derivative at 0, the value, the slope and the second
+// derivative at 1.
+struct Quintic {
+  double slope0, second0, value1, slope1, second1;
+
+  static Quintic value(double s) {
+    const double s2 = s * s, s3 = s2 * s, s4 = s3 * s, s5 = s4 * s;
+    return {s - 6.0 * s3 + 8.0 * s4 - 3.0 * s5, 0.5 * s2 - 1.5 * s3 + 1.5 * s4 - 0.5 * s5,
+            10.0 * s3 - 15.0 * s4 + 6.0 * s5, -4.0 * s3 + 7.0 * s4 - 3.0 * s5, 0.5 * s3 - s4 + 0.5 * s5};
+  }
+  static Quintic derivative(double s) {
+    const double s2 = s * s, s3 = s2 * s, s4 = s3 * s;
+    return {1.0 - 18.0 * s2 + 32.0 * s3 - 15.0 * s4, s - 4.5 * s2 + 6.0 * s3 - 2.5 * s4,
+            30.0 * s2 - 60.0 * s3 + 30.0 * s4, -12.0 * s2 + 28.0 * s3 - 15.0 * s4, 1.5 * s2 - 4.0 * s3 + 2.5 * s4};
+  }
+  static Quintic second(double s) {
+    const double s2 = s * s, s3 = s2 * s;
+    return {-36.0 * s + 96.0 * s2 - 60.0 * s3, 1.0 - 9.0 * s + 18.0 * s2 - 10.0 * s3,
+            60.0 * s - 180.0 * s2 + 120.0 * s3, -24.0 * s + 84.0 * s2 - 60.0 * s3, 3.0 * s - 12.0 * s2 + 10.0 * s3};
+  }
+  // `h`: length of the curve, s; `scale`: 1, 1/h or 1/h^2 for the value and the derivatives.
+  Vector3 operator()(double h, double scale, const Vector3& slope_0, const Vector3& second_0, const Vector3& delta,
+                     const Vector3& slope_1, const Vector3& second_1) const {
+    return scale * (h * slope0 * slope_0 + h * h * second0 * second_0 + value1 * delta + h * slope1 * slope_1 +
+                    h * h * second1 * second_1);
+  }
+};
+
 }  // namespace
+
+// The rotation vector of a curve, and its derivatives; the second is only known of a quintic one.
+struct Timeline::Turn {
+  Vector3 phi, first, second;
+};
 
 Timeline::Timeline(const Limits& limits) : limits_(limits), knots_(capacity) {}
 
@@ -144,6 +200,8 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.pressure = truth.has_pressure ? std::optional(truth.pressure) : std::nullopt;
   k.magnetic_field_B = truth.has_magnetic_field ? std::optional(truth.magnetic_field_B) : std::nullopt;
   k.has_angular_acceleration = truth.has_angular_acceleration;
+  k.is_rate_derived = truth.is_rate_derived;
+  k.follows_gap = truth.follows_gap;
   k.state.omegaDot_BN_B = truth.has_angular_acceleration ? truth.omegaDot_BN_B : Vector3::Zero();
   k.accumulated_dv = truth.accumulated_dv;
   k.accumulated_dv_B = truth.accumulated_dv_B;
@@ -163,6 +221,10 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
   k.h_s = seconds(k.state.time - before.state.time);
   k.phi = log(before.state.q_NB.conjugate() * k.state.q_NB);
   k.phi_slope = inverse_right_jacobian(k.phi, k.state.omega_BN_B);
+  k.is_quintic = before.is_rate_derived && k.is_rate_derived && before.has_angular_acceleration &&
+                 k.has_angular_acceleration && !k.follows_gap;
+  if (k.is_quintic) [[unlikely]]
+    k.phi_second = second_derivative(k.phi, k.phi_slope, k.state.omegaDot_BN_B);
   if (before.has_angular_acceleration && k.has_angular_acceleration) {
     k.omegaDot_begin = before.state.omegaDot_BN_B;
     k.omegaDot_end = k.state.omegaDot_BN_B;
@@ -201,7 +263,9 @@ void Timeline::link(const Knot& before, Knot& k) noexcept {
         constexpr std::array<double, 3> weights = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
         for (std::size_t i = 0; i < 3; ++i) {
           const double s = nodes[i];
-          const Vector3 phi = Hermite::value(s)(k.h_s * before.state.omega_BN_B, k.phi, k.h_s * k.phi_slope);
+          const Vector3 phi = k.is_quintic
+                                  ? turn(before, k, s).phi
+                                  : Hermite::value(s)(k.h_s * before.state.omega_BN_B, k.phi, k.h_s * k.phi_slope);
           const Vector3 force_B = (1.0 - s) * before.state.specific_force_B + s * k.state.specific_force_B;
           sum += weights[i] * ((before.state.q_NB * exp(phi)) * force_B);
         }
@@ -248,18 +312,34 @@ IMUD_DISPATCHED const MotionState& Timeline::at(TruthTime time, MotionState& oth
   return other;
 }
 
+[[gnu::noinline]] Timeline::Turn Timeline::turn(const Knot& begin, const Knot& end, double s) noexcept {
+  const double h = end.h_s;
+  // The second derivative at the begin is the angular acceleration, as the rotation vector is 0 there.
+  const auto sum = [&](const Quintic& basis, double scale) {
+    return basis(h, scale, begin.state.omega_BN_B, begin.state.omegaDot_BN_B, end.phi, end.phi_slope, end.phi_second);
+  };
+  return {sum(Quintic::value(s), 1.0), sum(Quintic::derivative(s), 1.0 / h), sum(Quintic::second(s), 1.0 / (h * h))};
+}
+
 MotionState Timeline::interpolate(const Knot& begin, const Knot& end, double s) noexcept {
   const Hermite value = Hermite::value(s);
   const Hermite derivative = Hermite::derivative(s);
   const double h = end.h_s;
   const double inverse_h = 1.0 / h;
-  const Vector3 phi = value(h * begin.state.omega_BN_B, end.phi, h * end.phi_slope);
-  const Vector3 phi_dot = derivative(begin.state.omega_BN_B, inverse_h * end.phi, end.phi_slope);
   MotionState state;
-  state.derived = end.state.derived;
-  state.q_NB = begin.state.q_NB * exp(phi);
-  state.omega_BN_B = right_jacobian(phi, phi_dot);
-  state.omegaDot_BN_B = (1.0 - s) * end.omegaDot_begin + s * end.omegaDot_end;
+  state.derived = end.state.derived | (end.follows_gap ? status::truth_gap : 0U);
+  if (end.is_quintic) {
+    const Turn curve = turn(begin, end, s);
+    state.q_NB = begin.state.q_NB * exp(curve.phi);
+    state.omega_BN_B = right_jacobian(curve.phi, curve.first);
+    state.omegaDot_BN_B = right_jacobian(curve.phi, curve.second) + jacobian_change(curve.phi, curve.first);
+  } else {
+    const Vector3 phi = value(h * begin.state.omega_BN_B, end.phi, h * end.phi_slope);
+    const Vector3 phi_dot = derivative(begin.state.omega_BN_B, inverse_h * end.phi, end.phi_slope);
+    state.q_NB = begin.state.q_NB * exp(phi);
+    state.omega_BN_B = right_jacobian(phi, phi_dot);
+    state.omegaDot_BN_B = (1.0 - s) * end.omegaDot_begin + s * end.omegaDot_end;
+  }
   const Vector3 dv = end.state.dv_N - begin.state.dv_N;
   Vector3 force_N = inverse_h * dv;
   if (end.linear_dv) {

@@ -13,6 +13,10 @@
 
 namespace imud {
 
+namespace status {                                    // beside the bits of sample.hpp
+inline constexpr std::uint32_t truth_gap = 1U << 13;  // poses are missing around the sample: its motion is a guess
+}
+
 // The motion of the vehicle at one instant (frames: core/README.md).
 struct MotionState {
   enum class Basis : std::uint8_t {
@@ -29,7 +33,9 @@ struct MotionState {
   Vector3 specific_force_B = Vector3::Zero();  // m/s^2, of B's origin
   Vector3 dv_N = Vector3::Zero();              // m/s, integral of the specific force in inertial axes, from an
                                                // arbitrary origin in each run
-  std::uint32_t derived = 0;  // status::rate_derived and status::force_derived of the later truth beside `time`
+  // status::rate_derived and status::force_derived of the later truth beside `time`; status::truth_gap between two
+  // truths if the later one follows a gap.
+  std::uint32_t derived = 0;
 };
 
 // The part of a motion state from which increments begin.
@@ -63,6 +69,10 @@ enum class Admission : std::uint8_t {
 // cubic Hermite curve whose end slopes are the specific forces in inertial axes. So attitude, rate and increments
 // agree with one another at any truth rate, and sums of increments telescope to the truth's own. The vehicle must
 // turn by less than 180 deg between two truths.
+//
+// Where the rates of both truths are derived from attitudes, and no gap is between them, the curve of the attitude is
+// the quintic one that has their angular accelerations as well, so that a derived rate is as exact between two truths
+// as at them. (Simulators' own angular accelerations do not always fit their rates.)
 //
 // Where the truth carries no accumulated velocity, the specific force (linear in body axes) is integrated along the
 // attitude curve; where it carries no specific force, the accumulated velocity is linear; with neither, both are 0.
@@ -155,11 +165,14 @@ class Timeline {
     Vector3 accumulated_dv_B = Vector3::Zero();
     bool has_specific_force = false;
     bool has_angular_acceleration = false;
+    bool is_rate_derived = false, follows_gap = false;
     Vector3 specific_force_N = Vector3::Zero();
     // The curve from the truth before to this one.
     double h_s = 0;                        // its length; 0 for the first truth of a run
     Vector3 phi = Vector3::Zero();         // rad, whole rotation vector
     Vector3 phi_slope = Vector3::Zero();   // rad/s, d phi/dt at this end
+    bool is_quintic = false;               // the curve has the angular accelerations
+    Vector3 phi_second = Vector3::Zero();  // rad/s^2, its second derivative at this end
     Vector3 rate_slope = Vector3::Zero();  // rad/s^2, mean; only where the truths give no angular acceleration
     Vector3 omegaDot_begin = Vector3::Zero();
     Vector3 omegaDot_end = Vector3::Zero();
@@ -177,6 +190,8 @@ class Timeline {
   Knot& make_room(std::size_t i) noexcept;
   static void place(const Truth& truth, Knot& knot) noexcept;
   static void link(const Knot& before, Knot& knot) noexcept;
+  struct Turn;
+  static Turn turn(const Knot& begin, const Knot& end, double s) noexcept;
   std::size_t segment_end(TruthTime time) const noexcept;
   static MotionState interpolate(const Knot& begin, const Knot& end, double s) noexcept;
   MotionState extrapolate(TruthTime time) const noexcept;

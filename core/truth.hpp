@@ -50,6 +50,7 @@ struct Truth {
 
   bool is_rate_derived = false;   // omega_BN_B and omegaDot_BN_B were derived from attitudes
   bool is_force_derived = false;  // the specific force was derived from positions or velocities
+  bool follows_gap = false;       // derived: poses are missing between the truth before and this one
 };
 
 // Returns whether every number of `truth`, given or not, is finite.

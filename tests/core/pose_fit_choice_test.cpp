@@ -198,5 +198,39 @@ TEST(PoseFitChoice, NothingElseIsRefused) {
     }
 }
 
+TEST(PoseFitChoice, SamplesInAGapAreMarked) {
+  auto poses = noisy(motions[1], 4s, {});
+  poses.erase(poses.begin() + 200, poses.begin() + 220);
+  Timeline timeline;
+  for (const Truth& truth : fitted(chosen, poses)) ASSERT_NE(timeline.push(truth), Admission::time_back);
+  const auto is_marked = [&](Nanoseconds t) {
+    return (timeline.at(TruthTime{} + t).derived & status::truth_gap) != 0;
+  };
+  EXPECT_FALSE(is_marked(1985ms));
+  EXPECT_TRUE(is_marked(1995ms));
+  EXPECT_TRUE(is_marked(2100ms));
+  EXPECT_TRUE(is_marked(2199ms));
+  EXPECT_FALSE(is_marked(2200ms)) << "at a truth";
+  EXPECT_FALSE(is_marked(2205ms));
+}
+
+// Between two truths, a derived rate is as exact as at them.
+TEST(PoseFitChoice, ADerivedRateIsExactBetweenTruths) {
+  const PoseMotion& motion = find_pose_motion("aerobatic");
+  Timeline timeline;
+  for (const Truth& truth : fitted(level, poses_of(motion, 250, 3s, false))) timeline.push(truth);
+  double rate = 0, acceleration = 0;
+  for (std::int64_t k = 40; k < 560; ++k) {
+    const TruthTime time{k * 5'000'000};
+    const MotionState state = timeline.at(time);
+    const Truth expected = motion.at(time);
+    rate = std::max(rate, (state.omega_BN_B - expected.omega_BN_B).norm());
+    acceleration = std::max(acceleration, (state.omegaDot_BN_B - expected.omegaDot_BN_B).norm());
+    ASSERT_LT(log(state.q_NB.conjugate() * expected.q_NB).norm(), 1e-12);
+  }
+  EXPECT_LT(rate, 1e-9);
+  EXPECT_LT(acceleration, 1e-5);
+}
+
 }  // namespace
 }  // namespace imud
