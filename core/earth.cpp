@@ -124,9 +124,22 @@ Earth::Earth(const EarthModel& model)
       origin_E_(r_E_of({model.latitude, model.longitude, model.height})),
       magnetic_field_(igrf14(decimal_year(model.start_gps_ns))) {}
 
-Quaternion Earth::q_NE(TruthTime time) const noexcept {
-  const double t = seconds(time - TruthTime{});
-  const double turns = (model_.angle + units::earth_rate * t) / (2.0 * units::pi);
+double angle_between(double a, double b) noexcept {
+  const double turns = (a - b) / (2.0 * units::pi);
+  return 2.0 * units::pi * (turns - std::floor(turns + 0.5));
+}
+
+bool Earth::is_local(const PositionVelocity& position) const noexcept {
+  return model_.frame == EarthModel::Frame::local && !position.earth_angle;
+}
+
+Quaternion Earth::q_NE(const PositionVelocity& position) const noexcept {
+  double angle = position.earth_angle.value_or(model_.angle);
+  if (model_.frame == EarthModel::Frame::inertial &&
+      std::abs(angle_between(angle, model_.angle)) < EarthModel::largest_angle_error)
+    angle = model_.angle;
+  const double t = seconds(position.time - TruthTime{});
+  const double turns = (angle + units::earth_rate * t) / (2.0 * units::pi);
   const auto [sin, cos] = elementary::sincos(units::pi * (turns - std::floor(turns)));
   return {cos, 0.0, 0.0, sin};
 }
@@ -150,12 +163,12 @@ void move(Navigation& navigation, const Vector3& offset_L) noexcept {
 
 Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
   Navigation navigation;
-  if (!is_on() || !position.is_known) return navigation;
-  if (model_.frame == EarthModel::Frame::local) {
+  if (!is_on() || !position.is_known || (is_automatic() && !position.earth_angle)) return navigation;
+  if (is_local(position)) {
     navigation.r_E = origin_E_ + q_EN_local_ * position.r_N;
     navigation.v_L = q_EN_local_ * position.v_N;
   } else {
-    const Quaternion q_EN = q_NE(position.time).conjugate();
+    const Quaternion q_EN = q_NE(position).conjugate();
     navigation.r_E = q_EN * position.r_N;
     navigation.v_L = q_EN * position.v_N - Vector3(0, 0, units::earth_rate).cross(navigation.r_E);
   }
@@ -168,9 +181,9 @@ Navigation Earth::navigation(const PositionVelocity& position) const noexcept {
   return navigation;
 }
 
-Quaternion Earth::q_LN(TruthTime time, const Navigation& navigation) const noexcept {
+Quaternion Earth::q_LN(const PositionVelocity& position, const Navigation& navigation) const noexcept {
   const Quaternion q_LE(dcm_EL(navigation.latitude, navigation.longitude).transpose());
-  return q_LE * (model_.frame == EarthModel::Frame::local ? q_EN_local_ : q_NE(time).conjugate());
+  return q_LE * (is_local(position) ? q_EN_local_ : q_NE(position).conjugate());
 }
 
 Vector3 Earth::magnetic_field_L(const Navigation& navigation) const noexcept {

@@ -12,20 +12,28 @@
 
 namespace imud {
 
+// Returns the difference of two angles, rad, in [-pi, pi].
+double angle_between(double a, double b) noexcept;
+
 // The relation of the truth's frame N to the Earth.
 struct EarthModel {
   enum class Frame : std::uint8_t {
-    none,      // unknown: there is no place, no magnetic field, no pressure
-    local,     // N is fixed to the Earth: north-east-down at the origin below
-    inertial,  // N's origin is the Earth's centre, its z the axis of rotation, to the north
+    none,       // unknown: there is no place, no magnetic field, no pressure
+    automatic,  // inertial where the truth has an earth_angle, elsewhere none
+    local,      // N is fixed to the Earth: north-east-down at the origin below
+    inertial,   // N's origin is the Earth's centre, its z the axis of rotation, to the north
   };
   Frame frame = Frame::none;
   // The place of a vehicle at rest before the first truth; where the frame is local, N's origin as well. rad, and m
   // above the ellipsoid.
   double latitude = 0, longitude = 0, height = 0;
+  bool is_rest_known = false;  // automatic only: the vehicle at rest is at that place; false: its place is unknown
   Vector3 rest_yaw_pitch_roll = Vector3::Zero();  // rad, of B relative to L, at rest
-  double angle = 0;               // rad, from N's x axis to the prime meridian at truth time 0; inertial only
-  std::int64_t start_gps_ns = 0;  // GPS time at truth time 0, ns since 1980-01-06
+  // rad, from N's x axis to the prime meridian at truth time 0; inertial only. The truth's own takes its place where
+  // they differ by more than largest_angle_error.
+  double angle = 0;
+  static constexpr double largest_angle_error = 1e-5;  // rad, 64 m at the equator
+  std::int64_t start_gps_ns = 0;                       // GPS time at truth time 0, ns since 1980-01-06
 };
 
 // Returns GPS time, ns since 1980-01-06, of a UTC in s since 1970-01-01. Valid from 2017 on, while GPS time is 18 s
@@ -69,11 +77,13 @@ class Earth {
 
   // Returns false where the frame is none: then navigation() never knows a place.
   bool is_on() const noexcept { return model_.frame != EarthModel::Frame::none; }
+  // Returns whether navigation() knows a place only by PositionVelocity::earth_angle.
+  bool is_automatic() const noexcept { return model_.frame == EarthModel::Frame::automatic; }
   // Returns the place of a point. It is unknown if `position` is, or if the point is more than some 100 km below the
-  // surface.
+  // surface. A position with an earth_angle is one in an inertial N, whatever the model's frame.
   Navigation navigation(const PositionVelocity& position) const noexcept;
-  // Returns the rotation v_L = q_LN * v_N at a known place.
-  Quaternion q_LN(TruthTime time, const Navigation& navigation) const noexcept;
+  // Returns the rotation v_L = q_LN * v_N at the known place of `position`.
+  Quaternion q_LN(const PositionVelocity& position, const Navigation& navigation) const noexcept;
   // Returns the magnetic field at a known place, T, in L: that of IGRF-14 at the model's start (igrf.hpp), which is
   // the field of the core. The crust and the ionosphere, which it leaves out, add some 0.1 uT.
   Vector3 magnetic_field_L(const Navigation& navigation) const noexcept;
@@ -83,7 +93,8 @@ class Earth {
   }
 
  private:
-  Quaternion q_NE(TruthTime time) const noexcept;
+  bool is_local(const PositionVelocity& position) const noexcept;
+  Quaternion q_NE(const PositionVelocity& position) const noexcept;
 
   EarthModel model_;
   Quaternion q_EN_local_;  // where the frame is local

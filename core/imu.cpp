@@ -350,7 +350,8 @@ IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, Dev
     surroundings_c_ = timeline.temperature_c(time);
   Sample out = sense(now, time, is_first, stamp);
   const bool has_given = timeline.has_field_or_pressure();
-  if (earth_.is_on() || has_given) {
+  const bool has_place = earth_.is_on() && (!earth_.is_automatic() || timeline.has_earth_angle());
+  if (has_place || has_given) {
     const GivenFields given =
         has_given ? GivenFields{timeline.magnetic_field_B(time), timeline.pressure(time)} : GivenFields{};
     sense_earth(earth_, timeline.position(now.time), given, now, out);

@@ -33,7 +33,7 @@ void Imu::sense_earth(const Earth& earth, PositionVelocity position, const Given
     // A vehicle whose motion is held stands still relative to the Earth.
     if (now.basis == MotionState::Basis::held) out.navigation.v_L.setZero();
     out.navigation.gps_ns += (now.time - position.time).count();
-    out.q_LP = earth.q_LN(position.time, out.navigation) * out.q_LP;
+    out.q_LP = earth.q_LN(position, out.navigation) * out.q_LP;
   }
   const bool has_field = is_known || given.magnetic_field_B;
   if (given.magnetic_field_B)

@@ -8,6 +8,8 @@ namespace imud {
 
 namespace {
 EarthModel fixed_to_ground(EarthModel model) {
+  const bool is_unknown = model.frame == EarthModel::Frame::automatic && !model.is_rest_known;
+  if (is_unknown) model.frame = EarthModel::Frame::none;
   if (model.frame != EarthModel::Frame::none) model.frame = EarthModel::Frame::local;
   return model;
 }

@@ -10,11 +10,11 @@ namespace imud {
 //
 //   frame            place                  rate                          specific force
 //   none             unknown                0                             standard gravity, up
-//   local, inertial  the model's, constant  the Earth's, units::earth_rate  normal_gravity() at the place, up
+//   others           the model's, constant  the Earth's, units::earth_rate  normal_gravity() at the place, up
 //
-// "Up" is opposite to L's z; where the frame is none, N is L. The vehicle's attitude relative to L is the model's
-// `rest_yaw_pitch_roll`. Normal gravity is taken as vertical at every height (in fact it leans by 0.8e-6 rad at
-// 1 km and 45 deg).
+// An automatic frame is none unless the place is known (EarthModel::is_rest_known). "Up" is opposite to L's z; where
+// the frame is none, N is L. The vehicle's attitude relative to L is the model's `rest_yaw_pitch_roll`. Normal
+// gravity is taken as vertical at every height (in fact it leans by 0.8e-6 rad at 1 km and 45 deg).
 //
 // Times count from power-on, which stands for truth time 0. Nothing here allocates, locks or throws; immutable.
 class Rest {

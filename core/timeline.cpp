@@ -132,6 +132,8 @@ IMUD_DISPATCHED Admission Timeline::push(const Truth& truth, TruthTime watermark
   else
     append(truth);
   has_field_or_pressure_ = has_field_or_pressure_ || truth.has_magnetic_field || truth.has_pressure;
+  if (truth.has_earth_angle) [[unlikely]]
+    has_earth_angle_ = true;
   newest_sequence_ = truth.sequence;
   return admission;
 }
@@ -139,7 +141,7 @@ IMUD_DISPATCHED Admission Timeline::push(const Truth& truth, TruthTime watermark
 void Timeline::begin_run(const Truth& truth) noexcept {
   first_ = 0;
   count_ = 0;
-  has_field_or_pressure_ = false;
+  has_field_or_pressure_ = has_earth_angle_ = false;
   run_start_ = truth.time;
   run_start_sequence_ = truth.sequence;
   append(truth);
@@ -195,7 +197,13 @@ void Timeline::place(const Truth& truth, Knot& k) noexcept {
   k.state.dv_N.setZero();
   k.state.derived =
       (truth.is_rate_derived ? status::rate_derived : 0U) | (truth.is_force_derived ? status::force_derived : 0U);
-  k.position = {truth.has_position && truth.has_velocity, truth.time, truth.r_BN_N, truth.v_BN_N};
+  k.position.is_known = truth.has_position && truth.has_velocity;
+  k.position.time = truth.time;
+  k.position.r_N = truth.r_BN_N;
+  k.position.v_N = truth.v_BN_N;
+  k.position.earth_angle.reset();
+  if (truth.has_earth_angle) [[unlikely]]
+    k.position.earth_angle = truth.earth_angle;
   k.temperature_c = truth.has_temperature ? std::optional(truth.temperature_c) : std::nullopt;
   k.pressure = truth.has_pressure ? std::optional(truth.pressure) : std::nullopt;
   k.magnetic_field_B = truth.has_magnetic_field ? std::optional(truth.magnetic_field_B) : std::nullopt;
@@ -404,7 +412,7 @@ PositionVelocity Timeline::position(TruthTime time) const noexcept {
   const Vector3 step = end.position.r_N - begin.position.r_N;
   const Vector3 &v1 = begin.position.v_N, &v2 = end.position.v_N;
   return {true, time, begin.position.r_N + Hermite::value(s)(h * v1, step, h * v2),
-          Hermite::derivative(s)(v1, step / h, v2)};
+          Hermite::derivative(s)(v1, step / h, v2), begin.position.earth_angle};
 }
 
 template <class Value>

@@ -51,6 +51,8 @@ struct PositionVelocity {
   TruthTime time;                 // the instant of r_N and v_N; while motion is held, the last before it was
   Vector3 r_N = Vector3::Zero();  // m
   Vector3 v_N = Vector3::Zero();  // m/s
+  // Truth::earth_angle of the truth at `time` or before it; nullopt: the truth does not relate N to the Earth.
+  std::optional<double> earth_angle = std::nullopt;
 };
 
 // The result of Timeline::push().
@@ -146,8 +148,10 @@ class Timeline {
   std::optional<double> temperature_c(TruthTime time) const noexcept;
   std::optional<Vector3> magnetic_field_B(TruthTime time) const noexcept;
   std::optional<double> pressure(TruthTime time) const noexcept;
-  // Returns whether any truth of the run carries a magnetic field or a pressure.
+  // Return whether any truth of the run carries a magnetic field or a pressure, and whether any relates N to the
+  // Earth.
   bool has_field_or_pressure() const noexcept { return has_field_or_pressure_; }
+  bool has_earth_angle() const noexcept { return has_earth_angle_; }
 
   // Returns the time of the first truth after `time`, or `never`. at() is smooth between `time` and there.
   TruthTime next_truth(TruthTime time) const noexcept;
@@ -204,6 +208,7 @@ class Timeline {
   std::size_t first_ = 0;
   std::size_t count_ = 0;
   bool has_field_or_pressure_ = false;
+  bool has_earth_angle_ = false;
   TruthTime run_start_;
   std::uint32_t run_start_sequence_ = 0;
   std::uint32_t newest_sequence_ = 0;

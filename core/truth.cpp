@@ -11,7 +11,8 @@ bool within(const Vector3& v, double limit) { return v.cwiseAbs().maxCoeff() <= 
 bool is_finite(const Truth& t) noexcept {
   return t.r_BN_N.allFinite() && t.v_BN_N.allFinite() && t.q_NB.coeffs().allFinite() && t.omega_BN_B.allFinite() &&
          t.omegaDot_BN_B.allFinite() && t.specific_force_B.allFinite() && t.accumulated_dv_B.allFinite() &&
-         std::isfinite(t.temperature_c) && t.magnetic_field_B.allFinite() && std::isfinite(t.pressure);
+         std::isfinite(t.temperature_c) && t.magnetic_field_B.allFinite() && std::isfinite(t.pressure) &&
+         std::isfinite(t.earth_angle);
 }
 
 bool is_in_range(const Truth& t) noexcept {

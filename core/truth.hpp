@@ -32,6 +32,12 @@ struct Truth {
   bool has_rate = true;
   Vector3 omega_BN_B = Vector3::Zero();  // rad/s; 0 if it is not given
 
+  // N's origin is the Earth's centre and its z axis the Earth's axis of rotation, to the north.
+  bool has_earth_angle = false;
+  double earth_angle = 0;  // rad, from N's x axis to the prime meridian at truth time 0
+  bool has_date = false;
+  std::int64_t start_gps_ns = 0;  // the GPS time at truth time 0, ns since 1980-01-06
+
   bool has_angular_acceleration = false;
   Vector3 omegaDot_BN_B = Vector3::Zero();  // rad/s^2
 

@@ -85,13 +85,40 @@ TEST(Earth, AnInertialFrameTurnsUnderneath) {
   EXPECT_LT(navigation.v_L.norm(), 1e-9);
   EXPECT_EQ(navigation.gps_ns, gps_ns_from_unix(start_2025) + time.ns);
   // North is N's z; down points to the centre.
-  const Quaternion q = earth.q_LN(time, navigation);
+  const Quaternion q = earth.q_LN({true, time, r, Vector3::Zero()}, navigation);
   EXPECT_LT((q * Vector3::UnitZ() - Vector3::UnitX()).norm(), 1e-12);
   EXPECT_LT((q * Vector3(-r.normalized()) - Vector3::UnitZ()).norm(), 1e-12);
   // A vehicle that flies east in N at 100 m/s above that point.
   const Vector3 east(-std::sin(angle + 0.5), std::cos(angle + 0.5), 0);
   const Vector3 v = earth.navigation({true, time, r, Vector3(0, 0, units::earth_rate).cross(r) + 100 * east}).v_L;
   EXPECT_LT((v - Vector3(0, 100, 0)).norm(), 1e-9);
+}
+
+// A position that has the Earth's angle is at its own place, whatever the model's frame; an automatic frame knows no
+// other.
+TEST(Earth, TheTruthsOwnAngleHasPrecedence) {
+  const Vector3 r(6'378'137.0 * std::cos(0.5), 6'378'137.0 * std::sin(0.5), 0);
+  const PositionVelocity relative{true, {}, r, Vector3::Zero()};
+  PositionVelocity own = relative;
+  own.earth_angle = 0.1;
+  EarthModel automatic;
+  automatic.frame = EarthModel::Frame::automatic;
+  EXPECT_FALSE(Earth(automatic).navigation(relative).is_known);
+  EXPECT_FALSE(Earth(EarthModel{}).navigation(own).is_known) << "none";
+  for (const EarthModel& model : {automatic, inertial(0.3), local(47, 11, 500)}) {
+    const Earth earth(model);
+    const Navigation navigation = earth.navigation(own);
+    ASSERT_TRUE(navigation.is_known);
+    EXPECT_NEAR(navigation.longitude, 0.4, 1e-12);
+    EXPECT_NEAR(navigation.height, 0, 1e-6);
+    EXPECT_LT((earth.q_LN(own, navigation) * Vector3(-r.normalized()) - Vector3::UnitZ()).norm(), 1e-12);
+  }
+  // Two angles that are the same but for rounding: that of the configuration is used.
+  EXPECT_EQ(Earth(inertial(0.1 + 1e-6)).navigation(own).r_E, Earth(inertial(0.1 + 1e-6)).navigation(relative).r_E);
+  EXPECT_EQ(Earth(inertial(0.1 + 1e-6 + 2 * units::pi)).navigation(relative).r_E,
+            Earth(inertial(0.1 + 1e-6 + 2 * units::pi)).navigation(own).r_E);
+  EXPECT_NEAR(angle_between(0.1, 2 * units::pi), 0.1, 1e-14);
+  EXPECT_NEAR(angle_between(-3.0, 3.0), 2 * units::pi - 6, 1e-15);
 }
 
 TEST(Earth, ALocalFrameIsTheGroundsOwn) {
