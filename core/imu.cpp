@@ -84,6 +84,7 @@ void Imu::set_filters(const SensorFilters& filters) noexcept {
 
 void Imu::advance(const Timeline& timeline, TruthTime until) noexcept {
   if (run_ != Run::truth || until > timeline.newest()) return;
+  if (is_held() && until > sampled_) end_hold();
   until = until - model_.sampling_jitter;  // the next sample may be that much earlier
   if (until <= advanced_.time) return;
   while (has_internal_left() && next_internal() <= until) take_internal(timeline, next_internal());
@@ -307,6 +308,7 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   last_.q_NB = now.q_NB;
   last_.omega_BN_B = now.omega_BN_B;
   last_.dv_N = now.dv_N;
+  last_force_B_ = now.specific_force_B;
   last_time_ = time;
   angle_sum_B_.setZero();
   velocity_sum_B_.setZero();
@@ -329,14 +331,16 @@ Nanoseconds Imu::jitter() const noexcept {
       static_cast<std::int64_t>(most * normals_.uniform(Quantity::rate, Process::sampling_jitter, counter_))};
 }
 
-IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
+IMUD_DISPATCHED Sample Imu::sample_moving(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
   const bool is_first = run_ != Run::truth;
+  sampled_ = time;
   if (model_.sampling_jitter.count() > 0 && !is_first) [[unlikely]]
     time = time - jitter();
   MotionState other;
   const MotionState& now = timeline.at(time, other);
   run_ = Run::truth;
   if (is_first) {
+    held_ = may_catch_up_ = Nanoseconds{0};
     barometer_.begin_run();
     had_field_ = false;
     advanced_ = now;
@@ -349,6 +353,13 @@ IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, Dev
   if (temperature_.follows_truth()) [[unlikely]]
     surroundings_c_ = timeline.temperature_c(time);
   Sample out = sense(now, time, is_first, stamp);
+  finish(timeline, now, time, out);
+  return out;
+}
+
+// Adds what is not of gyros and accelerometers, and the status.
+[[gnu::always_inline]] inline void Imu::finish(const Timeline& timeline, const MotionState& now, TruthTime time,
+                                               Sample& out) noexcept {
   const bool has_given = timeline.has_field_or_pressure();
   const bool has_place = earth_.is_on() && (!earth_.is_automatic() || timeline.has_earth_angle());
   if (has_place || has_given) {
@@ -362,7 +373,15 @@ IMUD_DISPATCHED Sample Imu::sample(const Timeline& timeline, TruthTime time, Dev
   if (now.basis != MotionState::Basis::interpolated) out.status |= status::truth_extrapolated;
   if (now.basis == MotionState::Basis::held) out.status |= status::truth_stale;
   ++counter_;
-  return out;
+}
+
+// At rest and while the simulator stands still: out of line, so that it changes nothing on the way of other samples.
+[[gnu::noinline]] void Imu::finish_slowly(const Timeline& timeline, const MotionState& now, Sample& out) noexcept {
+  finish(timeline, now, sampled_, out);
+}
+[[gnu::noinline]] Sample Imu::sense_slowly(const MotionState& now, TruthTime time, bool is_first,
+                                           DeviceTime stamp) noexcept {
+  return sense(now, time, is_first, stamp);
 }
 
 Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcept {
@@ -383,7 +402,7 @@ Sample Imu::sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcep
     }
     add_piece(now);
   }
-  Sample out = sense(now, time, is_first, stamp);
+  Sample out = sense_slowly(now, time, is_first, stamp);
   if (rest_.earth().is_on()) {
     sense_earth(rest_.earth(), {true, time, Vector3::Zero(), Vector3::Zero()}, {}, now, out);
     out.navigation.v_L.setZero();

@@ -71,6 +71,12 @@ struct ImuModel {
 //
 // Samples belong to runs. The first sample of a run has no increments; each later one has those since the sample
 // before. The counter and the errors continue from run to run, as in a real device.
+//
+// A sample at the time of the sample before is held: the simulator stands still, and the sensor goes on. Its attitude
+// and its specific force are constant, its rate and its delta-angle are zero, its delta-velocity is that of a nominal
+// period. When time goes on, the next sample has the whole rotation since the first of these. Of the delta-velocity
+// it has what the held samples have not had, as far as time has caught up: the sum is the vehicle's own, and the
+// force for as long as the simulator stood still in addition.
 class Imu {
  public:
   // All random numbers follow from `seed` and `stream`, which is different for every sensor: stream_id() of its name.
@@ -86,7 +92,10 @@ class Imu {
 
   // The time up to which truth is integrated: no truth before it is needed any more. It is Timeline::never outside a
   // run, and while the vehicle is at rest.
-  TruthTime advanced_to() const noexcept { return run_ == Run::truth ? advanced_.time : Timeline::never; }
+  TruthTime advanced_to() const noexcept {
+    if (run_ != Run::truth) return Timeline::never;
+    return is_held() ? sampled_ : advanced_.time;
+  }
 
   // Draws the errors that differ from one power on to the next. `number` counts them from 0, with which an Imu
   // begins. The other errors continue.
@@ -104,9 +113,14 @@ class Imu {
   // memory continue from their values; those that are drawn once, at power on or for the vibration, stay.
   void set_seed(std::uint64_t seed) noexcept;
 
-  // Returns the sample at `time`, with the device's own time `stamp`. `time` is later than the sample before in this
-  // run; `timeline` is not empty.
-  Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
+  // Returns the sample at `time`, with the device's own time `stamp`. `time` is not earlier than that of the sample
+  // before in this run; if it is the same, the sample is held. `timeline` is not empty.
+  Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
+    const bool is_around_hold = time <= sampled_ || (held_.count() | may_catch_up_.count()) != 0;
+    if (is_around_hold && run_ == Run::truth) [[unlikely]]
+      return sample_around_hold(timeline, time, stamp);
+    return sample_moving(timeline, time, stamp);
+  }
 
   // Returns the sample of a vehicle at rest (core/rest.hpp), for a sensor that has power before the first truth; its
   // status is status::at_rest beside saturation. `since_power_on` is later than that of the sample before, and not
@@ -164,6 +178,15 @@ class Imu {
   [[gnu::noinline]] void disturb(const MotionState& now, TruthTime time, double dt, Disturbed& input) noexcept;
   Vector3 true_delta_angle(const MotionState& now) const noexcept;
   Vector3 true_delta_velocity(const MotionState& now) const noexcept;
+  bool is_held() const noexcept { return held_.count() > 0; }
+  Sample sample_held(const Timeline& timeline, DeviceTime stamp) noexcept;
+  Sample sample_moving(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
+  Sample sample_around_hold(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept;
+  void finish_slowly(const Timeline& timeline, const MotionState& now, Sample& out) noexcept;
+  void end_hold() noexcept;
+  void catch_up(TruthTime time) noexcept;
+  void finish(const Timeline& timeline, const MotionState& now, TruthTime time, Sample& out) noexcept;
+  Sample sense_slowly(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;
   void accumulate(const Timeline& timeline, const MotionState& end) noexcept;
   void add_piece(const MotionState& end) noexcept;
   Sample sense(const MotionState& now, TruthTime time, bool is_first, DeviceTime stamp) noexcept;
@@ -201,10 +224,14 @@ class Imu {
   std::uint64_t counter_ = 0;
   enum class Run : std::uint8_t { none, rest, truth };  // the source of this run's samples; none before its first
   Run run_ = Run::none;
-  MotionBegin last_;            // the state at the last sample, as it was then known
-  TruthTime last_time_;         // the time of the last sample; last_'s own differs if the timeline began later
-  MotionState advanced_;        // the state at the end of the sums below
-  std::uint32_t revision_ = 0;  // Timeline::revision() when advanced_ was computed
+  MotionBegin last_;     // the state at the last sample, as it was then known
+  TruthTime last_time_;  // the time of the last sample; last_'s own differs if the timeline began later
+  TruthTime sampled_;    // the time that the last sample was asked for, without jitter; stands still in a hold
+  Vector3 last_force_B_ = Vector3::Zero();  // m/s^2, of the last sample
+  Nanoseconds held_{0};                     // by which last_time_ has gone on while sampled_ stood still
+  Nanoseconds may_catch_up_{0};             // of a hold that has ended: its length, until the next sample
+  MotionState advanced_;                    // the state at the end of the sums below
+  std::uint32_t revision_ = 0;              // Timeline::revision() when advanced_ was computed
   Internal internal_;
   Vector3 true_rate_ = Vector3::Zero(), true_specific_force_ = Vector3::Zero();  // of the last sample
   Vector3 angle_sum_B_;        // rad, integral of the rate since last_
