@@ -77,6 +77,18 @@ TEST_F(CanQueueTest, AFullInterfaceIsTriedAgainAfterAPause) {
   EXPECT_EQ(leave(2 * CanQueue::retry_pause), numbers(12, 18)) << "what came later leaves later";
 }
 
+// A frame that has left shows that there is room: the pause has ended, also by a clock that was held up.
+TEST_F(CanQueueTest, AFrameThatLeavesEndsThePause) {
+  queue(4, milliseconds(0));
+  queue_.interface_full(start);
+  EXPECT_EQ(leave(CanQueue::retry_pause, 2), numbers(0, 2));
+  EXPECT_EQ(next(), CanQueue::retry_pause - CanQueue::max_burst);
+  EXPECT_EQ(queue_.ready(start + CanQueue::retry_pause - Nanoseconds(1)), 2U);
+  queue_.interface_full(start + CanQueue::retry_pause);
+  EXPECT_EQ(leave(CanQueue::retry_pause), numbers(0, 0)) << "no frame leaves within the pause";
+  EXPECT_EQ(next(), 2 * CanQueue::retry_pause) << "so that it goes on";
+}
+
 TEST_F(CanQueueTest, PacedFramesKeepTheirSpacing) {
   queue(1, milliseconds(0), milliseconds(2));
   EXPECT_EQ(leave(milliseconds(0)).size(), 1U);

@@ -137,6 +137,42 @@ TEST(Pcapng, ReadsUpToATornBlock) {
   EXPECT_GT(warned, whole.size() - 28 - 12);
 }
 
+// The interfaces of a section are numbered from 0 again, and those of the section before are gone.
+TEST(Pcapng, ASectionHasItsOwnInterfaces) {
+  std::vector<std::byte> two = small_record();
+  append_section(two, "test");
+  append_interface(two, {link_type::bytes, "other"});
+  append_packet(two, {0, 7, PacketDirection::outbound, pcapng_bytes("other")});
+  append_packet(two, {3, 8, PacketDirection::outbound, pcapng_bytes("of no interface")});
+  const PcapngMemory file(two);
+  PcapngReader reader(file.spec());
+  for (int i = 0; i < 5; ++i) ASSERT_TRUE(reader.next());
+  const auto packet = reader.next();
+  ASSERT_TRUE(packet);
+  EXPECT_EQ(packet->time_ns, 7);
+  ASSERT_EQ(reader.interfaces().size(), 1U);
+  EXPECT_EQ(reader.interfaces()[packet->interface].name, "other");
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(reader.skipped(), 1U);
+  EXPECT_EQ(reader.end_warning(), "");
+}
+
+TEST(Pcapng, PacketsThatAreTooLongAreSkippedAndCounted) {
+  const std::string longest(PcapngReader::longest_block - 32, 'x'), longer(PcapngReader::longest_block - 31, 'x');
+  std::vector<std::byte> bytes;
+  append_section(bytes, "test");
+  append_interface(bytes, {link_type::bytes, "imu1"});
+  for (const std::string& content : {longer, longest, longer})
+    append_packet(bytes, {.interface = 0, .time_ns = 1, .bytes = pcapng_bytes(content)});
+  append_packet(bytes, {.interface = 0, .time_ns = 2, .bytes = pcapng_bytes("end")});
+  const PcapngMemory file(bytes);
+  PcapngReader reader(file.spec());
+  EXPECT_EQ(reader.next().value().bytes.size(), longest.size());
+  EXPECT_EQ(reader.next().value().bytes.size(), 3U);
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(reader.skipped(), 2U);
+}
+
 TEST(Pcapng, RefusesWhatIsNone) {
   const PcapngMemory text(pcapng_bytes("time_ns,r_BN_N_x,r_BN_N_y"));
   EXPECT_THROW(PcapngReader(text.spec()), PortError);
