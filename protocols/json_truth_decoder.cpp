@@ -15,8 +15,9 @@ std::string_view first_line(std::string_view text) noexcept { return text.substr
 
 }  // namespace
 
-JsonTruthDecoder::JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes)
-    : fields_(std::move(map)), axes_(axes), wanted_(required) {}
+JsonTruthDecoder::JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes,
+                                   TruthFrame frame)
+    : fields_(std::move(map)), axes_(axes), wanted_(required), frame_(frame) {}
 
 void JsonTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput input, HostTime) noexcept {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());

@@ -18,11 +18,12 @@ class JsonTruthDecoder : public TruthDecoder {
   static constexpr std::size_t max_line = 65536;  // of a stream, in characters; no datagram is as long
 
   // An object must have the `required` quantities. An empty map: the names at the top level are those of quantities.
-  // Throws std::invalid_argument, "columns: ...".
-  JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes);
+  // `frame`: that of frame(). Throws std::invalid_argument, "columns: ...".
+  JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes, TruthFrame frame = {});
 
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override;
   std::optional<TruthResult> next(Truth& truth) noexcept override;
+  TruthFrame frame() const noexcept override { return frame_; }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override;
   void finish() noexcept override;
 
@@ -36,6 +37,7 @@ class JsonTruthDecoder : public TruthDecoder {
   JsonFields fields_;
   const TruthAssembly::Axes axes_;
   const QuantitySet wanted_;
+  const TruthFrame frame_;
   TruthReading reading_;
   TruthAssembly assembly_;
   LineAssembler<max_line> lines_;

@@ -27,6 +27,8 @@ class MappedColumns {
 
   // Decodes a row; returns as TruthDecoder::next() does.
   TruthResult decode(std::string_view line, Truth& truth) noexcept;
+  // Returns what TruthDecoder::frame() does: that of the map.
+  TruthFrame frame() const noexcept { return map_.empty() ? TruthFrame{} : assembly_.frame(); }
   // Writes a remark on the last row, as TruthDecoder::describe() does.
   void describe(TruthResult result, RemarkWriter& out) const noexcept;
   // Restarts, as TruthAssembly::begin() does. The columns remain.
@@ -69,6 +71,7 @@ class MappedColumnDecoder : public LineTruthDecoder {
  public:
   explicit MappedColumnDecoder(MappedColumns columns) : columns_(std::move(columns)) {}
 
+  TruthFrame frame() const noexcept override { return columns_.frame(); }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override;
   void finish() noexcept override;
 

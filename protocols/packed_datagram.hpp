@@ -9,6 +9,7 @@ namespace imud {
 
 class PackedDatagramDecoder : public DatagramTruthDecoder {
  public:
+  TruthFrame frame() const noexcept override { return truth_.frame(); }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
     RemarkWriter out(room);
     const std::span<const std::byte> record = datagram();

@@ -31,6 +31,7 @@ class PackedTruth {
   }
 
   const PackedLayout& layout() const noexcept { return layout_; }
+  TruthFrame frame() const noexcept { return assembly_.frame(); }
 
   // Converts a record of layout().size() bytes or more. Returns ok, not_finite or out_of_range.
   TruthResult convert(std::span<const std::byte> record, HostTime arrival, Truth& truth) noexcept {

@@ -83,11 +83,17 @@ bool TruthAssembly::convert_time(const TruthReading& in, Truth& truth) noexcept 
   if (time_ == time_of_day && has(day)) days = std::llround(number(in, day));
   std::int64_t whole = 0;
   if (__builtin_mul_overflow(days, day_ns, &whole) || __builtin_add_overflow(ns, whole, &ns)) return false;
+  const std::int64_t since_epoch = ns;
   if (is_inertial_ && time_ != time) {
     if (!origin_ns_) origin_ns_ = ns;
     if (__builtin_sub_overflow(ns, *origin_ns_, &ns)) return false;
   }
   truth.time.ns = ns;
+  // A counter since a simulator's start is no date, whatever its name.
+  constexpr std::int64_t year_2001_s = 978'307'200;
+  const bool is_utc = time_ == unix_time || time_ == utc;
+  truth.has_date = is_utc ? since_epoch / 1'000'000'000 > year_2001_s : time_ == gps_time_of_week;
+  if (truth.has_date) truth.start_gps_ns = since_epoch - ns + (is_utc ? gps_ns_from_unix(0) : 0);
   return true;
 }
 
@@ -98,8 +104,10 @@ bool TruthAssembly::convert_place(const TruthReading& in, Truth& truth) noexcept
   q_NE_ = q_NL_ = Quaternion::Identity();
   gravity_ = units::standard_gravity;
   if (!is_inertial_) return true;
-  angle_ =
-      has(earth_angle) ? number(in, earth_angle) : units::earth_rate * (static_cast<double>(truth.time.ns) * 1e-9);
+  const double turned = units::earth_rate * (static_cast<double>(truth.time.ns) * 1e-9);
+  angle_ = has(earth_angle) ? number(in, earth_angle) : turned;
+  truth.has_earth_angle = true;
+  truth.earth_angle = has(earth_angle) ? angle_ - turned : 0.0;
   q_NE_ = about(z_axis, angle_);
   Geodetic place;
   if (has(geodetic)) {

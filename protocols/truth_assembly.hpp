@@ -68,6 +68,8 @@ class TruthAssembly {
   bool choose(const QuantitySet& given, const Axes& axes, RemarkWriter& fault) noexcept;
   // Returns the quantities that are given.
   const QuantitySet& given() const noexcept { return given_; }
+  // Returns the frame N of the truths.
+  TruthFrame frame() const noexcept;
 
   // Converts the quantities of a record. Returns ok, not_finite or out_of_range.
   TruthResult convert(const TruthReading& in, Truth& truth) noexcept;

@@ -119,4 +119,15 @@ bool TruthAssembly::choose_groups(RemarkWriter& fault) noexcept {
   return fault.size() == 0;
 }
 
+// A pose relative to N alone may be one in an inertial frame or in a hall. East-north-up is a local level.
+TruthFrame TruthAssembly::frame() const noexcept {
+  using enum TruthGroup;
+  using Kind = TruthFrame::Kind;
+  const bool has_rate = rate_.has_value();
+  if (is_inertial_) return {Kind::earth, has_rate, has(earth_angle) ? std::nullopt : std::optional(0.0)};
+  const bool has_level = (attitude_ && is_relative_to_level(*attitude_)) || has(horizontal) || has(v_horizontal) ||
+                         has(acceleration_horizontal);
+  return {has_level || (axes_.is_enu && attitude_) ? Kind::local : Kind::unknown, has_rate, std::nullopt};
+}
+
 }  // namespace imud

@@ -5,6 +5,7 @@
 namespace imud {
 
 void TruthDecoder::start(HostTime) noexcept {}
+TruthFrame TruthDecoder::frame() const noexcept { return {}; }
 std::size_t TruthDecoder::describe(TruthResult, std::span<char>) const noexcept { return 0; }
 void TruthDecoder::finish() noexcept {}
 std::optional<HostTime> TruthDecoder::deadline() const noexcept { return std::nullopt; }

@@ -29,6 +29,20 @@ enum class TruthResult : std::uint8_t {
   no_columns,    // a row before its header, and no columns configured; a header that lacks a required column
 };
 
+// The frame N of a format's truths, as far as its settings determine it, and whether they have a rate.
+struct TruthFrame {
+  enum class Kind : std::uint8_t {
+    unknown,   // not determined before a header row, or a pose relative to some N
+    local,     // a local level, at a place that the truth does not have
+    inertial,  // its origin is the Earth's centre; the Earth's angle is not known
+    earth,     // likewise, and each truth has the angle (Truth::earth_angle)
+  };
+  Kind kind = Kind::unknown;
+  bool has_rate = true;  // false: no truth has one
+  // rad, earth only: Truth::earth_angle of every truth; nullopt: each truth has its own.
+  std::optional<double> angle = std::nullopt;
+};
+
 // The kind of input of a TruthDecoder.
 enum class TruthInput : std::uint8_t {
   datagram,  // one whole datagram: its end ends a record
@@ -88,6 +102,9 @@ class TruthDecoder {
   // Sets the pulse width (us) of a servo, below TruthFormat::servos, in all that is sent to the simulator from now
   // on. Default: does nothing, for a format without servos.
   virtual void set_servo(std::size_t servo, std::uint16_t pulse_us) noexcept;
+
+  // Returns the frame N of its truths, as far as it is known before the first feed(). Default: unknown, with a rate.
+  virtual TruthFrame frame() const noexcept;
 
   const StreamLosses& losses() const noexcept { return losses_; }
 

@@ -98,6 +98,10 @@ class FaultyTruthDecoder final : public TruthDecoder {
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
     return decoder_->describe(result, room);
   }
+  void set_servo(std::size_t servo, std::uint16_t pulse_us) noexcept override {
+    decoder_->set_servo(servo, pulse_us);
+  }
+  TruthFrame frame() const noexcept override { return decoder_->frame(); }
   void finish() noexcept override {
     decoder_->finish();
     schedule_.finish();

@@ -68,7 +68,7 @@ QuantitySet set_of(TruthGroup group) {
 class ArdupilotJsonDecoder final : public JsonTruthDecoder {
  public:
   explicit ArdupilotJsonDecoder(const Settings& settings)
-      : JsonTruthDecoder(map_of_paths(), required(), {}),
+      : JsonTruthDecoder(map_of_paths(), required(), {}, {.kind = TruthFrame::Kind::local}),
         rate_hz_(static_cast<std::uint16_t>(settings.integer("frame_rate_hz"))),
         speedup_(settings.real("speedup")) {
     const std::vector<std::string>& pulses = settings.list("pwm");

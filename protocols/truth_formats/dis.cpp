@@ -59,6 +59,7 @@ PackedTruth make_truth(bool is_in_body, bool has_rate) {
 
 class DisTruthDecoder final : public DatagramTruthDecoder {
  public:
+  TruthFrame frame() const noexcept override { return truths_[1].frame(); }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
     RemarkWriter out(room);
     const std::span<const std::byte> pdu = datagram();

@@ -84,6 +84,7 @@ class JsbsimTruthDecoder final : public ColumnTruthDecoder {
   explicit JsbsimTruthDecoder(const Settings& settings) : ColumnTruthDecoder(column_names, same_label) {
     configure(settings);
   }
+  TruthFrame frame() const noexcept override { return {.kind = TruthFrame::Kind::earth}; }
 
  private:
   Kind kind(std::string_view& row) const noexcept override {

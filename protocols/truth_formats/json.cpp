@@ -13,8 +13,8 @@ std::unique_ptr<TruthDecoder> make(const Settings& settings) {
   const TruthAssembly::Axes axes = TruthAssembly::axes(settings);
   TruthMap map = parse_truth_map(settings.list(map_setting.key));
   const QuantitySet required = quantities_of(map);
-  if (!map.empty()) assembly_of(map, axes);  // throws if it is not sufficient
-  return std::make_unique<JsonTruthDecoder>(std::move(map), required, axes);
+  const TruthFrame frame = map.empty() ? TruthFrame{} : assembly_of(map, axes).frame();  // throws if it lacks some
+  return std::make_unique<JsonTruthDecoder>(std::move(map), required, axes, frame);
 }
 
 constexpr Setting settings[] = {map_setting, level_setting, body_setting, accumulated_dv_setting};

@@ -171,6 +171,7 @@ class MavlinkTruthDecoder final : public TruthDecoder {
       losses_.cut_short_by = size;
     }
   }
+  TruthFrame frame() const noexcept override { return quaternion_.frame(); }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
     RemarkWriter out(room);
     if (refused_ != nullptr)

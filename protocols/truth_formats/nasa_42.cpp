@@ -96,6 +96,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
     out.append(std::as_bytes(std::span(ack)));
   }
 
+  TruthFrame frame() const noexcept override { return {.kind = TruthFrame::Kind::inertial}; }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
     RemarkWriter out(room);
     switch (result) {

@@ -159,6 +159,7 @@ class StructTruthDecoder final : public TruthDecoder {
       losses_.cut_short_by = size;
     }
   }
+  TruthFrame frame() const noexcept override { return truth_.frame(); }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
     RemarkWriter out(room);
     const std::string_view text{reinterpret_cast<const char*>(record_.data()), record_.size()};

@@ -161,6 +161,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
     }
   }
 
+  TruthFrame frame() const noexcept override { return truth_.frame(); }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override {
     RemarkWriter out(room);
     const std::string_view text{reinterpret_cast<const char*>(datagram().data()), datagram().size()};

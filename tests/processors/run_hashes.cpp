@@ -62,8 +62,11 @@ std::vector<Truth> read_flight(const std::string& path) {
     const std::span packet(pcap.data() + at + record_header, size);
     decoder->feed(std::as_bytes(packet.subspan(packet_headers)), TruthInput::datagram, {});
     Truth truth;
-    while (const auto result = decoder->next(truth))
-      if (*result == TruthResult::ok) truths.push_back(truth);
+    while (const auto result = decoder->next(truth)) {
+      if (*result != TruthResult::ok) continue;
+      truth.has_earth_angle = false;  // the Earth's angle is that of the model
+      truths.push_back(truth);
+    }
   }
   return truths;
 }

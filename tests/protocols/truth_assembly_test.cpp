@@ -266,6 +266,33 @@ TEST(TruthAssembly, AccelerationInAnInertialFrameLosesGravitation) {
   expect_near(made.truth.r_BN_N, r_E, 1e-9, "position");
 }
 
+// Each truth relates N to the Earth, if its quantities do: at truth time 0 N coincides with E, unless the Earth's
+// angle is given.
+TEST(TruthAssembly, TruthsOnTheEarthHaveItsAngle) {
+  const Values rate = {{"p_rad_per_s", 0}, {"q_rad_per_s", 0}, {"r_rad_per_s", 0}};
+  const Values place = {{"latitude_deg", 47}, {"longitude_deg", 8}, {"height_m", 400}};
+  const Values pose = {{"q_NB_w", 1}, {"q_NB_x", 0}, {"q_NB_y", 0}, {"q_NB_z", 0}};
+  const Truth on_earth = assemble(rate + place + level_attitude + Values{{"time_s", 100}}).truth;
+  EXPECT_TRUE(on_earth.has_earth_angle);
+  EXPECT_EQ(on_earth.earth_angle, 0);
+  const Truth angled =
+      assemble(rate + place + level_attitude + Values{{"time_s", 100}, {"earth_angle_rad", 1.5}}).truth;
+  EXPECT_TRUE(angled.has_earth_angle);
+  EXPECT_NEAR(angled.earth_angle, 1.5 - 100 * 7.292115e-5, 1e-15);
+  EXPECT_FALSE(assemble(rate + pose + time_zero).truth.has_earth_angle);
+
+  using Kind = TruthFrame::Kind;
+  const auto frame = [](const Values& values, const TruthAssembly::Axes& axes = {}) {
+    return TruthAssembly(set_of(values), axes).frame();
+  };
+  EXPECT_EQ(frame(time_zero + rate + place + level_attitude).kind, Kind::earth);
+  EXPECT_EQ(frame(time_zero + rate + place + level_attitude).angle, 0.0);
+  EXPECT_FALSE(frame(time_zero + place + level_attitude + Values{{"earth_angle_rad", 0}}).angle);
+  EXPECT_EQ(frame(time_zero + rate + level_attitude).kind, Kind::local);
+  EXPECT_EQ(frame(time_zero + rate + pose).kind, Kind::unknown);
+  EXPECT_EQ(frame(time_zero + rate + pose, {.is_enu = true}).kind, Kind::local);
+}
+
 // A vehicle that moves east at 100 m/s senses the acceleration of Coriolis and its curve: level acceleration 0 in the
 // turning axes is what an Eotvos correction describes.
 TEST(TruthAssembly, VelocitiesOnTheEarthCauseCoriolis) {
