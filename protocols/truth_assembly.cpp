@@ -219,26 +219,41 @@ void TruthAssembly::integrate_attitude(Truth& truth) noexcept {
   if (!before_ || dt > 0) before_ = truth;
 }
 
-void TruthAssembly::convert_force(const TruthReading& in, Truth& truth) const noexcept {
+// Returns whether N is inertial by the position alone: one relative to the Earth's centre, in axes of which only z is
+// known.
+bool TruthAssembly::is_about_earth(const Truth& truth) const noexcept {
+  return !is_inertial_ && !axes_.is_enu && position_ == TruthGroup::r_BN_N && is_near_earth(truth.r_BN_N);
+}
+
+void TruthAssembly::convert_force(const TruthReading& in, Truth& truth) noexcept {
   using enum TruthGroup;
   truth.has_specific_force = force_.has_value();
   if (!force_) return;
-  const Vector3 gravity_L = {0, 0, gravity_};
-  const Quaternion to_body = truth.q_NB.conjugate();
   if (force_ == specific_force) {
     truth.specific_force_B = body(vector(in, specific_force));
-  } else if (force_ == acceleration_N) {
+    return;
+  }
+  const bool is_on_earth = is_inertial_ || is_about_earth(truth);
+  if (is_about_earth(truth)) {
+    const Geodetic place = geodetic_of(truth.r_BN_N);
+    q_NL_ = about(z_axis, place.longitude) * about(y_axis, -half_pi - place.latitude);
+    gravity_ = normal_gravity(place.latitude, place.height);
+    const Vector3 v_N = truth.has_velocity ? Vector3(truth.v_BN_N - earth_rate.cross(truth.r_BN_N)) : Vector3::Zero();
+    v_L_ = q_NL_.conjugate() * v_N;
+  }
+  const Vector3 gravity_L = {0, 0, gravity_};
+  if (force_ == acceleration_N) {
     Vector3 a_N = vector(in, acceleration_N), attraction_N = gravity_L;
-    if (is_inertial_)
-      attraction_N = gravitation_N({}, q_NE_ * r_E_);
+    if (is_on_earth)
+      attraction_N = gravitation_N({}, is_inertial_ ? Vector3(q_NE_ * r_E_) : truth.r_BN_N);
     else if (axes_.is_enu)
       a_N = {a_N.y(), a_N.x(), -a_N.z()};
-    truth.specific_force_B = to_body * (a_N - attraction_N);
+    truth.specific_force_B = truth.q_NB.conjugate() * (a_N - attraction_N);
   } else {
     const Quaternion q_LB = q_NL_.conjugate() * truth.q_NB;
     Vector3 a_L = force_ == acceleration_B ? Vector3(q_LB * body(vector(in, acceleration_B)))
                                            : level(in, acceleration_horizontal, acceleration_down, acceleration_up);
-    if (is_inertial_) a_L += 2.0 * (q_NL_.conjugate() * earth_rate).cross(v_L_);
+    if (is_on_earth) a_L += 2.0 * (q_NL_.conjugate() * earth_rate).cross(v_L_);
     truth.specific_force_B = q_LB.conjugate() * (a_L - gravity_L);
   }
 }

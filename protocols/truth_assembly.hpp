@@ -99,7 +99,8 @@ class TruthAssembly {
   bool convert_place(const TruthReading& in, Truth& truth) noexcept;
   void convert_attitude(const TruthReading& in, Truth& truth) noexcept;
   void convert_rate(const TruthReading& in, Truth& truth) noexcept;
-  void convert_force(const TruthReading& in, Truth& truth) const noexcept;
+  bool is_about_earth(const Truth& truth) const noexcept;
+  void convert_force(const TruthReading& in, Truth& truth) noexcept;
   void integrate_attitude(Truth& truth) noexcept;
 
   QuantitySet given_;

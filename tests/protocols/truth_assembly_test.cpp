@@ -266,6 +266,55 @@ TEST(TruthAssembly, AccelerationInAnInertialFrameLosesGravitation) {
   expect_near(made.truth.r_BN_N, r_E, 1e-9, "position");
 }
 
+// Without a place, a position relative to the Earth's centre makes N inertial. At rest on the equator the specific
+// force is what WGS 84 has for gravity there, 9.7803253359 m/s^2 (NGA.STND.0036, table 3.6), whether the acceleration
+// is that in N, centripetal, or that relative to the Earth, 0. In a hall it is 9.80665 m/s^2.
+TEST(TruthAssembly, APositionFromTheEarthsCentreHasItsGravitation) {
+  const double a = 6'378'137.0, w = 7.292115e-5, gravity = 9.7803253359;
+  const Values rate = {{"time_s", 0}, {"p_rad_per_s", w}, {"q_rad_per_s", 0}, {"r_rad_per_s", 0}};
+  const Values on_equator = {{"r_BN_N_x_m", a},       {"r_BN_N_y_m", 0},           {"r_BN_N_z_m", 0},
+                             {"v_BN_N_x_m_per_s", 0}, {"v_BN_N_y_m_per_s", w * a}, {"v_BN_N_z_m_per_s", 0}};
+  const Values in_hall = {{"r_BN_N_x_m", 3}, {"r_BN_N_y_m", 2}, {"r_BN_N_z_m", -1}};
+  // Front to the north, N's z; down to the centre, against N's x.
+  const Values attitude = {{"q_NB_w", std::sqrt(0.5)}, {"q_NB_x", 0}, {"q_NB_y", -std::sqrt(0.5)}, {"q_NB_z", 0}};
+  const Values level = {{"q_NB_w", 1}, {"q_NB_x", 0}, {"q_NB_y", 0}, {"q_NB_z", 0}};
+  const auto a_N = [](double x) {
+    return Values{{"a_BN_N_x_m_per_s2", x}, {"a_BN_N_y_m_per_s2", 0}, {"a_BN_N_z_m_per_s2", 0}};
+  };
+  const Values to_earth = {
+      {"acceleration_x_m_per_s2", 0}, {"acceleration_y_m_per_s2", 0}, {"acceleration_z_m_per_s2", 0}};
+  const auto force = [](const Values& values) { return assemble(values).truth.specific_force_B; };
+  expect_near(force(rate + on_equator + attitude + a_N(-w * w * a)), {0, 0, -gravity}, 1e-8, "inertial");
+  expect_near(force(rate + on_equator + attitude + to_earth), {0, 0, -gravity}, 1e-8, "relative to the Earth");
+  expect_near(force(rate + in_hall + level + a_N(0.5)), {0.5, 0, -9.80665}, 1e-12, "local");
+  expect_near(force(rate + level + a_N(0.5)), {0.5, 0, -9.80665}, 1e-12, "without a position");
+  // 90 deg east of N's x axis at the beginning, front to the north, at a quarter of a turn later: Earth-fixed.
+  const Values fixed = {{"r_BE_E_x_m", 0}, {"r_BE_E_y_m", a}, {"r_BE_E_z_m", 0}};
+  const double quarter_s = units::pi / 2 / w;
+  const Values late = {{"time_s", quarter_s}, {"p_rad_per_s", w}, {"q_rad_per_s", 0}, {"r_rad_per_s", 0}};
+  expect_near(force(late + fixed + level_attitude + a_N(w * w * a)), {0, 0, -gravity}, 1e-8, "Earth-fixed");
+}
+
+// In free fall nothing is sensed: the attraction of a circular orbit is all of its acceleration. GM is that of WGS
+// 84, 3.986004418e14 m^3/s^2; its J2 is 1.08262982131e-3. The terms that follow it are below 2e-5 of the attraction.
+TEST(TruthAssembly, FreeFallInAnInertialFrameIsWeightless) {
+  const double r = 7e6, gm = 3.986004418e14, a = 6'378'137.0, j2 = 1.08262982131e-3;
+  const double attraction = gm / (r * r) * (1 + 1.5 * j2 * a * a / (r * r));
+  const Assembled made = assemble({{"time_s", 0},
+                                   {"q_NB_w", 1},
+                                   {"q_NB_x", 0},
+                                   {"q_NB_y", 0},
+                                   {"q_NB_z", 0},
+                                   {"r_BN_N_x_m", 0},
+                                   {"r_BN_N_y_m", r},
+                                   {"r_BN_N_z_m", 0},
+                                   {"a_BN_N_x_m_per_s2", 0},
+                                   {"a_BN_N_y_m_per_s2", -attraction},
+                                   {"a_BN_N_z_m_per_s2", 0}});
+  ASSERT_EQ(made.result, TruthResult::ok);
+  expect_near(made.truth.specific_force_B, Vector3::Zero(), 2e-5 * attraction, "force");
+}
+
 // Each truth relates N to the Earth, if its quantities do: at truth time 0 N coincides with E, unless the Earth's
 // angle is given.
 TEST(TruthAssembly, TruthsOnTheEarthHaveItsAngle) {
