@@ -71,6 +71,7 @@ Vector3 TruthAssembly::level(const TruthReading& in, TruthGroup horizontal, Trut
 
 void TruthAssembly::begin() noexcept {
   origin_ns_.reset();
+  time_of_day_.reset();
   before_.reset();
 }
 
@@ -80,7 +81,12 @@ bool TruthAssembly::convert_time(const TruthReading& in, Truth& truth) noexcept 
   std::int64_t ns = in.time_ns();
   std::int64_t days = 0;
   if (time_ == gps_time_of_week) days = days_per_week * std::llround(number(in, gps_week));
-  if (time_ == time_of_day && has(day)) days = std::llround(number(in, day));
+  if (time_ == time_of_day && has(day)) {
+    days = std::llround(number(in, day));
+  } else if (time_ == time_of_day) {
+    if (!time_of_day_) time_of_day_.emplace(day_ns);
+    ns = time_of_day_->of(ns);
+  }
   std::int64_t whole = 0;
   if (__builtin_mul_overflow(days, day_ns, &whole) || __builtin_add_overflow(ns, whole, &ns)) return false;
   const std::int64_t since_epoch = ns;

@@ -10,6 +10,7 @@
 
 #include "protocols/remark_writer.hpp"
 #include "protocols/truth_quantities.hpp"
+#include "protocols/wrapping_time.hpp"
 
 namespace imud {
 
@@ -44,7 +45,8 @@ double largest_of(const TruthField& field) noexcept;
 // `earth_angle` is given it coincides with E at truth time 0. Elsewhere N is the local level, north-east-down, and
 // the Earth does not turn; gravity is then 9.80665 m/s^2.
 //
-// Time: where N is inertial, a time since 1970, 1980 or the begin of a day is counted from the first truth.
+// Time: where N is inertial, a time since 1970, 1980 or the begin of a day is counted from the first truth. A time of
+// day without a day goes on over midnight.
 // Attitude: where only the rate is given, it is integrated, from the axes of N on.
 //
 // The constructor may throw; convert() allocates nothing. One thread.
@@ -117,8 +119,9 @@ class TruthAssembly {
   Vector3 v_L_ = Vector3::Zero();                                             // m/s, relative to the Earth
   std::size_t refused_ = quantity_count;
 
-  std::optional<std::int64_t> origin_ns_;  // of an absolute time
-  std::optional<Truth> before_;            // whose attitude was integrated
+  std::optional<std::int64_t> origin_ns_;    // of an absolute time
+  std::optional<WrappingTime> time_of_day_;  // without a day
+  std::optional<Truth> before_;              // whose attitude was integrated
 };
 
 }  // namespace imud

@@ -342,6 +342,26 @@ TEST(TruthAssembly, TruthsOnTheEarthHaveItsAngle) {
   EXPECT_EQ(frame(time_zero + rate + pose, {.is_enu = true}).kind, Kind::local);
 }
 
+TEST(TruthAssembly, ATimeOfDayGoesOnOverMidnight) {
+  const Values rest = {{"p_rad_per_s", 0}, {"q_rad_per_s", 0}, {"r_rad_per_s", 0}};
+  for (const bool is_on_earth : {false, true}) {
+    Values values = rest + Values{{"time_of_day_s", 0}};
+    if (is_on_earth) values = values + level_attitude + Values{{"latitude_deg", 47}, {"longitude_deg", 8}};
+    TruthAssembly assembly(set_of(values), {});
+    const auto time = [&](double time_s) {
+      values["time_of_day_s"] = time_s;
+      Truth truth;
+      EXPECT_EQ(assembly.convert(reading_of(values), truth), TruthResult::ok);
+      return truth.time.ns;
+    };
+    const std::int64_t first = time(86'399.75);
+    EXPECT_EQ(time(86'399.875) - first, 125'000'000);
+    EXPECT_EQ(time(0) - first, 250'000'000) << "midnight";
+    EXPECT_EQ(time(0.5) - first, 750'000'000);
+    EXPECT_EQ(time(86'399.9375) - first, 187'500'000) << "a late one of the day before";
+  }
+}
+
 // A vehicle that moves east at 100 m/s senses the acceleration of Coriolis and its curve: level acceleration 0 in the
 // turning axes is what an Eotvos correction describes.
 TEST(TruthAssembly, VelocitiesOnTheEarthCauseCoriolis) {
