@@ -85,6 +85,15 @@ std::optional<StoredTruths> StoredTruths::read(const TruthConfig& config, std::s
   std::string of_settings(remark.data(), decoder->describe(TruthResult::no_state, remark));
   std::size_t records = 0;
   std::optional<TruthTime> newest;
+  const auto take_all = [&](Piece& piece) {
+    Truth truth;
+    while (const auto result = decoder->next(truth)) {
+      add(piece, *result, truth);
+      if (*result != TruthResult::ok) continue;
+      stored.ascend_ = stored.ascend_ && (!newest || *newest < truth.time);
+      newest = truth.time;
+    }
+  };
   while (true) {
     if (const auto received = port->receive()) {
       if (received->is_piece) return std::nullopt;  // of a connection, whose ends the port counts
@@ -92,13 +101,7 @@ std::optional<StoredTruths> StoredTruths::read(const TruthConfig& config, std::s
       piece.time = received->time;
       piece.from = received->from;
       decoder->feed(received->frame.bytes, input, received->time);
-      Truth truth;
-      while (const auto result = decoder->next(truth)) {
-        add(piece, *result, truth);
-        if (*result != TruthResult::ok) continue;
-        stored.ascend_ = stored.ascend_ && (!newest || *newest < truth.time);
-        newest = truth.time;
-      }
+      take_all(piece);
       piece.losses = decoder->losses();
       records += piece.records.size();
       if (records > most) return std::nullopt;
@@ -108,8 +111,10 @@ std::optional<StoredTruths> StoredTruths::read(const TruthConfig& config, std::s
       ::poll(&ready, 1, 100);
     }
   }
-  decoder->finish();
   Piece& end = content.pieces.emplace_back();
+  if (!keeps_datagrams) decoder->end_of_file();
+  take_all(end);
+  decoder->finish();
   if (content.pieces.size() > 1) {
     end.time = content.pieces[content.pieces.size() - 2].time;
     end.from = content.pieces[content.pieces.size() - 2].from;

@@ -40,7 +40,7 @@ class StoredTruths {
     StreamLosses losses;
   };
   struct Content {
-    std::vector<Piece> pieces;  // the last has no records, and the losses at the end
+    std::vector<Piece> pieces;  // the last has the records and the losses of the end
     PortCounters counters;
     std::string end_warning, other_content;
   };

@@ -110,10 +110,14 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
     const auto received = port_->receive();
     watch_connection();
     if (!received) {
-      if (port_->at_end() && !std::exchange(finished_, true)) {
-        finish_input();
+      if (port_->at_end() && !std::exchange(has_ended_, true)) {
         if (recorder_ != nullptr)
           recorder_->event({.type = RecordEvent::Type::disconnected, .flags = RecordEvent::input_ended});
+        if (is_stream_) decoder_->end_of_file();
+        if (const auto last = decoder_->next(truth_)) return last;
+      }
+      if (port_->at_end() && !std::exchange(finished_, true)) {
+        finish_input();
         counters_.remarks.content.set([&](std::span<char> room) {
           const std::string_view content = port_->other_content();
           return write(room, "{}{}", content.empty() ? "" : "the capture has ", content);
@@ -361,6 +365,7 @@ TruthIntake::Outcome TruthIntake::refuse(Admission admission, TruthTime newest) 
 void TruthIntake::count_truncated() noexcept {
   const StreamLosses& losses = decoder_->losses();
   const std::uint64_t cut_short = std::max<std::uint64_t>(losses.cut_short, port_->end_warning().empty() ? 0 : 1);
+  if (losses.last_lines > 0) remark_last_line();
   counters_.truncated.store(port_->counters().truncated + losses.too_long + cut_short, std::memory_order_relaxed);
 }
 

@@ -87,6 +87,7 @@ class TruthIntake {
   void remark_no_force() noexcept;
   void remark_far_from_earth() noexcept;
   void remark_step(Nanoseconds step) noexcept;
+  void remark_last_line() noexcept;
   void watch_senders() noexcept;
   Outcome derive(TruthTime watermark) noexcept;
   std::optional<Outcome> take_derived(TruthTime watermark) noexcept;
@@ -114,7 +115,8 @@ class TruthIntake {
   const bool is_stream_;    // the port does not keep datagrams apart
   const bool is_live_;      // a simulator is at the port's other end, and can receive
   bool started_ = false;    // the decoder's start() was called, and the simulator has not disconnected since
-  bool finished_ = false;   // the port's input has ended, and every record of it was taken
+  bool has_ended_ = false;  // the port's input has ended; the decoder may still have its last record
+  bool finished_ = false;   // likewise, and every record of it was taken
   const Timeline::Limits limits_;
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
   bool is_back_ = false;          // no truth has come since the simulator has disconnected

@@ -36,10 +36,11 @@ struct TruthRemarks {
   Remark time_unit;       // times that are not nanoseconds
   Remark senders;         // two simulators at one port
   Remark content;         // the datagrams of a capture without any for the port
+  Remark last_line;       // the last line of a file, without a line feed
 
   // In the order in which the log reports them.
-  std::array<const Remark*, 6> all() const noexcept {
-    return {&content, &columns, &no_force, &far_from_earth, &time_unit, &senders};
+  std::array<const Remark*, 7> all() const noexcept {
+    return {&content, &columns, &no_force, &far_from_earth, &time_unit, &last_line, &senders};
   }
 };
 

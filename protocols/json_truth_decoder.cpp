@@ -35,6 +35,19 @@ std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
     std::size_t end = 0;
     return decode(line->text, truth, end);
   }
+  if (std::exchange(is_last_, false)) {
+    const auto line = lines_.finish_line();
+    std::size_t end = 0;
+    const TruthResult result = decode(line.text, truth, end);
+    if (result == TruthResult::ok) {
+      ++losses_.last_lines;
+      return result;
+    }
+    if (is_blank_) return std::nullopt;
+    ++losses_.cut_short;
+    losses_.cut_short_by = line.size;
+    return std::nullopt;
+  }
   if (!std::exchange(has_datagram_, false)) return std::nullopt;
   datagram_ = trim(datagram_);
   std::size_t end = 0;
@@ -116,7 +129,10 @@ void JsonTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
     }
 }
 
+void JsonTruthDecoder::end_of_file() noexcept { is_last_ = lines_.size() > 0 && lines_.size() <= max_line; }
+
 void JsonTruthDecoder::finish() noexcept {
+  is_last_ = false;
   assembly_.begin();
   const std::size_t size = lines_.drop_line();
   if (size == 0) return;

@@ -25,6 +25,7 @@ class JsonTruthDecoder : public TruthDecoder {
   std::optional<TruthResult> next(Truth& truth) noexcept override;
   TruthFrame frame() const noexcept override { return frame_; }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override;
+  void end_of_file() noexcept override;
   void finish() noexcept override;
 
  private:
@@ -43,6 +44,7 @@ class JsonTruthDecoder : public TruthDecoder {
   LineAssembler<max_line> lines_;
   std::string_view datagram_;  // what is left of it
   bool has_datagram_ = false;
+  bool is_last_ = false;  // the line that is held is the last of a file
 
   // Members of the last record.
   std::string_view record_;

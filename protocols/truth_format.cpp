@@ -7,6 +7,7 @@ namespace imud {
 void TruthDecoder::start(HostTime) noexcept {}
 TruthFrame TruthDecoder::frame() const noexcept { return {}; }
 std::size_t TruthDecoder::describe(TruthResult, std::span<char>) const noexcept { return 0; }
+void TruthDecoder::end_of_file() noexcept {}
 void TruthDecoder::finish() noexcept {}
 std::optional<HostTime> TruthDecoder::deadline() const noexcept { return std::nullopt; }
 void TruthDecoder::poll(HostTime, FrameBuffer&) noexcept {}

@@ -52,6 +52,7 @@ enum class TruthInput : std::uint8_t {
 // Counters of stream input that yielded no record.
 struct StreamLosses {
   std::uint64_t too_long = 0;    // records longer than the decoder's buffer
+  std::uint64_t last_lines = 0;  // last lines of files that are whole, but have no line feed: records, all the same
   std::uint64_t cut_short = 0;   // records that were incomplete when the input ended
   std::size_t cut_short_by = 0;  // size in bytes of the newest of these
 };
@@ -85,6 +86,9 @@ class TruthDecoder {
   // none. Call it directly after next() has returned `result`. Before the first feed(), with no_state, the remark is
   // on the settings. Default: none.
   virtual std::size_t describe(TruthResult result, std::span<char> room) const noexcept;
+  // Called at most once, when next() has returned nothing at the end of a file, before finish(): a last line without
+  // its line feed is decoded by next() if it is whole. Default: does nothing.
+  virtual void end_of_file() noexcept;
   // Ends the input, or on a stream the connection: an unfinished record is dropped, and counted as cut short. Later
   // input begins a new stream. Default: does nothing, for a decoder that holds nothing.
   virtual void finish() noexcept;

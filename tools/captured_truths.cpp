@@ -104,6 +104,10 @@ bool CapturedTruths::feed_next() {
     pollfd ready{port_->descriptor(), POLLIN, 0};
     if (ready.fd >= 0) ::poll(&ready, 1, 100);
   }
+  if (!std::exchange(has_ended_, true) && input_ == TruthInput::stream) {
+    decoder_->end_of_file();
+    return true;
+  }
   decoder_->finish();
   return false;
 }

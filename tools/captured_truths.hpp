@@ -53,6 +53,7 @@ class CapturedTruths {
   std::unique_ptr<TruthDecoder> decoder_;
   std::unique_ptr<Port> port_;
   std::unique_ptr<Derivation> derivation_;  // null if the format derives nothing
+  bool has_ended_ = false;                  // the capture has; the decoder may still have its last record
   TruthInput input_ = TruthInput::datagram;
   std::uint64_t streams_ = 0;  // PortCounters::lost_count
   std::optional<std::uint32_t> stream_;

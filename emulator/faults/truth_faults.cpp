@@ -102,6 +102,7 @@ class FaultyTruthDecoder final : public TruthDecoder {
     decoder_->set_servo(servo, pulse_us);
   }
   TruthFrame frame() const noexcept override { return decoder_->frame(); }
+  void end_of_file() noexcept override { decoder_->end_of_file(); }
   void finish() noexcept override {
     decoder_->finish();
     schedule_.finish();

@@ -155,7 +155,14 @@ TEST_F(ReplayTest, ACsvCutShortIsReadToTheLastWholeRow) {
   const std::string whole = read_file(path("truth.csv"));
   ASSERT_EQ(lines_of(whole).size(), 202U);
   const std::string c = config("fast", "file:" + path("cut.csv"), "csv", 100, "csv", "file:" + path("out"));
-  for (const std::size_t missing : {std::size_t{1}, std::size_t{2}, std::size_t{40}}) {
+  // A last line that has all of its columns is whole, with or without a line feed.
+  write("cut.csv", whole.substr(0, whole.size() - 1));
+  const ProgramResult without = run_program("imud", {"run", c, "--summary", path("summary.json")});
+  EXPECT_EQ(without.exit_code, 0) << without.errors;
+  EXPECT_EQ(summary()["truth"]["accepted"], 201);
+  EXPECT_EQ(summary()["truth"]["truncated"], 0);
+  EXPECT_NE(without.errors.find("the last line of the file has no line feed"), std::string::npos) << without.errors;
+  for (const std::size_t missing : {std::size_t{40}, std::size_t{60}}) {
     write("cut.csv", whole.substr(0, whole.size() - missing));
     const ProgramResult result = run_program("imud", {"run", c, "--summary", path("summary.json")});
     EXPECT_EQ(result.exit_code, 3);

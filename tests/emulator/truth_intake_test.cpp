@@ -219,6 +219,17 @@ TEST_F(TruthIntakeTest, AStreamsLastLineCountsWhenItsLineFeedIsThere) {
   EXPECT_EQ(intake_->counters().received, 4U);
 }
 
+TEST_F(TruthIntakeTest, AFilesLastLineIsWholeIfItHasItsColumns) {
+  make(*find_truth_format("csv"), "file:some.csv");
+  port_->waiting = {std::string(header) + row(1) + "2000000,0,0,0,0,0,0"};
+  port_->ends = true;
+  EXPECT_EQ(take_all(), (Outcomes{Taken::ignored, Taken::new_run, Taken::accepted}));
+  EXPECT_TRUE(intake_->at_end());
+  EXPECT_EQ(intake_->end_warning(), "");
+  EXPECT_EQ(intake_->counters().truncated, 0U);
+  EXPECT_TRUE(contains(remarks().last_line.text(), "has no line feed")) << remarks().last_line.text();
+}
+
 // A capture has nobody at its other end.
 TEST_F(TruthIntakeTest, ALineThatIsTooLongIsCountedAsCutShort) {
   make(*find_truth_format("csv"), "file:truth.csv");

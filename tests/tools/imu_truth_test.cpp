@@ -378,14 +378,18 @@ TEST(ImuTruth, WritesTheTruthsOfACaptureAsCsv) {
   EXPECT_TRUE(contains(damaged.errors, "49 truths\n")) << damaged.errors;
   EXPECT_TRUE(contains(damaged.errors, "1 short")) << damaged.errors;
   EXPECT_EQ(lines_of(read_file(folder / "out.csv")).size(), 50U);
-  // From CSV to CSV: a stream, whose last row may be cut short.
+  // From CSV to CSV: a stream, whose last row may be cut short, or lack its line feed alone.
   const auto again = run_program("imu-truth", {"capture", "file:-", "--format", "csv", "--csv", "-"}, whole.output);
   EXPECT_EQ(again.exit_code, 0) << again.errors;
   EXPECT_EQ(lines_of(again.output).size(), 51U);
   const auto cut = run_program("imu-truth", {"capture", "file:-", "--format", "csv", "--csv", "-"},
-                               whole.output.substr(0, whole.output.size() - 1));
+                               whole.output.substr(0, whole.output.size() - 60));
   EXPECT_EQ(cut.exit_code, 3);
   EXPECT_TRUE(contains(cut.errors, "1 cut short")) << cut.errors;
+  const auto last = run_program("imu-truth", {"capture", "file:-", "--format", "csv", "--csv", "-"},
+                                whole.output.substr(0, whole.output.size() - 1));
+  EXPECT_EQ(last.exit_code, 0) << last.errors;
+  EXPECT_EQ(last.output, again.output);
 
   const auto none = run_program("imu-truth", {"capture", folder / "good.pcap", "--format", "jsbsim", "--csv", "-"});
   EXPECT_EQ(none.exit_code, 1);
