@@ -401,6 +401,9 @@ void TruthIntake::poll(HostTime now) noexcept {
 
 std::string TruthIntake::end_warning() const {
   const std::size_t bytes = decoder_->losses().cut_short_by;
+  if (const std::size_t lines = decoder_->losses().cut_short_lines; lines > 0)
+    return fmt::format("cut short: {} whole lines{} of a message without its end", lines,
+                       bytes > 0 ? fmt::format(" and {} bytes", bytes) : "");
   if (bytes > 0) return fmt::format("cut short: {} bytes after the last whole line", bytes);
   return std::string(port_->end_warning());
 }

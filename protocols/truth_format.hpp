@@ -54,7 +54,8 @@ struct StreamLosses {
   std::uint64_t too_long = 0;    // records longer than the decoder's buffer
   std::uint64_t last_lines = 0;  // last lines of files that are whole, but have no line feed: records, all the same
   std::uint64_t cut_short = 0;   // records that were incomplete when the input ended
-  std::size_t cut_short_by = 0;  // size in bytes of the newest of these
+  std::size_t cut_short_by = 0;  // size in bytes of the newest of these, without the lines below
+  std::size_t cut_short_lines = 0;  // whole lines of the newest of these, in a format whose records have several
 };
 
 // Decodes what one simulator sends, and produces what is to be sent to it. A pure state machine: it has no clock and

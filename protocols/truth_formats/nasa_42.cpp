@@ -81,7 +81,13 @@ class Nasa42Decoder final : public LineTruthDecoder {
     return LineTruthDecoder::next(truth);
   }
   void finish() noexcept override {
+    const std::uint64_t before = losses_.cut_short;
     LineTruthDecoder::finish();
+    if (lines_ > 0) {
+      if (losses_.cut_short == before) losses_.cut_short_by = 0;
+      losses_.cut_short = before + 1;
+      losses_.cut_short_lines = lines_;
+    }
     begin_message();
     origin_ns_.reset();
     owed_ = false;
@@ -107,6 +113,11 @@ class Nasa42Decoder final : public LineTruthDecoder {
         (out << "a line whose numbers are none, too many or too few: ").quote(line_);
         break;
       case TruthResult::too_short:
+        if (lost_lines_ > 0) {
+          out << "a message ended after " << lost_lines_ << " lines without [ENDMSG]; the next began with ";
+          out.quote(line_, 64);
+          break;
+        }
         out << "a message lacks TIME, or for each vehicle qn or wn; enable them in 42's Inp_IPC.txt by the prefix "
                "\"SC\"";
         break;
@@ -127,19 +138,23 @@ class Nasa42Decoder final : public LineTruthDecoder {
     orbits_ = {};
     orbit_count_ = 0;
     has_time_ = is_bad_ = false;
+    lines_ = 0;
     next_vehicle_ = most_indices;
   }
 
   TruthResult decode(std::string_view line, Truth& truth) noexcept override {
     line_ = trim(line);
     std::string_view text = line_;
+    lost_lines_ = 0;
     if (text.empty()) return TruthResult::no_state;
     if (text == "[ENDMSG]") return end_message(truth);
     bool is_read = true;
     if (take_text(text, "TIME ")) {
+      lost_lines_ = is_bad_ ? 0 : lines_;
       begin_message();
+      lines_ = 1;
       has_time_ = is_read = time_.set(utc_, text) == TruthResult::ok;
-    } else if (take_text(text, "SC[")) {
+    } else if (lines_ += lines_ > 0 ? 1 : 0; take_text(text, "SC[")) {
       is_read = read_vehicle(text);
     } else if (take_text(text, "Orb[")) {
       is_read = read_orbit(text);
@@ -147,11 +162,13 @@ class Nasa42Decoder final : public LineTruthDecoder {
       return TruthResult::not_this_kind;
     }
     is_bad_ = is_bad_ || !is_read;
+    if (lost_lines_ > 0 && is_read) return TruthResult::too_short;
     return is_read ? TruthResult::no_state : TruthResult::bad_number;
   }
 
   // A message whose lines were refused is not counted again.
   TruthResult end_message(Truth& truth) noexcept {
+    lines_ = 0;
     const bool is_bad = std::exchange(is_bad_, false), has_time = std::exchange(has_time_, false);
     std::size_t first = most_indices;
     bool any_truth = false;
@@ -249,6 +266,8 @@ class Nasa42Decoder final : public LineTruthDecoder {
   std::size_t orbit_count_ = 0;  // the largest index, plus 1
   TruthReading time_;
   bool has_time_ = false, is_bad_ = false;
+  std::size_t lines_ = 0;       // of the message so far
+  std::size_t lost_lines_ = 0;  // of the message before, which did not end
   std::size_t next_vehicle_ = most_indices;
   std::optional<std::int64_t> origin_ns_;
   std::string_view line_;

@@ -141,5 +141,36 @@ TEST_F(Truth42, EveryCauseAndItsRemark) {
   EXPECT_EQ(feed(first_message.substr(first_message.find("[ENDMSG]"))), Results{TruthResult::too_short});
 }
 
+// A message without [ENDMSG] is refused when the next begins, and counted when the stream ends, on a whole line, too.
+TEST_F(Truth42, AMessageThatStopsShortIsNamed) {
+  const std::string_view without_end = first_message.substr(0, first_message.find("[ENDMSG]"));
+  EXPECT_EQ(feed(std::string(without_end) + std::string(second_message)),
+            (Results{TruthResult::too_short, TruthResult::ok}));
+  EXPECT_EQ(feed(second_message), Results{TruthResult::ok});
+  EXPECT_EQ(feed(std::string(without_end) + "TIME 2024-099-00:00:00.04\n"), Results{TruthResult::too_short});
+  EXPECT_EQ(remark_,
+            "a message ended after 15 lines without [ENDMSG]; the next began with \"TIME 2024-099-00:00:00.04\"");
+  EXPECT_EQ(feed("[ENDMSG]\n"), Results{TruthResult::too_short}) << "without any vehicle";
+  decoder_->finish();
+  EXPECT_EQ(decoder_->losses().cut_short, 0U);
+  EXPECT_EQ(feed(without_end), Results{});
+  decoder_->finish();
+  EXPECT_EQ(decoder_->losses().cut_short, 1U);
+  EXPECT_EQ(decoder_->losses().cut_short_lines, 15U);
+  EXPECT_EQ(decoder_->losses().cut_short_by, 0U);
+  EXPECT_EQ(feed("TIME 2024-099-00:00:00.05\nSC[0].qn"), Results{});
+  decoder_->finish();
+  EXPECT_EQ(decoder_->losses().cut_short, 2U);
+  EXPECT_EQ(decoder_->losses().cut_short_lines, 1U);
+  EXPECT_EQ(decoder_->losses().cut_short_by, 8U);
+  // The end of a file needs no line feed.
+  EXPECT_EQ(feed(second_message.substr(0, second_message.size() - 1)), Results{});
+  decoder_->end_of_file();
+  EXPECT_EQ(feed(""), Results{TruthResult::ok});
+  decoder_->finish();
+  EXPECT_EQ(decoder_->losses().cut_short, 2U);
+  EXPECT_EQ(decoder_->losses().last_lines, 1U);
+}
+
 }  // namespace
 }  // namespace imud
