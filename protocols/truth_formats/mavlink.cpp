@@ -9,7 +9,7 @@
 //
 // The CRC is CRC-16/MCRF4XX of all but the first byte, and of CRC_EXTRA, a byte that is computed from the message's
 // definition. That of messages which are not used here is unknown; such a message is taken as one if another begins
-// behind it, or nothing.
+// behind it, or nothing, and if it would not have the right CRC with the id of a message that is used.
 //
 // Attitude and rates are those of front-right-down; the rate is taken as relative to the Earth, whose own is added.
 // time_usec is the time since boot, or since 1970, which then is counted from the first message. HIL_STATE_QUATERNION
@@ -208,6 +208,22 @@ class MavlinkTruthDecoder final : public TruthDecoder {
     return nullptr;
   }
 
+  // Returns the message whose CRC a frame of an unknown id has with that message's id; nullptr: there is none.
+  static const Message* message_with_damaged_id(std::span<const std::byte> frame) noexcept {
+    const bool is_2 = frame[0] == first_2;
+    const std::size_t id_at = is_2 ? 7 : 5, header = header_of(frame),
+                      length = std::to_integer<std::size_t>(frame[1]);
+    std::array<std::byte, longest> copy;
+    const std::span<std::byte> checked = std::span(copy).first(header + length);
+    std::memcpy(checked.data(), frame.data(), checked.size());
+    for (const Message& message : messages) {
+      write_little(message.id, checked.subspan(id_at, header - id_at));
+      if (crc_of(checked.subspan(1), message.crc_extra) == read_little(frame.subspan(header + length, crc_size)))
+        return &message;
+    }
+    return nullptr;
+  }
+
   std::size_t refuse(TruthResult verdict) noexcept {
     verdict_ = verdict;
     return RecordSearch::reject;
@@ -230,6 +246,10 @@ class MavlinkTruthDecoder final : public TruthDecoder {
       return refuse(TruthResult::not_this_kind);
     if (held.size() < size) return incomplete();
     if (message == nullptr) {
+      if (const Message* meant = message_with_damaged_id(held.first(size))) {
+        bad_id_ = meant->id;
+        return refuse(TruthResult::bad_checksum);
+      }
       if (held.size() == size) return is_datagram_ && search_.sees_all() ? size : RecordSearch::need_more;
       if (held[size] != first_1 && held[size] != first_2) return refuse(TruthResult::not_this_kind);
     } else if (read_little(held.subspan(header + length, crc_size)) !=

@@ -314,5 +314,21 @@ TEST_F(MavlinkTruth, EveryOneBitErrorIsRefused) {
   }
 }
 
+// A frame whose id is damaged is not taken as a message that is not used.
+TEST_F(MavlinkTruth, ADamagedIdIsAWrongChecksum) {
+  const MavlinkBytes good = hex_bytes(reference_quaternion);
+  for (const std::size_t at : {std::size_t{7}, std::size_t{8}, std::size_t{9}})
+    for (unsigned bit = 0; bit < 8; ++bit) {
+      MavlinkBytes bytes = good;
+      bytes[at] ^= std::byte(1U << bit);
+      const std::vector<TruthResult> results = feed(bytes, TruthInput::datagram);
+      ASSERT_FALSE(results.empty());
+      for (const TruthResult result : results) EXPECT_NE(result, TruthResult::no_state) << at << " " << bit;
+      EXPECT_NE(results[0], TruthResult::ok);
+    }
+  EXPECT_EQ(feed(hex_bytes(reference_sensor), TruthInput::datagram), std::vector{TruthResult::no_state});
+  EXPECT_EQ(feed(hex_bytes(reference_scaled_imu), TruthInput::datagram), std::vector{TruthResult::no_state});
+}
+
 }  // namespace
 }  // namespace imud
