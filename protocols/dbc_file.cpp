@@ -137,6 +137,7 @@ class DbcParser {
     }
     apply_defaults();
     find_multiplexors();
+    use_long_names();
     return std::move(messages_);
   }
 
@@ -170,7 +171,7 @@ class DbcParser {
       }
       if (multiplexing == "M") {
         signal.is_multiplexor = true;
-      } else {
+      } else if (multiplexing != "m") {  // a lone m is in files of others: no page, and no multiplexor
         std::uint32_t page = 0;
         const char* const end = multiplexing.data() + multiplexing.size();
         const auto [parsed, error] = std::from_chars(multiplexing.data() + 1, end, page);
@@ -240,6 +241,14 @@ class DbcParser {
       DbcMessage* const message = message_of("BA_");
       const std::string_view format = tokens_.next().text;  // an index, or a name
       if (message != nullptr && (format == "14" || format == "15" || format.ends_with("CAN_FD"))) message->fd = true;
+    } else if (name == "SystemMessageLongSymbol" && tokens_.skip("BO_")) {
+      DbcMessage* const message = message_of("BA_");
+      const Token symbol = tokens_.next();
+      if (message != nullptr && symbol.is_string) message->short_name = symbol.text;  // until use_long_names()
+    } else if (name == "SystemSignalLongSymbol" && tokens_.skip("SG_")) {
+      DbcSignal* const signal = signal_of("BA_");
+      const Token symbol = tokens_.next();
+      if (signal != nullptr && symbol.is_string) signal->short_name = symbol.text;
     }
   }
 
@@ -292,6 +301,19 @@ class DbcParser {
       const std::string name = std::ranges::find_if(message.signals, is_multiplexor)->name;
       for (DbcSignal& signal : message.signals)
         if (signal.multiplexor.empty()) signal.multiplexor = name;
+    }
+  }
+
+  // The rest of the file has the short names.
+  void use_long_names() {
+    for (DbcMessage& message : messages_) {
+      if (!message.short_name.empty()) std::swap(message.name, message.short_name);
+      for (DbcSignal& signal : message.signals) {
+        if (signal.short_name.empty()) continue;
+        std::swap(signal.name, signal.short_name);
+        for (DbcSignal& other : message.signals)
+          if (other.multiplexor == signal.short_name) other.multiplexor = signal.name;
+      }
     }
   }
 

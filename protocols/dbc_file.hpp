@@ -2,7 +2,8 @@
 //
 // The format has no public standard; this follows what Vector's tools, cantools and canmatrix agree on. Read are BO_,
 // SG_, SG_MUL_VAL_, SIG_VALTYPE_ and the attributes GenMsgCycleTime, GenSigStartValue and VFrameFormat with their
-// defaults; all other content is skipped.
+// defaults, SystemMessageLongSymbol and SystemSignalLongSymbol, the names of more than 32 characters; all other
+// content is skipped.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +20,8 @@ namespace imud {
 
 struct DbcSignal {
   std::string name;
-  std::size_t line = 0;  // of its definition, from 1
+  std::string short_name = {};  // in SG_, if the name is long
+  std::size_t line = 0;         // of its definition, from 1
   unsigned start = 0, length = 0;
   SignalEncoding encoding;
   double scale = 1, offset = 0, minimum = 0, maximum = 0;
@@ -31,6 +33,7 @@ struct DbcSignal {
 
 struct DbcMessage {
   std::string name;
+  std::string short_name = {};  // in BO_, if the name is long
   std::size_t line = 0;
   std::uint32_t id = 0;  // without the bit that marks 29-bit identifiers; may be out of range
   bool extended = false;

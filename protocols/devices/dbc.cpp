@@ -77,8 +77,14 @@ std::pair<Mapped*, std::string> assign(std::vector<Mapped>& all, const char* key
   std::pair<Mapped*, std::string*> found = {};
   for (Mapped& one : all)
     for (std::size_t i = 0; i < one.sources.size(); ++i) {
-      const std::string& signal = one.message->signals[i].name;
-      if (name != signal && name != one.message->name + "." + signal) continue;
+      const DbcSignal& signal = one.message->signals[i];
+      const auto names = [&](const std::string& one_name) {
+        return one_name == signal.name || (!signal.short_name.empty() && one_name == signal.short_name);
+      };
+      const auto is_after = [&](const std::string& message) {
+        return !message.empty() && name.starts_with(message + ".") && names(name.substr(message.size() + 1));
+      };
+      if (!names(name) && !is_after(one.message->name) && !is_after(one.message->short_name)) continue;
       if (found.first != nullptr)
         refuse(key, "\"" + name + "\" is a signal of " + found.first->message->name + " and of " + one.message->name +
                         "; give MESSAGE.SIGNAL");

@@ -9,7 +9,7 @@
 
 #include "core/units.hpp"
 #include "protocols/dbc_file.hpp"
-#include "tests/protocols/can_text.hpp"
+#include "tests/protocols/dbc_unit.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/support/random_changes.hpp"
 
@@ -130,8 +130,8 @@ TEST(DbcFileTest, AFaultHasItsLineAndWhatIsExpected) {
             "line 1: SG_: a signal must follow the BO_ of its message");
   EXPECT_EQ(fault_of(head + " SG_ S : 0|8@2+ (1,0) [0|0] \"\" X"),
             "line 4: SG_: expected 0+, 0-, 1+ or 1- after \"@\", but found \"2+\"");
-  EXPECT_EQ(fault_of(head + " SG_ S m : 0|8@1+ (1,0) [0|0] \"\" X"),
-            "line 4: SG_: expected \":\", \"M\" or \"m\" with a number, but found \"m\"");
+  EXPECT_EQ(fault_of(head + " SG_ S n : 0|8@1+ (1,0) [0|0] \"\" X"),
+            "line 4: SG_: expected \":\", \"M\" or \"m\" with a number, but found \"n\"");
   EXPECT_EQ(fault_of(head + " SG_ S : 0|8@1+ (1,nan) [0|0] \"\" X"),
             "line 4: SG_: expected a number, but found \"nan\"");
   EXPECT_EQ(fault_of(head + " SG_ S : 0|8@1+ (1,0"), "line 4: SG_: expected \")\", but found the end of the file");
@@ -150,54 +150,9 @@ TEST(DbcFileTest, AFaultHasItsLineAndWhatIsExpected) {
 
 // --- The device ---
 
-class DbcDevice : public testing::Test {
+class DbcDevice : public DbcUnit {
  protected:
-  DbcDevice() {
-    std::string name = (std::filesystem::temp_directory_path() / "dbc_test.XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-    path_ = (folder_ / "vehicle.dbc").string();
-    write(vehicle);
-  }
-  ~DbcDevice() override { std::filesystem::remove_all(folder_); }
-  void write(std::string_view text) const { std::ofstream(path_, std::ios::binary) << text; }
-
-  Settings settings(std::vector<std::string> signals, std::vector<std::string> checksums = {}) const {
-    Settings settings(protocol_.settings);
-    settings.set("dbc_file", path_);
-    settings.set("signals", std::move(signals));
-    settings.set("checksums", std::move(checksums));
-    return settings;
-  }
-  std::string refusal(std::vector<std::string> signals, std::vector<std::string> checksums = {}) const {
-    try {
-      static_cast<void>(protocol_.make(settings(std::move(signals), std::move(checksums))));
-    } catch (const std::invalid_argument& error) {
-      std::string text = error.what();
-      if (const std::size_t at = text.find(path_); !path_.empty() && at != std::string::npos)
-        text.replace(at, path_.size(), "PATH");
-      return text;
-    }
-    return "";
-  }
-  // The frames of the samples at 0, 10 ms and so on.
-  static std::vector<std::string> sent(Device& device, Sample sample, int samples) {
-    std::vector<std::string> lines;
-    const auto frames = std::make_unique<FrameBuffer>();
-    for (int i = 0; i < samples; ++i) {
-      frames->clear();
-      device.sample(sample, *frames);
-      std::string line;
-      for (const Frame& frame : frames->frames()) line += (line.empty() ? "" : " ") + can_text(frame);
-      lines.push_back(line);
-      sample.time = sample.time + std::chrono::milliseconds(10);
-      ++sample.counter;
-    }
-    return lines;
-  }
-
-  const Protocol& protocol_ = protocol_named("dbc");
-  std::filesystem::path folder_;
-  std::string path_;
+  DbcDevice() { write(vehicle); }
 };
 
 TEST_F(DbcDevice, SendsTheMessagesThatHaveANumberEachCycleTime) {
