@@ -3,6 +3,7 @@
 #include <chrono>
 
 #include "core/attitude.hpp"
+#include "core/elementary.hpp"
 
 namespace imud {
 
@@ -11,16 +12,26 @@ namespace {
 constexpr double g0 = units::standard_gravity;
 constexpr double au = 50e-6;  // T: the "arbitrary unit" of magnetometers, about the Earth's field; an assumption
 
-constexpr MeasuredUnit rates[] = {
-    {"rad_per_s"}, {"deg_per_s", units::degree}, {"mrad_per_s", 1e-3}, {"deg_per_hr", units::degree / 3600}};
-constexpr MeasuredUnit angles[] = {{"rad"}, {"deg", units::degree}, {"mrad", 1e-3}};
+constexpr MeasuredUnit rates[] = {{"rad_per_s"},
+                                  {"deg_per_s", units::degree},
+                                  {"mrad_per_s", 1e-3},
+                                  {"deg_per_hr", units::degree / 3600},
+                                  {"deg_per_h", units::degree / 3600},
+                                  {"rpm", 6 * units::degree}};
+constexpr MeasuredUnit angles[] = {{"rad"},
+                                   {"deg", units::degree},
+                                   {"mrad", 1e-3},
+                                   {"arcsec", units::degree / 3600},
+                                   {"deg_e7", 1e-7 * units::degree}};
 constexpr MeasuredUnit accelerations[] = {{"m_per_s2"}, {"g", g0}, {"mg", 1e-3 * g0}, {"ft_per_s2", units::foot}};
-constexpr MeasuredUnit speeds[] = {
-    {"m_per_s"}, {"km_per_h", 1 / 3.6}, {"ft_per_s", units::foot}, {"kn", 1852.0 / 3600}};
-constexpr MeasuredUnit lengths[] = {{"m"}, {"km", 1e3}, {"mm", 1e-3}, {"ft", units::foot}};
+constexpr MeasuredUnit speeds[] = {{"m_per_s"},           {"km_per_h", 1 / 3.6}, {"ft_per_s", units::foot},
+                                   {"kn", 1852.0 / 3600}, {"kt", 1852.0 / 3600}, {"cm_per_s", 1e-2},
+                                   {"mph", 0.44704}};
+constexpr MeasuredUnit lengths[] = {{"m"}, {"km", 1e3}, {"mm", 1e-3}, {"ft", units::foot}, {"cm", 1e-2}};
 constexpr MeasuredUnit temperatures[] = {{"c"}, {"k", 1, -273.15}, {"f", 5.0 / 9, -160.0 / 9}};
 constexpr MeasuredUnit fields[] = {{"t"}, {"ut", 1e-6}, {"nt", 1e-9}, {"gauss", 1e-4}, {"mgauss", 1e-7}, {"au", au}};
-constexpr MeasuredUnit pressures[] = {{"pa"}, {"hpa", 1e2}, {"kpa", 1e3}, {"mbar", 1e2}, {"bar", 1e5}};
+constexpr MeasuredUnit pressures[] = {{"pa"},        {"hpa", 1e2}, {"kpa", 1e3},
+                                      {"mbar", 1e2}, {"bar", 1e5}, {"inhg", 3386.389}};
 constexpr MeasuredUnit times[] = {{"s"}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 
 // --- Vectors; `Place` is the number of the first bit in ReadBack::components, divided by 3 ---
@@ -65,6 +76,15 @@ template <int Axis>  // relative to rest in standard gravity, in L
 double free_acceleration(const Reading& reading) noexcept {
   return (reading.sample.q_LP * reading.sample.specific_force)[Axis] + (Axis == 2 ? g0 : 0);
 }
+template <int Axis>  // in P
+double acceleration(const Reading& reading) noexcept {
+  const Sample& sample = reading.sample;
+  return (sample.specific_force + sample.q_LP.conjugate() * Vector3(0, 0, g0))[Axis];
+}
+template <int Index>  // the parameters of norm 1 at most: vec / (1 + w)
+double rodrigues(const Reading& reading) noexcept {
+  return component(reading.sample.q_LP, Index + 1) / (1 + component(reading.sample.q_LP, 0));
+}
 
 // --- Navigation ---
 template <double Navigation::*Member>
@@ -79,6 +99,18 @@ template <int Axis>
 double velocity_P(const Reading& reading) noexcept {
   return (reading.sample.q_LP.conjugate() * reading.sample.navigation.v_L)[Axis];
 }
+
+template <int Axis>
+double position(const Reading& reading) noexcept {
+  return reading.sample.navigation.r_E[Axis];
+}
+double speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.norm(); }
+double ground_speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.head<2>().norm(); }
+double track(const Reading& reading) noexcept {
+  const Vector3& v = reading.sample.navigation.v_L;
+  return elementary::atan2(v.y(), v.x());
+}
+double climb(const Reading& reading) noexcept { return -reading.sample.navigation.v_L.z(); }
 
 // --- Calendar: UTC in the present number of leap seconds; 0 where the time is not known ---
 using Day = std::chrono::sys_days;
@@ -123,6 +155,18 @@ double subsecond_of(const Reading& r) noexcept {
   return if_known(r, [](auto time) {
     return 1e-4 * static_cast<double>(since<Nanoseconds, std::chrono::seconds>(time) / 100'000);
   });
+}
+double day_of_year(const Reading& r) noexcept {
+  return if_known(r, [](auto time) {
+    const Day day = std::chrono::floor<std::chrono::days>(time);
+    return (day - Day(date(time).year() / std::chrono::January / 1)).count() + 1;
+  });
+}
+double time_of_day(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return since<Nanoseconds, std::chrono::days>(time); }) * 1e-9;
+}
+double unix_time(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return time.time_since_epoch().count(); }) * 1e-9;
 }
 double time_of_week(const Reading& r) noexcept {
   return r.sample.navigation.is_known ? 1e-9 * static_cast<double>(r.sample.navigation.gps_ns % week_ns) : 0;
@@ -178,21 +222,34 @@ constexpr MeasuredQuantity quantities[] = {
     {"q_LP_x", "", {}, attitude<1>},
     {"q_LP_y", "", {}, attitude<2>},
     {"q_LP_z", "", {}, attitude<3>},
+    {"sigma_LP_1", "the same as modified Rodrigues parameters", {}, rodrigues<0>},
+    {"sigma_LP_2", "", {}, rodrigues<1>},
+    {"sigma_LP_3", "", {}, rodrigues<2>},
     {"yaw", "attitude relative to north-east-down, 3-2-1", angles, euler<0>},
     {"pitch", "", angles, euler<1>},
     {"roll", "", angles, euler<2>},
     {"free_acceleration_north", "specific force less gravity", accelerations, free_acceleration<0>},
     {"free_acceleration_east", "", accelerations, free_acceleration<1>},
     {"free_acceleration_down", "", accelerations, free_acceleration<2>},
+    {"acceleration_x", "the same in the axes of the sensor", accelerations, acceleration<0>},
+    {"acceleration_y", "", accelerations, acceleration<1>},
+    {"acceleration_z", "", accelerations, acceleration<2>},
     {"latitude", "geodetic, WGS 84", angles, place<&Navigation::latitude>},
     {"longitude", "", angles, place<&Navigation::longitude>},
     {"height", "above the ellipsoid", lengths, place<&Navigation::height>},
     {"velocity_north", "velocity relative to the Earth", speeds, velocity_L<0>},
     {"velocity_east", "", speeds, velocity_L<1>},
     {"velocity_down", "", speeds, velocity_L<2>},
+    {"velocity_up", "", speeds, climb},
+    {"speed", "magnitude of the velocity", speeds, speed},
+    {"ground_speed", "its horizontal part", speeds, ground_speed},
+    {"track", "its direction, from north to east", angles, track},
     {"velocity_x", "the same in the axes of the sensor", speeds, velocity_P<0>},
     {"velocity_y", "", speeds, velocity_P<1>},
     {"velocity_z", "", speeds, velocity_P<2>},
+    {"r_E_x", "position in Earth-fixed axes", lengths, position<0>},
+    {"r_E_y", "", lengths, position<1>},
+    {"r_E_z", "", lengths, position<2>},
     {"time", "clock of the sensor; wraps", times, nullptr, nullptr, time},
     {"utc_year", "UTC; all are 0 where the truth has no date", {}, year_of},
     {"utc_month", "", {}, month_of},
@@ -200,6 +257,9 @@ constexpr MeasuredQuantity quantities[] = {
     {"utc_hour", "", {}, hour_of},
     {"utc_minute", "", {}, minute_of},
     {"utc_second", "", {}, second_of},
+    {"day_of_year", "from 1", {}, day_of_year},
+    {"time_of_day", "UTC", times, time_of_day},
+    {"unix_time", "UTC, since 1970", times, unix_time},
     {"utc_subsecond", "in steps of 0.1 ms", times, subsecond_of},
     {"gps_week", "GPS time", {}, gps_week},
     {"gps_time_of_week", "", times, time_of_week},

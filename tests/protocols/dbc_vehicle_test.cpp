@@ -15,6 +15,12 @@ Sample turning(double deg_per_s) {
   return sample;
 }
 
+Sample heading(double degrees) {
+  Sample sample;
+  sample.q_LP = exp(Vector3(0, 0, degrees * units::degree));
+  return sample;
+}
+
 TEST_F(DbcUnit, LongNamesAreThoseOfTheSymbols) {
   write(
       "BO_ 1 Message_of_32_characters_0123456: 8 X\n SG_ Mux M : 0|8@1+ (1,0) [0|0] \"\" X\n"
@@ -46,6 +52,43 @@ TEST(DbcFileTest, ALoneMarkOfAMultiplexedSignalIsNoPage) {
   EXPECT_FALSE(messages[0].signals[0].is_multiplexor);
   EXPECT_TRUE(messages[0].signals[0].pages.empty());
   EXPECT_EQ(messages[0].signals[1].pages.size(), 1U);
+}
+
+TEST(MeasuredQuantities, FollowFromTheSample) {
+  Sample sample = heading(90);  // x points east
+  sample.specific_force = {1, 2, 3};
+  sample.navigation.is_known = true;
+  sample.navigation.v_L = {3, -4, 12};
+  sample.navigation.r_E = {1e6, 2e6, -3e6};
+  sample.navigation.gps_ns = 1'420'000'000'123'456'789;  // 2025-01-04 04:26:22.123456789 UTC
+  const struct {
+    const char* name;
+    double value;
+  } cases[] = {
+      {"speed_m_per_s", 13},
+      {"ground_speed_km_per_h", 18},
+      {"ground_speed_kt", 5 / (1852.0 / 3600)},
+      {"track_deg", -53.13010235415598},
+      {"velocity_up_cm_per_s", -1200},
+      {"r_E_x_km", 1000},
+      {"r_E_y_m", 2e6},
+      {"r_E_z_m", -3e6},
+      {"acceleration_x_m_per_s2", 1},
+      {"acceleration_z_m_per_s2", 3 + units::standard_gravity},
+      {"sigma_LP_3", std::tan(22.5 * units::degree)},
+      {"sigma_LP_1", 0},
+      {"yaw_arcsec", 324000},
+      {"day_of_year", 4},
+      {"time_of_day_s", 15982.123456789},
+      {"unix_time_s", 1735964782.123456789},
+      {"rate_x_rpm", 0},
+  };
+  for (const auto& [name, value] : cases) {
+    const auto found = find_measured(name);
+    ASSERT_TRUE(found) << name;
+    const double got = (found->quantity->get({sample}) - found->offset) / found->factor;
+    EXPECT_NEAR(got, value, 1e-9 * std::max(1.0, std::abs(value))) << name;
+  }
 }
 
 }  // namespace
