@@ -211,9 +211,13 @@ void CanSignalCodec::check_checksum(std::span<const CanSignal> signals) {
   }
   const CanSignal& signal = signals[sum_->signal];
   if (checksum_.profile == ChecksumProfile::none) refuse(signal, "the kind of the checksum is not given");
-  const unsigned first = sum_->motorola ? 7 : 0;
-  if (sum_->length != 8 * checksum_.size() || sum_->start % 8 != first || (checksum_.size() > 1 && sum_->motorola))
-    refuse(signal, checksum_.size() > 1 ? "must be two whole bytes, Intel" : "must be a whole byte");
+  const unsigned first = sum_->motorola ? 7 : 0, half = sum_->motorola ? 3 : 4, at = sum_->start % 8;
+  const bool is_nibble = checksum_.bits() == 4, is_long = checksum_.bits() > 8;
+  if (sum_->length != checksum_.bits() || (at != first && !(is_nibble && at == half)) || (is_long && sum_->motorola))
+    refuse(signal, is_long     ? "must be two whole bytes, Intel"
+                   : is_nibble ? "must be the upper or the lower half of a byte"
+                               : "must be a whole byte");
+  checksum_.is_upper_half = is_nibble && at == (sum_->motorola ? first : half);
   if (!signal.pages.empty()) refuse(signal, "must not depend on a multiplexor");
   const unsigned values = checksum_.counter_values();
   if (values == 0) return;

@@ -115,13 +115,15 @@ SignalMessage compiled(const Mapped& mapped, std::uint32_t id_offset) {
                        mapped.sources[i], nullptr, signal.initial, signal.minimum, signal.maximum, signal.pages,
                        signal.multiplexor});
   }
+  MessageChecksum checksum = mapped.checksum;
+  checksum.begin_with(static_cast<std::uint32_t>(id), message.extended, message.size);
   try {
     return {{.id = static_cast<std::uint32_t>(id),
              .extended = message.extended,
              .fd = message.fd,
              .bit_rate_switch = message.fd},
             message.cycle,
-            CanSignalCodec(message.size, signals, mapped.checksum)};
+            CanSignalCodec(message.size, signals, checksum)};
   } catch (const std::invalid_argument& fault) {
     refuse("signals", "message " + message.name + ", line " + std::to_string(message.line) + ": " + fault.what());
   }
@@ -188,7 +190,8 @@ constexpr Setting settings[] = {
          "in protocols/README.md",
      .initial = std::span<const std::string_view>{}},
     {.key = "checksums",
-     .help = "checksums of messages: [MESSAGE.]SIGNAL=KIND, such as Crc=j1850 or Imu.Crc=e2e_p01:0x123:both",
+     .help = "checksums of messages: [MESSAGE.]SIGNAL=KIND, such as Crc=j1850 or Imu.Crc=e2e_p01:0x123:both; "
+             "the kinds are in protocols/README.md",
      .initial = std::span<const std::string_view>{}},
     {.key = "id_offset",
      .help = "is added to every identifier of the file, so that several units can be on one bus",

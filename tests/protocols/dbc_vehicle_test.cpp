@@ -21,6 +21,48 @@ Sample heading(double degrees) {
   return sample;
 }
 
+// What the functions of commaai/opendbc at 7343a66 return for the bytes 12 34 56 78 90 AB CD EF; Toyota's second is
+// the message of its test_packer_parser.py, make_can_msg("ACC_CONTROL").
+TEST(VehicleChecksum, AgreesWithOpendbc) {
+  const struct {
+    const char* kind;
+    std::uint32_t id;
+    bool extended;
+    std::size_t at;
+    bool is_upper_half;
+    std::uint16_t sum;
+    bool is_empty = false;
+  } cases[] = {
+      {"toyota", 0x2E4, false, 7, false, 0x0A},   {"toyota", 835, false, 7, false, 'N', true},
+      {"honda", 0x33D, false, 7, false, 0xC},     {"honda", 0x12F8BFA7, true, 7, false, 0xD},
+      {"subaru", 0x122, false, 0, false, 0x1C},   {"tesla", 0x488, false, 7, false, 0xA8},
+      {"tesla", 0x370, false, 0, false, 0x6C},    {"psa", 0x3AD, false, 7, false, 0x2},
+      {"psa:7", 0x38D, false, 4, true, 0x8},      {"xor", 0x1A0, false, 0, false, 0x03},
+      {"xor:0x27", 0x324, false, 0, false, 0x24}, {"j1850", 0x2FA, false, 7, false, 0x19},
+      {"sum:0xEA", 0x2E4, false, 7, false, 0x06},
+  };
+  for (const auto& one : cases) {
+    auto checksum = parse_checksum(one.kind);
+    ASSERT_TRUE(checksum) << one.kind;
+    checksum->begin_with(one.id, one.extended, 8);
+    checksum->is_upper_half = one.is_upper_half;
+    std::vector<std::byte> bytes;
+    for (const int byte : {0x12, 0x34, 0x56, 0x78, 0x90, 0xAB, 0xCD, 0xEF})
+      bytes.push_back(static_cast<std::byte>(one.is_empty ? 0 : byte));
+    EXPECT_EQ(checksum->of(bytes, one.at, 0), one.sum) << one.kind << ' ' << one.id;
+    // Its own bits do not count, and one bit of any other does.
+    const unsigned own = checksum->bits() == 8 ? 0xFFU : one.is_upper_half ? 0xF0U : 0x0FU;
+    for (std::size_t bit = 0; bit < 64; ++bit) {
+      std::vector<std::byte> changed = bytes;
+      changed[bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
+      const bool is_own = bit / 8 == one.at && (own >> bit % 8 & 1U) != 0;
+      EXPECT_EQ(checksum->of(changed, one.at, 0) == one.sum, is_own) << one.kind << ", bit " << bit;
+    }
+  }
+  for (const char* text : {"toyota:1", "honda:", "sum:256", "sum:0x", "sum:1:2", "xor:-1", "psa:x", "tesla :"})
+    EXPECT_EQ(parse_checksum(text).has_value(), std::string_view(text) == "honda:") << text;
+}
+
 TEST_F(DbcUnit, LongNamesAreThoseOfTheSymbols) {
   write(
       "BO_ 1 Message_of_32_characters_0123456: 8 X\n SG_ Mux M : 0|8@1+ (1,0) [0|0] \"\" X\n"
