@@ -106,12 +106,19 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
       if (is_float(field.format)) refuse(signal, "a " + std::string(signal.source) + " must be an integer");
       return field;
     }
-    const auto found = find_measured(signal.source);
+    const auto found = parse_signal_source(signal.source);
     if (!found)
       refuse(signal, "unknown quantity \"" + std::string(signal.source) + "\"; the quantities are " +
                          measured_names() + ", " + std::string(alive_counter_source) +
-                         "; other units of the same kind are possible");
-    in = *found;
+                         "; other units of the same kind are possible; " + std::string(signal_source_syntax));
+    field.form = *found;
+    in = found->in;
+  }
+  field.scale = signal.scale;
+  field.offset = signal.offset;
+  if (field.form.form == SignalSource::Form::constant) {
+    set_constant(field, signal, field.form.constant);
+    return field;
   }
   field.source = Source::quantity;
   field.quantity = in.quantity;
@@ -137,6 +144,34 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
     }
     return field;
   }
+  set_range(field, signal);
+  using enum SignalSource::Form;
+  field.is_read_back = field.form.form == plain;
+  if (field.form.form == sign && is_float(field.format)) refuse(signal, "a sign must be an integer");
+  if (field.form.form == remainder && !(field.form.modulus > std::abs(signal.scale)))
+    refuse(signal, "the modulus must be more than the scale of the signal");
+  return field;
+}
+
+void CanSignalCodec::set_constant(Field& field, const CanSignal& signal, double value) const {
+  if (signal.scale == 0 || !std::isfinite(signal.scale) || !std::isfinite(signal.offset))
+    refuse(signal, "the scale must be finite and not 0, the offset finite");
+  field.source = Source::fixed;
+  set_range(field, signal);
+  const double number = (value - signal.offset) / signal.scale;
+  if (field.format == SignalFormat::float32) {
+    field.initial = std::bit_cast<std::uint32_t>(to_float(number));
+  } else if (field.format == SignalFormat::float64) {
+    field.initial = std::bit_cast<std::uint64_t>(number);
+  } else if (!(std::abs(number - std::round(number)) < 1e-6) || number < field.lowest - 0.5 ||
+             number > field.highest + 0.5) {
+    refuse(signal, std::string(signal.source) + " is not a value of the signal");
+  } else {
+    field.initial = rounded(std::round(number));
+  }
+}
+
+void CanSignalCodec::set_range(Field& field, const CanSignal& signal) const {
   const bool is_real = is_float(field.format);
   if (is_real) {
     field.highest = field.format == SignalFormat::float32 ? double{FLT_MAX} : DBL_MAX;
@@ -150,14 +185,15 @@ CanSignalCodec::Field CanSignalCodec::compiled(const CanSignal& signal) const {
     double ends[] = {(signal.minimum - signal.offset) / signal.scale,
                      (signal.maximum - signal.offset) / signal.scale};
     std::sort(std::begin(ends), std::end(ends));
-    const double lowest = std::max(field.lowest, is_real ? ends[0] : std::ceil(ends[0] - 1e-6));
-    const double highest = std::min(field.highest, is_real ? ends[1] : std::floor(ends[1] + 1e-6));
+    // Files have limits as rounded decimals: -8 for the number -479.999 is -480.
+    constexpr double decimal = 0.01;
+    const double lowest = std::max(field.lowest, is_real ? ends[0] : std::ceil(ends[0] - decimal));
+    const double highest = std::min(field.highest, is_real ? ends[1] : std::floor(ends[1] + decimal));
     if (lowest < highest) {  // otherwise the limits are no such for this field
       field.lowest = lowest;
       field.highest = highest;
     }
   }
-  return field;
 }
 
 CanSignalCodec::CanSignalCodec(std::size_t size, std::span<const CanSignal> signals, const MessageChecksum& checksum)
@@ -179,6 +215,7 @@ CanSignalCodec::CanSignalCodec(std::size_t size, std::span<const CanSignal> sign
       counter_ = field;
     }
   }
+  join_signs();
   pages_ = SignalPages(signals, is_sent);
   for (Field& field : fields_)
     if (pages_.selects(field.signal)) field.source = Source::multiplexor;
@@ -187,6 +224,19 @@ CanSignalCodec::CanSignalCodec(std::size_t size, std::span<const CanSignal> sign
   // Constants, which may be another view of the same bits, are written first.
   std::stable_partition(fields_.begin(), fields_.end(),
                         [](const Field& field) { return field.source == Source::constant; });
+}
+
+// A magnitude and a sign of one quantity in one message are read back together.
+void CanSignalCodec::join_signs() {
+  using enum SignalSource::Form;
+  for (Field& field : fields_) {
+    if (field.form.form != magnitude || field.source != Source::quantity) continue;
+    for (const Field& other : fields_)
+      if (other.form.form == sign && other.source == Source::quantity && other.quantity == field.quantity &&
+          (other.form.in.factor > 0) == (field.form.in.factor > 0))
+        field.sign_bits = other.signal;
+    field.is_read_back = field.sign_bits.has_value();
+  }
 }
 
 void CanSignalCodec::check_overlaps(std::span<const CanSignal> signals) const {
@@ -236,11 +286,13 @@ bool CanSignalCodec::has_increments() const noexcept {
 std::uint32_t CanSignalCodec::components() const noexcept {
   ReadBack read;
   for (const Field& field : fields_)
-    if (field.quantity != nullptr && field.quantity->set != nullptr) field.quantity->set(0, read);
+    if (field.quantity != nullptr && field.quantity->set != nullptr && field.is_read_back)
+      field.quantity->set(0, read);
   return read.components;
 }
 
-std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& reading) const noexcept {
+std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& reading,
+                                        unsigned& saturated) const noexcept {
   switch (field.quantity->kind) {
     case MeasuredQuantity::Kind::time: {
       const std::int64_t ns = reading.sample.time.ns, rest = ns % field.time_lsb_ns;
@@ -254,24 +306,40 @@ std::uint64_t CanSignalCodec::number_of(const Field& field, const Reading& readi
     case MeasuredQuantity::Kind::number:
       break;
   }
-  const double x = field.quantity->get(reading) / field.lsb + field.fraction;
+  using enum SignalSource::Form;
+  double x = field.quantity->get(reading) / field.lsb + field.fraction;
+  if (field.form.form != plain) {
+    double value = (field.quantity->get(reading) - field.form.in.offset) / field.form.in.factor;
+    if (field.form.form == sign) return value < 0 ? 1 : 0;
+    if (field.form.form == magnitude) value = std::abs(value);
+    if (field.form.form == remainder) {
+      const double half = is_float(field.format) ? 0 : 0.5 * std::abs(field.scale);  // the modulus rounds to 0
+      value -= field.form.modulus * std::floor((value + half) / field.form.modulus);
+    }
+    x = (value - field.offset) / field.scale - field.whole;
+  }
   const double lowest = field.lowest - field.whole, highest = field.highest - field.whole;
   const double limited = x > lowest ? std::min(x, highest) : lowest;  // a NaN is the lowest
+  const double margin = is_float(field.format) ? 0 : 0.5;
+  if (!(x >= lowest - margin && x <= highest + margin)) ++saturated;
   if (field.format == SignalFormat::float32) return std::bit_cast<std::uint32_t>(to_float(limited + field.whole));
   if (field.format == SignalFormat::float64) return std::bit_cast<std::uint64_t>(limited + field.whole);
   return rounded(limited) + static_cast<std::uint64_t>(static_cast<std::int64_t>(field.whole));
 }
 
-void CanSignalCodec::encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept {
+unsigned CanSignalCodec::encode(const Reading& reading, std::uint64_t count,
+                                std::span<std::byte> bytes) const noexcept {
+  unsigned saturated = 0;
   std::ranges::fill(bytes, std::byte{0});
   for (const Field& field : fields_) {
     if (!pages_.is_present(field.signal, count)) continue;
     std::uint64_t number = field.initial;
     switch (field.source) {
       case Source::constant:
+      case Source::fixed:
         break;
       case Source::quantity:
-        number = number_of(field, reading);
+        number = number_of(field, reading, saturated);
         break;
       case Source::alive_counter: {
         const unsigned values = checksum_.counter_values();
@@ -286,9 +354,10 @@ void CanSignalCodec::encode(const Reading& reading, std::uint64_t count, std::sp
     }
     write_bits(bytes, field.start, field.length, field.motorola, number);
   }
-  if (!sum_) return;
+  if (!sum_) return saturated;
   const auto counter = counter_ ? static_cast<unsigned>(bits_of(*counter_, bytes)) : 0U;
   write_bits(bytes, sum_->start, sum_->length, sum_->motorola, checksum_.of(bytes, sum_->start / 8, counter));
+  return saturated;
 }
 
 bool CanSignalCodec::has_good_checksum(std::span<const std::byte> bytes) const noexcept {
@@ -303,7 +372,7 @@ std::optional<CanSignalCodec::Decoded> CanSignalCodec::decode(std::span<const st
   Decoded decoded;
   Measurement& measurement = read.measurement;
   for (const Field& field : fields_) {
-    if (field.source != Source::quantity || !pages_.is_present(field.signal, bytes)) continue;
+    if (field.source != Source::quantity || !field.is_read_back || !pages_.is_present(field.signal, bytes)) continue;
     const std::uint64_t number = bits_of(field, bytes);
     switch (field.quantity->kind) {
       case MeasuredQuantity::Kind::time:
@@ -335,7 +404,11 @@ std::optional<CanSignalCodec::Decoded> CanSignalCodec::decode(std::span<const st
         value = std::bit_cast<double>(number);
         break;
     }
-    value = (value - field.whole - field.fraction) * field.lsb;
+    value = (value - field.whole - field.fraction) * field.lsb + 0.0;  // never -0
+    if (field.sign_bits) {
+      const auto sign = std::ranges::find(fields_, *field.sign_bits, &Field::signal);
+      if (bits_of(*sign, bytes) != 0) value = -value;
+    }
     if (!std::isfinite(value)) return std::nullopt;
     if (field.quantity->set != nullptr) field.quantity->set(value, read);
   }

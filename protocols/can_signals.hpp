@@ -13,6 +13,7 @@
 #include "protocols/measured_quantities.hpp"
 #include "protocols/message_checksum.hpp"
 #include "protocols/signal_pages.hpp"
+#include "protocols/signal_source.hpp"
 
 namespace imud {
 
@@ -36,8 +37,8 @@ struct CanSignal {
   SignalEncoding encoding = {};
   double scale = 1;  // not 0
   double offset = 0;
-  // A name of measured_quantities.hpp; `alive_counter`, the number of the message; `checksum`; `data_id_nibble`, bits
-  // 8 to 11 of the checksum's data id; empty: the signal has the value `initial`, or selects the page of others.
+  // As signal_source.hpp has it; `alive_counter`, the number of the message; `checksum`; `data_id_nibble`, bits 8 to
+  // 11 of the checksum's data id; empty: the signal has the value `initial`, or selects the page of others.
   std::string_view source = "";
   const MeasuredQuantity* quantity = nullptr;  // in place of `source`: a quantity that only this product has, in SI
   std::uint64_t initial = 0;                   // the raw number
@@ -74,7 +75,8 @@ class CanSignalCodec {
   std::uint32_t components() const noexcept;
 
   // Writes the message number `count`, which determines alive counter and multiplexors. `bytes` has size() elements.
-  void encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept;
+  // Returns the number of signals that have saturated: by more than half their LSB.
+  unsigned encode(const Reading& reading, std::uint64_t count, std::span<std::byte> bytes) const noexcept;
 
   // A decoded message's low bits of clock and counter.
   struct LowBits {
@@ -90,7 +92,7 @@ class CanSignalCodec {
   std::optional<Decoded> decode(std::span<const std::byte> bytes, ReadBack& read) const noexcept;
 
  private:
-  enum class Source : std::uint8_t { constant, quantity, alive_counter, multiplexor, checksum };
+  enum class Source : std::uint8_t { constant, fixed, quantity, alive_counter, multiplexor, checksum };
   struct Field {
     std::size_t signal = 0;  // its index in the table
     unsigned start = 0, length = 1;
@@ -103,11 +105,20 @@ class CanSignalCodec {
     double lowest = 0, highest = 0;  // of the number
     std::int64_t time_lsb_ns = 0;
     std::uint64_t initial = 0;
+    // Other forms than a plain quantity: number = (transformed value in `in`'s unit - offset) / scale.
+    SignalSource form = {};
+    double scale = 1, offset = 0;
+    bool is_read_back = true;              // the quantity follows from the message
+    std::optional<std::size_t> sign_bits;  // of a magnitude: the index of the signal that has its sign
   };
   Field compiled(const CanSignal& signal) const;
   void check_overlaps(std::span<const CanSignal> signals) const;
   void check_checksum(std::span<const CanSignal> signals);
-  std::uint64_t number_of(const Field& field, const Reading& reading) const noexcept;
+  void join_signs();
+  void set_range(Field& field, const CanSignal& signal) const;
+  void set_constant(Field& field, const CanSignal& signal, double value) const;
+  // The number of the quantity, and 1 is added to `saturated` if it is at an end of its range.
+  std::uint64_t number_of(const Field& field, const Reading& reading, unsigned& saturated) const noexcept;
   std::uint64_t bits_of(const Field& field, std::span<const std::byte> bytes) const noexcept {
     return read_bits(bytes, field.start, field.length, field.motorola);
   }

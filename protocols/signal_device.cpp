@@ -72,12 +72,12 @@ void SignalDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
   }
 }
 
-void SignalDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) const noexcept {
+void SignalDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept {
   const CanSignalCodec& codec = one.message.codec;
   const std::span<std::byte> room = out.room(codec.size());
   if (room.size() != codec.size()) return;
-  codec.encode({sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)},
-               one.count, room);
+  saturated_ += codec.encode(
+      {sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)}, one.count, room);
   out.push(codec.size(), one.message.can);
   if (!one.has_increments) return;
   one.sent = sample.time;

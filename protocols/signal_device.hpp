@@ -32,6 +32,7 @@ class SignalDevice final : public Device {
   void power_on(DeviceTime now) noexcept override;
   void sample(const Sample& sample, FrameBuffer& out) noexcept override;
   void step_clock(Nanoseconds by) noexcept override;
+  std::span<const std::uint64_t> counts() const noexcept override { return {&saturated_, 1}; }
 
  private:
   struct Scheduled {
@@ -45,11 +46,12 @@ class SignalDevice final : public Device {
   };
   // Returns true if the message is due, and counts it.
   bool is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) const noexcept;
-  void send(Scheduled& one, const Sample& sample, FrameBuffer& out) const noexcept;
+  void send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept;
 
   std::vector<Scheduled> scheduled_;
   std::optional<DeviceTime> start_;  // time of the first sample since power on
   std::uint64_t counter_ = 0;        // of the last sample
+  std::uint64_t saturated_ = 0;      // signals, in all messages
 };
 
 // Collects the messages of a sample to a measurement. Messages that come with every sample must all be there, in the

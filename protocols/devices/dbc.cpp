@@ -6,7 +6,8 @@
 //
 // [imu.device]
 // dbc_file = "vehicle.dbc"
-// signals = ["YawRate=rate_z_deg_per_s", "Imu2.Ay=-specific_force_y_g", "Imu2.Counter=alive_counter"]
+// signals = ["YawRate=abs(rate_z_deg_per_s)", "YawSign=sign(rate_z_deg_per_s)", "Imu2.Ay=-specific_force_y_g",
+//            "Imu2.Heading=yaw_deg%360", "Imu2.Valid=1", "Imu2.Counter=alive_counter"]
 // checksums = ["Imu2.Crc=e2e_p01:0x123:both"]
 #include <algorithm>
 #include <cstdio>
@@ -185,9 +186,8 @@ constexpr Setting settings[] = {
      .help = "path of the DBC file; without it, signals and checksums, two messages are an example",
      .initial = std::string_view()},
     {.key = "signals",
-     .help =
-         "numbers of the signals: [MESSAGE.]SIGNAL=QUANTITY, such as YawRate=rate_z_deg_per_s; the quantities are "
-         "in protocols/README.md",
+     .help = "numbers of the signals: [MESSAGE.]SIGNAL=QUANTITY, such as YawRate=rate_z_deg_per_s, or abs(QUANTITY), "
+             "sign(QUANTITY), QUANTITY%MODULUS, a number; the quantities are in protocols/README.md",
      .initial = std::span<const std::string_view>{}},
     {.key = "checksums",
      .help = "checksums of messages: [MESSAGE.]SIGNAL=KIND, such as Crc=j1850 or Imu.Crc=e2e_p01:0x123:both; "
@@ -198,6 +198,11 @@ constexpr Setting settings[] = {
      .initial = std::int64_t{0},
      .max = 0x1FFF'FFFF},
 };
+
+constexpr DeviceCounter counters[] = {
+    {"saturated_signals", "signals saturated",
+     "the number of a signal is beyond the range of its field or its limits, and was sent as the nearest in it; see "
+     "abs(), sign() and % in protocols/README.md"}};
 
 }  // namespace
 
@@ -214,6 +219,7 @@ constexpr Protocol dbc_protocol = {
     .range = {.rate = 32767 * example_rate_lsb, .specific_force = 32767 * example_force_lsb, .temperature_c = 50},
     .counter_bits = 8,
     .status_bits = 0xFF,
+    .counters = counters,
     .can_messages = [](const Settings& chosen,
                        double rate_hz) { return can_messages_of(messages_of(chosen), rate_hz); },
     .can_filters = no_can_filters,

@@ -21,6 +21,146 @@ Sample heading(double degrees) {
   return sample;
 }
 
+// Bremse_5 of commaai/opendbc at 7343a66, opendbc/dbc/vw_pq.dbc.
+constexpr std::string_view brake = R"(
+BO_ 1192 Bremse_5: 8 XXX
+ SG_ Vorzeichen_Gierrate______ : 15|1@1+ (1,0) [0|0] "" XXX
+ SG_ Gierratenfehler : 14|1@1+ (1,0) [0|0] "" XXX
+ SG_ Gierrate : 0|14@1+ (0.01,0) [0|100] "deg/sek" XXX
+)";
+const Lines signed_rate = {"Gierrate=abs(rate_z_deg_per_s)", "Vorzeichen_Gierrate______=sign(rate_z_deg_per_s)"};
+
+TEST_F(DbcUnit, SignAndMagnitudeAreTwoSignals) {
+  write(brake);
+  const auto device = protocol_.make(settings(signed_rate));
+  EXPECT_EQ(sent(*device, turning(-20), 1)[0], "4A8#D087000000000000");
+  EXPECT_EQ(sent(*device, turning(20), 1)[0], "4A8#D007000000000000");
+  EXPECT_EQ(sent(*device, turning(0), 1)[0], "4A8#0000000000000000");
+  EXPECT_EQ(device->counts()[0], 0U);
+  EXPECT_EQ(sent(*device, turning(-200), 1)[0], "4A8#10A7000000000000");
+  EXPECT_EQ(device->counts()[0], 1U) << "the magnitude is limited to 100";
+  const auto other =
+      protocol_.make(settings({"Gierrate=abs(rate_z_deg_per_s)", "Gierratenfehler=sign(-rate_z_deg_per_s)"}));
+  EXPECT_EQ(sent(*other, turning(20), 1)[0], "4A8#D047000000000000") << "a sign that is 1 for positive numbers";
+}
+
+TEST_F(DbcUnit, SignAndMagnitudeAreReadBackAsOneNumber) {
+  write(brake);
+  Line line(protocol_, settings(signed_rate));
+  Recording got;
+  line.feed(line.encode_all(std::vector{turning(-20), turning(20)}), got);
+  line.decoder->finish(got);
+  ASSERT_EQ(got.measurements.size(), 2U);
+  EXPECT_NEAR(got.measurements[0].sample.rate.z(), -20 * units::degree, 1e-12);
+  EXPECT_NEAR(got.measurements[1].sample.rate.z(), 20 * units::degree, 1e-12);
+
+  Line half(protocol_, settings({"Gierrate=abs(rate_z_deg_per_s)"}));
+  Recording nothing;
+  half.feed(half.encode_all(std::vector{turning(-20)}), nothing);
+  half.decoder->finish(nothing);
+  EXPECT_EQ(nothing.measurements.size(), 0U) << "a magnitude alone is no rate";
+}
+
+TEST_F(DbcUnit, ANumberBeyondItsSignalIsCounted) {
+  write(brake);
+  ASSERT_EQ(protocol_.counters.size(), 1U);
+  EXPECT_EQ(protocol_.counters[0].key, "saturated_signals");
+  const auto device = protocol_.make(settings({"Gierrate=rate_z_deg_per_s"}));
+  ASSERT_EQ(device->counts().size(), 1U);
+  static_cast<void>(sent(*device, turning(-0.005), 1));
+  static_cast<void>(sent(*device, turning(100.005), 1));
+  EXPECT_EQ(device->counts()[0], 0U) << "within half an LSB";
+  static_cast<void>(sent(*device, turning(-0.0051), 1));
+  EXPECT_EQ(device->counts()[0], 1U);
+  static_cast<void>(sent(*device, turning(100.0051), 1));
+  EXPECT_EQ(device->counts()[0], 2U);
+  EXPECT_EQ(sent(*device, turning(std::nan("")), 1)[0], "4A8#0000000000000000");
+  EXPECT_EQ(device->counts()[0], 3U);
+  EXPECT_EQ(sent(*device, turning(-20), 3).size(), 3U);
+  EXPECT_EQ(device->counts()[0], 6U) << "one for each message";
+}
+
+TEST_F(DbcUnit, ARemainderWraps) {
+  write("BO_ 1 A: 8 X\n SG_ Heading : 0|32@1+ (0.001,0) [0|360] \"deg\" X\n SG_ Year : 32|8@1+ (1,0) [0|0] \"\" X\n");
+  const auto device = protocol_.make(settings({"Heading=yaw_deg%360", "Year=utc_year%100"}));
+  const auto sent_for = [&](double degrees) { return sent(*device, heading(degrees), 1)[0].substr(4, 8); };
+  EXPECT_EQ(sent_for(-60), "E0930400") << "300000";
+  EXPECT_EQ(sent_for(-179), "08C30200") << "181000";
+  EXPECT_EQ(sent_for(90), "905F0100");
+  EXPECT_EQ(sent_for(-0.0004), "00000000") << "360.000 is 0";
+  EXPECT_EQ(sent_for(-0.0006), "3F7E0500") << "359.999";
+  Sample dated;
+  dated.navigation.is_known = true;
+  dated.navigation.gps_ns = 1'447'934'400'000'000'000 + 18'000'000'000;
+  EXPECT_EQ(sent(*device, dated, 1)[0].substr(12, 2), "19") << "2025";
+  EXPECT_EQ(device->counts()[0], 0U);
+  EXPECT_EQ(refusal({"Heading=yaw_deg%0.001"}),
+            "signals: message A, line 1: Heading: the modulus must be more than the scale of the signal");
+}
+
+TEST_F(DbcUnit, ConstantsAreInTheUnitOfTheSignal) {
+  write(
+      "BO_ 1 A: 8 X\n SG_ S : 0|8@1+ (0.5,-10) [0|0] \"\" X\n SG_ T : 15|8@0- (1,0) [0|0] \"\" X\n"
+      " SG_ F : 32|32@1- (1,0) [0|0] \"\" X\nSIG_VALTYPE_ 1 F : 1;\n"
+      "BO_ 2 B: 2 X\n SG_ M M : 0|8@1+ (1,0) [0|0] \"\" X\n SG_ P m7 : 8|8@1+ (1,0) [0|0] \"\" X\n");
+  const auto device = protocol_.make(settings({"S=-2.5", "T=-1", "F=1.5", "P=3"}));
+  EXPECT_EQ(sent(*device, {}, 1)[0], "001#0FFF00000000C03F 002#0703");
+  const auto multiplexor = protocol_.make(settings({"M=7"}));
+  EXPECT_EQ(sent(*multiplexor, {}, 1)[0], "002#0700");
+  EXPECT_EQ(refusal({"S=0.25"}), "signals: message A, line 1: S: 0.25 is not a value of the signal");
+  EXPECT_EQ(refusal({"S=117.5"}), "");
+  EXPECT_EQ(refusal({"S=118"}), "signals: message A, line 1: S: 118 is not a value of the signal");
+  EXPECT_EQ(refusal({"S=-10.5"}), "signals: message A, line 1: S: -10.5 is not a value of the signal");
+  EXPECT_EQ(refusal({"S=inf"}).substr(0, 62), "signals: message A, line 1: S: unknown quantity \"inf\"; the qua");
+}
+
+TEST_F(DbcUnit, AFaultyFormIsRefused) {
+  write(brake);
+  for (const char* form :
+       {"abs(rate_z_deg_per_s", "abs()", "sign(status)", "status%2", "time_s%1", "yaw_deg%", "yaw_deg%0",
+        "yaw_deg%-1", "yaw_deg%nan", "%360", "abs(yaw_deg)%90", "abs(abs(yaw_deg))", "1x", "--1"}) {
+    const std::string refused = refusal({std::string("Gierrate=") + form});
+    EXPECT_TRUE(refused.starts_with(std::string("signals: message Bremse_5, line 2: Gierrate: unknown quantity \"") +
+                                    form + "\"; the quantities are "))
+        << refused.substr(0, 100);
+    EXPECT_TRUE(refused.ends_with("give a quantity, abs(QUANTITY), sign(QUANTITY), QUANTITY%MODULUS or a number"))
+        << form;
+  }
+}
+
+// Files have limits as rounded decimals: open_actuator.dbc of cantools' tests has -8 to 8 with the scale 0.0166667.
+TEST_F(DbcUnit, ALimitThatIsRoundedIsItsNumber) {
+  write("BO_ 1 A: 2 X\n SG_ S : 0|10@1- (0.0166667,0) [-8|8] \"\" X\n SG_ L : 10|6@1+ (10,0) [0|25] \"\" X\n");
+  const auto device = protocol_.make(settings({"S=rate_z_deg_per_s", "L=rate_x_deg_per_s"}));
+  Sample sample = turning(-20);
+  sample.rate.x() = 100 * units::degree;
+  EXPECT_EQ(sent(*device, sample, 1)[0], "001#200A") << "-480, and 2 for the limit of 2.5";
+}
+
+// commaai/opendbc at 7343a66, opendbc/can/tests/test_checksums.py, test_honda_checksum: "known correct checksums" of
+// the messages with the counters 0 to 3.
+TEST_F(DbcUnit, HondasChecksumsAreThoseOfItsTest) {
+  std::string text;
+  for (const char* message : {"BO_ 829 LKAS_HUD: 5 ADAS\n", "BO_ 2147496922 LKAS_HUD_A: 5 ADAS\n"})
+    text += std::string(message) +
+            " SG_ LKAS_READY : 0|1@0+ (1,0) [0|127] \"\" BDY\n SG_ LKAS_STATE_CHANGE : 6|1@0+ (1,0) [0|1] \"\" XXX\n"
+            " SG_ SOLID_LANES : 10|1@0+ (1,0) [0|1] \"\" BDY\n SG_ STEERING_REQUIRED : 8|1@0+ (1,0) [0|1] \"\" BDY\n"
+            " SG_ CHECKSUM : 35|4@0+ (1,0) [0|15] \"\" BDY\n SG_ COUNTER : 37|2@0+ (1,0) [0|3] \"\" BDY\n";
+  write(text);
+  Lines signals, checksums;
+  for (const std::string message : {"LKAS_HUD.", "LKAS_HUD_A."}) {
+    for (const char* one :
+         {"LKAS_READY=1", "LKAS_STATE_CHANGE=1", "SOLID_LANES=1", "STEERING_REQUIRED=1", "COUNTER=alive_counter"})
+      signals.push_back(message + one);
+    checksums.push_back(message + "CHECKSUM=honda");
+  }
+  Line line(protocol_, settings(signals, checksums));
+  const auto device = protocol_.make(settings(signals, checksums));
+  EXPECT_EQ(sent(*device, {}, 5), (Lines{"000033DA#4105000004 33D#410500000B", "000033DA#4105000013 33D#410500001A",
+                                         "000033DA#4105000022 33D#4105000029", "000033DA#4105000031 33D#4105000038",
+                                         "000033DA#4105000004 33D#410500000B"}));
+}
+
 // What the functions of commaai/opendbc at 7343a66 return for the bytes 12 34 56 78 90 AB CD EF; Toyota's second is
 // the message of its test_packer_parser.py, make_can_msg("ACC_CONTROL").
 TEST(VehicleChecksum, AgreesWithOpendbc) {
@@ -61,6 +201,18 @@ TEST(VehicleChecksum, AgreesWithOpendbc) {
   }
   for (const char* text : {"toyota:1", "honda:", "sum:256", "sum:0x", "sum:1:2", "xor:-1", "psa:x", "tesla :"})
     EXPECT_EQ(parse_checksum(text).has_value(), std::string_view(text) == "honda:") << text;
+}
+
+TEST_F(DbcUnit, AHalfByteHoldsAChecksumOfFourBits) {
+  const auto place = [&](const char* signal) {
+    write(std::string("BO_ 2 A: 2 X\n SG_ C : ") + signal + " (1,0) [0|0] \"\" X\n");
+    return refusal({"C=1"}).empty() ? refusal({}, {"C=honda"}) : "not a signal";
+  };
+  for (const char* good : {"0|4@1+", "4|4@1+", "11|4@0+", "15|4@0+"}) EXPECT_EQ(place(good), "") << good;
+  for (const char* bad : {"1|4@1+", "0|8@1+", "12|3@1+", "14|4@0+"})
+    EXPECT_EQ(place(bad), "signals: message A, line 1: C: must be the upper or the lower half of a byte") << bad;
+  write("BO_ 2 A: 2 X\n SG_ C : 12|4@1+ (1,0) [0|0] \"\" X\n");
+  EXPECT_EQ(sent(*protocol_.make(settings({}, {"C=honda"})), {}, 1)[0], "002#0060") << "8 - 2, above";
 }
 
 TEST_F(DbcUnit, LongNamesAreThoseOfTheSymbols) {
