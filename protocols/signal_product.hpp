@@ -65,22 +65,33 @@ Product product_of(const SignalProduct& product, const Settings& settings);
 std::vector<CanMessage> can_messages_of(const std::vector<SignalMessage>& messages, double rate_hz);
 inline std::vector<CanFilter> no_can_filters(const Settings&) { return {}; }
 
-// Completes the entry of the product whose table is `Table`: `entry` has only what does not follow from it.
-template <const SignalProduct& Table>
+// Completes the entry of a product of which `Choose` returns the table for the settings: `entry` has only what does
+// not follow from it.
+template <const SignalProduct& (*Choose)(const Settings&)>
 constexpr Protocol signal_protocol(Protocol entry) {
   entry.link = Link::can;
   entry.can_messages = [](const Settings& settings, double rate_hz) {
-    return can_messages_of(messages_of(Table, settings), rate_hz);
+    return can_messages_of(messages_of(Choose(settings), settings), rate_hz);
   };
   entry.can_filters = no_can_filters;
-  entry.product = [](const Settings& settings) { return product_of(Table, settings); };
+  entry.product = [](const Settings& settings) { return product_of(Choose(settings), settings); };
   entry.make = [](const Settings& settings) -> std::unique_ptr<Device> {
-    return std::make_unique<SignalDevice>(messages_of(Table, settings));
+    return std::make_unique<SignalDevice>(messages_of(Choose(settings), settings));
   };
   entry.make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
-    return std::make_unique<SignalDecoder>(messages_of(Table, settings));
+    return std::make_unique<SignalDecoder>(messages_of(Choose(settings), settings));
   };
   return entry;
+}
+
+// The same for a product of one table.
+template <const SignalProduct& Table>
+const SignalProduct& only_table(const Settings&) {
+  return Table;
+}
+template <const SignalProduct& Table>
+constexpr Protocol signal_protocol(Protocol entry) {
+  return signal_protocol<only_table<Table>>(entry);
 }
 
 }  // namespace imud

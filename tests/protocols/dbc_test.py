@@ -32,6 +32,15 @@ def accelerometer_out_of_range(axis):
     return lambda sample, _: sample["status"] >> 3 + "xyz".index(axis) & 1
 
 
+def mm7_failure(out_of_range):
+    return lambda sample, data: 2 * out_of_range(sample, data)
+
+
+def mm7_temperature(sample, _):
+    """The codes C9 and FF stand for 151 and 205 degrees."""
+    return 151 if sample["temperature"] > 150 else 205 if sample["temperature"] < -50 else sample["temperature"]
+
+
 def crc8_j1850(sample, data):
     crc = 0xFF
     for byte in data[:7]:
@@ -110,13 +119,13 @@ EXPECTED = {
     "bosch_mm5.dbc": {"YawRate": "rate_z", "RollRate": "rate_x", "AX": "specific_force_x", "AY": "specific_force_y",
                       "AZ": "specific_force_z"},
     "bosch_mm7.dbc": {
-        "YawRate": "rate_z", "RollRate": "rate_x", "PitchRate": "rate_y", "AX": "specific_force_x", "AY": "specific_force_y",
-        "AZ": "specific_force_z", "Temperature": "temperature", "HardwareIndex": 0, "CRC": crc8_j1850,
+        "YawRate": "rate_z", "RollRate": lambda sample, _: -sample["rate_x"], "PitchRate": "rate_y", "AX": "specific_force_x",
+        "AY": "specific_force_y", "AZ": "specific_force_z", "Temperature": mm7_temperature, "HardwareIndex": 0, "CRC": crc8_j1850,
         "Counter": lambda sample, _: sample["counter"] % 16,
-        "MM7_YawAy.RateStatus": gyro_out_of_range("z"), "MM7_RollAx.RateStatus": gyro_out_of_range("x"),
-        "MM7_PitchAz.RateStatus": gyro_out_of_range("y"), "MM7_YawAy.AccelerationStatus": accelerometer_out_of_range("y"),
-        "MM7_RollAx.AccelerationStatus": accelerometer_out_of_range("x"),
-        "MM7_PitchAz.AccelerationStatus": accelerometer_out_of_range("z")},
+        "MM7_YawAy.RateStatus": mm7_failure(gyro_out_of_range("z")), "MM7_RollAx.RateStatus": mm7_failure(gyro_out_of_range("x")),
+        "MM7_PitchAz.RateStatus": mm7_failure(gyro_out_of_range("y")), "MM7_YawAy.AccelerationStatus": mm7_failure(accelerometer_out_of_range("y")),
+        "MM7_RollAx.AccelerationStatus": mm7_failure(accelerometer_out_of_range("x")),
+        "MM7_PitchAz.AccelerationStatus": mm7_failure(accelerometer_out_of_range("z"))},
 }
 
 

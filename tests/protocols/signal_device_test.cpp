@@ -115,7 +115,32 @@ TEST(SignalDeviceTest, BoschMm7FramesHaveTheirCounterAndCrc) {
   mm7.sample.rate.z() = -1e3;
   mm7.sample.specific_force.y() = 1e3;
   mm7.sample.temperature_c = 1e3;
-  EXPECT_EQ(mm7.next(10ms)[0].substr(4, 14), "000010FFFFFF10");
+  EXPECT_EQ(mm7.next(10ms)[0].substr(4, 14), "000020C9FFFF20");
+}
+
+// off_highway_mm7p10, receiver.hpp: TEMP_INVALID_HIGH 0xC9, "temp > 150", TEMP_INVALID_LOW 0xFF, "temp < -50"; bits
+// of the status IMU_NOT_AVAILABLE 0x01, SIGNAL_FAILURE 0x02. receiver.cpp: imu_.angular_velocity.x = -roll_rate.
+TEST(SignalDeviceTest, BoschMm7SendsWhatBoschsReceiverExpects) {
+  struct {
+    double celsius;
+    const char* code;
+  } constexpr temperatures[] = {{150, "C8"}, {150.01, "C9"}, {1e6, "C9"}, {-50, "00"}, {-50.01, "FF"}, {-1e6, "FF"}};
+  Sender mm7("bosch-mm7", ""), right_handed("bosch-mm7", "axes=right_handed");
+  mm7.sample.rate.x() = right_handed.sample.rate.x() = 10 * units::degree;
+  EXPECT_EQ(mm7.now()[1].substr(4, 4), "3078") << "-10 deg/s: 0x7830";
+  EXPECT_EQ(right_handed.now()[1].substr(4, 4), "D087");
+  for (const auto& [celsius, code] : temperatures) {
+    mm7.sample.temperature_c = celsius;
+    EXPECT_EQ(mm7.next(10ms)[0].substr(10, 2), code) << celsius;
+  }
+  mm7.sample.temperature_c = 20;
+  mm7.sample.status = status::not_valid;
+  for (const std::string& line : mm7.next(10ms)) {
+    EXPECT_EQ(line.substr(8, 1), "1") << line;
+    EXPECT_EQ(line.substr(16, 1), "1") << line;
+  }
+  mm7.sample.status |= status::gyro_saturated_x;
+  EXPECT_EQ(mm7.next(10ms)[1].substr(8, 1), "3") << "both bits";
 }
 
 TEST(SignalDeviceTest, BoschMm5HasNeitherCounterNorCrc) {

@@ -307,7 +307,8 @@ def bosch_mm7(hz):
     for k, frame in enumerate(sent):
         t, axis = k // 3 / hz, {0x174: (2, 1), 0x178: (0, 0), 0x17C: (1, 2)}[frame.id]
         turn, state, temperature, force, counter, crc = struct.unpack("<HBBHBB", frame.data)
-        check("bosch-mm7 rate", turn * 0.005 - 163.84, rate[axis[0]] / DEG, 0.005)
+        sign = -1 if frame.id == 0x178 else 1  # which Bosch's receiver negates again
+        check("bosch-mm7 rate", turn * 0.005 - 163.84, sign * rate[axis[0]] / DEG, 0.005)
         check("bosch-mm7 acceleration", turn and force * 0.000127465 - 4.1768, specific_force(t)[axis[1]] / G0, 0.000127465)
         check("bosch-mm7 temperature", temperature, round(TEMPERATURE) + 50 if frame.id == 0x174 else 0, 1)
         check("bosch-mm7 status and counter", (state, counter), (0, k // 3 % 16), 0)
