@@ -115,6 +115,6 @@ inline constexpr HostInputs host_inputs = {.frame = framed,
                                            .bodies = host_bodies,
                                            .revive = revive,
                                            .last = "60A#4000100000000000",
-                                           .answer = "58A#430010009A010000"};
+                                           .answer = "58A#430010009A010400"};
 
 }  // namespace imud::canopen

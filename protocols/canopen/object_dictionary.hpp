@@ -112,6 +112,11 @@ inline constexpr std::array<float, quantities> lsb_32 = {0x1p-24F, 0x1p-20F, 0x1
 // Axes of the inclinometer: 6010 and 6110 longitudinal, 6020 and 6120 lateral, with 16 and 32 bits.
 inline constexpr std::array<std::uint16_t, 4> slopes = {0x6010, 0x6020, 0x6110, 0x6120};
 
+// The device type of a two-axis inclinometer of up to 32 bits: profile 410, variant 4. Source: Baumer, GNAMG CANopen
+// manual of 2012, p. 18, object 1000. 0x2019A, two axes of 16 bits, is what a configurator (rumia) expects; CiA 410
+// itself was not at hand.
+inline constexpr std::uint32_t inclinometer_32_bit = 0x4019A;
+
 namespace detail {
 
 struct ObjectList {
@@ -139,8 +144,8 @@ constexpr ObjectList list_objects() {
               largest});
   };
 
-  // Communication (CiA 301, 7.5.2). The device type has the profile's number, and no claim to one of its variants.
-  add({0x1000, 0, u32, read_only, number, 410});
+  // Communication (CiA 301, 7.5.2). The device type is the profile's number 410, and the variant in the high word.
+  add({0x1000, 0, u32, read_only, number, inclinometer_32_bit});
   add_measured(0x1001, 0, u8);
   add_measured(0x1002, 0, u32);
   add({0x1003, 0, u8, read_write, computed, 0, 0});

@@ -82,6 +82,11 @@ constinit const Setting declared_settings[setting_count] = {
      .initial = std::int64_t{10},
      .min = 1,
      .max = unconfigured},
+    {.key = "device_type",
+     .help = "1000: profile 410, in the high word the variant: 4 two axes of 32 bits, 2 of 16 bits",
+     .initial = std::int64_t{inclinometer_32_bit},
+     .min = 0,
+     .max = 0xFFFFFFFF},
     {.key = "vendor_id", .help = "1018:1, and for LSS", .initial = std::int64_t{0}, .min = 0, .max = 0xFFFFFFFF},
     {.key = "product_code", .help = "1018:2", .initial = std::int64_t{1}, .min = 0, .max = 0xFFFFFFFF},
     {.key = "revision_number", .help = "1018:3", .initial = std::int64_t{0x10000}, .min = 0, .max = 0xFFFFFFFF},
@@ -189,6 +194,7 @@ float lsb_of(const Settings& settings, Quantity quantity) {
 }
 
 void deliver(const Settings& settings, ObjectDictionary& dictionary) {
+  dictionary.set_delivered(at(0x1000), static_cast<std::uint64_t>(settings.integer("device_type")));
   const Identity identity = identity_of(settings);
   for (std::uint8_t k = 0; k < identity.size(); ++k)
     dictionary.set_delivered(find_object(0x1018, static_cast<std::uint8_t>(k + 1)), identity[k]);

@@ -10,7 +10,7 @@
 
 namespace imud::canopen {
 
-inline constexpr std::size_t setting_count = 28;
+inline constexpr std::size_t setting_count = 29;
 extern const Setting declared_settings[setting_count];
 
 // A transmit PDO as the settings have it.

@@ -228,6 +228,15 @@ TEST(CanopenLss, ConfiguresANodeIdAndStoresIt) {
   EXPECT_EQ(unit.pass(0s), "714#00");
 }
 
+// Baumer, GNAMG CANopen manual of 2012, p. 18: 1000h is 0004019Ah, "Two axis with resolution max. 32-bit".
+TEST(CanopenDeviceType, IsATwoAxisInclinometer) {
+  Unit unit, of_16_bits("device_type=0x2019A");
+  unit.pass(0s);
+  of_16_bits.pass(0s);
+  EXPECT_EQ(unit.read(0x1000), 0x4019AU);
+  EXPECT_EQ(of_16_bits.read(0x1000), 0x2019AU);
+}
+
 TEST(CanopenLss, SelectsBySerialNumber) {
   Unit unit("vendor_id=1 product_code=2 revision_number=3 serial_number=4");
   unit.pass(0s);

@@ -27,7 +27,7 @@ TEST(Canopen, IsSilentWhileItStartsUp) {
     EXPECT_EQ(unit.step(49ms), "");
     EXPECT_EQ(unit.send("60A#4000100000000000"), "");
     EXPECT_EQ(unit.pass(1ms), "70A#00");
-    EXPECT_EQ(unit.send("60A#4000100000000000"), "58A#430010009A010000");
+    EXPECT_EQ(unit.send("60A#4000100000000000"), "58A#430010009A010400");
   }
 }
 
@@ -46,7 +46,7 @@ TEST(Canopen, FollowsTheMastersCommands) {
   EXPECT_EQ(unit.send("60A#4000100000000000"), "") << "no SDO while stopped";
   unit.send("000#800A");
   EXPECT_EQ(heartbeat(), "70A#7F");
-  EXPECT_EQ(unit.send("60A#4000100000000000"), "58A#430010009A010000");
+  EXPECT_EQ(unit.send("60A#4000100000000000"), "58A#430010009A010400");
   for (const char* refused : {"000#010A00", "000#01", "000#030A", "000#FF0A"}) EXPECT_EQ(unit.send(refused), "");
   EXPECT_EQ(heartbeat(), "70A#7F");
   EXPECT_EQ(unit.send("000#8200"), "70A#00");
