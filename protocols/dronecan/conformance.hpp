@@ -17,7 +17,7 @@ using namespace std::string_view_literals;
 inline constexpr ConformanceSettings conformance_settings[] = {
     {"raw_imu_hz=1000 start_up_ms=0"},
     {"raw_imu_hz=1000 start_up_ms=0 timestamp=device solution_hz=500 magnetic_field_hz=500 static_pressure_hz=20 "
-     "static_temperature_hz=1 priority=0",
+     "static_temperature_hz=1 gnss_fix2_hz=100 gnss_auxiliary_hz=100 priority=0",
      [](Protocol& entry) { entry.fields |= Measurement::time; }},
     {"raw_imu_hz=1000 start_up_ms=0 integrals=false",
      [](Protocol& entry) { entry.fields = Measurement::rate | Measurement::specific_force; }},

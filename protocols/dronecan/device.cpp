@@ -2,7 +2,7 @@
 // the time of the bus. It is no vendor's product: it sends what AP_Periph and PX4's cannode send, and a name and
 // versions that the settings give. Its parts: transfer.hpp frames, messages.hpp layouts, services.hpp what hosts ask
 // for, parameters.hpp what they set, allocation.hpp the node id, bus_time.hpp the time, settings.hpp the keys of
-// [imu.device]; decoder.cpp reads RawIMU.
+// [imu.device], gnss.hpp the receiver; decoder.cpp reads RawIMU.
 //
 // The host's changes of parameters apply at once, but that of the node id at the next restart.
 #include <algorithm>
@@ -12,6 +12,7 @@
 #include "protocols/deadlines.hpp"
 #include "protocols/dronecan/bus_time.hpp"
 #include "protocols/dronecan/conformance.hpp"
+#include "protocols/dronecan/gnss.hpp"
 #include "protocols/dronecan/services.hpp"
 #include "protocols/dronecan/settings.hpp"
 
@@ -127,6 +128,8 @@ class DroneCanDevice final : public Device {
     allocation_.step_clock(by);
   }
 
+  void set_figures(const OwnFigures& figures) noexcept override { figures_ = figures; }
+
   std::span<const std::uint64_t> counts() const noexcept override { return counts_; }
 
  private:
@@ -209,6 +212,12 @@ class DroneCanDevice final : public Device {
           broadcast(type, priority, StaticPressureWire{little_float32_buf_t(to_float(sample.pressure)), to_half(0)},
                     out);
         break;
+      case gnss_auxiliary.id:
+        broadcast(type, priority, auxiliary_of(sample.navigation).bytes(), out);
+        break;
+      case gnss_fix2.id:
+        broadcast(type, priority, fix2_of(sample.navigation, figures_, time).bytes(), out);
+        break;
       default: {
         constexpr double zero_celsius = 273.15;
         broadcast(type, priority, StaticTemperatureWire{to_half(sample.temperature_c + zero_celsius), to_half(0)},
@@ -233,8 +242,11 @@ class DroneCanDevice final : public Device {
 
   template <WireLayout T>
   void broadcast(const DataType& type, unsigned priority, const T& wire, FrameBuffer& out) noexcept {
-    send({.priority = priority, .type = type.id, .source = node_.id}, type, next_transfer_id(type),
-         std::as_bytes(std::span(&wire, 1)), out);
+    broadcast(type, priority, std::as_bytes(std::span(&wire, 1)), out);
+  }
+  void broadcast(const DataType& type, unsigned priority, std::span<const std::byte> payload,
+                 FrameBuffer& out) noexcept {
+    send({.priority = priority, .type = type.id, .source = node_.id}, type, next_transfer_id(type), payload, out);
   }
 
   void send(const Identifier& identifier, const DataType& type, unsigned transfer_id,
@@ -257,6 +269,7 @@ class DroneCanDevice final : public Device {
   Allocation allocation_;
   BusTime bus_time_;
   bool is_device_time_;
+  OwnFigures figures_;
   DeviceTime next_status_;
   std::array<std::uint8_t, streams.size() + 2> transfer_ids_;  // of the streams, NodeStatus, Allocation
   std::int64_t samples_ = 0;                                   // since the node became operational
@@ -270,7 +283,8 @@ class DroneCanDevice final : public Device {
 extern const Protocol dronecan_protocol;
 constexpr Protocol dronecan_protocol = {
     .name = "dronecan",
-    .summary = "an IMU on DroneCAN (UAVCAN v0): RawIMU, Solution, magnetic field, air data; services, parameters",
+    .summary =
+        "an IMU on DroneCAN (UAVCAN v0): RawIMU, Solution, magnetic field, air data, GNSS; services, parameters",
     .link = Link::can,
     .document = "DroneCAN specification, CAN bus transport layer; github.com/dronecan/DSDL at b4653c7",
     .settings = declared_settings,

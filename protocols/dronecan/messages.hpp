@@ -4,8 +4,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <string_view>
@@ -29,6 +31,8 @@ inline constexpr DataType static_pressure{1028, false, 0xCDC7C43412BDC89A,
                                           "uavcan.equipment.air_data.StaticPressure"};
 inline constexpr DataType static_temperature{1029, false, 0x49272A6477D96271,
                                              "uavcan.equipment.air_data.StaticTemperature"};
+inline constexpr DataType gnss_auxiliary{1061, false, 0x9BE8BDC4C3DBBFD2, "uavcan.equipment.gnss.Auxiliary"};
+inline constexpr DataType gnss_fix2{1063, false, 0xCA41E7000F37435F, "uavcan.equipment.gnss.Fix2"};
 
 // Returns the nearest float16, ties to even; saturates at 65504. A float cannot stand between: rounding twice may
 // differ. So the double's lowest 29 bits are first replaced by one sticky bit, and the float is exact.
@@ -100,6 +104,41 @@ struct StaticTemperatureWire {
   Half variance;     // 0
 };
 static_assert(sizeof(StaticTemperatureWire) == 4);
+
+// Writes numbers of any length one after another, as DSDL serialises them: the bytes of a number from the lowest one
+// on, the last of which may be incomplete, and the bits of each byte from the highest one on.
+template <std::size_t size>
+class PackedPayload {
+ public:
+  // Writes the lowest `bits` of `value`, at most 64.
+  void put(std::uint64_t value, unsigned bits) noexcept {
+    for (; bits > 0; value >>= 8U) {
+      const unsigned count = std::min(bits, 8U);
+      for (unsigned i = count; i-- > 0; ++end_)
+        bytes_[end_ / 8] |= static_cast<std::byte>((value >> i & 1U) << (7 - end_ % 8));
+      bits -= count;
+    }
+  }
+  // Writes the nearest number; one that does not fit saturates.
+  void put_rounded(double value, unsigned bits) noexcept {
+    const double limit = static_cast<double>(std::int64_t{1} << (bits - 1));
+    put(static_cast<std::uint64_t>(std::llround(std::clamp(value, -limit, limit - 1))), bits);
+  }
+  void put_half(double value) noexcept { put(to_half(value).value(), 16); }
+  void put_float(double value) noexcept { put(std::bit_cast<std::uint32_t>(to_float(value)), 32); }
+  // The payload; whole once `size` bytes are written.
+  std::span<const std::byte> bytes() const noexcept { return bytes_; }
+
+ private:
+  std::array<std::byte, size> bytes_{};
+  std::size_t end_ = 0;  // bits written
+};
+
+// Fix2 with the 6 variances of position and velocity along north, east, down, and without a position in E.
+inline constexpr std::size_t gnss_fix2_size = 62;
+inline constexpr std::size_t gnss_auxiliary_size = 16;
+enum GnssTimeStandard : std::uint8_t { no_gnss_time, utc_gnss_time = 2 };
+enum FixStatus : std::uint8_t { no_fix, fix_3d = 3 };
 
 // The time of the bus, when the master sent its previous message of this type; 0 in its first.
 struct GlobalTimeSyncWire {

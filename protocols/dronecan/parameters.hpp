@@ -19,6 +19,8 @@ enum Key : std::size_t {
   priority_key,
   sensor_id_key,
   integrals_key,
+  gnss_fix2_hz,  // the keys above keep their indices, by which hosts list them
+  gnss_auxiliary_hz,
   key_count
 };
 
@@ -39,6 +41,8 @@ inline constexpr std::array<Parameter, key_count> parameters = {{
     {"priority", 31, false, false},
     {"sensor_id", 255, false, false},
     {"integrals", 1, false, true},
+    {"gnss_fix2_hz", highest_sample_rate, true, false},
+    {"gnss_auxiliary_hz", highest_sample_rate, true, false},
 }};
 
 using Values = std::array<std::int64_t, key_count>;  // index: Key

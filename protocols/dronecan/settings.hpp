@@ -17,12 +17,14 @@ struct Stream {
   Key rate;
   std::size_t size;  // bytes of the payload
 };
-inline constexpr std::array<Stream, 5> streams = {{
+inline constexpr std::array<Stream, 7> streams = {{
     {&solution, solution_hz, sizeof(SolutionWire)},
     {&magnetic_field, magnetic_field_hz, sizeof(MagneticFieldWire)},
     {&raw_imu, raw_imu_hz, sizeof(RawImuWire)},
     {&static_pressure, static_pressure_hz, sizeof(StaticPressureWire)},
     {&static_temperature, static_temperature_hz, sizeof(StaticTemperatureWire)},
+    {&gnss_auxiliary, gnss_auxiliary_hz, gnss_auxiliary_size},
+    {&gnss_fix2, gnss_fix2_hz, gnss_fix2_size},
 }};
 inline constexpr unsigned status_priority = 24;  // of NodeStatus and Allocation
 
@@ -57,6 +59,14 @@ inline constexpr Setting declared_settings[] = {
      .help = "air_data.StaticTemperature, likewise",
      .initial = std::int64_t{0},
      .max = highest_sample_rate},
+    {.key = "gnss_fix2_hz",
+     .help = "gnss.Fix2, likewise; without a fix where the place is not known",
+     .initial = std::int64_t{0},
+     .max = highest_sample_rate},
+    {.key = "gnss_auxiliary_hz",
+     .help = "gnss.Auxiliary, likewise",
+     .initial = std::int64_t{0},
+     .max = highest_sample_rate},
     {.key = "priority",
      .help = "of the measurements; 0: the highest",
      .initial = std::int64_t{16},
@@ -64,7 +74,7 @@ inline constexpr Setting declared_settings[] = {
     {.key = "sensor_id", .help = "in MagneticFieldStrength2", .initial = std::int64_t{0}, .max = 255},
     {.key = "integrals", .help = "RawIMU has integrated values", .initial = true},
     {.key = "timestamp",
-     .help = "of RawIMU and Solution: the time of the bus, 0 while it is not known; or the time since power-on",
+     .help = "of RawIMU, Solution and Fix2: the time of the bus, 0 while it is not known; or the time since power-on",
      .initial = time_bases[0],
      .choices = time_bases},
     {.key = "start_up_ms",

@@ -45,7 +45,7 @@ TEST(DroneCanServices, ListsItsParameters) {
     EXPECT_GE(frames_in(answer), 3U);
     ASSERT_LT(index, 100U);
   }
-  EXPECT_EQ(parameters, 9U);
+  EXPECT_EQ(parameters, 11U);
 }
 
 TEST(DroneCanServices, ReadsAndWritesParameters) {

@@ -2,6 +2,7 @@
 // DSDL at b4653c7), and transfers of several frames.
 #include <cmath>
 
+#include "core/units.hpp"
 #include "protocols/dronecan/messages.hpp"
 #include "tests/protocols/dronecan_unit.hpp"
 
@@ -56,6 +57,45 @@ TEST(DroneCan, SendsAllMessagesOfASampleInOrderOfTheirIdentifiers) {
   nowhere.magnetic_field.setZero();
   nowhere.pressure = 0;
   EXPECT_EQ(frames_in(unit.sample(nowhere)), 5U + 7U + 1U) << "neither magnetic field nor pressure is known";
+}
+
+// Fix2 and Auxiliary of a receiver with a fix, and their place in the order of the identifiers.
+TEST(DroneCan, SendsTheFixOfAReceiver) {
+  Unit unit("sample_rate_hz=100 raw_imu_hz=0 gnss_fix2_hz=100 gnss_auxiliary_hz=100 priority=20 timestamp=device");
+  OwnFigures figures;
+  figures.position = {0.5, 0.5, 2};
+  figures.velocity = {0.1, 0.1, 0.2};
+  unit.device->set_figures(figures);
+  unit.now.ns = 123'456'789'000;
+  Sample sample;
+  Navigation& place = sample.navigation;
+  place.is_known = true;
+  place.gps_ns = 1'400'000'000'123'456'789;
+  place.longitude = 149.16523012 * units::degree;
+  place.latitude = -35.36326145 * units::degree;
+  place.height = -12.345;
+  place.v_L = {1.5, -2.25, 0.1};
+  EXPECT_EQ(unit.sample(sample),
+            "1404252A#BE069A3EC33D6680 1404252A#3ACD3C663A8F3820 1404252A#8F38186040 "
+            "1404272A#897215CD5B070080 1404272A#0000C019492FA920 1404272A#180640001B041400 1404272A#18791FFF89B96F20 "
+            "1404272A#F1F3FFFE3E7FFF00 1404272A#0000C03F00001020 1404272A#C0CDCCCC3D330000 1404272A#0600340034004420 "
+            "1404272A#1F211F211F29C300 1404272A#3D60");
+  place.accuracy_factor = 2;
+  EXPECT_NE(unit.sample(sample).find("#06003C003C004C2"), std::string::npos) << "four times the variance";
+}
+
+TEST(DroneCan, AReceiverWithoutAPlaceHasNoFix) {
+  Unit unit("sample_rate_hz=100 raw_imu_hz=0 gnss_fix2_hz=100 gnss_auxiliary_hz=50");
+  const std::string fix = unit.sample();
+  ASSERT_EQ(frames_in(fix), 10U) << "Auxiliary is sent with every second sample";
+  const std::string zeros = "#00000000000000";
+  std::size_t empty = 0;
+  for (std::size_t at = fix.find(zeros); at != fix.npos; at = fix.find(zeros, at + 1)) ++empty;
+  EXPECT_EQ(empty, 7U) << "neither time, place, velocity nor status";
+  const std::string both = unit.sample();
+  EXPECT_EQ(frames_in(both), 13U);
+  const std::string three_unknown = "007E007E007E";  // dilutions that are not a number
+  EXPECT_NE(both.find(three_unknown), std::string::npos) << both;
 }
 
 TEST(DroneCan, IntegratesOverTheIntervalOfEachMessage) {

@@ -1,0 +1,60 @@
+#include "protocols/dronecan/gnss.hpp"
+
+#include <limits>
+
+#include "core/units.hpp"
+
+namespace imud::dronecan {
+
+namespace {
+
+constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+// Under an open sky: geometric, position, horizontal, vertical, time, north, east.
+constexpr double dilutions[] = {1.65, 1.44, 0.80, 1.20, 0.80, 0.57, 0.57};
+
+}  // namespace
+
+PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFigures& figures,
+                                      std::uint64_t time_us) noexcept {
+  // The definition counts leap seconds since 1972, 9 of them before 1980: UTC = GPS - number + 9.
+  constexpr std::int64_t gps_began_s = 315'964'800, leap_s = 18, leaps_before_gps = 9;
+  const bool is_fixed = navigation.is_known;
+  const std::int64_t utc_us = navigation.gps_ns / 1000 + (gps_began_s - leap_s) * 1'000'000;
+  PackedPayload<gnss_fix2_size> fix;
+  fix.put(time_us, 56);
+  fix.put(is_fixed ? static_cast<std::uint64_t>(utc_us) : 0, 56);
+  fix.put(is_fixed ? utc_gnss_time : no_gnss_time, 3);
+  fix.put(0, 13);
+  fix.put(is_fixed ? leap_s + leaps_before_gps : 0, 8);
+  fix.put_rounded(1e8 * navigation.longitude / units::degree, 37);
+  fix.put_rounded(1e8 * navigation.latitude / units::degree, 37);
+  fix.put_rounded(1e3 * navigation.height, 27);
+  fix.put_rounded(1e3 * navigation.height, 27);
+  for (int i = 0; i < 3; ++i) fix.put_float(navigation.v_L[i]);
+  fix.put(is_fixed ? std::min<unsigned>(navigation.satellites, 63) : 0, 6);
+  fix.put(is_fixed ? fix_3d : no_fix, 2);
+  fix.put(0, 4);  // mode: single
+  fix.put(0, 6);
+  constexpr unsigned variances = 6;
+  fix.put(variances, 6);
+  const Vector3 position = figure_or(figures.position, Vector3(0.85, 0.85, 1.8)),
+                velocity = figure_or(figures.velocity, Vector3::Constant(0.03));
+  for (const Vector3& deviation : {position, velocity})
+    for (int i = 0; i < 3; ++i) {
+      const double reported = is_fixed ? double{navigation.accuracy_factor} * deviation[i] : 0;
+      fix.put_half(reported * reported);
+    }
+  fix.put_half(is_fixed ? dilutions[1] : unknown);
+  return fix;
+}
+
+PackedPayload<gnss_auxiliary_size> auxiliary_of(const Navigation& navigation) noexcept {
+  PackedPayload<gnss_auxiliary_size> auxiliary;
+  for (const double dilution : dilutions) auxiliary.put_half(navigation.is_known ? dilution : unknown);
+  const unsigned satellites = navigation.is_known ? navigation.satellites : 0;
+  auxiliary.put(std::min(satellites, 127U), 7);
+  auxiliary.put(std::min(satellites, 63U), 6);
+  return auxiliary;
+}
+
+}  // namespace imud::dronecan
