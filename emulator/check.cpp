@@ -59,6 +59,7 @@ void print_text(const std::string& path, const Config& config) {
   fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
   fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
   if (const std::string derived = fit_text(config.truth); !derived.empty()) fmt::print("{:<8} {}\n", "", derived);
+  fmt::print("{:<8} {}\n", "earth", earth_text(config.truth));
   for (const ImuConfig& imu : config.imus) {
     fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
                line_load(imu).text());
@@ -144,6 +145,7 @@ void print_json(const std::string& path, const Config& config) {
                      {"faults", Json::array()},
                      {"warnings", config.warnings},
                      {"derived", std::move(fit)},
+                     {"earth", earth_text(config.truth)},
                      {"imus", std::move(imus)},
                      {"buses", std::move(buses)},
                      {"running_keys", running_keys_json()},

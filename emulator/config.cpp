@@ -4,8 +4,6 @@
 #include <thread>
 #include <utility>
 
-#include "core/igrf.hpp"
-#include "core/units.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/config_text.hpp"
 #include "emulator/control/tcp_address.hpp"
@@ -115,49 +113,6 @@ const Transport* read_port(TableReader& table, std::string_view key, const std::
 
 namespace {
 
-EarthModel read_earth(TableReader table) {
-  using Frame = EarthModel::Frame;
-  EarthModel earth;
-  constexpr Frame frames[] = {Frame::none, Frame::local, Frame::inertial};
-  earth.frame = frames[table.choice("frame", {"none", "local", "inertial"}, 0)];
-  const toml::date_time in_2025(toml::date(2025, 1, 1), toml::time(0, 0, 0), toml::time_offset());
-  const std::int64_t start = table.utc_s("start", in_2025, 2017, 2100);
-  earth.start_gps_ns = gps_ns_from_unix(start);
-  if (earth.frame != Frame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
-    table.warn("start", fmt::format("IGRF-14 ends in {}; the magnetic field is extrapolated", igrf14_end));
-  // Reads a key that one frame alone has.
-  const auto angle = [&](const std::string& key, Frame frame, std::string_view name, double fallback, double min,
-                         double max) {
-    if (earth.frame != frame && !table.has(key)) return fallback;
-    const double value = table.real(key, fallback, min, max);
-    if (earth.frame != frame) table.fault(key, fmt::format("needs frame = \"{}\"", name));
-    return value;
-  };
-  if (earth.frame == Frame::local) {
-    table.require("latitude_deg", "the latitude of N's origin");
-    table.require("longitude_deg", "the longitude of N's origin");
-  }
-  // The place of the vehicle at rest: the origin of a local frame, or in an inertial frame the keys rest_*.
-  const auto place = [&](const std::string& prefix, Frame frame, std::string_view name) {
-    earth.latitude += units::degree * angle(prefix + "latitude_deg", frame, name, 0.0, -90.0, 90.0);
-    earth.longitude += units::degree * angle(prefix + "longitude_deg", frame, name, 0.0, -180.0, 360.0);
-    earth.height += angle(prefix + "height_m", frame, name, 0.0, -1e4, 1e8);
-  };
-  place("", Frame::local, "local");
-  place("rest_", Frame::inertial, "inertial");
-  earth.angle = units::degree * angle("angle_deg", Frame::inertial, "inertial",
-                                      earth_rotation_angle(start) / units::degree, -360.0, 360.0);
-  earth.rest_yaw_pitch_roll = units::degree * table.vector3("rest_yaw_pitch_roll_deg", Vector3::Zero());
-  if (earth.rest_yaw_pitch_roll.cwiseAbs().maxCoeff() > 1e4)
-    table.fault("rest_yaw_pitch_roll_deg", "give angles from -572957 to 572957");
-  table.finish();
-  return earth;
-}
-
-}  // namespace
-
-namespace {
-
 std::optional<std::uint16_t> port_number(const std::string& port,
                                          std::optional<std::uint16_t> (*Transport::*number)(const PortSpec&)) {
   const Transport* transport = transport_of(port);
@@ -219,7 +174,7 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
     if (table.has_table(truth.format->name)) own.emplace(table.child(truth.format->name));
     truth.settings = read_settings(table, truth.format->settings, own ? &*own : nullptr);
     try {
-      static_cast<void>(truth.format->make(truth.settings));
+      truth.frame = truth.format->make(truth.settings)->frame();
     } catch (const std::invalid_argument& error) {
       const std::string_view what = error.what();
       const std::size_t colon = std::min(what.find(": "), what.size());
@@ -322,7 +277,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
     table.fault("clock", fmt::format("\"fast\" reads a capture; give truth.port {}, or \"lockstep\"",
                                      ports_that([](const Transport& t) { return t.brings_truth && t.ends; })));
 
-  const EarthModel earth = read_earth(table.child("earth"));
+  config.truth.earth = read_earth(table.child("earth"), config.truth);
 
   const toml::node* imus = table.node("imu");
   const toml::array* array = imus == nullptr ? nullptr : imus->as_array();
@@ -335,8 +290,10 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
       toml::table& resolved_imu = resolved_imus.emplace_back<toml::table>();
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults, resolved_imu);
       config.imus.push_back(read_imu(reader, i));
-      config.imus.back().model.earth = earth;
-      config.imus.back().model.r_SB_B -= config.truth.r_RB_B;  // core's B has its origin at R
+      config.imus.back().model.earth = config.truth.earth;
+      if (config.truth.earth.frame == EarthModel::Frame::automatic && !carries_place(config.imus.back()))
+        config.imus.back().model.earth.frame = EarthModel::Frame::none;  // nobody sees it, and it takes time
+      config.imus.back().model.r_SB_B -= config.truth.r_RB_B;            // core's B has its origin at R
       for (PortSettings* port : {&config.imus.back().port_settings, &config.imus.back().second_port_settings}) {
         if (config.clock != ClockMode::realtime) port->delivery = Delivery::complete;
         port->replaces_file = !capture.empty();

@@ -52,6 +52,9 @@ struct TruthConfig {
   WhenStopped when_stopped = WhenStopped::hold;
   std::optional<PoseFit::Options> fit;  // nullopt: nothing is derived
   bool ignores_force = false;           // no specific force is used or derived
+  TruthFrame frame;                     // as far as the format and its settings determine it
+  EarthModel earth;                     // that of every imu
+  bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or that of the start
   Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
 };
 

@@ -105,7 +105,14 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth);
 // Describes it, with delay and bandwidth; empty if nothing is derived.
 std::string fit_text(const TruthConfig& truth);
 
+// Reads [earth], which must not contradict the truth's own frame (earth_config.cpp).
+EarthModel read_earth(TableReader table, TruthConfig& truth);
+// Describes what relates N to the Earth.
+std::string earth_text(const TruthConfig& truth);
+
 // Returns true if the imu's protocol transmits these bits of Sample::status.
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);
+// Returns false if what the imu's protocol sends never depends on the place, the magnetic field or the pressure.
+bool carries_place(const ImuConfig& imu);
 
 }  // namespace imud

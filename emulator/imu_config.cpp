@@ -363,6 +363,27 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   return imu;
 }
 
+bool carries_place(const ImuConfig& imu) {
+  // A host, or the settings, may choose what is sent.
+  if (imu.protocol == nullptr || imu.protocol->product != nullptr || imu.protocol->fields != Measurement::all)
+    return true;
+  const auto bytes_of = [&](bool is_known) {
+    Sample sample = typical_sample();
+    if (is_known) {
+      sample.navigation = {.is_known = true, .latitude = 0.8, .longitude = 0.1, .height = 500};
+      sample.magnetic_field = Vector3::Constant(2e-5);
+      sample.pressure = 9e4;
+    }
+    const auto frames = std::make_unique<FrameBuffer>();
+    imu.protocol->make(imu.settings)->sample(sample, *frames);
+    std::vector<std::byte> bytes;
+    for (const Frame& frame : frames->frames()) bytes.insert(bytes.end(), frame.bytes.begin(), frame.bytes.end());
+    return bytes;
+  };
+  const std::vector<std::byte> bytes = bytes_of(false);
+  return bytes.empty() || bytes != bytes_of(true);
+}
+
 bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
   struct Sink final : MeasurementSink {
     void on_measurement(const Measurement& measurement) override {

@@ -54,7 +54,8 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       needs_earth_(config.fit && config.fit->gravitation.needs_position()),
       is_stream_(is_stream(config.port, *port_)),
       is_live_(!is_capture(config.port)),
-      limits_(config.limits) {
+      limits_(config.limits),
+      place_(config) {
   remark_columns();
   if (recorder_ != nullptr) add_interface(config);
 }
@@ -310,6 +311,9 @@ TruthIntake::Outcome TruthIntake::admit(TruthTime watermark) noexcept {
   count_lost(admission);
   count_step(admission, truth_.time - before);
   if (admission == Admission::accepted) remark_step(truth_.time - before);
+  if (admission != Admission::inserted) {
+    if (counters_.accepted == 1 || admission == Admission::new_run) remark_place();
+  }
   if (!truth_.has_specific_force && truth_.accumulated_dv == AccumulatedDv::none) [[unlikely]]
     remark_no_force();
   if (truth_.is_force_derived && needs_earth_ && !is_near_earth(truth_.r_BN_N)) [[unlikely]]

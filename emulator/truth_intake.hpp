@@ -12,6 +12,7 @@
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"
+#include "emulator/place_watch.hpp"
 #include "emulator/sender_watch.hpp"
 #include "emulator/step_watch.hpp"
 #include "protocols/truth_format.hpp"
@@ -87,6 +88,7 @@ class TruthIntake {
   void remark_no_force() noexcept;
   void remark_far_from_earth() noexcept;
   void remark_step(Nanoseconds step) noexcept;
+  void remark_place() noexcept;
   void remark_last_line() noexcept;
   void watch_senders() noexcept;
   Outcome derive(TruthTime watermark) noexcept;
@@ -125,6 +127,7 @@ class TruthIntake {
   bool has_sequence_ = false;  // of a format without it, every number is 0
   StepWatch steps_;
   TimeUnitWatch unit_;
+  PlaceWatch place_;
   SenderWatch senders_;
   Endpoint sender_;            // of the last record
   std::uint64_t foreign_ = 0;  // PortCounters::foreign at the last record

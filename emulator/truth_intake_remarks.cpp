@@ -8,6 +8,11 @@
 
 namespace imud {
 
+void TruthIntake::remark_place() noexcept {
+  counters_.remarks.place.set([&](std::span<char> room) { return place_.describe_place(truth_, room); });
+  counters_.remarks.date.set([&](std::span<char> room) { return place_.describe_date(truth_, room); });
+}
+
 // The last record is whole, but nothing says that its last number is.
 void TruthIntake::remark_last_line() noexcept {
   counters_.remarks.last_line.set([&](std::span<char> room) {

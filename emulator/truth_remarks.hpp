@@ -36,11 +36,13 @@ struct TruthRemarks {
   Remark time_unit;       // times that are not nanoseconds
   Remark senders;         // two simulators at one port
   Remark content;         // the datagrams of a capture without any for the port
+  Remark place;           // a place, or an angle of the Earth, that contradicts [earth]
+  Remark date;            // a date that contradicts [earth]
   Remark last_line;       // the last line of a file, without a line feed
 
   // In the order in which the log reports them.
-  std::array<const Remark*, 7> all() const noexcept {
-    return {&content, &columns, &no_force, &far_from_earth, &time_unit, &last_line, &senders};
+  std::array<const Remark*, 9> all() const noexcept {
+    return {&content, &columns, &no_force, &far_from_earth, &time_unit, &last_line, &senders, &place, &date};
   }
 };
 

@@ -543,7 +543,7 @@ TEST_F(ConfigTest, CanLoadIsOfTheWorstCase) {
 }
 
 TEST_F(ConfigTest, EarthIsOffUntilTheFrameOfNIsConfigured) {
-  EXPECT_EQ(load(good).imus[0].model.earth.frame, EarthModel::Frame::none);
+  EXPECT_EQ(load(good).truth.earth.frame, EarthModel::Frame::automatic);
   const std::string local = std::string(good) +
                             "magnetometer.bias_t = [1e-6, 0, 0]\nbarometer = { bias_pa = 12, noise_pa = 3 }\n"
                             "[earth]\nframe = \"local\"\nlatitude_deg = 47\nlongitude_deg = -11\nheight_m = 500\n"
