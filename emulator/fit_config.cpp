@@ -58,6 +58,12 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   };
   PoseFit::Options fit;
   fit.rate = source_of("rate", table.choice("rate", {"auto", "given", "derived"}, 0));
+  if (waits && !truth.frame.has_rate && fit.rate == Source::given)
+    table.fault("format",
+                fmt::format("{} truth has no rate by these settings, and in lockstep none can be derived, as the "
+                            "simulator waits for an answer to each truth; send the rate, or give clock = "
+                            "\"realtime\"",
+                            truth.format->name));
   const std::size_t force = table.choice("specific_force", {"auto", "given", "derived", "none"}, 0);
   fit.specific_force = source_of("specific_force", force);
   truth.ignores_force = force == 3;

@@ -80,6 +80,15 @@ TEST_F(DerivedTruth, FaultsSayWhatWouldBeRight) {
   EXPECT_TRUE(contains(faults({"truth.rate=derived"}, "lockstep"), "in lockstep the simulator waits for an answer"));
   EXPECT_TRUE(contains(faults({"truth.specific_force=derived"}, "lockstep"), "truth.specific_force"));
   EXPECT_EQ(faults({"truth.specific_force=none"}, "lockstep"), "");
+  // A run would refuse every truth.
+  const std::string no_rate = "truth has no rate by these settings, and in lockstep none can be derived";
+  EXPECT_TRUE(contains(faults({"truth.format=tum"}, "lockstep"), "truth.format: tum " + no_rate));
+  EXPECT_TRUE(contains(faults({"truth.format=euroc"}, "lockstep"), no_rate));
+  EXPECT_TRUE(contains(faults({"truth.format=flightgear", "truth.protocol=insgns-truth"}, "lockstep"), no_rate));
+  EXPECT_EQ(faults({"truth.format=flightgear"}, "lockstep"), "") << "insgns-imu has a rate";
+  EXPECT_EQ(faults({"truth.format=json"}, "lockstep"), "") << "each object may have one";
+  EXPECT_EQ(faults({"truth.format=dis"}, "lockstep"), "") << "some PDUs have one";
+  EXPECT_EQ(faults({"truth.format=tum"}, "fast"), "");
   EXPECT_TRUE(contains(faults({"truth.gravity=j2", "truth.gravity_m_per_s2=9.81"}), "not both"));
   EXPECT_TRUE(contains(faults({"truth.gravity=moon"}), "wgs84"));
   EXPECT_TRUE(contains(faults({"truth.fit_delay_ms=0"}), "from 1 to 500"));
