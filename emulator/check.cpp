@@ -139,6 +139,7 @@ void print_json(const std::string& path, const Config& config) {
   if (config.truth.fit)
     fit = {{"text", fit_text(config.truth)},
            {"delay_s", seconds(config.truth.fit->delay)},
+           {"longest_delay_s", seconds(config.truth.fit->delay) * PoseFit::widest_factor(config.truth.fit->widest)},
            {"bandwidth_hz", PoseFit::bandwidth_hz(config.truth.fit->delay)}};
   const Json json = {{"path", path},
                      {"good", true},

@@ -51,6 +51,7 @@ constexpr auto refusals = std::to_array<RefusalRow>({
      {},
      "no header row has named every required column; name them in truth.columns"},
     {Refusal::no_rate, {}, "no_rate", "has no rate; send it, or give truth.rate = \"derived\" (not in lockstep)"},
+    {Refusal::outlier, {}, "outlier", "further from the poses around it than their noise and any motion explain"},
     {Refusal::duplicate, {}, "duplicate", "a truth of the same time was accepted before"},
     {Refusal::reordered, {}, "reordered", "it arrived after a later one, when its time had been used"},
     {Refusal::time_back,

@@ -151,6 +151,7 @@ enum class Refusal : std::uint8_t {
   out_of_range,
   no_columns,
   no_rate,
+  outlier,
   duplicate,
   reordered,
   time_back,
@@ -179,6 +180,25 @@ class RefusalCounters : public CounterGroup {
   std::deque<Counter> counts_;  // a Counter does not move
 };
 
+// The noise of the poses from which rate and specific force are derived, and the windows of the fit
+// (PoseFit::Quality). Valid if `known`.
+struct FitFigures : CounterGroup {
+  // The root mean square of a component: rad; m, or m/s where the force is derived from velocities.
+  Level attitude_noise{*this, "attitude_noise_rad", 0, 1};
+  Level place_noise{*this, "place_noise_m", 0, 1};
+  // The same of the rate and the force that the windows make of it, rad/s and m/s^2.
+  Level rate_noise{*this, "rate_noise_rad_per_s", 0, 1};
+  Level force_noise{*this, "force_noise_m_per_s2", 0, 1};
+  // Delays, s: the shortest, the mean, the longest; 0: nothing is derived.
+  Level rate_shortest{*this, "rate_delay_shortest_ms", 0, 1e3};
+  Level rate_mean{*this, "rate_delay_mean_ms", 0, 1e3};
+  Level rate_longest{*this, "rate_delay_longest_ms", 0, 1e3};
+  Level force_shortest{*this, "force_delay_shortest_ms", 0, 1e3};
+  Level force_mean{*this, "force_delay_mean_ms", 0, 1e3};
+  Level force_longest{*this, "force_delay_longest_ms", 0, 1e3};
+  std::atomic<bool> known = false;
+};
+
 // The counters of the admission of truth.
 struct TruthCounters : CounterGroup {
   Counter received{*this, {"received", "received", Show::always}};  // records
@@ -203,6 +223,7 @@ struct TruthCounters : CounterGroup {
   Counter disconnections{*this, {"disconnections", "disconnections", Show::if_not_zero, Show::if_not_zero}};
   Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   RefusalCounters refused;
+  FitFigures fit;
   TruthRemarks remarks;
   std::atomic<PortState> port_state = PortState::ready;
   // Arrival of the first and of the newest truth accepted, by the port's clock.

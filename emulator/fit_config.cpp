@@ -1,5 +1,6 @@
 // The keys of [truth] for what is derived from poses, and the point that truth speaks of.
 #include "emulator/config_parts.hpp"
+#include "emulator/recorded_config.hpp"
 
 namespace imud {
 
@@ -42,6 +43,17 @@ std::string text(const GravitationModel& gravitation) {
   }
 }
 
+// Returns whether `port` is the record of a run whose window was not chosen: a run is repeated as it was.
+bool was_recorded_otherwise(const std::string& port) {
+  if (transport_of(port)->is_record == nullptr) return false;
+  try {
+    const auto recorded = recorded_config(PortSpec::parse(port).address);
+    return !recorded || recorded->find("\nfit_delay_ms = \"auto\"") == std::string::npos;
+  } catch (const PortError&) {
+    return true;
+  }
+}
+
 }  // namespace
 
 void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
@@ -67,9 +79,22 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   const std::size_t force = table.choice("specific_force", {"auto", "given", "derived", "none"}, 0);
   fit.specific_force = source_of("specific_force", force);
   truth.ignores_force = force == 3;
-  fit.delay = nanoseconds(1e-3 * table.real("fit_delay_ms", 30.0, 1.0, 500.0));
+  const bool derives = fit.rate != Source::given || fit.specific_force != Source::given;
+  // The choice uses truths of a second ahead, which costs a capture nothing.
+  const bool is_chosen_by_default = derives && is_capture(truth.port) && !was_recorded_otherwise(truth.port);
+  if (table.is_text("fit_delay_ms") || (!table.has("fit_delay_ms") && is_chosen_by_default)) {
+    fit.widest = 8;
+    if (table.text("fit_delay_ms", "auto") != "auto")
+      table.fault("fit_delay_ms", "give milliseconds from 1 to 500, or \"auto\"");
+    else if (!is_capture(truth.port))
+      table.fault("fit_delay_ms",
+                  "\"auto\" needs a capture, as it uses truths of a second ahead; give milliseconds, by which the "
+                  "sensors then sample later");
+  } else {
+    fit.delay = nanoseconds(1e-3 * table.real("fit_delay_ms", 30.0, 1.0, 500.0));
+  }
   fit.gravitation = read_gravitation(table);
-  if (fit.rate != Source::given || fit.specific_force != Source::given) truth.fit = fit;
+  if (derives) truth.fit = fit;
   truth.r_RB_B = table.vector3("r_RB_B_m", truth.r_RB_B);
 }
 
@@ -77,10 +102,17 @@ std::string fit_text(const TruthConfig& truth) {
   if (!truth.fit) return {};
   const PoseFit::Options& fit = *truth.fit;
   const bool derives_force = fit.specific_force != Source::given && !truth.ignores_force;
-  return fmt::format("rate {}, specific force {}{}; derived with {:.6g} ms of delay, to {:.3g} Hz",
-                     word(fit.rate, false), truth.ignores_force ? "0" : word(fit.specific_force, true),
-                     derives_force ? fmt::format(", less {}", text(fit.gravitation)) : "", 1e3 * seconds(fit.delay),
-                     PoseFit::bandwidth_hz(fit.delay));
+  const double delay_ms = 1e3 * seconds(fit.delay);
+  const std::string window =
+      fit.widest == 0
+          ? fmt::format("{:.6g} ms of delay, to {:.3g} Hz", delay_ms, PoseFit::bandwidth_hz(fit.delay))
+          : fmt::format(
+                "{:.6g} to {:.6g} ms on either side, chosen by the noise of the poses, to {:.3g} Hz "
+                "at most",
+                delay_ms, delay_ms * PoseFit::widest_factor(fit.widest), PoseFit::bandwidth_hz(fit.delay));
+  return fmt::format("rate {}, specific force {}{}; derived with {}", word(fit.rate, false),
+                     truth.ignores_force ? "0" : word(fit.specific_force, true),
+                     derives_force ? fmt::format(", less {}", text(fit.gravitation)) : "", window);
 }
 
 }  // namespace imud

@@ -89,6 +89,7 @@ Summary Monitor::finish(std::string capture_warning) {
   for (std::size_t i = 0; i < refusals_.size(); ++i)
     if (const Remark& first = counters_.truth->refused.first[i]; first.is_set())
       all.truth.remarks.push_back(fmt::format("refused: {}: {}", cause(static_cast<Refusal>(i)), first.text()));
+  if (all.truth.has_fit) spdlog::info("truth: {}", fit_text(all.truth.fit));
   if (all.truth.warning.empty() && all.truth.counters[&TruthCounters::accepted] == 0 &&
       !is_capture(config_.truth.port))
     all.truth.warning = "no truth was accepted";

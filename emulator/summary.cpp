@@ -23,6 +23,8 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   summary.truth.refused = Snapshot(truth.refused);
   summary.truth.has_clock = counters.quality->known;
   summary.truth.quality = Snapshot(*counters.quality);
+  summary.truth.has_fit = truth.fit.known.load(std::memory_order_acquire);
+  summary.truth.fit = Snapshot(truth.fit);
   const double span_s = 1e-9 * static_cast<double>(truth.newest_ns - truth.first_ns);
   const std::uint64_t accepted = summary.truth.counters[&TruthCounters::accepted];
   summary.truth.longest_gap_s = 1e-9 * static_cast<double>(truth.longest_gap_ns);
@@ -185,6 +187,25 @@ std::string text(const Outcome& outcome) {
 
 }  // namespace
 
+std::string fit_text(const Snapshot<FitFigures>& fit) {
+  std::string out;
+  const auto add = [&](std::string_view what, double noise, std::string_view unit, double shortest, double mean,
+                       double longest, double left, std::string_view derived_unit) {
+    if (mean == 0) return;
+    const std::string delays = shortest == longest ? fmt::format("{:.4g}", 1e3 * mean)
+                                                   : fmt::format("{:.4g} to {:.4g} (mean {:.4g})", 1e3 * shortest,
+                                                                 1e3 * longest, 1e3 * mean);
+    out += fmt::format("{}{} of poses with {:.2g} {} of noise, over {} ms to either side: {:.2g} {} of it",
+                       out.empty() ? "" : "; ", what, 1e3 * noise, unit, delays, left, derived_unit);
+  };
+  using F = FitFigures;
+  add("rate", fit[&F::attitude_noise], "mrad", fit[&F::rate_shortest], fit[&F::rate_mean], fit[&F::rate_longest],
+      fit[&F::rate_noise], "rad/s");
+  add("force", fit[&F::place_noise], "mm", fit[&F::force_shortest], fit[&F::force_mean], fit[&F::force_longest],
+      fit[&F::force_noise], "m/s^2");
+  return out;
+}
+
 std::string text(const Summary& s) {
   constexpr auto where = &CounterInfo::summary;
   std::string out = fmt::format("ran      {:.3f} s, simulated {:.3f} s\n", s.duration_s, s.simulated_s);
@@ -193,6 +214,7 @@ std::string text(const Summary& s) {
                      refused.empty() ? "none" : refused);
   if (s.truth.has_clock) out += fmt::format("         {}\n", rate_text(s.truth));
   if (!quality.empty()) out += fmt::format("         {}\n", quality);
+  if (s.truth.has_fit) out += fmt::format("         {}\n", fit_text(s.truth.fit));
   if (!s.truth.warning.empty()) out += fmt::format("         warning: {}\n", s.truth.warning);
   for (const Summary::Imu& imu : s.imus) {
     out += fmt::format("{:<8} {}", imu.name, counts_text(imu.counters, where));
@@ -290,6 +312,7 @@ std::string json(const Summary& s, JsonLayout layout) {
   if (!s.truth.warning.empty()) truth["warning"] = s.truth.warning;
   if (!s.truth.remarks.empty()) truth["remarks"] = s.truth.remarks;
   if (s.truth.has_clock) add_estimates(truth, s.truth.quality);
+  if (s.truth.has_fit) add_estimates(truth["fit"], s.truth.fit);
 
   nlohmann::ordered_json imus = nlohmann::ordered_json::array();
   for (const Summary::Imu& imu : s.imus) {

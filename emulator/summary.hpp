@@ -28,6 +28,8 @@ struct Summary {
     Snapshot<TruthCounters> counters;
     Snapshot<RefusalCounters> refused;
     Snapshot<TruthQuality> quality;
+    Snapshot<FitFigures> fit;
+    bool has_fit = false;    // `fit` is valid
     bool has_clock = false;  // levels and durations of `quality` are valid
     double rate_hz = 0;      // truths accepted in a second, by their arrivals
     double longest_gap_s = 0;
@@ -71,6 +73,9 @@ std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view
 // Returns the names of all counts, those of the imus without the imu's name.
 std::vector<std::string> count_names(const Summary& summary);
 
+// Returns "rate of poses with 0.5 mrad of noise, over 30 to 480 ms (mean 210) to either side: 0.001 rad/s of it", and
+// the same of the force.
+std::string fit_text(const Snapshot<FitFigures>& fit);
 // Returns the closing summary: several lines, each with its line feed.
 std::string text(const Summary& summary);
 // Returns one line for the log, without a line feed.

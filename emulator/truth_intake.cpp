@@ -51,6 +51,7 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       stream_(config.stream),
       derivation_(config.fit ? new Derivation{PoseFit(*config.fit), Timeline(config.limits)} : nullptr),
       ignores_force_(config.ignores_force),
+      is_window_chosen_(config.fit && config.fit->widest > 0),
       needs_earth_(config.fit && config.fit->gravitation.needs_position()),
       is_stream_(is_stream(config.port, *port_)),
       is_live_(!is_capture(config.port)),
@@ -280,19 +281,24 @@ TruthIntake::Outcome TruthIntake::process(TruthTime watermark) noexcept {
 
 // Gives the record to the fit, and takes from it the truth that is complete now.
 TruthIntake::Outcome TruthIntake::derive(TruthTime watermark) noexcept {
-  auto& [fit, order] = *derivation_;
+  auto& [fit, order, outliers] = *derivation_;
   const TruthTime newest = order.empty() ? truth_.time : order.newest();
   const Admission admission = order.push(truth_);
   if (admission != Admission::accepted && admission != Admission::new_run) return refuse(admission, newest);
   // After a gap of a capture, the timeline begins a run by itself, and the gap is counted.
   truth_.new_run = admission == Admission::new_run && (!limits_.gap_begins_run || truth_.time <= newest);
   fit.push(truth_);
+  if (fit.outliers().count != outliers) [[unlikely]]
+    count_outliers();
   return take_derived(watermark).value_or(Outcome::ignored);
 }
 
 std::optional<TruthIntake::Outcome> TruthIntake::take_derived(TruthTime watermark) noexcept {
   answer_due_ = false;
-  if (derivation_ == nullptr || !derivation_->fit.next(truth_)) return std::nullopt;
+  if (derivation_ == nullptr) return std::nullopt;
+  const bool is_derived = derivation_->fit.next(truth_);
+  if (!is_derived || counters_.accepted % 64 == 0) report_fit();
+  if (!is_derived) return std::nullopt;
   answer_due_ = truth_.acknowledge;
   if (!is_finite(truth_) || !is_in_range(truth_)) return refuse(Refusal::out_of_range);
   return admit(watermark);
@@ -325,6 +331,47 @@ TruthIntake::Outcome TruthIntake::admit(TruthTime watermark) noexcept {
   }
   counters_.runs.count();
   return Outcome::new_run;
+}
+
+void TruthIntake::count_outliers() noexcept {
+  const PoseFit::Outliers& found = derivation_->fit.outliers();
+  derivation_->outliers = found.count;
+  counters_.refused.first[static_cast<std::size_t>(Refusal::outlier)].set([&](std::span<char> room) {
+    return found.distance > 0
+               ? write(room, "the pose at {} ns is {:.3g} m (a velocity: m/s) off; the bound is {:.3g}",
+                       found.time.ns, found.distance, found.distance_bound)
+               : write(room, "the pose at {} ns is turned by {:.3g} rad; the bound is {:.3g}", found.time.ns,
+                       found.angle, found.angle_bound);
+  });
+  refuse(Refusal::outlier);
+}
+
+void TruthIntake::report_fit() noexcept {
+  const PoseFit::Quality rate = derivation_->fit.rate_quality(), force = derivation_->fit.force_quality();
+  if (rate.count + force.count == 0) return;
+  FitFigures& figures = counters_.fit;
+  figures.attitude_noise = rate.noise;
+  figures.place_noise = force.noise;
+  figures.rate_noise = rate.derived_noise;
+  figures.force_noise = force.derived_noise;
+  figures.rate_shortest = rate.shortest_s;
+  figures.rate_mean = rate.mean_s;
+  figures.rate_longest = rate.longest_s;
+  figures.force_shortest = force.shortest_s;
+  figures.force_mean = force.mean_s;
+  figures.force_longest = force.longest_s;
+  figures.known.store(true, std::memory_order_release);
+  constexpr double large_rate = 0.01, large_force = 0.2;  // rad/s, m/s^2
+  constexpr std::uint64_t enough = 200;                   // truths
+  if (is_window_chosen_ || std::max(rate.count, force.count) < enough) return;
+  if (rate.derived_noise > large_rate || force.derived_noise > large_force)
+    counters_.remarks.noisy_poses.set([&](std::span<char> room) {
+      return write(room,
+                   "the noise of its poses, {:.2g} mrad and {:.2g} mm, becomes {:.2g} rad/s and {:.2g} m/s^2 with "
+                   "truth.fit_delay_ms = {:.6g}; give a longer one, or \"auto\" for a capture",
+                   1e3 * rate.noise, 1e3 * force.noise, rate.derived_noise, force.derived_noise,
+                   1e3 * std::max(rate.mean_s, force.mean_s));
+    });
 }
 
 void TruthIntake::remark_far_from_earth() noexcept {

@@ -92,6 +92,8 @@ class TruthIntake {
   void remark_last_line() noexcept;
   void watch_senders() noexcept;
   Outcome derive(TruthTime watermark) noexcept;
+  void count_outliers() noexcept;
+  void report_fit() noexcept;
   std::optional<Outcome> take_derived(TruthTime watermark) noexcept;
   Outcome admit(TruthTime watermark) noexcept;
   Outcome refuse(Admission admission, TruthTime newest) noexcept;
@@ -109,16 +111,18 @@ class TruthIntake {
   // The stage between decoder and timeline; null if nothing is derived.
   struct Derivation {
     PoseFit fit;
-    Timeline order;  // the records as they arrive: it refuses what is late, and finds new runs
+    Timeline order;              // the records as they arrive: it refuses what is late, and finds new runs
+    std::uint64_t outliers = 0;  // that were counted
   };
   std::unique_ptr<Derivation> derivation_;
   const bool ignores_force_;
-  const bool needs_earth_;  // the gravitation depends on the position
-  const bool is_stream_;    // the port does not keep datagrams apart
-  const bool is_live_;      // a simulator is at the port's other end, and can receive
-  bool started_ = false;    // the decoder's start() was called, and the simulator has not disconnected since
-  bool has_ended_ = false;  // the port's input has ended; the decoder may still have its last record
-  bool finished_ = false;   // likewise, and every record of it was taken
+  const bool is_window_chosen_;  // by the fit
+  const bool needs_earth_;       // the gravitation depends on the position
+  const bool is_stream_;         // the port does not keep datagrams apart
+  const bool is_live_;           // a simulator is at the port's other end, and can receive
+  bool started_ = false;         // the decoder's start() was called, and the simulator has not disconnected since
+  bool has_ended_ = false;       // the port's input has ended; the decoder may still have its last record
+  bool finished_ = false;        // likewise, and every record of it was taken
   const Timeline::Limits limits_;
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
   bool is_back_ = false;          // no truth has come since the simulator has disconnected

@@ -38,11 +38,13 @@ struct TruthRemarks {
   Remark content;         // the datagrams of a capture without any for the port
   Remark place;           // a place, or an angle of the Earth, that contradicts [earth]
   Remark date;            // a date that contradicts [earth]
+  Remark noisy_poses;     // what is derived by the given window is noise
   Remark last_line;       // the last line of a file, without a line feed
 
   // In the order in which the log reports them.
-  std::array<const Remark*, 9> all() const noexcept {
-    return {&content, &columns, &no_force, &far_from_earth, &time_unit, &last_line, &senders, &place, &date};
+  std::array<const Remark*, 10> all() const noexcept {
+    return {&content,   &columns, &no_force, &far_from_earth, &time_unit,
+            &last_line, &senders, &place,    &date,           &noisy_poses};
   }
 };
 

@@ -42,8 +42,8 @@ CapturedTruths::CapturedTruths(const Options& options)
     port_ = open_port(from, Role::listener);  // which throws
   }
   if (format_.derives)
-    derivation_.reset(
-        new Derivation{PoseFit({.gravitation = options.gravitation}), Timeline({.gap_begins_run = true})});
+    derivation_.reset(new Derivation{PoseFit({.widest = 8, .gravitation = options.gravitation}),
+                                     Timeline({.gap_begins_run = true})});
 }
 
 std::optional<Truth> CapturedTruths::next() {
@@ -80,7 +80,9 @@ void CapturedTruths::derive(Truth& truth) {
     return;
   }
   truth.new_run = admission == Admission::new_run;
+  const std::uint64_t outliers = derivation_->fit.outliers().count;
   derivation_->fit.push(truth);
+  if (derivation_->fit.outliers().count != outliers) ++refused_["outlier"];
 }
 
 // Takes a truth from the fit. Returns false if it has to wait.

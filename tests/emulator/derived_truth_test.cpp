@@ -2,6 +2,9 @@
 // R.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "core/timeline.hpp"
 #include "emulator/config.hpp"
 #include "tests/emulator/run_test.hpp"
 #include "tests/support/text.hpp"
@@ -92,6 +95,63 @@ TEST_F(DerivedTruth, FaultsSayWhatWouldBeRight) {
   EXPECT_TRUE(contains(faults({"truth.gravity=j2", "truth.gravity_m_per_s2=9.81"}), "not both"));
   EXPECT_TRUE(contains(faults({"truth.gravity=moon"}), "wgs84"));
   EXPECT_TRUE(contains(faults({"truth.fit_delay_ms=0"}), "from 1 to 500"));
+  EXPECT_EQ(faults({"truth.rate=derived", "truth.fit_delay_ms=auto"}), "");
+  EXPECT_TRUE(contains(faults({"truth.fit_delay_ms=short"}), "give milliseconds from 1 to 500, or \"auto\""));
+  EXPECT_TRUE(contains(faults({"truth.fit_delay_ms=auto"}, "lockstep"), "\"auto\" needs a capture"));
+}
+
+// A vehicle at rest, by poses with noise of some 0.2 mm and 0.5 mrad, one of which is 5 cm off, and some are missing.
+TEST_F(DerivedTruth, NoisyPosesAreUsable) {
+  std::string poses;
+  std::uint32_t lcg = 1;
+  const auto noise = [&lcg](double rms) {
+    double sum = -6.0;
+    for (int i = 0; i < 12; ++i) {
+      lcg = 1'664'525 * lcg + 1'013'904'223;
+      sum += static_cast<double>(lcg >> 8) * 0x1p-24;
+    }
+    return rms * sum;
+  };
+  for (int i = 0; i <= 1000; ++i) {
+    const double x = noise(2e-4) + (i == 500 ? 0.05 : 0.0);
+    const double y = noise(2e-4), z = noise(2e-4), a = noise(2.5e-4), b = noise(2.5e-4), c = noise(2.5e-4);
+    if (i <= 700 || i > 730) poses += fmt::format("{:.2f} {} {} {} {} {} {} 1\n", 0.01 * i, x, y, z, a, b, c);
+  }
+  write("poses.tum", poses);
+  const std::string toml = config("fast", "udp:127.0.0.1:9810", "tum", 100, "csv", "file:" + path("out.csv"));
+  const auto replay = [&](const std::vector<std::string>& settings) {
+    std::vector<std::string> arguments = {"replay", toml, path("poses.tum"), "--summary", path("summary.json")};
+    for (const std::string& setting : settings) arguments.insert(arguments.end(), {"--set", setting});
+    const ProgramResult result = run_program("imud", arguments);
+    EXPECT_EQ(result.exit_code, 3) << "a truth was refused, and there is a gap";
+    errors_ = result.errors;
+    double rate = 0, force = 0;
+    int marked = 0;
+    for (const auto& row : rows(read_file(path("out.csv")))) {
+      const unsigned long status = std::stoul(row[15]);
+      marked += (status & status::truth_gap) != 0 ? 1 : 0;
+      for (const std::size_t field : {2U, 3U, 4U}) rate += std::pow(std::stod(row[field]), 2) / 3003;
+      for (const std::size_t field : {5U, 6U}) force += std::pow(std::stod(row[field]), 2) / 2002;
+    }
+    EXPECT_EQ(marked, 30);
+    return std::pair(std::sqrt(rate), std::sqrt(force));
+  };
+  const auto chosen = replay({});
+  EXPECT_LT(chosen.first, 2e-3);
+  EXPECT_LT(chosen.second, 0.1);
+  const nlohmann::json truth = summary()["truth"];
+  EXPECT_EQ(truth["refused"]["outlier"], 1);
+  EXPECT_NEAR(truth["fit"]["place_noise_m"].get<double>(), 2e-4, 3e-5);
+  EXPECT_NEAR(truth["fit"]["attitude_noise_rad"].get<double>(), 5e-4, 8e-5);
+  EXPECT_GT(truth["fit"]["rate_delay_mean_ms"].get<double>(), 300);
+  EXPECT_TRUE(contains(errors_, "the pose at 5000000000 ns is 0.049") ||
+              contains(errors_, "the pose at 5000000000 ns is 0.050"))
+      << errors_;
+  EXPECT_FALSE(contains(errors_, "give a longer one"));
+  const auto fixed = replay({"truth.fit_delay_ms=30"});
+  EXPECT_GT(fixed.first, 0.03);
+  EXPECT_GT(fixed.second, 3.0);
+  EXPECT_TRUE(contains(errors_, "with truth.fit_delay_ms = 30; give a longer one, or \"auto\"")) << errors_;
 }
 
 TEST_F(DerivedTruth, CheckNamesDelayAndBandwidth) {
@@ -99,8 +159,13 @@ TEST_F(DerivedTruth, CheckNamesDelayAndBandwidth) {
   EXPECT_FALSE(contains(run_program("imud", {"check", toml}).output, "derived with"));
   const ProgramResult checked = run_program("imud", {"check", toml, "--set", "truth.rate=derived"});
   EXPECT_TRUE(
-      contains(checked.output, "rate derived, specific force given, or 0; derived with 30 ms of delay, to 33.3 Hz"))
+      contains(checked.output,
+               "rate derived, specific force given, or 0; derived with 30 to 480 ms on either side, chosen by "
+               "the noise of the poses, to 33.3 Hz at most"))
       << checked.output;
+  const ProgramResult fixed =
+      run_program("imud", {"check", toml, "--set", "truth.rate=derived", "--set", "truth.fit_delay_ms=40"});
+  EXPECT_TRUE(contains(fixed.output, "derived with 40 ms of delay, to 25 Hz")) << fixed.output;
 }
 
 }  // namespace

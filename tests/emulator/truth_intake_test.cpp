@@ -512,6 +512,27 @@ TEST_F(TruthIntakeTest, DerivesFromPosesAfterTheDelay) {
   EXPECT_FALSE(remarks().no_force.is_set() || remarks().far_from_earth.is_set());
 }
 
+TEST_F(TruthIntakeTest, APoseFarFromItsNeighboursIsRefused) {
+  make(*find_truth_format("csv"), "file:truth.csv", derive_both);
+  port_->waiting.push_back(std::string(pose_header));
+  for (int i = 0; i <= 300; ++i) {
+    std::string row = pose_row(i);
+    if (i == 150) row = row.substr(0, row.rfind(',')) + ",-2.2\n";  // 5 cm higher
+    port_->waiting.push_back(row);
+  }
+  port_->ends = true;
+  take_all();
+  EXPECT_EQ(refused(Refusal::outlier), 1U);
+  EXPECT_EQ(intake_->counters().accepted, 300U);
+  EXPECT_TRUE(contains(first_refusal(Refusal::outlier), "the pose at 1500000000 ns is 0.05 m"))
+      << first_refusal(Refusal::outlier);
+  const FitFigures& fit = intake_->counters().fit;
+  EXPECT_TRUE(fit.known);
+  EXPECT_NEAR(fit.rate_mean, 0.03, 1e-9);
+  EXPECT_LT(fit.place_noise, 1e-6);
+  EXPECT_FALSE(remarks().noisy_poses.is_set());
+}
+
 TEST_F(TruthIntakeTest, WhatIsDerivedIsInOrderAndInItsRun) {
   timeline_ = Timeline({.gap_begins_run = true});
   make(*find_truth_format("csv"), "file:truth.csv", derive_both);
