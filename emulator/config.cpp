@@ -211,6 +211,7 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   truth.limits.max_gap = milliseconds("max_gap_ms", truth.limits.max_gap, 1.0, 3.6e6);
   truth.limits.gap_begins_run = is_capture(truth.port);
   read_fit(table, clock, truth);
+  read_bounds(table, truth.bounds);
   table.finish();
   return truth;
 }
@@ -315,6 +316,7 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
                         "\"hold\" or \"silence\"",
                         read.protocol->name));
     }
+    set_bounds(config.imus, config.truth.bounds);
     check_imus_together(config.imus, config.truth.port, *array, faults);
     check_files(config, path, *array, faults);
   }

@@ -15,6 +15,7 @@
 #include "emulator/faults/expectations.hpp"
 #include "emulator/faults/fault_config.hpp"
 #include "emulator/sync.hpp"
+#include "emulator/truth_bounds.hpp"
 #include "emulator/truth_clock.hpp"
 #include "emulator/web/web_config.hpp"
 #include "protocols/protocol.hpp"
@@ -55,6 +56,7 @@ struct TruthConfig {
   TruthFrame frame;                     // as far as the format and its settings determine it
   EarthModel earth;                     // that of every imu
   bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or that of the start
+  TruthBounds bounds;                   // what the truth probably stays within
   Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
 };
 

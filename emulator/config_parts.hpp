@@ -105,6 +105,10 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth);
 // Describes it, with delay and bandwidth; empty if nothing is derived.
 std::string fit_text(const TruthConfig& truth);
 
+// Reads truth.max_*; set_bounds() sets those that are absent to the widest ranges of the imus (earth_config.cpp).
+void read_bounds(TableReader& table, TruthBounds& bounds);
+void set_bounds(const std::vector<ImuConfig>& imus, TruthBounds& bounds);
+
 // Reads [earth], which must not contradict the truth's own frame (earth_config.cpp).
 EarthModel read_earth(TableReader table, TruthConfig& truth);
 // Describes what relates N to the Earth.

@@ -119,4 +119,27 @@ std::string earth_text(const TruthConfig& truth) {
   }
 }
 
+void read_bounds(TableReader& table, TruthBounds& bounds) {
+  constexpr double most = 1e9;
+  const auto bound = [&](std::string_view key, double& value) {
+    if (table.has(key)) value = table.real(key, 0.0, 1e-9, most);
+  };
+  bound("max_rad_per_s", bounds.rate);
+  bound("max_m_per_s2", bounds.acceleration);
+  bound("max_m_per_s", bounds.velocity);
+}
+
+void set_bounds(const std::vector<ImuConfig>& imus, TruthBounds& bounds) {
+  const auto widest = [&](TriadErrors ImuModel::*triad) {
+    double most = 0;
+    for (const ImuConfig& imu : imus) {
+      const AxisLimits limits = (imu.model.*triad).range();
+      most = std::max(most, limits.upper.cwiseMax(-limits.lower).norm());
+    }
+    return most;
+  };
+  if (bounds.rate == 0) bounds.rate = widest(&ImuModel::gyro);
+  if (bounds.acceleration == 0) bounds.acceleration = widest(&ImuModel::accelerometer);
+}
+
 }  // namespace imud

@@ -56,6 +56,7 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       is_stream_(is_stream(config.port, *port_)),
       is_live_(!is_capture(config.port)),
       limits_(config.limits),
+      bounds_(config.bounds),
       place_(config) {
   remark_columns();
   if (recorder_ != nullptr) add_interface(config);
@@ -319,6 +320,7 @@ TruthIntake::Outcome TruthIntake::admit(TruthTime watermark) noexcept {
   if (admission == Admission::accepted) remark_step(truth_.time - before);
   if (admission != Admission::inserted) {
     if (counters_.accepted == 1 || admission == Admission::new_run) remark_place();
+    remark_excess(admission == Admission::accepted);
   }
   if (!truth_.has_specific_force && truth_.accumulated_dv == AccumulatedDv::none) [[unlikely]]
     remark_no_force();

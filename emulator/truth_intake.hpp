@@ -89,6 +89,7 @@ class TruthIntake {
   void remark_far_from_earth() noexcept;
   void remark_step(Nanoseconds step) noexcept;
   void remark_place() noexcept;
+  void remark_excess(bool follows) noexcept;
   void remark_last_line() noexcept;
   void watch_senders() noexcept;
   Outcome derive(TruthTime watermark) noexcept;
@@ -131,6 +132,7 @@ class TruthIntake {
   bool has_sequence_ = false;  // of a format without it, every number is 0
   StepWatch steps_;
   TimeUnitWatch unit_;
+  BoundsWatch bounds_;
   PlaceWatch place_;
   SenderWatch senders_;
   Endpoint sender_;            // of the last record

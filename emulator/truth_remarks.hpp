@@ -7,6 +7,8 @@
 #include <span>
 #include <string_view>
 
+#include "emulator/truth_bounds.hpp"
+
 namespace imud {
 
 // A text that one thread writes once and any thread reads afterwards. Allocates nothing.
@@ -30,21 +32,25 @@ class Remark {
 };
 
 struct TruthRemarks {
-  Remark columns;         // columns that nothing reads
-  Remark no_force;        // truth without specific force and accumulated velocity
-  Remark far_from_earth;  // positions at which the model of gravitation is not valid
-  Remark time_unit;       // times that are not nanoseconds
-  Remark senders;         // two simulators at one port
-  Remark content;         // the datagrams of a capture without any for the port
-  Remark place;           // a place, or an angle of the Earth, that contradicts [earth]
-  Remark date;            // a date that contradicts [earth]
-  Remark noisy_poses;     // what is derived by the given window is noise
-  Remark last_line;       // the last line of a file, without a line feed
+  Remark columns;                                 // columns that nothing reads
+  Remark no_force;                                // truth without specific force and accumulated velocity
+  Remark far_from_earth;                          // positions at which the model of gravitation is not valid
+  Remark time_unit;                               // times that are not nanoseconds
+  Remark senders;                                 // two simulators at one port
+  Remark content;                                 // the datagrams of a capture without any for the port
+  Remark place;                                   // a place, or an angle of the Earth, that contradicts [earth]
+  Remark date;                                    // a date that contradicts [earth]
+  Remark noisy_poses;                             // what is derived by the given window is noise
+  Remark last_line;                               // the last line of a file, without a line feed
+  std::array<Remark, BoundsWatch::kinds> excess;  // numbers and steps beyond truth.max_*
 
   // In the order in which the log reports them.
-  std::array<const Remark*, 10> all() const noexcept {
-    return {&content,   &columns, &no_force, &far_from_earth, &time_unit,
-            &last_line, &senders, &place,    &date,           &noisy_poses};
+  std::array<const Remark*, 10 + BoundsWatch::kinds> all() const noexcept {
+    std::array<const Remark*, 10 + BoundsWatch::kinds> all = {&content,   &columns,    &no_force, &far_from_earth,
+                                                              &time_unit, &last_line,  &senders,  &place,
+                                                              &date,      &noisy_poses};
+    for (std::size_t i = 0; i < excess.size(); ++i) all[all.size() - excess.size() + i] = &excess[i];
+    return all;
   }
 };
 

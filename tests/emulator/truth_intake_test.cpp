@@ -139,7 +139,7 @@ std::string talk(std::int64_t time_ns) {
 class TruthIntakeTest : public testing::Test {
  protected:
   void make(const TruthFormat& format, const std::string& port,
-            const std::optional<PoseFit::Options>& fit = std::nullopt) {
+            const std::optional<PoseFit::Options>& fit = std::nullopt, const TruthBounds& bounds = {}) {
     auto scripted = std::make_unique<ScriptedPort>();
     port_ = scripted.get();
     TruthConfig config;
@@ -147,6 +147,7 @@ class TruthIntakeTest : public testing::Test {
     config.format = &format;
     config.settings = Settings(format.settings);
     config.fit = fit;
+    config.bounds = bounds;
     config.limits.gap_begins_run = port.starts_with("file:");
     intake_ = std::make_unique<TruthIntake>(config, timeline_, std::move(scripted));
   }
@@ -228,6 +229,20 @@ TEST_F(TruthIntakeTest, AFilesLastLineIsWholeIfItHasItsColumns) {
   EXPECT_EQ(intake_->end_warning(), "");
   EXPECT_EQ(intake_->counters().truncated, 0U);
   EXPECT_TRUE(contains(remarks().last_line.text(), "has no line feed")) << remarks().last_line.text();
+}
+
+TEST_F(TruthIntakeTest, NumbersThatNoVehicleHasAreRemarkedOnce) {
+  make(*find_truth_format("csv"), "udp:127.0.0.1:9810", std::nullopt, {.rate = 10, .acceleration = 100});
+  receive(std::string(header) + row(1) + "2000000,0,0,0,40,0,0\n3000000,0,0,0,50,0,0\n4000000,0.1,0,0,0,0,0\n");
+  EXPECT_EQ(intake_->counters().accepted, 4U) << "a remark is no refusal";
+  const auto text = [&](BoundsWatch::Kind kind) { return remarks().excess[static_cast<std::size_t>(kind)].text(); };
+  EXPECT_TRUE(text(BoundsWatch::Kind::rate)
+                  .starts_with("its rate is 40 rad/s at 2000000 ns, beyond 10 by "
+                               "truth.max_rad_per_s"))
+      << text(BoundsWatch::Kind::rate);
+  EXPECT_TRUE(text(BoundsWatch::Kind::turn).starts_with("its attitude turns from truth to truth at "))
+      << text(BoundsWatch::Kind::turn);
+  EXPECT_TRUE(text(BoundsWatch::Kind::force).empty());
 }
 
 // A capture has nobody at its other end.
