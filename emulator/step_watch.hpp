@@ -35,21 +35,22 @@ class StepWatch {
 };
 
 // Finds times that are not in nanoseconds: no simulator sends a truth every 25 us. Looks at the first steps only.
+// Seconds that are rounded to nanoseconds are 0 for half a second, then 1.
 class TimeUnitWatch {
  public:
   static constexpr Nanoseconds shortest = std::chrono::microseconds(25);
 
   // `step`: from the newest truth; 0 for a repetition of its time. Returns true once: if the first three steps above
-  // 0 are all shorter than `shortest`.
+  // 0 are all shorter than `shortest`, or the first is and follows many repetitions.
   bool is_wrong(Nanoseconds step) noexcept {
-    constexpr int few = 3;
+    constexpr int few = 3, many = 10;
     if (count_ >= few) return false;
     if (step.count() <= 0) {
       ++repeated_;
       return false;
     }
     step_ = step;
-    count_ = step < shortest ? count_ + 1 : few + 1;
+    count_ = step >= shortest ? few + 1 : repeated_ >= many ? few : count_ + 1;
     return count_ == few;
   }
   Nanoseconds step() const noexcept { return step_; }
