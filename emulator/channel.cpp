@@ -1,13 +1,10 @@
 #include "emulator/channel.hpp"
 
-#include <poll.h>
-
 #include <algorithm>
 #include <exception>
 #include <utility>
 
 #include "emulator/recorder.hpp"
-#include "transports/host_clock.hpp"
 
 namespace imud {
 
@@ -33,10 +30,11 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
     lines_[1] = {open(config.second_port, config.second_port_settings), device_->second_uart()};
     line_count_ = 2;
   }
-  for (Line& line : lines()) {
+  for (DeviceLine& line : lines()) {
     line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
     are_files_ = are_files_ && line.is_file;
   }
+  copies_ = Copies(config, open);
   if (recorder_ != nullptr) add_interfaces();
   if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, recorder_);
   if (is_can_) {
@@ -50,7 +48,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
 
 void Channel::add_interfaces() {
   const std::uint16_t link = is_can_ ? link_type::can_socketcan : link_type::bytes;
-  for (Line& line : lines()) {
+  for (DeviceLine& line : lines()) {
     const std::string name = &line == &lines_[0] ? name_ : name_ + " second";
     line.interface = recorder_->add_interface(name, link);
     recorder_->add_interface(name + " host", link);
@@ -150,7 +148,7 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
     return;
   }
   while (!frames.empty()) {
-    Line& line = lines_[frames.front().uart];
+    DeviceLine& line = lines_[frames.front().uart];
     std::size_t size = 1;
     while (size < frames.size() && frames[size].uart == frames.front().uart) ++size;
     line.port->set_time(time);
@@ -163,6 +161,7 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
     // A port drops the last frames of those that it is passed.
     if (recorder_ != nullptr && line.wire == nullptr)
       recorder_->frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
+    if (&line == &lines_[0] && line.wire == nullptr) copies_.send(frames.first(size), time, is_reply);
     frames = frames.subspan(size);
   }
 }
@@ -265,6 +264,7 @@ void Channel::apply_uarts() noexcept {
     if (uart == lines_[i].uart) continue;
     lines_[i].uart = uart;
     lines_[i].port->set_line(uart);
+    if (i == 0) copies_.set_line(uart);
   }
 }
 
@@ -299,6 +299,8 @@ void Channel::publish() noexcept {
   counters_.frames.store(sent - replies, std::memory_order_relaxed);
   counters_.replies.store(replies, std::memory_order_relaxed);
   if (faults_) dropped += faults_->messages().lost();
+  counters_.copies_dropped.store(copies_.dropped(), std::memory_order_relaxed);
+  failed += copies_.failed();
   counters_.dropped.store(dropped, std::memory_order_relaxed);
   counters_.failed.store(failed, std::memory_order_relaxed);
   counters_.connections_refused.store(connections_refused, std::memory_order_relaxed);
@@ -317,61 +319,26 @@ void Channel::publish_bus() noexcept {
   counters_.refused.store(port.refused, std::memory_order_relaxed);
 }
 
-bool Channel::Line::holds_back() const noexcept {
-  const PortCounters& counters = port->counters();
-  return counters.sent + counters.dropped != passed;
-}
-
 bool Channel::holds_back() const noexcept {
-  return std::any_of(lines().begin(), lines().end(), [](const Line& line) { return line.holds_back(); });
+  return copies_.holds_back() ||
+         std::any_of(lines().begin(), lines().end(), [](const DeviceLine& line) { return line.holds_back(); });
 }
 
 void Channel::wait_for_lines(const std::atomic<bool>& stop) noexcept {
-  for (Line& line : lines())
-    if (!line.is_file && !line.port->has_room()) wait(line, true, stop);
+  for (DeviceLine& line : lines())
+    if (!line.is_file && !line.port->has_room()) line.wait(true, stop);
 }
 
 void Channel::wait_until_sent(const std::atomic<bool>& stop) noexcept {
-  for (Line& line : lines()) wait(line, false, stop);
+  for (DeviceLine& line : lines()) line.wait(false, stop);
+  copies_.wait_until_sent(stop);
   publish();
 }
 
-// Waits until the port has sent all frames, and, if `for_room`, accepts more.
-void Channel::wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept {
-  constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
-  if (line.is_file || (!for_room && !line.holds_back() && !line.is_stalled)) return;
-  Port& port = *line.port;
-  if (port.descriptor() < 0) return;  // a port that is lost
-  HostTime progress = host_now();
-  std::uint64_t sent = port.counters().sent;
-  while (!stop.load(std::memory_order_relaxed)) {
-    if (line.holds_back()) port.flush();
-    const bool all_sent = !line.holds_back();
-    pollfd room{port.descriptor(), POLLOUT, 0};
-    if (room.fd < 0) return;
-    const bool ready = (all_sent && !for_room) || ::poll(&room, 1, 0) != 0;
-    if (ready && all_sent) {
-      line.is_stalled = false;
-      return;
-    }
-    const HostTime now = host_now();
-    const bool has_sent = std::exchange(sent, port.counters().sent) != port.counters().sent;
-    if (has_sent) progress = now;
-    line.is_stalled = line.is_stalled || now - progress > timeout;
-    if (line.is_stalled) return;
-    if (ready && has_sent && !port.next_flush()) continue;  // the reader has made room meanwhile
-    // A port that paces its frames is always ready for output.
-    const Nanoseconds pause = std::min(step, port.next_flush() ? *port.next_flush() - now : step);
-    if (ready)
-      ::poll(nullptr, 0, std::max(1, static_cast<int>(pause.count() / 1'000'000)));
-    else
-      ::poll(&room, 1, static_cast<int>(step.count() / 1'000'000));
-  }
-}
-
 void Channel::flush() noexcept {
-  bool holds_back = false;
-  for (Line& line : lines()) {
+  bool holds_back = copies_.holds_back();
+  copies_.flush();
+  for (DeviceLine& line : lines()) {
     if (!line.holds_back()) continue;
     holds_back = true;
     line.port->flush();
@@ -380,13 +347,13 @@ void Channel::flush() noexcept {
 }
 
 void Channel::update_port_states() noexcept {
-  for (Line& line : lines()) line.port->flush();
+  for (DeviceLine& line : lines()) line.port->flush();
   publish();
 }
 
 std::optional<HostTime> Channel::next_wake() const noexcept {
-  std::optional<HostTime> first;
-  for (const Line& line : lines())
+  std::optional<HostTime> first = copies_.next_flush();
+  for (const DeviceLine& line : lines())
     if (const auto at = line.port->next_flush(); at && (!first || *at < *first)) first = at;
   const auto wake_at = [&](DeviceTime time) {
     if (const auto at = clock_.host_time(time); at && (!first || *at < *first)) first = at;
@@ -398,7 +365,8 @@ std::optional<HostTime> Channel::next_wake() const noexcept {
 }
 
 void Channel::discard_pending() noexcept {
-  for (Line& line : lines()) line.port->discard_pending();
+  for (DeviceLine& line : lines()) line.port->discard_pending();
+  copies_.discard_pending();
   publish();
 }
 
@@ -419,7 +387,10 @@ void commit_each(const Range& all, const Commit& commit) {
 }  // namespace
 
 void Channel::commit() {
-  commit_each(lines(), [](Line& line) { line.port->commit(); });
+  std::vector<DeviceLine*> all;
+  for (DeviceLine& line : lines()) all.push_back(&line);
+  for (DeviceLine& line : copies_.lines()) all.push_back(&line);
+  commit_each(all, [](DeviceLine* line) { line->port->commit(); });
 }
 
 void commit(std::span<const std::unique_ptr<Channel>> channels) {

@@ -13,8 +13,10 @@
 #include "core/imu.hpp"
 #include "emulator/config.hpp"
 #include "emulator/control/sample_feed.hpp"
+#include "emulator/copies.hpp"
 #include "emulator/counters.hpp"
 #include "emulator/device_clock.hpp"
+#include "emulator/device_line.hpp"
 #include "emulator/faults/channel_faults.hpp"
 #include "emulator/faults/other_units.hpp"
 #include "emulator/faults/power_faults.hpp"
@@ -130,6 +132,7 @@ class Channel {
   // host's clock does not pace.
   void wait_for_room(const std::atomic<bool>& stop) noexcept {
     if (!are_files_) wait_for_lines(stop);
+    copies_.wait_for_room(stop);
   }
   // Returns true while a port holds frames back.
   bool holds_back() const noexcept;
@@ -138,7 +141,10 @@ class Channel {
   // Receives the host's commands, at most some 256 bytes from each port, and sends the replies. Returns false if
   // ::poll() would return at once again, because of more bytes or a lasting error. `clock` measures the durations
   // from the arrivals to the ends of the writes of the replies; nullptr: they are not measured.
-  bool serve(HostTime now, Host* clock = nullptr) noexcept { return !are_files_ && serve_lines(now, clock); }
+  bool serve(HostTime now, Host* clock = nullptr) noexcept {
+    if (!copies_.empty()) copies_.serve();
+    return !are_files_ && serve_lines(now, clock);
+  }
   // Executes what the host has sent to the UART, at host time `now`, and sends the replies.
   void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
@@ -157,6 +163,7 @@ class Channel {
   // The number of ports: 1, or 2 if the product's second UART is connected; `i` is the frames' Frame::uart.
   std::size_t port_count() const noexcept { return line_count_; }
   Port& port(std::size_t i) noexcept { return *lines_[i].port; }
+  Copies& copies() noexcept { return copies_; }
   // The number of the first port's interface in the record.
   std::uint16_t record_interface() const noexcept { return lines_[0].interface; }
   // Returns the time up to which the imu has used the truth of this run; nullopt before its first sample.
@@ -167,20 +174,8 @@ class Channel {
   }
 
  private:
-  // A port with the UART of the device behind it.
-  struct Line {
-    std::unique_ptr<Port> port;
-    UartSettings uart;         // the device's settings that the port has
-    std::uint64_t passed = 0;  // frames passed to the port
-    bool is_file = false;      // a regular file, which accepts everything and never answers
-    bool is_stalled = false;   // the port has accepted nothing for 2 s
-    // In the record: frames that left; the next two are what the host has sent, and frames that were dropped.
-    std::uint16_t interface = 0;
-    WirePort* wire = nullptr;  // the port, if faults act on it
-    bool holds_back() const noexcept;
-  };
-  std::span<Line> lines() noexcept { return {lines_.data(), line_count_}; }
-  std::span<const Line> lines() const noexcept { return {lines_.data(), line_count_}; }
+  std::span<DeviceLine> lines() noexcept { return {lines_.data(), line_count_}; }
+  std::span<const DeviceLine> lines() const noexcept { return {lines_.data(), line_count_}; }
 
   // Returns the figures that a unit has of these errors.
   static OwnFigures figures_of(const ImuModel& model) noexcept;
@@ -200,7 +195,7 @@ class Channel {
   // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   void add_interfaces();
-  void record(Line& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
+  void record(DeviceLine& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
   bool serve_lines(HostTime now, Host* clock) noexcept;
   std::size_t serve_line(std::size_t uart, HostTime now, Host* clock) noexcept;
   bool is_on() const noexcept { return is_supplied_ && power_step_.is_on; }
@@ -210,7 +205,6 @@ class Channel {
   void apply_uarts() noexcept;
   void apply_filters() noexcept;
   void wait_for_lines(const std::atomic<bool>& stop) noexcept;
-  static void wait(Line& line, bool for_room, const std::atomic<bool>& stop) noexcept;
   void publish() noexcept;
   void publish_bus() noexcept;
 
@@ -222,9 +216,10 @@ class Channel {
   bool device_filters_;
   SensorFilters filters_;  // that the imu has, if device_filters_
   std::unique_ptr<Device> device_;
-  std::array<Line, 2> lines_;  // by Frame::uart
+  std::array<DeviceLine, 2> lines_;  // by Frame::uart
   std::size_t line_count_ = 1;
-  bool are_files_ = true;  // Line::is_file of all
+  bool are_files_ = true;  // DeviceLine::is_file of all
+  Copies copies_;          // of the first line
   Recorder* const recorder_;
   std::optional<Sync> sync_;                     // nullopt if no pin is connected
   const std::unique_ptr<ChannelFaults> faults_;  // nullptr: there are none

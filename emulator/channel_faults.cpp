@@ -31,7 +31,7 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
     const Transport* transport = find_transport(spec.scheme);
     const PortSettings& settings = i == 0 ? config.port_settings : config.second_port_settings;
     const bool has_rate = transport != nullptr && transport->wire_time != nullptr;
-    Line& line = lines_[i];
+    DeviceLine& line = lines_[i];
     auto wire = std::make_unique<WirePort>(
         std::move(line.port),
         WirePort::Line{.imu = name_,
@@ -44,6 +44,7 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
     line.wire = wire.get();
     line.port = std::move(wire);
     if (recorder_ != nullptr) line.wire->set_recorder(recorder_, line.interface);
+    if (i == 0 && !copies_.empty()) line.wire->set_copies(&copies_);
   }
   const auto utc = std::chrono::system_clock::now().time_since_epoch();
   utc_offset_ns_ = std::chrono::duration_cast<Nanoseconds>(utc).count() - host_now().ns;
@@ -100,7 +101,7 @@ void Channel::set_supply(bool on, HostTime now) noexcept {
 }
 
 void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept {
-  for (Line& line : lines()) {
+  for (DeviceLine& line : lines()) {
     line.wire->set_time(sample_.time);  // of what others send before its frames
     line.wire->set_active(wire);
   }

@@ -65,6 +65,7 @@ void print_text(const std::string& path, const Config& config) {
                line_load(imu).text());
     if (!imu.second_port.empty())
       fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
+    for (const std::string& copy : imu.also) fmt::print("{:<8} the same bytes to {}\n", "", copy);
     if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
     fmt::print("{:<8} errors of the model {}{}\n", "", imu.errors_model, model_note(imu));
     for (const TriadTerms& triad : triad_terms(imu.model)) {

@@ -299,6 +299,10 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
         if (config.clock != ClockMode::realtime) port->delivery = Delivery::complete;
         port->replaces_file = !capture.empty();
       }
+      for (PortSettings& port : config.imus.back().also_settings) {
+        if (config.clock != ClockMode::realtime) port.delivery = Delivery::complete;
+        port.replaces_file = !capture.empty();
+      }
       if (config.clock != ClockMode::realtime || is_capture(config.truth.port)) {
         config.imus.back().before_first = BeforeFirst::silence;  // sample 0 is at the first truth
         reader.resolve("before_first", "silence");

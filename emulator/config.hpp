@@ -82,6 +82,8 @@ struct ImuConfig {
   PortSettings port_settings = Role::device;  // with the device's UART, and whether its characters are paced
   std::string second_port;                    // of the product's other UART; empty: not connected
   PortSettings second_port_settings = Role::device;
+  std::vector<std::string> also;  // further ports that carry the bytes of `port`
+  std::vector<PortSettings> also_settings;
   BeforeFirst before_first = BeforeFirst::silence;  // always silence unless live truth drives it in realtime
   SyncConfig sync;
   std::string errors_model;  // the key `model`: whose errors those of `model` are

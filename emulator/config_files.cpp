@@ -56,8 +56,9 @@ void check_files(Config& config, const std::string& path, const toml::array& tab
   if (std::string truth = file_of(config.truth.port); !truth.empty()) inputs.emplace(std::move(truth), "the truth");
   for (const auto& [file, use] : inputs) config.files.push_back(file);
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
-    const std::pair<std::string_view, std::string> ports[] = {{"port", config.imus[i].port},
-                                                              {"second_port", config.imus[i].second_port}};
+    std::vector<std::pair<std::string_view, std::string>> ports = {{"port", config.imus[i].port},
+                                                                   {"second_port", config.imus[i].second_port}};
+    for (const std::string& copy : config.imus[i].also) ports.emplace_back("also", copy);
     for (const auto& [port_key, port] : ports) {
       const std::string_view key = port_key;
       const std::string file = file_of(port);

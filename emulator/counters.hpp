@@ -101,6 +101,8 @@ struct ImuCounters : CounterGroup {
   Counter dropped{*this, {"dropped", "dropped", Show::always, Show::always}};
   // Those of the dropped frames that were lost to an error of a file, such as a full disk.
   Counter failed{*this, {"failed", "lost to errors of the file", Show::if_not_zero, Show::if_not_zero}};
+  // Frames that the ports of `also` did not take.
+  Counter copies_dropped{*this, {"copies_dropped", "dropped by the copies"}};
   // Samples that left a whole period late, or later.
   Counter missed{*this, {"missed", "missed", Show::always, Show::always}};
   // Samples later than `skip_after_ms`, whose frames were not sent.

@@ -103,6 +103,33 @@ const Transport* read_second_port(TableReader& table, ImuConfig& imu) {
   return transport;
 }
 
+// Reads `also`, the ports that carry the bytes of `port`, whose settings must be read.
+void read_also(TableReader& table, ImuConfig& imu) {
+  const toml::node* node = table.node("also");
+  if (node == nullptr) return;
+  const toml::array* list = node->as_array();
+  if (list == nullptr || !(list->empty() || list->is_homogeneous(toml::node_type::string)))
+    return table.fault("also", "give a list of ports, for example [\"file:imu1.bin\"]");
+  table.resolve("also", *list);
+  for (const toml::node& entry : *list) {
+    const std::string port = entry.value_or(std::string());
+    PortSettings settings = imu.port_settings;
+    settings.paced = false;
+    const Transport* transport = read_port(table, "also", port, settings);
+    if (transport == nullptr) continue;
+    const bool can = imu.protocol != nullptr && imu.protocol->link == Link::can;
+    if (imu.protocol != nullptr && transport->carries_can != can) {
+      table.fault(
+          "also",
+          fmt::format("{}: {} is for {}; give {}", port, imu.protocol->name, can ? "a CAN bus" : "byte links",
+                      ports_that([&](const Transport& t) { return t.serves_device && t.carries_can == can; })));
+      continue;
+    }
+    imu.also.push_back(port);
+    imu.also_settings.push_back(settings);
+  }
+}
+
 SyncConfig read_sync(TableReader table, const Protocol* protocol) {
   SyncConfig sync;
   const auto read = [&](std::string_view key, std::string& port, Role role) {
@@ -344,6 +371,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                   fmt::format("at the second port {}; reduce what it sends or how often, or give a faster line",
                               load.text()));
 
+  read_also(table, imu);
   imu.sync = read_sync(table.child("sync"), imu.protocol);
 
   imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);

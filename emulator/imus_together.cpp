@@ -41,6 +41,7 @@ class Together {
     listen("sync.pps_port", imu.sync.pps_port);
     send("port", imu.port);
     send("second_port", imu.second_port);
+    for (const std::string& copy : imu.also) send("also", copy);
     send("sync.tov_port", imu.sync.tov_port);
     if (imu.protocol != nullptr && imu.protocol->link == Link::can) add_identifiers(imu);
   }

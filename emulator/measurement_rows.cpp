@@ -99,6 +99,8 @@ ImuConfig without_errors(const ImuConfig& imu) {
   ideal.protocol = find_protocol("native");
   ideal.settings = Settings(ideal.protocol->settings);
   ideal.second_port.clear();
+  ideal.also.clear();
+  ideal.also_settings.clear();
   ideal.device_filters = false;
   ImuModel& model = ideal.model;
   model.internal_samples = 1;

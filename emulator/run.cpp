@@ -92,7 +92,8 @@ bool writes_to_stdout(const Config& config) {
       return transport != nullptr && transport->is_standard_output != nullptr &&
              transport->is_standard_output(PortSpec::parse(port));
     };
-    return is_stdout(imu.port) || is_stdout(imu.second_port);
+    return is_stdout(imu.port) || is_stdout(imu.second_port) ||
+           std::any_of(imu.also.begin(), imu.also.end(), is_stdout);
   });
 }
 

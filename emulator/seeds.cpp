@@ -222,11 +222,13 @@ std::string Runs::work(std::size_t item) const {
       const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);
       imu.port = with_seed(imu.port, seed);
       imu.second_port = with_seed(imu.second_port, seed);
+      for (std::string& copy : imu.also) copy = with_seed(copy, seed);
     }
   }
   const auto open = [&](std::string_view port, const PortSettings& settings) -> std::unique_ptr<Port> {
     const auto imu = std::find_if(all.imus.begin(), all.imus.end(), [port](const ImuConfig& config) {
-      return config.port == port || config.second_port == port;
+      return config.port == port || config.second_port == port ||
+             std::find(config.also.begin(), config.also.end(), port) != config.also.end();
     });
     const auto i = static_cast<std::size_t>(imu - all.imus.begin());
     if (arrays_) return imu->port == port ? batch.rows[i].port() : idle_port();

@@ -61,6 +61,8 @@ ChosenPorts Session::chosen_ports() const {
   for (const auto& channel : channels_) {
     add("imu." + channel->name() + ".port", channel->port(0).chosen_port());
     if (channel->port_count() == 2) add("imu." + channel->name() + ".second_port", channel->port(1).chosen_port());
+    for (const DeviceLine& copy : channel->copies().lines())
+      add("imu." + channel->name() + ".also", copy.port->chosen_port());
     if (channel->sync()) {
       add("imu." + channel->name() + ".sync.trigger_port", channel->sync()->chosen_trigger_port());
       add("imu." + channel->name() + ".sync.pps_port", channel->sync()->chosen_pps_port());
@@ -209,9 +211,11 @@ bool Session::drain(std::chrono::milliseconds readers) noexcept {
   for (int ms = 0; !read && ms < (has_pace() ? std::max(lines, readers) : readers).count(); ++ms) {
     if (ms > 0) ::poll(nullptr, 0, 1);
     read = true;
-    for (const auto& channel : channels_)
+    for (const auto& channel : channels_) {
       for (std::size_t i = 0; i < channel->port_count(); ++i)
         read = channel->port(i).is_drained() && read;  // which flushes
+      read = channel->copies().is_drained() && read;
+    }
   }
   for (const auto& channel : channels_) channel->discard_pending();
   return read;

@@ -77,7 +77,7 @@ std::string with_one_imu(const std::string& resolved, std::size_t index, const s
     if (line == "[[imu]]") ++imus;
     const bool is_imu = imus > 0 && (table == "[[imu]]" || table.starts_with("[imu."));
     if (is_imu && (imus != index + 1 || table.starts_with("[imu.sync"))) return;
-    if (table == "[[imu]]" && (key == "port" || key == "second_port" || key == "pace")) return;
+    if (table == "[[imu]]" && (key == "port" || key == "second_port" || key == "also" || key == "pace")) return;
     text += fmt::format("{}\n", line);
     if (line == "[[imu]]") text += fmt::format("port = {}\n", nlohmann::json(port).dump());
   });

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/copies.hpp"
 #include "emulator/recorder.hpp"
 #include "transports/can_bits.hpp"
 #include "transports/can_error.hpp"
@@ -257,6 +258,7 @@ void WirePort::pass(std::span<const Frame> frames, std::size_t own) noexcept {
   own_held_ += own;
   others_held_ += frames.size() - own;
   if (recorder_ != nullptr) recorder_->frames(interface_, frames, port_->counters().dropped - dropped);
+  if (copies_ != nullptr) copies_->send(frames, time_, is_reply_);
 }
 
 void WirePort::lose(std::span<const Frame> frames) noexcept {

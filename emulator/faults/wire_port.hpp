@@ -18,6 +18,7 @@
 
 namespace imud {
 
+class Copies;
 class Recorder;
 
 // Passes everything to the port that it wraps, and changes what is sent and received as the active faults of
@@ -53,6 +54,8 @@ class WirePort final : public Port {
     recorder_ = recorder;
     interface_ = interface;
   }
+  // From now on sends the frames that leave to `copies`, too, which outlives this.
+  void set_copies(Copies* copies) noexcept { copies_ = copies; }
 
   void send(std::span<const Frame> frames) noexcept override;
   void discard_pending() noexcept override;
@@ -110,6 +113,7 @@ class WirePort final : public Port {
   UartSettings uart_;
   const double bit_rate_;
   Recorder* recorder_ = nullptr;
+  Copies* copies_ = nullptr;
   std::uint16_t interface_ = 0;
 
   std::array<WireChange, max_active> active_, last_;

@@ -311,6 +311,24 @@ TEST_F(ConfigTest, ASecondPortIsForAProductWithASecondUart) {
   EXPECT_EQ(faults(bare, {"imu.0.device.uart=3"}).size(), 1U);
 }
 
+TEST_F(ConfigTest, CopiesHaveTheLineOfThePortButNoPace) {
+  EXPECT_TRUE(load(good).imus[0].also.empty());
+  const ImuConfig imu = load(good, {"imu.0.also=[\"pty:imu2\", \"file:imu.bin\"]", "imu.0.port=pty:imu1?baud=9600",
+                                    "imu.0.pace=line", "imu.0.rate_hz=1"})
+                            .imus[0];
+  EXPECT_EQ(imu.also, (std::vector<std::string>{"pty:imu2", "file:imu.bin"}));
+  ASSERT_EQ(imu.also_settings.size(), 2U);
+  EXPECT_TRUE(imu.port_settings.paced);
+  EXPECT_FALSE(imu.also_settings[0].paced);
+  EXPECT_EQ(imu.also_settings[1].role, Role::device);
+  const auto delivery = [&](const char* clock) {
+    return load(good, {"imu.0.also=[\"file:imu.bin\"]", clock}).imus[0].also_settings[0].delivery;
+  };
+  EXPECT_EQ(delivery("clock=realtime"), Delivery::timely);
+  EXPECT_EQ(delivery("clock=lockstep"), Delivery::complete);
+  EXPECT_EQ(faults(good, {"imu.0.also=[1]"}).size(), 1U);
+}
+
 TEST_F(ConfigTest, YawPitchRollIsThreeTwoOne) {
   const Config c = load(good, {"imu.0.mounting.yaw_pitch_roll_deg=[90, 0, 0]"});
   // The platform is turned by +90 deg about z: the body's x axis is the platform's -y.

@@ -1,0 +1,33 @@
+// DeviceLine: a port with the UART of the device behind it.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+
+#include "core/uart.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+class WirePort;
+
+// The sampling thread alone uses it. Nothing here allocates or throws, and only wait() waits.
+struct DeviceLine {
+  std::unique_ptr<Port> port;
+  UartSettings uart;         // the device's settings that the port has
+  std::uint64_t passed = 0;  // frames passed to the port
+  bool is_file = false;      // a regular file, which accepts everything and never answers
+  bool is_stalled = false;   // the port has accepted nothing for 2 s
+  // In the record: frames that left; the next two are what the host has sent, and frames that were dropped.
+  std::uint16_t interface = 0;
+  WirePort* wire = nullptr;  // the port, if faults act on it
+
+  // Returns true while the port has neither sent nor dropped all frames that were passed to it.
+  bool holds_back() const noexcept;
+  // Waits until the port has sent all frames, and, if `for_room`, accepts more. If its reader or bus accepts nothing
+  // for 2 s, the port is no longer waited for until it has accepted all frames. Also returns when `stop` is set.
+  void wait(bool for_room, const std::atomic<bool>& stop) noexcept;
+};
+
+}  // namespace imud
