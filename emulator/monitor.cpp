@@ -40,7 +40,8 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       edges_refused_(config.imus.size()),
       device_reported_(config.imus.size()),
       ports_(config.imus.size()),
-      second_ports_(config.imus.size()) {
+      second_ports_(config.imus.size()),
+      pty_readers_(config) {
   for (const ImuConfig& imu : config.imus) {
     line_loads_.push_back(line_load(imu).percent);
     imu_names_.push_back(imu.name);
@@ -60,6 +61,7 @@ void Monitor::update() {
   report_skipped();
   report_record();
   report_faults();
+  pty_readers_.update(host_now());
   const double now_s = seconds(host_now() - begin_);
   if (quality_.is_open() && now_s - last_quality_.duration_s >= 1.0) {
     Summary all = now();

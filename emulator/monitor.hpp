@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "emulator/config.hpp"
+#include "emulator/pty_readers.hpp"
 #include "emulator/summary.hpp"
 #include "emulator/text_file.hpp"
 #include "transports/host_clock.hpp"
@@ -91,6 +92,7 @@ class Monitor {
   std::vector<bool> remarks_, refusals_, edges_refused_;
   std::vector<std::vector<bool>> device_reported_;  // by imu and DeviceCounter
   std::vector<ReportedPort> ports_, second_ports_;
+  PtyReaders pty_readers_;
 };
 
 }  // namespace imud

@@ -104,6 +104,25 @@ TEST_F(CopiesTest, AnswersAreCopiedAndCommandsOfACopyAreNot) {
   EXPECT_EQ(imud.stop(), 0);
 }
 
+// A byte reaches only one of two programs that read a pty. A child that has inherited it is no other program.
+TEST_F(CopiesTest, TwoReadersOfOnePtyAreNamed) {
+  Program imud("imud");
+  start(imud, write("config.toml", fmt::format("[truth]\nport = \"{}\"\n[[imu]]\nprotocol = \"stim300\"\n"
+                                               "port = \"pty:{}\"\n[[imu]]\nprotocol = \"stim300\"\n"
+                                               "port = \"pty:{}\"\n",
+                                               simulator_.port(), path("one"), path("two"))));
+  ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("two")); }));
+  Program alone("/bin/sh"), first("/bin/cat"), second("/bin/cat");
+  alone.start({"-c", "{ cat; true; } < " + path("one") + " > /dev/null"});
+  first.start({path("two")});
+  second.start({path("two")});
+  ASSERT_TRUE(imud.wait_for_errors(fmt::format("imu2: 2 programs have pty:{} open, cat (", path("two"))));
+  EXPECT_TRUE(contains(imud.errors(), fmt::format("cat ({})", first.pid())));
+  EXPECT_TRUE(contains(imud.errors(), fmt::format("cat ({})", second.pid())));
+  imud.stop();
+  EXPECT_EQ(count(imud.errors(), "programs have pty:"), 1U) << imud.errors();
+}
+
 TEST_F(CopiesTest, WrongPortsAreRefused) {
   const auto faults = [&](const std::string& also) {
     const ProgramResult check = run_program("imud", {"check", stim300("fast", "also = " + also)});
