@@ -249,12 +249,16 @@ void Monitor::report_faults() {
 }
 
 void Monitor::report_port(ReportedPort& reported, const std::string& imu, const std::string& port,
-                          const PortFigures& now) {
+                          const PortFigures& now) const {
   constexpr int most = 10;  // reports; a client may try wrong speeds for ever
   const PortState state = now.state;
-  if (state == PortState::wrong_speed && reported.wrong_speeds == most) return;
-  if (std::exchange(reported.state, state) == state) return;
   const Port::Speeds speeds = now.speeds;
+  if (state != PortState::wrong_speed)
+    reported.mismatch.end();
+  else if (reported.wrong_speeds == most ||
+           !reported.mismatch.lasts(speeds, host_now(), nanoseconds(options_.wrong_speed_s)))
+    return;
+  if (std::exchange(reported.state, state) == state) return;
   switch (state) {
     case PortState::ready:
       spdlog::info("{}: {} takes frames", imu, port);

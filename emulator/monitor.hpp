@@ -7,6 +7,7 @@
 
 #include "emulator/config.hpp"
 #include "emulator/pty_readers.hpp"
+#include "emulator/speed_mismatch.hpp"
 #include "emulator/summary.hpp"
 #include "emulator/text_file.hpp"
 #include "transports/host_clock.hpp"
@@ -20,6 +21,7 @@ class Monitor {
     double log_every_s = 10;   // interval of the line of figures; 0: none
     std::string quality_file;  // a line of JSON a second; - is standard output; empty: none
     double first_truth_s = 1;  // the log states what the sensors do if no truth has come for so long from the start
+    double wrong_speed_s = 2;  // a client's speed that is not the line's is reported if it lasts for so long
   };
   // `counters` has the imus of `config` in the same order. The counters and `config` must outlive this. Throws
   // std::runtime_error if the file cannot be written.
@@ -63,6 +65,7 @@ class Monitor {
   struct ReportedPort {
     PortState state = PortState::ready;
     int wrong_speeds = 0;  // reports of a wrong speed
+    SpeedMismatch mismatch;
   };
   // The figures of a port that another thread writes.
   struct PortFigures {
@@ -70,8 +73,8 @@ class Monitor {
     const std::atomic<Port::Speeds>& speeds;
     const std::atomic<int>& error;
   };
-  static void report_port(ReportedPort& reported, const std::string& imu, const std::string& port,
-                          const PortFigures& now);
+  void report_port(ReportedPort& reported, const std::string& imu, const std::string& port,
+                   const PortFigures& now) const;
   void write_quality(const Summary& all);
 
   const RunCounters counters_;

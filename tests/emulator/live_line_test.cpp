@@ -86,27 +86,20 @@ TEST_F(LiveLine, AChangeOfSpeedIsAnsweredAtTheOldOneAndThenHolds) {
   }
 }
 
-TEST_F(LiveLine, AClientThatGoesOnChangingItsSpeedIsReportedTenTimes) {
+TEST_F(LiveLine, AMismatchOfAMomentIsNotReported) {
   Program imud("imud");
   start(imud, product("vectornav", "none"));
   ASSERT_TRUE(eventually([&] { return std::filesystem::is_symlink(path("imu")); }));
   const FileDescriptor client = open_terminal(path("imu"));
-  const auto reports = [&] { return count(imud.errors(), "both read garbage"); };
-  const auto change = [&] {
+  ASSERT_TRUE(imud.wait_for_errors("takes frames")) << imud.errors();
+  for (int i = 0; i < 3; ++i) {
     ASSERT_TRUE(set_line_speed(client.get(), 9600));
-    std::this_thread::sleep_for(130ms);
+    std::this_thread::sleep_for(250ms);
     ASSERT_TRUE(set_line_speed(client.get(), 115'200));
-    std::this_thread::sleep_for(130ms);
-  };
-  constexpr std::size_t most = 10;
-  EXPECT_TRUE(eventually([&] {
-    change();
-    return reports() >= most;
-  })) << imud.errors();
-  EXPECT_NE(imud.errors().find("(reported for the last time)"), std::string::npos) << imud.errors();
-  for (int i = 0; i < 5; ++i) change();
+    std::this_thread::sleep_for(250ms);
+  }
   EXPECT_EQ(imud.stop(), 0);
-  EXPECT_EQ(reports(), most);
+  EXPECT_EQ(count(imud.errors(), "garbage"), 0U) << imud.errors();
 }
 
 // 124 characters of ten bits at 90 Hz: 96.9 % of the line.

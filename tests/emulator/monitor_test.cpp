@@ -24,7 +24,7 @@ class MonitorTest : public RunTest {
   ~MonitorTest() override { spdlog::set_default_logger(before_); }
 
   Monitor monitor(const Monitor::Options& options = {
-                      .log_every_s = 0, .quality_file = {}, .first_truth_s = 3600}) const {
+                      .log_every_s = 0, .quality_file = {}, .first_truth_s = 3600, .wrong_speed_s = 0}) const {
     return Monitor({&truth_, &quality_, {{"imu1", &imu_}}}, config_, options);
   }
   // Returns the lines logged since the last call.
@@ -179,6 +179,47 @@ TEST_F(MonitorTest, AChangeOfTheSecondPortIsReported) {
   EXPECT_EQ(logged(),
             (Lines{"warning imu1: pty:second: the line has 115200 baud and the client 9600: both read garbage",
                    "info imu1: pty:second takes frames"}));
+}
+
+// A host that is told another bit rate, and then sets it, has the wrong one for a moment.
+TEST_F(MonitorTest, ANegotiationOfABitRateIsNotReported) {
+  Monitor monitor =
+      this->monitor({.log_every_s = 0, .quality_file = {}, .first_truth_s = 3600, .wrong_speed_s = 3600});
+  const std::string port = "pty:" + path("imu");
+  imu_.speeds = Port::Speeds{921'600, 115'200};
+  for (const PortState state : {PortState::no_reader, PortState::wrong_speed, PortState::ready,
+                                PortState::wrong_speed, PortState::ready, PortState::wrong_speed}) {
+    imu_.port_state = state;
+    monitor.update();
+  }
+  monitor.finish({});
+  EXPECT_EQ(logged(), (Lines{"info imu1: nobody has " + port + " open; frames are discarded",
+                             "info imu1: " + port + " takes frames"}));
+}
+
+TEST(SpeedMismatch, LastsIfBothSpeedsStay) {
+  SpeedMismatch mismatch;
+  constexpr Nanoseconds least = std::chrono::seconds(2);
+  const auto lasts = [&](double at_s, unsigned client) {
+    return mismatch.lasts({921'600, client}, HostTime{} + nanoseconds(at_s), least);
+  };
+  EXPECT_FALSE(lasts(10, 9600));
+  EXPECT_FALSE(lasts(11.9, 9600));
+  EXPECT_TRUE(lasts(12, 9600));
+  mismatch.end();
+  EXPECT_FALSE(lasts(13, 9600)) << "it begins again";
+  EXPECT_FALSE(lasts(14.9, 9600));
+  EXPECT_TRUE(lasts(15, 9600));
+}
+
+// A host that searches has each speed for a short time; it is reported if it has not found the right one for long.
+TEST(SpeedMismatch, LastsIfNoSpeedIsTheRightOne) {
+  SpeedMismatch mismatch;
+  for (int i = 0; i < 10; ++i)
+    EXPECT_FALSE(mismatch.lasts({921'600, i % 2 == 0 ? 9600U : 115'200U}, HostTime{} + std::chrono::seconds(i),
+                                std::chrono::seconds(2)))
+        << i;
+  EXPECT_TRUE(mismatch.lasts({921'600, 9600}, HostTime{} + std::chrono::seconds(10), std::chrono::seconds(2)));
 }
 
 TEST_F(MonitorTest, AChangeOfAPortIsReported) {

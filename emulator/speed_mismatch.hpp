@@ -1,0 +1,34 @@
+// SpeedMismatch: whether the two ends of a line have had different speeds for so long that it is no negotiation.
+#pragma once
+
+#include <optional>
+
+#include "core/time.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// A host that negotiates a bit rate has another one than the line for a moment, or tries one after another. Neither
+// is worth a report. One thread.
+class SpeedMismatch {
+ public:
+  // The two ends have different speeds at `now`, which rises from call to call. Returns true if both have had these
+  // very speeds for `least`, or if no speed has matched for five times as long.
+  bool lasts(Port::Speeds speeds, HostTime now, Nanoseconds least) noexcept {
+    if (!begin_) begin_ = now;
+    if (now == *begin_ || speeds.line != speeds_.line || speeds.client != speeds_.client) {
+      speeds_ = speeds;
+      since_ = now;
+    }
+    return now - since_ >= least || now - *begin_ >= 5 * least;
+  }
+  // The speeds match, or nobody is there.
+  void end() noexcept { begin_.reset(); }
+
+ private:
+  std::optional<HostTime> begin_;  // of the mismatch
+  HostTime since_;                 // when both ends came to their present speeds
+  Port::Speeds speeds_;
+};
+
+}  // namespace imud
