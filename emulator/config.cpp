@@ -194,16 +194,20 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   const auto milliseconds = [&](std::string_view key, Nanoseconds fallback, double min, double max) {
     return nanoseconds(1e-3 * table.real(key, static_cast<double>(fallback.count()) / 1e6, min, max));
   };
-  const bool is_automatic = table.is_text("delay_ms");
+  // Left out, the delay is automatic where live truth is sampled by the host's clock.
+  const bool is_default =
+      !table.has("delay_ms") && clock == ClockMode::realtime && transport != nullptr && !is_capture(truth.port);
+  const bool is_automatic = is_default || table.is_text("delay_ms");
   if (is_automatic || table.has("auto_delay_percent"))
     truth.clock.automatic_percent = table.real("auto_delay_percent", 99.0, 50.0, 100.0);
   if (!is_automatic) {
     truth.clock.delay = milliseconds("delay_ms", truth.clock.delay, 0.0, 1000.0);
     if (table.has("auto_delay_percent")) table.fault("auto_delay_percent", "needs delay_ms = \"auto\"");
-  } else if (table.text("delay_ms", "") != "auto") {
+  } else if (table.text("delay_ms", "auto") != "auto") {
     table.fault("delay_ms", "give milliseconds from 0 to 1000, or \"auto\"");
   }
-  if (clock == ClockMode::lockstep && (is_automatic || truth.clock.delay > Nanoseconds{0}))
+  const bool is_delayed = truth.clock.delay > Nanoseconds{0} || (is_automatic && !is_capture(truth.port));
+  if (clock == ClockMode::lockstep && is_delayed)
     table.fault("delay_ms", "needs clock = \"realtime\": in lockstep a sample waits for its truth; give 0");
   constexpr WhenStopped reactions[] = {WhenStopped::hold, WhenStopped::flag, WhenStopped::silence};
   truth.when_stopped = reactions[table.choice("when_stopped", {"hold", "flag", "silence"}, 0)];

@@ -246,6 +246,8 @@ struct TruthQuality : CounterGroup {
   Counter returns{*this, {"returns", "resumptions"}};
   // Runs that began because truth had paused or its time had jumped.
   Counter resumed{*this, {"resumed", "new runs after a pause or jump"}};
+  // Times that the automatic delay was raised, because truths were later than it allows for.
+  Counter delay_raises{*this, {"delay_raises", "raises of the automatic delay"}};
   // Simulation seconds in a host second, estimated.
   Level rate{*this, "clock_rate", 1, 1};
   // Seconds by which the simulation has fallen behind the host's clock in this run.
@@ -257,6 +259,12 @@ struct TruthQuality : CounterGroup {
   // Age of the newest truth at the samples' instants.
   Durations age{*this, "age_us"};
   std::atomic<bool> known = false;
+  // How the automatic delay was settled; delay_s is negative until it is.
+  struct Settled {
+    std::atomic<double> delay_s = -1;
+    std::atomic<double> interval_s = 0, jitter_s = 0, duration_s = 0;
+  };
+  Settled settled;
 };
 
 // The counters of a record (`--record`).

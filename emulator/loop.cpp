@@ -132,8 +132,14 @@ void Loop::take_truth() noexcept {
     if (begins || outcome == TruthIntake::Outcome::accepted) newest_arrival_ = intake_.arrival();
     if (outcome == TruthIntake::Outcome::accepted) {
       unreviewed_ = unapplied_ = true;
-      begins = !pacer_.observe(timeline_.newest(), newest_arrival_, next_due());
+      const HostTime due = schedule_.empty() ? newest_arrival_ : next_due();
+      begins = !pacer_.observe(timeline_.newest(), newest_arrival_, due);
       if (begins) forget_past();
+    }
+    if (outcome == TruthIntake::Outcome::inserted) pacer_.observe_inserted(intake_.truth().time, intake_.arrival());
+    if (begins && !session_.in_run()) {
+      settling_ = pacer_.begin_settling(timeline_.newest(), newest_arrival_);
+      begins = !settling_;
     }
     if (begins) begin_run();
     wants = wants_truth();
@@ -143,7 +149,13 @@ void Loop::take_truth() noexcept {
   // A capture may have no descriptor to wait for.
   truth_waits_ = more_truth_ || (!intake_.is_live() && intake_.descriptor() < 0);
   budget_ = more_truth_ ? std::max(most_in_flood, budget_ - taken) : most_truths;
-  if (more_truth_ || !std::exchange(unreviewed_, false)) return;
+  if (more_truth_) return;
+  if (settling_) {
+    if (!pacer_.is_settled(host_.now())) return;
+    settling_ = false;
+    return begin_run();
+  }
+  if (!std::exchange(unreviewed_, false)) return;
   if (pacer_.review(timeline_.newest(), host_.now())) return;
   forget_past();
   begin_run();
@@ -159,8 +171,9 @@ void Loop::apply_truth() noexcept {
   }
   if (!std::exchange(answer_due_, false) || !intake_.is_live()) return;
   send_all();  // the samples leave before the answer
-  // By the host's clock, not all samples up to the newest truth have left.
-  intake_.answer(waits_for_truth_ ? timeline_.newest() : session_.watermark(), session_.samples_in_run());
+  // By the host's clock, not all samples up to the newest truth have left, and before the run none.
+  const TruthTime sampled = session_.in_run() ? session_.watermark() : timeline_.run_start();
+  intake_.answer(waits_for_truth_ ? timeline_.newest() : sampled, session_.samples_in_run());
 }
 
 // Sends what the ports hold back; waits for their readers where the host's clock does not pace.

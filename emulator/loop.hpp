@@ -80,6 +80,7 @@ class Loop {
   bool prepared_at_rest_ = false;
 
   bool ended_ = false;
+  bool settling_ = false;    // truth arrives, and the run begins when the pacer is settled
   HostTime newest_arrival_;  // of the newest truth
   HostTime served_;          // when all hosts were served last
   int budget_;               // how many truths may be taken before the next sample

@@ -55,6 +55,7 @@ void Monitor::update() {
   report_first_truth();
   report_connection();
   report_remarks();
+  report_delay();
   report_refusals();
   report_interruptions();
   report_imus();
@@ -78,6 +79,7 @@ void Monitor::update() {
 Summary Monitor::finish(std::string capture_warning) {
   report_connection();
   report_remarks();
+  report_delay();
   report_refusals();
   report_interruptions();
   report_imus();
@@ -189,6 +191,20 @@ void Monitor::report_interruptions() {
   if (const std::uint64_t n = returns_.of(quality.returns); n > 0) spdlog::info("truth has resumed{}", times(n));
   if (const std::uint64_t n = resumed_.of(quality.resumed); n > 0)
     spdlog::warn("truth had paused or its time had jumped: a new run begins{}", times(n));
+}
+
+void Monitor::report_delay() {
+  const TruthQuality& quality = *counters_.quality;
+  const double settled_s = quality.settled.delay_s.load(std::memory_order_acquire);
+  if (settled_s >= 0 && !std::exchange(delay_reported_, true))
+    spdlog::info(
+        "truth.delay_ms is \"auto\": the sensors sample {:.1f} ms behind the truth, which is added latency: its "
+        "interval is {:.1f} ms and its jitter {:.1f} ms, measured for {:.2f} s; closed loops want truth.delay_ms = 0",
+        1e3 * settled_s, 1e3 * quality.settled.interval_s, 1e3 * quality.settled.jitter_s,
+        quality.settled.duration_s.load());
+  if (const std::uint64_t n = delay_raises_.of(quality.delay_raises); n > 0)
+    spdlog::info("truth is later than before: the automatic delay is raised to {:.1f} ms{}", 1e3 * quality.delay_s,
+                 times(n));
 }
 
 void Monitor::report_imus() {

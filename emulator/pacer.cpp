@@ -1,15 +1,33 @@
 #include "emulator/pacer.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace imud {
 
 bool Pacer::observe(TruthTime, HostTime, HostTime) noexcept { return true; }
 bool Pacer::review(TruthTime, HostTime) noexcept { return true; }
 
-HostTime HostPacer::begin_run(TruthTime truth, HostTime arrival, HostTime) noexcept {
+bool HostPacer::begin_settling(TruthTime truth, HostTime arrival) noexcept {
   monitor_.begin_run(truth, arrival);
-  const HostTime begin = clock_.begin(truth, arrival, monitor_.rate());
+  clock_.begin(truth, arrival, monitor_.rate());
+  settling_ = !clock_.is_settled(arrival);
+  return settling_;
+}
+
+HostTime HostPacer::begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept {
+  HostTime begin;
+  if (std::exchange(settling_, false)) {
+    const TruthClock::Settled settled = clock_.settle(truth, now);
+    begin = settled.begin;
+    quality_.settled.interval_s.store(settled.interval_s, std::memory_order_relaxed);
+    quality_.settled.jitter_s.store(settled.jitter_s, std::memory_order_relaxed);
+    quality_.settled.duration_s.store(settled.duration_s, std::memory_order_relaxed);
+    quality_.settled.delay_s.store(clock_.delay_s(), std::memory_order_release);
+  } else {
+    monitor_.begin_run(truth, arrival);
+    begin = clock_.begin(truth, arrival, monitor_.rate());
+  }
   publish();
   return begin;
 }
@@ -31,6 +49,7 @@ void HostPacer::publish() noexcept {
   quality_.rate.store(clock_.rate(), std::memory_order_relaxed);
   quality_.offset_s.store(clock_.offset_s(), std::memory_order_relaxed);
   quality_.delay_s.store(clock_.delay_s(), std::memory_order_relaxed);
+  quality_.delay_raises.store(clock_.delay_raises(), std::memory_order_relaxed);
   quality_.known.store(true, std::memory_order_relaxed);
 }
 

@@ -26,12 +26,19 @@ class Pacer {
   virtual void set_delay(const TruthClock::Options&) noexcept {}
   virtual void set_extrapolate(Nanoseconds) noexcept {}
 
+  // Called for the first truth, and for one with which simulation time restarts before is_settled(). Returns true if
+  // arrivals have to be observed before a run can begin.
+  virtual bool begin_settling(TruthTime, HostTime) noexcept { return false; }
+  // Returns true if a run can begin with the newest truth.
+  virtual bool is_settled(HostTime) noexcept { return true; }
   // Begins a run with `truth`, which arrived at `arrival` and is processed at `now`. Returns the instant at which it
   // is sampled.
   virtual HostTime begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept = 0;
   // Updates the map by `truth`, the newest of the run, which arrived at `arrival`; the next sample is due at `due`.
   // Returns false if the simulator's time has jumped, so that a new run must begin.
   virtual bool observe(TruthTime truth, HostTime arrival, HostTime due) noexcept;
+  // Called for a truth that was inserted before the newest.
+  virtual void observe_inserted(TruthTime, HostTime) noexcept {}
   // Called when all waiting truths have been observed; the newest is `truth`. Returns false if the simulator was
   // paused, so that a new run must begin.
   virtual bool review(TruthTime truth, HostTime now) noexcept;
@@ -74,8 +81,13 @@ class HostPacer final : public Pacer {
 
   bool waits_for_truth() const noexcept override { return false; }
   bool is_paced() const noexcept override { return true; }
+  bool begin_settling(TruthTime truth, HostTime arrival) noexcept override;
+  bool is_settled(HostTime now) noexcept override { return clock_.is_settled(now); }
   HostTime begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept override;
   bool observe(TruthTime truth, HostTime arrival, HostTime due) noexcept override;
+  void observe_inserted(TruthTime truth, HostTime arrival) noexcept override {
+    clock_.observe_inserted(truth, arrival);
+  }
   bool review(TruthTime truth, HostTime now) noexcept override;
   void set_delay(const TruthClock::Options& options) noexcept override { clock_.set(options); }
   void set_extrapolate(Nanoseconds extrapolate) noexcept override { monitor_.set_extrapolate(extrapolate); }
@@ -88,6 +100,7 @@ class HostPacer final : public Pacer {
   TruthClock clock_;
   TruthMonitor monitor_;
   TruthQuality& quality_;
+  bool settling_ = false;
 };
 
 // Returns the pacer for the configured clock and truth port.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace imud {
 
@@ -18,6 +19,18 @@ constexpr double first_automatic_delay_s = 0.05;
 constexpr double longest_delay_s = 1;
 constexpr std::size_t between_evaluations = 32;
 
+constexpr double recent_s = 1;                 // the arrivals that may contradict the offset of the whole window
+constexpr double steady_s = 50e-6;             // by which they do not, beside half of the mean latency
+constexpr double offset_time_constant_s = 10;  // with which the offset of the whole window rises
+
+constexpr Nanoseconds shortest_settling = std::chrono::milliseconds(200), longest_settling = std::chrono::seconds(1);
+constexpr std::size_t settling_truths = 16;
+constexpr double little_jitter_s = 1e-3;
+constexpr double margin_s = 0.5e-3, margin_of_jitter = 0.25;
+constexpr double few_outliers = 5;
+constexpr double raise_within_s = 1, slowest_raise = 0.002;
+constexpr double lowered_s_per_s = 50e-6, too_long = 1.25;
+
 }  // namespace
 
 TruthClock::TruthClock(const Options& options) noexcept
@@ -33,6 +46,11 @@ HostTime TruthClock::begin(TruthTime truth, HostTime arrival, double rate) noexc
   offset_s_ = 0;
   lateness_s_ = 0;
   last_truth_s_ = 0;
+  step_s_ = 0;
+  need_count_ = 0;
+  followed_host_s_ = 0;
+  has_steady_offset_ = false;
+  fitted_host_s_ = 0;
   add({});
   anchor_ = arrival + nanoseconds(delay_s_ * slope_);
   line_s_ = delay_s_;
@@ -44,10 +62,11 @@ HostTime TruthClock::begin(TruthTime truth, HostTime arrival, double rate) noexc
 
 void TruthClock::observe(TruthTime truth, HostTime arrival, HostTime now) noexcept {
   const Point point{seconds(truth - truth_origin_), seconds(arrival - host_origin_)};
-  if (options_.automatic_percent > 0) add_sufficient_delay(line_at(arrival) - last_truth_s_);
-  last_truth_s_ = point.truth_s;
+  const double known_s = std::exchange(last_truth_s_, point.truth_s);
+  step_s_ = step_s_ > 0 ? std::min(step_s_, point.truth_s - known_s) : point.truth_s - known_s;
   add(point);
   fit();
+  add_need(point.host_s, known_s);
   lateness_s_ = std::max(0.0, point.host_s - (slope_ * point.truth_s + intercept_s_));
   offset_s_ = (slope_ - 1) * point.truth_s + intercept_s_;
 
@@ -62,13 +81,57 @@ double TruthClock::line_at(HostTime time) const noexcept {
   return line_s_ + rate_ * since_s + correction_s_ * std::clamp(since_s / slew_s_, 0.0, 1.0);
 }
 
+void TruthClock::observe_inserted(TruthTime truth, HostTime arrival) noexcept {
+  if (step_s_ > 0) add_need(seconds(arrival - host_origin_), seconds(truth - truth_origin_) - step_s_);
+}
+
 void TruthClock::set(const Options& options) noexcept {
+  const bool was_automatic = options_.automatic_percent > 0;
   options_ = options;
-  if (options.automatic_percent == 0) delay_s_ = seconds(options.delay);
+  delay_slew_ = largest_slew;
+  if (options.automatic_percent == 0) {
+    delay_s_ = seconds(options.delay);
+    is_settled_ = true;
+  } else if (!was_automatic && need_count_ >= between_evaluations) {
+    const Enough now = enough(0);
+    delay_s_ = std::min(now.delay_s + now.margin_s, longest_delay_s);
+  }
+}
+
+bool TruthClock::is_settled(HostTime now) noexcept {
+  if (options_.automatic_percent == 0 || is_settled_) return true;
+  const Nanoseconds since_begin = now - host_origin_;
+  if (since_begin >= longest_settling) return true;
+  return since_begin >= shortest_settling && need_count_ + 1 >= settling_truths &&
+         enough_to_settle().jitter_s <= little_jitter_s;
+}
+
+// The line may have moved since the arrivals.
+TruthClock::Enough TruthClock::enough_to_settle() noexcept {
+  const std::size_t count = std::min(need_count_, needs_.size());
+  for (std::size_t i = 0; i < count; ++i) needs_[i] = need_s(arrivals_[i].host_s, arrivals_[i].known_s);
+  return enough(count + 1 >= settling_truths ? 1 : 0);
+}
+
+TruthClock::Settled TruthClock::settle(TruthTime truth, HostTime now) noexcept {
+  Enough known = {longest_delay_s, 0, 0};
+  if (!is_settled_) {
+    if (need_count_ > 0) known = enough_to_settle();
+    is_settled_ = true;
+    delay_s_ = std::min(known.delay_s + known.margin_s, longest_delay_s);
+  }
+  const double truth_s = seconds(truth - truth_origin_);
+  anchor_ = std::max(now, host_origin_ + nanoseconds(intercept_s_ + slope_ * (truth_s + delay_s_)));
+  rate_ = 1 / slope_;
+  line_s_ = (seconds(anchor_ - host_origin_) - intercept_s_) / slope_;
+  applied_delay_s_ = line_s_ - truth_s;
+  correction_s_ = 0;
+  slew_s_ = time_constant_s;
+  return {anchor_, step_s_, known.jitter_s, seconds(now - host_origin_)};
 }
 
 double TruthClock::delay_at(HostTime time) const noexcept {
-  const double most_s = largest_slew * std::max(0.0, seconds(time - anchor_));
+  const double most_s = delay_slew_ * std::max(0.0, seconds(time - anchor_));
   return applied_delay_s_ + std::clamp(delay_s_ - applied_delay_s_, -most_s, most_s);
 }
 
@@ -113,6 +176,7 @@ void TruthClock::add(const Point& arrival) noexcept {
 }
 
 void TruthClock::fit() noexcept {
+  const double slope_before = slope_;
   const double span_s = point(count_ - 1).truth_s - point(0).truth_s;
   if (point(count_ - 1).host_s - point(0).host_s >= shortest_span_s && span_s > 0 && count_ > 2) {
     // Lower hull, from left to right (Andrew's monotone chain).
@@ -142,26 +206,62 @@ void TruthClock::fit() noexcept {
     const double uncertainty = 2 * lateness_s / span_s;
     slope_ = std::abs(slope - 1) < 2 * uncertainty ? 1.0 : slope;
   }
-  const double newest_s = point(count_ - 1).host_s;
-  intercept_s_ = newest_s - slope_ * point(count_ - 1).truth_s;
+  const auto intercept = [this](const Point& p) { return p.host_s - slope_ * p.truth_s; };
+  const Point& newest = point(count_ - 1);
+  double quick_s = intercept(newest), last_s = quick_s, least_s = quick_s, sum_s = quick_s;
   for (std::size_t n = 2; n <= count_; ++n) {
     const Point& p = point(count_ - n);
-    if (n > fewest_points && p.host_s < newest_s - offset_window_s) break;
-    intercept_s_ = std::min(intercept_s_, p.host_s - slope_ * p.truth_s);
+    const double at_p_s = intercept(p);
+    sum_s += at_p_s;
+    least_s = std::min(least_s, at_p_s);
+    if (n <= fewest_points || p.host_s >= newest.host_s - recent_s) last_s = std::min(last_s, at_p_s);
+    if (n <= fewest_points || p.host_s >= newest.host_s - offset_window_s) quick_s = std::min(quick_s, at_p_s);
   }
+  const double mean_latency_s = sum_s / static_cast<double>(count_) - least_s;
+  const double since_s = newest.host_s - std::exchange(fitted_host_s_, newest.host_s);
+  const bool is_steady = slope_ == 1.0 && last_s - least_s <= steady_s + 0.5 * mean_latency_s;
+  const bool was_steady = std::exchange(has_steady_offset_, is_steady) && slope_ == slope_before;
+  if (!is_steady)
+    intercept_s_ = quick_s;
+  else if (!was_steady || least_s < intercept_s_)
+    intercept_s_ = least_s;
+  else
+    intercept_s_ += (least_s - intercept_s_) * std::min(1.0, since_s / offset_time_constant_s);
 }
 
-void TruthClock::add_sufficient_delay(double delay_s) noexcept {
-  sufficient_delays_[sufficient_delay_count_++ % sufficient_delays_.size()] = delay_s;
-  const std::size_t known = std::min(sufficient_delay_count_, sufficient_delays_.size());
-  if (sufficient_delay_count_ % between_evaluations != 0) return;
-  std::array<double, 512> sorted = sufficient_delays_;
-  const auto rank = static_cast<std::size_t>(options_.automatic_percent / 100 * static_cast<double>(known - 1) + 0.5);
-  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(rank),
-                   sorted.begin() + static_cast<std::ptrdiff_t>(known));
-  const double enough_s = std::min(sorted[rank], longest_delay_s);
-  constexpr double gradually = 0.05;
-  delay_s_ += (enough_s > delay_s_ ? 1 : gradually) * (enough_s - delay_s_);
+void TruthClock::add_need(double host_s, double known_s) noexcept {
+  const std::size_t i = need_count_++ % needs_.size();
+  arrivals_[i] = {host_s, known_s};
+  needs_[i] = need_s(host_s, known_s);
+  if (options_.automatic_percent > 0 && is_settled_ && need_count_ % between_evaluations == 0) follow_needs(host_s);
+}
+
+// `outliers`: so many of the longest needs are left out.
+TruthClock::Enough TruthClock::enough(std::size_t outliers) const noexcept {
+  const std::size_t known = std::min(need_count_, needs_.size());
+  std::array<double, 512> sorted = needs_;
+  const auto end = sorted.begin() + static_cast<std::ptrdiff_t>(known);
+  const auto longest = end - 1 - static_cast<std::ptrdiff_t>(std::min(outliers, known - 1));
+  std::nth_element(sorted.begin(), longest, end);
+  const double jitter_s = *longest - *std::min_element(sorted.begin(), end);
+  return {*longest, margin_s + margin_of_jitter * jitter_s, jitter_s};
+}
+
+void TruthClock::follow_needs(double host_s) noexcept {
+  const double since_s = host_s - std::exchange(followed_host_s_, host_s);
+  const auto known = static_cast<double>(std::min(need_count_, needs_.size()));
+  const double share = 1 - options_.automatic_percent / 100;
+  // At the beginning a single late arrival is no reason to move the motion.
+  const double few = std::min(few_outliers, share * static_cast<double>(needs_.size()));
+  const Enough now = enough(static_cast<std::size_t>(std::max(share * known, few) + 0.5));
+  const double wanted_s = std::min(now.delay_s + now.margin_s, longest_delay_s);
+  if (std::min(now.delay_s, longest_delay_s) > delay_s_) {
+    ++delay_raises_;
+    delay_slew_ = std::clamp((wanted_s - delay_s_) / raise_within_s, slowest_raise, largest_slew);
+    delay_s_ = wanted_s;
+  } else if (delay_s_ > too_long * wanted_s) {
+    delay_s_ -= std::min(lowered_s_per_s * since_s, delay_s_ - wanted_s);
+  }
 }
 
 }  // namespace imud

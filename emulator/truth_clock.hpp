@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 #include "core/time.hpp"
 
@@ -12,9 +13,15 @@ namespace imud {
 // above one straight line, and those of lowest latency lie on it. The estimate of the line is the edge of the lower
 // convex hull of the arrivals at the middle of the last 4 s: no arrival lies below it, and the mean distance to all
 // is the smallest (Zhang, Liu, Xia, "Clock synchronization algorithms for network measurements", INFOCOM 2002). The
-// inverse of its slope is the simulator's rate. The offset is that of the arrival of lowest latency in the last half
-// second, so that the map tracks a simulator whose rate changes. The map is corrected by slewing, offset and delay by
-// 5 % at most each, never by a step. A rate that differs from 1 by less than its uncertainty is taken as 1.
+// inverse of its slope is the simulator's rate. The offset is that of the arrival of lowest latency in the last 4 s,
+// which jitter hardly moves; while the arrivals of the last second contradict it, because the simulator's rate
+// changes, that of the last half second. The map is corrected by slewing, offset and delay by 5 % at most each, never
+// by a step. A rate that differs from 1 by less than its uncertainty is taken as 1.
+//
+// An automatic delay is settled before the first run: from begin() on the arrivals are only observed, until
+// is_settled(); then settle() fixes the delay, so that the sensors sample an undistorted motion from the first sample
+// on. Later it is raised if more arrivals than `automatic_percent` allows for were too late for it, slewed by 0.2 %,
+// and lowered by 50 us a second, as far as a poor crystal would drift, if it is more than a quarter too long.
 //
 // Allocates nothing. One thread.
 class TruthClock {
@@ -34,6 +41,20 @@ class TruthClock {
   // Updates the estimate by the newest truth of the run, which arrived at `arrival` and is processed at `now`.
   void observe(TruthTime truth, HostTime arrival, HostTime now) noexcept;
 
+  // Returns true if the delay is given or settled, or can be settled: 200 ms after begin() if at least 16 truths have
+  // arrived with at most 1 ms of jitter, otherwise 1 s after it.
+  bool is_settled(HostTime now) noexcept;
+  // Fixes the automatic delay: the longest that an arrival since begin() has needed, from 16 arrivals on the second
+  // longest, and a quarter of their spread and 0.5 ms more. The map begins with `truth`, the newest, which is sampled
+  // at Settled::begin, at `now` or later.
+  struct Settled {
+    HostTime begin;
+    double interval_s, jitter_s, duration_s;  // the usual step of the truths, the spread of the delays, since begin()
+  };
+  Settled settle(TruthTime truth, HostTime now) noexcept;
+  // Takes into account that `truth` has arrived after a later one.
+  void observe_inserted(TruthTime truth, HostTime arrival) noexcept;
+
   // Returns the truth time that the sensors sample at `time`. It never decreases with `time`.
   TruthTime truth(HostTime time) const noexcept;
   // Returns the same and fixes the map up to `time`: later observations change it only after `time`.
@@ -45,9 +66,10 @@ class TruthClock {
   double used_rate() const noexcept { return rate_; }
   // The time by which the simulator has fallen behind the host's clock since begin(), s.
   double offset_s() const noexcept { return offset_s_; }
-  // The delay, s of truth time. Automatic: the given percentile, over the last 512 arrivals, of the delay that would
-  // have avoided extrapolation since the arrival before; raised at once, lowered gradually, at most 1 s.
+  // The delay, s of truth time, to which that of the map is slewed. Automatic: at most 1 s, see above.
   double delay_s() const noexcept { return delay_s_; }
+  // How often the automatic delay was raised after it was settled.
+  std::uint64_t delay_raises() const noexcept { return delay_raises_; }
   // The latency of the last truth observed, relative to the line, s.
   double lateness_s() const noexcept { return lateness_s_; }
 
@@ -60,7 +82,15 @@ class TruthClock {
   };
   void add(const Point& arrival) noexcept;
   void fit() noexcept;
-  void add_sufficient_delay(double delay_s) noexcept;
+  // An arrival needs the delay that would have avoided extrapolation before it.
+  void add_need(double host_s, double known_s) noexcept;
+  double need_s(double host_s, double known_s) const noexcept { return (host_s - intercept_s_) / slope_ - known_s; }
+  void follow_needs(double host_s) noexcept;
+  struct Enough {
+    double delay_s, margin_s, jitter_s;
+  };
+  Enough enough(std::size_t outliers) const noexcept;
+  Enough enough_to_settle() noexcept;
   double line_at(HostTime time) const noexcept;
   double delay_at(HostTime time) const noexcept;
   void move_anchor(HostTime time) noexcept;
@@ -80,10 +110,22 @@ class TruthClock {
   double offset_s_ = 0;
   double lateness_s_ = 0;
 
+  bool has_steady_offset_ = false;
+  double fitted_host_s_ = 0;  // the arrival of the last fit()
+
   double delay_s_ = 0;
-  std::array<double, 512> sufficient_delays_;  // s, a ring
-  std::size_t sufficient_delay_count_ = 0;     // since construction
+  double delay_slew_ = largest_slew;  // s of delay per s
+  bool is_settled_ = false;
+  struct Need {
+    double host_s, known_s;  // of the arrival; the motion was known up to there before it
+  };
+  std::array<Need, 512> arrivals_;  // a ring, until the delay is settled: the line may still change
+  std::array<double, 512> needs_;   // s, a ring, afterwards
+  std::size_t need_count_ = 0;      // since begin()
+  double followed_host_s_ = 0;      // when follow_needs() was called last
+  std::uint64_t delay_raises_ = 0;
   double last_truth_s_ = 0;
+  double step_s_ = 0;  // the shortest from truth to truth, since begin()
 
   // The map: from the anchor on, truth time rises at rate_, and additionally by correction_s_, spread over slew_s_.
   // The sensors sample this time less the applied delay, which slews towards delay_s_.

@@ -93,6 +93,27 @@ TEST_F(CheckTest, EveryKeyThatIsGivenIsResolved) {
                contains(rotated, "mounting.yaw"));
 }
 
+// The latency that the delay of live truth adds, in words and as numbers.
+TEST_F(CheckTest, NamesTheDelayAndItsLatency) {
+  const std::string c = write("live.toml", minimal(*find_protocol("native")));
+  const auto output = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"check", c});
+    return run_program("imud", more).output;
+  };
+  const auto delay = [&](const std::string& set) {
+    return nlohmann::json::parse(output({"--json", "--set", set}))["delay"];
+  };
+  EXPECT_TRUE(contains(output({}), "an automatic delay, which adds a truth interval"));
+  EXPECT_TRUE(contains(output({"--set", "truth.delay_ms=0"}), "no latency is added, and motion is extrapolated"));
+  EXPECT_TRUE(contains(output({"--set", "truth.delay_ms=20"}), "which adds 20 ms of latency"));
+  EXPECT_FALSE(contains(output({"--set", "clock=lockstep"}), "the sensors sample"));
+  EXPECT_EQ(delay("seed=1")["automatic"], true);
+  EXPECT_TRUE(delay("seed=1")["delay_ms"].is_null());
+  EXPECT_EQ(delay("truth.delay_ms=20")["delay_ms"], 20.0);
+  EXPECT_EQ(delay("truth.delay_ms=0")["automatic"], false);
+  EXPECT_TRUE(delay("clock=lockstep").is_null());
+}
+
 TEST_F(CheckTest, TheResolvedConfigurationGivesTheSameBytes) {
   const ProgramResult made = run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"});
   ASSERT_EQ(made.exit_code, 0) << made.errors;

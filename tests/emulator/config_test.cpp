@@ -75,7 +75,7 @@ TEST_F(ConfigTest, DefaultsAreTheContracts) {
   EXPECT_EQ(m.delta_angle, DeltaAngle::rotation_vector);
   EXPECT_EQ(m.delta_velocity, DeltaVelocity::integral);
   EXPECT_EQ(c.truth.clock.delay.count(), 0);
-  EXPECT_EQ(c.truth.clock.automatic_percent, 0.0);
+  EXPECT_EQ(c.truth.clock.automatic_percent, 99.0);
   EXPECT_EQ(c.truth.when_stopped, WhenStopped::hold);
   EXPECT_GT(c.realtime.priority, 0);
   EXPECT_FALSE(c.realtime.cpu.has_value());
@@ -100,6 +100,23 @@ TEST_F(ConfigTest, TimingKeysArrive) {
   EXPECT_EQ(c.imus[0].grid.nominal_offset(200).count(), 1'000'125'500);
   EXPECT_EQ(c.imus[0].grid.offset(200).count(), 1'000'050'003 + 125'500);  // 1 s / (1 - 5e-5)
   EXPECT_EQ(load(good, {"truth.delay_ms=auto"}).truth.clock.automatic_percent, 99.0);
+}
+
+// Left out, it is automatic where live truth is sampled by the host's clock.
+TEST_F(ConfigTest, TheDelayIsAutomaticUnlessItIsGiven) {
+  const auto percent = [&](const std::vector<std::string>& overrides) {
+    return load(good, overrides).truth.clock.automatic_percent;
+  };
+  EXPECT_EQ(percent({}), 99.0);
+  EXPECT_EQ(percent({"truth.auto_delay_percent=90"}), 90.0);
+  EXPECT_EQ(percent({"truth.delay_ms=0"}), 0.0);
+  EXPECT_EQ(percent({"clock=lockstep"}), 0.0);
+  EXPECT_EQ(percent({"truth.port=pcap:truth.pcap"}), 0.0);
+  EXPECT_EQ(percent({"truth.port=pcap:truth.pcap", "clock=fast"}), 0.0);
+  EXPECT_NE(load(good, {}).resolved.find("delay_ms = \"auto\""), std::string::npos) << load(good, {}).resolved;
+  EXPECT_NE(load(good, {"clock=lockstep"}).resolved.find("delay_ms = 0.0"), std::string::npos);
+  EXPECT_NE(fault(good, {"clock=lockstep", "truth.delay_ms=auto"}).find("truth.delay_ms: needs clock = \"realtime\""),
+            std::string::npos);
 }
 
 TEST_F(ConfigTest, EveryKeyArrives) {
@@ -398,7 +415,8 @@ TEST_F(ConfigTest, EachFaultNamesLineKeyAndRemedy) {
       fault(good, {"truth.delay_ms=soon"}).find("truth.delay_ms: give milliseconds from 0 to 1000, or \"auto\""),
       std::string::npos);
   EXPECT_NE(fault(good, {"truth.delay_ms=-1"}).find("truth.delay_ms: -1 is out of range"), std::string::npos);
-  EXPECT_NE(fault(good, {"truth.auto_delay_percent=90"}).find("needs delay_ms = \"auto\""), std::string::npos);
+  EXPECT_NE(fault(good, {"truth.auto_delay_percent=90", "truth.delay_ms=0"}).find("needs delay_ms = \"auto\""),
+            std::string::npos);
   EXPECT_NE(fault(good, {"truth.when_stopped=stop"}).find("give one of \"hold\", \"flag\", \"silence\""),
             std::string::npos);
   EXPECT_NE(fault(good, {"truth.when_stopped=flag", "imu.0.protocol=native-can", "imu.0.port=can:vcan0"})

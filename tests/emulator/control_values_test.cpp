@@ -26,7 +26,7 @@ class ControlValues : public ControlledRun {
 TEST_F(ControlValues, TheDelayIsSlewedToItsNewValue) {
   Program imud("imud");
   std::string config = read_file(running());
-  config.insert(config.find("[[imu]]"), "delay_ms = 30\n");
+  config.replace(config.find("delay_ms = 0"), 12, "delay_ms = 30");
   start(imud, write("delay.toml", config));
   ControlClient client(path("socket"));
   const std::jthread sender = truth();

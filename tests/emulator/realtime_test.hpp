@@ -65,9 +65,10 @@ struct Reached {
 
 class RealtimeTest : public RunTest {
  protected:
-  // Returns a configuration with one imu at `rate_hz`, and more keys.
+  // Returns a configuration with one imu at `rate_hz`, and more keys. The delay is 0 unless `truth` has another.
   Config config(double rate_hz, const std::string& truth, const std::string& imu = "", int imus = 1) const {
     std::string text = "clock = \"realtime\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n" + truth;
+    if (truth.find("delay_ms") == std::string::npos) text += "\ndelay_ms = 0\n";
     for (int i = 0; i < imus; ++i)
       text += fmt::format(
           "\n[[imu]]\nname = \"i{0}\"\nport = \"file:{0}\"\nprotocol = \"native\"\nrate_hz = {1}\n"

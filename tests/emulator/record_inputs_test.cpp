@@ -59,7 +59,9 @@ class RecordInputs : public RecordTest {
     EXPECT_EQ(recorder.counters().lost, 0U);
     return sent;
   }
-  Config imu(const std::string& truth, const std::string& keys) const {
+  // The delay is 0 unless `truth` has another.
+  Config imu(std::string truth, const std::string& keys) const {
+    if (truth.find("delay_ms = ") == std::string::npos) truth += "\ndelay_ms = 0";
     return load_config(
         write("config.toml", fmt::format("clock = \"realtime\"\n[truth]\n{}\n[[imu]]\n{}\n", truth, keys)));
   }

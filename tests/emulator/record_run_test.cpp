@@ -101,7 +101,8 @@ TEST_F(RecordRunTest, ARunOfDerivedTruthIsRepeatedToItsEnd) {
 }
 
 TEST_F(RecordRunTest, ALiveRunIsRepeatedAndReadableAfterAKill) {
-  const std::string c = two_imus("realtime", "port = \"" + simulator_.port() + "\"\nextrapolate_ms = 20");
+  const std::string c =
+      two_imus("realtime", "port = \"" + simulator_.port() + "\"\ndelay_ms = 0\nextrapolate_ms = 20");
   Program imud("imud");
   start(imud, c, {"--record", record()});
   std::this_thread::sleep_for(300ms);

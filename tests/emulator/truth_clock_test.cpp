@@ -107,7 +107,7 @@ TEST(TruthClock, AStepOfTheNetworksDelayIsSlewed) {
   EXPECT_NEAR(since(stream.clock.truth(host(30))), 30.0, 2e-3);
 }
 
-TEST(TruthClock, AnAutomaticDelayGoesWithTheJitter) {
+TEST(TruthClock, AnAutomaticDelayIsSettledOnceAndRaisedIfItHasToBe) {
   TruthClock clock({.automatic_percent = 99});
   std::mt19937_64 random(3);
   double jitter_s = 0.002;
@@ -118,28 +118,85 @@ TEST(TruthClock, AnAutomaticDelayGoesWithTheJitter) {
       const double t = 0.01 * k;
       const HostTime arrival = std::max(last, host(t + std::uniform_real_distribution<double>(0, jitter_s)(random)));
       last = arrival;
-      clock.use(arrival);
+      if (k > 101) clock.use(arrival);
       clock.observe(truth(t), arrival, arrival);
     }
   };
-  run(1, 3000);
-  EXPECT_NEAR(clock.delay_s(), 0.012, 0.0015) << "an interval and the jitter";
+  run(1, 100);
+  EXPECT_FALSE(clock.is_settled(host(0.99))) << "with so much jitter it takes a second";
+  run(100, 102);
+  ASSERT_TRUE(clock.is_settled(last));
+  const TruthClock::Settled settled = clock.settle(truth(1.01), last);
+  const double delay_s = clock.delay_s();
+  EXPECT_NEAR(delay_s, 0.0128, 0.001) << "an interval, the jitter, a quarter of it, and 0.5 ms";
+  EXPECT_NEAR(settled.interval_s, 0.01, 1e-12);
+  EXPECT_NEAR(settled.jitter_s, 0.002, 0.001);
+  EXPECT_NEAR(settled.duration_s, 1.01, 0.003);
+  EXPECT_GE(settled.begin, last);
+  EXPECT_NEAR(seconds(clock.truth(settled.begin) - truth(1.01)), 0, 2e-9);
+  EXPECT_NEAR(seconds(settled.begin - host(1.01)), delay_s, 1e-3);
+  run(102, 3000);
+  EXPECT_EQ(clock.delay_s(), delay_s) << "as long as it is enough";
+  EXPECT_EQ(clock.delay_raises(), 0U);
   jitter_s = 0.02;
   run(3000, 3700);
-  EXPECT_NEAR(clock.delay_s(), 0.030, 0.003) << "at once";
+  const double raised_s = clock.delay_s();
+  EXPECT_GT(raised_s, 0.029) << "an interval and the jitter";
+  EXPECT_LT(raised_s, 0.037);
+  EXPECT_GT(clock.delay_raises(), 0U);
   jitter_s = 0.002;
   run(3700, 9000);
-  EXPECT_NEAR(clock.delay_s(), 0.012, 0.0015) << "gradually";
+  EXPECT_GT(clock.delay_s(), raised_s - 53 * 50e-6) << "50 us a second";
+  EXPECT_LT(clock.delay_s(), raised_s - 40 * 50e-6);
+}
+
+// A single truth that is late at the beginning must not decide on the delay.
+TEST(TruthClock, AnOutlierDoesNotSettleTheDelay) {
+  TruthClock clock({.automatic_percent = 99});
+  clock.begin(truth(0), host(0), 1);
+  for (int k = 1; k <= 25; ++k) {
+    const double t = 0.01 * k;
+    clock.observe(truth(t), host(t + (k == 7 ? 0.009 : 0)), host(t));
+  }
+  ASSERT_TRUE(clock.is_settled(host(0.25)));
+  clock.settle(truth(0.25), host(0.25));
+  EXPECT_LT(clock.delay_s(), 0.014);
 }
 
 TEST(TruthClock, AnAutomaticDelayIsASecondAtMost) {
   TruthClock clock({.automatic_percent = 99});
   clock.begin(truth(0), host(0), 1);
+  EXPECT_FALSE(clock.is_settled(host(0.99)));
+  EXPECT_TRUE(clock.is_settled(host(1)));
+  EXPECT_EQ(clock.settle(truth(0), host(1)).begin, host(1)) << "there is a single truth";
   for (int k = 1; k <= 64; ++k) {
     clock.use(host(3.0 * k));
     clock.observe(truth(3.0 * k), host(3.0 * k), host(3.0 * k));
   }
   EXPECT_EQ(clock.delay_s(), 1.0) << "three would be just enough";
+}
+
+// The edge of the arrivals of a second moves by as much as a millisecond, that of four seconds does not.
+TEST(TruthClock, JitterHardlyMovesTheOffset) {
+  TruthClock clock({.delay = 50ms});
+  std::mt19937_64 random(8);
+  std::uniform_real_distribution<double> jitter_s(0, 0.02);
+  clock.begin(truth(0), host(0.005), 1);
+  double sum = 0, squares = 0;
+  int count = 0;
+  HostTime last{};
+  for (int k = 1; k < 3000; ++k) {
+    const double t = 0.01 * k;
+    last = std::max(last, host(t + jitter_s(random)));
+    clock.observe(truth(t), last, last);
+    if (k < 300) continue;
+    const double offset_s = seconds(last - host(0)) - 0.05 - since(clock.use(last));
+    sum += offset_s;
+    squares += offset_s * offset_s;
+    ++count;
+  }
+  ASSERT_GT(count, 2600);
+  EXPECT_LT(std::sqrt(squares / count - sum / count * sum / count), 60e-6);
 }
 
 TEST(TruthClock, BeginsAgainAtTheRateGiven) {

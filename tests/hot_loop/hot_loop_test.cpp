@@ -43,7 +43,8 @@ TEST(Locks, AreCountedOnThreadsThatEnableIt) {
 // the right and a wrong speed, at 1 kHz; truth at 500 Hz with bad datagrams among it, repeated ones, and pauses
 // beyond which motion is held. All of it is recorded, controlled by commands, and watched.
 TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
-  std::string text = "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\nextrapolate_ms = 20\n";
+  std::string text =
+      "clock = \"realtime\"\n[truth]\nport = \"" + simulator_.port() + "\"\ndelay_ms = 0\nextrapolate_ms = 20\n";
   const std::array<std::string, 6> ports = {"pty:" + path("read"),
                                             "pty:" + path("unread"),
                                             "file:" + path("out"),

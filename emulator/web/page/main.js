@@ -94,7 +94,8 @@ async function read_metrics() {
   const names = [...new Set(metrics.samples.filter((s) => s.labels.imu !== undefined).map((s) => s.labels.imu))];
   for (const name of names) if (!imus.has(name)) add_imu(name);
   $("#truth").textContent = `${value("imud_run_seconds")?.toFixed(0)} s, truth ${value("imud_truth_rate_hertz")?.toFixed(1)} Hz, ` +
-    `${value("imud_truth_accepted_total")} accepted`;
+    `${value("imud_truth_accepted_total")} accepted` +
+    (value("imud_truth_delay_seconds") === undefined ? "" : `, sampled ${duration(value("imud_truth_delay_seconds"))} later`);
   const seconds = value("imud_run_seconds");
   for (const [name, imu] of imus) {
     const of = (key) => metrics.samples.find((s) => s.name === key && s.labels.imu === name)?.value;
