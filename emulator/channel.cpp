@@ -21,7 +21,8 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       recorder_(recorder),
       faults_(std::move(faults)),
       clock_(config.grid),
-      counters_(config.protocol->counters) {
+      counters_(config.protocol->counters),
+      awaited_(config.model) {
   device_->set_figures(figures_of(config.model));
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
   lines_[0] = {open(config.port, config.port_settings), device_->uart()};
@@ -80,6 +81,7 @@ void Channel::start_samples() noexcept {
 void Channel::begin_run() noexcept {
   if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
   has_sampled_ = false;
+  awaited_.clear();
   if (sync_) sync_->begin_run();
   if (faults_) faults_->begin_run();
 }
@@ -88,6 +90,7 @@ Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k
   has_sampled_ = true;
   is_resting_ = false;
   sample_ = imu_.sample(timeline, time, clock_.stamp(k));
+  ahead_ = imu_.advanced_to() - timeline.newest();
   if (faults_) {
     faults_->take(sample_, time - timeline.run_start(), utc_ns_of(sample_.time));
     set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
@@ -178,7 +181,11 @@ void Channel::count_sample() noexcept {
   if ((sample_.status & status::truth_stale) != 0) counters_.held.count();
   if ((sample_.status & status::at_rest) != 0) counters_.at_rest.count();
   if (silent_) counters_.silent.count();
-  if (feed_ != nullptr && feed_->wants(number_, sample_.counter)) push_to_feed();
+  const bool is_extrapolated =
+      (sample_.status & (status::truth_extrapolated | status::truth_stale)) == status::truth_extrapolated;
+  const bool is_shown = feed_ != nullptr && feed_->wants(number_, sample_.counter);
+  if (is_extrapolated || is_shown)
+    awaited_.add(imu_, ahead_, is_extrapolated, is_shown ? std::optional(feed_sample()) : std::nullopt);
   publish();
 }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
+#include "emulator/awaited_truth.hpp"
 #include "emulator/config.hpp"
 #include "emulator/control/sample_feed.hpp"
 #include "emulator/copies.hpp"
@@ -111,10 +112,15 @@ class Channel {
   // From now on offers the samples to those who watch them, as those of that imu.
   void set_feed(SampleFeed& feed, std::uint16_t imu) noexcept {
     feed_ = &feed;
+    awaited_.set_feed(&feed);
     number_ = imu;
   }
-  // Counts the sample as sent, and offers it to those who watch.
+  // Counts the sample as sent, and offers it to those who watch, when its truth has come.
   void count_sample() noexcept;
+  // Called when truth has come: AwaitedTruth::review().
+  void review_samples(const Timeline& timeline, TruthQuality::ExtrapolationError& error) noexcept {
+    awaited_.review(timeline, error);
+  }
   // Returns what was expected of the host. Called after the last sample.
   std::vector<Expected> expected() const {
     return faults_ ? faults_->expectations().results() : std::vector<Expected>{};
@@ -184,7 +190,7 @@ class Channel {
   static void add_filters(const Protocol& protocol, const Settings& settings, double rate_hz,
                           std::vector<CanFilter>& filters);
 
-  void push_to_feed() noexcept;
+  FeedSample feed_sample() const noexcept;
   // `too_late`: frames are discarded.
   void poll_until(DeviceTime now, bool too_late = false) noexcept;
   void encode(bool too_late) noexcept;
@@ -243,6 +249,8 @@ class Channel {
   FrameBuffer frames_;  // of the sample
   FrameBuffer others_;  // of a deadline or an answer, or of a silent sample
   ImuCounters counters_;
+  AwaitedTruth awaited_;
+  Nanoseconds ahead_{0};        // of sample_, from the newest truth
   SampleFeed* feed_ = nullptr;  // nullptr: nobody can watch
   std::uint16_t number_ = 0;    // of the imu, in the feed
 };

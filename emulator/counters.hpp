@@ -265,6 +265,14 @@ struct TruthQuality : CounterGroup {
     std::atomic<double> interval_s = 0, jitter_s = 0, duration_s = 0;
   };
   Settled settled;
+  // The greatest differences between the motion that was extrapolated for samples and the one that was interpolated
+  // for the same instants when later truth had arrived. `samples`: how many were compared.
+  struct ExtrapolationError {
+    std::atomic<std::uint64_t> samples = 0;
+    std::atomic<double> ahead_s = 0;  // of the newest truth then
+    std::atomic<double> rate_rad_per_s = 0, specific_force_m_per_s2 = 0;
+  };
+  ExtrapolationError extrapolation_error;
 };
 
 // The counters of a record (`--record`).

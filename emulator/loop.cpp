@@ -136,6 +136,7 @@ void Loop::take_truth() noexcept {
       begins = !pacer_.observe(timeline_.newest(), newest_arrival_, due);
       if (begins) forget_past();
     }
+    if (!waits_for_truth_ && !begins && outcome == TruthIntake::Outcome::accepted) session_.review_samples();
     if (outcome == TruthIntake::Outcome::inserted) pacer_.observe_inserted(intake_.truth().time, intake_.arrival());
     if (begins && !session_.in_run()) {
       settling_ = pacer_.begin_settling(timeline_.newest(), newest_arrival_);

@@ -86,6 +86,7 @@ Summary Monitor::finish(std::string capture_warning) {
   report_skipped();
   report_record();
   report_faults();
+  report_extrapolation(true);
   Summary all = now();
   all.truth.warning = std::move(capture_warning);
   for (const Remark* remark : counters_.truth->remarks.all())
@@ -205,6 +206,22 @@ void Monitor::report_delay() {
   if (const std::uint64_t n = delay_raises_.of(quality.delay_raises); n > 0)
     spdlog::info("truth is later than before: the automatic delay is raised to {:.1f} ms{}", 1e3 * quality.delay_s,
                  times(n));
+  report_extrapolation(false);
+}
+
+// Logs the errors once when they are noticeable, and at the end.
+void Monitor::report_extrapolation(bool at_end) {
+  const auto& error = counters_.quality->extrapolation_error;
+  constexpr std::uint64_t enough = 1000;  // samples, so that the first figures are not the least ones
+  if (!is_noticeable(error.rate_rad_per_s, error.specific_force_m_per_s2) ||
+      (!at_end && (extrapolation_reported_ || error.samples < enough)))
+    return;
+  extrapolation_reported_ = true;
+  const bool is_automatic = config_.truth.clock.automatic_percent > 0;
+  spdlog::log(is_automatic ? spdlog::level::info : spdlog::level::warn, "motion was {}{}",
+              extrapolation_text(error.ahead_s, error.rate_rad_per_s, error.specific_force_m_per_s2),
+              is_automatic ? ", where truth was later than the automatic delay allows for"
+                           : "; truth.delay_ms = \"auto\", or a longer one, avoids it");
 }
 
 void Monitor::report_imus() {

@@ -56,6 +56,7 @@ class Monitor {
   void report_refusals();
   void report_remarks();
   void report_delay();
+  void report_extrapolation(bool at_end);
   void report_connection();
   void report_interruptions();
   void report_imus();
@@ -89,7 +90,7 @@ class Monitor {
   Rise runs_, stops_, returns_, resumed_, disconnections_, delay_raises_;
   PortState truth_port_ = PortState::ready;  // as reported
   bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false, refused_peer_reported_ = false;
-  bool record_reported_ = false, delay_reported_ = false;
+  bool record_reported_ = false, delay_reported_ = false, extrapolation_reported_ = false;
   std::size_t faults_reported_ = 0;
   std::vector<std::string> imu_names_;
   // The reports so far: which causes of refusal; which imus that refuse edges; which figures of products; the ports.

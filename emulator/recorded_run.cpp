@@ -336,6 +336,7 @@ void RecordedRun::process_truth(const RecordEvent& event) noexcept {
   auto outcome = TruthIntake::Outcome::nothing;
   for (int i = 0; i < most && outcome == TruthIntake::Outcome::nothing; ++i)
     outcome = intake.take(TruthTime{event.b});
+  if (outcome == TruthIntake::Outcome::accepted) session_->review_samples();
   const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::nothing;
   if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
     ++differing_;

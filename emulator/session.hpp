@@ -72,6 +72,11 @@ class Session {
   std::uint64_t samples_in_run() const noexcept { return samples_in_run_; }
   void count_samples(std::size_t transmitted) noexcept { samples_in_run_ += transmitted; }
 
+  // Called when truth has come: the samples that were taken before it (AwaitedTruth).
+  void review_samples() noexcept {
+    for (const auto& channel : channels_) channel->review_samples(timeline_, quality_.extrapolation_error);
+  }
+
   // Take sample `k` of the channel's grid, of the truth at `time` or of the vehicle at rest, for Channel::encode().
   void prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept;
   void prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept;

@@ -23,6 +23,9 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
   summary.truth.refused = Snapshot(truth.refused);
   summary.truth.has_clock = counters.quality->known;
   summary.truth.quality = Snapshot(*counters.quality);
+  const auto& error = counters.quality->extrapolation_error;
+  summary.truth.extrapolation_error = {error.samples, error.ahead_s, error.rate_rad_per_s,
+                                       error.specific_force_m_per_s2};
   summary.truth.has_fit = truth.fit.known.load(std::memory_order_acquire);
   summary.truth.fit = Snapshot(truth.fit);
   const double span_s = 1e-9 * static_cast<double>(truth.newest_ns - truth.first_ns);
@@ -187,6 +190,19 @@ std::string text(const Outcome& outcome) {
 
 }  // namespace
 
+std::string extrapolation_text(double ahead_s, double rate_rad_per_s, double specific_force_m_per_s2) {
+  return fmt::format(
+      "extrapolated by up to {:.1f} ms; at this truth rate and motion the rate error was up to {:.2g} rad/s and that "
+      "of "
+      "the specific force up to {:.2g} m/s^2",
+      1e3 * ahead_s, rate_rad_per_s, specific_force_m_per_s2);
+}
+
+bool is_noticeable(double rate_rad_per_s, double specific_force_m_per_s2) noexcept {
+  constexpr double rate = 1e-3, force = 1e-2;
+  return rate_rad_per_s > rate || specific_force_m_per_s2 > force;
+}
+
 std::string fit_text(const Snapshot<FitFigures>& fit) {
   std::string out;
   const auto add = [&](std::string_view what, double noise, std::string_view unit, double shortest, double mean,
@@ -214,6 +230,9 @@ std::string text(const Summary& s) {
                      refused.empty() ? "none" : refused);
   if (s.truth.has_clock) out += fmt::format("         {}\n", rate_text(s.truth));
   if (!quality.empty()) out += fmt::format("         {}\n", quality);
+  if (const auto& error = s.truth.extrapolation_error; error.samples > 0)
+    out += fmt::format("         {}\n",
+                       extrapolation_text(error.ahead_s, error.rate_rad_per_s, error.specific_force_m_per_s2));
   if (s.truth.has_fit) out += fmt::format("         {}\n", fit_text(s.truth.fit));
   if (!s.truth.warning.empty()) out += fmt::format("         warning: {}\n", s.truth.warning);
   for (const Summary::Imu& imu : s.imus) {
@@ -311,7 +330,15 @@ std::string json(const Summary& s, JsonLayout layout) {
   if (s.truth.progress) truth["progress"] = *s.truth.progress;
   if (!s.truth.warning.empty()) truth["warning"] = s.truth.warning;
   if (!s.truth.remarks.empty()) truth["remarks"] = s.truth.remarks;
-  if (s.truth.has_clock) add_estimates(truth, s.truth.quality);
+  if (s.truth.has_clock) {
+    add_estimates(truth, s.truth.quality);
+    truth["delay_ms"] = 1e3 * s.truth.quality[&TruthQuality::delay_s];
+    const auto& error = s.truth.extrapolation_error;
+    truth["extrapolation_error"] = {{"samples", error.samples},
+                                    {"ahead_ms", 1e3 * error.ahead_s},
+                                    {"rate_rad_per_s", error.rate_rad_per_s},
+                                    {"specific_force_m_per_s2", error.specific_force_m_per_s2}};
+  }
   if (s.truth.has_fit) add_estimates(truth["fit"], s.truth.fit);
 
   nlohmann::ordered_json imus = nlohmann::ordered_json::array();

@@ -28,6 +28,12 @@ struct Summary {
     Snapshot<TruthCounters> counters;
     Snapshot<RefusalCounters> refused;
     Snapshot<TruthQuality> quality;
+    // The greatest errors that extrapolation has caused in the whole run, TruthQuality::extrapolation_error.
+    struct ExtrapolationError {
+      std::uint64_t samples = 0;  // that were compared with later truth
+      double ahead_s = 0, rate_rad_per_s = 0, specific_force_m_per_s2 = 0;
+    };
+    ExtrapolationError extrapolation_error;
     Snapshot<FitFigures> fit;
     bool has_fit = false;    // `fit` is valid
     bool has_clock = false;  // levels and durations of `quality` are valid
@@ -83,5 +89,11 @@ std::string line(const Summary& summary);
 // The JSON of `--summary` (indented) and of `--quality` (one line, without its line feed).
 enum class JsonLayout : std::uint8_t { indented, line };
 std::string json(const Summary& summary, JsonLayout layout);
+
+// Describes the greatest errors of extrapolation: "extrapolated by up to 10.0 ms; at this truth rate and motion the
+// rate error was up to 0.5 rad/s and that of the specific force up to 0.02 m/s^2".
+std::string extrapolation_text(double ahead_s, double rate_rad_per_s, double specific_force_m_per_s2);
+// Returns true if a user should know of such errors: above 1e-3 rad/s, or 1e-2 m/s^2.
+bool is_noticeable(double rate_rad_per_s, double specific_force_m_per_s2) noexcept;
 
 }  // namespace imud

@@ -14,16 +14,16 @@ void Channel::set_bias(Quantity quantity, std::size_t axis, double bias) noexcep
   imu_.set_bias(quantity, all);
 }
 
-void Channel::push_to_feed() noexcept {
-  feed_->push({.imu = number_,
-               .status = sample_.status,
-               .k = sample_.counter,
-               .time_ns = sample_.time.ns,
-               .temperature_c = sample_.temperature_c,
-               .rate = sample_.rate,
-               .specific_force = sample_.specific_force,
-               .true_rate = imu_.true_rate(),
-               .true_specific_force = imu_.true_specific_force()});
+FeedSample Channel::feed_sample() const noexcept {
+  return {.imu = number_,
+          .status = sample_.status,
+          .k = sample_.counter,
+          .time_ns = sample_.time.ns,
+          .temperature_c = sample_.temperature_c,
+          .rate = sample_.rate,
+          .specific_force = sample_.specific_force,
+          .true_rate = imu_.true_rate(),
+          .true_specific_force = imu_.true_specific_force()};
 }
 
 }  // namespace imud

@@ -19,8 +19,10 @@ struct FeedSample {
   std::uint64_t k = 0;       // Sample::counter
   std::int64_t time_ns = 0;  // its stamp by the device's clock
   double temperature_c = 0;
-  Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero();            // rad/s, m/s^2
-  Vector3 true_rate = Vector3::Zero(), true_specific_force = Vector3::Zero();  // of the motion, without any error
+  Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero();  // rad/s, m/s^2
+  // Those of the motion, without any error: interpolated at the sample's instant, also where the sample was
+  // extrapolated or held; NaN if the truth of that instant has not come.
+  Vector3 true_rate = Vector3::Zero(), true_specific_force = Vector3::Zero();
 };
 
 // Filled only while somebody watches, and only with each n-th sample of an imu. The constructor allocates; neither

@@ -117,7 +117,7 @@ export class Plots {
           series.values[axis].push({x: time_s, y: value[axis]});
           if (!truth) continue;
           series.truths[axis].push({x: time_s, y: truth[axis]});
-          series.errors[axis].push({x: time_s, y: value[axis] - truth[axis]});
+          series.errors[axis].push({x: time_s, y: truth[axis] === null ? null : value[axis] - truth[axis]});  // null: its truth has never come
         }
       }
     });
@@ -148,7 +148,7 @@ export class Plots {
   describe() {
     const rows = quantities.filter(({key}) => this.#newest[key]).map(({key, name, unit}) => {
       const {value, truth} = this.#newest[key];
-      return [`${name}, ${unit}`, ...axes.map((_, i) => short(value[i])), ...axes.map((_, i) => short(truth && value[i] - truth[i]))];
+      return [`${name}, ${unit}`, ...axes.map((_, i) => short(value[i])), ...axes.map((_, i) => short(truth && truth[i] !== null ? value[i] - truth[i] : undefined))];
     });
     if (rows.length === 0) return;
     fill_table(this.table, ["", ...axes, ...axes.map((axis) => `error ${axis}`)], rows);
