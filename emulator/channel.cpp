@@ -100,7 +100,13 @@ Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k
 
 Sample& Channel::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept {
   is_resting_ = true;
-  return sample_ = imu_.sample_at_rest(since_power_on, clock_.stamp(k));
+  ahead_ = Nanoseconds{0};
+  sample_ = imu_.sample_at_rest(since_power_on, clock_.stamp(k));
+  if (faults_ && faults_->acts_at_rest()) {
+    faults_->take_at_rest(sample_, since_power_on, utc_ns_of(sample_.time));
+    set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
+  }
+  return sample_;
 }
 
 void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {

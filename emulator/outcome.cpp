@@ -105,6 +105,15 @@ int Outcome::exit_code() const noexcept {
   return good ? 0 : 3;
 }
 
+void Outcome::judge_faults(std::vector<FaultOutcome> all, bool is_repeated) {
+  faults = std::move(all);
+  if (is_repeated || (ended_by != EndedBy::end_of_capture && ended_by != EndedBy::duration)) return;
+  for (const FaultOutcome& fault : faults)
+    if (!fault.has_begun() && !fault.may_fail_to_begin)
+      shortfalls.push_back(
+          fmt::format("fault {} {}", fault.name, fault.is_passed_over ? "was passed over" : "has never begun"));
+}
+
 void check_figures(std::span<const Requirement> requirements, const Config& config) {
   Summary names;
   for (const ImuConfig& imu : config.imus)
@@ -117,7 +126,7 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
               std::span<const Requirement> requirements, bool is_repeated) {
-  Outcome outcome{ended_by, {}, {}, {}};
+  Outcome outcome{ended_by, {}, {}, {}, {}};
   std::vector<std::string>& shortfalls = outcome.shortfalls;
   const bool capture = is_capture(config.truth.port);
   const bool gaps_allowed = std::any_of(requirements.begin(), requirements.end(),

@@ -10,6 +10,7 @@
 #include "core/requirement.hpp"
 #include "emulator/config.hpp"
 #include "emulator/faults/expectations.hpp"
+#include "emulator/faults/fault_labels.hpp"
 
 namespace imud {
 
@@ -30,11 +31,15 @@ struct Outcome {
     bool holds = false;
   };
   std::vector<Required> required;
-  std::vector<Expected> expected;  // of the hosts
+  std::vector<Expected> expected;    // of the hosts
+  std::vector<FaultOutcome> faults;  // of the configuration
 
   bool is_complete() const noexcept { return shortfalls.empty(); }
   // Returns 0 if the run is complete and every limit and expectation holds, 1 after a failure, otherwise 3.
   int exit_code() const noexcept;
+  // Sets `faults`. One that has never begun is a shortfall, unless it need not begin, or the run was ended before its
+  // time by a signal or a command, or `is_repeated`.
+  void judge_faults(std::vector<FaultOutcome> all, bool is_repeated = false);
 };
 
 // Throws RequirementError if a requirement is about a figure that a run of `config` does not have.

@@ -140,11 +140,16 @@ void check_outputs(const Config& config, const RunOptions& options) {
   }
 }
 
-// Returns the labels of the session's faults, as the name of their file asks for.
-std::string labels(const Session& session, const Config& config, std::string_view file) {
+std::vector<FaultLabel> labels(const Session& session, const Config& config) {
   std::vector<std::string> imus;
   for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
-  const std::vector<FaultLabel> all = fault_labels(session.faults().all(), imus, session.faults().log());
+  return fault_labels(session.faults().all(), imus, session.faults().log());
+}
+
+// Returns the labels of the session's faults, as the name of their file asks for.
+std::string labels(const Session& session, const Config& config, std::string_view file) {
+  std::vector<FaultLabel> all = labels(session, config);
+  add_never_begun(session.faults().configured(), all);
   return file.ends_with(".json") ? labels_json(all) : labels_csv(all);
 }
 
@@ -272,6 +277,7 @@ int run(const Config& config, const RunOptions& options) {
                    chosen};
   Outcome& outcome = summary.whole->outcome;
   outcome.expected = session.expected();
+  outcome.judge_faults(fault_outcomes(session.faults().configured(), labels(session, config)), options.repeats);
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
     outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
   if (repeated && !repeated->difference().empty()) outcome.shortfalls.push_back(repeated->difference());

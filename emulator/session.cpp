@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/faults/truth_faults.hpp"
 #include "emulator/recorder.hpp"
 
 namespace imud {
@@ -49,6 +48,7 @@ std::vector<Expected> Session::expected() const {
 
 void Session::finish_faults() noexcept {
   intake_.finish();
+  if (truth_faults_ != nullptr) truth_faults_->schedule().finish();
   for (const auto& channel : channels_) channel->finish_faults();
 }
 
@@ -77,6 +77,7 @@ void Session::begin_run() noexcept {
   samples_in_run_ = 0;
   truths_since_advance_ = 0;
   watermark_ = timeline_.run_start();
+  if (truth_faults_ != nullptr) truth_faults_->begin_run(watermark_);
   for (const auto& channel : channels_) channel->begin_run();
   if (control_ != nullptr)
     control_->events.push(

@@ -17,6 +17,7 @@
 #include "emulator/control/run_control.hpp"
 #include "emulator/counters.hpp"
 #include "emulator/faults/fault_book.hpp"
+#include "emulator/faults/truth_faults.hpp"
 #include "emulator/truth_intake.hpp"
 
 namespace imud {
@@ -45,13 +46,13 @@ class Session {
   // effect if truth cannot fail.
   void begin_truth_fault(std::uint32_t number) noexcept {
     if (truth_faults_ != nullptr && faults_[number].acts_on(fault_of_truth))
-      truth_faults_->add(faults_[number], number);
+      truth_faults_->schedule().add(faults_[number], number);
   }
   void end_truth_fault(std::uint32_t number) noexcept {
-    if (truth_faults_ != nullptr) truth_faults_->end(number);
+    if (truth_faults_ != nullptr) truth_faults_->schedule().end(number);
   }
   void end_truth_faults() noexcept {
-    if (truth_faults_ != nullptr) truth_faults_->end_all();
+    if (truth_faults_ != nullptr) truth_faults_->schedule().end_all();
   }
   // Ends the faults that act. Called after the last sample.
   void finish_faults() noexcept;
@@ -141,7 +142,7 @@ class Session {
   WhenStopped when_stopped_;
   Pacer* pacer_ = nullptr;
   Timeline timeline_;
-  FaultSchedule* truth_faults_ = nullptr;  // of the intake's decoder; nullptr: truth cannot fail
+  TruthFaults* truth_faults_ = nullptr;  // of the intake's decoder; nullptr: truth cannot fail
   TruthIntake intake_;
   std::vector<std::unique_ptr<Channel>> channels_;
   std::vector<pollfd> inputs_;

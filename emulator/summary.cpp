@@ -183,6 +183,10 @@ std::string text(const Outcome& outcome) {
   for (const Outcome::Required& limit : outcome.required)
     out +=
         fmt::format("required {}: {}, {}\n", limit.requirement.text, limit.holds ? "holds" : "VIOLATED", limit.seen);
+  for (const FaultOutcome& fault : outcome.faults)
+    if (!fault.has_begun())
+      out += fmt::format("fault    {}: {}\n", fault.name,
+                         fault.is_passed_over ? "passed over by a leap of the simulation's time" : "has never begun");
   for (const Expected& one : outcome.expected)
     out += fmt::format("expected {}: {}: {}, {}\n", one.name, one.text, one.holds ? "holds" : "FAILED", one.seen);
   return out;
@@ -310,6 +314,10 @@ void add(nlohmann::ordered_json& json, const Summary::Whole& whole) {
   json["expected"] = nlohmann::ordered_json::array();
   for (const Expected& one : outcome.expected)
     json["expected"].push_back({{"name", one.name}, {"text", one.text}, {"holds", one.holds}, {"seen", one.seen}});
+  json["faults"] = nlohmann::ordered_json::array();
+  for (const FaultOutcome& fault : outcome.faults)
+    json["faults"].push_back(
+        {{"name", fault.name}, {"occurrences", fault.occurrences}, {"began", fault.has_begun()}});
   json["version"] = IMUD_VERSION;
   json["seed"] = whole.seed;
   json["config_sha256"] = whole.config_sha256;

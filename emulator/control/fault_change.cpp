@@ -147,7 +147,9 @@ Json fault_event_json(const FaultBook& faults, const FaultEvent& event, std::spa
   Json parameters = Json::object();
   for (std::size_t i = 0; i < fault.kind->parameters.size(); ++i)
     parameters[std::string(fault.kind->parameters[i].key)] = event.parameters[i];
-  return {{"event", event.has_begun ? "fault.begin" : "fault.end"},
+  return {{"event", event.is_passed_over ? "fault.passed_over"
+                    : event.has_begun    ? "fault.begin"
+                                         : "fault.end"},
           {"name", fault.name},
           {"kind", fault.kind->name},
           {"target", fault.target_text()},

@@ -1,5 +1,8 @@
 #include "emulator/faults/channel_faults.hpp"
 
+#include <algorithm>
+#include <utility>
+
 #include "emulator/config.hpp"
 
 namespace imud {
@@ -8,6 +11,7 @@ ChannelFaults::ChannelFaults(std::span<const FaultConfig> faults, std::span<cons
                              const ImuConfig& imu, std::uint16_t number, std::uint64_t seed, FaultLog& log,
                              std::size_t most)
     : configured_(faults),
+      period_(nanoseconds(1 / imu.rate_hz)),
       normals_(fault_normals(imu.name, seed, faults.size() + most)),
       schedule_(faults, normals_, imu.name, number, imu.rate_hz, log),
       sensors_(imu.model, normals_),
@@ -15,19 +19,36 @@ ChannelFaults::ChannelFaults(std::span<const FaultConfig> faults, std::span<cons
       expectations_(expectations, imu.name) {}
 
 void ChannelFaults::begin_run() noexcept {
+  if (schedule_.has_taken()) messages_.discard();
   schedule_.begin_run();
-  messages_.discard();
   expectations_.begin_run();
   last_.reset();
+  held_ = Nanoseconds{0};
 }
 
 void ChannelFaults::take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept {
   schedule_.take(sample, since_begin, utc_ns);
-  const double step_s = last_ ? seconds(since_begin - *last_) : 0.0;
-  last_ = since_begin;
-  sensors_.apply(schedule_.active(FaultSeam::sensor), schedule_.sample(), step_s, sample);
-  messages_.take(schedule_.active(FaultSeam::message), schedule_.sample(), sample);
+  apply(sample, since_begin);
   expectations_.take(schedule_, seconds(since_begin));
+}
+
+void ChannelFaults::take_at_rest(Sample& sample, Nanoseconds since, std::optional<std::int64_t> utc_ns) noexcept {
+  schedule_.take_at_rest(sample, since, utc_ns);
+  apply(sample, since);
+}
+
+// The step of a sample is that of the Imu's increments: while the simulator stands still, a nominal period.
+void ChannelFaults::apply(Sample& sample, Nanoseconds since) noexcept {
+  Nanoseconds step = last_ ? since - *last_ : Nanoseconds{0};
+  if (last_ && step.count() == 0) {
+    step = period_;
+    held_ += step;
+  } else if (held_.count() > 0) {
+    step = std::max(step - std::exchange(held_, Nanoseconds{0}), period_);
+  }
+  last_ = since;
+  sensors_.apply(schedule_.active(FaultSeam::sensor), schedule_.sample(), seconds(step), sample);
+  messages_.take(schedule_.active(FaultSeam::message), schedule_.sample(), sample);
 }
 
 }  // namespace imud

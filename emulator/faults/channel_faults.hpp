@@ -27,11 +27,17 @@ class ChannelFaults {
   // The faults of the run that were there at its start.
   std::span<const FaultConfig> configured() const noexcept { return configured_; }
   void begin_run() noexcept;
+  // The next sample has no increments.
+  void pass_over() noexcept { last_.reset(); }
   // Ends the faults that act, after the last sample.
   void finish() noexcept { schedule_.finish(); }
   // Determines the faults of a sample of the truth, `since_begin` after the begin of its run, and applies those of
   // the sensors and of what the device is given. `utc_ns`: as for FaultSchedule::take().
   void take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept;
+  // The same for a sample at rest, before the first truth: only faults that were begun by control act. `since`: s
+  // since power on. acts_at_rest() returns whether there are such.
+  bool acts_at_rest() const noexcept { return schedule_.has_added(); }
+  void take_at_rest(Sample& sample, Nanoseconds since, std::optional<std::int64_t> utc_ns) noexcept;
   // The host has sent bytes, after the last sample.
   void host_sent(std::span<const std::byte> bytes) noexcept {
     schedule_.host_sent(bytes);
@@ -45,13 +51,17 @@ class ChannelFaults {
   std::span<const ActiveFault> active(FaultSeam seam) const noexcept { return schedule_.active(seam); }
 
  private:
+  void apply(Sample& sample, Nanoseconds since) noexcept;
+
   const std::span<const FaultConfig> configured_;
+  const Nanoseconds period_;
   const std::vector<Normals> normals_;  // by the faults' numbers
   FaultSchedule schedule_;
   SensorFaults sensors_;
   MessageFaults messages_;
   Expectations expectations_;
   std::optional<Nanoseconds> last_;  // the time of the last sample of this run
+  Nanoseconds held_{0};              // for how long samples have had that time
 };
 
 }  // namespace imud

@@ -220,6 +220,7 @@ void read_times(TableReader& table, FaultConfig& fault) {
   fault.every_s = table.real("every_s", 0, 0, longest_s);
   fault.times = table.unsigned_integer("times", fault.every_s > 0 ? 0 : 1, most);
   fault.probability = table.real("probability", 1, 0, 1);
+  fault.is_optional = table.flag("optional", false);
   const bool has_condition = fault.condition.quantity != FaultCondition::Quantity::none;
   if (fault.every_s == 0 && fault.times != 1 && !has_condition)
     table.fault("times", "needs every_s, the time from one begin to the next");
@@ -329,6 +330,7 @@ std::string FaultConfig::text() const {
   if (every_s > 0) text += fmt::format(", again every {:g} s", every_s);
   if (times > 1) text += fmt::format(", {} times", times);
   if (probability < 1) text += fmt::format(", each with probability {:g}", probability);
+  if (is_optional) text += ", if it begins at all";
   if (!kind->stays.empty()) text += fmt::format("; afterwards {}", kind->stays);
   return text;
 }

@@ -54,6 +54,7 @@ struct FaultConfig {
   FaultCondition condition;
   FaultNumber duration_s;                // used if has_duration and there is no number of samples
   bool has_duration = false;             // false: to the end of the run
+  bool is_optional = false;              // a run in which the fault never begins is complete
   std::optional<std::uint64_t> samples;  // duration
   double ramp_in_s = 0, ramp_out_s = 0;
   double every_s = 0;       // from one occurrence to the next; 0: there is one

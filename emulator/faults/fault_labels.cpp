@@ -19,6 +19,11 @@ std::string quoted(const std::string& text) {
   return field + "\"";
 }
 
+std::string_view word(FaultLabel::State state) {
+  constexpr std::string_view words[] = {"acted", "passed_over", "never"};
+  return words[static_cast<std::size_t>(state)];
+}
+
 }  // namespace
 
 std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
@@ -27,7 +32,8 @@ std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::s
   for (std::size_t i = 0; i < log.size(); ++i) {
     const FaultEvent& event = log[i];
     if (event.has_begun) {
-      labels.push_back({&faults[event.fault], imu_of(event, imus), event, event, false});
+      const auto state = event.is_passed_over ? FaultLabel::State::passed_over : FaultLabel::State::acted;
+      labels.push_back({&faults[event.fault], imu_of(event, imus), event, event, event.is_passed_over, state});
       continue;
     }
     const auto begin = std::find_if(labels.rbegin(), labels.rend(), [&](const FaultLabel& label) {
@@ -38,6 +44,33 @@ std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::s
     begin->has_ended = true;
   }
   return labels;
+}
+
+void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel>& labels) {
+  const std::size_t count = labels.size();
+  for (const FaultConfig& fault : faults)
+    for (const std::string& imu : fault.imus) {
+      const auto end = labels.begin() + static_cast<std::ptrdiff_t>(count);
+      const bool has_one = std::any_of(labels.begin(), end, [&](const FaultLabel& label) {
+        return label.fault->name == fault.name && label.imu == imu;
+      });
+      if (!has_one) labels.push_back({&fault, imu, {}, {}, true, FaultLabel::State::never});
+    }
+}
+
+std::vector<FaultOutcome> fault_outcomes(std::span<const FaultConfig> faults, std::span<const FaultLabel> labels) {
+  std::vector<FaultOutcome> all;
+  for (const FaultConfig& fault : faults) {
+    FaultOutcome& outcome = all.emplace_back();
+    outcome.name = fault.name;
+    outcome.may_fail_to_begin = fault.is_optional || fault.probability < 1;
+    for (const FaultLabel& label : labels) {
+      if (label.fault != &fault) continue;
+      if (label.state == FaultLabel::State::acted) ++outcome.occurrences;
+      if (label.state == FaultLabel::State::passed_over) outcome.is_passed_over = true;
+    }
+  }
+  return all;
 }
 
 const std::string& imu_of(const FaultEvent& event, std::span<const std::string> imus) {
@@ -53,24 +86,34 @@ std::string parameters_text(const FaultConfig& fault, const FaultEvent& event) {
 }
 
 std::string event_text(const FaultConfig& fault, const std::string& imu, const FaultEvent& event) {
+  if (event.is_passed_over)
+    return fmt::format("{}: {}: {} of {} has not acted: the simulation's time has leapt over it, to {:.6g} s", imu,
+                       fault.name, fault.kind->name, fault.target_text(), event.time_s);
   const std::string numbers = event.has_begun ? parameters_text(fault, event) : std::string();
-  return fmt::format("{}: {}: {} of {}{}{} {} sample {}, {:.6g} s after the begin of the run", imu, fault.name,
-                     fault.kind->name, fault.target_text(), numbers.empty() ? "" : ", ", numbers,
-                     event.has_begun ? "begins with" : "ends with", event.sample, event.time_s);
+  return fmt::format("{}: {}: {} of {}{}{} {} sample {}, {:.6g} s {}", imu, fault.name, fault.kind->name,
+                     fault.target_text(), numbers.empty() ? "" : ", ", numbers,
+                     event.has_begun ? "begins with" : "ends with", event.sample, event.time_s,
+                     event.run < 0 ? "since power on" : "after the begin of the run");
 }
 
 std::string labels_csv(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed) {
   std::string text = seed ? "seed," : "";
   text +=
       "fault,imu,target,kind,occurrence,first_sample,last_sample,first_counter,last_counter,begin_s,end_s,"
-      "first_time_ns,last_time_ns,parameters\n";
+      "first_time_ns,last_time_ns,parameters,run,state\n";
   for (const FaultLabel& label : labels) {
     if (seed) text += fmt::format("{},", *seed);
-    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", quoted(label.fault->name), quoted(label.imu),
-                        label.fault->target_text(), label.fault->kind->name, label.first.occurrence,
-                        label.first.sample, label.last.sample, label.first.counter, label.last.counter,
-                        label.first.time_s, label.last.time_s, label.first.device_time.ns, label.last.device_time.ns,
-                        parameters_text(*label.fault, label.first));
+    if (label.state == FaultLabel::State::never) {
+      text += fmt::format("{},{},{},{},,,,,,,,,,,,{}\n", quoted(label.fault->name), quoted(label.imu),
+                          label.fault->target_text(), label.fault->kind->name, word(label.state));
+      continue;
+    }
+    text +=
+        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", quoted(label.fault->name), quoted(label.imu),
+                    label.fault->target_text(), label.fault->kind->name, label.first.occurrence, label.first.sample,
+                    label.last.sample, label.first.counter, label.last.counter, label.first.time_s, label.last.time_s,
+                    label.first.device_time.ns, label.last.device_time.ns, parameters_text(*label.fault, label.first),
+                    label.first.run, word(label.state));
   }
   return text;
 }
@@ -79,15 +122,20 @@ std::string labels_json(std::span<const FaultLabel> labels, std::optional<std::u
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   for (const FaultLabel& label : labels) {
     nlohmann::ordered_json parameters = nlohmann::ordered_json::object();
-    for (std::size_t i = 0; i < label.fault->kind->parameters.size(); ++i)
+    const bool is_never = label.state == FaultLabel::State::never;
+    for (std::size_t i = 0; i < label.fault->kind->parameters.size() && !is_never; ++i)
       parameters[std::string(label.fault->kind->parameters[i].key)] = label.first.parameters[i];
     nlohmann::ordered_json& one = all.emplace_back(nlohmann::ordered_json::object());
     if (seed) one["seed"] = *seed;
     one.update({{"fault", label.fault->name},
                 {"imu", label.imu},
                 {"target", label.fault->target_text()},
-                {"kind", label.fault->kind->name},
-                {"occurrence", label.first.occurrence},
+                {"kind", label.fault->kind->name}});
+    if (is_never) {
+      one["state"] = word(label.state);
+      continue;
+    }
+    one.update({{"occurrence", label.first.occurrence},
                 {"first_sample", label.first.sample},
                 {"last_sample", label.last.sample},
                 {"first_counter", label.first.counter},
@@ -96,7 +144,9 @@ std::string labels_json(std::span<const FaultLabel> labels, std::optional<std::u
                 {"end_s", label.last.time_s},
                 {"first_time_ns", label.first.device_time.ns},
                 {"last_time_ns", label.last.device_time.ns},
-                {"parameters", std::move(parameters)}});
+                {"parameters", std::move(parameters)},
+                {"run", label.first.run},
+                {"state", word(label.state)}});
   }
   return all.dump(1) + "\n";
 }

@@ -12,18 +12,36 @@
 
 namespace imud {
 
-// An occurrence of a fault on an imu.
+// An occurrence of a fault on an imu, or a fault of which there was none.
 struct FaultLabel {
+  enum class State : std::uint8_t {
+    acted,
+    passed_over,  // the simulation's time leapt over it: `first` and `last` are those of the sample after it
+    never,        // the fault has never begun: `first` and `last` are of no sample
+  };
   const FaultConfig* fault = nullptr;
   std::string imu;
   FaultEvent first;  // with its first sample
   FaultEvent last;   // with its last; that of the first while it acts
   bool has_ended = false;
+  State state = State::acted;
+};
+
+// How often a fault of the configuration has acted, all imus together.
+struct FaultOutcome {
+  std::string name;
+  std::uint64_t occurrences = 0;
+  bool is_passed_over = false;     // an occurrence, by a leap of the simulation's time
+  bool may_fail_to_begin = false;  // optional, or each occurrence has a probability
+  bool has_begun() const noexcept { return occurrences > 0; }
 };
 
 // Pairs begins and ends, in the order of the begins. `imus`: their names, by number.
 std::vector<FaultLabel> fault_labels(std::span<const FaultConfig> faults, std::span<const std::string> imus,
                                      const FaultLog& log);
+// Adds a label for each of the faults, on each of its imus, that has none.
+void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel>& labels);
+std::vector<FaultOutcome> fault_outcomes(std::span<const FaultConfig> faults, std::span<const FaultLabel> labels);
 // Returns the numbers as drawn: "value=0.1 per_s=2".
 std::string parameters_text(const FaultConfig& fault, const FaultEvent& event);
 // Describes a begin or an end for the log.

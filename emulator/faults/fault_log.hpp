@@ -14,9 +14,11 @@ namespace imud {
 
 // The begin or the end of an occurrence of a fault on an imu.
 struct FaultEvent {
-  std::uint32_t fault = 0;  // its number in the configuration
-  std::uint16_t imu = 0;    // likewise
-  bool has_begun = false;   // false: it has ended
+  std::uint32_t fault = 0;      // its number in the configuration
+  std::uint16_t imu = 0;        // likewise
+  bool has_begun = false;       // false: it has ended
+  bool is_passed_over = false;  // it has begun and ended between two samples, because the simulation's time leapt
+  std::int32_t run = 0;         // of the truth, from 0; -1: before the first truth
   std::uint64_t occurrence = 0;
   std::uint64_t sample = 0;   // of its run: the first, or the last that the fault acts on
   std::uint64_t counter = 0;  // of all samples of the imu (Sample::counter)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace imud {
 
@@ -9,6 +10,9 @@ namespace {
 // The numbers that are drawn for an occurrence, after the parameters.
 constexpr std::uint64_t draw_of_begin = FaultKind::max_parameters, draw_of_duration = draw_of_begin + 1,
                         draw_of_probability = draw_of_begin + 2, draws_per_occurrence = 8;
+
+// Numbers of samples before those of the run are negative, modulo 2^64.
+bool is_before(std::uint64_t a, std::uint64_t b) noexcept { return static_cast<std::int64_t>(a - b) < 0; }
 }  // namespace
 
 FaultSchedule::FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals,
@@ -34,20 +38,37 @@ void FaultSchedule::insert(const State& state) noexcept {
                  state);
 }
 
+// The times of a fault before the first truth go on in the run, whose first sample is a period later.
+void FaultSchedule::go_on_after_rest(State& state) const noexcept {
+  const double shift_s = time_s_ + period_s_;
+  state.first -= next_;  // modulo 2^64, as it is compared
+  if (state.zero) *state.zero -= next_;
+  state.zero_s -= shift_s;
+  state.begin_s -= shift_s;
+  state.end_s -= shift_s;
+}
+
+void FaultSchedule::finish() noexcept {
+  end_all();
+  begin_run();
+}
+
 void FaultSchedule::begin_run() noexcept {
   for (State& state : states_) {
+    if (state.is_added && !has_taken_) continue;
     if (state.is_active) end(state);
     state.occurrence = 0;
     state.is_above = state.is_ended = false;
-    if (next_ == 0 || !state.fault->waits()) continue;  // what the host sends before the first run counts
+    if (!has_taken_ || !state.fault->waits()) continue;  // what the host sends before the first run counts
     state.waits = true;
     state.zero.reset();
     state.search = {};
   }
-  std::erase_if(states_, [](const State& state) { return state.is_added; });
+  if (has_taken_) std::erase_if(states_, [](const State& state) { return state.is_added; });
   active_.clear();
   std::fill(std::begin(ranges_), std::end(ranges_), Range{});
-  next_ = 0;
+  if (!is_resting_) next_ = 0;
+  if (has_taken_) ++run_;
 }
 
 void FaultSchedule::add(const FaultConfig& fault, std::uint32_t number) noexcept {
@@ -80,7 +101,7 @@ double FaultSchedule::draw(const State& state, const FaultNumber& number, std::u
 bool FaultSchedule::begins(State& state, const Sample& sample, double time_s) noexcept {
   const FaultConfig& fault = *state.fault;
   if (!state.zero || state.is_ended || (fault.times > 0 && state.occurrence >= fault.times)) return false;
-  if (fault.begin_sample && next_ < *state.zero + *fault.begin_sample) return false;
+  if (fault.begin_sample && is_before(next_, *state.zero + *fault.begin_sample)) return false;
   // All occurrences of a repeated fault have the begin that is drawn for the first.
   const std::uint64_t occurrence = state.occurrence;
   State first = state;
@@ -130,18 +151,21 @@ void FaultSchedule::end(State& state) noexcept {
 
 bool FaultSchedule::is_over(const State& state, std::uint64_t sample, double time_s) noexcept {
   const FaultConfig& fault = *state.fault;
-  if (fault.kind->is_event) return sample > state.first;
-  if (fault.samples) return sample >= state.first + *fault.samples;
+  if (fault.kind->is_event) return is_before(state.first, sample);
+  if (fault.samples) return !is_before(sample, state.first + *fault.samples);
   return time_s >= state.end_s;
 }
 
 // A begin is logged with the sample that is taken, an end with the one before it.
-void FaultSchedule::log(const State& state, bool has_begun) noexcept {
+void FaultSchedule::log(const State& state, bool has_begun, bool is_passed_over) noexcept {
+  const bool is_of_rest = is_resting_ || (next_ == 0 && !has_begun);
   log_.add({.fault = state.number,
             .imu = imu_,
             .has_begun = has_begun,
+            .is_passed_over = is_passed_over,
+            .run = is_of_rest ? -1 : run_,
             .occurrence = state.occurrence,
-            .sample = has_begun ? next_ : next_ - 1,
+            .sample = has_begun ? next_ : (next_ == 0 ? at_rest_ : next_) - 1,
             .counter = counter_,
             .time_s = time_s_,
             .device_time = device_time_,
@@ -155,7 +179,22 @@ void FaultSchedule::host_sent(std::span<const std::byte> bytes) noexcept {
 }
 
 void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept {
-  const double time_s = seconds(since_begin);
+  has_taken_ = true;
+  if (std::exchange(is_resting_, false)) {
+    for (State& state : states_)
+      if (state.is_added) go_on_after_rest(state);
+    at_rest_ = std::exchange(next_, 0);
+  }
+  take(sample, seconds(since_begin), utc_ns);
+}
+
+void FaultSchedule::take_at_rest(const Sample& sample, Nanoseconds since,
+                                 std::optional<std::int64_t> utc_ns) noexcept {
+  is_resting_ = true;
+  take(sample, seconds(since), utc_ns);
+}
+
+void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std::int64_t> utc_ns) noexcept {
   for (State& state : states_)
     if (state.is_active && is_over(state, next_, time_s)) end(state);  // the log's figures are of the last sample
   std::erase_if(states_, [](const State& state) {
@@ -165,17 +204,21 @@ void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin, std::opt
   });
   counter_ = sample.counter;
   device_time_ = sample.time;
-  time_s_ = time_s;
+  const double step_s = time_s - std::exchange(time_s_, time_s);
+  const bool has_leapt = next_ > 0 && step_s > 1.5 * period_s_;
   active_.clear();
   std::fill(std::begin(ranges_), std::end(ranges_), Range{});
   for (State& state : states_) {
+    if (is_resting_ && !state.is_added) continue;
     if (state.waits && state.fault->after_utc_ns && utc_ns && *utc_ns >= *state.fault->after_utc_ns)
       state.waits = false;
     if (!state.zero && !state.waits) {
       state.zero = next_;
       state.zero_s = time_s;
     }
-    // An occurrence whose end has passed already, between two samples, acts on none.
+    // An occurrence whose end has passed already, between two samples, acts on none. Of those within a leap the first
+    // is logged.
+    bool is_logged = !has_leapt;
     while (!state.is_active && begins(state, sample, time_s)) {
       begin(state);
       if (!state.is_active) continue;
@@ -183,6 +226,7 @@ void FaultSchedule::take(const Sample& sample, Nanoseconds since_begin, std::opt
         log(state, true);
         break;
       }
+      if (!std::exchange(is_logged, true)) log(state, true, true);
       state.is_active = false;
       ++state.occurrence;
     }

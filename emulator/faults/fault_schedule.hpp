@@ -26,7 +26,7 @@ class FaultSchedule {
 
   bool empty() const noexcept { return states_.empty(); }
   // Begins a run: all faults begin again, but those that were added are forgotten. Those that act end with the run's
-  // last sample.
+  // last sample. Faults that were added before the first run go on in it.
   void begin_run() noexcept;
   // Adds a fault, whose times begin with the next sample. It must outlive this; its number is above those before.
   void add(const FaultConfig& fault, std::uint32_t number) noexcept;
@@ -38,10 +38,20 @@ class FaultSchedule {
   // `utc_ns`: that of the sample, ns since 1970; nullopt if no clock of the host paces the samples.
   void take(const Sample& sample, Nanoseconds since_begin,
             std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
+  // The same for a sample before the first truth, on which only faults that were added act. `since`: of the sample,
+  // since any instant.
+  void take_at_rest(const Sample& sample, Nanoseconds since,
+                    std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
+  // Returns whether there are faults that were added.
+  bool has_added() const noexcept {
+    return std::any_of(states_.begin(), states_.end(), [](const State& state) { return state.is_added; });
+  }
+  // Returns whether a sample of the truth has been taken.
+  bool has_taken() const noexcept { return has_taken_; }
   // The host of the imu has sent bytes. What it sends before the first run counts for that.
   void host_sent(std::span<const std::byte> bytes) noexcept;
   // Ends all faults that act, with the last sample. Called when the run has ended.
-  void finish() noexcept { begin_run(); }
+  void finish() noexcept;
 
   // Returns the faults of the sample that act at `seam`, in the order of the configuration.
   std::span<const ActiveFault> active(FaultSeam seam) const noexcept {
@@ -80,12 +90,14 @@ class FaultSchedule {
   };
   double draw(const State& state, const FaultNumber& number, std::uint64_t parameter) const noexcept;
   bool begins(State& state, const Sample& sample, double time_s) noexcept;
+  void take(const Sample& sample, double time_s, std::optional<std::int64_t> utc_ns) noexcept;
+  void go_on_after_rest(State& state) const noexcept;
   void insert(const State& state) noexcept;
   void begin(State& state) noexcept;
   void end(State& state) noexcept;
   static State state_of(const FaultConfig& fault, std::uint32_t number) noexcept;
   static bool is_over(const State& state, std::uint64_t sample, double time_s) noexcept;
-  void log(const State& state, bool has_begun) noexcept;
+  void log(const State& state, bool has_begun, bool is_passed_over = false) noexcept;
 
   const std::span<const Normals> normals_;
   const std::uint16_t imu_;
@@ -94,10 +106,14 @@ class FaultSchedule {
   std::vector<State> states_;        // by seam, then by number
   std::vector<ActiveFault> active_;  // likewise
   Range ranges_[seams];
-  std::uint64_t next_ = 0;     // the number of the next sample of the run
+  std::uint64_t next_ = 0;     // the number of the next sample of the run, or since the fault before the first truth
+  std::uint64_t at_rest_ = 0;  // how many samples were taken at rest
   std::uint64_t counter_ = 0;  // Sample::counter of the last sample
   DeviceTime device_time_;     // of it
   double time_s_ = 0;          // since the begin of the run
+  bool is_resting_ = false;    // before the first truth
+  bool has_taken_ = false;     // a sample of the truth
+  std::int32_t run_ = 0;
 };
 
 }  // namespace imud

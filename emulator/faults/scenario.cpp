@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "emulator/config_text.hpp"
@@ -94,6 +95,10 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
   const auto read = [&](TableReader& from, Faults& of_file) {
     read_each(from, "fault", of_file, resolved_faults, [&](TableReader& reader) {
       config.faults.push_back(read_fault(reader, config.faults.size(), imus));
+      const auto has_its_name = [&](const FaultConfig& f) { return f.name == config.faults.back().name; };
+      if (std::count_if(config.faults.begin(), config.faults.end(), has_its_name) > 1)
+        reader.fault("name", fmt::format("there is a fault \"{}\" already; names tell faults apart in log and labels",
+                                         config.faults.back().name));
       const FaultKind* kind = config.faults.back().kind;
       if (kind != nullptr && kind->has_settings) read_other_settings(reader, config.imus, config.faults.back());
       if (const std::string objection = begin_objection(config.faults.back(), config); !objection.empty())

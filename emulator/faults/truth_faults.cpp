@@ -67,7 +67,7 @@ constexpr FaultKind truth_table[] = {
 };
 static_assert(std::size(truth_table) == static_cast<std::size_t>(TruthFault::count));
 
-class FaultyTruthDecoder final : public TruthDecoder {
+class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
  public:
   FaultyTruthDecoder(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults, std::uint64_t seed,
                      FaultLog& log, std::size_t most)
@@ -77,7 +77,13 @@ class FaultyTruthDecoder final : public TruthDecoder {
     waiting_.reserve(most_late + 1);
     losses_ = decoder_->losses();
   }
-  FaultSchedule& schedule() noexcept { return schedule_; }
+  FaultSchedule& schedule() noexcept override { return schedule_; }
+  void begin_run(TruthTime first) noexcept override {
+    if (begin_ == first) return;
+    schedule_.begin_run();
+    begin_ = first;
+    count_ = 0;
+  }
   void start(HostTime now) noexcept override { decoder_->start(now); }
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override {
     decoder_->feed(bytes, input, arrival);
@@ -105,8 +111,6 @@ class FaultyTruthDecoder final : public TruthDecoder {
   void end_of_file() noexcept override { decoder_->end_of_file(); }
   void finish() noexcept override {
     decoder_->finish();
-    schedule_.finish();
-    begin_.reset();
     waiting_.clear();
     losses_ = decoder_->losses();
   }
@@ -121,9 +125,8 @@ class FaultyTruthDecoder final : public TruthDecoder {
   // Returns nothing if the truth is not to be seen now.
   std::optional<TruthResult> apply(Truth& truth) noexcept {
     if (!begin_ || truth.new_run || truth.time < *begin_) {
-      schedule_.begin_run();
-      begin_ = truth.time;
-      count_ = 0;
+      begin_.reset();
+      begin_run(truth.time);
       last_.reset();
     }
     Sample sample;  // what a schedule knows of a sample
@@ -193,14 +196,13 @@ class FaultyTruthDecoder final : public TruthDecoder {
 std::span<const FaultKind> truth_fault_kinds() noexcept { return truth_table; }
 
 std::unique_ptr<TruthDecoder> with_faults(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults,
-                                          std::uint64_t seed, FaultLog& log, std::size_t most,
-                                          FaultSchedule*& schedule) {
-  schedule = nullptr;
+                                          std::uint64_t seed, FaultLog& log, std::size_t most, TruthFaults*& all) {
+  all = nullptr;
   if (most == 0 && std::none_of(faults.begin(), faults.end(),
                                 [](const FaultConfig& fault) { return fault.acts_on(fault_of_truth); }))
     return decoder;
   auto faulty = std::make_unique<FaultyTruthDecoder>(std::move(decoder), faults, seed, log, most);
-  schedule = &faulty->schedule();
+  all = faulty.get();
   return faulty;
 }
 

@@ -11,12 +11,21 @@
 
 namespace imud {
 
+// The faults of a decoder that with_faults() has returned. They have its thread.
+class TruthFaults {
+ public:
+  virtual ~TruthFaults() = default;
+  virtual FaultSchedule& schedule() noexcept = 0;
+  // A run of the truth has begun with the truth of `first`. It need not be called if that truth is marked as the
+  // first of a run, or is the first of all.
+  virtual void begin_run(TruthTime first) noexcept = 0;
+};
+
 // Returns a decoder that applies the faults of truth to what `decoder` decodes; `decoder` itself if there are none.
 // Times are those of the truth, from the first of its run; sample numbers count truths. `faults` and `log` must
-// outlive it. `most`: the number of faults that may be added to `schedule`, which is set to that of the decoder, or
-// to nullptr, and has the thread of the decoder.
+// outlive it. `most`: the number of faults that may be added. `all` is set to the faults of the decoder, or to
+// nullptr. A connection that is lost and comes back is no new run.
 std::unique_ptr<TruthDecoder> with_faults(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults,
-                                          std::uint64_t seed, FaultLog& log, std::size_t most,
-                                          FaultSchedule*& schedule);
+                                          std::uint64_t seed, FaultLog& log, std::size_t most, TruthFaults*& all);
 
 }  // namespace imud

@@ -8,6 +8,7 @@
 #include <iterator>
 
 #include "emulator/faults/fault_kinds.hpp"
+#include "emulator/outcome.hpp"
 #include "tests/emulator/faulty_run.hpp"
 #include "tests/support/text.hpp"
 
@@ -46,6 +47,53 @@ TEST_F(FaultScheduleTest, Occurrences) {
   const Result endless = run(bias + "at_s = 9.5\n");
   ASSERT_EQ(endless.labels.size(), 1U);
   EXPECT_EQ(endless.labels[0].last.sample, 5000U);
+}
+
+// A run that ended by itself is incomplete without it, unless the fault need not begin.
+TEST_F(FaultScheduleTest, AFaultThatNeverBeginsIsNamed) {
+  const std::string never = "at_s = 5000\n";
+  for (const auto& [keys, is_missing] : {std::pair{never, true},
+                                         {never + "optional = true\n", false},
+                                         {never + "probability = 0.5\n", false},
+                                         {std::string("when = \"rate > 1000\"\n"), true},
+                                         {std::string("at_s = 1\nevery_s = 2\n"), false}}) {
+    SCOPED_TRACE(keys);
+    const std::string text = bias + "name = \"off\"\nfor_s = 1\n" + keys;
+    const bool has_begun = contains(keys, "every_s");
+    std::vector<FaultLabel> labels = run(text).labels;
+    ASSERT_EQ(labels.size(), has_begun ? 5U : 0U);
+    const Config config = load_config(write("never.toml", config_text(text, "native", 1,
+                                                                      "rate_hz = 500\nmodel = \"ideal\"\n"
+                                                                      "gyro.max_rad_per_s = 10\n"
+                                                                      "accelerometer.max_m_per_s2 = 100\n")));
+    // Labels point at the configuration of their run.
+    for (FaultLabel& label : labels) label.fault = config.faults.data();
+    const std::vector<FaultOutcome> outcomes = fault_outcomes(config.faults, labels);
+    ASSERT_EQ(outcomes.size(), 1U);
+    EXPECT_EQ(outcomes[0].occurrences, labels.size());
+    for (const EndedBy ended_by : {EndedBy::end_of_capture, EndedBy::duration, EndedBy::signal, EndedBy::control}) {
+      Outcome outcome;
+      outcome.ended_by = ended_by;
+      outcome.judge_faults(outcomes);
+      const bool is_whole = ended_by == EndedBy::end_of_capture || ended_by == EndedBy::duration;
+      EXPECT_EQ(outcome.exit_code(), is_missing && is_whole ? 3 : 0);
+      if (!outcome.is_complete()) {
+        EXPECT_EQ(outcome.shortfalls[0], "fault off has never begun");
+      }
+    }
+    add_never_begun(config.faults, labels);
+    ASSERT_EQ(labels.size(), has_begun ? 5U : 1U);
+    const std::vector<std::string> rows = lines_of(labels_csv(labels));
+    EXPECT_EQ(rows[1] == "off,imu1,gyro.x,bias,,,,,,,,,,,,never", !has_begun) << rows[1];
+    EXPECT_EQ(contains(labels_json(labels), "\"state\": \"never\""), !has_begun);
+  }
+}
+
+TEST_F(FaultScheduleTest, NamesTellFaultsApart) {
+  const std::string one = bias + "name = \"a\"\n", first = bias + "name = \"fault2\"\n";
+  EXPECT_EQ(faults_of(one + bias), "");
+  EXPECT_TRUE(contains(faults_of(one + one), "there is a fault \"a\" already"));
+  EXPECT_TRUE(contains(faults_of(first + bias), "there is a fault \"fault2\" already")) << "as its default";
 }
 
 // Each of 50 occurrences with probability 0.3: 15 +- 5 sqrt(10.5), false alarm 6e-7 or less.
