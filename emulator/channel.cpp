@@ -78,12 +78,20 @@ void Channel::start_samples() noexcept {
   clock_.start_samples();
 }
 
-void Channel::begin_run() noexcept {
+void Channel::begin_run(TruthTime begin) noexcept {
+  pass_over();
+  has_leapt_ = false;
+  run_begin_ = begin;
+  if (faults_) faults_->begin_run();
+}
+
+void Channel::pass_over() noexcept {
   if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
   has_sampled_ = false;
   awaited_.clear();
+  has_leapt_ = true;
   if (sync_) sync_->begin_run();
-  if (faults_) faults_->begin_run();
+  if (faults_) faults_->pass_over();
 }
 
 Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
@@ -91,8 +99,9 @@ Sample& Channel::sense(const Timeline& timeline, TruthTime time, std::uint64_t k
   is_resting_ = false;
   sample_ = imu_.sample(timeline, time, clock_.stamp(k));
   ahead_ = imu_.advanced_to() - timeline.newest();
+  if (std::exchange(has_leapt_, false)) sample_.status |= status::truth_extrapolated;
   if (faults_) {
-    faults_->take(sample_, time - timeline.run_start(), utc_ns_of(sample_.time));
+    faults_->take(sample_, time - run_begin_, utc_ns_of(sample_.time));
     set_faults(faults_->active(FaultSeam::wire), faults_->active(FaultSeam::power));
   }
   return sample_;

@@ -60,8 +60,10 @@ class Channel {
   void set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept;
   // Starts the grid: the next sample is that of instant 0.
   void start_samples() noexcept;
-  // Begins a run of the truth, whose first sample has no increments.
-  void begin_run() noexcept;
+  // Begins a run of the truth, whose first truth is that of `begin`; its first sample has no increments.
+  void begin_run(TruthTime begin) noexcept;
+  // The run goes on after a leap of its time: the next sample has no increments, and is flagged as extrapolated.
+  void pass_over() noexcept;
   // Switches the device's supply off and on at host time `now`.
   void cycle_power(HostTime now) noexcept;
   // Switches the device's supply at host time `now`. While it is off, the device neither sends nor receives, and the
@@ -235,6 +237,8 @@ class Channel {
   DeviceClock clock_;
   bool is_resting_ = false;      // the last sample was taken at rest
   bool has_sampled_ = false;     // in this run
+  bool has_leapt_ = false;       // since the last sample
+  TruthTime run_begin_;          // from which the times of faults count
   std::uint64_t power_ons_ = 0;  // after the first
   std::optional<PowerFaults> power_faults_;
   std::unique_ptr<Device> other_device_;  // as delivered, or after a loss of the settings the configured one

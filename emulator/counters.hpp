@@ -244,8 +244,11 @@ struct TruthQuality : CounterGroup {
   // Times that truth was missing for so long that motion was held, and times that it resumed afterwards.
   Counter stops{*this, {"stops", "interruptions"}};
   Counter returns{*this, {"returns", "resumptions"}};
-  // Runs that began because truth had paused or its time had jumped.
-  Counter resumed{*this, {"resumed", "new runs after a pause or jump"}};
+  // Times that the map from host time to truth was re-anchored: after a pause, or because the simulator's time has
+  // leapt or runs faster than is possible for a network. Leaps alone. Pauses that the simulator has caught up.
+  Counter resumed{*this, {"resumed", "pauses or leaps"}};
+  Counter leaps{*this, {"leaps", "leaps ahead"}};
+  Counter caught_up{*this, {"caught_up", "pauses caught up"}};
   // Times that the automatic delay was raised, because truths were later than it allows for.
   Counter delay_raises{*this, {"delay_raises", "raises of the automatic delay"}};
   // Simulation seconds in a host second, estimated.
@@ -273,6 +276,10 @@ struct TruthQuality : CounterGroup {
     std::atomic<double> rate_rad_per_s = 0, specific_force_m_per_s2 = 0;
   };
   ExtrapolationError extrapolation_error;
+  // The number of pauses that have ended, and of the last one, ns: how long no truth came, how long the sampled time
+  // stood still, and by how much it has fallen behind (0: caught up). The length of the last leap, ns.
+  std::atomic<std::uint64_t> pauses = 0;
+  std::atomic<std::int64_t> last_missing_ns = 0, last_held_ns = 0, last_behind_ns = 0, last_leap_ns = 0;
 };
 
 // The counters of a record (`--record`).

@@ -133,8 +133,7 @@ void Loop::take_truth() noexcept {
     if (outcome == TruthIntake::Outcome::accepted) {
       unreviewed_ = unapplied_ = true;
       const HostTime due = schedule_.empty() ? newest_arrival_ : next_due();
-      begins = !pacer_.observe(timeline_.newest(), newest_arrival_, due);
-      if (begins) forget_past();
+      if (!pacer_.observe(timeline_.newest(), newest_arrival_, due)) pass_over();
     }
     if (!waits_for_truth_ && !begins && outcome == TruthIntake::Outcome::accepted) session_.review_samples();
     if (outcome == TruthIntake::Outcome::inserted) pacer_.observe_inserted(intake_.truth().time, intake_.arrival());
@@ -157,9 +156,7 @@ void Loop::take_truth() noexcept {
     return begin_run();
   }
   if (!std::exchange(unreviewed_, false)) return;
-  if (pacer_.review(timeline_.newest(), host_.now())) return;
-  forget_past();
-  begin_run();
+  pacer_.review(timeline_.newest(), host_.now());
 }
 
 // Advances slow imus and answers the truth's sender. Called when the samples that the truth so far allows have left,
@@ -208,11 +205,11 @@ void Loop::begin_run() noexcept {
   }
 }
 
-// Discards the truth before the newest, because the simulator's time has jumped or the simulator was paused.
-void Loop::forget_past() noexcept {
-  session_.quality().resumed.count();
+// Discards the truth before the newest, because the simulator's time has leapt: there is no motion between the two.
+void Loop::pass_over() noexcept {
   if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::forget_past});
   timeline_.forget_past();
+  session_.pass_over();
 }
 
 // Waits at most until `until`, for truth, for commands of the hosts, for the devices' deadlines, and for paced

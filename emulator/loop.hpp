@@ -40,7 +40,7 @@ class Loop {
   void take_truth() noexcept;
   void apply_truth() noexcept;
   void begin_run() noexcept;
-  void forget_past() noexcept;
+  void pass_over() noexcept;
   TruthTime earliest_sample() noexcept;
   TruthTime latest_sample() const noexcept;
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <array>
 #include <string_view>
 
@@ -184,14 +185,27 @@ void Monitor::report_interruptions() {
 
   const TruthQuality& quality = *counters_.quality;
   if (const std::uint64_t n = stops_.of(quality.stops); n > 0) {
+    described_ = 0;
     constexpr std::array<std::string_view, 3> reactions = {
         "motion is held", "motion is held and flagged as not valid", "the sensors are silent"};
     spdlog::warn("no truth for {:.0f} ms: {}{}", 1e3 * seconds(config_.truth.limits.extrapolate),
                  reactions[static_cast<std::size_t>(config_.truth.when_stopped)], times(n));
   }
-  if (const std::uint64_t n = returns_.of(quality.returns); n > 0) spdlog::info("truth has resumed{}", times(n));
-  if (const std::uint64_t n = resumed_.of(quality.resumed); n > 0)
-    spdlog::warn("truth had paused or its time had jumped: a new run begins{}", times(n));
+  if (const std::uint64_t n = pauses_.of(quality.pauses); n > 0) {
+    described_ += n;
+    const double behind_s = 1e-9 * static_cast<double>(quality.last_behind_ns);
+    spdlog::warn("no truth for {:.2f} s: held {:.2f} s, then {}{}",
+                 1e-9 * static_cast<double>(quality.last_missing_ns),
+                 1e-9 * static_cast<double>(quality.last_held_ns),
+                 behind_s == 0 ? "caught up" : fmt::format("went on {:.2f} s behind", behind_s), times(n));
+  }
+  if (const std::uint64_t n = leaps_.of(quality.leaps); n > 0)
+    spdlog::warn("the simulator's time has leapt ahead by {:.3f} s: what lies between is passed over{}",
+                 1e-9 * static_cast<double>(quality.last_leap_ns), times(n));
+  const std::uint64_t returns = returns_.of(quality.returns);
+  const std::uint64_t n = returns - std::min(returns, described_);
+  described_ -= returns - n;
+  if (n > 0) spdlog::info("truth has resumed{}", times(n));
 }
 
 void Monitor::report_delay() {

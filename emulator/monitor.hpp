@@ -1,6 +1,8 @@
 // Monitor: reports what happens in a run in the log, and its figures there and in the file of `--quality`.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -43,7 +45,7 @@ class Monitor {
   // Returns by how much a counter has risen since the last call.
   class Rise {
    public:
-    std::uint64_t of(const Counter& counter) noexcept {
+    std::uint64_t of(const std::atomic<std::uint64_t>& counter) noexcept {
       const std::uint64_t now = counter.load(std::memory_order_relaxed);
       return now - std::exchange(seen_, now);
     }
@@ -87,7 +89,8 @@ class Monitor {
   TextFile quality_;
   std::string quality_error_;
   Summary last_quality_, last_log_;  // at the last line of each
-  Rise runs_, stops_, returns_, resumed_, disconnections_, delay_raises_;
+  Rise runs_, stops_, returns_, pauses_, leaps_, disconnections_, delay_raises_;
+  std::uint64_t described_ = 0;              // resumptions that the line about their pause reports
   PortState truth_port_ = PortState::ready;  // as reported
   bool no_truth_reported_ = false, has_truth_ = false, skipped_reported_ = false, refused_peer_reported_ = false;
   bool record_reported_ = false, delay_reported_ = false, extrapolation_reported_ = false;

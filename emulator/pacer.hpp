@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "core/time.hpp"
 #include "emulator/config.hpp"
@@ -35,15 +36,15 @@ class Pacer {
   // is sampled.
   virtual HostTime begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept = 0;
   // Updates the map by `truth`, the newest of the run, which arrived at `arrival`; the next sample is due at `due`.
-  // Returns false if the simulator's time has jumped, so that a new run must begin.
+  // Returns false if the simulator's time has leapt: `truth` does not continue the truths before it.
   virtual bool observe(TruthTime truth, HostTime arrival, HostTime due) noexcept;
   // Called for a truth that was inserted before the newest.
   virtual void observe_inserted(TruthTime, HostTime) noexcept {}
-  // Called when all waiting truths have been observed; the newest is `truth`. Returns false if the simulator was
-  // paused, so that a new run must begin.
-  virtual bool review(TruthTime truth, HostTime now) noexcept;
+  // Called when all waiting truths have been observed; the newest is `truth`. Re-anchors the map if the simulator was
+  // paused.
+  virtual void review(TruthTime truth, HostTime now) noexcept;
 
-  // Returns the truth time that is sampled at `instant`. It never decreases with `instant`.
+  // Returns the truth time that is sampled at `instant`. It never decreases with `instant` within a run.
   virtual TruthTime truth(HostTime instant) const noexcept = 0;
   // Returns the same and fixes the map up to `instant`: truths observed later change it only after `instant`.
   virtual TruthTime use(HostTime instant) noexcept { return truth(instant); }
@@ -73,7 +74,9 @@ class CapturePacer final : public TruthPacer {
 };
 
 // `realtime` with live truth: a sample leaves at its instant by the host's clock, and the TruthClock estimates which
-// truth it samples. Writes the estimates to `quality`.
+// truth it samples. While truth is missing, the sampled time goes on for as long as motion is extrapolated, and then
+// stands still. It goes on where it stood: at once, if the simulator has caught up; otherwise the map is re-anchored
+// through the newest truth, and the time goes on when the map reaches it. Writes the estimates to `quality`.
 class HostPacer final : public Pacer {
  public:
   HostPacer(const TruthClock::Options& options, Nanoseconds extrapolate, TruthQuality& quality) noexcept
@@ -88,19 +91,28 @@ class HostPacer final : public Pacer {
   void observe_inserted(TruthTime truth, HostTime arrival) noexcept override {
     clock_.observe_inserted(truth, arrival);
   }
-  bool review(TruthTime truth, HostTime now) noexcept override;
+  void review(TruthTime truth, HostTime now) noexcept override;
   void set_delay(const TruthClock::Options& options) noexcept override { clock_.set(options); }
   void set_extrapolate(Nanoseconds extrapolate) noexcept override { monitor_.set_extrapolate(extrapolate); }
-  TruthTime truth(HostTime instant) const noexcept override { return clock_.truth(instant); }
-  TruthTime use(HostTime instant) noexcept override { return clock_.use(instant); }
+  TruthTime truth(HostTime instant) const noexcept override;
+  TruthTime use(HostTime instant) noexcept override;
 
  private:
   void publish() noexcept;
+  void anchor_again(TruthTime truth, HostTime arrival) noexcept;
+  void report_pause(HostTime now, Nanoseconds behind) noexcept;
 
   TruthClock clock_;
   TruthMonitor monitor_;
   TruthQuality& quality_;
   bool settling_ = false;
+  TruthTime newest_;                   // of all truths of the run
+  HostTime newest_arrival_;            // its arrival
+  TruthTime reached_;                  // the latest time that was sampled
+  bool is_paused_ = false;             // truth is missing for longer than is tolerated, and has not caught up
+  HostTime missing_from_;              // the arrival before the pause
+  Nanoseconds missing_{0};             // from there to the next arrival; 0: there was none yet
+  std::optional<HostTime> held_from_;  // since when the sampled time stands still
 };
 
 // Returns the pacer for the configured clock and truth port.

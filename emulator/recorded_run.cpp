@@ -70,7 +70,8 @@ RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
                          ? decode_record_event(first_->bytes)
                          : std::nullopt;
   constexpr std::string_view only_truth = "the capture record:FILE is its truth alone";
-  if (!begin || begin->type != Type::begin || begin->c != RecordEvent::version)
+  if (!begin || begin->type != Type::begin || begin->c < RecordEvent::oldest_version ||
+      begin->c > RecordEvent::version)
     throw spec.error(fmt::format("is no record of a run by this version of imud; {}", only_truth));
   if (begin->b != 1)
     throw spec.error(fmt::format("is file {} of a record: a run can be repeated from its beginning only; {}",
@@ -255,7 +256,7 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
     case Type::run:
       if (session_->timeline().empty()) break;
       poll(event.b);
-      session_->begin_run();
+      (event.flags & RecordEvent::goes_on) != 0 ? session_->pass_over() : session_->begin_run();
       break;
     case Type::set_clock:
       for_imus(event, [&](Channel& channel) {

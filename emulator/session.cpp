@@ -78,10 +78,17 @@ void Session::begin_run() noexcept {
   truths_since_advance_ = 0;
   watermark_ = timeline_.run_start();
   if (truth_faults_ != nullptr) truth_faults_->begin_run(watermark_);
-  for (const auto& channel : channels_) channel->begin_run();
+  for (const auto& channel : channels_) channel->begin_run(timeline_.run_start());
   if (control_ != nullptr)
     control_->events.push(
         {.kind = RunEvent::Kind::run, .sample = channels_[0]->next_sample(), .time_ns = watermark_.ns});
+}
+
+void Session::pass_over() noexcept {
+  if (recorder_ != nullptr)
+    recorder_->event({.type = RecordEvent::Type::run, .flags = RecordEvent::goes_on, .b = recorder_->polled().ns});
+  truths_since_advance_ = 0;
+  for (const auto& channel : channels_) channel->pass_over();
 }
 
 void Session::record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept {
@@ -108,7 +115,7 @@ void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcep
   const bool held = (sample.status & status::truth_stale) != 0;
   // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
   // not begin a stop.
-  const bool stopped = held && (stopped_ || time > timeline_.newest());
+  const bool stopped = held && (stopped_ || time >= timeline_.run_start());
   if (std::exchange(stopped_, stopped) != stopped) (stopped ? quality_.stops : quality_.returns).count();
   const bool silent = stopped && when_stopped_ == WhenStopped::silence;
   if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;

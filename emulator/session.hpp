@@ -67,6 +67,9 @@ class Session {
 
   // Begins a run of the truth with the timeline's newest truth: the next samples have no increments.
   void begin_run() noexcept;
+  // The simulator's time has leapt, and the timeline has forgotten what was before: the run goes on, and the next
+  // sample of each imu has no increments.
+  void pass_over() noexcept;
   // Returns true from the first run on.
   bool in_run() const noexcept { return in_run_; }
   // Returns the number of samples of the truth that all channels have transmitted since begin_run().

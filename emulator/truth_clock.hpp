@@ -38,6 +38,8 @@ class TruthClock {
   // Begins a run with `truth`, which arrived at `arrival`. Returns the instant at which the sensors sample it, which
   // is later than `arrival` by the delay. The simulator's rate is taken as `rate` for the first 0.2 s of arrivals.
   HostTime begin(TruthTime truth, HostTime arrival, double rate) noexcept;
+  // Re-anchors the map through the arrival, after a pause or a leap of the simulator: the delay stays as it is.
+  HostTime resume(TruthTime truth, HostTime arrival, double rate) noexcept { return begin(truth, arrival, rate); }
   // Updates the estimate by the newest truth of the run, which arrived at `arrival` and is processed at `now`.
   void observe(TruthTime truth, HostTime arrival, HostTime now) noexcept;
 

@@ -16,9 +16,11 @@ constexpr Nanoseconds jump = 250ms;
 constexpr Nanoseconds between_jumps = 1s;
 // Truths are late because of a pause, not of a hold-up, if they are late for this long, by at least this much, and
 // at least this many in a row.
-constexpr Nanoseconds late_for = 200ms;
+constexpr Nanoseconds late_for = 100ms;
 constexpr Nanoseconds late_by = 50ms;
 constexpr int late_truths = 3;
+// A simulator that will have caught up within this time is waited for.
+constexpr double soon_s = 0.5;
 
 constexpr double slowest = 0.1, fastest = 10;  // limits of the simulator's rate
 
@@ -42,10 +44,12 @@ bool TruthMonitor::has_jumped(TruthTime truth, HostTime arrival, TruthTime expec
   return true;
 }
 
+bool TruthMonitor::is_dense() const noexcept { return step_ <= jump; }
+
+Nanoseconds TruthMonitor::tolerated() const noexcept { return std::max({extrapolate_, late_by, 2 * step_}); }
+
 bool TruthMonitor::was_paused(TruthTime truth, TruthTime sampled, HostTime now, double rate) noexcept {
-  // At a low truth rate, a single truth may be late by much.
-  const Nanoseconds tolerated = std::max({extrapolate_, late_by, 2 * step_});
-  if (truth - sampled >= -tolerated) {
+  if (truth - sampled >= -tolerated()) {
     late_since_.reset();
     rate_ = rate;
     return false;
@@ -58,6 +62,7 @@ bool TruthMonitor::was_paused(TruthTime truth, TruthTime sampled, HostTime now, 
   }
   if (++late_count_ < late_truths || now - *late_since_ < late_for) return false;
   const double seen = seconds(truth - late_from_) / seconds(now - *late_since_);
+  if (seconds(sampled - truth) < soon_s * (seen - rate)) return false;
   if (std::abs(seen - rate_) > 0.1 * rate_)
     rate_ = std::clamp(seen, slowest, fastest);  // not a pause: the simulator is slow
   return true;

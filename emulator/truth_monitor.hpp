@@ -1,4 +1,4 @@
-// TruthMonitor: detects from the arrivals of the truth that the simulator has paused, or that its time has jumped.
+// TruthMonitor: detects from the arrivals of the truth that the simulator has paused, or that its time has leapt.
 #pragma once
 
 #include <optional>
@@ -8,26 +8,33 @@
 namespace imud {
 
 // Watches a live stream of truth beside the TruthClock. The clock tracks small deviations; the monitor detects those
-// that neither a network nor a scheduler causes, after which a new run has to begin. No allocation. One thread.
+// that neither a network nor a scheduler causes, after which the map of the clock is re-anchored. No allocation. One
+// thread.
 class TruthMonitor {
  public:
   // `extrapolate`: how long motion is extrapolated after the newest truth; a truth that is later than this is late.
   explicit TruthMonitor(Nanoseconds extrapolate) noexcept : extrapolate_(extrapolate) {}
 
   void set_extrapolate(Nanoseconds extrapolate) noexcept { extrapolate_ = extrapolate; }
+  Nanoseconds extrapolate() const noexcept { return extrapolate_; }
 
-  // Begins a run with `truth`, which arrived at `arrival`.
+  // Begins a run with `truth`, which arrived at `arrival`, or goes on with it after the map was re-anchored.
   void begin_run(TruthTime truth, HostTime arrival) noexcept;
 
   // Called for the newest truth of the run, which arrived at `arrival`; `expected` is the latest truth time that can
-  // arrive then. Returns true if the simulator's time has jumped ahead: a new run begins.
+  // arrive then. Returns true if the truth is so early that the map has to be re-anchored.
   bool has_jumped(TruthTime truth, HostTime arrival, TruthTime expected) noexcept;
+  // Returns true if the truth of the last has_jumped() followed the truth before it closely: the simulator runs fast,
+  // and its time has not leapt.
+  bool is_dense() const noexcept;
+  // A truth that is later than this is late. At a low truth rate, a single truth may be late by much.
+  Nanoseconds tolerated() const noexcept;
   // Called when all waiting truths have been taken; the newest is `truth`. At `now` the sensors sample `sampled`,
   // and the clock runs at `rate` truth seconds per host second. Returns true if truth has been late for so long that
-  // the simulator was paused, or is slower than estimated: a new run begins.
+  // the simulator was paused, or is slower than estimated, and that it will not have caught up soon.
   bool was_paused(TruthTime truth, TruthTime sampled, HostTime now, double rate) noexcept;
 
-  // The simulator's rate with which a new run has to begin, truth seconds per host second.
+  // The simulator's rate with which the map has to be re-anchored, truth seconds per host second.
   double rate() const noexcept { return rate_; }
 
  private:

@@ -41,10 +41,11 @@ struct RecordEvent {
     power_cycle,  // of all imus. a: host time; b: when deadlines were polled last
     truth,        // a record of the truth port was processed. flags: TruthIntake::Outcome; a: time of the truth, if
                   // it was not ignored; b: the watermark
-    disconnected,   // the simulator has disconnected from the truth port
-    forget_past,    // the truth before the newest was discarded
-    run,            // a run of the truth begins. b: when deadlines were polled last
-    set_clock,      // of an imu. a: device time; b: host time, if has_host_time
+    disconnected,  // the simulator has disconnected from the truth port
+    forget_past,   // the truth before the newest was discarded
+    run,        // a run of the truth begins, or after a leap goes on. flags: goes_on; b: when deadlines were polled
+                // last
+    set_clock,  // of an imu. a: device time; b: host time, if has_host_time
     start_samples,  // of an imu
     advance,        // slow imus have integrated the truth up to a
     sample,         // an imu has taken a sample. flags: MotionState::Basis, or at_rest; a: the truth time sampled, or
@@ -61,11 +62,13 @@ struct RecordEvent {
   };
   static constexpr std::uint8_t is_live = 1;         // begin: truth was no capture
   static constexpr std::uint8_t input_ended = 1;     // disconnected: the truth's capture has ended
+  static constexpr std::uint8_t goes_on = 1;         // run
   static constexpr std::uint8_t has_host_time = 1;   // set_clock
   static constexpr std::uint8_t at_rest = 4;         // sample
   static constexpr std::uint8_t skipped = 1;         // transmit
   static constexpr std::uint16_t all_imus = 0xFFFF;  // command
-  static constexpr std::int64_t version = 1;
+  // In records of version 1 a run also began after a pause of the simulator; they are repeated as they were made.
+  static constexpr std::int64_t version = 2, oldest_version = 1;
   static constexpr std::size_t size = 32;
 
   Type type = Type::begin;

@@ -69,7 +69,7 @@ class Unit {
   // Returns what the unit sends of a run of that many samples.
   std::vector<Measurement> run(const std::function<double(double)>& rate, std::int64_t samples) {
     Timeline timeline;
-    channel_->begin_run();
+    channel_->begin_run(TruthTime{});
     for (std::int64_t k = 0; k < samples; ++k) {
       Truth truth;
       truth.time = TruthTime{} + Nanoseconds(static_cast<std::int64_t>(1e9 / config_.rate_hz) * k);

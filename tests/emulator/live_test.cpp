@@ -127,7 +127,7 @@ TEST_F(LiveTest, AfterAPauseOfTheSimulatorTheSensorMovesAgain) {
   ASSERT_TRUE(eventually([&] { return turns(0); }));
   ASSERT_TRUE(eventually([&] {
     play();
-    return turns(0.5) && imud.errors().find("paused") != std::string::npos;
+    return turns(0.5) && imud.errors().find(" then went on ") != std::string::npos;
   }));
   EXPECT_EQ(imud.stop(), 0);
   const auto s = summary();

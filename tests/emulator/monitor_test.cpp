@@ -99,11 +99,32 @@ TEST_F(MonitorTest, AnInterruptionIsReportedEachTime) {
   }
   quality_.stops.count(3);
   quality_.returns.count(2);
-  quality_.resumed.count(1);
   monitor.update();
   EXPECT_EQ(logged(),
-            (Lines{"warning no truth for 100 ms: motion is held (3 times)", "info truth has resumed (2 times)",
-                   "warning truth had paused or its time had jumped: a new run begins"}));
+            (Lines{"warning no truth for 100 ms: motion is held (3 times)", "info truth has resumed (2 times)"}));
+}
+
+TEST_F(MonitorTest, WhatWasDoneAboutAPauseIsOneLine) {
+  Monitor monitor = this->monitor();
+  quality_.last_missing_ns = 310'000'000;
+  quality_.last_held_ns = 210'000'000;
+  quality_.last_behind_ns = 300'000'000;
+  quality_.pauses = 1;
+  monitor.update();
+  EXPECT_EQ(logged(), Lines{"warning no truth for 0.31 s: held 0.21 s, then went on 0.30 s behind"});
+  quality_.returns.count();
+  monitor.update();
+  EXPECT_EQ(logged(), Lines{}) << "it is reported";
+  quality_.last_behind_ns = 0;
+  quality_.pauses = 3;
+  quality_.returns.count(2);
+  monitor.update();
+  EXPECT_EQ(logged(), Lines{"warning no truth for 0.31 s: held 0.21 s, then caught up (2 times)"});
+  quality_.last_leap_ns = 2'500'000'000;
+  quality_.leaps.count();
+  monitor.update();
+  EXPECT_EQ(logged(),
+            Lines{"warning the simulator's time has leapt ahead by 2.500 s: what lies between is passed over"});
 }
 
 TEST_F(MonitorTest, TheReactionToAnInterruptionIsTheConfiguredOne) {

@@ -111,7 +111,7 @@ TEST_F(RealtimeRun, AFlagThatLiesDoesNotHideThatTruthHasStopped) {
 }
 
 // The simulator's user pauses it for 3 s: its time continues where it stopped.
-TEST_F(RealtimeRun, AfterAPauseANewRunBegins) {
+TEST_F(RealtimeRun, AfterAPauseTheRunGoesOn) {
   SimulatedRun run(config(1000, "delay_ms = 20"));
   send(run, 0, 2);
   send(run, 2.01, 6, 3);
@@ -122,13 +122,15 @@ TEST_F(RealtimeRun, AfterAPauseANewRunBegins) {
   expect_truth(run, 5.4, 9.1, -3.12);
 }
 
-TEST_F(RealtimeRun, AJumpAheadBeginsANewRun) {
+TEST_F(RealtimeRun, AfterALeapTheRunGoesOn) {
   SimulatedRun run(config(1000, "delay_ms = 20\nmax_gap_ms = 60000"));
   send(run, 0, 2);
   send(run, 12, 14, -9.99);
   run.run(4);
   expect_grid(run.left(), Grid(1000), run.at(0.12), 20us);
   EXPECT_EQ(run.quality().resumed, 1U);
+  EXPECT_EQ(run.quality().leaps, 1U);
+  EXPECT_EQ(run.truth_counters().runs, 1U);
   expect_truth(run, 2.2, 4, 9.87);
 }
 

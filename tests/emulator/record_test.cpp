@@ -72,7 +72,7 @@ extrapolate_ms = 30
   std::mt19937 random(5);
   const auto below = [&random](unsigned n) { return static_cast<double>(random() % n); };
   for (int k = 0; k < 3000; ++k) {
-    const double t = 0.01 * k, jump = k > 2000 ? 100 : k > 1500 ? -5 : 0;
+    const double t = 0.01 * k, jump = k > 2000 ? 100 : k > 1500 ? -5 : k > 900 ? 5 : 0;
     const double arrival = 1 + t + (k > 1200 ? 1 : 0);         // the simulator pauses for 1 s
     if ((k > 700 && k < 760) || random() % 50 == 0) continue;  // a pause; a loss
     const double late = 1e-5 * below(400) + (random() % 20 == 0 ? 0.015 : 0);
@@ -91,6 +91,7 @@ extrapolate_ms = 30
   recorder.finish();
   EXPECT_EQ(recorder.counters().lost, 0U);
   EXPECT_GT(run.quality().resumed, 0U);
+  EXPECT_GT(run.quality().leaps, 0U);
   EXPECT_GT(run.counters(0).extrapolated, 100U);
   EXPECT_GT(run.counters(0).held, 100U);
   EXPECT_GT(run.counters(0).skipped, 100U);
