@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <bit>
 #include <cstdlib>
-#include <deque>
 #include <utility>
 
 #include "emulator/faults/scenario.hpp"
@@ -134,6 +133,7 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
       begin_fault(*std::exchange(begin_fault_, std::nullopt), packet->bytes);
     }
   }
+  take_awaited(true);
   has_end_ = !stop.load(std::memory_order_relaxed);
   session.intake().take(session.watermark());  // finds the end
 }
@@ -249,11 +249,13 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
         (event.flags & RecordEvent::input_ended) != 0 ? truth->second->end() : truth->second->disconnect();
       break;
     case Type::forget_past:
+      take_awaited(true);
       if (session_->timeline().empty()) break;
       session_->quality().resumed.count();
       session_->timeline().forget_past();
       break;
     case Type::run:
+      take_awaited(true);
       if (session_->timeline().empty()) break;
       poll(event.b);
       (event.flags & RecordEvent::goes_on) != 0 ? session_->pass_over() : session_->begin_run();
@@ -333,10 +335,12 @@ void RecordedRun::execute_for_imus(const RecordEvent& event) noexcept {
 // Pieces of a stream may have come without a record in them.
 void RecordedRun::process_truth(const RecordEvent& event) noexcept {
   TruthIntake& intake = session_->intake();
+  if (event.flags == static_cast<std::uint8_t>(TruthIntake::Outcome::new_run)) take_awaited(true);
   constexpr int most = 1024;
   auto outcome = TruthIntake::Outcome::nothing;
   for (int i = 0; i < most && outcome == TruthIntake::Outcome::nothing; ++i)
     outcome = intake.take(TruthTime{event.b});
+  take_awaited(false);
   if (outcome == TruthIntake::Outcome::accepted) session_->review_samples();
   const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::nothing;
   if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
@@ -346,6 +350,7 @@ void RecordedRun::process_truth(const RecordEvent& event) noexcept {
 void RecordedRun::take_sample(Channel& channel, const RecordEvent& event) noexcept {
   if (prepared_.size() == prepared_.capacity()) return;  // a damaged record
   const auto k = static_cast<std::uint64_t>(event.c);
+  if (awaits_truth(channel, event)) return;
   if ((event.flags & RecordEvent::at_rest) != 0) {
     session_->prepare_at_rest(channel, k, Nanoseconds(event.a));
   } else if (session_->timeline().empty()) {
@@ -355,6 +360,38 @@ void RecordedRun::take_sample(Channel& channel, const RecordEvent& event) noexce
     session_->prepare(channel, k, TruthTime{event.a});
   }
   prepared_.push_back(&channel);
+}
+
+// Returns true if the sample is that of a twin, and is taken later.
+bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event) noexcept {
+  if (!options_.awaits_truth || (event.flags & RecordEvent::at_rest) != 0 || session_->timeline().empty())
+    return false;
+  const auto all = session_->channels();
+  const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == &channel; });
+  const auto number = static_cast<std::size_t>(found - all.begin());
+  if (number % 2 != 0) return false;
+  std::deque<RecordEvent>& waiting = awaited_[&channel];
+  if (waiting.empty() && TruthTime{event.a} <= session_->timeline().newest()) return false;
+  waiting.push_back(event);
+  options_.awaits_truth(number);
+  return true;
+}
+
+// Takes the samples of twins whose truth has come; `all`: those too whose truth never comes.
+void RecordedRun::take_awaited(bool all) noexcept {
+  if (awaited_.empty() || session_->timeline().empty()) return;
+  const TruthTime newest = session_->timeline().newest();
+  for (const auto& channel : session_->channels()) {
+    const auto waiting = awaited_.find(channel.get());
+    if (waiting == awaited_.end()) continue;
+    for (std::deque<RecordEvent>& events = waiting->second;
+         !events.empty() && (all || TruthTime{events.front().a} <= newest); events.pop_front()) {
+      channel->sense(session_->timeline(), TruthTime{events.front().a}, static_cast<std::uint64_t>(events.front().c));
+      channel->prepare(TruthTime{events.front().a}, false);
+      channel->encode();
+      channel->transmit();
+    }
+  }
 }
 
 // In steps, so that a signal ends the wait.

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -34,6 +35,10 @@ class RecordedRun {
   struct Options {
     bool paced = false;                   // samples leave when as much time has passed as in the recorded run
     std::optional<Nanoseconds> duration;  // of the recorded run; ends there
+    // Called for a sample of the imu with an even number when its truth has not come: every other imu of the session
+    // is a twin without errors, whose samples are taken when the truth of their instants has come, in their order.
+    // nullptr: there are no twins.
+    std::function<void(std::size_t imu)> awaits_truth = nullptr;
   };
   // Runs to the end of the record, or until `stop` is set.
   void run(Session& session, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept;
@@ -53,6 +58,8 @@ class RecordedRun {
   void feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept;
   void process_truth(const RecordEvent& event) noexcept;
   void take_sample(Channel& channel, const RecordEvent& event) noexcept;
+  bool awaits_truth(const Channel& channel, const RecordEvent& event) noexcept;
+  void take_awaited(bool all) noexcept;
   void transmit(const RecordEvent& event) noexcept;
   void wait_until(HostTime instant) noexcept;
   void poll(std::int64_t polled_ns) noexcept;
@@ -76,9 +83,10 @@ class RecordedRun {
   std::optional<Nanoseconds> shift_;  // from the host times of the run to those of the replay
   std::optional<HostTime> begin_;     // of the run
   std::vector<Channel*> prepared_;
-  std::map<const Channel*, std::int64_t> last_samples_;  // numbers on the imus' grids
-  std::optional<RecordEvent> receive_;                   // the next packet of its host is received
-  std::optional<RecordEvent> begin_fault_;               // the next packet of the events is its fault
+  std::map<const Channel*, std::deque<RecordEvent>> awaited_;  // samples of twins whose truth has not come
+  std::map<const Channel*, std::int64_t> last_samples_;        // numbers on the imus' grids
+  std::optional<RecordEvent> receive_;                         // the next packet of its host is received
+  std::optional<RecordEvent> begin_fault_;                     // the next packet of the events is its fault
   bool ended_ = false, has_end_ = false;
   std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_missing_ = 0;
   bool is_damaged_ = false;  // at the last packet
