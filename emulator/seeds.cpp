@@ -22,50 +22,23 @@
 #include "emulator/loop.hpp"
 #include "emulator/recorded_run.hpp"
 #include "emulator/seed_arrays.hpp"
+#include "emulator/seed_checks.hpp"
 #include "emulator/seed_results.hpp"
 #include "emulator/stored_truths.hpp"
 #include "emulator/text_file.hpp"
 #include "emulator/worker_processes.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/output_path.hpp"
 
 namespace imud {
 
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr std::string_view placeholder = "{seed}";
 
 std::string with_seed(std::string port, std::string_view seed) {
-  for (std::size_t at = 0; (at = port.find(placeholder, at)) != std::string::npos; at += seed.size())
-    port.replace(at, placeholder.size(), seed);
+  for (std::size_t at = 0; (at = port.find(seed_placeholder, at)) != std::string::npos; at += seed.size())
+    port.replace(at, seed_placeholder.size(), seed);
   return port;
-}
-
-// Throws PortError if two runs would write to one port, or a port is no file.
-void check_ports(const Config& config, bool repeats, bool many, bool has_arrays) {
-  for (std::size_t i = 0; i < config.imus.size(); ++i) {
-    const ImuConfig& imu = config.imus[i];
-    if (!repeats && imu.sync.is_connected())
-      throw PortError(
-          fmt::format("imu.{}.sync: the pins of runs beside one another cannot be connected; omit it", i));
-    if (has_arrays) continue;
-    for (const auto& [key, port] : {std::pair("port", imu.port), std::pair("second_port", imu.second_port)}) {
-      if (port.empty()) continue;
-      const Transport* transport = transport_of(port);
-      if (transport == nullptr || !transport->has_path || transport->makes_link || transport->uart != Uart::none ||
-          transport->is_standard_output == nullptr || transport->is_standard_output(PortSpec::parse(port)))
-        throw PortError(fmt::format(
-            "imu.{}.{}: \"{}\": runs beside one another write files; give {}, or --npy FILE", i, key, port,
-            fmt::join(port_examples([](const Transport& t) { return t.has_path && t.is_standard_output != nullptr; }),
-                      " or ")));
-      if (many && port.find(placeholder) == std::string::npos)
-        throw PortError(
-            fmt::format("imu.{}.{}: \"{}\": each seed needs a file of its own; give a name with {}, such "
-                        "as imu1_{}.bin, or --npy FILE",
-                        i, key, port, placeholder, placeholder));
-    }
-  }
 }
 
 // Returns what was noticed, and the first refusal of each cause.
@@ -77,19 +50,6 @@ std::vector<std::string> remarks(const TruthCounters& truth) {
     if (const Remark& first = truth.refused.first[i]; first.is_set())
       all.push_back(fmt::format("refused: {}: {}", cause(static_cast<Refusal>(i)), first.text()));
   return all;
-}
-
-// Throws OpenError if the summary or the labels would be written over a file of the runs, or over one another.
-void check_files(const Config& config, const RunOptions& options) {
-  std::vector<std::string> files = config.files;
-  for (const std::string& path : {options.summary_file, options.labels_file}) {
-    const std::string file = path.empty() || path == "-" ? path : regular_file(path);
-    if (file.empty()) continue;
-    for (const std::string& other : files)
-      if (other == file || is_same_file(other, file))
-        throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
-    files.push_back(file);
-  }
 }
 
 // Returns how many records of the capture are kept at most: all, if it can be read only once.
@@ -321,8 +281,8 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
   check_figures(options.required, config);
   check_begins_by_host(config, options.repeats);
-  check_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
-  check_files(config, options);
+  check_seed_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
+  check_seed_files(config, options);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file);
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
