@@ -1,63 +1,10 @@
 #include "emulator/measurement_rows.hpp"
 
-#include <fcntl.h>
-#include <fmt/format.h>
-#include <sys/stat.h>
-
-#include <cerrno>
-#include <cstring>
-#include <stdexcept>
 #include <utility>
-
-#include "emulator/text_file.hpp"
-#include "transports/output_path.hpp"
 
 namespace imud {
 
 static_assert(sizeof(TrueRow) == sizeof(std::int64_t) + sizeof(TrueValues));
-
-ArrayFile::ArrayFile(std::string path, std::span<const MeasurementColumn> columns)
-    : path_(std::move(path)), columns_(columns) {
-  if (const std::string link = foreign_link(path_); !link.empty())
-    throw OpenError(fmt::format(
-        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
-  file_.reset(::open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666));
-  // A file that is empty is not truncated: ext4 writes a file that was, before it returns from close(2).
-  struct stat old {};
-  if (!file_ || ::fstat(file_.get(), &old) != 0 || (old.st_size != 0 && ::ftruncate(file_.get(), 0) != 0))
-    throw OpenError(fmt::format("{}: cannot write it: {}", path_, std::strerror(errno)));
-  if (!S_ISREG(old.st_mode))
-    throw OpenError(path_ + ": the rows of an array are written in any order; give a regular file");
-}
-
-void ArrayFile::set_shape(std::span<const std::uint64_t> shape, std::size_t row_size) noexcept {
-  const std::string text = npy_header(columns_, shape);
-  std::uint64_t bytes = row_size;
-  for (const std::uint64_t size : shape) bytes *= size;
-  if (error_ == 0 && ::ftruncate(file_.get(), static_cast<off_t>(text.size() + bytes)) != 0) error_ = errno;
-  write_at(std::as_bytes(std::span(text)), 0);
-}
-
-void ArrayFile::write(std::span<const std::byte> bytes, std::uint64_t offset) noexcept {
-  write_at(bytes, npy_header(columns_, {}).size() + offset);
-}
-
-void ArrayFile::check() const {
-  if (error_ != 0) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(error_)));
-}
-
-void ArrayFile::write_at(std::span<const std::byte> bytes, std::uint64_t offset) noexcept {
-  while (!bytes.empty() && error_ == 0) {
-    const ssize_t size = ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (size < 0) {
-      if (errno != EINTR) error_ = errno;
-      continue;
-    }
-    bytes = bytes.subspan(static_cast<std::size_t>(size));
-    offset += static_cast<std::uint64_t>(size);
-  }
-}
 
 namespace {
 
@@ -102,6 +49,7 @@ ImuConfig without_errors(const ImuConfig& imu) {
   ideal.also.clear();
   ideal.also_settings.clear();
   ideal.device_filters = false;
+  ideal.errors_model = model_of_truth;
   ImuModel& model = ideal.model;
   model.internal_samples = 1;
   model.gyro = model.accelerometer = model.magnetometer = TriadErrors{};

@@ -2,16 +2,29 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sha256.h>
 
+#include <array>
 #include <utility>
 #include <vector>
 
 #include "emulator/config_parts.hpp"
+#include "emulator/config_text.hpp"
 #include "emulator/text_file.hpp"
 #include "transports/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
+
+namespace {
+
+// Returns the SHA-256 of a file in hexadecimal; empty if it cannot be read.
+std::string sha256_of_file(const std::string& path) {
+  std::array<char, SHA256_DIGEST_STRING_LENGTH> text;
+  return SHA256File(path.c_str(), text.data()) == nullptr ? std::string() : std::string(text.data());
+}
+
+}  // namespace
 
 void check_seed_ports(const Config& config, bool repeats, bool many, bool has_arrays) {
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
@@ -51,6 +64,15 @@ void check_seed_files(const Config& config, const RunOptions& options) {
                                     path == "-" ? "standard output" : "this file"));
     files.push_back(file);
   }
+}
+
+std::string origin_of(const Config& config, const RunOptions& options) {
+  const std::string capture = file_of(config.truth.port);
+  if (capture.empty()) return {};
+  std::string limit;
+  if (options.duration_s) limit = fmt::format(", --for {}", *options.duration_s);
+  return fmt::format("imud {}, configuration {}, capture {}{}", IMUD_VERSION, sha256(config.resolved),
+                     sha256_of_file(capture), limit);
 }
 
 }  // namespace imud

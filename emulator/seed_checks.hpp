@@ -19,4 +19,7 @@ void check_seed_ports(const Config& config, bool repeats, bool many, bool has_ar
 // Throws OpenError if the summary or the labels would be written over a file of the runs, or over one another.
 void check_seed_files(const Config& config, const RunOptions& options);
 
+// Returns what the arrays of these runs are made of; empty if the capture can be read only once.
+std::string origin_of(const Config& config, const RunOptions& options);
+
 }  // namespace imud

@@ -17,13 +17,16 @@ using Json = nlohmann::ordered_json;
 
 int worse_exit_code(int a, int b) noexcept { return a == 1 || b == 1 ? 1 : std::max(a, b); }
 
-void SeedResults::add(const std::string& text) {
-  for (Json& summary : Json::parse(text)) add_run(std::move(summary));
+bool SeedResults::add(const std::string& text) {
+  bool are_whole = true;
+  for (Json& summary : Json::parse(text)) are_whole = add_run(std::move(summary)) && are_whole;
+  return are_whole;
 }
 
-void SeedResults::add_run(Json summary) {
+bool SeedResults::add_run(Json summary) {
   constexpr std::uint64_t most_shortfalls = 10;  // that are logged
   const auto seed = summary.at("seed").get<std::uint64_t>();
+  const bool is_whole = summary.at("ended_by") != "signal";
   if (!std::exchange(has_remarks_, true) && summary.at("truth").contains("remarks"))
     for (const Json& remark : summary["truth"]["remarks"]) spdlog::warn("truth: {}", remark.get<std::string>());
   if (const auto labels = summary.find("labels"); labels != summary.end()) {
@@ -36,11 +39,11 @@ void SeedResults::add_run(Json summary) {
     if (++shortfalls_ <= most_shortfalls)
       spdlog::error("seed {} is incomplete: {}", seed, shortfall.get<std::string>());
 
-  if (!keeps_) return;
+  if (!keeps_) return is_whole;
   Json& whole = by_seed_[seed];
   if (whole.is_null()) {
     whole = std::move(summary);
-    return;
+    return is_whole;
   }
   whole["exit_code"] = worse_exit_code(whole["exit_code"], summary["exit_code"]);
   whole["complete"] = whole["complete"].get<bool>() && summary["complete"].get<bool>();
@@ -48,6 +51,7 @@ void SeedResults::add_run(Json summary) {
     if (std::find(whole["shortfalls"].begin(), whole["shortfalls"].end(), shortfall) == whole["shortfalls"].end())
       whole["shortfalls"].push_back(std::move(shortfall));
   for (Json& imu : summary["imus"]) whole["imus"].push_back(std::move(imu));
+  return is_whole;
 }
 
 std::string SeedResults::labels(bool as_json) const {

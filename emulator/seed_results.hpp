@@ -22,8 +22,8 @@ class SeedResults {
   explicit SeedResults(bool keeps) : keeps_(keeps) {}
 
   // `text`: a JSON array of the summaries of runs. Logs what is missing, of the first seeds, and the remarks of the
-  // first run.
-  void add(const std::string& text);
+  // first run. Returns false if a signal has ended one of them.
+  bool add(const std::string& text);
 
   int exit_code() const noexcept { return exit_code_; }
   std::uint64_t samples() const noexcept { return samples_; }
@@ -32,7 +32,7 @@ class SeedResults {
   const std::map<std::uint64_t, nlohmann::ordered_json>& by_seed() const noexcept { return by_seed_; }
 
  private:
-  void add_run(nlohmann::ordered_json summary);
+  bool add_run(nlohmann::ordered_json summary);
 
   std::map<std::uint64_t, nlohmann::ordered_json> by_seed_;
   std::map<std::pair<std::uint64_t, std::size_t>, std::string> labels_;  // by seed and part

@@ -75,10 +75,9 @@ class Runs {
     for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
     if (seeds.npy.empty()) return;
     arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy);
-    arrays_->begin(config_, seeds_.size(), [this](const Config& both, const Sync::OpenPort& open) {
-      const std::atomic<bool> no_stop = false;
-      run(both, open, no_stop, [](Session& session, const std::string&) { session.commit(); });
-    });
+    arrays_->begin(config_, {seeds_.first, seeds_.size(), origin_of(config, options)}, run_for_arrays());
+    for (std::uint64_t i = 0; i < seeds_.size(); ++i) done_ += arrays_->is_done(i) ? 1U : 0U;
+    if (done_ > 0) spdlog::info("{} of {} runs are in the arrays already; the others follow", done_, seeds_.size());
   }
 
   // Divides the runs into items of work: seeds that run together, because they share the truth and the instants of
@@ -92,13 +91,35 @@ class Runs {
     if (std::any_of(config_.faults.begin(), config_.faults.end(),
                     [](const FaultConfig& f) { return f.acts_on(fault_of_truth); }))
       together_ = 1;
-    parts_ =
-        seeds_.size() < jobs && options_.required.empty() && truths_ && truths_->ascend() ? config_.imus.size() : 1;
+    if (done_ > 0) together_ = 1;
+    for (std::uint64_t i = 0; done_ > 0 && i < seeds_.size(); ++i)
+      if (!arrays_->is_done(i)) missing_.push_back(seeds_.first + i);
+    parts_ = seeds_.size() - done_ < jobs && options_.required.empty() && truths_ && truths_->ascend()
+                 ? config_.imus.size()
+                 : 1;
   }
-  std::size_t items() const noexcept { return (seeds_.size() + together_ - 1) / together_ * parts_; }
+  std::size_t items() const noexcept {
+    return (done_ > 0 ? missing_.size() : (seeds_.size() + together_ - 1) / together_) * parts_;
+  }
   std::uint64_t seeds() const noexcept { return seeds_.size(); }
-  std::size_t runs() const noexcept { return seeds_.size() * parts_; }
+  std::size_t runs() const noexcept { return (seeds_.size() - done_) * parts_; }
   std::size_t runs_of(std::size_t item) const noexcept { return seeds_of(item).size(); }
+
+  // The item has been done: the arrays have its rows.
+  void mark(std::size_t item) noexcept {
+    const SeedRange seeds = seeds_of(item);
+    for (std::uint64_t seed = seeds.first; arrays_ && seed <= seeds.last; ++seed)
+      for (std::size_t imu = 0; imu < config_.imus.size(); ++imu)
+        if (parts_ == 1 || imu == item % parts_) arrays_->mark(imu, seed - seeds_.first);
+  }
+  void commit() {
+    if (arrays_) arrays_->commit();
+  }
+  // Leaves the arrays to be completed by the same command, and logs so.
+  void keep() noexcept {
+    const std::string left = arrays_ ? arrays_->keep() : std::string();
+    if (!left.empty()) spdlog::warn("{} is incomplete: the same command does the runs that are missing", left);
+  }
 
   // Does an item; returns the summaries of its runs as a JSON array in one line. Throws std::runtime_error, which
   // names the seed if the fault is that of a port.
@@ -106,8 +127,10 @@ class Runs {
 
  private:
   template <class End>
-  void run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end) const;
+  void run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end,
+           const std::function<void(std::size_t)>& awaits_truth = nullptr) const;
   SeedRange seeds_of(std::size_t item) const noexcept {
+    if (done_ > 0) return {missing_[item / parts_], missing_[item / parts_]};
     const std::uint64_t before = item / parts_ * together_;
     return {seeds_.first + before, seeds_.first + std::min(before + together_, seeds_.size()) - 1};
   }
@@ -118,9 +141,30 @@ class Runs {
     std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
     HostTime begin;
   };
+  // Returns what each imu of the runs makes, if the truth of one varies with the seed; otherwise nothing.
+  std::vector<std::vector<MadeRow>> made_by(const Config& config, std::size_t part) const {
+    bool varies = false;
+    for (std::size_t i = 0; arrays_ && i < config_.imus.size(); ++i)
+      varies = varies || (arrays_->varies(i) && (parts_ == 1 || i == part));
+    return varies ? SeedArrays::made(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
+  }
   std::string end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
                   std::size_t part) const;
   Json labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const;
+  SeedArrays::Run run_for_arrays() const {
+    return [this](const Config& config, const Sync::OpenPort& open, const auto& awaits_truth) {
+      const std::atomic<bool> no_stop = false;
+      std::string cause;
+      run(
+          config, open, no_stop,
+          [&](Session& session, const std::string&) {
+            session.commit();
+            cause = fmt::format("{}", fmt::join(remarks(session.intake().counters()), "; "));
+          },
+          awaits_truth);
+      return cause;
+    };
+  }
   std::unique_ptr<Port> open_truth(std::string_view port, const PortSettings& settings) const {
     return truths_ ? truths_->open() : open_port(port, settings);
   }
@@ -132,13 +176,15 @@ class Runs {
   std::optional<StoredTruths> truths_;
   std::vector<double> line_loads_;
   std::unique_ptr<SeedArrays> arrays_;
-  std::uint64_t together_ = 1;  // seeds of an item
-  std::size_t parts_ = 1;       // of a seed
+  std::uint64_t together_ = 1;          // seeds of an item
+  std::size_t parts_ = 1;               // of a seed
+  std::uint64_t done_ = 0;              // seeds that the arrays have already
+  std::vector<std::uint64_t> missing_;  // the others, if there are any of these
 };
 
 template <class End>
-void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop,
-               const End& end) const {
+void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end,
+               const std::function<void(std::size_t)>& awaits_truth) const {
   const Sync::OpenPort open_all = [&](std::string_view port, const PortSettings& settings) {
     return port == config.truth.port ? open_truth(port, settings) : open(port, settings);
   };
@@ -149,7 +195,7 @@ void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atom
   LoopOptions options;
   if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
   if (repeated) {
-    repeated->run(session, host, {.paced = false, .duration = options.limit}, stop);
+    repeated->run(session, host, {.paced = false, .duration = options.limit, .awaits_truth = awaits_truth}, stop);
   } else {
     const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
     Loop(session, host, *pacer, options, stop).run();
@@ -175,9 +221,15 @@ std::string Runs::work(std::size_t item) const {
   for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
     ImuConfig& imu = all.imus.emplace_back(imus[i % imus.size()]);
     imu.seed = seeds.first + i / imus.size();
+  }
+  auto made = made_by(all, part);
+  for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
+    ImuConfig& imu = all.imus[i];
     if (arrays_) {
-      batch.rows.emplace_back(*arrays_, part + i % imus.size(), *imu.seed - seeds_.first);
-      imu.port = fmt::format("{}", i);
+      batch.rows.emplace_back(*arrays_, part + i % imus.size(), *imu.seed - seeds_.first,
+                              made.empty() ? std::vector<MadeRow>() : std::move(made[i]));
+      imu.port = numbered_port(imu.port, i);
+      imu.also.clear();
     } else {
       const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);
       imu.port = with_seed(imu.port, seed);
@@ -231,7 +283,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
   if (!difference.empty()) outcome.shortfalls.push_back(difference);
   for (const auto& channel : channels)
     for (Expected& one : channel->expected()) outcome.expected.push_back(std::move(one));
-  if (outcome.ended_by != EndedBy::failure) commit(channels);
+  if (outcome.ended_by != EndedBy::failure) imud::commit(channels);
   if (arrays_)
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
       if (const std::string missing = rows.finish(); !missing.empty()) outcome.shortfalls.push_back(missing);
@@ -289,18 +341,25 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   Runs runs(config, options, seeds);
   const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : std::max(1U, std::thread::hardware_concurrency());
   runs.divide(jobs);
+  bool is_whole = false;
   SeedResults results(!options.summary_file.empty());
   SeedProgress progress(runs.runs(), seeds.quiet);
   std::size_t done = 0;
-  const bool is_whole = run_workers({.jobs = jobs,
-                                     .work = [&](std::size_t item) { return runs.work(item); },
-                                     .take =
-                                         [&](std::size_t item, const std::string& text) {
-                                           done += runs.runs_of(item);
-                                           results.add(text);
-                                         },
-                                     .tick = [&] { progress.show(done); }},
-                                    runs.items());
+  try {
+    is_whole = run_workers({.jobs = jobs,
+                            .work = [&](std::size_t item) { return runs.work(item); },
+                            .take =
+                                [&](std::size_t item, const std::string& text) {
+                                  done += runs.runs_of(item);
+                                  if (results.add(text)) runs.mark(item);
+                                },
+                            .tick = [&] { progress.show(done); }},
+                           runs.items());
+    is_whole ? runs.commit() : runs.keep();
+  } catch (...) {
+    runs.keep();
+    throw;
+  }
 
   const double duration_s = seconds(host_now() - begin);
   if (!is_whole) spdlog::error("incomplete: a signal ended it after {} of {} runs", done, runs.runs());

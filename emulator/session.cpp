@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/measurement_rows.hpp"
 #include "emulator/recorder.hpp"
 
 namespace imud {
@@ -30,6 +31,7 @@ Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* rec
 
 // Returns nullptr if the imu can have no faults, and nothing is expected of its host.
 std::unique_ptr<ChannelFaults> Session::faults_of(const ImuConfig& imu, std::uint64_t seed) {
+  if (imu.errors_model == model_of_truth) return nullptr;
   const std::span<const FaultConfig> configured = faults_.configured();
   if (!faults_.can_grow() &&
       std::none_of(configured.begin(), configured.end(), [&](const FaultConfig& f) { return f.acts_on(imu.name); }) &&

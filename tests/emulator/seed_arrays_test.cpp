@@ -27,9 +27,12 @@ class SeedArraysTest : public RunTest {
     }
     port.commit();
   }
-  static void run_once(const Config& config, const Sync::OpenPort& open) {
+  static std::string run_once(const Config& config, const Sync::OpenPort& open,
+                              const std::function<void(std::size_t imu)>&) {
     for (const ImuConfig& imu : config.imus) send_samples(imu, *open(imu.port, PortSettings(Role::device)));
+    return {};
   }
+  static SeedArrays::Seeds three() { return {.first = 0, .count = 3, .origin = {}}; }
   // Returns the message of what `action` throws while no file may have more than `bytes`.
   template <class Action>
   static std::string error_with_limit(std::uint64_t bytes, const Action& action) {
@@ -57,14 +60,14 @@ TEST_F(SeedArraysTest, AFullDiskIsAnErrorOfTheRun) {
   for (const std::uint64_t bytes :
        {0U, 100'000U, 208'000U}) {  // nothing fits; some of the truth; all but the last rows
     SeedArrays arrays(config_, path("a.npy"));
-    EXPECT_EQ(error_with_limit(bytes, [&] { arrays.begin(config_, 3, run_once); }),
+    EXPECT_EQ(error_with_limit(bytes, [&] { arrays.begin(config_, three(), run_once); }),
               path("a_truth.npy") + ": File too large");
   }
-  EXPECT_EQ(error_with_limit(500'000, [&] { SeedArrays(config_, path("a.npy")).begin(config_, 3, run_once); }),
+  EXPECT_EQ(error_with_limit(500'000, [&] { SeedArrays(config_, path("a.npy")).begin(config_, three(), run_once); }),
             path("a.npy") + ": File too large");
 
   SeedArrays arrays(config_, path("a.npy"));
-  arrays.begin(config_, 3, run_once);
+  arrays.begin(config_, three(), run_once);
   const auto run_of = [&](std::uint64_t seed) {
     SeedArrays::Rows rows(arrays, 0, seed);
     send_samples(config_.imus[0], *rows.port());

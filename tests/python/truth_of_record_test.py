@@ -14,7 +14,7 @@ realtime.lock_memory = false
 [truth]
 port = "udp:127.0.0.1:0"
 extrapolate_ms = 20
-[[imu]]
+{keys}[[imu]]
 name = "a"
 protocol = "stim300"
 model = "stim300"
@@ -31,14 +31,14 @@ port = "file:{folder}/b.bin"
 
 
 class TruthOfRecord(RunTest):
-    def record(self, clock, *arguments):
+    def record(self, clock, *arguments, motion="spiral", keys=""):
         """Records a run of imud on the truth of imu-truth with these arguments."""
         config = self.folder / "imu.toml"
-        config.write_text(CONFIG.format(clock=clock, folder=self.folder))
+        config.write_text(CONFIG.format(clock=clock, folder=self.folder, keys=keys))
         with subprocess.Popen([PROGRAMS / "imud", "run", config, "--record", self.folder / "run.pcapng"],
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as imud:
             ready = next(line for line in imud.stderr if " ready, truth.port is " in line)
-            run("imu-truth", "spiral", "--to", ready.split()[-1], "--rate", "100", "--for", "1", *arguments)
+            run("imu-truth", motion, "--to", ready.split()[-1], "--rate", "100", "--for", "1", *arguments)
             imud.terminate()
             imud.communicate()
         self.assertEqual(imud.returncode, 0)
@@ -71,14 +71,32 @@ class TruthOfRecord(RunTest):
         self.assertEqual(by_record["gyro"].tobytes(), runs["gyro"][0].tobytes())
         self.assertNotEqual(by_record["gyro"].tobytes(), runs["gyro"][1].tobytes())
 
-    def test_in_real_time_it_is_the_truth_that_was_sampled(self):
-        self.record("realtime", "--jitter", "15", "--drop", "30")
+    def test_in_real_time_it_is_the_truth_of_the_instant(self):
+        # A rate that changes, so that an extrapolated one is wrong.
+        self.record("realtime", "--jitter", "15", "--drop", "30", "--frequency-hz", "1", "--half-angle-rad", "0.1",
+                    motion="coning", keys="delay_ms = 0\n")
         array = self.decode("native", "b", self.folder / "run.pcapng")
         extrapolated = array["status"] & 64 != 0
         self.assertGreater(extrapolated.sum(), 10)
         self.assertGreater(len(array), 200)
-        for name in ("gyro", "accel", "dtheta", "dvel"):
-            numpy.testing.assert_array_equal(array[name], array["true_" + name])
+        known = ~numpy.isnan(array["true_gyro"][:, 0])
+        self.assertGreater((known & extrapolated).sum(), 5)
+        for name in ("gyro", "accel"):
+            numpy.testing.assert_array_equal(array[name][~extrapolated], array["true_" + name][~extrapolated])
+        # What all truths of the record give at these instants, in their order.
+        run("imu-truth", "capture", self.folder / "run.pcapng", "--csv", self.folder / "truths.csv")
+        truths = numpy.genfromtxt(self.folder / "truths.csv", delimiter=",", names=True)
+        self.assertGreater(len(truths), 50)
+        errors = array["gyro"] - array["true_gyro"]
+        self.assertGreater(abs(errors[known & extrapolated]).max(), 1e-6)
+        t = array["time_ns"] * 1e-9
+        for axis, column in enumerate(("omega_BN_B_x", "omega_BN_B_y", "omega_BN_B_z")):
+            linear = numpy.interp(t, truths["time_ns"] * 1e-9, truths[column])
+            between = known & (t <= truths["time_ns"].max() * 1e-9)
+            self.assertLess(abs(array["true_gyro"][between, axis] - linear[between]).max(), 0.02)
+        # Behind the newest truth nothing is known, nor while motion is held: then simulation time stands still.
+        held = array["status"] & 128 != 0
+        self.assertTrue((held | (t > truths["time_ns"].max() * 1e-9))[~known].all())
 
 
 if __name__ == "__main__":
