@@ -38,6 +38,14 @@ bool SeedResults::add_run(Json summary) {
   for (const Json& shortfall : summary.at("shortfalls"))
     if (++shortfalls_ <= most_shortfalls)
       spdlog::error("seed {} is incomplete: {}", seed, shortfall.get<std::string>());
+  for (const Json& limit : summary.at("required"))
+    if (!limit.at("holds").get<bool>() && ++shortfalls_ <= most_shortfalls)
+      spdlog::error("seed {}: required {}, but it is {}", seed, limit.at("limit").get<std::string>(),
+                    limit.at("seen").get<std::uint64_t>());
+  for (const Json& one : summary.at("expected"))
+    if (!one.at("holds").get<bool>() && ++shortfalls_ <= most_shortfalls)
+      spdlog::error("seed {}: expected {}: {}; {}", seed, one.at("name").get<std::string>(),
+                    one.at("text").get<std::string>(), one.at("seen").get<std::string>());
 
   if (!keeps_) return is_whole;
   Json& whole = by_seed_[seed];
