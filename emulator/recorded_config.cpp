@@ -69,14 +69,17 @@ std::optional<std::string> recorded_config(const std::string& path) {
   if (transport == nullptr) return std::nullopt;
   PcapngReader reader(PortSpec{std::string(transport->name), path, {}});
   std::string text;
-  std::size_t others = 0;  // the event of the file's begin precedes the configuration
-  while (others < 2 && !reader.at_end()) {
+  // Programs that sort or merge packets by time may put others before it and between its pieces.
+  constexpr std::size_t most_others = 10'000;
+  std::size_t others = 0;  // since the last piece
+  while ((text.empty() || others < most_others) && !reader.at_end()) {
     const auto packet = reader.next();
     if (!packet) continue;
-    if (reader.interfaces()[packet->interface].link_type == link_type::text)
-      text.append(reinterpret_cast<const char*>(packet->bytes.data()), packet->bytes.size());
-    else
-      ++others;
+    const PcapngInterface& interface = reader.interfaces()[packet->interface];
+    ++others;
+    if (interface.link_type != link_type::text || interface.name != config_interface) continue;
+    text.append(reinterpret_cast<const char*>(packet->bytes.data()), packet->bytes.size());
+    others = 0;
   }
   return text;
 }

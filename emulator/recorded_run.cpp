@@ -60,7 +60,17 @@ class RecordedRun::Input final : public Port {
 
 RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
     : reader_(spec), truth_port_(config.truth.port), imus_(config.imus) {
-  while (!first_ && !reader_.at_end()) first_ = reader_.next();
+  constexpr std::size_t most_early = 10'000;
+  while (!first_ && !reader_.at_end() && early_.size() < most_early) {
+    const auto packet = reader_.next();
+    if (!packet) continue;
+    const std::uint16_t link = reader_.interfaces()[packet->interface].link_type;
+    if (link == link_type::event)
+      first_ = packet;
+    else if (link != link_type::text)
+      early_.push_back({*packet, {packet->bytes.begin(), packet->bytes.end()}});
+  }
+  if (first_) base_ = static_cast<std::uint16_t>(first_->interface);
   const auto has = [this](std::string_view name) {
     const auto all = reader_.interfaces();
     return std::any_of(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
@@ -112,6 +122,11 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
   options_ = options;
   stop_ = &stop;
   prepared_.reserve(session.channels().size());
+  for (Early& early : early_) {
+    early.packet.bytes = early.bytes;
+    feed(early.packet, reader_.interfaces()[early.packet.interface].name, time_of(early.packet));
+  }
+  early_.clear();
   while (!ended_ && !stop.load(std::memory_order_relaxed)) {
     const auto packet = first_ ? std::exchange(first_, std::nullopt) : reader_.next();
     if (!packet) {
@@ -205,10 +220,13 @@ void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface,
     }
     return;
   }
-  if (!receive_) return;
-  const RecordEvent event = *std::exchange(receive_, std::nullopt);
-  std::optional<Frame> frame = Frame{packet.bytes};
-  if (link == link_type::can_socketcan) frame = decode_can_packet(packet.bytes);
+  if (receive_) return receive(*std::exchange(receive_, std::nullopt), packet.bytes, link);
+  if (interface.ends_with(" host")) from_hosts_.push_back({packet, {packet.bytes.begin(), packet.bytes.end()}});
+}
+
+void RecordedRun::receive(const RecordEvent& event, std::span<const std::byte> bytes, std::uint16_t link) noexcept {
+  std::optional<Frame> frame = Frame{bytes};
+  if (link == link_type::can_socketcan) frame = decode_can_packet(bytes);
   for_imus(event, [&](Channel& channel) {
     if (frame && event.flags < channel.port_count()) channel.receive(*frame, event.flags, HostTime{event.a});
   });
@@ -216,8 +234,9 @@ void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface,
 
 template <class Function>
 void RecordedRun::for_imus(const RecordEvent& event, Function function) noexcept {
-  if (event.interface >= reader_.interfaces().size()) return;
-  const std::string& name = reader_.interfaces()[event.interface].name;
+  const std::size_t interface = std::size_t{base_} + event.interface;
+  if (interface >= reader_.interfaces().size()) return;
+  const std::string& name = reader_.interfaces()[interface].name;
   for (const auto& channel : session_->channels())
     if (channel->name() == name) function(*channel);
 }
@@ -281,6 +300,17 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       break;
     case Type::receive:
       receive_ = event;
+      if (!from_hosts_.empty()) {
+        // The first that the host of this line has sent.
+        constexpr std::uint32_t per_line = 3, of_host = 1;
+        const std::uint32_t host = base_ + event.interface + per_line * event.flags + of_host;
+        const auto early = std::find_if(from_hosts_.begin(), from_hosts_.end(),
+                                        [&](const Early& one) { return one.packet.interface == host; });
+        if (early == from_hosts_.end()) break;
+        receive_.reset();
+        receive(event, early->bytes, reader_.interfaces()[host].link_type);
+        from_hosts_.erase(early);
+      }
       break;
     case Type::lost:
       lost_ += static_cast<std::uint64_t>(std::max<std::int64_t>(event.a, 0));

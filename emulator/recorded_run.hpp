@@ -20,7 +20,9 @@ namespace imud {
 
 // Drives a Session as the Loop did when the record was made: in the order of its events, with the times that they
 // have. Truth, what the hosts sent, and the edges at the pins come from the record; the hosts at the imus' ports are
-// not listened to. Several imus of the Session may have one name: each does what that of the run did. One thread.
+// not listened to. Several imus of the Session may have one name: each does what that of the run did. What was
+// received may precede the event that it belongs to, and other interfaces may precede those of the record: mergecap
+// and reordercap write such files. One thread.
 class RecordedRun {
  public:
   // Opens the record. Throws PortError if it is none, does not begin with the run's begin, or lacks an imu of the
@@ -56,6 +58,7 @@ class RecordedRun {
   void begin_fault(const RecordEvent& event, std::span<const std::byte> text);
   void execute_for_imus(const RecordEvent& event) noexcept;
   void feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept;
+  void receive(const RecordEvent& event, std::span<const std::byte> bytes, std::uint16_t link) noexcept;
   void process_truth(const RecordEvent& event) noexcept;
   void take_sample(Channel& channel, const RecordEvent& event) noexcept;
   bool awaits_truth(const Channel& channel, const RecordEvent& event) noexcept;
@@ -68,7 +71,15 @@ class RecordedRun {
   void for_imus(const RecordEvent& event, Function function) noexcept;
 
   PcapngReader reader_;
-  std::optional<PcapngPacket> first_;  // read ahead
+  std::optional<PcapngPacket> first_;  // the begin of the run, read ahead
+  // A packet that was received, and stands before its event.
+  struct Early {
+    PcapngPacket packet;
+    std::vector<std::byte> bytes;
+  };
+  std::deque<Early> early_;       // before the begin of the run
+  std::deque<Early> from_hosts_;  // of hosts, before the events of their reception
+  std::uint16_t base_ = 0;        // number of the first interface of the record in the file
   const std::string truth_port_;
   const std::vector<ImuConfig> imus_;
   std::map<std::string, std::string> pins_;    // name of the interface by the text of its port

@@ -41,6 +41,7 @@ void Recorder::start(bool is_live, std::string config) {
                .flags = is_live ? RecordEvent::is_live : std::uint8_t{0},
                .truth = truth_},
               host_now());
+  now_ = polled_ = host_now();  // of the events before the first that has a time of its own
   writer_ = std::thread([this] { write(); });
 }
 

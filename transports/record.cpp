@@ -122,7 +122,7 @@ constexpr Transport record_transport = {
     .name = "record",
     .summary = "one interface of a record of imud (pcapng): truth, or what an imu sent or received",
     .syntax = "record:PATH?interface=NAME",
-    .example = "record:run.pcapng?interface=imu1",
+    .example = "record:run.pcapng?interface=truth",
     .document = "draft-ietf-opsawg-pcapng-01",
     .options = {&interface_option, 1},
     .carries_any = true,

@@ -128,6 +128,7 @@ TEST(Example, IsAcceptedForEveryName) {
         << good.output;
     EXPECT_TRUE(format == nullptr || contains(good.output, "truth    " + name + " from ")) << good.output;
     EXPECT_TRUE(format != nullptr || contains(example.output, "format = \"native\"")) << example.output;
+    EXPECT_TRUE(name != "record" || contains(example.output, "?interface=truth\"")) << "others are no truth";
     if (format == nullptr) continue;
     // 42 uses TCP, and poses are in files.
     const std::string way = name == "42" ? "tcp" : name == "tum" || name == "euroc" ? "file" : "udp";
