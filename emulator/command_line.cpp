@@ -334,6 +334,9 @@ int execute(int argc, const char* const* argv) {
     arguments.run.junit_file = output_path(arguments.run.junit_file);
     arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
     arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
+    arguments.run.record.file = output_path(arguments.run.record.file);
+    if (arguments.run.record.file == "-" && record_max_mb > 0)
+      throw OpenError("--record-max-mb: standard output is one file; give --record FILE");
     if (arguments.run.record.file.empty() && record_max_mb > 0)
       throw OpenError("--record-max-mb: needs --record FILE");
     if (record_max_mb == 0 && arguments.run.record.max_files > 0)

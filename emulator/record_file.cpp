@@ -20,6 +20,7 @@ constexpr std::size_t large_batch = 256 * 1024;
 constexpr std::string_view suffix = ".pcapng";
 
 FileDescriptor create(const std::string& path) {
+  if (path == "-") return FileDescriptor(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0));
   return FileDescriptor(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOCTTY, 0666));
 }
 

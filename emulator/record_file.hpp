@@ -16,7 +16,7 @@
 namespace imud {
 
 struct RecordOptions {
-  std::string file;             // empty: nothing is recorded
+  std::string file;             // empty: nothing is recorded; "-": standard output, without max_bytes
   std::uint64_t max_bytes = 0;  // of a file, after which the next one begins; 0: there is one file
   std::uint64_t max_files = 0;  // that are kept; 0: all
 };

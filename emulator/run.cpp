@@ -111,7 +111,7 @@ void log_details(const Config& config) {
 // Returns true if standard output carries frames or JSON, among which the text of the summary has no place.
 bool has_data_on_stdout(const Config& config, const RunOptions& options) {
   return writes_to_stdout(config) || options.summary_file == "-" || options.labels_file == "-" ||
-         options.junit_file == "-" || options.monitor.quality_file == "-";
+         options.junit_file == "-" || options.monitor.quality_file == "-" || options.record.file == "-";
 }
 
 // Logs what is missing.
@@ -135,7 +135,8 @@ void check_outputs(const Config& config, const RunOptions& options) {
     if (file.empty()) continue;
     if (std::any_of(files.begin(), files.end(),
                     [&](const std::string& other) { return other == file || is_same_file(other, file); }))
-      throw OpenError(fmt::format("{}: the run reads or writes this file already; give another", path));
+      throw OpenError(fmt::format("{}: the run reads or writes {} already; give another", path,
+                                  path == "-" ? "standard output" : "this file"));
     files.push_back(file);
   }
 }

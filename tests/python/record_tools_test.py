@@ -57,6 +57,18 @@ class RecordTools(RunTest):
                 self.assertEqual(after.stdout, before, after.stderr)
                 self.assertEqual(self.repeated(changed), sent)
 
+    def test_a_record_to_standard_output_is_the_record_alone(self):
+        config = self.config(CONFIG.format(folder=self.folder))
+        done = subprocess.run([PROGRAMS.resolve() / "imud", "replay", config, FLIGHT, "--fast", "--record", "-"],
+                              capture_output=True, check=True, cwd=self.folder)
+        self.assertEqual(done.stdout[:4], b"\x0a\x0d\x0d\x0a")
+        self.assertFalse((self.folder / "-").exists())
+        (self.folder / "out.pcapng").write_bytes(done.stdout)
+        sent = (self.folder / "a.bin").read_bytes()
+        self.assertEqual(self.repeated(self.folder / "out.pcapng"), sent)
+        _, errors = run("imud", "replay", config, FLIGHT, "--record", "-", "--record-max-mb", "1", exit_code=2)
+        self.assertIn("--record-max-mb: standard output is one file", errors)
+
 
 if __name__ == "__main__":
     unittest.main()
