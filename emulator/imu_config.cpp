@@ -296,6 +296,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   ImuConfig imu;
   imu.name = table.text("name", fmt::format("imu{}", index + 1));
   if (imu.name.empty()) table.fault("name", "give a name that is not empty");
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7F'; };
+  if (std::any_of(imu.name.begin(), imu.name.end(), is_control))
+    table.fault("name", "has a line feed or another control character; give a name in one line of text");
 
   table.require("protocol", "one that `imud list` shows");
   const std::string protocol = table.text("protocol", "");

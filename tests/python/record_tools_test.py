@@ -69,6 +69,11 @@ class RecordTools(RunTest):
         _, errors = run("imud", "replay", config, FLIGHT, "--record", "-", "--record-max-mb", "1", exit_code=2)
         self.assertIn("--record-max-mb: standard output is one file", errors)
 
+    def test_a_line_feed_in_a_name_is_refused(self):
+        config = self.config(CONFIG.format(folder=self.folder).replace("'a'", '"a\\nb"'))
+        _, errors = run("imud", "check", config, exit_code=2)
+        self.assertIn("imu.0.name: has a line feed or another control character", errors)
+
 
 if __name__ == "__main__":
     unittest.main()
