@@ -68,6 +68,41 @@ std::string bare_word(std::string_view content, std::uint32_t line, std::uint32_
   return fmt::format("column {}: {} is not a value of TOML; put text in quotes: \"{}\"", begin + 1, word, word);
 }
 
+// Replaces a line by blanks; returns false if it has nothing else or does not exist.
+bool clear_line(std::string& content, std::uint32_t line) {
+  std::size_t begin = 0;
+  for (; line > 1 && begin < content.size(); --line)
+    begin = std::min(content.find('\n', begin), content.size() - 1) + 1;
+  const std::size_t end = std::min(content.find('\n', begin), content.size());
+  const bool had_text = content.find_first_not_of(" \t\r", begin) < end;
+  if (had_text)
+    std::fill(content.begin() + static_cast<std::ptrdiff_t>(begin),
+              content.begin() + static_cast<std::ptrdiff_t>(end), ' ');
+  return had_text;
+}
+
+// Adds a fault for each error of syntax: the text is read again without the line of the error before, from which a
+// later one may follow. Ends with an error in a line without text, such as a bracket that is missing at the end.
+void add_syntax_faults(std::string content, Faults& faults) {
+  constexpr int most = 20;
+  std::uint32_t first = 0;
+  for (int i = 0; i < most; ++i) {
+    try {
+      static_cast<void>(toml::parse(content));
+      return;
+    } catch (const toml::parse_error& error) {
+      const auto& [line, column] = error.source().begin;
+      const std::string word = bare_word(content, line, column);
+      std::string what = word.empty() ? fmt::format("column {}: {}", column, error.description()) : word;
+      const bool has_text = clear_line(content, line);
+      if (i > 0 && !has_text) return;
+      if (i > 0) what += fmt::format(" (it may follow from line {})", first);
+      faults.add(line, "TOML", what);
+      if (i == 0) first = line;
+    }
+  }
+}
+
 // The items of an array that the first step of a path chooses, and the path below them.
 struct Chosen {
   std::vector<toml::node*> items;
@@ -162,10 +197,8 @@ ConfigText read_config_text(const std::string& path, std::span<const std::string
   } catch (const std::invalid_argument& error) {
     faults.add(0, "configuration", error.what());
     throw ConfigError(faults.all());
-  } catch (const toml::parse_error& error) {
-    const auto& [line, column] = error.source().begin;
-    const std::string word = bare_word(content, line, column);
-    faults.add(line, "TOML", word.empty() ? fmt::format("column {}: {}", column, error.description()) : word);
+  } catch (const toml::parse_error&) {
+    add_syntax_faults(content, faults);
     throw ConfigError(faults.all());
   }
   for (const std::string& assignment : overrides) {

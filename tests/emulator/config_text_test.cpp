@@ -80,6 +80,25 @@ TEST_F(ConfigTextTest, WhatIsWrongWithTheFileIsNamed) {
   EXPECT_TRUE(contains(faults_.all().back(), "cannot be read: Is a directory"));
 }
 
+TEST_F(ConfigTextTest, AllErrorsOfSyntaxAreNamedAtOnce) {
+  std::ofstream(path_) << ("seed = 1\n[truth\nport = udp\n[[imu]]\nrate_hz = 2..5\nname = \"a\"\nname = \"b\"\n");
+  EXPECT_THROW(read_config_text(path_, {}, faults_), ConfigError);
+  const std::vector<std::string> all = faults_.all();
+  ASSERT_EQ(all.size(), 4U) << all[0];
+  const std::string lines[] = {":2: TOML: ", ":3: TOML: ", ":5: TOML: ", ":7: TOML: "};
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_TRUE(contains(all[i], lines[i])) << all[i];
+    EXPECT_EQ(contains(all[i], "(it may follow from line 2)"), i > 0) << all[i];
+  }
+}
+
+// It ends, whatever the file is.
+TEST_F(ConfigTextTest, AnErrorOfSyntaxAtTheEndIsNamedOnce) {
+  std::ofstream(path_) << ("a = [1,\n2,\n");
+  EXPECT_THROW(read_config_text(path_, {}, faults_), ConfigError);
+  EXPECT_EQ(faults_.all().size(), 1U);
+}
+
 TEST_F(ConfigTextTest, AWordWithoutQuotesIsNamedWithItsColumn) {
   EXPECT_EQ(fault_of("[[imu]]\nprotocol = native\n"),
             ":2: TOML: column 12: native is not a value of TOML; put text in quotes: \"native\"");
