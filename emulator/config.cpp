@@ -235,7 +235,8 @@ RealtimeConfig read_realtime(TableReader table) {
   return realtime;
 }
 
-ControlConfig read_control(TableReader table, bool faults) {
+// `is_sparing`: without a client a run has no stage for faults, which costs memory and, in "fast", time.
+ControlConfig read_control(TableReader table, bool has_page, bool is_sparing) {
   ControlConfig control;
   control.name = table.text("name", control.name);
   constexpr std::size_t longest = 40;
@@ -255,7 +256,8 @@ ControlConfig read_control(TableReader table, bool faults) {
   } else if (!control.token_file.empty()) {
     table.fault("token_file", "needs listen");
   }
-  control.faults = table.flag("faults", faults);
+  const bool has_clients = control.socket != "none" || !control.listen.empty();
+  control.faults = table.flag("faults", has_page || (has_clients && !is_sparing));
   table.finish();
   return control;
 }
@@ -277,7 +279,11 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   config.truth = read_truth(table.child("truth"), config.clock, capture);
   config.realtime = read_realtime(table.child("realtime"));
   config.web = read_web(table.child("web"));
-  config.control = read_control(table.child("control"), !config.web.listen.empty());
+  // A record may have faults that a client has begun.
+  const Transport* of_truth = transport_of(config.truth.port);
+  const bool is_record = of_truth != nullptr && of_truth->is_record != nullptr;
+  const bool is_sparing = config.clock == ClockMode::fast && !is_record;
+  config.control = read_control(table.child("control"), !config.web.listen.empty(), is_sparing);
   if (config.clock == ClockMode::fast && !config.truth.port.empty() && !is_capture(config.truth.port))
     table.fault("clock", fmt::format("\"fast\" reads a capture; give truth.port {}, or \"lockstep\"",
                                      ports_that([](const Transport& t) { return t.brings_truth && t.ends; })));

@@ -15,7 +15,7 @@ namespace imud {
 
 namespace {
 
-constexpr std::array<std::string_view, 3> free_keys = {"clock", "realtime", "truth.port"};
+constexpr std::array<std::string_view, 4> free_keys = {"clock", "control", "realtime", "truth.port"};
 constexpr std::array<std::string_view, 4> free_keys_of_imu = {"also", "pace", "port", "second_port"};
 
 template <std::size_t n>

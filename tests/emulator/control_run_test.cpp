@@ -118,9 +118,9 @@ TEST_F(ControlRun, ChangesOfABatchTakeEffectAtOneSample) {
   EXPECT_EQ(play(two_imus(), script), changed);
 }
 
-std::string with_faults(std::string text, const std::string& faults) {
+std::string without_faults(std::string text) {
   const std::string table = "[control]\n";
-  return text.insert(text.find(table) + table.size(), "faults = true\n") + faults;
+  return text.insert(text.find(table) + table.size(), "faults = false\n");
 }
 
 // By control at sample k the bytes are those of a scenario at sample k, also where they are drawn by the seed.
@@ -131,10 +131,10 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
       "10\n"
       "[[fault]]\ntarget = \"accelerometer\"\nkind = \"bias\"\nvalue_g = {uniform = [0.5, 1.5]}\nat_sample = 21\n";
   const auto clean = play(write("clean.toml", plain), {});
-  const auto scenario = play(write("scenario.toml", with_faults(plain, faults)), {});
+  const auto scenario = play(write("scenario.toml", plain + faults), {});
   json answer;
   const auto control = play(
-      write("control.toml", with_faults(plain, "")),
+      write("control.toml", plain),
       {{2, [&](ControlClient& client) {
           answer = client.call(
               "batch",
@@ -151,15 +151,15 @@ TEST_F(ControlRun, AFaultIsThatOfAScenario) {
   EXPECT_EQ(control, scenario);
   EXPECT_NE(control, clean);
   EXPECT_EQ(rows_of(control.first, 0, 21), rows_of(clean.first, 0, 21));
-  // Without the key a run cannot fail, and what is wrong is explained.
+  // A run that must not fail does not, and what is wrong is explained.
   std::vector<std::string> refusals;
   const auto refused = [&](ControlClient& client, const json& params) {
     refusals.push_back(client.call("fault.begin", params)["error"]["message"].get<std::string>());
   };
-  play(write("without.toml", plain), {{1, [&](ControlClient& client) {
-                                         refused(client, {{"target", "gyro"}, {"kind", "dead"}});
-                                       }}});
-  play(write("wrong.toml", with_faults(plain, "")),
+  play(write("without.toml", without_faults(plain)), {{1, [&](ControlClient& client) {
+                                                         refused(client, {{"target", "gyro"}, {"kind", "dead"}});
+                                                       }}});
+  play(write("wrong.toml", plain),
        {{1, [&](ControlClient& client) {
            refused(client, {{"target", "gyro"}, {"kind", "bais"}, {"value", 1}});
            refused(client, {{"target", "truth"}, {"kind", "lost"}});
@@ -267,9 +267,8 @@ TEST_F(ControlRun, ARecordRepeatsTheCommands) {
          client.call("fault.end", {{"name", "both"}});
        }}};
   const std::string plain = read_file(two_imus());
-  const std::string config = write("recorded.toml", with_faults(plain,
-                                                                "[[fault]]\ntarget = \"gyro.z\"\nkind = "
-                                                                "\"bias\"\nvalue = 0.1\nat_s = 0.055\n"));
+  const std::string config = write("recorded.toml", (plain + "[[fault]]\ntarget = \"gyro.z\"\nkind = "
+                                                             "\"bias\"\nvalue = 0.1\nat_s = 0.055\n"));
   const auto [first, second] =
       play(config, script, 6, {"--record", path("record.pcapng"), "--labels", path("labels.csv")});
   EXPECT_EQ(lines_of(second).size(), 1U + 51) << "paused for ten samples";
