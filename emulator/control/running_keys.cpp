@@ -8,6 +8,7 @@
 
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
+#include "emulator/table_reader.hpp"
 
 namespace imud {
 
@@ -131,6 +132,31 @@ std::uint16_t imu_of(std::string_view& rest, const Config& config) {
                  fmt::format("Invalid params: there is no such imu; there are {}", fmt::join(names, ", ")));
 }
 
+void add_paths(const toml::table& table, const std::string& before, std::vector<std::string>& paths) {
+  for (const auto& [key, value] : table) {
+    const std::string path = before + std::string(key.str());
+    paths.push_back(path);
+    if (const toml::table* below = value.as_table()) add_paths(*below, path + ".", paths);
+  }
+}
+
+// Returns the keys of the configuration, those of its imu or of all if `of_imu`, and those that can change.
+std::vector<std::string> keys_of(bool of_imu, const Config& config) {
+  std::vector<std::string> paths;
+  for (const RunningKey& key : keys)
+    if (key.of_imu == of_imu) paths.emplace_back(key.key);
+  const toml::table root = toml::parse(config.resolved);
+  if (!of_imu) add_paths(root, "", paths);
+  if (const toml::array* imus = root["imu"].as_array(); of_imu && imus != nullptr)
+    for (const toml::node& imu : *imus) add_paths(*imu.as_table(), "", paths);
+  return paths;
+}
+
+bool is_configured(bool of_imu, std::string_view key, const Config& config) {
+  const std::vector<std::string> all = keys_of(of_imu, config);
+  return std::find(all.begin(), all.end(), key) != all.end();
+}
+
 }  // namespace
 
 std::span<const RunningKey> running_keys() noexcept { return keys; }
@@ -146,6 +172,12 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
   const auto entry = std::find_if(keys.begin(), keys.end(),
                                   [&](const RunningKey& k) { return k.of_imu == of_imu && k.key == rest; });
   if (entry == keys.end()) {
+    const std::string before = key.substr(0, key.size() - rest.size());
+    if (!is_configured(of_imu, rest, config)) {
+      const std::string meant = nearest(rest, keys_of(of_imu, config));
+      refuse(key, meant.empty() ? "there is no such key; imud check CONFIG lists all"
+                                : fmt::format("there is no such key; did you mean \"{}{}\"?", before, meant));
+    }
     std::vector<std::string> known;
     for (const RunningKey& k : keys) known.push_back(fmt::format("{}{}", k.of_imu ? "imu.NAME." : "", k.key));
     refuse(key, fmt::format("cannot change while the run goes on; those that can: {}", fmt::join(known, ", ")));

@@ -313,6 +313,14 @@ TEST_F(ControlRun, RefusesWhatIsWrongWithClearWords) {
          EXPECT_TRUE(
              message("set", {{"imu.imu1.rate_hz", 5}})
                  .starts_with("-32602 Invalid params: imu.imu1.rate_hz: cannot change while the run goes on"));
+         EXPECT_EQ(message("set", {{"imu.imu1.gyro.bais_rad_per_s", 5}}),
+                   "-32602 Invalid params: imu.imu1.gyro.bais_rad_per_s: there is no such key; did you mean "
+                   "\"imu.imu1.gyro.bias_rad_per_s\"?");
+         EXPECT_EQ(message("set", {{"truth.extrapolate", 5}}),
+                   "-32602 Invalid params: truth.extrapolate: there is no such key; did you mean "
+                   "\"truth.extrapolate_ms\"?");
+         EXPECT_EQ(message("set", {{"weather", 5}}),
+                   "-32602 Invalid params: weather: there is no such key; imud check CONFIG lists all");
          EXPECT_EQ(message("mark", {{"text", "two\nlines"}}), "-32602 text: give one line of 1 to 120 bytes");
          // One wrong change refuses them all.
          EXPECT_TRUE(message("set", {{"truth.extrapolate_ms", 5}, {"seed", -1}}).starts_with("-32602"));
