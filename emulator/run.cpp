@@ -28,7 +28,7 @@
 #include "emulator/recorded_run.hpp"
 #include "emulator/recorder.hpp"
 #include "emulator/text_file.hpp"
-#include "emulator/web/open_metrics.hpp"
+#include "emulator/web/metrics.hpp"
 #include "emulator/web/web_server.hpp"
 #include "transports/output_path.hpp"
 
@@ -230,7 +230,7 @@ int run(const Config& config, const RunOptions& options) {
       api.call(request, std::move(answer), client);
     };
     web->serve(
-        call, [&monitor] { return open_metrics(monitor.now()); }, control.counters);
+        call, [&monitor](MetricsFormat format) { return metrics(monitor.now(), format); }, control.counters);
   }
   const auto report_events = [&] {
     for (RunEvent event; control.events.pop(event);) api.report(event);

@@ -9,7 +9,6 @@
 #include <chrono>
 #include <utility>
 
-#include "emulator/web/open_metrics.hpp"
 #include "emulator/web/page_files.hpp"
 #include "emulator/web/web_server.hpp"
 
@@ -117,7 +116,9 @@ Response HttpConnection::get(const Request& request) const {
   const std::string_view path = path_of(request);
   Response found;
   if (path == metrics_path) {
-    found = response(request, http::status::ok, open_metrics_type, content_.metrics());
+    const MetricsFormat format = metrics_format(view(request[http::field::accept]));
+    found = response(request, http::status::ok, media_type(format), content_.metrics(format));
+    found.set(http::field::vary, "Accept");
   } else {
     const auto files = page_files();
     const auto file = std::find_if(files.begin(), files.end(), [&](const PageFile& f) { return f.path == path; });

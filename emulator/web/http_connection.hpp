@@ -15,6 +15,7 @@
 #include <string>
 #include <string_view>
 
+#include "emulator/web/metrics.hpp"
 #include "emulator/web/web_access.hpp"
 #include "emulator/web/web_api.hpp"
 #include "emulator/web/web_socket.hpp"
@@ -28,7 +29,7 @@ struct WebContent {
   std::string machine;            // the name of this machine
   std::optional<WebToken> token;  // nullopt: none is asked for
   WebApi api;
-  std::function<std::string()> metrics;
+  std::function<std::string(MetricsFormat)> metrics;
   ControlCounters* counters = nullptr;
   std::list<std::weak_ptr<WebSocket>> sockets;
   std::set<std::shared_ptr<HttpConnection>> calls;  // those that wait for an answer

@@ -61,7 +61,7 @@ class WebServer::Impl {
                        endpoint.port());
   }
 
-  void serve(WebApi api, std::function<std::string()> metrics, ControlCounters& counters) {
+  void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters) {
     content_.api = std::move(api);
     content_.counters = &counters;
     content_.metrics = std::move(metrics);
@@ -102,7 +102,7 @@ WebServer::~WebServer() = default;
 
 std::string WebServer::address() const { return impl_->address(); }
 
-void WebServer::serve(WebApi api, std::function<std::string()> metrics, ControlCounters& counters) {
+void WebServer::serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters) {
   impl_->serve(std::move(api), std::move(metrics), counters);
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "emulator/counters.hpp"
+#include "emulator/web/metrics.hpp"
 #include "emulator/web/web_api.hpp"
 #include "emulator/web/web_config.hpp"
 
@@ -31,8 +32,9 @@ class WebServer {
 
   // Returns "ADDR:PORT" with the port that the system has chosen.
   std::string address() const;
-  // Begins to answer. `metrics` returns the text of /metrics. `counters` outlives the handlers of the io_context.
-  void serve(WebApi api, std::function<std::string()> metrics, ControlCounters& counters);
+  // Begins to answer. `metrics` returns the text of /metrics, in the format that the reader accepts. `counters`
+  // outlives the handlers of the io_context.
+  void serve(WebApi api, std::function<std::string(MetricsFormat)> metrics, ControlCounters& counters);
 
  private:
   class Impl;

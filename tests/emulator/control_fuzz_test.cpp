@@ -13,7 +13,7 @@
 #include <fstream>
 
 #include "emulator/control/control_server.hpp"
-#include "emulator/web/open_metrics.hpp"
+#include "emulator/web/metrics.hpp"
 #include "emulator/web/web_server.hpp"
 #include "tests/emulator/fuzzed_requests.hpp"
 #include "tests/emulator/simulated.hpp"
@@ -112,7 +112,7 @@ class ControlFuzz::Target {
     web_.emplace(io_, WebConfig{"127.0.0.1:0", ""});
     web_->serve([this](std::string_view request, std::function<void(std::string)> answer,
                        const std::shared_ptr<Subscriber>& client) { api_->call(request, std::move(answer), client); },
-                [this] { return open_metrics(monitor_->now()); }, control_.counters);
+                [this](MetricsFormat format) { return metrics(monitor_->now(), format); }, control_.counters);
   }
 
   // Called by the run between samples.

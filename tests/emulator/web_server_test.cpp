@@ -103,7 +103,8 @@ class WebServerTest : public testing::Test {
           if (request == "never") return;
           answer(request == "nothing" ? "" : "answer to " + std::string(request));
         },
-        [] { return "metrics\n"; }, counters_);
+        [](MetricsFormat format) { return format == MetricsFormat::text ? "metrics\n" : "open metrics\n"; },
+        counters_);
     thread_ = std::thread([this] { io_.run(); });
   }
   void stop() {
@@ -178,6 +179,9 @@ TEST_F(WebServerTest, AnswersRequests) {
   for (const char* file : {"/main.js", "/style.css", "/chart.min.js?version=3"})
     EXPECT_TRUE(response(fmt::format("GET {}", file)).starts_with("HTTP/1.1 200 ")) << file;
   EXPECT_TRUE(response("GET /metrics").ends_with("\r\n\r\nmetrics\n"));
+  EXPECT_TRUE(contains(response("GET /metrics"), "\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\n"));
+  EXPECT_TRUE(
+      response("GET /metrics", "Accept: application/openmetrics-text\r\n").ends_with("\r\n\r\nopen metrics\n"));
   EXPECT_TRUE(response("HEAD /metrics").ends_with("\r\n\r\n"));
   EXPECT_TRUE(response("POST /api", json_type, "a").ends_with("\r\n\r\nanswer to a"));
   EXPECT_TRUE(response("POST /api", json_type, "nothing").starts_with("HTTP/1.1 204 "));

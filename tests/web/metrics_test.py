@@ -8,12 +8,14 @@ from imud_page import Imud, wait_until
 
 try:
     from prometheus_client.openmetrics.parser import text_string_to_metric_families
+    from prometheus_client.parser import text_string_to_metric_families as families_of_text_format
 except ImportError:
     sys.exit("python3-prometheus-client is missing: install it by tools/setup")
 
 
-def get(path):
-    with urllib.request.urlopen(f"http://{imud.address}{path}") as answer:
+def get(path, accept="application/openmetrics-text"):
+    request = urllib.request.Request(f"http://{imud.address}{path}", headers={"Accept": accept})
+    with urllib.request.urlopen(request) as answer:
         return answer.headers, answer.read().decode()
 
 
@@ -49,6 +51,14 @@ try:
         assert count == later["imud_imu_lateness_seconds_bucket", (labels[0], ("le", "+Inf"))] > 100
     assert later["imud_truth_accepted_total", ()] >= counters["truth"]["accepted"] > 50
     assert later["imud_imu_line_load_ratio", imus[0]] > 0.1, "stim300 on its line"
+
+    # The text format, by its own parser, has the same figures.
+    headers, text = get("/metrics", "*/*")
+    assert headers["Content-Type"] == "text/plain; version=0.0.4; charset=utf-8", headers["Content-Type"]
+    families = list(families_of_text_format(text))
+    assert all(family.documentation and family.type != "unknown" for family in families)
+    seen = {(s.name, tuple(sorted(s.labels.items()))) for family in families for s in family.samples}
+    assert seen == set(samples()), seen ^ set(samples())
 
     result = call("pause", imu="imu1")["result"]
     assert result["applied"][0]["imu"] == "imu1" and result["applied"][0]["sample"] > 100, result

@@ -89,7 +89,7 @@ function receive_event(event) {
 }
 
 async function read_metrics() {
-  const metrics = parse(await (await fetch("metrics", {cache: "no-store"})).text());
+  const metrics = parse(await (await fetch("metrics", {cache: "no-store", headers: {Accept: "application/openmetrics-text"}})).text());
   const value = (name) => metrics.samples.find((s) => s.name === name)?.value;
   const names = [...new Set(metrics.samples.filter((s) => s.labels.imu !== undefined).map((s) => s.labels.imu))];
   for (const name of names) if (!imus.has(name)) add_imu(name);

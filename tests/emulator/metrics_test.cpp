@@ -1,20 +1,22 @@
-// OpenMetrics: every declared figure is there once. tests/web/metrics_test.py has an independent parser read it.
-#include "emulator/web/open_metrics.hpp"
+// Metrics: every declared figure is there once. tests/web/metrics_test.py has an independent parser read it.
+#include "emulator/web/metrics.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/text.hpp"
+#include "tests/tools/run_program.hpp"
 
 namespace imud {
 namespace {
 
-class OpenMetricsTest : public testing::Test {
+class MetricsTest : public testing::Test {
  protected:
-  std::string metrics() const {
-    return open_metrics(
+  std::string metrics(MetricsFormat format = MetricsFormat::open_metrics) const {
+    return imud::metrics(
         summarize({&truth_, &quality_, {{"imu1", &imu_}, {"left \"wing\"", &product_}}, &record_, nullptr, &control_},
-                  2.5, {12.5, 0}));
+                  2.5, {12.5, 0}),
+        format);
   }
   TruthCounters truth_;
   TruthQuality quality_;
@@ -25,7 +27,7 @@ class OpenMetricsTest : public testing::Test {
   ControlCounters control_;
 };
 
-TEST_F(OpenMetricsTest, HasEveryDeclaredFigure) {
+TEST_F(MetricsTest, HasEveryDeclaredFigure) {
   quality_.known = true;
   const std::string text = metrics();
   const auto expect_once = [&](const std::string& line) {
@@ -60,7 +62,34 @@ TEST_F(OpenMetricsTest, HasEveryDeclaredFigure) {
   EXPECT_TRUE(contains(text, "# TYPE imud_truth_lost gauge\n"));  // a reordered truth takes one away
 }
 
-TEST_F(OpenMetricsTest, BucketsAreCumulative) {
+// The text format names the families of counters with their suffix, has no units, no type info, and no end.
+TEST_F(MetricsTest, TheTextFormatHasTheSameValues) {
+  const std::string open = metrics(), text = metrics(MetricsFormat::text);
+  const auto values = [](const std::string& all) {
+    std::vector<std::string> lines;
+    for (const std::string& line : lines_of(all))
+      if (!line.starts_with("#")) lines.push_back(line);
+    return lines;
+  };
+  EXPECT_GT(values(open).size(), 100U);
+  EXPECT_EQ(values(open), values(text));
+  EXPECT_TRUE(contains(text, "# TYPE imud_imu_samples_total counter\n"));
+  EXPECT_TRUE(contains(text, "# TYPE imud_info gauge\n"));
+  EXPECT_FALSE(contains(text, "# UNIT"));
+  EXPECT_FALSE(contains(text, "# EOF"));
+}
+
+TEST_F(MetricsTest, AReaderGetsOpenMetricsIfItAsks) {
+  EXPECT_EQ(metrics_format(""), MetricsFormat::text);
+  EXPECT_EQ(metrics_format("*/*"), MetricsFormat::text);
+  EXPECT_EQ(metrics_format("text/plain;version=0.0.4;q=0.3"), MetricsFormat::text);
+  // As Prometheus 2.42 asks.
+  EXPECT_EQ(metrics_format("application/openmetrics-text;version=1.0.0,application/openmetrics-text;version=0.0.1;"
+                           "q=0.75,text/plain;version=0.0.4;q=0.5,*/*;q=0.1"),
+            MetricsFormat::open_metrics);
+}
+
+TEST_F(MetricsTest, BucketsAreCumulative) {
   for (const double seconds : {0.0, 1.5e-6, 3e-6, 0.9e-3, 20.0, 2000.0}) imu_.lateness.add(seconds);
   const std::string text = metrics();
   for (const auto& [limit, wanted] :

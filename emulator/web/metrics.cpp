@@ -1,4 +1,4 @@
-#include "emulator/web/open_metrics.hpp"
+#include "emulator/web/metrics.hpp"
 
 #include <fmt/format.h>
 
@@ -17,6 +17,19 @@ std::string escaped(std::string_view text) {
   std::string out;
   for (const char c : text) {
     if (c == '\\' || c == '"') out += '\\';
+    if (c == '\n')
+      out += "\\n";
+    else
+      out += c;
+  }
+  return out;
+}
+
+// Returns a help text: in the text format a quote is not escaped.
+std::string escaped_help(std::string_view text, MetricsFormat format) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '\\' || (c == '"' && format == MetricsFormat::open_metrics)) out += '\\';
     if (c == '\n')
       out += "\\n";
     else
@@ -63,11 +76,20 @@ constexpr auto limits_s = [] {
 
 class Text {
  public:
-  // Begins a metric family. `unit` is a suffix of the name, or empty.
-  void family(std::string_view name, std::string_view type, std::string_view help = {}, std::string_view unit = {}) {
-    fmt::format_to(std::back_inserter(out_), "# TYPE {} {}\n", name, type);
-    if (!unit.empty()) fmt::format_to(std::back_inserter(out_), "# UNIT {} {}\n", name, unit);
-    if (!help.empty()) fmt::format_to(std::back_inserter(out_), "# HELP {} {}\n", name, escaped(help));
+  explicit Text(MetricsFormat format) : format_(format) {}
+  // Begins a metric family. `unit` is a suffix of the name, or empty. The text format knows neither units nor the
+  // type info, and names the family of a counter as its values.
+  void family(std::string_view family_name, std::string_view type, std::string_view help,
+              std::string_view unit = {}) {
+    const bool is_open = format_ == MetricsFormat::open_metrics;
+    const std::string name = fmt::format("{}{}", family_name,
+                                         is_open             ? ""
+                                         : type == "counter" ? "_total"
+                                         : type == "info"    ? "_info"
+                                                             : "");
+    fmt::format_to(std::back_inserter(out_), "# TYPE {} {}\n", name, !is_open && type == "info" ? "gauge" : type);
+    if (is_open && !unit.empty()) fmt::format_to(std::back_inserter(out_), "# UNIT {} {}\n", name, unit);
+    fmt::format_to(std::back_inserter(out_), "# HELP {} {}\n", name, escaped_help(help, format_));
   }
   // `labels` is empty, or has each label as name="value", separated by commas.
   template <class Number>
@@ -82,9 +104,10 @@ class Text {
     family(name, "gauge", help, unit);
     value(name, "", number);
   }
-  std::string finish() { return std::move(out_) + "# EOF\n"; }
+  std::string finish() { return std::move(out_) + (format_ == MetricsFormat::open_metrics ? "# EOF\n" : ""); }
 
  private:
+  const MetricsFormat format_;
   std::string out_;
 };
 
@@ -101,6 +124,7 @@ std::string si_name(std::string_view key) {
   key.remove_suffix(microseconds.size());
   return std::string(key) + "_seconds";
 }
+std::string help_of(std::string_view key) { return fmt::format("{} of the summary, in SI", key); }
 std::string_view unit_of(std::string_view name) { return name.ends_with("_seconds") ? "seconds" : ""; }
 
 void add_counters(Text& text, const std::string& prefix, const CounterGroup& declared,
@@ -118,7 +142,7 @@ void add_levels(Text& text, const std::string& prefix, const CounterGroup& decla
                 const std::vector<Labelled>& owners) {
   for (std::size_t i = 0; i < declared.levels.size(); ++i) {
     const std::string name = prefix + si_name(declared.levels[i]->key);
-    text.family(name, "gauge", {}, unit_of(name));
+    text.family(name, "gauge", help_of(declared.levels[i]->key), unit_of(name));
     for (const Labelled& owner : owners) text.value(name, owner.labels, owner.values->levels[i]);
   }
 }
@@ -137,7 +161,7 @@ void add_histograms(Text& text, const std::string& prefix, const CounterGroup& d
                     const std::vector<Labelled>& owners) {
   for (std::size_t i = 0; i < declared.durations.size(); ++i) {
     const std::string name = prefix + si_name(declared.durations[i]->key);
-    text.family(name, "histogram", {}, unit_of(name));
+    text.family(name, "histogram", help_of(declared.durations[i]->key), unit_of(name));
     for (const Labelled& owner : owners) add_histogram(text, name, owner.labels, owner.values->durations[i]);
   }
 }
@@ -176,8 +200,18 @@ void add_imus(Text& text, const Summary& summary) {
 
 }  // namespace
 
-std::string open_metrics(const Summary& summary) {
-  Text text;
+MetricsFormat metrics_format(std::string_view accept) noexcept {
+  return accept.find("application/openmetrics-text") != accept.npos ? MetricsFormat::open_metrics
+                                                                    : MetricsFormat::text;
+}
+
+std::string_view media_type(MetricsFormat format) noexcept {
+  return format == MetricsFormat::open_metrics ? "application/openmetrics-text; version=1.0.0; charset=utf-8"
+                                               : "text/plain; version=0.0.4; charset=utf-8";
+}
+
+std::string metrics(const Summary& summary, MetricsFormat format) {
+  Text text(format);
   text.family("imud", "info", "the program");
   text.value("imud_info", "version=\"" IMUD_VERSION "\"", 1);
   text.gauge("imud_run_seconds", summary.duration_s, "host time since the run began", "seconds");
