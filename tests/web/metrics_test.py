@@ -1,5 +1,6 @@
 """/metrics of a run, read by the parser of Prometheus' own client library. usage: metrics_test.py IMUD IMU_TRUTH"""
 import json
+import pathlib
 import re
 import sys
 import urllib.request
@@ -59,6 +60,13 @@ try:
     assert all(family.documentation and family.type != "unknown" for family in families)
     seen = {(s.name, tuple(sorted(s.labels.items()))) for family in families for s in family.samples}
     assert seen == set(samples()), seen ^ set(samples())
+
+    # The board of Grafana asks for metrics that there are.
+    board = json.loads((pathlib.Path(__file__).parents[2] / "tools/grafana/imud.json").read_text())
+    expressions = [target["expr"] for panel in board["panels"] for target in panel["targets"]]
+    assert len(expressions) >= 12, expressions
+    asked = {name for expression in expressions for name in re.findall(r"imud_\w+", expression)}
+    assert asked <= {name for name, _ in seen}, asked - {name for name, _ in seen}
 
     result = call("pause", imu="imu1")["result"]
     assert result["applied"][0]["imu"] == "imu1" and result["applied"][0]["sample"] > 100, result
