@@ -6,6 +6,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <sstream>
 #include <stdexcept>
 
@@ -30,7 +31,17 @@ void check_plot(const std::string& path) {
     throw std::runtime_error("--plot: there is no gnuplot; right would be: apt-get install gnuplot-nox");
 }
 
-std::string data_path_beside(const std::string& picture) { return picture.substr(0, picture.size() - 4) + ".csv"; }
+std::string data_path_beside(const std::string& picture) {
+  return picture.substr(0, picture.size() - 4) + ".plot.csv";
+}
+
+void check_data_path(const std::string& path, std::string_view begin) {
+  std::ifstream file(path);
+  std::string line;
+  if (!file || !std::getline(file, line) || line.starts_with(begin)) return;
+  throw std::invalid_argument(
+      fmt::format("{}: has other data than those of a plot; move it, or give another --plot FILE", path));
+}
 
 std::string terminal_commands(const std::string& picture, std::size_t width, std::size_t height) {
   return fmt::format("set terminal {} size {},{}\nset output {}\n",

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 
 namespace imud {
 
@@ -10,8 +11,12 @@ namespace imud {
 // Debian's package, if there is no gnuplot.
 void check_plot(const std::string& path);
 
-// Returns the path with the ending .csv: of the data beside the picture.
+// Returns the path of the data beside the picture: FILE.plot.csv for FILE.svg.
 std::string data_path_beside(const std::string& picture);
+
+// Throws std::invalid_argument if there is a file of that name whose first line does not begin as that of these data:
+// another program or a person has written it. Call it before anything is computed.
+void check_data_path(const std::string& path, std::string_view begin);
 
 // Returns the commands that direct the output to `picture`, of a size in pixels.
 std::string terminal_commands(const std::string& picture, std::size_t width, std::size_t height);

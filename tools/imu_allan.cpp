@@ -60,7 +60,10 @@ AllanKind kind_named(const std::string& name) {
 void check_outputs(Options& options) {
   if (!options.plot_path.empty()) {
     check_plot(options.plot_path);
-    if (options.data_path.empty()) options.data_path = data_path_beside(options.plot_path);
+    if (options.data_path.empty()) {
+      options.data_path = data_path_beside(options.plot_path);
+      check_data_path(options.data_path, "tau_s,");
+    }
     if (is_standard_output(options.data_path))
       throw std::invalid_argument("--data -: the data of a plot are a file; right would be --data FILE");
   }
@@ -203,7 +206,8 @@ int execute(int argc, char** argv) {
   app.add_option("--json", options.json_path, "writes the result as JSON; - is standard output")->type_name("FILE");
   app.add_option("--data", options.data_path, "writes the deviations as CSV; - is standard output")
       ->type_name("FILE");
-  app.add_option("--plot", options.plot_path, "draws them by gnuplot, and writes the data beside the picture")
+  app.add_option("--plot", options.plot_path,
+                 "draws them by gnuplot; the data stand beside the picture, as FILE.plot.csv, or at --data")
       ->type_name("FILE.svg|FILE.png");
   app.footer(
       fmt::format("\n{}\n{}\nExit codes: 0 done, 1 failed while running or the recording is no good, 2 the command "

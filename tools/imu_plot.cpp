@@ -57,6 +57,8 @@ void plot(const Options& options, bool& running) {
     for (const std::string& input : {options.run.config, options.run.capture})
       if (is_same_file(input.substr(0, input.find('?')), path))
         throw std::invalid_argument(path + ": is the input; give another file");
+  check_data_path(samples_path, "time_s,");
+  check_data_path(spectrum_path, "frequency_hz,");
   EmulatedRun run(options.run);
   running = true;
   const StillRecording truth = run.truth();
@@ -82,7 +84,8 @@ int execute(int argc, char** argv) {
   app.add_option("CAPTURE", options.run.capture, "truth, as for imud replay: X.pcap, X.pcap?port=N, or X.csv")
       ->required()
       ->type_name("");
-  app.add_option("--plot", options.picture, "picture; the data stand beside it, as FILE.csv and FILE_spectrum.csv")
+  app.add_option("--plot", options.picture,
+                 "picture; the data stand beside it, as FILE.plot.csv and FILE.plot_spectrum.csv")
       ->required()
       ->type_name("FILE.svg|FILE.png");
   app.add_option("--imu", options.run.imu, "name of the imu; default: the first")->type_name("NAME");

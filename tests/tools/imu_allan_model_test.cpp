@@ -98,7 +98,7 @@ TEST_F(ImuAllanModel, ThePlotHasTheCurveOfTheModel) {
   EXPECT_EQ(result.errors, "");
   std::ifstream file(folder_ / "noise.svg");
   EXPECT_TRUE(contains(std::string(std::istreambuf_iterator<char>(file), {}), "vn-100"));
-  std::ifstream data(folder_ / "noise.csv");
+  std::ifstream data(folder_ / "noise.plot.csv");
   std::string header, row;
   std::getline(data, header);
   std::getline(data, row);

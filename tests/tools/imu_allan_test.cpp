@@ -164,10 +164,19 @@ TEST(ImuAllan, ThePlotStandsBesideItsData) {
     const std::string content = read_file(picture);
     EXPECT_TRUE(ending == ".svg" ? contains(content, "accel_z") && contains(content, "</svg>")
                                  : content.starts_with("\x89PNG"));
-    const std::string data = read_file(folder / "it's a \"plot\".csv");
+    const std::string data = read_file(folder / "it's a \"plot\".plot.csv");
     EXPECT_TRUE(data.starts_with("tau_s,gyro_x,gyro_x_low,gyro_x_high,gyro_x_fitted,gyro_y,")) << data;
     EXPECT_EQ(std::ranges::count(data, '\n'), 11);
     EXPECT_EQ(std::ranges::count(data, ','), 11 * 24);
+  }
+  const std::string own = folder / "b.plot.csv";
+  for (const char* content : {"the user's\n", "tau_s,of a plot\n"}) {
+    std::ofstream(own) << content;
+    const bool is_data = std::string_view(content).starts_with("tau_s,");
+    const auto again =
+        run_program("imu-allan", {"native", "file:" + (folder / "native"), "--plot", folder / "b.svg"});
+    EXPECT_EQ(again.exit_code, is_data ? 0 : 2) << again.errors;
+    EXPECT_EQ(read_file(own) == content, !is_data);
   }
   const auto without = run_program("/usr/bin/env", {"PATH=/nowhere", IMUD_BIN_DIR "/imu-allan", "native",
                                                     "file:" + (folder / "native"), "--plot", folder / "a.svg"});

@@ -137,7 +137,7 @@ TEST_F(ImuPlot, DrawsARunItsErrorsAndTheirSpectrum) {
        {"</svg>", "accel_z in m/s^2", "error in mg", "error in deg/s/sqrt(Hz)", "1 sigma", "truth"})
     EXPECT_TRUE(contains(svg, text)) << text;
 
-  const auto samples = columns("run.csv");
+  const auto samples = columns("run.plot.csv");
   ASSERT_EQ(samples.size(), 31U);
   ASSERT_EQ(samples.at("time_s").size(), 2001U);
   EXPECT_DOUBLE_EQ(samples.at("time_s").back(), 10);
@@ -152,7 +152,7 @@ TEST_F(ImuPlot, DrawsARunItsErrorsAndTheirSpectrum) {
 
   // The one-sided density is sqrt(2) of the two-sided one. Its mean square over 250 frequencies has a standard error
   // of some 5 %.
-  const auto spectrum = columns("run_spectrum.csv");
+  const auto spectrum = columns("run.plot_spectrum.csv");
   ASSERT_EQ(spectrum.size(), 7U);
   double square = 0;
   for (const double root : spectrum.at("gyro_z"))
@@ -177,12 +177,28 @@ TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
       EXPECT_TRUE(contains(result.output, " samples at 250 Hz,")) << result.output;
     }
     EXPECT_TRUE(content("run.png").starts_with("\x89PNG"));
-    const auto samples = columns("run.csv");
+    const auto samples = columns("run.plot.csv");
     ASSERT_EQ(samples.count("gyro_z_error"), 1U) << device;
     EXPECT_GT(samples.at("gyro_z_error").size(), 1900U);
     EXPECT_NEAR(mean(samples.at("gyro_z_error")), 0.25, 1e-4) << device;
     EXPECT_NEAR(mean(samples.at("gyro_x_error")), 0, 1e-4) << device;
   }
+}
+
+TEST_F(ImuPlot, FilesOfOthersStay) {
+  write_config(
+      "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\ngyro.max_rad_per_s = 10\naccelerometer.max_g = "
+      "10\n");
+  for (const char* name : {"run.csv", "run_spectrum.csv"}) std::ofstream(folder_ / name) << "the user's\n";
+  for (int i = 0; i < 2; ++i)
+    EXPECT_EQ(plot("run.svg", {"--seeds", "2"}).exit_code, 0) << "its own data are replaced";
+  for (const char* name : {"run.csv", "run_spectrum.csv"}) EXPECT_EQ(content(name), "the user's\n");
+  std::ofstream(folder_ / "run.plot_spectrum.csv") << "the user's\n";
+  const auto refused = plot("run.svg", {"--seeds", "2"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_TRUE(contains(refused.errors, "run.plot_spectrum.csv: has other data than those of a plot; move it"))
+      << refused.errors;
+  EXPECT_EQ(content("run.plot_spectrum.csv"), "the user's\n");
 }
 
 TEST_F(ImuPlot, AWrongCommandLineIsAnErrorThatHasTheRemedy) {
@@ -210,7 +226,7 @@ TEST_F(ImuPlot, AWrongCommandLineIsAnErrorThatHasTheRemedy) {
       run_program("imu-plot", {folder_ / "imu.toml", folder_ / "no.pcap", "--plot", folder_ / "x.svg"});
   EXPECT_EQ(no_capture.exit_code, 1);
   EXPECT_TRUE(contains(no_capture.errors, "no.pcap")) << no_capture.errors;
-  const auto over_input = run_program("imu-plot", {folder_ / "x.csv", "y.pcap", "--plot", folder_ / "x.svg"});
+  const auto over_input = run_program("imu-plot", {folder_ / "x.plot.csv", "y.pcap", "--plot", folder_ / "x.svg"});
   EXPECT_EQ(over_input.exit_code, 2);
 }
 
