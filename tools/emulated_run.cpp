@@ -42,7 +42,8 @@ class ScratchFile {
 std::string child_output(const std::vector<std::string>& arguments, const std::string& input = {},
                          ChildErrors errors = ChildErrors::shown) {
   const ChildResult result = run_child(imud_program(), arguments, input, errors);
-  if (result.exit_code != 0)
+  constexpr int incomplete = 3;  // as imud reports; faults may be the reason
+  if (result.exit_code != 0 && result.exit_code != incomplete)
     throw std::runtime_error(fmt::format("imud {}: exit code {}", arguments.front(), result.exit_code));
   return result.output;
 }
@@ -69,11 +70,35 @@ void for_each_line(std::string_view text, Line line) {
   }
 }
 
-// Returns the configuration with only the imu of that index, which sends to `port`.
-std::string with_one_imu(const std::string& resolved, std::size_t index, const std::string& port) {
-  std::string text;
+bool is_table(std::string_view table, std::string_view name) {
+  return table == fmt::format("[[{}]]", name) || table.starts_with(fmt::format("[{}.", name));
+}
+
+// Returns the configuration with only the imu of that index and name, which sends to `port`, and without what is
+// expected of a host. A fault of the other imus becomes one without effect, so that all others keep the numbers from
+// which they draw.
+std::string with_one_imu(const std::string& resolved, std::size_t index, const std::string& name,
+                         const std::string& port) {
+  constexpr std::string_view none =
+      "[[fault]]\ntarget = \"clock\"\nkind = \"jump\"\nvalue_s = 0\nat_s = 0\nfor_s = 1e-3\n\n";
+  const std::string quoted = nlohmann::json(name).dump();
+  std::string text, fault;
+  bool is_ours = true;
   std::size_t imus = 0;
+  const auto end_fault = [&] {
+    text += is_ours ? fault : std::string(none);
+    fault.clear();
+    is_ours = true;
+  };
   for_each_line(resolved, [&](std::string_view table, std::string_view key, std::string_view line) {
+    if (line.starts_with("[[") && !fault.empty()) end_fault();
+    if (is_table(table, "expect")) return;
+    if (is_table(table, "fault")) {
+      const bool names_imus = table == "[[fault]]" && key == "imu";
+      if (names_imus) is_ours = line.find(quoted) != line.npos || line.find("\"*\"") != line.npos;
+      fault += names_imus ? fmt::format("imu = {}\n", quoted) : fmt::format("{}\n", line);
+      return;
+    }
     if (line == "[[imu]]") ++imus;
     const bool is_imu = imus > 0 && (table == "[[imu]]" || table.starts_with("[imu."));
     if (is_imu && (imus != index + 1 || table.starts_with("[imu.sync"))) return;
@@ -81,13 +106,16 @@ std::string with_one_imu(const std::string& resolved, std::size_t index, const s
     text += fmt::format("{}\n", line);
     if (line == "[[imu]]") text += fmt::format("port = {}\n", nlohmann::json(port).dump());
   });
+  if (!fault.empty()) end_fault();
   return text;
 }
 
-// Returns the configuration with the model "ideal", without the keys of its errors. The range stays.
+// Returns the configuration with the model "ideal", without the keys of its errors and without faults. The range
+// stays.
 std::string without_errors(const std::string& config) {
   std::string text;
   for_each_line(config, [&](std::string_view table, std::string_view key, std::string_view line) {
+    if (is_table(table, "fault")) return;
     const bool has_errors = table == "[imu.gyro]" || table == "[imu.accelerometer]" ||
                             table == "[imu.magnetometer]" || table == "[imu.barometer]" ||
                             table == "[imu.navigation]";
@@ -115,7 +143,7 @@ EmulatedRun::EmulatedRun(Options options) : options_(std::move(options)) {
     protocol_ = imu.at("protocol");
     if (imu.contains("device"))
       for (const auto& [key, value] : imu["device"].items()) settings_.push_back(key + "=" + setting_text(value));
-    resolved_ = with_one_imu(resolved.toml, i, "PORT");
+    resolved_ = with_one_imu(resolved.toml, i, name, "PORT");
     frames_per_s_ = resolved.checked.at("imus").at(i).at("lines").at(0).at("frames_per_s");
   }
   if (name_.empty())

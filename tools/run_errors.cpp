@@ -16,8 +16,10 @@ namespace {
 
 void require_same(const StillRecording& a, const StillRecording& b) {
   if (a.samples() != b.samples() || a.channels.size() != b.channels.size())
-    throw std::runtime_error(fmt::format("runs of {} and {} samples, of {} and {} channels, cannot be compared",
-                                         a.samples(), b.samples(), a.channels.size(), b.channels.size()));
+    throw std::runtime_error(fmt::format(
+        "runs of {} and {} samples, of {} and {} channels, cannot be compared; where a [[fault]] takes samples "
+        "away, `imud replay --npy` has the truth beside each that is left",
+        a.samples(), b.samples(), a.channels.size(), b.channels.size()));
 }
 
 // Returns the means over up to `half` values to each side.

@@ -185,6 +185,25 @@ TEST_F(ImuPlot, DecodesProductsOfBothLinks) {
   }
 }
 
+// The truth is the motion without faults; faults of another imu and expectations of a host are no matter.
+TEST_F(ImuPlot, AFaultIsAnError) {
+  write_config(
+      "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
+      "accelerometer.max_g = 10\n"
+      "[[fault]]\nimu = \"other\"\ntarget = \"gyro.y\"\nkind = \"stuck\"\nat_s = 1\n"
+      "[[fault]]\nimu = \"*\"\ntarget = \"gyro.x\"\nkind = \"bias\"\nvalue_deg_per_s = 1\nat_s = 5\n"
+      "[[expect]]\nimu = \"mine\"\nwhat = \"host_sends\"\nwithin_s = 1\n");
+  const auto result = plot("run.svg", {"--seeds", "2"});
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  const auto samples = columns("run.plot.csv");
+  ASSERT_EQ(samples.at("gyro_x_error").size(), 2001U);
+  for (std::size_t i = 0; i < 2001; ++i) {
+    ASSERT_NEAR(samples.at("gyro_x_error")[i], i < 1000 ? 0 : units::degree, 1e-12) << i;
+    ASSERT_EQ(samples.at("gyro_y_error")[i], 0) << i;
+  }
+  EXPECT_TRUE(contains(result.output, "gyro_x   error rms 0.7073 deg/s")) << result.output;
+}
+
 TEST_F(ImuPlot, FilesOfOthersStay) {
   write_config(
       "port = \"pty:imu1\"\nprotocol = \"native\"\nrate_hz = 200\ngyro.max_rad_per_s = 10\naccelerometer.max_g = "
