@@ -3,11 +3,14 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/units.hpp"
@@ -49,6 +52,23 @@ void print_table(const RunErrors& run) {
   }
 }
 
+// Reports on standard error which run is awaited: at the first, and later at most every 5 s.
+class Progress {
+ public:
+  explicit Progress(std::uint64_t runs) : runs_(runs) {}
+  void begin(std::string_view what) {
+    if (const auto now = std::chrono::steady_clock::now(); run_++ == 0 || now - reported_ > std::chrono::seconds{5}) {
+      fmt::print(stderr, "imu-plot: run {} of {}: {}\n", run_, runs_, what);
+      reported_ = now;
+    }
+  }
+  static void end(std::string_view what) { fmt::print(stderr, "imu-plot: {}\n", what); }
+
+ private:
+  std::uint64_t runs_, run_ = 0;
+  std::chrono::steady_clock::time_point reported_;
+};
+
 void plot(const Options& options, bool& running) {
   check_plot(options.picture);
   const std::string samples_path = data_path_beside(options.picture);
@@ -61,10 +81,16 @@ void plot(const Options& options, bool& running) {
   check_data_path(spectrum_path, "frequency_hz,");
   EmulatedRun run(options.run);
   running = true;
+  Progress progress(options.seeds + 2);
+  progress.begin("the truth");
   const StillRecording truth = run.truth();
+  progress.begin("the run");
   const StillRecording measured = run.sent(run.seed());
-  const RunErrors errors =
-      compare_runs(measured, truth, options.seeds, [&](std::uint64_t i) { return run.sent(run.seed() + 1 + i); });
+  const RunErrors errors = compare_runs(measured, truth, options.seeds, [&](std::uint64_t i) {
+    progress.begin("the runs with other seeds");
+    return run.sent(run.seed() + 1 + i);
+  });
+  progress.end("the picture");
   write_file(samples_path, samples_csv(errors));
   write_file(spectrum_path, spectrum_csv(errors));
   run_gnuplot(run_plot_commands(errors, samples_path, spectrum_path, options.picture));
