@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "core/nearest.hpp"
 #include "tools/number_check.hpp"
 #include "tools/stop_signal.hpp"
 #include "transports/host_clock.hpp"
@@ -56,8 +57,13 @@ std::string known_ports() {
 
 const Protocol& protocol_for(const DecodeOptions& options) {
   const Protocol* protocol = find_protocol(options.protocol);
-  if (protocol == nullptr)
-    throw std::invalid_argument(fmt::format("there is no protocol '{}'\n{}", options.protocol, known_protocols()));
+  if (protocol == nullptr) {
+    std::vector<std::string> names;
+    for (const Protocol* one : protocols()) names.emplace_back(one->name);
+    const std::string meant = nearest(options.protocol, names);
+    throw std::invalid_argument(fmt::format("there is no protocol '{}'; {}--help lists all", options.protocol,
+                                            meant.empty() ? "" : fmt::format("did you mean '{}'? ", meant)));
+  }
   const std::string scheme = PortSpec::parse(options.port).scheme;
   const Transport* transport = find_transport(scheme);
   const bool wants_can = protocol->link == Link::can;

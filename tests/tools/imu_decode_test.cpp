@@ -283,7 +283,7 @@ TEST(ImuDecode, WrongCommandLineIsReported) {
   } cases[] = {
       {{}, "PROTOCOL"},
       {{"native"}, "PORT"},
-      {{"nativ", file}, "there is no protocol 'nativ'\nProtocols:\n  bosch-mm5 "},
+      {{"nativ", file}, "there is no protocol 'nativ'; did you mean 'native'? --help lists all\n"},
       {{"native", "nonsense"}, "no scheme"},
       {{"native", "floppy:a"}, "there is no transport 'floppy'"},
       {{"native", "can:can0"}, "native needs a port for bytes; can: carries CAN frames"},
