@@ -93,6 +93,20 @@ def check_capture(folder):
     expect("roll and pitch in the capture, deg", worst, 0.15)
 
 
+def check_relative(folder):
+    """JSBSim by a path that is relative to the caller's folder: the simulator starts, here one that fails at once."""
+    (folder / "aircraft").mkdir(parents=True)
+    (folder / "jsbsim").write_text("#!/bin/sh\necho this is the simulator; exit 7\n")
+    (folder / "jsbsim").chmod(0o755)
+    command = [sys.executable, "-B", loop.resolve() / "run_loop.py", "--imud", pathlib.Path(imud).resolve(), "--folder",
+               "flown", "--jsbsim", "./jsbsim"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=100)
+    expect("exit code of the simulator that is not passed on", abs(7 - done.returncode), 1)
+    expect("simulators that did not start", 0 if "this is the simulator" in done.stderr else 1, 1)
+    done = subprocess.run([*command[:-1], "./none"], cwd=folder, capture_output=True, text=True, check=False, timeout=100)
+    expect("programs that are missing without a word", 0 if "./none is no program" in done.stderr else 1, 1)
+
+
 def capture_lines(path):
     """The text of the datagrams in a pcap: after 42 bytes of Ethernet, IPv4 and UDP."""
     data, at = path.read_bytes(), 24
@@ -108,6 +122,7 @@ try:
     check_loop(truth, estimate)
     expect("a second run that differs", (truth[:501], estimate[:501]) != fly(folder / "2", 2), 1)
     check_capture(folder)
+    check_relative(folder / "3")
 finally:
     shutil.rmtree(folder)
 sys.exit(f"outside of their limits: {', '.join(faults)}" if faults else 0)

@@ -31,6 +31,12 @@ def wait_for(condition, fault):
         time.sleep(0.02)
 
 
+def program(name, option):
+    """The absolute path of a program, as those that are started have another folder."""
+    found = shutil.which(name) or sys.exit(f"{name} is no program; right would be {option} PATH")
+    return str(pathlib.Path(found).resolve())
+
+
 def jsbsim_command(options, truth_port, command_port):
     """JSBSim with the script of this folder, at ports that are free, and waiting for each command in lockstep."""
     script = (HERE / "jsbsim.xml").read_text()
@@ -39,9 +45,8 @@ def jsbsim_command(options, truth_port, command_port):
     script = script.replace('port="5140"', f'port="{truth_port}"')
     script = script.replace('end="60"', f'end="{options.seconds:g}"')
     (options.folder / "jsbsim.xml").write_text(script)
-    program = shutil.which(options.jsbsim) or str(pathlib.Path(options.jsbsim).resolve())
     pace = "--realtime" if options.clock == "realtime" else "--suspend"
-    return [program, f"--script={options.folder}/jsbsim.xml", f"--root={options.jsbsim_root.resolve()}",
+    return [options.jsbsim, f"--script={options.folder}/jsbsim.xml", f"--root={options.jsbsim_root.resolve()}",
             f"--outputpath={options.folder}", "--nohighlight", pace]
 
 
@@ -58,7 +63,11 @@ def main():
     options.seconds = options.seconds or (60.0 if options.jsbsim else 18.0)
     options.folder = options.folder.resolve()
     options.folder.mkdir(parents=True, exist_ok=True)
-    imud_program = shutil.which(options.imud) or sys.exit(f"{options.imud} is no program; right would be --imud PATH")
+    imud_program = program(options.imud, "--imud")
+    if options.jsbsim:
+        options.jsbsim = program(options.jsbsim, "--jsbsim")
+        if not (options.jsbsim_root / "aircraft").is_dir():
+            sys.exit(f"{options.jsbsim_root.resolve()} has no aircraft of JSBSim; right would be --jsbsim-root PATH")
     (truth_port, command_port), (jsbsim_port,) = free_ports(socket.SOCK_DGRAM, 2), free_ports(socket.SOCK_STREAM, 1)
     line, log, estimate = (options.folder / name for name in ("imu1", "imud.log", "estimate.csv"))
     estimate.unlink(missing_ok=True)
