@@ -15,14 +15,15 @@ TEST(Examples, ImudAcceptsEach) {
     SCOPED_TRACE(path);
     const ProgramResult result = run_program("imud", {"check", path});
     EXPECT_EQ(result.exit_code, 0) << result.errors;
-    EXPECT_NE(result.output.find("% of the line's"), std::string::npos) << "the line has a speed, and a load";
+    EXPECT_NE(result.output.find(" of the line's "), std::string::npos) << "the line or bus has a speed, and a load";
     const std::string text = read_file(path);
     EXPECT_NE(text.find("# Parameters of "), std::string::npos) << "the settings of the other side";
-    EXPECT_NE(text.find("imud pty --background imu1"), std::string::npos)
+    EXPECT_EQ(text.find("imud pty --background imu1") != std::string::npos,
+              text.find("\"pty:imu1\"") != std::string::npos)
         << "the other side survives a restart of imud";
     ++checked;
   }
-  EXPECT_EQ(checked, 8U);
+  EXPECT_EQ(checked, 9U);
 }
 
 // The line is less loaded by two fields than by those that the device has as delivered.
