@@ -6,6 +6,7 @@
 #include <cfloat>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <string>
 
 #include "tests/protocols/recording.hpp"
@@ -317,6 +318,22 @@ TEST(CanSignalsTest, EveryQuantityIsReadBack) {
     EXPECT_NEAR(a.temperature_c, b.temperature_c, 1e-12) << name;
   }
   EXPECT_EQ(read_back, 13U);
+}
+
+// A multiplexor on a page of another one turns once in each round of the other: every combination is sent, also where
+// the numbers of their pages have a common divisor.
+TEST(CanSignalsTest, EveryPageOfANestedMultiplexorIsSent) {
+  constexpr PageRange pages[] = {{0, 3}};
+  for (const unsigned outer : {1U, 2U, 4U}) {
+    const PageRange outer_pages[] = {{0, outer - 1}};
+    const CanSignal top = {.name = "M", .start = 0, .length = 8};
+    const CanSignal nested = {.name = "N", .start = 8, .length = 8, .pages = outer_pages, .multiplexor = "M"};
+    const CanSignal x = {"X", 16, 8, intel_signed, 1, 0, "rate_x_rad_per_s", nullptr, 0, 0, 0, pages, "N"};
+    std::set<std::string> seen;
+    for (unsigned count = 0; count < 4 * outer; ++count)
+      seen.insert(encoded(3, {top, nested, x}, sample_of(1), count).substr(0, 4));
+    EXPECT_EQ(seen.size(), 4 * outer) << outer;
+  }
 }
 
 }  // namespace

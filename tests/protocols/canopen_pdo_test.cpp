@@ -314,5 +314,59 @@ TEST(CanopenDecoder, SeparatesSchedules) {
             2);
 }
 
+TEST(CanopenPdo, AMappingMayFillTheFrame) {
+  Unit unit("self_start=true heartbeat_ms=0 tpdo2_enabled=false");
+  unit.pass(0s);
+  reconfigure(unit, [&] {
+    EXPECT_EQ(unit.write(0x1A00, 0, 0, 1), 0U);
+    for (unsigned k = 1; k <= 2; ++k) EXPECT_EQ(unit.write(0x1A00, k, 0x2101'0020 | k << 8, 4), 0U);
+    EXPECT_EQ(unit.write(0x1A00, 0, 2, 1), 0U) << "eight bytes";
+  });
+  EXPECT_EQ(unit.step().size(), 20U);
+  reconfigure(unit, [&] {
+    EXPECT_EQ(unit.write(0x1A00, 0, 0, 1), 0U);
+    for (unsigned k = 1; k <= 8; ++k) EXPECT_EQ(unit.write(0x1A00, k, 0x1001'0008, 4), 0U);
+    EXPECT_EQ(unit.write(0x1A00, 0, 8, 1), 0U) << "eight objects";
+  });
+  EXPECT_EQ(unit.step(), "18A#0000000000000000");
+}
+
+// CiA 301, 1800:6: the first SYNC is the one with this value of the counter.
+TEST(CanopenPdo, TheSyncStartValueIsAwaitedWhereverTheCounterBegins) {
+  for (const unsigned first : {1U, 3U, 4U, 9U}) {
+    Unit unit(counter_only);
+    unit.pass(0s);
+    unit.send("000#8000");
+    EXPECT_EQ(unit.write(0x1019, 0, 10, 1), 0U);
+    EXPECT_EQ(unit.write(0x1800, 1, 0x8000'018A, 4), 0U);
+    EXPECT_EQ(unit.write(0x1800, 2, 2, 1), 0U);
+    EXPECT_EQ(unit.write(0x1800, 6, 3, 1), 0U);
+    EXPECT_EQ(unit.write(0x1800, 1, 0x0000'018A, 4), 0U);
+    unit.send("000#0100");
+    unit.step();
+    unsigned sent = 0;
+    for (unsigned k = 0; k < 10; ++k) {
+      const unsigned counter = (first - 1 + k) % 10 + 1;
+      char sync[16];
+      std::snprintf(sync, sizeof sync, "080#%02X", counter);
+      if (unit.send(sync).empty()) continue;
+      if (sent++ == 0) {
+        EXPECT_EQ(counter, 3U) << "after " << first;
+      }
+    }
+    EXPECT_GT(sent, 0U) << first;
+  }
+}
+
+TEST(CanopenPdo, TheTimeOfDayEndsWithThePower) {
+  Unit unit("self_start=true heartbeat_ms=0 tpdo2_enabled=false tpdo1=time_of_day");
+  unit.pass(0s);
+  unit.send("100#FF5B26F51027");  // the four bits above the milliseconds are reserved
+  EXPECT_EQ(unit.step(0s), "18A#FF5B26051027");
+  unit.device->power_on(unit.now);
+  unit.pass(0s);
+  EXPECT_EQ(unit.step(), "18A#000000000000");
+}
+
 }  // namespace
 }  // namespace imud

@@ -285,5 +285,28 @@ TEST(CanopenLss, AnUnconfiguredUnitIsFoundAndBoots) {
   EXPECT_EQ(unit.pass(10s), "") << "it was not stored";
 }
 
+// CiA 301 leaves the time-out to the device; it is that of a pause, not of the transfer.
+TEST(CanopenSdoTime, ATransferMayTakeLongerThanAPauseInIt) {
+  Unit unit("node_id=2");
+  unit.node_id = 2;
+  unit.pass(0s);
+  EXPECT_EQ(unit.send("602#2100200000000000"), "582#6000200000000000");
+  for (unsigned k = 0; k < 8; ++k) {
+    EXPECT_EQ(unit.pass(900ms).find("582#80"), std::string::npos) << k;
+    EXPECT_EQ(unit.send(k % 2 == 0 ? "602#0031323334353637" : "602#1031323334353637").substr(0, 5),
+              k % 2 == 0 ? "582#2" : "582#3");
+  }
+  EXPECT_EQ(unit.count("sdo_aborts"), 0U);
+  EXPECT_NE(unit.pass(5s).find("582#8000200000000405"), std::string::npos) << "the pause is too long";
+  // The upload likewise, segment by segment.
+  EXPECT_EQ(unit.send("602#210020000D000000 602#0041206C6F6E6720 602#13737472696E6700"),
+            "582#6000200000000000 582#2000000000000000 582#3000000000000000");
+  EXPECT_EQ(unit.send("602#4000200000000000"), "582#410020000D000000");
+  EXPECT_EQ(unit.pass(900ms).find("582#"), std::string::npos);
+  EXPECT_EQ(unit.send("602#6000000000000000"), "582#0041206C6F6E6720");
+  EXPECT_EQ(unit.pass(900ms).find("582#"), std::string::npos);
+  EXPECT_EQ(unit.send("602#7000000000000000"), "582#13737472696E6700");
+}
+
 }  // namespace
 }  // namespace imud

@@ -331,5 +331,28 @@ TEST(Canopen, ListsNothingWithoutANodeId) {
     EXPECT_THROW(protocol.make(settings_of(protocol, wrong)), std::invalid_argument) << wrong;
 }
 
+// 1029:1 = 0 makes an operational node pre-operational, and changes nothing else.
+TEST(Canopen, AnErrorLeavesANodeThatIsNotOperationalAsItIs) {
+  for (const auto& [command, state] :
+       {std::pair("000#0200", "70A#04"), {"000#8000", "70A#7F"}, {"000#0100", "70A#7F"}}) {
+    Unit unit;
+    unit.pass(0s);
+    EXPECT_EQ(unit.write(0x1016, 1, 0x0001'00C8, 4), 0U);
+    unit.send("000#0100 701#05");
+    unit.send(command);
+    unit.pass(900ms);
+    EXPECT_EQ(unit.pass(100ms), state) << command;
+  }
+}
+
+TEST(Canopen, AfterAHoldUpThereIsOneHeartbeat) {
+  Unit unit;
+  unit.pass(0s);
+  unit.now = unit.now + 5500ms;
+  EXPECT_EQ(unit.pass(0s), "70A#7F");
+  EXPECT_EQ(unit.pass(499ms), "");
+  EXPECT_EQ(unit.pass(1ms), "70A#7F") << "on its grid";
+}
+
 }  // namespace
 }  // namespace imud

@@ -244,5 +244,71 @@ TEST(DroneCan, ChecksTheContentOfRawImu) {
   EXPECT_EQ(decode(47, 0, 0x7C00), 0U) << "infinite";
 }
 
+// --- Clocks that are held up or stepped
+
+TEST(DroneCan, AfterAHoldUpThereIsOneNodeStatus) {
+  Unit unit;
+  unit.pass(10s);
+  unit.now = unit.now + 5500ms;
+  EXPECT_EQ(frames_in(unit.pass(0s)), 1U);
+  EXPECT_EQ(unit.pass(499ms), "");
+  EXPECT_EQ(frames_in(unit.pass(1ms)), 1U) << "on its grid";
+}
+
+TEST(DroneCan, AStepOfTheClockForgetsNoTransfer) {
+  for (const Nanoseconds step : {Nanoseconds(100s), Nanoseconds(-100s)}) {
+    Unit unit;
+    unit.pass(200s);
+    const std::string request = "1E01AA8A#C5";  // GetNodeInfo
+    EXPECT_GT(frames_in(unit.answer(request)), 1U);
+    unit.device->step_clock(step);
+    unit.now = unit.now + step;
+    unit.pass(1999ms);
+    EXPECT_EQ(unit.answer(request), "") << "it is a repetition";
+    unit.pass(1ms);
+    EXPECT_GT(frames_in(unit.answer(request)), 1U) << "no more";
+    // A transfer that has begun before the step has its 2 s.
+    unit.answer("1E0BAA8A#0062000164000083");
+    unit.device->step_clock(step);
+    unit.now = unit.now + step;
+    unit.pass(1999ms);
+    EXPECT_EQ(unit.count("transfers_timed_out"), 0U);
+    unit.pass(1ms);
+    EXPECT_EQ(unit.count("transfers_timed_out"), 1U);
+  }
+}
+
+TEST(DroneCan, TheOldestTransferGivesWay) {
+  const auto from = [](unsigned source, unsigned part) {
+    const char* const parts[] = {"0062000164000083", "0000000000726123", "775F696D755F6803", "7A63"};
+    char text[48];
+    std::snprintf(text, sizeof text, "1E0BAA%02X#%s", 0x80U | source, parts[part]);
+    return std::string(text);
+  };
+  Unit unit;
+  for (unsigned part = 0; part < 4; ++part)
+    for (unsigned node = 1; node <= 20; ++node) {
+      const bool has_answer = !unit.answer(from(node, part)).empty();
+      EXPECT_EQ(has_answer, part == 3 && node > 4) << node;
+    }
+}
+
+TEST(DroneCan, TheTransferIdOfTheMasterOfTimeWraps) {
+  const auto sync = [](unsigned transfer_id, unsigned previous_us) {
+    char text[48];
+    std::snprintf(text, sizeof text, "1400047F#%02X%02X%02X%02X000000%02X", previous_us & 0xFFU,
+                  previous_us >> 8 & 0xFFU, previous_us >> 16 & 0xFFU, previous_us >> 24, 0xC0U + transfer_id);
+    return std::string(text);
+  };
+  Unit unit("raw_imu_hz=1000");
+  unit.pass(10s);
+  unit.answer(sync(31, 0));
+  unit.pass(1s);
+  unit.answer(sync(0, 5'000'000));
+  const auto measurements = unit.decoded(unit.sample());
+  ASSERT_EQ(measurements.size(), 1U);
+  EXPECT_EQ(measurements[0].sample.time.ns, 6'000'000'000);
+}
+
 }  // namespace
 }  // namespace imud

@@ -197,5 +197,46 @@ TEST(J1939SettingTest, Dm13PausesTheOutput) {
       << "networks of others, other nodes";
 }
 
+TEST(J1939SettingTest, ABitThatIsSetAndClearedIsCleared) {
+  Claimed unit;
+  unit.give("18FF5942#8048808000FF");
+  EXPECT_EQ(unit.give("18EA8042#59FF00"), Texts{"18FF5980#424A80AAAAAAAAAA"});
+  unit.give("18FF5942#8048804800FF");
+  EXPECT_EQ(unit.give("18EA8042#59FF00"), Texts{"18FF5980#420280AAAAAAAAAA"});
+}
+
+TEST(J1939SettingTest, PacketTypesMayEndAfterEachPart) {
+  struct {
+    const char* command;
+    std::string sent;
+  } const cases[] = {
+      {"18FF5642#8004", "08F02D80"},        // the low byte of the types
+      {"18FF5642#800400", "08F02D80"},      // the whole
+      {"18FF5642#8004000C", "08F02D80"},    // priorities without the mask of those that change
+      {"18FF5642#8004000CFF", "0CF02D80"},  // with it
+  };
+  for (const auto& [text, sent] : cases) {
+    Claimed unit;
+    unit.give(text);
+    const Texts frames = unit.sample();
+    ASSERT_EQ(frames.size(), 1U) << text;
+    EXPECT_EQ(frames[0].substr(0, 8), sent) << text;
+  }
+}
+
+// DM13, hold signal: 0 all devices, 1 devices that were told to stop; 15 no information.
+TEST(J1939SettingTest, Dm13HoldsWhatIsPaused) {
+  for (const auto& [hold, holds] : {std::pair("0F", true), {"1F", true}, {"2F", false}, {"FF", false}}) {
+    Claimed unit("packet_types=ari");
+    unit.give("18DFFF42#3FFFFFFFFFFFFFFF");
+    unit.run(5s);
+    unit.give(std::string("18DFFF42#FFFFFF") + hold + "FFFFFFFF");
+    EXPECT_EQ(unit.run(5s).empty(), holds) << hold;
+    Claimed running("packet_types=ari");
+    running.give(std::string("18DFFF42#FFFFFF") + hold + "FFFFFFFF");
+    EXPECT_FALSE(running.run(1s).empty()) << "nothing to hold";
+  }
+}
+
 }  // namespace
 }  // namespace imud::j1939_test

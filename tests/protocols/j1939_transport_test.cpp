@@ -1,8 +1,12 @@
 // Long messages of the J1939 unit: SAE J1939-21, 5.10.
+#include "protocols/j1939/transport.hpp"
 #include "tests/protocols/j1939_unit.hpp"
 
 namespace imud::j1939_test {
 namespace {
+
+using j1939::everyone;
+using j1939::Transport;
 
 std::string hex_of(std::string_view text) {
   std::string hex;
@@ -151,6 +155,31 @@ TEST(J1939TransportTest, EndsAllTransfersWithItsAddress) {
   ASSERT_TRUE(unit.device->deadline());
   unit.give("18EEFF80#0000E06600830080");
   EXPECT_FALSE(unit.device->deadline());
+}
+
+TEST(J1939TransportTest, BroadcastsThatWaitFollowOneAnother) {
+  std::uint64_t aborted = 0, timed_out = 0;
+  Transport transport(0, aborted, timed_out);
+  const auto frames = std::make_unique<FrameBuffer>();
+  const std::vector<std::byte> data(14);
+  DeviceTime now;
+  const auto sent = [&] {
+    std::string text;
+    for (const Frame& frame : frames->frames()) text += can_text(frame).substr(9, 2) + ' ';
+    frames->clear();
+    return text;
+  };
+  for (const std::uint32_t pgn : {0xFE01U, 0xFE02U, 0xFE03U, 0xFE04U})
+    EXPECT_TRUE(transport.send(pgn, everyone, data, 0x80, now, *frames));
+  EXPECT_EQ(sent(), "20 ");
+  std::string all;
+  for (int k = 0; k < 20; ++k) {
+    now = now + 50ms;
+    transport.poll(0x80, now, *frames);
+    all += sent();
+  }
+  EXPECT_EQ(all, "01 02 20 01 02 20 01 02 20 01 02 ") << "no announcement before the broadcast before it has ended";
+  EXPECT_FALSE(transport.deadline());
 }
 
 }  // namespace

@@ -169,5 +169,24 @@ TEST(MipCommands, ValuesThatAreNoneAreRefused) {
   }
 }
 
+TEST(MipCommands, AllStreamsAreSwitchedAtOnce) {
+  Unit unit;
+  ASSERT_GT(unit.run(1000).size(), 100U);
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 0, 0})), 0) << "all off";
+  EXPECT_TRUE(unit.run(1000).empty());
+  for (const std::uint8_t set : Bytes{0x80, 0x82})
+    EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, set})).at(0), 0x85), (Bytes{set, 0}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 0, 1})), 0) << "all on";
+  EXPECT_GT(unit.run(1000).size(), 100U);
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 0x82, 0})), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {3, 0})), 0) << "all saved";
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {1, 0, 0})), 0);
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {4, 0})), 0) << "all loaded";
+  for (const auto& [set, enabled] : {std::pair<std::uint8_t, std::uint8_t>{0x80, 1}, {0x82, 0}})
+    EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, set})).at(0), 0x85), (Bytes{set, enabled}));
+  EXPECT_EQ(unit.code(command(0x0C, 0x11, {5, 0})), 0) << "as delivered";
+  EXPECT_EQ(field(unit.send(command(0x0C, 0x11, {2, 0x82})).at(0), 0x85), (Bytes{0x82, 1}));
+}
+
 }  // namespace
 }  // namespace imud::mip_test

@@ -315,5 +315,23 @@ TEST(MipPins, AnEdgeDrivesAnOutput) {
   EXPECT_EQ(states(), 2) << "restored during system startup";
 }
 
+TEST(MipPins, AnEdgeThatWaitsForItsSampleEndsWithThePower) {
+  Unit unit({{"model", std::string("3dm-cv7-ins")},
+             {"sensor_fields", std::vector<std::string>{}},
+             {"filter_fields", std::vector<std::string>{}}});
+  for (const auto& [setting, data] : {std::pair<std::uint8_t, Bytes>{0x41, {1, 3, 4, 1, 0}},
+                                      {0x2E, {1, 2, 1, 3, 4}},
+                                      {0x2B, {1, 2, 1}},
+                                      {0x2F, {1, 5, 2, 2, 0x80, 0, 0, 1, 0xD5}},
+                                      {0x30, {3}}})
+    EXPECT_EQ(unit.code(command(0x0C, setting, data)), 0) << unsigned{setting};
+  unit.run(1000);
+  unit.device->trigger(unit.now + 300us);
+  unit.device->power_on(unit.now + 200us);
+  EXPECT_TRUE(unit.run(1).empty());
+  unit.device->trigger(unit.now + 300us);
+  EXPECT_EQ(unit.run(1).size(), 1U) << "the settings are saved";
+}
+
 }  // namespace
 }  // namespace imud::mip_test
