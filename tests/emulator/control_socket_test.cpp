@@ -1,8 +1,11 @@
 // The sockets of the control protocol: who may connect, and what a client can do to a run.
 #include <arpa/inet.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <fstream>
 #include <random>
+#include <utility>
 
 #include "emulator/control/control_server.hpp"
 #include "emulator/control/token.hpp"
@@ -227,6 +230,21 @@ TEST(ControlToken, MatchesItselfAlone) {
   EXPECT_FALSE(token.matches("a token of sixteen "));
   EXPECT_FALSE(token.matches(""));
   EXPECT_THROW(Token::read("/nonexistent"), OpenError);
+}
+
+TEST(ControlToken, IsRefusedIfAnyoneButItsOwnerMayReadIt) {
+  const std::string path = testing::TempDir() + fmt::format("imud_token_{}", ::getpid());
+  std::ofstream(path) << "a token of sixteen\n";
+  constexpr std::pair<mode_t, bool> modes[] = {{0600, true},  {0400, true},  {0640, false},
+                                               {0604, false}, {0620, false}, {0601, false}};
+  for (const auto& [mode, is_good] : modes) {
+    ASSERT_EQ(::chmod(path.c_str(), mode), 0);
+    if (is_good)
+      EXPECT_TRUE(Token::read(path).matches("a token of sixteen")) << mode;
+    else
+      EXPECT_THROW(Token::read(path), OpenError) << mode;
+  }
+  ::unlink(path.c_str());
 }
 
 }  // namespace

@@ -81,6 +81,27 @@ TEST_F(ExpectationsTest, APortThatIsOpenedAgain) {
   EXPECT_TRUE(results(reopens, {{120, "close"}, {200, "open"}}).at(0).holds);
   EXPECT_FALSE(results(reopens, {{120, "close"}, {320, "open"}}).at(0).holds);
   EXPECT_FALSE(results(reopens, {{200, "open"}}).at(0).holds) << "it was open all the time";
+  EXPECT_FALSE(results(reopens, {{20, "close"}, {50, "open"}}).at(0).holds) << "before its time";
+  EXPECT_FALSE(results(reopens, {{20, "close"}, {50, "open"}, {120, "close"}}).at(0).holds);
+  EXPECT_FALSE(results(reopens, {{20, "close"}, {50, "open"}, {150, "open"}}).at(0).holds)
+      << "once open, it stays so";
+  EXPECT_TRUE(results(reopens, {{20, "close"}, {50, "open"}, {120, "close"}, {150, "open"}}).at(0).holds);
+}
+
+// A simulator that starts again does not take away what was met, or was decided otherwise.
+TEST_F(ExpectationsTest, WhatIsDecidedStaysSoInTheNextRun) {
+  const Config config = read("[[expect]]\nwhat = \"host_sends\"\nat_s = 1\nwithin_s = 1\n");
+  for (const int sends : {150, 250, 650}) {
+    FaultLog log;
+    FaultSchedule schedule(config.faults, {}, "imu1", 0, 100, log);
+    Expectations expectations(config.expectations, "imu1");
+    for (int k = 0; k < 800; ++k) {
+      if (k == 500) expectations.begin_run();
+      expectations.take(schedule, 0.01 * (k % 500));
+      if (k == sends) expectations.host_sent(std::as_bytes(std::span("x", 1)));
+    }
+    EXPECT_EQ(expectations.results().at(0).holds, sends == 150) << sends;
+  }
 }
 
 TEST_F(ExpectationsTest, WhatIsWrongIsExplained) {

@@ -76,6 +76,24 @@ TEST_F(FaultBeginsTest, AfterWhatTheHostHasSent) {
             (Numbers{42, 43, 44, 142, 143, 144}));
 }
 
+// Faults that a command has ended begin again in the next run.
+TEST_F(FaultBeginsTest, WhatACommandHasEndedBeginsAgainInTheNextRun) {
+  const Config config = read(fault("at_s = 1\n"));
+  for (const bool all : {false, true}) {
+    FaultLog log;
+    const std::vector<Normals> normals = fault_normals("imu1", 1, config.faults.size());
+    FaultSchedule schedule(config.faults, normals, "imu1", 0, 100, log);
+    std::vector<int> acts;
+    for (int k = 0; k < 400; ++k) {
+      if (k % 200 == 0) schedule.begin_run();
+      if (k == 50) all ? schedule.end_all() : schedule.end(0);
+      schedule.take(Sample{}, std::chrono::milliseconds(10 * (k % 200)));
+      if (schedule.is_active(0)) acts.push_back(k);
+    }
+    EXPECT_EQ(acts, (Numbers{300, 301, 302}));
+  }
+}
+
 TEST_F(FaultBeginsTest, AtATimeOfTheHost) {
   EXPECT_EQ(acts(read(fault("at_time = 2026-01-01T12:00:00Z\n")), {}), (Numbers{100, 101, 102}));
   EXPECT_EQ(acts(read(fault("at_time = 2026-01-01T13:00:00.005+01:00\n")), {}), (Numbers{101, 102, 103}));

@@ -181,5 +181,60 @@ TEST_F(RecordTest, CountsAndMarksWhatTheQueueCouldNotTake) {
   EXPECT_EQ(events[1].a, static_cast<std::int64_t>(lost));
 }
 
+// Each loss is marked once, with its own number, although other packets follow.
+TEST_F(RecordTest, MarksEachLossOnce) {
+  Recorder recorder(options(), false, 4096);
+  const std::uint16_t interface = recorder.add_interface("imu1", link_type::bytes);
+  recorder.start(true, "");
+  const std::array<std::byte, 100> bytes{};
+  const auto lost = [&]() -> std::uint64_t { return recorder.counters().lost; };
+  // Returns true if there was room for the event; if not, it is lost, too.
+  const auto has_room = [&] {
+    const std::uint64_t before = lost();
+    recorder.event({.type = RecordEvent::Type::end});
+    return lost() == before;
+  };
+  for (int losses = 0; losses < 3; ++losses) {
+    const std::uint64_t before = lost();
+    while (lost() == before)
+      for (int i = 0; i < 100; ++i) recorder.packet(interface, PacketDirection::outbound, HostTime{i}, {bytes});
+    for (int events = 0; events < 3; std::this_thread::sleep_for(1ms)) events += has_room() ? 1 : 0;
+  }
+  recorder.finish();
+  PcapngReader reader(PortSpec::parse("record:" + path("run.pcapng")));
+  std::uint64_t marks = 0, marked = 0;
+  while (const auto packet = reader.next()) {
+    if (reader.interfaces()[packet->interface].link_type != link_type::event) continue;
+    const RecordEvent event = decode_record_event(packet->bytes).value_or(RecordEvent{});
+    if (event.type != RecordEvent::Type::lost) continue;
+    ++marks;
+    marked += static_cast<std::uint64_t>(event.a);
+  }
+  EXPECT_GE(marks, 3U);
+  EXPECT_EQ(marked, lost());
+}
+
+// A port drops the last of the frames that it is passed.
+TEST_F(RecordTest, FramesThatThePortHasDroppedAreNotRecordedAsSent) {
+  Recorder recorder(options(), true);
+  const std::uint16_t interface = recorder.add_interface("imu1", link_type::bytes);
+  recorder.add_interface("imu1 host", link_type::bytes);
+  recorder.add_interface("imu1 dropped", link_type::bytes);
+  recorder.start(true, "");
+  const std::array<std::byte, 3> bytes = {std::byte{1}, std::byte{2}, std::byte{3}};
+  std::array<Frame, 3> frames;
+  for (std::size_t i = 0; i < frames.size(); ++i) frames[i].bytes = std::span(bytes).subspan(i, 1);
+  for (const std::uint64_t dropped : {0U, 1U, 3U, 5U}) recorder.frames(interface, frames, dropped);
+  recorder.finish();
+  PcapngReader reader(PortSpec::parse("record:" + path("run.pcapng")));
+  std::string seen;
+  while (const auto packet = reader.next()) {
+    const PcapngInterface& of = reader.interfaces()[packet->interface];
+    if (of.link_type == link_type::bytes)
+      seen += fmt::format("{}{} ", of.name == "imu1" ? "+" : "-", std::to_integer<int>(packet->bytes[0]));
+  }
+  EXPECT_EQ(seen, "+1 +2 +3 +1 +2 -3 -1 -2 -3 -1 -2 -3 ");
+}
+
 }  // namespace
 }  // namespace imud
