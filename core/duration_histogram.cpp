@@ -8,7 +8,7 @@ namespace imud {
 namespace {
 constexpr double shortest = 1e-7;
 constexpr double longest = 1e3;
-constexpr unsigned buckets = 1000;
+constexpr unsigned buckets = 2000;
 }  // namespace
 
 DurationHistogram::DurationHistogram()
@@ -48,12 +48,18 @@ DurationHistogram DurationHistogram::since(const DurationHistogram& before) cons
 double DurationHistogram::percentile(double percent) const {
   // Multiplied before it is divided, so that whole ranks are exact.
   const double rank = percent * static_cast<double>(count()) / 100.0;
+  if (rank > static_cast<double>(count()) - 0.5) return max();
   double cumulative = 0;
   for (auto&& bucket : boost::histogram::indexed(histogram_, boost::histogram::coverage::all)) {
-    cumulative += static_cast<double>(std::uint64_t{*bucket});
+    const double inside = static_cast<double>(std::uint64_t{*bucket});
+    cumulative += inside;
     if (cumulative < rank || cumulative == 0) continue;
     if (bucket.index() < 0) return 0;
-    return std::min(max(), std::sqrt(bucket.bin().lower() * bucket.bin().upper()));
+    const double lower = bucket.bin().lower(), upper = std::min(bucket.bin().upper(), max());
+    if (lower >= longest || upper <= lower) break;
+    // The durations of a bucket are taken as spread evenly over its logarithm: each in the middle of its own part.
+    const double share = std::max(rank - (cumulative - inside) - 0.5, 0.5) / inside;
+    return lower * std::pow(upper / lower, share);
   }
   return max();
 }

@@ -10,7 +10,7 @@
 
 namespace imud {
 
-// Counts durations from 100 ns to 1000 s in buckets 2.3 % wide. Shorter ones count as 0, longer ones as the maximum,
+// Counts durations from 100 ns to 1000 s in buckets 1.16 % wide. Shorter ones count as 0, longer ones as the maximum,
 // which is kept exactly. While one thread adds, others may copy the histogram without a lock; they must query only
 // the copy. Only construction and copying allocate.
 class DurationHistogram {
@@ -30,8 +30,8 @@ class DurationHistogram {
   std::uint64_t count() const noexcept { return count_.load(std::memory_order_relaxed); }
   // The longest duration, s; 0 if there is none.
   double max() const noexcept { return max_.load(std::memory_order_relaxed); }
-  // Returns the duration, s, that `percent` of all durations do not exceed, within half a bucket; 0 if there is
-  // none. `percent` is in [0, 100].
+  // Returns the duration, s, that `percent` of all durations do not exceed, interpolated within its bucket; 0 if
+  // there is none. `percent` is in [0, 100].
   double percentile(double percent) const;
   // Returns for each of `limits`, s, ascending, the number of durations that do not exceed it, within half a bucket.
   // Infinity has the number of all.

@@ -23,6 +23,16 @@ TEST(DurationHistogram, Percentiles) {
   EXPECT_EQ(histogram.count(), 1002U);
 }
 
+// Percentiles are figures between the limits of buckets, not these or their middles.
+TEST(DurationHistogram, PercentilesAreInterpolated) {
+  DurationHistogram histogram;
+  for (int i = 0; i < 100'000; ++i) histogram.add(1e-3 * (1 + 1e-6 * i));
+  for (const int percent : {1, 5, 25, 50, 63, 75, 95, 99}) {
+    const double expected = 1e-3 * (1 + 1e-3 * percent);
+    EXPECT_NEAR(histogram.percentile(percent), expected, 2e-4 * expected) << percent;
+  }
+}
+
 TEST(DurationHistogram, ShorterThanTheFirstBucketIsZero) {
   for (const auto& [duration, shown] : {std::pair{0.99e-7, 0.0}, {1.01e-7, 1.01e-7}, {1.03e-7, 1.03e-7}}) {
     DurationHistogram histogram;
