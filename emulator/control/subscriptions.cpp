@@ -25,7 +25,8 @@ using Buffer = fmt::memory_buffer;
 void append(Buffer& out, std::string_view text) { out.append(text.data(), text.data() + text.size()); }
 
 // JSON has no numbers that are not finite.
-void append_number(Buffer& out, double value) {
+template <class Number>
+void append_number(Buffer& out, Number value) {
   if (std::isfinite(value))
     fmt::format_to(std::back_inserter(out), "{}", value);
   else
@@ -40,6 +41,21 @@ void append_vector(Buffer& out, const Vector3& v) {
   out.push_back(']');
 }
 
+template <class Numbers>
+void append_array(Buffer& out, const Numbers& numbers) {
+  out.push_back('[');
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (i > 0) out.push_back(',');
+    append_number(out, numbers[i]);
+  }
+  out.push_back(']');
+}
+
+bool has_truth_time(const FeedSample& s) { return s.truth_time.has_value(); }
+bool has_field(const FeedSample& s) { return s.magnetic_field != decltype(s.magnetic_field){}; }
+bool has_pressure(const FeedSample& s) { return s.pressure > 0; }
+bool has_place(const FeedSample& s) { return s.has_place; }
+
 // Appends ,"name":[...] with an element for each sample.
 template <class Append>
 void append_list(Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples, Append element) {
@@ -49,6 +65,31 @@ void append_list(Buffer& out, std::string_view name, const std::vector<const Fee
     element(*samples[i]);
   }
   out.push_back(']');
+}
+
+// The same with null for each sample that `has` it not; nothing if none has it.
+template <class Append>
+void append_where(Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples,
+                  bool (*has)(const FeedSample&), Append element) {
+  if (std::none_of(samples.begin(), samples.end(), [&](const FeedSample* s) { return has(*s); })) return;
+  append_list(out, name, samples, [&](const FeedSample& s) { has(s) ? element(s) : append(out, "null"); });
+}
+
+// Appends what only products beyond rate and specific force send, and the counts of samples without their truth.
+void append_rest(Buffer& out, const std::vector<const FeedSample*>& samples) {
+  const auto count = [&](std::uint64_t value) { fmt::format_to(std::back_inserter(out), "{}", value); };
+  append_where(out, "truth_time_s", samples, has_truth_time,
+               [&](const FeedSample& s) { append_number(out, static_cast<double>(s.truth_time->ns) / 1e9); });
+  append_list(out, "attitude", samples, [&](const FeedSample& s) { append_array(out, s.attitude); });
+  append_where(out, "magnetic_field", samples, has_field,
+               [&](const FeedSample& s) { append_array(out, s.magnetic_field); });
+  append_where(out, "pressure", samples, has_pressure, [&](const FeedSample& s) { append_number(out, s.pressure); });
+  append_where(out, "position", samples, has_place, [&](const FeedSample& s) {
+    append_array(out, std::array{s.latitude, s.longitude, s.height});
+  });
+  append_list(out, "extrapolated", samples, [&](const FeedSample& s) { count(s.extrapolated); });
+  append_list(out, "held", samples, [&](const FeedSample& s) { count(s.held); });
+  append_list(out, "silent", samples, [&](const FeedSample& s) { count(s.silent); });
 }
 
 }  // namespace
@@ -162,8 +203,10 @@ std::string Subscriptions::text_of(What what, std::uint16_t imu, std::uint32_t e
   append_list(out, "true_rate", chosen, [&](const FeedSample& s) { append_vector(out, s.true_rate); });
   append_list(out, "true_specific_force", chosen,
               [&](const FeedSample& s) { append_vector(out, s.true_specific_force); });
-  if (what == What::samples)
+  if (what == What::samples) {
     append_list(out, "temperature_c", chosen, [&](const FeedSample& s) { append_number(out, s.temperature_c); });
+    append_rest(out, chosen);
+  }
   append_list(out, "status", chosen,
               [&](const FeedSample& s) { fmt::format_to(std::back_inserter(out), "{}", s.status); });
   out.push_back('}');

@@ -81,6 +81,13 @@ TEST_F(AwaitedTruthTest, ThoseWhoWatchGetTheTruthOfTheInstant) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     ASSERT_EQ(all[i].k, 2 * i) << "each second one, in order";
     const double t = 1e-9 * static_cast<double>(all[i].time_ns);
+    // Both samples since the one before count, though only one of them is shown.
+    if ((t > 1.06 && t < 1.3) || t > 2.06) {
+      ASSERT_EQ(all[i].held - all[i - 1].held, 2U) << t;
+    }
+    if (t < 1) {
+      ASSERT_EQ(all[i].held, 0U) << t;
+    }
     if (t > 2 - 1e-6 && t < 2 + 1e-6) continue;  // at the newest truth, by the last correction of the clock
     if (t > 2) {
       ASSERT_TRUE(std::isnan(all[i].true_rate.z())) << t;

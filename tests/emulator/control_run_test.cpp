@@ -355,6 +355,8 @@ TEST_F(ControlRun, SubscribersGetSamplesTruthAndEvents) {
       EXPECT_NEAR(samples["rate"][i][0].get<double>(), samples["true_rate"][i][0].get<double>(), 0.03);
       EXPECT_NEAR(samples["true_rate"][i][0].get<double>(), truth.omega_BN_B[0], 1e-4);
       EXPECT_NEAR(samples["time_s"][i].get<double>(), 1e-3 * ms, 1e-9);
+      EXPECT_EQ(samples["attitude"][i].size(), 4U);
+      EXPECT_EQ(samples["held"][i], 0);
     }
     k.insert(k.end(), samples["k"].begin(), samples["k"].end());
   }
