@@ -60,7 +60,10 @@ void HttpConnection::read() {
   parser_->header_limit(WebServer::max_header_bytes);
   parser_->body_limit(WebServer::max_request_bytes);
   stream_.expires_after(std::chrono::seconds(WebServer::idle_s));
+  content_.readers.push_back(this);
   http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+    std::erase(self->content_.readers, self.get());
+    if (!self->guard_) return;  // close()
     if (!error) return self->respond(self->parser_->get());
     Request none;
     none.keep_alive(false);
@@ -74,6 +77,18 @@ void HttpConnection::read() {
     else
       self->end();
   });
+}
+
+bool HttpConnection::close_idle(WebContent& content) {
+  std::vector<HttpConnection*>& all = content.readers;
+  auto chosen =
+      std::find_if(all.begin(), all.end(), [](const HttpConnection* one) { return !one->parser_->got_some(); });
+  if (chosen == all.end()) chosen = all.begin();
+  if (chosen == all.end()) return false;
+  HttpConnection* const closed = *chosen;
+  all.erase(chosen);
+  closed->close();
+  return true;
 }
 
 void HttpConnection::respond(const Request& request) {
@@ -159,6 +174,11 @@ void HttpConnection::write(Response response) {
     if (error || self->response_.need_eof() || !self->response_.keep_alive()) return self->end();
     self->read();
   });
+}
+
+void HttpConnection::close() {
+  guard_.reset();
+  stream_.close();
 }
 
 void HttpConnection::end() {

@@ -14,6 +14,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "emulator/web/metrics.hpp"
 #include "emulator/web/web_access.hpp"
@@ -33,6 +34,7 @@ struct WebContent {
   ControlCounters* counters = nullptr;
   std::list<std::weak_ptr<WebSocket>> sockets;
   std::set<std::shared_ptr<HttpConnection>> calls;  // those that wait for an answer
+  std::vector<HttpConnection*> readers;             // those that wait for a request, the longest first
 };
 
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
@@ -40,6 +42,9 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   // `guard` is destroyed with the connection. `content` must outlive it, as long as events are handled.
   HttpConnection(boost::asio::ip::tcp::socket socket, WebContent& content, std::shared_ptr<void> guard);
   void read();
+  // Closes the connection that has waited longest for a request, to make room for a new one: one that has sent a part
+  // of its request only if there is no other. Returns false if all are busy or WebSockets.
+  static bool close_idle(WebContent& content);
 
  private:
   using Request = boost::beast::http::request<boost::beast::http::string_body>;
@@ -54,10 +59,11 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void upgrade(const Request& request);
   void write(Response response);
   void end();
+  void close();
 
   boost::beast::tcp_stream stream_;
   WebContent& content_;
-  const std::shared_ptr<void> guard_;
+  std::shared_ptr<void> guard_;
   boost::beast::flat_buffer buffer_;
   std::optional<boost::beast::http::request_parser<boost::beast::http::string_body>> parser_;
   Response response_;

@@ -73,7 +73,7 @@ class WebServer::Impl {
     acceptor_.async_accept([this](boost::system::error_code error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
       if (error) return retry();  // for example, too many open files
-      if (open_.use_count() > static_cast<long>(max_connections)) {
+      if (open_.use_count() > static_cast<long>(max_connections) && !HttpConnection::close_idle(content_)) {
         content_.counters->connections_refused.count();
       } else {
         boost::system::error_code ignored;

@@ -19,7 +19,8 @@ namespace imud {
 // not depend on file names of the request: the files are a table.
 class WebServer {
  public:
-  static constexpr std::size_t max_connections = 32;  // further ones are closed at once
+  // For a further one the longest idle connection is closed; if none is idle, the further one is closed at once.
+  static constexpr std::size_t max_connections = 32;
   static constexpr std::size_t max_header_bytes = 8192, max_request_bytes = 65536;
   static constexpr int idle_s = 30;  // a connection without a request is closed
 

@@ -9,6 +9,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/read.hpp>
+#include <boost/asio/read_until.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -318,6 +319,32 @@ TEST_F(WebServerTest, ConnectionsAreLimited) {
   std::string page;
   for (int i = 0; i < 100 && page.empty(); ++i) page = response("GET /metrics");
   EXPECT_TRUE(page.starts_with("HTTP/1.1 200 "));
+}
+
+// Idle connections make room for a new visitor, the longest idle first; WebSockets stay, and so do those that have
+// sent a part of a request as long as there is another.
+TEST_F(WebServerTest, IdleConnectionsMakeRoom) {
+  start();
+  BrowserSocket socket = browser();
+  std::vector<tcp::socket> idle;
+  const auto connect_idle = [&](const std::string& sent) {
+    idle.push_back(connected());
+    if (!sent.empty()) asio::write(idle.back(), asio::buffer(sent));
+  };
+  const std::string request = "GET /metrics HTTP/1.1\r\nHost: 127.0.0.1\r\n";
+  connect_idle(request);
+  std::string answer;
+  while (idle.size() < WebServer::max_connections - 1) {
+    connect_idle(idle.size() % 2 == 0 ? request + "\r\n" : "");
+    if (idle.size() % 2 == 1) asio::read_until(idle.back(), asio::dynamic_buffer(answer = ""), "metrics\n");
+  }
+  in_server([] {});
+  for (int visitor = 0; visitor < 40; ++visitor)
+    ASSERT_TRUE(response("GET /metrics").starts_with("HTTP/1.1 200 ")) << visitor;
+  EXPECT_EQ(counters_.connections_refused, 0U);
+  EXPECT_EQ(exchange(socket, "a"), "answer to a");
+  asio::write(idle.front(), asio::buffer(std::string("Connection: close\r\n\r\n")));
+  EXPECT_TRUE(read_all(idle.front()).starts_with("HTTP/1.1 200 ")) << "it was in the middle of its request";
 }
 
 // A request without an answer and an open WebSocket hold nothing that is used after the server.
