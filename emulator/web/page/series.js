@@ -1,0 +1,114 @@
+// The samples of one imu: what the plots show is read here.
+import {quantities} from "./quantities.js";
+
+export const window_s = 20;
+// What marks the time up to a sample, if any sample since the one before it was so; the last that applies.
+export const marks = ["extrapolated", "held", "silent"];
+
+// Returns the number of the first element of a sorted list that is not before the time.
+function first_at(rows, time_s) {
+  let low = 0, high = rows.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (rows[middle].time_s < time_s) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+export class Series {
+  // {time_s, k, is_first, mark, offset_s, values, truths}: `is_first` after a time without samples; `values` and `truths` by
+  // quantity, SI.
+  rows = [];
+  spans = [];     // {begin_s, end_s, name}: of faults and commands; without end_s it goes on
+  #frozen = null;
+  #last = null;   // {k, counts} of the last row
+  #decimate = 0;  // of so many samples one is sent; 0: not known
+  rate_hz = Infinity;   // of the imu
+
+  // `decimate`: of the answer to `subscribe`.
+  expect(decimate) { this.#decimate = decimate; }
+
+  get newest() { return this.rows.at(-1); }
+
+  // Takes the parameters of a notification `samples`.
+  add(params) {
+    params.time_s.forEach((time_s, i) => {
+      if (time_s < this.newest?.time_s) this.clear();  // a new run
+      this.rows.push(this.#row(params, time_s, i));
+    });
+    const old = first_at(this.rows, this.newest?.time_s - window_s) - 1;  // one before the window, for the line into it
+    if (old > 0) this.rows.splice(0, old);
+    this.spans = this.spans.filter(({end_s}) => !(end_s < this.rows[0]?.time_s));
+  }
+
+  #row(params, time_s, i) {
+    const values = {}, truths = {}, k = params.k[i], last = this.newest;
+    for (const {key, take, has_truth} of quantities) {
+      const value = params[key]?.[i], truth = params[`true_${key}`]?.[i];
+      if (value != null) values[key] = take ? take(value) : value;
+      if (has_truth && truth && truth[0] !== null) truths[key] = truth;  // null: its truth has never come
+    }
+    const counts = marks.map((mark) => params[mark]?.[i] ?? 0);
+    const is_first = !last || (this.#decimate > 0 && k - this.#last.k !== this.#decimate) ||
+      (this.rate_hz < Infinity && time_s - last.time_s > (1.5 * this.#decimate) / this.rate_hz);
+    // Of the samples since the last one the counts tell; of a first sample, its own status (bits 6 and 7).
+    const status = params.status?.[i] ?? 0;
+    const mark = is_first ? (status & 128 ? "held" : status & 64 ? "extrapolated" : undefined)
+      : marks.findLast((_, of) => counts[of] > this.#last.counts[of]);
+    this.#last = {k, counts};
+    const truth_time_s = params.truth_time_s?.[i];
+    return {time_s, k, is_first, mark, values, truths, offset_s: truth_time_s == null ? last?.offset_s ?? 0 : time_s - truth_time_s};
+  }
+
+  clear() {
+    this.rows = [];
+    this.spans = [];
+    this.#last = null;
+  }
+
+  freeze(on) {
+    this.#frozen = on ? {rows: [...this.rows], spans: this.spans.map((span) => ({...span, end_s: span.end_s ?? this.newest?.time_s}))} : null;
+  }
+  get is_frozen() { return this.#frozen !== null; }
+  get #shown() { return this.#frozen ?? this; }
+  // The time of the newest sample that is shown; undefined if there is none.
+  get newest_shown_s() { return this.#shown.rows.at(-1)?.time_s; }
+  get newest_row_shown() { return this.#shown.rows.at(-1); }
+  get offset_shown_s() { return this.#shown.rows.at(-1)?.offset_s ?? 0; }
+  get spans_shown() { return this.#shown.spans; }
+
+  // Returns the rows that a plot of this time needs: those in it, and one on either side.
+  plotted(begin_s, end_s) {
+    const {rows} = this.#shown;
+    return rows.slice(Math.max(0, first_at(rows, begin_s) - 1), first_at(rows, end_s) + 1);
+  }
+  within(begin_s, end_s) {
+    return this.#shown.rows.filter(({time_s}) => time_s >= begin_s && time_s <= end_s);
+  }
+  // Returns the spans of time, [{begin_s, end_s, mark}], without samples whose motion was known.
+  marked(begin_s, end_s) {
+    const spans = [];
+    let before_s;
+    for (const {time_s, mark, is_first} of this.plotted(begin_s, end_s)) {
+      const last = spans.at(-1);
+      if (mark && !is_first && before_s !== undefined) {
+        if (last?.mark === mark && last.end_s === before_s) last.end_s = time_s;
+        else spans.push({begin_s: before_s, end_s: time_s, mark});
+      }
+      before_s = time_s;
+    }
+    return spans;
+  }
+}
+
+// Returns the points of a curve, whose line is broken where there are no samples: `value` of a row is undefined where it
+// has none.
+export function points(rows, x, value) {
+  const list = [];
+  for (const row of rows) {
+    if (row.is_first && list.length > 0) list.push({x: (list.at(-1).x + x(row)) / 2, y: null});
+    list.push({x: x(row), y: value(row) ?? null});
+  }
+  return list;
+}
