@@ -17,3 +17,16 @@ def open_browser():
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     return webdriver.Chrome(service=Service(driver), options=options)
+
+
+def expect_no_errors(browser):
+    errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    assert not errors, errors
+
+
+# Returns the shown text of the first element of a selector in one step, because the page may replace its elements at any time.
+TEXT = "return document.querySelector(arguments[0])?.innerText ?? '';"
+
+
+def text(browser, selector):
+    return browser.execute_script(TEXT, selector)

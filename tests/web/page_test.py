@@ -3,7 +3,7 @@ phone. usage: page_test.py IMUD IMU_TRUTH SCREENSHOT_FOLDER"""
 import pathlib
 import sys
 
-from chromium import open_browser
+from chromium import expect_no_errors, open_browser, text
 from imud_page import Imud, wait_until
 from selenium.common.exceptions import (ElementClickInterceptedException, NoSuchElementException,
                                         StaleElementReferenceException)
@@ -13,19 +13,6 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 
 imud_path, truth_path, pictures = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])
 pictures.mkdir(parents=True, exist_ok=True)
-
-
-def expect_no_errors(browser):
-    errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
-    assert not errors, errors
-
-
-# Returns the shown text of the first element of a selector in one step, because the page may replace its elements at any time.
-TEXT = "return document.querySelector(arguments[0])?.innerText ?? '';"
-
-
-def text(browser, selector):
-    return browser.execute_script(TEXT, selector)
 
 
 def error_of_gyro_x(browser):

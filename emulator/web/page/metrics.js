@@ -28,13 +28,6 @@ export function buckets({samples}, name, imu) {
   return first < 0 ? [] : all.slice(first, last + 1);
 }
 
-// Returns the duration, s, that a share of all does not exceed, to the next limit of a bucket.
-export function percentile(list, share) {
-  const rank = share * list.reduce((sum, b) => sum + b.count, 0);
-  let sum = 0;
-  return list.find((b) => (sum += b.count) >= rank && sum > 0)?.up_to_s;
-}
-
 export function duration(seconds) {
   if (seconds === undefined) return "–";
   if (seconds === Infinity) return "> 10 s";

@@ -1,167 +1,143 @@
-// The plots of one imu: measurement over truth, error, and the histogram of lateness.
+// The plots and numbers of one imu: measurement over truth, error, and the histogram of lateness.
+import {add_figure, color, draw_lines, line_chart, recolor} from "./charts.js";
 import {duration} from "./metrics.js";
+import {choices, lateness, offset_m, quantities} from "./quantities.js";
+import {points} from "./series.js";
+import {zoom_by_pointer} from "./view.js";
 
-export const window_s = 20;
-const axes = ["x", "y", "z"];
-const quantities = [
-  {key: "rate", name: "Rate", unit: "rad/s"},
-  {key: "specific_force", name: "Specific force", unit: "m/s²"},
-];
-const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+const colors = ["x", "y", "z"];  // of the axes
 const short = (number) => (number == null ? "–" : Number(number).toPrecision(4));
 
-// Draws spans of time, such as faults, behind the curves, and their names over these.
-function each_span({chartArea: area, scales: {x}, ctx}, options, draw) {
-  ctx.save();
-  ctx.fillStyle = color("fault");
-  (options.list?.() ?? []).forEach(({begin_s, end_s, name}, i) => {
-    const left = Math.max(area.left, x.getPixelForValue(begin_s)), right = Math.min(area.right, x.getPixelForValue(end_s ?? x.max));
-    if (right >= area.left && left <= area.right) draw(left, Math.max(2, right - left), name, i);
-  });
-  ctx.restore();
-}
-const spans = {
-  id: "spans",
-  beforeDatasetsDraw(chart, _, options) {
-    const {ctx, chartArea: area} = chart;
-    ctx.globalAlpha = 0.2;
-    each_span(chart, options, (left, width) => ctx.fillRect(left, area.top, width, area.height));
-    ctx.globalAlpha = 1;
-  },
-  afterDatasetsDraw(chart, _, options) {
-    const {ctx, chartArea: area} = chart;
-    ctx.font = "600 11px sans-serif";
-    each_span(chart, options, (left, _, name, i) => (
-      ctx.fillText(name, Math.max(area.left, Math.min(left + 3, area.right - ctx.measureText(name).width)), area.top + 12 + 12 * (i % 4))));
-  },
-};
-
 export class Plots {
-  #series = {};   // by quantity: {values: [x, y, z], truths, errors}, each a list of points
-  #charts = [];   // of samples
+  #charts = [];   // [{quantity, is_error, chart, figure}]
+  #available = new Set();  // keys of the quantities that samples have had
   #lateness;
-  newest_s = -Infinity;  // time of the newest sample
-  #newest = {};
-  spans = [];     // {begin_s, end_s, name}; without end_s it goes on
 
-  constructor(container, table, imu) {
-    this.table = table;
-    for (const {key, name, unit} of quantities) {
-      const series = (this.#series[key] = {values: [[], [], []], truths: [[], [], []], errors: [[], [], []]});
-      this.#charts.push(this.#lines(container, `${name} of ${imu}, ${unit}: measured, and truth dashed`, [
-        ...axes.map((axis, i) => ({label: axis, axis, data: series.values[i]})),
-        ...axes.map((axis, i) => ({label: `${axis} truth`, axis, data: series.truths[i], dash: [5, 4]})),
-      ]));
-      this.#charts.push(this.#lines(container, `Error of ${name.toLowerCase()} of ${imu}, ${unit}: measured less truth`,
-        axes.map((axis, i) => ({label: axis, axis, data: series.errors[i]}))));
-    }
-    const canvas = this.#canvas(container, `Lateness of ${imu}: share of the samples up to each duration`);
-    this.#lateness = new Chart(canvas, {
+  // `view`: of all plots, `series`: of this imu.
+  constructor(container, table, imu, series, view) {
+    Object.assign(this, {container, table, imu, series, view});
+    const figure = add_figure(container);
+    figure.title(`Lateness of ${imu}: share of the samples up to each duration`);
+    this.#lateness = {figure, chart: new Chart(figure.canvas, {
       type: "bar",
       data: {labels: [], datasets: [{data: [], label: "share of the samples, %", backgroundColor: () => color("x")}]},
       options: {animation: false, maintainAspectRatio: false, plugins: {legend: {display: false}},
         scales: {y: {beginAtZero: true, title: {display: true, text: "%"}}}},
-    });
+    })};
     this.recolor();
   }
 
-  #canvas(container, title) {
-    const figure = document.createElement("figure"), caption = document.createElement("figcaption");
-    const box = document.createElement("div"), canvas = document.createElement("canvas");
-    box.className = "canvas";
-    caption.textContent = title;
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", title);
-    box.append(canvas);
-    figure.append(caption, box);
-    container.append(figure);
-    return canvas;
+  // Makes the charts of a quantity, when samples have it and it is shown for the first time.
+  #add(quantity) {
+    const {axes, has_truth} = quantity;
+    const curves = axes.map((label, i) => ({label, color: colors[i]}));
+    const truths = has_truth ? axes.map((axis, i) => ({label: `${axis} truth`, color: colors[i], is_dashed: true})) : [];
+    for (const is_error of has_truth ? [false, true] : [false]) {
+      const figure = add_figure(this.container), unit = () => choices.unit(quantity).text;
+      const chart = line_chart(figure.canvas, is_error ? curves : [...curves, ...truths], unit,
+        {shaded: () => this.series.marked(...this.range()), spans: () => this.series.spans_shown});
+      chart.options.plugins.legend.display = axes.length > 1;
+      zoom_by_pointer(chart, this.view, () => this.series.newest_shown_s);
+      recolor(chart);
+      this.#charts.push({quantity, is_error, chart, figure});
+    }
+    // In the order of `quantities`, whichever comes first; lateness last.
+    this.#charts.sort((a, b) => quantities.indexOf(a.quantity) - quantities.indexOf(b.quantity));
+    this.container.append(...this.#charts.map(({figure}) => figure.figure), this.#lateness.figure.figure);
   }
 
-  #lines(container, title, datasets) {
-    return new Chart(this.#canvas(container, title), {
-      type: "line",
-      data: {datasets: datasets.map(({label, axis, data, dash}) => (
-        {label, axis, data, borderDash: dash ?? [], borderWidth: dash ? 1.5 : 1.2, pointRadius: 0}))},
-      plugins: [spans],
-      options: {
-        animation: false, parsing: false, normalized: true, maintainAspectRatio: false, events: [],
-        plugins: {legend: {labels: {boxWidth: 18, boxHeight: 0}}, spans: {list: () => this.spans}},
-        scales: {x: {type: "linear", ticks: {maxTicksLimit: 6, maxRotation: 0, callback: (s) => `${+s.toFixed(1)} s`}},
-          y: {ticks: {maxTicksLimit: 5}}},
-      },
-    });
-  }
+  // Returns true if samples of this imu have the quantity.
+  has(key) { return key === lateness || this.#available.has(key); }
 
   recolor() {
-    for (const chart of [...this.#charts, this.#lateness]) {
-      chart.options.color = color("text");
-      for (const scale of Object.values(chart.options.scales)) {
-        scale.ticks = {...scale.ticks, color: color("faint")};
-        scale.grid = {color: color("line")};
-      }
-      for (const set of chart.data.datasets) if (set.axis) set.borderColor = set.backgroundColor = color(set.axis);
-      chart.update("none");
-    }
+    for (const {chart} of [...this.#charts, this.#lateness]) recolor(chart);
   }
 
-  // Takes the parameters of a notification `samples`.
-  add(params) {
-    params.time_s.forEach((time_s, i) => {
-      if (time_s < this.newest_s) this.clear();  // a new run
-      this.newest_s = time_s;
-      for (const {key} of quantities) {
-        const series = this.#series[key], value = params[key][i], truth = params[`true_${key}`]?.[i];
-        this.#newest[key] = {value, truth};
-        for (let axis = 0; axis < axes.length; ++axis) {
-          series.values[axis].push({x: time_s, y: value[axis]});
-          if (!truth) continue;
-          series.truths[axis].push({x: time_s, y: truth[axis]});
-          series.errors[axis].push({x: time_s, y: truth[axis] === null ? null : value[axis] - truth[axis]});  // null: its truth has never come
-        }
-      }
-    });
-    for (const series of Object.values(this.#series))
-      for (const list of Object.values(series).flat()) {
-        const old = list.findIndex((point) => point.x >= this.newest_s - window_s);
-        if (old > 0) list.splice(0, old);
-      }
-  }
-
-  clear() {
-    for (const series of Object.values(this.#series)) for (const list of Object.values(series).flat()) list.length = 0;
-    this.spans = [];
-    this.newest_s = -Infinity;
+  // The times that are shown.
+  range() {
+    const newest_s = this.series.newest_shown_s;
+    return [newest_s - this.view.oldest_s, newest_s - this.view.newest_s];
   }
 
   draw() {
-    if (this.newest_s === -Infinity) return;
-    this.spans = this.spans.filter(({end_s}) => !(end_s < this.newest_s - window_s));
-    for (const chart of this.#charts) {
-      chart.options.scales.x.max = this.newest_s;
-      chart.options.scales.x.min = this.newest_s - window_s;
-      chart.update("none");
+    for (const quantity of quantities) {
+      const {key} = quantity;
+      if (this.series.newest?.values[key]) this.#available.add(key);
+      if (this.has(key) && choices.is_shown(key) && !this.#charts.some((one) => one.quantity === quantity)) this.#add(quantity);
     }
+    this.#lateness.figure.figure.hidden = !choices.is_shown(lateness);
+    for (const {quantity, figure} of this.#charts) figure.figure.hidden = !choices.is_shown(quantity.key);
+    if (this.series.newest_shown_s === undefined) return;
+    const [begin_s, end_s] = this.range(), rows = this.series.plotted(begin_s, end_s);
+    for (const {quantity, is_error, chart, figure} of this.#charts) {
+      if (figure.figure.hidden) continue;
+      figure.title(this.#title(quantity, is_error, rows));
+      const {values, truths} = this.#reader(quantity, rows);
+      const curve = (read) => quantity.axes.map((_, i) => points(rows, (row) => row.time_s, (row) => read(row)?.[i]));
+      const error = (row) => truths(row) && values(row)?.map((value, i) => value - truths(row)[i]);
+      draw_lines(chart, is_error ? curve(error) : [...curve(values), ...(quantity.has_truth ? curve(truths) : [])], begin_s, end_s);
+    }
+  }
+
+  #title({name, key, has_truth, ...quantity}, is_error, rows) {
+    const unit = choices.unit(quantity).text, from = rows.find((row) => row.values.position)?.values.position;
+    if (is_error) return `Error of ${name.toLowerCase()} of ${this.imu}, ${unit}: measured less truth`;
+    if (key !== "position" || !from) return `${name} of ${this.imu}, ${unit}${has_truth ? ": measured, and truth dashed" : ""}`;
+    const [latitude, longitude] = from.map((rad) => ((rad * 180) / Math.PI).toFixed(6));
+    return `${name} of ${this.imu}, ${unit} from ${latitude}°, ${longitude}°, ${from[2].toFixed(1)} m`;
+  }
+
+  // Returns what reads values and truths of rows, in the units that are shown.
+  #reader(quantity, rows) {
+    const {factor} = choices.unit(quantity), {key} = quantity;
+    const from = key === "position" ? rows.find((row) => row.values.position)?.values.position : undefined;
+    const scaled = (list) => list?.map((value) => factor * value);
+    return {values: (row) => scaled(from && row.values[key] ? offset_m(row.values[key], from) : row.values[key]),
+      truths: (row) => scaled(row.truths[key])};
   }
 
   // The numbers for those who do not see the plots.
   describe() {
-    const rows = quantities.filter(({key}) => this.#newest[key]).map(({key, name, unit}) => {
-      const {value, truth} = this.#newest[key];
-      return [`${name}, ${unit}`, ...axes.map((_, i) => short(value[i])), ...axes.map((_, i) => short(truth && truth[i] !== null ? value[i] - truth[i] : undefined))];
+    const newest = this.series.newest_row_shown;
+    if (!newest) return;
+    const rows = quantities.filter(({key}) => newest.values[key] && choices.is_shown(key)).map((quantity) => {
+      const {key, name, axes} = quantity, {factor, text} = choices.unit(quantity), truth = newest.truths[key];
+      const value = key === "position" ? this.#reader(quantity, this.series.plotted(...this.range())).values(newest) : newest.values[key];
+      return [`${name}${axes[0] !== "x" && axes.length > 1 ? ` (${axes.join(", ")})` : ""}, ${text}`,
+        ...colors.map((_, i) => (i < axes.length ? short(factor * value[i]) : "")),
+        ...colors.map((_, i) => (quantity.has_truth ? short(truth && factor * (value[i] - truth[i])) : ""))];
     });
-    if (rows.length === 0) return;
-    fill_table(this.table, ["", ...axes, ...axes.map((axis) => `error ${axis}`)], rows);
+    fill_table(this.table, ["", ...colors, ...colors.map((axis) => `error ${axis}`)], rows);
   }
 
   set_lateness(list) {
-    const all = list.reduce((sum, b) => sum + b.count, 0);
-    const [set] = this.#lateness.data.datasets;
-    this.#lateness.data.labels = list.map((b) => duration(b.up_to_s));
+    const all = list.reduce((sum, b) => sum + b.count, 0), {chart} = this.#lateness;
+    const [set] = chart.data.datasets;
+    chart.data.labels = list.map((b) => duration(b.up_to_s));
     set.data = list.map((b) => (100 * b.count) / all);
-    this.#lateness.update("none");
-    this.#lateness.canvas.setAttribute("aria-label", "Lateness: " +
+    chart.update("none");
+    chart.canvas.setAttribute("aria-label", "Lateness: " +
       list.map((b) => `up to ${duration(b.up_to_s)}: ${((100 * b.count) / all).toFixed(1)} %`).join(", "));
+  }
+
+  // What is saved: the plots that are shown, [{text, canvas}], and the table of what these show.
+  pictures() {
+    return [...this.#charts, this.#lateness].filter(({figure}) => !figure.figure.hidden).map(({figure: {text, canvas}}) => ({text, canvas}));
+  }
+  table_shown() {
+    const [begin_s, end_s] = this.range(), rows = this.series.within(begin_s, end_s);
+    const shown = quantities.filter(({key}) => this.has(key) && choices.is_shown(key));
+    const columns = [["time_s", ({time_s}) => time_s], ["sample", ({k}) => k], ["truth", ({mark}) => mark ?? "interpolated"]];
+    for (const quantity of shown) {
+      const {column} = choices.unit(quantity), {values, truths} = this.#reader(quantity, this.series.plotted(begin_s, end_s));
+      const name = quantity.key.replace(/_c$/, "");
+      quantity.axes.forEach((axis, i) => {
+        const of_axis = axis ? `${name}_${axis}` : name;
+        columns.push([`${of_axis}_${column}`, (row) => values(row)?.[i]]);
+        if (quantity.has_truth) columns.push([`true_${of_axis}_${column}`, (row) => truths(row)?.[i]]);
+      });
+    }
+    return [columns.map(([head]) => head), ...rows.map((row) => columns.map(([, read]) => read(row) ?? ""))];
   }
 }
 
