@@ -29,9 +29,10 @@ lock_memory = false
 
 
 class Imud:
-    """`imus` and `realtime` are parts of the configuration, `arguments` further ones of `imud run`; {folder} is that of the run."""
+    """`imus` and `realtime` are parts of the configuration, `arguments` further ones of `imud run`; {folder} is that of the run. `start_s`: the
+    simulation time of the first truth."""
 
-    def __init__(self, imud, imu_truth, imus=TWO_IMUS, realtime=NO_PRIORITY, listen="127.0.0.1:0", arguments=()):
+    def __init__(self, imud, imu_truth, imus=TWO_IMUS, realtime=NO_PRIORITY, listen="127.0.0.1:0", arguments=(), start_s=0):
         self.folder = tempfile.TemporaryDirectory(prefix="web")
         folder = self.folder.name
         config = pathlib.Path(folder) / "imu.toml"
@@ -55,7 +56,8 @@ listen = "{listen}"
             raise RuntimeError("imud has not begun:\n" + "".join(self.log))
         ports = dict(re.findall(r"(\S+) is (\S+?)(?:,|$)", self.log[-1].strip()))
         self.address = ports.get("web.listen", listen)
-        self.truth = subprocess.Popen([imu_truth, "coning", "--to", ports["truth.port"], "--frequency-hz", "0.5", "--half-angle-rad", "0.2"],
+        self.truth = subprocess.Popen([imu_truth, "coning", "--to", ports["truth.port"], "--frequency-hz", "0.5", "--half-angle-rad", "0.2",
+                                       "--start", str(start_s)],
                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     def stop(self):

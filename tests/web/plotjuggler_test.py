@@ -10,20 +10,23 @@ imud = Imud(sys.argv[1], sys.argv[2])
 try:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
         udp.bind(("127.0.0.1", 0))
-        udp.settimeout(10)
+        udp.settimeout(120)
         ctl = subprocess.Popen([sys.argv[1], "ctl", "--socket", f"{imud.folder.name}/control.sock", "subscribe", "what=samples",
                                 "rate_hz=50"], stdout=subprocess.PIPE)
         sender = subprocess.Popen([sys.argv[3], f"127.0.0.1:{udp.getsockname()[1]}"], stdin=ctl.stdout)
-        samples = [json.loads(udp.recv(2000)) for _ in range(100)]
+        samples = []
+        # The product sends before the first truth comes, the other does not.
+        while min(sum(name in sample for sample in samples) for name in ("imu1", 'tail "left"')) <= 30:
+            samples.append(json.loads(udp.recv(2000)))
         ctl.terminate()
         ctl.wait()
         ctl.stdout.close()
-        assert sender.wait(10) == 0
+        assert sender.wait(120) == 0
     for name in ("imu1", 'tail "left"'):
         of_imu = [sample for sample in samples if name in sample]
         times = [sample["timestamp"] for sample in of_imu]
         steps = [b - a for a, b in zip(times, times[1:])]
-        assert len(times) > 30 and all(abs(step - 0.02) < 1e-9 for step in steps), steps
+        assert all(abs(step - 0.02) < 1e-9 for step in steps), steps
         for sample in of_imu:
             values = sample.pop(name)
             assert list(sample) == ["timestamp"], sample
