@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/capture_check.hpp"
 #include "emulator/config.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/control/running_keys.hpp"
@@ -193,8 +194,11 @@ int print_faults(const std::string& path, const std::vector<std::string>& faults
 
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options) {
   try {
-    const Config config = load_config(path, overrides, {}, options.scenarios);
+    Config config = load_config(path, overrides, options.capture, options.scenarios);
     make_parts(config, options);
+    const CaptureFindings findings = check_capture(config);
+    if (!findings.faults.empty() && !options.repeats) throw ConfigError(findings.faults);
+    config.warnings.insert(config.warnings.end(), findings.warnings.begin(), findings.warnings.end());
     if (options.layout == CheckLayout::text) print_text(path, config);
     if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved);
     if (options.layout == CheckLayout::json) print_json(path, config);

@@ -20,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/capture_check.hpp"
 #include "emulator/check.hpp"
 #include "emulator/config.hpp"
 #include "emulator/control/ctl.hpp"
@@ -93,18 +94,16 @@ int replay(const Arguments& arguments) {
     throw PortError(
         "--quality, --record, --ready-fd and --junit are of a single run; omit them with --seeds, --jobs and --npy");
   if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
-  const bool is_stdin = arguments.capture == "-";
-  if (is_stdin && arguments.config == "-")
-    throw PortError("standard input is the configuration already; give a file as the capture");
-  const std::string capture = is_stdin ? arguments.capture : capture_port(arguments.capture);
+  const CapturePort capture(arguments.capture, arguments.config);
   RunOptions options = arguments.run;
-  const Transport* transport = transport_of(capture);
-  options.repeats = capture != arguments.capture && transport != nullptr && transport->is_record != nullptr &&
-                    capture.find('?') == std::string::npos;
+  options.repeats = capture.repeats;
   if (options.repeats && !options.record.file.empty())
     throw PortError("--record: a repeated run has the record that it is repeated from; omit --record");
-  const Config config = load_config(arguments.config, overrides, capture, arguments.scenarios);
-  if (options.repeats) check_recorded(config, arguments.capture, overrides, capture);
+  const Config config = load_config(arguments.config, overrides, capture.port, arguments.scenarios);
+  if (options.repeats)
+    check_recorded(config, arguments.capture, overrides, capture.port);
+  else
+    refuse_late_faults(config);
   return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
 }
 
@@ -270,6 +269,8 @@ int execute(int argc, const char* const* argv) {
       ->type_name("FILE");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);
+  check_command->add_option("CAPTURE", arguments.capture,
+                            "Check the replay of this capture: also whether each fault begins before it ends");
   with_require(check_command);
   with_scenario(check_command);
   CheckLayout layout = CheckLayout::text;
@@ -345,8 +346,11 @@ int execute(int argc, const char* const* argv) {
       throw OpenError("--record-files: needs --record-max-mb");
     if (list_command->parsed()) return list(arguments.name, json);
     if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
-    if (check_command->parsed())
-      return check(arguments.config, arguments.overrides, {layout, arguments.run.required, arguments.scenarios});
+    if (check_command->parsed()) {
+      const CapturePort capture(arguments.capture, arguments.config);
+      return check(arguments.config, arguments.overrides,
+                   {layout, arguments.run.required, arguments.scenarios, capture.port, capture.repeats});
+    }
     if (ctl_command->parsed()) return ctl(ctl_options);
     if (pty_command->parsed()) return keep_ptys(links, background);
     if (selftest_command->parsed()) {
@@ -356,7 +360,9 @@ int execute(int argc, const char* const* argv) {
     }
     arguments.seeds.quiet = arguments.quiet;
     if (replay_command->parsed()) return replay(arguments);
-    return run(load_config(arguments.config, arguments.overrides, {}, arguments.scenarios), arguments.run);
+    const Config config = load_config(arguments.config, arguments.overrides, {}, arguments.scenarios);
+    refuse_late_faults(config);
+    return run(config, arguments.run);
   } catch (const ConfigError& error) {
     print_fault(error.what());
     fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");
