@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 #include "emulator/summary.hpp"
 #include "transports/port.hpp"
@@ -109,9 +110,7 @@ void Outcome::judge_faults(std::vector<FaultOutcome> all, bool is_repeated) {
   faults = std::move(all);
   if (is_repeated || (ended_by != EndedBy::end_of_capture && ended_by != EndedBy::duration)) return;
   for (const FaultOutcome& fault : faults)
-    if (!fault.has_begun() && !fault.may_fail_to_begin)
-      shortfalls.push_back(
-          fmt::format("fault {} {}", fault.name, fault.is_passed_over ? "was passed over" : "has never begun"));
+    if (std::string text = fault.shortfall(); !text.empty()) shortfalls.push_back(std::move(text));
 }
 
 void check_figures(std::span<const Requirement> requirements, const Config& config) {

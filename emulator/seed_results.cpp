@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "emulator/faults/fault_labels.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -23,6 +24,25 @@ bool SeedResults::add(const std::string& text) {
   return are_whole;
 }
 
+// Adds to the summary of a run's last part the faults that have begun in none of its parts.
+void SeedResults::judge_faults(std::uint64_t seed, Json& summary) {
+  Begun& run = begun_[seed];
+  run.occurrences.resize(faults_.size());
+  const Json &ended_by = summary.at("ended_by"), &faults = summary.at("faults");
+  run.is_whole = run.is_whole && (ended_by == "end_of_capture" || ended_by == "for");
+  for (std::size_t i = 0; i < faults_.size(); ++i)
+    run.occurrences[i] += faults.at(i).at("occurrences").get<std::uint64_t>();
+  if (++run.parts < parts_) return;
+  for (std::size_t i = 0; i < faults_.size() && run.is_whole; ++i) {
+    const std::string text = FaultOutcome(faults_[i], run.occurrences[i]).shortfall();
+    if (text.empty()) continue;
+    summary["shortfalls"].push_back(text);
+    summary["complete"] = false;
+    summary["exit_code"] = worse_exit_code(summary["exit_code"], 3);
+  }
+  begun_.erase(seed);
+}
+
 bool SeedResults::add_run(Json summary) {
   constexpr std::uint64_t most_shortfalls = 10;  // that are logged
   const auto seed = summary.at("seed").get<std::uint64_t>();
@@ -33,6 +53,7 @@ bool SeedResults::add_run(Json summary) {
     labels_[{seed, labels->at("part")}] = labels->at("text");
     summary.erase(labels);
   }
+  if (parts_ > 1) judge_faults(seed, summary);
   exit_code_ = worse_exit_code(exit_code_, summary.at("exit_code"));
   for (const Json& imu : summary.at("imus")) samples_ += imu.at("samples").get<std::uint64_t>();
   for (const Json& shortfall : summary.at("shortfalls"))
@@ -58,6 +79,11 @@ bool SeedResults::add_run(Json summary) {
   for (Json& shortfall : summary["shortfalls"])
     if (std::find(whole["shortfalls"].begin(), whole["shortfalls"].end(), shortfall) == whole["shortfalls"].end())
       whole["shortfalls"].push_back(std::move(shortfall));
+  for (std::size_t i = 0; i < faults_.size(); ++i) {
+    Json &fault = whole["faults"][i], &of_part = summary["faults"][i];
+    fault["occurrences"] = fault["occurrences"].get<std::uint64_t>() + of_part["occurrences"].get<std::uint64_t>();
+    fault["began"] = fault["began"].get<bool>() || of_part["began"].get<bool>();
+  }
   for (Json& imu : summary["imus"]) whole["imus"].push_back(std::move(imu));
   return is_whole;
 }

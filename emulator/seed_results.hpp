@@ -5,10 +5,13 @@
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "core/time.hpp"
+#include "emulator/faults/fault_config.hpp"
 
 namespace imud {
 
@@ -18,8 +21,10 @@ int worse_exit_code(int a, int b) noexcept;
 // The summaries by seed; those of a seed's imus, which ran apart, are merged.
 class SeedResults {
  public:
-  // `keeps`: by_seed() is wanted.
-  explicit SeedResults(bool keeps) : keeps_(keeps) {}
+  // `keeps`: by_seed() is wanted. `parts`: of each run, which run apart; a fault of `faults`, which must outlive
+  // this, that has begun in none of them is a shortfall of the run. With one part, its summary has the shortfalls.
+  explicit SeedResults(bool keeps, std::size_t parts = 1, std::span<const FaultConfig> faults = {})
+      : keeps_(keeps), parts_(parts), faults_(faults) {}
 
   // `text`: a JSON array of the summaries of runs. Logs what is missing, of the first seeds, and the remarks of the
   // first run. Returns false if a signal has ended one of them.
@@ -32,12 +37,22 @@ class SeedResults {
   const std::map<std::uint64_t, nlohmann::ordered_json>& by_seed() const noexcept { return by_seed_; }
 
  private:
+  // How often each fault has begun in the parts of a run so far.
+  struct Begun {
+    std::size_t parts = 0;
+    bool is_whole = true;
+    std::vector<std::uint64_t> occurrences;
+  };
   bool add_run(nlohmann::ordered_json summary);
+  void judge_faults(std::uint64_t seed, nlohmann::ordered_json& summary);
 
   std::map<std::uint64_t, nlohmann::ordered_json> by_seed_;
   std::map<std::pair<std::uint64_t, std::size_t>, std::string> labels_;  // by seed and part
   const bool keeps_;
-  bool has_remarks_ = false;  // they are logged
+  const std::size_t parts_;
+  const std::span<const FaultConfig> faults_;
+  std::map<std::uint64_t, Begun> begun_;  // by seed, until all parts have come
+  bool has_remarks_ = false;              // they are logged
   std::uint64_t samples_ = 0, shortfalls_ = 0;
   int exit_code_ = 0;
 };

@@ -103,6 +103,7 @@ class Runs {
   }
   std::uint64_t seeds() const noexcept { return seeds_.size(); }
   std::size_t runs() const noexcept { return (seeds_.size() - done_) * parts_; }
+  std::size_t parts() const noexcept { return parts_; }
   std::size_t runs_of(std::size_t item) const noexcept { return seeds_of(item).size(); }
 
   // The item has been done: the arrays have its rows.
@@ -150,7 +151,7 @@ class Runs {
   }
   std::string end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
                   std::size_t part) const;
-  Json labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const;
+  std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const;
   SeedArrays::Run run_for_arrays() const {
     return [this](const Config& config, const Sync::OpenPort& open, const auto& awaits_truth) {
       const std::atomic<bool> no_stop = false;
@@ -283,6 +284,12 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
   if (!difference.empty()) outcome.shortfalls.push_back(difference);
   for (const auto& channel : channels)
     for (Expected& one : channel->expected()) outcome.expected.push_back(std::move(one));
+  std::vector<FaultLabel> all = labels(batch, run, session, part);
+  std::vector<FaultOutcome> faults = fault_outcomes(session.faults().configured(), all);
+  if (parts_ == 1)
+    outcome.judge_faults(std::move(faults), options_.repeats);
+  else
+    outcome.faults = std::move(faults);  // SeedResults judges those of all parts
   if (outcome.ended_by != EndedBy::failure) imud::commit(channels);
   if (arrays_)
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
@@ -291,12 +298,19 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
   const std::string text = json(summary, JsonLayout::line);
   if (options_.labels_file.empty()) return text;
   Json with_labels = Json::parse(text);
-  with_labels["labels"] = labels(batch, run, session, part);
+  add_never_begun(session.faults().configured(), all);
+  std::erase_if(all, [&](const FaultLabel& label) {
+    const auto has_label = [&](const ImuConfig& imu) { return imu.name == label.imu; };
+    return label.imu == fault_of_truth ? part > 0
+                                       : std::none_of(batch.config.imus.begin(), batch.config.imus.end(), has_label);
+  });
+  const auto to_text = options_.labels_file.ends_with(".json") ? labels_json : labels_csv;
+  with_labels["labels"] = {{"part", part}, {"text", to_text(all, batch.config.seed)}};
   return with_labels.dump();
 }
 
-// Returns the labels of a run, or of its part, for SeedResults.
-Json Runs::labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const {
+std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, const Session& session,
+                                     std::size_t part) const {
   std::vector<std::string> names;
   for (const auto& channel : session.channels()) names.push_back(channel->name());
   const std::size_t first = run * batch.config.imus.size(), end = first + batch.config.imus.size();
@@ -305,9 +319,7 @@ Json Runs::labels(const Batch& batch, std::size_t run, const Session& session, s
   std::erase_if(all, [&](const FaultLabel& label) {
     return label.first.imu == truth_number ? part > 0 : label.first.imu < first || label.first.imu >= end;
   });
-  const bool is_json = options_.labels_file.ends_with(".json");
-  return {{"part", part},
-          {"text", is_json ? labels_json(all, batch.config.seed) : labels_csv(all, batch.config.seed)}};
+  return all;
 }
 
 }  // namespace
@@ -342,7 +354,7 @@ int replay_seeds(const Config& config, const RunOptions& options, const SeedsOpt
   const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : std::max(1U, std::thread::hardware_concurrency());
   runs.divide(jobs);
   bool is_whole = false;
-  SeedResults results(!options.summary_file.empty());
+  SeedResults results(!options.summary_file.empty(), runs.parts(), config.faults);
   SeedProgress progress(runs.runs(), seeds.quiet);
   std::size_t done = 0;
   try {

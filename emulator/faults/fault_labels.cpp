@@ -61,9 +61,7 @@ void add_never_begun(std::span<const FaultConfig> faults, std::vector<FaultLabel
 std::vector<FaultOutcome> fault_outcomes(std::span<const FaultConfig> faults, std::span<const FaultLabel> labels) {
   std::vector<FaultOutcome> all;
   for (const FaultConfig& fault : faults) {
-    FaultOutcome& outcome = all.emplace_back();
-    outcome.name = fault.name;
-    outcome.may_fail_to_begin = fault.is_optional || fault.probability < 1;
+    FaultOutcome& outcome = all.emplace_back(fault);
     for (const FaultLabel& label : labels) {
       if (label.fault != &fault) continue;
       if (label.state == FaultLabel::State::acted) ++outcome.occurrences;
@@ -71,6 +69,11 @@ std::vector<FaultOutcome> fault_outcomes(std::span<const FaultConfig> faults, st
     }
   }
   return all;
+}
+
+std::string FaultOutcome::shortfall() const {
+  if (has_begun() || may_fail_to_begin) return {};
+  return fmt::format("fault {} {}", name, is_passed_over ? "was passed over" : "has never begun");
 }
 
 const std::string& imu_of(const FaultEvent& event, std::span<const std::string> imus) {

@@ -29,11 +29,15 @@ struct FaultLabel {
 
 // How often a fault of the configuration has acted, all imus together.
 struct FaultOutcome {
+  explicit FaultOutcome(const FaultConfig& fault, std::uint64_t occurred = 0)
+      : name(fault.name), occurrences(occurred), may_fail_to_begin(fault.is_optional || fault.probability < 1) {}
   std::string name;
   std::uint64_t occurrences = 0;
   bool is_passed_over = false;     // an occurrence, by a leap of the simulation's time
   bool may_fail_to_begin = false;  // optional, or each occurrence has a probability
   bool has_begun() const noexcept { return occurrences > 0; }
+  // Describes a fault that should have begun and has not; empty for every other.
+  std::string shortfall() const;
 };
 
 // Pairs begins and ends, in the order of the begins. `imus`: their names, by number.
