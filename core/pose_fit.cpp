@@ -37,10 +37,18 @@ void PoseFit::push(const Truth& truth) noexcept {
       (truth.has_position || (truth.has_velocity && !options_.gravitation.needs_position()));
   newest.noise = {-1.0, -1.0};
   newest.begins_segment = begins_segment(newest);
-  if (newest.begins_segment) newest_segment_ = count_;
+  if (newest.begins_segment) {
+    if (!ended_) refuse_outliers_at_end();
+    newest_segment_ = count_;
+  }
   ended_ = false;
-  ++count_;
-  if ((newest.derives_rate || newest.derives_force) && !refuse_outlier()) estimate_noise();
+  const Item& added = item(count_++);
+  if ((added.derives_rate || added.derives_force) && !refuse_outliers()) estimate_noise();
+}
+
+void PoseFit::finish() noexcept {
+  if (!ended_) refuse_outliers_at_end();
+  ended_ = true;
 }
 
 // Returns whether a segment begins with the newest truth; marks one that follows a gap.

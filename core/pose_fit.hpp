@@ -33,13 +33,21 @@ namespace imud {
 // motion is fast, or free of noise. Motion faster than a quarter of the rate of the poses counts as noise: give a
 // delay for that.
 //
-// A truth that is off by more than any noise is refused, if three truths of its segment precede and three follow it:
-// its distance from the quartic through the 6 to 3 before and the 3 to 6 after it is more than 10 times its expected
-// root mean square, by the noise of about the last 100 truths, and also its squared distance more than 150 times that
-// by the misfit of those neighbours (1500 times, while fewer than 20 truths have shown the noise), and it is above 2
-// mrad or 2 mm and above 2^-21 of the position. For normal noise in three axes the second condition alone has a
-// probability below 1e-9 (F distribution, 3 and 12 degrees of freedom). A kink of the motion (a step of velocity or
-// acceleration) has a ratio of at most 22. Two such truths in a row are not found.
+// Up to three truths in a row that are off by more than any noise are refused. Each of them is compared with the
+// quartic through nine neighbours, 6 before and 3 after them, near an end of the segment as many as there are. Its
+// distance is more than 10 times its expected root mean square, by the noise of about the last 100 truths, and also
+// its squared distance more than 150 times that by the misfit of the neighbours (1500 times, while fewer than 20
+// truths have shown the noise), and it is above 2 mrad or 2 mm (2 mm/s) and above 2^-21 of the position. For normal
+// noise in three axes the second condition alone has a probability of 9e-10 (F distribution, 3 and 12 degrees of
+// freedom), so that one of the three tests of a truth, alone and as the last of two and three, fails falsely with
+// 3e-9 at most; at 1500 times with 4e-15. A kink of the motion (a step of position, velocity or acceleration) has a
+// ratio of at most 48, and 81 with two neighbours on one side. With one neighbour or none on a side it must be 1500,
+// the steps to and from the truths more than three times those between the neighbours, and the distance more than 200
+// m/s^2 or 1000 rad/s^2 explain in the time from the nearest of the many neighbours: a pose at another place is then
+// refused, also if the vehicle has leapt there with its last three. There the expected distance is larger: the rms of
+// a component is 4, 10 and 23 times the noise for one to three truths beyond the last neighbour, 1.2 to 2.2
+// elsewhere. A segment of fewer than ten truths is not tested. If truths of a run were taken before its last had
+// come, those stay.
 //
 // A window has at least 3 truths on either side, if need be of more than the delay, and at most 256. Near the ends of
 // a segment it has the length of the others, or 13 truths, and lies to one side; there the degree depends on the
@@ -74,7 +82,7 @@ class PoseFit {
   // Adds a truth, which is later than the one before unless it has `new_run` set. next() must have returned false.
   void push(const Truth& truth) noexcept;
   // Ends the segment: no truth is waited for any more.
-  void finish() noexcept { ended_ = true; }
+  void finish() noexcept;
   // Takes the next truth with what is derived, in the order of push(). Returns false if it has to wait for further
   // ones; a truth of which nothing is derived does not wait, and is not changed. From positions that no vehicle has,
   // the derived state may fail is_finite() or is_in_range().
@@ -95,7 +103,7 @@ class PoseFit {
   struct Outliers {
     std::uint64_t count = 0;
     TruthTime time;
-    double angle = 0, distance = 0;              // from its neighbours: rad; m, or m/s of velocities
+    double angle = 0, distance = 0;              // from the neighbours, of a run the least clear: rad; m, or m/s
     double angle_bound = 0, distance_bound = 0;  // beyond which it is refused
   };
   const Outliers& outliers() const noexcept { return outliers_; }
@@ -110,7 +118,8 @@ class PoseFit {
   static constexpr std::size_t least = 3, most = 256;  // truths on one side
   static constexpr std::size_t least_at_end = 12;      // beside the truth, near the ends of a segment
   static constexpr std::size_t capacity = 2048;
-  static constexpr std::size_t levels = 9;  // of the delay; number k is `delay` 2^(k/2)
+  static constexpr std::size_t longest_run = 3;  // of outliers
+  static constexpr std::size_t levels = 9;       // of the delay; number k is `delay` 2^(k/2)
   enum Quantity : std::uint8_t { attitude, place };
   static constexpr std::array<Quantity, 2> quantities = {attitude, place};
   struct Item {
@@ -136,6 +145,15 @@ class PoseFit {
   struct Window {
     std::size_t first, last;
   };
+  // Truths in a row that may be outliers.
+  struct Group {
+    std::size_t first = 0, count = 0;
+  };
+  struct Suspect {
+    double ratio = 0, distance = 0, bound = 0;
+    Quantity quantity = attitude;
+    Group group = {};
+  };
 
   const Item& item(std::size_t i) const noexcept { return items_[(oldest_ + i) % capacity]; }
   double since_s(std::size_t i) const noexcept { return seconds(item(i).truth.time - item(next_).truth.time); }
@@ -151,9 +169,12 @@ class PoseFit {
   // pose_fit_noise.cpp
   Vector3 value_of(Quantity quantity, std::size_t origin, std::size_t i) const noexcept;
   double size_of(Quantity quantity, std::size_t i) const noexcept;
-  bool refuse_outlier() noexcept;
-  bool is_outlier(Quantity quantity, std::size_t first, std::size_t i, double& distance,
-                  double& bound) const noexcept;
+  bool refuse_outliers() noexcept;
+  void refuse_outliers_at_end() noexcept;
+  bool refuse_outliers(std::size_t begin, std::size_t end, std::size_t from, std::size_t to) noexcept;
+  void test(Quantity quantity, const Group& group, std::size_t begin, std::size_t end,
+            Suspect& suspect) const noexcept;
+  static double explained(Quantity quantity, bool is_velocity, double span_s) noexcept;
   void estimate_noise() noexcept;
   // pose_fit_choice.cpp
   std::size_t segment_end() const noexcept;

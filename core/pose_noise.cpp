@@ -1,6 +1,7 @@
 #include "core/pose_noise.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace imud {
 
@@ -21,36 +22,36 @@ double noise_energy(std::span<const double, 9> times_s, std::span<const Vector3,
 }
 
 DeletedResidual deleted_residual(std::span<const double> times_s, std::span<const Vector3> values,
-                                 std::size_t left_out) noexcept {
+                                 std::size_t left_out, std::size_t count) noexcept {
   constexpr std::size_t degree = 4, most = 16;
   const std::size_t n = times_s.size();
   const double origin = times_s[left_out];
   const double scale = std::max({times_s.back() - origin, origin - times_s.front(), 1e-9});
-  std::array<double, most> x{}, now{}, before{};
+  const auto is_left_out = [&](std::size_t i) { return i >= left_out && i < left_out + count; };
+  std::array<double, most> x{}, now{}, before{}, variance{};
   std::array<Vector3, most> rest;
   for (std::size_t i = 0; i < n; ++i) {
     x[i] = (times_s[i] - origin) / scale;
     now[i] = 1.0;
     rest[i] = values[i];
+    variance[i] = 1.0;
   }
-  // Orthogonal polynomials on the others, as in PolynomialFit. Those of the value that is tested have no weight.
-  DeletedResidual result;
-  result.variance = 1.0;
+  // Orthogonal polynomials on the others, as in PolynomialFit. Those of the values that are tested have no weight.
   double square_before = 1.0;
   for (std::size_t k = 0; k <= degree; ++k) {
     double square = 0.0, moment = 0.0;
     Vector3 sum = Vector3::Zero();
     for (std::size_t i = 0; i < n; ++i) {
-      if (i == left_out) continue;
+      if (is_left_out(i)) continue;
       square += now[i] * now[i];
       moment += x[i] * now[i] * now[i];
       sum += now[i] * rest[i];
     }
     if (square < 1e-12) break;
-    result.variance += now[left_out] * now[left_out] / square;
     const Vector3 coefficient = sum / square;
     const double alpha = moment / square, beta = k == 0 ? 0.0 : square / square_before;
     for (std::size_t i = 0; i < n; ++i) {
+      variance[i] += now[i] * now[i] / square;
       rest[i] -= now[i] * coefficient;
       const double next = (x[i] - alpha) * now[i] - beta * before[i];
       before[i] = now[i];
@@ -60,12 +61,15 @@ DeletedResidual deleted_residual(std::span<const double> times_s, std::span<cons
   }
   double misfit = 0.0;
   for (std::size_t i = 0; i < n; ++i)
-    if (i != left_out) misfit += rest[i].squaredNorm();
-  result.distance = rest[left_out].norm();
-  const double expected = result.variance * misfit / static_cast<double>(n - 1 - (degree + 1));
-  const double energy = result.distance * result.distance;
+    if (!is_left_out(i)) misfit += rest[i].squaredNorm();
+  misfit /= static_cast<double>(n - count - (degree + 1));
   constexpr double most_ratio = 1e12;
-  result.ratio = energy < most_ratio * expected ? energy / expected : (energy > 0.0 ? most_ratio : 0.0);
+  DeletedResidual result;
+  for (std::size_t i = left_out; i < left_out + count; ++i) {
+    const double expected = variance[i] * misfit, energy = rest[i].squaredNorm();
+    const double ratio = energy < most_ratio * expected ? energy / expected : (energy > 0.0 ? most_ratio : 0.0);
+    if (i == left_out || ratio < result.ratio) result = {std::sqrt(energy), variance[i], ratio};
+  }
   return result;
 }
 

@@ -18,17 +18,18 @@ namespace imud {
 // data by simplified least squares procedures, Analytical Chemistry 36(8), 1964: such weights, and their noise.)
 double noise_energy(std::span<const double, 9> times_s, std::span<const Vector3, 9> values) noexcept;
 
-// The test whether one of several values belongs to the others.
+// The test whether one or several neighbours among several values belong to the others.
 struct DeletedResidual {
   double distance = 0;  // from the quartic polynomial that fits the others, in the unit of the values
   double variance = 0;  // of that distance by the noise of a value of variance 1, all components together
   double ratio = 0;     // of the squared distance and its expected square by the misfit of the others; the F
-                        // distribution with 3 and 3 (n - 6) degrees of freedom if the noise is normal
+                        // distribution with 3 and 3 (n - left out - 5) degrees of freedom if the noise is normal
 };
-// `left_out`: the number of the value that is tested. There are 8 to 16 values, at increasing times, s. (The
+// `left_out`: the number of the first value that is tested, of `count`; the result is that of the tested value whose
+// ratio is the smallest. There are 8 to 16 values, at increasing times, s; six or more are not tested. (The
 // externally studentised residual: R. D. Cook and S. Weisberg, Residuals and Influence in Regression, Chapman and
 // Hall 1982.)
 DeletedResidual deleted_residual(std::span<const double> times_s, std::span<const Vector3> values,
-                                 std::size_t left_out) noexcept;
+                                 std::size_t left_out, std::size_t count = 1) noexcept;
 
 }  // namespace imud

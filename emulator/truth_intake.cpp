@@ -80,7 +80,10 @@ void TruthIntake::send() noexcept {
 // Called when the input has ended, or the simulator has disconnected. The rest of an incomplete record will not come.
 void TruthIntake::finish_input() noexcept {
   decoder_->finish();
-  if (derivation_ != nullptr) derivation_->fit.finish();
+  if (derivation_ != nullptr) {
+    derivation_->fit.finish();
+    count_outliers();
+  }
   started_ = false;
 }
 
@@ -282,15 +285,14 @@ TruthIntake::Outcome TruthIntake::process(TruthTime watermark) noexcept {
 
 // Gives the record to the fit, and takes from it the truth that is complete now.
 TruthIntake::Outcome TruthIntake::derive(TruthTime watermark) noexcept {
-  auto& [fit, order, outliers] = *derivation_;
+  auto& [fit, order, unused] = *derivation_;
   const TruthTime newest = order.empty() ? truth_.time : order.newest();
   const Admission admission = order.push(truth_);
   if (admission != Admission::accepted && admission != Admission::new_run) return refuse(admission, newest);
   // After a gap of a capture, the timeline begins a run by itself, and the gap is counted.
   truth_.new_run = admission == Admission::new_run && (!limits_.gap_begins_run || truth_.time <= newest);
   fit.push(truth_);
-  if (fit.outliers().count != outliers) [[unlikely]]
-    count_outliers();
+  count_outliers();
   return take_derived(watermark).value_or(Outcome::ignored);
 }
 
@@ -337,7 +339,8 @@ TruthIntake::Outcome TruthIntake::admit(TruthTime watermark) noexcept {
 
 void TruthIntake::count_outliers() noexcept {
   const PoseFit::Outliers& found = derivation_->fit.outliers();
-  derivation_->outliers = found.count;
+  if (found.count == derivation_->outliers) [[likely]]
+    return;
   counters_.refused.first[static_cast<std::size_t>(Refusal::outlier)].set([&](std::span<char> room) {
     return found.distance > 0
                ? write(room, "the pose at {} ns is {:.3g} m (a velocity: m/s) off; the bound is {:.3g}",
@@ -345,7 +348,7 @@ void TruthIntake::count_outliers() noexcept {
                : write(room, "the pose at {} ns is turned by {:.3g} rad; the bound is {:.3g}", found.time.ns,
                        found.angle, found.angle_bound);
   });
-  refuse(Refusal::outlier);
+  for (; derivation_->outliers < found.count; ++derivation_->outliers) refuse(Refusal::outlier);
 }
 
 void TruthIntake::report_fit() noexcept {
