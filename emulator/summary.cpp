@@ -212,9 +212,9 @@ std::string fit_text(const Snapshot<FitFigures>& fit) {
   const auto add = [&](std::string_view what, double noise, std::string_view unit, double shortest, double mean,
                        double longest, double left, std::string_view derived_unit) {
     if (mean == 0) return;
-    const std::string delays = shortest == longest ? fmt::format("{:.4g}", 1e3 * mean)
-                                                   : fmt::format("{:.4g} to {:.4g} (mean {:.4g})", 1e3 * shortest,
-                                                                 1e3 * longest, 1e3 * mean);
+    std::string delays = fmt::format("{:.4g}", 1e3 * shortest);
+    if (const std::string to = fmt::format("{:.4g}", 1e3 * longest); to != delays)
+      delays += fmt::format(" to {} (mean {:.4g})", to, 1e3 * mean);
     out += fmt::format("{}{} of poses with {:.2g} {} of noise, over {} ms to either side: {:.2g} {} of it",
                        out.empty() ? "" : "; ", what, 1e3 * noise, unit, delays, left, derived_unit);
   };

@@ -35,6 +35,22 @@ class SummaryTest : public testing::Test {
   ImuCounters imus_[2];
 };
 
+// Two delays whose digits are the same are one.
+TEST_F(SummaryTest, DelaysOfAFitAreOneNumberOrTwo) {
+  accept_truths();
+  FitFigures& fit = truth_.fit;
+  fit.rate_shortest = 0.48;
+  fit.rate_mean = 0.4800000001;
+  fit.rate_longest = 0.4800000002;
+  fit.force_shortest = 0.03;
+  fit.force_mean = 0.25;
+  fit.force_longest = 0.48;
+  fit.known = true;
+  const std::string out = text(summarize(2));
+  EXPECT_TRUE(contains(out, "of noise, over 480 ms to either side")) << out;
+  EXPECT_TRUE(contains(out, "of noise, over 30 to 480 (mean 250) ms to either side")) << out;
+}
+
 TEST_F(SummaryTest, AnUneventfulRunIsThreeLines) {
   accept_truths();
   truth_.no_state.count(2);
