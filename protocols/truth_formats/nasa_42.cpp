@@ -8,7 +8,9 @@
 //   SC[i].Accel[k].TrueAcc    (fork nasa-itc/42) specific force, m/s^2; used if 0, 1 and 2 are there, as x, y and z
 //
 // qn and wn are required; other lines are not used. Vehicle i is the stream of its truth. Time is counted from the
-// first message of a connection. N is inertial, and its origin the centre of the Earth where positions are given.
+// first message of a connection. N is inertial, and its origin the centre of the Earth where positions are given. A
+// message that lacks just one line that the one before had is refused, as its name is probably damaged; the next may
+// lack it.
 //
 // Without TrueAcc the specific force is given as 0, that of free fall without thrust and drag. It must not be
 // derived: 42's orbit moves in steps of 2^-23 s, so that positions at 100 Hz, differentiated twice, are wrong by 9
@@ -19,6 +21,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "protocols/columns.hpp"
@@ -50,6 +53,14 @@ struct Vehicle {
 struct Orbit {
   Numbers<3> position, velocity;
 };
+
+// Which lines a message has: a bit for each, of each vehicle and of each orbit.
+struct Lines {
+  std::array<std::uint8_t, most_indices> vehicles = {}, orbits = {};
+};
+constexpr std::string_view vehicle_lines[] = {
+    "qn", "wn", "PosR", "VelR", "bvb", "Accel[0].TrueAcc", "Accel[1].TrueAcc", "Accel[2].TrueAcc"};
+constexpr std::string_view orbit_lines[] = {"PosN", "VelN"};
 
 // Removes `head` from the begin of `text`. Returns false if it is not there.
 bool take_text(std::string_view& text, std::string_view head) noexcept {
@@ -89,6 +100,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
       losses_.cut_short_lines = lines_;
     }
     begin_message();
+    had_ = {};
     origin_ns_.reset();
     owed_ = false;
   }
@@ -116,6 +128,11 @@ class Nasa42Decoder final : public LineTruthDecoder {
         if (lost_lines_ > 0) {
           out << "a message ended after " << lost_lines_ << " lines without [ENDMSG]; the next began with ";
           out.quote(line_, 64);
+          break;
+        }
+        if (!lacking_.empty()) {
+          out << "a message lacks " << lacking_of_ << "[" << lacking_index_ << "]." << lacking_
+              << ", which the one before had";
           break;
         }
         out << "a message lacks TIME, or for each vehicle qn or wn; enable them in 42's Inp_IPC.txt by the prefix "
@@ -146,6 +163,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
     line_ = trim(line);
     std::string_view text = line_;
     lost_lines_ = 0;
+    lacking_ = {};
     if (text.empty()) return TruthResult::no_state;
     if (text == "[ENDMSG]") return end_message(truth);
     bool is_read = true;
@@ -172,6 +190,10 @@ class Nasa42Decoder final : public LineTruthDecoder {
     const bool is_bad = std::exchange(is_bad_, false), has_time = std::exchange(has_time_, false);
     std::size_t first = most_indices;
     bool any_truth = false;
+    if (has_time && !is_bad && lacks_a_line()) {
+      owed_ = is_stream_;
+      return TruthResult::too_short;
+    }
     if (has_time && !is_bad) {
       if (!origin_ns_) origin_ns_ = time_.time_ns();
       for (std::size_t i = most_indices; i-- > 0;)
@@ -184,6 +206,52 @@ class Nasa42Decoder final : public LineTruthDecoder {
     if (first == most_indices) return is_bad ? TruthResult::no_state : TruthResult::too_short;
     next_vehicle_ = first + 1;
     return *convert(first, truth);
+  }
+
+  Lines lines() const noexcept {
+    Lines all;
+    for (std::size_t i = 0; i < most_indices; ++i) {
+      const Vehicle& v = vehicles_[i];
+      const bool of_vehicle[] = {v.qn.is_given,
+                                 v.wn.is_given,
+                                 v.position.is_given,
+                                 v.velocity.is_given,
+                                 v.magnetic_field.is_given,
+                                 v.acceleration[0].is_given,
+                                 v.acceleration[1].is_given,
+                                 v.acceleration[2].is_given};
+      const bool of_orbit[] = {orbits_[i].position.is_given, orbits_[i].velocity.is_given};
+      all.vehicles[i] = bits(of_vehicle);
+      all.orbits[i] = bits(of_orbit);
+    }
+    return all;
+  }
+  static std::uint8_t bits(std::span<const bool> given) noexcept {
+    unsigned all = 0;
+    for (std::size_t i = 0; i < given.size(); ++i) all |= given[i] ? 1U << i : 0U;
+    return static_cast<std::uint8_t>(all);
+  }
+
+  // Returns whether the message lacks a single line that the one before had, and names it.
+  bool lacks_a_line() noexcept {
+    const Lines has = lines(), had = std::exchange(had_, has);
+    std::size_t count = 0;
+    const auto compare = [&](std::size_t index, unsigned missing, std::string_view of,
+                             std::span<const std::string_view> names) {
+      for (std::size_t i = 0; i < names.size(); ++i) {
+        if ((missing >> i & 1U) == 0) continue;
+        ++count;
+        lacking_ = names[i];
+        lacking_of_ = of;
+        lacking_index_ = index;
+      }
+    };
+    for (std::size_t i = 0; i < most_indices; ++i) {
+      compare(i, had.vehicles[i] & ~unsigned{has.vehicles[i]}, "SC", vehicle_lines);
+      compare(i, had.orbits[i] & ~unsigned{has.orbits[i]}, "Orb", orbit_lines);
+    }
+    if (count != 1) lacking_ = {};
+    return count == 1;
   }
 
   // Reads "name = [numbers]". Returns false if the numbers are not as many.
@@ -265,6 +333,9 @@ class Nasa42Decoder final : public LineTruthDecoder {
   std::array<Orbit, most_indices> orbits_ = {};
   std::size_t orbit_count_ = 0;  // the largest index, plus 1
   TruthReading time_;
+  Lines had_;                              // of the message before
+  std::string_view lacking_, lacking_of_;  // the line that this message lacks
+  std::size_t lacking_index_ = 0;
   bool has_time_ = false, is_bad_ = false;
   std::size_t lines_ = 0;       // of the message so far
   std::size_t lost_lines_ = 0;  // of the message before, which did not end

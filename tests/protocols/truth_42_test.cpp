@@ -141,6 +141,24 @@ TEST_F(Truth42, EveryCauseAndItsRemark) {
   EXPECT_EQ(feed(first_message.substr(first_message.find("[ENDMSG]"))), Results{TruthResult::too_short});
 }
 
+// A damaged name looks like a line that is not used: the message is refused once, and acknowledged.
+TEST_F(Truth42, AMessageThatLacksALineOfTheOneBeforeIsRefused) {
+  for (const std::string line : {"SC[0].PosR", "SC[0].VelR", "SC[0].bvb", "Orb[0].PosN", "Orb[0].VelN"}) {
+    std::string damaged(first_message), later(first_message);
+    damaged[damaged.find(line) + line.size() - 1] = '#';
+    EXPECT_EQ(feed(first_message), Results{TruthResult::ok});
+    EXPECT_EQ(feed(damaged), Results{TruthResult::too_short}) << line;
+    EXPECT_EQ(remark_, "a message lacks " + line + ", which the one before had");
+    EXPECT_TRUE(sends_ack());
+    EXPECT_EQ(feed(damaged), Results{TruthResult::ok}) << "the simulator sends it no more";
+    EXPECT_EQ(feed(first_message), Results{TruthResult::ok});
+    decoder_->finish();
+    EXPECT_EQ(feed(damaged), Results{TruthResult::ok}) << "of another connection";
+  }
+  EXPECT_EQ(feed(first_message), Results{TruthResult::ok});
+  EXPECT_EQ(feed(second_message), Results{TruthResult::ok}) << "of other lines";
+}
+
 // A message without [ENDMSG] is refused when the next begins, and counted when the stream ends, on a whole line, too.
 TEST_F(Truth42, AMessageThatStopsShortIsNamed) {
   const std::string_view without_end = first_message.substr(0, first_message.find("[ENDMSG]"));
