@@ -154,6 +154,20 @@ TEST_F(DerivedTruth, NoisyPosesAreUsable) {
   EXPECT_TRUE(contains(errors_, "with truth.fit_delay_ms = 30; give a longer one, or \"auto\"")) << errors_;
 }
 
+// Three poses in the middle and the last two of the capture: each is counted, also those that only the end shows.
+TEST_F(DerivedTruth, EachOfARunOfOutliersIsCounted) {
+  std::string poses;
+  for (int i = 0; i <= 300; ++i)
+    poses += fmt::format("{:.2f} {} 0 0 0 0 0 1\n", 0.01 * i, (i >= 100 && i < 103) || i > 298 ? 0.3 : 0.0);
+  write("poses.tum", poses);
+  const ProgramResult result =
+      run_program("imud", {"replay", config("fast", "udp:127.0.0.1:9810", "tum", 100, "csv", "file:" + path("o.csv")),
+                           path("poses.tum"), "--summary", path("summary.json")});
+  EXPECT_EQ(result.exit_code, 3) << "truths were refused";
+  EXPECT_EQ(summary()["truth"]["refused"]["outlier"], 5) << result.errors;
+  EXPECT_EQ(summary()["truth"]["accepted"], 296);
+}
+
 TEST_F(DerivedTruth, CheckNamesDelayAndBandwidth) {
   const std::string toml = config("fast", "file:" + path("truth.csv"), "csv", 200, "csv", "file:" + path("out.csv"));
   EXPECT_FALSE(contains(run_program("imud", {"check", toml}).output, "derived with"));
