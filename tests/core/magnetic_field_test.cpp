@@ -113,6 +113,26 @@ TEST(MagneticField, Igrf14IsLinearBetweenItsEpochs) {
   EXPECT_EQ(igrf14(2025).back().h, -0.5);
 }
 
+// Sums over the table of igrf14coeffs.txt, with weights of 20 degree + order, and 1/2 more for h: no number of any
+// epoch can change unnoticed.
+TEST(MagneticField, Igrf14HasThePublishedNumbersOfEachEpoch) {
+  const auto sum = [](double year) {
+    double all = 0;
+    for (const GaussCoefficients& one : igrf14(year)) {
+      const double weight = 20.0 * one.degree + one.order;
+      all += weight * one.g + (one.order > 0 ? (weight + 0.5) * one.h : 0.0);
+    }
+    return all;
+  };
+  EXPECT_NEAR(sum(2000), -355548.55, 1e-3);
+  EXPECT_NEAR(sum(2005), -369233.425, 1e-3);
+  EXPECT_NEAR(sum(2010), -379909.85, 1e-3);
+  EXPECT_NEAR(sum(2015), -391374.695, 1e-3);
+  EXPECT_NEAR(sum(2020), -405435.04, 1e-3);
+  EXPECT_NEAR(sum(2025), -422143.4, 1e-3);
+  EXPECT_NEAR(sum(2026) - sum(2025), -3335.6, 1e-3);
+}
+
 // ArduPilot's simulated vehicles start at its field near Canberra (Tools/autotest/locations.txt, CMAC), where its own
 // field model has a declination of 12.6 deg and 0.58 G.
 TEST(MagneticField, HasArduPilotsDeclinationAtItsField) {
