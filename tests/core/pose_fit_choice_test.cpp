@@ -144,21 +144,24 @@ TEST(PoseFitChoice, AStepOfTheRateIsFollowed) {
   EXPECT_LT(largest, 0.05);
 }
 
-// A simulator's truth is used later by twice the longest delay, whatever is chosen.
+// A simulator's truth is used later by twice the longest delay, whatever is chosen; the first one by three times, as
+// its window may lie wholly after it.
 TEST(PoseFitChoice, WaitsForTwiceTheLongestDelay) {
   PoseFit::Options options = chosen;
   options.widest = 4;
   for (const NoiseOfPoses& noise : {NoiseOfPoses{}, NoiseOfPoses{5e-4, 2e-4, 0, 0}}) {
     PoseFit fit(options);
     Truth out;
-    TruthTime newest;
+    TruthTime newest, first_at;
     for (const Truth& pose : noisy(motions[1], 4s, noise)) {
       fit.push(pose);
-      while (fit.next(out)) newest = out.time;
+      for (; fit.next(out); newest = out.time)
+        if (out.time == TruthTime{}) first_at = pose.time;
       if (pose.time > TruthTime{} + 1s) {
         ASSERT_EQ(pose.time - newest, 240ms);
       }
     }
+    EXPECT_EQ(first_at - TruthTime{}, 360ms);
   }
 }
 
