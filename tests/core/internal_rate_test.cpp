@@ -61,6 +61,32 @@ TEST(InternalRate, LeavesTheSamplesOfACleanModel) {
   EXPECT_EQ(compared, 2 * 3 * 3 * 61);
 }
 
+// While the simulator stands still the internal samples go on: the noise of the increments is that of a moving one.
+// 600 numbers of three axes know it to 2 %.
+TEST(InternalRate, GoesOnWhileTheSimulatorStandsStill) {
+  ImuModel model;
+  model.gyro.white_density = Vector3::Constant(0.01);
+  Timeline timeline;
+  Imu imu(with_internal(model, 100, 4), 1, stream_id("imu"));
+  Truth truth;
+  truth.specific_force_B = {0, 0, -9.80665};
+  truth.has_specific_force = true;
+  double moving = 0, held = 0;
+  for (int k = 0; k < 1200; ++k) {
+    const bool stands_still = k >= 600;
+    if (!stands_still) truth.time = TruthTime{} + k * 10ms;
+    if (!stands_still) timeline.push(truth);
+    const Sample sample = imu.sample(timeline, truth.time, DeviceTime{std::int64_t{k} * 10'000'000});
+    ASSERT_EQ(sample.counter, static_cast<std::uint64_t>(k));
+    if (stands_still) {
+      ASSERT_NEAR(sample.delta_velocity.z(), -0.0980665, 1e-9);
+    }
+    (stands_still ? held : moving) += sample.delta_angle.squaredNorm();
+  }
+  EXPECT_NEAR(std::sqrt(moving / 1797), 0.01 * std::sqrt(0.01), 0.06 * 0.001);
+  EXPECT_NEAR(std::sqrt(held / 1800), 0.01 * std::sqrt(0.01), 0.06 * 0.001);
+}
+
 TriadErrors every_term(double sigma) {
   TriadErrors errors;
   errors.white_density = Vector3::Constant(sigma);
