@@ -53,6 +53,12 @@ class Barometer {
     drift_.seek(normals, k);
   }
   void forget_numbers() noexcept { drift_.forget_numbers(); }
+  // Makes sample k the next, with the memory of `before`.
+  void continue_from(const Barometer& before, const Normals& normals, std::uint64_t k) noexcept {
+    drift_.continue_from(before.drift_, normals, k);
+    lagged_ = before.lagged_;
+    is_settled_ = before.is_settled_;
+  }
   // Makes the next sample the first of a run.
   void begin_run() noexcept { is_settled_ = false; }
 

@@ -40,6 +40,14 @@ class CorrelatedNoise {
     if (!on_) return;
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
   }
+  // Makes next(k) go on from the b of `before`, which was called for sample k - 1: in the ratio of the standard
+  // deviations, so that it is stationary. An axis that had no noise begins with s n.
+  void continue_from(const CorrelatedNoise& before, const Normals& normals, std::uint64_t k) noexcept {
+    if (!on_ || k == 0) return;
+    const Vector3 n = normals_.at(normals, k - 1);
+    for (int i = 0; i < 3; ++i)
+      b_[i] = before.sigma_[i] > 0 ? sigma_[i] / before.sigma_[i] * before.b_[i] : sigma_[i] * n[i];
+  }
   // Discards the random numbers computed ahead; b continues from its value.
   void forget_numbers() noexcept { normals_.forget(); }
 

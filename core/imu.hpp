@@ -113,6 +113,11 @@ class Imu {
   // memory continue from their values; those that are drawn once, at power on or for the vibration, stay.
   void set_seed(std::uint64_t seed) noexcept;
 
+  // Takes the place of `before` between two samples: run, counter, increments since the last sample and random
+  // numbers go on, and so do the errors with a memory, as far as their parameters allow (triad_step.hpp). Both have
+  // the same definitions of the increments. A bias that set_bias() has replaced is not kept.
+  void continue_from(const Imu& before) noexcept;
+
   // Returns the sample at `time`, with the device's own time `stamp`. `time` is not earlier than that of the sample
   // before in this run; if it is the same, the sample is held. `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {

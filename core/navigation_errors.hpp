@@ -70,6 +70,13 @@ class NavigationError {
     attitude_.seek(normals, k);
     time_.seek(normals, k);
   }
+  // Makes sample k the next, with the memory of `before`.
+  void continue_from(const NavigationError& before, const Normals& normals, std::uint64_t k) noexcept {
+    position_.continue_from(before.position_, normals, k);
+    velocity_.continue_from(before.velocity_, normals, k);
+    attitude_.continue_from(before.attitude_, normals, k);
+    time_.continue_from(before.time_, normals, k);
+  }
   void forget_numbers() noexcept {
     for (CorrelatedNoise* noise : {&position_, &velocity_, &attitude_, &time_}) noise->forget_numbers();
   }

@@ -38,6 +38,10 @@ class Temperature {
   bool follows_truth() const noexcept { return model_.from_truth; }
   // Computes the temperatures of the sample at `t`, s, later than the last; `truth_c` is that of the surroundings.
   [[gnu::noinline]] void update(double t, std::optional<double> truth_c) noexcept;
+  // Goes on from the temperature of `before` until the next update().
+  void continue_from(const Temperature& before) noexcept {
+    if (on_) sensor_c_ = before.sensor_c_;
+  }
   // Return degrees Celsius, as update() has computed them.
   double sensor_c() const noexcept { return sensor_c_; }
   double reported_c() const noexcept { return reported_c_; }

@@ -89,6 +89,14 @@ class Triad {
       if constexpr (requires { effect.forget_numbers(); }) effect.forget_numbers();
     });
   }
+  // Makes sample k the next, with the memory of `before`, whose parameters may be others (triad_step.hpp).
+  void continue_from(const Triad& before, const Normals& normals, std::uint64_t k) noexcept {
+    const auto go_on = [&]<class Effect>(Effect& effect) {
+      if constexpr (requires(const Effect& other) { effect.continue_from(other, normals, k); })
+        effect.continue_from(std::get<Effect>(before.effects_), normals, k);
+    };
+    each(go_on);
+  }
   // Bias::set().
   void set_bias(const Vector3& bias) noexcept { std::get<Bias>(effects_).set(bias); }
   // Bandwidth::reserve() and set().

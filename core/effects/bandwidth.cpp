@@ -40,6 +40,20 @@ void Bandwidth::set(const SensorFilter& filter) noexcept {
   }
 }
 
+void Bandwidth::continue_from(const Bandwidth& before, const Normals&, std::uint64_t) noexcept {
+  const auto has_other = [&](std::size_t s) {
+    return sections_[s].from_x != before.sections_[s].from_x || sections_[s].y_from_x != before.sections_[s].y_from_x;
+  };
+  if (!on_ || !before.on_ || rate_hz_ != before.rate_hz_ || order_ != before.order_ || length_ != before.length_ ||
+      stages_ != before.stages_ || passes_ != before.passes_ || has_other(0) || has_other(1))
+    return;
+  is_settled_ = before.is_settled_;
+  sections_ = before.sections_;
+  oldest_ = before.oldest_;
+  sums_ = before.sums_;
+  std::copy_n(before.inputs_.begin(), length_ > 1 ? length_ * stages_ : 0, inputs_.begin());
+}
+
 Vector3 Bandwidth::next(const Vector3& value) noexcept {
   if (!is_settled_) settle(value);
   const Vector3 filtered = length_ > 1 ? boxcars(value) : butterworth(value);

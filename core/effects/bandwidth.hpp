@@ -31,6 +31,8 @@ class Bandwidth {
   }
   void seek(const Normals&, std::uint64_t) noexcept { is_settled_ = false; }
   void power_on(std::uint64_t) noexcept { is_settled_ = false; }
+  // The same filter goes on; another one settles on its next value.
+  void continue_from(const Bandwidth& before, const Normals&, std::uint64_t) noexcept;
 
   // Allocates memory for set(): boxcars of one stage and at most this length.
   void reserve(int length);

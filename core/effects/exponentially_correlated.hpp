@@ -25,6 +25,9 @@ class ExponentiallyCorrelated {
   }
   void seek(const Normals& normals, std::uint64_t k) noexcept { noise_.seek(normals, k); }
   void power_on(std::uint64_t) noexcept {}
+  void continue_from(const ExponentiallyCorrelated& before, const Normals& normals, std::uint64_t k) noexcept {
+    noise_.continue_from(before.noise_, normals, k);
+  }
   void forget_numbers() noexcept { noise_.forget_numbers(); }
 
  private:

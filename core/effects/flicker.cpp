@@ -67,12 +67,17 @@ void Flicker::advance(Octave& octave, std::size_t index, const Normals& normals,
 
 // The sum is linear over each stride of the first process; `first` is the sample at which one begins.
 void Flicker::begin_segment(const Normals& normals, std::uint64_t first) noexcept {
+  for (std::size_t i = 0; i < count_; ++i)
+    if (first % octaves_[i].stride == 0) advance(octaves_[i], i, normals, first / octaves_[i].stride);
+  add_up(first);
+}
+
+void Flicker::add_up(std::uint64_t first) noexcept {
   segment_begin_.setZero();
   slope_.setZero();
   for (std::size_t i = 0; i < count_; ++i) {
-    Octave& octave = octaves_[i];
+    const Octave& octave = octaves_[i];
     const std::uint64_t within = first % octave.stride;
-    if (within == 0) advance(octave, i, normals, first / octave.stride);
     const Vector3 per_sample = (octave.end - octave.begin) / static_cast<double>(octave.stride);
     segment_begin_ += octave.begin + static_cast<double>(within) * per_sample;
     slope_ += per_sample;
@@ -94,6 +99,27 @@ void Flicker::seek(const Normals& normals, std::uint64_t k) noexcept {
   if (!on_ || k == 0) return;
   for (std::uint64_t first = 0; first == 0 || first + 1 < k; first += octaves_[0].stride)
     begin_segment(normals, first);
+}
+
+// The step of sample k lies in the segment that ends with sample k - 1, or begins there.
+void Flicker::continue_from(const Flicker& before, const Normals& normals, std::uint64_t k) noexcept {
+  if (!on_ || k == 0) return;
+  const std::uint64_t last = std::max<std::uint64_t>(k, 2) - 2, first = last - last % octaves_[0].stride;
+  const bool has_same_segments = before.on_ && before.octaves_[0].stride == octaves_[0].stride;
+  for (std::size_t i = 0; i < count_; ++i) {
+    Octave& octave = octaves_[i];
+    const Octave& other = before.octaves_[i];
+    if (has_same_segments && i < before.count_ && other.transition == octave.transition) {
+      octave.begin = other.begin;
+      octave.end = other.end;
+      continue;
+    }
+    const Process process = octave_of(Process::flicker, static_cast<std::uint32_t>(i));
+    const std::uint64_t node = first / octave.stride;
+    octave.begin = octave.stationary * normals(quantity_, process, node);
+    octave.end = octave.transition * octave.begin + octave.driving * normals(quantity_, process, node + 1);
+  }
+  add_up(first);
 }
 
 }  // namespace imud

@@ -33,6 +33,8 @@ class Flicker {
   // The time it takes is proportional to k.
   void seek(const Normals& normals, std::uint64_t k) noexcept;
   void power_on(std::uint64_t) noexcept {}
+  // Each process goes on if it has the same correlation time and stride; otherwise it restarts, stationary.
+  void continue_from(const Flicker& before, const Normals& normals, std::uint64_t k) noexcept;
 
   // Returns the number of processes that the averaging times need, and the correlation time of the first, s.
   static std::size_t octaves(double from_s, double to_s) noexcept;
@@ -53,6 +55,7 @@ class Flicker {
   };
   void advance(Octave& octave, std::size_t index, const Normals& normals, std::uint64_t node) noexcept;
   void begin_segment(const Normals& normals, std::uint64_t first) noexcept;
+  void add_up(std::uint64_t first) noexcept;
 
   Vector3 instability_;
   Quantity quantity_;

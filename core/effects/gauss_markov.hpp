@@ -43,6 +43,7 @@ class GaussMarkov {
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
   }
   void power_on(std::uint64_t) noexcept {}
+  void continue_from(const GaussMarkov& before, const Normals&, std::uint64_t) noexcept { x_ = before.x_; }
   void forget_numbers() noexcept { normals_.forget(); }
 
  private:

@@ -30,6 +30,9 @@ class IncrementRounding : public StatelessEffect {
       step.increment[i] = rounded;
     }
   }
+  void continue_from(const IncrementRounding& before, const Normals&, std::uint64_t) noexcept {
+    remainder_ = before.remainder_;
+  }
 
  private:
   double lsb_;

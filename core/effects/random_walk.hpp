@@ -35,6 +35,7 @@ class RandomWalk {
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);
   }
   void power_on(std::uint64_t) noexcept {}
+  void continue_from(const RandomWalk& before, const Normals&, std::uint64_t) noexcept { b_ = before.b_; }
   void forget_numbers() noexcept {
     normals_.forget();
     within_step_.forget();

@@ -18,6 +18,10 @@ namespace imud {
 //   void power_on(std::uint64_t number) noexcept
 // The last two are empty in StatelessEffect. An effect that has computed random numbers ahead also has
 //   void forget_numbers() noexcept             after which apply() may have other Normals
+// An effect with a memory also has
+//   void continue_from(const Effect& before, const Normals&, std::uint64_t k) noexcept
+//                                              after which apply() of sample k goes on from that effect, which has
+//                                              other parameters and was applied last to sample k - 1
 struct TriadStep {
   const Normals& normals;
   std::uint64_t k;                // number of the sample

@@ -27,6 +27,12 @@ class TurnOnBias {
     number_ = number;
     drawn_ = false;
   }
+  // A bias of the same standard deviation stays.
+  void continue_from(const TurnOnBias& before, const Normals&, std::uint64_t) noexcept {
+    number_ = before.number_;
+    drawn_ = before.drawn_ && before.sigma_ == sigma_;
+    bias_ = before.bias_;
+  }
 
  private:
   Vector3 sigma_;

@@ -53,6 +53,9 @@ class ValueRounding {
   }
   void seek(const Normals&, std::uint64_t) noexcept {}  // the remainder is not known without the sequence
   void power_on(std::uint64_t) noexcept {}
+  void continue_from(const ValueRounding& before, const Normals&, std::uint64_t) noexcept {
+    remainder_ = before.remainder_;
+  }
 
  private:
   double lsb_;
