@@ -38,6 +38,15 @@ class DeviceClock {
     now_ = now_ + step;
     return step;
   }
+  // Changes the grid between two samples: the next sample keeps its time, and is that of instant 0 of the new grid.
+  void change(const Grid& grid) noexcept {
+    if (has_samples_) {
+      zero_ = stamp(next_) - grid.phase();
+      if (origin_) origin_ = *origin_ + (grid_.offset(next_) - grid.phase());
+      next_ = 0;
+    }
+    grid_ = grid;
+  }
   // Starts the samples: the next one is that of instant 0.
   void start_samples() noexcept { has_samples_ = true; }
 

@@ -42,6 +42,12 @@ void Schedule::start(std::size_t imu, Nanoseconds origin) noexcept {
   push(imu);
 }
 
+void Schedule::change(std::size_t imu, const Grid& grid) noexcept {
+  const auto next = std::find_if(heap_.begin(), heap_.end(), [imu](const Slot& slot) { return slot.imu == imu; });
+  grids_[imu] = grid;
+  if (next != heap_.end()) start(imu, next->offset - grid.phase());
+}
+
 void Schedule::start_all() noexcept {
   heap_.clear();
   std::fill(origins_.begin(), origins_.end(), Nanoseconds{0});

@@ -31,6 +31,8 @@ class Schedule {
 
   // Starts the imu's grid, or starts it again, so that its instants are `origin` + Grid::offset(k).
   void start(std::size_t imu, Nanoseconds origin) noexcept;
+  // Changes the imu's grid. If it is started, its next instant stays, and is instant 0 of the new grid.
+  void change(std::size_t imu, const Grid& grid) noexcept;
   // Starts all grids at the schedule's origin.
   void start_all() noexcept;
 

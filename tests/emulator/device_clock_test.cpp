@@ -91,5 +91,29 @@ TEST(DeviceClock, DoesNotGoBackAtAnEarlierTruth) {
   EXPECT_EQ(clock.now(), clock.stamp(0));
 }
 
+// The next sample keeps its stamp, and the clock does not jump.
+TEST(DeviceClock, ChangesItsGridAtTheNextSample) {
+  const Grid before(100, 10'000, 300us), after(1000, -10'000, 300us);
+  DeviceClock clock(before);
+  clock.power_on(power);
+  clock.start_samples();
+  for (std::uint64_t k = 0; k < 10; ++k) clock.take_sample(clock.stamp(k));
+  const DeviceTime next = clock.stamp(10);
+  clock.change(after);
+  EXPECT_EQ(clock.next_sample(), next);
+  const HostTime at = power + before.offset(10);
+  EXPECT_LE(std::abs((clock.now(at) - next).count()), 1);
+  for (std::uint64_t k = 0; k < 100; ++k) {
+    EXPECT_EQ(clock.stamp(k), next + std::chrono::milliseconds(k));
+    clock.take_sample(clock.stamp(k));
+    EXPECT_LE(std::abs((clock.now(at + (after.offset(k) - after.offset(0))) - clock.stamp(k)).count()), 1) << k;
+  }
+  DeviceClock off(before);  // before the first sample
+  off.power_on(power);
+  off.change(after);
+  off.start_samples();
+  EXPECT_EQ(off.next_sample(), DeviceTime{300'000});
+}
+
 }  // namespace
 }  // namespace imud

@@ -55,5 +55,30 @@ TEST(Schedule, StartsEachGridByItself) {
   EXPECT_EQ(seen, wanted);
 }
 
+// The next instant stays; from there on the new grid counts.
+TEST(Schedule, ChangesAGridAtItsNextInstant) {
+  const std::vector<Grid> grids = {Grid(1000), Grid(500, 0, 100us), Grid(100)};
+  Schedule schedule(grids);
+  schedule.start(0, 0ns);
+  schedule.start(1, 0ns);
+  std::vector<std::tuple<Nanoseconds, std::size_t, std::uint64_t>> seen;
+  const auto run_to = [&](Nanoseconds end) {
+    for (; schedule.next().offset < end; schedule.advance())
+      seen.emplace_back(schedule.next().offset, schedule.next().imu, schedule.next().index);
+  };
+  run_to(3ms);
+  schedule.change(0, Grid(4000));
+  schedule.change(1, Grid(1000, 0, 100us));
+  schedule.change(2, Grid(2000));  // not started
+  run_to(4ms);
+  schedule.start(2, 4ms);
+  run_to(5ms);
+  const decltype(seen) wanted = {{0ms, 0, 0},     {100us, 1, 0},   {1ms, 0, 1},     {2ms, 0, 2},
+                                 {2'100us, 1, 1}, {3ms, 0, 0},     {3'250us, 0, 1}, {3'500us, 0, 2},
+                                 {3'750us, 0, 3}, {4ms, 0, 4},     {4ms, 2, 0},     {4'100us, 1, 0},
+                                 {4'250us, 0, 5}, {4'500us, 0, 6}, {4'500us, 2, 1}, {4'750us, 0, 7}};
+  EXPECT_EQ(seen, wanted);
+}
+
 }  // namespace
 }  // namespace imud
