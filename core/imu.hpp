@@ -140,6 +140,8 @@ class Imu {
   // The motion of the last sample, without any error, in platform axes: rad/s and m/s^2. Zero before the first one.
   const Vector3& true_rate() const noexcept { return true_rate_; }
   const Vector3& true_specific_force() const noexcept { return true_specific_force_; }
+  // The nominal rate of the samples.
+  double rate_hz() const noexcept { return model_.rate_hz; }
   // The number of the next sample.
   std::uint64_t next() const noexcept { return counter_; }
 

@@ -24,6 +24,11 @@ class AwaitedTruth {
   // `model`: that of the imu.
   explicit AwaitedTruth(const ImuModel& model) : r_SB_B_(model.r_SB_B), dcm_PB_(model.dcm_PB), ring_(capacity) {}
 
+  // From now on the imu has the mounting of that model.
+  void set_mounting(const ImuModel& model) noexcept {
+    r_SB_B_ = model.r_SB_B;
+    dcm_PB_ = model.dcm_PB;
+  }
   // `feed`: outlives this; nullptr: nobody can watch.
   void set_feed(SampleFeed* feed) noexcept { feed_ = feed; }
 
@@ -51,8 +56,8 @@ class AwaitedTruth {
   }
   void give_up_first() noexcept;
 
-  const Vector3 r_SB_B_;
-  const Matrix3 dcm_PB_;
+  Vector3 r_SB_B_;
+  Matrix3 dcm_PB_;
   SampleFeed* feed_ = nullptr;
   std::vector<Awaiting> ring_;
   std::size_t first_ = 0, count_ = 0;

@@ -23,6 +23,7 @@
 #include "emulator/faults/power_faults.hpp"
 #include "emulator/faults/wire_port.hpp"
 #include "emulator/host.hpp"
+#include "emulator/reload.hpp"
 #include "emulator/sync.hpp"
 #include "transports/port.hpp"
 
@@ -106,6 +107,9 @@ class Channel {
   // Imu::set_seed(), and the bias of one axis of the gyros or the accelerometers (Imu::set_bias()).
   void set_seed(std::uint64_t seed) noexcept { imu_.set_seed(seed); }
   void set_bias(Quantity quantity, std::size_t axis, double bias) noexcept;
+  // Exchanges the sensor for that of a reload, which goes on where this one was (Imu::continue_from()). If its grid
+  // is another one, the next sample is that of the grid's instant 0, at the time that it had.
+  void exchange_sensor(Reload::Sensor& sensor) noexcept;
   // The sample that sense() has taken last, and the number and the time stamp of the next one; nullopt where the time
   // is not known before the first truth of a run.
   const Sample& last_sample() const noexcept { return sample_; }
@@ -217,7 +221,7 @@ class Channel {
   void publish_bus() noexcept;
 
   const std::string name_;
-  const Grid grid_;
+  Grid grid_;
   const bool rests_before_truth_;
   const bool is_can_;
   Imu imu_;

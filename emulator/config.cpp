@@ -262,12 +262,9 @@ ControlConfig read_control(TableReader table, bool has_page, bool is_sparing) {
   return control;
 }
 
-}  // namespace
-
-Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture,
-                   std::span<const std::string> scenarios) {
-  Faults faults(path);
-  ConfigText text = read_config_text(path, overrides, faults);
+// `path`: of the file; - if there is none.
+Config read_config(ConfigText text, const std::string& path, const std::string& capture,
+                   std::span<const std::string> scenarios, Faults faults) {
   const toml::table& root = text.root;
   toml::table resolved;
   TableReader table(&root, "", 0, faults, resolved);
@@ -344,6 +341,27 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
   table.resolve("imu", std::move(resolved_imus));
   config.resolved = toml_text(resolved);
   return config;
+}
+
+}  // namespace
+
+Config load_config(const std::string& path, std::span<const std::string> overrides, const std::string& capture,
+                   std::span<const std::string> scenarios) {
+  Faults faults(path);
+  ConfigText text = read_config_text(path, overrides, faults);
+  return read_config(std::move(text), path, capture, scenarios, std::move(faults));
+}
+
+Config config_of_text(const std::string& text) {
+  Faults faults("");
+  toml::table root;
+  try {
+    root = toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    faults.add(error.source().begin.line, "TOML", error.description());
+    throw ConfigError(faults.all());
+  }
+  return read_config({std::move(root), sha256(text)}, "-", {}, {}, std::move(faults));
 }
 
 }  // namespace imud

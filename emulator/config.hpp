@@ -134,6 +134,9 @@ struct ConfigError : std::runtime_error {
 Config load_config(const std::string& path, std::span<const std::string> overrides = {},
                    const std::string& capture = {}, std::span<const std::string> scenarios = {});
 
+// Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
+Config config_of_text(const std::string& text);
+
 // Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
 std::string regular_file(const std::string& path);
 

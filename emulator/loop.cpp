@@ -48,9 +48,13 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
       budget_(most_truths) {
   prepared_.reserve(session.channels().size());
   session_.set_pacer(&pacer_);
+  session_.set_schedule(&schedule_);
 }
 
-Loop::~Loop() { session_.set_pacer(nullptr); }
+Loop::~Loop() {
+  session_.set_pacer(nullptr);
+  session_.set_schedule(nullptr);
+}
 
 void Loop::run() noexcept {
   if (!waits_for_truth_) {

@@ -59,7 +59,7 @@ class RecordedRun::Input final : public Port {
 };
 
 RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
-    : reader_(spec), truth_port_(config.truth.port), imus_(config.imus) {
+    : reader_(spec), truth_port_(config.truth.port), imus_(config.imus), config_(config) {
   constexpr std::size_t most_early = 10'000;
   while (!first_ && !reader_.at_end() && early_.size() < most_early) {
     const auto packet = reader_.next();
@@ -140,6 +140,8 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
     const PcapngInterface& interface = reader_.interfaces()[packet->interface];
     if (interface.link_type != link_type::event) {
       feed(*packet, interface.name, time);
+    } else if (reload_) {
+      add_to_reload(packet->bytes);
     } else if (const auto event = decode_record_event(packet->bytes)) {
       is_damaged_ = !is_plausible(*event, time);
       if (is_damaged_) break;
@@ -328,6 +330,12 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
 }
 
 void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
+  if (static_cast<Command::Kind>(event.flags) == Command::Kind::reload) {
+    poll(event.b);
+    ++reloads_missing_;
+    reload_ = event;
+    return reload_text_.clear();
+  }
   if (static_cast<Command::Kind>(event.flags) != Command::Kind::fault_begin) return execute_for_imus(event);
   ++faults_missing_;
   begin_fault_ = event;
@@ -467,6 +475,11 @@ std::string RecordedRun::difference() const {
     return fmt::format("{} faults that were begun by control cannot be repeated: {}", faults_missing_,
                        session_->faults().can_grow() ? "the record does not have them"
                                                      : "give faults = true in [control] of the configuration");
+  if (reloads_missing_ > 0)
+    return fmt::format(
+        "{} reloads of the configuration cannot be repeated: the record does not have it, or it has "
+        "faults here",
+        reloads_missing_);
   if (differing_ > 0)
     return fmt::format("truth was processed differently from the run {} times: was the configuration another?",
                        differing_);

@@ -56,6 +56,7 @@ class RecordedRun {
   void execute(const RecordEvent& event) noexcept;
   void repeat_command(const RecordEvent& event) noexcept;
   void begin_fault(const RecordEvent& event, std::span<const std::byte> text);
+  void add_to_reload(std::span<const std::byte> piece);
   void execute_for_imus(const RecordEvent& event) noexcept;
   void feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept;
   void receive(const RecordEvent& event, std::span<const std::byte> bytes, std::uint16_t link) noexcept;
@@ -98,8 +99,11 @@ class RecordedRun {
   std::map<const Channel*, std::int64_t> last_samples_;        // numbers on the imus' grids
   std::optional<RecordEvent> receive_;                         // the next packet of its host is received
   std::optional<RecordEvent> begin_fault_;                     // the next packet of the events is its fault
+  std::optional<RecordEvent> reload_;                          // the next packets of the events are its text
+  std::string reload_text_;
+  Config config_;  // that of the run now
   bool ended_ = false, has_end_ = false;
-  std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_missing_ = 0;
+  std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_missing_ = 0, reloads_missing_ = 0;
   bool is_damaged_ = false;  // at the last packet
   HostTime instant_;         // of the last samples
 };

@@ -23,6 +23,8 @@
 namespace imud {
 
 class Pacer;
+class Schedule;
+struct Reload;
 
 // Configuration keys of ports that the system has chosen, with the ports.
 using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
@@ -56,6 +58,11 @@ class Session {
   }
   // Ends the faults that act. Called after the last sample.
   void finish_faults() noexcept;
+
+  // Sets the reload of the next Command::Kind::reload, which it outlives. Called by the thread that makes the
+  // command, when that of the reload before has been executed.
+  void set_reload(Reload* reload) noexcept { reload_ = reload; }
+  Reload* next_reload() const noexcept { return reload_; }
 
   TruthIntake& intake() noexcept { return intake_; }
   const TruthIntake& intake() const noexcept { return intake_; }
@@ -121,6 +128,9 @@ class Session {
   // The pacer of the Loop that drives this; nullptr: none does.
   void set_pacer(Pacer* pacer) noexcept { pacer_ = pacer; }
   Pacer* pacer() noexcept { return pacer_; }
+  // The schedule of that Loop, likewise.
+  void set_schedule(Schedule* schedule) noexcept { schedule_ = schedule; }
+  Schedule* schedule() noexcept { return schedule_; }
   void set_when_stopped(WhenStopped reaction) noexcept { when_stopped_ = reaction; }
 
   // Executes the commands that wait. Must be called only where each sample that was taken has been transmitted.
@@ -143,7 +153,9 @@ class Session {
   FaultBook faults_;
   const std::vector<ExpectConfig> expectations_;
   WhenStopped when_stopped_;
+  Reload* reload_ = nullptr;
   Pacer* pacer_ = nullptr;
+  Schedule* schedule_ = nullptr;
   Timeline timeline_;
   TruthFaults* truth_faults_ = nullptr;  // of the intake's decoder; nullptr: truth cannot fail
   TruthIntake intake_;

@@ -1,4 +1,6 @@
 // The changes that commands make to a Channel, and the sample that those who watch get of it.
+#include <utility>
+
 #include "emulator/channel.hpp"
 
 namespace imud {
@@ -12,6 +14,29 @@ void Channel::set_bias(Quantity quantity, std::size_t axis, double bias) noexcep
   Vector3 all = imu_.bias(quantity);
   all[static_cast<Eigen::Index>(axis)] = bias;
   imu_.set_bias(quantity, all);
+}
+
+void Channel::exchange_sensor(Reload::Sensor& sensor) noexcept {
+  if (sensor.keeps_gyro_bias) sensor.imu.set_bias(Quantity::rate, imu_.bias(Quantity::rate));
+  if (sensor.keeps_accelerometer_bias)
+    sensor.imu.set_bias(Quantity::specific_force, imu_.bias(Quantity::specific_force));
+  if (device_filters_) sensor.imu.set_filters(filters_);
+  sensor.imu.continue_from(imu_);
+  std::swap(imu_, sensor.imu);
+  awaited_.set_mounting(sensor.model);
+  const OwnFigures figures = figures_of(sensor.model);
+  device_->set_figures(figures);
+  if (other_device_) other_device_->set_figures(figures);
+  if (other_units_ != nullptr) other_units_->own()->set_figures(figures);
+  if (faults_) faults_->exchange_model(sensor.model);
+  if (!sensor.grid) return;
+  grid_ = *sensor.grid;
+  clock_.change(grid_);
+  if (!faults_) return;
+  const double rate_hz = imu_.rate_hz();
+  faults_->set_rate(rate_hz);
+  power_faults_->set_rate(rate_hz);
+  for (DeviceLine& line : lines()) line.wire->set_rate(rate_hz);
 }
 
 FeedSample Channel::feed_sample() const noexcept {

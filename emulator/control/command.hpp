@@ -30,6 +30,7 @@ struct Command {
     fault_end = 15,          // likewise
     fault_clear = 16,        // ends all faults
     servo = 17,              // of the truth format: TruthIntake::set_servo() of the servo `number`; `value`: us
+    reload = 18,             // Session::set_reload() has what changes; in a record `number` is the size of its text
   };
   static constexpr std::uint16_t all_imus = 0xFFFF;
   static constexpr std::size_t longest_text = 120;  // bytes
@@ -43,7 +44,9 @@ struct Command {
 };
 
 // Returns false for commands that change what a device sends, and have no value.
-constexpr bool has_value(Command::Kind kind) noexcept { return kind > Command::Kind::resume; }
+constexpr bool has_value(Command::Kind kind) noexcept {
+  return kind > Command::Kind::resume && kind != Command::Kind::reload;
+}
 
 // The first sample of an imu that a batch of commands applies to, if it changes that imu.
 struct Applied {

@@ -1,9 +1,13 @@
 #include "emulator/control/run_control.hpp"
 
+#include <algorithm>
 #include <bit>
+#include <string_view>
 
 #include "emulator/pacer.hpp"
 #include "emulator/recorder.hpp"
+#include "emulator/reload.hpp"
+#include "emulator/schedule.hpp"
 #include "emulator/session.hpp"
 
 namespace imud {
@@ -83,9 +87,32 @@ void change_session(Session& session, const Command& command) noexcept {
   }
 }
 
+void reload(Session& session, Reload& reload) noexcept {
+  for (const Command& command : reload.commands) change_session(session, command);
+  const auto channels = session.channels();
+  for (Reload::Sensor& sensor : reload.sensors) {
+    if (sensor.grid && session.schedule() != nullptr) session.schedule()->change(sensor.channel, *sensor.grid);
+    channels[sensor.channel]->exchange_sensor(sensor);
+  }
+}
+
+// The text of a reload is long, and in pieces.
+void record_reload(Recorder& recorder, const Reload& reload, HostTime now) noexcept {
+  constexpr std::size_t piece = std::size_t{64} * 1024;
+  recorder.event({.type = RecordEvent::Type::command,
+                  .flags = static_cast<std::uint8_t>(Command::Kind::reload),
+                  .interface = RecordEvent::all_imus,
+                  .a = now.ns,
+                  .b = recorder.polled().ns,
+                  .c = static_cast<std::int64_t>(reload.text.size())});
+  for (std::string_view rest = reload.text; !rest.empty(); rest.remove_prefix(std::min(piece, rest.size())))
+    recorder.packet(0, PacketDirection::unknown, now, {std::as_bytes(std::span(rest.substr(0, piece)))});
+}
+
 void record(Session& session, const Command& command, HostTime now) noexcept {
   Recorder* recorder = session.recorder();
   if (recorder == nullptr) return;
+  if (command.kind == Command::Kind::reload) return record_reload(*recorder, *session.next_reload(), now);
   const auto channels = session.channels();
   const bool is_mark = command.kind == Command::Kind::mark;
   const auto value = has_value(command.kind) ? std::bit_cast<std::int64_t>(command.value) : recorder->polled().ns;
@@ -107,7 +134,9 @@ void record(Session& session, const Command& command, HostTime now) noexcept {
 }  // namespace
 
 void execute(Session& session, const Command& command, HostTime now) noexcept {
+  if (command.kind == Command::Kind::reload && session.next_reload() == nullptr) return;
   record(session, command, now);
+  if (command.kind == Command::Kind::reload) return reload(session, *session.next_reload());
   const auto channels = session.channels();
   if (command.imu < channels.size()) return change_channel(*channels[command.imu], session.faults(), command, now);
   change_session(session, command);

@@ -43,6 +43,14 @@ class ChannelFaults {
     schedule_.host_sent(bytes);
     expectations_.host_sent(bytes);
   }
+  // SensorFaults::exchange_model().
+  void exchange_model(ImuModel& model) noexcept { sensors_.exchange_model(model); }
+  // Sets the rate of the samples from the next one on.
+  void set_rate(double rate_hz) noexcept {
+    period_ = nanoseconds(1 / rate_hz);
+    schedule_.set_rate(rate_hz);
+    messages_.set_rate(rate_hz);
+  }
   // The frames of that sample.
   MessageFaults& messages() noexcept { return messages_; }
   // The host of the imu.
@@ -54,7 +62,7 @@ class ChannelFaults {
   void apply(Sample& sample, Nanoseconds since) noexcept;
 
   const std::span<const FaultConfig> configured_;
-  const Nanoseconds period_;
+  Nanoseconds period_;
   const std::vector<Normals> normals_;  // by the faults' numbers
   FaultSchedule schedule_;
   SensorFaults sensors_;

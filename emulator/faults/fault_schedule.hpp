@@ -23,6 +23,8 @@ class FaultSchedule {
   // are as many numbers as normals. `log` receives begins and ends. `rate_hz`: of the samples.
   FaultSchedule(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
                 std::uint16_t imu_number, double rate_hz, FaultLog& log);
+  // Sets the rate of the samples from the next one on.
+  void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
 
   bool empty() const noexcept { return states_.empty(); }
   // Begins a run: all faults begin again, but those that were added are forgotten. Those that act end with the run's
@@ -101,7 +103,7 @@ class FaultSchedule {
 
   const std::span<const Normals> normals_;
   const std::uint16_t imu_;
-  const double period_s_;
+  double period_s_;
   FaultLog& log_;
   std::vector<State> states_;        // by seam, then by number
   std::vector<ActiveFault> active_;  // likewise

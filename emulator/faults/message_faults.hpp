@@ -24,6 +24,8 @@ class MessageFaults {
   // `normals`: by the faults' numbers; they must outlive this.
   MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
                 double rate_hz);
+  // Sets the rate of the samples from the next one on.
+  void set_rate(double rate_hz) noexcept { rate_hz_ = rate_hz; }
 
   // Determines the changes to a sample and its frames. `k`: its number in its run.
   void take(std::span<const ActiveFault> faults, std::uint64_t k, const Sample& sample) noexcept;
@@ -49,7 +51,7 @@ class MessageFaults {
   void withhold(const FrameBuffer& frames, DeviceTime due) noexcept;
   void pop() noexcept;
 
-  const double rate_hz_;
+  double rate_hz_;
   const std::span<const Normals> normals_;
   // The withheld frames after the next one: the due time is that of the packet, the UART its interface.
   PacketRing ring_;

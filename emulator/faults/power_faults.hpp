@@ -23,13 +23,15 @@ struct PowerStep {
 class PowerFaults {
  public:
   PowerFaults(std::string_view imu, std::uint64_t seed, double rate_hz);
+  // Sets the rate of the samples from the next one on.
+  void set_rate(double rate_hz) noexcept { rate_hz_ = rate_hz; }
   // Returns the state at the next sample, of which `faults` are active.
   PowerStep step(std::span<const ActiveFault> faults) noexcept;
 
  private:
   const std::uint64_t seed_;
   const std::uint32_t stream_;
-  const double rate_hz_;
+  double rate_hz_;
   bool is_supplied_ = true;
   bool is_on_ = true;
   bool as_delivered_ = false;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/imu.hpp"
@@ -20,6 +21,9 @@ class SensorFaults {
  public:
   // `normals`: by the faults' numbers, as many as faults may act; they must outlive this.
   SensorFaults(const ImuModel& model, std::span<const Normals> normals);
+
+  // Exchanges the model of the sensor between two samples.
+  void exchange_model(ImuModel& model) noexcept { std::swap(model_, model); }
 
   // Changes a sample. `k`: its number in its run; `step_s`: since the sample before, 0 for the first of a run.
   void apply(std::span<const ActiveFault> faults, std::uint64_t k, double step_s, Sample& sample) noexcept;
@@ -46,7 +50,7 @@ class SensorFaults {
   void apply_to_gnss(const ActiveFault& fault, double step_s, Sample& sample) noexcept;
   static void limit(Triad& triad, unsigned axes, Sample& sample, double step_s) noexcept;
 
-  const ImuModel model_;
+  ImuModel model_;
   const std::span<const Normals> normals_;
   Output last_;
   std::vector<Output> held_;  // by the faults' numbers: the last output before each began

@@ -54,6 +54,8 @@ class WirePort final : public Port {
     recorder_ = recorder;
     interface_ = interface;
   }
+  // Sets the rate of the samples from the next one on.
+  void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
   // From now on sends the frames that leave to `copies`, too, which outlives this.
   void set_copies(Copies* copies) noexcept { copies_ = copies; }
 
@@ -107,7 +109,7 @@ class WirePort final : public Port {
 
   const std::unique_ptr<Port> port_;
   const Protocol& protocol_;
-  const double period_s_;
+  double period_s_;
   const std::uint64_t seed_;
   const std::uint32_t stream_;
   UartSettings uart_;
