@@ -360,9 +360,13 @@ int execute(int argc, const char* const* argv) {
     }
     arguments.seeds.quiet = arguments.quiet;
     if (replay_command->parsed()) return replay(arguments);
-    const Config config = load_config(arguments.config, arguments.overrides, {}, arguments.scenarios);
-    refuse_late_faults(config);
-    return run(config, arguments.run);
+    const auto read = [&arguments] {
+      Config config = load_config(arguments.config, arguments.overrides, {}, arguments.scenarios);
+      refuse_late_faults(config);
+      return config;
+    };
+    if (arguments.config != "-") arguments.run.read_config = read;
+    return run(read(), arguments.run);
   } catch (const ConfigError& error) {
     print_fault(error.what());
     fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");

@@ -43,11 +43,14 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       ports_(config.imus.size()),
       second_ports_(config.imus.size()),
       pty_readers_(config) {
-  for (const ImuConfig& imu : config.imus) {
-    line_loads_.push_back(line_load(imu).percent);
-    imu_names_.push_back(imu.name);
-  }
+  for (const ImuConfig& imu : config.imus) imu_names_.push_back(imu.name);
+  update_loads();
   last_quality_ = last_log_ = now();
+}
+
+void Monitor::update_loads() {
+  line_loads_.clear();
+  for (const ImuConfig& imu : config_.imus) line_loads_.push_back(line_load(imu).percent);
 }
 
 Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - begin_), line_loads_); }

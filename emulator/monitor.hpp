@@ -31,6 +31,8 @@ class Monitor {
 
   // Logs the events since the last call, and writes the lines of figures that are due.
   void update();
+  // Computes the loads of the lines again. Called when the configuration has changed.
+  void update_loads();
   // Opens the file of figures again, after log rotation has renamed it.
   void reopen();
   // Logs the last events after the sampling thread has ended, and returns the figures of the whole run.

@@ -201,6 +201,8 @@ int run(const Config& config, const RunOptions& options) {
   for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
   Monitor monitor(counters_of(session, control), named, options.monitor);
+  Reloader reloader(session, config, named, options.read_config, [&monitor] { monitor.update_loads(); });
+  std::function<void()> reload = [] {};  // before the api there is no sample
   const std::function<void()> wait_for_others = [&] {
     others.async_wait([&](const boost::system::error_code& error, int signal) {
       if (error) return;
@@ -209,6 +211,7 @@ int run(const Config& config, const RunOptions& options) {
         spdlog::info("SIGUSR1: power off and on for every imu");
       } else if (signal == SIGHUP) {
         monitor.reopen();
+        reload();
       } else {
         spdlog::warn("SIGUSR2 is ignored");
       }
@@ -222,7 +225,8 @@ int run(const Config& config, const RunOptions& options) {
     stop = true;
   };
   ControlApi api(io, {instance, named, control, monitor, counters_of(session, control), quit, session.faults(),
-                      repeated.has_value()});
+                      reloader, repeated.has_value()});
+  reload = [&api] { api.reload(); };
   server->start(api);
   if (web) {
     const auto call = [&api](std::string_view request, std::function<void(std::string)> answer,

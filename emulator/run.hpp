@@ -1,6 +1,7 @@
 // Run: one whole run of the emulator, from opening the ports to the closing summary.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,12 +22,15 @@ struct RunOptions {
   Monitor::Options monitor;
   RecordOptions record;
   bool repeats = false;  // the truth port is a record, whose run is repeated
+  // Reads the configuration again. Throws ConfigError. Empty: it cannot be read again.
+  std::function<Config()> read_config;
 };
 
 // Runs until the capture ends, the duration is over, or SIGINT or SIGTERM arrives, and prints the summary. Returns
 // Outcome::exit_code(). SIGUSR1 switches the devices' supply off and on, SIGHUP opens the file of `--quality` again,
-// as log rotation needs it, and SIGUSR2 is ignored. Throws PortError if a port cannot be opened, std::runtime_error
-// if a file cannot be written, RequirementError if a requirement is about an unknown figure.
+// as log rotation needs it, and reads the configuration again (control/README.md, `reload`); SIGUSR2 is ignored.
+// Throws PortError if a port cannot be opened, std::runtime_error if a file cannot be written, RequirementError if a
+// requirement is about an unknown figure.
 int run(const Config& config, const RunOptions& options);
 
 }  // namespace imud

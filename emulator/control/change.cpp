@@ -30,6 +30,7 @@ constexpr auto methods = std::to_array<MethodInfo>({
     {"seed", "random numbers from the next sample on are those of this seed", R"({"seed": 7})", true},
     {"batch", "several changes that take effect at one sample",
      R"({"changes": [{"method": "pause", "params": {"imu": "imu1"}}, {"method": "mark", "params": {"text": "a"}}]})"},
+    {"reload", "reads the file of the configuration again; what differs changes at one sample, or nothing does", ""},
     {"subscribe", "notifications of samples, truth, counters or events",
      R"({"what": "samples", "imu": "imu1", "rate_hz": 50})"},
     {"unsubscribe", "the opposite of subscribe; without parameters of everything", R"({"what": "samples"})"},

@@ -77,6 +77,7 @@ void ControlApi::execute(const std::string& method, const Json& params, const Rp
     return schedule();
   }
   RpcParams(params).finish();
+  if (method == "reload") return reload(reply);
   if (method == "status") return reply.result(status());
   if (method == "list") return reply.result(list());
   spdlog::info("control: quit");
@@ -122,6 +123,34 @@ void ControlApi::make(std::vector<Change> changes, const RpcReply& reply) {
   schedule();
 }
 
+void ControlApi::reload(const RpcReply& reply) {
+  std::optional<Change> change = run_.reloader.prepare();
+  if (!change) {
+    log("control: reload: no key differs");
+    return reply.result({{"changed", Json::array()}, {"applied", Json::array()}});
+  }
+  std::vector<Change> changes;
+  changes.push_back(std::move(*change));
+  try {
+    make(std::move(changes), reply);
+  } catch (const RpcError&) {
+    run_.reloader.cancel();
+    throw;
+  }
+}
+
+void ControlApi::reload() {
+  if (!run_.reloader.can_read()) return;
+  const auto refuse = [](std::string_view why) { spdlog::error("SIGHUP: {}", why); };
+  try {
+    reload(RpcReply([refuse](const Json& answer) {
+      if (answer.contains("error")) refuse(answer["error"]["message"].get<std::string>());
+    }));
+  } catch (const RpcError& error) {
+    refuse(error.what());
+  }
+}
+
 void ControlApi::take_results() {
   for (Applied result; run_.control.applied.pop(result);) {
     const auto batch = waiting_.find(result.batch);
@@ -143,20 +172,25 @@ void ControlApi::complete(std::uint64_t number) {
     }
     return list;
   };
+  Json result;
   for (const Change& change : batch.changes) {
-    for (const Command& command : change.commands)
+    for (const Command& command : change.commands) {
       if (command.kind == Command::Kind::log_level) set_log_level(static_cast<LogLevel>(command.number));
+      if (command.kind == Command::Kind::reload) run_.reloader.finish();
+    }
+    if (change.event.contains("changed")) result["changed"] = change.event["changed"];
     Json event = change.event;
     event["applied"] = applied_to([&](std::uint16_t imu) { return concerns(change, imu); });
     log(fmt::format("control: {}; {}", change.words, samples_text(event["applied"])));
     subscriptions_.send_event(event);
     if (on_event) on_event(event);
   }
-  batch.reply.result({{"applied", applied_to([&](std::uint16_t imu) {
-                         for (const Change& change : batch.changes)
-                           if (concerns(change, imu)) return true;
-                         return false;
-                       })}});
+  result["applied"] = applied_to([&](std::uint16_t imu) {
+    for (const Change& change : batch.changes)
+      if (concerns(change, imu)) return true;
+    return false;
+  });
+  batch.reply.result(std::move(result));
 }
 
 // Limits the lines of the log, because a client may send as many commands as it wants.

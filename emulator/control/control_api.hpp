@@ -15,6 +15,7 @@
 #include "emulator/config.hpp"
 #include "emulator/control/change.hpp"
 #include "emulator/control/json_rpc.hpp"
+#include "emulator/control/reloader.hpp"
 #include "emulator/control/run_control.hpp"
 #include "emulator/control/subscriptions.hpp"
 #include "emulator/faults/fault_book.hpp"
@@ -38,6 +39,7 @@ class ControlApi {
     RunCounters counters;
     std::function<void()> quit;  // ends the run; may be called again
     FaultBook& faults;
+    Reloader& reloader;
     bool is_repeated = false;  // from its record, so that nothing can be changed
   };
   ControlApi(boost::asio::io_context& io, Run run);
@@ -54,6 +56,8 @@ class ControlApi {
   // The servers count here what they refuse and what their clients lose.
   ControlCounters& counters() const noexcept { return run_.control.counters; }
 
+  // Executes `reload` for a signal: the log has the answer.
+  void reload();
   // Reports an event of the sampling thread to the subscribers.
   void report(const RunEvent& event);
   // Reports the begins and ends of faults since the last call.
@@ -68,6 +72,7 @@ class ControlApi {
   void execute(const std::string& method, const Json& params, const RpcReply& reply,
                const std::shared_ptr<Subscriber>& client);
   void make(std::vector<Change> changes, const RpcReply& reply);
+  void reload(const RpcReply& reply);
   void take_results();
   void complete(std::uint64_t batch);
   void log(const std::string& words);

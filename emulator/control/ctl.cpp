@@ -181,6 +181,12 @@ std::string words_of(const std::string& method, const Json& result) {
     for (const Json& one : result["imus"]) out += fmt::format("  {}\n", one.get<std::string>());
     return out;
   }
+  if (result.contains("changed")) {
+    for (const Json& one : result["changed"])
+      out += fmt::format("{}: {}, was {}\n", one["key"].get<std::string>(), one["to"].get<std::string>(),
+                         one["from"].get<std::string>());
+    if (result["changed"].empty()) out += "no key differs\n";
+  }
   if (result.contains("applied")) {
     for (const Json& one : result["applied"]) {
       out += fmt::format("{}: from sample {}", one["imu"].get<std::string>(), one["sample"].get<std::uint64_t>());
@@ -197,7 +203,7 @@ std::string words_of(const std::string& method, const Json& result) {
 const CLI::App* add_ctl_command(CLI::App& app, CtlOptions& options) {
   CLI::App* command =
       app.add_subcommand("ctl", "Ask or change a run that goes on; without METHOD: list those of this user");
-  command->add_option("METHOD", options.method, "status, list, mark, power, set, subscribe, ...: see list");
+  command->add_option("METHOD", options.method, "status, list, mark, power, set, reload, subscribe, ...: see list");
   command
       ->add_option("PARAMETER", options.parameters,
                    "Such as imu=imu1 state=cycle; a value is JSON, such as [0.01, 0, 0], or a text")

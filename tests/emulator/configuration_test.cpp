@@ -13,6 +13,7 @@
 
 #include "emulator/config.hpp"
 #include "emulator/entries.hpp"
+#include "emulator/reload.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
 namespace imud {
@@ -198,6 +199,27 @@ TEST_F(ConfigurationReference, DefaultsCanBeGiven) {
     EXPECT_TRUE(fault.empty() || needs_another) << fault;
   }
   EXPECT_GT(given, 40U);
+}
+
+TEST_F(ConfigurationReference, NamesWhatAReloadCanChange) {
+  std::ifstream input(IMUD_SOURCE_DIR "/emulator/CONFIGURATION.md");
+  const std::string file(std::istreambuf_iterator<char>(input), {});
+  const std::size_t begin = file.find("In a run that goes on they can"), end = file.find("needs a new", begin);
+  ASSERT_NE(end, file.npos);
+  const std::string section = file.substr(begin, end - begin);
+  std::vector<std::string> named, known;
+  const std::regex word("`([^`]+)`");
+  for (std::sregex_iterator at(section.begin(), section.end(), word), last; at != last; ++at)
+    named.push_back((*at)[1].str());
+  for (const std::string_view key : reloadable_keys(false)) known.emplace_back(key);
+  for (const std::string_view key : reloadable_keys(true)) known.push_back(fmt::format("imu.{}", key));
+  EXPECT_EQ(named, known);
+  const std::map<std::string, Row> rows = documented();
+  for (std::string key : known) {
+    if (key.starts_with("imu.")) key.replace(0, 4, "imu.0.");
+    const auto row = rows.lower_bound(key);
+    EXPECT_TRUE(row != rows.end() && (key.ends_with('.') ? row->first.starts_with(key) : row->first == key)) << key;
+  }
 }
 
 }  // namespace

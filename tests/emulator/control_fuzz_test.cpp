@@ -98,14 +98,16 @@ class ControlFuzz::Target {
 
  private:
   void begin() {
-    const Session& session = run_.session();
+    Session& session = run_.session();
     RunCounters counters{&session.intake().counters(), &session.quality(), {}};
     for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
     counters.faults = &session.faults();
     counters.control = &control_.counters;
     monitor_.emplace(counters, fuzz_.config_, Monitor::Options{});
-    api_.emplace(
-        io_, ControlApi::Run{"fuzz", fuzz_.config_, control_, *monitor_, counters, [] {}, run_.session().faults()});
+    reloader_.emplace(
+        session, fuzz_.config_, now_, [this] { return fuzz_.config_; }, [] {});
+    api_.emplace(io_, ControlApi::Run{"fuzz", fuzz_.config_, control_, *monitor_, counters, [] {}, session.faults(),
+                                      *reloader_});
     api_->on_event = [this](const Json&) { ++events_; };
     server_.emplace(io_, fuzz_.config_.control, "fuzz");
     server_->start(*api_);
@@ -220,6 +222,8 @@ class ControlFuzz::Target {
   RunControl control_;
   SimulatedRun run_{fuzz_.config_};
   std::optional<Monitor> monitor_;
+  Config now_ = fuzz_.config_;
+  std::optional<Reloader> reloader_;
   std::optional<ControlApi> api_;
   std::optional<ControlServer> server_;
   std::optional<WebServer> web_;
