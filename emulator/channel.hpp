@@ -109,7 +109,8 @@ class Channel {
   void set_bias(Quantity quantity, std::size_t axis, double bias) noexcept;
   // Exchanges the sensor for that of a reload, which goes on where this one was (Imu::continue_from()). If its grid
   // is another one, the next sample is that of the grid's instant 0, at the time that it had.
-  void exchange_sensor(Reload::Sensor& sensor) noexcept;
+  // A device with other settings starts as when its supply is switched on, at host time `now`; the sensor goes on.
+  void exchange_sensor(Reload::Sensor& sensor, HostTime now) noexcept;
   // The sample that sense() has taken last, and the number and the time stamp of the next one; nullopt where the time
   // is not known before the first truth of a run.
   const Sample& last_sample() const noexcept { return sample_; }
@@ -212,6 +213,7 @@ class Channel {
   std::size_t serve_line(std::size_t uart, HostTime now, Host* clock) noexcept;
   bool is_on() const noexcept { return is_supplied_ && power_step_.is_on; }
   void start_device(DeviceTime now) noexcept;
+  void exchange_device(Reload::Sensor& sensor, HostTime now) noexcept;
   // Switches the device as the faults of the sample's power have it. Returns true if it starts.
   bool apply_power_faults() noexcept;
   void apply_uarts() noexcept;

@@ -1,5 +1,6 @@
 #include "emulator/reload.hpp"
 
+#include <fmt/format.h>
 #include <toml++/toml.h>
 
 #include <algorithm>
@@ -7,8 +8,8 @@
 #include <sstream>
 #include <string_view>
 
+#include "emulator/faults/other_units.hpp"
 #include "emulator/measurement_rows.hpp"
-#include "protocols/protocol.hpp"
 
 namespace imud {
 
@@ -17,10 +18,10 @@ namespace {
 constexpr std::array<std::string_view, 4> truth_keys = {"truth.auto_delay_percent", "truth.delay_ms",
                                                         "truth.extrapolate_ms", "truth.when_stopped"};
 // Keys of an imu, and tables, which end in a dot.
-constexpr std::array<std::string_view, 14> imu_keys = {
-    "model",         "rate_hz",     "clock_error_ppm", "internal_rate_hz", "sampling_jitter_us",
-    "temperature_c", "mounting.",   "gyro.",           "accelerometer.",   "magnetometer.",
-    "barometer.",    "navigation.", "temperature.",    "vibration."};
+constexpr std::array<std::string_view, 15> imu_keys = {
+    "model",         "device.",      "rate_hz",   "clock_error_ppm", "internal_rate_hz", "sampling_jitter_us",
+    "temperature_c", "mounting.",    "gyro.",     "accelerometer.",  "magnetometer.",    "barometer.",
+    "navigation.",   "temperature.", "vibration."};
 
 bool is_in(std::span<const std::string_view> keys, std::string_view key) noexcept {
   return std::any_of(keys.begin(), keys.end(),
@@ -84,6 +85,27 @@ const ImuConfig* find_imu(const Config& config, const std::string& name) {
   return found == config.imus.end() ? nullptr : &*found;
 }
 
+// Returns the identifiers that the imu uses on a CAN bus, as text.
+std::string identifiers_of(const ImuConfig& imu) {
+  std::string text;
+  for (const CanFilter& f : imu.protocol->can_filters(imu.settings))
+    text += fmt::format("{:x}/{:x}/{}{}{}{} ", f.id, f.mask, f.extended, f.data, f.remote, f.inverted);
+  for (const CanMessage& message : imu.protocol->can_messages(imu.settings, imu.rate_hz))
+    text += fmt::format("{:x}/{} ", message.can.id, message.can.extended);
+  return text;
+}
+
+// Returns why the settings of the device cannot change to those of `after`; nullptr if they can.
+const char* refusal_of_settings(const Config& config, const ImuConfig& before, const ImuConfig& after) {
+  if (before.protocol != after.protocol) return "cannot change while the run goes on";
+  if (before.protocol->link == Link::can && identifiers_of(before) != identifiers_of(after))
+    return "the identifiers on a CAN bus cannot change while the run goes on";
+  const bool has_others = std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
+    return fault.settings_of(before.name) != nullptr;
+  });
+  return has_others ? "cannot change in a run in which a fault gives this imu other settings" : nullptr;
+}
+
 bool is_of(const KeyChange& change, const std::string& imu, std::string_view key) {
   return change.key.starts_with("imu." + imu + "." + std::string(key));
 }
@@ -114,8 +136,12 @@ std::vector<KeyChange> key_changes(const Config& before, const Config& after) {
     if (one == nullptr || other == nullptr) continue;
     const std::string prefix = "imu." + imu.name + ".";
     compare(one, other, prefix, [&](const std::string& key, const toml::node* was, const toml::node* is) {
-      const bool can = is_in(imu_keys, std::string_view(key).substr(prefix.size()));
-      all.push_back({key, value_of(was), value_of(is), can ? nullptr : fixed});
+      const std::string_view own = std::string_view(key).substr(prefix.size());
+      const char* refusal = !is_in(imu_keys, own) ? fixed
+                            : own.starts_with("device.")
+                                ? refusal_of_settings(before, imu, *find_imu(after, imu.name))
+                                : nullptr;
+      all.push_back({key, value_of(was), value_of(is), refusal});
     });
   }
   return all;
@@ -155,8 +181,19 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
          .model = model,
          .imu = Imu(model, imus[i].seed.value_or(seed), stream_id(imus[i].name)),
          .grid = changes_key("rate_hz") || changes_key("clock_error_ppm") ? std::optional(imu->grid) : std::nullopt,
+         .device = nullptr,
+         .delivered_device = nullptr,
          .keeps_gyro_bias = !changes_key("gyro.bias"),
          .keeps_accelerometer_bias = !changes_key("accelerometer.bias")});
+    if (changes_key("device.") && !is_ideal && imus[i].protocol == imu->protocol) {
+      const auto make = [&](const Settings& settings) {
+        std::unique_ptr<Device> device = imu->protocol->make(settings);
+        if (!imus[i].second_port.empty()) device->connect_second_uart();
+        return device;
+      };
+      sensors.back().device = make(imu->settings);
+      sensors.back().delivered_device = make(settings_as_delivered(*imu));
+    }
     if (filters) sensors.back().imu.reserve_filters(Device::longest_boxcar);
   }
 }

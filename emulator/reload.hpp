@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +12,7 @@
 #include "core/imu.hpp"
 #include "emulator/config.hpp"
 #include "emulator/control/command.hpp"
+#include "protocols/protocol.hpp"
 
 namespace imud {
 
@@ -31,12 +33,14 @@ std::span<const std::string_view> reloadable_keys(bool of_imu) noexcept;
 // Everything that the sampling thread needs to change over. Made before by another thread, which destroys it when the
 // sampling thread has executed Command::Kind::reload: then it has what was replaced.
 struct Reload {
-  // A sensor that takes the place of that of a channel.
+  // A sensor, and its device, that take the place of those of a channel.
   struct Sensor {
     std::size_t channel = 0;  // its number
     ImuModel model;
     Imu imu;
-    std::optional<Grid> grid;                                        // nullopt: it stays
+    std::optional<Grid> grid;  // nullopt: it stays
+    // With other settings, and as delivered; nullptr: they stay.
+    std::unique_ptr<Device> device, delivered_device;
     bool keeps_gyro_bias = false, keeps_accelerometer_bias = false;  // those of Channel::set_bias()
   };
   std::vector<Sensor> sensors;

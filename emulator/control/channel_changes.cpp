@@ -16,7 +16,16 @@ void Channel::set_bias(Quantity quantity, std::size_t axis, double bias) noexcep
   imu_.set_bias(quantity, all);
 }
 
-void Channel::exchange_sensor(Reload::Sensor& sensor) noexcept {
+void Channel::exchange_device(Reload::Sensor& sensor, HostTime now) noexcept {
+  if (sensor.device == nullptr) return;
+  if (is_on()) poll(now);
+  std::swap(device_, sensor.device);
+  if (other_device_) std::swap(other_device_, sensor.delivered_device);
+  has_lost_settings_ = false;
+  if (is_on()) start_device(clock_.now(now));
+}
+
+void Channel::exchange_sensor(Reload::Sensor& sensor, HostTime now) noexcept {
   if (sensor.keeps_gyro_bias) sensor.imu.set_bias(Quantity::rate, imu_.bias(Quantity::rate));
   if (sensor.keeps_accelerometer_bias)
     sensor.imu.set_bias(Quantity::specific_force, imu_.bias(Quantity::specific_force));
@@ -25,6 +34,9 @@ void Channel::exchange_sensor(Reload::Sensor& sensor) noexcept {
   std::swap(imu_, sensor.imu);
   awaited_.set_mounting(sensor.model);
   const OwnFigures figures = figures_of(sensor.model);
+  for (const auto* device : {&sensor.device, &sensor.delivered_device})
+    if (*device) (*device)->set_figures(figures);
+  exchange_device(sensor, now);
   device_->set_figures(figures);
   if (other_device_) other_device_->set_figures(figures);
   if (other_units_ != nullptr) other_units_->own()->set_figures(figures);

@@ -87,12 +87,12 @@ void change_session(Session& session, const Command& command) noexcept {
   }
 }
 
-void reload(Session& session, Reload& reload) noexcept {
+void reload(Session& session, Reload& reload, HostTime now) noexcept {
   for (const Command& command : reload.commands) change_session(session, command);
   const auto channels = session.channels();
   for (Reload::Sensor& sensor : reload.sensors) {
     if (sensor.grid && session.schedule() != nullptr) session.schedule()->change(sensor.channel, *sensor.grid);
-    channels[sensor.channel]->exchange_sensor(sensor);
+    channels[sensor.channel]->exchange_sensor(sensor, now);
   }
 }
 
@@ -136,7 +136,7 @@ void record(Session& session, const Command& command, HostTime now) noexcept {
 void execute(Session& session, const Command& command, HostTime now) noexcept {
   if (command.kind == Command::Kind::reload && session.next_reload() == nullptr) return;
   record(session, command, now);
-  if (command.kind == Command::Kind::reload) return reload(session, *session.next_reload());
+  if (command.kind == Command::Kind::reload) return reload(session, *session.next_reload(), now);
   const auto channels = session.channels();
   if (command.imu < channels.size()) return change_channel(*channels[command.imu], session.faults(), command, now);
   change_session(session, command);

@@ -248,6 +248,43 @@ TEST_F(ReloadTest, SighupReloadsAndOpensTheFileOfFiguresAgain) {
   EXPECT_EQ(imud.stop(), 0);
 }
 
+// The datagrams are shorter from the named sample on, and in the repetition of the record, too.
+TEST_F(ReloadTest, SettingsOfTheDeviceChangeAsAtAPowerOn) {
+  const auto unit = [&](const std::string& settings) {
+    return fmt::format(
+        "clock = \"lockstep\"\n[control]\nsocket = \"{}\"\n[truth]\nport = \"{}\"\n[[imu]]\nname = "
+        "\"imu1\"\nprotocol = "
+        "\"stim300\"\nport = \"file:{}/out1\"\n[imu.device]\nstart_up = false\n{}",
+        path("socket"), simulator_.port(), folder_, settings);
+  };
+  std::size_t before = 0;
+  const auto plain = play(unit(""), {});
+  const auto other = play(unit("temperature = false\n"), {});
+  ASSERT_LT(other.first.size(), plain.first.size());
+  const auto changed = play(unit(""),
+                            {{3,
+                              [&](ControlClient& client) {
+                                const json answer = reload(client, unit("temperature = false\n"));
+                                ASSERT_TRUE(answer.contains("result")) << answer;
+                                EXPECT_EQ(answer["result"]["changed"][0]["key"], "imu.imu1.device.temperature");
+                                before = answer["result"]["applied"][0]["sample"];
+                              }}},
+                            {"--record", path("run.pcapng")});
+  // A datagram for each other sample: its size is that of the whole over their number.
+  const auto size_of = [&](const std::string& bytes) { return bytes.size() / 61; };
+  const std::size_t first = size_of(plain.first) * (before / 2 + before % 2);
+  ASSERT_GT(first, 0U);
+  ASSERT_LT(first, changed.first.size());
+  EXPECT_EQ(changed.first.substr(0, first), plain.first.substr(0, first));
+  EXPECT_NE(changed.first.substr(first, 10), plain.first.substr(first, 10));
+  EXPECT_EQ((changed.first.size() - first) % size_of(other.first), 0U);
+  write("out1", "");
+  config(unit(""));
+  const auto again = run_program("imud", {"replay", path("config.toml"), path("run.pcapng"), "--fast"});
+  EXPECT_EQ(again.exit_code, 0) << again.errors;
+  EXPECT_EQ(read_file(path("out1")), changed.first);
+}
+
 // Random walk, flicker noise and a filter go on in the repetition as in the run.
 TEST_F(ReloadTest, ARecordRepeatsTheBytes) {
   const std::string memory =
