@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <csignal>
+#include <thread>
 
 #include "tests/emulator/control_client.hpp"
 #include "tests/emulator/live_test.hpp"
@@ -283,6 +284,52 @@ TEST_F(ReloadTest, SettingsOfTheDeviceChangeAsAtAPowerOn) {
   const auto again = run_program("imud", {"replay", path("config.toml"), path("run.pcapng"), "--fast"});
   EXPECT_EQ(again.exit_code, 0) << again.errors;
   EXPECT_EQ(read_file(path("out1")), changed.first);
+}
+
+// By the host's clock: rates and clocks of both, and settings of one.
+TEST_F(ReloadTest, ARecordOfARealTimeRunRepeatsTheBytes) {
+  const auto two = [&](int rate_hz, int sample_rate, int error_ppm) {
+    return fmt::format(
+        "clock = \"realtime\"\nrealtime.priority = 0\nrealtime.lock_memory = false\n[control]\nsocket = "
+        "\"{0}\"\n[truth]\n"
+        "port = \"{1}\"\ndelay_ms = 0\n[[imu]]\nname = \"imu1\"\nprotocol = \"csv\"\nport = "
+        "\"file:{2}/out1\"\nrate_hz = {3}\n"
+        "clock_error_ppm = {5}\nbefore_first = \"rest\"\nmodel = \"stim300\"\n[[imu]]\nname = \"imu2\"\nprotocol = "
+        "\"stim300\"\nport = \"file:{2}/out2\"\ndevice.sample_rate = {4}\n",
+        path("socket"), simulator_.port(), folder_, rate_hz, sample_rate, error_ppm);
+  };
+  Program imud("imud");
+  start(imud, config(two(200, 500, 50)), {"--record", path("run.pcapng")});
+  ControlClient client(path("socket"));
+  const auto wait_for_samples = [&](std::uint64_t n) {
+    const auto samples = [&] { return client.call("status")["result"]["imus"][0]["samples"].get<std::uint64_t>(); };
+    const std::uint64_t before = samples();
+    EXPECT_TRUE(eventually([&] { return samples() > before + n; }));
+  };
+  auto truths = [&, k = std::uint32_t{0}]() mutable {
+    for (const std::uint32_t until = k + 20; k < until; ++k) {
+      simulator_.send(Simulator::encode(Simulator::truth(10 * std::int64_t{k}, k, false)));
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+  };
+  wait_for_samples(20);
+  EXPECT_TRUE(reload(client, two(500, 500, 50)).contains("result"));
+  truths();
+  wait_for_samples(50);
+  EXPECT_TRUE(reload(client, two(500, 1000, -200)).contains("result"));
+  wait_for_samples(50);
+  EXPECT_TRUE(reload(client, two(100, 1000, -200)).contains("result"));
+  truths();
+  wait_for_samples(10);
+  client.call("quit");
+  EXPECT_EQ(imud.wait(), 0) << imud.errors();
+  const std::string first = read_file(path("out1")), second = read_file(path("out2"));
+  EXPECT_GT(rows(first).size(), 130U);
+  for (const char* file : {"out1", "out2"}) write(file, "");
+  config(two(200, 500, 50));
+  run_program("imud", {"replay", path("config.toml"), path("run.pcapng"), "--fast"});
+  EXPECT_EQ(read_file(path("out1")), first);
+  EXPECT_TRUE(read_file(path("out2")) == second);
 }
 
 // Random walk, flicker noise and a filter go on in the repetition as in the run.
