@@ -1,5 +1,7 @@
 // `reload`: the file of a running configuration is read again. Each change takes effect at the sample that the answer
 // states, exactly; a file that is wrong, or changes what cannot change, changes nothing.
+#include "emulator/reload.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <csignal>
@@ -284,6 +286,21 @@ TEST_F(ReloadTest, SettingsOfTheDeviceChangeAsAtAPowerOn) {
   const auto again = run_program("imud", {"replay", path("config.toml"), path("run.pcapng"), "--fast"});
   EXPECT_EQ(again.exit_code, 0) << again.errors;
   EXPECT_EQ(read_file(path("out1")), changed.first);
+}
+
+TEST_F(ReloadTest, IdentifiersOnACanBusCannotChange) {
+  const auto with_id = [&](int id) {
+    return load_config(config(
+        fmt::format("[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nname = \"a.b\"\nrate_hz = 100\nprotocol = "
+                    "\"native-can\"\nport = "
+                    "\"can:vcan0\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\ndevice.can_id = {}\n",
+                    id)));
+  };
+  const std::vector<KeyChange> changes = key_changes(with_id(256), with_id(300));
+  ASSERT_EQ(changes.size(), 1U);
+  EXPECT_EQ(changes[0].key, "imu.a.b.device.can_id");
+  EXPECT_STREQ(changes[0].refusal, "the identifiers on a CAN bus cannot change while the run goes on");
+  EXPECT_TRUE(key_changes(with_id(256), with_id(256)).empty());
 }
 
 // By the host's clock: rates and clocks of both, and settings of one.
