@@ -101,7 +101,7 @@ struct Hdf5Writer::File {
   std::vector<Handle> datasets;
 };
 
-Hdf5Writer::Hdf5Writer(std::string path, bool with_truth, const Attributes& attributes)
+Hdf5Writer::Hdf5Writer(std::string path, bool with_truth, const RowAttributes& attributes)
     : path_(std::move(path)), with_truth_(with_truth), file_(new File{create_file(path_), {}}) {
   try {
     for (const MeasurementColumn& column : measurement_columns(with_truth)) {

@@ -3,9 +3,7 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "tools/row_output.hpp"
@@ -17,11 +15,7 @@ namespace imud {
 // between two may not be.
 class Hdf5Writer final : public RowOutput {
  public:
-  struct Attributes {
-    std::vector<std::pair<std::string, std::string>> texts;  // of the file, by name
-    std::optional<std::uint64_t> seed;
-  };
-  Hdf5Writer(std::string path, bool with_truth, const Attributes& attributes);
+  Hdf5Writer(std::string path, bool with_truth, const RowAttributes& attributes);
   ~Hdf5Writer() override;
 
   void write(const MeasurementRow& row) override;

@@ -1,8 +1,13 @@
 #include "tools/measurement_files.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <chrono>
 #include <exception>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <type_traits>
 
 #include "tools/hdf5_writer.hpp"
 #include "tools/npy_writer.hpp"
@@ -13,11 +18,46 @@
 
 namespace imud {
 
+namespace {
+
+template <typename Writer>
+std::unique_ptr<RowOutput> make_writer(std::string path, bool with_truth, const RowAttributes& attributes) {
+  if constexpr (std::is_constructible_v<Writer, std::string, bool, const RowAttributes&>)
+    return std::make_unique<Writer>(std::move(path), with_truth, attributes);
+  else
+    return std::make_unique<Writer>(std::move(path), with_truth);
+}
+
+// A new format is a line here.
+constexpr RowFormat formats[] = {
+    {"--npy", "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")", false, make_writer<NpyWriter>},
+    {"--hdf5", "also writes HDF5: a dataset for each quantity", true, make_writer<Hdf5Writer>},
+};
+
+// Returns "--npy, --hdf5 and --mat".
+std::string list_options(bool keeping_attributes) {
+  std::vector<std::string_view> names;
+  for (const RowFormat& format : formats)
+    if (format.keeps_attributes || !keeping_attributes) names.push_back(format.option);
+  const std::string_view last = names.back();
+  names.pop_back();
+  return names.empty() ? std::string(last) : fmt::format("{} and {}", fmt::join(names, ", "), last);
+}
+
+bool is_any_given(const std::vector<std::string>& paths, bool keeping_attributes) {
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    if (!paths[i].empty() && (formats[i].keeps_attributes || !keeping_attributes)) return true;
+  return false;
+}
+
+}  // namespace
+
 void MeasurementFiles::add_options(CLI::App& app, Options& options) {
-  app.add_option("--npy", options.npy, "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")")
-      ->type_name("FILE");
-  app.add_option("--hdf5", options.hdf5, "also writes HDF5: a dataset for each quantity")->type_name("FILE");
-  app.add_option("--config", options.config, "imud's configuration, which becomes an attribute of the HDF5 file")
+  options.paths.resize(std::size(formats));
+  for (std::size_t i = 0; i < std::size(formats); ++i)
+    app.add_option(std::string(formats[i].option), options.paths[i], std::string(formats[i].help))->type_name("FILE");
+  app.add_option("--config", options.config,
+                 fmt::format("imud's configuration, which becomes an attribute of {}", list_options(true)))
       ->type_name("FILE");
   app.add_option(
          "--truth", options.truth,
@@ -32,10 +72,11 @@ void MeasurementFiles::add_options(CLI::App& app, Options& options) {
 namespace {
 
 void check(const MeasurementFiles::Options& options, const std::string& port) {
-  if (!options.config.empty() && options.hdf5.empty())
-    throw std::invalid_argument("--config: is for the attributes of --hdf5, which is not given");
-  if (!options.truth.empty() && options.npy.empty() && options.hdf5.empty())
-    throw std::invalid_argument("--truth: is for --npy and --hdf5, of which none is given");
+  if (!options.config.empty() && !is_any_given(options.paths, true))
+    throw std::invalid_argument(
+        fmt::format("--config: is for the attributes of {}, of which none is given", list_options(true)));
+  if (!options.truth.empty() && !is_any_given(options.paths, false))
+    throw std::invalid_argument(fmt::format("--truth: is for {}, of which none is given", list_options(false)));
   if (!options.truth.empty() && !options.config.empty())
     throw std::invalid_argument("--config: that of --truth becomes the attribute; omit it");
   if (options.truth.empty() && !options.imu.empty())
@@ -47,23 +88,32 @@ void check(const MeasurementFiles::Options& options, const std::string& port) {
   for (std::string& input : inputs) input = input.substr(0, input.find('?'));
   const std::string address = port.substr(port.find(':') + 1);
   inputs.insert(inputs.end(), {address.substr(0, address.find('?')), options.config});
-  for (const std::string& path : {options.npy, options.hdf5}) {
+  std::vector<std::string> seen;
+  for (const std::string& path : options.paths) {
     if (path.empty()) continue;
     if (is_standard_output(path)) throw std::invalid_argument(path + ": an array cannot go to a stream; give a file");
     for (const std::string& input : inputs)
       if (is_same_file(input, path)) throw std::invalid_argument(path + ": is the input; give another file");
+    for (const std::string& other : seen)
+      if (path == other || is_same_file(path, other))
+        throw std::invalid_argument(path + ": is given twice; give two files");
+    seen.push_back(path);
   }
-  if (!options.npy.empty() && (options.npy == options.hdf5 || is_same_file(options.npy, options.hdf5)))
-    throw std::invalid_argument(options.npy + ": is given twice; give two files");
 }
 
-Hdf5Writer::Attributes attributes_of(const MeasurementFiles::Options& options, const Protocol& protocol,
-                                     const std::string& port, const TruthBeside* truth) {
-  Hdf5Writer::Attributes all;
-  all.texts = {{"imud_version", IMUD_VERSION}, {"protocol", std::string(protocol.name)}, {"port", port}};
+// Returns the text with U+FFFD in place of what is no UTF-8, such as the bytes of a path.
+std::string valid_utf8(const std::string& text) {
+  using nlohmann::json;
+  return json::parse(json(text).dump(-1, ' ', false, json::error_handler_t::replace)).get<std::string>();
+}
+
+RowAttributes attributes_of(const MeasurementFiles::Options& options, const Protocol& protocol,
+                            const std::string& port, const TruthBeside* truth) {
+  RowAttributes all;
+  all.texts = {{"imud_version", IMUD_VERSION}, {"protocol", std::string(protocol.name)}, {"port", valid_utf8(port)}};
   if (options.config.empty() && truth == nullptr) return all;
   const ResolvedConfig config = truth == nullptr ? resolve_config(options.config) : truth->config();
-  all.texts.emplace_back("config", config.toml);
+  all.texts.emplace_back("config", valid_utf8(config.toml));
   all.seed = config.seed;
   return all;
 }
@@ -77,10 +127,10 @@ MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& proto
     truth_ = std::make_unique<TruthBeside>(
         TruthBeside::Options{options.truth.front(), options.truth.back(), options.imu}, protocol);
   const bool with_truth = truth_ != nullptr;
-  if (!options.npy.empty()) files_.push_back(std::make_unique<NpyWriter>(options.npy, with_truth));
-  if (!options.hdf5.empty())
-    files_.push_back(
-        std::make_unique<Hdf5Writer>(options.hdf5, with_truth, attributes_of(options, protocol, port, truth_.get())));
+  const bool keeps = is_any_given(options.paths, true);
+  const RowAttributes attributes = keeps ? attributes_of(options, protocol, port, truth_.get()) : RowAttributes{};
+  for (std::size_t i = 0; i < options.paths.size(); ++i)
+    if (!options.paths[i].empty()) files_.push_back(formats[i].make(options.paths[i], with_truth, attributes));
 }
 
 void MeasurementFiles::write(const Measurement& measurement) {

@@ -1,4 +1,4 @@
-// MeasurementFiles: the arrays that imu-decode writes.
+// MeasurementFiles: the files that imu-decode writes beside the CSV.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -16,11 +16,12 @@ class MeasurementFiles {
  public:
   // The part of a command line that selects the files.
   struct Options {
-    std::string npy, hdf5;           // paths; empty: none
-    std::string config;              // path of imud's configuration, for the attributes of `hdf5`; empty: none
+    std::vector<std::string> paths;  // by format; empty: none
+    std::string config;              // path of imud's configuration, for the attributes of files; empty: none
     std::vector<std::string> truth;  // record, or configuration and capture; empty: no truth beside the measurements
     std::string imu;                 // of that configuration; empty: the first with the protocol
   };
+  // `options` stays where it is until the command line has been parsed.
   static void add_options(CLI::App& app, Options& options);
 
   // Opens the files. `port`: the input, which they must not be. Throws std::runtime_error or std::invalid_argument

@@ -1,5 +1,13 @@
-// RowOutput: a file of measurements as rows of an array.
+// RowOutput: a file of measurements as rows.
 #pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include "protocols/measurement_row.hpp"
 
@@ -10,11 +18,24 @@ class RowOutput {
  public:
   virtual ~RowOutput() = default;
   virtual void write(const MeasurementRow& row) = 0;
-  // Brings all rows into the file, which is whole then.
+  // Brings all rows into the file, which is whole then. A format that cannot grow does nothing.
   virtual void flush() = 0;
   // Ends the file. Throws std::runtime_error, which names the file and the cause, if it or a row could not be
   // written.
   virtual void finish() = 0;
+};
+
+// What a file states of its origin.
+struct RowAttributes {
+  std::vector<std::pair<std::string, std::string>> texts;  // by name; UTF-8
+  std::optional<std::uint64_t> seed;
+};
+
+// A format of such files.
+struct RowFormat {
+  std::string_view option, help;  // of the command line
+  bool keeps_attributes = false;
+  std::unique_ptr<RowOutput> (*make)(std::string path, bool with_truth, const RowAttributes& attributes);
 };
 
 }  // namespace imud
