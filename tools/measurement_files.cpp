@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "tools/hdf5_writer.hpp"
+#include "tools/mat_writer.hpp"
 #include "tools/npy_writer.hpp"
 #include "tools/resolved_config.hpp"
 #include "transports/host_clock.hpp"
@@ -32,6 +33,7 @@ std::unique_ptr<RowOutput> make_writer(std::string path, bool with_truth, const 
 constexpr RowFormat formats[] = {
     {"--npy", "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")", false, make_writer<NpyWriter>},
     {"--hdf5", "also writes HDF5: a dataset for each quantity", true, make_writer<Hdf5Writer>},
+    {"--mat", "also writes a MAT-file of level 5: a variable for each quantity", true, make_writer<MatWriter>},
 };
 
 // Returns "--npy, --hdf5 and --mat".
