@@ -12,7 +12,9 @@
 #include "tools/hdf5_writer.hpp"
 #include "tools/mat_writer.hpp"
 #include "tools/npy_writer.hpp"
+#include "tools/number_check.hpp"
 #include "tools/resolved_config.hpp"
+#include "tools/ulog_writer.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/output_path.hpp"
 #include "transports/port.hpp"
@@ -31,24 +33,31 @@ std::unique_ptr<RowOutput> make_writer(std::string path, bool with_truth, const 
 
 // A new format is a line here.
 constexpr RowFormat formats[] = {
-    {"--npy", "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")", false, make_writer<NpyWriter>},
-    {"--hdf5", "also writes HDF5: a dataset for each quantity", true, make_writer<Hdf5Writer>},
-    {"--mat", "also writes a MAT-file of level 5: a variable for each quantity", true, make_writer<MatWriter>},
+    {"--npy", "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")", false, false,
+     make_writer<NpyWriter>},
+    {"--hdf5", "also writes HDF5: a dataset for each quantity", true, false, make_writer<Hdf5Writer>},
+    {"--mat", "also writes a MAT-file of level 5: a variable for each quantity", true, false, make_writer<MatWriter>},
+    {"--ulog", "also writes a ULog, PX4's format of logs: sensor_gyro, sensor_accel, and all as imud_measurement",
+     true, true, make_writer<UlogWriter>},
 };
 
-// Returns "--npy, --hdf5 and --mat".
-std::string list_options(bool keeping_attributes) {
+bool is_any(const RowFormat&) { return true; }
+bool keeps_attributes(const RowFormat& format) { return format.keeps_attributes; }
+bool needs_time(const RowFormat& format) { return format.needs_time; }
+
+// Returns the options of these formats: "--npy, --hdf5 and --mat".
+std::string list_options(bool (*is_one)(const RowFormat&)) {
   std::vector<std::string_view> names;
   for (const RowFormat& format : formats)
-    if (format.keeps_attributes || !keeping_attributes) names.push_back(format.option);
+    if (is_one(format)) names.push_back(format.option);
   const std::string_view last = names.back();
   names.pop_back();
   return names.empty() ? std::string(last) : fmt::format("{} and {}", fmt::join(names, ", "), last);
 }
 
-bool is_any_given(const std::vector<std::string>& paths, bool keeping_attributes) {
+bool is_any_given(const std::vector<std::string>& paths, bool (*is_one)(const RowFormat&)) {
   for (std::size_t i = 0; i < paths.size(); ++i)
-    if (!paths[i].empty() && (formats[i].keeps_attributes || !keeping_attributes)) return true;
+    if (!paths[i].empty() && is_one(formats[i])) return true;
   return false;
 }
 
@@ -58,9 +67,14 @@ void MeasurementFiles::add_options(CLI::App& app, Options& options) {
   options.paths.resize(std::size(formats));
   for (std::size_t i = 0; i < std::size(formats); ++i)
     app.add_option(std::string(formats[i].option), options.paths[i], std::string(formats[i].help))->type_name("FILE");
-  app.add_option("--config", options.config,
-                 fmt::format("imud's configuration, which becomes an attribute of {}", list_options(true)))
+  app.add_option(
+         "--config", options.config,
+         fmt::format("imud's configuration, which becomes an attribute of {}", list_options(keeps_attributes)))
       ->type_name("FILE");
+  app.add_option("--rate-hz", options.rate_hz,
+                 fmt::format("sample rate of measurements without time, for {}", list_options(needs_time)))
+      ->check(number_check(1e-6, 1e9))
+      ->type_name("HZ");
   app.add_option(
          "--truth", options.truth,
          "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded,\n"
@@ -74,11 +88,14 @@ void MeasurementFiles::add_options(CLI::App& app, Options& options) {
 namespace {
 
 void check(const MeasurementFiles::Options& options, const std::string& port) {
-  if (!options.config.empty() && !is_any_given(options.paths, true))
+  if (!options.config.empty() && !is_any_given(options.paths, keeps_attributes))
     throw std::invalid_argument(
-        fmt::format("--config: is for the attributes of {}, of which none is given", list_options(true)));
-  if (!options.truth.empty() && !is_any_given(options.paths, false))
-    throw std::invalid_argument(fmt::format("--truth: is for {}, of which none is given", list_options(false)));
+        fmt::format("--config: is for the attributes of {}, of which none is given", list_options(keeps_attributes)));
+  if (options.rate_hz && !is_any_given(options.paths, needs_time))
+    throw std::invalid_argument(
+        fmt::format("--rate-hz: is for {}, of which none is given", list_options(needs_time)));
+  if (!options.truth.empty() && !is_any_given(options.paths, is_any))
+    throw std::invalid_argument(fmt::format("--truth: is for {}, of which none is given", list_options(is_any)));
   if (!options.truth.empty() && !options.config.empty())
     throw std::invalid_argument("--config: that of --truth becomes the attribute; omit it");
   if (options.truth.empty() && !options.imu.empty())
@@ -129,8 +146,10 @@ MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& proto
     truth_ = std::make_unique<TruthBeside>(
         TruthBeside::Options{options.truth.front(), options.truth.back(), options.imu}, protocol);
   const bool with_truth = truth_ != nullptr;
-  const bool keeps = is_any_given(options.paths, true);
-  const RowAttributes attributes = keeps ? attributes_of(options, protocol, port, truth_.get()) : RowAttributes{};
+  RowAttributes attributes;
+  if (is_any_given(options.paths, keeps_attributes))
+    attributes = attributes_of(options, protocol, port, truth_.get());
+  attributes.rate_hz = options.rate_hz;
   for (std::size_t i = 0; i < options.paths.size(); ++i)
     if (!options.paths[i].empty()) files_.push_back(formats[i].make(options.paths[i], with_truth, attributes));
 }

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@ class MeasurementFiles {
   struct Options {
     std::vector<std::string> paths;  // by format; empty: none
     std::string config;              // path of imud's configuration, for the attributes of files; empty: none
+    std::optional<double> rate_hz;   // of measurements without time, for files that need one
     std::vector<std::string> truth;  // record, or configuration and capture; empty: no truth beside the measurements
     std::string imu;                 // of that configuration; empty: the first with the protocol
   };

@@ -25,16 +25,17 @@ class RowOutput {
   virtual void finish() = 0;
 };
 
-// What a file states of its origin.
+// A writer is given this beside the rows.
 struct RowAttributes {
   std::vector<std::pair<std::string, std::string>> texts;  // by name; UTF-8
   std::optional<std::uint64_t> seed;
+  std::optional<double> rate_hz = {};  // of measurements without time
 };
 
 // A format of such files.
 struct RowFormat {
   std::string_view option, help;  // of the command line
-  bool keeps_attributes = false;
+  bool keeps_attributes = false, needs_time = false;
   std::unique_ptr<RowOutput> (*make)(std::string path, bool with_truth, const RowAttributes& attributes);
 };
 

@@ -1,0 +1,27 @@
+// RowClock: the time of measurements, for files whose format needs one.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "protocols/measurement_row.hpp"
+
+namespace imud {
+
+class RowClock {
+ public:
+  // `rate_hz`: of measurements without time, the first of which is at 0; nullopt: such measurements have no time.
+  explicit RowClock(std::optional<double> rate_hz) : rate_hz_(rate_hz) {}
+
+  // Returns the time of the next measurement in ns, from 0; nullopt, which is counted: it has none.
+  std::optional<std::uint64_t> next(const MeasurementRow& row) noexcept;
+  // Returns what is wrong with measurements so far that had no time, and what would be right; empty: nothing is.
+  std::string fault() const;
+
+ private:
+  const std::optional<double> rate_hz_;
+  std::uint64_t rows_ = 0, without_ = 0, negative_ = 0;
+};
+
+}  // namespace imud
