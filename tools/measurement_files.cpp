@@ -11,6 +11,7 @@
 
 #include "tools/hdf5_writer.hpp"
 #include "tools/mat_writer.hpp"
+#include "tools/mcap_writer.hpp"
 #include "tools/npy_writer.hpp"
 #include "tools/number_check.hpp"
 #include "tools/resolved_config.hpp"
@@ -18,6 +19,7 @@
 #include "transports/host_clock.hpp"
 #include "transports/output_path.hpp"
 #include "transports/port.hpp"
+#include "transports/port_spec.hpp"
 
 namespace imud {
 
@@ -39,6 +41,8 @@ constexpr RowFormat formats[] = {
     {"--mat", "also writes a MAT-file of level 5: a variable for each quantity", true, false, make_writer<MatWriter>},
     {"--ulog", "also writes a ULog, PX4's format of logs: sensor_gyro, sensor_accel, and all as imud_measurement",
      true, true, make_writer<UlogWriter>},
+    {"--mcap", "also writes MCAP, Foxglove's format: a channel of JSON messages", true, true,
+     make_writer<McapWriter>},
 };
 
 bool is_any(const RowFormat&) { return true; }
@@ -120,6 +124,12 @@ void check(const MeasurementFiles::Options& options, const std::string& port) {
   }
 }
 
+// Returns the name of the imu as far as the command line states it, otherwise "imu".
+std::string imu_name(const MeasurementFiles::Options& options, const std::string& port) {
+  if (!options.imu.empty()) return options.imu;
+  return PortSpec::parse(port).text("interface").value_or("imu");
+}
+
 // Returns the text with U+FFFD in place of what is no UTF-8, such as the bytes of a path.
 std::string valid_utf8(const std::string& text) {
   using nlohmann::json;
@@ -130,6 +140,7 @@ RowAttributes attributes_of(const MeasurementFiles::Options& options, const Prot
                             const std::string& port, const TruthBeside* truth) {
   RowAttributes all;
   all.texts = {{"imud_version", IMUD_VERSION}, {"protocol", std::string(protocol.name)}, {"port", valid_utf8(port)}};
+  all.imu = valid_utf8(imu_name(options, port));
   if (options.config.empty() && truth == nullptr) return all;
   const ResolvedConfig config = truth == nullptr ? resolve_config(options.config) : truth->config();
   all.texts.emplace_back("config", valid_utf8(config.toml));
