@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "core/nearest.hpp"
+#include "tools/log_formats.hpp"
 #include "tools/number_check.hpp"
 #include "tools/stop_signal.hpp"
 #include "transports/host_clock.hpp"
@@ -18,7 +19,7 @@
 namespace imud {
 
 void DecodeOptions::resolve_port() {
-  const Protocol* found = find_protocol(protocol);
+  const Protocol* found = find_input_format(protocol);
   const bool is_can = found != nullptr && found->link == Link::can;
   if (port == "-") port = standard_input_port(is_can, is_can);
 }
@@ -39,12 +40,17 @@ void add_input_options(CLI::App& app, DecodeOptions& options) {
 }
 
 std::string known_protocols() {
-  std::string text = "Protocols:\n";
-  for (const Protocol* protocol : protocols()) {
-    text += fmt::format("  {:<16} {}\n", protocol->name, protocol->summary);
-    for (const Setting& setting : protocol->settings)
-      text += fmt::format("  {:<16}   --set {}=...: {}\n", "", setting.key, setting.help);
-  }
+  std::string text;
+  const auto list = [&](std::string_view title, std::span<const Protocol* const> all) {
+    text += title;
+    for (const Protocol* protocol : all) {
+      text += fmt::format("  {:<16} {}\n", protocol->name, protocol->summary);
+      for (const Setting& setting : protocol->settings)
+        text += fmt::format("  {:<16}   --set {}=...: {}\n", "", setting.key, setting.help);
+    }
+  };
+  list("Protocols:\n", protocols());
+  list("Logs, in place of a protocol:\n", log_formats());
   return text;
 }
 
@@ -56,10 +62,11 @@ std::string known_ports() {
 }
 
 const Protocol& protocol_for(const DecodeOptions& options) {
-  const Protocol* protocol = find_protocol(options.protocol);
+  const Protocol* protocol = find_input_format(options.protocol);
   if (protocol == nullptr) {
     std::vector<std::string> names;
-    for (const Protocol* one : protocols()) names.emplace_back(one->name);
+    for (const auto& list : {protocols(), log_formats()})
+      for (const Protocol* one : list) names.emplace_back(one->name);
     const std::string meant = nearest(options.protocol, names);
     throw std::invalid_argument(fmt::format("there is no protocol '{}'; {}--help lists all", options.protocol,
                                             meant.empty() ? "" : fmt::format("did you mean '{}'? ", meant)));
