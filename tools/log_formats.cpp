@@ -2,10 +2,10 @@
 
 namespace imud {
 
-extern const Protocol ulog_format;
+extern const Protocol mcap_format, ulog_format;
 
 namespace {
-constexpr const Protocol* all_log_formats[] = {&ulog_format};
+constexpr const Protocol* all_log_formats[] = {&mcap_format, &ulog_format};
 }
 
 std::span<const Protocol* const> log_formats() noexcept { return all_log_formats; }

@@ -4,6 +4,7 @@ import json
 import struct
 import subprocess
 import unittest
+import zlib
 
 import numpy
 
@@ -113,6 +114,94 @@ class LogInput(RunTest):
         self.assertEqual(report["samples"], 20000)
         self.assertAlmostEqual(report["rate_hz"], 250, 6)
         self.assertEqual(len(report["axes"]), 6)
+
+
+def record(opcode, content):
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def text(value):
+    value = value if isinstance(value, bytes) else value.encode()
+    return struct.pack("<I", len(value)) + value
+
+
+def ros_imu(sec, nanosec, gyro, accel, frame="imu_link", order="<", accel_covariance=0):
+    """sensor_msgs/msg/Imu by the rules of CDR: values are aligned to their size, behind the encapsulation."""
+    frame = frame.encode() + b"\0"
+    body = struct.pack(order + "iII", sec, nanosec, len(frame)) + frame
+    body += bytes(-len(body) % 8)
+    for values, covariance in ((0, 0, 0, 1), -1), (gyro, 0.5), (accel, accel_covariance):
+        body += struct.pack(f"{order}{len(values)}d9d", *values, covariance, *[0] * 8)
+    return (b"\0\1\0\0" if order == "<" else b"\0\0\0\0") + body
+
+
+def mcap(messages, compression="", schema="sensor_msgs/msg/Imu", encoding="cdr", topics=("/imu/data",), crc=None):
+    """Returns a file with a chunk. messages: (channel, log time, data); channels are numbered from 0."""
+    chunk = record(3, struct.pack("<H", 7) + text(schema) + text("ros2msg") + text("float64 x"))
+    for number, topic in enumerate(topics):
+        chunk += record(4, struct.pack("<HH", number, 7) + text(topic) + text(encoding) + text(""))
+    chunk += b"".join(record(5, struct.pack("<HIQQ", n, 0, time, time) + data) for n, time, data in messages)
+    head = struct.pack("<QQQI", 0, 0, len(chunk), zlib.crc32(chunk) if crc is None else crc) + text(compression)
+    magic = b"\x89MCAP0\r\n"
+    return magic + record(1, text("ros2") + text("test")) + record(6, head + struct.pack("<Q", len(chunk)) + chunk) + \
+        record(15, bytes(4)) + record(2, bytes(20)) + magic
+
+
+class McapInput(RunTest):
+    def decode(self, file, *settings, exit_code=0):
+        (self.folder / "a.mcap").write_bytes(file)
+        arguments = [word for setting in settings for word in ("--set", setting)]
+        lines, errors = run("imu-decode", "mcap", f"file:{self.folder}/a.mcap", *arguments, exit_code=exit_code)
+        return [line.split(",") for line in lines.splitlines()[1:]], errors
+
+    def test_what_mcap_writes_is_read_without_loss(self):
+        file = self.folder / "imu.bin"
+        run("imud", "replay", self.config(IDEAL.format(file=file)), FLIGHT, "-q")
+        lines, _ = run("imu-decode", "native", f"file:{file}", "--mcap", self.folder / "b.mcap")
+        again, report = run("imu-decode", "mcap", f"file:{self.folder}/b.mcap")
+        self.assertEqual(again, lines)
+        self.assertIn("0 failures, 0 malformed", report)
+
+    def test_imu_messages_of_ros_2_are_read(self):
+        for order in "<", ">":
+            for frame in "", "imu_link", "a_longer_frame":
+                rows, _ = self.decode(mcap([(0, 1, ros_imu(12, 345, (1, 2, 3), (4, 5, 6), frame, order)),
+                                            (0, 2, ros_imu(13, 0, (1, 2, 3), (4, 5, 6), frame, order, -1))]))
+                self.assertEqual(rows, [["12000000345", "", "1", "2", "3", "4", "5", "6"] + [""] * 8,
+                                        ["13000000000", "", "1", "2", "3"] + [""] * 11])
+
+    def test_a_topic_is_chosen(self):
+        file = mcap([(n, n, ros_imu(n, 0, (n, 0, 0), (0, 0, 0))) for n in (0, 1)], topics=("/left", "/right"))
+        self.assertEqual([row[0] for row in self.decode(file)[0]], ["0"])
+        self.assertEqual([row[0] for row in self.decode(file, "topic=/right")[0]], ["1000000000"])
+        self.assertIn("mcap: it has no such channel with the topic /up", self.decode(file, "topic=/up", exit_code=1)[1])
+
+    def test_other_files_are_refused(self):
+        good = (0, 1, ros_imu(12, 345, (1, 2, 3), (4, 5, 6)))
+        for file, fault in (b"ULog\x01\x12\x35\x01", "this is no MCAP file"), (b"\x89M", "ends within its magic"), \
+                (mcap([good], "lz4"), "its chunks are compressed by lz4; right would be zstd or none"), \
+                (mcap([good], schema="sensor_msgs/msg/Image"), "it has no channel of imud's JSON"):
+            self.assertIn(fault, self.decode(file, exit_code=1)[1])
+        self.assertIn("1 failure,", self.decode(mcap([good, good], crc=5), exit_code=1)[1])
+        rows, report = self.decode(mcap([good, (0, 2, good[2][:-1]), (0, 3, b"")]))
+        self.assertEqual(len(rows), 1)
+        self.assertIn("2 malformed", report)
+
+    def test_a_damaged_file_is_harmless(self):
+        file = mcap([(0, 1, ros_imu(12, 345, (1, 2, 3), (4, 5, 6)))], crc=0)
+        for at in range(0, len(file), 11):
+            (self.folder / "a.mcap").write_bytes(file[:at] + bytes([file[at] ^ 255]) + file[at + 1:])
+            done = subprocess.run([PROGRAMS / "imu-decode", "mcap", f"file:{self.folder}/a.mcap"], capture_output=True)
+            self.assertIn(done.returncode, (0, 1), at)
+
+    def test_imu_allan_reads_it(self):
+        noise = numpy.random.default_rng(1).normal(0, 0.01, (2000, 6))
+        messages = [(0, 0, ros_imu(i // 200, i % 200 * 5_000_000, row[:3], row[3:])) for i, row in enumerate(noise)]
+        (self.folder / "a.mcap").write_bytes(mcap(messages))
+        run("imu-allan", "mcap", f"file:{self.folder}/a.mcap", "--json", self.folder / "a.json")
+        report = json.loads((self.folder / "a.json").read_text())
+        self.assertEqual(report["samples"], 2000)
+        self.assertAlmostEqual(report["rate_hz"], 200, 6)
 
 
 if __name__ == "__main__":
