@@ -97,12 +97,12 @@ const Format formats[] = {
      31},
 };
 
-struct Taken {
+struct TakenTruths {
   std::vector<Truth> truths;
   bool has_word = false;  // something is refused, cut short or remarked
 };
 
-Taken take(const Format& format, const std::string& text, const TruthBounds& bounds) {
+TakenTruths take(const Format& format, const std::string& text, const TruthBounds& bounds) {
   Timeline timeline;
   TruthConfig config;
   config.port = "file:truth";
@@ -110,7 +110,7 @@ Taken take(const Format& format, const std::string& text, const TruthBounds& bou
   config.settings = Settings(config.format->settings);
   config.bounds = bounds;
   TruthIntake intake(config, timeline, std::make_unique<FilePort>(text));
-  Taken taken;
+  TakenTruths taken;
   for (;;) {
     const auto outcome = intake.take();
     if (outcome == TruthIntake::Outcome::nothing) break;
@@ -143,9 +143,9 @@ TEST(TruthMutations, FewAreTakenWithoutAWord) {
     std::string before_it = format.head, record, after_it;
     for (int i = 0; i < records; ++i)
       (i < damaged ? before_it : i == damaged ? record : after_it) += format.record(motion(i));
-    const Taken whole = take(format, before_it + record + after_it, stim300);
+    const TakenTruths whole = take(format, before_it + record + after_it, stim300);
     ASSERT_EQ(whole.truths.size(), static_cast<std::size_t>(records)) << format.name;
-    const auto is_silent = [&](const Taken& taken) {
+    const auto is_silent = [&](const TakenTruths& taken) {
       if (taken.has_word && !whole.has_word) return false;
       if (taken.truths.size() != whole.truths.size()) return true;
       for (std::size_t i = 0; i < taken.truths.size(); ++i)
