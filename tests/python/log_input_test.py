@@ -4,27 +4,14 @@ import json
 import struct
 import subprocess
 import unittest
-import zlib
 
 import numpy
 
+from log_writers import mcap, ros_header, ulog
 from support import FLIGHT, PROGRAMS, RunTest, run
-from ulog_reader import MAGIC
 
 IDEAL = "rate_hz = 1000\nprotocol = 'native'\nport = 'file:{file}'\ngyro.max_rad_per_s = 10\n" \
         "accelerometer.max_m_per_s2 = 200\n"
-
-
-def message(kind, body):
-    return struct.pack("<Hc", len(body), kind) + body
-
-
-def ulog(formats, subscriptions, data, offset=0):
-    """Returns a log: formats by text, subscriptions (instance, number, name), data (number, bytes)."""
-    log = MAGIC + b"\x01" + bytes(8) + message(b"B", bytes(8) + bytes([offset > 0]) + bytes(7) + struct.pack("<QQQ", offset, 0, 0))
-    log += b"".join(message(b"F", text.encode()) for text in formats)
-    log += b"".join(message(b"A", struct.pack("<BH", *ids) + name.encode()) for *ids, name in subscriptions)
-    return log + b"".join(message(b"D", struct.pack("<H", number) + body) for number, body in data)
 
 
 COMBINED = "sensor_combined:uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;" \
@@ -116,35 +103,13 @@ class LogInput(RunTest):
         self.assertEqual(len(report["axes"]), 6)
 
 
-def record(opcode, content):
-    return struct.pack("<BQ", opcode, len(content)) + content
-
-
-def text(value):
-    value = value if isinstance(value, bytes) else value.encode()
-    return struct.pack("<I", len(value)) + value
-
-
 def ros_imu(sec, nanosec, gyro, accel, frame="imu_link", order="<", accel_covariance=0):
     """sensor_msgs/msg/Imu by the rules of CDR: values are aligned to their size, behind the encapsulation."""
-    frame = frame.encode() + b"\0"
-    body = struct.pack(order + "iII", sec, nanosec, len(frame)) + frame
+    body = ros_header(sec, nanosec, frame, order)
     body += bytes(-len(body) % 8)
     for values, covariance in ((0, 0, 0, 1), -1), (gyro, 0.5), (accel, accel_covariance):
         body += struct.pack(f"{order}{len(values)}d9d", *values, covariance, *[0] * 8)
     return (b"\0\1\0\0" if order == "<" else b"\0\0\0\0") + body
-
-
-def mcap(messages, compression="", schema="sensor_msgs/msg/Imu", encoding="cdr", topics=("/imu/data",), crc=None):
-    """Returns a file with a chunk. messages: (channel, log time, data); channels are numbered from 0."""
-    chunk = record(3, struct.pack("<H", 7) + text(schema) + text("ros2msg") + text("float64 x"))
-    for number, topic in enumerate(topics):
-        chunk += record(4, struct.pack("<HH", number, 7) + text(topic) + text(encoding) + text(""))
-    chunk += b"".join(record(5, struct.pack("<HIQQ", n, 0, time, time) + data) for n, time, data in messages)
-    head = struct.pack("<QQQI", 0, 0, len(chunk), zlib.crc32(chunk) if crc is None else crc) + text(compression)
-    magic = b"\x89MCAP0\r\n"
-    return magic + record(1, text("ros2") + text("test")) + record(6, head + struct.pack("<Q", len(chunk)) + chunk) + \
-        record(15, bytes(4)) + record(2, bytes(20)) + magic
 
 
 class McapInput(RunTest):
