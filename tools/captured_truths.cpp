@@ -18,39 +18,50 @@ const TruthFormat& format_of(const std::string& name) {
   if (const TruthFormat* format = find_truth_format(name)) return *format;
   std::vector<std::string_view> known;
   for (const TruthFormat* format : truth_formats()) known.push_back(format->name);
+  for (const TruthLog* log : truth_logs()) known.push_back(log->name);
   throw std::invalid_argument(
       fmt::format("there is no truth format '{}'; right would be one of {}", name, fmt::join(known, ", ")));
 }
 
 }  // namespace
 
-CapturedTruths::CapturedTruths(const Options& options)
-    : format_(format_of(options.format)),
-      decoder_(format_.make(settings_from(format_.settings, options.settings))),
-      stream_(options.stream) {
+CapturedTruths::CapturedTruths(const Options& options) : stream_(options.stream) {
+  bool derives = true;
+  if (const TruthLog* log = find_truth_log(options.format)) {
+    log_.emplace(log->read(options.capture, settings_from(log->settings, options.settings)));
+    if (const std::uint64_t count = log_->log().without_position; count > 0) refused_["without position"] = count;
+  } else {
+    open_capture(options);
+    derives = format_of(options.format).derives;
+  }
+  if (derives)
+    derivation_.reset(new Derivation{PoseFit({.widest = 8, .gravitation = options.gravitation}),
+                                     Timeline({.gap_begins_run = true})});
+}
+
+void CapturedTruths::open_capture(const Options& options) {
+  const TruthFormat& format = format_of(options.format);
+  decoder_ = format.make(settings_from(format.settings, options.settings));
   const std::string from = capture_port(options.capture);
   if (const Transport* transport = transport_of(from)) {
     const auto is_right = [&](const Transport& t) {
-      return t.ends && t.brings_truth && (t.keeps_datagrams || format_.delimits_itself);
+      return t.ends && t.brings_truth && (t.keeps_datagrams || format.delimits_itself);
     };
     if (!is_right(*transport))
-      throw std::invalid_argument(fmt::format("{}: has no {} truth; right would be {}", options.capture, format_.name,
+      throw std::invalid_argument(fmt::format("{}: has no {} truth; right would be {}", options.capture, format.name,
                                               fmt::join(port_examples(is_right), " or ")));
     port_ = open_port(from, Role::listener);
     if (!port_->keeps_datagrams().value_or(transport->keeps_datagrams)) input_ = TruthInput::stream;
   } else {
     port_ = open_port(from, Role::listener);  // which throws
   }
-  if (format_.derives)
-    derivation_.reset(new Derivation{PoseFit({.widest = 8, .gravitation = options.gravitation}),
-                                     Timeline({.gap_begins_run = true})});
 }
 
 std::optional<Truth> CapturedTruths::next() {
   Truth truth;
   while (!stop_requested()) {
     if (take_derived(truth)) return truth;
-    const auto result = decoder_->next(truth);
+    const auto result = next_record(truth);
     if (!result) {
       if (feed_next()) continue;
       if (derivation_ == nullptr) break;
@@ -70,6 +81,10 @@ std::optional<Truth> CapturedTruths::next() {
     }
   }
   return std::nullopt;
+}
+
+std::optional<TruthResult> CapturedTruths::next_record(Truth& truth) {
+  return log_ ? log_->next(truth) : decoder_->next(truth);
 }
 
 // Gives a truth to the fit, unless it is late.
@@ -96,6 +111,7 @@ bool CapturedTruths::take_derived(Truth& truth) {
 
 // Returns false at the end of the capture.
 bool CapturedTruths::feed_next() {
+  if (log_) return false;
   while (!stop_requested()) {
     if (const auto received = port_->receive()) {
       if (std::exchange(streams_, port_->counters().lost_count) != port_->counters().lost_count) decoder_->finish();
@@ -120,12 +136,14 @@ std::string CapturedTruths::refused() const {
     if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count, cause);
   };
   for (const auto& [cause, count] : refused_) add(count, cause);
+  if (decoder_ == nullptr) return text;
   add(decoder_->losses().too_long, "too long");
   add(decoder_->losses().cut_short, "cut short");
   return text;
 }
 
 std::string CapturedTruths::damage() const {
+  if (log_) return log_->log().damage;
   std::string text(port_->end_warning());
   if (const std::uint64_t count = port_->counters().truncated; count > 0)
     text += fmt::format("{}{} truncated datagrams", text.empty() ? "" : ", ", count);

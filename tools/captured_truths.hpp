@@ -12,6 +12,7 @@
 #include "core/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "protocols/truth_format.hpp"
+#include "tools/truth_logs.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -19,14 +20,15 @@ namespace imud {
 class CapturedTruths {
  public:
   struct Options {
-    std::string capture;  // a file, or a port that ends
-    std::string format;
+    std::string capture;                  // a file, or a port that ends; of a log, a file
+    std::string format;                   // a truth format or a truth log (truth_logs.hpp)
     std::vector<std::string> settings;    // of the format, KEY=VALUE
     std::optional<std::uint32_t> stream;  // vehicle; nullopt: that of the first truth
     GravitationModel gravitation = {};    // for what is derived from poses, where the format lacks it
   };
 
-  // Throws std::invalid_argument or PortError, which names the fault and what would be right.
+  // Throws std::invalid_argument or PortError, or of a log std::runtime_error, which names the fault and what would
+  // be right.
   explicit CapturedTruths(const Options& options);
 
   // Returns the next truth of the vehicle, in the order of the capture; nullopt at its end, or after
@@ -38,6 +40,8 @@ class CapturedTruths {
   std::uint64_t of_other_vehicles() const { return of_other_vehicles_; }
   // Describes the end of a damaged capture, and truncated datagrams; empty if there is nothing to report.
   std::string damage() const;
+  // Describes what of a log was read; empty: it is none.
+  std::string note() const { return log_ ? log_->log().note : std::string(); }
 
  private:
   // The fit, and the order in which it needs the truths.
@@ -45,11 +49,13 @@ class CapturedTruths {
     PoseFit fit;
     Timeline order;
   };
+  void open_capture(const Options& options);
+  std::optional<TruthResult> next_record(Truth& truth);
   bool feed_next();
   void derive(Truth& truth);
   bool take_derived(Truth& truth);
 
-  const TruthFormat& format_;
+  std::optional<LoggedTruths> log_;  // otherwise a decoder and a port
   std::unique_ptr<TruthDecoder> decoder_;
   std::unique_ptr<Port> port_;
   std::unique_ptr<Derivation> derivation_;  // null if the format derives nothing

@@ -22,6 +22,7 @@
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
 #include "tools/truth_csv.hpp"
+#include "tools/truth_logs.hpp"
 #include "tools/truth_source.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/output_path.hpp"
@@ -66,7 +67,8 @@ std::string known_motions() {
   return text +
          "  capture FILE the UDP datagrams of a capture, byte for byte: FILE.pcap, FILE.pcap?port=9810, "
          "FILE.pcap.gz;\n"
-         "               with --csv its truths, or those of a file such as poses.tum, of any format, as truth CSV\n";
+         "               with --csv its truths, or those of a file such as poses.tum, of any format, as truth CSV;\n"
+         "               FLIGHT.ulg (PX4) is --format ulog\n";
 }
 
 // Returns true if the motion depends on the parameter.
@@ -128,6 +130,9 @@ void check(const CLI::App& app, Options& options) {
   if (!is_capture && !options.motion.for_s && ((options.fast && !options.lockstep) || !options.csv_path.empty()))
     throw std::invalid_argument("--for: must be given with --fast or --csv, as a motion has no end");
 
+  if (const TruthLog* log = is_capture ? truth_log_of_file(options.capture) : nullptr;
+      log != nullptr && app.get_option("--format")->count() == 0)
+    options.format = log->name;
   options.motion.acknowledge = options.lockstep;
   options.motion.new_run = !options.no_new_run;
 }
@@ -192,6 +197,7 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
   finish_csv(csv, options, rows);
   if (first && first->accumulated_dv == AccumulatedDv::body_sum)
     print_line("note", "replay it with truth.accumulated_dv = \"body_sum\"");
+  if (!truths.note().empty()) print_line("note", truths.note());
   if (const auto others = truths.of_other_vehicles(); others > 0)
     print_line("left out", fmt::format("{} truths of other vehicles; --stream chooses one", others));
   if (without > 0) print_line("left out", fmt::format("{} truths that lack columns of the first one", without));
@@ -236,6 +242,9 @@ int send(const Options& options, bool& running) {
   std::unique_ptr<Port> capture;
   std::unique_ptr<TruthSource> source;
   if (options.motion.motion == nullptr) {
+    if (find_truth_log(options.format) != nullptr)
+      throw std::invalid_argument(options.capture +
+                                  ": is a log, which --csv FILE converts to what imud replay reads");
     const std::string from = capture_port(options.capture);
     const auto has_datagrams = [](const Transport& t) { return t.ends && t.keeps_datagrams; };
     if (const Transport* transport = transport_of(from); transport != nullptr && !has_datagrams(*transport))
