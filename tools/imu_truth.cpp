@@ -68,7 +68,7 @@ std::string known_motions() {
          "  capture FILE the UDP datagrams of a capture, byte for byte: FILE.pcap, FILE.pcap?port=9810, "
          "FILE.pcap.gz;\n"
          "               with --csv its truths, or those of a file such as poses.tum, of any format, as truth CSV;\n"
-         "               FLIGHT.ulg (PX4) is --format ulog\n";
+         "               FLIGHT.ulg (PX4) and FLIGHT.mcap (ROS 2) are --format ulog and mcap\n";
 }
 
 // Returns true if the motion depends on the parameter.

@@ -10,11 +10,11 @@
 
 namespace imud {
 
-extern const TruthLog ulog_truth_log;
+extern const TruthLog mcap_truth_log, ulog_truth_log;
 
 namespace {
 
-constexpr const TruthLog* all_truth_logs[] = {&ulog_truth_log};
+constexpr const TruthLog* all_truth_logs[] = {&mcap_truth_log, &ulog_truth_log};
 
 constexpr std::string_view state_fields[] = {
     "time_ns",          "q_NB_w",      "q_NB_x",      "q_NB_y",           "q_NB_z",

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Logs of PX4 as truth: imu-truth capture --csv, and a replay of what it writes."""
+"""Logs of PX4 and of ROS 2 as truth: imu-truth capture --csv, and a replay of what it writes."""
 import csv
 import io
 import math
@@ -9,7 +9,7 @@ import unittest
 
 import numpy
 
-from log_writers import ulog
+from log_writers import mcap, ros_header, ulog
 from support import PROGRAMS, RunTest, run
 
 ATTITUDE = "vehicle_attitude:uint64_t timestamp;uint64_t timestamp_sample;float[4] q;float[4] delta_q_reset;" \
@@ -69,7 +69,7 @@ class TruthLog(RunTest):
             return {}, errors
         return dict(zip(rows[0], numpy.array([[float(one) for one in row] for row in rows[1:]]).T)), errors
 
-    def check_turn(self, truth, first_s, begin_s=0, rate=1e-4, force=0.02):
+    def check_turn(self, truth, first_s, begin_s=0, rate=1e-6, force=1e-3):
         """The truth is the turn above, from first_s on, which is begin_s into the turn."""
         t = truth["time_ns"] * 1e-9 - first_s
         self.assertAlmostEqual(t[0], begin_s, 9)
@@ -108,7 +108,7 @@ class TruthLog(RunTest):
         self.assertEqual(len(truth["time_ns"]), 601)
 
     def test_a_position_at_10_hz_is_interpolated(self):
-        self.check_turn(self.convert(ulog(*flight(position_hz=10)))[0], 7, force=0.1)
+        self.check_turn(self.convert(ulog(*flight(position_hz=10)))[0], 7, force=0.01)
 
     def test_a_gap_of_positions_is_reported(self):
         truth, errors = self.convert(ulog(*flight(gap_s=(1, 3))), exit_code=3)
@@ -147,12 +147,12 @@ class TruthLog(RunTest):
 
     def test_damaged_files_are_harmless(self):
         formats, subscriptions, data = flight(seconds=1)
-        file = ulog(formats, subscriptions, data[:8])
-        for at in range(0, len(file), 17):
-            (self.folder / "a.ulg").write_bytes(file[:at] + bytes([file[at] ^ 255]) + file[at + 1:])
-            done = subprocess.run([PROGRAMS / "imu-truth", "capture", self.folder / "a.ulg", "--csv", "-"],
-                                  capture_output=True)
-            self.assertIn(done.returncode, (0, 1, 2, 3), at)
+        for name, file in ("a.ulg", ulog(formats, subscriptions, data[:8])), ("a.mcap", odometry(seconds=0, crc=0)):
+            for at in range(0, len(file), 17):
+                (self.folder / name).write_bytes(file[:at] + bytes([file[at] ^ 255]) + file[at + 1:])
+                done = subprocess.run([PROGRAMS / "imu-truth", "capture", self.folder / name, "--csv", "-"],
+                                      capture_output=True)
+                self.assertIn(done.returncode, (0, 1, 2, 3), at)
 
     def test_a_replay_of_the_conversion_measures_the_turn(self):
         (self.folder / "a.ulg").write_bytes(ulog(*flight()))
@@ -175,6 +175,87 @@ class TruthLog(RunTest):
         text, _ = run("imu-truth", "capture", self.folder / "a.ulg", "--csv", "-", "--gravity-m-per-s2", "1.5")
         rows = list(csv.DictReader(io.StringIO(text)))
         self.assertAlmostEqual(float(rows[400]["nonConservativeAccelpntB_B_z"]), -1.5, 2)
+
+    # ROS 2.
+
+    def test_an_odometry_with_twist(self):
+        truth, errors = self.convert(odometry(), name="a.mcap")
+        self.check_turn(truth, 1000, rate=1e-12, force=1e-6)
+        self.assertIn("note         /odom with its twist", errors)
+        truth, errors = self.convert(odometry(), "twist=none", name="a.mcap")
+        self.check_turn(truth, 1000)
+        self.assertIn("note         /odom, whose rate is derived", errors)
+
+    def test_an_odometry_without_twist(self):
+        truth, errors = self.convert(odometry(twist=False), name="a.mcap")
+        self.check_turn(truth, 1000)
+        self.assertIn("note         /odom, whose rate is derived", errors)
+
+    def test_poses(self):
+        self.check_turn(self.convert(odometry(schema="geometry_msgs/msg/PoseStamped"), name="a.mcap")[0], 1000)
+
+    def test_pitch_and_roll(self):
+        # Northwards: 90 deg about up. A positive angle about front-left-up's y, which points left, is nose down.
+        angle = 0.4
+        half, quarter = math.sin(angle / 2), math.sqrt(0.5)
+        for axis, rolled, force in (1, (half, 0, 0), (0, -GRAVITY * math.sin(angle), -GRAVITY * math.cos(angle))), \
+                (2, (0, -half, 0), (GRAVITY * math.sin(angle), 0, -GRAVITY * math.cos(angle))):
+            x, y, _ = rolled
+            w = math.cos(angle / 2)
+            q = quarter * (x - y), quarter * (x + y), quarter * w, quarter * w  # x, y, z, w of the product
+            body = ros_header(5, 0, "map")
+            body += bytes(-len(body) % 8)
+            messages = [(0, n, b"\0\1\0\0" + struct.pack("<i", 5 + n) + body[4:] + struct.pack("<7d", 3, 4, 5, *q))
+                        for n in range(40)]
+            truth, _ = self.convert(mcap(messages, schema="geometry_msgs/msg/PoseStamped"), name="a.mcap")
+            for i in 1, 2, 3:
+                numpy.testing.assert_allclose(truth[f"sigma_BN_{i}"], math.tan(angle / 4) * (i == axis), atol=1e-12)
+            for i, name in enumerate("xyz"):
+                numpy.testing.assert_allclose(truth[f"r_BN_N_{name}"], (4, 3, -5)[i], atol=1e-9)
+                numpy.testing.assert_allclose(truth[f"nonConservativeAccelpntB_B_{name}"], force[i], atol=1e-9)
+
+    def test_axes_are_chosen(self):
+        # East-north-up and front-left-up taken for north-east-down and front-right-down: the turn is about +z still,
+        # but upside down.
+        truth, _ = self.convert(odometry(), "level=ned", "body=frd", name="a.mcap")
+        numpy.testing.assert_allclose(truth["omega_BN_B_z"], -YAW_RATE, atol=1e-12)
+        numpy.testing.assert_allclose(truth["r_BN_N_z"], 100, atol=1e-9)
+
+    def test_a_topic_is_chosen(self):
+        file = odometry(topics=("/odom", "/truth"), channel=1)
+        errors = self.convert(file, name="a.mcap", exit_code=2)[1]
+        self.assertIn("its topics are /odom (nav_msgs/msg/Odometry, cdr), /truth (nav_msgs/msg/Odometry, cdr)", errors)
+        truth, errors = self.convert(file, "topic=/truth", name="a.mcap")
+        self.check_turn(truth, 1000, rate=1e-12)
+        self.assertIn("; --set topic=... chooses another of /odom, /truth", errors)
+
+    def test_a_recording_without_truth_names_what_it_has(self):
+        errors = self.convert(odometry(schema="sensor_msgs/msg/Imu"), name="a.mcap", exit_code=2)[1]
+        self.assertIn("mcap: it has no truth, which would be nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped by "
+                      "cdr; its topics are /odom (sensor_msgs/msg/Imu, cdr)\n", errors)
+        self.assertIn("mcap: this is no MCAP", self.convert(b"x" * 100, name="a.mcap", exit_code=2)[1])
+        self.assertIn("(records with a wrong CRC: 1)", self.convert(odometry(crc=5), name="a.mcap", exit_code=2)[1])
+        self.assertIn("chunks are compressed by lz4", self.convert(odometry(compression="lz4"), name="a.mcap", exit_code=2)[1])
+        self.assertIn("none.mcap: No such file", run("imu-truth", "capture", self.folder / "none.mcap", "--csv", "-",
+                                                     exit_code=2)[1])
+
+
+def odometry(seconds=4, twist=True, schema="nav_msgs/msg/Odometry", channel=0, topics=("/odom",), **options):
+    """The turn as nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped, by REP 103: the world's axes are east, north
+    and up, the body's front, left and up; the twist is in the body's. 100 a second."""
+    messages = []
+    for n in range(100 * seconds + 1):
+        _, (north, east, down), _ = turn(n / 100)
+        yaw = math.pi / 2 - YAW_RATE * n / 100  # from east, counter-clockwise
+        body = ros_header(1000 + n // 100, n % 100 * 10_000_000, "odom" + "_" * (n % 5))
+        if "Odometry" in schema:
+            body += bytes(-len(body) % 4) + struct.pack("<I", 10) + b"base_link\0"
+        body += bytes(-len(body) % 8) + struct.pack("<7d", east, north, -down, 0, 0, math.sin(yaw / 2), math.cos(yaw / 2))
+        if "Odometry" in schema:
+            body += struct.pack("<36d", *range(36))
+            body += struct.pack("<6d", *((SPEED, 0, 0, 0, 0, -YAW_RATE) if twist else [0] * 6)) + struct.pack("<36d", *range(36))
+        messages.append((channel, n, b"\0\1\0\0" + body))
+    return mcap(messages, schema=schema, topics=topics, **options)
 
 
 if __name__ == "__main__":
