@@ -168,6 +168,14 @@ class TruthLog(RunTest):
         numpy.testing.assert_allclose(array["gyro"], numpy.tile((0, 0, YAW_RATE), (401, 1)), atol=1e-3)
         numpy.testing.assert_allclose(array["accel"], numpy.tile((0, SPEED * YAW_RATE, -GRAVITY), (401, 1)), atol=0.05)
 
+    def test_a_replay_of_the_log_itself_says_what_to_do(self):
+        (self.folder / "imu.toml").write_text("[truth]\nformat = 'csv'\nport = 'udp:127.0.0.1:0'\n[[imu]]\n"
+                                              f"protocol = 'stim300'\nport = 'file:{self.folder}/a.bin'\n")
+        for name, log, words in ("a.ulg", ulog(*flight()), "a ULog of PX4"), ("a.mcap", odometry(), "an MCAP log"):
+            (self.folder / name).write_bytes(log)
+            errors = run("imud", "replay", self.folder / "imu.toml", self.folder / name, "--fast", exit_code=1)[1]
+            self.assertIn(f"the capture has {words}: imu-truth capture FILE --csv truth.csv makes truth of it", errors)
+
     def test_a_log_is_converted_and_not_sent(self):
         (self.folder / "a.ulg").write_bytes(ulog(*flight()))
         errors = run("imu-truth", "capture", self.folder / "a.ulg", "--to", "udp:127.0.0.1:9", exit_code=2)[1]
