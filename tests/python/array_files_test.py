@@ -71,10 +71,10 @@ class ArrayFiles(RunTest):
                     continue
                 for seeds in [], ["--seeds", "4..5", "--jobs", "1"]:
                     with self.subTest(imu=imu[:22], fault=name, seeds=len(seeds)):
-                        measured, truth = self.arrays(imu, fault(name, keys), seeds)
+                        measured, truth = self.arrays(imu, fault(name, keys), [*seeds, "--for", "5"])
                         self.assertEqual(measured.shape, truth.shape)
                         known = measured["fields"] != 0
-                        self.assertGreater(known.sum(), 0.6 * known.size)
+                        self.assertGreater(known.sum(), 0.5 * known.size)
                         if name == "message.other_settings":
                             since = truth["time_ns"] - truth["time_ns"][0, 0]
                             known &= (since < 2e9) | (since > 4.1e9)
@@ -91,7 +91,7 @@ class ArrayFiles(RunTest):
         for name, keys in DAMAGING.items():
             for imu in NATIVE, "protocol = 'stim300'\n":
                 with self.subTest(imu=imu[:22], fault=name):
-                    measured, truth = self.arrays(imu, fault(name, keys))
+                    measured, truth = self.arrays(imu, fault(name, keys), ["--for", "5"])
                     self.assertEqual(measured.shape, truth.shape)
                     error = abs(measured["gyro"] - truth["true_gyro"]).max(axis=-1)
                     self.assertLess((error > 1e-6).sum(), 0.02 * error.size)
@@ -129,7 +129,7 @@ class ArrayFiles(RunTest):
         measured, _ = self.arrays("protocol = 'stim300'\n", fault("gyro.bias", OF_SENSORS["gyro.bias"]))
         config, part = self.folder / "imu.toml", self.folder / "x.npy.incomplete"
         before = (self.folder / "x.npy").read_bytes()
-        command = ["replay", config, FLIGHT, "--npy", self.folder / "x.npy", "--seeds", "1..60", "--jobs", "2",
+        command = ["replay", config, FLIGHT, "--npy", self.folder / "x.npy", "--seeds", "1..30", "--jobs", "2",
                    "--set", "imu.a.model=stim300"]
         for ended_by in signal.SIGTERM, signal.SIGKILL:
             program = subprocess.Popen([PROGRAMS / "imud", *map(str, command)], stderr=subprocess.PIPE, text=True,
@@ -147,9 +147,9 @@ class ArrayFiles(RunTest):
             self.assertEqual(program.returncode, 3 if ended_by == signal.SIGTERM else -signal.SIGKILL, errors)
             self.assertEqual((self.folder / "x.npy").read_bytes(), before)
             array = numpy.load(part, mmap_mode="r")
-            self.assertEqual(array.shape, (60, measured.shape[1]))
+            self.assertEqual(array.shape, (30, measured.shape[1]))
             missing = array["fields"][:, -1] == 0
-            self.assertTrue(0 < missing.sum() < 60, missing.sum())
+            self.assertTrue(0 < missing.sum() < 30, missing.sum())
             if ended_by == signal.SIGTERM:
                 self.assertIn("x.npy.incomplete is incomplete: the same command does the runs that are missing", errors)
                 self.assertTrue(numpy.isnan(array["gyro"][missing, -1]).all())
@@ -158,12 +158,12 @@ class ArrayFiles(RunTest):
         for other in ["--set=imu.a.phase_us=100"], ["--set=seed=9"], ["--for", "5"]:
             _, errors = run("imud", *command, *other, exit_code=2)
             self.assertIn(".incomplete: is the part of another array, of imud ", errors)
-        command[command.index("1..60")] = "1..61"
+        command[command.index("1..30")] = "1..31"
         _, errors = run("imud", *command, exit_code=2)
-        self.assertIn("seeds 1..60, ", errors)
-        command[command.index("1..61")] = "1..60"
+        self.assertIn("seeds 1..30, ", errors)
+        command[command.index("1..31")] = "1..30"
         _, errors = run("imud", *command)
-        self.assertRegex(errors, r"[1-9]\d* of 60 runs are in the arrays already; the others follow")
+        self.assertRegex(errors, r"[1-9]\d* of 30 runs are in the arrays already; the others follow")
         self.assertFalse(part.exists())
         completed = (self.folder / "x.npy").read_bytes(), (self.folder / "x_truth.npy").read_bytes()
         run("imud", *command)
