@@ -19,6 +19,19 @@ def open_browser():
     return webdriver.Chrome(service=Service(driver), options=options)
 
 
+def check_in_browser(check, picture):
+    """Calls check(browser). If it fails, the picture has what the browser showed, and its log is printed."""
+    browser = open_browser()
+    try:
+        check(browser)
+    except BaseException:
+        browser.save_screenshot(str(picture))
+        print(*browser.get_log("browser"), sep="\n")
+        raise
+    finally:
+        browser.quit()
+
+
 def expect_no_errors(browser):
     errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
     assert not errors, errors

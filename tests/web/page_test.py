@@ -3,7 +3,7 @@ phone. usage: page_test.py IMUD IMU_TRUTH SCREENSHOT_FOLDER"""
 import pathlib
 import sys
 
-from chromium import expect_no_errors, open_browser, text
+from chromium import check_in_browser, expect_no_errors, text
 from imud_page import Imud, wait_until
 from selenium.common.exceptions import (ElementClickInterceptedException, NoSuchElementException,
                                         StaleElementReferenceException)
@@ -138,15 +138,7 @@ def check(browser):
 
 imud = Imud(imud_path, truth_path)
 try:
-    browser = open_browser()
-    try:
-        check(browser)
-    except BaseException:
-        browser.save_screenshot(str(pictures / "failed.png"))
-        print(*browser.get_log("browser"), sep="\n")
-        raise
-    finally:
-        browser.quit()
+    check_in_browser(check, pictures / "failed.png")
 finally:
     code = imud.stop()
     print("".join(imud.log))

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import urllib.request
 
-from chromium import expect_no_errors, open_browser, text
+from chromium import check_in_browser, expect_no_errors, text
 from imud_page import Imud, wait_until
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
@@ -289,15 +289,7 @@ def check(browser):
 imud = Imud(sys.argv[1], sys.argv[2], start_s=100, arguments=("--set", "earth.frame=local", "--set", "earth.latitude_deg=45", "--set",
                                                  "earth.longitude_deg=7", "--set", "earth.height_m=500"))
 try:
-    browser = open_browser()
-    try:
-        check(browser)
-    except BaseException:
-        browser.save_screenshot(str(pictures / "plots_failed.png"))
-        print(*browser.get_log("browser"), sep="\n")
-        raise
-    finally:
-        browser.quit()
+    check_in_browser(check, pictures / "plots_failed.png")
 finally:
     code = imud.stop()
     print("".join(imud.log))
