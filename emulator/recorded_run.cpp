@@ -4,11 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstdlib>
 #include <utility>
-
-#include "emulator/faults/scenario.hpp"
 
 namespace imud {
 
@@ -234,15 +231,6 @@ void RecordedRun::receive(const RecordEvent& event, std::span<const std::byte> b
   });
 }
 
-template <class Function>
-void RecordedRun::for_imus(const RecordEvent& event, Function function) noexcept {
-  const std::size_t interface = std::size_t{base_} + event.interface;
-  if (interface >= reader_.interfaces().size()) return;
-  const std::string& name = reader_.interfaces()[interface].name;
-  for (const auto& channel : session_->channels())
-    if (channel->name() == name) function(*channel);
-}
-
 void RecordedRun::poll(std::int64_t polled_ns) noexcept {
   for (const auto& channel : session_->channels()) {
     channel->poll(HostTime{polled_ns});
@@ -327,47 +315,6 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       ended_ = true;
       break;
   }
-}
-
-void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
-  if (static_cast<Command::Kind>(event.flags) == Command::Kind::reload) {
-    poll(event.b);
-    ++reloads_missing_;
-    reload_ = event;
-    return reload_text_.clear();
-  }
-  if (static_cast<Command::Kind>(event.flags) != Command::Kind::fault_begin) return execute_for_imus(event);
-  ++faults_missing_;
-  begin_fault_ = event;
-}
-
-// A fault of several imus is in the record with each.
-void RecordedRun::begin_fault(const RecordEvent& event, std::span<const std::byte> text) {
-  FaultBook& faults = session_->faults();
-  const auto number = static_cast<std::uint64_t>(event.c);
-  if (number == faults.all().size() && !faults.is_full()) {
-    std::string keys(reinterpret_cast<const char*>(text.data()), text.size());
-    std::vector<std::string> wrong;
-    FaultConfig fault = read_begun_fault(keys, number, imus_, wrong);
-    if (wrong.empty()) faults.add(std::move(fault), std::move(keys));
-  }
-  if (number < faults.configured().size() || number >= faults.all().size()) return;
-  --faults_missing_;
-  execute_for_imus(event);
-}
-
-void RecordedRun::execute_for_imus(const RecordEvent& event) noexcept {
-  Command command = {.kind = static_cast<Command::Kind>(event.flags),
-                     .value = std::bit_cast<double>(event.b),
-                     .number = static_cast<std::uint64_t>(event.c)};
-  if (!has_value(command.kind)) poll(event.b);
-  if (event.interface == RecordEvent::all_imus) return imud::execute(*session_, command, HostTime{event.a});
-  const auto all = session_->channels();
-  for_imus(event, [&](const Channel& channel) {
-    const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == &channel; });
-    command.imu = static_cast<std::uint16_t>(found - all.begin());
-    imud::execute(*session_, command, HostTime{event.a});
-  });
 }
 
 // Pieces of a stream may have come without a record in them.

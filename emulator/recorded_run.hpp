@@ -108,4 +108,13 @@ class RecordedRun {
   HostTime instant_;         // of the last samples
 };
 
+template <class Function>
+void RecordedRun::for_imus(const RecordEvent& event, Function function) noexcept {
+  const std::size_t interface = std::size_t{base_} + event.interface;
+  if (interface >= reader_.interfaces().size()) return;
+  const std::string& name = reader_.interfaces()[interface].name;
+  for (const auto& channel : session_->channels())
+    if (channel->name() == name) function(*channel);
+}
+
 }  // namespace imud
