@@ -8,7 +8,7 @@
 // have no dead zone near zero and no singularity except where stated. Angles are in rad.
 #pragma once
 
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/vector.hpp"
 
 namespace imud {

@@ -5,8 +5,8 @@
 #include <cstdint>
 
 #include "core/correlated_noise.hpp"
-#include "core/elementary.hpp"
-#include "core/random.hpp"
+#include "core/numbers/elementary.hpp"
+#include "core/numbers/random.hpp"
 
 namespace imud {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/elementary.hpp"
-#include "core/random.hpp"
+#include "core/numbers/elementary.hpp"
+#include "core/numbers/random.hpp"
 #include "core/vector.hpp"
 
 namespace imud {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
-#include "core/dispatch.hpp"
+#include "core/numbers/dispatch.hpp"
 
 namespace imud {
 

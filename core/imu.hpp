@@ -5,17 +5,17 @@
 #include <optional>
 
 #include "core/barometer.hpp"
-#include "core/earth.hpp"
-#include "core/lanes.hpp"
+#include "core/earth/earth.hpp"
+#include "core/environment/temperature.hpp"
+#include "core/environment/vibration.hpp"
 #include "core/navigation_errors.hpp"
-#include "core/random.hpp"
+#include "core/numbers/lanes.hpp"
+#include "core/numbers/random.hpp"
 #include "core/rest.hpp"
 #include "core/sample.hpp"
 #include "core/size_effect.hpp"
-#include "core/temperature.hpp"
 #include "core/timeline.hpp"
 #include "core/triad.hpp"
-#include "core/vibration.hpp"
 
 namespace imud {
 

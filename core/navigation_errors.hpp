@@ -5,7 +5,7 @@
 
 #include "core/attitude.hpp"
 #include "core/correlated_noise.hpp"
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/time.hpp"
 
 namespace imud {

@@ -1,7 +1,7 @@
 #include "core/rest.hpp"
 
 #include "core/attitude.hpp"
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 
 namespace imud {

@@ -1,7 +1,7 @@
 // Rest: the vehicle that stands still before the simulator's first truth.
 #pragma once
 
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/timeline.hpp"
 
 namespace imud {

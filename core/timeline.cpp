@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "core/attitude.hpp"
-#include "core/dispatch.hpp"
+#include "core/numbers/dispatch.hpp"
 
 namespace imud {
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "emulator/faults/expectations.hpp"
 #include "emulator/faults/fault_config.hpp"

@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/duration_histogram.hpp"
+#include "core/numbers/duration_histogram.hpp"
 #include "emulator/truth_remarks.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"

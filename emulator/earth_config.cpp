@@ -1,7 +1,7 @@
 // The keys of [earth], how the truth's frame N relates to the Earth, and truth.max_*.
 #include <cmath>
 
-#include "core/igrf.hpp"
+#include "core/earth/igrf.hpp"
 #include "core/units.hpp"
 #include "emulator/config_parts.hpp"
 

@@ -1,7 +1,7 @@
 #include <map>
 #include <set>
 
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/line_load.hpp"
 #include "transports/output_path.hpp"

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "core/duration_histogram.hpp"
+#include "core/numbers/duration_histogram.hpp"
 #include "emulator/host.hpp"
 #include "emulator/line_load.hpp"
 #include "emulator/machine.hpp"

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "emulator/config.hpp"
 #include "emulator/counters.hpp"

@@ -3,7 +3,7 @@
 #include <chrono>
 
 #include "core/attitude.hpp"
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 
 namespace imud {
 

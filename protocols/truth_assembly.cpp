@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
-#include "core/earth.hpp"
-#include "core/gravitation.hpp"
+#include "core/earth/earth.hpp"
+#include "core/earth/gravitation.hpp"
 #include "core/units.hpp"
 
 namespace imud {

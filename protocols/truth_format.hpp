@@ -167,8 +167,8 @@ struct TruthFormat {
   std::string_view force_from = {};
   // The setting `columns` takes the quantities of protocols/truth_quantities.hpp.
   bool maps_quantities = false;
-  // Its truths may lack rate or specific force, which are then derived from the poses (core/pose_fit.hpp) unless the
-  // configuration says otherwise. A format without this always gives the rate.
+  // Its truths may lack rate or specific force, which are then derived from the poses (core/pose/pose_fit.hpp) unless
+  // the configuration says otherwise. A format without this always gives the rate.
   bool derives = false;
   // How many servos TruthDecoder::set_servo() can set.
   std::size_t servos = 0;

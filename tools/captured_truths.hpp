@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "protocols/truth_format.hpp"
 #include "tools/truth_logs.hpp"

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "core/duration_histogram.hpp"
+#include "core/numbers/duration_histogram.hpp"
 #include "protocols/native_truth.hpp"
 #include "tools/datagram_faults.hpp"
 #include "transports/port.hpp"

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "core/duration_histogram.hpp"
+#include "core/numbers/duration_histogram.hpp"
 
 namespace imud {
 

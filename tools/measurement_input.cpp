@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "core/nearest.hpp"
+#include "core/numbers/nearest.hpp"
 #include "tools/log_formats.hpp"
 #include "tools/number_check.hpp"
 #include "tools/stop_signal.hpp"

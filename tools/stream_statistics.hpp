@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/duration_histogram.hpp"
+#include "core/numbers/duration_histogram.hpp"
 #include "core/time.hpp"
 #include "protocols/protocol.hpp"
 

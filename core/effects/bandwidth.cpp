@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "core/lanes.hpp"
+#include "core/numbers/lanes.hpp"
 
 namespace imud {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 
 namespace imud {
 

@@ -5,7 +5,7 @@
 
 #include "core/effects/triad_errors.hpp"
 #include "core/effects/triad_step.hpp"
-#include "core/lanes.hpp"
+#include "core/numbers/lanes.hpp"
 
 namespace imud {
 

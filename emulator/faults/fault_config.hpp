@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "core/time.hpp"
 #include "emulator/faults/fault.hpp"
 #include "emulator/faults/host_bytes.hpp"

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <string_view>
 
-#include "core/elementary.hpp"
-#include "core/random.hpp"
+#include "core/numbers/elementary.hpp"
+#include "core/numbers/random.hpp"
 
 namespace imud {
 

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "core/sample.hpp"
 #include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_log.hpp"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/frame.hpp"
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "core/sample.hpp"
 #include "emulator/faults/fault.hpp"
 #include "emulator/packet_ring.hpp"

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/earth.hpp"
-#include "core/elementary.hpp"
+#include "core/earth/earth.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 #include "emulator/faults/sensor_fault_kinds.hpp"
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/wire.hpp"
 

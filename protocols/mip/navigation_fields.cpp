@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
-#include "core/earth.hpp"
-#include "core/elementary.hpp"
+#include "core/earth/earth.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/mip.hpp"
 

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "core/attitude.hpp"
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/units.hpp"
 #include "protocols/vectornav/vectornav.hpp"
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "emulator/config.hpp"
 #include "emulator/stored_truths.hpp"
 

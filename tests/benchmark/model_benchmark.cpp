@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/igrf.hpp"
+#include "core/earth/igrf.hpp"
 #include "core/imu.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/step_models.hpp"

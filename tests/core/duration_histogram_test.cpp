@@ -1,4 +1,4 @@
-#include "core/duration_histogram.hpp"
+#include "core/numbers/duration_histogram.hpp"
 
 #include <gtest/gtest.h>
 

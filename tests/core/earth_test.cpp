@@ -1,5 +1,5 @@
 // Earth: places, magnetic field and pressure against published figures.
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "tests/core/hash.hpp"
 
 namespace imud::elementary {

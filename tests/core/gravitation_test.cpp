@@ -1,11 +1,11 @@
 // Gravitation against the published figures of WGS 84.
-#include "core/gravitation.hpp"
+#include "core/earth/gravitation.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/units.hpp"
 
 namespace imud {

@@ -1,13 +1,13 @@
 // The magnetic field against published values of two models, and its bits.
-#include "core/magnetic_field.hpp"
+#include "core/earth/magnetic_field.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <vector>
 
-#include "core/earth.hpp"
-#include "core/igrf.hpp"
+#include "core/earth/earth.hpp"
+#include "core/earth/igrf.hpp"
 #include "core/units.hpp"
 #include "tests/core/hash.hpp"
 #include "tests/core/wmm2025.hpp"

@@ -1,5 +1,5 @@
 // PolynomialFit: polynomials, and the noise of a derivative to one side.
-#include "core/polynomial_fit.hpp"
+#include "core/pose/polynomial_fit.hpp"
 
 #include <gtest/gtest.h>
 

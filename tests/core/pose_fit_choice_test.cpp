@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/attitude.hpp"
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "tests/core/pose_motion.hpp"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "tests/core/pose_motion.hpp"
 
 namespace imud {

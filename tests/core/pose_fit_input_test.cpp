@@ -6,7 +6,7 @@
 #include <iterator>
 #include <vector>
 
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "tests/core/pose_motion.hpp"
 #include "tests/support/allocations.hpp"
 

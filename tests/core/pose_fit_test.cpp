@@ -1,5 +1,5 @@
 // PoseFit: motions in closed form, given as poses alone.
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 
 #include <gtest/gtest.h>
 

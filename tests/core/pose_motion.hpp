@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "tools/motion.hpp"
 
 namespace imud {

@@ -1,5 +1,5 @@
 // The noise of poses, and the test of one pose against its neighbours.
-#include "core/pose_noise.hpp"
+#include "core/pose/pose_noise.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The temperature of the sensor, its measurement, and the polynomials of bias and scale factor, against closed forms.
-#include "core/temperature.hpp"
+#include "core/environment/temperature.hpp"
 
 #include <gtest/gtest.h>
 

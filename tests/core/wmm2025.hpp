@@ -1,7 +1,7 @@
 // The World Magnetic Model 2025 (NOAA NCEI and BGS, 2024) and its published test values.
 #pragma once
 
-#include "core/magnetic_field.hpp"
+#include "core/earth/magnetic_field.hpp"
 
 namespace imud {
 

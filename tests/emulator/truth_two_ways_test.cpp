@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 #include "protocols/truth_format.hpp"
 
 namespace imud {

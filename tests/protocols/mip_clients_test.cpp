@@ -4,7 +4,7 @@
 #include <array>
 #include <map>
 
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/units.hpp"
 #include "tests/protocols/mip_unit.hpp"
 

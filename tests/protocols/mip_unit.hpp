@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
 

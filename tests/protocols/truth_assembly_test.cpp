@@ -9,7 +9,7 @@
 #include <string_view>
 
 #include "core/attitude.hpp"
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/units.hpp"
 
 namespace imud {

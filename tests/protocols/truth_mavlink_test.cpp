@@ -6,7 +6,7 @@
 #include <string>
 
 #include "core/attitude.hpp"
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/units.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"

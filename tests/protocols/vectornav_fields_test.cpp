@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 #include "core/units.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/vectornav_unit.hpp"

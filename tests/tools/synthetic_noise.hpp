@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "tools/allan_term_list.hpp"
 
 namespace imud {

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/gravitation.hpp"
-#include "core/polynomial_fit.hpp"
+#include "core/earth/gravitation.hpp"
+#include "core/pose/polynomial_fit.hpp"
 #include "core/truth.hpp"
 
 namespace imud {

@@ -1,4 +1,4 @@
-#include "core/pose_noise.hpp"
+#include "core/pose/pose_noise.hpp"
 
 #include <algorithm>
 #include <cmath>

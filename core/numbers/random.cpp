@@ -1,4 +1,4 @@
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 
 #include <Random123/philox.h>
 #if defined(__x86_64__)
@@ -10,7 +10,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 
 namespace imud {
 

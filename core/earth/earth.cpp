@@ -1,11 +1,11 @@
-#include "core/earth.hpp"
+#include "core/earth/earth.hpp"
 
 #include <array>
 #include <chrono>
 #include <cmath>
 
-#include "core/elementary.hpp"
-#include "core/igrf.hpp"
+#include "core/earth/igrf.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 
 namespace imud {

@@ -6,7 +6,7 @@
 // rad.
 #pragma once
 
-#include "core/magnetic_field.hpp"
+#include "core/earth/magnetic_field.hpp"
 #include "core/sample.hpp"
 #include "core/timeline.hpp"
 

@@ -1,4 +1,4 @@
-#include "core/igrf.hpp"
+#include "core/earth/igrf.hpp"
 
 #include <algorithm>
 #include <cstddef>

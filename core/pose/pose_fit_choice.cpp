@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 
 namespace imud {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "core/magnetic_field.hpp"
+#include "core/earth/magnetic_field.hpp"
 
 namespace imud {
 

@@ -1,4 +1,4 @@
-#include "core/polynomial_fit.hpp"
+#include "core/pose/polynomial_fit.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "core/pose_fit.hpp"
+#include "core/pose/pose_fit.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,10 +1,10 @@
-#include "core/vibration.hpp"
+#include "core/environment/vibration.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <span>
 
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 
 namespace imud {

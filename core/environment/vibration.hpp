@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/random.hpp"
+#include "core/numbers/random.hpp"
 #include "core/time.hpp"
 #include "core/vector.hpp"
 

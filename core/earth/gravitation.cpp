@@ -1,4 +1,4 @@
-#include "core/gravitation.hpp"
+#include "core/earth/gravitation.hpp"
 
 #include <cmath>
 

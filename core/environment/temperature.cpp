@@ -1,10 +1,10 @@
-#include "core/temperature.hpp"
+#include "core/environment/temperature.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 
-#include "core/elementary.hpp"
+#include "core/numbers/elementary.hpp"
 
 namespace imud {
 

@@ -1,4 +1,4 @@
-#include "core/nearest.hpp"
+#include "core/numbers/nearest.hpp"
 
 #include <algorithm>
 #include <cstddef>

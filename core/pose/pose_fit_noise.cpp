@@ -4,8 +4,8 @@
 #include <span>
 
 #include "core/attitude.hpp"
-#include "core/pose_fit.hpp"
-#include "core/pose_noise.hpp"
+#include "core/pose/pose_fit.hpp"
+#include "core/pose/pose_noise.hpp"
 
 namespace imud {
 

@@ -1,4 +1,4 @@
-#include "core/magnetic_field.hpp"
+#include "core/earth/magnetic_field.hpp"
 
 #include <cmath>
 #include <cstddef>

@@ -12,7 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "core/lanes.hpp"
+#include "core/numbers/lanes.hpp"
 
 namespace imud::elementary {
 
