@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "emulator/text_file.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

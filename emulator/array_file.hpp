@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "protocols/measurement_row.hpp"
-#include "transports/file_replacement.hpp"
+#include "transports/file/file_replacement.hpp"
 
 namespace imud {
 

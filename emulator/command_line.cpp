@@ -32,9 +32,9 @@
 #include "emulator/seeds.hpp"
 #include "emulator/selftest.hpp"
 #include "emulator/table_reader.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
-#include "transports/pty_keeper.hpp"
+#include "transports/uart/pty_keeper.hpp"
 
 namespace imud {
 

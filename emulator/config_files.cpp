@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "emulator/config_parts.hpp"
-#include "transports/file_replacement.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/file_replacement.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

@@ -4,7 +4,7 @@
 #include "core/numbers/random.hpp"
 #include "emulator/config_parts.hpp"
 #include "emulator/line_load.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

@@ -12,8 +12,8 @@
 
 #include "core/frame.hpp"
 #include "core/time.hpp"
+#include "transports/capture/pcapng_writer.hpp"
 #include "transports/endpoint.hpp"
-#include "transports/pcapng_writer.hpp"
 
 namespace imud {
 

@@ -10,8 +10,8 @@
 
 #include "emulator/counters.hpp"
 #include "emulator/packet_ring.hpp"
+#include "transports/capture/record_packet.hpp"
 #include "transports/file_descriptor.hpp"
-#include "transports/record_packet.hpp"
 
 namespace imud {
 

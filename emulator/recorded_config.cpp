@@ -8,8 +8,8 @@
 #include <sstream>
 #include <string_view>
 
-#include "transports/pcapng_reader.hpp"
-#include "transports/record_packet.hpp"
+#include "transports/capture/pcapng_reader.hpp"
+#include "transports/capture/record_packet.hpp"
 
 namespace imud {
 

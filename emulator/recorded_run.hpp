@@ -13,8 +13,8 @@
 
 #include "emulator/host.hpp"
 #include "emulator/session.hpp"
-#include "transports/pcapng_reader.hpp"
-#include "transports/record_packet.hpp"
+#include "transports/capture/pcapng_reader.hpp"
+#include "transports/capture/record_packet.hpp"
 
 namespace imud {
 

@@ -5,8 +5,8 @@
 #include <ctime>
 #include <utility>
 
+#include "transports/capture/pcapng_reader.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/pcapng_reader.hpp"
 
 namespace imud {
 

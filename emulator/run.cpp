@@ -30,7 +30,7 @@
 #include "emulator/text_file.hpp"
 #include "emulator/web/metrics.hpp"
 #include "emulator/web/web_server.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

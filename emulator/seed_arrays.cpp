@@ -15,7 +15,7 @@
 #include "core/sample.hpp"
 #include "emulator/faults/fault.hpp"
 #include "emulator/text_file.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

@@ -11,7 +11,7 @@
 #include "emulator/config_parts.hpp"
 #include "emulator/config_text.hpp"
 #include "emulator/text_file.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "emulator/recorder.hpp"
-#include "transports/host_address.hpp"
+#include "transports/socket/host_address.hpp"
 
 namespace imud {
 

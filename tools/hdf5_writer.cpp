@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

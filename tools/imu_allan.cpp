@@ -24,7 +24,7 @@
 #include "tools/still_recording.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

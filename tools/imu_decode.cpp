@@ -24,8 +24,8 @@
 #include "tools/stream_report.hpp"
 #include "tools/stream_statistics.hpp"
 #include "tools/text_output.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/file_descriptor.hpp"
-#include "transports/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

@@ -21,7 +21,7 @@
 #include "tools/run_errors.hpp"
 #include "tools/run_plot.hpp"
 #include "tools/text_output.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 namespace {

@@ -24,8 +24,8 @@
 #include "tools/truth_csv.hpp"
 #include "tools/truth_logs.hpp"
 #include "tools/truth_source.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

@@ -16,8 +16,8 @@
 #include "tools/number_check.hpp"
 #include "tools/resolved_config.hpp"
 #include "tools/ulog_writer.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/output_path.hpp"
 #include "transports/port.hpp"
 #include "transports/port_spec.hpp"
 

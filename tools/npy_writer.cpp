@@ -8,7 +8,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 
 namespace imud {
 

@@ -7,8 +7,8 @@
 #include <memory>
 #include <string>
 
-#include "transports/can_port.hpp"
-#include "transports/can_socket.hpp"
+#include "transports/can/can_port.hpp"
+#include "transports/can/can_socket.hpp"
 
 namespace imud {
 namespace {

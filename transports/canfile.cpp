@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "transports/can_bus.hpp"
-#include "transports/can_log.hpp"
-#include "transports/file_input.hpp"
-#include "transports/file_writer.hpp"
+#include "transports/can/can_bus.hpp"
+#include "transports/can/can_log.hpp"
+#include "transports/file/file_input.hpp"
+#include "transports/file/file_writer.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/output_path.hpp"
 
 namespace imud {
 namespace {

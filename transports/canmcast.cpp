@@ -25,11 +25,11 @@
 #include <string>
 #include <utility>
 
-#include "transports/can_dlc.hpp"
-#include "transports/can_filters.hpp"
-#include "transports/can_port.hpp"
+#include "transports/can/can_dlc.hpp"
+#include "transports/can/can_filters.hpp"
+#include "transports/can/can_port.hpp"
 #include "transports/file_descriptor.hpp"
-#include "transports/socket_address.hpp"
+#include "transports/socket/socket_address.hpp"
 
 namespace imud {
 namespace {

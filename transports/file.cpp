@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "transports/file_input.hpp"
-#include "transports/file_writer.hpp"
+#include "transports/file/file_input.hpp"
+#include "transports/file/file_writer.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/output_path.hpp"
 
 namespace imud {
 namespace {

@@ -16,10 +16,10 @@
 #include <string_view>
 #include <utility>
 
-#include "transports/compressed_file.hpp"
+#include "transports/capture/tcp_stream.hpp"
+#include "transports/capture/udp_packet.hpp"
+#include "transports/file/compressed_file.hpp"
 #include "transports/port.hpp"
-#include "transports/tcp_stream.hpp"
-#include "transports/udp_packet.hpp"
 
 namespace imud {
 namespace {

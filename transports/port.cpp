@@ -7,7 +7,7 @@
 #include <string>
 #include <system_error>
 
-#include "transports/compressed_file.hpp"
+#include "transports/file/compressed_file.hpp"
 
 namespace imud {
 namespace {

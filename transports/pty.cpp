@@ -12,14 +12,14 @@
 #include "transports/byte_writer.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/paced_writer.hpp"
 #include "transports/port.hpp"
-#include "transports/pty_access.hpp"
-#include "transports/pty_keeper.hpp"
-#include "transports/pty_pair.hpp"
-#include "transports/termios2.hpp"
-#include "transports/uart_options.hpp"
-#include "transports/uart_wire.hpp"
+#include "transports/uart/paced_writer.hpp"
+#include "transports/uart/pty_access.hpp"
+#include "transports/uart/pty_keeper.hpp"
+#include "transports/uart/pty_pair.hpp"
+#include "transports/uart/termios2.hpp"
+#include "transports/uart/uart_options.hpp"
+#include "transports/uart/uart_wire.hpp"
 
 namespace imud {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <utility>
 
-#include "transports/pcapng_reader.hpp"
+#include "transports/capture/pcapng_reader.hpp"
+#include "transports/capture/record_packet.hpp"
 #include "transports/port.hpp"
-#include "transports/record_packet.hpp"
 
 namespace imud {
 namespace {

@@ -16,8 +16,8 @@
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
-#include "transports/termios2.hpp"
-#include "transports/uart_options.hpp"
+#include "transports/uart/termios2.hpp"
+#include "transports/uart/uart_options.hpp"
 
 namespace imud {
 namespace {

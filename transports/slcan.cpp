@@ -11,12 +11,12 @@
 #include <utility>
 #include <vector>
 
-#include "transports/can_bus.hpp"
-#include "transports/can_dlc.hpp"
-#include "transports/can_filters.hpp"
+#include "transports/can/can_bus.hpp"
+#include "transports/can/can_dlc.hpp"
+#include "transports/can/can_filters.hpp"
+#include "transports/can/slcan_text.hpp"
 #include "transports/port.hpp"
-#include "transports/slcan_text.hpp"
-#include "transports/uart_options.hpp"
+#include "transports/uart/uart_options.hpp"
 
 namespace imud {
 

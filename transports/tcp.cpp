@@ -1,8 +1,8 @@
 // A connection by TCP that this end makes. RFC 9293, tcp(7).
 #include <memory>
 
-#include "transports/host_address.hpp"
-#include "transports/stream_socket.hpp"
+#include "transports/socket/host_address.hpp"
+#include "transports/socket/stream_socket.hpp"
 
 namespace imud {
 namespace {

@@ -2,8 +2,8 @@
 #include <cerrno>
 #include <memory>
 
-#include "transports/host_address.hpp"
-#include "transports/stream_socket.hpp"
+#include "transports/socket/host_address.hpp"
+#include "transports/socket/stream_socket.hpp"
 
 namespace imud {
 namespace {

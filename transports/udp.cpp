@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "transports/file_descriptor.hpp"
-#include "transports/host_address.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
-#include "transports/socket_address.hpp"
+#include "transports/socket/host_address.hpp"
+#include "transports/socket/socket_address.hpp"
 
 namespace imud {
 namespace {

@@ -1,7 +1,7 @@
 // A connection to a Unix socket. unix(7).
 #include <memory>
 
-#include "transports/stream_socket.hpp"
+#include "transports/socket/stream_socket.hpp"
 
 namespace imud {
 namespace {

@@ -11,8 +11,8 @@
 #include <memory>
 #include <string_view>
 
-#include "transports/output_path.hpp"
-#include "transports/stream_socket.hpp"
+#include "transports/file/output_path.hpp"
+#include "transports/socket/stream_socket.hpp"
 
 namespace imud {
 namespace {

@@ -12,7 +12,7 @@
 #include "emulator/faults/fault_numbers.hpp"
 #include "emulator/faults/wire_faults.hpp"
 #include "protocols/protocol.hpp"
-#include "transports/uart_wire.hpp"
+#include "transports/uart/uart_wire.hpp"
 
 namespace imud {
 

@@ -7,8 +7,8 @@
 
 #include "emulator/copies.hpp"
 #include "emulator/recorder.hpp"
-#include "transports/can_bits.hpp"
-#include "transports/can_error.hpp"
+#include "transports/can/can_bits.hpp"
+#include "transports/can/can_error.hpp"
 
 namespace imud {
 

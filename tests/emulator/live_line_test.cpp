@@ -5,7 +5,7 @@
 #include "tests/support/text.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/termios2.hpp"
+#include "transports/uart/termios2.hpp"
 
 namespace imud {
 namespace {

@@ -5,7 +5,7 @@
 #include <bit>
 
 #include "tests/emulator/wire_bench.hpp"
-#include "transports/can_bits.hpp"
+#include "transports/can/can_bits.hpp"
 
 namespace imud {
 namespace {

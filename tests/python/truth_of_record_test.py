@@ -32,7 +32,7 @@ port = "file:{folder}/b.bin"
 
 
 def events_of(record):
-    """The events of a record, each with the name of its interface (transports/record_packet.hpp)."""
+    """The events of a record, each with the name of its interface (transports/capture/record_packet.hpp)."""
     content, at, names, events = record.read_bytes(), 0, [], []
     while at < len(content):
         kind, length = struct.unpack_from("<II", content, at)

@@ -8,7 +8,7 @@
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/port.hpp"
-#include "transports/termios2.hpp"
+#include "transports/uart/termios2.hpp"
 
 namespace imud {
 namespace {

@@ -1,4 +1,4 @@
-#include "transports/can_bits.hpp"
+#include "transports/can/can_bits.hpp"
 
 #include <gtest/gtest.h>
 

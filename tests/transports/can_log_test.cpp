@@ -1,5 +1,5 @@
 // The text of CAN logs: lines that can-utils wrote, and any other text.
-#include "transports/can_log.hpp"
+#include "transports/can/can_log.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "transports/can_dlc.hpp"
+#include "transports/can/can_dlc.hpp"
 
 namespace imud {
 namespace {

@@ -1,5 +1,5 @@
 // The instants at which frames may be sent to a CAN interface: they are exact, as the queue has no clock of its own.
-#include "transports/can_queue.hpp"
+#include "transports/can/can_queue.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Files compressed by gzip and zstd: whole, cut short, damaged; and the ports that read them.
-#include "transports/compressed_file.hpp"
+#include "transports/file/compressed_file.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "transports/file_replacement.hpp"
+#include "transports/file/file_replacement.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@
 #include "tests/transports/numbered_frames.hpp"
 #include "tests/transports/port_error.hpp"
 #include "tests/transports/scratch_folder.hpp"
-#include "transports/output_path.hpp"
+#include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

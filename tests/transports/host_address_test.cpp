@@ -1,5 +1,5 @@
 // Addresses with a name in place of numbers: getaddrinfo(3).
-#include "transports/host_address.hpp"
+#include "transports/socket/host_address.hpp"
 
 #include <gtest/gtest.h>
 

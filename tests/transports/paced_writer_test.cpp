@@ -1,5 +1,5 @@
 // The instants at which characters are written: they are exact, as the writer has no clock of its own.
-#include "transports/paced_writer.hpp"
+#include "transports/uart/paced_writer.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,9 +7,9 @@
 #include <random>
 #include <string>
 
-#include "transports/pcapng_reader.hpp"
+#include "transports/capture/pcapng_reader.hpp"
+#include "transports/capture/record_packet.hpp"
 #include "transports/port.hpp"
-#include "transports/record_packet.hpp"
 
 namespace imud {
 namespace {

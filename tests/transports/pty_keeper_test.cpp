@@ -1,5 +1,5 @@
 // A pty whose keeper holds it while its device comes and goes.
-#include "transports/pty_keeper.hpp"
+#include "transports/uart/pty_keeper.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/eventfd.h>
@@ -17,7 +17,7 @@
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/termios2.hpp"
+#include "transports/uart/termios2.hpp"
 
 namespace imud {
 namespace {

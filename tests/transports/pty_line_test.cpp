@@ -5,8 +5,8 @@
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/termios2.hpp"
-#include "transports/uart_wire.hpp"
+#include "transports/uart/termios2.hpp"
+#include "transports/uart/uart_wire.hpp"
 
 namespace imud {
 namespace {

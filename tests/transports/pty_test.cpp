@@ -13,7 +13,7 @@
 #include "tests/transports/port_error.hpp"
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
-#include "transports/termios2.hpp"
+#include "transports/uart/termios2.hpp"
 
 namespace imud {
 namespace {

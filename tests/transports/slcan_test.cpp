@@ -9,9 +9,9 @@
 #include "tests/transports/port_error.hpp"
 #include "tests/transports/scratch_folder.hpp"
 #include "tests/transports/terminal.hpp"
+#include "transports/can/slcan_text.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/slcan_text.hpp"
-#include "transports/termios2.hpp"
+#include "transports/uart/termios2.hpp"
 
 namespace imud {
 namespace {

@@ -1,4 +1,4 @@
-#include "transports/tcp_stream.hpp"
+#include "transports/capture/tcp_stream.hpp"
 
 #include <gtest/gtest.h>
 

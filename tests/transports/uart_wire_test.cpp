@@ -1,5 +1,5 @@
 // A UART receives from another one that runs at another speed: known answers, worked out by hand from the waveforms.
-#include "transports/uart_wire.hpp"
+#include "transports/uart/uart_wire.hpp"
 
 #include <gtest/gtest.h>
 

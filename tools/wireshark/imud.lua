@@ -3,7 +3,7 @@
 --
 --   tshark -X lua_script:imud.lua -r FILE.pcapng
 --
--- The layouts are those of transports/record_packet.hpp, protocols/native_truth.hpp, protocols/devices/native.cpp,
+-- The layouts are those of transports/capture/record_packet.hpp, protocols/native_truth.hpp, protocols/devices/native.cpp,
 -- protocols/stim300, protocols/mip and protocols/vectornav.
 
 local record = Proto("imud", "imud record")

@@ -1,0 +1,64 @@
+// FileWriter: a port that writes frames, as they are, to a file, a pipe or a device.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "transports/byte_writer.hpp"
+#include "transports/file/file_replacement.hpp"
+#include "transports/file_descriptor.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// Writes frames. Those for a regular file are gathered; so are those for a pipe or a device if they must not be
+// dropped. Otherwise a pipe gets them at once, and its reader is never waited for. The address - is standard output.
+class FileWriter : public Port {
+ public:
+  // Throws PortError.
+  FileWriter(const PortSpec& spec, const PortSettings& settings);
+  ~FileWriter() override { FileWriter::flush(); }
+
+  void send(std::span<const Frame> frames) noexcept override;
+  std::optional<Received> receive() noexcept override { return std::nullopt; }
+  bool can_receive() const noexcept override { return false; }  // a terminal's input is not read
+  void flush() noexcept override;
+  void discard_pending() noexcept override;
+  bool wants_output() const noexcept override { return !regular_ && !is_idle(); }
+  bool is_drained() noexcept override {
+    flush();
+    return regular_ || is_idle();
+  }
+  // A regular file takes everything. Half a buffer is more than the frames of a sample and of the deadlines before
+  // it.
+  bool has_room() const noexcept override {
+    return regular_ || (gathers_ && used_ <= buffer_size / 2 && held_count_ <= held_.size() / 2);
+  }
+  void commit() override;
+  int descriptor() const noexcept override { return regular_ ? -1 : file_.get(); }
+
+ private:
+  static constexpr std::size_t buffer_size = 128 * 1024;
+
+  void open(const PortSpec& spec, const std::string& path, bool replaces);
+  bool is_idle() const noexcept { return held_count_ == 0 && writer_.is_idle(); }
+  bool fits(const Frame& frame) const noexcept {
+    return frame.bytes.size() <= buffer_.size() - used_ && held_count_ < held_.size();
+  }
+  void keep_from(std::size_t first) noexcept;
+
+  std::optional<FileReplacement> replacement_;
+  FileDescriptor file_;
+  bool regular_ = false;
+  bool gathers_ = false;  // frames are written when the buffer is full, and by flush()
+  ByteWriter writer_;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(buffer_size);
+  std::vector<Frame> held_ = std::vector<Frame>(buffer_size / 32);
+  std::size_t used_ = 0;
+  std::size_t held_count_ = 0;
+};
+
+}  // namespace imud

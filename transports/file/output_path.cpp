@@ -1,0 +1,60 @@
+#include "transports/file/output_path.hpp"
+
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <system_error>
+
+namespace imud {
+namespace {
+
+bool others_can_write(const std::filesystem::path& folder) {
+  struct stat status {};
+  return ::stat(folder.c_str(), &status) == 0 && (status.st_mode & (S_IWGRP | S_IWOTH)) != 0;
+}
+
+}  // namespace
+
+std::string foreign_link(const std::string& path, uid_t user) {
+  constexpr int most_links = 40;  // as in Linux
+  std::filesystem::path next = path;
+  for (int i = 0; i < most_links; ++i) {
+    std::filesystem::path walked, folder;
+    bool is_link = false;
+    for (const std::filesystem::path& part : next) {
+      folder = walked.empty() ? "." : walked;
+      walked /= part;
+      struct stat status {};
+      if (::lstat(walked.c_str(), &status) != 0) return {};
+      is_link = S_ISLNK(status.st_mode);
+      if (is_link && status.st_uid != 0 && status.st_uid != user && others_can_write(folder)) return walked.string();
+    }
+    if (!is_link) return {};
+    std::error_code error;
+    next = folder / std::filesystem::read_symlink(walked, error);
+    if (error) return {};
+  }
+  return {};
+}
+
+bool is_same_file(const std::string& a, const std::string& b) {
+  std::error_code error;
+  return std::filesystem::equivalent(a, b, error);
+}
+
+bool is_standard_output(const std::string& path) {
+  return path == "-" || path == "/dev/stdout" || path == "/dev/fd/1" || path == "/proc/self/fd/1";
+}
+
+int flush_standard_output() noexcept {
+  errno = 0;
+  std::cout.flush();
+  const bool good = std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
+  if (good || errno == EPIPE) return 0;
+  return errno == 0 ? EIO : errno;
+}
+
+}  // namespace imud
