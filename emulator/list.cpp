@@ -12,7 +12,7 @@
 
 #include "emulator/entries.hpp"
 #include "emulator/faults/fault_kinds.hpp"
-#include "protocols/truth_quantities.hpp"
+#include "protocols/quantities/truth_quantities.hpp"
 
 namespace imud {
 

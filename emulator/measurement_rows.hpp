@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "emulator/config.hpp"
-#include "protocols/measurement_row.hpp"
+#include "protocols/measurements/measurement_row.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"
 

@@ -165,7 +165,7 @@ struct TruthFormat {
   // Names the quantities that a simulator has to send so that the truth has a specific force or an accumulated
   // velocity, in its own words.
   std::string_view force_from = {};
-  // The setting `columns` takes the quantities of protocols/truth_quantities.hpp.
+  // The setting `columns` takes the quantities of protocols/quantities/truth_quantities.hpp.
   bool maps_quantities = false;
   // Its truths may lack rate or specific force, which are then derived from the poses (core/pose/pose_fit.hpp) unless
   // the configuration says otherwise. A format without this always gives the rate.

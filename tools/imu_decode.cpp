@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "protocols/measurement_csv.hpp"
+#include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
 #include "tools/measurement_files.hpp"
 #include "tools/measurement_input.hpp"

@@ -13,7 +13,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "protocols/pose_table.hpp"
+#include "protocols/quantities/pose_table.hpp"
 #include "tools/mcap_reader.hpp"
 #include "tools/truth_logs.hpp"
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "protocols/measurement_row.hpp"
+#include "protocols/measurements/measurement_row.hpp"
 
 namespace imud {
 

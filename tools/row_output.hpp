@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "protocols/measurement_row.hpp"
+#include "protocols/measurements/measurement_row.hpp"
 
 namespace imud {
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "protocols/measurement_row.hpp"
+#include "protocols/measurements/measurement_row.hpp"
 #include "protocols/protocol.hpp"
 #include "tools/resolved_config.hpp"
 

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "protocols/truth_assembly.hpp"
+#include "protocols/quantities/truth_assembly.hpp"
 
 namespace imud {
 

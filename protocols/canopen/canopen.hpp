@@ -22,8 +22,8 @@
 #include <span>
 
 #include "core/frame.hpp"
-#include "protocols/deadlines.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/wire/deadlines.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud::canopen {
 

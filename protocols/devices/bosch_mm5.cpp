@@ -9,7 +9,7 @@
 // |------|----------------|----------------|----------------|---------------------------|
 // | 0-1  | yaw rate       | roll rate      | reserved       | u16, 0.005 deg/s, -163.84 |
 // | 4-5  | acceleration y | acceleration x | acceleration z | u16, 0.000127465 g, -4.1768 |
-#include "protocols/signal_product.hpp"
+#include "protocols/signals/signal_product.hpp"
 
 namespace imud {
 

@@ -21,7 +21,7 @@
 // assumption; bit 4 is never set. The temperature is FF below -50 degrees, and C9 above 150.
 #include <array>
 
-#include "protocols/signal_product.hpp"
+#include "protocols/signals/signal_product.hpp"
 
 namespace imud {
 

@@ -1,13 +1,13 @@
-// The measurement CSV (protocols/measurement_csv.hpp) as a device: the header row before the first sample, then a row
-// per sample, each in its own frame, LF at the end.
+// The measurement CSV (protocols/measurements/measurement_csv.hpp) as a device: the header row before the first
+// sample, then a row per sample, each in its own frame, LF at the end.
 //
 // Text has no checksum: a reader that joins within a row may mistake the rest of its first number for a whole number.
 #include <array>
 #include <cstring>
 
-#include "protocols/columns.hpp"
-#include "protocols/line_assembler.hpp"
-#include "protocols/measurement_csv.hpp"
+#include "protocols/measurements/measurement_csv.hpp"
+#include "protocols/quantities/columns.hpp"
+#include "protocols/wire/line_assembler.hpp"
 
 namespace imud {
 
@@ -72,7 +72,7 @@ constexpr Protocol csv_protocol = {
     .name = "csv",
     .summary = "rows of text, with a header row first: what imu-decode prints",
     .link = Link::bytes,
-    .document = "protocols/measurement_csv.hpp",
+    .document = "protocols/measurements/measurement_csv.hpp",
     .settings = {},
     .has_self_test = true,
     .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<CsvDevice>(); },

@@ -15,8 +15,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "protocols/dbc_file.hpp"
-#include "protocols/signal_product.hpp"
+#include "protocols/signals/dbc_file.hpp"
+#include "protocols/signals/signal_product.hpp"
 
 namespace imud {
 
@@ -211,7 +211,7 @@ constexpr Protocol dbc_protocol = {
     .name = "dbc",
     .summary = "Any sensor on CAN with a DBC file, whose signals the configuration assigns",
     .link = Link::can,
-    .document = "a DBC file; checksums: AUTOSAR E2E, see protocols/message_checksum.hpp",
+    .document = "a DBC file; checksums: AUTOSAR E2E, see protocols/wire/message_checksum.hpp",
     .settings = settings,
     .fields = Measurement::counter | Measurement::rate | Measurement::specific_force | Measurement::temperature |
               Measurement::status,

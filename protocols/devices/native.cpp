@@ -16,10 +16,10 @@
 // | 120    | u32    | CRC-32C of bytes 0 to 119                                                 |
 #include <cmath>
 
-#include "protocols/crc32c.hpp"
-#include "protocols/frame_search.hpp"
 #include "protocols/protocol.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/wire/crc32c.hpp"
+#include "protocols/wire/frame_search.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud {
 

@@ -30,7 +30,7 @@
 #include <string>
 
 #include "protocols/protocol.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud {
 

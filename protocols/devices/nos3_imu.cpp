@@ -12,7 +12,7 @@
 //
 // NOS3's simulator rounds down; here numbers are rounded to nearest. It does not answer command 0 and unknown
 // commands, of which it counts the former.
-#include "protocols/signal_product.hpp"
+#include "protocols/signals/signal_product.hpp"
 
 namespace imud {
 

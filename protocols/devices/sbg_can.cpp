@@ -7,7 +7,7 @@
 //
 // Attitude, position and velocity are the truth's; the undulation is 0, so that the altitude is the height above the
 // ellipsoid. A magnetometer's arbitrary unit is taken as 50 uT.
-#include "protocols/signal_product.hpp"
+#include "protocols/signals/signal_product.hpp"
 
 namespace imud {
 

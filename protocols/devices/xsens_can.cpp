@@ -12,7 +12,7 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
-#include "protocols/signal_product.hpp"
+#include "protocols/signals/signal_product.hpp"
 
 namespace imud {
 

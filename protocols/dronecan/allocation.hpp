@@ -9,8 +9,8 @@
 #include <span>
 
 #include "core/time.hpp"
-#include "protocols/deadlines.hpp"
 #include "protocols/dronecan/messages.hpp"
+#include "protocols/wire/deadlines.hpp"
 
 namespace imud::dronecan {
 

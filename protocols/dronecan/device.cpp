@@ -9,12 +9,12 @@
 #include <array>
 #include <utility>
 
-#include "protocols/deadlines.hpp"
 #include "protocols/dronecan/bus_time.hpp"
 #include "protocols/dronecan/conformance.hpp"
 #include "protocols/dronecan/gnss.hpp"
 #include "protocols/dronecan/services.hpp"
 #include "protocols/dronecan/settings.hpp"
+#include "protocols/wire/deadlines.hpp"
 
 namespace imud {
 

@@ -13,7 +13,7 @@
 #include <string_view>
 
 #include "protocols/dronecan/transfer.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud::dronecan {
 

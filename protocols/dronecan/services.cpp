@@ -1,6 +1,6 @@
 #include "protocols/dronecan/services.hpp"
 
-#include "protocols/frame_writer.hpp"
+#include "protocols/wire/frame_writer.hpp"
 
 namespace imud::dronecan {
 

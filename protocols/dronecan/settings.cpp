@@ -4,7 +4,7 @@
 #include <string>
 
 #include "core/units.hpp"
-#include "protocols/number_text.hpp"
+#include "protocols/wire/number_text.hpp"
 
 namespace imud::dronecan {
 

@@ -5,7 +5,7 @@
 #include <boost/endian/conversion.hpp>
 #include <utility>
 
-#include "protocols/deadlines.hpp"
+#include "protocols/wire/deadlines.hpp"
 
 namespace imud::dronecan {
 

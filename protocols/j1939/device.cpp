@@ -5,10 +5,10 @@
 #include <algorithm>
 
 #include "core/attitude.hpp"
-#include "protocols/deadlines.hpp"
 #include "protocols/j1939/conformance.hpp"
 #include "protocols/j1939/j1939.hpp"
 #include "protocols/j1939/transport.hpp"
+#include "protocols/wire/deadlines.hpp"
 
 namespace imud {
 

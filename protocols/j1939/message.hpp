@@ -8,7 +8,7 @@
 #include <span>
 
 #include "core/frame.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud::j1939 {
 

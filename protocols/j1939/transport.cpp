@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "protocols/deadlines.hpp"
+#include "protocols/wire/deadlines.hpp"
 
 namespace imud::j1939 {
 

@@ -1,6 +1,6 @@
 #include "core/units.hpp"
-#include "protocols/frame_search.hpp"
 #include "protocols/mip/mip.hpp"
+#include "protocols/wire/frame_search.hpp"
 
 namespace imud::mip {
 

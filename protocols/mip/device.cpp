@@ -9,12 +9,12 @@
 #include <stdexcept>
 
 #include "core/units.hpp"
-#include "protocols/frame_search.hpp"
 #include "protocols/mip/conformance.hpp"
 #include "protocols/mip/field_table.hpp"
 #include "protocols/mip/mip.hpp"
 #include "protocols/mip/pins.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/wire/frame_search.hpp"
 
 namespace imud {
 

@@ -17,8 +17,8 @@
 #include <utility>
 
 #include "core/sample.hpp"
-#include "protocols/frame_writer.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/wire/frame_writer.hpp"
 
 namespace imud::mip {
 

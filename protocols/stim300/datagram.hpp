@@ -7,9 +7,9 @@
 #include <span>
 
 #include "core/frame.hpp"
-#include "protocols/frame_writer.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/stim300/stim300.hpp"
+#include "protocols/wire/frame_writer.hpp"
 
 namespace imud::stim300 {
 

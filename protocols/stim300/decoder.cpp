@@ -1,8 +1,8 @@
 #include <optional>
 
 #include "core/units.hpp"
-#include "protocols/frame_search.hpp"
 #include "protocols/stim300/datagram.hpp"
+#include "protocols/wire/frame_search.hpp"
 
 namespace imud::stim300 {
 

@@ -41,12 +41,12 @@
 #include <utility>
 
 #include "core/units.hpp"
-#include "protocols/command_reader.hpp"
 #include "protocols/stim300/conformance.hpp"
 #include "protocols/stim300/datagram.hpp"
 #include "protocols/stim300/measured.hpp"
 #include "protocols/stim300/service.hpp"
 #include "protocols/stim300/settings.hpp"
+#include "protocols/wire/command_reader.hpp"
 
 namespace imud {
 

@@ -5,7 +5,7 @@
 
 #include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud::stim300 {
 

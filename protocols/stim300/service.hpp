@@ -10,8 +10,8 @@
 
 #include "core/frame.hpp"
 #include "core/vector.hpp"
-#include "protocols/line_assembler.hpp"
 #include "protocols/stim300/stim300.hpp"
+#include "protocols/wire/line_assembler.hpp"
 
 namespace imud::stim300 {
 

@@ -14,7 +14,7 @@
 #include "core/time.hpp"
 #include "core/uart.hpp"
 #include "core/vector.hpp"
-#include "protocols/number_text.hpp"
+#include "protocols/wire/number_text.hpp"
 
 namespace imud::stim300 {
 

@@ -11,8 +11,8 @@
 #include <boost/endian/conversion.hpp>
 #include <stdexcept>
 
-#include "protocols/columns.hpp"
-#include "protocols/json_truth_decoder.hpp"
+#include "protocols/quantities/columns.hpp"
+#include "protocols/quantities/json_truth_decoder.hpp"
 
 namespace imud {
 

@@ -22,7 +22,7 @@
 //               *m.nonConservativeAccelpntB_B, m.MRPSwitchCount)
 // B's origin is the spacecraft's body frame. Source: Basilisk 2.12 at babdff7,
 // src/architecture/msgPayloadDefC/SCStatesMsgPayload.h.
-#include "protocols/packed_datagram.hpp"
+#include "protocols/quantities/packed_datagram.hpp"
 
 namespace imud {
 

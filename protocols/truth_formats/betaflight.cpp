@@ -16,7 +16,7 @@
 // itself negates gyro y and z, and every acceleration (sitl.c, updateState), to get its own axes. The feed of its
 // tests (src/test/sitl/sitl_harness.py at 301d01a) has other signs, and a turned quaternion. With virtual GPS the
 // velocity is east, north, up, and the place that of WGS 84 (target.h).
-#include "protocols/packed_datagram.hpp"
+#include "protocols/quantities/packed_datagram.hpp"
 
 namespace imud {
 

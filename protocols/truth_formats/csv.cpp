@@ -1,5 +1,6 @@
 // Truth as rows of text: a header row, then a row per state, the columns by name in any order. The names are those of
-// Basilisk, or quantities of truth with their units, or by the setting `columns` any (protocols/mapped_columns.hpp).
+// Basilisk, or quantities of truth with their units, or by the setting `columns` any
+// (protocols/quantities/mapped_columns.hpp).
 //
 // By Basilisk's names, `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required.
 // `r_BN_N_x..z` (m), `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific
@@ -9,8 +10,8 @@
 // semicolons or tabs; the decimal sign is a point.
 #include <algorithm>
 
-#include "protocols/columns.hpp"
-#include "protocols/mapped_columns.hpp"
+#include "protocols/quantities/columns.hpp"
+#include "protocols/quantities/mapped_columns.hpp"
 
 namespace imud {
 

@@ -25,7 +25,7 @@
 #include <algorithm>
 #include <boost/endian/conversion.hpp>
 
-#include "protocols/packed_truth.hpp"
+#include "protocols/quantities/packed_truth.hpp"
 
 namespace imud {
 

@@ -4,7 +4,7 @@
 //
 // The world and the body are as in tum.cpp: the dataset's world, from a Leica or Vicon system, has its z axis up. A
 // table of poses alone (leica0, vicon0) needs `columns`.
-#include "protocols/pose_table.hpp"
+#include "protocols/quantities/pose_table.hpp"
 
 namespace imud {
 

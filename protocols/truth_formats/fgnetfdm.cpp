@@ -12,7 +12,7 @@
 // Sources: net_fdm.hxx of JSBSim 1.3.2 and of FlightGear 2020.3, compared with captures of both.
 #include <boost/endian/conversion.hpp>
 
-#include "protocols/packed_datagram.hpp"
+#include "protocols/quantities/packed_datagram.hpp"
 
 namespace imud {
 

@@ -11,7 +11,7 @@
 // 2048 s on.
 //
 // The setting `columns` gives the chunks of another protocol in their order. Rows leave with FlightGear's frames.
-#include "protocols/pose_table.hpp"
+#include "protocols/quantities/pose_table.hpp"
 
 namespace imud {
 

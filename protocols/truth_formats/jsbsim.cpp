@@ -15,7 +15,7 @@
 //
 // The specific force is that of the pilot's eye point, which therefore is B's origin: r_SB_B is measured from there.
 // JSBSim's `eci-*` are those of the centre of gravity.
-#include "protocols/columns.hpp"
+#include "protocols/quantities/columns.hpp"
 
 namespace imud {
 

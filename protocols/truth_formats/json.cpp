@@ -3,7 +3,7 @@
 // The setting `columns` maps quantities to paths in the object, {time_s = "t", p_rad_per_s = "imu.gyro.0"}. Without
 // it the names at the top level are those of quantities, and others are not used. An object may have its quantities
 // in any order; one that has none of them is a record without state. A number may be in quotes.
-#include "protocols/json_truth_decoder.hpp"
+#include "protocols/quantities/json_truth_decoder.hpp"
 
 namespace imud {
 
@@ -25,7 +25,7 @@ extern const TruthFormat json_truth_format;
 constexpr TruthFormat json_truth_format = {
     .name = "json",
     .summary = "JSON objects, a line or a datagram each, with the names of quantities, or by a map",
-    .document = "RFC 8259; protocols/truth_quantities.hpp",
+    .document = "RFC 8259; protocols/quantities/truth_quantities.hpp",
     .delimits_itself = true,
     .acknowledges = false,
     .settings = settings,

@@ -26,9 +26,9 @@
 #include <limits>
 #include <string>
 
-#include "protocols/packed_truth.hpp"
-#include "protocols/record_search.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/quantities/packed_truth.hpp"
+#include "protocols/wire/record_search.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud {
 

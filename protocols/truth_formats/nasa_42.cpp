@@ -24,10 +24,10 @@
 #include <span>
 #include <utility>
 
-#include "protocols/columns.hpp"
-#include "protocols/line_truth_decoder.hpp"
-#include "protocols/remark_writer.hpp"
-#include "protocols/truth_quantities.hpp"
+#include "protocols/quantities/columns.hpp"
+#include "protocols/quantities/line_truth_decoder.hpp"
+#include "protocols/quantities/remark_writer.hpp"
+#include "protocols/quantities/truth_quantities.hpp"
 
 namespace imud {
 

@@ -2,11 +2,11 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
-#include "protocols/crc32c.hpp"
 #include "protocols/native_truth.hpp"
-#include "protocols/remark_writer.hpp"
+#include "protocols/quantities/remark_writer.hpp"
 #include "protocols/truth_format.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/wire/crc32c.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud {
 

@@ -1,5 +1,6 @@
 // A packed record that the user describes, as Simulink's UDP Send with Byte Packing, LabVIEW's Flatten To String, or
-// a C program's packed struct send it: a magic, fields (protocols/packed_layout.hpp), further bytes, a checksum.
+// a C program's packed struct send it: a magic, fields (protocols/quantities/packed_layout.hpp), further bytes, a
+// checksum.
 //
 // A datagram is one record. In a stream, records are found by the magic and the checksum; without either, they follow
 // one another from its first byte on.
@@ -8,10 +9,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include "protocols/crc32c.hpp"
-#include "protocols/number_text.hpp"
-#include "protocols/packed_truth.hpp"
-#include "protocols/record_search.hpp"
+#include "protocols/quantities/packed_truth.hpp"
+#include "protocols/wire/crc32c.hpp"
+#include "protocols/wire/number_text.hpp"
+#include "protocols/wire/record_search.hpp"
 
 namespace imud {
 
@@ -237,7 +238,7 @@ extern const TruthFormat struct_truth_format;
 constexpr TruthFormat struct_truth_format = {
     .name = "struct",
     .summary = "packed records that the settings describe: Simulink, LabVIEW, a C struct",
-    .document = "protocols/packed_layout.hpp",
+    .document = "protocols/quantities/packed_layout.hpp",
     .delimits_itself = true,
     .acknowledges = false,
     .settings = settings,

@@ -5,7 +5,7 @@
 // motion capture, and gravity to act against it; x and y of such a world are taken as east and north. `level = "ned"`
 // is for a world whose z axis points down, or whose axes are N's. The body axes are used as they are, unless `body`
 // is given. A table whose world is a camera's first image has an unknown vertical: rotate it before.
-#include "protocols/pose_table.hpp"
+#include "protocols/quantities/pose_table.hpp"
 
 namespace imud {
 

@@ -28,8 +28,8 @@
 #include <bitset>
 #include <cstring>
 
-#include "protocols/packed_truth.hpp"
-#include "protocols/wire.hpp"
+#include "protocols/quantities/packed_truth.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud {
 

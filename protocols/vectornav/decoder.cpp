@@ -2,8 +2,8 @@
 #include <cmath>
 
 #include "core/units.hpp"
-#include "protocols/frame_search.hpp"
 #include "protocols/vectornav/vectornav.hpp"
+#include "protocols/wire/frame_search.hpp"
 
 namespace imud::vectornav {
 

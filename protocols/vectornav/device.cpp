@@ -12,10 +12,10 @@
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
-#include "protocols/command_reader.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/vectornav/conformance.hpp"
 #include "protocols/vectornav/vectornav.hpp"
+#include "protocols/wire/command_reader.hpp"
 
 namespace imud {
 

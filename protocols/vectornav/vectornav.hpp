@@ -22,10 +22,10 @@
 
 #include "core/frame.hpp"
 #include "core/sample.hpp"
-#include "protocols/frame_writer.hpp"
-#include "protocols/number_text.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/vectornav/sync_pins.hpp"
+#include "protocols/wire/frame_writer.hpp"
+#include "protocols/wire/number_text.hpp"
 
 namespace imud::vectornav {
 

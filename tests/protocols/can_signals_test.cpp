@@ -1,5 +1,5 @@
 // Packing and unpacking of signals.
-#include "protocols/can_signals.hpp"
+#include "protocols/signals/can_signals.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "protocols/command_reader.hpp"
+#include "protocols/wire/command_reader.hpp"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "core/units.hpp"
-#include "protocols/dbc_file.hpp"
+#include "protocols/signals/dbc_file.hpp"
 #include "tests/protocols/dbc_unit.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/support/random_changes.hpp"

@@ -1,7 +1,7 @@
 // Signals and checksums as the DBC files of vehicles have them: signs of their own, remainders, constants, sums.
 #include <cmath>
 
-#include "protocols/dbc_file.hpp"
+#include "protocols/signals/dbc_file.hpp"
 #include "tests/protocols/dbc_unit.hpp"
 
 namespace imud {

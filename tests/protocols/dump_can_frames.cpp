@@ -8,7 +8,7 @@
 #include <string>
 
 #include "core/attitude.hpp"
-#include "protocols/measured_quantities.hpp"
+#include "protocols/measurements/measured_quantities.hpp"
 #include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
 

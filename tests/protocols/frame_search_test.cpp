@@ -1,5 +1,5 @@
 // FrameSearch, with frames that begin with their own length.
-#include "protocols/frame_search.hpp"
+#include "protocols/wire/frame_search.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // FrameWriter, FieldReader and number_in.
-#include "protocols/frame_writer.hpp"
+#include "protocols/wire/frame_writer.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "protocols/number_text.hpp"
+#include "protocols/wire/number_text.hpp"
 
 namespace imud {
 namespace {

@@ -1,4 +1,4 @@
-#include "protocols/line_assembler.hpp"
+#include "protocols/wire/line_assembler.hpp"
 
 #include <gtest/gtest.h>
 

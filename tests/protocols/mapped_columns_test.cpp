@@ -1,5 +1,5 @@
 // Rows of text whose columns are quantities of truth, by name, by a map or by number.
-#include "protocols/mapped_columns.hpp"
+#include "protocols/quantities/mapped_columns.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/units.hpp"
-#include "protocols/columns.hpp"
+#include "protocols/quantities/columns.hpp"
 
 namespace imud {
 namespace {

@@ -1,5 +1,5 @@
 // The measurement CSV: the row itself, and the device and decoder "csv" around it.
-#include "protocols/measurement_csv.hpp"
+#include "protocols/measurements/measurement_csv.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Checksums of CAN messages, by vectors that others have published.
-#include "protocols/message_checksum.hpp"
+#include "protocols/wire/message_checksum.hpp"
 
 #include <gtest/gtest.h>
 

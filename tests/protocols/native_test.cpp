@@ -5,7 +5,7 @@
 #include <boost/crc.hpp>
 #include <set>
 
-#include "protocols/crc32c.hpp"
+#include "protocols/wire/crc32c.hpp"
 #include "tests/protocols/recording.hpp"
 
 namespace imud {

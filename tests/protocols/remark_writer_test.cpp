@@ -1,4 +1,4 @@
-#include "protocols/remark_writer.hpp"
+#include "protocols/quantities/remark_writer.hpp"
 
 #include <gtest/gtest.h>
 

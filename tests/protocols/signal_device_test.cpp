@@ -1,6 +1,6 @@
 // Devices whose messages are tables: when a message is sent, what it sums, and what their decoder makes of losses;
 // and the known frames of the products.
-#include "protocols/signal_device.hpp"
+#include "protocols/signals/signal_device.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The vocabulary of truth, and the truths that are assembled from it.
-#include "protocols/truth_assembly.hpp"
+#include "protocols/quantities/truth_assembly.hpp"
 
 #include <gtest/gtest.h>
 

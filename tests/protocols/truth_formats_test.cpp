@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "protocols/line_truth_decoder.hpp"
+#include "protocols/quantities/line_truth_decoder.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/table_names.hpp"

@@ -4,7 +4,7 @@
 #include <stdexcept>
 
 #include "core/attitude.hpp"
-#include "protocols/columns.hpp"
+#include "protocols/quantities/columns.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/decode_truth.hpp"
 

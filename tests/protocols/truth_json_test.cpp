@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "protocols/json_fields.hpp"
+#include "protocols/quantities/json_fields.hpp"
 #include "tests/support/decode_truth.hpp"
 
 namespace imud {

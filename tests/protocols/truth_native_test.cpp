@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "core/attitude.hpp"
-#include "protocols/crc32c.hpp"
 #include "protocols/native_truth.hpp"
 #include "protocols/truth_format.hpp"
+#include "protocols/wire/crc32c.hpp"
 #include "tests/support/decode_truth.hpp"
 
 namespace imud {

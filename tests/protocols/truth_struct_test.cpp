@@ -6,9 +6,9 @@
 #include <string>
 
 #include "core/units.hpp"
-#include "protocols/packed_layout.hpp"
+#include "protocols/quantities/packed_layout.hpp"
 #include "protocols/truth_format.hpp"
-#include "protocols/wrapping_time.hpp"
+#include "protocols/wire/wrapping_time.hpp"
 #include "tests/support/decode_truth.hpp"
 #include "tests/support/hex_bytes.hpp"
 

@@ -5,7 +5,7 @@
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
-#include "protocols/frame_writer.hpp"
+#include "protocols/wire/frame_writer.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/vectornav_unit.hpp"
 

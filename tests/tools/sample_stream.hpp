@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/time.hpp"
-#include "protocols/measurement_csv.hpp"
+#include "protocols/measurements/measurement_csv.hpp"
 #include "tests/protocols/recording.hpp"
 
 namespace imud {

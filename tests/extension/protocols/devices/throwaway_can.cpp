@@ -1,5 +1,5 @@
 // A product whose messages are a table, of no vendor: the whole product is this file.
-#include "protocols/signal_product.hpp"
+#include "protocols/signals/signal_product.hpp"
 
 namespace imud {
 

@@ -1,7 +1,7 @@
 #include "tests/extension/protocols/throwaway_imu/decoder.hpp"
 
-#include "protocols/crc32c.hpp"
-#include "protocols/frame_search.hpp"
+#include "protocols/wire/crc32c.hpp"
+#include "protocols/wire/frame_search.hpp"
 #include "tests/extension/protocols/throwaway_imu/frame.hpp"
 
 namespace imud::throwaway_imu {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <string_view>
 
-#include "protocols/crc32c.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/wire/crc32c.hpp"
 #include "tests/extension/protocols/throwaway_imu/decoder.hpp"
 #include "tests/extension/protocols/throwaway_imu/frame.hpp"
 

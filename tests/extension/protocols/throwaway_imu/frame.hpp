@@ -1,7 +1,7 @@
 // The frame of the throw-away IMU, 24 bytes, little-endian.
 #pragma once
 
-#include "protocols/wire.hpp"
+#include "protocols/wire/wire.hpp"
 
 namespace imud::throwaway_imu {
 

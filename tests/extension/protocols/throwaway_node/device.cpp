@@ -1,10 +1,10 @@
 // A node of SAE J1939 that exists for one test, over what protocols/j1939 has for every node: it claims its address,
 // sends its rates, answers requests for them and for its software identification, and refuses all other requests.
-#include "protocols/deadlines.hpp"
 #include "protocols/j1939/address.hpp"
 #include "protocols/j1939/measured.hpp"
 #include "protocols/j1939/transport.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/wire/deadlines.hpp"
 
 namespace imud {
 namespace {

@@ -1,0 +1,301 @@
+#include "protocols/measurements/measured_quantities.hpp"
+
+#include <chrono>
+
+#include "core/attitude.hpp"
+#include "core/numbers/elementary.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr double g0 = units::standard_gravity;
+constexpr double au = 50e-6;  // T: the "arbitrary unit" of magnetometers, about the Earth's field; an assumption
+
+constexpr MeasuredUnit rates[] = {{"rad_per_s"},
+                                  {"deg_per_s", units::degree},
+                                  {"mrad_per_s", 1e-3},
+                                  {"deg_per_hr", units::degree / 3600},
+                                  {"deg_per_h", units::degree / 3600},
+                                  {"rpm", 6 * units::degree}};
+constexpr MeasuredUnit angles[] = {{"rad"},
+                                   {"deg", units::degree},
+                                   {"mrad", 1e-3},
+                                   {"arcsec", units::degree / 3600},
+                                   {"deg_e7", 1e-7 * units::degree}};
+constexpr MeasuredUnit accelerations[] = {{"m_per_s2"}, {"g", g0}, {"mg", 1e-3 * g0}, {"ft_per_s2", units::foot}};
+constexpr MeasuredUnit speeds[] = {{"m_per_s"},           {"km_per_h", 1 / 3.6}, {"ft_per_s", units::foot},
+                                   {"kn", 1852.0 / 3600}, {"kt", 1852.0 / 3600}, {"cm_per_s", 1e-2},
+                                   {"mph", 0.44704}};
+constexpr MeasuredUnit lengths[] = {{"m"}, {"km", 1e3}, {"mm", 1e-3}, {"ft", units::foot}, {"cm", 1e-2}};
+constexpr MeasuredUnit temperatures[] = {{"c"}, {"k", 1, -273.15}, {"f", 5.0 / 9, -160.0 / 9}};
+constexpr MeasuredUnit fields[] = {{"t"}, {"ut", 1e-6}, {"nt", 1e-9}, {"gauss", 1e-4}, {"mgauss", 1e-7}, {"au", au}};
+constexpr MeasuredUnit pressures[] = {{"pa"},        {"hpa", 1e2}, {"kpa", 1e3},
+                                      {"mbar", 1e2}, {"bar", 1e5}, {"inhg", 3386.389}};
+constexpr MeasuredUnit times[] = {{"s"}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
+
+// --- Vectors; `Place` is the number of the first bit in ReadBack::components, divided by 3 ---
+template <Vector3 Sample::*Member, int Axis>
+double newest(const Reading& reading) noexcept {
+  return (reading.sample.*Member)[Axis];
+}
+template <Vector3 Reading::*Member, int Axis>
+double sum(const Reading& reading) noexcept {
+  return (reading.*Member)[Axis];
+}
+// The mean over the interval; of the first message, whose interval is not known, the newest value.
+template <Vector3 Reading::*Member, Vector3 Sample::*Newest, int Axis>
+double mean(const Reading& reading) noexcept {
+  return reading.interval_s > 0 ? (reading.*Member)[Axis] / reading.interval_s : (reading.sample.*Newest)[Axis];
+}
+template <Vector3 Sample::*Member, int Place, int Axis>
+void put(double value, ReadBack& read) noexcept {
+  (read.measurement.sample.*Member)[Axis] = value;
+  read.components |= 1U << (3 * Place + Axis);
+}
+
+// --- Attitude ---
+template <int Index>  // 0 yaw, 1 pitch, 2 roll
+double euler(const Reading& reading) noexcept {
+  return yaw_pitch_roll_from_dcm(reading.sample.q_LP.conjugate().toRotationMatrix())[Index];
+}
+// The component of a unit quaternion, 0 to 3 for w to z, of the sign that makes w positive.
+double component(const Quaternion& q, int index) noexcept {
+  const double value = index == 0 ? q.w() : q.vec()[index - 1];
+  return q.w() < 0 ? -value : value;
+}
+template <int Index>
+double attitude(const Reading& reading) noexcept {
+  return component(reading.sample.q_LP, Index);
+}
+template <int Index>
+double rotation(const Reading& reading) noexcept {
+  return component(reading.rotation, Index);
+}
+template <int Axis>  // relative to rest in standard gravity, in L
+double free_acceleration(const Reading& reading) noexcept {
+  return (reading.sample.q_LP * reading.sample.specific_force)[Axis] + (Axis == 2 ? g0 : 0);
+}
+template <int Axis>  // in P
+double acceleration(const Reading& reading) noexcept {
+  const Sample& sample = reading.sample;
+  return (sample.specific_force + sample.q_LP.conjugate() * Vector3(0, 0, g0))[Axis];
+}
+template <int Index>  // the parameters of norm 1 at most: vec / (1 + w)
+double rodrigues(const Reading& reading) noexcept {
+  return component(reading.sample.q_LP, Index + 1) / (1 + component(reading.sample.q_LP, 0));
+}
+
+// --- Navigation ---
+template <double Navigation::*Member>
+double place(const Reading& reading) noexcept {
+  return reading.sample.navigation.*Member;
+}
+template <int Axis>
+double velocity_L(const Reading& reading) noexcept {
+  return reading.sample.navigation.v_L[Axis];
+}
+template <int Axis>
+double velocity_P(const Reading& reading) noexcept {
+  return (reading.sample.q_LP.conjugate() * reading.sample.navigation.v_L)[Axis];
+}
+
+template <int Axis>
+double position(const Reading& reading) noexcept {
+  return reading.sample.navigation.r_E[Axis];
+}
+double speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.norm(); }
+double ground_speed(const Reading& reading) noexcept { return reading.sample.navigation.v_L.head<2>().norm(); }
+double track(const Reading& reading) noexcept {
+  const Vector3& v = reading.sample.navigation.v_L;
+  return elementary::atan2(v.y(), v.x());
+}
+double climb(const Reading& reading) noexcept { return -reading.sample.navigation.v_L.z(); }
+
+// --- Calendar: UTC in the present number of leap seconds; 0 where the time is not known ---
+using Day = std::chrono::sys_days;
+constexpr std::chrono::seconds leap{18};
+constexpr std::int64_t week_ns = 604'800'000'000'000;
+std::chrono::sys_time<Nanoseconds> utc(const Reading& reading) noexcept {
+  using namespace std::chrono;
+  return Day(year(1980) / January / 6) + Nanoseconds(reading.sample.navigation.gps_ns) - leap;
+}
+template <class Part>
+double if_known(const Reading& reading, Part part) noexcept {
+  return reading.sample.navigation.is_known ? static_cast<double>(part(utc(reading))) : 0;
+}
+std::chrono::year_month_day date(std::chrono::sys_time<Nanoseconds> time) noexcept {
+  return std::chrono::floor<std::chrono::days>(time);
+}
+template <class Unit, class Whole>  // the number of `Unit`s since the last full `Whole`
+auto since(std::chrono::sys_time<Nanoseconds> time) noexcept {
+  return std::chrono::floor<Unit>(time - std::chrono::floor<Whole>(time)).count();
+}
+
+double year_of(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return int{date(time).year()}; });
+}
+double month_of(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return unsigned{date(time).month()}; });
+}
+double day_of(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return unsigned{date(time).day()}; });
+}
+double hour_of(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return since<std::chrono::hours, std::chrono::days>(time); });
+}
+double minute_of(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return since<std::chrono::minutes, std::chrono::hours>(time); });
+}
+double second_of(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return since<std::chrono::seconds, std::chrono::minutes>(time); });
+}
+// Rounded down to 0.1 ms, so that a field of that resolution never shows the next second.
+double subsecond_of(const Reading& r) noexcept {
+  return if_known(r, [](auto time) {
+    return 1e-4 * static_cast<double>(since<Nanoseconds, std::chrono::seconds>(time) / 100'000);
+  });
+}
+double day_of_year(const Reading& r) noexcept {
+  return if_known(r, [](auto time) {
+    const Day day = std::chrono::floor<std::chrono::days>(time);
+    return (day - Day(date(time).year() / std::chrono::January / 1)).count() + 1;
+  });
+}
+double time_of_day(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return since<Nanoseconds, std::chrono::days>(time); }) * 1e-9;
+}
+double unix_time(const Reading& r) noexcept {
+  return if_known(r, [](auto time) { return time.time_since_epoch().count(); }) * 1e-9;
+}
+double time_of_week(const Reading& r) noexcept {
+  return r.sample.navigation.is_known ? 1e-9 * static_cast<double>(r.sample.navigation.gps_ns % week_ns) : 0;
+}
+double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.navigation.gps_ns / week_ns); }
+
+double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
+void put_temperature(double value, ReadBack& read) noexcept {
+  read.measurement.sample.temperature_c = value;
+  read.measurement.fields |= Measurement::temperature;
+}
+double pressure(const Reading& r) noexcept { return r.sample.pressure; }
+
+using enum MeasuredQuantity::Kind;
+constexpr MeasuredQuantity quantities[] = {
+    {"rate_x", "angular rate", rates, newest<&Sample::rate, 0>, put<&Sample::rate, 0, 0>},
+    {"rate_y", "", rates, newest<&Sample::rate, 1>, put<&Sample::rate, 0, 1>},
+    {"rate_z", "", rates, newest<&Sample::rate, 2>, put<&Sample::rate, 0, 2>},
+    {"specific_force_x", "specific force", accelerations, newest<&Sample::specific_force, 0>,
+     put<&Sample::specific_force, 1, 0>},
+    {"specific_force_y", "", accelerations, newest<&Sample::specific_force, 1>, put<&Sample::specific_force, 1, 1>},
+    {"specific_force_z", "", accelerations, newest<&Sample::specific_force, 2>, put<&Sample::specific_force, 1, 2>},
+    {"delta_angle_x", "sum of the delta-angles since the last message", angles, sum<&Reading::delta_angle, 0>,
+     put<&Sample::delta_angle, 2, 0>, number, true},
+    {"delta_angle_y", "", angles, sum<&Reading::delta_angle, 1>, put<&Sample::delta_angle, 2, 1>, number, true},
+    {"delta_angle_z", "", angles, sum<&Reading::delta_angle, 2>, put<&Sample::delta_angle, 2, 2>, number, true},
+    {"delta_velocity_x", "sum of the delta-velocities since the last message", speeds,
+     sum<&Reading::delta_velocity, 0>, put<&Sample::delta_velocity, 3, 0>, number, true},
+    {"delta_velocity_y", "", speeds, sum<&Reading::delta_velocity, 1>, put<&Sample::delta_velocity, 3, 1>, number,
+     true},
+    {"delta_velocity_z", "", speeds, sum<&Reading::delta_velocity, 2>, put<&Sample::delta_velocity, 3, 2>, number,
+     true},
+    {"mean_rate_x", "delta-angle divided by its interval", rates, mean<&Reading::delta_angle, &Sample::rate, 0>,
+     nullptr, number, true},
+    {"mean_rate_y", "", rates, mean<&Reading::delta_angle, &Sample::rate, 1>, nullptr, number, true},
+    {"mean_rate_z", "", rates, mean<&Reading::delta_angle, &Sample::rate, 2>, nullptr, number, true},
+    {"mean_specific_force_x", "delta-velocity divided by its interval", accelerations,
+     mean<&Reading::delta_velocity, &Sample::specific_force, 0>, nullptr, number, true},
+    {"mean_specific_force_y", "", accelerations, mean<&Reading::delta_velocity, &Sample::specific_force, 1>, nullptr,
+     number, true},
+    {"mean_specific_force_z", "", accelerations, mean<&Reading::delta_velocity, &Sample::specific_force, 2>, nullptr,
+     number, true},
+    {"rotation_w", "quaternion of the rotation since the last message", {}, rotation<0>, nullptr, number, true},
+    {"rotation_x", "", {}, rotation<1>, nullptr, number, true},
+    {"rotation_y", "", {}, rotation<2>, nullptr, number, true},
+    {"rotation_z", "", {}, rotation<3>, nullptr, number, true},
+    {"temperature", "temperature of the sensor", temperatures, temperature, put_temperature},
+    {"magnetic_field_x", "magnetic field", fields, newest<&Sample::magnetic_field, 0>},
+    {"magnetic_field_y", "", fields, newest<&Sample::magnetic_field, 1>},
+    {"magnetic_field_z", "", fields, newest<&Sample::magnetic_field, 2>},
+    {"pressure", "static pressure", pressures, pressure},
+    {"q_LP_w", "attitude relative to north-east-down, v_L = q_LP v_P", {}, attitude<0>},
+    {"q_LP_x", "", {}, attitude<1>},
+    {"q_LP_y", "", {}, attitude<2>},
+    {"q_LP_z", "", {}, attitude<3>},
+    {"sigma_LP_1", "the same as modified Rodrigues parameters", {}, rodrigues<0>},
+    {"sigma_LP_2", "", {}, rodrigues<1>},
+    {"sigma_LP_3", "", {}, rodrigues<2>},
+    {"yaw", "attitude relative to north-east-down, 3-2-1", angles, euler<0>},
+    {"pitch", "", angles, euler<1>},
+    {"roll", "", angles, euler<2>},
+    {"free_acceleration_north", "specific force less gravity", accelerations, free_acceleration<0>},
+    {"free_acceleration_east", "", accelerations, free_acceleration<1>},
+    {"free_acceleration_down", "", accelerations, free_acceleration<2>},
+    {"acceleration_x", "the same in the axes of the sensor", accelerations, acceleration<0>},
+    {"acceleration_y", "", accelerations, acceleration<1>},
+    {"acceleration_z", "", accelerations, acceleration<2>},
+    {"latitude", "geodetic, WGS 84", angles, place<&Navigation::latitude>},
+    {"longitude", "", angles, place<&Navigation::longitude>},
+    {"height", "above the ellipsoid", lengths, place<&Navigation::height>},
+    {"velocity_north", "velocity relative to the Earth", speeds, velocity_L<0>},
+    {"velocity_east", "", speeds, velocity_L<1>},
+    {"velocity_down", "", speeds, velocity_L<2>},
+    {"velocity_up", "", speeds, climb},
+    {"speed", "magnitude of the velocity", speeds, speed},
+    {"ground_speed", "its horizontal part", speeds, ground_speed},
+    {"track", "its direction, from north to east", angles, track},
+    {"velocity_x", "the same in the axes of the sensor", speeds, velocity_P<0>},
+    {"velocity_y", "", speeds, velocity_P<1>},
+    {"velocity_z", "", speeds, velocity_P<2>},
+    {"r_E_x", "position in Earth-fixed axes", lengths, position<0>},
+    {"r_E_y", "", lengths, position<1>},
+    {"r_E_z", "", lengths, position<2>},
+    {"time", "clock of the sensor; wraps", times, nullptr, nullptr, time},
+    {"utc_year", "UTC; all are 0 where the truth has no date", {}, year_of},
+    {"utc_month", "", {}, month_of},
+    {"utc_day", "", {}, day_of},
+    {"utc_hour", "", {}, hour_of},
+    {"utc_minute", "", {}, minute_of},
+    {"utc_second", "", {}, second_of},
+    {"day_of_year", "from 1", {}, day_of_year},
+    {"time_of_day", "UTC", times, time_of_day},
+    {"unix_time", "UTC, since 1970", times, unix_time},
+    {"utc_subsecond", "in steps of 0.1 ms", times, subsecond_of},
+    {"gps_week", "GPS time", {}, gps_week},
+    {"gps_time_of_week", "", times, time_of_week},
+    {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
+    {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
+};
+
+}  // namespace
+
+std::span<const MeasuredQuantity> measured_quantities() noexcept { return quantities; }
+
+std::optional<MeasuredIn> find_measured(std::string_view name) noexcept {
+  const bool negated = name.starts_with('-');
+  if (negated) name.remove_prefix(1);
+  for (const MeasuredQuantity& quantity : quantities) {
+    if (!name.starts_with(quantity.name)) continue;
+    std::string_view suffix = name.substr(quantity.name.size());
+    if (negated && quantity.kind != number) continue;
+    const double sign = negated ? -1 : 1;
+    if (suffix.empty() && quantity.units.empty()) return MeasuredIn{&quantity, sign, 0};
+    if (!suffix.starts_with('_')) continue;
+    suffix.remove_prefix(1);
+    for (const MeasuredUnit& unit : quantity.units)
+      if (unit.suffix == suffix) return MeasuredIn{&quantity, sign * unit.factor, unit.offset};
+  }
+  return std::nullopt;
+}
+
+std::string measured_names() {
+  std::string names;
+  for (const MeasuredQuantity& quantity : quantities) {
+    if (!names.empty()) names += ", ";
+    names += quantity.name;
+    if (!quantity.units.empty()) names.append("_").append(quantity.units[0].suffix);
+  }
+  return names;
+}
+
+}  // namespace imud

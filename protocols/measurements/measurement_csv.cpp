@@ -1,0 +1,111 @@
+#include "protocols/measurements/measurement_csv.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "protocols/quantities/columns.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr struct {
+  Measurement::Field field;
+  Vector3 Sample::*vector;
+} vectors[] = {{Measurement::rate, &Sample::rate},
+               {Measurement::specific_force, &Sample::specific_force},
+               {Measurement::delta_angle, &Sample::delta_angle},
+               {Measurement::delta_velocity, &Sample::delta_velocity}};
+
+class RowWriter {
+ public:
+  explicit RowWriter(std::span<char, measurement_csv_row_max> row)
+      : begin_(row.data()), at_(begin_), end_(begin_ + row.size()) {}
+
+  template <class Number>
+  void field(bool carried, Number number, char separator = ',') noexcept {
+    if (carried) at_ = std::to_chars(at_, end_, number).ptr;
+    *at_++ = separator;
+  }
+
+  std::size_t length() const noexcept { return static_cast<std::size_t>(at_ - begin_); }
+
+ private:
+  char* begin_;
+  char* at_;
+  char* end_;
+};
+
+// Reads fields one after another. After a wrong field `good` stays false.
+class RowReader {
+ public:
+  explicit RowReader(std::string_view row) : rest_(row) {}
+
+  // Returns true if the next field exists and is not empty; sets `number` if it is a finite number.
+  bool field(double& number) noexcept {
+    const std::string_view text = next();
+    if (text.empty()) return false;
+    const auto parsed = parse_real(text);
+    good = good && parsed && std::isfinite(*parsed);
+    if (good) number = *parsed;
+    return true;
+  }
+
+  template <class Integer>
+  bool field(Integer& number) noexcept {
+    const std::string_view text = next();
+    if (text.empty()) return false;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    good = good && error == std::errc{} && end == text.data() + text.size();
+    return true;
+  }
+
+  bool at_end() const noexcept { return rest_.data() == nullptr; }
+
+  bool good = true;
+
+ private:
+  std::string_view next() noexcept {
+    good = good && !at_end();
+    return trim(take_field(rest_));
+  }
+
+  std::string_view rest_;
+};
+
+}  // namespace
+
+std::size_t write_measurement_csv(const Measurement& measurement,
+                                  std::span<char, measurement_csv_row_max> row) noexcept {
+  const Sample& sample = measurement.sample;
+  const auto carried = [&](Measurement::Field field) { return (measurement.fields & field) != 0; };
+  RowWriter writer(row);
+  writer.field(carried(Measurement::time), sample.time.ns);
+  writer.field(carried(Measurement::counter), sample.counter);
+  for (const auto& [field, vector] : vectors)
+    for (const double component : sample.*vector) writer.field(carried(field), component);
+  writer.field(carried(Measurement::temperature), sample.temperature_c);
+  writer.field(carried(Measurement::status), sample.status, '\n');
+  return writer.length();
+}
+
+bool read_measurement_csv(std::string_view row, Measurement& measurement) noexcept {
+  measurement = {};
+  Sample& sample = measurement.sample;
+  RowReader reader(row);
+  const auto carry = [&](bool carried, Measurement::Field field) { measurement.fields |= carried ? field : 0U; };
+  carry(reader.field(sample.time.ns), Measurement::time);
+  carry(reader.field(sample.counter), Measurement::counter);
+  for (const auto& [field, vector] : vectors) {
+    int components = 0;
+    for (double& component : sample.*vector) components += reader.field(component) ? 1 : 0;
+    if (components != 0 && components != 3) return false;
+    carry(components == 3, field);
+  }
+  carry(reader.field(sample.temperature_c), Measurement::temperature);
+  carry(reader.field(sample.status), Measurement::status);
+  return reader.good && reader.at_end();
+}
+
+}  // namespace imud

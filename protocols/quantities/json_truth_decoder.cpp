@@ -1,0 +1,143 @@
+#include "protocols/quantities/json_truth_decoder.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "protocols/quantities/columns.hpp"
+
+namespace imud {
+
+namespace {
+
+using Outcome = JsonFields::Outcome;
+
+std::string_view first_line(std::string_view text) noexcept { return text.substr(0, text.find('\n')); }
+
+}  // namespace
+
+JsonTruthDecoder::JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes,
+                                   TruthFrame frame)
+    : fields_(std::move(map)), axes_(axes), wanted_(required), frame_(frame) {}
+
+void JsonTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput input, HostTime) noexcept {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  has_datagram_ = input == TruthInput::datagram;
+  datagram_ = has_datagram_ ? text : "";
+  lines_.feed(has_datagram_ ? "" : text);
+}
+
+std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
+  while (const auto line = lines_.next()) {
+    if (line->is_too_long()) {
+      ++losses_.too_long;
+      continue;
+    }
+    std::size_t end = 0;
+    return decode(line->text, truth, end);
+  }
+  if (std::exchange(is_last_, false)) {
+    const auto line = lines_.finish_line();
+    std::size_t end = 0;
+    const TruthResult result = decode(line.text, truth, end);
+    if (result == TruthResult::ok) {
+      ++losses_.last_lines;
+      return result;
+    }
+    if (is_blank_) return std::nullopt;
+    ++losses_.cut_short;
+    losses_.cut_short_by = line.size;
+    return std::nullopt;
+  }
+  if (!std::exchange(has_datagram_, false)) return std::nullopt;
+  datagram_ = trim(datagram_);
+  std::size_t end = 0;
+  const TruthResult result = decode(datagram_, truth, end);
+  datagram_.remove_prefix(end);
+  has_datagram_ = !datagram_.empty();
+  return result;
+}
+
+// Decodes the record at the begin of `text`, and sets its size. What is no object, and an object that is followed by
+// something else on its last line, ends with the first line.
+TruthResult JsonTruthDecoder::decode(std::string_view text, Truth& truth, std::size_t& size) noexcept {
+  record_ = first_line(text);
+  size = record_.size();
+  outcome_ = Outcome::whole;
+  is_blank_ = trim(record_).empty();
+  if (is_blank_) return TruthResult::no_state;
+  outcome_ = fields_.read(text, reading_);
+  if (outcome_ == Outcome::cut || outcome_ == Outcome::faulty) outcome_ = fields_.read(record_, reading_);
+  if (outcome_ == Outcome::cut) return TruthResult::too_short;
+  if (outcome_ == Outcome::faulty) return TruthResult::not_this_kind;
+  const std::string_view after = first_line(text.substr(fields_.position()));
+  if (!trim(after).empty()) {
+    outcome_ = Outcome::faulty;
+    return TruthResult::not_this_kind;
+  }
+  size = fields_.position() + after.size();
+  record_ = text.substr(0, size);
+  if (outcome_ == Outcome::refused) return fields_.refused().cause;
+  const QuantitySet given = chosen(fields_.given());
+  if (given.none()) return TruthResult::no_state;
+  if ((wanted_ & ~given).any()) return TruthResult::too_short;
+  if (!is_assembled_ || given != assembly_.given()) {
+    RemarkWriter fault(fault_);
+    is_assembled_ = assembly_.choose(given, axes_, fault);
+    fault_size_ = fault.size();
+  }
+  return is_assembled_ ? assembly_.convert(reading_, truth) : TruthResult::no_columns;
+}
+
+std::size_t JsonTruthDecoder::describe(TruthResult result, std::span<char> room) const noexcept {
+  RemarkWriter out(room);
+  switch (result) {
+    case TruthResult::no_state:
+      if (!is_blank_) (out << "an object has no quantity of truth: ").quote(record_);
+      break;
+    case TruthResult::not_this_kind:
+      (out << "no JSON object, or something after it, at character " << fields_.position() << ": ").quote(record_);
+      break;
+    case TruthResult::too_short:
+      if (outcome_ == Outcome::cut)
+        (out << "the text ends within an object: ").quote(record_);
+      else
+        describe_missing(out);
+      break;
+    case TruthResult::no_columns:
+      out << std::string_view(fault_.data(), fault_size_);
+      break;
+    case TruthResult::bad_number:
+    case TruthResult::not_finite:
+    case TruthResult::out_of_range:
+      if (outcome_ == Outcome::refused)
+        (out << quantity_name(fields_.refused().quantity) << " has ").quote(fields_.refused().value, 64);
+      else
+        assembly_.describe(reading_, out);
+      break;
+    default:
+      break;
+  }
+  return out.size();
+}
+
+void JsonTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
+  const char* separator = "an object lacks ";
+  for (const MappedQuantity& mapped : fields_.map())
+    if (wanted_[mapped.field.quantity] && !fields_.given()[mapped.field.quantity]) {
+      (out << std::exchange(separator, ", ")).quote(mapped.theirs, 64);
+      out << " (" << mapped.ours << ")";
+    }
+}
+
+void JsonTruthDecoder::end_of_file() noexcept { is_last_ = lines_.size() > 0 && lines_.size() <= max_line; }
+
+void JsonTruthDecoder::finish() noexcept {
+  is_last_ = false;
+  assembly_.begin();
+  const std::size_t size = lines_.drop_line();
+  if (size == 0) return;
+  ++losses_.cut_short;
+  losses_.cut_short_by = size;
+}
+
+}  // namespace imud

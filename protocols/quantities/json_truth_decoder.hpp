@@ -1,0 +1,58 @@
+// JsonTruthDecoder: truth formats whose records are JSON objects.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "protocols/quantities/json_fields.hpp"
+#include "protocols/truth_format.hpp"
+#include "protocols/wire/line_assembler.hpp"
+
+namespace imud {
+
+// In a stream an object is a line, and a blank line is a record without state. In a datagram an object may have
+// several lines, and further objects may follow, each on a line of its own; blank lines around them are not records.
+class JsonTruthDecoder : public TruthDecoder {
+ public:
+  static constexpr std::size_t max_line = 65536;  // of a stream, in characters; no datagram is as long
+
+  // An object must have the `required` quantities. An empty map: the names at the top level are those of quantities.
+  // `frame`: that of frame(). Throws std::invalid_argument, "columns: ...".
+  JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes, TruthFrame frame = {});
+
+  void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override;
+  std::optional<TruthResult> next(Truth& truth) noexcept override;
+  TruthFrame frame() const noexcept override { return frame_; }
+  std::size_t describe(TruthResult result, std::span<char> room) const noexcept override;
+  void end_of_file() noexcept override;
+  void finish() noexcept override;
+
+ private:
+  // Returns the quantities of an object that make its truth. Default: all that it has.
+  virtual QuantitySet chosen(const QuantitySet& given) const noexcept { return given; }
+
+  TruthResult decode(std::string_view text, Truth& truth, std::size_t& size) noexcept;
+  void describe_missing(RemarkWriter& out) const noexcept;
+
+  JsonFields fields_;
+  const TruthAssembly::Axes axes_;
+  const QuantitySet wanted_;
+  const TruthFrame frame_;
+  TruthReading reading_;
+  TruthAssembly assembly_;
+  LineAssembler<max_line> lines_;
+  std::string_view datagram_;  // what is left of it
+  bool has_datagram_ = false;
+  bool is_last_ = false;  // the line that is held is the last of a file
+
+  // Members of the last record.
+  std::string_view record_;
+  bool is_blank_ = true;
+  JsonFields::Outcome outcome_ = JsonFields::Outcome::whole;
+  bool is_assembled_ = false;  // whether assembly_ fits the quantities of the last object
+  std::array<char, 400> fault_ = {};
+  std::size_t fault_size_ = 0;
+};
+
+}  // namespace imud

@@ -1,0 +1,213 @@
+#include "protocols/quantities/mapped_columns.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "protocols/quantities/columns.hpp"
+
+namespace imud {
+
+namespace {
+
+char delimiter_in(std::string_view row) noexcept {
+  return row.find_first_of(",;\t") == row.npos && row.find(' ') != row.npos ? ' ' : delimiter_of(row);
+}
+
+// As take_field(); a blank as delimiter stands for any number of them.
+std::string_view take(std::string_view& row, char delimiter) noexcept {
+  if (delimiter != ' ') return take_field(row, delimiter);
+  const std::size_t end = row.find(' ');
+  const std::string_view field = row.substr(0, end);
+  row = end == row.npos ? std::string_view{} : row.substr(std::min(row.find_first_not_of(' ', end), row.size()));
+  return field;
+}
+
+bool is_number(std::string_view field) noexcept { return parse_real(unquoted(field)).has_value(); }
+
+// Returns the number of a column, or nullopt if `text` is none.
+std::optional<std::size_t> column_number(std::string_view text) noexcept {
+  const auto number = parse_integer(text);
+  if (!number || *number < 0 || !std::ranges::all_of(text, [](char c) { return c >= '0' && c <= '9'; })) return {};
+  return static_cast<std::size_t>(*number);
+}
+
+}  // namespace
+
+MappedColumns::MappedColumns(TruthMap map, const TruthAssembly::Axes& axes)
+    : map_(std::move(map)), axes_(axes), assembly_(assembly_of(map_, axes)) {
+  const auto numbers = static_cast<std::size_t>(std::ranges::count_if(
+      map_, [](const MappedQuantity& mapped) { return column_number(mapped.theirs).has_value(); }));
+  if (numbers == 0) return;
+  if (numbers < map_.size())
+    throw std::invalid_argument("columns: some are given by name and some by number; give either for all");
+  is_by_number_ = true;
+  for (const MappedQuantity& mapped : map_) {
+    const std::size_t number = column_number(mapped.theirs).value_or(max_columns);
+    if (number >= max_columns)
+      throw std::invalid_argument("columns: " + mapped.ours + " is column " + mapped.theirs + "; the largest is " +
+                                  std::to_string(max_columns - 1));
+    if (columns_[number].is_used)
+      throw std::invalid_argument("columns: column " + mapped.theirs + " is given twice; the second time for " +
+                                  mapped.ours);
+    columns_[number] = {true, mapped.field};
+    count_ = std::max(count_, number + 1);
+  }
+}
+
+std::optional<TruthField> MappedColumns::find(std::string_view name) const noexcept {
+  if (map_.empty()) return find_signed_field(name);
+  for (const MappedQuantity& mapped : map_)
+    if (mapped.theirs == name) return mapped.field;
+  return std::nullopt;
+}
+
+// `least`: the names that a header row has at least.
+bool MappedColumns::is_header(std::string_view row, std::size_t least) const noexcept {
+  const char delimiter = delimiter_in(row);
+  std::string_view rest = row;
+  if (is_number(take(rest, delimiter))) return false;
+  std::size_t count = 0;
+  if (is_by_number_) {  // a header row has nothing but names, which are not needed
+    for (rest = row; rest.data() != nullptr; ++count)
+      if (is_number(take(rest, delimiter))) return false;
+    return count >= count_;
+  }
+  // Each truth has a time: that spares most rows of text the search.
+  if (map_.empty() && row.find("time") == row.npos && row.find("utc") == row.npos) return false;
+  std::size_t found = 0;
+  for (rest = row; rest.data() != nullptr && count < max_columns && found < least; ++count)
+    if (find(unquoted(take(rest, delimiter)))) ++found;
+  return found == least;
+}
+
+// Returns false, and writes the fault, if the header row is not sufficient.
+bool MappedColumns::set_columns(std::string_view header) noexcept {
+  RemarkWriter fault(fault_);
+  delimiter_ = delimiter_in(header);
+  count_ = 0;
+  QuantitySet given;
+  for (std::string_view rest = header; rest.data() != nullptr; ++count_) {
+    if (count_ == max_columns) {
+      fault << "the header row has more than " << max_columns << " columns";
+      break;
+    }
+    const auto field = find(unquoted(take(rest, delimiter_)));
+    columns_[count_] = {field.has_value(), field.value_or(TruthField{})};
+    if (field && given[field->quantity] && fault.size() == 0)
+      fault << "the header row has " << quantity_name(field->quantity) << " twice";
+    if (field) given.set(field->quantity);
+  }
+  for (const MappedQuantity& mapped : map_)
+    if (!given[mapped.field.quantity]) {
+      (fault << (fault.size() == 0 ? "the header row lacks " : ", ")).quote(mapped.theirs, 64);
+      fault << " (" << mapped.ours << ")";
+    }
+  if (fault.size() == 0 && map_.empty()) assembly_.choose(given, axes_, fault);
+  fault_size_ = fault.size();
+  if (fault_size_ > 0) count_ = 0;
+  return fault_size_ == 0;
+}
+
+TruthResult MappedColumns::read(std::string_view row) noexcept {
+  const char delimiter = is_by_number_ ? delimiter_in(row) : delimiter_;
+  std::string_view rest = row;
+  for (std::size_t i = 0; i < count_; ++i) {
+    if (rest.data() == nullptr) return TruthResult::too_short;
+    const std::string_view field = take(rest, delimiter);
+    if (!columns_[i].is_used) continue;
+    const TruthResult result = reading_.set(columns_[i].field, field);
+    if (result == TruthResult::ok) continue;
+    bad_column_ = i;
+    bad_field_ = unquoted(field);
+    return result;
+  }
+  return rest.data() == nullptr || is_by_number_ ? TruthResult::ok : TruthResult::too_long;
+}
+
+TruthResult MappedColumns::decode(std::string_view line, Truth& truth) noexcept {
+  if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
+  row_ = without_blanks(line);
+  bad_field_ = {};
+  kind_ = Kind::remark;
+  if (row_.empty() || (row_.front() == '\t' && trim(row_).empty())) return TruthResult::no_state;
+  const bool is_remark = row_.front() == '#';
+  if (is_remark) row_ = without_blanks(row_.substr(1));
+  constexpr std::size_t time_and_vector = 4;
+  if (is_header(row_, !is_remark ? 1 : map_.empty() ? time_and_vector : map_.size())) {
+    if (is_by_number_) return TruthResult::no_state;
+    kind_ = Kind::header;
+    return set_columns(row_) ? TruthResult::no_state : TruthResult::no_columns;
+  }
+  if (is_remark) return TruthResult::no_state;
+  kind_ = Kind::state;
+  if (count_ == 0) return TruthResult::no_columns;
+  const TruthResult result = read(row_);
+  return result == TruthResult::ok ? assembly_.convert(reading_, truth) : result;
+}
+
+void MappedColumns::describe(TruthResult result, RemarkWriter& out) const noexcept {
+  switch (result) {
+    case TruthResult::no_state:
+      if (kind_ == Kind::header) describe_header(out);
+      break;
+    case TruthResult::no_columns:
+      if (fault_size_ > 0) {
+        out << std::string_view(fault_.data(), fault_size_);
+      } else {
+        (out << "there was no header row before the row ").quote(row_) << ", required are ";
+        for (std::size_t i = 0; i < map_.size(); ++i) (out << (i == 0 ? "" : ", ")).quote(map_[i].theirs, 64);
+      }
+      break;
+    case TruthResult::too_short:
+    case TruthResult::too_long: {
+      std::size_t fields = 0;
+      const char delimiter = is_by_number_ ? delimiter_in(row_) : delimiter_;
+      for (std::string_view rest = row_; rest.data() != nullptr; ++fields) take(rest, delimiter);
+      out << "a row has " << fields << " fields, and there are " << count_ << " columns: ";
+      out.quote(row_);
+      break;
+    }
+    case TruthResult::bad_number:
+    case TruthResult::not_finite:
+    case TruthResult::out_of_range:
+      if (bad_field_.data() == nullptr) {
+        assembly_.describe(reading_, out);
+        break;
+      }
+      out << "the column " << bad_column_ << " (" << quantity_name(columns_[bad_column_].field.quantity) << ") has ";
+      out.quote(bad_field_, 64);
+      if (bad_field_.find(',') != bad_field_.npos) out << "; the decimal sign must be a point";
+      break;
+    default:
+      break;
+  }
+}
+
+void MappedColumns::describe_header(RemarkWriter& out) const noexcept {
+  constexpr std::size_t most = 16;  // columns that are named
+  std::size_t unused = 0, i = 0;
+  for (std::string_view rest = row_; rest.data() != nullptr; ++i) {
+    const std::string_view field = unquoted(take(rest, delimiter_));
+    if (columns_[i].is_used || ++unused > most) continue;
+    (out << (unused == 1 ? "columns that are not used: " : ", ")).quote(field, 64);
+  }
+  if (unused > most) out << " and " << unused - most << " more";
+}
+
+std::size_t MappedColumnDecoder::describe(TruthResult result, std::span<char> room) const noexcept {
+  RemarkWriter out(room);
+  columns_.describe(result, out);
+  return out.size();
+}
+
+void MappedColumnDecoder::finish() noexcept {
+  LineTruthDecoder::finish();
+  columns_.begin();
+}
+
+TruthResult MappedColumnDecoder::decode(std::string_view line, Truth& truth) noexcept {
+  return columns_.decode(line, truth);
+}
+
+}  // namespace imud

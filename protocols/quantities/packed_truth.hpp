@@ -1,0 +1,71 @@
+// PackedTruth: Truths from the records of a PackedLayout.
+#pragma once
+
+#include <optional>
+#include <utility>
+
+#include "protocols/quantities/packed_layout.hpp"
+#include "protocols/quantities/truth_assembly.hpp"
+#include "protocols/truth_format.hpp"
+#include "protocols/wire/wrapping_time.hpp"
+
+namespace imud {
+
+// The setting of formats whose records may have no usable time.
+inline constexpr std::string_view time_choices[] = {"field", "arrival"};
+inline constexpr Setting time_setting = {
+    .key = "time",
+    .help = "where a truth's time comes from: the record, or its arrival, counted from the first",
+    .initial = std::string_view("field"),
+    .choices = time_choices};
+
+// Reads a record, continues a time that wraps, and assembles the Truth. The constructor may throw. One thread.
+class PackedTruth {
+ public:
+  // `has_time`: the layout's own time is used; otherwise it has none, and a record's time is its arrival, less the
+  // first one's. Throws
+  // std::invalid_argument, as PackedLayout and TruthAssembly do.
+  PackedTruth(PackedLayout layout, const TruthAssembly::Axes& axes, bool has_time = true)
+      : layout_(std::move(layout)), assembly_(given(layout_, has_time), axes) {
+    if (layout_.time_modulus()) wrapping_.emplace(*layout_.time_modulus());
+  }
+
+  const PackedLayout& layout() const noexcept { return layout_; }
+  TruthFrame frame() const noexcept { return assembly_.frame(); }
+
+  // Converts a record of layout().size() bytes or more. Returns ok, not_finite or out_of_range.
+  TruthResult convert(std::span<const std::byte> record, HostTime arrival, Truth& truth) noexcept {
+    if (!first_arrival_) first_arrival_ = arrival;
+    return convert_at(record, (arrival - *first_arrival_).count(), truth);
+  }
+  // The same, with a time, ns, that takes the place of the arrival's.
+  TruthResult convert_at(std::span<const std::byte> record, std::int64_t ns, Truth& truth) noexcept {
+    if (!layout_.given()[time_ns_.quantity]) (void)reading_.set(time_ns_, ns);
+    if (const TruthResult result = layout_.read(record, reading_); result != TruthResult::ok) return result;
+    if (wrapping_) (void)reading_.set(time_ns_, wrapping_->of(reading_.time_ns()));
+    return assembly_.convert(reading_, truth);
+  }
+
+  // Writes why the last record was refused.
+  void describe(RemarkWriter& out) const noexcept {
+    const std::size_t before = out.size();
+    layout_.describe(out);
+    if (out.size() == before) assembly_.describe(reading_, out);
+  }
+
+ private:
+  static QuantitySet given(const PackedLayout& layout, bool has_time) {
+    QuantitySet set = layout.given();
+    if (!has_time) set.set(quantity_group(TruthGroup::time).first);
+    return set;
+  }
+
+  PackedLayout layout_;
+  TruthAssembly assembly_;
+  TruthReading reading_;
+  TruthField time_ns_ = find_truth_field("time_ns").value();
+  std::optional<WrappingTime> wrapping_;
+  std::optional<HostTime> first_arrival_;
+};
+
+}  // namespace imud

@@ -1,0 +1,34 @@
+// Pose tables: rows of text without header row, whose columns are quantities in a known order.
+#pragma once
+
+#include <span>
+#include <string_view>
+
+#include "protocols/quantities/mapped_columns.hpp"
+
+namespace imud {
+
+// The setting `columns` of such a format: another order.
+inline constexpr Setting column_order_setting = {
+    .key = "columns",
+    .help =
+        "quantities of the columns in their order, if it is another one: time_s, q_NB_w, ...; _ is not used, a "
+        "minus changes the sign",
+    .initial = std::span<const std::string_view>{},
+};
+// The setting `level` of pose tables of robots, whose world has its z axis up.
+inline constexpr Setting world_setting = {
+    .key = level_setting.key,
+    .help = "axes of the world: \"enu\" if its z axis points up, \"ned\" if it points down",
+    .initial = std::string_view("enu"),
+    .choices = level_choices};
+
+// Makes the decoder of rows with the columns of the setting, or with these. Throws as MappedColumns does.
+inline std::unique_ptr<TruthDecoder> make_pose_table(const Settings& settings,
+                                                     std::span<const std::string_view> columns) {
+  const std::vector<std::string>& order = settings.list(column_order_setting.key);
+  TruthMap map = order.empty() ? truth_order(columns) : parse_truth_order(order);
+  return std::make_unique<MappedColumnDecoder>(MappedColumns(std::move(map), TruthAssembly::axes(settings)));
+}
+
+}  // namespace imud

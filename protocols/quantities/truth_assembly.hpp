@@ -1,0 +1,127 @@
+// TruthAssembly: a Truth from the quantities that a simulator gives.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "protocols/quantities/remark_writer.hpp"
+#include "protocols/quantities/truth_quantities.hpp"
+#include "protocols/wire/wrapping_time.hpp"
+
+namespace imud {
+
+// The settings of every format whose truths a TruthAssembly makes. `level`: whether its local level is
+// north-east-down or east-north-up; `body`: whether its body axes are front-right-down or front-left-up.
+inline constexpr std::string_view level_choices[] = {"ned", "enu"};
+inline constexpr std::string_view body_choices[] = {"frd", "flu"};
+inline constexpr Setting level_setting = {
+    .key = "level",
+    .help =
+        "axes of the local level, and of N where there is no place on the Earth: north-east-down or east-north-up",
+    .initial = std::string_view("ned"),
+    .choices = level_choices};
+inline constexpr Setting body_setting = {.key = "body",
+                                         .help = "body axes: front-right-down or front-left-up",
+                                         .initial = std::string_view("frd"),
+                                         .choices = body_choices};
+inline constexpr std::string_view accumulation_choices[] = {"inertial", "body_sum", "none"};
+inline constexpr Setting accumulated_dv_setting = {
+    .key = "accumulated_dv",
+    .help =
+        "how the accumulated velocity was accumulated: in inertial space, or each step in its own body axes; none: "
+        "not used",
+    .initial = std::string_view("inertial"),
+    .choices = accumulation_choices};
+
+// Returns the largest magnitude of the numbers of a field, in its unit.
+double largest_of(const TruthField& field) noexcept;
+
+// Makes Truths, in B front-right-down. N is inertial where the quantities have a place on the Earth, an attitude
+// relative to it, or `earth_angle`: its origin is the Earth's centre, its z axis the axis of rotation, and unless
+// `earth_angle` is given it coincides with E at truth time 0. Elsewhere N is the local level, north-east-down, and
+// the Earth does not turn; gravity is then 9.80665 m/s^2.
+//
+// Time: where N is inertial, a time since 1970, 1980 or the begin of a day is counted from the first truth. A time of
+// day without a day goes on over midnight.
+// Attitude: where only the rate is given, it is integrated, from the axes of N on.
+//
+// The constructor may throw; convert() allocates nothing. One thread.
+class TruthAssembly {
+ public:
+  struct Axes {
+    bool is_enu = false;  // the local level, and N where it is the local level
+    bool is_flu = false;  // the body
+    AccumulatedDv accumulated_dv = AccumulatedDv::inertial;
+  };
+  static Axes axes(const Settings& settings);
+  // Returns what accumulated_dv_setting is set to.
+  static AccumulatedDv accumulation(const Settings& settings);
+
+  TruthAssembly() = default;  // of which no other function may be called
+  // `given`: the quantities that every reading has. Throws std::invalid_argument, whose message names what is given
+  // twice or missing. Quantities of an incomplete group are errors, too.
+  TruthAssembly(const QuantitySet& given, const Axes& axes);
+  // Does what the constructor does, without exception and allocation: on a fault, returns false and writes the
+  // message to `fault`, which must be empty; then convert() must not be called.
+  bool choose(const QuantitySet& given, const Axes& axes, RemarkWriter& fault) noexcept;
+  // Returns the quantities that are given.
+  const QuantitySet& given() const noexcept { return given_; }
+  // Returns the frame N of the truths.
+  TruthFrame frame() const noexcept;
+
+  // Converts the quantities of a record. Returns ok, not_finite or out_of_range.
+  TruthResult convert(const TruthReading& in, Truth& truth) noexcept;
+  // Writes which number of the last record was refused, and its limit.
+  void describe(const TruthReading& in, RemarkWriter& out) const noexcept;
+  // Restarts with the next record: its absolute time is the new origin, its attitude is integrated from the axes
+  // of N on.
+  void begin() noexcept;
+
+ private:
+  bool has(TruthGroup group) const noexcept { return has_[static_cast<std::size_t>(group)]; }
+  std::optional<TruthGroup> only(std::initializer_list<TruthGroup> groups, std::string_view what,
+                                 RemarkWriter& fault) const noexcept;
+  bool check_groups(RemarkWriter& fault) noexcept;
+  bool choose_groups(RemarkWriter& fault) noexcept;
+
+  double number(const TruthReading& in, TruthGroup group, std::size_t i = 0) const noexcept {
+    return in[quantity_group(group).first + i];
+  }
+  Vector3 vector(const TruthReading& in, TruthGroup group) const noexcept;
+  Vector3 body(const Vector3& given) const noexcept;
+  Vector3 level(const TruthReading& in, TruthGroup horizontal, TruthGroup down, TruthGroup up) const noexcept;
+  bool convert_time(const TruthReading& in, Truth& truth) noexcept;
+  Quaternion attitude(const TruthReading& in, TruthGroup group) const noexcept;
+  bool is_rotation(const TruthReading& in, TruthGroup group) const noexcept;
+  Matrix3 matrix(const TruthReading& in, TruthGroup group) const noexcept;
+  bool convert_place(const TruthReading& in, Truth& truth) noexcept;
+  void convert_attitude(const TruthReading& in, Truth& truth) noexcept;
+  void convert_rate(const TruthReading& in, Truth& truth) noexcept;
+  bool is_about_earth(const Truth& truth) const noexcept;
+  void convert_force(const TruthReading& in, Truth& truth) noexcept;
+  void integrate_attitude(Truth& truth) noexcept;
+
+  QuantitySet given_;
+  std::array<bool, truth_group_count> has_ = {};
+  Axes axes_;
+  bool is_inertial_ = false;  // N
+  std::optional<TruthGroup> time_, attitude_, rate_, position_, velocity_, force_;
+
+  // Members of the record that is being converted.
+  double angle_ = 0;                                                          // rad, from N to E about z
+  Quaternion q_NE_ = Quaternion::Identity(), q_NL_ = Quaternion::Identity();  // L: north, east, down
+  double gravity_ = 0;                                                        // m/s^2, along L's z
+  Vector3 r_E_ = Vector3::Zero();                                             // m; where the place is known
+  Vector3 v_L_ = Vector3::Zero();                                             // m/s, relative to the Earth
+  std::size_t refused_ = quantity_count;
+
+  std::optional<std::int64_t> origin_ns_;    // of an absolute time
+  std::optional<WrappingTime> time_of_day_;  // without a day
+  std::optional<Truth> before_;              // whose attitude was integrated
+};
+
+}  // namespace imud

@@ -1,0 +1,372 @@
+#include "protocols/signals/dbc_file.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+namespace imud {
+
+namespace {
+
+constexpr std::size_t max_file_size = 16 << 20;  // bytes
+constexpr std::size_t max_signals = 4096;        // of a message
+constexpr std::uint32_t extended_bit = 0x8000'0000;
+constexpr double max_cycle_ms = 1e8;
+
+[[noreturn]] void refuse(std::size_t line, const std::string& fault) {
+  throw std::invalid_argument("line " + std::to_string(line) + ": " + fault);
+}
+
+struct Token {
+  std::string_view text = {};  // empty: the end of the file
+  std::size_t line = 1;
+  bool is_string = false;  // its text is without the quotes
+  bool begins_line = false;
+};
+
+// Splits the text into words, texts in quotes, and the characters : | @ ( ) [ ] , ; by themselves.
+class DbcTokens {
+ public:
+  explicit DbcTokens(std::string_view text) : rest_(text) { advance(); }
+
+  const Token& peek() const noexcept { return token_; }
+  Token next() {
+    Token taken = token_;
+    advance();
+    return taken;
+  }
+  // Takes the next token if it is this one.
+  bool skip(std::string_view text) {
+    if (token_.is_string || token_.text != text) return false;
+    advance();
+    return true;
+  }
+  void expect(std::string_view text, const char* statement) {
+    if (!skip(text))
+      refuse(token_.line, std::string(statement) + ": expected \"" + std::string(text) + "\", but found " + found());
+  }
+  std::string name(const char* statement) {
+    const Token token = next();
+    if (token.is_string || token.text.empty() || punctuation.find(token.text) != std::string_view::npos)
+      refuse(token.line, std::string(statement) + ": expected a name");
+    return std::string(token.text);
+  }
+  // A quoted number is accepted, too, as some files have them as values of attributes.
+  double real(const char* statement) { return number<double>(statement); }
+  template <class Number>
+  Number number(const char* statement) {
+    const std::string found_text = found();
+    const Token token = next();
+    std::string_view text = token.text;
+    if (text.starts_with('+')) text.remove_prefix(1);
+    Number value = {};
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    bool is_good = error == std::errc{} && end == text.data() + text.size();
+    if constexpr (std::is_floating_point_v<Number>) is_good = is_good && std::isfinite(value);
+    if (!is_good) refuse(token.line, std::string(statement) + ": expected a number, but found " + found_text);
+    return value;
+  }
+
+ private:
+  static constexpr std::string_view punctuation = ":|@()[],;";
+  static constexpr std::string_view blanks = " \t\r\n\f\v";
+
+  std::string found() const {
+    if (token_.text.empty() && !token_.is_string) return "the end of the file";
+    return "\"" + std::string(token_.text.substr(0, 40)) + "\"";
+  }
+
+  void advance() {
+    bool begins_line = at_begin_;
+    at_begin_ = false;
+    while (!rest_.empty() && blanks.find(rest_[0]) != std::string_view::npos) {
+      if (rest_[0] == '\n') {
+        ++line_;
+        begins_line = true;
+      }
+      rest_.remove_prefix(1);
+    }
+    token_ = {.line = line_, .begins_line = begins_line};
+    if (rest_.empty()) return;
+    if (rest_[0] == '"') {
+      std::size_t end = 1;
+      while (end < rest_.size() && (rest_[end] != '"' || rest_[end - 1] == '\\')) ++end;
+      if (end == rest_.size()) refuse(line_, "a text in quotes does not end; add the closing quote");
+      token_.is_string = true;
+      token_.text = rest_.substr(1, end - 1);
+      line_ += static_cast<std::size_t>(std::ranges::count(token_.text, '\n'));
+      rest_.remove_prefix(end + 1);
+      return;
+    }
+    std::size_t size = 1;
+    if (punctuation.find(rest_[0]) == std::string_view::npos)
+      while (size < rest_.size() && rest_[size] != '"' && blanks.find(rest_[size]) == std::string_view::npos &&
+             punctuation.find(rest_[size]) == std::string_view::npos)
+        ++size;
+    token_.text = rest_.substr(0, size);
+    rest_.remove_prefix(size);
+  }
+
+  std::string_view rest_;
+  std::size_t line_ = 1;
+  bool at_begin_ = true;
+  Token token_;
+};
+
+class DbcParser {
+ public:
+  explicit DbcParser(std::string_view text) : tokens_(text) {}
+
+  std::vector<DbcMessage> parse() {
+    while (!tokens_.peek().text.empty() || tokens_.peek().is_string) {
+      const Token token = tokens_.next();
+      if (!token.begins_line || token.is_string) continue;
+      if (token.text == "BO_") message(token.line);
+      if (token.text == "SG_") signal(token.line);
+      // A keyword without the following is one of the list NS_.
+      const Token& following = tokens_.peek();
+      if (token.text == "BA_" && following.is_string) attribute();
+      if (token.text == "BA_DEF_DEF_" && following.is_string) attribute_default();
+      if (token.text == "SIG_VALTYPE_" && !following.begins_line) value_type();
+      if (token.text == "SG_MUL_VAL_" && !following.begins_line) pages();
+    }
+    apply_defaults();
+    find_multiplexors();
+    use_long_names();
+    return std::move(messages_);
+  }
+
+ private:
+  void message(std::size_t line) {
+    DbcMessage message;
+    message.line = line;
+    const auto id = tokens_.number<std::uint32_t>("BO_");
+    message.id = id & ~extended_bit;
+    message.extended = (id & extended_bit) != 0;
+    message.name = tokens_.name("BO_");
+    tokens_.expect(":", "BO_");
+    message.size = tokens_.number<std::uint32_t>("BO_");
+    message.fd = message.size > 8;
+    if (!by_id_.emplace(id, messages_.size()).second)
+      refuse(line, "BO_: a message with the identifier " + std::to_string(id) + " is already defined");
+    messages_.push_back(std::move(message));
+    has_cycle_.push_back(false);
+  }
+
+  void signal(std::size_t line) {
+    if (messages_.empty()) refuse(line, "SG_: a signal must follow the BO_ of its message");
+    DbcSignal signal;
+    signal.line = line;
+    signal.name = tokens_.name("SG_");
+    if (!tokens_.skip(":")) {
+      std::string multiplexing = tokens_.name("SG_");
+      if (multiplexing.size() > 1 && multiplexing.starts_with('m') && multiplexing.ends_with('M')) {
+        signal.is_multiplexor = true;  // extended multiplexing
+        multiplexing.pop_back();
+      }
+      if (multiplexing == "M") {
+        signal.is_multiplexor = true;
+      } else if (multiplexing != "m") {  // a lone m is in files of others: no page, and no multiplexor
+        std::uint32_t page = 0;
+        const char* const end = multiplexing.data() + multiplexing.size();
+        const auto [parsed, error] = std::from_chars(multiplexing.data() + 1, end, page);
+        if (!multiplexing.starts_with('m') || error != std::errc{} || parsed != end)
+          refuse(line, "SG_: expected \":\", \"M\" or \"m\" with a number, but found \"" + multiplexing + "\"");
+        signal.pages = {{page, page}};
+      }
+      tokens_.expect(":", "SG_");
+    }
+    signal.start = tokens_.number<unsigned>("SG_");
+    tokens_.expect("|", "SG_");
+    signal.length = tokens_.number<unsigned>("SG_");
+    tokens_.expect("@", "SG_");
+    const Token encoding = tokens_.next();
+    if (encoding.text.size() != 2 || (encoding.text[0] != '0' && encoding.text[0] != '1') ||
+        (encoding.text[1] != '+' && encoding.text[1] != '-'))
+      refuse(encoding.line, "SG_: expected 0+, 0-, 1+ or 1- after \"@\", but found \"" +
+                                std::string(encoding.text.substr(0, 40)) + "\"");
+    signal.encoding.motorola = encoding.text[0] == '0';
+    if (encoding.text[1] == '-') signal.encoding.format = SignalFormat::signed_integer;
+    tokens_.expect("(", "SG_");
+    signal.scale = tokens_.real("SG_");
+    tokens_.expect(",", "SG_");
+    signal.offset = tokens_.real("SG_");
+    tokens_.expect(")", "SG_");
+    tokens_.expect("[", "SG_");
+    signal.minimum = tokens_.real("SG_");
+    tokens_.expect("|", "SG_");
+    signal.maximum = tokens_.real("SG_");
+    tokens_.expect("]", "SG_");
+    std::vector<DbcSignal>& signals = messages_.back().signals;
+    if (std::ranges::count(signals, signal.name, &DbcSignal::name) > 0)
+      refuse(line, "SG_: the message already has a signal \"" + signal.name + "\"");
+    if (signals.size() == max_signals)
+      refuse(line, "SG_: a message may have " + std::to_string(max_signals) + " signals at most");
+    signals.push_back(std::move(signal));
+  }
+
+  // The message or signal that an attribute or value type names; nullptr if there is none.
+  DbcMessage* message_of(const char* statement) {
+    const auto found = by_id_.find(tokens_.number<std::uint32_t>(statement));
+    return found == by_id_.end() ? nullptr : &messages_[found->second];
+  }
+  DbcSignal* signal_of(const char* statement) {
+    DbcMessage* const message = message_of(statement);
+    const std::string name = tokens_.name(statement);
+    if (message == nullptr) return nullptr;
+    const auto found = std::ranges::find(message->signals, name, &DbcSignal::name);
+    return found == message->signals.end() ? nullptr : &*found;
+  }
+
+  void attribute() {
+    const std::string_view name = tokens_.next().text;
+    if (name == "GenMsgCycleTime" && tokens_.skip("BO_")) {
+      DbcMessage* const message = message_of("BA_");
+      const Nanoseconds cycle = cycle_time();
+      if (message == nullptr) return;
+      message->cycle = cycle;
+      has_cycle_[static_cast<std::size_t>(message - messages_.data())] = true;
+    } else if (name == "GenSigStartValue" && tokens_.skip("SG_")) {
+      DbcSignal* const signal = signal_of("BA_");
+      const double initial = tokens_.real("BA_");
+      if (signal == nullptr) return;
+      signal->initial = raw(initial);
+      initialised_.push_back(signal->line);
+    } else if (name == "VFrameFormat" && tokens_.skip("BO_")) {
+      DbcMessage* const message = message_of("BA_");
+      const std::string_view format = tokens_.next().text;  // an index, or a name
+      if (message != nullptr && (format == "14" || format == "15" || format.ends_with("CAN_FD"))) message->fd = true;
+    } else if (name == "SystemMessageLongSymbol" && tokens_.skip("BO_")) {
+      DbcMessage* const message = message_of("BA_");
+      const Token symbol = tokens_.next();
+      if (message != nullptr && symbol.is_string) message->short_name = symbol.text;  // until use_long_names()
+    } else if (name == "SystemSignalLongSymbol" && tokens_.skip("SG_")) {
+      DbcSignal* const signal = signal_of("BA_");
+      const Token symbol = tokens_.next();
+      if (signal != nullptr && symbol.is_string) signal->short_name = symbol.text;
+    }
+  }
+
+  void attribute_default() {
+    const std::string_view name = tokens_.next().text;
+    if (name == "GenMsgCycleTime") {
+      default_cycle_ = cycle_time();
+    } else if (name == "GenSigStartValue") {
+      default_initial_ = raw(tokens_.real("BA_DEF_DEF_"));
+    }
+  }
+
+  void value_type() {
+    const std::size_t line = tokens_.peek().line;
+    DbcSignal* const signal = signal_of("SIG_VALTYPE_");
+    static_cast<void>(tokens_.skip(":"));
+    const auto type = tokens_.number<unsigned>("SIG_VALTYPE_");
+    if (type > 2) refuse(line, "SIG_VALTYPE_: the type must be 0 (integer), 1 (float) or 2 (double)");
+    if (signal != nullptr && type > 0)
+      signal->encoding.format = type == 1 ? SignalFormat::float32 : SignalFormat::float64;
+  }
+
+  // Extended multiplexing: the multiplexor of a signal, and ranges of its values, "0-3, 5-5".
+  void pages() {
+    const std::size_t line = tokens_.peek().line;
+    DbcSignal* const signal = signal_of("SG_MUL_VAL_");
+    const std::string multiplexor = tokens_.name("SG_MUL_VAL_");
+    std::vector<PageRange> pages;
+    do {
+      const std::string text = tokens_.name("SG_MUL_VAL_");
+      const char* const end = text.data() + text.size();
+      PageRange range;
+      const auto [dash, error] = std::from_chars(text.data(), end, range.first);
+      const bool has_last = error == std::errc{} && dash != end && *dash == '-';
+      const auto [parsed, last_error] = std::from_chars(has_last ? dash + 1 : end, end, range.last);
+      if (!has_last || last_error != std::errc{} || parsed != end || range.last < range.first)
+        refuse(line, "SG_MUL_VAL_: expected a range such as 0-3, but found \"" + text + "\"");
+      pages.push_back(range);
+    } while (tokens_.skip(","));
+    if (signal == nullptr) return;
+    signal->multiplexor = multiplexor;
+    signal->pages = std::move(pages);
+  }
+
+  // Without extended multiplexing, the multiplexor is the only one of the message.
+  void find_multiplexors() {
+    for (DbcMessage& message : messages_) {
+      const auto is_multiplexor = [](const DbcSignal& one) { return one.is_multiplexor; };
+      if (std::ranges::count_if(message.signals, is_multiplexor) != 1) continue;
+      const std::string name = std::ranges::find_if(message.signals, is_multiplexor)->name;
+      for (DbcSignal& signal : message.signals)
+        if (signal.multiplexor.empty()) signal.multiplexor = name;
+    }
+  }
+
+  // The rest of the file has the short names.
+  void use_long_names() {
+    for (DbcMessage& message : messages_) {
+      if (!message.short_name.empty()) std::swap(message.name, message.short_name);
+      for (DbcSignal& signal : message.signals) {
+        if (signal.short_name.empty()) continue;
+        std::swap(signal.name, signal.short_name);
+        for (DbcSignal& other : message.signals)
+          if (other.multiplexor == signal.short_name) other.multiplexor = signal.name;
+      }
+    }
+  }
+
+  Nanoseconds cycle_time() {
+    const std::size_t line = tokens_.peek().line;
+    const double ms = tokens_.real("GenMsgCycleTime");
+    if (ms < 0 || ms > max_cycle_ms) refuse(line, "GenMsgCycleTime: must be from 0 to 100000000 ms");
+    return nanoseconds(1e-3 * ms);
+  }
+
+  // The raw number of an initial value; a negative one in two's complement.
+  static std::uint64_t raw(double number) noexcept {
+    const double limited = std::clamp(std::round(number), -0x1p63, 0x1.fffffffffffffp63);
+    return limited < 0 ? static_cast<std::uint64_t>(static_cast<std::int64_t>(limited))
+                       : static_cast<std::uint64_t>(limited);
+  }
+
+  void apply_defaults() {
+    std::ranges::sort(initialised_);
+    for (std::size_t i = 0; i < messages_.size(); ++i) {
+      if (!has_cycle_[i]) messages_[i].cycle = default_cycle_;
+      for (DbcSignal& signal : messages_[i].signals)
+        if (!std::ranges::binary_search(initialised_, signal.line)) signal.initial = default_initial_;
+    }
+  }
+
+  DbcTokens tokens_;
+  std::vector<DbcMessage> messages_;
+  std::map<std::uint32_t, std::size_t> by_id_;  // with extended_bit
+  std::vector<bool> has_cycle_;                 // as messages_
+  std::vector<std::size_t> initialised_;        // the lines of the signals that have an initial value of their own
+  Nanoseconds default_cycle_ = {};
+  std::uint64_t default_initial_ = 0;
+};
+
+}  // namespace
+
+std::vector<DbcMessage> parse_dbc(std::string_view text) { return DbcParser(text).parse(); }
+
+std::vector<DbcMessage> read_dbc_file(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error))
+    throw std::invalid_argument(path + ": no such file; give the path of a DBC file");
+  if (std::filesystem::file_size(path, error) > max_file_size)
+    throw std::invalid_argument(path + ": larger than 16 MiB; give the path of a DBC file");
+  std::ifstream file(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (!file) throw std::invalid_argument(path + ": cannot be read; check its permissions");
+  try {
+    return parse_dbc(text);
+  } catch (const std::invalid_argument& fault) {
+    throw std::invalid_argument(path + ": " + fault.what());
+  }
+}
+
+}  // namespace imud

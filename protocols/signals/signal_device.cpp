@@ -1,0 +1,178 @@
+#include "protocols/signals/signal_device.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "core/attitude.hpp"
+
+namespace imud {
+
+namespace {
+
+// Sample times are rounded to ns, so that a sample at the begin of a period may seem to precede it.
+constexpr Nanoseconds tolerance{1000};
+
+}  // namespace
+
+double rate_of(const SignalMessage& message, double rate_hz) noexcept {
+  return message.period.count() == 0 ? rate_hz : std::min(rate_hz, 1.0 / seconds(message.period));
+}
+
+SignalDevice::SignalDevice(std::vector<SignalMessage> messages) {
+  if (messages.size() > FrameBuffer::max_frames)
+    throw std::invalid_argument("more than " + std::to_string(FrameBuffer::max_frames) + " messages");
+  for (SignalMessage& message : messages) {
+    scheduled_.push_back({.message = std::move(message)});
+    scheduled_.back().has_increments = scheduled_.back().message.codec.has_increments();
+  }
+}
+
+void SignalDevice::power_on(DeviceTime) noexcept { start_.reset(); }
+
+void SignalDevice::step_clock(Nanoseconds by) noexcept {
+  if (start_) start_ = *start_ + by;
+  for (Scheduled& one : scheduled_) one.sent = one.sent + by;
+}
+
+bool SignalDevice::is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) const noexcept {
+  if (one.message.period.count() == 0) {
+    one.count += steps;
+    return true;
+  }
+  const std::int64_t period = (now - *start_ + tolerance) / one.message.period;
+  if (period <= one.period) return false;
+  // Samples that were skipped leave a gap in the counter, as if their messages were lost.
+  one.count += steps > 1 ? static_cast<std::uint64_t>(period - one.period) : 1;
+  one.period = period;
+  return true;
+}
+
+void SignalDevice::sample(const Sample& sample, FrameBuffer& out) noexcept {
+  const bool is_first = !start_;
+  if (is_first) start_ = sample.time;
+  constexpr double largest_turn = 1e4;  // rad; sine and cosine of larger angles are not defined
+  const std::uint64_t steps = sample.counter - counter_;
+  counter_ = sample.counter;
+  for (Scheduled& one : scheduled_) {
+    if (is_first) {
+      one.count = 0;
+      one.period = 0;
+      one.sent = sample.time;
+      one.delta_angle.setZero();
+      one.delta_velocity.setZero();
+      one.rotation.setIdentity();
+    }
+    if (one.has_increments) {
+      one.delta_angle += sample.delta_angle;
+      one.delta_velocity += sample.delta_velocity;
+      const Vector3 turn = sample.delta_angle.cwiseMax(-largest_turn).cwiseMin(largest_turn);
+      one.rotation = (one.rotation * exp(turn)).normalized();
+    }
+    if (is_first || is_due(one, sample.time, steps)) send(one, sample, out);
+  }
+}
+
+void SignalDevice::send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept {
+  const CanSignalCodec& codec = one.message.codec;
+  const std::span<std::byte> room = out.room(codec.size());
+  if (room.size() != codec.size()) return;
+  saturated_ += codec.encode(
+      {sample, one.delta_angle, one.delta_velocity, one.rotation, seconds(sample.time - one.sent)}, one.count, room);
+  out.push(codec.size(), one.message.can);
+  if (!one.has_increments) return;
+  one.sent = sample.time;
+  one.delta_angle.setZero();
+  one.delta_velocity.setZero();
+  one.rotation.setIdentity();
+}
+
+SignalDecoder::SignalDecoder(std::vector<SignalMessage> messages) : messages_(std::move(messages)) {
+  if (messages_.empty()) return;
+  shortest_ = std::ranges::min(messages_, {}, &SignalMessage::period).period;
+  for (const SignalMessage& message : messages_) {
+    components_ |= message.codec.components();
+    needed_ += message.period == shortest_;
+    is_multiplexed_ |= message.codec.is_multiplexed();
+  }
+}
+
+void SignalDecoder::begin() noexcept {
+  next_ = found_ = 0;
+  counter_ = {};
+  if (!is_multiplexed_) set_ = {};
+}
+
+void SignalDecoder::end(MeasurementSink& sink) {
+  if (next_ == 0) return;
+  if (found_ < needed_) {
+    ++errors_.incomplete;
+    return begin();
+  }
+  constexpr std::uint32_t vectors[] = {Measurement::rate, Measurement::specific_force, Measurement::delta_angle,
+                                       Measurement::delta_velocity};
+  for (std::size_t i = 0; i < std::size(vectors); ++i) {
+    const std::uint32_t all = components_ & 7U << 3 * i;
+    if (all != 0 && (set_.components & all) == all) set_.measurement.fields |= vectors[i];
+  }
+  if (set_.measurement.fields != 0) sink.on_measurement(set_.measurement);
+  begin();
+}
+
+bool SignalDecoder::agrees(const CanSignalCodec::LowBits& counter) const noexcept {
+  const unsigned bits = std::min(counter.bits, counter_.bits);
+  return bits == 0 || ((counter.value ^ counter_.value) << (64 - bits)) == 0;
+}
+
+// Takes the time with these low bits that is nearest to the previous one; the first as it is.
+void SignalDecoder::unwrap(const CanSignalCodec::Decoded& decoded) noexcept {
+  const unsigned unused = 64 - decoded.time.bits;
+  if (!ticks_) ticks_ = decoded.time.value;
+  const auto step = static_cast<std::int64_t>((decoded.time.value - *ticks_) << unused) >> unused;
+  ticks_ = *ticks_ + static_cast<std::uint64_t>(step);
+  set_.measurement.sample.time.ns =
+      static_cast<std::int64_t>(*ticks_ * static_cast<std::uint64_t>(decoded.time_lsb_ns));
+  set_.measurement.fields |= Measurement::time;
+}
+
+void SignalDecoder::feed(const Frame& frame, MeasurementSink& sink) {
+  const CanHeader& can = frame.can;
+  const auto message = std::ranges::find_if(messages_, [&](const SignalMessage& one) {
+    return one.can.id == can.id && one.can.extended == can.extended && one.can.fd == can.fd;
+  });
+  if (message == messages_.end() || can.remote || can.error) return;
+  if (frame.bytes.size() != message->codec.size()) {
+    ++errors_.malformed;
+    return;
+  }
+  if (!message->codec.has_good_checksum(frame.bytes)) {
+    ++errors_.checksum;
+    return;
+  }
+  const auto index = static_cast<std::size_t>(message - messages_.begin());
+  if (index < next_) end(sink);
+  const ReadBack before = set_;
+  const auto decoded = message->codec.decode(frame.bytes, set_);
+  if (!decoded) {
+    set_ = before;
+    ++errors_.malformed;
+    return;
+  }
+  if (!agrees(decoded->counter)) {
+    ++errors_.incomplete;
+    begin();
+    if (!is_multiplexed_) static_cast<void>(message->codec.decode(frame.bytes, set_));
+  }
+  next_ = index + 1;
+  found_ += message->period == shortest_;
+  if (decoded->counter.bits > 0) {
+    if (decoded->counter.bits > counter_.bits) counter_ = decoded->counter;
+    set_.measurement.sample.counter = counter_.value;
+    set_.measurement.fields |= Measurement::counter;
+  }
+  if (decoded->time.bits > 0) unwrap(*decoded);
+  if (next_ == messages_.size()) end(sink);
+}
+
+void SignalDecoder::finish(MeasurementSink& sink) { end(sink); }
+
+}  // namespace imud

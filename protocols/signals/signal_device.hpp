@@ -1,0 +1,87 @@
+// SignalDevice and SignalDecoder: a product that sends CAN messages described by tables, and the decoder of its
+// messages.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "protocols/protocol.hpp"
+#include "protocols/signals/can_signals.hpp"
+
+namespace imud {
+
+// A message and when it is sent.
+struct SignalMessage {
+  CanHeader can;
+  Nanoseconds period = {};  // 0: with every sample; otherwise with the first sample of each period
+  CanSignalCodec codec;
+};
+
+// The rate of a message, per second, where samples come at `rate_hz`.
+double rate_of(const SignalMessage& message, double rate_hz) noexcept;
+
+// Sends the messages that are due with each sample, in the order of the table. Increments are the sums since the same
+// message was last sent. The first sample after power on sends every message, and starts the periods.
+class SignalDevice final : public Device {
+ public:
+  // Throws std::invalid_argument if there are more messages than FrameBuffer::max_frames.
+  explicit SignalDevice(std::vector<SignalMessage> messages);
+
+  void power_on(DeviceTime now) noexcept override;
+  void sample(const Sample& sample, FrameBuffer& out) noexcept override;
+  void step_clock(Nanoseconds by) noexcept override;
+  std::span<const std::uint64_t> counts() const noexcept override { return {&saturated_, 1}; }
+
+ private:
+  struct Scheduled {
+    SignalMessage message;
+    bool has_increments = false;
+    std::uint64_t count = 0;  // of the message: alive counter and multiplexor follow from it
+    std::int64_t period = 0;  // the number of the period in which it was last sent
+    DeviceTime sent = {};
+    Vector3 delta_angle = Vector3::Zero(), delta_velocity = Vector3::Zero();
+    Quaternion rotation = Quaternion::Identity();
+  };
+  // Returns true if the message is due, and counts it.
+  bool is_due(Scheduled& one, DeviceTime now, std::uint64_t steps) const noexcept;
+  void send(Scheduled& one, const Sample& sample, FrameBuffer& out) noexcept;
+
+  std::vector<Scheduled> scheduled_;
+  std::optional<DeviceTime> start_;  // time of the first sample since power on
+  std::uint64_t counter_ = 0;        // of the last sample
+  std::uint64_t saturated_ = 0;      // signals, in all messages
+};
+
+// Collects the messages of a sample to a measurement. Messages that come with every sample must all be there, in the
+// order of the table, and their sample counters must agree; others may be missing. The measurement is complete with
+// the last message of the table, or when the next sample begins. A vector has its field set if all components that
+// the messages carry are there; the others are 0. Multiplexed signals keep their value until their next message.
+class SignalDecoder final : public Decoder {
+ public:
+  explicit SignalDecoder(std::vector<SignalMessage> messages);
+
+  void feed(const Frame& frame, MeasurementSink& sink) override;
+  void finish(MeasurementSink& sink) override;
+
+ private:
+  void begin() noexcept;
+  void end(MeasurementSink& sink);  // of a sample: its measurement, or one more that is incomplete
+  bool agrees(const CanSignalCodec::LowBits& counter) const noexcept;
+  void unwrap(const CanSignalCodec::Decoded& decoded) noexcept;
+
+  std::vector<SignalMessage> messages_;
+  std::uint32_t components_ = 0;  // that all messages together carry
+  std::size_t needed_ = 0;        // messages that come with every sample
+  Nanoseconds shortest_ = {};     // their period
+  bool is_multiplexed_ = false;
+
+  ReadBack set_;
+  std::size_t next_ = 0;   // the messages of the set so far precede this one in the table; 0: no set has begun
+  std::size_t found_ = 0;  // how many of the needed messages the set has
+  CanSignalCodec::LowBits counter_;
+  std::optional<std::uint64_t> ticks_;  // the unwrapped clock, in its LSB, modulo 2^64
+};
+
+}  // namespace imud

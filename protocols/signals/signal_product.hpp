@@ -1,0 +1,97 @@
+// SignalProduct: a product whose messages are a table, and the settings that select, schedule and number them. A file
+// of protocols/devices has the table and the entry; all else is here.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "protocols/signals/signal_device.hpp"
+
+namespace imud {
+
+struct SignalProductMessage {
+  std::string_view name;  // in the settings
+  std::uint32_t id = 0;   // as delivered
+  std::size_t size = 8;
+  std::span<const CanSignal> signals;
+  MessageChecksum checksum = {};
+};
+
+struct SignalProduct {
+  std::span<const SignalProductMessage> messages;  // in the order in which those of one sample are sent
+  bool has_choice = false;  // the setting `messages` chooses among them; otherwise all are sent
+  // The sensors as delivered: noise densities, rad/s and m/s^2 per sqrt(Hz), and ranges, rad/s and m/s^2.
+  double gyro_noise = 0, gyro_max = 0;
+  double accelerometer_noise = 0, accelerometer_max = 0;
+};
+
+// --- The settings of a product, which its file lists ---
+
+// The rate of its messages and samples.
+constexpr Setting output_rate_setting(double initial, double highest) {
+  return {.key = "output_rate_hz",
+          .help = "samples per second, and messages of each kind that has no rate of its own",
+          .initial = initial,
+          .min = 1,
+          .max = highest};
+}
+// `initial` must outlive the setting.
+constexpr Setting messages_setting(std::span<const std::string_view> initial) {
+  return {.key = "messages",
+          .help = "messages that are sent; NAME@HZ at a rate of its own, by which output_rate_hz is divisible",
+          .initial = initial};
+}
+constexpr Setting identifiers_setting() {
+  return {.key = "identifiers",
+          .help = "identifiers that are not those as delivered: NAME=ID",
+          .initial = std::span<const std::string_view>{}};
+}
+constexpr Setting id_offset_setting() {
+  return {.key = "id_offset",
+          .help = "is added to every identifier as delivered, so that several units can be on one bus",
+          .initial = std::int64_t{0},
+          .max = 0x1FFF'FFFF};
+}
+constexpr Setting extended_setting() { return {.key = "extended", .help = "29-bit identifiers", .initial = false}; }
+
+// Returns the messages that a unit with these settings sends. Throws std::invalid_argument, "KEY: ..." with the fault
+// and the remedy.
+std::vector<SignalMessage> messages_of(const SignalProduct& product, const Settings& settings);
+
+// Returns the product as delivered, at its output rate.
+Product product_of(const SignalProduct& product, const Settings& settings);
+
+// Returns the entries of Protocol::can_messages.
+std::vector<CanMessage> can_messages_of(const std::vector<SignalMessage>& messages, double rate_hz);
+inline std::vector<CanFilter> no_can_filters(const Settings&) { return {}; }
+
+// Completes the entry of a product of which `Choose` returns the table for the settings: `entry` has only what does
+// not follow from it.
+template <const SignalProduct& (*Choose)(const Settings&)>
+constexpr Protocol signal_protocol(Protocol entry) {
+  entry.link = Link::can;
+  entry.can_messages = [](const Settings& settings, double rate_hz) {
+    return can_messages_of(messages_of(Choose(settings), settings), rate_hz);
+  };
+  entry.can_filters = no_can_filters;
+  entry.product = [](const Settings& settings) { return product_of(Choose(settings), settings); };
+  entry.make = [](const Settings& settings) -> std::unique_ptr<Device> {
+    return std::make_unique<SignalDevice>(messages_of(Choose(settings), settings));
+  };
+  entry.make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
+    return std::make_unique<SignalDecoder>(messages_of(Choose(settings), settings));
+  };
+  return entry;
+}
+
+// The same for a product of one table.
+template <const SignalProduct& Table>
+const SignalProduct& only_table(const Settings&) {
+  return Table;
+}
+template <const SignalProduct& Table>
+constexpr Protocol signal_protocol(Protocol entry) {
+  return signal_protocol<only_table<Table>>(entry);
+}
+
+}  // namespace imud

@@ -1,0 +1,34 @@
+// SignalSource: what a configuration assigns to a signal of a CAN message:
+//
+// | text                      | the signal has                                                              |
+// |---------------------------|-----------------------------------------------------------------------------|
+// | rate_z_deg_per_s          | the quantity; with a minus before it, of the other sign                     |
+// | abs(rate_z_deg_per_s)     | its magnitude, for a message with a sign of its own                         |
+// | sign(rate_z_deg_per_s)    | 1 if it is negative, otherwise 0                                            |
+// | yaw_deg%360, utc_year%100 | the remainder, from 0 to below the modulus, which a rounded value never has |
+// | 1, -2.5                   | a constant, in the signal's unit                                            |
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "protocols/measurements/measured_quantities.hpp"
+
+namespace imud {
+
+struct SignalSource {
+  enum class Form : std::uint8_t { plain, magnitude, sign, remainder, constant };
+  Form form = Form::plain;
+  MeasuredIn in = {};   // but of a constant
+  double modulus = 0;   // of a remainder; in the unit, positive
+  double constant = 0;  // in the signal's unit
+};
+
+// nullopt if the text is none of these, or applies a form to a clock, a counter or a status.
+std::optional<SignalSource> parse_signal_source(std::string_view text) noexcept;
+
+inline constexpr std::string_view signal_source_syntax =
+    "give a quantity, abs(QUANTITY), sign(QUANTITY), QUANTITY%MODULUS or a number";
+
+}  // namespace imud
