@@ -15,11 +15,11 @@ RULES = {
 CLOCKS = re.compile(r"(steady|system|high_resolution)_clock|clock_gettime|\btime\(NULL\)|\btime\(nullptr\)")
 ENTRY_FOLDERS = {"protocols/devices": "protocol", "protocols/truth_formats": "truth_format"}
 # Defaults for users and a command: the only texts in emulator and tools that may begin with a transport's name.
-PORTS_GIVEN = {("emulator/selftest.cpp", "pty:imu"), ("emulator/command_line.cpp", "pty"),
+PORTS_GIVEN = {("emulator/commands/selftest.cpp", "pty:imu"), ("emulator/commands/command_line.cpp", "pty"),
                ("tools/imu_truth.cpp", "udp:127.0.0.1:9810"),
                ("tools/lockstep_client.hpp", "udp:"),
                # The noun, not the transport.
-               ("emulator/outcome.cpp", "record"), ("emulator/summary.cpp", "record"), ("tools/stream_report.cpp", "record")}
+               ("emulator/report/outcome.cpp", "record"), ("emulator/report/summary.cpp", "record"), ("tools/stream_report.cpp", "record")}
 TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "core", "emulator", "protocols", "tests",
              "tools", "transports", "build"}
 

@@ -15,8 +15,8 @@
 
 #include "protocols/measurements/measurement_csv.hpp"
 #include "protocols/protocol.hpp"
-#include "tools/measurement_files.hpp"
-#include "tools/measurement_input.hpp"
+#include "tools/arrays/measurement_files.hpp"
+#include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
 #include "tools/setting_texts.hpp"

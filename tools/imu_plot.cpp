@@ -14,12 +14,12 @@
 #include <vector>
 
 #include "core/units.hpp"
-#include "tools/emulated_run.hpp"
 #include "tools/gnuplot.hpp"
 #include "tools/number_check.hpp"
+#include "tools/plot/emulated_run.hpp"
+#include "tools/plot/run_errors.hpp"
+#include "tools/plot/run_plot.hpp"
 #include "tools/program.hpp"
-#include "tools/run_errors.hpp"
-#include "tools/run_plot.hpp"
 #include "tools/text_output.hpp"
 #include "transports/file/output_path.hpp"
 

@@ -13,17 +13,17 @@
 #include <string_view>
 #include <vector>
 
-#include "tools/captured_truths.hpp"
-#include "tools/datagram_sender.hpp"
 #include "tools/duration_text.hpp"
-#include "tools/motion.hpp"
 #include "tools/number_check.hpp"
 #include "tools/program.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
-#include "tools/truth_csv.hpp"
-#include "tools/truth_logs.hpp"
-#include "tools/truth_source.hpp"
+#include "tools/truth/captured_truths.hpp"
+#include "tools/truth/datagram_sender.hpp"
+#include "tools/truth/motion.hpp"
+#include "tools/truth/truth_csv.hpp"
+#include "tools/truth/truth_logs.hpp"
+#include "tools/truth/truth_source.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"

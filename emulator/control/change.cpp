@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "emulator/control/running_keys.hpp"
-#include "emulator/table_reader.hpp"
+#include "emulator/ground/table_reader.hpp"
 
 namespace imud {
 

@@ -12,14 +12,14 @@
 #include <string_view>
 #include <vector>
 
-#include "emulator/config.hpp"
 #include "emulator/control/change.hpp"
 #include "emulator/control/json_rpc.hpp"
 #include "emulator/control/reloader.hpp"
-#include "emulator/control/run_control.hpp"
 #include "emulator/control/subscriptions.hpp"
+#include "emulator/engine/run_control.hpp"
 #include "emulator/faults/fault_book.hpp"
-#include "emulator/monitor.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/report/monitor.hpp"
 
 namespace imud {
 

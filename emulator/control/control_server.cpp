@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "emulator/control/send_queue.hpp"
-#include "emulator/control/tcp_address.hpp"
-#include "emulator/text_file.hpp"
+#include "emulator/ground/tcp_address.hpp"
+#include "emulator/ground/text_file.hpp"
 
 namespace imud {
 

@@ -14,10 +14,10 @@
 #include <string>
 #include <vector>
 
-#include "emulator/config.hpp"
 #include "emulator/control/control_api.hpp"
 #include "emulator/control/socket_path.hpp"
 #include "emulator/control/token.hpp"
+#include "emulator/plan/config.hpp"
 
 namespace imud {
 

@@ -15,8 +15,8 @@
 
 #include "emulator/control/json_rpc.hpp"
 #include "emulator/control/socket_path.hpp"
-#include "emulator/control/tcp_address.hpp"
 #include "emulator/control/token.hpp"
+#include "emulator/ground/tcp_address.hpp"
 
 namespace imud {
 

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "emulator/control/command_queue.hpp"
+#include "emulator/config/scenario.hpp"
+#include "emulator/engine/command_queue.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/faults/fault_labels.hpp"
-#include "emulator/faults/scenario.hpp"
-#include "emulator/table_reader.hpp"
+#include "emulator/ground/table_reader.hpp"
 
 namespace imud {
 

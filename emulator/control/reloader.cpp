@@ -5,7 +5,7 @@
 
 #include <utility>
 
-#include "emulator/session.hpp"
+#include "emulator/engine/session.hpp"
 
 namespace imud {
 

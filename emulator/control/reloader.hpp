@@ -6,9 +6,9 @@
 #include <optional>
 #include <string>
 
-#include "emulator/config.hpp"
 #include "emulator/control/change.hpp"
-#include "emulator/reload.hpp"
+#include "emulator/engine/reload.hpp"
+#include "emulator/plan/config.hpp"
 
 namespace imud {
 

@@ -7,8 +7,8 @@
 #include <array>
 
 #include "core/units.hpp"
-#include "emulator/config_parts.hpp"
-#include "emulator/table_reader.hpp"
+#include "emulator/config/config_parts.hpp"
+#include "emulator/ground/table_reader.hpp"
 
 namespace imud {
 

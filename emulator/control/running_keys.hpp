@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
-#include "emulator/config.hpp"
-#include "emulator/control/command.hpp"
 #include "emulator/control/json_rpc.hpp"
+#include "emulator/engine/command.hpp"
+#include "emulator/plan/config.hpp"
 
 namespace imud {
 

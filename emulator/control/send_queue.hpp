@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "emulator/control/subscriptions.hpp"
-#include "emulator/counters.hpp"
+#include "emulator/ground/counters.hpp"
 
 namespace imud {
 

@@ -16,7 +16,7 @@
 #include <string_view>
 #include <utility>
 
-#include "emulator/text_file.hpp"
+#include "emulator/ground/text_file.hpp"
 
 namespace imud {
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "emulator/config.hpp"
 #include "emulator/control/json_rpc.hpp"
-#include "emulator/control/run_control.hpp"
-#include "emulator/monitor.hpp"
+#include "emulator/engine/run_control.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/report/monitor.hpp"
 
 namespace imud {
 

@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "emulator/text_file.hpp"
+#include "emulator/ground/text_file.hpp"
 
 namespace imud {
 

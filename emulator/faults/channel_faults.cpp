@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/config.hpp"
+#include "emulator/plan/config.hpp"
 
 namespace imud {
 

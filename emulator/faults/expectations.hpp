@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "core/time.hpp"
-#include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_schedule.hpp"
-#include "emulator/faults/host_bytes.hpp"
-#include "emulator/table_reader.hpp"
+#include "emulator/ground/table_reader.hpp"
+#include "emulator/plan/fault_config.hpp"
+#include "emulator/plan/host_bytes.hpp"
 #include "transports/port.hpp"
 
 namespace imud {

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_log.hpp"
+#include "emulator/plan/fault_config.hpp"
 
 namespace imud {
 

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "emulator/faults/fault.hpp"
+#include "emulator/plan/fault.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_log.hpp"
+#include "emulator/plan/fault_config.hpp"
 
 namespace imud {
 

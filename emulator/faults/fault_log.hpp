@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/time.hpp"
-#include "emulator/faults/fault.hpp"
+#include "emulator/plan/fault.hpp"
 
 namespace imud {
 

@@ -10,8 +10,8 @@
 
 #include "core/numbers/random.hpp"
 #include "core/sample.hpp"
-#include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_log.hpp"
+#include "emulator/plan/fault_config.hpp"
 
 namespace imud {
 

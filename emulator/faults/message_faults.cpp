@@ -4,8 +4,8 @@
 #include <cmath>
 #include <iterator>
 
-#include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_kinds.hpp"
+#include "emulator/plan/fault_config.hpp"
 
 namespace imud {
 

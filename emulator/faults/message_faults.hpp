@@ -10,8 +10,8 @@
 #include "core/frame.hpp"
 #include "core/numbers/random.hpp"
 #include "core/sample.hpp"
-#include "emulator/faults/fault.hpp"
-#include "emulator/packet_ring.hpp"
+#include "emulator/ground/packet_ring.hpp"
+#include "emulator/plan/fault.hpp"
 
 namespace imud {
 

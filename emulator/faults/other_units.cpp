@@ -6,7 +6,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "emulator/config_parts.hpp"
+#include "emulator/config/config_parts.hpp"
 
 namespace imud {
 

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "emulator/faults/fault_config.hpp"
-#include "emulator/table_reader.hpp"
+#include "emulator/ground/table_reader.hpp"
+#include "emulator/plan/fault_config.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {

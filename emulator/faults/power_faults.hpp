@@ -5,7 +5,7 @@
 #include <span>
 #include <string_view>
 
-#include "emulator/faults/fault.hpp"
+#include "emulator/plan/fault.hpp"
 
 namespace imud {
 

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "emulator/faults/fault.hpp"
+#include "emulator/plan/fault.hpp"
 
 namespace imud {
 

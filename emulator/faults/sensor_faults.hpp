@@ -10,7 +10,7 @@
 #include "core/imu.hpp"
 #include "core/numbers/random.hpp"
 #include "core/sample.hpp"
-#include "emulator/faults/fault.hpp"
+#include "emulator/plan/fault.hpp"
 
 namespace imud {
 

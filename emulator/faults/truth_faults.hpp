@@ -4,9 +4,9 @@
 #include <memory>
 #include <span>
 
-#include "emulator/faults/fault_config.hpp"
 #include "emulator/faults/fault_log.hpp"
 #include "emulator/faults/fault_schedule.hpp"
+#include "emulator/plan/fault_config.hpp"
 #include "protocols/truth_format.hpp"
 
 namespace imud {

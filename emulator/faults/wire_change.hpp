@@ -8,9 +8,9 @@
 
 #include "core/frame.hpp"
 #include "core/uart.hpp"
-#include "emulator/faults/fault.hpp"
 #include "emulator/faults/fault_numbers.hpp"
 #include "emulator/faults/wire_faults.hpp"
+#include "emulator/plan/fault.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/uart/uart_wire.hpp"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "emulator/faults/fault.hpp"
+#include "emulator/plan/fault.hpp"
 #include "protocols/protocol.hpp"
 
 namespace imud {

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "emulator/summary.hpp"
+#include "emulator/report/summary.hpp"
 
 namespace imud {
 

@@ -1,7 +1,7 @@
 #include "emulator/web/web_config.hpp"
 
-#include "emulator/config_parts.hpp"
-#include "emulator/control/tcp_address.hpp"
+#include "emulator/config/config_parts.hpp"
+#include "emulator/ground/tcp_address.hpp"
 
 namespace imud {
 

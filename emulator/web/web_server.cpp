@@ -9,8 +9,8 @@
 #include <chrono>
 #include <utility>
 
-#include "emulator/control/tcp_address.hpp"
-#include "emulator/text_file.hpp"
+#include "emulator/ground/tcp_address.hpp"
+#include "emulator/ground/text_file.hpp"
 #include "emulator/web/http_connection.hpp"
 #include "transports/port_spec.hpp"
 

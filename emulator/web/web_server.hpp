@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "emulator/counters.hpp"
+#include "emulator/ground/counters.hpp"
 #include "emulator/web/metrics.hpp"
 #include "emulator/web/web_api.hpp"
 #include "emulator/web/web_config.hpp"

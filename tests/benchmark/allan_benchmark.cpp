@@ -6,8 +6,8 @@
 #include <random>
 #include <vector>
 
-#include "tools/allan_curve.hpp"
-#include "tools/allan_fit.hpp"
+#include "tools/allan/allan_curve.hpp"
+#include "tools/allan/allan_fit.hpp"
 
 namespace {
 

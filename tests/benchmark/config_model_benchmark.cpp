@@ -6,8 +6,8 @@
 
 #include "core/imu.hpp"
 #include "core/numbers/random.hpp"
-#include "emulator/config.hpp"
-#include "emulator/stored_truths.hpp"
+#include "emulator/drive/stored_truths.hpp"
+#include "emulator/plan/config.hpp"
 
 namespace {
 

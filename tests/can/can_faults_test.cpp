@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <string>
 
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
 
 namespace imud {
 namespace {

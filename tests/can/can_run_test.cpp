@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <string>
 
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
 
 namespace imud {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "tests/can/can_bus.hpp"
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
 #include "tests/transports/port_error.hpp"
 
 namespace imud {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "tests/can/can_node.hpp"
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
 
 namespace imud {
 

@@ -6,7 +6,7 @@
 
 #include "core/imu.hpp"
 #include "tests/support/allocations.hpp"
-#include "tools/motion.hpp"
+#include "tools/truth/motion.hpp"
 
 namespace imud {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
-#include "tools/motion.hpp"
+#include "tools/truth/motion.hpp"
 
 namespace imud {
 

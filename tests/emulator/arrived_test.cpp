@@ -6,7 +6,7 @@
 #include <termios.h>
 
 #include "protocols/protocol.hpp"
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
 
 namespace imud {
 namespace {

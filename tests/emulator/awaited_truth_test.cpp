@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "emulator/control/run_control.hpp"
-#include "tests/emulator/realtime_test.hpp"
+#include "emulator/engine/run_control.hpp"
+#include "tests/emulator/run/realtime_test.hpp"
 
 namespace imud {
 namespace {

@@ -2,7 +2,7 @@
 // rest; then the simulator takes over.
 #include <string>
 
-#include "tests/emulator/realtime_test.hpp"
+#include "tests/emulator/run/realtime_test.hpp"
 
 namespace imud {
 namespace {

@@ -1,9 +1,9 @@
 // What a capture contradicts in its configuration: faults after its end, a place beside [earth].
-#include "emulator/capture_check.hpp"
+#include "emulator/commands/capture_check.hpp"
 
 #include <gtest/gtest.h>
 
-#include "tests/emulator/run_test.hpp"
+#include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
 
 namespace imud {

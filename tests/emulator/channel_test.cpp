@@ -1,5 +1,5 @@
 // How a channel waits for a reader that is slow, or has stopped reading.
-#include "emulator/channel.hpp"
+#include "emulator/engine/channel.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "protocols/protocol.hpp"
-#include "tests/emulator/run_test.hpp"
+#include "tests/emulator/run/run_test.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/host_clock.hpp"
 

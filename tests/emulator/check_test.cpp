@@ -1,13 +1,13 @@
 // `imud check`: the value of every key, in TOML that is the same configuration, and a fault for each configuration
 // that could not run as it is meant.
-#include "emulator/check.hpp"
+#include "emulator/commands/check.hpp"
 
 #include <gtest/gtest.h>
 #include <toml++/toml.h>
 
-#include "emulator/config.hpp"
-#include "emulator/presets.hpp"
-#include "tests/emulator/run_test.hpp"
+#include "emulator/config/presets.hpp"
+#include "emulator/plan/config.hpp"
+#include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
 
 namespace imud {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "emulator/presets.hpp"
+#include "emulator/config/presets.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "tests/support/text.hpp"

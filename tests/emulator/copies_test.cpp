@@ -2,7 +2,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
 #include "tests/support/raw_terminal.hpp"
 #include "tests/support/text.hpp"
 

@@ -1,5 +1,5 @@
 // Counters: each is declared once; snapshots, intervals, and the table of refusals.
-#include "emulator/counters.hpp"
+#include "emulator/ground/counters.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // The log: its levels, the form of its lines, and the progress of a replay.
 #include <regex>
 
-#include "tests/emulator/run_test.hpp"
+#include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"
 
 namespace imud {

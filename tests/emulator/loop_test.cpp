@@ -3,7 +3,7 @@
 #include <deque>
 #include <map>
 
-#include "tests/emulator/realtime_test.hpp"
+#include "tests/emulator/run/realtime_test.hpp"
 
 namespace imud {
 namespace {

@@ -1,5 +1,5 @@
 // Monitor: what it writes to the log, and how often, from counters that only the test changes.
-#include "emulator/monitor.hpp"
+#include "emulator/report/monitor.hpp"
 
 #include <spdlog/sinks/ostream_sink.h>
 #include <spdlog/spdlog.h>
@@ -8,7 +8,7 @@
 #include <memory>
 #include <sstream>
 
-#include "tests/emulator/run_test.hpp"
+#include "tests/emulator/run/run_test.hpp"
 
 namespace imud {
 namespace {

@@ -11,14 +11,14 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/drive/loop.hpp"
+#include "emulator/drive/pacer.hpp"
+#include "emulator/engine/session.hpp"
 #include "emulator/faults/fault_labels.hpp"
-#include "emulator/host.hpp"
-#include "emulator/loop.hpp"
-#include "emulator/pacer.hpp"
-#include "emulator/session.hpp"
+#include "emulator/ground/host.hpp"
 #include "protocols/native_truth.hpp"
-#include "tests/emulator/run_test.hpp"
-#include "tools/motion.hpp"
+#include "tests/emulator/run/run_test.hpp"
+#include "tools/truth/motion.hpp"
 #include "transports/file_descriptor.hpp"
 
 namespace imud {

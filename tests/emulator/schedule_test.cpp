@@ -1,4 +1,4 @@
-#include "emulator/schedule.hpp"
+#include "emulator/engine/schedule.hpp"
 
 #include <gtest/gtest.h>
 

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "emulator/loop.hpp"
-#include "emulator/recorder.hpp"
+#include "emulator/drive/loop.hpp"
+#include "emulator/record/recorder.hpp"
 #include "protocols/native_truth.hpp"
 
 namespace imud {

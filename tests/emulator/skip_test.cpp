@@ -2,8 +2,8 @@
 #include <csignal>
 #include <thread>
 
-#include "tests/emulator/live_test.hpp"
-#include "tests/emulator/realtime_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
+#include "tests/emulator/run/realtime_test.hpp"
 #include "tests/support/text.hpp"
 
 namespace imud {

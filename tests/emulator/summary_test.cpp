@@ -1,5 +1,5 @@
 // Summary: the same figures as text, as a line of the log, as JSON, and by name.
-#include "emulator/summary.hpp"
+#include "emulator/report/summary.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

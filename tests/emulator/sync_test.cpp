@@ -1,5 +1,5 @@
 // Edges by UDP: when devices receive them, and which pulses are sent.
-#include "emulator/sync.hpp"
+#include "emulator/engine/sync.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 #include <limits>
 #include <map>
 
-#include "tests/emulator/live_test.hpp"
+#include "tests/emulator/run/live_test.hpp"
 
 namespace imud {
 namespace {

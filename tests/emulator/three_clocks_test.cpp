@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/emulator/realtime_test.hpp"
+#include "tests/emulator/run/realtime_test.hpp"
 #include "tests/protocols/table_names.hpp"
 
 namespace imud {

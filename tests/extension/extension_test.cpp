@@ -3,9 +3,9 @@
 // them, too.
 #include <functional>
 
-#include "emulator/line_load.hpp"
+#include "emulator/config/line_load.hpp"
 #include "protocols/native_truth.hpp"
-#include "tests/emulator/run_test.hpp"
+#include "tests/emulator/run/run_test.hpp"
 #include "tests/protocols/can_text.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/transports/terminal.hpp"

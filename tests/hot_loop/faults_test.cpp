@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "emulator/faults/other_units.hpp"
-#include "tests/emulator/powered_unit.hpp"
-#include "tests/emulator/run_test.hpp"
+#include "tests/emulator/faults/powered_unit.hpp"
+#include "tests/emulator/run/run_test.hpp"
 #include "tests/support/allocations.hpp"
 
 namespace imud {

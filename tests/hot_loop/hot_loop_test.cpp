@@ -9,9 +9,9 @@
 #include <sstream>
 #include <thread>
 
-#include "emulator/loop.hpp"
-#include "emulator/recorder.hpp"
-#include "tests/emulator/live_test.hpp"
+#include "emulator/drive/loop.hpp"
+#include "emulator/record/recorder.hpp"
+#include "tests/emulator/run/live_test.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/locks.hpp"
 #include "transports/uart/termios2.hpp"

@@ -1,9 +1,9 @@
 // The sampling thread allocates nothing when it changes over to another configuration.
-#include "emulator/reload.hpp"
+#include "emulator/engine/reload.hpp"
 
-#include "emulator/control/run_control.hpp"
-#include "emulator/session.hpp"
-#include "tests/emulator/live_test.hpp"
+#include "emulator/engine/run_control.hpp"
+#include "emulator/engine/session.hpp"
+#include "tests/emulator/run/live_test.hpp"
 #include "tests/support/allocations.hpp"
 
 namespace imud {

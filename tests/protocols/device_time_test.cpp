@@ -4,8 +4,8 @@
 #include <random>
 #include <string>
 
-#include "tests/protocols/mip_unit.hpp"
-#include "tests/protocols/vectornav_unit.hpp"
+#include "tests/protocols/mip/mip_unit.hpp"
+#include "tests/protocols/vectornav/vectornav_unit.hpp"
 #include "tests/support/allocations.hpp"
 
 namespace imud {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
-#include "tools/motion.hpp"
+#include "tools/truth/motion.hpp"
 
 namespace imud {
 

@@ -1,9 +1,9 @@
-#include "tools/allan_confidence.hpp"
+#include "tools/allan/allan_confidence.hpp"
 
 #include <gtest/gtest.h>
 
 #include "tests/tools/synthetic_noise.hpp"
-#include "tools/allan_curve.hpp"
+#include "tools/allan/allan_curve.hpp"
 
 namespace imud {
 namespace {

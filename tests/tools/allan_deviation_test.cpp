@@ -1,4 +1,4 @@
-#include "tools/allan_deviation.hpp"
+#include "tools/allan/allan_deviation.hpp"
 
 #include <gtest/gtest.h>
 

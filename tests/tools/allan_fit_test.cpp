@@ -1,4 +1,4 @@
-#include "tools/allan_fit.hpp"
+#include "tools/allan/allan_fit.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/datagram_faults.hpp"
+#include "tools/truth/datagram_faults.hpp"
 
 #include <gtest/gtest.h>
 

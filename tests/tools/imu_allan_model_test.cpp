@@ -14,8 +14,8 @@
 #include "tests/support/text.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
-#include "tools/allan_comparison.hpp"
-#include "tools/model_terms.hpp"
+#include "tools/allan/allan_comparison.hpp"
+#include "tools/allan/model_terms.hpp"
 
 namespace imud {
 namespace {

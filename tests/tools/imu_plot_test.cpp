@@ -16,7 +16,7 @@
 #include "tests/tools/run_program.hpp"
 #include "tests/tools/synthetic_noise.hpp"
 #include "tests/transports/scratch_folder.hpp"
-#include "tools/run_errors.hpp"
+#include "tools/plot/run_errors.hpp"
 
 namespace imud {
 namespace {

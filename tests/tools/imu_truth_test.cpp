@@ -11,7 +11,7 @@
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/capture_builder.hpp"
 #include "tests/transports/scratch_folder.hpp"
-#include "tools/motion.hpp"
+#include "tools/truth/motion.hpp"
 
 namespace imud {
 namespace {

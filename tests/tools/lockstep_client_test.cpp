@@ -22,7 +22,7 @@
 #include "tests/tools/loopback_socket.hpp"
 #include "tests/tools/run_program.hpp"
 #include "tests/transports/scratch_folder.hpp"
-#include "tools/motion.hpp"
+#include "tools/truth/motion.hpp"
 
 namespace imud {
 namespace {

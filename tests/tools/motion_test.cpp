@@ -1,5 +1,5 @@
 // The quantities of each motion agree with one another: checked by differences, and by the sums of an Imu.
-#include "tools/motion.hpp"
+#include "tools/truth/motion.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/npy_file.hpp"
+#include "tools/arrays/npy_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "tests/support/text.hpp"
-#include "tools/still_recording.hpp"
+#include "tools/allan/still_recording.hpp"
 
 namespace imud {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/numbers/random.hpp"
-#include "tools/allan_term_list.hpp"
+#include "tools/allan/allan_term_list.hpp"
 
 namespace imud {
 

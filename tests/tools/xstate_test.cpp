@@ -1,6 +1,6 @@
 // The wrapper of ptrace() for user-mode-linux, on hosts of both kinds: simulated ones, and the one at hand with
 // states of several lengths.
-#include "tools/xstate.hpp"
+#include "tools/vcan/xstate.hpp"
 
 #include <dlfcn.h>
 #include <elf.h>

@@ -1,0 +1,37 @@
+// CaptureCheck: finds faults and places that a capture contradicts in the configuration that it is replayed with.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// The port of a capture that a command line gives.
+struct CapturePort {
+  // `capture` is a file, a port, - for standard input, or empty. Throws PortError if `config` is standard input, too.
+  CapturePort(const std::string& capture, const std::string& config);
+  std::string port;      // as load_config() takes it
+  bool repeats = false;  // it is a record without further words, whose run is repeated
+};
+
+// The findings before the capture of a configuration is replayed.
+struct CaptureFindings {
+  std::vector<std::string> faults;    // each [[fault]] that cannot begin within the capture, unless it is optional
+  std::vector<std::string> warnings;  // a place or a date that contradicts [earth]; a run logs them, too
+};
+
+// The truths that are read at most: a longer capture is not known to be too short for any fault.
+inline constexpr std::size_t most_truths_ahead = 500'000;
+
+// Reads the truth of a capture that is a regular file, from its first truth to the first whose time reaches the begin
+// of every fault, or to the end. The length is that from the earliest to the latest time, so that it is not below
+// that of any run in the capture. Finds nothing if the truth is no such capture, or if the file cannot be read.
+CaptureFindings check_capture(const Config& config);
+
+// Throws ConfigError with the faults of check_capture().
+void refuse_late_faults(const Config& config);
+
+}  // namespace imud

@@ -1,0 +1,218 @@
+#include "emulator/commands/check.hpp"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <initializer_list>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "emulator/commands/capture_check.hpp"
+#include "emulator/config/config_parts.hpp"
+#include "emulator/config/line_load.hpp"
+#include "emulator/config/presets.hpp"
+#include "emulator/control/running_keys.hpp"
+#include "emulator/drive/pacer.hpp"
+#include "emulator/engine/session.hpp"
+#include "emulator/ground/error_text.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/report/outcome.hpp"
+
+namespace imud {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Stands for a port that is not opened.
+class ClosedPort final : public Port {
+  void send(std::span<const Frame>) noexcept override {}
+  std::optional<Received> receive() noexcept override { return std::nullopt; }
+};
+
+// Makes what a run makes before it begins. Throws what a run would throw.
+void make_parts(const Config& config, const CheckOptions& options) {
+  check_figures(options.required, config);
+  Session session(config, [](std::string_view, const PortSettings&) { return std::make_unique<ClosedPort>(); });
+  static_cast<void>(make_pacer(config, session.quality()));
+}
+
+std::string_view clock_word(ClockMode clock) {
+  return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
+}
+
+// Returns what the imu's model is, after a colon.
+std::string model_note(const ImuConfig& imu) {
+  if (const Preset* preset = find_preset(imu.errors_model))
+    return fmt::format(": {}; {} of its {} values are unconfirmed", preset->summary(), preset->unconfirmed().size(),
+                       preset->keys().size());
+  if (imu.protocol->product == nullptr) return {};
+  return imu.errors_model == "white" ? ": white noise alone" : ": none";
+}
+
+bool has_live_truth(const Config& config) {
+  return config.clock == ClockMode::realtime && !is_capture(config.truth.port);
+}
+
+// Describes the delay of live truth, and the latency that it adds.
+std::string delay_text(const TruthConfig& truth) {
+  if (truth.clock.automatic_percent > 0)
+    return "the sensors sample behind the truth by an automatic delay, which adds a truth interval, its jitter and "
+           "0.5 ms of latency: 11 ms at 100 Hz; it is settled before the first sample, within 1 s after the first "
+           "truth";
+  if (truth.clock.delay.count() == 0)
+    return "the sensors sample without delay: no latency is added, and motion is extrapolated from truth to truth";
+  return fmt::format(
+      "the sensors sample {0:g} ms behind the truth, which adds {0:g} ms of latency; motion is extrapolated if a "
+      "truth "
+      "interval and its jitter are longer",
+      1e3 * seconds(truth.clock.delay));
+}
+
+void print_text(const std::string& path, const Config& config) {
+  fmt::print("{}: good\n", path);
+  fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
+  fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
+  if (has_live_truth(config)) fmt::print("{:<8} {}\n", "", delay_text(config.truth));
+  if (const std::string derived = fit_text(config.truth); !derived.empty()) fmt::print("{:<8} {}\n", "", derived);
+  fmt::print("{:<8} {}\n", "earth", earth_text(config.truth));
+  for (const ImuConfig& imu : config.imus) {
+    fmt::print("{:<8} {} at {} Hz to {}: {}\n", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
+               line_load(imu).text());
+    if (!imu.second_port.empty())
+      fmt::print("{:<8} second port {}: {}\n", "", imu.second_port, line_load(imu, 1).text());
+    for (const std::string& copy : imu.also) fmt::print("{:<8} the same bytes to {}\n", "", copy);
+    if (imu.before_first == BeforeFirst::rest) fmt::print("{:<8} samples a vehicle at rest until truth comes\n", "");
+    fmt::print("{:<8} errors of the model {}{}\n", "", imu.errors_model, model_note(imu));
+    for (const TriadTerms& triad : triad_terms(imu.model)) {
+      const std::string text = triad.text();
+      fmt::print("{:<8} {} noise: {}\n", "", triad.name, text.empty() ? "none" : text);
+      if (const std::string bias = triad.bias_text(); !bias.empty())
+        fmt::print("{:<8} {} bias: {}\n", "", triad.name, bias);
+    }
+    for (const TriadFilter& triad : triad_filters(imu.model))
+      fmt::print("{:<8} {} filter{} at {} Hz: {}\n", "", triad.name, imu.device_filters ? " of the product" : "",
+                 triad.rate_hz, triad.text());
+  }
+  for (const BusLoad& bus : bus_loads(config.imus))
+    if (bus.imus.size() > 1) fmt::print("{:<8} {}, {} imus: {}\n", "bus", bus.address, bus.imus.size(), bus.text());
+  for (const FaultConfig& fault : config.faults) fmt::print("{:<8} {}\n", fault.name, fault.text());
+  for (const ExpectConfig& expect : config.expectations)
+    fmt::print("{:<8} expected: {}\n", expect.name, expect.text());
+  for (const std::string& warning : config.warnings) fmt::print("warning: {}\n", warning);
+  fmt::print("\n# The value of every key; imud check --toml prints only this.\n{}", config.resolved);
+}
+
+Json load_json(const std::string& port, const LineLoad& load) {
+  Json json = {{"port", port},
+               {"frames_per_s", load.frames_per_s},
+               {"bits_per_s", load.bits_per_s},
+               {"average_bits_per_s", load.average_bits_per_s}};
+  json["line_bits_per_s"] = load.line_bits_per_s > 0.0 ? Json(load.line_bits_per_s) : Json();
+  json["percent"] = load.line_bits_per_s > 0.0 ? Json(load.percent) : Json();
+  json["average_percent"] = load.line_bits_per_s > 0.0 ? Json(load.average_percent) : Json();
+  return json;
+}
+
+void print_json(const std::string& path, const Config& config) {
+  std::ostringstream resolved;
+  resolved << toml::json_formatter(toml::parse(config.resolved));
+  Json imus = Json::array();
+  for (const ImuConfig& imu : config.imus) {
+    Json lines = Json::array({load_json(imu.port, line_load(imu))});
+    if (!imu.second_port.empty()) lines.push_back(load_json(imu.second_port, line_load(imu, 1)));
+    Json imu_json = {{"name", imu.name}, {"model", imu.errors_model}, {"lines", std::move(lines)}};
+    for (const TriadTerms& triad : triad_terms(imu.model)) {
+      const auto& [x, y, z] = triad.axes;
+      for (const auto& [name, term] :
+           std::initializer_list<std::pair<const char*, double AllanTerms::*>>{{"N", &AllanTerms::N},
+                                                                               {"B", &AllanTerms::B},
+                                                                               {"K", &AllanTerms::K},
+                                                                               {"Q", &AllanTerms::Q},
+                                                                               {"R", &AllanTerms::R}})
+        imu_json["noise"][triad.name][name] = Json::array({x.*term, y.*term, z.*term});
+    }
+    for (const TriadFilter& triad : triad_filters(imu.model)) {
+      const auto delay = [&](int axis) { return group_delay_s(triad.filter, axis, triad.rate_hz); };
+      const Vector3& cut_off = triad.filter.cut_off_hz;
+      imu_json["filters"][triad.name] = {
+          {"rate_hz", triad.rate_hz},      {"low_pass_hz", {cut_off[0], cut_off[1], cut_off[2]}},
+          {"order", triad.filter.order},   {"length", triad.filter.length},
+          {"stages", triad.filter.stages}, {"group_delay_s", {delay(0), delay(1), delay(2)}}};
+    }
+    imus.push_back(std::move(imu_json));
+  }
+  Json buses = Json::array();
+  for (const BusLoad& bus : bus_loads(config.imus)) {
+    Json names = Json::array();
+    for (const std::size_t i : bus.imus) names.push_back(config.imus[i].name);
+    buses.push_back({{"port", bus.address},
+                     {"imus", std::move(names)},
+                     {"line_bits_per_s", bus.line_bits_per_s},
+                     {"percent", bus.percent},
+                     {"average_percent", bus.average_percent}});
+  }
+  Json fit;
+  if (config.truth.fit)
+    fit = {{"text", fit_text(config.truth)},
+           {"delay_s", seconds(config.truth.fit->delay)},
+           {"longest_delay_s", seconds(config.truth.fit->delay) * PoseFit::widest_factor(config.truth.fit->widest)},
+           {"bandwidth_hz", PoseFit::bandwidth_hz(config.truth.fit->delay)}};
+  Json delay;
+  if (has_live_truth(config)) {
+    const bool is_automatic = config.truth.clock.automatic_percent > 0;
+    delay = {{"text", delay_text(config.truth)},
+             {"automatic", is_automatic},
+             {"delay_ms", is_automatic ? Json() : Json(1e3 * seconds(config.truth.clock.delay))}};
+  }
+  const Json json = {{"path", path},
+                     {"good", true},
+                     {"faults", Json::array()},
+                     {"warnings", config.warnings},
+                     {"delay", std::move(delay)},
+                     {"derived", std::move(fit)},
+                     {"earth", earth_text(config.truth)},
+                     {"imus", std::move(imus)},
+                     {"buses", std::move(buses)},
+                     {"running_keys", running_keys_json()},
+                     {"config", Json::parse(resolved.str())}};
+  fmt::print("{}\n", json.dump(2));
+}
+
+int print_faults(const std::string& path, const std::vector<std::string>& faults) {
+  const Json json = {{"path", path}, {"good", false}, {"faults", faults}};
+  fmt::print("{}\n", json.dump(2, ' ', false, Json::error_handler_t::replace));
+  return 2;
+}
+
+}  // namespace
+
+int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options) {
+  try {
+    Config config = load_config(path, overrides, options.capture, options.scenarios);
+    make_parts(config, options);
+    const CaptureFindings findings = check_capture(config);
+    if (!findings.faults.empty() && !options.repeats) throw ConfigError(findings.faults);
+    config.warnings.insert(config.warnings.end(), findings.warnings.begin(), findings.warnings.end());
+    if (options.layout == CheckLayout::text) print_text(path, config);
+    if (options.layout == CheckLayout::toml) fmt::print("{}", config.resolved);
+    if (options.layout == CheckLayout::json) print_json(path, config);
+    return 0;
+  } catch (const ConfigError& error) {
+    if (options.layout != CheckLayout::json) throw;
+    return print_faults(path, error.faults);
+  } catch (const PortError& error) {
+    if (options.layout != CheckLayout::json) throw;
+    return print_faults(path, {error.what()});
+  } catch (const RequirementError& error) {
+    if (options.layout != CheckLayout::json) throw;
+    return print_faults(path, {fmt::format("--require {}", error.what())});
+  }
+}
+
+}  // namespace imud

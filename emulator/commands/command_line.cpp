@@ -1,0 +1,399 @@
+#include "emulator/commands/command_line.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <sys/resource.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "emulator/commands/capture_check.hpp"
+#include "emulator/commands/check.hpp"
+#include "emulator/commands/example.hpp"
+#include "emulator/commands/list.hpp"
+#include "emulator/commands/selftest.hpp"
+#include "emulator/config/recorded_config.hpp"
+#include "emulator/control/ctl.hpp"
+#include "emulator/ground/log.hpp"
+#include "emulator/ground/table_reader.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/run/run.hpp"
+#include "emulator/seeds/seeds.hpp"
+#include "transports/file/output_path.hpp"
+#include "transports/port.hpp"
+#include "transports/uart/pty_keeper.hpp"
+
+namespace imud {
+
+namespace {
+
+struct Arguments {
+  std::string config;
+  std::string capture;
+  std::string name;
+  bool fast = false;
+  bool quiet = false, verbose = false;
+  std::vector<std::string> overrides;
+  std::vector<std::string> scenarios;
+  std::vector<std::string> limits;  // as on the command line
+  RunOptions run;
+  SeedsOptions seeds;
+};
+
+// Holds ptys until SIGINT, SIGTERM or SIGHUP. In the background the calling process returns when they are ready.
+int keep_ptys(const std::vector<std::string>& links, bool background) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&signals, signal);
+  sigprocmask(SIG_BLOCK, &signals, nullptr);
+  const FileDescriptor stop(::signalfd(-1, &signals, SFD_CLOEXEC));
+  std::vector<std::unique_ptr<PtyKeeper>> keepers;
+  for (const std::string& link : links) {
+    keepers.push_back(std::make_unique<PtyKeeper>(link));
+    fmt::print("{} is held, as {}\n", keepers.back()->link(), keepers.back()->slave());
+  }
+  std::fflush(stdout);
+  if (background && ::daemon(1, 0) != 0)
+    throw std::runtime_error(fmt::format("cannot go to the background: {}", std::strerror(errno)));
+  PtyKeeper::serve(keepers, stop.get());
+  return 0;
+}
+
+// Returns "-" for each spelling of standard output.
+std::string output_path(const std::string& path) { return is_standard_output(path) ? "-" : path; }
+
+// Throws ConfigError if the file has another configuration than the recorded run. What --set changes is wanted so.
+void check_recorded(const Config& config, const std::string& record, const std::vector<std::string>& overrides,
+                    const std::string& capture) {
+  if (recorded_config(record).value_or(std::string()).empty()) return;
+  std::vector<std::string> all = differences(config, load_config(record, overrides, capture));
+  for (std::string& difference : all)
+    difference = fmt::format("{}: {}; give the same, or another by --set, or record:FILE for the truth alone", record,
+                             difference);
+  if (!all.empty()) throw ConfigError(all);
+}
+
+int replay(const Arguments& arguments) {
+  std::vector<std::string> overrides = arguments.overrides;
+  const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
+  if (has_workers && (!arguments.run.monitor.quality_file.empty() || arguments.run.ready_fd ||
+                      !arguments.run.record.file.empty() || !arguments.run.junit_file.empty()))
+    throw PortError(
+        "--quality, --record, --ready-fd and --junit are of a single run; omit them with --seeds, --jobs and --npy");
+  if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
+  const CapturePort capture(arguments.capture, arguments.config);
+  RunOptions options = arguments.run;
+  options.repeats = capture.repeats;
+  if (options.repeats && !options.record.file.empty())
+    throw PortError("--record: a repeated run has the record that it is repeated from; omit --record");
+  const Config config = load_config(arguments.config, overrides, capture.port, arguments.scenarios);
+  if (options.repeats)
+    check_recorded(config, arguments.capture, overrides, capture.port);
+  else
+    refuse_late_faults(config);
+  return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
+}
+
+// Returns the arguments after the program's name; `help COMMAND` becomes `COMMAND --help`.
+std::vector<std::string> words(int argc, const char* const* argv) {
+  std::vector<std::string> all(argv + 1, argv + argc);
+  if (all.empty() || all.front() != "help") return all;
+  all.erase(all.begin());
+  all.emplace_back("--help");
+  return all;
+}
+
+// Returns what is wrong with a first argument that is neither an option nor a command; empty if nothing is.
+std::string unknown_command(const CLI::App& app, const std::vector<std::string>& arguments) {
+  if (arguments.empty() || arguments.front().starts_with('-')) return {};
+  std::vector<std::string> commands;
+  for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
+  const std::string& given = arguments.front();
+  if (std::find(commands.begin(), commands.end(), given) != commands.end()) return {};
+  const std::string meant = nearest(given, commands);
+  return fmt::format("unknown command \"{}\"; {}", given,
+                     meant.empty() ? fmt::format("there are {}", fmt::join(commands, ", "))
+                                   : fmt::format("did you mean \"{}\"?", meant));
+}
+
+// Prints a fault; if too many files are open, also how to permit more.
+void print_fault(std::string_view text) {
+  fmt::print(stderr, "{}\n", text);
+  rlimit files{};
+  if (text.find(std::strerror(EMFILE)) == text.npos || ::getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+  fmt::print(stderr,
+             "imud may have {0} files open (ulimit -n); permit more by `ulimit -n {1}` or, in a systemd unit, "
+             "LimitNOFILE={1}\n",
+             files.rlim_cur, 4 * files.rlim_cur);
+}
+
+int execute(int argc, const char* const* argv) {
+  set_up_log();
+  CLI::App app("Hardware-in-the-loop IMU emulator: truth in by UDP, IMU packets out on a serial line or a CAN bus.");
+  app.name("imud");
+  app.set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
+  app.require_subcommand(1);
+  Arguments arguments;
+  std::uint64_t record_max_mb = 0;
+
+  const auto with_set = [&](CLI::App* command) {
+    command
+        ->add_option("--set", arguments.overrides,
+                     "Override a key, such as imu.0.rate_hz=400, or a list, such as "
+                     "'imu.0.device.sensor_fields=[\"rate\", \"acceleration\"]'; repeatable")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
+    command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
+  };
+  const auto with_config = [&](CLI::App* command) {
+    command->add_option("CONFIG", arguments.config, "Configuration, TOML, or a record, for that of its run")
+        ->required();
+    with_set(command);
+  };
+  const auto with_scenario = [&](CLI::App* command) {
+    command
+        ->add_option("--scenario", arguments.scenarios,
+                     "Also take the [[fault]] and [[expect]] of this file; repeatable")
+        ->type_name("FILE")
+        ->allow_extra_args(false);
+  };
+  const auto with_require = [&](CLI::App* command) {
+    command
+        ->add_option("--require", arguments.limits,
+                     "Exit with 3 if a figure of the summary breaks this limit, such as imu1.samples>=1000 or "
+                     "truth.refused<=1%; several with commas; repeatable")
+        ->type_name("LIMIT")
+        ->allow_extra_args(false);
+  };
+  const auto with_run = [&](CLI::App* command) {
+    with_config(command);
+    command->add_option("--for", arguments.run.duration_s, "End after this many seconds")
+        ->type_name("SECONDS")
+        ->check([](const std::string& text) {
+          double value = 0;
+          const bool good = CLI::detail::lexical_cast(text, value) && value >= 1e-3 && value <= 1e9;
+          return good ? std::string() : "give seconds from 0.001 to 1e9";
+        });
+    command->add_option("--summary", arguments.run.summary_file, "Also write the closing summary as JSON")
+        ->type_name("FILE");
+    with_require(command);
+    with_scenario(command);
+    command
+        ->add_option("--labels", arguments.run.labels_file,
+                     "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json")
+        ->type_name("FILE");
+    command->add_option("--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML")
+        ->type_name("FILE");
+    command
+        ->add_option("--log-every", arguments.run.monitor.log_every_s,
+                     "Interval of the figures in the log; 0: none (10)")
+        ->type_name("SECONDS")
+        ->check(CLI::Range(0.0, 1e9));
+    command
+        ->add_option("--quality", arguments.run.monitor.quality_file,
+                     "Write the figures each second as a line of JSON")
+        ->type_name("FILE");
+    command
+        ->add_option("--ready-fd", arguments.run.ready_fd,
+                     "Write \"ready\" and a line feed to this open descriptor when the ports are open, and close it")
+        ->type_name("N")
+        ->check([](const std::string& text) {
+          int value = 0;
+          constexpr int first = 3;  // after the standard streams
+          const bool good = CLI::detail::lexical_cast(text, value) && value >= first && ::fcntl(value, F_GETFD) != -1;
+          return good ? std::string() : "give a descriptor from 3 that is open";
+        });
+    command->add_flag("--wait-for-reader", arguments.run.wait_for_reader,
+                      "Begin when the pty of each imu has a reader");
+    command
+        ->add_option("--record", arguments.run.record.file,
+                     "Record truth, frames and the hosts' bytes as pcapng, which Wireshark opens and replay repeats")
+        ->type_name("FILE");
+    command
+        ->add_option("--record-max-mb", record_max_mb,
+                     "Begin another file of the record, FILE-00001.pcapng and so on, after this many MB")
+        ->type_name("N")
+        ->check(CLI::Range(1, 1'000'000));
+    command
+        ->add_option("--record-files", arguments.run.record.max_files,
+                     "Keep only the last N files of the record; needs --record-max-mb")
+        ->type_name("N")
+        ->check(CLI::Range(1, 1'000'000));
+    auto* quiet = command->add_flag("-q,--quiet", arguments.quiet, "Log warnings and errors only");
+    command->add_flag("-v,--verbose", arguments.verbose, "Log details, too")->excludes(quiet);
+  };
+  auto* run_command = app.add_subcommand("run", "Emulate until SIGINT or SIGTERM");
+  with_run(run_command);
+  auto* replay_command = app.add_subcommand("replay", "Emulate from a captured truth stream, to its end");
+  with_run(replay_command);
+  replay_command
+      ->add_option(
+          "CAPTURE", arguments.capture,
+          "X.pcap, X.pcap?port=N, or a file of any name with records of truth.format, X.csv; each may be compressed, "
+          "X.pcap.gz or X.csv.zst; - is standard input; or a record, whose run is repeated "
+          "(its truth alone as record:X.pcapng)")
+      ->required();
+  replay_command->add_flag("--fast", arguments.fast, "As fast as the processor can, not in real time");
+  replay_command
+      ->add_option_function<std::string>(
+          "--seeds", [&](const std::string& text) { arguments.seeds.seeds = SeedRange::parse(text); },
+          "Replay --fast once for each seed, in processes that share the cores; the imus' ports have {seed} in their "
+          "names, such as file:imu1_{seed}.bin")
+      ->type_name("FIRST..LAST")
+      ->check([](const std::string& text) {
+        return SeedRange::parse(text) ? std::string()
+                                      : "give a seed or a range of at most ten million, such as 1..1000";
+      });
+  replay_command
+      ->add_option("--jobs", arguments.seeds.jobs,
+                   "Processes for the seeds and, if they are more than those, for the imus (the processors)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  replay_command
+      ->add_option("--npy", arguments.seeds.npy,
+                   "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
+                   "them; {imu} in the name is the imu's")
+      ->type_name("FILE");
+  auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
+  with_config(check_command);
+  check_command->add_option("CAPTURE", arguments.capture,
+                            "Check the replay of this capture: also whether each fault begins before it ends");
+  with_require(check_command);
+  with_scenario(check_command);
+  CheckLayout layout = CheckLayout::text;
+  check_command->add_flag_callback(
+      "--toml", [&] { layout = CheckLayout::toml; }, "Print only the configuration, with the value of every key");
+  check_command->add_flag_callback(
+      "--json", [&] { layout = CheckLayout::json; }, "Print configuration, loads, warnings and faults as JSON");
+  auto* selftest_command = app.add_subcommand("selftest", "Measure the timing that this machine allows");
+  bool timing = false;
+  double measure_s = 2;
+  selftest_command
+      ->add_flag("--timing", timing,
+                 "Measure wake-ups and writes to the ports (frames are sent), and list improvements")
+      ->required();
+  selftest_command->add_option("CONFIG", arguments.config,
+                               "Configuration, TOML; without it one imu at 1 kHz to a pty");
+  with_set(selftest_command);
+  selftest_command->add_option("--for", measure_s, "Duration of each measurement (2)")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.1, 3600.0));
+  auto* list_command = app.add_subcommand(
+      "list", "Show protocols, truth formats, transports and presets, or what NAME has; faults: kinds of faults");
+  list_command->add_option("NAME", arguments.name, "A protocol, truth format, transport or preset");
+  bool json = false;
+  list_command->add_flag("--json", json, "As JSON");
+  auto* example_command = app.add_subcommand("example", "Print a commented configuration with NAME");
+  example_command->add_option("NAME", arguments.name, "A protocol, truth format, transport or preset")->required();
+  bool only_model = false;
+  example_command->add_flag("--model", only_model, "Print only the errors of the preset NAME, to be copied");
+  auto* pty_command = app.add_subcommand(
+      "pty", "Hold pseudo-terminals, so that their clients are not hung up while imud restarts; until SIGTERM");
+  std::vector<std::string> links;
+  pty_command
+      ->add_option("LINK", links, "As in port = \"pty:LINK\" of the configuration; or pty:LINK?mode=0660&group=NAME")
+      ->required();
+  bool background = false;
+  pty_command->add_flag("--background", background, "Return as soon as the pseudo-terminals are held");
+
+  CtlOptions ctl_options;
+  const CLI::App* ctl_command = add_ctl_command(app, ctl_options);
+
+  app.add_subcommand("help", "Show this text, or that of COMMAND")->add_option("COMMAND");
+  app.footer(
+      "Example: imud check imu.toml && imud run imu.toml --for 10\n"
+      "Every key: emulator/CONFIGURATION.md, in the source and, installed, in share/doc/imud");
+
+  std::vector<std::string> given = words(argc, argv);
+  if (const std::string fault = unknown_command(app, given); !fault.empty()) {
+    fmt::print(stderr, "imud: {}\n", fault);
+    return 2;
+  }
+  try {
+    std::reverse(given.begin(), given.end());  // as CLI11 takes a vector
+    app.parse(given);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  if (arguments.quiet || arguments.verbose) set_up_log(arguments.quiet ? LogLevel::quiet : LogLevel::verbose);
+  try {
+    for (const std::string& limits : arguments.limits)
+      for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
+    arguments.run.summary_file = output_path(arguments.run.summary_file);
+    arguments.run.labels_file = output_path(arguments.run.labels_file);
+    arguments.run.junit_file = output_path(arguments.run.junit_file);
+    arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
+    arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
+    arguments.run.record.file = output_path(arguments.run.record.file);
+    if (arguments.run.record.file == "-" && record_max_mb > 0)
+      throw OpenError("--record-max-mb: standard output is one file; give --record FILE");
+    if (arguments.run.record.file.empty() && record_max_mb > 0)
+      throw OpenError("--record-max-mb: needs --record FILE");
+    if (record_max_mb == 0 && arguments.run.record.max_files > 0)
+      throw OpenError("--record-files: needs --record-max-mb");
+    if (list_command->parsed()) return list(arguments.name, json);
+    if (example_command->parsed()) return only_model ? example_model(arguments.name) : example(arguments.name);
+    if (check_command->parsed()) {
+      const CapturePort capture(arguments.capture, arguments.config);
+      return check(arguments.config, arguments.overrides,
+                   {layout, arguments.run.required, arguments.scenarios, capture.port, capture.repeats});
+    }
+    if (ctl_command->parsed()) return ctl(ctl_options);
+    if (pty_command->parsed()) return keep_ptys(links, background);
+    if (selftest_command->parsed()) {
+      const Config config =
+          arguments.config.empty() ? selftest_config() : load_config(arguments.config, arguments.overrides);
+      return selftest_timing(config, {measure_s});
+    }
+    arguments.seeds.quiet = arguments.quiet;
+    if (replay_command->parsed()) return replay(arguments);
+    const auto read = [&arguments] {
+      Config config = load_config(arguments.config, arguments.overrides, {}, arguments.scenarios);
+      refuse_late_faults(config);
+      return config;
+    };
+    if (arguments.config != "-") arguments.run.read_config = read;
+    return run(read(), arguments.run);
+  } catch (const ConfigError& error) {
+    print_fault(error.what());
+    fmt::print(stderr, "{} fault{}\n", error.faults.size(), error.faults.size() == 1 ? "" : "s");
+    return 2;
+  } catch (const PortError& error) {
+    print_fault(fmt::format("{}: {}", arguments.config.empty() ? "imud" : arguments.config, error.what()));
+    return 2;
+  } catch (const RequirementError& error) {
+    fmt::print(stderr, "imud: --require {}\n", error.what());
+    return 2;
+  } catch (const OpenError& error) {
+    print_fault(fmt::format("imud: {}", error.what()));
+    return 2;
+  } catch (const std::exception& error) {
+    print_fault(fmt::format("imud: {}", error.what()));
+    return 1;
+  }
+}
+
+}  // namespace
+
+int command_line(int argc, const char* const* argv) {
+  const int exit_code = execute(argc, argv);
+  const int error = flush_standard_output();
+  if (error == 0) return exit_code;
+  fmt::print(stderr, "imud: standard output: {}\n", std::strerror(error));
+  return exit_code == 0 ? 1 : exit_code;
+}
+
+}  // namespace imud

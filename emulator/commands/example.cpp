@@ -1,0 +1,148 @@
+#include "emulator/commands/example.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <string_view>
+
+#include "emulator/config/entries.hpp"
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns the first entry that fulfils `condition`. There is one.
+template <class Entry, class Condition>
+const Entry* first(std::span<const Entry* const> table, Condition condition) {
+  return *std::find_if(table.begin(), table.end(), [&](const Entry* entry) { return condition(*entry); });
+}
+
+std::string comment(std::string_view what, const std::string& valid) {
+  return fmt::format("# {}{}\n", what, valid.empty() ? "" : " (" + valid + ")");
+}
+
+// Returns the settings as comments; a # before a key makes it one.
+std::string settings_text(std::span<const Setting> settings) {
+  std::string text;
+  for (const Setting& setting : settings)
+    text += comment(setting.help, valid_values(setting)) +
+            fmt::format("#{} = {}\n", setting.key, initial_value(setting).dump());
+  return text;
+}
+
+// Returns the line of a port, after the options that it may have.
+std::string port_text(std::string_view key, const Transport& transport, std::string_view port) {
+  std::string text = comment(transport.summary, "");
+  for (const PortOption& option : transport.options)
+    text += comment(fmt::format("option {}: {}", option.key, option.help), valid_values(option));
+  return text + fmt::format("{} = \"{}\"\n", key, port);
+}
+
+// Returns true if truth may come by that way through the transport.
+bool brings(const Transport& transport, TruthFormat::Way way) {
+  if (!transport.brings_truth) return false;
+  switch (way) {
+    case TruthFormat::Way::datagrams:
+      return transport.udp_port != nullptr && !transport.ends;
+    case TruthFormat::Way::connection:
+      return transport.tcp_port != nullptr && !transport.ends;
+    case TruthFormat::Way::file:
+      return transport.ends && transport.serves_device;
+  }
+  return false;
+}
+
+std::string truth_text(const TruthFormat& format, const Transport& port) {
+  // A device may have the example of the same transport.
+  const std::string_view example = format.example_port.empty() ? "127.0.0.1:9810" : format.example_port;
+  const std::string address =
+      brings(port, format.way) ? fmt::format("{}:{}", port.name, example) : std::string(port.example);
+  std::string text = "\n[truth]\n" + port_text("port", port, address) +
+                     comment(format.summary, std::string(format.document)) +
+                     fmt::format("format = \"{}\"\n", format.name);
+  for (const ColumnGroup& group : format.columns)
+    text += comment(fmt::format("{} column: {}: {}",
+                                group.need == ColumnGroup::optional   ? "optional"
+                                : group.need == ColumnGroup::required ? "required"
+                                                                      : "alternative",
+                                fmt::join(group.names, ", "), group.help),
+                    "");
+  return text + settings_text(format.settings);
+}
+
+std::string model_text(const Protocol& protocol, const Preset* preset) {
+  if (preset == nullptr)
+    return fmt::format("# whose errors the sensors have: a preset of imud list, ideal, or white\n#model = \"{}\"\n",
+                       default_model(protocol, Settings(protocol.settings)));
+  return comment(preset->summary(), std::string(preset->source())) + fmt::format("model = \"{}\"\n", preset->name);
+}
+
+std::string imu_text(const Protocol& protocol, const Transport& port, const Preset* preset) {
+  std::string text = "\n[[imu]]\n#name = \"imu1\"\n" + comment(protocol.summary, std::string(protocol.document)) +
+                     fmt::format("protocol = \"{}\"\n", protocol.name) + port_text("port", port, port.example);
+  if (protocol.has_second_uart)
+    text += "# where the product's second UART is connected\n#second_port = \"pty:imu1.2\"\n";
+  if (protocol.product == nullptr) text += "# samples per second\nrate_hz = 200\n";
+  text += model_text(protocol, preset);
+  if (!protocol.settings.empty()) text += "\n[imu.device]\n" + settings_text(protocol.settings);
+  if (protocol.has_sync_pins)
+    text +=
+        "\n[imu.sync]\n# pins, as UDP ports: protocols/README.md\n#trigger_port = \"udp:127.0.0.1:9811\"\n"
+        "#pps_port = \"udp:127.0.0.1:9812\"\n#tov_port = \"udp:127.0.0.1:9813\"\n";
+  if (protocol.product == nullptr && preset == nullptr)
+    text +=
+        "\n[imu.gyro]\n# range of each axis\nmax_rad_per_s = 10\n\n[imu.accelerometer]\n# range of each axis\n"
+        "max_m_per_s2 = 200\n";
+  return text;
+}
+
+}  // namespace
+
+int example(const std::string& name) {
+  const auto entries = find_entries(name);
+  if (!entries) return 2;
+  const Transport* named = entries->transport;
+  const bool is_device_port = named != nullptr && named->serves_device;
+  const Protocol* protocol = entries->protocol;
+  if (protocol == nullptr)  // that of a product is the shortest, but a product sets its line by itself
+    protocol = first(protocols(), [&](const Protocol& p) {
+      if (is_device_port && named->carries_can) return p.link == Link::can;
+      return p.link != Link::can && (p.product == nullptr) == is_device_port;
+    });
+  const TruthFormat* format = entries->format;
+  if (format == nullptr) format = find_truth_format(default_truth_format);
+  const Transport* truth_port = named;
+  if (named == nullptr || is_device_port)
+    truth_port = first(transports(), [&](const Transport& t) { return brings(t, format->way); });
+  const Transport* port = named;
+  if (!is_device_port)
+    port = first(transports(), [&](const Transport& t) {
+      return protocol->link == Link::can ? t.carries_can : t.uart == Uart::emulated;
+    });
+
+  fmt::print(
+      "# imud example {}\n"
+      "# A # before a key makes it a comment, which shows the default or an example. `imud check FILE` shows what a\n"
+      "# configuration does; emulator/CONFIGURATION.md describes every key.\n\n"
+      "# seed of all random numbers\n#seed = 1\n"
+      "# what paces the samples (one of realtime, lockstep, fast)\n#clock = \"realtime\"\n{}{}",
+      name, truth_text(*format, *truth_port),
+      imu_text(*protocol, *port, entries->protocol == nullptr ? entries->preset : nullptr));
+  return 0;
+}
+
+int example_model(const std::string& name) {
+  const auto entries = find_entries(name);
+  if (!entries) return 2;
+  if (entries->preset == nullptr) {
+    fmt::print(stderr, "imud: \"{}\" is no preset; see imud list\n", name);
+    return 2;
+  }
+  fmt::print("{}", entries->preset->text);
+  return 0;
+}
+
+}  // namespace imud

@@ -1,0 +1,122 @@
+// The parts of reading a configuration that its files share.
+#pragma once
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "emulator/config/presets.hpp"
+#include "emulator/ground/table_reader.hpp"
+#include "emulator/plan/config.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+template <class Entry>
+std::vector<std::string> names(std::span<const Entry* const> table) {
+  std::vector<std::string> all;
+  for (const Entry* entry : table) all.emplace_back(entry->name);
+  return all;
+}
+
+// Returns `found`, the table entry that `word` names. Adds a fault of `key` if there is none, unless `word` is empty
+// because the key is absent or not text: then there is a fault already.
+template <class Entry>
+const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
+                   std::span<const Entry* const> entries, const Entry* found) {
+  if (found != nullptr || (word.empty() && !table.is_text(key))) return found;
+  const std::string meant = nearest(word, names(entries));
+  table.fault(key, fmt::format("there is no \"{}\"; {}", word,
+                               meant.empty() ? fmt::format("known: {}", fmt::join(names(entries), ", "))
+                                             : fmt::format("did you mean \"{}\"?", meant)));
+  return nullptr;
+}
+
+// Returns the canonical path of what a port opens, or of the link that it makes; empty if it has none.
+std::string path_of(const std::string& port);
+// Returns the regular file that a port reads or writes (regular_file()); empty if it has none.
+std::string file_of(const std::string& port);
+
+// Lists the files in config.files. Adds a fault for each imu that would write over the configuration, which was read
+// from `path`, or over the truth.
+void check_files(Config& config, const std::string& path, const toml::array& tables, Faults& faults);
+
+// Returns the UDP port on which a listener at `port` receives; nullopt if it receives on all or none, if the system
+// chooses it, or if the text is malformed.
+std::optional<std::uint16_t> udp_port(const std::string& port);
+// Returns the port number at one end of the TCP connection of `port`; nullopt if it uses no TCP, if the system
+// chooses it, or if the text is malformed.
+std::optional<std::uint16_t> tcp_port(const std::string& port);
+
+// Reads the declared settings that the table has, or `own`, a table in it that is for them alone. A list may be given
+// as a table: {a = "b"} is ["a=b"]; a whole number in it counts as its text. Adds a fault for each value that is
+// refused. `absent`: the values of absent keys; nullptr: the initial ones.
+Settings read_settings(TableReader& table, std::span<const Setting> declared, TableReader* own = nullptr,
+                       const Settings* absent = nullptr);
+
+// Returns the transport that the port's text names, if check_port() accepts the text with `settings`. Otherwise
+// returns nullptr and adds a fault of `key`, unless the key has no text.
+const Transport* read_port(TableReader& table, std::string_view key, const std::string& text,
+                           const PortSettings& settings);
+
+// Returns examples of ports whose transports fulfil `condition`, in quotes.
+template <class Condition>
+std::string ports_that(Condition condition) {
+  return fmt::format("\"{}\"", fmt::join(port_examples(condition), "\" or \""));
+}
+
+// Reads the errors of three sensors. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the
+// range is required. `rate_hz` is that of their samples, of gyros and accelerometers the internal one. `density`: how
+// the white noise of `product` was stated (triad_config.cpp).
+TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz,
+                      Sidedness density = Sidedness::none);
+TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz,
+                               Sidedness density = Sidedness::none);
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz);
+
+// Read the errors of a barometer, over those of the product, and of a navigation solution (navigation_config.cpp).
+void read_barometer(TableReader table, BarometerErrors& errors);
+NavigationErrors read_navigation(TableReader table);
+
+// Read the vibration of a sensor, and its temperature (environment_config.cpp).
+VibrationModel read_vibration(TableReader table);
+TemperatureModel read_temperature(TableReader table);
+
+// Reads where the web server listens (web/web_config.cpp).
+WebConfig read_web(TableReader table);
+
+// Reads the sampling jitter of an imu, whose grid must be set (environment_config.cpp).
+void read_jitter(TableReader& table, ImuConfig& imu);
+
+// Reads the [[imu]] of that index (imu_config.cpp).
+ImuConfig read_imu(TableReader& table, std::size_t index);
+// Adds a fault for each two imus that exclude one another, such as imus of the same name or port, and for each imu
+// that sends to the truth's port (imus_together.cpp).
+void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,
+                         Faults& faults);
+// Reads what is derived from poses; truth.format and truth.port must be set.
+void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth);
+// Describes it, with delay and bandwidth; empty if nothing is derived.
+std::string fit_text(const TruthConfig& truth);
+
+// Reads truth.max_*; set_bounds() sets those that are absent to the widest ranges of the imus (earth_config.cpp).
+void read_bounds(TableReader& table, TruthBounds& bounds);
+void set_bounds(const std::vector<ImuConfig>& imus, TruthBounds& bounds);
+
+// Reads [earth], which must not contradict the truth's own frame (earth_config.cpp).
+EarthModel read_earth(TableReader table, TruthConfig& truth);
+// Describes what relates N to the Earth.
+std::string earth_text(const TruthConfig& truth);
+
+// Returns true if the imu's protocol transmits these bits of Sample::status.
+bool carries_status(const ImuConfig& imu, std::uint32_t bits);
+// Returns false if what the imu's protocol sends never depends on the place, the magnetic field or the pressure.
+bool carries_place(const ImuConfig& imu);
+
+}  // namespace imud

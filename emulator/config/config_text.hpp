@@ -1,0 +1,31 @@
+// ConfigText: the text of a configuration, with the overrides of the command line.
+#pragma once
+
+#include <toml++/toml.h>
+
+#include <span>
+#include <string>
+
+#include "emulator/ground/table_reader.hpp"
+
+namespace imud {
+
+struct ConfigText {
+  toml::table root;
+  // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
+  std::string sha256;
+};
+
+// Reads `path` (- is standard input; of a record the configuration in it), then sets each override: KEY=VALUE, where
+// KEY is a path such as "truth.port", "imu.0.rate_hz", "imu.NAME.rate_hz" or, for all imus, "imu.*.rate_hz", and
+// VALUE is as in TOML; a bare word is text. Adds a fault for each override that cannot be set. Throws ConfigError if
+// the file cannot be read or is no TOML.
+ConfigText read_config_text(const std::string& path, std::span<const std::string> overrides, Faults& faults);
+
+// Returns the SHA-256 of the bytes, in hexadecimal.
+std::string sha256(const std::string& bytes);
+
+// Returns the table as TOML, without the empty tables in it, which it removes.
+std::string toml_text(toml::table& table);
+
+}  // namespace imud

@@ -1,0 +1,55 @@
+#include "emulator/config/entries.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cstdio>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "emulator/config/config_parts.hpp"
+
+namespace imud {
+
+std::optional<Entries> find_entries(const std::string& name) {
+  const Entries found{find_protocol(name), find_truth_format(name), find_transport(name), find_preset(name)};
+  if (found.protocol != nullptr || found.format != nullptr || found.transport != nullptr || found.preset != nullptr)
+    return found;
+  std::vector<std::string> known = names(protocols());
+  for (const auto& more : {names(truth_formats()), names(transports())})
+    known.insert(known.end(), more.begin(), more.end());
+  for (const Preset& preset : presets()) known.emplace_back(preset.name);
+  const std::string meant = nearest(name, known);
+  fmt::print(stderr, "imud: there is no protocol, truth format, transport or preset \"{}\"; {}\n", name,
+             meant.empty() ? "see imud list" : fmt::format("did you mean \"{}\"?", meant));
+  return std::nullopt;
+}
+
+nlohmann::ordered_json initial_value(const Setting& setting) {
+  return std::visit(
+      [](const auto& value) -> nlohmann::ordered_json {
+        if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::span<const std::string_view>>)
+          return std::vector<std::string>(value.begin(), value.end());
+        else
+          return value;
+      },
+      setting.initial);
+}
+
+std::string valid_values(const Setting& setting) {
+  const bool is_list = std::holds_alternative<std::span<const std::string_view>>(setting.initial);
+  if (!setting.choices.empty())
+    return fmt::format("{} of {}", is_list ? "any" : "one", fmt::join(setting.choices, ", "));
+  return setting.min < setting.max ? fmt::format("{} to {}", setting.min, setting.max) : std::string();
+}
+
+std::string valid_values(const PortOption& option) {
+  std::string words(option.choices);
+  for (std::size_t blank = 0; (blank = words.find(' ', blank)) != words.npos; blank += 2)
+    words.replace(blank, 1, ", ");
+  if (!option.has_range()) return words.empty() ? "text" : "one of " + words;
+  return fmt::format("{} to {}{}{}", option.min, option.max, words.empty() ? "" : ", or ", words);
+}
+
+}  // namespace imud

@@ -1,0 +1,103 @@
+// The surroundings of a sensor in a configuration.
+#include <algorithm>
+#include <cmath>
+
+#include "core/units.hpp"
+#include "emulator/config/config_parts.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr double g = units::standard_gravity, deg = units::degree;
+constexpr double least_hz = 1e-3, most_hz = 1e6;
+
+// Returns true if the list has one value for each of `count` frequencies; adds a fault of `key` if it has another
+// number of them. A list that is empty is as one that is absent.
+template <class List>
+bool fits(TableReader& table, std::string_view key, const List& list, std::string_view of, std::size_t count) {
+  if (list.empty() || list.size() == count) return !list.empty();
+  table.fault(key, fmt::format("has {} elements; give one for each of the {} of {}", list.size(), count, of));
+  return false;
+}
+
+bool ascends(const std::vector<double>& list) {
+  return std::adjacent_find(list.begin(), list.end(), [](double a, double b) { return a >= b; }) == list.end();
+}
+
+void read_sines(TableReader& table, VibrationModel& model) {
+  const std::vector<double> frequency = table.numbers("sine_hz", least_hz, most_hz);
+  const std::vector<Vector3> force = table.rows("sine_g"), rate = table.rows("sine_deg_per_s");
+  const std::vector<double> phase = table.numbers("sine_phase_deg", -360, 360);
+  const std::size_t count = frequency.size();
+  const bool has_force = fits(table, "sine_g", force, "sine_hz", count);
+  const bool has_rate = fits(table, "sine_deg_per_s", rate, "sine_hz", count);
+  const bool has_phase = fits(table, "sine_phase_deg", phase, "sine_hz", count);
+  if (count > 0 && force.empty() && rate.empty())
+    table.fault("sine_hz", "has no amplitudes; give sine_g or sine_deg_per_s");
+  for (std::size_t i = 0; i < count; ++i) {
+    VibrationModel::Sine sine{.frequency_hz = frequency[i]};
+    if (has_force) sine.force = g * force[i];
+    if (has_rate) sine.rate = deg * rate[i];
+    if (has_phase) sine.phase = deg * phase[i];
+    model.sines.push_back(sine);
+  }
+}
+
+void read_spectrum(TableReader& table, VibrationModel::Spectrum& spectrum) {
+  constexpr double least = 1e-30, most = 1e9;
+  spectrum.frequency_hz = table.numbers("random_hz", least_hz, most_hz);
+  spectrum.force = table.numbers("random_g2_per_hz", least, most);
+  spectrum.rate = table.numbers("random_deg2_per_s2_per_hz", least, most);
+  spectrum.axes = table.per_axis("random_axes", spectrum.axes, 0, 1e6);
+  spectrum.lines = table.unsigned_integer("random_lines", spectrum.lines, 4096);
+  const std::size_t count = spectrum.frequency_hz.size();
+  if (count == 1 || !ascends(spectrum.frequency_hz))
+    table.fault("random_hz", "give at least two frequencies, in ascending order");
+  if (count > 0 && spectrum.force.empty() && spectrum.rate.empty())
+    table.fault("random_hz", "has no densities; give random_g2_per_hz or random_deg2_per_s2_per_hz");
+  if (!fits(table, "random_g2_per_hz", spectrum.force, "random_hz", count)) spectrum.force.clear();
+  if (!fits(table, "random_deg2_per_s2_per_hz", spectrum.rate, "random_hz", count)) spectrum.rate.clear();
+  for (double& density : spectrum.force) density *= g * g;
+  for (double& density : spectrum.rate) density *= deg * deg;
+}
+
+}  // namespace
+
+VibrationModel read_vibration(TableReader table) {
+  VibrationModel model;
+  read_sines(table, model);
+  read_spectrum(table, model.spectrum);
+  table.finish();
+  return model;
+}
+
+void read_jitter(TableReader& table, ImuConfig& imu) {
+  constexpr double largest = 0.9;  // of the period, so that samples stay in order with any clock error
+  const double jitter_us = table.real("sampling_jitter_us", 0, 0, 1e9);
+  const double most_us = largest * 1e6 * seconds(imu.grid.period());
+  imu.model.sampling_jitter = nanoseconds(1e-6 * jitter_us);
+  if (jitter_us > most_us)
+    table.fault("sampling_jitter_us", fmt::format("give at most {:.6g}, nine tenths of the sample period", most_us));
+}
+
+TemperatureModel read_temperature(TableReader table) {
+  constexpr double least = -273.15, most = 1e4;
+  TemperatureModel model;
+  model.profile_s = table.numbers("profile_s", 0, 1e9);
+  model.profile_c = table.numbers("profile_c", least, most);
+  if (!ascends(model.profile_s)) table.fault("profile_s", "give times in ascending order");
+  const std::size_t count = model.profile_s.size();
+  if (!fits(table, "profile_c", model.profile_c, "profile_s", count) && count > 0 && model.profile_c.empty())
+    table.fault("profile_s", "has no temperatures; give profile_c");
+  model.from_truth = table.flag("from_truth", model.from_truth);
+  model.warm_up_c = table.real("warm_up_c", model.warm_up_c, -1000, 1000);
+  model.warm_up_s = table.real("warm_up_s", model.warm_up_s, 1e-3, 1e9);
+  model.offset_c = table.real("offset_c", model.offset_c, -1000, 1000);
+  model.lsb_c = table.real("lsb_c", model.lsb_c, 0, 1000);
+  model.rate_hz = table.real("rate_hz", model.rate_hz, 0, 1e4);
+  table.finish();
+  return model;
+}
+
+}  // namespace imud

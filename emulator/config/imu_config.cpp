@@ -1,0 +1,436 @@
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/attitude.hpp"
+#include "core/units.hpp"
+#include "emulator/config/config_parts.hpp"
+#include "emulator/config/line_load.hpp"
+#include "emulator/config/presets.hpp"
+
+namespace imud {
+
+namespace {
+
+void read_mounting(TableReader table, ImuModel& model) {
+  model.r_SB_B = table.vector3("position_m", model.r_SB_B);
+  model.accelerometer_positions = table.matrix3("accelerometer_positions_m", model.accelerometer_positions, false);
+  if (table.has("dcm_PB") && table.has("yaw_pitch_roll_deg"))
+    table.fault("dcm_PB", "give either this or yaw_pitch_roll_deg, not both");
+  if (table.has("dcm_PB")) {
+    model.dcm_PB = table.matrix3("dcm_PB", model.dcm_PB, false);
+    constexpr double tolerance = 1e-6;
+    if (const double defect = rotation_defect(model.dcm_PB); defect > tolerance)
+      table.fault("dcm_PB",
+                  fmt::format("not a rotation: its rows are not orthonormal and right-handed within {} (off by "
+                              "{:.2g}); write the numbers with more digits, or give yaw_pitch_roll_deg",
+                              tolerance, defect));
+  } else {
+    const Vector3 ypr = units::degree * table.vector3("yaw_pitch_roll_deg", Vector3::Zero());
+    if (ypr.cwiseAbs().maxCoeff() > 1e4)
+      table.fault("yaw_pitch_roll_deg", "give angles from -572957 to 572957");
+    else if (!ypr.isZero(0.0))
+      model.dcm_PB = dcm_from_yaw_pitch_roll(ypr[0], ypr[1], ypr[2]);
+  }
+  table.finish();
+}
+
+// Returns true if the port's text can be parsed and has the option.
+bool has_option(const std::string& port, std::string_view key) {
+  try {
+    return PortSpec::parse(port).text(key).has_value();
+  } catch (const PortError&) {
+    return false;
+  }
+}
+
+// Applies pace = "line" to a valid port. settings.uart must be set.
+void pace_line(TableReader& table, const Transport& transport, const std::string& port, PortSettings& settings) {
+  if (transport.uart == Uart::real) return;
+  if (transport.uart == Uart::none) {
+    std::vector<std::string_view> emulated;
+    for (const Transport* other : transports())
+      if (other->uart == Uart::emulated) emulated.push_back(other->name);
+    table.fault("pace", fmt::format("\"line\" is for a {}; {}: has no characters to pace, give \"none\"",
+                                    fmt::join(emulated, " or "), transport.name));
+  } else if (settings.uart.baud == 0 && !has_option(port, "baud")) {
+    table.fault("pace", fmt::format("\"line\" needs the line's speed; give it in port, for example "
+                                    "\"{}{}baud=115200\"",
+                                    port, port.find('?') == std::string::npos ? '?' : '&'));
+  } else {
+    settings.paced = true;
+  }
+}
+
+// Checks the port of the device that `key` names, and applies `pace`. settings.uart must be set. Returns nullptr and
+// adds a fault if the port is not valid.
+const Transport* check_device_port(TableReader& table, std::string_view key, const std::string& port,
+                                   PortSettings& settings) {
+  const bool paced = table.choice("pace", {"none", "line"}, 0) == 1;
+  if (has_option(port, "pace")) {
+    table.fault(key, "pace is a key of [[imu]]; give it there");
+    return nullptr;
+  }
+  const Transport* transport = read_port(table, key, port, settings);
+  if (transport == nullptr) return nullptr;
+  if (transport->uart != Uart::none && settings.uart.baud != 0)
+    for (const char* option : {"baud", "parity", "stop", "bits"})
+      if (has_option(port, option))
+        table.fault(key,
+                    fmt::format("{} is set by the device; omit it here, and set the line in [imu.device]", option));
+  if (paced) pace_line(table, *transport, port, settings);
+  return transport;
+}
+
+// Reads `second_port`. imu.second_port_settings.uart must be set. Returns nullptr if there is none, or if it is not
+// valid.
+const Transport* read_second_port(TableReader& table, ImuConfig& imu) {
+  if (!table.has("second_port")) return nullptr;
+  imu.second_port = table.text("second_port", "");
+  if (imu.protocol != nullptr && !imu.protocol->has_second_uart) {
+    table.fault("second_port", fmt::format("{} has no second UART; omit the key", imu.protocol->name));
+    imu.second_port.clear();
+    return nullptr;
+  }
+  const Transport* transport = check_device_port(table, "second_port", imu.second_port, imu.second_port_settings);
+  if (transport != nullptr && (transport->carries_can || !transport->serves_device)) {
+    table.fault("second_port",
+                fmt::format("a UART needs a port for bytes; give {}",
+                            ports_that([](const Transport& t) { return t.serves_device && !t.carries_can; })));
+    transport = nullptr;
+  }
+  if (transport == nullptr) imu.second_port.clear();
+  return transport;
+}
+
+// Reads `also`, the ports that carry the bytes of `port`, whose settings must be read.
+void read_also(TableReader& table, ImuConfig& imu) {
+  const toml::node* node = table.node("also");
+  if (node == nullptr) return;
+  const toml::array* list = node->as_array();
+  if (list == nullptr || !(list->empty() || list->is_homogeneous(toml::node_type::string)))
+    return table.fault("also", "give a list of ports, for example [\"file:imu1.bin\"]");
+  table.resolve("also", *list);
+  for (const toml::node& entry : *list) {
+    const std::string port = entry.value_or(std::string());
+    PortSettings settings = imu.port_settings;
+    settings.paced = false;
+    const Transport* transport = read_port(table, "also", port, settings);
+    if (transport == nullptr) continue;
+    const bool can = imu.protocol != nullptr && imu.protocol->link == Link::can;
+    if (imu.protocol != nullptr && transport->carries_can != can) {
+      table.fault(
+          "also",
+          fmt::format("{}: {} is for {}; give {}", port, imu.protocol->name, can ? "a CAN bus" : "byte links",
+                      ports_that([&](const Transport& t) { return t.serves_device && t.carries_can == can; })));
+      continue;
+    }
+    imu.also.push_back(port);
+    imu.also_settings.push_back(settings);
+  }
+}
+
+SyncConfig read_sync(TableReader table, const Protocol* protocol) {
+  SyncConfig sync;
+  const auto read = [&](std::string_view key, std::string& port, Role role) {
+    if (!table.has(key)) return;
+    port = table.text(key, "");
+    if (protocol != nullptr && !protocol->has_sync_pins)
+      table.fault(key, fmt::format("{} has no such pin; omit the key", protocol->name));
+    const auto carries_edges = [](const Transport& t) {
+      return t.keeps_datagrams && t.serves_device && !t.carries_can;
+    };
+    const Transport* transport = read_port(table, key, port, role);
+    if (transport != nullptr && !carries_edges(*transport))
+      table.fault(key, fmt::format("edges are received and sent by {}", ports_that(carries_edges)));
+  };
+  read("trigger_port", sync.trigger_port, Role::listener);
+  read("pps_port", sync.pps_port, Role::listener);
+  read("tov_port", sync.tov_port, Role::device);
+  table.finish();
+  return sync;
+}
+
+// Returns the preset that `model` names, by default `own`; nullptr for the words that name none, or if there is no
+// such preset.
+const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
+  model = table.text("model", std::string(own));
+  const Preset* preset = find_preset(model);
+  if (preset != nullptr || model == "white" || model == "ideal" || (table.has("model") && !table.is_text("model")))
+    return preset;
+  std::vector<std::string> words = {"white", "ideal"};
+  for (const Preset& known : presets()) words.emplace_back(known.name);
+  const std::string meant = nearest(model, words);
+  table.fault("model", fmt::format("there is no \"{}\"; {}", model,
+                                   meant.empty() ? fmt::format("known: {}", fmt::join(words, ", "))
+                                                 : fmt::format("did you mean \"{}\"?", meant)));
+  return nullptr;
+}
+
+TriadErrors without_errors(double max) {
+  TriadErrors ideal;
+  ideal.max = max;
+  return ideal;
+}
+
+// Adapts a preset's errors to a product: it keeps its own range and resolution, which are those of its wire, and with
+// the errors of another sensor measures no further than its range.
+void fit(TriadErrors& errors, const TriadErrors& product, bool is_own) {
+  errors.max = is_own ? product.max : std::min(errors.max, product.max);
+  if (!is_own) return;
+  errors.lsb = product.lsb;
+  errors.rounding = product.rounding;
+  errors.increment_lsb = product.increment_lsb;
+}
+
+// Reads `device_filters`. Returns the filters of the product's settings if they act.
+std::optional<SensorFilters> read_device_filters(TableReader& table, const Preset* preset, ImuConfig& imu) {
+  std::optional<SensorFilters> filters;
+  if (imu.protocol != nullptr) filters = imu.protocol->make(imu.settings)->filters();
+  imu.device_filters = table.flag("device_filters", filters && preset != nullptr);
+  if (imu.device_filters && !filters) {
+    table.fault("device_filters", "the protocol has no filters of its own; omit the key");
+    imu.device_filters = false;
+  }
+  return imu.device_filters ? filters : std::nullopt;
+}
+
+// Reads `internal_rate_hz`. Returns the internal rate, which is a multiple of the sample rate.
+double read_internal_rate(TableReader& table, double fallback, ImuConfig& imu) {
+  const double least = std::max(fallback, imu.rate_hz);
+  const double rate_hz = table.real("internal_rate_hz", least, Grid::min_rate_hz, ImuConfig::max_internal_rate_hz);
+  if (rate_hz < imu.rate_hz)
+    table.fault("internal_rate_hz", fmt::format("give at least the sample rate, {}", imu.rate_hz));
+  else if (imu.device_filters && rate_hz != imu.rate_hz)
+    table.fault(
+        "internal_rate_hz",
+        fmt::format("the product's own filters act, at its {} Hz; omit the key, or give device_filters = false",
+                    imu.rate_hz));
+  constexpr double rounding = 1e-9;
+  imu.model.internal_samples = std::max(1, static_cast<int>(std::ceil(rate_hz / imu.rate_hz * (1 - rounding))));
+  return imu.model.internal_samples * imu.rate_hz;
+}
+
+// Puts the product's own filter into the triad that `table` describes.
+void set_device_filter(TableReader table, const SensorFilter& filter, TriadErrors& errors) {
+  for (const std::string_view key : {"low_pass_hz", "boxcar_samples", "cic_order"})
+    if (errors.filter.is_on() && table.has(key))
+      table.fault(key, "the product's own filter acts; set that, or give device_filters = false in [[imu]]");
+  errors.filter = filter;
+}
+
+// Returns true if a preset's bandwidth is within half of the sample rate. Decimation to a lower rate aliases noise:
+// then the density of the samples would not be that of the data sheet, as a user of the preset expects by default.
+bool is_within(const PresetErrors& errors, double rate_hz) {
+  return std::max(errors.gyro.filter.cut_off_hz.maxCoeff(), errors.accelerometer.filter.cut_off_hz.maxCoeff()) <=
+         0.5 * rate_hz;
+}
+
+// Reads the errors of all sensors. Keys that are absent have the values of the model.
+void read_errors(TableReader& table, const std::optional<Product>& product, ImuConfig& imu) {
+  imu.model.rate_hz = imu.rate_hz;
+  std::optional<TriadErrors> gyro, accelerometer;
+  TriadErrors magnetometer;
+  Sidedness gyro_density = Sidedness::none, accelerometer_density = Sidedness::none;
+  if (product) {
+    gyro = product->gyro;
+    accelerometer = product->accelerometer;
+    magnetometer = product->magnetometer;
+    imu.model.barometer = product->barometer;
+  }
+  const std::string_view own = imu.protocol != nullptr ? default_model(*imu.protocol, imu.settings) : "white";
+  const Preset* preset = read_model(table, own, imu.errors_model);
+  const std::optional<SensorFilters> filters = read_device_filters(table, preset, imu);
+  double internal_hz = 0;
+  if (preset != nullptr) {
+    try {
+      PresetErrors errors = preset_errors(*preset, imu.rate_hz);
+      if (product) {
+        fit(errors.gyro, product->gyro, preset->name == own);
+        fit(errors.accelerometer, product->accelerometer, preset->name == own);
+      }
+      gyro = errors.gyro;
+      accelerometer = errors.accelerometer;
+      gyro_density = errors.gyro_density;
+      accelerometer_density = errors.accelerometer_density;
+      if (filters || (!is_within(errors, imu.rate_hz) && !table.has("internal_rate_hz")))
+        gyro->filter = accelerometer->filter = {};
+      else
+        internal_hz = errors.internal_rate_hz;
+    } catch (const ConfigError& error) {
+      table.fault("model", error.what());
+    }
+  } else if (imu.errors_model == "ideal" && product) {
+    gyro = without_errors(gyro->max);
+    accelerometer = without_errors(accelerometer->max);
+    magnetometer = without_errors(magnetometer.max);
+    imu.model.barometer = {};
+  }
+  internal_hz = read_internal_rate(table, internal_hz, imu);
+  // A product's white noise is that of one sample at its rate.
+  if (imu.errors_model == "white" && product)
+    for (TriadErrors* errors : {&*gyro, &*accelerometer})
+      if (errors->walk_transition.isZero(0.0)) errors->walk_sqrt_cov *= std::sqrt(imu.model.internal_samples);
+  imu.model.gyro = read_gyro(table.child("gyro"), gyro ? &*gyro : nullptr, internal_hz, gyro_density);
+  imu.model.accelerometer = read_accelerometer(
+      table.child("accelerometer"), accelerometer ? &*accelerometer : nullptr, internal_hz, accelerometer_density);
+  imu.model.magnetometer = read_magnetometer(table.child("magnetometer"), &magnetometer, imu.rate_hz);
+  if (!filters) return;
+  set_device_filter(table.child("gyro"), filters->gyro, imu.model.gyro);
+  set_device_filter(table.child("accelerometer"), filters->accelerometer, imu.model.accelerometer);
+  set_device_filter(table.child("magnetometer"), filters->magnetometer, imu.model.magnetometer);
+}
+
+// Adds the fault that a protocol has found in its settings: of the setting with whose key the text begins.
+void fault_of_settings(TableReader& table, TableReader& device, std::span<const Setting> settings,
+                       std::string_view text) {
+  for (const Setting& setting : settings)
+    if (text.starts_with(fmt::format("{}: ", setting.key)))
+      return device.fault(setting.key, text.substr(setting.key.size() + 2));
+  table.fault("device", text);
+}
+
+}  // namespace
+
+ImuConfig read_imu(TableReader& table, std::size_t index) {
+  ImuConfig imu;
+  imu.name = table.text("name", fmt::format("imu{}", index + 1));
+  if (imu.name.empty()) table.fault("name", "give a name that is not empty");
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7F'; };
+  if (std::any_of(imu.name.begin(), imu.name.end(), is_control))
+    table.fault("name", "has a line feed or another control character; give a name in one line of text");
+
+  table.require("protocol", "one that `imud list` shows");
+  const std::string protocol = table.text("protocol", "");
+  imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
+  std::optional<Product> product;
+  std::optional<TableReader> device;
+  if (imu.protocol != nullptr) {
+    device.emplace(table.child("device"));
+    imu.settings = read_settings(*device, imu.protocol->settings);
+    device->finish();
+    try {
+      static_cast<void>(imu.protocol->make(imu.settings));
+    } catch (const std::invalid_argument& error) {
+      fault_of_settings(table, *device, imu.protocol->settings, error.what());
+      imu.settings = Settings(imu.protocol->settings);
+    }
+    if (imu.protocol->product != nullptr) product = imu.protocol->product(imu.settings);
+    const std::unique_ptr<Device> made = imu.protocol->make(imu.settings);
+    imu.port_settings.uart = made->uart();
+    imu.second_port_settings.uart = made->second_uart();
+  } else {
+    table.node("device");
+  }
+
+  if (product) {
+    imu.rate_hz = table.real("rate_hz", product->rate_hz, Grid::min_rate_hz, Grid::max_rate_hz);
+    if (imu.rate_hz != product->rate_hz)
+      table.fault("rate_hz",
+                  fmt::format("{} always samples at {} Hz; the rate of its output is set in [imu.device]; omit "
+                              "this key",
+                              imu.protocol->name, product->rate_hz));
+  } else {
+    table.require("rate_hz", "the sensor's output rate");
+    imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
+  }
+  if (device && imu.protocol->check != nullptr) {
+    try {
+      imu.protocol->check(imu.settings, imu.rate_hz);
+    } catch (const std::invalid_argument& error) {
+      fault_of_settings(table, *device, imu.protocol->settings, error.what());
+    }
+  }
+  const double error_ppm = table.real("clock_error_ppm", 0.0, -Grid::max_clock_error_ppm, Grid::max_clock_error_ppm);
+  const double phase_us = table.real("phase_us", 0.0, 0.0, 1e9);
+  imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
+  read_jitter(table, imu);
+
+  constexpr BeforeFirst reactions[] = {BeforeFirst::silence, BeforeFirst::rest};
+  imu.before_first = reactions[table.choice("before_first", {"silence", "rest"}, product ? 1 : 0)];
+
+  table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
+  imu.port = table.text("port", "");
+  const Transport* transport = check_device_port(table, "port", imu.port, imu.port_settings);
+  if (transport != nullptr && imu.protocol != nullptr) {
+    const bool can = imu.protocol->link == Link::can;
+    if (transport->carries_can != can)
+      table.fault(
+          "port",
+          fmt::format("{} is for {}; give {}", imu.protocol->name, can ? "a CAN bus" : "byte links",
+                      ports_that([&](const Transport& t) { return t.serves_device && t.carries_can == can; })));
+    else if (const LineLoad load = line_load(imu); load.percent > 100.0)
+      table.fault(product ? "device" : "rate_hz",
+                  fmt::format("{}; {}", load.text(),
+                              product ? "reduce what it sends or how often, or give a faster line"
+                                      : "give a lower rate or a faster line"));
+    else if (load.percent >= BusLoad::high_percent && can)
+      table.warn("port", fmt::format("{}; above {:.0f} % a CAN bus delays frames of low priority", load.text(),
+                                     BusLoad::high_percent));
+  }
+  if (read_second_port(table, imu) != nullptr && imu.protocol != nullptr)
+    if (const LineLoad load = line_load(imu, 1); load.percent > 100.0)
+      table.fault("device",
+                  fmt::format("at the second port {}; reduce what it sends or how often, or give a faster line",
+                              load.text()));
+
+  read_also(table, imu);
+  imu.sync = read_sync(table.child("sync"), imu.protocol);
+
+  imu.model.temperature_c = table.real("temperature_c", imu.model.temperature_c, -273.15, 1e4);
+  read_mounting(table.child("mounting"), imu.model);
+  imu.model.temperature = read_temperature(table.child("temperature"));
+  imu.model.vibration = read_vibration(table.child("vibration"));
+  read_errors(table, product, imu);
+  read_barometer(table.child("barometer"), imu.model.barometer);
+  imu.model.navigation = read_navigation(table.child("navigation"));
+  TableReader increments = table.child("increments");
+  constexpr DeltaAngle angles[] = {DeltaAngle::rotation_vector, DeltaAngle::integral};
+  constexpr DeltaVelocity velocities[] = {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame};
+  imu.model.delta_angle = angles[increments.choice("delta_angle", {"rotation_vector", "integral"}, 0)];
+  imu.model.delta_velocity = velocities[increments.choice("delta_velocity", {"integral", "memo", "end_frame"}, 0)];
+  increments.finish();
+  table.finish();
+  return imu;
+}
+
+bool carries_place(const ImuConfig& imu) {
+  // A host, or the settings, may choose what is sent.
+  if (imu.protocol == nullptr || imu.protocol->product != nullptr || imu.protocol->fields != Measurement::all)
+    return true;
+  const auto bytes_of = [&](bool is_known) {
+    Sample sample = typical_sample();
+    if (is_known) {
+      sample.navigation = {.is_known = true, .latitude = 0.8, .longitude = 0.1, .height = 500};
+      sample.magnetic_field = Vector3::Constant(2e-5);
+      sample.pressure = 9e4;
+    }
+    const auto frames = std::make_unique<FrameBuffer>();
+    imu.protocol->make(imu.settings)->sample(sample, *frames);
+    std::vector<std::byte> bytes;
+    for (const Frame& frame : frames->frames()) bytes.insert(bytes.end(), frame.bytes.begin(), frame.bytes.end());
+    return bytes;
+  };
+  const std::vector<std::byte> bytes = bytes_of(false);
+  return bytes.empty() || bytes != bytes_of(true);
+}
+
+bool carries_status(const ImuConfig& imu, std::uint32_t bits) {
+  struct Sink final : MeasurementSink {
+    void on_measurement(const Measurement& measurement) override {
+      if ((measurement.fields & Measurement::status) != 0) seen |= measurement.sample.status;
+    }
+    std::uint32_t seen = 0;
+  } sink;
+  if (imu.protocol->product != nullptr) return (imu.protocol->status_bits & bits) == bits;
+  Sample sample = typical_sample();
+  sample.status = bits;
+  const auto frames = std::make_unique<FrameBuffer>();
+  imu.protocol->make(imu.settings)->sample(sample, *frames);
+  const std::unique_ptr<Decoder> decoder = imu.protocol->make_decoder(imu.settings);
+  for (const Frame& frame : frames->frames()) decoder->feed(frame, sink);
+  decoder->finish(sink);
+  return (sink.seen & bits) == bits;
+}
+
+}  // namespace imud

@@ -1,0 +1,156 @@
+#include <map>
+#include <set>
+
+#include "core/numbers/random.hpp"
+#include "emulator/config/config_parts.hpp"
+#include "emulator/config/line_load.hpp"
+#include "transports/file/output_path.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns true if what a device at `port` sends arrives at the listener.
+bool reaches(const std::string& port, const std::string& listener) {
+  const Transport* transport = transport_of(port);
+  if (transport == nullptr || transport->reaches == nullptr || transport != transport_of(listener)) return false;
+  try {
+    return transport->reaches(PortSpec::parse(port), PortSpec::parse(listener));
+  } catch (const PortError&) {
+    return false;  // which is a fault already
+  }
+}
+
+std::string address_of(const std::string& port) { return port.substr(0, port.find('?')); }
+
+// Finds what two imus have in common, or an imu and the truth.
+class Together {
+ public:
+  Together(const std::string& truth_port, const toml::array& tables, Faults& faults)
+      : truth_port_(truth_port), tables_(tables), faults_(faults) {
+    if (!truth_port.empty()) listeners_.emplace(truth_port, "truth.port");
+  }
+
+  void add(const ImuConfig& imu, std::size_t i) {
+    i_ = i;
+    if (const auto [at, is_new] = names_.emplace(imu.name, i); !is_new)
+      clash("name", at->second, "the same");
+    else if (const auto [same, is_alone] = streams_.emplace(stream_id(imu.name), i); !is_alone)
+      clash("name", same->second, "the same random numbers");
+    listen("sync.trigger_port", imu.sync.trigger_port);
+    listen("sync.pps_port", imu.sync.pps_port);
+    send("port", imu.port);
+    send("second_port", imu.second_port);
+    for (const std::string& copy : imu.also) send("also", copy);
+    send("sync.tov_port", imu.sync.tov_port);
+    if (imu.protocol != nullptr && imu.protocol->link == Link::can) add_identifiers(imu);
+  }
+
+  // Called when all imus were added, and are valid.
+  void check_buses(const std::vector<ImuConfig>& imus) {
+    for (const BusLoad& bus : bus_loads(imus)) {
+      if (bus.imus.size() < 2) continue;
+      i_ = bus.imus.back();
+      check_bit_rates(imus, bus);
+      const std::string what =
+          fmt::format("the {} imus on {} load it by {}", bus.imus.size(), bus.address, bus.text());
+      if (bus.percent > 100.0)
+        fault("port", what + "; reduce what they send or how often, or give a faster bus");
+      else if (bus.percent >= BusLoad::high_percent)
+        warn("port",
+             fmt::format("{}; above {:.0f} % a CAN bus delays frames of low priority", what, BusLoad::high_percent));
+    }
+    for (const Identifier& received : received_)
+      if (const auto sender = identifiers_.find(received.at);
+          sender != identifiers_.end() && sender->second != received.imu) {
+        i_ = received.imu;
+        warn("device", fmt::format("it receives the CAN identifier {:#x}, which imu.{} sends on the same bus",
+                                   received.at.second & 0x1FFF'FFFFU, sender->second));
+      }
+  }
+
+ private:
+  void fault(std::string_view key, std::string_view what) {
+    faults_.add(tables_[i_].source().begin.line, fmt::format("imu.{}.{}", i_, key), what);
+  }
+  void warn(std::string_view key, std::string_view what) {
+    faults_.warn(tables_[i_].source().begin.line, fmt::format("imu.{}.{}", i_, key), what);
+  }
+  void clash(std::string_view key, std::size_t other, std::string_view what) {
+    fault(key, fmt::format("{} as imu.{}; give another", what, other));
+  }
+
+  void listen(std::string_view key, const std::string& port) {
+    if (!udp_port(port)) return;  // the system chooses a free one
+    if (const auto [at, is_new] = listeners_.emplace(port, fmt::format("imu.{}.{}", i_, key)); !is_new)
+      fault(key, fmt::format("the same as {}; give another", at->second));
+  }
+
+  void send(std::string_view key, const std::string& port) {
+    const Transport* transport = transport_of(port);
+    if (transport == nullptr) return;
+    if (reaches(port, truth_port_))
+      fault(key, "sends to truth.port, so that imud would receive its own frames; give another");
+    if (transport->is_shared) return;
+    if (transport->tcp_port != nullptr && !tcp_port(port)) return;  // the system chooses a free one
+    std::string path = path_of(port);                               // which may have several spellings
+    if (transport->is_standard_output != nullptr &&
+        is_standard_output(address_of(port).substr(transport->name.size() + 1)))
+      path = "-";
+    if (const auto [at, is_new] = ports_.emplace(path.empty() ? address_of(port) : std::move(path), i_); !is_new)
+      clash(key, at->second, "the same");
+  }
+
+  void add_identifiers(const ImuConfig& imu) {
+    const Transport* transport = transport_of(imu.port);
+    if (transport == nullptr || !transport->is_shared) return;
+    constexpr std::uint32_t extended = 1U << 31U, whole = 0x1FFF'FFFFU, whole_standard = 0x7FFU;
+    for (const CanFilter& filter : imu.protocol->can_filters(imu.settings))
+      if (!filter.inverted && filter.data &&
+          (filter.mask & (filter.extended ? whole : whole_standard)) == (filter.extended ? whole : whole_standard))
+        received_.push_back({{address_of(imu.port), filter.id | (filter.extended ? extended : 0U)}, i_});
+    std::set<std::uint32_t> ids;
+    for (const CanMessage& sent : imu.protocol->can_messages(imu.settings, imu.rate_hz))
+      if (!sent.is_assigned) ids.insert(sent.can.id | (sent.can.extended ? extended : 0U));
+    for (const std::uint32_t id : ids)
+      if (const auto [at, is_new] = identifiers_.emplace(std::pair{address_of(imu.port), id}, i_); !is_new)
+        return clash("device", at->second, fmt::format("the same CAN identifier {:#x} on the same bus", id & whole));
+  }
+
+  void check_bit_rates(const std::vector<ImuConfig>& imus, const BusLoad& bus) {
+    for (const std::size_t i : bus.imus) {
+      const double own = line_load(imus[i]).line_bits_per_s;
+      i_ = i;
+      if (own != 0 && own != bus.line_bits_per_s)
+        fault("port", fmt::format("{} bit/s, and imu.{} gives {} for the same bus; give one bit rate", own,
+                                  bus.imus.front(), bus.line_bits_per_s));
+    }
+    i_ = bus.imus.back();
+  }
+
+  const std::string& truth_port_;
+  const toml::array& tables_;
+  Faults& faults_;
+  std::size_t i_ = 0;  // the imu that add() adds
+  std::map<std::string, std::string> listeners_;
+  std::map<std::string, std::size_t> names_, ports_;
+  std::map<std::uint32_t, std::size_t> streams_;
+  using BusIdentifier = std::pair<std::string, std::uint32_t>;
+  struct Identifier {
+    BusIdentifier at;
+    std::size_t imu;
+  };
+  std::map<BusIdentifier, std::size_t> identifiers_;  // that an imu sends
+  std::vector<Identifier> received_;                  // those that an imu receives and no mask widens
+};
+
+}  // namespace
+
+void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,
+                         Faults& faults) {
+  Together together(truth_port, tables, faults);
+  for (std::size_t i = 0; i < imus.size(); ++i) together.add(imus[i], i);
+  if (faults.all().empty()) together.check_buses(imus);
+}
+
+}  // namespace imud

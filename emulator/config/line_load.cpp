@@ -1,0 +1,220 @@
+#include "emulator/config/line_load.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "protocols/protocol.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+namespace {
+
+void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {
+  const auto same = std::find_if(all.begin(), all.end(), [&](const SentFrames& sent) {
+    return sent.can == frame.can && sent.bytes == frame.bytes.size();
+  });
+  if (same != all.end())
+    same->per_s += per_s;
+  else
+    all.push_back({frame.can, frame.bytes.size(), per_s});
+}
+
+// Calls `take` with the frames that a product makes of typical samples from 1 s after power on until `end`, because
+// the first second contains the start-up.
+template <class Take>
+void make_typical(const ImuConfig& imu, std::uint8_t uart, Nanoseconds end, Take take) {
+  constexpr Nanoseconds begin = std::chrono::seconds(1);
+  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  if (uart != 0) device->connect_second_uart();
+  const auto frames = std::make_unique<FrameBuffer>();
+  const Grid grid(imu.rate_hz);
+  Sample sample = typical_sample();
+  for (std::uint64_t k = 0; grid.nominal_offset(k) < end; ++k) {
+    const auto count = [&] {
+      if (grid.nominal_offset(k) >= begin)
+        for (const Frame& frame : frames->frames())
+          if (frame.uart == uart) take(frame);
+      frames->clear();
+    };
+    sample.time = DeviceTime{} + grid.nominal_offset(k);
+    sample.counter = k;
+    for (auto deadline = device->deadline(); deadline && *deadline <= sample.time; deadline = device->deadline()) {
+      device->poll(*deadline, *frames);
+      count();
+    }
+    device->sample(sample, *frames);
+    count();
+  }
+}
+
+std::vector<SentFrames> sent_by_product(const ImuConfig& imu, std::uint8_t uart) {
+  std::vector<SentFrames> all;
+  make_typical(imu, uart, std::chrono::seconds(2), [&all](const Frame& frame) { add(all, frame, 1.0); });
+  return all;
+}
+
+// The mean of the frames of one identifier, with their own data.
+struct Typical {
+  CanHeader can;
+  double frames = 0, bits = 0, seconds = 0;
+};
+
+// Returns the mean for each identifier that the device sends with typical samples: with 100 of them, or, at less than
+// 100 Hz, with those of a second.
+std::vector<Typical> typical_frames(const Transport& transport, const PortSpec& spec, const ImuConfig& imu) {
+  std::vector<Typical> all;
+  const Nanoseconds end = std::chrono::seconds(1) + nanoseconds(std::max(0.1, std::min(1.0, 100 / imu.rate_hz)));
+  make_typical(imu, 0, end, [&](const Frame& frame) {
+    auto same = std::find_if(all.begin(), all.end(), [&](const Typical& t) { return t.can == frame.can; });
+    if (same == all.end()) same = all.insert(all.end(), Typical{.can = frame.can});
+    const WireTime time = transport.wire_time(spec, imu.port_settings, frame);
+    same->frames += 1;
+    same->bits += time.own_bits;
+    same->seconds += time.own_seconds;
+  });
+  return all;
+}
+
+// Counts the frames of the second sample; the first may have more, such as a header row.
+std::vector<SentFrames> sent_by_sample(const ImuConfig& imu) {
+  const auto frames = std::make_unique<FrameBuffer>();
+  const std::unique_ptr<Device> device = imu.protocol->make(imu.settings);
+  const Sample sample = typical_sample();
+  device->sample(sample, *frames);
+  frames->clear();
+  device->sample(sample, *frames);
+  std::vector<SentFrames> all;
+  for (const Frame& frame : frames->frames()) add(all, frame, imu.rate_hz);
+  return all;
+}
+
+// Returns "45.1 %", or "45.1 % on average and 52.0 % at most".
+std::string share_text(double average_percent, double percent) {
+  return average_percent < percent ? fmt::format("{:.1f} % on average and {:.1f} % at most", average_percent, percent)
+                                   : fmt::format("{:.1f} %", percent);
+}
+
+}  // namespace
+
+Sample typical_sample() {
+  Sample sample;
+  sample.time = DeviceTime{1'234'567'891'234};
+  sample.counter = 1'234'567;
+  sample.rate = {0.0123456789012345, -0.123456789012345, 1.23456789012345};
+  sample.specific_force = {0.123456789012345, -1.23456789012345, -9.80665012345678};
+  sample.delta_angle = 1e-3 * sample.rate;
+  sample.delta_velocity = 1e-3 * sample.specific_force;
+  return sample;
+}
+
+std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart) {
+  if (imu.protocol->link == Link::can) {
+    std::vector<SentFrames> all;
+    for (const CanMessage& message : imu.protocol->can_messages(imu.settings, imu.rate_hz))
+      all.push_back({message.can, message.max_size, message.max_frames_per_s});
+    return all;
+  }
+  return imu.protocol->product != nullptr ? sent_by_product(imu, uart) : sent_by_sample(imu);
+}
+
+namespace {
+
+// `spec`: of the port, or one with the bit rate of its bus.
+LineLoad load_on(const PortSpec& spec, const ImuConfig& imu, std::uint8_t uart) {
+  const PortSettings& settings = uart == 0 ? imu.port_settings : imu.second_port_settings;
+  const Transport& transport = *find_transport(spec.scheme);
+  const std::vector<std::byte> data(FrameBuffer::max_bytes);
+  LineLoad load;
+  double frames_per_sample = 0, bytes_per_sample = 0, busy = 0, average_busy = 0;
+  const bool is_can = imu.protocol->link == Link::can && transport.wire_time != nullptr;
+  const std::vector<Typical> typical = is_can ? typical_frames(transport, spec, imu) : std::vector<Typical>();
+  for (const SentFrames& sent : sent_frames(imu, uart)) {
+    const Frame frame{std::span(data).first(sent.bytes), sent.can};
+    WireTime time;
+    if (transport.wire_time != nullptr)
+      time = transport.wire_time(spec, settings, frame);
+    else
+      time.bits = time.average_bits = 8.0 * static_cast<double>(sent.bytes);
+    for (const Typical& frames : typical)
+      if (frames.can == sent.can) {
+        time.average_bits = frames.bits / frames.frames;
+        time.average_seconds = frames.seconds / frames.frames;
+      }
+    load.frames_per_s += sent.per_s;
+    load.bits_per_s += time.bits * sent.per_s;
+    load.average_bits_per_s += time.average_bits * sent.per_s;
+    load.line_bits_per_s = time.bit_rate;
+    busy += time.seconds * sent.per_s;
+    average_busy += time.average_seconds * sent.per_s;
+    frames_per_sample += sent.per_s / imu.rate_hz;
+    bytes_per_sample += static_cast<double>(sent.bytes) * sent.per_s / imu.rate_hz;
+  }
+  load.percent = 100.0 * busy;
+  load.average_percent = 100.0 * average_busy;
+  if (imu.protocol->product == nullptr) {
+    load.frames_per_sample = static_cast<std::size_t>(std::lround(frames_per_sample));
+    load.bytes_per_sample = static_cast<std::size_t>(std::lround(bytes_per_sample));
+  }
+  return load;
+}
+
+}  // namespace
+
+LineLoad line_load(const ImuConfig& imu, std::uint8_t uart) {
+  return load_on(PortSpec::parse(uart == 0 ? imu.port : imu.second_port), imu, uart);
+}
+
+std::string LineLoad::text() const {
+  std::string line = frames_per_sample == 0
+                         ? fmt::format("{:.0f} frames/s", frames_per_s)
+                         : fmt::format("{} frame{} of {} bytes together per sample", frames_per_sample,
+                                       frames_per_sample == 1 ? "" : "s", bytes_per_sample);
+  const bool varies = average_bits_per_s < bits_per_s;
+  line += varies ? fmt::format(", {:.0f} bit/s on average and {:.0f} at most", average_bits_per_s, bits_per_s)
+                 : fmt::format(", {:.0f} bit/s", bits_per_s);
+  if (line_bits_per_s > 0.0)
+    line += fmt::format(", {} of the line's {:.0f} bit/s", share_text(average_percent, percent), line_bits_per_s);
+  return line;
+}
+
+std::string BusLoad::text() const {
+  return fmt::format("{} of {:.0f} bit/s", share_text(average_percent, percent), line_bits_per_s);
+}
+
+std::vector<BusLoad> bus_loads(std::span<const ImuConfig> imus) {
+  std::vector<BusLoad> buses;
+  std::vector<PortSpec> specs;  // of each bus, with its bit rate
+  const auto load_of = [](const PortSpec& spec, const ImuConfig& imu) { return load_on(spec, imu, 0); };
+  const auto bus_of = [&](const std::string& address) {
+    return std::find_if(buses.begin(), buses.end(), [&](const BusLoad& bus) { return bus.address == address; });
+  };
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    const Transport* transport = transport_of(imus[i].port);
+    if (!transport->is_shared || !transport->carries_can) continue;
+    const PortSpec spec = PortSpec::parse(imus[i].port);
+    const std::string address = fmt::format("{}:{}", spec.scheme, spec.address);
+    auto bus = bus_of(address);
+    if (bus == buses.end()) {
+      bus = buses.insert(buses.end(), BusLoad{.address = address, .imus = {}});
+      specs.push_back(spec);
+    }
+    PortSpec& of_bus = specs[static_cast<std::size_t>(bus - buses.begin())];
+    if (load_of(of_bus, imus[i]).line_bits_per_s == 0) of_bus = spec;
+    bus->imus.push_back(i);
+  }
+  for (std::size_t b = 0; b < buses.size(); ++b)
+    for (const std::size_t i : buses[b].imus) {
+      const LineLoad load = load_of(specs[b], imus[i]);
+      buses[b].line_bits_per_s = load.line_bits_per_s;
+      buses[b].percent += load.percent;
+      buses[b].average_percent += load.average_percent;
+    }
+  std::erase_if(buses, [](const BusLoad& bus) { return bus.line_bits_per_s == 0; });
+  return buses;
+}
+
+}  // namespace imud

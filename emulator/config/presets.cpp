@@ -1,0 +1,106 @@
+#include "emulator/config/presets.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "emulator/config/config_parts.hpp"
+
+namespace imud {
+
+namespace {
+// Returns a comment line of the text, without "# "; empty if that line is none.
+std::string_view comment_line(std::string_view text, int number) noexcept {
+  for (; number > 0; --number) text.remove_prefix(std::min(text.find('\n'), text.size() - 1) + 1);
+  const std::string_view line = text.substr(0, text.find('\n'));
+  return line.starts_with("# ") ? line.substr(2) : std::string_view();
+}
+
+// Returns the preset in a user's file; nullptr if it cannot be read.
+const Preset* preset_in_file(const std::string& path) {
+  struct File {
+    std::string text;
+    Preset preset;
+  };
+  static std::map<std::string, File> files;
+  const auto known = files.find(path);
+  if (known != files.end()) return &known->second.preset;
+  std::ifstream stream(path, std::ios::binary);
+  std::string text(std::istreambuf_iterator<char>(stream), {});
+  if (!stream.is_open() || stream.bad() || text.empty()) return nullptr;
+  const auto place = files.emplace(path, File{std::move(text), {}}).first;
+  place->second.preset = {place->first, place->second.text};
+  return &place->second.preset;
+}
+
+// Returns how a table of a file, which may lack it, states its white noise.
+Sidedness sidedness_of(const toml::table* triad) {
+  if (triad == nullptr) return Sidedness::none;
+  bool is_density = false;
+  for (const auto& [key, value] : *triad)
+    is_density = is_density || (key.str().starts_with("noise_density_") && key.str() != "noise_density_sidedness");
+  if (!is_density) return Sidedness::none;
+  return (*triad)["noise_density_sidedness"].value_or(std::string_view()) == "one_sided" ? Sidedness::one_sided
+                                                                                         : Sidedness::two_sided;
+}
+
+// Returns the keys of the lines that contain `mark`.
+std::vector<std::string> keys_marked(std::string_view text, std::string_view mark) {
+  std::vector<std::string> keys;
+  std::string triad;
+  while (!text.empty()) {
+    const std::string_view line = text.substr(0, text.find('\n'));
+    text.remove_prefix(std::min(text.size(), line.size() + 1));
+    if (line.starts_with("[imu.")) triad = std::string(line.substr(5, line.find(']') - 5)) + ".";
+    const std::size_t equals = line.find(" = ");
+    if (!line.starts_with("#") && equals != line.npos && line.find(mark, equals) != line.npos)
+      keys.push_back(triad + std::string(line.substr(0, equals)));
+  }
+  return keys;
+}
+}  // namespace
+
+std::vector<std::string> Preset::keys() const { return keys_marked(text, ""); }
+std::vector<std::string> Preset::unconfirmed() const { return keys_marked(text, "# unconfirmed: "); }
+std::string_view Preset::summary() const noexcept { return comment_line(text, 0); }
+std::string_view Preset::source() const noexcept { return comment_line(text, 1); }
+
+const Preset* find_preset(std::string_view name) {
+  if (name.ends_with(".toml")) return preset_in_file(std::string(name));
+  const auto all = presets();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [name](const Preset& preset) { return preset.name == name; });
+  return found == all.end() ? nullptr : &*found;
+}
+
+std::string_view default_model(const Protocol& protocol, const Settings& settings) {
+  return protocol.preset != nullptr ? protocol.preset(settings) : "white";
+}
+
+PresetErrors preset_errors(const Preset& preset, double rate_hz) {
+  Faults faults("preset " + std::string(preset.name));
+  toml::table file;
+  try {
+    file = toml::parse(preset.text);
+  } catch (const toml::parse_error& error) {
+    faults.add(error.source().begin.line, "TOML", error.description());
+    throw ConfigError(faults.all());
+  }
+  toml::table resolved;
+  TableReader imu(file["imu"].as_table(), "imu.", 0, faults, resolved);
+  PresetErrors errors;
+  errors.internal_rate_hz = imu.real("internal_rate_hz", 0, 0, ImuConfig::max_internal_rate_hz);
+  const double internal_hz = std::max(rate_hz, errors.internal_rate_hz);
+  errors.gyro = read_gyro(imu.child("gyro"), nullptr, internal_hz);
+  errors.accelerometer = read_accelerometer(imu.child("accelerometer"), nullptr, internal_hz);
+  errors.gyro_density = sidedness_of(file["imu"]["gyro"].as_table());
+  errors.accelerometer_density = sidedness_of(file["imu"]["accelerometer"].as_table());
+  imu.finish();
+  if (!faults.all().empty()) throw ConfigError(faults.all());
+  return errors;
+}
+
+}  // namespace imud

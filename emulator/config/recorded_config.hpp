@@ -1,0 +1,21 @@
+// The configuration that a record has in it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// Returns the configuration in a record, TOML with the value of every key; nullopt if the file is no record. Empty if
+// the record has none.
+std::optional<std::string> recorded_config(const std::string& path);
+
+// Returns a line for each key of `config` whose value is not that of the recorded run, `recorded`. Ports of truth and
+// imus, their pace, the clock and [realtime] may differ: they do not change what is sampled. Each imu is compared
+// with the one of its name, if there is one.
+std::vector<std::string> differences(const Config& config, const Config& recorded);
+
+}  // namespace imud

@@ -1,0 +1,341 @@
+// The errors of gyros, accelerometers and magnetometers in a configuration: SI, or the units of data sheets, which
+// the keys name.
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/units.hpp"
+#include "emulator/config/config_parts.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr double huge = 1e9;
+constexpr double hour = 3600, root_hour = 60;  // s, sqrt(s)
+constexpr double deg = units::degree, g = units::standard_gravity;
+
+// A unit as a key ends, and its value in SI.
+struct Unit {
+  std::string_view suffix;
+  double si;
+};
+using Units = std::initializer_list<Unit>;
+
+// The keys of one kind of sensor. A term has the units of IEEE Std 952 and 1293, and those of data sheets.
+struct SensorKeys {
+  Units value;                  // of max, lsb and the bias terms
+  std::string_view white;       // the name of its white noise's integral; empty: it has none
+  Units white_units;            // of that name
+  Units density;                // of noise_density
+  std::string_view walk, ramp;  // the names of its random walk and its ramp
+  Units walk_units, ramp_units;
+  std::string_view increment_lsb;  // empty: it has no increments
+};
+
+const SensorKeys gyro_keys = {
+    .value = {{"rad_per_s", 1}, {"deg_per_s", deg}, {"deg_per_hr", deg / hour}},
+    .white = "angle_random_walk",
+    .white_units = {{"rad_per_rt_s", 1}, {"deg_per_rt_s", deg}, {"deg_per_rt_hr", deg / root_hour}},
+    .density = {{"rad_per_s_per_rt_hz", 1},
+                {"deg_per_s_per_rt_hz", deg},
+                {"mdeg_per_s_per_rt_hz", 1e-3 * deg},
+                {"deg_per_hr_per_rt_hz", deg / hour}},
+    .walk = "rate_random_walk",
+    .ramp = "rate_ramp",
+    .walk_units = {{"rad_per_s_per_rt_s", 1},
+                   {"deg_per_s_per_rt_s", deg},
+                   {"deg_per_hr_per_rt_hr", deg / hour / root_hour}},
+    .ramp_units = {{"rad_per_s2", 1}, {"deg_per_s2", deg}, {"deg_per_hr_per_hr", deg / hour / hour}},
+    .increment_lsb = "lsb_delta_angle_rad"};
+
+const SensorKeys accelerometer_keys = {
+    .value = {{"m_per_s2", 1}, {"g", g}, {"mg", 1e-3 * g}, {"ug", 1e-6 * g}},
+    .white = "velocity_random_walk",
+    .white_units = {{"m_per_s_per_rt_s", 1}, {"m_per_s_per_rt_hr", 1 / root_hour}},
+    .density = {{"m_per_s2_per_rt_hz", 1}, {"mg_per_rt_hz", 1e-3 * g}, {"ug_per_rt_hz", 1e-6 * g}},
+    .walk = "acceleration_random_walk",
+    .ramp = "acceleration_ramp",
+    .walk_units = {{"m_per_s2_per_rt_s", 1},
+                   {"mg_per_rt_hr", 1e-3 * g / root_hour},
+                   {"ug_per_rt_hr", 1e-6 * g / root_hour}},
+    .ramp_units = {{"m_per_s3", 1}, {"mg_per_hr", 1e-3 * g / hour}, {"ug_per_hr", 1e-6 * g / hour}},
+    .increment_lsb = "lsb_delta_velocity_m_per_s"};
+
+const SensorKeys magnetometer_keys = {.value = {{"t", 1}, {"ut", 1e-6}, {"nt", 1e-9}},
+                                      .white = "",
+                                      .white_units = {},
+                                      .density = {{"t_per_rt_hz", 1}, {"ut_per_rt_hz", 1e-6}, {"nt_per_rt_hz", 1e-9}},
+                                      .walk = "field_random_walk",
+                                      .ramp = "field_ramp",
+                                      .walk_units = {{"t_per_rt_s", 1}, {"nt_per_rt_s", 1e-9}},
+                                      .ramp_units = {{"t_per_s", 1}, {"nt_per_hr", 1e-9 / hour}},
+                                      .increment_lsb = ""};
+
+std::string key_of(std::string_view stem, std::string_view suffix) { return fmt::format("{}_{}", stem, suffix); }
+
+// Returns the first unit in which the term is given; nullptr if there is none.
+const Unit* given_unit(TableReader& table, std::string_view stem, std::span<const Unit> units) {
+  const Unit* given = nullptr;
+  for (const Unit& unit : units)
+    if (table.has(key_of(stem, unit.suffix)) && given == nullptr) given = &unit;
+  return given;
+}
+
+// Reads a term in the unit in which it is given, with read(key, fallback, unit). Adds a fault if it is given twice.
+// The first unit is that of `fallback`.
+template <class Value, class Read>
+Value in_given_unit(TableReader& table, std::string_view stem, std::span<const Unit> units, const Value& fallback,
+                    Read read) {
+  const Unit* given = given_unit(table, stem, units);
+  if (given == nullptr) return read(key_of(stem, units.begin()->suffix), fallback);
+  Value value = fallback;
+  for (const Unit& unit : units) {
+    const std::string key = key_of(stem, unit.suffix);
+    if (!table.has(key)) continue;
+    const Value si = unit.si * read(key, Value(fallback / unit.si));
+    if (&unit == given)
+      value = si;
+    else
+      table.fault(key, fmt::format("give either this or {}, not both", key_of(stem, given->suffix)));
+  }
+  return value;
+}
+
+Vector3 in_units(TableReader& table, std::string_view stem, std::span<const Unit> units, const Vector3& fallback,
+                 double min = 0) {
+  return in_given_unit(table, stem, units, fallback, [&](const std::string& key, const Vector3& absent) {
+    return table.per_axis(key, absent, min, huge);
+  });
+}
+
+double number_in_units(TableReader& table, std::string_view stem, std::span<const Unit> units, double fallback,
+                       double min) {
+  return in_given_unit(table, stem, units, fallback,
+                       [&](const std::string& key, double absent) { return table.real(key, absent, min, huge); });
+}
+
+// A walk x <- A x + P n grows without limit, exponentially, if an eigenvalue of A is larger than 1.
+void check_growth(TableReader& table, const TriadErrors& e) {
+  constexpr double rounding = 1e-9;
+  const double radius = e.walk_transition.eigenvalues().cwiseAbs().maxCoeff();
+  if (radius <= 1.0 + rounding) return;
+  if ((e.walk_bound.array() > 0.0).all())
+    table.warn("walk_transition",
+               fmt::format("its spectral radius is {:.6g}, so the walk grows to its bound", radius));
+  else
+    table.fault("walk_transition", fmt::format("its spectral radius is {:.6g}, so the walk grows exponentially; give "
+                                               "a matrix of at most 1, or a walk_bound for each axis",
+                                               radius));
+}
+
+// The density of white noise is two-sided here. A data sheet's may be one-sided: then its square is twice as large.
+// `base` is how the present value of `e` was stated.
+void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base, TriadErrors& e) {
+  const bool was_one_sided = base == Sidedness::one_sided;
+  const bool one_sided =
+      table.choice("noise_density_sidedness", {"two_sided", "one_sided"}, was_one_sided ? 1 : 0) == 1;
+  if (base != Sidedness::none && one_sided != was_one_sided) e.white_density *= std::sqrt(one_sided ? 0.5 : 2.0);
+  const Unit* density = given_unit(table, "noise_density", keys.density);
+  if (!keys.white.empty()) {
+    const Unit* integral = given_unit(table, keys.white, keys.white_units);
+    if (integral != nullptr && density != nullptr)
+      table.fault(key_of("noise_density", density->suffix),
+                  fmt::format("give either this or {}, not both", key_of(keys.white, integral->suffix)));
+    if (density == nullptr) {
+      e.white_density = in_units(table, keys.white, keys.white_units, e.white_density);
+      return;
+    }
+  }
+  e.white_density = in_units(table, "noise_density", keys.density, e.white_density);
+  if (one_sided && density != nullptr) e.white_density *= std::sqrt(0.5);
+}
+
+void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErrors& e, double rate_hz) {
+  e.bias_instability = in_units(table, "bias_instability", keys.value, e.bias_instability);
+  // The first process of the cascade cannot be shorter than two samples.
+  const double shortest_s = 2 / rate_hz * e.flicker_from_s / Flicker::first_correlation_time(e.flicker_from_s);
+  constexpr double margin = 1 + 1e-9;
+  e.flicker_from_s =
+      table.real("bias_instability_from_s", std::max(e.flicker_from_s, margin * shortest_s), 1e-3, huge);
+  e.flicker_to_s = table.real("bias_instability_to_s", std::max(e.flicker_to_s, 2 * e.flicker_from_s), 1e-3, huge);
+  if (e.bias_instability.isZero(0.0)) return;
+  if (e.flicker_to_s < 2 * e.flicker_from_s || e.flicker_to_s > 1e6 * e.flicker_from_s)
+    table.fault("bias_instability_to_s",
+                fmt::format("give an averaging time from {} to {}: 2 to 1000000 times bias_instability_from_s",
+                            2 * e.flicker_from_s, 1e6 * e.flicker_from_s));
+  else if (Flicker::first_correlation_time(e.flicker_from_s) < 2 / rate_hz)
+    table.fault("bias_instability_from_s",
+                fmt::format("too short for a sensor of {} Hz; give at least {:.3g}", rate_hz, shortest_s));
+}
+
+// Reads the range. A lower limit that is not given is that of the product if the product has one of its own, else
+// -max.
+void read_range(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
+  auto [lower, upper] = e.range();
+  const bool is_symmetric = lower == -upper;
+  const auto read = [&](std::string_view stem, const Vector3& fallback, double min, double max) {
+    return in_given_unit(table, stem, keys.value, fallback, [&](const std::string& key, const Vector3& absent) {
+      const Vector3 limit = table.per_axis(key, absent, min, max);
+      if (limit == Vector3::Constant(limit[0])) table.resolve(key, limit[0]);
+      return limit;
+    });
+  };
+  upper = read("max", upper, 1e-12, huge);
+  lower = read("min", is_symmetric ? Vector3(-upper) : lower, -huge, 0);
+  e.max = upper.maxCoeff();
+  e.limits = {lower, upper};
+  if (lower == Vector3::Constant(-e.max) && upper == Vector3::Constant(e.max)) e.limits.reset();
+}
+
+// The matrix and the curve between input and output.
+void read_response(TableReader& table, TriadErrors& e) {
+  e.misalignment = table.matrix3("misalignment", e.misalignment, false);
+  constexpr double largest = 0.2;  // rad: what is more is a wrong axis, not a misalignment
+  const double distance = (e.misalignment - Matrix3::Identity()).cwiseAbs().maxCoeff();
+  if (!(distance <= largest))
+    table.fault("misalignment", fmt::format("an element differs from the identity's by {:.3g}, at most {} is a "
+                                            "misalignment; use [imu.mounting] to turn the sensor",
+                                            distance, largest));
+  e.scale_factor = table.vector3("scale_factor", e.scale_factor);
+  const double ppm = 1e-6;
+  e.scale_factor_asymmetry =
+      ppm * table.per_axis("scale_factor_asymmetry_ppm", e.scale_factor_asymmetry / ppm, -1e6, 1e6);
+  // A deviation of p ppm of the range at the end of the range.
+  const AxisLimits range = e.range();
+  const auto upper = range.upper.array();
+  const Vector3 square = ppm / upper, cube = ppm / (upper * upper);
+  const auto in_ppm = [&](std::string_view key, const Vector3& unit, Vector3& term) {
+    term = unit.cwiseProduct(table.per_axis(key, term.cwiseQuotient(unit), -1e6, 1e6));
+  };
+  in_ppm("quadratic_ppm_of_range", square, e.quadratic);
+  in_ppm("cubic_ppm_of_range", cube, e.cubic);
+}
+
+// A polynomial over the temperature: a key for each unit of its degree.
+void read_temperature(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
+  e.reference_temperature_c = table.real("reference_temperature_c", e.reference_temperature_c, -273.15, 1e4);
+  const double ppm = 1e-6;
+  constexpr std::string_view powers[] = {"per_c", "per_c2", "per_c3"};
+  for (int degree = 0; degree < 3; ++degree) {
+    const std::string_view per = powers[degree];
+    e.temperature_scale.col(degree) =
+        ppm * table.per_axis(key_of("temperature_scale_ppm", per), e.temperature_scale.col(degree) / ppm, -1e6, 1e6);
+    std::vector<std::string> suffixes;
+    std::vector<Unit> units;
+    for (const Unit& unit : keys.value) suffixes.push_back(key_of(unit.suffix, per));
+    for (std::size_t i = 0; i < suffixes.size(); ++i) units.push_back({suffixes[i], keys.value.begin()[i].si});
+    e.temperature_bias.col(degree) =
+        in_units(table, "temperature_bias", units, e.temperature_bias.col(degree), -huge);
+  }
+}
+
+// At most one kind of filter, at whose output a sample is taken.
+void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
+  constexpr double below = 0.45;  // of the rate: beyond, the filter has no room to fall
+  filter.cut_off_hz = table.per_axis("low_pass_hz", filter.cut_off_hz, 0.0, huge);
+  if (!(filter.cut_off_hz.maxCoeff() < below * rate_hz))
+    table.fault("low_pass_hz", fmt::format("give less than {:.6g}, {} of the sensor's internal rate of {:.6g} Hz, or "
+                                           "raise internal_rate_hz; 0: no filter",
+                                           below * rate_hz, below, rate_hz));
+  const auto integer = [&table](std::string_view key, int fallback, int most) {
+    return static_cast<int>(
+        table.unsigned_integer(key, static_cast<std::uint64_t>(fallback), static_cast<std::uint64_t>(most)));
+  };
+  filter.order = integer("low_pass_order", filter.order, 4);
+  if (filter.order != 1 && filter.order != 2 && filter.order != 4) table.fault("low_pass_order", "give 1, 2 or 4");
+  const bool is_cic = filter.stages > 1;
+  const int samples = integer("boxcar_samples", is_cic ? 1 : filter.length, SensorFilter::max_length);
+  const int order = integer("cic_order", is_cic ? filter.stages : 0, SensorFilter::max_stages);
+  const int length = integer("cic_length", is_cic ? filter.length : 1, SensorFilter::max_length);
+  if (order > 0 && length <= 1) table.fault("cic_length", "a CIC needs a length of at least 2 samples");
+  if (order == 0 && length > 1) table.fault("cic_order", "cic_length is that of a CIC; give its order, 1 to 8");
+  const bool has_low_pass = !filter.cut_off_hz.isZero(0.0);
+  if (order > 0 && (has_low_pass || samples > 1))
+    table.fault("cic_order",
+                "there is another filter; give cic_order = 0, or low_pass_hz = 0 and boxcar_samples = 1");
+  else if (has_low_pass && samples > 1)
+    table.fault("boxcar_samples", "there is another filter; give boxcar_samples = 1, or low_pass_hz = 0");
+  filter.stages = order > 0 ? order : 1;
+  filter.length = std::max(order > 0 ? length : samples, 1);
+}
+
+TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,
+                       Sidedness density) {
+  TriadErrors e;
+  if (product != nullptr)
+    e = *product;
+  else if (given_unit(table, "max", keys.value) == nullptr)
+    table.require(key_of("max", keys.value.begin()->suffix), "the largest value that the sensor can measure");
+  read_range(table, keys, e);
+  read_temperature(table, keys, e);
+  read_response(table, e);
+  e.bias = in_units(table, "bias", keys.value, e.bias, -huge);
+  e.turn_on_bias = in_units(table, "turn_on_bias", keys.value, e.turn_on_bias);
+  e.ramp = in_units(table, keys.ramp, keys.ramp_units, e.ramp, -huge);
+  read_white_noise(table, keys, density, e);
+  read_bias_instability(table, keys, e, rate_hz);
+  e.correlated_sigma = in_units(table, "correlated_noise", keys.value, e.correlated_sigma);
+  e.correlation_time = table.per_axis("correlation_time_s", e.correlation_time, 1e-6, huge);
+  e.random_walk_density = in_units(table, keys.walk, keys.walk_units, e.random_walk_density);
+  read_filter(table, e.filter, rate_hz);
+  e.lsb = number_in_units(table, "lsb", keys.value, e.lsb, 0);
+  constexpr Rounding roundings[] = {Rounding::toward_zero, Rounding::nearest, Rounding::away_from_zero};
+  const auto rounding = static_cast<std::size_t>(e.rounding);
+  e.rounding = roundings[table.choice("rounding", {"toward_zero", "nearest", "away_from_zero"}, rounding)];
+  e.carry = table.flag("carry", e.carry);
+  if (!keys.increment_lsb.empty()) e.increment_lsb = table.real(keys.increment_lsb, e.increment_lsb, 0.0, huge);
+  e.walk_transition = table.matrix3("walk_transition", e.walk_transition, true);
+  e.walk_sqrt_cov = table.matrix3("walk_sqrt_cov", e.walk_sqrt_cov, true);
+  e.walk_bound = table.vector3("walk_bound", e.walk_bound);
+  if ((e.walk_bound.array() < 0.0).any()) table.fault("walk_bound", "give numbers of at least 0 (0: no bound)");
+  check_growth(table, e);
+  return e;
+}
+
+// The vehicle's iron stands between the field and the sensor: m = M (S B + h), with the misalignment M.
+void read_iron(TableReader& table, TriadErrors& e) {
+  const Matrix3 soft = table.matrix3("soft_iron", Matrix3::Identity(), false);
+  constexpr double largest = 0.9;
+  const double distance = (soft - Matrix3::Identity()).cwiseAbs().maxCoeff();
+  if (!(distance <= largest) || !(soft.determinant() > 0))
+    table.fault("soft_iron", fmt::format("give three rows of three numbers, each within {} of the identity's, with a "
+                                         "determinant above 0",
+                                         largest));
+  e.bias += e.misalignment * in_units(table, "hard_iron", magnetometer_keys.value, Vector3::Zero(), -huge);
+  e.misalignment *= soft;
+}
+
+}  // namespace
+
+TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
+  TriadErrors e = read_triad(table, gyro_keys, product, rate_hz, density);
+  const double per_g = deg / hour / g, per_g2 = per_g / g;
+  e.g_sensitivity = per_g * table.matrix3("g_sensitivity_deg_per_hr_per_g", e.g_sensitivity / per_g, true);
+  e.g_squared_sensitivity =
+      per_g2 * table.matrix3("g_squared_sensitivity_deg_per_hr_per_g2", e.g_squared_sensitivity / per_g2, true);
+  table.finish();
+  return e;
+}
+
+TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz, Sidedness density) {
+  TriadErrors e = read_triad(table, accelerometer_keys, product, rate_hz, density);
+  const double ug_per_g2 = 1e-6 / g;
+  e.vibration_rectification = ug_per_g2 * table.per_axis("vibration_rectification_ug_per_g2",
+                                                         e.vibration_rectification / ug_per_g2, -huge, huge);
+  table.finish();
+  return e;
+}
+
+TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz) {
+  TriadErrors e = read_triad(table, magnetometer_keys, product, rate_hz, Sidedness::none);
+  read_iron(table, e);
+  table.finish();
+  return e;
+}
+
+}  // namespace imud

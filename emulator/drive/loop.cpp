@@ -1,0 +1,318 @@
+#include "emulator/drive/loop.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "emulator/record/recorder.hpp"
+
+namespace imud {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Nanoseconds longest_wait = 20ms;  // until `stop`, and ports that poll() does not report, are checked again
+// The time for preparing an instant's samples, before the spinning. Their frames are made while spinning, or at the
+// instant, so that what a host sends before it is executed before it.
+constexpr Nanoseconds preparation = 150us;
+// A sample whose truth is known may be prepared this early. This saves a fast sensor a wake-up, and leaves reordered
+// truths time to arrive for a slow one.
+constexpr Nanoseconds early = 2ms;
+// The truths taken at once. After a hold-up all waiting truths are taken, so that no sample is extrapolated although
+// its truth has arrived. In a flood only some are taken between two samples.
+constexpr int most_truths = 4096;
+constexpr int most_in_flood = 64;
+constexpr Nanoseconds pause = 1ms;  // if poll() would return at once again
+
+std::vector<Grid> grids(const Session& session) {
+  std::vector<Grid> all;
+  for (const auto& channel : session.channels()) all.push_back(channel->grid());
+  return all;
+}
+
+}  // namespace
+
+Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop)
+    : session_(session),
+      host_(host),
+      pacer_(pacer),
+      options_(options),
+      stop_(stop),
+      recorder_(session.recorder()),
+      intake_(session.intake()),
+      timeline_(session.timeline()),
+      paced_(pacer.is_paced()),
+      waits_for_truth_(pacer.waits_for_truth()),
+      schedule_(grids(session)),
+      limit_(options.limit),
+      budget_(most_truths) {
+  prepared_.reserve(session.channels().size());
+  session_.set_pacer(&pacer_);
+  session_.set_schedule(&schedule_);
+}
+
+Loop::~Loop() {
+  session_.set_pacer(nullptr);
+  session_.set_schedule(nullptr);
+}
+
+void Loop::run() noexcept {
+  if (!waits_for_truth_) {
+    origin_ = host_.now() + pause;
+    if (recorder_ != nullptr) recorder_->set_time(origin_ - pause);
+    for (std::size_t i = 0; i < session_.channels().size(); ++i) {
+      Channel& channel = *session_.channels()[i];
+      channel.power_on(origin_);
+      if (!channel.rests_before_truth()) continue;
+      schedule_.start(i, Nanoseconds{0});
+      channel.start_samples();
+    }
+  }
+  while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
+  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::end, .b = recorder_->polled().ns});
+  send_all();
+}
+
+void Loop::round() noexcept {
+  bool wants = wants_truth();
+  if (wants && truth_waits_) {
+    take_truth();
+    if (ended_) return;
+    wants = wants_truth();
+  }
+  if (wants && waits_for_truth_) {
+    if (!truth_waits_) wait(host_.now() + longest_wait);
+    return;
+  }
+  const HostTime now = paced_ ? host_.now() : HostTime{};
+  if (schedule_.empty()) return wait(now + longest_wait);
+  if (prepared_.empty()) {
+    due_ = next_due();
+    const Nanoseconds ahead = due_ - now;
+    if (paced_ && ahead > options_.spin + preparation) {
+      const bool is_known = is_at_rest(due_) || pacer_.truth(due_) <= timeline_.newest();
+      if (!is_known || ahead > options_.spin + early)
+        return wait(std::min(due_ - options_.spin - preparation, now + longest_wait));
+    }
+    prepare();
+  }
+  if (paced_ && due_ - now > options_.spin) return wait(std::min(due_ - options_.spin, now + longest_wait));
+  if (paced_ && now - due_ > options_.skip_after) return skip(now);
+  transmit(now);
+}
+
+// Returns whether to take truth: live truth always; where samples wait for truth, only if the next sample needs
+// more.
+bool Loop::wants_truth() const noexcept {
+  if (!waits_for_truth_) return true;
+  return prepared_.empty() && (!session_.in_run() || pacer_.truth(next_due()) > latest_sample());
+}
+
+// Where samples wait for truth: returns the latest truth time that can be sampled now, and is within the limit.
+TruthTime Loop::latest_sample() const noexcept {
+  const TruthTime newest = timeline_.newest();
+  return limit_ ? std::min(newest, timeline_.run_start() + *limit_) : newest;
+}
+
+// Returns the truth time before which no sample will be taken any more.
+TruthTime Loop::earliest_sample() noexcept {
+  if (!session_.in_run()) return session_.watermark();
+  if (waits_for_truth_) return timeline_.newest();
+  return std::max(session_.watermark(), pacer_.use(std::min(host_.now(), next_due())));
+}
+
+void Loop::take_truth() noexcept {
+  more_truth_ = has_room_ = true;
+  int taken = 0;
+  if (waits_for_truth_) apply_truth();
+  // Where samples wait for truth there is always room, because apply_truth() advances the imus.
+  for (bool wants = true; wants && more_truth_ && !ended_ && taken < budget_ && !is_due() &&
+                          (has_room_ = waits_for_truth_ || session_.has_room_for_truth(earliest_sample()));) {
+    const TruthIntake::Outcome outcome = intake_.take(session_.watermark());
+    ++taken;
+    more_truth_ = outcome != TruthIntake::Outcome::nothing;
+    answer_due_ = intake_.answer_due();
+    bool begins = outcome == TruthIntake::Outcome::new_run;
+    if (begins || outcome == TruthIntake::Outcome::accepted) newest_arrival_ = intake_.arrival();
+    if (outcome == TruthIntake::Outcome::accepted) {
+      unreviewed_ = unapplied_ = true;
+      const HostTime due = schedule_.empty() ? newest_arrival_ : next_due();
+      if (!pacer_.observe(timeline_.newest(), newest_arrival_, due)) pass_over();
+    }
+    if (!waits_for_truth_ && !begins && outcome == TruthIntake::Outcome::accepted) session_.review_samples();
+    if (outcome == TruthIntake::Outcome::inserted) pacer_.observe_inserted(intake_.truth().time, intake_.arrival());
+    if (begins && !session_.in_run()) {
+      settling_ = pacer_.begin_settling(timeline_.newest(), newest_arrival_);
+      begins = !settling_;
+    }
+    if (begins) begin_run();
+    wants = wants_truth();
+    if (wants) apply_truth();
+  }
+  ended_ = ended_ || (!more_truth_ && intake_.at_end());
+  // A capture may have no descriptor to wait for.
+  truth_waits_ = more_truth_ || (!intake_.is_live() && intake_.descriptor() < 0);
+  budget_ = more_truth_ ? std::max(most_in_flood, budget_ - taken) : most_truths;
+  if (more_truth_) return;
+  if (settling_) {
+    if (!pacer_.is_settled(host_.now())) return;
+    settling_ = false;
+    return begin_run();
+  }
+  if (!std::exchange(unreviewed_, false)) return;
+  pacer_.review(timeline_.newest(), host_.now());
+}
+
+// Advances slow imus and answers the truth's sender. Called when the samples that the truth so far allows have left,
+// or leave by the host's clock.
+void Loop::apply_truth() noexcept {
+  if (std::exchange(unapplied_, false)) session_.advance(earliest_sample());
+  if (waits_for_truth_ && session_.in_run()) {
+    session_.raise_watermark(timeline_.newest());
+    ended_ = latest_sample() < timeline_.newest();
+  }
+  if (!std::exchange(answer_due_, false) || !intake_.is_live()) return;
+  send_all();  // the samples leave before the answer
+  // By the host's clock, not all samples up to the newest truth have left, and before the run none.
+  const TruthTime sampled = session_.in_run() ? session_.watermark() : timeline_.run_start();
+  intake_.answer(waits_for_truth_ ? timeline_.newest() : sampled, session_.samples_in_run());
+}
+
+// Sends what the ports hold back; waits for their readers where the host's clock does not pace.
+void Loop::send_all() noexcept {
+  session_.flush();
+  if (paced_) return;
+  for (const auto& channel : session_.channels())
+    if (channel->holds_back()) channel->wait_until_sent(stop_);
+}
+
+void Loop::begin_run() noexcept {
+  const bool is_first = !session_.in_run();
+  const TruthTime truth = timeline_.newest();
+  if (limit_ && !is_first) *limit_ -= std::min(*limit_, session_.watermark() - run_start_);
+  run_start_ = timeline_.run_start();
+  const HostTime begin = pacer_.begin_run(truth, newest_arrival_, host_.now());
+  session_.begin_run();
+  const auto start = [&](std::size_t i) {
+    Channel& channel = *session_.channels()[i];
+    channel.set_clock(DeviceTime{truth.ns}, paced_ ? std::optional(begin) : std::nullopt);
+    channel.start_samples();
+    schedule_.start(i, begin - origin_);
+  };
+  if (waits_for_truth_) {
+    origin_ = begin;
+    for (std::size_t i = 0; i < session_.channels().size(); ++i) start(i);
+  } else if (is_first) {
+    first_truth_ = begin;
+    for (std::size_t i = 0; i < session_.channels().size(); ++i)
+      if (!session_.channels()[i]->rests_before_truth()) start(i);
+  }
+}
+
+// Discards the truth before the newest, because the simulator's time has leapt: there is no motion between the two.
+void Loop::pass_over() noexcept {
+  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::forget_past});
+  timeline_.forget_past();
+  session_.pass_over();
+}
+
+// Waits at most until `until`, for truth, for commands of the hosts, for the devices' deadlines, and for paced
+// lines.
+void Loop::wait(HostTime until) noexcept {
+  session_.poll(host_.now());
+  until = std::min(until, session_.next_wake().value_or(until));
+  const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
+  if (flood) until = std::min(until, host_.now() + pause);
+  // poll() must not return for truth that cannot be taken now, for want of time or room.
+  const std::span<pollfd> inputs = session_.inputs(!more_truth_ && wants_truth());
+  waited_ = true;
+  const bool is_ready = host_.wait_for_input(inputs, until);
+  truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
+  const HostTime now = host_.now();
+  session_.cycle_power_if_requested(now);
+  if (prepared_.empty()) session_.execute_commands(host_);
+  if (is_ready && !session_.serve_inputs(now, reply_clock())) host_.sleep_until(std::min(until, now + pause));
+  if (now - served_ <= longest_wait) return;
+  serve_all();
+  truth_waits_ = true;  // a port that was lost may be back
+}
+
+void Loop::serve_all() noexcept {
+  served_ = host_.now();
+  session_.serve_all(served_, reply_clock());
+}
+
+// Takes all samples of the instant `due_`.
+void Loop::prepare() noexcept {
+  session_.execute_commands(host_);
+  const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
+  const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
+  do {
+    const Schedule::Slot slot = schedule_.next();
+    Channel& channel = *session_.channels()[slot.imu];
+    schedule_.advance();
+    if (at_rest)
+      session_.prepare_at_rest(channel, slot.index, slot.offset);
+    else
+      session_.prepare(channel, slot.index, time);
+    prepared_.push_back(&channel);
+  } while (next_due() == due_);
+}
+
+void Loop::record_transmission(std::uint8_t flags) noexcept {
+  if (recorder_ != nullptr)
+    recorder_->event({RecordEvent::Type::transmit, flags, 0, due_.ns, recorder_->polled().ns});
+}
+
+void Loop::transmit(HostTime now) noexcept {
+  if (recorder_ != nullptr) recorder_->set_time(paced_ ? now : host_.now());
+  session_.cycle_power_if_requested(now);
+  for (Channel* channel : prepared_) {
+    if (!paced_) channel->wait_for_room(stop_);  // frames of deadlines leave before the sample's
+    channel->encode();
+  }
+  record_transmission(0);
+  if (!paced_) {
+    for (Channel* channel : prepared_) channel->wait_for_room(stop_);
+    for (Channel* channel : prepared_) {
+      channel->transmit();
+      channel->serve(now);
+    }
+    for (Channel* channel : prepared_)
+      if (channel->is_can()) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
+  } else {
+    if (now < due_) host_.sleep_until(due_, options_.spin);
+    for (Channel* channel : prepared_) {
+      const HostTime begin = host_.now();
+      if (recorder_ != nullptr) recorder_->set_time(begin);
+      channel->transmit();
+      channel->record_times(begin - due_, host_.now() - begin);
+    }
+    if (!waits_for_truth_ && !prepared_at_rest_)
+      session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
+  }
+  count_samples();
+  if (!paced_ || std::exchange(waited_, false)) return;
+  truth_waits_ = true;  // poll() was not called
+  serve_all();
+}
+
+// The devices receive the samples, so that counters, clocks and increments are those of a sensor that went on while
+// this host was held up.
+void Loop::skip(HostTime now) noexcept {
+  if (recorder_ != nullptr) recorder_->set_time(now);
+  session_.cycle_power_if_requested(now);
+  record_transmission(RecordEvent::skipped);
+  for (Channel* channel : prepared_) channel->skip();
+  count_samples();
+  truth_waits_ = true;  // poll() was not called
+  if (now - served_ > longest_wait) serve_all();
+}
+
+void Loop::count_samples() noexcept {
+  for (Channel* channel : prepared_) channel->count_sample();
+  if (!prepared_at_rest_) session_.count_samples(prepared_.size());
+  prepared_.clear();
+}
+
+}  // namespace imud

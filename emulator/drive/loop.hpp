@@ -1,0 +1,96 @@
+// Loop: the order of events, the same for every clock: truth in, samples out, hosts and deadlines between them.
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <vector>
+
+#include "emulator/drive/pacer.hpp"
+#include "emulator/engine/schedule.hpp"
+#include "emulator/engine/session.hpp"
+#include "emulator/ground/host.hpp"
+
+namespace imud {
+
+struct LoopOptions {
+  Nanoseconds spin{0};  // the thread spins for this long before each instant
+  // Where the host's clock paces: the frames of a sample that is later than this are not sent.
+  Nanoseconds skip_after = std::chrono::seconds(1);
+  std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
+};
+
+// Drives a Session by a Pacer. One round does the first of these that is pending: take truth from the port; prepare
+// the next instant's samples; wait by poll() for the instant, truth, hosts, deadlines and paced lines; encode and
+// transmit the samples. Allocates nothing after construction. One thread.
+class Loop {
+ public:
+  Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
+  ~Loop();
+  Loop(const Loop&) = delete;
+  Loop& operator=(const Loop&) = delete;
+
+  // Returns within 20 ms after `stop` is set, and when the capture ends or reaches its limit.
+  void run() noexcept;
+
+ private:
+  void round() noexcept;
+
+  // Truth.
+  bool wants_truth() const noexcept;
+  void take_truth() noexcept;
+  void apply_truth() noexcept;
+  void begin_run() noexcept;
+  void pass_over() noexcept;
+  TruthTime earliest_sample() noexcept;
+  TruthTime latest_sample() const noexcept;
+
+  // Samples.
+  HostTime next_due() const noexcept { return origin_ + schedule_.next().offset; }
+  bool is_at_rest(HostTime instant) const noexcept { return !session_.in_run() || instant < first_truth_; }
+  bool is_due() const noexcept { return !prepared_.empty() && host_.now() >= due_ - options_.spin; }
+  void prepare() noexcept;
+  void transmit(HostTime now) noexcept;
+  void skip(HostTime now) noexcept;
+  void record_transmission(std::uint8_t flags) noexcept;
+  void count_samples() noexcept;
+
+  void send_all() noexcept;
+  void wait(HostTime until) noexcept;
+  void serve_all() noexcept;
+  // The host's clock measures the replies where it paces.
+  Host* reply_clock() const noexcept { return paced_ ? &host_ : nullptr; }
+
+  Session& session_;
+  Host& host_;
+  Pacer& pacer_;
+  const LoopOptions options_;
+  const std::atomic<bool>& stop_;
+  Recorder* const recorder_;
+  TruthIntake& intake_;
+  Timeline& timeline_;
+  const bool paced_;            // by the host's clock
+  const bool waits_for_truth_;  // samples wait for their truth; false: the sensors have power before the first truth
+  Schedule schedule_;
+  std::optional<Nanoseconds> limit_;  // for which truth is still sampled from the run's start on; nullopt: forever
+  TruthTime run_start_;
+  HostTime origin_;                 // of the schedule
+  HostTime first_truth_;            // the instant at which the first truth is sampled; earlier samples are at rest
+  std::vector<Channel*> prepared_;  // the channels whose samples of the instant due_ are prepared, in order
+  HostTime due_;                    // the instant whose samples are prepared, or are prepared next
+  bool prepared_at_rest_ = false;
+
+  bool ended_ = false;
+  bool settling_ = false;    // truth arrives, and the run begins when the pacer is settled
+  HostTime newest_arrival_;  // of the newest truth
+  HostTime served_;          // when all hosts were served last
+  int budget_;               // how many truths may be taken before the next sample
+  bool truth_waits_ = true;  // truth may be waiting at its port
+  bool more_truth_ = false;  // more truth is waiting than was taken
+  bool has_room_ = true;     // the timeline has room for more truth
+  bool unreviewed_ = false;  // truths were observed since the last review
+  bool unapplied_ = false;   // a truth was accepted since apply_truth()
+  bool answer_due_ = false;  // the sender of the last truth waits for an answer
+  bool waited_ = false;      // wait() was called since the last transmission
+};
+
+}  // namespace imud

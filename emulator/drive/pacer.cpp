@@ -1,0 +1,138 @@
+#include "emulator/drive/pacer.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "core/timeline.hpp"
+
+namespace imud {
+
+bool Pacer::observe(TruthTime, HostTime, HostTime) noexcept { return true; }
+void Pacer::review(TruthTime, HostTime) noexcept {}
+
+bool HostPacer::begin_settling(TruthTime truth, HostTime arrival) noexcept {
+  monitor_.begin_run(truth, arrival);
+  clock_.begin(truth, arrival, monitor_.rate());
+  newest_ = truth;
+  newest_arrival_ = arrival;
+  is_paused_ = false;
+  settling_ = !clock_.is_settled(arrival);
+  return settling_;
+}
+
+HostTime HostPacer::begin_run(TruthTime truth, HostTime arrival, HostTime now) noexcept {
+  HostTime begin;
+  if (std::exchange(settling_, false)) {
+    const TruthClock::Settled settled = clock_.settle(truth, now);
+    begin = settled.begin;
+    quality_.settled.interval_s.store(settled.interval_s, std::memory_order_relaxed);
+    quality_.settled.jitter_s.store(settled.jitter_s, std::memory_order_relaxed);
+    quality_.settled.duration_s.store(settled.duration_s, std::memory_order_relaxed);
+    quality_.settled.delay_s.store(clock_.delay_s(), std::memory_order_release);
+  } else {
+    monitor_.begin_run(truth, arrival);
+    begin = clock_.begin(truth, arrival, monitor_.rate());
+  }
+  newest_ = truth;
+  newest_arrival_ = arrival;
+  reached_ = {std::numeric_limits<std::int64_t>::min()};
+  is_paused_ = false;
+  held_from_.reset();
+  publish();
+  return begin;
+}
+
+TruthTime HostPacer::truth(HostTime instant) const noexcept {
+  if (is_paused_) return reached_;
+  return std::max(reached_, std::min(clock_.truth(instant), newest_ + monitor_.extrapolate()));
+}
+
+TruthTime HostPacer::use(HostTime instant) noexcept {
+  const TruthTime line = clock_.use(instant);
+  reached_ = truth(instant);
+  if (line <= newest_ + monitor_.extrapolate()) {
+    if (!is_paused_) held_from_.reset();
+    return reached_;
+  }
+  if (!held_from_) held_from_ = instant;
+  if (!is_paused_ && line - newest_ > monitor_.tolerated()) {
+    is_paused_ = true;
+    missing_from_ = newest_arrival_;
+    missing_ = Nanoseconds{0};
+  }
+  return reached_;
+}
+
+bool HostPacer::observe(TruthTime truth, HostTime arrival, HostTime due) noexcept {
+  const Nanoseconds step = truth - std::exchange(newest_, truth);
+  newest_arrival_ = arrival;
+  // More truth may come at once than the timeline keeps: what has come is sampled before the rest.
+  constexpr int most_kept = static_cast<int>(Timeline::capacity / 4);
+  if (is_paused_ && truth - reached_ > most_kept * step) reached_ = truth;
+  if (is_paused_ && missing_.count() == 0) missing_ = arrival - missing_from_;
+  const TruthTime expected = clock_.truth(arrival) + nanoseconds(clock_.delay_s());
+  if (monitor_.has_jumped(truth, arrival, expected)) {
+    quality_.resumed.count();
+    const bool has_leapt = !monitor_.is_dense();
+    if (has_leapt) {
+      quality_.last_leap_ns.store((truth - expected).count(), std::memory_order_relaxed);
+      quality_.leaps.count();
+    }
+    anchor_again(truth, arrival);
+    return !has_leapt;
+  }
+  // Late arrivals of a pause are none of the network.
+  if (is_paused_ && clock_.truth(arrival) - truth > monitor_.tolerated()) return true;
+  // After a hold-up, samples may be due that are older than the arrival.
+  clock_.observe(truth, arrival, std::min(arrival, due));
+  quality_.jitter.add(clock_.lateness_s());
+  return true;
+}
+
+void HostPacer::review(TruthTime truth, HostTime now) noexcept {
+  publish();
+  const TruthTime line = clock_.truth(now);
+  if (monitor_.was_paused(truth, line, now, clock_.used_rate())) {
+    anchor_again(truth, newest_arrival_);
+    quality_.resumed.count();
+    report_pause(now, line - clock_.truth(now));
+  } else if (is_paused_ && line - truth <= monitor_.tolerated()) {
+    is_paused_ = false;
+    if (missing_ <= monitor_.tolerated()) return;  // it was a single truth that was late
+    quality_.caught_up.count();
+    report_pause(now, Nanoseconds{0});
+  }
+}
+
+void HostPacer::anchor_again(TruthTime truth, HostTime arrival) noexcept {
+  monitor_.begin_run(truth, arrival);
+  clock_.resume(truth, arrival, monitor_.rate());
+  is_paused_ = false;
+}
+
+// `behind`: by how much the sampled time is later than it would have been.
+void HostPacer::report_pause(HostTime now, Nanoseconds behind) noexcept {
+  const Nanoseconds ahead = reached_ - clock_.truth(now);  // the time stands still until the map reaches it
+  const Nanoseconds held = now - held_from_.value_or(now) + std::max(ahead, Nanoseconds{0});
+  quality_.last_missing_ns.store(missing_.count(), std::memory_order_relaxed);
+  quality_.last_held_ns.store(held.count(), std::memory_order_relaxed);
+  quality_.last_behind_ns.store(behind.count(), std::memory_order_relaxed);
+  quality_.pauses.fetch_add(1, std::memory_order_release);
+}
+
+void HostPacer::publish() noexcept {
+  quality_.rate.store(clock_.rate(), std::memory_order_relaxed);
+  quality_.offset_s.store(clock_.offset_s(), std::memory_order_relaxed);
+  quality_.delay_s.store(clock_.delay_s(), std::memory_order_relaxed);
+  quality_.delay_raises.store(clock_.delay_raises(), std::memory_order_relaxed);
+  quality_.known.store(true, std::memory_order_relaxed);
+}
+
+std::unique_ptr<Pacer> make_pacer(const Config& config, TruthQuality& quality) {
+  if (config.clock != ClockMode::realtime) return std::make_unique<TruthPacer>();
+  if (is_capture(config.truth.port)) return std::make_unique<CapturePacer>();
+  return std::make_unique<HostPacer>(config.truth.clock, config.truth.limits.extrapolate, quality);
+}
+
+}  // namespace imud

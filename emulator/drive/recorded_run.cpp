@@ -1,0 +1,436 @@
+#include "emulator/drive/recorded_run.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+
+namespace imud {
+
+namespace {
+using Type = RecordEvent::Type;
+}  // namespace
+
+// A port that is fed from the record.
+class RecordedRun::Input final : public Port {
+ public:
+  Input(RecordedRun& run, bool is_stream) : run_(run), is_stream_(is_stream) {}
+
+  void feed(std::span<const std::byte> bytes, HostTime time, const Endpoint& from) {
+    waiting_.push_back({{bytes.begin(), bytes.end()}, time, from, std::exchange(disconnects_, 0)});
+  }
+  void disconnect() noexcept { ++disconnects_; }
+  void end() noexcept { ended_ = true; }
+
+  void send(std::span<const Frame> frames) noexcept override { counters_.dropped += frames.size(); }
+  std::optional<Received> receive() noexcept override {
+    if (waiting_.empty()) {
+      counters_.lost_count += std::exchange(disconnects_, 0);
+      return std::nullopt;
+    }
+    current_ = std::move(waiting_.front());
+    waiting_.pop_front();
+    counters_.lost_count += current_.disconnects;
+    return Received{{current_.bytes}, current_.time, current_.from};
+  }
+  bool at_end() const noexcept override { return (ended_ || run_.has_end_) && waiting_.empty(); }
+  std::string_view end_warning() const noexcept override { return run_.end_warning(); }
+  std::optional<double> progress() const noexcept override { return run_.reader_.progress(); }
+  std::optional<bool> keeps_datagrams() const noexcept override { return !is_stream_; }
+
+ private:
+  struct Packet {
+    std::vector<std::byte> bytes;
+    HostTime time;
+    Endpoint from;
+    std::uint64_t disconnects = 0;  // before it
+  };
+  RecordedRun& run_;
+  const bool is_stream_;
+  std::deque<Packet> waiting_;
+  std::uint64_t disconnects_ = 0;
+  bool ended_ = false;
+  Packet current_;
+};
+
+RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
+    : reader_(spec), truth_port_(config.truth.port), imus_(config.imus), config_(config) {
+  constexpr std::size_t most_early = 10'000;
+  while (!first_ && !reader_.at_end() && early_.size() < most_early) {
+    const auto packet = reader_.next();
+    if (!packet) continue;
+    const std::uint16_t link = reader_.interfaces()[packet->interface].link_type;
+    if (link == link_type::event)
+      first_ = packet;
+    else if (link != link_type::text)
+      early_.push_back({*packet, {packet->bytes.begin(), packet->bytes.end()}});
+  }
+  if (first_) base_ = static_cast<std::uint16_t>(first_->interface);
+  const auto has = [this](std::string_view name) {
+    const auto all = reader_.interfaces();
+    return std::any_of(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
+  };
+  const auto begin = first_ && reader_.interfaces()[first_->interface].link_type == link_type::event
+                         ? decode_record_event(first_->bytes)
+                         : std::nullopt;
+  constexpr std::string_view only_truth = "the capture record:FILE is its truth alone";
+  if (!begin || begin->type != Type::begin || begin->c < RecordEvent::oldest_version ||
+      begin->c > RecordEvent::version)
+    throw spec.error(fmt::format("is no record of a run by this version of imud; {}", only_truth));
+  if (begin->b != 1)
+    throw spec.error(fmt::format("is file {} of a record: a run can be repeated from its beginning only; {}",
+                                 begin->b, only_truth));
+  std::vector<std::string> missing;
+  for (const ImuConfig& imu : config.imus) {
+    if (!has(imu.name)) missing.push_back(imu.name);
+    if (!imu.sync.trigger_port.empty()) pins_[imu.sync.trigger_port] = imu.name + " trigger";
+    if (!imu.sync.pps_port.empty()) pins_[imu.sync.pps_port] = imu.name + " pps";
+  }
+  if (!missing.empty()) throw spec.error(fmt::format("has no imu {}; {}", fmt::join(missing, ", "), only_truth));
+  is_live_ = (begin->flags & RecordEvent::is_live) != 0;
+  offset_ns_ = begin->a;
+}
+
+Config RecordedRun::adapted(Config config) const {
+  config.truth.limits.gap_begins_run = !is_live_;
+  return config;
+}
+
+Sync::OpenPort RecordedRun::open(Sync::OpenPort others) {
+  return [this, others = std::move(others)](std::string_view text, const PortSettings& settings) {
+    const std::string port(text);
+    const auto pin = pins_.find(port);
+    if (port != truth_port_ && pin == pins_.end()) return others(text, settings);
+    const std::string name = port == truth_port_ ? std::string(truth_interface) : pin->second;
+    const auto all = reader_.interfaces();
+    const auto found = std::find_if(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
+    const bool is_stream = port == truth_port_ && found != all.end() && found->link_type == link_type::bytes;
+    auto input = std::make_unique<Input>(*this, is_stream);
+    inputs_.emplace(name, input.get());
+    return std::unique_ptr<Port>(std::move(input));
+  };
+}
+
+void RecordedRun::run(Session& session, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept {
+  session_ = &session;
+  host_ = &host;
+  options_ = options;
+  stop_ = &stop;
+  prepared_.reserve(session.channels().size());
+  for (Early& early : early_) {
+    early.packet.bytes = early.bytes;
+    feed(early.packet, reader_.interfaces()[early.packet.interface].name, time_of(early.packet));
+  }
+  early_.clear();
+  while (!ended_ && !stop.load(std::memory_order_relaxed)) {
+    const auto packet = first_ ? std::exchange(first_, std::nullopt) : reader_.next();
+    if (!packet) {
+      if (reader_.at_end()) break;
+      continue;
+    }
+    ++packets_;
+    const HostTime time = time_of(*packet);
+    if (!begin_) begin_ = time;
+    if (options.duration && time - *begin_ > *options.duration) return;
+    const PcapngInterface& interface = reader_.interfaces()[packet->interface];
+    if (interface.link_type != link_type::event) {
+      feed(*packet, interface.name, time);
+    } else if (reload_) {
+      add_to_reload(packet->bytes);
+    } else if (const auto event = decode_record_event(packet->bytes)) {
+      is_damaged_ = !is_plausible(*event, time);
+      if (is_damaged_) break;
+      execute(*event);
+    } else if (begin_fault_) {
+      begin_fault(*std::exchange(begin_fault_, std::nullopt), packet->bytes);
+    }
+  }
+  take_awaited(true);
+  has_end_ = !stop.load(std::memory_order_relaxed);
+  session.intake().take(session.watermark());  // finds the end
+}
+
+// A time of a damaged packet may wrap around.
+HostTime RecordedRun::time_of(const PcapngPacket& packet) const noexcept {
+  return HostTime{
+      static_cast<std::int64_t>(static_cast<std::uint64_t>(packet.time_ns) - static_cast<std::uint64_t>(offset_ns_))};
+}
+
+// `time`: that of its packet. Returns false for times of which sums may overflow, and for those up to which devices
+// would be polled for more than an hour.
+bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept {
+  constexpr std::int64_t hour = 3'600'000'000'000, limit = std::int64_t{1} << 62;
+  constexpr std::int64_t most_samples = 10'000'000'000'000;
+  if (event.type == Type::begin) return true;
+  const auto is_in_range = [](std::int64_t ns) { return ns > -limit && ns < limit; };
+  // Where no clock paces the run, hosts are served at the instants of the samples.
+  const auto is_near = [&](std::int64_t ns) {
+    return is_in_range(ns) && std::min(std::abs(ns - time.ns), std::abs(ns - instant_.ns)) <= hour;
+  };
+  const auto is_polled = [&](std::int64_t ns) { return ns == 0 || is_near(ns); };
+  if (!is_in_range(time.ns)) return false;
+  switch (event.type) {
+    case Type::power_on:
+    case Type::receive:
+      return is_near(event.a);
+    case Type::power_cycle:
+      return is_near(event.a) && is_polled(event.b);
+    case Type::run:
+    case Type::end:
+      return is_polled(event.b);
+    case Type::transmit:
+      if (!is_in_range(event.a) || !is_polled(event.b)) return false;
+      instant_ = HostTime{event.a};
+      return true;
+    case Type::set_clock:
+      return is_in_range(event.a) && is_in_range(event.b);
+    case Type::advance:
+      return is_in_range(event.a);
+    case Type::sample: {
+      bool is_next = is_in_range(event.a) && event.c >= 0 && event.c < most_samples;
+      for_imus(event, [&](const Channel& channel) {
+        const auto offset = [&](std::int64_t k) {
+          return channel.grid().offset(static_cast<std::uint64_t>(k)).count();
+        };
+        std::int64_t& last = last_samples_[&channel];
+        is_next = is_next && offset(event.c) < limit / 2 && offset(event.c) - offset(last) <= hour;
+        if (is_next) last = event.c;
+      });
+      return is_next;
+    }
+    default:
+      return true;
+  }
+}
+
+// Truth, edges, and what a host has sent.
+void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept {
+  if (packet.direction != PacketDirection::inbound) return;
+  const std::uint16_t link = reader_.interfaces()[packet.interface].link_type;
+  if (const auto [first, last] = inputs_.equal_range(interface); first != last) {
+    const UdpPacket datagram = link == link_type::raw_ip ? decode_udp_packet(packet.bytes) : UdpPacket{};
+    for (auto input = first; input != last; ++input) {
+      if (link != link_type::raw_ip)
+        input->second->feed(packet.bytes, time, {});
+      else if (datagram.outcome == UdpPacket::Outcome::whole)
+        input->second->feed(datagram.payload, time, datagram.from);
+    }
+    return;
+  }
+  if (receive_) return receive(*std::exchange(receive_, std::nullopt), packet.bytes, link);
+  if (interface.ends_with(" host")) from_hosts_.push_back({packet, {packet.bytes.begin(), packet.bytes.end()}});
+}
+
+void RecordedRun::receive(const RecordEvent& event, std::span<const std::byte> bytes, std::uint16_t link) noexcept {
+  std::optional<Frame> frame = Frame{bytes};
+  if (link == link_type::can_socketcan) frame = decode_can_packet(bytes);
+  for_imus(event, [&](Channel& channel) {
+    if (frame && event.flags < channel.port_count()) channel.receive(*frame, event.flags, HostTime{event.a});
+  });
+}
+
+void RecordedRun::poll(std::int64_t polled_ns) noexcept {
+  for (const auto& channel : session_->channels()) {
+    channel->poll(HostTime{polled_ns});
+    channel->flush();
+  }
+}
+
+void RecordedRun::execute(const RecordEvent& event) noexcept {
+  switch (event.type) {
+    case Type::begin:
+      offset_ns_ = event.a;
+      break;
+    case Type::power_on:
+      for_imus(event, [&](Channel& channel) { channel.power_on(HostTime{event.a}); });
+      break;
+    case Type::power_cycle:
+      poll(event.b);
+      session_->cycle_power(HostTime{event.a});
+      break;
+    case Type::truth:
+      process_truth(event);
+      break;
+    case Type::disconnected:
+      if (const auto truth = inputs_.find(std::string(truth_interface)); truth != inputs_.end())
+        (event.flags & RecordEvent::input_ended) != 0 ? truth->second->end() : truth->second->disconnect();
+      break;
+    case Type::forget_past:
+      take_awaited(true);
+      if (session_->timeline().empty()) break;
+      session_->quality().resumed.count();
+      session_->timeline().forget_past();
+      break;
+    case Type::run:
+      take_awaited(true);
+      if (session_->timeline().empty()) break;
+      poll(event.b);
+      (event.flags & RecordEvent::goes_on) != 0 ? session_->pass_over() : session_->begin_run();
+      break;
+    case Type::set_clock:
+      for_imus(event, [&](Channel& channel) {
+        channel.set_clock(DeviceTime{event.a}, (event.flags & RecordEvent::has_host_time) != 0
+                                                   ? std::optional(HostTime{event.b})
+                                                   : std::nullopt);
+      });
+      break;
+    case Type::start_samples:
+      for_imus(event, [](Channel& channel) { channel.start_samples(); });
+      break;
+    case Type::advance:
+      if (!session_->timeline().empty()) session_->advance_imus(TruthTime{event.a});
+      break;
+    case Type::sample:
+      for_imus(event, [&](Channel& channel) { take_sample(channel, event); });
+      break;
+    case Type::transmit:
+      transmit(event);
+      break;
+    case Type::receive:
+      receive_ = event;
+      if (!from_hosts_.empty()) {
+        // The first that the host of this line has sent.
+        constexpr std::uint32_t per_line = 3, of_host = 1;
+        const std::uint32_t host = base_ + event.interface + per_line * event.flags + of_host;
+        const auto early = std::find_if(from_hosts_.begin(), from_hosts_.end(),
+                                        [&](const Early& one) { return one.packet.interface == host; });
+        if (early == from_hosts_.end()) break;
+        receive_.reset();
+        receive(event, early->bytes, reader_.interfaces()[host].link_type);
+        from_hosts_.erase(early);
+      }
+      break;
+    case Type::lost:
+      lost_ += static_cast<std::uint64_t>(std::max<std::int64_t>(event.a, 0));
+      break;
+    case Type::command:
+      repeat_command(event);
+      break;
+    case Type::mark:
+      break;
+    case Type::end:
+      poll(event.b);
+      ended_ = true;
+      break;
+  }
+}
+
+// Pieces of a stream may have come without a record in them.
+void RecordedRun::process_truth(const RecordEvent& event) noexcept {
+  TruthIntake& intake = session_->intake();
+  if (event.flags == static_cast<std::uint8_t>(TruthIntake::Outcome::new_run)) take_awaited(true);
+  constexpr int most = 1024;
+  auto outcome = TruthIntake::Outcome::nothing;
+  for (int i = 0; i < most && outcome == TruthIntake::Outcome::nothing; ++i)
+    outcome = intake.take(TruthTime{event.b});
+  take_awaited(false);
+  if (outcome == TruthIntake::Outcome::accepted) session_->review_samples();
+  const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::nothing;
+  if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
+    ++differing_;
+}
+
+void RecordedRun::take_sample(Channel& channel, const RecordEvent& event) noexcept {
+  if (prepared_.size() == prepared_.capacity()) return;  // a damaged record
+  const auto k = static_cast<std::uint64_t>(event.c);
+  if (awaits_truth(channel, event)) return;
+  if ((event.flags & RecordEvent::at_rest) != 0) {
+    session_->prepare_at_rest(channel, k, Nanoseconds(event.a));
+  } else if (session_->timeline().empty()) {
+    return;
+  } else {
+    if (session_->timeline().newest().ns != event.b) ++differing_;
+    session_->prepare(channel, k, TruthTime{event.a});
+  }
+  prepared_.push_back(&channel);
+}
+
+// Returns true if the sample is that of a twin, and is taken later.
+bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event) noexcept {
+  if (!options_.awaits_truth || (event.flags & RecordEvent::at_rest) != 0 || session_->timeline().empty())
+    return false;
+  const auto all = session_->channels();
+  const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == &channel; });
+  const auto number = static_cast<std::size_t>(found - all.begin());
+  if (number % 2 != 0) return false;
+  std::deque<RecordEvent>& waiting = awaited_[&channel];
+  if (waiting.empty() && TruthTime{event.a} <= session_->timeline().newest()) return false;
+  waiting.push_back(event);
+  options_.awaits_truth(number);
+  return true;
+}
+
+// Takes the samples of twins whose truth has come; `all`: those too whose truth never comes.
+void RecordedRun::take_awaited(bool all) noexcept {
+  if (awaited_.empty() || session_->timeline().empty()) return;
+  const TruthTime newest = session_->timeline().newest();
+  for (const auto& channel : session_->channels()) {
+    const auto waiting = awaited_.find(channel.get());
+    if (waiting == awaited_.end()) continue;
+    for (std::deque<RecordEvent>& events = waiting->second;
+         !events.empty() && (all || TruthTime{events.front().a} <= newest); events.pop_front()) {
+      channel->sense(session_->timeline(), TruthTime{events.front().a}, static_cast<std::uint64_t>(events.front().c));
+      channel->prepare(TruthTime{events.front().a}, false);
+      channel->encode();
+      channel->transmit();
+    }
+  }
+}
+
+// In steps, so that a signal ends the wait.
+void RecordedRun::wait_until(HostTime instant) noexcept {
+  if (!options_.paced) return;
+  const HostTime now = host_->now();
+  if (!shift_) shift_ = now - instant;
+  constexpr Nanoseconds step = std::chrono::milliseconds(20);
+  const HostTime until = instant + *shift_;
+  for (HostTime at = now; at < until && !stop_->load(std::memory_order_relaxed);) {
+    at = host_->sleep_until(std::min(until, at + step));
+    session_->flush();
+  }
+}
+
+void RecordedRun::transmit(const RecordEvent& event) noexcept {
+  wait_until(HostTime{event.a});
+  if ((event.flags & RecordEvent::skipped) != 0) {
+    poll(event.b);
+    for (Channel* channel : prepared_) channel->skip();
+  } else {
+    for (Channel* channel : prepared_) {
+      if (!options_.paced) channel->wait_for_room(*stop_);
+      channel->encode();
+    }
+    for (Channel* channel : prepared_) {
+      if (!options_.paced) channel->wait_for_room(*stop_);
+      channel->transmit();
+      if (!options_.paced && channel->is_can()) channel->wait_until_sent(*stop_);
+    }
+  }
+  for (Channel* channel : prepared_) channel->count_sample();
+  session_->count_samples(prepared_.size());
+  prepared_.clear();
+}
+
+std::string RecordedRun::difference() const {
+  if (is_damaged_)
+    return fmt::format("the record is damaged: packet {} has an impossible time, and what follows it is left out",
+                       packets_);
+  if (lost_ > 0) return fmt::format("the record lacks {} packets: what follows them is not that of the run", lost_);
+  if (faults_missing_ > 0)
+    return fmt::format("{} faults that were begun by control cannot be repeated: {}", faults_missing_,
+                       session_->faults().can_grow() ? "the record does not have them"
+                                                     : "give faults = true in [control] of the configuration");
+  if (reloads_missing_ > 0)
+    return fmt::format(
+        "{} reloads of the configuration cannot be repeated: the record does not have it, or it has "
+        "faults here",
+        reloads_missing_);
+  if (differing_ > 0)
+    return fmt::format("truth was processed differently from the run {} times: was the configuration another?",
+                       differing_);
+  return {};
+}
+
+}  // namespace imud

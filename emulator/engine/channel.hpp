@@ -1,0 +1,271 @@
+// Channel: one emulated sensor, from the truth at an instant to the bytes on its port, and back from its host.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/imu.hpp"
+#include "emulator/engine/awaited_truth.hpp"
+#include "emulator/engine/copies.hpp"
+#include "emulator/engine/device_clock.hpp"
+#include "emulator/engine/device_line.hpp"
+#include "emulator/engine/reload.hpp"
+#include "emulator/engine/sample_feed.hpp"
+#include "emulator/engine/sync.hpp"
+#include "emulator/engine/wire_port.hpp"
+#include "emulator/faults/channel_faults.hpp"
+#include "emulator/faults/other_units.hpp"
+#include "emulator/faults/power_faults.hpp"
+#include "emulator/ground/counters.hpp"
+#include "emulator/ground/host.hpp"
+#include "emulator/plan/config.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// An imu with its device, ports, pins and clock. A sample goes through sense(), prepare(), encode() and transmit(),
+// in this order. The device receives it by encode(), at its instant: until then serve(), poll() and cycle_power() may
+// change what the device sends of it, but not between encode() and transmit(). So frames leave in the order of the
+// device's calls, and those calls in the order of time. After construction nothing here allocates, locks, logs or
+// throws, and only wait_until_sent() and wait_for_room() wait. One thread; the counters may be read by any.
+class Channel {
+ public:
+  // Opens the ports and the pins. `recorder`: records what happens; nullptr: none does. `faults`: nullptr: there are
+  // none. Throws PortError.
+  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder = nullptr,
+          std::unique_ptr<ChannelFaults> faults = nullptr);
+
+  // Prepares for faults of the wire and of the power: wraps the ports, and makes a second device with the settings as
+  // delivered. `config` and `seed`: of the constructor. Called before power_on(). Throws as Protocol::make does.
+  void enable_faults(const ImuConfig& config, std::uint64_t seed);
+
+  const std::string& name() const noexcept { return name_; }
+  const Grid& grid() const noexcept { return grid_; }
+  const ImuCounters& counters() const noexcept { return counters_; }
+  const std::optional<Sync>& sync() const noexcept { return sync_; }
+  // Returns true if the port is a CAN bus.
+  bool is_can() const noexcept { return is_can_; }
+  // Returns true if the sensor samples a vehicle at rest until the first truth.
+  bool rests_before_truth() const noexcept { return rests_before_truth_; }
+
+  // --- Time ---
+  // Switches the power on at host time `origin`, from which the sensor's clock runs with the host's.
+  void power_on(HostTime origin) noexcept;
+  // Sets the clock (DeviceClock::set()), and shifts the times that the device keeps by the same step.
+  void set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept;
+  // Starts the grid: the next sample is that of instant 0.
+  void start_samples() noexcept;
+  // Begins a run of the truth, whose first truth is that of `begin`; its first sample has no increments.
+  void begin_run(TruthTime begin) noexcept;
+  // The run goes on after a leap of its time: the next sample has no increments, and is flagged as extrapolated.
+  void pass_over() noexcept;
+  // Switches the device's supply off and on at host time `now`.
+  void cycle_power(HostTime now) noexcept;
+  // Switches the device's supply at host time `now`. While it is off, the device neither sends nor receives, and the
+  // sensor goes on; when it is switched on, the device starts as by cycle_power().
+  void set_supply(bool on, HostTime now) noexcept;
+  // Discards all frames while `paused`; they are counted. Sensor and device go on.
+  void pause(bool paused) noexcept;
+
+  // --- Faults, after enable_faults() ---
+  // Begin a fault, if it acts on this imu, and end one, or all, between two samples (FaultSchedule). Without effect
+  // if there are no faults.
+  void begin_fault(const FaultConfig& fault, std::uint32_t number) noexcept {
+    if (faults_ && fault.acts_on(name_)) faults_->schedule().add(fault, number);
+  }
+  void end_fault(std::uint32_t number) noexcept {
+    if (faults_) faults_->schedule().end(number);
+  }
+  void end_faults() noexcept {
+    if (faults_) faults_->schedule().end_all();
+  }
+  // Sets the faults of a sample, after sense() and before encode(): those of the wire act on all frames from now on,
+  // those of the power at the instant of the sample; a start has new turn-on errors from the sample after it on.
+  void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;
+
+  // --- Samples ---
+  // Take the sample of instant `k` of the grid, of the truth at `time` or of the vehicle at rest, and return it; it
+  // is kept for encode().
+  Sample& sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept;
+  Sample& sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept;
+  // Keeps the truth time up to which the device receives edges before the sample; if it is nullopt, edges are
+  // discarded. The frames of a `silent` sample are discarded.
+  void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
+  // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample.
+  void encode() noexcept { encode(false); }
+  // Sends the sample's frames, and the pulse of the output pin.
+  void transmit() noexcept;
+  // In place of encode() and transmit(), for a sample that is too late: discards its frames, those of the deadlines
+  // up to it, and the pulse, and counts it as skipped.
+  void skip() noexcept;
+  // Imu::set_seed(), and the bias of one axis of the gyros or the accelerometers (Imu::set_bias()).
+  void set_seed(std::uint64_t seed) noexcept { imu_.set_seed(seed); }
+  void set_bias(Quantity quantity, std::size_t axis, double bias) noexcept;
+  // Exchanges the sensor for that of a reload, which goes on where this one was (Imu::continue_from()). If its grid
+  // is another one, the next sample is that of the grid's instant 0, at the time that it had.
+  // A device with other settings starts as when its supply is switched on, at host time `now`; the sensor goes on.
+  void exchange_sensor(Reload::Sensor& sensor, HostTime now) noexcept;
+  // The sample that sense() has taken last, and the number and the time stamp of the next one; nullopt where the time
+  // is not known before the first truth of a run.
+  const Sample& last_sample() const noexcept { return sample_; }
+  std::uint64_t next_sample() const noexcept { return imu_.next(); }
+  std::optional<DeviceTime> next_time() const noexcept { return clock_.next_sample(); }
+  // From now on offers the samples to those who watch them, as those of that imu.
+  void set_feed(SampleFeed& feed, std::uint16_t imu) noexcept {
+    feed_ = &feed;
+    awaited_.set_feed(&feed);
+    number_ = imu;
+  }
+  // Counts the sample as sent, and offers it to those who watch, when its truth has come.
+  void count_sample() noexcept;
+  // Called when truth has come: AwaitedTruth::review().
+  void review_samples(const Timeline& timeline, TruthQuality::ExtrapolationError& error) noexcept {
+    awaited_.review(timeline, error);
+  }
+  // Returns what was expected of the host. Called after the last sample.
+  std::vector<Expected> expected() const {
+    return faults_ ? faults_->expectations().results() : std::vector<Expected>{};
+  }
+  // Ends the faults that act, after the last sample.
+  void finish_faults() noexcept {
+    if (faults_) faults_->finish();
+  }
+  // Records how late after its instant a sample was transmitted, and how long transmit() took.
+  void record_times(Nanoseconds lateness, Nanoseconds write) noexcept;
+  // Waits until the ports have sent all frames. If the reader or the bus accepts nothing for 2 s, the port is no
+  // longer waited for until it has accepted all frames. It also returns when `stop` is set.
+  void wait_until_sent(const std::atomic<bool>& stop) noexcept;
+  // Waits in the same way until each port has room for the frames of a sample, so that nothing is dropped where the
+  // host's clock does not pace.
+  void wait_for_room(const std::atomic<bool>& stop) noexcept {
+    if (!are_files_) wait_for_lines(stop);
+    copies_.wait_for_room(stop);
+  }
+  // Returns true while a port holds frames back.
+  bool holds_back() const noexcept;
+
+  // --- Host and deadlines ---
+  // Receives the host's commands, at most some 256 bytes from each port, and sends the replies. Returns false if
+  // ::poll() would return at once again, because of more bytes or a lasting error. `clock` measures the durations
+  // from the arrivals to the ends of the writes of the replies; nullptr: they are not measured.
+  bool serve(HostTime now, Host* clock = nullptr) noexcept {
+    if (!copies_.empty()) copies_.serve();
+    return !are_files_ && serve_lines(now, clock);
+  }
+  // Executes what the host has sent to the UART, at host time `now`, and sends the replies.
+  void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
+  // Polls the device's deadlines up to `now`, and sends their frames.
+  void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
+  // Sends the frames that the ports hold back, as far as they can now.
+  void flush() noexcept;
+  // Checks whether the ports have readers, for counters(). Leaves alone what a host has sent.
+  void update_port_states() noexcept;
+  // Returns when flush() or poll() has to be called next; nullopt if neither waits for a time.
+  std::optional<HostTime> next_wake() const noexcept;
+  // Discards the frames that the ports still hold back; they count as dropped.
+  void discard_pending() noexcept;
+  // Called at the end: Port::commit() of all ports, also if one of them fails. Throws what the first has thrown.
+  void commit();
+
+  // The number of ports: 1, or 2 if the product's second UART is connected; `i` is the frames' Frame::uart.
+  std::size_t port_count() const noexcept { return line_count_; }
+  Port& port(std::size_t i) noexcept { return *lines_[i].port; }
+  Copies& copies() noexcept { return copies_; }
+  // The number of the first port's interface in the record.
+  std::uint16_t record_interface() const noexcept { return lines_[0].interface; }
+  // Returns the time up to which the imu has used the truth of this run; nullopt before its first sample.
+  std::optional<TruthTime> used_until() const noexcept;
+  // Integrates the truth up to `until`, which is not after the imu's next sample (Imu::advance()).
+  void advance(const Timeline& timeline, TruthTime until) noexcept {
+    if (has_sampled_) imu_.advance(timeline, until);
+  }
+
+ private:
+  std::span<DeviceLine> lines() noexcept { return {lines_.data(), line_count_}; }
+  std::span<const DeviceLine> lines() const noexcept { return {lines_.data(), line_count_}; }
+
+  // Returns the figures that a unit has of these errors.
+  static OwnFigures figures_of(const ImuModel& model) noexcept;
+  // Adds the filters of a product. The device's own identifiers pass too, so that the port can confirm its frames and
+  // the device detects other users.
+  static void add_filters(const Protocol& protocol, const Settings& settings, double rate_hz,
+                          std::vector<CanFilter>& filters);
+
+  FeedSample feed_sample() const noexcept;
+  // `too_late`: frames are discarded.
+  void poll_until(DeviceTime now, bool too_late = false) noexcept;
+  void encode(bool too_late) noexcept;
+  void release_until(DeviceTime now, bool too_late) noexcept;
+  void set_clock_offset(Nanoseconds offset) noexcept;
+  // Returns the UTC, ns since 1970, of a time of clock_; nullopt if the host's clock does not pace it.
+  std::optional<std::int64_t> utc_ns_of(DeviceTime time) const noexcept;
+  // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
+  void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
+  void add_interfaces();
+  void record(DeviceLine& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
+  bool serve_lines(HostTime now, Host* clock) noexcept;
+  std::size_t serve_line(std::size_t uart, HostTime now, Host* clock) noexcept;
+  bool is_on() const noexcept { return is_supplied_ && power_step_.is_on; }
+  void start_device(DeviceTime now) noexcept;
+  void exchange_device(Reload::Sensor& sensor, HostTime now) noexcept;
+  // Switches the device as the faults of the sample's power have it. Returns true if it starts.
+  bool apply_power_faults() noexcept;
+  void apply_uarts() noexcept;
+  void apply_filters() noexcept;
+  void wait_for_lines(const std::atomic<bool>& stop) noexcept;
+  void publish() noexcept;
+  void publish_bus() noexcept;
+
+  const std::string name_;
+  Grid grid_;
+  const bool rests_before_truth_;
+  const bool is_can_;
+  Imu imu_;
+  bool device_filters_;
+  SensorFilters filters_;  // that the imu has, if device_filters_
+  std::unique_ptr<Device> device_;
+  std::array<DeviceLine, 2> lines_;  // by Frame::uart
+  std::size_t line_count_ = 1;
+  bool are_files_ = true;  // DeviceLine::is_file of all
+  Copies copies_;          // of the first line
+  Recorder* const recorder_;
+  std::optional<Sync> sync_;                     // nullopt if no pin is connected
+  const std::unique_ptr<ChannelFaults> faults_;  // nullptr: there are none
+  std::int64_t utc_offset_ns_ = 0;               // UTC, ns since 1970, less host time; of enable_faults()
+  // By how much the clock of the device is ahead of clock_, because of a fault.
+  Nanoseconds clock_offset_{0};
+  DeviceClock clock_;
+  bool is_resting_ = false;      // the last sample was taken at rest
+  bool has_sampled_ = false;     // in this run
+  bool has_leapt_ = false;       // since the last sample
+  TruthTime run_begin_;          // from which the times of faults count
+  std::uint64_t power_ons_ = 0;  // after the first
+  std::optional<PowerFaults> power_faults_;
+  std::unique_ptr<Device> other_device_;  // as delivered, or after a loss of the settings the configured one
+  bool has_lost_settings_ = false;
+  OtherUnits* other_units_ = nullptr;       // the device, if faults have other units in its place
+  bool is_supplied_ = true;                 // by set_supply()
+  PowerStep power_step_, next_power_step_;  // by faults: now, and from the next sample on
+  Sample sample_;                           // of sense()
+  bool paused_ = false;                     // pause()
+  std::optional<TruthTime> truth_;          // prepare() sets these two
+  bool silent_ = false;
+  FrameBuffer frames_;  // of the sample
+  FrameBuffer others_;  // of a deadline or an answer, or of a silent sample
+  ImuCounters counters_;
+  AwaitedTruth awaited_;
+  Nanoseconds ahead_{0};        // of sample_, from the newest truth
+  SampleFeed* feed_ = nullptr;  // nullptr: nobody can watch
+  std::uint16_t number_ = 0;    // of the imu, in the feed
+};
+
+// Channel::commit() of all channels, also if one of them fails. Throws what the first has thrown.
+void commit(std::span<const std::unique_ptr<Channel>> channels);
+
+}  // namespace imud

@@ -1,0 +1,81 @@
+// The changes that commands make to a Channel, and the sample that those who watch get of it.
+#include <utility>
+
+#include "emulator/engine/channel.hpp"
+
+namespace imud {
+
+void Channel::pause(bool paused) noexcept {
+  paused_ = paused;
+  counters_.is_paused.store(paused, std::memory_order_relaxed);
+}
+
+void Channel::set_bias(Quantity quantity, std::size_t axis, double bias) noexcept {
+  Vector3 all = imu_.bias(quantity);
+  all[static_cast<Eigen::Index>(axis)] = bias;
+  imu_.set_bias(quantity, all);
+}
+
+void Channel::exchange_device(Reload::Sensor& sensor, HostTime now) noexcept {
+  if (sensor.device == nullptr) return;
+  if (is_on()) poll(now);
+  std::swap(device_, sensor.device);
+  if (other_device_) std::swap(other_device_, sensor.delivered_device);
+  has_lost_settings_ = false;
+  if (is_on()) start_device(clock_.now(now));
+}
+
+void Channel::exchange_sensor(Reload::Sensor& sensor, HostTime now) noexcept {
+  if (sensor.keeps_gyro_bias) sensor.imu.set_bias(Quantity::rate, imu_.bias(Quantity::rate));
+  if (sensor.keeps_accelerometer_bias)
+    sensor.imu.set_bias(Quantity::specific_force, imu_.bias(Quantity::specific_force));
+  if (device_filters_) sensor.imu.set_filters(filters_);
+  sensor.imu.continue_from(imu_);
+  std::swap(imu_, sensor.imu);
+  awaited_.set_mounting(sensor.model);
+  const OwnFigures figures = figures_of(sensor.model);
+  for (const auto* device : {&sensor.device, &sensor.delivered_device})
+    if (*device) (*device)->set_figures(figures);
+  exchange_device(sensor, now);
+  device_->set_figures(figures);
+  if (other_device_) other_device_->set_figures(figures);
+  if (other_units_ != nullptr) other_units_->own()->set_figures(figures);
+  if (faults_) faults_->exchange_model(sensor.model);
+  if (!sensor.grid) return;
+  grid_ = *sensor.grid;
+  clock_.change(grid_);
+  if (!faults_) return;
+  const double rate_hz = imu_.rate_hz();
+  faults_->set_rate(rate_hz);
+  power_faults_->set_rate(rate_hz);
+  for (DeviceLine& line : lines()) line.wire->set_rate(rate_hz);
+}
+
+FeedSample Channel::feed_sample() const noexcept {
+  const auto count = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
+  const Eigen::Quaternionf q = sample_.q_LP.cast<float>();
+  const Eigen::Vector3f field = sample_.magnetic_field.cast<float>();
+  const Navigation& place = sample_.navigation;
+  return {.imu = number_,
+          .status = sample_.status,
+          .k = sample_.counter,
+          .time_ns = sample_.time.ns,
+          .truth_time = is_resting_ ? std::nullopt : used_until(),
+          .temperature_c = sample_.temperature_c,
+          .rate = sample_.rate,
+          .specific_force = sample_.specific_force,
+          .true_rate = imu_.true_rate(),
+          .true_specific_force = imu_.true_specific_force(),
+          .extrapolated = count(counters_.extrapolated),
+          .held = count(counters_.held),
+          .silent = count(counters_.silent),
+          .attitude = {q.w(), q.x(), q.y(), q.z()},
+          .magnetic_field = {field.x(), field.y(), field.z()},
+          .pressure = static_cast<float>(sample_.pressure),
+          .has_place = place.is_known,
+          .latitude = place.latitude,
+          .longitude = place.longitude,
+          .height = place.height};
+}
+
+}  // namespace imud

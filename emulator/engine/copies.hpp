@@ -1,0 +1,57 @@
+// Copies: further ports of an imu, which carry the bytes of its port.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/frame.hpp"
+#include "core/time.hpp"
+#include "emulator/engine/device_line.hpp"
+#include "emulator/engine/sync.hpp"
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// The ports that `also` in [[imu]] names. Each is sent every frame that is passed to the imu's port, after that port,
+// whether or not the port takes it. What arrives at a copy is discarded. Where the host's clock paces, a copy is
+// never waited for: a frame that it does not take is dropped from this copy alone. In lockstep and fast a copy that
+// has no room is waited for as the port is. The constructor allocates; only the wait functions wait. The sampling
+// thread alone uses it.
+class Copies {
+ public:
+  Copies() = default;
+  // Opens the ports. Throws PortError.
+  Copies(const ImuConfig& config, const Sync::OpenPort& open);
+
+  bool empty() const noexcept { return lines_.empty(); }
+  // `time`: that of the device. `is_reply`: the frames answer the host.
+  void send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept;
+  void set_line(const UartSettings& uart) noexcept;
+  // Discards what has arrived.
+  void serve() noexcept;
+  void flush() noexcept;
+  // Returns when flush() has to be called next; nullopt if nothing waits for a time.
+  std::optional<HostTime> next_flush() const noexcept;
+  bool is_drained() noexcept;
+  bool holds_back() const noexcept;
+  void wait_for_room(const std::atomic<bool>& stop) noexcept;
+  void wait_until_sent(const std::atomic<bool>& stop) noexcept;
+  void discard_pending() noexcept;
+
+  // The frames that the copies have dropped, and of these the ones lost to an error of a file.
+  std::uint64_t dropped() const noexcept;
+  std::uint64_t failed() const noexcept;
+
+  // For Port::commit().
+  std::span<DeviceLine> lines() noexcept { return lines_; }
+  std::span<const DeviceLine> lines() const noexcept { return lines_; }
+
+ private:
+  std::vector<DeviceLine> lines_;
+};
+
+}  // namespace imud

@@ -1,0 +1,201 @@
+#include "emulator/engine/reload.hpp"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+#include <string_view>
+
+#include "emulator/faults/other_units.hpp"
+#include "emulator/record/measurement_rows.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::array<std::string_view, 4> truth_keys = {"truth.auto_delay_percent", "truth.delay_ms",
+                                                        "truth.extrapolate_ms", "truth.when_stopped"};
+// Keys of an imu, and tables, which end in a dot.
+constexpr std::array<std::string_view, 15> imu_keys = {
+    "model",         "device.",      "rate_hz",   "clock_error_ppm", "internal_rate_hz", "sampling_jitter_us",
+    "temperature_c", "mounting.",    "gyro.",     "accelerometer.",  "magnetometer.",    "barometer.",
+    "navigation.",   "temperature.", "vibration."};
+
+bool is_in(std::span<const std::string_view> keys, std::string_view key) noexcept {
+  return std::any_of(keys.begin(), keys.end(),
+                     [&](std::string_view one) { return one.ends_with('.') ? key.starts_with(one) : key == one; });
+}
+
+std::string value_of(const toml::node* node) {
+  if (node == nullptr) return "no value";
+  std::ostringstream text;
+  node->visit([&](const auto& value) { text << value; });
+  std::string line = text.str();
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  return line;
+}
+
+// Calls `differs(key, before, after)` for each key of both tables whose value differs; the nodes are nullptr where it
+// is absent.
+template <class Differs>
+void compare(const toml::table* before, const toml::table* after, const std::string& prefix, const Differs& differs) {
+  std::vector<std::string> keys;
+  for (const toml::table* table : {before, after})
+    if (table != nullptr)
+      for (auto&& [key, value] : *table)
+        if (const std::string name(key.str()); std::find(keys.begin(), keys.end(), name) == keys.end())
+          keys.push_back(name);
+  const auto of = [](const toml::table* table, const std::string& key) {
+    return table == nullptr ? nullptr : table->get(key);
+  };
+  for (const std::string& key : keys) {
+    const toml::node *one = of(before, key), *other = of(after, key);
+    const bool has_tables = (one == nullptr || one->is_table()) && (other == nullptr || other->is_table());
+    if (has_tables)
+      compare(one == nullptr ? nullptr : one->as_table(), other == nullptr ? nullptr : other->as_table(),
+              prefix + key + ".", differs);
+    else if (value_of(one) != value_of(other))
+      differs(prefix + key, one, other);
+  }
+}
+
+const toml::table* imu_of(const toml::table& root, const std::string& name) {
+  if (const toml::array* imus = root["imu"].as_array())
+    for (const toml::node& imu : *imus)
+      if (const toml::table* table = imu.as_table(); table && (*table)["name"].value_or(std::string()) == name)
+        return table;
+  return nullptr;
+}
+
+std::string names_of(const Config& config) {
+  std::string names;
+  for (const ImuConfig& imu : config.imus) names += (names.empty() ? "" : ", ") + imu.name;
+  return names;
+}
+
+bool has_live_delay(const Config& config) {
+  return config.clock == ClockMode::realtime && !is_capture(config.truth.port);
+}
+
+const ImuConfig* find_imu(const Config& config, const std::string& name) {
+  const auto found =
+      std::find_if(config.imus.begin(), config.imus.end(), [&](const ImuConfig& imu) { return imu.name == name; });
+  return found == config.imus.end() ? nullptr : &*found;
+}
+
+// Returns the identifiers that the imu uses on a CAN bus, as text.
+std::string identifiers_of(const ImuConfig& imu) {
+  std::string text;
+  for (const CanFilter& f : imu.protocol->can_filters(imu.settings))
+    text += fmt::format("{:x}/{:x}/{}{}{}{} ", f.id, f.mask, f.extended, f.data, f.remote, f.inverted);
+  for (const CanMessage& message : imu.protocol->can_messages(imu.settings, imu.rate_hz))
+    text += fmt::format("{:x}/{} ", message.can.id, message.can.extended);
+  return text;
+}
+
+// Returns why the settings of the device cannot change to those of `after`; nullptr if they can.
+const char* refusal_of_settings(const Config& config, const ImuConfig& before, const ImuConfig& after) {
+  if (before.protocol != after.protocol) return "cannot change while the run goes on";
+  if (before.protocol->link == Link::can && identifiers_of(before) != identifiers_of(after))
+    return "the identifiers on a CAN bus cannot change while the run goes on";
+  const bool has_others = std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
+    return fault.settings_of(before.name) != nullptr;
+  });
+  return has_others ? "cannot change in a run in which a fault gives this imu other settings" : nullptr;
+}
+
+bool is_of(const KeyChange& change, const std::string& imu, std::string_view key) {
+  return change.key.starts_with("imu." + imu + "." + std::string(key));
+}
+
+}  // namespace
+
+std::span<const std::string_view> reloadable_keys(bool of_imu) noexcept {
+  return of_imu ? std::span<const std::string_view>(imu_keys) : truth_keys;
+}
+
+std::vector<KeyChange> key_changes(const Config& before, const Config& after) {
+  constexpr const char* fixed = "cannot change while the run goes on";
+  const toml::table ours = toml::parse(before.resolved), theirs = toml::parse(after.resolved);
+  std::vector<KeyChange> all;
+  compare(&ours, &theirs, "", [&](const std::string& key, const toml::node* one, const toml::node* other) {
+    if (key == "imu") return;
+    const bool is_delay = key == "truth.delay_ms" || key == "truth.auto_delay_percent";
+    const char* refusal = !is_in(truth_keys, key)               ? fixed
+                          : is_delay && !has_live_delay(before) ? "needs clock = \"realtime\" and live truth"
+                                                                : nullptr;
+    all.push_back({key, value_of(one), value_of(other), refusal});
+  });
+  if (names_of(before) != names_of(after))
+    all.push_back(
+        {"imu", names_of(before), names_of(after), "the imus and their order cannot change while the run goes on"});
+  for (const ImuConfig& imu : before.imus) {
+    const toml::table *one = imu_of(ours, imu.name), *other = imu_of(theirs, imu.name);
+    if (one == nullptr || other == nullptr) continue;
+    const std::string prefix = "imu." + imu.name + ".";
+    compare(one, other, prefix, [&](const std::string& key, const toml::node* was, const toml::node* is) {
+      const std::string_view own = std::string_view(key).substr(prefix.size());
+      const char* refusal = !is_in(imu_keys, own) ? fixed
+                            : own.starts_with("device.")
+                                ? refusal_of_settings(before, imu, *find_imu(after, imu.name))
+                                : nullptr;
+      all.push_back({key, value_of(was), value_of(is), refusal});
+    });
+  }
+  return all;
+}
+
+Reload::Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed)
+    : text(after.resolved) {
+  const std::vector<KeyChange> changes = key_changes(before, after);
+  const auto has = [&](std::string_view key) {
+    return std::any_of(changes.begin(), changes.end(), [&](const KeyChange& c) { return c.key == key; });
+  };
+  const TruthConfig& truth = after.truth;
+  if (has("truth.delay_ms") || has("truth.auto_delay_percent")) {
+    const bool is_automatic = truth.clock.automatic_percent > 0;
+    commands.push_back({.kind = is_automatic ? Command::Kind::automatic_delay : Command::Kind::delay,
+                        .value = is_automatic ? truth.clock.automatic_percent : seconds(truth.clock.delay)});
+  }
+  if (has("truth.extrapolate_ms"))
+    commands.push_back({.kind = Command::Kind::extrapolate, .value = seconds(truth.limits.extrapolate)});
+  if (has("truth.when_stopped"))
+    commands.push_back(
+        {.kind = Command::Kind::when_stopped, .number = static_cast<std::uint64_t>(truth.when_stopped)});
+
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    const ImuConfig* imu = find_imu(after, imus[i].name);
+    if (imu == nullptr) continue;
+    const auto changes_key = [&](std::string_view key) {
+      return std::any_of(changes.begin(), changes.end(),
+                         [&](const KeyChange& c) { return c.refusal == nullptr && is_of(c, imu->name, key); });
+    };
+    if (!changes_key("")) continue;
+    const bool is_ideal = imus[i].errors_model == model_of_truth;
+    const ImuModel model = is_ideal ? without_errors(*imu).model : imu->model;
+    const bool filters = !is_ideal && imus[i].device_filters;
+    sensors.push_back(
+        {.channel = i,
+         .model = model,
+         .imu = Imu(model, imus[i].seed.value_or(seed), stream_id(imus[i].name)),
+         .grid = changes_key("rate_hz") || changes_key("clock_error_ppm") ? std::optional(imu->grid) : std::nullopt,
+         .device = nullptr,
+         .delivered_device = nullptr,
+         .keeps_gyro_bias = !changes_key("gyro.bias"),
+         .keeps_accelerometer_bias = !changes_key("accelerometer.bias")});
+    if (changes_key("device.") && !is_ideal && imus[i].protocol == imu->protocol) {
+      const auto make = [&](const Settings& settings) {
+        std::unique_ptr<Device> device = imu->protocol->make(settings);
+        if (!imus[i].second_port.empty()) device->connect_second_uart();
+        return device;
+      };
+      sensors.back().device = make(imu->settings);
+      sensors.back().delivered_device = make(settings_as_delivered(*imu));
+    }
+    if (filters) sensors.back().imu.reserve_filters(Device::longest_boxcar);
+  }
+}
+
+}  // namespace imud

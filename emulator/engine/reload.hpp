@@ -1,0 +1,55 @@
+// Reload: what another configuration changes in a run that goes on.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/imu.hpp"
+#include "emulator/engine/command.hpp"
+#include "emulator/plan/config.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+// A key whose value differs. The key of an imu is "imu.NAME.KEY".
+struct KeyChange {
+  std::string key;
+  std::string before, after;      // as in TOML; "no value" of a key that is absent
+  const char* refusal = nullptr;  // why a run that goes on cannot change it; nullptr: it can
+};
+
+// Compares the resolved values of all keys.
+std::vector<KeyChange> key_changes(const Config& before, const Config& after);
+
+// The keys of the file that a reload can change; those of an imu are without "imu.NAME.". A dot at the end stands for
+// all keys of a table.
+std::span<const std::string_view> reloadable_keys(bool of_imu) noexcept;
+
+// Everything that the sampling thread needs to change over. Made before by another thread, which destroys it when the
+// sampling thread has executed Command::Kind::reload: then it has what was replaced.
+struct Reload {
+  // A sensor, and its device, that take the place of those of a channel.
+  struct Sensor {
+    std::size_t channel = 0;  // its number
+    ImuModel model;
+    Imu imu;
+    std::optional<Grid> grid;  // nullopt: it stays
+    // With other settings, and as delivered; nullptr: they stay.
+    std::unique_ptr<Device> device, delivered_device;
+    bool keeps_gyro_bias = false, keeps_accelerometer_bias = false;  // those of Channel::set_bias()
+  };
+  std::vector<Sensor> sensors;
+  std::vector<Command> commands;  // of the session
+  std::string text;               // the new configuration, Config::resolved, for the record
+
+  // Prepares the change from `before` to `after`, as far as keys are reloadable. `imus`: those of the session's
+  // channels in their order, of which several may have one name; `seed`: that of the run.
+  Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed);
+};
+
+}  // namespace imud

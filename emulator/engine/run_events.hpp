@@ -1,0 +1,43 @@
+// RunEvents: a bounded queue of what the sampling thread reports to the main thread.
+#pragma once
+
+#include <boost/lockfree/spsc_queue.hpp>
+#include <cstdint>
+
+#include "emulator/ground/counters.hpp"
+
+namespace imud {
+
+// Something that happened in the sampling thread by itself. The results of commands go another way (Applied).
+struct RunEvent {
+  enum class Kind : std::uint8_t {
+    run,  // a run of the truth begins
+  };
+  static constexpr std::uint16_t all_imus = 0xFFFF;
+
+  Kind kind = Kind::run;
+  std::uint16_t imu = all_imus;
+  std::uint64_t sample = 0;  // Sample::counter of the first sample that it applies to, of the imu, or of the first
+  std::int64_t time_ns = 0;  // of that sample: its stamp by the device's clock
+};
+
+// The constructor allocates; neither thread waits or locks. An event for which there is no room is counted.
+class RunEvents {
+ public:
+  static constexpr std::size_t capacity = 1024;
+
+  // `lost` outlives this.
+  explicit RunEvents(Counter& lost) : events_(capacity), lost_(lost) {}
+  // Sampling thread.
+  void push(const RunEvent& event) noexcept {
+    if (!events_.push(event)) lost_.count();
+  }
+  // Main thread.
+  bool pop(RunEvent& event) noexcept { return events_.pop(event); }
+
+ private:
+  boost::lockfree::spsc_queue<RunEvent> events_;
+  Counter& lost_;
+};
+
+}  // namespace imud

@@ -1,0 +1,69 @@
+// SampleFeed: a bounded queue of samples, with the truth behind them, for those who watch a run.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <boost/lockfree/spsc_queue.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+
+#include "core/sample.hpp"
+#include "emulator/ground/counters.hpp"
+
+namespace imud {
+
+// A sample as its device has received it, and the truth that it measures, both in platform axes.
+struct FeedSample {
+  std::uint16_t imu = 0;  // its number in the configuration
+  std::uint32_t status = 0;
+  std::uint64_t k = 0;                  // Sample::counter
+  std::int64_t time_ns = 0;             // its stamp by the device's clock
+  std::optional<TruthTime> truth_time;  // the simulation time that it samples; nullopt at rest before the first truth
+  double temperature_c = 0;
+  Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero();  // rad/s, m/s^2
+  // Those of the motion, without any error: interpolated at the sample's instant, also where the sample was
+  // extrapolated or held; NaN if the truth of that instant has not come.
+  Vector3 true_rate = Vector3::Zero(), true_specific_force = Vector3::Zero();
+  // Samples of the imu up to this one that were extrapolated, of these held, of these not sent (ImuCounters): their
+  // differences count those between two samples of the feed, too.
+  std::uint64_t extrapolated = 0, held = 0, silent = 0;
+  // The rest of the sample, as the device has received it (Sample). Position and velocity of a receiver are those
+  // with its errors.
+  std::array<float, 4> attitude{1, 0, 0, 0};  // q_LP: w, x, y, z
+  std::array<float, 3> magnetic_field{};      // T; 0: not known
+  float pressure = 0;                         // Pa; 0: not known
+  bool has_place = false;
+  double latitude = 0, longitude = 0, height = 0;  // rad, rad, m; valid if has_place
+};
+
+// Filled only while somebody watches, and only with each n-th sample of an imu. The constructor allocates; neither
+// thread waits or locks. A sample for which there is no room is counted.
+class SampleFeed {
+ public:
+  static constexpr std::size_t capacity = 16384;  // 2 s of 8 imus at 1 kHz
+
+  // `lost` outlives this.
+  SampleFeed(std::size_t imus, Counter& lost) : samples_(capacity), every_(imus), lost_(lost) {}
+
+  // Main thread: the feed has those samples of the imu whose number is a multiple of `every`; 0: none.
+  void watch(std::size_t imu, std::uint32_t every) noexcept { every_[imu].store(every, std::memory_order_relaxed); }
+  bool pop(FeedSample& sample) noexcept { return samples_.pop(sample); }
+
+  // Sampling thread.
+  bool wants(std::size_t imu, std::uint64_t k) const noexcept {
+    const std::uint32_t every = every_[imu].load(std::memory_order_relaxed);
+    return every != 0 && k % every == 0;
+  }
+  void push(const FeedSample& sample) noexcept {
+    if (!samples_.push(sample)) lost_.count();
+  }
+
+ private:
+  boost::lockfree::spsc_queue<FeedSample> samples_;
+  std::deque<std::atomic<std::uint32_t>> every_;  // by imu
+  Counter& lost_;
+};
+
+}  // namespace imud

@@ -1,0 +1,57 @@
+#include "emulator/engine/schedule.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+namespace imud {
+
+namespace {
+bool is_later(const Schedule::Slot& a, const Schedule::Slot& b) noexcept {
+  return std::tie(a.offset, a.imu) > std::tie(b.offset, b.imu);
+}
+}  // namespace
+
+Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.end()), origins_(grids.size()) {
+  heap_.reserve(grids.size());
+}
+
+void Schedule::advance() noexcept {
+  Slot slot = heap_.front();
+  ++slot.index;
+  slot.offset = origins_[slot.imu] + grids_[slot.imu].offset(slot.index);
+  // It takes the place of the first, and sinks below those that are earlier.
+  std::size_t place = 0;
+  for (std::size_t next = 1; next < heap_.size(); next = 2 * place + 1) {
+    if (next + 1 < heap_.size() && is_later(heap_[next], heap_[next + 1])) ++next;
+    if (!is_later(slot, heap_[next])) break;
+    heap_[place] = heap_[next];
+    place = next;
+  }
+  heap_[place] = slot;
+}
+
+void Schedule::push(std::size_t imu) noexcept {
+  heap_.push_back({origins_[imu] + grids_[imu].offset(0), 0, imu});
+  std::push_heap(heap_.begin(), heap_.end(), is_later);
+}
+
+void Schedule::start(std::size_t imu, Nanoseconds origin) noexcept {
+  origins_[imu] = origin;
+  std::erase_if(heap_, [imu](const Slot& slot) { return slot.imu == imu; });
+  std::make_heap(heap_.begin(), heap_.end(), is_later);
+  push(imu);
+}
+
+void Schedule::change(std::size_t imu, const Grid& grid) noexcept {
+  const auto next = std::find_if(heap_.begin(), heap_.end(), [imu](const Slot& slot) { return slot.imu == imu; });
+  grids_[imu] = grid;
+  if (next != heap_.end()) start(imu, next->offset - grid.phase());
+}
+
+void Schedule::start_all() noexcept {
+  heap_.clear();
+  std::fill(origins_.begin(), origins_.end(), Nanoseconds{0});
+  for (std::size_t imu = 0; imu < grids_.size(); ++imu) push(imu);
+}
+
+}  // namespace imud

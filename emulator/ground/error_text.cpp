@@ -1,0 +1,86 @@
+#include "emulator/ground/error_text.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "core/units.hpp"
+
+namespace imud {
+
+std::string TriadTerms::text() const {
+  std::vector<std::string> parts;
+  const auto add = [&](char letter, double AllanTerms::*term, const Unit& unit) {
+    const double x = axes[0].*term / unit.si, y = axes[1].*term / unit.si, z = axes[2].*term / unit.si;
+    if (x == 0 && y == 0 && z == 0) return;
+    if (x == y && x == z)
+      parts.push_back(fmt::format("{} {:.4g} {}", letter, x, unit.name));
+    else
+      parts.push_back(fmt::format("{} [{:.4g}, {:.4g}, {:.4g}] {}", letter, x, y, z, unit.name));
+  };
+  add('N', &AllanTerms::N, N);
+  add('B', &AllanTerms::B, B);
+  add('K', &AllanTerms::K, K);
+  add('Q', &AllanTerms::Q, Q);
+  add('R', &AllanTerms::R, R);
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+std::string TriadTerms::bias_text() const {
+  std::vector<std::string> parts;
+  if (!turn_on_bias.isZero(0.0))
+    parts.push_back(fmt::format("turn-on bias {:.4g} {}", turn_on_bias.maxCoeff() / B.si, B.name));
+  const double per_g = g_sensitivity.cwiseAbs().maxCoeff() * units::standard_gravity / B.si;
+  if (per_g > 0) parts.push_back(fmt::format("{:.4g} {}/g by acceleration", per_g, B.name));
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+std::vector<TriadTerms> triad_terms(const ImuModel& model) {
+  const double rate_hz = model.rate_hz * model.internal_samples;
+  constexpr double hour = 3600, root_hour = 60, deg = units::degree, mg = 1e-3 * units::standard_gravity;
+  return {{"gyro",
+           allan_terms(model.gyro, rate_hz),
+           {deg / root_hour, "deg/sqrt(h)"},
+           {deg / hour, "deg/h"},
+           {deg / hour / root_hour, "deg/h/sqrt(h)"},
+           {deg / hour, "arcsec"},
+           {deg / hour / hour, "deg/h/h"},
+           model.gyro.turn_on_bias,
+           model.gyro.g_sensitivity},
+          {"accelerometer",
+           allan_terms(model.accelerometer, rate_hz),
+           {1 / root_hour, "m/s/sqrt(h)"},
+           {mg, "mg"},
+           {mg / root_hour, "mg/sqrt(h)"},
+           {1, "m/s"},
+           {mg / hour, "mg/h"},
+           model.accelerometer.turn_on_bias,
+           model.accelerometer.g_sensitivity}};
+}
+
+namespace {
+std::string of_axes(const std::array<double, 3>& values) {
+  const auto& [x, y, z] = values;
+  return x == y && x == z ? fmt::format("{:.4g}", x) : fmt::format("[{:.4g}, {:.4g}, {:.4g}]", x, y, z);
+}
+}  // namespace
+
+std::string TriadFilter::text() const {
+  if (!filter.is_on()) return "none";
+  const Vector3& cut_off = filter.cut_off_hz;
+  const std::string kind =
+      filter.stages > 1 ? fmt::format("CIC of order {} and length {}", filter.stages, filter.length)
+      : filter.length > 1
+          ? fmt::format("mean of {} samples", filter.length)
+          : fmt::format("low-pass of order {} at {} Hz", filter.order, of_axes({cut_off[0], cut_off[1], cut_off[2]}));
+  const auto delay_ms = [this](int axis) { return 1e3 * group_delay_s(filter, axis, rate_hz); };
+  return fmt::format("{}, group delay {} ms", kind, of_axes({delay_ms(0), delay_ms(1), delay_ms(2)}));
+}
+
+std::vector<TriadFilter> triad_filters(const ImuModel& model) {
+  const double rate_hz = model.rate_hz * model.internal_samples;
+  return {{"gyro", model.gyro.filter, rate_hz},
+          {"accelerometer", model.accelerometer.filter, rate_hz},
+          {"magnetometer", model.magnetometer.filter, model.rate_hz}};
+}
+
+}  // namespace imud

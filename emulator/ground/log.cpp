@@ -1,0 +1,63 @@
+#include "emulator/ground/log.hpp"
+
+#include <spdlog/pattern_formatter.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace imud {
+
+namespace {
+
+bool is_journal(int descriptor) {
+  const char* stream = std::getenv("JOURNAL_STREAM");
+  struct stat status {};
+  if (stream == nullptr || ::fstat(descriptor, &status) != 0) return false;
+  return fmt::format("{}:{}", status.st_dev, status.st_ino) == stream;
+}
+
+// The priority of a message as the journal reads it.
+class Priority final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&, spdlog::memory_buf_t& out) override {
+    const std::string_view priority = message.level >= spdlog::level::critical ? "<2>"
+                                      : message.level == spdlog::level::err    ? "<3>"
+                                      : message.level == spdlog::level::warn   ? "<4>"
+                                      : message.level == spdlog::level::info   ? "<6>"
+                                                                               : "<7>";
+    out.append(priority.data(), priority.data() + priority.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override { return std::make_unique<Priority>(); }
+};
+
+}  // namespace
+
+void set_up_log(LogLevel level) {
+  const auto sink = std::make_shared<spdlog::sinks::stderr_color_sink_mt>();
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  if (is_journal(STDERR_FILENO)) {
+    formatter->add_flag<Priority>('*').set_pattern("%*%v");
+    sink->set_color_mode(spdlog::color_mode::never);
+  } else {
+    formatter->set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %^%l%$ %v");
+    if (std::getenv("NO_COLOR") != nullptr) sink->set_color_mode(spdlog::color_mode::never);
+  }
+  auto logger = std::make_shared<spdlog::logger>("imud", sink);
+  logger->set_formatter(std::move(formatter));
+  spdlog::set_default_logger(std::move(logger));
+  set_log_level(level);
+}
+
+void set_log_level(LogLevel level) {
+  spdlog::default_logger()->set_level(level == LogLevel::quiet     ? spdlog::level::warn
+                                      : level == LogLevel::verbose ? spdlog::level::debug
+                                                                   : spdlog::level::info);
+}
+
+}  // namespace imud

@@ -1,0 +1,278 @@
+#include "emulator/ground/table_reader.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+
+namespace imud {
+
+std::string Faults::text(std::uint32_t line, std::string_view key, std::string_view what) const {
+  if (file_.empty()) return fmt::format("{}: {}", key, what);
+  return line > 0 ? fmt::format("{}:{}: {}: {}", file_, line, key, what)
+                  : fmt::format("{}: {}: {}", file_, key, what);
+}
+
+const toml::node* TableReader::node(std::string_view key) {
+  known_.emplace(key);
+  return table_ == nullptr ? nullptr : table_->get(key);
+}
+
+std::uint32_t TableReader::line_of(std::string_view key) const {
+  const toml::node* found = table_ == nullptr ? nullptr : table_->get(key);
+  return found == nullptr ? line_ : found->source().begin.line;
+}
+
+void TableReader::fault(std::string_view key, std::string_view what) {
+  faults_.add(line_of(key), path_ + std::string(key), what);
+}
+
+void TableReader::warn(std::string_view key, std::string_view what) {
+  faults_.warn(line_of(key), path_ + std::string(key), what);
+}
+
+void TableReader::require(std::string_view key, std::string_view what_it_is) {
+  known_.emplace(key);
+  if (!has(key)) fault(key, fmt::format("missing; give {}", what_it_is));
+}
+
+std::optional<double> TableReader::number(const toml::node& node) {
+  const std::optional<double> value = node.value<double>();
+  if (!value || !node.is_number() || !std::isfinite(*value)) return std::nullopt;
+  return value;
+}
+
+double TableReader::real(std::string_view key, double fallback, double min, double max) {
+  const toml::node* found = node(key);
+  resolve(key, fallback);
+  if (found == nullptr) return fallback;
+  const std::optional<double> value = number(*found);
+  if (value && *value >= min && *value <= max) {
+    resolve(key, *value);
+    return *value;
+  }
+  fault(key, fmt::format("{}; give a number from {} to {}",
+                         value ? fmt::format("{} is out of range", *value) : "not a finite number", min, max));
+  return fallback;
+}
+
+std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t fallback, std::uint64_t max) {
+  constexpr std::uint64_t largest_of_toml = 0x7FFF'FFFF'FFFF'FFFFULL;
+  const auto result = [&](std::uint64_t value) {
+    if (value <= largest_of_toml)
+      resolve(key, static_cast<std::int64_t>(value));
+    else
+      resolve(key, std::to_string(value));
+    return value;
+  };
+  const toml::node* found = node(key);
+  if (found == nullptr) return result(fallback);
+  if (const auto* integer = found->as_integer();
+      integer != nullptr && integer->get() >= 0 && static_cast<std::uint64_t>(integer->get()) <= max)
+    return result(static_cast<std::uint64_t>(integer->get()));
+  if (const auto* text = found->as_string()) {  // for numbers above the largest of TOML
+    std::uint64_t value = 0;
+    const char* end = text->get().data() + text->get().size();
+    const auto [stop, error] = std::from_chars(text->get().data(), end, value);
+    if (error == std::errc{} && stop == end && value <= max) return result(value);
+  }
+  fault(key, fmt::format("give a whole number from 0 to {}{}", max,
+                         max > largest_of_toml ? " (in quotes above 9223372036854775807)" : ""));
+  return fallback;
+}
+
+std::int64_t TableReader::utc_s(std::string_view key, const toml::date_time& fallback, int first_year,
+                                int last_year) {
+  toml::date_time given = fallback;
+  if (const toml::node* found = node(key); found != nullptr) {
+    const auto* at = found->as_date_time();
+    if (at != nullptr && at->get().date.year >= first_year && at->get().date.year <= last_year)
+      given = at->get();
+    else
+      fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes",
+                             first_year, last_year));
+  }
+  resolve(key, given);
+  const std::chrono::sys_days day = std::chrono::year(given.date.year) / given.date.month / given.date.day;
+  const std::int64_t s = std::chrono::duration_cast<std::chrono::seconds>(day.time_since_epoch()).count() +
+                         given.time.hour * 3600 + given.time.minute * 60 + given.time.second;
+  return s - (given.offset ? given.offset->minutes * 60 : 0);
+}
+
+bool TableReader::flag(std::string_view key, bool fallback) {
+  const toml::node* found = node(key);
+  resolve(key, fallback);
+  if (found == nullptr) return fallback;
+  if (const auto* value = found->as_boolean()) {
+    resolve(key, value->get());
+    return value->get();
+  }
+  fault(key, "give true or false");
+  return fallback;
+}
+
+std::string TableReader::text(std::string_view key, std::string fallback) {
+  const toml::node* found = node(key);
+  if (const auto* value = found == nullptr ? nullptr : found->as_string()) fallback = value->get();
+  resolve(key, fallback);
+  if (found == nullptr || found->is_string()) return fallback;
+  fault(key, "give text in quotes");
+  return fallback;
+}
+
+std::size_t TableReader::choice(std::string_view key, std::initializer_list<std::string_view> words,
+                                std::size_t fallback) {
+  const toml::node* found = node(key);
+  resolve(key, *(words.begin() + fallback));
+  if (found == nullptr) return fallback;
+  if (const auto* value = found->as_string()) {
+    const auto* at = std::find(words.begin(), words.end(), value->get());
+    if (at != words.end()) {
+      resolve(key, *at);
+      return static_cast<std::size_t>(at - words.begin());
+    }
+  }
+  fault(key, fmt::format("give one of \"{}\"", fmt::join(words, "\", \"")));
+  return fallback;
+}
+
+Vector3 TableReader::vector3(std::string_view key, const Vector3& fallback) {
+  const toml::node* found = node(key);
+  resolve(key, toml::array{fallback[0], fallback[1], fallback[2]});
+  if (found == nullptr) return fallback;
+  const toml::array* array = found->as_array();
+  if (array != nullptr && array->size() == 3) {
+    Vector3 v;
+    bool good = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto value = number((*array)[i]);
+      good = good && value.has_value();
+      v[static_cast<Eigen::Index>(i)] = value.value_or(0.0);
+    }
+    if (good) {
+      resolve(key, toml::array{v[0], v[1], v[2]});
+      return v;
+    }
+  }
+  fault(key, "give three finite numbers, [x, y, z]");
+  return fallback;
+}
+
+Vector3 TableReader::per_axis(std::string_view key, const Vector3& fallback, double min, double max) {
+  const toml::node* found = node(key);
+  resolve(key, toml::array{fallback[0], fallback[1], fallback[2]});
+  if (found == nullptr) return fallback;
+  const toml::array* array = found->as_array();
+  if (array == nullptr || array->size() == 3) {
+    Vector3 v;
+    bool good = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto value = number(array == nullptr ? *found : (*array)[i]);
+      good = good && value && *value >= min && *value <= max;
+      v[static_cast<Eigen::Index>(i)] = value.value_or(0.0);
+    }
+    if (good) {
+      resolve(key, toml::array{v[0], v[1], v[2]});
+      return v;
+    }
+  }
+  fault(key, fmt::format("give three numbers, [x, y, z], from {} to {}, or one for all axes", min, max));
+  return fallback;
+}
+
+std::vector<double> TableReader::numbers(std::string_view key, double min, double max) {
+  const toml::node* found = node(key);
+  resolve(key, toml::array{});
+  if (found == nullptr) return {};
+  std::vector<double> all;
+  if (const toml::array* array = found->as_array())
+    for (const toml::node& element : *array)
+      if (const auto value = number(element); value && *value >= min && *value <= max) all.push_back(*value);
+  if (!found->is_array() || all.size() != found->as_array()->size()) {
+    fault(key, fmt::format("give a list of numbers from {} to {}", min, max));
+    return {};
+  }
+  resolve(key, *found->as_array());
+  return all;
+}
+
+std::vector<Vector3> TableReader::rows(std::string_view key) {
+  const toml::node* found = node(key);
+  resolve(key, toml::array{});
+  if (found == nullptr) return {};
+  std::vector<Vector3> all;
+  if (const toml::array* array = found->as_array())
+    for (const toml::node& element : *array) {
+      const toml::array* row = element.as_array();
+      if (row == nullptr || row->size() != 3) continue;
+      const auto x = number((*row)[0]), y = number((*row)[1]), z = number((*row)[2]);
+      if (x && y && z) all.emplace_back(*x, *y, *z);
+    }
+  if (!found->is_array() || all.size() != found->as_array()->size()) {
+    fault(key, "give a list of rows of three finite numbers: [[x, y, z], ..]");
+    return {};
+  }
+  resolve(key, *found->as_array());
+  return all;
+}
+
+Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool diagonal) {
+  const auto result = [&](const Matrix3& m) {
+    toml::array all;
+    for (Eigen::Index i = 0; i < 3; ++i) all.push_back(toml::array{m(i, 0), m(i, 1), m(i, 2)});
+    resolve(key, std::move(all));
+    return m;
+  };
+  const toml::node* found = node(key);
+  if (found == nullptr) return result(fallback);
+  const std::string_view shape =
+      diagonal ? "give three finite numbers (the diagonal), or three rows of three: [[..], [..], [..]]"
+               : "give three rows of three finite numbers: [[..], [..], [..]]";
+  const toml::array* rows = found->as_array();
+  if (rows != nullptr && rows->size() == 3) {
+    Matrix3 m = Matrix3::Zero();
+    bool good = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      if (const toml::array* numbers = (*rows)[i].as_array(); numbers != nullptr && numbers->size() == 3) {
+        for (std::size_t j = 0; j < 3; ++j) {
+          const auto value = number((*numbers)[j]);
+          good = good && value.has_value();
+          m(row, static_cast<Eigen::Index>(j)) = value.value_or(0.0);
+        }
+      } else if (const auto value = number((*rows)[i]); value && diagonal) {
+        m(row, row) = *value;
+      } else {
+        good = false;
+      }
+    }
+    const bool mixed =
+        (*rows)[0].is_array() != (*rows)[1].is_array() || (*rows)[1].is_array() != (*rows)[2].is_array();
+    if (good && !mixed) return result(m);
+  }
+  fault(key, shape);
+  return fallback;
+}
+
+TableReader TableReader::child(std::string_view key) {
+  const toml::node* found = node(key);
+  if (found != nullptr && !found->is_table()) fault(key, fmt::format("give a table, [{}{}]", path_, key));
+  return {found == nullptr ? nullptr : found->as_table(), fmt::format("{}{}.", path_, key), line_of(key), faults_,
+          *resolved_.insert(key, toml::table{}).first->second.as_table()};
+}
+
+void TableReader::finish() {
+  if (table_ == nullptr) return;
+  for (const auto& [key, value] : *table_) {
+    if (known_.contains(key.str())) continue;
+    const std::string meant = nearest(key.str(), {known_.begin(), known_.end()});
+    const std::string hint = meant.empty() ? fmt::format("known here: {}", fmt::join(known_, ", "))
+                                           : fmt::format("did you mean \"{}\"?", meant);
+    faults_.add(key.source().begin.line, path_ + std::string(key.str()), fmt::format("unknown key; {}", hint));
+  }
+}
+
+}  // namespace imud

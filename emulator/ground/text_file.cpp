@@ -1,0 +1,85 @@
+#include "emulator/ground/text_file.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+#include "transports/file/output_path.hpp"
+
+namespace imud {
+
+namespace {
+
+template <class Error>
+[[noreturn]] void fail(const std::string& path) {
+  const int error = errno;
+  throw Error(fmt::format("{}: cannot be written: {}", path == "-" ? "standard output" : path, std::strerror(error)));
+}
+
+FileDescriptor open_to_write(const std::string& path, int flags) {
+  if (const std::string link = foreign_link(path); !link.empty())
+    throw OpenError(fmt::format(
+        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
+        link));
+  FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOCTTY | flags, 0666));
+  if (!file) fail<OpenError>(path);
+  return file;
+}
+
+}  // namespace
+
+TextFile::TextFile(const std::string& path) : path_(path) {
+  if (path.empty()) return;
+  file_ = path == "-" ? FileDescriptor(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)) : open_to_write(path, O_TRUNC);
+  if (!file_) fail<OpenError>(path_);
+}
+
+TextFile TextFile::standard_error() {
+  TextFile file;
+  file.path_ = "-";
+  file.file_.reset(::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0));
+  return file;
+}
+
+bool TextFile::has_room() const noexcept {
+  pollfd output{file_.get(), POLLOUT, 0};
+  return ::poll(&output, 1, 0) != 0;
+}
+
+void TextFile::write(std::string_view text) {
+  while (file_ && !text.empty()) {
+    const ssize_t size = ::write(file_.get(), text.data(), text.size());
+    if (size >= 0)
+      text.remove_prefix(static_cast<std::size_t>(size));
+    else if (errno == EPIPE)
+      return;
+    else if (errno != EINTR && errno != EAGAIN)
+      fail<std::runtime_error>(path_);
+  }
+}
+
+bool TextFile::is_regular() const noexcept {
+  struct stat status {};
+  return path_ != "-" && ::fstat(file_.get(), &status) == 0 && S_ISREG(status.st_mode);
+}
+
+void TextFile::replace(std::string_view text) {
+  if (is_regular()) ::lseek(file_.get(), 0, SEEK_SET);
+  write(text);
+  if (is_regular() && ::ftruncate(file_.get(), ::lseek(file_.get(), 0, SEEK_CUR)) != 0)
+    fail<std::runtime_error>(path_);
+}
+
+void TextFile::reopen() {
+  if (path_.empty() || path_ == "-") return;
+  file_ = open_to_write(path_, O_APPEND);
+}
+
+}  // namespace imud

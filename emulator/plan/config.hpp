@@ -1,0 +1,146 @@
+// Config: the configuration of a run, read from TOML and checked as a whole. Keys, units and ranges:
+// emulator/CONFIGURATION.md.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "core/imu.hpp"
+#include "core/pose/pose_fit.hpp"
+#include "core/timeline.hpp"
+#include "emulator/engine/sync.hpp"
+#include "emulator/faults/expectations.hpp"
+#include "emulator/ground/truth_bounds.hpp"
+#include "emulator/plan/fault_config.hpp"
+#include "emulator/truth/truth_clock.hpp"
+#include "emulator/web/web_config.hpp"
+#include "protocols/protocol.hpp"
+#include "protocols/truth_format.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+inline constexpr const char* default_truth_format = "native";
+
+// The clock that paces the samples: the host's, each truth that arrives, or a capture as fast as it can be read.
+enum class ClockMode : std::uint8_t { realtime, lockstep, fast };
+
+// The output of a sensor while motion is held because truth has stopped.
+enum class WhenStopped : std::uint8_t {
+  hold,     // rate 0 and constant specific force, with status bits 6 and 7
+  flag,     // the same, and marked as not valid (status bit 8, or the protocol's own mark)
+  silence,  // nothing
+};
+
+// The output of a sensor in real time until the first truth comes. It has power and answers its host in any case.
+enum class BeforeFirst : std::uint8_t {
+  silence,  // no sample: sample 0 is at the first truth
+  rest,     // samples of a vehicle at rest: sample 0 is at power-on
+};
+
+struct TruthConfig {
+  std::string port;                             // empty only if the command line gives a capture
+  PortSettings port_settings = Role::listener;  // with the only sender that is admitted
+  const TruthFormat* format = nullptr;
+  Settings settings;
+  std::optional<std::uint32_t> stream;  // the vehicle whose truth is used; nullopt: the first that arrives
+  Timeline::Limits limits;
+  TruthClock::Options clock;  // for realtime with live truth
+  WhenStopped when_stopped = WhenStopped::hold;
+  std::optional<PoseFit::Options> fit;  // nullopt: nothing is derived
+  bool ignores_force = false;           // no specific force is used or derived
+  TruthFrame frame;                     // as far as the format and its settings determine it
+  EarthModel earth;                     // that of every imu
+  bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or that of the start
+  TruthBounds bounds;                   // what the truth probably stays within
+  Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
+};
+
+// The thread that samples, for ClockMode::realtime.
+struct RealtimeConfig {
+  int priority = 70;            // SCHED_FIFO; 0: an ordinary thread
+  std::optional<unsigned> cpu;  // nullopt: any
+  bool lock_memory = true;
+  Nanoseconds spin{0};  // time for which the thread spins before each instant, not negative
+  Nanoseconds skip_after = std::chrono::seconds(1);  // frames of samples later than this are not sent; positive
+};
+
+struct ImuConfig {
+  static constexpr double max_internal_rate_hz = 1e5;
+
+  std::string name;
+  std::optional<std::uint64_t> seed;  // nullopt: that of the run
+  double rate_hz = 0;
+  Grid grid{1.0};  // the instants of its samples: the rate with the clock's error, and the phase
+  const Protocol* protocol = nullptr;
+  Settings settings;
+  std::string port;
+  PortSettings port_settings = Role::device;  // with the device's UART, and whether its characters are paced
+  std::string second_port;                    // of the product's other UART; empty: not connected
+  PortSettings second_port_settings = Role::device;
+  std::vector<std::string> also;  // further ports that carry the bytes of `port`
+  std::vector<PortSettings> also_settings;
+  BeforeFirst before_first = BeforeFirst::silence;  // always silence unless live truth drives it in realtime
+  SyncConfig sync;
+  std::string errors_model;  // the key `model`: whose errors those of `model` are
+  ImuModel model;
+  bool device_filters = false;  // the filters of `model` are those that the product's settings choose
+};
+
+// Who may control a run (control/README.md).
+struct ControlConfig {
+  std::string name;             // of this instance; empty: the number of its process
+  std::string socket = "auto";  // a path; "auto": in the folder for sockets, by the name; "none"
+  std::string listen;           // ADDRESS:PORT of a loopback interface; empty: none
+  std::string token_file;       // its first line is what clients at `listen` show
+  bool faults = false;          // faults can be begun
+};
+
+struct Config {
+  std::uint64_t seed = 1;
+  ClockMode clock = ClockMode::realtime;
+  TruthConfig truth;
+  RealtimeConfig realtime;
+  ControlConfig control;
+  WebConfig web;
+  std::vector<ImuConfig> imus;
+  std::vector<FaultConfig> faults;
+  std::vector<ExpectConfig> expectations;
+  // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
+  std::string sha256;
+  // The value of every key, those that were absent included, as TOML that load_config() reads as this configuration.
+  std::string resolved;
+  // Each describes what is valid, but probably not meant: "file:line: key: what".
+  std::vector<std::string> warnings;
+  // The canonical paths of the regular files that it was read from, reads truth from, or writes.
+  std::vector<std::string> files;
+};
+
+// Every fault of a configuration, a line each: "file:line: key: what is wrong; what would be right".
+struct ConfigError : std::runtime_error {
+  explicit ConfigError(std::vector<std::string> all);
+  std::vector<std::string> faults;
+};
+
+// Reads `path` (- is standard input; of a record the configuration in it), then sets each override, such as
+// "imu.0.rate_hz=400" (the value as in TOML; a bare word is text). A `capture` that is not empty replaces truth.port;
+// - is standard input. Then regular files of the imus are replaced when the run has ended
+// (PortSettings::replaces_file). `scenarios` are files with further [[fault]] and [[expect]]. Throws ConfigError with
+// every fault of all files.
+Config load_config(const std::string& path, std::span<const std::string> overrides = {},
+                   const std::string& capture = {}, std::span<const std::string> scenarios = {});
+
+// Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
+Config config_of_text(const std::string& text);
+
+// Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
+std::string regular_file(const std::string& path);
+
+// Returns true if the truth port is a capture, whose truth can be read ahead of the clock.
+bool is_capture(const std::string& truth_port) noexcept;
+
+}  // namespace imud

@@ -1,0 +1,36 @@
+// Bytes that a host sends, as faults and expectations have them.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "emulator/ground/table_reader.hpp"
+
+namespace imud {
+
+// Bytes that a host sends; empty: any.
+using HostBytes = std::vector<std::byte>;
+
+// Reads `text` or `hex`, at most 256 bytes. Adds a fault of the file for everything that is wrong.
+HostBytes read_host_bytes(TableReader& table);
+// Returns them for people: "bytes" if any.
+std::string text_of(const HostBytes& bytes);
+
+// Finds them in what a host sends, in pieces of any length.
+class HostBytesSearch {
+ public:
+  // Takes the next byte that the host has sent. Returns true if `wanted` end with it.
+  bool take(const HostBytes& wanted, std::byte byte) noexcept;
+  bool take(const HostBytes& wanted, std::span<const std::byte> bytes) noexcept {
+    bool is_found = false;
+    for (const std::byte byte : bytes) is_found = take(wanted, byte) || is_found;
+    return is_found;
+  }
+
+ private:
+  std::size_t matched_ = 0;  // bytes of `wanted` that the last bytes of the host were
+};
+
+}  // namespace imud

@@ -1,0 +1,63 @@
+#include "emulator/record/measurement_rows.hpp"
+
+#include <utility>
+
+namespace imud {
+
+static_assert(sizeof(TrueRow) == sizeof(std::int64_t) + sizeof(TrueValues));
+
+namespace {
+
+class IdlePort : public Port {
+ public:
+  void send(std::span<const Frame> frames) noexcept override { counters_.count_sent(is_reply_, frames.size()); }
+  std::optional<Received> receive() noexcept override { return std::nullopt; }
+  bool can_receive() const noexcept override { return false; }
+  bool has_room() const noexcept override { return true; }
+};
+
+class DecodingPort final : public IdlePort, private MeasurementSink {
+ public:
+  DecodingPort(const ImuConfig& imu, std::function<void(const Measurement&)> receive)
+      : decoder_(imu.protocol->make_decoder(imu.settings)), receive_(std::move(receive)) {}
+  void send(std::span<const Frame> frames) noexcept override {
+    IdlePort::send(frames);
+    for (const Frame& frame : frames) decoder_->feed(frame, *this);
+  }
+  void commit() override { decoder_->finish(*this); }
+
+ private:
+  void on_measurement(const Measurement& measurement) override { receive_(measurement); }
+
+  std::unique_ptr<Decoder> decoder_;
+  std::function<void(const Measurement&)> receive_;
+};
+
+}  // namespace
+
+std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive) {
+  return std::make_unique<DecodingPort>(imu, std::move(receive));
+}
+
+std::unique_ptr<Port> idle_port() { return std::make_unique<IdlePort>(); }
+
+ImuConfig without_errors(const ImuConfig& imu) {
+  ImuConfig ideal = imu;
+  ideal.protocol = find_protocol("native");
+  ideal.settings = Settings(ideal.protocol->settings);
+  ideal.second_port.clear();
+  ideal.also.clear();
+  ideal.also_settings.clear();
+  ideal.device_filters = false;
+  ideal.errors_model = model_of_truth;
+  ImuModel& model = ideal.model;
+  model.internal_samples = 1;
+  model.gyro = model.accelerometer = model.magnetometer = TriadErrors{};
+  model.accelerometer_positions.setZero();
+  model.sampling_jitter = Nanoseconds{0};
+  model.barometer = BarometerErrors{};
+  model.navigation = NavigationErrors{};
+  return ideal;
+}
+
+}  // namespace imud

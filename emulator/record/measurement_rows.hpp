@@ -1,0 +1,37 @@
+// Measurements as rows of arrays of NumPy: what a product has sent, decoded, and the truth beside it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string_view>
+
+#include "emulator/plan/config.hpp"
+#include "protocols/measurements/measurement_row.hpp"
+#include "protocols/protocol.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// The truth at a measurement, without errors, by truth_columns(). The increments are those since the measurement
+// before.
+struct TrueRow {
+  std::int64_t time_ns;  // of the sample, by the sensor's own clock
+  TrueValues values;
+};
+
+// A port that decodes what a device sends, and calls `receive`, which must not throw, for each measurement, within
+// send().
+std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive);
+// A port that sends nothing.
+std::unique_ptr<Port> idle_port();
+
+// The name of the model of an imu without_errors(), on which no fault acts.
+inline constexpr std::string_view model_of_truth = "truth";
+
+// Returns an imu that samples the same truth at the same instants, place and axes, without errors, and sends it bit
+// for bit (`native`).
+ImuConfig without_errors(const ImuConfig& imu);
+
+}  // namespace imud

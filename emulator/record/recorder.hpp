@@ -1,0 +1,78 @@
+// Recorder: records what the sampling thread receives, does and sends, for `--record`.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/time.hpp"
+#include "emulator/ground/packet_ring.hpp"
+#include "emulator/record/record_file.hpp"
+#include "transports/port.hpp"
+
+namespace imud {
+
+// The sampling thread calls it in the order of what it does; a thread of its own writes the file. After start() the
+// sampling thread neither allocates, locks nor waits here, unless `waits`: a packet for which the queue has no room
+// is counted as lost, and the place is marked.
+class Recorder {
+ public:
+  // The size of the queue, bytes: ten seconds of four imus at 1 kHz.
+  static constexpr std::size_t queue_size = 16 * 1024 * 1024;
+
+  // `waits`: the sampling thread waits for room in the queue, because the host's clock does not pace it. Throws
+  // OpenError if the file cannot be created.
+  Recorder(const RecordOptions& options, bool waits, std::size_t size = queue_size);
+  // Ends the record as finish() does.
+  ~Recorder();
+
+  // --- Before start() ---
+  // Adds an interface and returns its number.
+  std::uint16_t add_interface(std::string name, std::uint16_t link_type);
+  // Sets the address of the truth port.
+  void set_truth_address(const Endpoint& address) { truth_ = address; }
+  // Writes the head and starts the thread. `is_live`: the truth is no capture. `config`: the run's, as TOML.
+  void start(bool is_live, std::string config);
+
+  // --- The sampling thread ---
+  // Sets the time of what follows.
+  void set_time(HostTime now) noexcept { now_ = now; }
+  // Sets the time up to which the devices' deadlines have been polled.
+  void set_polled(HostTime now) noexcept { now_ = polled_ = now; }
+  HostTime polled() const noexcept { return polled_; }
+  HostTime now() const noexcept { return now_; }
+  void event(const RecordEvent& event) noexcept;
+  void packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
+              const Endpoint& peer = {}) noexcept;
+  // Records frames that a port was passed, of which it has dropped the last `dropped`: those that left by
+  // `interface`, the others by `interface` + 2.
+  void frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
+
+  // --- Any other thread ---
+  // Called when the sampling thread has ended: writes what is in the queue.
+  void finish();
+  const RecordCounters& counters() const noexcept { return counters_; }
+  // The file, or the first one.
+  const std::string& path() const noexcept { return path_; }
+
+ private:
+  void push(const PacketRing::Head& head, std::span<const std::byte> bytes) noexcept;
+  void write() noexcept;
+
+  const bool waits_;
+  RecordCounters counters_;
+  RecordFile file_;
+  const std::string path_;
+  PacketRing ring_;
+  std::vector<PcapngInterface> interfaces_;
+  Endpoint truth_;
+  HostTime now_, polled_;
+  std::uint64_t missing_ = 0;  // packets for which there was no room since the last that had
+  std::atomic<bool> stop_ = false;
+  std::thread writer_;
+};
+
+}  // namespace imud

@@ -1,0 +1,48 @@
+// RowTruths: which truth is that of a measurement that has arrived, although messages are lost, late or damaged.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "emulator/record/measurement_rows.hpp"
+
+namespace imud {
+
+// A measurement that a device has made, before the faults of its messages and its wire.
+struct MadeRow {
+  std::uint64_t hash = 0;  // of all its bytes
+  std::int64_t time_ns = 0;
+  std::uint64_t counter = 0;
+  std::uint64_t sample = 0;  // its number among the samples of the sensor
+
+  MadeRow(const MeasurementRow& row, std::uint64_t sample) noexcept;
+};
+
+// One imu and one run.
+class RowTruths {
+ public:
+  // `samples`: the truth at each sample, with the increments since the sample before; it must outlive this.
+  RowTruths(std::span<const TrueRow> samples, std::vector<MadeRow> made)
+      : samples_(samples), made_(std::move(made)) {}
+
+  // Returns the truth at the sample of which the next row that has arrived is made. A row is the one that was made
+  // with the same bytes, or else with the same time and number; one that was damaged has neither, and is the one
+  // after its predecessor. Its true increments are sums since the row that was made before; they are NaN for the
+  // first one if samples precede it of which none was made. All values are NaN if there is no such row.
+  TrueRow of(const MeasurementRow& row) noexcept;
+
+ private:
+  std::size_t find(const MadeRow& row) const noexcept;
+
+  const std::span<const TrueRow> samples_;
+  const std::vector<MadeRow> made_;
+  std::size_t next_ = 0;
+};
+
+// Returns a row of the truth without any value.
+TrueRow no_truth() noexcept;
+
+}  // namespace imud

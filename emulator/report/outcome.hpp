@@ -1,0 +1,57 @@
+// Outcome: how a run ended, whether it is complete, and whether it kept the limits that were required of it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/requirement.hpp"
+#include "emulator/faults/expectations.hpp"
+#include "emulator/faults/fault_labels.hpp"
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+struct Summary;
+
+enum class EndedBy : std::uint8_t { end_of_capture, duration, signal, control, failure };
+// Returns the word of the JSON: "end_of_capture", "for", "signal", "control", "failure".
+std::string_view word(EndedBy ended_by) noexcept;
+
+struct Outcome {
+  EndedBy ended_by = EndedBy::signal;
+  // A phrase for each thing that is missing: "99 truths refused (99 crc)". Empty: the run is complete.
+  std::vector<std::string> shortfalls;
+  // A limit that was required, and the figure that it is about.
+  struct Required {
+    Requirement requirement;
+    std::uint64_t seen = 0;
+    bool holds = false;
+  };
+  std::vector<Required> required;
+  std::vector<Expected> expected;    // of the hosts
+  std::vector<FaultOutcome> faults;  // of the configuration
+
+  bool is_complete() const noexcept { return shortfalls.empty(); }
+  // Returns 0 if the run is complete and every limit and expectation holds, 1 after a failure, otherwise 3.
+  int exit_code() const noexcept;
+  // Sets `faults`. One that has never begun is a shortfall, unless it need not begin, or the run was ended before its
+  // time by a signal or a command, or `is_repeated`.
+  void judge_faults(std::vector<FaultOutcome> all, bool is_repeated = false);
+};
+
+// Throws RequirementError if a requirement is about a figure that a run of `config` does not have.
+void check_figures(std::span<const Requirement> requirements, const Config& config);
+
+// Judges a run of `config`. With a capture as truth nothing may be missing: the capture was read to its end, every
+// truth in it was accepted, no sample was skipped, and every frame was written; at the recorded pace, frames that
+// nobody read from a pty are not missing. A requirement about truth.gaps decides in place of the rule that there is
+// none. What the configured faults of truth take away is not missing. With live truth only frames lost to errors of a
+// file are missing. Percentages are those of the truths received, or of the imu's samples. A run that `is_repeated`
+// from its record may lack what the recorded run lacked.
+Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
+              std::span<const Requirement> requirements, bool is_repeated = false);
+
+}  // namespace imud

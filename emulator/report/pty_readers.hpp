@@ -1,0 +1,46 @@
+// PtyReaders: finds ptys that two programs have open, because each byte reaches only one of them.
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/time.hpp"
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// A program that has a terminal open.
+struct TerminalClient {
+  pid_t process = 0;
+  pid_t parent = 0;
+  std::string name;
+};
+
+// Returns the programs that have `terminal`, such as /dev/pts/4, open, as far as /proc shows them to this user. A
+// process whose ancestor has it open, too, is left out: it has inherited it. So is imud itself.
+std::vector<TerminalClient> terminal_clients(const std::string& terminal);
+
+// Watches the ptys of a configuration. Reads /proc, which takes milliseconds: for the main thread.
+class PtyReaders {
+ public:
+  explicit PtyReaders(const Config& config);
+
+  // Looks at the ptys if the last look was `period` ago; logs a warning, once for each pty that several programs have
+  // open.
+  void update(HostTime now);
+
+  static constexpr Nanoseconds period = std::chrono::seconds(5);
+
+ private:
+  struct Pty {
+    std::string imu, port, link;
+    bool is_reported = false;
+  };
+  std::vector<Pty> ptys_;
+  HostTime next_;
+};
+
+}  // namespace imud

@@ -1,0 +1,65 @@
+#include "emulator/run/readiness.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <spdlog/spdlog.h>
+#include <systemd/sd-daemon.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "transports/file_descriptor.hpp"
+
+namespace imud {
+
+namespace {
+
+// Returns the ports that no process reads.
+std::vector<std::string> unread_ports(Session& session, const Config& config) {
+  std::vector<std::string> unread;
+  for (std::size_t i = 0; i < config.imus.size(); ++i) {
+    Channel& channel = *session.channels()[i];
+    channel.update_port_states();
+    for (std::size_t uart = 0; uart < channel.port_count(); ++uart)
+      if (channel.port(uart).state() == PortState::no_reader)
+        unread.push_back(uart == 0 ? config.imus[i].port : config.imus[i].second_port);
+  }
+  return unread;
+}
+
+}  // namespace
+
+void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd) {
+  std::string ports;
+  for (const auto& [key, port] : chosen) ports += fmt::format(", {} is {}", key, port);
+  spdlog::info("ready{}", ports);
+  ::sd_notify(0, "READY=1");
+  if (!ready_fd) return;
+  const FileDescriptor descriptor(*ready_fd);
+  constexpr std::string_view ready = "ready\n";
+  if (::write(descriptor.get(), ready.data(), ready.size()) < 0)
+    spdlog::warn("--ready-fd {}: cannot be written: {}", *ready_fd, strerrordesc_np(errno));
+}
+
+void report_stopping() { ::sd_notify(0, "STOPPING=1"); }
+
+void wait_for_readers(Session& session, const Config& config, boost::asio::io_context& io,
+                      const std::function<bool()>& stopped) {
+  constexpr auto pause = std::chrono::milliseconds(10);
+  std::vector<std::string> reported;
+  for (;;) {
+    std::vector<std::string> unread = unread_ports(session, config);
+    if (unread.empty() || stopped()) break;
+    if (unread != reported) spdlog::info("waiting for a reader of {}", fmt::join(unread, ", "));
+    reported = std::move(unread);
+    io.run_for(pause);
+  }
+  io.restart();
+}
+
+}  // namespace imud

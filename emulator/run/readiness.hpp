@@ -1,0 +1,26 @@
+// Readiness: reports to those who wait for a run that it is ready or ends, and waits for the readers of its ptys.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <functional>
+#include <optional>
+
+#include "emulator/engine/session.hpp"
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// Reports that the ports are open and the links of ptys stand: by a line "ready" in the log, with the UDP ports that
+// the system has chosen; by READY=1 to the service manager (sd_notify(3)); and by "ready\n" to the descriptor
+// `ready_fd`, which is then closed.
+void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd);
+
+// Reports to the service manager that the run ends.
+void report_stopping();
+
+// Waits until each pty of the session's imus has a reader, or `stopped` returns true, and handles the events of `io`.
+// Logs which ptys it waits for. Called before the sampling thread begins.
+void wait_for_readers(Session& session, const Config& config, boost::asio::io_context& io,
+                      const std::function<bool()>& stopped);
+
+}  // namespace imud

@@ -1,0 +1,300 @@
+#include "emulator/run/run.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <csignal>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <string_view>
+#include <thread>
+#include <utility>  // Boost 1.74's Asio needs it first
+
+#include "emulator/config/scenario.hpp"
+#include "emulator/control/control_api.hpp"
+#include "emulator/control/control_server.hpp"
+#include "emulator/drive/loop.hpp"
+#include "emulator/drive/realtime_thread.hpp"
+#include "emulator/drive/recorded_run.hpp"
+#include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/text_file.hpp"
+#include "emulator/record/recorder.hpp"
+#include "emulator/run/readiness.hpp"
+#include "emulator/web/metrics.hpp"
+#include "emulator/web/web_server.hpp"
+#include "transports/file/output_path.hpp"
+
+namespace imud {
+
+namespace {
+
+namespace asio = boost::asio;
+
+// Calls `work` ten times a second.
+class Ticker {
+ public:
+  Ticker(asio::io_context& io, std::function<void()> work) : timer_(io), work_(std::move(work)) { tick(); }
+
+ private:
+  void tick() {
+    work_();
+    timer_.expires_after(std::chrono::milliseconds(100));
+    timer_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) tick();
+    });
+  }
+  asio::steady_timer timer_;
+  const std::function<void()> work_;
+};
+
+// The work of the sampling thread. Returns false if a reader has not read all that was sent.
+bool drive(Session& session, const Config& config, const RunOptions& options, RecordedRun* repeated,
+           const std::atomic<bool>& stop) {
+  MonotonicHost host;
+  const bool realtime = config.clock == ClockMode::realtime, capture = is_capture(config.truth.port);
+  if (realtime)
+    for (const std::string& shortfall : make_thread_realtime(config.realtime)) spdlog::warn("{}", shortfall);
+  LoopOptions loop;
+  if (realtime) loop.spin = config.realtime.spin;
+  loop.skip_after = config.realtime.skip_after;
+  if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
+  if (repeated != nullptr) {
+    repeated->run(session, host, {realtime, loop.limit}, stop);
+  } else {
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+    Loop(session, host, *pacer, loop, stop).run();
+  }
+  using namespace std::chrono_literals;
+  return session.drain(realtime || stop ? 50ms : 2000ms);
+}
+
+RunCounters counters_of(const Session& session, const RunControl& control) {
+  RunCounters counters{&session.intake().counters(), &session.quality(), {}, nullptr};
+  if (session.faults().capacity() > 0) counters.faults = &session.faults();
+  if (session.recorder() != nullptr) counters.record = &session.recorder()->counters();
+  for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
+  counters.control = &control.counters;
+  return counters;
+}
+
+bool writes_to_stdout(const Config& config) {
+  return std::any_of(config.imus.begin(), config.imus.end(), [](const ImuConfig& imu) {
+    const auto is_stdout = [](const std::string& port) {
+      const Transport* transport = transport_of(port);
+      return transport != nullptr && transport->is_standard_output != nullptr &&
+             transport->is_standard_output(PortSpec::parse(port));
+    };
+    return is_stdout(imu.port) || is_stdout(imu.second_port) ||
+           std::any_of(imu.also.begin(), imu.also.end(), is_stdout);
+  });
+}
+
+void log_details(const Config& config) {
+  constexpr std::string_view clocks[] = {"realtime", "lockstep", "fast"};
+  spdlog::debug("imud {}, process {}, clock {}, seed {}, configuration {}", IMUD_VERSION, ::getpid(),
+                clocks[static_cast<std::size_t>(config.clock)], config.seed, config.sha256);
+  spdlog::debug("truth: {} from {}", config.truth.format->name, config.truth.port);
+  for (const ImuConfig& imu : config.imus)
+    spdlog::debug("{}: {} at {} Hz to {}{}{}", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
+                  imu.second_port.empty() ? "" : " and ", imu.second_port);
+  for (const ImuConfig& imu : config.imus) spdlog::info("{}: errors of the model {}", imu.name, imu.errors_model);
+}
+
+// Returns true if standard output carries frames or JSON, among which the text of the summary has no place.
+bool has_data_on_stdout(const Config& config, const RunOptions& options) {
+  return writes_to_stdout(config) || options.summary_file == "-" || options.labels_file == "-" ||
+         options.junit_file == "-" || options.monitor.quality_file == "-" || options.record.file == "-";
+}
+
+// Logs what is missing.
+void report(const Outcome& outcome, const Summary& summary, const Config& config) {
+  if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
+  if (!outcome.is_complete()) spdlog::error("incomplete: {}", fmt::join(outcome.shortfalls, "; "));
+  for (const Outcome::Required& limit : outcome.required)
+    if (!limit.holds)
+      spdlog::error("required {}, but {} is {}", limit.requirement.text, limit.requirement.figure, limit.seen);
+  for (const Expected& one : outcome.expected)
+    if (!one.holds) spdlog::error("expected {}: {}; {}", one.name, one.text, one.seen);
+}
+
+// Throws OpenError if a file of figures would be written over another file of the run.
+void check_outputs(const Config& config, const RunOptions& options) {
+  std::vector<std::string> files = config.files;
+  if (writes_to_stdout(config)) files.emplace_back("-");
+  for (const std::string& path : {options.summary_file, options.labels_file, options.junit_file,
+                                  options.monitor.quality_file, options.record.file}) {
+    const std::string file = path.empty() || path == "-" ? path : regular_file(path);
+    if (file.empty()) continue;
+    if (std::any_of(files.begin(), files.end(),
+                    [&](const std::string& other) { return other == file || is_same_file(other, file); }))
+      throw OpenError(fmt::format("{}: the run reads or writes {} already; give another", path,
+                                  path == "-" ? "standard output" : "this file"));
+    files.push_back(file);
+  }
+}
+
+std::vector<FaultLabel> labels(const Session& session, const Config& config) {
+  std::vector<std::string> imus;
+  for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
+  return fault_labels(session.faults().all(), imus, session.faults().log());
+}
+
+// Returns the labels of the session's faults, as the name of their file asks for.
+std::string labels(const Session& session, const Config& config, std::string_view file) {
+  std::vector<FaultLabel> all = labels(session, config);
+  add_never_begun(session.faults().configured(), all);
+  return file.ends_with(".json") ? labels_json(all) : labels_csv(all);
+}
+
+}  // namespace
+
+int run(const Config& config, const RunOptions& options) {
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit of the files' size is an error of the write, as a full disk is
+  asio::io_context io;
+  std::atomic<bool> stop = false;
+  EndedBy stopped_by = EndedBy::signal;
+  asio::signal_set signals(io, SIGINT, SIGTERM);
+  signals.async_wait([&](const boost::system::error_code& error, int) {
+    if (!error) stop = true;
+  });
+  for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
+  check_figures(options.required, config);
+  check_begins_by_host(config, options.repeats);
+  check_outputs(config, options);
+  asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
+  TextFile summary_file(options.summary_file), labels_file(options.labels_file), junit_file(options.junit_file);
+  // The file of a run that was killed must not look like that of a whole run.
+  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
+
+  std::optional<RealtimeProcess> process;
+  if (config.clock == ClockMode::realtime) {
+    process.emplace(config.realtime);
+  }
+  std::optional<RecordedRun> repeated;
+  if (options.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
+  std::optional<Recorder> recorder;
+  if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
+  RunControl control(config.imus.size());
+  Session session(repeated ? repeated->adapted(config) : config,
+                  repeated ? repeated->open(open_port) : Sync::OpenPort(open_port), recorder ? &*recorder : nullptr,
+                  &control);
+  if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
+  log_details(config);
+  const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
+  std::optional<ControlServer> server(std::in_place, io, config.control, instance);
+  std::optional<WebServer> web;
+  if (!config.web.listen.empty()) web.emplace(io, config.web);
+  ChosenPorts chosen = session.chosen_ports();
+  if (web && web->address() != config.web.listen) chosen.emplace_back("web.listen", web->address());
+  report_ready(chosen, options.ready_fd);
+  if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
+  Config named = config;  // as the log shall name its ports
+  for (const auto& [key, port] : chosen)
+    if (key == "truth.port") named.truth.port = port;
+  Monitor monitor(counters_of(session, control), named, options.monitor);
+  Reloader reloader(session, config, named, options.read_config, [&monitor] { monitor.update_loads(); });
+  std::function<void()> reload = [] {};  // before the api there is no sample
+  const std::function<void()> wait_for_others = [&] {
+    others.async_wait([&](const boost::system::error_code& error, int signal) {
+      if (error) return;
+      if (signal == SIGUSR1) {
+        session.request_power_cycle();
+        spdlog::info("SIGUSR1: power off and on for every imu");
+      } else if (signal == SIGHUP) {
+        monitor.reopen();
+        reload();
+      } else {
+        spdlog::warn("SIGUSR2 is ignored");
+      }
+      wait_for_others();
+    });
+  };
+  wait_for_others();
+  const auto quit = [&] {
+    if (stop) return;
+    stopped_by = EndedBy::control;
+    stop = true;
+  };
+  ControlApi api(io, {instance, named, control, monitor, counters_of(session, control), quit, session.faults(),
+                      reloader, repeated.has_value()});
+  reload = [&api] { api.reload(); };
+  server->start(api);
+  if (web) {
+    const auto call = [&api](std::string_view request, std::function<void(std::string)> answer,
+                             const std::shared_ptr<Subscriber>& client) {
+      api.call(request, std::move(answer), client);
+    };
+    web->serve(
+        call, [&monitor](MetricsFormat format) { return metrics(monitor.now(), format); }, control.counters);
+  }
+  const auto report_events = [&] {
+    for (RunEvent event; control.events.pop(event);) api.report(event);
+    api.report_faults();
+  };
+  Ticker ticker(io, [&] {
+    monitor.update();
+    report_events();
+  });
+  asio::steady_timer end(io);
+  if (options.duration_s && !is_capture(config.truth.port)) {
+    end.expires_after(nanoseconds(*options.duration_s));
+    end.async_wait([&](const boost::system::error_code& error) {
+      if (error || stop) return;
+      stopped_by = EndedBy::duration;
+      stop = true;
+    });
+  }
+
+  std::exception_ptr failure;
+  bool all_read = true;
+  std::thread worker([&] {
+    try {
+      all_read = drive(session, config, options, repeated ? &*repeated : nullptr, stop);
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    asio::post(io, [&io] { io.stop(); });
+  });
+  io.run();
+  report_stopping();
+  worker.join();
+  session.finish_faults();
+  report_events();
+  api.finish();
+  server.reset();
+  if (recorder) recorder->finish();
+  if (failure) std::rethrow_exception(failure);
+
+  EndedBy ended_by = stopped_by;
+  if (is_capture(config.truth.port))
+    ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? stopped_by : EndedBy::duration;
+  Summary summary = monitor.finish(session.intake().end_warning());
+  summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
+                   chosen};
+  Outcome& outcome = summary.whole->outcome;
+  outcome.expected = session.expected();
+  outcome.judge_faults(fault_outcomes(session.faults().configured(), labels(session, config)), options.repeats);
+  if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
+    outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
+  if (repeated && !repeated->difference().empty()) outcome.shortfalls.push_back(repeated->difference());
+  if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
+  report(outcome, summary, named);
+  if (outcome.ended_by != EndedBy::failure) session.commit();
+  if (!options.labels_file.empty()) labels_file.replace(labels(session, config, options.labels_file));
+  if (!options.junit_file.empty()) junit_file.replace(junit_xml(outcome.expected, "imud"));
+  summary_file.replace(json(summary, JsonLayout::indented));  // last: it says that the run is complete
+  TextFile printed = has_data_on_stdout(config, options) ? TextFile::standard_error() : TextFile("-");
+  printed.write(text(summary));
+  return outcome.exit_code();
+}
+
+}  // namespace imud

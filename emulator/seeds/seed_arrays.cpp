@@ -1,0 +1,336 @@
+#include "emulator/seeds/seed_arrays.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <deque>
+#include <filesystem>
+#include <limits>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "core/sample.hpp"
+#include "emulator/ground/text_file.hpp"
+#include "emulator/plan/fault.hpp"
+#include "transports/file/output_path.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::size_t hold_at_most = 512;  // rows
+
+TrueRow row_of(const Sample& sample, const Increments& increments) {
+  const auto values = [](const Vector3& v) { return std::array{v[0], v[1], v[2]}; };
+  return {sample.time.ns,
+          {values(sample.rate), values(sample.specific_force), values(increments.delta_angle),
+           values(increments.delta_velocity)}};
+}
+
+// Takes the truth at each measurement of an imu, from its twin without errors.
+class TruthRows {
+ public:
+  // A sample of the twin will come after the measurements that carry it, because its truth has not come.
+  void await_truth() noexcept { ++taken_; }
+  // The next sample of the twin. If it was not awaited, it comes before those frames of the imu that carry it.
+  void on_truth(const Measurement& truth) {
+    taken_ = std::max(taken_, ++received_);
+    newest_ = truth.sample;
+    // Its truth has never come.
+    const bool is_unknown = (newest_.status & status::truth_extrapolated) != 0;
+    if (is_unknown) newest_.rate = newest_.specific_force = unknown;
+    if (keeps_samples) {
+      Increments own;
+      own.add(newest_);
+      if (is_unknown) own.delta_angle = own.delta_velocity = unknown;
+      samples.push_back(row_of(newest_, own));
+    }
+    increments_.add(newest_);
+    // Not known, as the product may begin its sums at any sample before the first one that it sends.
+    if (is_unknown || (rows.empty() && increments_.samples > 1))
+      increments_.delta_angle = increments_.delta_velocity = unknown;
+    complete();
+  }
+  void on_measurement() {
+    measured_.push_back(taken_);
+    complete();
+  }
+
+  bool keeps_samples = false;
+  std::vector<TrueRow> rows, samples;
+
+ private:
+  // Makes the rows of the measurements whose twin has come.
+  void complete() {
+    for (; !measured_.empty() && measured_.front() <= received_; measured_.pop_front()) {
+      rows.push_back(row_of(newest_, increments_));
+      increments_ = {};
+    }
+  }
+
+  inline static const Vector3 unknown = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::uint64_t taken_ = 0, received_ = 0;  // samples of the twin
+  std::deque<std::uint64_t> measured_;      // by taken_ at measurements that wait
+  Sample newest_;
+  Increments increments_;
+};
+
+std::string replaced(std::string text, std::string_view placeholder, std::string_view value) {
+  for (std::size_t at = 0; (at = text.find(placeholder, at)) != std::string::npos; at += value.size())
+    text.replace(at, placeholder.size(), value);
+  return text;
+}
+
+// Returns true if the fault can change which measurements of an imu arrive, or when. Those of sensors cannot.
+bool changes_rows(const FaultConfig& fault) { return fault.kind->seam != FaultSeam::sensor; }
+
+// Returns true if the fault changes frames that a device has made, or their way; otherwise it changes what is made.
+bool acts_on_frames(const FaultConfig& fault) {
+  constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
+  return fault.kind->seam == FaultSeam::wire ||
+         (fault.kind->seam == FaultSeam::message &&
+          std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
+}
+
+// Returns true if the fault can add measurements to those that an imu makes.
+bool adds_rows(const FaultConfig& fault) {
+  return (fault.kind->seam == FaultSeam::wire || fault.kind->name == "repeated" || fault.kind->name == "late" ||
+          fault.kind->name == "other_settings" || fault.kind->name == "settings_lost");
+}
+
+template <class Row>
+std::span<const std::byte> bytes_of(const Row& row, std::size_t size) {
+  return std::as_bytes(std::span(&row, 1)).first(size);
+}
+
+// Runs imus with their twins; calls on_truth(imu, measurement), on_measurement(imu, measurement), and, if it is
+// given, awaits_truth(imu).
+template <class OnTruth, class OnMeasurement>
+std::string run_with_twins(Config config, const SeedArrays::Run& run, const OnTruth& on_truth,
+                           const OnMeasurement& on_measurement,
+                           const std::function<void(std::size_t imu)>& awaits_truth = nullptr) {
+  const std::vector<ImuConfig> imus = std::exchange(config.imus, {});
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    // The twin comes first: its sample is sent before that of the imu, and after the frames of the imu's deadlines.
+    config.imus.push_back(without_errors(imus[i]));
+    config.imus.push_back(imus[i]);
+    for (std::size_t k = 2 * i; k < config.imus.size(); ++k) {
+      config.imus[k].port = numbered_port(config.imus[k].port, k);
+      config.imus[k].also.clear();
+    }
+  }
+  const auto open = [&](std::string_view port, const PortSettings&) -> std::unique_ptr<Port> {
+    for (std::size_t k = 0; k < config.imus.size(); ++k) {
+      if (config.imus[k].port != port) continue;
+      const std::size_t i = k / 2;
+      if (k % 2 == 0)
+        return decoding_port(config.imus[k], [&on_truth, i](const Measurement& truth) { on_truth(i, truth); });
+      return decoding_port(config.imus[k], [&on_measurement, i](const Measurement& one) { on_measurement(i, one); });
+    }
+    return idle_port();  // of a second UART
+  };
+  if (!awaits_truth) return run(config, open, nullptr);
+  return run(config, open, [&](std::size_t number) { awaits_truth(number / 2); });
+}
+
+Config without_faults(Config config) {
+  config.faults.clear();
+  config.expectations.clear();
+  config.control.faults = false;
+  return config;
+}
+
+}  // namespace
+
+std::string numbered_port(const std::string& port, std::size_t number) {
+  const std::size_t options = port.find('?');
+  return fmt::format("{}:{}{}", port.substr(0, port.find(':')), number,
+                     options == std::string::npos ? "" : port.substr(options));
+}
+
+SeedArrays::SeedArrays(const Config& config, const std::string& path) {
+  if (config.imus.size() > 1 && path.find("{imu}") == std::string::npos)
+    throw PortError(fmt::format("--npy {}: each imu needs a file of its own; give a name with {{imu}}", path));
+  if (is_standard_output(path))
+    throw OpenError(fmt::format("--npy {}: an array cannot go to a stream; give a file", path));
+  const bool is_faulty_truth = std::any_of(config.faults.begin(), config.faults.end(),
+                                           [](const FaultConfig& f) { return f.acts_on(fault_of_truth); });
+  for (const ImuConfig& imu : config.imus) {
+    const std::filesystem::path file = replaced(path, "{imu}", imu.name);
+    std::filesystem::path truth = file;
+    truth.replace_filename(fmt::format("{}_truth{}", file.stem().string(), file.extension().string()));
+    for (const std::filesystem::path& output : {file, truth})
+      for (const std::string& used : config.files)
+        if (regular_file(output) == used)
+          throw PortError(
+              fmt::format("--npy {}: the run reads or writes this file already; give another", output.string()));
+    Imu& added = imus_.emplace_back();
+    added.config = imu;
+    added.measured = std::make_unique<ArrayFile>(file, measurement_columns(false));
+    added.truth = std::make_unique<ArrayFile>(truth, truth_columns());
+    added.is_faulty = is_faulty_truth;
+    for (const FaultConfig& fault : config.faults) {
+      if (!fault.acts_on(imu.name)) continue;
+      added.is_faulty = true;
+      added.varies = added.varies || changes_rows(fault);
+    }
+  }
+}
+
+void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run) {
+  seeds_ = seeds.count;
+  can_be_completed_ = seeds.count > 1 && !seeds.origin.empty();
+  std::vector<TruthRows> rows(imus_.size());
+  for (std::size_t i = 0; i < imus_.size(); ++i) rows[i].keeps_samples = imus_[i].varies;
+  const std::string cause = run_with_twins(
+      without_faults(config), run, [&](std::size_t i, const Measurement& truth) { rows[i].on_truth(truth); },
+      [&](std::size_t i, const Measurement&) { rows[i].on_measurement(); },
+      [&](std::size_t i) { rows[i].await_truth(); });
+  const auto require_rows = [&](const Imu& imu, std::string_view why) {
+    if (imu.rows > 0) return;
+    throw std::runtime_error(fmt::format("{}: sends no measurement, so that there is no array{}{}", imu.config.name,
+                                         why.empty() ? "" : ": ", why));
+  };
+  for (std::size_t i = 0; i < imus_.size(); ++i) {
+    imus_[i].rows = rows[i].rows.size();
+    require_rows(imus_[i], cause);
+    imus_[i].samples = std::move(rows[i].samples);
+  }
+  make_room(config, seeds, run);
+  for (std::size_t i = 0; i < imus_.size(); ++i) {
+    Imu& imu = imus_[i];
+    require_rows(imu, "its faults leave none");
+    const std::array shape{seeds.count, imu.rows};
+    const std::string origin = fmt::format("{}, seeds {}..{}, {} measurements of {}", seeds.origin, seeds.first,
+                                           seeds.first + seeds.count - 1, imu.rows, imu.config.name);
+    const auto begin_file = [&](ArrayFile& file, std::span<const std::uint64_t> of, std::size_t size) {
+      const std::string other = file.begin(of, size, origin, seeds.count);
+      if (!other.empty())
+        throw OpenError(
+            fmt::format("{}: is the part of another array, of {}; this one is of {}; remove it, or give "
+                        "another --npy FILE",
+                        file.incomplete_path(), other, origin));
+    };
+    begin_file(*imu.truth, imu.varies ? std::span(shape) : std::span(shape).last(1), sizeof(TrueRow));
+    begin_file(*imu.measured, shape, row_size(false));
+    if (!imu.varies) imu.truth->write(std::as_bytes(std::span(rows[i].rows)), 0);
+    for (const auto& file : {imu.truth.get(), imu.measured.get()}) file->check();
+  }
+}
+
+// Determines the number of rows of imus whose measurements depend on the seed: those of a run without faults, or, if
+// they are more, of the first seed, and some more if faults add measurements.
+void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& run) {
+  if (std::none_of(imus_.begin(), imus_.end(), [](const Imu& imu) { return imu.varies; })) return;
+  Config first = config;
+  first.seed = seeds.first;
+  std::vector<std::uint64_t> counts(imus_.size());
+  run_with_twins(
+      first, run, [](std::size_t, const Measurement&) {}, [&](std::size_t i, const Measurement&) { ++counts[i]; });
+  for (std::size_t i = 0; i < imus_.size(); ++i) {
+    if (!imus_[i].varies) continue;
+    const std::uint64_t without = std::exchange(imus_[i].rows, counts[i]);
+    if (seeds.count == 1) continue;
+    imus_[i].rows = std::max(without, counts[i]);
+    constexpr std::uint64_t part = 16;
+    if (std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
+          return fault.acts_on(imus_[i].config.name) && adds_rows(fault);
+        }))
+      imus_[i].rows += part + imus_[i].rows / part;
+  }
+}
+
+std::vector<std::vector<MadeRow>> SeedArrays::made(const Config& config, const Run& run) {
+  Config only_made = config;
+  only_made.expectations.clear();
+  for (FaultConfig& fault : only_made.faults)
+    if (acts_on_frames(fault)) fault.imus.clear();  // its number, from which others draw theirs, stays
+  std::vector<std::vector<MadeRow>> rows(config.imus.size());
+  std::vector<std::uint64_t> samples(config.imus.size());
+  run_with_twins(
+      only_made, run, [&](std::size_t i, const Measurement&) { ++samples[i]; },
+      [&](std::size_t i, const Measurement& measurement) {
+        rows[i].emplace_back(MeasurementRow(measurement, config.imus[i].protocol->absent_rates),
+                             std::max<std::uint64_t>(samples[i], 1) - 1);
+      });
+  return rows;
+}
+
+bool SeedArrays::is_done(std::uint64_t seed_index) const noexcept {
+  return std::all_of(imus_.begin(), imus_.end(), [&](const Imu& imu) { return imu.measured->is_done(seed_index); });
+}
+
+void SeedArrays::commit() {
+  for (const Imu& imu : imus_) {
+    imu.truth->commit();
+    imu.measured->commit();
+  }
+}
+
+std::string SeedArrays::keep() noexcept {
+  const auto has_any = [&] {
+    for (std::uint64_t i = 0; i < seeds_; ++i)
+      if (is_done(i)) return true;
+    return false;
+  };
+  if (!can_be_completed_ || !has_any()) return {};
+  const MeasurementRow row = no_row();
+  const TrueRow truth = no_truth();
+  for (const Imu& imu : imus_) {
+    imu.measured->keep(bytes_of(row, row_size(false)));
+    imu.truth->keep(imu.varies ? bytes_of(truth, sizeof truth) : std::span<const std::byte>());
+  }
+  return imus_.front().measured->incomplete_path();
+}
+
+SeedArrays::Rows::Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made)
+    : arrays_(arrays),
+      imu_(imu),
+      truths_(arrays.imus_[imu].samples, std::move(made)),
+      begin_(seed_index * arrays.imus_[imu].rows) {
+  held_.reserve(hold_at_most * row_size(false));
+}
+
+std::unique_ptr<Port> SeedArrays::Rows::port() {
+  const ImuConfig& imu = arrays_.imus_[imu_].config;
+  return decoding_port(imu, [this, absent = imu.protocol->absent_rates](const Measurement& measurement) {
+    if (++taken_ > arrays_.imus_[imu_].rows) return;
+    const MeasurementRow row(measurement, absent);
+    const auto bytes = bytes_of(row, row_size(false));
+    held_.insert(held_.end(), bytes.begin(), bytes.end());
+    if (arrays_.imus_[imu_].varies) held_truths_.push_back(truths_.of(row));
+    if (held_.size() == hold_at_most * row_size(false)) flush();
+  });
+}
+
+void SeedArrays::Rows::flush() noexcept {
+  arrays_.imus_[imu_].measured->write(held_, (begin_ + rows_) * row_size(false));
+  if (!held_truths_.empty())
+    arrays_.imus_[imu_].truth->write(std::as_bytes(std::span(held_truths_)), (begin_ + rows_) * sizeof(TrueRow));
+  rows_ += held_.size() / row_size(false);
+  held_.clear();
+  held_truths_.clear();
+}
+
+std::string SeedArrays::Rows::finish() {
+  flush();
+  const Imu& imu = arrays_.imus_[imu_];
+  const MeasurementRow none = no_row();
+  while (rows_ < imu.rows) {
+    for (std::uint64_t i = rows_; i < std::min<std::uint64_t>(imu.rows, rows_ + hold_at_most); ++i) {
+      const auto bytes = bytes_of(none, row_size(false));
+      held_.insert(held_.end(), bytes.begin(), bytes.end());
+      if (imu.varies) held_truths_.push_back(no_truth());
+    }
+    flush();
+  }
+  imu.measured->check();
+  imu.truth->check();
+  if (taken_ == imu.rows || (imu.is_faulty && taken_ < imu.rows)) return {};
+  return fmt::format("{}: {} measurements in place of {}", imu.config.name, taken_, imu.rows);
+}
+
+}  // namespace imud

@@ -1,0 +1,101 @@
+// SeedArrays: the arrays that replays with many seeds write.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "emulator/engine/sync.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/record/array_file.hpp"
+#include "emulator/record/measurement_rows.hpp"
+#include "emulator/record/row_truths.hpp"
+
+namespace imud {
+
+// For each imu a file of (seeds, measurements), and one of the truth at the measurements: the motion without any
+// fault. If faults can change which measurements of an imu arrive, or when, the truth has the shape of the
+// measurements, and rows behind the last one of a seed have no value. Rows of seeds that have not run have none
+// either. True increments are sums since the measurement before, and NaN in the first one if samples that are not
+// sent precede it. Where a run has extrapolated or held motion, its truth is that which came later for the same
+// instant; NaN if none has.
+class SeedArrays {
+ public:
+  // The values of a row that is not known.
+  static MeasurementRow no_row() noexcept { return MeasurementRow(Measurement{}); }
+
+  // `path`: has `{imu}` for an imu's name if there are several. Throws PortError if it has not, OpenError if a file
+  // cannot be written.
+  SeedArrays(const Config& config, const std::string& path);
+
+  struct Seeds {
+    std::uint64_t first = 1, count = 1;
+    std::string origin;  // what else the arrays are made of; empty: an incomplete array cannot be completed
+  };
+  // Runs a configuration with that way to open a port; the last parameter, which may be nullptr, is
+  // RecordedRun::Options::awaits_truth. Returns why there may be no measurement.
+  using Run = std::function<std::string(const Config& config, const Sync::OpenPort& open,
+                                        const std::function<void(std::size_t imu)>& awaits_truth)>;
+  // Writes the truth, by a run of `config` and of its imus without errors, both without faults. Then the files have
+  // room for the runs of all seeds. Throws std::runtime_error if an imu sends no measurement, or a file cannot be
+  // written; OpenError if an array of another origin was left behind.
+  void begin(const Config& config, const Seeds& seeds, const Run& run);
+
+  // Returns true if the run of that seed is in all arrays already.
+  bool is_done(std::uint64_t seed_index) const noexcept;
+  // The array of that imu has the run of that seed.
+  void mark(std::size_t imu, std::uint64_t seed_index) noexcept { imus_[imu].measured->mark(seed_index); }
+  // Ends the arrays, which take the place of those of before. Throws std::runtime_error.
+  void commit();
+  // Leaves the arrays incomplete, if they can be completed. Returns the name of one of them; empty if none is left.
+  std::string keep() noexcept;
+
+  // Returns true if the truth of an imu depends on the seed.
+  bool varies(std::size_t imu) const noexcept { return imus_[imu].varies; }
+  // Finds what the imus of a configuration make, before the faults of messages and wires: a port for each imu, by
+  // their order.
+  static std::vector<std::vector<MadeRow>> made(const Config& config, const Run& run);
+
+  // Collects the measurements of one run and one imu. Called after the fork.
+  class Rows {
+   public:
+    // `made`: the rows that the imu makes; used if the truth varies().
+    Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made = {});
+    std::unique_ptr<Port> port();
+    // Writes the last rows. Returns what is missing, or a text of length 0. Throws std::runtime_error if the file
+    // cannot be written.
+    std::string finish();
+
+   private:
+    void flush() noexcept;
+    const SeedArrays& arrays_;
+    const std::size_t imu_;
+    RowTruths truths_;
+    std::uint64_t begin_, rows_ = 0, taken_ = 0;
+    std::vector<std::byte> held_;  // rows
+    std::vector<TrueRow> held_truths_;
+  };
+
+ private:
+  struct Imu {
+    ImuConfig config;
+    std::unique_ptr<ArrayFile> measured, truth;
+    std::uint64_t rows = 0;
+    bool varies = false;           // its truth with the seed
+    bool is_faulty = false;        // it may lack measurements
+    std::vector<TrueRow> samples;  // the truth at each sample, if it varies
+  };
+  void make_room(const Config& config, const Seeds& seeds, const Run& run);
+
+  std::vector<Imu> imus_;
+  std::uint64_t seeds_ = 0;
+  bool can_be_completed_ = false;
+};
+
+// Returns the port's text with another address, so that each port of many imus differs; kind and options stay.
+std::string numbered_port(const std::string& port, std::size_t number);
+
+}  // namespace imud

@@ -1,0 +1,76 @@
+// The results of replays with many seeds: their summaries, and the progress.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/time.hpp"
+#include "emulator/plan/fault_config.hpp"
+
+namespace imud {
+
+// Returns the worse of two exit codes: 1 is worse than 3, and 3 than 0.
+int worse_exit_code(int a, int b) noexcept;
+
+// The summaries by seed; those of a seed's imus, which ran apart, are merged.
+class SeedResults {
+ public:
+  // `keeps`: by_seed() is wanted. `parts`: of each run, which run apart; a fault of `faults`, which must outlive
+  // this, that has begun in none of them is a shortfall of the run. With one part, its summary has the shortfalls.
+  explicit SeedResults(bool keeps, std::size_t parts = 1, std::span<const FaultConfig> faults = {})
+      : keeps_(keeps), parts_(parts), faults_(faults) {}
+
+  // `text`: a JSON array of the summaries of runs. Logs what is missing, of the first seeds, and the remarks of the
+  // first run. Returns false if a signal has ended one of them.
+  bool add(const std::string& text);
+
+  int exit_code() const noexcept { return exit_code_; }
+  std::uint64_t samples() const noexcept { return samples_; }
+  // The labels of all runs, if the summaries have them: by seed, and by part of a run.
+  std::string labels(bool as_json) const;
+  const std::map<std::uint64_t, nlohmann::ordered_json>& by_seed() const noexcept { return by_seed_; }
+
+ private:
+  // How often each fault has begun in the parts of a run so far.
+  struct Begun {
+    std::size_t parts = 0;
+    bool is_whole = true;
+    std::vector<std::uint64_t> occurrences;
+  };
+  bool add_run(nlohmann::ordered_json summary);
+  void judge_faults(std::uint64_t seed, nlohmann::ordered_json& summary);
+
+  std::map<std::uint64_t, nlohmann::ordered_json> by_seed_;
+  std::map<std::pair<std::uint64_t, std::size_t>, std::string> labels_;  // by seed and part
+  const bool keeps_;
+  const std::size_t parts_;
+  const std::span<const FaultConfig> faults_;
+  std::map<std::uint64_t, Begun> begun_;  // by seed, until all parts have come
+  bool has_remarks_ = false;              // they are logged
+  std::uint64_t samples_ = 0, shortfalls_ = 0;
+  int exit_code_ = 0;
+};
+
+// The line of progress on standard error: rewritten on a terminal, otherwise logged every five seconds.
+class SeedProgress {
+ public:
+  SeedProgress(std::size_t runs, bool quiet);
+  ~SeedProgress();
+  SeedProgress(const SeedProgress&) = delete;
+  SeedProgress& operator=(const SeedProgress&) = delete;
+  void show(std::size_t done);
+
+ private:
+  const std::size_t runs_;
+  const bool quiet_, is_terminal_;
+  const HostTime begin_;
+  HostTime shown_;
+};
+
+}  // namespace imud

@@ -1,0 +1,399 @@
+#include "emulator/seeds/seeds.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <charconv>
+#include <csignal>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "emulator/config/line_load.hpp"
+#include "emulator/config/scenario.hpp"
+#include "emulator/drive/loop.hpp"
+#include "emulator/drive/recorded_run.hpp"
+#include "emulator/drive/stored_truths.hpp"
+#include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/text_file.hpp"
+#include "emulator/seeds/seed_arrays.hpp"
+#include "emulator/seeds/seed_checks.hpp"
+#include "emulator/seeds/seed_results.hpp"
+#include "emulator/seeds/worker_processes.hpp"
+#include "transports/host_clock.hpp"
+
+namespace imud {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string with_seed(std::string port, std::string_view seed) {
+  for (std::size_t at = 0; (at = port.find(seed_placeholder, at)) != std::string::npos; at += seed.size())
+    port.replace(at, seed_placeholder.size(), seed);
+  return port;
+}
+
+// Returns what was noticed, and the first refusal of each cause.
+std::vector<std::string> remarks(const TruthCounters& truth) {
+  std::vector<std::string> all;
+  for (const Remark* remark : truth.remarks.all())
+    if (remark->is_set()) all.emplace_back(remark->text());
+  for (std::size_t i = 0; i < truth.refused.first.size(); ++i)
+    if (const Remark& first = truth.refused.first[i]; first.is_set())
+      all.push_back(fmt::format("refused: {}: {}", cause(static_cast<Refusal>(i)), first.text()));
+  return all;
+}
+
+// Returns how many records of the capture are kept at most: all, if it can be read only once.
+std::size_t most_records(const std::string& port) {
+  constexpr std::size_t most = 500'000;
+  const std::string path = port.substr(port.find(':') + 1);
+  std::error_code error;
+  const bool can_read_again = std::filesystem::is_regular_file(path.substr(0, path.find('?')), error);
+  return can_read_again ? most : std::numeric_limits<std::size_t>::max();
+}
+
+// The runs, and what they share.
+class Runs {
+ public:
+  Runs(const Config& config, const RunOptions& options, const SeedsOptions& seeds)
+      : config_(config),
+        options_(options),
+        seeds_(seeds.seeds.value_or(SeedRange{config.seed, config.seed})),
+        width_(fmt::formatted_size("{}", seeds_.last)),
+        truths_(options.repeats ? std::nullopt : StoredTruths::read(config.truth, most_records(config.truth.port))) {
+    if (truths_) config_.truth.format = &truths_->format();
+    if (!options.repeats) config_.control.faults = false;  // nobody controls these runs
+    for (const ImuConfig& imu : config.imus) line_loads_.push_back(line_load(imu).percent);
+    if (seeds.npy.empty()) return;
+    arrays_ = std::make_unique<SeedArrays>(config_, seeds.npy);
+    arrays_->begin(config_, {seeds_.first, seeds_.size(), origin_of(config, options)}, run_for_arrays());
+    for (std::uint64_t i = 0; i < seeds_.size(); ++i) done_ += arrays_->is_done(i) ? 1U : 0U;
+    if (done_ > 0) spdlog::info("{} of {} runs are in the arrays already; the others follow", done_, seeds_.size());
+  }
+
+  // Divides the runs into items of work: seeds that run together, because they share the truth and the instants of
+  // samples; or each imu of a seed, if `jobs` are more than the seeds.
+  void divide(unsigned jobs) noexcept {
+    constexpr std::size_t most_imus = 8;  // in a session: 4 and 8 take the same time, 16 and 32 more
+    constexpr std::uint64_t per_job = 4;  // items, so that all jobs end at about the same time
+    const std::uint64_t most_together = std::max<std::size_t>(1, most_imus / config_.imus.size());
+    together_ = std::clamp<std::uint64_t>(seeds_.size() / (per_job * jobs), 1, most_together);
+    // The seed of a run draws the faults of its truth.
+    if (std::any_of(config_.faults.begin(), config_.faults.end(),
+                    [](const FaultConfig& f) { return f.acts_on(fault_of_truth); }))
+      together_ = 1;
+    if (done_ > 0) together_ = 1;
+    for (std::uint64_t i = 0; done_ > 0 && i < seeds_.size(); ++i)
+      if (!arrays_->is_done(i)) missing_.push_back(seeds_.first + i);
+    parts_ = seeds_.size() - done_ < jobs && options_.required.empty() && truths_ && truths_->ascend()
+                 ? config_.imus.size()
+                 : 1;
+  }
+  std::size_t items() const noexcept {
+    return (done_ > 0 ? missing_.size() : (seeds_.size() + together_ - 1) / together_) * parts_;
+  }
+  std::uint64_t seeds() const noexcept { return seeds_.size(); }
+  std::size_t runs() const noexcept { return (seeds_.size() - done_) * parts_; }
+  std::size_t parts() const noexcept { return parts_; }
+  std::size_t runs_of(std::size_t item) const noexcept { return seeds_of(item).size(); }
+
+  // The item has been done: the arrays have its rows.
+  void mark(std::size_t item) noexcept {
+    const SeedRange seeds = seeds_of(item);
+    for (std::uint64_t seed = seeds.first; arrays_ && seed <= seeds.last; ++seed)
+      for (std::size_t imu = 0; imu < config_.imus.size(); ++imu)
+        if (parts_ == 1 || imu == item % parts_) arrays_->mark(imu, seed - seeds_.first);
+  }
+  void commit() {
+    if (arrays_) arrays_->commit();
+  }
+  // Leaves the arrays to be completed by the same command, and logs so.
+  void keep() noexcept {
+    const std::string left = arrays_ ? arrays_->keep() : std::string();
+    if (!left.empty()) spdlog::warn("{} is incomplete: the same command does the runs that are missing", left);
+  }
+
+  // Does an item; returns the summaries of its runs as a JSON array in one line. Throws std::runtime_error, which
+  // names the seed if the fault is that of a port.
+  std::string work(std::size_t item) const;
+
+ private:
+  template <class End>
+  void run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end,
+           const std::function<void(std::size_t)>& awaits_truth = nullptr) const;
+  SeedRange seeds_of(std::size_t item) const noexcept {
+    if (done_ > 0) return {missing_[item / parts_], missing_[item / parts_]};
+    const std::uint64_t before = item / parts_ * together_;
+    return {seeds_.first + before, seeds_.first + std::min(before + together_, seeds_.size()) - 1};
+  }
+  // The runs of an item.
+  struct Batch {
+    Config config;  // of one seed
+    std::vector<double> line_loads;
+    std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
+    HostTime begin;
+  };
+  // Returns what each imu of the runs makes, if the truth of one varies with the seed; otherwise nothing.
+  std::vector<std::vector<MadeRow>> made_by(const Config& config, std::size_t part) const {
+    bool varies = false;
+    for (std::size_t i = 0; arrays_ && i < config_.imus.size(); ++i)
+      varies = varies || (arrays_->varies(i) && (parts_ == 1 || i == part));
+    return varies ? SeedArrays::made(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
+  }
+  std::string end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
+                  std::size_t part) const;
+  std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const;
+  SeedArrays::Run run_for_arrays() const {
+    return [this](const Config& config, const Sync::OpenPort& open, const auto& awaits_truth) {
+      const std::atomic<bool> no_stop = false;
+      std::string cause;
+      run(
+          config, open, no_stop,
+          [&](Session& session, const std::string&) {
+            session.commit();
+            cause = fmt::format("{}", fmt::join(remarks(session.intake().counters()), "; "));
+          },
+          awaits_truth);
+      return cause;
+    };
+  }
+  std::unique_ptr<Port> open_truth(std::string_view port, const PortSettings& settings) const {
+    return truths_ ? truths_->open() : open_port(port, settings);
+  }
+
+  Config config_;
+  const RunOptions& options_;
+  const SeedRange seeds_;
+  const std::size_t width_;  // digits of a seed
+  std::optional<StoredTruths> truths_;
+  std::vector<double> line_loads_;
+  std::unique_ptr<SeedArrays> arrays_;
+  std::uint64_t together_ = 1;          // seeds of an item
+  std::size_t parts_ = 1;               // of a seed
+  std::uint64_t done_ = 0;              // seeds that the arrays have already
+  std::vector<std::uint64_t> missing_;  // the others, if there are any of these
+};
+
+template <class End>
+void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end,
+               const std::function<void(std::size_t)>& awaits_truth) const {
+  const Sync::OpenPort open_all = [&](std::string_view port, const PortSettings& settings) {
+    return port == config.truth.port ? open_truth(port, settings) : open(port, settings);
+  };
+  std::optional<RecordedRun> repeated;
+  if (options_.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
+  Session session(repeated ? repeated->adapted(config) : config, repeated ? repeated->open(open) : open_all);
+  MonotonicHost host;
+  LoopOptions options;
+  if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
+  if (repeated) {
+    repeated->run(session, host, {.paced = false, .duration = options.limit, .awaits_truth = awaits_truth}, stop);
+  } else {
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+    Loop(session, host, *pacer, options, stop).run();
+  }
+  session.drain(std::chrono::milliseconds(50));
+  session.finish_faults();
+  end(session, repeated ? repeated->difference() : std::string());
+}
+
+std::string Runs::work(std::size_t item) const {
+  const SeedRange seeds = seeds_of(item);
+  const std::size_t part = item % parts_;
+  Batch batch{config_, line_loads_, {}, host_now()};
+  if (parts_ > 1) {
+    batch.config.imus = {config_.imus[part]};
+    batch.line_loads = {line_loads_[part]};
+  }
+  const std::vector<ImuConfig>& imus = batch.config.imus;
+  Config all = batch.config;
+  all.seed = seeds.first;  // it draws the faults of truth
+  all.imus.clear();
+  batch.rows.reserve(seeds.size() * imus.size());
+  for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
+    ImuConfig& imu = all.imus.emplace_back(imus[i % imus.size()]);
+    imu.seed = seeds.first + i / imus.size();
+  }
+  auto made = made_by(all, part);
+  for (std::uint64_t i = 0; i < seeds.size() * imus.size(); ++i) {
+    ImuConfig& imu = all.imus[i];
+    if (arrays_) {
+      batch.rows.emplace_back(*arrays_, part + i % imus.size(), *imu.seed - seeds_.first,
+                              made.empty() ? std::vector<MadeRow>() : std::move(made[i]));
+      imu.port = numbered_port(imu.port, i);
+      imu.also.clear();
+    } else {
+      const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);
+      imu.port = with_seed(imu.port, seed);
+      imu.second_port = with_seed(imu.second_port, seed);
+      for (std::string& copy : imu.also) copy = with_seed(copy, seed);
+    }
+  }
+  const auto open = [&](std::string_view port, const PortSettings& settings) -> std::unique_ptr<Port> {
+    const auto imu = std::find_if(all.imus.begin(), all.imus.end(), [port](const ImuConfig& config) {
+      return config.port == port || config.second_port == port ||
+             std::find(config.also.begin(), config.also.end(), port) != config.also.end();
+    });
+    const auto i = static_cast<std::size_t>(imu - all.imus.begin());
+    if (arrays_) return imu->port == port ? batch.rows[i].port() : idle_port();
+    try {
+      return open_port(port, settings);
+    } catch (const PortError& error) {
+      throw std::runtime_error(fmt::format("seed {}: {}", *imu->seed, error.what()));
+    }
+  };
+  std::vector<std::string> summaries;
+  std::string failure;
+  run(all, open, workers_stop(), [&](Session& session, const std::string& difference) {
+    for (std::size_t i = 0; i < seeds.size(); ++i) {
+      batch.config.seed = seeds.first + i;
+      try {
+        summaries.push_back(end(batch, i, session, difference, part));
+      } catch (const std::exception& error) {  // the other seeds have runs of their own
+        if (failure.empty()) failure = fmt::format("seed {}: {}", batch.config.seed, error.what());
+      }
+    }
+  });
+  if (!failure.empty()) throw std::runtime_error(failure);
+  return fmt::format("[{}]", fmt::join(summaries, ","));
+}
+
+// Ends the run number `run` of a batch, which is that of Batch::config; returns its summary.
+std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
+                      std::size_t part) const {
+  const std::size_t imus = batch.config.imus.size();
+  const auto channels = session.channels().subspan(run * imus, imus);
+  RunCounters counters{&session.intake().counters(), &session.quality(), {}};
+  for (const auto& channel : channels) counters.imus.emplace_back(channel->name(), &channel->counters());
+  Summary summary = summarize(counters, seconds(host_now() - batch.begin), batch.line_loads);
+  summary.truth.warning = session.intake().end_warning();
+  summary.truth.remarks = remarks(*counters.truth);
+  const EndedBy ended_by = session.intake().at_end() ? EndedBy::end_of_capture
+                           : workers_stop()          ? EndedBy::signal
+                                                     : EndedBy::duration;
+  Outcome outcome = judge(summary, batch.config, ended_by, options_.required, options_.repeats);
+  if (!difference.empty()) outcome.shortfalls.push_back(difference);
+  for (const auto& channel : channels)
+    for (Expected& one : channel->expected()) outcome.expected.push_back(std::move(one));
+  std::vector<FaultLabel> all = labels(batch, run, session, part);
+  std::vector<FaultOutcome> faults = fault_outcomes(session.faults().configured(), all);
+  if (parts_ == 1)
+    outcome.judge_faults(std::move(faults), options_.repeats);
+  else
+    outcome.faults = std::move(faults);  // SeedResults judges those of all parts
+  if (outcome.ended_by != EndedBy::failure) imud::commit(channels);
+  if (arrays_)
+    for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))
+      if (const std::string missing = rows.finish(); !missing.empty()) outcome.shortfalls.push_back(missing);
+  summary.whole = {std::move(outcome), batch.config.seed, batch.config.sha256, {}};
+  const std::string text = json(summary, JsonLayout::line);
+  if (options_.labels_file.empty()) return text;
+  Json with_labels = Json::parse(text);
+  add_never_begun(session.faults().configured(), all);
+  std::erase_if(all, [&](const FaultLabel& label) {
+    const auto has_label = [&](const ImuConfig& imu) { return imu.name == label.imu; };
+    return label.imu == fault_of_truth ? part > 0
+                                       : std::none_of(batch.config.imus.begin(), batch.config.imus.end(), has_label);
+  });
+  const auto to_text = options_.labels_file.ends_with(".json") ? labels_json : labels_csv;
+  with_labels["labels"] = {{"part", part}, {"text", to_text(all, batch.config.seed)}};
+  return with_labels.dump();
+}
+
+std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, const Session& session,
+                                     std::size_t part) const {
+  std::vector<std::string> names;
+  for (const auto& channel : session.channels()) names.push_back(channel->name());
+  const std::size_t first = run * batch.config.imus.size(), end = first + batch.config.imus.size();
+  std::vector<FaultLabel> all = fault_labels(session.faults().all(), names, session.faults().log());
+  // Each part of a run has the faults of its truth.
+  std::erase_if(all, [&](const FaultLabel& label) {
+    return label.first.imu == truth_number ? part > 0 : label.first.imu < first || label.first.imu >= end;
+  });
+  return all;
+}
+
+}  // namespace
+
+std::optional<SeedRange> SeedRange::parse(std::string_view text) noexcept {
+  const auto number = [](std::string_view digits, std::uint64_t& value) {
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    return error == std::errc{} && end == digits.data() + digits.size();
+  };
+  constexpr std::uint64_t most = 10'000'000;
+  const std::size_t dots = text.find("..");
+  SeedRange range;
+  if (!number(text.substr(0, dots), range.first)) return std::nullopt;
+  if (!number(dots == text.npos ? text : text.substr(dots + 2), range.last)) return std::nullopt;
+  if (range.last < range.first || range.last - range.first >= most) return std::nullopt;
+  return range;
+}
+
+int replay_seeds(const Config& config, const RunOptions& options, const SeedsOptions& seeds) {
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+  const HostTime begin = host_now();
+  for (const std::string& warning : config.warnings) spdlog::warn("{}", warning);
+  check_figures(options.required, config);
+  check_begins_by_host(config, options.repeats);
+  check_seed_ports(config, options.repeats, seeds.seeds && seeds.seeds->size() > 1, !seeds.npy.empty());
+  check_seed_files(config, options);
+  TextFile summary_file(options.summary_file), labels_file(options.labels_file);
+  if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
+
+  Runs runs(config, options, seeds);
+  const unsigned jobs = seeds.jobs > 0 ? seeds.jobs : std::max(1U, std::thread::hardware_concurrency());
+  runs.divide(jobs);
+  bool is_whole = false;
+  SeedResults results(!options.summary_file.empty(), runs.parts(), config.faults);
+  SeedProgress progress(runs.runs(), seeds.quiet);
+  std::size_t done = 0;
+  try {
+    is_whole = run_workers({.jobs = jobs,
+                            .work = [&](std::size_t item) { return runs.work(item); },
+                            .take =
+                                [&](std::size_t item, const std::string& text) {
+                                  done += runs.runs_of(item);
+                                  if (results.add(text)) runs.mark(item);
+                                },
+                            .tick = [&] { progress.show(done); }},
+                           runs.items());
+    is_whole ? runs.commit() : runs.keep();
+  } catch (...) {
+    runs.keep();
+    throw;
+  }
+
+  const double duration_s = seconds(host_now() - begin);
+  if (!is_whole) spdlog::error("incomplete: a signal ended it after {} of {} runs", done, runs.runs());
+  const int exit_code = worse_exit_code(results.exit_code(), is_whole ? 0 : 3);
+  Json all = {{"duration_s", duration_s},
+              {"exit_code", exit_code},
+              {"complete", exit_code == 0},
+              {"ended_by", is_whole ? "end_of_capture" : "signal"},
+              {"version", IMUD_VERSION},
+              {"config_sha256", config.sha256},
+              {"jobs", jobs},
+              {"seeds", Json::array()}};
+  for (const auto& [seed, summary] : results.by_seed()) all["seeds"].push_back(summary);
+  summary_file.replace(all.dump(1) + "\n");
+  if (!options.labels_file.empty()) labels_file.replace(results.labels(options.labels_file.ends_with(".json")));
+  TextFile printed = options.summary_file == "-" ? TextFile::standard_error() : TextFile("-");
+  printed.write(fmt::format("ran      {:.3f} s, {} runs of {} seed{}, {} samples, {:.3g} samples/s\n", duration_s,
+                            done, runs.seeds(), runs.seeds() == 1 ? "" : "s", results.samples(),
+                            static_cast<double>(results.samples()) / duration_s));
+  printed.write(fmt::format("ended    by {}, {}\n", is_whole ? "end_of_capture" : "signal",
+                            exit_code == 0 ? "complete" : "incomplete or failed"));
+  return exit_code;
+}
+
+}  // namespace imud

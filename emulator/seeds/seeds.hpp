@@ -1,0 +1,41 @@
+// Seeds: replays of one capture with many seeds, in processes that share the cores.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "emulator/plan/config.hpp"
+#include "emulator/run/run.hpp"
+
+namespace imud {
+
+struct SeedRange {
+  std::uint64_t first = 1, last = 1;  // both included
+  std::uint64_t size() const noexcept { return last - first + 1; }
+  // Returns the range of "1..1000", or "7"; nullopt if the text is neither, or of more than ten million seeds.
+  static std::optional<SeedRange> parse(std::string_view text) noexcept;
+};
+
+struct SeedsOptions {
+  std::optional<SeedRange> seeds;  // nullopt: that of the configuration
+  unsigned jobs = 0;               // processes; 0: one for each processor
+  std::string npy;                 // path of the arrays, with `{imu}` for the imu's name; empty: none
+  bool quiet = false;              // no progress
+};
+
+// Replays the capture of `config`, whose clock is `fast`, once for each seed. A run with a seed has the same bytes as
+// one of run() with that seed. In the imus' ports `{seed}` stands for the seed, with leading zeros, so that all have
+// the length of the last; with `npy` no port of an imu is opened. With fewer seeds than processes, each imu has
+// processes of its own, unless the capture has truths out of order, which imus insert according to one another's
+// samples, or a requirement is given.
+//
+// With `npy`, FILE is a structured array of (seeds, measurements) as imu-decode has it: what each imu sends, decoded;
+// and FILE with `_truth` before its suffix one of (measurements), with the truth at the measurements' samples.
+//
+// Prints a summary, and the progress on standard error; writes RunOptions::summary_file with a list by seed. Returns
+// the worst exit code of a run. Throws as run() does, and PortError if the ports are not those of seeds.
+int replay_seeds(const Config& config, const RunOptions& options, const SeedsOptions& seeds);
+
+}  // namespace imud

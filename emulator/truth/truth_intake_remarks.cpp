@@ -1,0 +1,59 @@
+// The remarks of TruthIntake on what is accepted, but probably not meant.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string_view>
+
+#include "emulator/truth/truth_intake.hpp"
+
+namespace imud {
+
+namespace {
+
+struct ExcessText {
+  std::string_view what, unit, key;
+};
+// By BoundsWatch::Kind.
+constexpr ExcessText excess_texts[BoundsWatch::kinds] = {
+    {"its rate is", "rad/s", "truth.max_rad_per_s"},
+    {"its specific force is", "m/s^2", "truth.max_m_per_s2"},
+    {"its velocity is", "m/s", "truth.max_m_per_s"},
+    {"its attitude turns from truth to truth at", "rad/s", "truth.max_rad_per_s"},
+    {"its velocity changes from truth to truth at", "m/s^2", "truth.max_m_per_s2 and the gravitation"},
+    {"from truth to truth its position leaves its velocities by", "m", "truth.max_m_per_s2 and 4 m"},
+};
+
+}  // namespace
+
+void TruthIntake::remark_place() noexcept {
+  counters_.remarks.place.set([&](std::span<char> room) { return place_.describe_place(truth_, room); });
+  counters_.remarks.date.set([&](std::span<char> room) { return place_.describe_date(truth_, room); });
+}
+
+void TruthIntake::remark_excess(bool follows) noexcept {
+  const auto excess = bounds_.check(truth_, follows);
+  if (!excess) [[likely]]
+    return;
+  const auto kind = static_cast<std::size_t>(excess->kind);
+  counters_.remarks.excess[kind].set([&](std::span<char> room) {
+    const auto& [what, unit, key] = excess_texts[kind];
+    const auto result = fmt::format_to_n(room.data(), room.size(),
+                                         "{} {:.6g} {} at {} ns, beyond {:.6g} by {}: a damaged record, a wrong "
+                                         "unit, or a vehicle that these sensors are not made for",
+                                         what, excess->value, unit, truth_.time.ns, excess->bound, key);
+    return std::min(result.size, room.size());
+  });
+}
+
+// The last record is whole, but nothing says that its last number is.
+void TruthIntake::remark_last_line() noexcept {
+  counters_.remarks.last_line.set([&](std::span<char> room) {
+    const auto result =
+        fmt::format_to_n(room.data(), room.size(),
+                         "the last line of the file has no line feed; it has all that a line needs, and "
+                         "is used: if the file was cut, its last number may be");
+    return std::min(result.size, room.size());
+  });
+}
+
+}  // namespace imud

@@ -1,0 +1,182 @@
+// The filters that a product's settings choose, seen in its own bytes: gain, phase and delay of a motion that a unit
+// measures, also after its host has chosen others.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <complex>
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/units.hpp"
+#include "emulator/engine/channel.hpp"
+#include "tests/protocols/recording.hpp"
+#include "tests/transports/scratch_folder.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+using Complex = std::complex<double>;
+
+// A port whose other end is the test.
+class HostPort final : public Port {
+ public:
+  void send(std::span<const Frame> frames) noexcept override {
+    for (const Frame& frame : frames) sent.insert(sent.end(), frame.bytes.begin(), frame.bytes.end());
+    counters_.sent += frames.size();
+  }
+  std::optional<Received> receive() noexcept override {
+    if (commands.empty()) return std::nullopt;
+    bytes_ = std::exchange(commands, {});
+    return Received{.frame = {std::as_bytes(std::span(bytes_))}, .time = {}};
+  }
+
+  std::vector<std::byte> sent;
+  std::string commands;
+
+ private:
+  std::string bytes_;
+};
+
+// A unit that turns about x with a rate, rad/s, that is a function of the time, and has as many m/s^2 along y.
+class Unit {
+ public:
+  Unit(const std::string& protocol, const std::vector<std::string>& assignments) {
+    const std::string path = folder_ / "config.toml";
+    std::ofstream(path) << "clock = \"lockstep\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \""
+                        << protocol << "\"\nport = \"pty:imu1\"\nmodel = \"ideal\"\n";
+    std::vector<std::string> all;
+    for (const std::string& assignment : assignments) all.push_back("imu.0." + assignment);
+    config_ = load_config(path, all).imus.at(0);
+    decoder_ = config_.protocol->make_decoder(config_.settings);
+    channel_.emplace(config_, 1, [this](std::string_view, const PortSettings&) {
+      auto port = std::make_unique<HostPort>();
+      port_ = port.get();
+      return port;
+    });
+    channel_->power_on({});
+    channel_->start_samples();
+  }
+
+  const ImuModel& model() const { return config_.model; }
+  void command(const std::string& text) {
+    port_->commands = text;
+    channel_->serve({});
+  }
+  // Returns what the unit sends of a run of that many samples.
+  std::vector<Measurement> run(const std::function<double(double)>& rate, std::int64_t samples) {
+    Timeline timeline;
+    channel_->begin_run(TruthTime{});
+    for (std::int64_t k = 0; k < samples; ++k) {
+      Truth truth;
+      truth.time = TruthTime{} + Nanoseconds(static_cast<std::int64_t>(1e9 / config_.rate_hz) * k);
+      truth.omega_BN_B = {rate(static_cast<double>(k) / config_.rate_hz), 0, 0};
+      truth.specific_force_B = {0, truth.omega_BN_B.x(), 0};
+      truth.has_specific_force = true;
+      timeline.push(truth);
+      channel_->sense(timeline, truth.time, k_++);
+      channel_->prepare(std::nullopt, false);
+      channel_->encode();
+      channel_->transmit();
+    }
+    Recording recording;
+    decoder_->feed({port_->sent}, recording);
+    port_->sent.clear();
+    return recording.measurements;
+  }
+
+ private:
+  ScratchFolder folder_;
+  ImuConfig config_;
+  std::unique_ptr<Decoder> decoder_;
+  std::optional<Channel> channel_;
+  HostPort* port_ = nullptr;
+  std::uint64_t k_ = 0;
+};
+
+// Returns the gain and the phase, as a complex number, of rate and specific force at a frequency that divides the
+// sample rate `rate_hz`, from the last second of two.
+std::array<Complex, 2> response(Unit& unit, int rate_hz, int hz) {
+  const auto sine = [&](double t) { return std::sin(2 * M_PI * hz * t); };
+  const std::vector<Measurement> all = unit.run(sine, 2 * rate_hz);
+  EXPECT_EQ(all.size(), 2 * static_cast<std::size_t>(rate_hz));
+  std::array<Complex, 2> sum = {};
+  for (std::size_t k = static_cast<std::size_t>(rate_hz); k < all.size(); ++k) {
+    const double phase = 2 * M_PI * hz * static_cast<double>(k) / rate_hz;
+    sum[0] += Complex(0, 2.0 / rate_hz) * std::polar(1.0, -phase) * all[k].sample.rate.x();
+    sum[1] += Complex(0, 2.0 / rate_hz) * std::polar(1.0, -phase) * all[k].sample.specific_force.y();
+  }
+  return sum;
+}
+
+// Returns by how much a ramp of the rate is late, s.
+double delay(Unit& unit, int rate_hz) {
+  const std::vector<Measurement> all = unit.run([](double t) { return t; }, rate_hz);
+  return (rate_hz - 1.0) / rate_hz - all.back().sample.rate.x();
+}
+
+constexpr const char* stim300_at_2000_hz[] = {"device.start_up=false", "device.sample_rate=2000",
+                                              "device.bit_rate=1843200", "device.inclination=false",
+                                              "device.temperature=false"};
+
+Unit stim300(bool filters) {
+  std::vector<std::string> assignments(std::begin(stim300_at_2000_hz), std::end(stim300_at_2000_hz));
+  if (filters) assignments.emplace_back("device_filters=true");
+  return {"stim300", assignments};
+}
+
+SensorFilter low_pass(double hz) { return {.cut_off_hz = Vector3::Constant(hz)}; }
+
+// The LSB of the rate is 1.1e-6 rad/s, that of the specific force 1.9e-5 m/s^2: their rounding, some 0.3 LSB at each
+// sample, leaves 1e-7 of the amplitude after 2000 samples.
+TEST(DeviceFilters, OfAStim300HaveTheGainAndPhaseStated) {
+  Unit unit = stim300(true);
+  EXPECT_EQ(unit.model().gyro.filter, low_pass(262));
+  const auto compare = [&](double gyro_hz, double force_hz) {
+    for (const int hz : {1, 16, 40, 100, 250, 500}) {
+      const std::array<Complex, 2> seen = response(unit, 2000, hz);
+      EXPECT_LT(std::abs(seen[0] - frequency_response(low_pass(gyro_hz), 0, 2000, hz)), 2e-6) << gyro_hz << " " << hz;
+      EXPECT_LT(std::abs(seen[1] - frequency_response(low_pass(force_hz), 0, 2000, hz)), 2e-5) << force_hz << hz;
+    }
+    EXPECT_NEAR(delay(unit, 2000), group_delay_s(low_pass(gyro_hz), 0, 2000), 3e-6);
+  };
+  compare(262, 262);
+  // The host chooses 16 Hz for the gyros, and 66 Hz for the accelerometers.
+  unit.command("SERVICEMODE\r");
+  unit.command("f 0,g\r");
+  unit.command("f 2,a\r");
+  unit.command("x N\r");
+  unit.run([](double) { return 0.0; }, 2000);  // leaves Service Mode
+  compare(16, 66);
+}
+
+// Register 85: the windows of magnetometer, accelerometer, gyro, temperature and pressure, then their modes.
+TEST(DeviceFilters, OfAVectorNavAreTheWindowsOfRegister85) {
+  Unit unit("vectornav", {"device_filters=true", "device.baud=921600", "device.async_type=0",
+                          "device.binary_1=\"1,1,01,0120\""});  // rate and acceleration, 800 Hz
+  const auto compare = [&](int gyro, int accelerometer) {
+    for (const int hz : {1, 20, 50, 160, 200})
+      for (const auto& [i, window] : {std::pair{0U, gyro}, {1U, accelerometer}})
+        EXPECT_LT(std::abs(response(unit, 800, hz).at(i) - frequency_response({.length = window}, 0, 800, hz)), 2e-6)
+            << i << " " << window << " " << hz;
+    EXPECT_NEAR(delay(unit, 800), 0.5 * (gyro - 1) / 800, 1e-6);
+  };
+  compare(4, 4);  // as delivered
+  unit.command("$VNWRG,85,0,5,16,0,0,0,3,3,0,0*XX\r\n");
+  compare(16, 5);
+  unit.command("$VNWRG,85,0,5,16,0,0,0,3,0,0,0*XX\r\n");
+  compare(1, 5);
+}
+
+TEST(DeviceFilters, AreOffWithoutTheKey) {
+  Unit unit = stim300(false);
+  EXPECT_FALSE(unit.model().gyro.filter.is_on());
+  EXPECT_LT(std::abs(response(unit, 2000, 500)[0] - 1.0), 2e-6);
+  EXPECT_NEAR(delay(unit, 2000), 0, 3e-6);
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,186 @@
+// The keys of limits, size effect, vibration, temperature and sampling jitter.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "emulator/plan/config.hpp"
+#include "tests/transports/scratch_folder.hpp"
+
+namespace imud {
+namespace {
+
+class EnvironmentConfig : public testing::Test {
+ protected:
+  EnvironmentConfig() {
+    std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nrate_hz = 200\nprotocol = \"native\"\n"
+                            "port = \"pty:imu1\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 200\n";
+  }
+  Config config(const std::vector<std::string>& assignments) const {
+    std::vector<std::string> all;
+    for (const std::string& assignment : assignments) all.push_back("imu.0." + assignment);
+    return load_config(path_, all);
+  }
+  ImuModel model(const std::vector<std::string>& assignments) const { return config(assignments).imus.at(0).model; }
+  std::string fault(const std::vector<std::string>& assignments) const {
+    try {
+      config(assignments);
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "no fault";
+  }
+  void expect_faults(const std::vector<std::pair<std::vector<std::string>, std::string>>& cases) const {
+    for (const auto& [assignments, expected] : cases)
+      EXPECT_NE(fault(assignments).find(expected), std::string::npos) << fault(assignments) << "\nfor: " << expected;
+  }
+  // Returns the model that the resolved configuration gives.
+  ImuModel reloaded(const std::vector<std::string>& assignments) const {
+    const std::string path = folder_ / "resolved.toml";
+    std::ofstream(path) << config(assignments).resolved;
+    return load_config(path).imus.at(0).model;
+  }
+
+  ScratchFolder folder_;
+  const std::string path_ = folder_ / "config.toml";
+};
+
+TEST_F(EnvironmentConfig, LimitsAreOfEachAxisAndDirection) {
+  EXPECT_EQ(model({}).gyro.max, 10);
+  EXPECT_FALSE(model({}).gyro.limits);
+  EXPECT_FALSE(model({"gyro.max_rad_per_s=[10,10,10]"}).gyro.limits);
+  EXPECT_FALSE(model({"gyro.min_rad_per_s=-10"}).gyro.limits);
+  const TriadErrors axes = model({"gyro.max_rad_per_s=[10,20,5]"}).gyro;
+  EXPECT_EQ(axes.range().upper, Vector3(10, 20, 5));
+  EXPECT_EQ(axes.range().lower, Vector3(-10, -20, -5));
+  EXPECT_EQ(axes.max, 20);
+  const TriadErrors down = model({"accelerometer.min_g=[-1,-2,0]"}).accelerometer;
+  EXPECT_EQ(down.range().upper, Vector3::Constant(200));
+  EXPECT_LT((down.range().lower - 9.80665 * Vector3(-1, -2, 0)).norm(), 1e-14);
+  const AxisLimits again = reloaded({"gyro.max_rad_per_s=[10,20,5]", "gyro.min_rad_per_s=-3"}).gyro.range();
+  EXPECT_EQ(again.upper, Vector3(10, 20, 5));
+  EXPECT_EQ(again.lower, Vector3(-3, -3, -3));
+  // The deviation is in ppm of each axis' own range.
+  const TriadErrors curved = model({"gyro.max_rad_per_s=[10,20,5]", "gyro.quadratic_ppm_of_range=100"}).gyro;
+  EXPECT_NEAR(curved.quadratic.y() * 20 * 20, 100e-6 * 20, 1e-15);
+}
+
+TEST_F(EnvironmentConfig, ImpossibleLimitsAreFaults) {
+  expect_faults(
+      {{{"gyro.max_rad_per_s=[1,0,1]"}, "imu.0.gyro.max_rad_per_s: give three numbers"},
+       {{"gyro.max_rad_per_s=[1,1]"}, "imu.0.gyro.max_rad_per_s: give three numbers"},
+       {{"gyro.min_rad_per_s=1"}, "imu.0.gyro.min_rad_per_s: give three numbers"},
+       {{"gyro.min_rad_per_s=-1", "gyro.min_deg_per_s=-1"}, "give either this or min_rad_per_s, not both"}});
+}
+
+TEST_F(EnvironmentConfig, PositionsOfAccelerometersAreRows) {
+  const std::string key = "mounting.accelerometer_positions_m=";
+  const ImuModel m = model({key + "[[0.01,0.02,0.03],[0,0.04,0],[0,0,0.05]]"});
+  EXPECT_EQ(Vector3(m.accelerometer_positions.row(0)), Vector3(0.01, 0.02, 0.03));
+  EXPECT_EQ(m.accelerometer_positions(1, 1), 0.04);
+  EXPECT_NE(fault({key + "[1,2,3]"}).find("accelerometer_positions_m: give three rows"), std::string::npos);
+}
+
+TEST_F(EnvironmentConfig, VibrationIsSinesAndASpectrum) {
+  const std::vector<std::string> given = {"vibration.sine_hz=[50,120.5]",
+                                          "vibration.sine_g=[[1,0,2],[0,0.5,0]]",
+                                          "vibration.sine_deg_per_s=[[0,90,0],[0,0,0]]",
+                                          "vibration.sine_phase_deg=[0,180]",
+                                          "vibration.random_hz=[20,80,2000]",
+                                          "vibration.random_g2_per_hz=[0.01,0.04,0.04]",
+                                          "vibration.random_axes=[1,1,0.5]",
+                                          "vibration.random_lines=100",
+                                          "accelerometer.vibration_rectification_ug_per_g2=[30,0,-60]"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    const VibrationModel& vibration = m.vibration;
+    ASSERT_EQ(vibration.sines.size(), 2U);
+    EXPECT_EQ(vibration.sines[1].frequency_hz, 120.5);
+    EXPECT_LT((vibration.sines[0].force - Vector3(9.80665, 0, 19.6133)).norm(), 1e-13);
+    EXPECT_NEAR(vibration.sines[0].rate.y(), 1.5707963267948966, 1e-15);
+    EXPECT_NEAR(vibration.sines[1].phase, 3.141592653589793, 1e-15);
+    EXPECT_EQ(vibration.spectrum.frequency_hz, std::vector<double>({20, 80, 2000}));
+    EXPECT_NEAR(vibration.spectrum.force[1], 3.846815368900, 1e-12);  // 0.04 g^2/Hz
+    EXPECT_TRUE(vibration.spectrum.rate.empty());
+    EXPECT_EQ(vibration.spectrum.axes, Vector3(1, 1, 0.5));
+    EXPECT_EQ(vibration.spectrum.lines, 100U);
+    EXPECT_NEAR(m.accelerometer.vibration_rectification.z(), -60e-6 / 9.80665, 1e-18);
+  }
+  EXPECT_TRUE(model({}).vibration.sines.empty());
+  EXPECT_TRUE(reloaded({}).vibration.spectrum.frequency_hz.empty());
+}
+
+TEST_F(EnvironmentConfig, ImpossibleVibrationsAreFaults) {
+  expect_faults({
+      {{"vibration.sine_hz=[0]"}, "imu.0.vibration.sine_hz: give a list of numbers from 0.001"},
+      {{"vibration.sine_hz=5"}, "imu.0.vibration.sine_hz: give a list"},
+      {{"vibration.sine_hz=[5]"}, "imu.0.vibration.sine_hz: has no amplitudes"},
+      {{"vibration.sine_hz=[5]", "vibration.sine_g=[1,2,3]"}, "imu.0.vibration.sine_g: give a list of rows"},
+      {{"vibration.sine_hz=[5]", "vibration.sine_g=[[1,2,3],[1,2,3]]"}, "imu.0.vibration.sine_g: has 2 elements"},
+      {{"vibration.sine_hz=[5,6]", "vibration.sine_g=[[1,2,3],[1,2,3]]", "vibration.sine_phase_deg=[1]"},
+       "imu.0.vibration.sine_phase_deg: has 1 elements"},
+      {{"vibration.random_hz=[20,10]", "vibration.random_g2_per_hz=[1,1]"},
+       "imu.0.vibration.random_hz: give at least"},
+      {{"vibration.random_hz=[20]", "vibration.random_g2_per_hz=[1]"}, "imu.0.vibration.random_hz: give at least"},
+      {{"vibration.random_hz=[10,20]"}, "imu.0.vibration.random_hz: has no densities"},
+      {{"vibration.random_hz=[10,20]", "vibration.random_g2_per_hz=[1,0]"},
+       "imu.0.vibration.random_g2_per_hz: give a"},
+      {{"vibration.random_g2_per_hz=[1,1]"}, "imu.0.vibration.random_g2_per_hz: has 2 elements"},
+  });
+}
+
+TEST_F(EnvironmentConfig, TemperatureIsAProfileWithWarmUpAndItsMeasurement) {
+  const std::vector<std::string> given = {"temperature.profile_s=[0,600]", "temperature.profile_c=[-40,85]",
+                                          "temperature.warm_up_c=12",      "temperature.warm_up_s=300",
+                                          "temperature.offset_c=-2",       "temperature.lsb_c=0.125",
+                                          "temperature.rate_hz=10"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    EXPECT_EQ(m.temperature.profile_s, std::vector<double>({0, 600}));
+    EXPECT_EQ(m.temperature.profile_c, std::vector<double>({-40, 85}));
+    EXPECT_EQ(m.temperature.warm_up_c, 12);
+    EXPECT_EQ(m.temperature.warm_up_s, 300);
+    EXPECT_EQ(m.temperature.offset_c, -2);
+    EXPECT_EQ(m.temperature.lsb_c, 0.125);
+    EXPECT_EQ(m.temperature.rate_hz, 10);
+  }
+  expect_faults(
+      {{{"temperature.profile_s=[1,1]", "temperature.profile_c=[1,2]"}, "temperature.profile_s: give times"},
+       {{"temperature.profile_s=[1,2]"}, "temperature.profile_s: has no temperatures"},
+       {{"temperature.profile_s=[1,2]", "temperature.profile_c=[1]"}, "temperature.profile_c: has 1 elements"},
+       {{"temperature.profile_c=[1]"}, "temperature.profile_c: has 1 elements"},
+       {{"temperature.warm_up_s=0"}, "temperature.warm_up_s: 0 is out of range"},
+       {{"temperature.lsb_c=-1"}, "temperature.lsb_c: -1 is out of range"}});
+}
+
+// 1 deg/h = 4.84813681109536e-6 rad/s.
+TEST_F(EnvironmentConfig, PolynomialsOfTemperatureHaveAKeyForEachDegree) {
+  const std::vector<std::string> given = {
+      "gyro.temperature_bias_deg_per_hr_per_c=[1,2,3]", "gyro.temperature_bias_deg_per_s_per_c2=0.001",
+      "accelerometer.temperature_bias_ug_per_c3=5", "accelerometer.temperature_scale_ppm_per_c=[10,20,30]",
+      "accelerometer.reference_temperature_c=30"};
+  for (const ImuModel& m : {model(given), reloaded(given)}) {
+    EXPECT_NEAR(m.gyro.temperature_bias(1, 0) / (2 * 4.84813681109536e-6), 1, 1e-13);
+    EXPECT_NEAR(m.gyro.temperature_bias(2, 1) / (0.001 * 0.0174532925199433), 1, 1e-13);
+    EXPECT_EQ(m.gyro.temperature_bias(0, 2), 0);
+    EXPECT_NEAR(m.accelerometer.temperature_bias(0, 2) / (5 * 9.80665e-6), 1, 1e-13);
+    EXPECT_NEAR(m.accelerometer.temperature_scale(2, 0), 30e-6, 1e-19);
+    EXPECT_EQ(m.accelerometer.reference_temperature_c, 30);
+    EXPECT_EQ(m.gyro.reference_temperature_c, 25);
+  }
+  expect_faults({{{"gyro.temperature_bias_deg_per_hr_per_c=1", "gyro.temperature_bias_rad_per_s_per_c=1"},
+                  "give either this or temperature_bias_rad_per_s_per_c, not both"},
+                 {{"gyro.temperature_bias_deg_per_hr_per_c=[1]"},
+                  "gyro.temperature_bias_deg_per_hr_per_c: give three numbers"}});
+}
+
+TEST_F(EnvironmentConfig, SamplingJitterIsBelowThePeriod) {
+  EXPECT_EQ(model({}).sampling_jitter.count(), 0);
+  EXPECT_EQ(model({"sampling_jitter_us=20"}).sampling_jitter.count(), 20'000);
+  EXPECT_EQ(model({"sampling_jitter_us=4500"}).sampling_jitter.count(), 4'500'000);
+  expect_faults({{{"sampling_jitter_us=4501"}, "imu.0.sampling_jitter_us: give at most 4500"},
+                 {{"sampling_jitter_us=-1"}, "imu.0.sampling_jitter_us: -1 is out of range"}});
+}
+
+}  // namespace
+}  // namespace imud

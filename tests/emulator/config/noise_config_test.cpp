@@ -1,0 +1,190 @@
+// The keys of the error terms: each unit of a data sheet, impossible values, and what `imud check` says of them.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "core/allan_terms.hpp"
+#include "emulator/ground/error_text.hpp"
+#include "emulator/plan/config.hpp"
+#include "tests/transports/scratch_folder.hpp"
+
+namespace imud {
+namespace {
+
+class NoiseConfig : public testing::Test {
+ protected:
+  NoiseConfig() {
+    std::ofstream(path_) << "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nrate_hz = 200\nprotocol = \"native\"\n"
+                            "port = \"pty:imu1\"\ngyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 200\n";
+  }
+  ImuModel model(const std::vector<std::string>& assignments) const {
+    std::vector<std::string> all;
+    for (const std::string& assignment : assignments) all.push_back("imu.0." + assignment);
+    return load_config(path_, all).imus.at(0).model;
+  }
+  std::string fault(const std::vector<std::string>& assignments) const {
+    try {
+      model(assignments);
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "no fault";
+  }
+
+  ScratchFolder folder_;
+  const std::string path_ = folder_ / "config.toml";
+};
+
+// Computed by hand: 1 deg = 0.0174532925199433 rad, 1 g = 9.80665 m/s^2, 1 h = 3600 s.
+TEST_F(NoiseConfig, EachUnitIsConvertedAsTheStandardHasIt) {
+  struct Case {
+    std::string key;
+    double si;
+    std::function<double(const ImuModel&)> value;
+  };
+  const auto gyro = [](Vector3 TriadErrors::*member) {
+    return [=](const ImuModel& m) { return (m.gyro.*member)[1]; };
+  };
+  const auto force = [](Vector3 TriadErrors::*member) {
+    return [=](const ImuModel& m) { return (m.accelerometer.*member)[1]; };
+  };
+  const auto field = [](Vector3 TriadErrors::*member) {
+    return [=](const ImuModel& m) { return (m.magnetometer.*member)[1]; };
+  };
+  using E = TriadErrors;
+  const std::vector<Case> cases = {
+      {"gyro.angle_random_walk_rad_per_rt_s", 1, gyro(&E::white_density)},
+      {"gyro.angle_random_walk_deg_per_rt_s", 0.0174532925199433, gyro(&E::white_density)},
+      {"gyro.angle_random_walk_deg_per_rt_hr", 2.90888208665722e-4, gyro(&E::white_density)},
+      {"gyro.noise_density_rad_per_s_per_rt_hz", 1, gyro(&E::white_density)},
+      {"gyro.noise_density_deg_per_s_per_rt_hz", 0.0174532925199433, gyro(&E::white_density)},
+      {"gyro.noise_density_mdeg_per_s_per_rt_hz", 1.74532925199433e-5, gyro(&E::white_density)},
+      {"gyro.noise_density_deg_per_hr_per_rt_hz", 4.84813681109536e-6, gyro(&E::white_density)},
+      {"gyro.bias_instability_deg_per_hr", 4.84813681109536e-6, gyro(&E::bias_instability)},
+      {"gyro.turn_on_bias_deg_per_s", 0.0174532925199433, gyro(&E::turn_on_bias)},
+      {"gyro.correlated_noise_deg_per_hr", 4.84813681109536e-6, gyro(&E::correlated_sigma)},
+      {"gyro.rate_random_walk_deg_per_hr_per_rt_hr", 8.08022801849227e-8, gyro(&E::random_walk_density)},
+      {"gyro.rate_ramp_deg_per_hr_per_hr", 1.34670466974871e-9, gyro(&E::ramp)},
+      {"accelerometer.velocity_random_walk_m_per_s_per_rt_s", 1, force(&E::white_density)},
+      {"accelerometer.velocity_random_walk_m_per_s_per_rt_hr", 0.0166666666666667, force(&E::white_density)},
+      {"accelerometer.noise_density_ug_per_rt_hz", 9.80665e-6, force(&E::white_density)},
+      {"accelerometer.bias_instability_mg", 9.80665e-3, force(&E::bias_instability)},
+      {"accelerometer.turn_on_bias_ug", 9.80665e-6, force(&E::turn_on_bias)},
+      {"accelerometer.acceleration_random_walk_ug_per_rt_hr", 1.63444166666667e-7, force(&E::random_walk_density)},
+      {"accelerometer.acceleration_ramp_mg_per_hr", 2.72406944444444e-6, force(&E::ramp)},
+      {"magnetometer.noise_density_nt_per_rt_hz", 1e-9, field(&E::white_density)},
+      {"magnetometer.turn_on_bias_ut", 1e-6, field(&E::turn_on_bias)},
+  };
+  for (const Case& c : cases) {
+    const auto relative = [&](double value) { return value / c.si; };
+    EXPECT_NEAR(relative(c.value(model({c.key + "=1"}))), 1, 1e-13) << c.key;
+    EXPECT_NEAR(relative(c.value(model({c.key + "=[1,3,5]"}))), 3, 1e-13) << c.key;
+  }
+  EXPECT_GT(cases.size(), 20U);
+}
+
+TEST_F(NoiseConfig, AOneSidedDensityIsDividedByRootTwo) {
+  const std::string density = "gyro.noise_density_deg_per_s_per_rt_hz=0.008";
+  const double two = model({density}).gyro.white_density.x();
+  EXPECT_NEAR(two / (0.008 * 0.0174532925199433), 1, 1e-13);
+  // ADIS16470: 0.008 deg/s/sqrt(Hz) one-sided is 0.34 deg/sqrt(h).
+  const double one = model({density, "gyro.noise_density_sidedness=\"one_sided\""}).gyro.white_density.x();
+  EXPECT_NEAR(one / (0.339411254969543 * 2.90888208665722e-4), 1, 1e-12);
+}
+
+TEST_F(NoiseConfig, ResponseKeysAreOfTheRange) {
+  const ImuModel m =
+      model({"gyro.quadratic_ppm_of_range=100", "gyro.cubic_ppm_of_range=-50",
+             "gyro.scale_factor_asymmetry_ppm=[1,2,3]", "gyro.g_sensitivity_deg_per_hr_per_g=[1,2,3]"});
+  // At the range of 10 rad/s the deviation is 100 ppm, or -50 ppm, of 10 rad/s.
+  EXPECT_NEAR(m.gyro.quadratic.x() * 100, 1e-3, 1e-15);
+  EXPECT_NEAR(m.gyro.cubic.x() * 1000, -5e-4, 1e-15);
+  EXPECT_NEAR(m.gyro.scale_factor_asymmetry.z(), 3e-6, 1e-18);
+  EXPECT_NEAR(m.gyro.g_sensitivity(1, 1) / (2 * 4.84813681109536e-6 / 9.80665), 1, 1e-13);
+  EXPECT_EQ(m.gyro.g_sensitivity(0, 1), 0);
+}
+
+// m = M (S B + h) + b, computed by hand.
+TEST_F(NoiseConfig, IronIsBeforeTheMagnetometersMisalignment) {
+  const TriadErrors m = model({"magnetometer.misalignment=[[1,0.1,0],[0,1,0],[0,0,1]]",
+                               "magnetometer.soft_iron=[[1,0,0],[0.5,1.5,0],[0,0,1]]",
+                               "magnetometer.hard_iron_ut=[0,20,0]", "magnetometer.bias_ut=[1,0,0]"})
+                            .magnetometer;
+  Matrix3 expected;
+  expected << 1.05, 0.15, 0, 0.5, 1.5, 0, 0, 0, 1;
+  EXPECT_LT((m.misalignment - expected).cwiseAbs().maxCoeff(), 1e-15);
+  EXPECT_LT((m.bias - Vector3(3e-6, 20e-6, 0)).cwiseAbs().maxCoeff(), 1e-18);
+}
+
+TEST_F(NoiseConfig, ImpossibleValuesAreFaultsAtTheirKeys) {
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"gyro.angle_random_walk_deg_per_rt_hr=-1"}, "imu.0.gyro.angle_random_walk_deg_per_rt_hr: give three numbers"},
+      {{"gyro.bias_instability_deg_per_hr=[1,-1,1]"}, "imu.0.gyro.bias_instability_deg_per_hr: give three numbers"},
+      {{"gyro.bias_instability_deg_per_hr=nan"}, "imu.0.gyro.bias_instability_deg_per_hr: give three numbers"},
+      {{"gyro.correlation_time_s=0"}, "imu.0.gyro.correlation_time_s: give three numbers"},
+      {{"gyro.misalignment=[[1,0.5,0],[0,1,0],[0,0,1]]"}, "imu.0.gyro.misalignment: an element differs"},
+      {{"magnetometer.soft_iron=[[0.5,0.6,0],[0.6,0.5,0],[0,0,1]]"}, "with a determinant above 0"},
+      {{"magnetometer.soft_iron=[[2,0,0],[0,1,0],[0,0,1]]"}, "each within 0.9 of the identity's"},
+      {{"gyro.angle_random_walk_deg_per_rt_hr=1", "gyro.angle_random_walk_rad_per_rt_s=1"},
+       "give either this or angle_random_walk_rad_per_rt_s, not both"},
+      {{"gyro.angle_random_walk_deg_per_rt_hr=1", "gyro.noise_density_deg_per_s_per_rt_hz=1"},
+       "give either this or angle_random_walk_deg_per_rt_hr, not both"},
+      {{"gyro.bias_instability_deg_per_hr=1", "gyro.bias_instability_from_s=0.01"},
+       "too short for a sensor of 200 Hz"},
+      {{"gyro.bias_instability_deg_per_hr=1", "gyro.bias_instability_to_s=1.5"}, "give an averaging time from 2 to"},
+      {{"gyro.walk_transition=[1.1,1,1]"}, "its spectral radius is 1.1"},
+      {{"gyro.angle_random_walk_deg_per_hr=1"}, "unknown key; did you mean \"angle_random_walk_deg_per_rt_hr\"?"},
+  };
+  for (const auto& [assignments, expected] : cases)
+    EXPECT_NE(fault(assignments).find(expected), std::string::npos) << fault(assignments) << "\nfor: " << expected;
+}
+
+TEST_F(NoiseConfig, TermsAreToldInUnitsOfDataSheets) {
+  const ImuModel m =
+      model({"gyro.angle_random_walk_deg_per_rt_hr=0.15", "gyro.bias_instability_deg_per_hr=[0.5,0.5,1]",
+             "gyro.rate_random_walk_deg_per_hr_per_rt_hr=0.02", "gyro.rate_ramp_deg_per_hr_per_hr=-3",
+             "accelerometer.velocity_random_walk_m_per_s_per_rt_hr=0.06", "accelerometer.bias_instability_mg=0.05",
+             "accelerometer.lsb_delta_velocity_m_per_s=0.003"});
+  const std::vector<TriadTerms> terms = triad_terms(m);
+  ASSERT_EQ(terms.size(), 2U);
+  EXPECT_EQ(terms[0].text(), "N 0.15 deg/sqrt(h), B [0.5, 0.5, 1] deg/h, K 0.02 deg/h/sqrt(h), R 3 deg/h/h");
+  EXPECT_EQ(terms[1].text(), "N 0.06 m/s/sqrt(h), B 0.05 mg, Q 0.000866 m/s");
+  EXPECT_EQ(triad_terms(model({}))[0].text(), "");
+  EXPECT_EQ(terms[0].bias_text(), "");
+}
+
+TEST_F(NoiseConfig, ConstantErrorsAreToldToo) {
+  const std::vector<TriadTerms> terms =
+      triad_terms(model({"gyro.turn_on_bias_deg_per_hr=[1,3,2]", "gyro.g_sensitivity_deg_per_hr_per_g=[7,-8,7]",
+                         "accelerometer.turn_on_bias_mg=20"}));
+  EXPECT_EQ(terms[0].bias_text(), "turn-on bias 3 deg/h, 8 deg/h/g by acceleration");
+  EXPECT_EQ(terms[1].bias_text(), "turn-on bias 20 mg");
+}
+
+// White noise and random walks of the memo's keys are told, too: P per sample at 200 Hz.
+TEST_F(NoiseConfig, TermsContainTheProcessPerSample) {
+  const ImuModel white = model({"gyro.walk_transition=[0,0,0]", "gyro.walk_sqrt_cov=[1e-3,1e-3,1e-3]"});
+  EXPECT_NEAR(allan_terms(white.gyro, 200)[0].N, 1e-3 / std::sqrt(200.0), 1e-15);
+  const ImuModel walk = model({"gyro.walk_sqrt_cov=[1e-3,1e-3,1e-3]"});
+  EXPECT_NEAR(allan_terms(walk.gyro, 200)[0].K, 1e-3 * std::sqrt(200.0), 1e-13);
+  EXPECT_EQ(allan_terms(walk.gyro, 200)[0].N, 0);
+  EXPECT_EQ(white.rate_hz, 200);
+}
+
+// A drift leaves a product's white noise alone.
+TEST_F(NoiseConfig, ATermIsAddedToThoseOfAProduct) {
+  const std::vector<std::string> stim = {"protocol=\"stim300\"", "model=\"white\"", "rate_hz=2000",
+                                         "gyro.max_rad_per_s=6.9"};
+  std::vector<std::string> drifting = stim;
+  drifting.push_back("gyro.rate_random_walk_deg_per_hr_per_rt_hr=0.1");
+  EXPECT_EQ(model(drifting).gyro.walk_sqrt_cov, model(stim).gyro.walk_sqrt_cov);
+  EXPECT_GT(model(stim).gyro.walk_sqrt_cov(0, 0), 0);
+  EXPECT_GT(allan_terms(model(drifting).gyro, 2000)[0].N, 0);
+  EXPECT_GT(allan_terms(model(drifting).gyro, 2000)[0].K, 0);
+}
+
+}  // namespace
+}  // namespace imud

@@ -1,0 +1,223 @@
+// When faults act: occurrences, conditions, drawn numbers, and many faults at once.
+#include "emulator/faults/fault_schedule.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+
+#include "emulator/faults/fault_kinds.hpp"
+#include "emulator/report/outcome.hpp"
+#include "tests/emulator/faults/faulty_run.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+class FaultScheduleTest : public FaultyRunTest {
+ protected:
+  std::string faults_of(const std::string& text) {
+    try {
+      load_config(write("bad.toml", config_text(text, "native", 1,
+                                                "rate_hz = 500\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
+                                                "accelerometer.max_m_per_s2 = 100\n")));
+      return {};
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+  }
+};
+
+const std::string bias = "[[fault]]\ntarget = \"gyro.x\"\nkind = \"bias\"\nvalue = 0.1\n";
+
+TEST_F(FaultScheduleTest, Occurrences) {
+  const Result result = run(bias + "at_s = 1\nfor_s = 0.1\nevery_s = 2\n");
+  ASSERT_EQ(result.labels.size(), 5U);
+  for (std::size_t i = 0; i < result.labels.size(); ++i) {
+    EXPECT_EQ(result.labels[i].first.occurrence, i);
+    EXPECT_EQ(result.labels[i].first.sample, 500 + 1000 * i);
+    EXPECT_EQ(result.labels[i].last.sample, 549 + 1000 * i);
+  }
+  EXPECT_EQ(run(bias + "at_s = 1\nfor_s = 0.1\nevery_s = 2\ntimes = 3\n").labels.size(), 3U);
+  const Result samples = run(bias + "at_sample = 17\nfor_samples = 3\n");
+  ASSERT_EQ(samples.labels.size(), 1U);
+  EXPECT_EQ(samples.labels[0].first.sample, 17U);
+  EXPECT_EQ(samples.labels[0].last.sample, 19U);
+  const Result endless = run(bias + "at_s = 9.5\n");
+  ASSERT_EQ(endless.labels.size(), 1U);
+  EXPECT_EQ(endless.labels[0].last.sample, 5000U);
+}
+
+// A run that ended by itself is incomplete without it, unless the fault need not begin.
+TEST_F(FaultScheduleTest, AFaultThatNeverBeginsIsNamed) {
+  const std::string never = "at_s = 5000\n";
+  for (const auto& [keys, is_missing] : {std::pair{never, true},
+                                         {never + "optional = true\n", false},
+                                         {never + "probability = 0.5\n", false},
+                                         {std::string("when = \"rate > 1000\"\n"), true},
+                                         {std::string("at_s = 1\nevery_s = 2\n"), false}}) {
+    SCOPED_TRACE(keys);
+    const std::string text = bias + "name = \"off\"\nfor_s = 1\n" + keys;
+    const bool has_begun = contains(keys, "every_s");
+    std::vector<FaultLabel> labels = run(text).labels;
+    ASSERT_EQ(labels.size(), has_begun ? 5U : 0U);
+    const Config config = load_config(write("never.toml", config_text(text, "native", 1,
+                                                                      "rate_hz = 500\nmodel = \"ideal\"\n"
+                                                                      "gyro.max_rad_per_s = 10\n"
+                                                                      "accelerometer.max_m_per_s2 = 100\n")));
+    // Labels point at the configuration of their run.
+    for (FaultLabel& label : labels) label.fault = config.faults.data();
+    const std::vector<FaultOutcome> outcomes = fault_outcomes(config.faults, labels);
+    ASSERT_EQ(outcomes.size(), 1U);
+    EXPECT_EQ(outcomes[0].occurrences, labels.size());
+    for (const EndedBy ended_by : {EndedBy::end_of_capture, EndedBy::duration, EndedBy::signal, EndedBy::control}) {
+      Outcome outcome;
+      outcome.ended_by = ended_by;
+      outcome.judge_faults(outcomes);
+      const bool is_whole = ended_by == EndedBy::end_of_capture || ended_by == EndedBy::duration;
+      EXPECT_EQ(outcome.exit_code(), is_missing && is_whole ? 3 : 0);
+      if (!outcome.is_complete()) {
+        EXPECT_EQ(outcome.shortfalls[0], "fault off has never begun");
+      }
+    }
+    add_never_begun(config.faults, labels);
+    ASSERT_EQ(labels.size(), has_begun ? 5U : 1U);
+    const std::vector<std::string> rows = lines_of(labels_csv(labels));
+    EXPECT_EQ(rows[1] == "off,imu1,gyro.x,bias,,,,,,,,,,,,never", !has_begun) << rows[1];
+    EXPECT_EQ(contains(labels_json(labels), "\"state\": \"never\""), !has_begun);
+  }
+}
+
+TEST_F(FaultScheduleTest, NamesTellFaultsApart) {
+  const std::string one = bias + "name = \"a\"\n", first = bias + "name = \"fault2\"\n";
+  EXPECT_EQ(faults_of(one + bias), "");
+  EXPECT_TRUE(contains(faults_of(one + one), "there is a fault \"a\" already"));
+  EXPECT_TRUE(contains(faults_of(first + bias), "there is a fault \"fault2\" already")) << "as its default";
+}
+
+// Each of 50 occurrences with probability 0.3: 15 +- 5 sqrt(10.5), false alarm 6e-7 or less.
+TEST_F(FaultScheduleTest, ProbabilityOfAnOccurrence) {
+  const Result result = run(bias + "for_s = 0.05\nevery_s = 0.2\ntimes = 50\nprobability = 0.3\n");
+  EXPECT_NEAR(static_cast<double>(result.labels.size()), 15, 16);
+  EXPECT_GT(result.labels.size(), 0U);
+  EXPECT_LT(result.labels.size(), 50U);
+}
+
+TEST_F(FaultScheduleTest, NumbersAreDrawnByTheSeed) {
+  const std::string drawn =
+      "[[fault]]\ntarget = \"gyro.x\"\nkind = \"bias\"\nvalue = {uniform = [0.1, 0.2]}\nat_s = {uniform = [1, 2]}\n"
+      "for_s = {normal = [1, 0.1]}\nevery_s = 3\ntimes = 3\n";
+  const Result one = run(drawn), two = run(drawn), many = run(drawn, "native", 3);
+  EXPECT_EQ(one.all_bytes, two.all_bytes);
+  ASSERT_EQ(one.labels.size(), 3U);
+  for (const FaultLabel& label : one.labels) {
+    EXPECT_GT(label.first.parameters[0], 0.1);
+    EXPECT_LT(label.first.parameters[0], 0.2);
+    EXPECT_NEAR(static_cast<double>(label.last.sample - label.first.sample), 500, 350);
+  }
+  EXPECT_NE(one.labels[0].first.parameters[0], one.labels[1].first.parameters[0]);
+  EXPECT_EQ(one.labels[1].first.sample - one.labels[0].first.sample, 1500U);
+  ASSERT_EQ(many.labels.size(), 9U);
+  EXPECT_TRUE(many.all_bytes.starts_with(one.all_bytes)) << "the first imu has the same faults among others";
+}
+
+TEST_F(FaultScheduleTest, ACondition) {
+  const Result clean = run("");
+  const auto force = [&](std::size_t k) { return clean.measurements[k].sample.specific_force.norm(); };
+  // The first samples above the limit, but not within 5 samples of which the last one before was.
+  const auto rises_above = [&](double limit) {
+    std::vector<std::size_t> rises;
+    bool was_above = false;
+    for (std::size_t k = 0; k < clean.measurements.size(); ++k) {
+      const bool is_above = force(k) > limit;
+      if (is_above && !was_above) {
+        rises.push_back(k);
+        k += 4;
+      }
+      was_above = is_above;
+    }
+    return rises;
+  };
+  double limit = 0;
+  for (std::size_t k = 0; k < clean.measurements.size(); k += 50)
+    if (rises_above(force(k)).size() > rises_above(limit).size()) limit = force(k);
+  const std::vector<std::size_t> rises = rises_above(limit);
+  ASSERT_GE(rises.size(), 2U);
+  const Result result =
+      run(bias + fmt::format("when = \"specific_force > {}\"\nfor_samples = 5\ntimes = 0\n", limit));
+  ASSERT_EQ(result.labels.size(), rises.size());
+  for (std::size_t i = 0; i < rises.size(); ++i) EXPECT_EQ(result.labels[i].first.sample, rises[i]);
+}
+
+TEST_F(FaultScheduleTest, FaultsActInTheirOrder) {
+  const Result clean = run("");
+  const std::string scale = "[[fault]]\ntarget = \"gyro.x\"\nkind = \"scale\"\nvalue = 2\n";
+  const Result added = run(bias + scale), scaled = run(scale + bias);
+  const double value = clean.measurements[100].sample.rate.x();
+  EXPECT_DOUBLE_EQ(added.measurements[100].sample.rate.x(), 2 * (value + 0.1));
+  EXPECT_DOUBLE_EQ(scaled.measurements[100].sample.rate.x(), 2 * value + 0.1);
+}
+
+TEST_F(FaultScheduleTest, WhatIsWrongIsExplained) {
+  for (const auto& [text, expected] : std::vector<std::pair<std::string, std::string>>{
+           {"[[fault]]\n", "fault.0.target: missing"},
+           {"[[fault]]\ntarget = \"giro\"\nkind = \"bias\"\n", "there is no \"giro\"; known: gyro, "},
+           {"[[fault]]\ntarget = \"gyro\"\nkind = \"bais\"\n", "did you mean \"bias\"?"},
+           {"[[fault]]\ntarget = \"gyro.w\"\nkind = \"bias\"\nvalue = 1\n", "give the axes of gyro"},
+           {"[[fault]]\ntarget = \"message.x\"\nkind = \"missing\"\n", "has no axes; give \"message\""},
+           {"[[fault]]\ntarget = \"gyro\"\nkind = \"bias\"\n", "fault.0.value: missing: what is added"},
+           {bias + "value_deg_per_s = 1\n", "\"value\" is given twice"},
+           {bias + "imu = \"imu9\"\n", "there is no imu \"imu9\"; give \"*\" or of: imu1"},
+           {bias + "value_mg = 1\n", "fault.0.value_mg: unknown key"},
+           {bias + "at_s = -1\n", "fault.0.at_s"},
+           {bias + "at_s = {uniform = [3, 1]}\n", "give a range within 0 to "},
+           {bias + "at_s = {triangle = [3, 1]}\n", "{uniform = [from, to]}"},
+           {bias + "at_s = 1\nat_sample = 1\n", "give either at_s or at_sample"},
+           {bias + "at_s = 2\nuntil_s = 1\n", "give a time after at_s"},
+           {bias + "for_s = 1\nuntil_s = 1\n", "give one of for_s, until_s and for_samples"},
+           {bias + "when = \"rate < 1\"\n", "give \"rate > X\""},
+           {bias + "every_s = 1\n", "needs a duration"},
+           {bias + "every_s = 1\nfor_s = 2\n", "give at least the duration"},
+           {bias + "times = 2\n", "needs every_s"},
+           {bias + "ramp_out_s = 1\n", "needs for_s or until_s"},
+           {"[[fault]]\ntarget = \"gyro\"\nkind = \"dead\"\nramp_in_s = 1\n", "\"dead\" has no ramp"},
+           {"[[fault]]\ntarget = \"truth\"\nkind = \"nan\"\nimu = \"imu1\"\n", "truth is that of all imus; omit it"},
+           {"[fault]\ntarget = \"gyro\"\n", "give tables, each as [[fault]]"},
+       })
+    EXPECT_TRUE(contains(faults_of(text), expected)) << text << "\n" << faults_of(text);
+}
+
+TEST_F(FaultScheduleTest, AScenarioIsAFileOfFaults) {
+  const std::string config =
+      write("run.toml", config_text("", "native", 1,
+                                    "rate_hz = 500\nmodel = \"ideal\"\n"
+                                    "gyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n"));
+  const std::string good = write("good.toml", bias), bad = write("bad.toml", bias + "speed = 1\n[truth]\n");
+  const std::string scenarios[] = {good, good};
+  const Config read = load_config(config, {}, {}, scenarios);
+  ASSERT_EQ(read.faults.size(), 2U);
+  EXPECT_EQ(read.faults[1].name, "fault2");
+  EXPECT_NE(read.sha256, load_config(config).sha256);
+  try {
+    load_config(config, {}, {}, std::span(&bad, 1));
+    FAIL();
+  } catch (const ConfigError& error) {
+    EXPECT_TRUE(contains(error.what(), "bad.toml:5: fault.0.speed: unknown key")) << error.what();
+    EXPECT_TRUE(contains(error.what(), "truth: unknown key")) << error.what();
+  }
+}
+
+TEST(FaultReadme, HasEveryKind) {
+  std::ifstream file(IMUD_SOURCE_DIR "/emulator/faults/README.md");
+  const std::string text(std::istreambuf_iterator<char>(file), {});
+  ASSERT_GT(fault_kinds().size(), 25U);
+  for (const FaultKind* kind : fault_kinds()) {
+    EXPECT_TRUE(contains(text, fmt::format("| `{}` | {}", kind->name, kind->summary))) << kind->name;
+    for (const FaultParameter& parameter : kind->parameters)
+      EXPECT_TRUE(contains(text, fmt::format("`{}`", parameter.key))) << parameter.key;
+  }
+}
+
+}  // namespace
+}  // namespace imud

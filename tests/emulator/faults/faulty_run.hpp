@@ -1,0 +1,106 @@
+// Shared by the tests of faults: a run of a flight in this process, with what it sends.
+#pragma once
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <string>
+#include <vector>
+
+#include "emulator/drive/loop.hpp"
+#include "emulator/drive/pacer.hpp"
+#include "emulator/engine/session.hpp"
+#include "emulator/faults/fault_labels.hpp"
+#include "emulator/ground/host.hpp"
+#include "emulator/plan/config.hpp"
+#include "protocols/protocol.hpp"
+#include "tests/emulator/run/run_test.hpp"
+
+namespace imud {
+
+class FaultyRunTest : public RunTest {
+ protected:
+  // A frame as it left, with the time of the device's samples at which it did.
+  struct Sent {
+    DeviceTime time;
+    std::string bytes;
+    std::uint32_t can_id = 0;
+  };
+  struct Result {
+    std::vector<Sent> frames;               // of the first imu
+    std::vector<Measurement> measurements;  // decoded of these
+    std::vector<FaultLabel> labels;
+    std::string all_bytes;  // of all imus, by imu
+  };
+  // Stores what a device sends.
+  class StoringPort final : public Port, private MeasurementSink {
+   public:
+    StoringPort(const ImuConfig& imu, Result& result, std::string& bytes, bool is_first)
+        : decoder_(imu.protocol->make_decoder(imu.settings)), result_(result), bytes_(bytes), is_first_(is_first) {}
+    void send(std::span<const Frame> frames) noexcept override {
+      counters_.count_sent(is_reply_, frames.size());
+      for (const Frame& frame : frames) {
+        const std::string text(reinterpret_cast<const char*>(frame.bytes.data()), frame.bytes.size());
+        bytes_ += text;
+        if (!is_first_) continue;
+        result_.frames.push_back({time_, text, frame.can.id});
+        decoder_->feed(frame, *this);
+      }
+    }
+    std::optional<Received> receive() noexcept override { return std::nullopt; }
+    bool has_room() const noexcept override { return true; }
+    bool can_receive() const noexcept override { return false; }
+
+   private:
+    void on_measurement(const Measurement& measurement) override { result_.measurements.push_back(measurement); }
+    std::unique_ptr<Decoder> decoder_;
+    Result& result_;
+    std::string& bytes_;
+    bool is_first_;
+  };
+
+  static constexpr double rate_hz = 500;
+  static constexpr double period_s = 1 / rate_hz;
+
+  // The text of a configuration with `imus` imus of this protocol, and these faults.
+  static std::string config_text(const std::string& faults, const std::string& protocol, int imus,
+                                 const std::string& errors) {
+    std::string text = fmt::format(
+        "seed = 7\nclock = \"fast\"\n[truth]\nport = \"pcap:{}?port=5140\"\n"
+        "format = \"jsbsim\"\n",
+        IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap");
+    for (int i = 1; i <= imus; ++i)
+      text += fmt::format("[[imu]]\nname = \"imu{0}\"\nprotocol = \"{1}\"\nport = \"{3}:{0}\"\n{2}\n", i, protocol,
+                          errors, find_protocol(protocol)->link == Link::can ? "canfile" : "file");
+    return text + faults;
+  }
+
+  Result run(const std::string& faults, const std::string& protocol = "native", int imus = 1,
+             const std::string& errors =
+                 "rate_hz = 500\nmodel = \"ideal\"\ngyro.max_rad_per_s = 10\n"
+                 "accelerometer.max_m_per_s2 = 100\n") {
+    const Config config = load_config(write("faults.toml", config_text(faults, protocol, imus, errors)));
+    Result result;
+    std::vector<std::string> bytes(config.imus.size());
+    Session session(config, [&](std::string_view port, const PortSettings& settings) -> std::unique_ptr<Port> {
+      for (std::size_t i = 0; i < config.imus.size(); ++i)
+        if (config.imus[i].port == port)
+          return std::make_unique<StoringPort>(config.imus[i], result, bytes[i], i == 0);
+      return open_port(port, settings);
+    });
+    MonotonicHost host;
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+    const std::atomic<bool> stop = false;
+    Loop(session, host, *pacer, {}, stop).run();
+    session.finish_faults();
+    std::vector<std::string> names;
+    for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
+    result.labels = fault_labels(session.faults().all(), names, session.faults().log());
+    // The labels outlive the session's faults: only what they hold themselves is used.
+    for (const std::string& of_imu : bytes) result.all_bytes += of_imu;
+    return result;
+  }
+};
+
+}  // namespace imud

@@ -1,0 +1,89 @@
+// Shared by the tests of `imud run` with truth by UDP: a simulator, and the start of the program.
+#pragma once
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <optional>
+
+#include "protocols/native_truth.hpp"
+#include "tests/emulator/run/run_test.hpp"
+#include "tools/truth/motion.hpp"
+#include "transports/file_descriptor.hpp"
+
+namespace imud {
+
+// The simulator of the test.
+class Simulator {
+ public:
+  Simulator() : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    // A port that is free now; imud binds it later.
+    const FileDescriptor probe(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    address_.sin_family = AF_INET;
+    address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof address_;
+    if (::bind(probe.get(), reinterpret_cast<const sockaddr*>(&address_), size) != 0 ||
+        ::getsockname(probe.get(), reinterpret_cast<sockaddr*>(&address_), &size) != 0)
+      throw std::runtime_error("no UDP port");
+  }
+  std::string port() const { return fmt::format("udp:127.0.0.1:{}", ntohs(address_.sin_port)); }
+
+  using Datagram = std::array<std::byte, 208>;
+  // A truth of the spiral with angular acceleration, specific force and accumulated velocity.
+  static Truth truth(std::int64_t ms, std::uint32_t sequence, bool acknowledge) {
+    Truth t = find_motion("spiral")->at(TruthTime{ms * 1'000'000}, {});
+    t.sequence = sequence;
+    t.acknowledge = acknowledge;
+    return t;
+  }
+  static Datagram encode(const Truth& t) {
+    Datagram d{};
+    encode_native_truth(t, d);
+    return d;
+  }
+  void send(std::span<const std::byte> bytes) {
+    ::sendto(socket_.get(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&address_),
+             sizeof address_);
+  }
+  // Returns the answer; nullopt if none arrives within `timeout_ms`.
+  std::optional<NativeAcknowledgement> answer(int timeout_ms) {
+    pollfd ready{socket_.get(), POLLIN, 0};
+    if (::poll(&ready, 1, timeout_ms) <= 0) return std::nullopt;
+    std::array<std::byte, 64> bytes{};
+    const ssize_t size = ::recv(socket_.get(), bytes.data(), bytes.size(), 0);
+    NativeAcknowledgement acknowledgement{};
+    if (size < 0 ||
+        !decode_native_acknowledgement(std::span(bytes).first(static_cast<std::size_t>(size)), acknowledgement))
+      return std::nullopt;
+    return acknowledgement;
+  }
+  // Sends until the answer arrives: imud may not run yet.
+  std::optional<NativeAcknowledgement> exchange(const Truth& t) {
+    const Datagram d = encode(t);
+    for (int i = 0; i < 100; ++i) {
+      send(d);
+      // On a loaded machine, answers to repetitions of the truth before may still arrive.
+      while (const auto acknowledgement = answer(200))
+        if (acknowledgement->sequence == t.sequence) return acknowledgement;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  FileDescriptor socket_;
+  sockaddr_in address_{};
+};
+
+class LiveTest : public RunTest {
+ protected:
+  void start(Program& imud, const std::string& config, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"run", config, "--summary", path("summary.json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    imud.start(arguments);
+  }
+  Simulator simulator_;
+};
+
+}  // namespace imud

@@ -1,0 +1,39 @@
+// AllanComparison: whether a recording has the noise of a model, term by term.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "tools/allan/allan_curve.hpp"
+#include "tools/allan/allan_fit.hpp"
+#include "tools/allan/allan_term_list.hpp"
+
+namespace imud {
+
+// A term differs if a deviation from the model of more than `tolerance` is beyond chance: with this probability it is
+// found where there is none, and a tolerance of 0 would find it, too.
+inline constexpr double false_difference = 1e-3;
+
+struct TermVerdict {
+  enum class Word { agrees, differs, undecided };
+  double model = 0;  // SI; 0: the model has no such term
+  Word word = Word::agrees;
+  bool is_in_neither = false;  // neither the model nor the recording has it
+};
+std::string_view name_of(TermVerdict::Word word) noexcept;
+
+// Compares the fitted terms with the model's, in the order of allan_term_list.
+//   Both have the term: it differs if the confidence interval of the fitted one, at 1 - false_difference, does not
+//   reach model * (1 -+ tolerance).
+//   It is not seen: it differs if the model's, less the tolerance, is twice as large as the least that would be seen;
+//   otherwise the recording is too short for it, and it is undecided.
+//   The model has none: it differs if what is certain of it adds more than the tolerance to the model's deviation at
+//   one of the averaging times.
+std::array<TermVerdict, allan_term_count> compare(const AllanCurve& curve, const AllanFit& fit,
+                                                  const AllanTerms& model, double tolerance);
+
+// Returns true if no term differs and at least one that the model has agrees: a recording that is too short to decide
+// anything proves nothing.
+bool agrees(const std::array<TermVerdict, allan_term_count>& verdicts) noexcept;
+
+}  // namespace imud

@@ -1,0 +1,43 @@
+// AllanCurve: the deviation of a recording at several averaging times, with its bounds.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "tools/allan/allan_confidence.hpp"
+#include "tools/allan/allan_deviation.hpp"
+#include "tools/allan/allan_term_list.hpp"
+
+namespace imud {
+
+struct AllanCurve {
+  struct Point {
+    std::size_t factor = 0;  // samples
+    double tau_s = 0;        // factor/rate
+    double deviation = 0;    // in the unit of the rates
+    int noise = 0;           // exponent of the density, see identify_noise()
+    double degrees = 0;      // of freedom
+    DeviationBounds bounds;
+  };
+
+  AllanKind kind = AllanKind::overlapping;
+  double period_s = 0;       // of a sample
+  double record_length = 0;  // s
+  std::size_t samples = 0;
+  std::vector<Point> points;  // in the order of tau
+
+  AveragingTime time(const Point& point) const noexcept { return {point.factor, point.tau_s, record_length}; }
+};
+
+// Returns the largest averaging factor of a curve: a third of the record for the Allan and modified deviations, a
+// quarter for the Hadamard and half for the total deviation. Longer ones have next to no degrees of freedom. 0: too
+// few samples.
+std::size_t largest_curve_factor(AllanKind kind, std::size_t samples) noexcept;
+
+// Computes the curve of equally spaced rates, finite and at least 4 of them. per_decade: see averaging_factors().
+// Where the noise type cannot be identified, it is that of the averaging time before, at first white.
+AllanCurve allan_curve(AllanKind kind, std::span<const double> rates, double rate_hz, unsigned per_decade,
+                       double confidence);
+
+}  // namespace imud

@@ -1,0 +1,53 @@
+#include "tools/allan/allan_plot.hpp"
+
+#include <fmt/format.h>
+
+#include "tools/gnuplot.hpp"
+
+namespace imud {
+
+std::string plot_commands(const AllanReport& report, const std::string& data, const std::string& picture) {
+  std::size_t diagrams = 0;
+  for (const bool is_rate : {true, false})
+    for (const auto& axis : report.axes)
+      if (axis.is_rate() == is_rate) {
+        ++diagrams;
+        break;
+      }
+  std::string text = terminal_commands(picture, 900, 520 * diagrams);
+  text +=
+      "set datafile separator ','\nset logscale xy\nset format '10^{%T}'\nset grid xtics ytics mxtics mytics\n"
+      "set key outside right top noenhanced\nset style fill transparent solid 0.2 noborder\n"
+      "set xlabel 'averaging time in s'\n";
+  text += fmt::format("set multiplot layout {},1\n", diagrams);
+  const double percent = 100 * report.confidence;
+  for (const bool is_rate : {true, false}) {
+    const TermUnit& unit = deviation_unit(is_rate);
+    std::string plots;
+    std::size_t color = 0;
+    for (std::size_t i = 0; i < report.axes.size(); ++i) {
+      const auto& axis = report.axes[i];
+      if (axis.is_rate() != is_rate) continue;
+      const std::size_t column = 2 + report.csv_columns_per_axis() * i;
+      const auto scaled = [&](std::size_t offset) { return fmt::format("(${}*{})", column + offset, unit.factor); };
+      ++color;
+      plots += fmt::format("{}{} every ::1 using 1:{}:{} with filledcurves linecolor {} title '{:.3g} %'",
+                           plots.empty() ? "plot " : ", \\\n  ", quoted(data), scaled(1), scaled(2), color, percent);
+      plots += fmt::format(
+          ", \\\n  {} every ::1 using 1:{} with linespoints linecolor {} pointtype 7 pointsize 0.4 title '{}'",
+          quoted(data), scaled(0), color, axis.name());
+      plots += fmt::format(", \\\n  {} every ::1 using 1:{} with lines linecolor {} dashtype 2 title 'fitted'",
+                           quoted(data), scaled(3), color);
+      if (report.against)
+        plots += fmt::format(", \\\n  {} every ::1 using 1:{} with lines linecolor 'black' linewidth 2 dashtype 3 {}",
+                             quoted(data), scaled(4),
+                             color == 1 ? "title " + quoted(report.against->model) : std::string("notitle"));
+    }
+    if (plots.empty()) continue;
+    text += fmt::format("set ylabel '{} deviation in {}'\n{}\n", name_of(report.axes.front().curve.kind),
+                        unit.datasheet, plots);
+  }
+  return text + "unset multiplot\nunset output\n";
+}
+
+}  // namespace imud

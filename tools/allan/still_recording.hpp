@@ -1,0 +1,91 @@
+// StillRecording: the rates and specific forces of a sensor at rest, equally spaced.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocols/protocol.hpp"
+#include "tools/arrays/npy_file.hpp"
+#include "tools/input/measurement_input.hpp"
+#include "tools/stream_statistics.hpp"
+
+namespace imud {
+
+// The channels' names, as the columns of measurement CSV.
+inline constexpr std::array<std::string_view, 6> channel_names = {"gyro_x",  "gyro_y",  "gyro_z",
+                                                                  "accel_x", "accel_y", "accel_z"};
+inline constexpr std::size_t channels_per_sensor = 3;
+
+struct StillRecording {
+  struct Channel {
+    std::size_t number = 0;      // index in channel_names
+    std::vector<double> values;  // rad/s, m/s^2
+    bool is_rate() const noexcept { return number < channels_per_sensor; }
+    std::string_view name() const noexcept { return channel_names[number]; }
+  };
+  std::vector<Channel> channels;  // of equal length, at least shortest_recording, all finite
+  double rate_hz = 0;
+  std::string rate_source;  // "device clock"
+  std::uint64_t gaps = 0, missing = 0, repeated = 0, invalid = 0, time_jumps = 0;
+  bool can_detect_gaps = true;
+
+  std::size_t samples() const noexcept { return channels.empty() ? 0 : channels.front().values.size(); }
+};
+
+inline constexpr std::size_t shortest_recording = 32;
+
+struct RecordingOptions {
+  std::optional<double> rate_hz;  // in place of the device's clock
+  bool increments = false;        // delta-angle and delta-velocity in place of rate and specific force
+  double largest_missing = 0.1;   // percent of the samples that may be missing, repeated or invalid
+};
+
+// Makes a recording of decoded measurements. Increments divided by the period take the place of rates that the
+// measurements do not have. Samples that the device marks as no measurement are left out; before the first valid one
+// they are its start-up and do not count.
+class StillRecorder final : public MeasurementReceiver {
+ public:
+  StillRecorder(const Protocol& protocol, const RecordingOptions& options, std::uint64_t wanted);
+
+  void on_measurement(const Measurement& measurement) override;
+  void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
+  bool is_full() const override { return taken_ >= wanted_; }
+  // The number of measurements so far, with those that are not recorded.
+  std::uint64_t measurements() const noexcept { return measurements_; }
+  // Sets the rate of samples that have no time.
+  void set_nominal_rate(double rate_hz) noexcept { nominal_rate_hz_ = rate_hz; }
+
+  // Ends the recording, once. Samples around a gap are joined, as if none were missing, which is without effect on
+  // white noise, and on other noise as far as the share of missing samples is small. Throws std::runtime_error, with
+  // what would be right, if too many are missing, the device restarted, the rate is unknown, or there are too few
+  // samples.
+  StillRecording finish();
+
+ private:
+  void choose_channels(const Measurement& first);
+
+  const Protocol& protocol_;
+  const RecordingOptions options_;
+  const std::uint64_t wanted_;
+  StreamStatistics statistics_;
+  std::optional<HostTime> arrival_;
+  std::uint32_t fields_ = 0;  // that are recorded; 0 before the first sample
+  std::uint64_t taken_ = 0, measurements_ = 0;
+  std::optional<double> nominal_rate_hz_;
+  StillRecording recording_;
+};
+
+// Makes a recording of an array whose columns are those channels; nullopt: the column is left out. Throws as
+// StillRecorder::finish(), and if a value is not finite.
+StillRecording recording_of(const NpyArray& array, const std::vector<std::optional<std::size_t>>& columns,
+                            double rate_hz);
+
+// Returns the channels of the texts "gyro_x,gyro_y,-,accel_x"; an empty text stands for the six channels, or for the
+// first of them, according to the number of columns. Throws std::invalid_argument.
+std::vector<std::optional<std::size_t>> parse_columns(std::string_view text, std::size_t columns);
+
+}  // namespace imud

@@ -1,0 +1,192 @@
+#include "tools/arrays/measurement_files.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <chrono>
+#include <exception>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <type_traits>
+
+#include "tools/arrays/hdf5_writer.hpp"
+#include "tools/arrays/mat_writer.hpp"
+#include "tools/arrays/mcap_writer.hpp"
+#include "tools/arrays/npy_writer.hpp"
+#include "tools/arrays/ulog_writer.hpp"
+#include "tools/number_check.hpp"
+#include "tools/resolved_config.hpp"
+#include "transports/file/output_path.hpp"
+#include "transports/host_clock.hpp"
+#include "transports/port.hpp"
+#include "transports/port_spec.hpp"
+
+namespace imud {
+
+namespace {
+
+template <typename Writer>
+std::unique_ptr<RowOutput> make_writer(std::string path, bool with_truth, const RowAttributes& attributes) {
+  if constexpr (std::is_constructible_v<Writer, std::string, bool, const RowAttributes&>)
+    return std::make_unique<Writer>(std::move(path), with_truth, attributes);
+  else
+    return std::make_unique<Writer>(std::move(path), with_truth);
+}
+
+// A new format is a line here.
+constexpr RowFormat formats[] = {
+    {"--npy", "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")", false, false,
+     make_writer<NpyWriter>},
+    {"--hdf5", "also writes HDF5: a dataset for each quantity", true, false, make_writer<Hdf5Writer>},
+    {"--mat", "also writes a MAT-file of level 5: a variable for each quantity", true, false, make_writer<MatWriter>},
+    {"--ulog", "also writes a ULog, PX4's format of logs: sensor_gyro, sensor_accel, and all as imud_measurement",
+     true, true, make_writer<UlogWriter>},
+    {"--mcap", "also writes MCAP, Foxglove's format: a channel of JSON messages", true, true,
+     make_writer<McapWriter>},
+};
+
+bool is_any(const RowFormat&) { return true; }
+bool keeps_attributes(const RowFormat& format) { return format.keeps_attributes; }
+bool needs_time(const RowFormat& format) { return format.needs_time; }
+
+// Returns the options of these formats: "--npy, --hdf5 and --mat".
+std::string list_options(bool (*is_one)(const RowFormat&)) {
+  std::vector<std::string_view> names;
+  for (const RowFormat& format : formats)
+    if (is_one(format)) names.push_back(format.option);
+  const std::string_view last = names.back();
+  names.pop_back();
+  return names.empty() ? std::string(last) : fmt::format("{} and {}", fmt::join(names, ", "), last);
+}
+
+bool is_any_given(const std::vector<std::string>& paths, bool (*is_one)(const RowFormat&)) {
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    if (!paths[i].empty() && is_one(formats[i])) return true;
+  return false;
+}
+
+}  // namespace
+
+void MeasurementFiles::add_options(CLI::App& app, Options& options) {
+  options.paths.resize(std::size(formats));
+  for (std::size_t i = 0; i < std::size(formats); ++i)
+    app.add_option(std::string(formats[i].option), options.paths[i], std::string(formats[i].help))->type_name("FILE");
+  app.add_option(
+         "--config", options.config,
+         fmt::format("imud's configuration, which becomes an attribute of {}", list_options(keeps_attributes)))
+      ->type_name("FILE");
+  app.add_option("--rate-hz", options.rate_hz,
+                 fmt::format("sample rate of measurements without time, for {}", list_options(needs_time)))
+      ->check(number_check(1e-6, 1e9))
+      ->type_name("HZ");
+  app.add_option(
+         "--truth", options.truth,
+         "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded,\n"
+         "or what a run has sent, from its RECORD alone")
+      ->expected(1, 2)
+      ->type_name("RECORD | CONFIG CAPTURE");
+  app.add_option("--imu", options.imu, "name of the imu in --truth; default: the first with the protocol")
+      ->type_name("NAME");
+}
+
+namespace {
+
+void check(const MeasurementFiles::Options& options, const std::string& port) {
+  if (!options.config.empty() && !is_any_given(options.paths, keeps_attributes))
+    throw std::invalid_argument(
+        fmt::format("--config: is for the attributes of {}, of which none is given", list_options(keeps_attributes)));
+  if (options.rate_hz && !is_any_given(options.paths, needs_time))
+    throw std::invalid_argument(
+        fmt::format("--rate-hz: is for {}, of which none is given", list_options(needs_time)));
+  if (!options.truth.empty() && !is_any_given(options.paths, is_any))
+    throw std::invalid_argument(fmt::format("--truth: is for {}, of which none is given", list_options(is_any)));
+  if (!options.truth.empty() && !options.config.empty())
+    throw std::invalid_argument("--config: that of --truth becomes the attribute; omit it");
+  if (options.truth.empty() && !options.imu.empty())
+    throw std::invalid_argument("--imu: is for --truth, which is not given");
+  if (options.truth.size() == 1 && record_transport_of(options.truth.front()) == nullptr)
+    throw std::invalid_argument(options.truth.front() +
+                                ": is no record of imud; --truth needs one, or a configuration and its capture");
+  std::vector<std::string> inputs = options.truth;
+  for (std::string& input : inputs) input = input.substr(0, input.find('?'));
+  const std::string address = port.substr(port.find(':') + 1);
+  inputs.insert(inputs.end(), {address.substr(0, address.find('?')), options.config});
+  std::vector<std::string> seen;
+  for (const std::string& path : options.paths) {
+    if (path.empty()) continue;
+    if (is_standard_output(path)) throw std::invalid_argument(path + ": an array cannot go to a stream; give a file");
+    for (const std::string& input : inputs)
+      if (is_same_file(input, path)) throw std::invalid_argument(path + ": is the input; give another file");
+    for (const std::string& other : seen)
+      if (path == other || is_same_file(path, other))
+        throw std::invalid_argument(path + ": is given twice; give two files");
+    seen.push_back(path);
+  }
+}
+
+// Returns the name of the imu as far as the command line states it, otherwise "imu".
+std::string imu_name(const MeasurementFiles::Options& options, const std::string& port) {
+  if (!options.imu.empty()) return options.imu;
+  return PortSpec::parse(port).text("interface").value_or("imu");
+}
+
+// Returns the text with U+FFFD in place of what is no UTF-8, such as the bytes of a path.
+std::string valid_utf8(const std::string& text) {
+  using nlohmann::json;
+  return json::parse(json(text).dump(-1, ' ', false, json::error_handler_t::replace)).get<std::string>();
+}
+
+RowAttributes attributes_of(const MeasurementFiles::Options& options, const Protocol& protocol,
+                            const std::string& port, const TruthBeside* truth) {
+  RowAttributes all;
+  all.texts = {{"imud_version", IMUD_VERSION}, {"protocol", std::string(protocol.name)}, {"port", valid_utf8(port)}};
+  all.imu = valid_utf8(imu_name(options, port));
+  if (options.config.empty() && truth == nullptr) return all;
+  const ResolvedConfig config = truth == nullptr ? resolve_config(options.config) : truth->config();
+  all.texts.emplace_back("config", valid_utf8(config.toml));
+  all.seed = config.seed;
+  return all;
+}
+
+}  // namespace
+
+MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port)
+    : absent_rates_(protocol.absent_rates) {
+  check(options, port);
+  if (!options.truth.empty())
+    truth_ = std::make_unique<TruthBeside>(
+        TruthBeside::Options{options.truth.front(), options.truth.back(), options.imu}, protocol);
+  const bool with_truth = truth_ != nullptr;
+  RowAttributes attributes;
+  if (is_any_given(options.paths, keeps_attributes))
+    attributes = attributes_of(options, protocol, port, truth_.get());
+  attributes.rate_hz = options.rate_hz;
+  for (std::size_t i = 0; i < options.paths.size(); ++i)
+    if (!options.paths[i].empty()) files_.push_back(formats[i].make(options.paths[i], with_truth, attributes));
+}
+
+void MeasurementFiles::write(const Measurement& measurement) {
+  if (files_.empty()) return;
+  MeasurementRow row(measurement, absent_rates_);
+  if (truth_) row.truth = truth_->at(row);
+  for (const auto& file : files_) file->write(row);
+}
+
+void MeasurementFiles::flush() {
+  if (files_.empty() || host_now() - flushed_ < std::chrono::seconds(1)) return;
+  flushed_ = host_now();
+  for (const auto& file : files_) file->flush();
+}
+
+std::string MeasurementFiles::finish() {
+  std::exception_ptr failure;
+  for (const auto& file : files_) try {
+      file->finish();
+    } catch (...) {
+      if (!failure) failure = std::current_exception();
+    }
+  if (failure) std::rethrow_exception(failure);
+  return truth_ ? truth_->finish() : std::string();
+}
+
+}  // namespace imud

@@ -1,0 +1,47 @@
+// MeasurementFiles: the files that imu-decode writes beside the CSV.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/time.hpp"
+#include "tools/arrays/row_output.hpp"
+#include "tools/arrays/truth_beside.hpp"
+
+namespace imud {
+
+class MeasurementFiles {
+ public:
+  // The part of a command line that selects the files.
+  struct Options {
+    std::vector<std::string> paths;  // by format; empty: none
+    std::string config;              // path of imud's configuration, for the attributes of files; empty: none
+    std::optional<double> rate_hz;   // of measurements without time, for files that need one
+    std::vector<std::string> truth;  // record, or configuration and capture; empty: no truth beside the measurements
+    std::string imu;                 // of that configuration; empty: the first with the protocol
+  };
+  // `options` stays where it is until the command line has been parsed.
+  static void add_options(CLI::App& app, Options& options);
+
+  // Opens the files. `port`: the input, which they must not be. Throws std::runtime_error or std::invalid_argument
+  // with the fault and what would be right; as TruthBeside does, too.
+  MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port);
+
+  void write(const Measurement& measurement);
+  // Makes the files whole, at most once a second.
+  void flush();
+  // Ends the files. Returns what is missing of the truth; empty if nothing is. Throws std::runtime_error, which names
+  // the first of them that could not be written, or as TruthBeside::finish() does.
+  std::string finish();
+
+ private:
+  const unsigned absent_rates_;
+  std::unique_ptr<TruthBeside> truth_;
+  std::vector<std::unique_ptr<RowOutput>> files_;
+  HostTime flushed_;
+};
+
+}  // namespace imud

@@ -1,0 +1,74 @@
+#include "tools/arrays/npy_writer.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+
+#include "transports/file/output_path.hpp"
+
+namespace imud {
+
+namespace {
+constexpr std::size_t hold_at_most = 64 * 1024;
+}
+
+NpyWriter::NpyWriter(std::string path, bool with_truth) : path_(std::move(path)), with_truth_(with_truth) {
+  if (const std::string link = foreign_link(path_); !link.empty())
+    throw std::runtime_error(fmt::format(
+        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
+        link));
+  file_.reset(::open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666));
+  struct stat status {};
+  if (!file_ || ::fstat(file_.get(), &status) != 0)
+    throw std::runtime_error(fmt::format("{}: cannot write it: {}", path_, std::strerror(errno)));
+  if (!S_ISREG(status.st_mode))
+    throw std::runtime_error(path_ +
+                             ": the number of rows, known at the end, stands at the begin of an array; give "
+                             "a regular file");
+  if (::ftruncate(file_.get(), 0) != 0)
+    throw std::runtime_error(fmt::format("{}: cannot write it: {}", path_, std::strerror(errno)));
+  held_.reserve(hold_at_most + row_size(with_truth));
+  flush();
+}
+
+std::string NpyWriter::header() const { return npy_header(measurement_columns(with_truth_), {&rows_, 1}); }
+
+void NpyWriter::write(const MeasurementRow& row) {
+  const std::size_t begin = held_.size(), size = row_size(with_truth_);
+  held_.resize(begin + size);
+  std::memcpy(held_.data() + begin, &row, size);
+  if (held_.size() >= hold_at_most) flush();
+}
+
+void NpyWriter::write_at(const char* bytes, std::size_t size, std::uint64_t offset) {
+  while (size > 0 && error_ == 0) {
+    const ssize_t written = ::pwrite(file_.get(), bytes, size, static_cast<off_t>(offset));
+    if (written < 0) {
+      if (errno != EINTR) error_ = errno;
+      continue;
+    }
+    bytes += written;
+    size -= static_cast<std::size_t>(written);
+    offset += static_cast<std::uint64_t>(written);
+  }
+}
+
+void NpyWriter::flush() {
+  const std::size_t size = row_size(with_truth_);
+  write_at(held_.data(), held_.size(), header().size() + rows_ * size);
+  if (error_ == 0) rows_ += held_.size() / size;
+  held_.clear();
+  const std::string text = header();
+  write_at(text.data(), text.size(), 0);
+}
+
+void NpyWriter::finish() {
+  flush();
+  if (error_ != 0) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(error_)));
+}
+
+}  // namespace imud

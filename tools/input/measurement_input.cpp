@@ -1,0 +1,170 @@
+#include "tools/input/measurement_input.hpp"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <stdexcept>
+
+#include "core/numbers/nearest.hpp"
+#include "tools/input/log_formats.hpp"
+#include "tools/number_check.hpp"
+#include "tools/stop_signal.hpp"
+#include "transports/host_clock.hpp"
+#include "transports/port.hpp"
+#include "transports/port_spec.hpp"
+
+namespace imud {
+
+void DecodeOptions::resolve_port() {
+  const Protocol* found = find_input_format(protocol);
+  const bool is_can = found != nullptr && found->link == Link::can;
+  if (port == "-") port = standard_input_port(is_can, is_can);
+}
+
+void add_input_options(CLI::App& app, DecodeOptions& options) {
+  app.add_option("PORT", options.port, "port to receive from, see below; - is standard input")
+      ->required()
+      ->type_name("");
+  app.add_option("--set", options.settings, "a setting of the protocol; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE");
+  app.add_option("--for", options.for_s, "ends after this time of the host's clock")
+      ->check(number_check(0, 1e9))
+      ->type_name("SECONDS");
+  app.add_option("--count", options.count, "ends after this number of samples")
+      ->check(number_check(1, 1e18))
+      ->type_name("N");
+}
+
+std::string known_protocols() {
+  std::string text;
+  const auto list = [&](std::string_view title, std::span<const Protocol* const> all) {
+    text += title;
+    for (const Protocol* protocol : all) {
+      text += fmt::format("  {:<16} {}\n", protocol->name, protocol->summary);
+      for (const Setting& setting : protocol->settings)
+        text += fmt::format("  {:<16}   --set {}=...: {}\n", "", setting.key, setting.help);
+    }
+  };
+  list("Protocols:\n", protocols());
+  list("Logs, in place of a protocol:\n", log_formats());
+  return text;
+}
+
+std::string known_ports() {
+  std::string text = "Ports:\n";
+  for (const Transport* transport : transports())
+    text += fmt::format("  {}\n  {:<16} {}\n", transport->syntax, "", transport->summary);
+  return text;
+}
+
+const Protocol& protocol_for(const DecodeOptions& options) {
+  const Protocol* protocol = find_input_format(options.protocol);
+  if (protocol == nullptr) {
+    std::vector<std::string> names;
+    for (const auto& list : {protocols(), log_formats()})
+      for (const Protocol* one : list) names.emplace_back(one->name);
+    const std::string meant = nearest(options.protocol, names);
+    throw std::invalid_argument(fmt::format("there is no protocol '{}'; {}--help lists all", options.protocol,
+                                            meant.empty() ? "" : fmt::format("did you mean '{}'? ", meant)));
+  }
+  const std::string scheme = PortSpec::parse(options.port).scheme;
+  const Transport* transport = find_transport(scheme);
+  const bool wants_can = protocol->link == Link::can;
+  if (transport != nullptr && !transport->carries_any && transport->carries_can != wants_can)
+    throw std::invalid_argument(fmt::format("{} needs a {}; {}: carries {}", protocol->name,
+                                            wants_can ? "CAN port" : "port for bytes", scheme,
+                                            wants_can ? "bytes" : "CAN frames"));
+  return *protocol;
+}
+
+namespace {
+
+// Captures have their own time stamps, and no descriptor.
+bool is_capture(const Port& port) { return port.descriptor() < 0 && port.state() == PortState::ready; }
+
+// Returns true for a regular file, for which the time of reading has no meaning.
+bool is_regular_file(const Port& port) {
+  struct stat status {};
+  return port.descriptor() >= 0 && ::fstat(port.descriptor(), &status) == 0 && S_ISREG(status.st_mode);
+}
+
+// Waits for input, for a limited time. Some descriptors are always ready without input (such as those of an interface
+// that is down); they are read every 10 ms.
+class Waiting {
+ public:
+  void until_ready(const Port& port, Nanoseconds longest) {
+    using namespace std::chrono_literals;
+    const Nanoseconds pause =
+        ready_without_input_ ? std::min<Nanoseconds>(longest, 10ms) : std::min<Nanoseconds>(longest, 100ms);
+    const auto ms = static_cast<int>((pause + 999'999ns) / 1ms);
+    pollfd descriptor{ready_without_input_ ? -1 : port.descriptor(), POLLIN, 0};
+    ready_without_input_ = ::poll(&descriptor, 1, ms) > 0;
+  }
+  void received() { ready_without_input_ = false; }
+
+ private:
+  bool ready_without_input_ = false;
+};
+
+// Reports when a device is lost and when it is back.
+class LossNotice {
+ public:
+  explicit LossNotice(const DecodeOptions& options) : program_(options.program), port_(options.port) {}
+  void update(const Port& port) {
+    const bool lost = port.state() == PortState::lost;
+    if (lost != lost_) fmt::print(stderr, "{}: {} is {}\n", program_, port_, lost ? "lost; waiting for it" : "back");
+    lost_ = lost;
+  }
+
+ private:
+  std::string program_;
+  std::string port_;
+  bool lost_ = false;
+};
+
+}  // namespace
+
+std::string_view receive_all(Port& port, Decoder& decoder, MeasurementReceiver& receiver,
+                             const DecodeOptions& options) {
+  const bool is_live = !is_capture(port) && !is_regular_file(port);
+  bool arrival_counts =
+      is_capture(port);  // frames that are in a live port before the first receive() arrived earlier
+  const HostTime start = host_now();
+  const auto elapsed_s = [&] { return seconds(host_now() - start); };
+  Waiting waiting;
+  LossNotice loss(options);
+  constexpr Nanoseconds longest_rest = std::chrono::seconds(30);
+  std::optional<HostTime> stopped;
+  while (true) {
+    // After a signal, what has arrived at a live port is still decoded.
+    if (stop_requested() && !stopped) stopped = host_now();
+    if (stopped && (!is_live || stop_requested_again() || host_now() - *stopped > longest_rest)) return "signal";
+    if (!receiver.is_open()) return "closed output";
+    if (receiver.is_full()) return "count";
+    const double left_s = options.for_s - elapsed_s();
+    if (left_s <= 0) return "time";
+
+    if (const auto received = port.receive()) {
+      waiting.received();
+      receiver.set_arrival(arrival_counts ? std::optional(received->time) : std::nullopt);
+      decoder.feed(received->frame, receiver);
+      continue;
+    }
+    if (port.at_end()) {
+      decoder.finish(receiver);
+      return "end of input";
+    }
+    if (stopped) return "signal";
+    if (is_capture(port)) continue;  // packets to other ports are skipped
+    loss.update(port);
+    receiver.flush();
+    arrival_counts = arrival_counts || is_live;
+    waiting.until_ready(port, Nanoseconds(static_cast<std::int64_t>(std::min(left_s, 1.0) * 1e9)));
+  }
+}
+
+}  // namespace imud
