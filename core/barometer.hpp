@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "core/correlated_noise.hpp"
+#include "core/numbers/correlated_noise.hpp"
 #include "core/numbers/elementary.hpp"
 #include "core/numbers/random.hpp"
 

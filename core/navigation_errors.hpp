@@ -4,8 +4,8 @@
 #include <cstdint>
 
 #include "core/attitude.hpp"
-#include "core/correlated_noise.hpp"
 #include "core/earth/earth.hpp"
+#include "core/numbers/correlated_noise.hpp"
 #include "core/time.hpp"
 
 namespace imud {

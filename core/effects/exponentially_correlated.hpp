@@ -2,9 +2,9 @@
 
 #include <string_view>
 
-#include "core/correlated_noise.hpp"
 #include "core/effects/triad_errors.hpp"
 #include "core/effects/triad_step.hpp"
+#include "core/numbers/correlated_noise.hpp"
 
 namespace imud {
 
