@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {

@@ -15,6 +15,7 @@
 #include "emulator/commands/capture_check.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/control/running_keys.hpp"
 #include "emulator/drive/pacer.hpp"

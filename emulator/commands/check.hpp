@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/requirement.hpp"
+#include "emulator/config/load_config.hpp"
 
 namespace imud {
 

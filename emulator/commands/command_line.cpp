@@ -25,6 +25,7 @@
 #include "emulator/commands/example.hpp"
 #include "emulator/commands/list.hpp"
 #include "emulator/commands/selftest.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/config/recorded_config.hpp"
 #include "emulator/control/ctl.hpp"
 #include "emulator/ground/log.hpp"

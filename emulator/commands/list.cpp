@@ -12,6 +12,7 @@
 
 #include "emulator/config/entries.hpp"
 #include "emulator/faults/fault_kinds.hpp"
+#include "emulator/plan/fault_units.hpp"
 #include "protocols/quantities/truth_quantities.hpp"
 
 namespace imud {

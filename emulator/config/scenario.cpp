@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "emulator/config/config_text.hpp"
+#include "emulator/config/fault_reader.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/faults/other_units.hpp"
 

@@ -8,6 +8,7 @@
 
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/ground/table_reader.hpp"
 
 namespace imud {

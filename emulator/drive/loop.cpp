@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/drive/execute.hpp"
 #include "emulator/record/recorder.hpp"
 
 namespace imud {
@@ -230,7 +231,7 @@ void Loop::wait(HostTime until) noexcept {
   truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
   session_.cycle_power_if_requested(now);
-  if (prepared_.empty()) session_.execute_commands(host_);
+  if (prepared_.empty()) execute_commands(session_, host_);
   if (is_ready && !session_.serve_inputs(now, reply_clock())) host_.sleep_until(std::min(until, now + pause));
   if (now - served_ <= longest_wait) return;
   serve_all();
@@ -244,7 +245,7 @@ void Loop::serve_all() noexcept {
 
 // Takes all samples of the instant `due_`.
 void Loop::prepare() noexcept {
-  session_.execute_commands(host_);
+  execute_commands(session_, host_);
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "emulator/config/scenario.hpp"
+#include "emulator/drive/execute.hpp"
 #include "emulator/drive/recorded_run.hpp"
 
 namespace imud {

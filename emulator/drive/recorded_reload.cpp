@@ -2,6 +2,8 @@
 #include <exception>
 #include <utility>
 
+#include "emulator/config/load_config.hpp"
+#include "emulator/drive/execute.hpp"
 #include "emulator/drive/recorded_run.hpp"
 #include "emulator/engine/reload.hpp"
 

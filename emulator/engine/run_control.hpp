@@ -4,15 +4,12 @@
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstddef>
 
-#include "core/time.hpp"
 #include "emulator/engine/command_queue.hpp"
 #include "emulator/engine/run_events.hpp"
 #include "emulator/engine/sample_feed.hpp"
 #include "emulator/ground/counters.hpp"
 
 namespace imud {
-
-class Session;
 
 // Outlives the Session that has it. All memory is allocated by the constructor.
 struct RunControl {
@@ -27,11 +24,5 @@ struct RunControl {
   RunEvents events;
   SampleFeed feed;
 };
-
-// Executes a command now, and records it. It must be called where each sample that was taken has been transmitted.
-void execute(Session& session, const Command& command, HostTime now) noexcept;
-// Executes the batches that wait, but not more than a few. Called where execute() may be. A batch for whose results
-// there is no room keeps waiting.
-void execute_commands(Session& session, RunControl& control, HostTime now) noexcept;
 
 }  // namespace imud

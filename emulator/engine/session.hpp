@@ -133,10 +133,8 @@ class Session {
   Schedule* schedule() noexcept { return schedule_; }
   void set_when_stopped(WhenStopped reaction) noexcept { when_stopped_ = reaction; }
 
-  // Executes the commands that wait. Must be called only where each sample that was taken has been transmitted.
-  void execute_commands(Host& host) noexcept {
-    if (control_ != nullptr && control_->commands.has_batch()) imud::execute_commands(*this, *control_, host.now());
-  }
+  // The queues of the clients that control this; nullptr: there are none.
+  RunControl* control() noexcept { return control_; }
 
   // Switches the supply of all devices off and on, between two samples. Any thread.
   void request_power_cycle() noexcept { power_cycle_.store(true, std::memory_order_relaxed); }

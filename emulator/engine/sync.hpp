@@ -9,18 +9,13 @@
 #include <string_view>
 
 #include "core/time.hpp"
+#include "emulator/plan/sync_config.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
 
 class Recorder;
-
-// The ports of the pins; an empty one is not connected.
-struct SyncConfig {
-  std::string trigger_port, pps_port, tov_port;
-  bool is_connected() const { return !(trigger_port + pps_port + tov_port).empty(); }
-};
 
 // An edge with a time waits for the first sample at or after it. An edge whose time is past is delivered as one at
 // the last sample, an edge without a time as one at the next sample. An edge more than 10 s ahead, or beyond 64 that

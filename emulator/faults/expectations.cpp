@@ -10,60 +10,6 @@
 
 namespace imud {
 
-std::string ExpectConfig::text() const {
-  const std::string bytes = text_of(pattern);
-  std::string text;
-  switch (what) {
-    case What::host_sends:
-      text = fmt::format("the host of {} sends {} within {:g} s", imu, bytes, within_s);
-      break;
-    case What::host_is_silent:
-      text = fmt::format("the host of {} does not send {} for {:g} s", imu, bytes, within_s);
-      break;
-    case What::host_reopens:
-      text = fmt::format("the host of {} reopens its port within {:g} s", imu, within_s);
-      break;
-  }
-  if (!fault) return text + fmt::format(", from {:g} s", at_s);
-  return text + fmt::format(", from the {} of fault {}", after_end ? "end" : "begin", *fault + 1);
-}
-
-ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vector<std::string>& imus,
-                         std::span<const FaultConfig> faults) {
-  ExpectConfig expect;
-  expect.name = table.text("name", fmt::format("expect{}", index + 1));
-  expect.imu = table.text("imu", imus.size() == 1 ? imus.front() : "");
-  if (expect.imu.empty())
-    table.fault("imu", fmt::format("missing: whose host; of: {}", fmt::join(imus, ", ")));
-  else if (std::find(imus.begin(), imus.end(), expect.imu) == imus.end())
-    table.fault("imu", fmt::format("there is no imu \"{}\"; of: {}", expect.imu, fmt::join(imus, ", ")));
-  table.require("what", "\"host_sends\", \"host_is_silent\" or \"host_reopens\"");
-  constexpr ExpectConfig::What all[] = {ExpectConfig::What::host_sends, ExpectConfig::What::host_is_silent,
-                                        ExpectConfig::What::host_reopens};
-  expect.what = all[table.choice("what", {"host_sends", "host_is_silent", "host_reopens"}, 0)];
-  expect.pattern = read_host_bytes(table);
-  if (expect.what == ExpectConfig::What::host_reopens && !expect.pattern.empty())
-    table.fault("what", "\"host_reopens\" is not about bytes; omit text and hex");
-  const auto number_of = [&](std::string_view key) -> std::optional<std::size_t> {
-    if (!table.has(key)) return std::nullopt;
-    const std::string name = table.text(key, "");
-    for (std::size_t i = 0; i < faults.size(); ++i)
-      if (faults[i].name == name && (faults[i].kind == nullptr || faults[i].acts_on(expect.imu))) return i;
-    table.fault(key, fmt::format("no fault \"{}\" acts on {}", name, expect.imu));
-    return std::nullopt;
-  };
-  if (int{table.has("after")} + int{table.has("after_end_of")} + int{table.has("at_s")} > 1)
-    table.fault("after", "give one of after, after_end_of and at_s");
-  expect.after_end = table.has("after_end_of");
-  expect.fault = number_of(expect.after_end ? "after_end_of" : "after");
-  constexpr double longest_s = 1e9;
-  if (!expect.fault || table.has("at_s")) expect.at_s = table.real("at_s", 0, 0, longest_s);
-  table.require("within_s", "the length of the time, in seconds");
-  expect.within_s = table.real("within_s", 1, 1e-6, longest_s);
-  table.finish();
-  return expect;
-}
-
 Expectations::Expectations(std::span<const ExpectConfig> all, std::string_view imu) {
   for (const ExpectConfig& config : all)
     if (config.imu == imu) watches_.push_back({.config = &config});

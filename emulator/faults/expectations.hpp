@@ -2,39 +2,16 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "core/time.hpp"
 #include "emulator/faults/fault_schedule.hpp"
-#include "emulator/ground/table_reader.hpp"
-#include "emulator/plan/fault_config.hpp"
-#include "emulator/plan/host_bytes.hpp"
+#include "emulator/plan/expect_config.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
-
-struct ExpectConfig {
-  enum class What : std::uint8_t {
-    host_sends,      // the host sends bytes, or those of `pattern`, within the time
-    host_is_silent,  // it sends none, or not those of `pattern`, during the time
-    host_reopens,    // after the port had no reader, it has one, within the time
-  };
-  std::string name;  // "expect1" if it has none
-  std::string imu;   // whose host
-  What what = What::host_sends;
-  HostBytes pattern;
-  std::optional<std::size_t> fault;  // the number of the fault after which the time begins
-  bool after_end = false;            // after its end; false: after its begin
-  double at_s = 0;                   // else: s after the begin of the run
-  double within_s = 0;               // the length of the time, above 0
-
-  // Describes it in a sentence.
-  std::string text() const;
-};
 
 // The outcome of an expectation.
 struct Expected {
@@ -43,10 +20,6 @@ struct Expected {
   std::string seen = {};  // what happened: "the host sent it 0.24 s after the begin of the time"
   double duration_s = 0;
 };
-
-// Reads an [[expect]]. `imus`: the names of all imus; `faults`: those of the run.
-ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vector<std::string>& imus,
-                         std::span<const FaultConfig> faults);
 
 // Watches the host of one imu. No allocation after construction; one thread.
 class Expectations {

@@ -26,12 +26,4 @@ const FaultKind* find_fault_kind(std::string_view name, std::string_view target)
 // Returns why the product cannot have a fault of this kind, and which it can have; empty if it can.
 std::string fault_objection(const FaultKind& kind, const Protocol& protocol);
 
-// A unit as a key ends, and its value in SI.
-struct FaultUnit {
-  std::string_view suffix;
-  double si;
-};
-// Returns the units of a target's values; the first is that of SI. Empty: the values have none.
-std::span<const FaultUnit> fault_units(std::string_view target) noexcept;
-
 }  // namespace imud

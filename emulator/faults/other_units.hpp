@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/fault_config.hpp"
 #include "protocols/protocol.hpp"
 
@@ -18,10 +17,6 @@ struct ImuConfig;
 // Returns the settings of the imu's product as delivered; those that are configured if there are none, as of messages
 // that a file describes.
 Settings settings_as_delivered(const ImuConfig& imu);
-
-// Reads `device` of a fault that has settings: FaultConfig::settings of each of its imus. Adds a fault of the file
-// for everything that is wrong.
-void read_other_settings(TableReader& table, const std::vector<ImuConfig>& imus, FaultConfig& fault);
 
 // All units have power, samples, edges, clock and host of the own one, so that each is at any time what it would be
 // if it had been there always. Only the frames of one leave; line, filters, pulses and figures are those of the own

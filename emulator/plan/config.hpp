@@ -1,10 +1,9 @@
-// Config: the configuration of a run, read from TOML and checked as a whole. Keys, units and ranges:
+// Config: the configuration of a run, checked as a whole. Keys, units and ranges:
 // emulator/CONFIGURATION.md.
 #pragma once
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -12,12 +11,12 @@
 #include "core/imu.hpp"
 #include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
-#include "emulator/engine/sync.hpp"
-#include "emulator/faults/expectations.hpp"
 #include "emulator/ground/truth_bounds.hpp"
+#include "emulator/plan/expect_config.hpp"
 #include "emulator/plan/fault_config.hpp"
-#include "emulator/truth/truth_clock.hpp"
-#include "emulator/web/web_config.hpp"
+#include "emulator/plan/sync_config.hpp"
+#include "emulator/plan/truth_delay.hpp"
+#include "emulator/plan/web_config.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
@@ -49,7 +48,7 @@ struct TruthConfig {
   Settings settings;
   std::optional<std::uint32_t> stream;  // the vehicle whose truth is used; nullopt: the first that arrives
   Timeline::Limits limits;
-  TruthClock::Options clock;  // for realtime with live truth
+  TruthDelay clock;  // for realtime with live truth
   WhenStopped when_stopped = WhenStopped::hold;
   std::optional<PoseFit::Options> fit;  // nullopt: nothing is derived
   bool ignores_force = false;           // no specific force is used or derived
@@ -125,17 +124,6 @@ struct ConfigError : std::runtime_error {
   explicit ConfigError(std::vector<std::string> all);
   std::vector<std::string> faults;
 };
-
-// Reads `path` (- is standard input; of a record the configuration in it), then sets each override, such as
-// "imu.0.rate_hz=400" (the value as in TOML; a bare word is text). A `capture` that is not empty replaces truth.port;
-// - is standard input. Then regular files of the imus are replaced when the run has ended
-// (PortSettings::replaces_file). `scenarios` are files with further [[fault]] and [[expect]]. Throws ConfigError with
-// every fault of all files.
-Config load_config(const std::string& path, std::span<const std::string> overrides = {},
-                   const std::string& capture = {}, std::span<const std::string> scenarios = {});
-
-// Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
-Config config_of_text(const std::string& text);
 
 // Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
 std::string regular_file(const std::string& path);

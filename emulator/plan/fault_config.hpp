@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "core/numbers/random.hpp"
 #include "core/time.hpp"
-#include "emulator/ground/table_reader.hpp"
 #include "emulator/plan/fault.hpp"
 #include "emulator/plan/host_bytes.hpp"
 #include "protocols/settings.hpp"
@@ -38,6 +38,8 @@ struct FaultCondition {
 // Times are s of simulation from the begin of the run. A fault acts on each sample of its imus whose instant lies in
 // [begin, end); with numbers of samples, on the samples [first, first + count).
 struct FaultConfig {
+  static constexpr std::string_view axis_letters = "xyz";
+
   std::string name;               // in labels; "fault1" if it has none
   std::vector<std::string> imus;  // whose names; fault_of_truth alone for a fault of truth
   const FaultKind* kind = nullptr;
@@ -78,8 +80,5 @@ struct FaultConfig {
 
 // Returns the random numbers of the first `faults` faults of an imu, by their numbers.
 std::vector<Normals> fault_normals(std::string_view imu, std::uint64_t seed, std::size_t faults);
-
-// Reads a [[fault]]. `imus`: the names of all imus. Adds a fault of the file for everything that is wrong.
-FaultConfig read_fault(TableReader& table, std::size_t index, const std::vector<std::string>& imus);
 
 }  // namespace imud

@@ -5,48 +5,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cstring>
-#include <optional>
 
 namespace imud {
-
-namespace {
-
-constexpr std::size_t longest = 256;
-
-// Returns nothing if the text is not hexadecimal.
-std::optional<HostBytes> bytes_of_hex(std::string text) {
-  std::erase(text, ' ');
-  if (text.empty() || text.size() % 2 != 0) return std::nullopt;
-  HostBytes bytes;
-  for (std::size_t i = 0; i < text.size(); i += 2) {
-    const auto digit = [&](char c) -> int {
-      return std::isdigit(static_cast<unsigned char>(c)) != 0 ? c - '0'
-             : c >= 'a' && c <= 'f'                           ? c - 'a' + 10
-             : c >= 'A' && c <= 'F'                           ? c - 'A' + 10
-                                                              : -1;
-    };
-    const int high = digit(text[i]), low = digit(text[i + 1]);
-    if (high < 0 || low < 0) return std::nullopt;
-    bytes.push_back(static_cast<std::byte>(16 * high + low));
-  }
-  return bytes;
-}
-
-}  // namespace
-
-HostBytes read_host_bytes(TableReader& table) {
-  HostBytes bytes;
-  if (table.has("text") && table.has("hex")) table.fault("hex", "give either text or hex");
-  if (table.has("text"))
-    for (const char c : table.text("text", "")) bytes.push_back(static_cast<std::byte>(c));
-  if (table.has("hex")) {
-    const auto read = bytes_of_hex(table.text("hex", "00"));
-    if (!read) table.fault("hex", "give bytes as hexadecimal digits, such as \"fa 05\"");
-    bytes = read.value_or(HostBytes{});
-  }
-  if (bytes.size() > longest) table.fault("text", fmt::format("give at most {} bytes", longest));
-  return bytes;
-}
 
 std::string text_of(const HostBytes& bytes) {
   if (bytes.empty()) return "bytes";

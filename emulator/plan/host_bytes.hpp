@@ -6,15 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "emulator/ground/table_reader.hpp"
-
 namespace imud {
 
 // Bytes that a host sends; empty: any.
 using HostBytes = std::vector<std::byte>;
 
-// Reads `text` or `hex`, at most 256 bytes. Adds a fault of the file for everything that is wrong.
-HostBytes read_host_bytes(TableReader& table);
 // Returns them for people: "bytes" if any.
 std::string text_of(const HostBytes& bytes);
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "core/time.hpp"
+#include "emulator/plan/truth_delay.hpp"
 
 namespace imud {
 
@@ -26,10 +27,7 @@ namespace imud {
 // Allocates nothing. One thread.
 class TruthClock {
  public:
-  struct Options {
-    Nanoseconds delay{0};          // time by which the sensors sample behind the line, not negative
-    double automatic_percent = 0;  // 50 to 100: the delay follows the arrivals instead, see delay_s(); 0: it does not
-  };
+  using Options = TruthDelay;
   explicit TruthClock(const Options& options) noexcept;
 
   // Replaces the options; the map slews to the new delay.

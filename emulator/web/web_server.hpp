@@ -7,9 +7,9 @@
 #include <string>
 
 #include "emulator/ground/counters.hpp"
+#include "emulator/plan/web_config.hpp"
 #include "emulator/web/metrics.hpp"
 #include "emulator/web/web_api.hpp"
-#include "emulator/web/web_config.hpp"
 
 namespace imud {
 

@@ -6,6 +6,7 @@
 
 #include "core/imu.hpp"
 #include "core/numbers/random.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/drive/stored_truths.hpp"
 #include "emulator/plan/config.hpp"
 

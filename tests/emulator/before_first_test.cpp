@@ -2,6 +2,7 @@
 // rest; then the simulator takes over.
 #include <string>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 
 namespace imud {

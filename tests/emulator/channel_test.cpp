@@ -9,6 +9,7 @@
 #include <functional>
 #include <thread>
 
+#include "emulator/config/load_config.hpp"
 #include "protocols/protocol.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "transports/file_descriptor.hpp"

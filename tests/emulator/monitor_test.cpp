@@ -8,6 +8,7 @@
 #include <memory>
 #include <sstream>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/run_test.hpp"
 
 namespace imud {

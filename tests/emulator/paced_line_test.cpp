@@ -1,5 +1,6 @@
 // The real-time loops wake up for a paced line, and take their samples at the same times as without it; on a
 // simulated clock.
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 #include "transports/port.hpp"
 #include "transports/uart/paced_writer.hpp"

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/drive/loop.hpp"
 #include "emulator/drive/pacer.hpp"
 #include "emulator/engine/session.hpp"

@@ -2,6 +2,7 @@
 #include <csignal>
 #include <thread>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/live_test.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 #include "tests/support/text.hpp"

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 #include "tests/protocols/table_names.hpp"
 

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "emulator/config/line_load.hpp"
+#include "emulator/config/load_config.hpp"
 #include "protocols/native_truth.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/protocols/can_text.hpp"

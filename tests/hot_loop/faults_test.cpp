@@ -1,6 +1,7 @@
 // Faults allocate nothing after the start.
 #include <gtest/gtest.h>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/faults/other_units.hpp"
 #include "tests/emulator/faults/powered_unit.hpp"
 #include "tests/emulator/run/run_test.hpp"

@@ -9,6 +9,7 @@
 #include <sstream>
 #include <thread>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/drive/loop.hpp"
 #include "emulator/record/recorder.hpp"
 #include "tests/emulator/run/live_test.hpp"

@@ -1,6 +1,7 @@
 // The sampling thread allocates nothing when it changes over to another configuration.
 #include "emulator/engine/reload.hpp"
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/engine/run_control.hpp"
 #include "emulator/engine/session.hpp"
 #include "tests/emulator/run/live_test.hpp"

@@ -5,6 +5,7 @@
 
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/emulator/run/run_test.hpp"
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "emulator/commands/command_line.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/transports/scratch_folder.hpp"
 

@@ -9,6 +9,7 @@
 #include "core/attitude.hpp"
 #include "core/units.hpp"
 #include "emulator/config/line_load.hpp"
+#include "emulator/config/load_config.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
 namespace imud {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "emulator/config/entries.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/engine/reload.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/transports/scratch_folder.hpp"

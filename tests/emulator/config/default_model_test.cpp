@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/units.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/support/text.hpp"

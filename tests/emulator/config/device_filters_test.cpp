@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/units.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/engine/channel.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/transports/scratch_folder.hpp"

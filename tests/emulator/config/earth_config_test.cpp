@@ -7,6 +7,7 @@
 #include <tuple>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/transports/scratch_folder.hpp"
 

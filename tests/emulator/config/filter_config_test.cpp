@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/ground/error_text.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/transports/scratch_folder.hpp"

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/allan_terms.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/ground/error_text.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/transports/scratch_folder.hpp"

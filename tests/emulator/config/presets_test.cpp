@@ -11,6 +11,7 @@
 
 #include "core/allan_terms.hpp"
 #include "core/units.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/support/text.hpp"
 #include "tests/tools/run_program.hpp"

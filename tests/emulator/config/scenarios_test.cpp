@@ -6,6 +6,7 @@
 #include <iterator>
 #include <set>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/faults/faulty_run.hpp"
 #include "tests/support/text.hpp"
 

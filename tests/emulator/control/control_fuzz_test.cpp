@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/control/control_server.hpp"
 #include "emulator/web/metrics.hpp"
 #include "emulator/web/web_server.hpp"

@@ -3,6 +3,7 @@
 #include <map>
 #include <utility>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/control/mode_clients.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <thread>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/control/control_client.hpp"
 #include "tests/emulator/run/live_test.hpp"
 #include "tests/support/text.hpp"

@@ -7,6 +7,7 @@
 #include <boost/property_tree/xml_parser.hpp>
 #include <sstream>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/faults/faulty_run.hpp"
 #include "tests/support/text.hpp"
 

@@ -1,6 +1,7 @@
 // Faults that begin by the host: what it sends, and the time of its clock.
 #include <gtest/gtest.h>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/config/scenario.hpp"
 #include "tests/emulator/faults/faulty_run.hpp"
 #include "tests/support/text.hpp"

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/report/outcome.hpp"
 #include "tests/emulator/faults/faulty_run.hpp"

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/drive/loop.hpp"
 #include "emulator/drive/pacer.hpp"
 #include "emulator/engine/session.hpp"

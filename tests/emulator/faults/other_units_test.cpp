@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/faults/faulty_run.hpp"
 #include "tests/support/text.hpp"
 

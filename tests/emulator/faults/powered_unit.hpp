@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/engine/channel.hpp"
 #include "tests/emulator/faults/wire_bench.hpp"
 

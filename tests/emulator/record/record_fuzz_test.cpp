@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <random>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/record/record_test.hpp"
 
 namespace imud {

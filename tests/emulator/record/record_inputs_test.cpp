@@ -5,6 +5,7 @@
 #include <chrono>
 #include <deque>
 
+#include "emulator/config/load_config.hpp"
 #include "protocols/sync_datagram.hpp"
 #include "tests/emulator/record/record_test.hpp"
 #include "transports/host_clock.hpp"

@@ -4,6 +4,7 @@
 #include <map>
 #include <random>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/control/mode_clients.hpp"
 
 namespace imud {

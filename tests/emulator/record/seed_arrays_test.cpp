@@ -4,6 +4,7 @@
 
 #include <csignal>
 
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/run_test.hpp"
 
 namespace imud {

@@ -1,5 +1,6 @@
 // The real-time loop when truth stops, pauses, jumps or restarts, when the host is stopped for a while, and with many
 // imus; on a simulated clock.
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 
 namespace imud {

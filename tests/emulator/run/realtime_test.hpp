@@ -9,6 +9,7 @@
 
 #include "core/attitude.hpp"
 #include "core/units.hpp"
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/emulator/simulated.hpp"
 

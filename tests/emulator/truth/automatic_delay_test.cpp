@@ -1,5 +1,6 @@
 // The delay that a configuration without truth.delay_ms has: settled before the first sample, so that motion is
 // interpolated from then on; on a simulated clock.
+#include "emulator/config/load_config.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 
 namespace imud {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/timeline.hpp"
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/emulator/run/run_test.hpp"
 #include "tests/support/text.hpp"

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <toml++/toml.h>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/emulator/run/run_test.hpp"
 

@@ -23,6 +23,7 @@
 #include <thread>
 #include <vector>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/control/send_queue.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/plan/config.hpp"

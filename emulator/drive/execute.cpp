@@ -1,4 +1,4 @@
-#include "emulator/engine/run_control.hpp"
+#include "emulator/drive/execute.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -6,8 +6,10 @@
 
 #include "emulator/drive/pacer.hpp"
 #include "emulator/engine/reload.hpp"
+#include "emulator/engine/run_control.hpp"
 #include "emulator/engine/schedule.hpp"
 #include "emulator/engine/session.hpp"
+#include "emulator/ground/host.hpp"
 #include "emulator/record/recorder.hpp"
 
 namespace imud {
@@ -143,7 +145,10 @@ void execute(Session& session, const Command& command, HostTime now) noexcept {
   for (const auto& channel : channels) change_channel(*channel, session.faults(), command, now);
 }
 
-void execute_commands(Session& session, RunControl& control, HostTime now) noexcept {
+void execute_commands(Session& session, Host& host) noexcept {
+  if (session.control() == nullptr || !session.control()->commands.has_batch()) return;
+  RunControl& control = *session.control();
+  const HostTime now = host.now();
   constexpr int most = 4;  // batches at once, so that a flood of them does not delay samples
   const auto channels = session.channels();
   for (int i = 0; i < most && control.applied.write_available() >= channels.size(); ++i) {

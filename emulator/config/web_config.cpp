@@ -1,5 +1,3 @@
-#include "emulator/web/web_config.hpp"
-
 #include "emulator/config/config_parts.hpp"
 #include "emulator/ground/tcp_address.hpp"
 

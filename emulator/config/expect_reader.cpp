@@ -1,0 +1,87 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cctype>
+#include <optional>
+
+#include "emulator/config/fault_reader.hpp"
+
+namespace imud {
+
+namespace {
+
+constexpr std::size_t longest = 256;
+
+// Returns nothing if the text is not hexadecimal.
+std::optional<HostBytes> bytes_of_hex(std::string text) {
+  std::erase(text, ' ');
+  if (text.empty() || text.size() % 2 != 0) return std::nullopt;
+  HostBytes bytes;
+  for (std::size_t i = 0; i < text.size(); i += 2) {
+    const auto digit = [&](char c) -> int {
+      return std::isdigit(static_cast<unsigned char>(c)) != 0 ? c - '0'
+             : c >= 'a' && c <= 'f'                           ? c - 'a' + 10
+             : c >= 'A' && c <= 'F'                           ? c - 'A' + 10
+                                                              : -1;
+    };
+    const int high = digit(text[i]), low = digit(text[i + 1]);
+    if (high < 0 || low < 0) return std::nullopt;
+    bytes.push_back(static_cast<std::byte>(16 * high + low));
+  }
+  return bytes;
+}
+
+}  // namespace
+
+HostBytes read_host_bytes(TableReader& table) {
+  HostBytes bytes;
+  if (table.has("text") && table.has("hex")) table.fault("hex", "give either text or hex");
+  if (table.has("text"))
+    for (const char c : table.text("text", "")) bytes.push_back(static_cast<std::byte>(c));
+  if (table.has("hex")) {
+    const auto read = bytes_of_hex(table.text("hex", "00"));
+    if (!read) table.fault("hex", "give bytes as hexadecimal digits, such as \"fa 05\"");
+    bytes = read.value_or(HostBytes{});
+  }
+  if (bytes.size() > longest) table.fault("text", fmt::format("give at most {} bytes", longest));
+  return bytes;
+}
+
+ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vector<std::string>& imus,
+                         std::span<const FaultConfig> faults) {
+  ExpectConfig expect;
+  expect.name = table.text("name", fmt::format("expect{}", index + 1));
+  expect.imu = table.text("imu", imus.size() == 1 ? imus.front() : "");
+  if (expect.imu.empty())
+    table.fault("imu", fmt::format("missing: whose host; of: {}", fmt::join(imus, ", ")));
+  else if (std::find(imus.begin(), imus.end(), expect.imu) == imus.end())
+    table.fault("imu", fmt::format("there is no imu \"{}\"; of: {}", expect.imu, fmt::join(imus, ", ")));
+  table.require("what", "\"host_sends\", \"host_is_silent\" or \"host_reopens\"");
+  constexpr ExpectConfig::What all[] = {ExpectConfig::What::host_sends, ExpectConfig::What::host_is_silent,
+                                        ExpectConfig::What::host_reopens};
+  expect.what = all[table.choice("what", {"host_sends", "host_is_silent", "host_reopens"}, 0)];
+  expect.pattern = read_host_bytes(table);
+  if (expect.what == ExpectConfig::What::host_reopens && !expect.pattern.empty())
+    table.fault("what", "\"host_reopens\" is not about bytes; omit text and hex");
+  const auto number_of = [&](std::string_view key) -> std::optional<std::size_t> {
+    if (!table.has(key)) return std::nullopt;
+    const std::string name = table.text(key, "");
+    for (std::size_t i = 0; i < faults.size(); ++i)
+      if (faults[i].name == name && (faults[i].kind == nullptr || faults[i].acts_on(expect.imu))) return i;
+    table.fault(key, fmt::format("no fault \"{}\" acts on {}", name, expect.imu));
+    return std::nullopt;
+  };
+  if (int{table.has("after")} + int{table.has("after_end_of")} + int{table.has("at_s")} > 1)
+    table.fault("after", "give one of after, after_end_of and at_s");
+  expect.after_end = table.has("after_end_of");
+  expect.fault = number_of(expect.after_end ? "after_end_of" : "after");
+  constexpr double longest_s = 1e9;
+  if (!expect.fault || table.has("at_s")) expect.at_s = table.real("at_s", 0, 0, longest_s);
+  table.require("within_s", "the length of the time, in seconds");
+  expect.within_s = table.real("within_s", 1, 1e-6, longest_s);
+  table.finish();
+  return expect;
+}
+
+}  // namespace imud

@@ -1,0 +1,22 @@
+// Reads a configuration from TOML, and checks it as a whole.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// Reads `path` (- is standard input; of a record the configuration in it), then sets each override, such as
+// "imu.0.rate_hz=400" (the value as in TOML; a bare word is text). A `capture` that is not empty replaces truth.port;
+// - is standard input. Then regular files of the imus are replaced when the run has ended
+// (PortSettings::replaces_file). `scenarios` are files with further [[fault]] and [[expect]]. Throws ConfigError with
+// every fault of all files.
+Config load_config(const std::string& path, std::span<const std::string> overrides = {},
+                   const std::string& capture = {}, std::span<const std::string> scenarios = {});
+
+// Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
+Config config_of_text(const std::string& text);
+
+}  // namespace imud

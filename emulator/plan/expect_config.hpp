@@ -1,0 +1,32 @@
+// ExpectConfig: an [[expect]] as it is configured.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "emulator/plan/host_bytes.hpp"
+
+namespace imud {
+
+struct ExpectConfig {
+  enum class What : std::uint8_t {
+    host_sends,      // the host sends bytes, or those of `pattern`, within the time
+    host_is_silent,  // it sends none, or not those of `pattern`, during the time
+    host_reopens,    // after the port had no reader, it has one, within the time
+  };
+  std::string name;  // "expect1" if it has none
+  std::string imu;   // whose host
+  What what = What::host_sends;
+  HostBytes pattern;
+  std::optional<std::size_t> fault;  // the number of the fault after which the time begins
+  bool after_end = false;            // after its end; false: after its begin
+  double at_s = 0;                   // else: s after the begin of the run
+  double within_s = 0;               // the length of the time, above 0
+
+  // Describes it in a sentence.
+  std::string text() const;
+};
+
+}  // namespace imud
