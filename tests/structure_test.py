@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Checks which folder includes or names which other, and that comments avoid certain words."""
+import fnmatch
 import pathlib
 import re
 import sys
@@ -23,6 +24,24 @@ PORTS_GIVEN = {("emulator/commands/selftest.cpp", "pty:imu"), ("emulator/command
 TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "core", "emulator", "protocols", "tests",
              "tools", "transports", "build"}
 
+# The floors of a folder, from the ground: each has rooms, which are folders, or files of the folder itself. A file may
+# include files of its own room and of the floors below. The last floor has all files that are on no other.
+FLOORS = {
+    "core": ["vector.hpp units.hpp time.hpp frame.hpp uart.hpp", "numbers/", "attitude.* truth.* sample.hpp timeline.*",
+             "earth/", "environment/ effects/ pose/", ""],
+    "protocols": ["protocol.* truth_format.* settings.* native_truth.hpp sync_datagram.hpp", "wire/", "quantities/",
+                  "measurements/", "signals/", ""],
+    "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.*",
+                   "can/ file/ socket/ uart/", "capture/", ""],
+    "emulator": ["ground/", "plan/", "record/", "faults/", "config/", "truth/", "engine/", "drive/", "report/", "control/",
+                 "web/", "run/", "seeds/", "commands/", ""],
+    "tools": ["*_client.hpp child_program.* duration_text.* gnuplot.* number_check.hpp program.* resolved_config.* "
+              "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ arrays/ vcan/", "truth/", "allan/",
+              "plot/", ""],
+}
+# A folder with more files than these hides something.
+MOST_FILES = 30
+
 root = pathlib.Path(sys.argv[1])
 faults = []
 checked = 0
@@ -43,6 +62,38 @@ for folder, (allowed, forbidden) in RULES.items():
                 faults.append(f"{name}:{number}: {folder} reads no clock")
         if path.suffix == ".hpp" and "#pragma once" not in path.read_text():
             faults.append(f"{name}: no #pragma once")
+
+
+
+def floor_of(folder, path):
+    """Returns the number of the floor of a file, by its path in the folder."""
+    for number, rooms in enumerate(FLOORS[folder]):
+        for room in rooms.split():
+            if path.startswith(room) if room.endswith("/") else "/" not in path and fnmatch.fnmatch(path, room):
+                return number
+    return len(FLOORS[folder]) - 1
+
+
+arrows = 0
+for folder in FLOORS:
+    for path in sorted((root / folder).rglob("*.[ch]pp")):
+        name = str(path.relative_to(root / folder))
+        floor = floor_of(folder, name)
+        for number, line in enumerate(path.read_text().splitlines(), 1):
+            include = re.match(rf'\s*#\s*include\s*"{folder}/([^"]+)"', line)
+            if include is None:
+                continue
+            arrows += 1
+            other = floor_of(folder, include[1])
+            is_same_room = name.rpartition("/")[0] == include[1].rpartition("/")[0]
+            if other > floor or (other == floor and not is_same_room):
+                faults.append(f"{folder}/{name}:{number}: floor {floor} may not include {include[1]} of floor {other}")
+if arrows < 1000:
+    faults.append(f"only {arrows} includes have been compared with the floors")
+for path in sorted({path.parent for folder in (*RULES, "tests") for path in (root / folder).rglob("*.[ch]pp")}):
+    count = sum(1 for file in path.iterdir() if file.suffix in (".cpp", ".hpp"))
+    if count > MOST_FILES:
+        faults.append(f"{path.relative_to(root)}: {count} files in one folder, more than {MOST_FILES}: divide it")
 
 # Code asks for the properties of a transport, not for its name. A text for people may contain a port, but not begin with it.
 names = [name.replace("_", "-") for path in sorted((root / "transports").glob("*.cpp"))
