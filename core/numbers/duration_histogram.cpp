@@ -1,31 +1,35 @@
 #include "core/numbers/duration_histogram.hpp"
 
 #include <algorithm>
+#include <boost/histogram/axis/regular.hpp>
 #include <cmath>
 
 namespace imud {
 
 namespace {
+using Axis = boost::histogram::axis::regular<double, boost::histogram::axis::transform::log>;
+
 constexpr double shortest = 1e-7;
 constexpr double longest = 1e3;
-constexpr unsigned buckets = 2000;
+constexpr int buckets = 2000;
+const Axis axis(buckets, shortest, longest);
 }  // namespace
 
-DurationHistogram::DurationHistogram()
-    : histogram_(boost::histogram::make_histogram_with(Storage(), Axis(buckets, shortest, longest))) {}
+// The buckets of the axis, and one on each side.
+DurationHistogram::DurationHistogram() : cells_(buckets + 2) {}
 
-DurationHistogram::DurationHistogram(const DurationHistogram& other)
-    : histogram_(other.histogram_), count_(other.count()), max_(other.max()) {}
+DurationHistogram::DurationHistogram(const DurationHistogram& other) : DurationHistogram() { *this = other; }
 
 DurationHistogram& DurationHistogram::operator=(const DurationHistogram& other) {
-  histogram_ = other.histogram_;
+  for (int i = -1; i <= buckets; ++i) cell(i).store(other.count_of(i), std::memory_order_relaxed);
   count_.store(other.count(), std::memory_order_relaxed);
   max_.store(other.max(), std::memory_order_relaxed);
   return *this;
 }
 
 void DurationHistogram::add(double seconds) noexcept {
-  histogram_(seconds);
+  const int index = axis.index(seconds);
+  cell(index).store(count_of(index) + 1, std::memory_order_relaxed);
   count_.store(count() + 1, std::memory_order_relaxed);
   if (seconds > max()) max_.store(seconds, std::memory_order_relaxed);
 }
@@ -34,11 +38,11 @@ DurationHistogram DurationHistogram::since(const DurationHistogram& before) cons
   DurationHistogram rest(*this);
   std::uint64_t count = 0;
   double highest = 0;
-  for (auto&& bucket : boost::histogram::indexed(rest.histogram_, boost::histogram::coverage::all)) {
-    const std::uint64_t n = *bucket - before.histogram_.at(bucket.index());
-    rest.histogram_.at(bucket.index()) = n;
+  for (int i = -1; i <= buckets; ++i) {
+    const std::uint64_t n = count_of(i) - before.count_of(i);
+    rest.cell(i) = n;
     count += n;
-    if (n > 0 && bucket.index() >= 0) highest = bucket.bin().upper();
+    if (n > 0 && i >= 0) highest = axis.bin(i).upper();
   }
   rest.count_ = count;
   rest.max_ = max() > before.max() ? max() : std::min(highest, max());
@@ -50,12 +54,12 @@ double DurationHistogram::percentile(double percent) const {
   const double rank = percent * static_cast<double>(count()) / 100.0;
   if (rank > static_cast<double>(count()) - 0.5) return max();
   double cumulative = 0;
-  for (auto&& bucket : boost::histogram::indexed(histogram_, boost::histogram::coverage::all)) {
-    const double inside = static_cast<double>(std::uint64_t{*bucket});
+  for (int i = -1; i <= buckets; ++i) {
+    const double inside = static_cast<double>(count_of(i));
     cumulative += inside;
     if (cumulative < rank || cumulative == 0) continue;
-    if (bucket.index() < 0) return 0;
-    const double lower = bucket.bin().lower(), upper = std::min(bucket.bin().upper(), max());
+    if (i < 0) return 0;
+    const double lower = axis.bin(i).lower(), upper = std::min(axis.bin(i).upper(), max());
     if (lower >= longest || upper <= lower) break;
     // The durations of a bucket are taken as spread evenly over its logarithm: each in the middle of its own part.
     const double share = std::max(rank - (cumulative - inside) - 0.5, 0.5) / inside;
@@ -65,25 +69,23 @@ double DurationHistogram::percentile(double percent) const {
 }
 
 std::vector<std::uint64_t> DurationHistogram::counts_up_to(std::span<const double> limits) const {
-  const Axis& axis = histogram_.axis();
   const double half_bucket = std::pow(longest / shortest, 0.5 / buckets);
   std::vector<std::uint64_t> counts;
   std::uint64_t cumulative = 0;
   int next = -1;  // the bucket of durations below the shortest
   for (const double limit : limits) {
-    const int end = std::isinf(limit) ? axis.size() + 1 : axis.index(limit * half_bucket);
-    for (; next < end; ++next) cumulative += std::uint64_t{histogram_.at(next)};
+    const int end = std::isinf(limit) ? buckets + 1 : axis.index(limit * half_bucket);
+    for (; next < end; ++next) cumulative += count_of(next);
     counts.push_back(cumulative);
   }
   return counts;
 }
 
 double DurationHistogram::sum() const {
-  const Axis& axis = histogram_.axis();
   double sum = 0;
-  for (int i = 0; i <= axis.size(); ++i)
-    if (const std::uint64_t n = histogram_.at(i); n > 0)
-      sum += static_cast<double>(n) * (i < axis.size() ? axis.bin(i).center() : longest);
+  for (int i = 0; i <= buckets; ++i)
+    if (const std::uint64_t n = count_of(i); n > 0)
+      sum += static_cast<double>(n) * (i < buckets ? axis.bin(i).center() : longest);
   return sum;
 }
 

@@ -2,10 +2,9 @@
 #pragma once
 
 #include <atomic>
-#include <boost/histogram.hpp>
+#include <cstddef>
 #include <cstdint>
 #include <span>
-#include <tuple>
 #include <vector>
 
 namespace imud {
@@ -40,9 +39,14 @@ class DurationHistogram {
   double sum() const;
 
  private:
-  using Axis = boost::histogram::axis::regular<double, boost::histogram::axis::transform::log>;
-  using Storage = boost::histogram::dense_storage<boost::histogram::accumulators::thread_safe<std::uint64_t>>;
-  boost::histogram::histogram<std::tuple<Axis>, Storage> histogram_;
+  // The number of durations in bucket `index` of the axis: -1 for durations below its range, the axis's
+  // size for durations above.
+  std::atomic<std::uint64_t>& cell(int index) noexcept { return cells_[static_cast<std::size_t>(index + 1)]; }
+  std::uint64_t count_of(int index) const noexcept {
+    return cells_[static_cast<std::size_t>(index + 1)].load(std::memory_order_relaxed);
+  }
+
+  std::vector<std::atomic<std::uint64_t>> cells_;
   std::atomic<std::uint64_t> count_ = 0;
   std::atomic<double> max_ = 0;
 };
