@@ -84,7 +84,7 @@ TEST_F(WithVcanTest, AStateTooLargeHasThreeRemedies) {
   make_script("c++", "echo 'no such compiler'\nexit 1");
   EXPECT_EQ(failure(),
             "the guest did not boot: it needs " IMUD_SOURCE_DIR
-            "/tools/xstate_preload.cpp on this processor, which c++ could not compile: run " IMUD_SOURCE_DIR
+            "/tools/vcan/xstate_preload.cpp on this processor, which c++ could not compile: run " IMUD_SOURCE_DIR
             "/tools/setup");
   EXPECT_TRUE(log().starts_with("no such compiler\nuserspace - ptrace set fp regs")) << log();
   EXPECT_EQ(lines_of(log()).size(), 53u);
