@@ -8,18 +8,13 @@
 #include <utility>
 
 #include "core/units.hpp"
+#include "emulator/truth/remark_text.hpp"
 
 namespace imud {
 
 namespace {
 
 using EarthFrame = EarthModel::Frame;
-
-template <class... Values>
-std::size_t write(std::span<char> room, fmt::format_string<Values...> format, Values&&... values) noexcept {
-  const auto result = fmt::format_to_n(room.data(), room.size(), format, std::forward<Values>(values)...);
-  return std::min(result.size, room.size());
-}
 
 double degrees(double angle) { return angle / units::degree; }
 
@@ -49,32 +44,36 @@ std::size_t PlaceWatch::describe_place(const Truth& truth, std::span<char> room)
   const double distance = truth.r_BN_N.norm();
   if (!truth.has_earth_angle) {
     if (earth_.frame == EarthFrame::inertial && distance <= deepest)
-      return write(room,
-                   "its position is {:.0f} m from N's origin, which earth.frame = \"inertial\" takes as the Earth's "
-                   "centre: the place is unknown; for a local level give earth.frame = \"local\"",
-                   distance);
+      return write_remark(
+          room,
+          "its position is {:.0f} m from N's origin, which earth.frame = \"inertial\" takes as the Earth's "
+          "centre: the place is unknown; for a local level give earth.frame = \"local\"",
+          distance);
     if (earth_.frame == EarthFrame::local && distance > far)
-      return write(room,
-                   "its position is {:.0f} m from N's origin, which earth.frame = \"local\" has at latitude {:.6f}, "
-                   "longitude {:.6f} deg; for positions from the Earth's centre give earth.frame = \"inertial\"",
-                   distance, degrees(earth_.latitude), degrees(earth_.longitude));
+      return write_remark(
+          room,
+          "its position is {:.0f} m from N's origin, which earth.frame = \"local\" has at latitude {:.6f}, "
+          "longitude {:.6f} deg; for positions from the Earth's centre give earth.frame = \"inertial\"",
+          distance, degrees(earth_.latitude), degrees(earth_.longitude));
     return 0;
   }
   if (earth_.frame == EarthFrame::local) {
     const double turned = truth.earth_angle + units::earth_rate * seconds(truth.time - TruthTime{});
     const Geodetic place = distance > deepest ? geodetic_of(truth.r_BN_N) : Geodetic{};
-    return write(room,
-                 "it is at latitude {:.6f}, longitude {:.6f} deg by its own place, which is used, and earth.frame = "
-                 "\"local\" has the origin of N at {:.6f}, {:.6f}; leave out earth.frame and its place",
-                 degrees(place.latitude), degrees(angle_between(place.longitude, turned)), degrees(earth_.latitude),
-                 degrees(earth_.longitude));
+    return write_remark(
+        room,
+        "it is at latitude {:.6f}, longitude {:.6f} deg by its own place, which is used, and earth.frame = "
+        "\"local\" has the origin of N at {:.6f}, {:.6f}; leave out earth.frame and its place",
+        degrees(place.latitude), degrees(angle_between(place.longitude, turned)), degrees(earth_.latitude),
+        degrees(earth_.longitude));
   }
   if (earth_.frame == EarthFrame::inertial && is_angle_given_ &&
       std::abs(angle_between(truth.earth_angle, earth_.angle)) > EarthModel::largest_angle_error)
-    return write(room,
-                 "the Earth's angle at truth time 0 is {:.6f} deg by the truth, which is used, and earth.angle_deg = "
-                 "{:.6f}; leave that out",
-                 degrees(truth.earth_angle), degrees(earth_.angle));
+    return write_remark(
+        room,
+        "the Earth's angle at truth time 0 is {:.6f} deg by the truth, which is used, and earth.angle_deg = "
+        "{:.6f}; leave that out",
+        degrees(truth.earth_angle), degrees(earth_.angle));
   return 0;
 }
 
@@ -85,13 +84,14 @@ std::size_t PlaceWatch::describe_date(const Truth& truth, std::span<char> room) 
   if (!has_place || !truth.has_date || std::abs(truth.start_gps_ns - earth_.start_gps_ns) <= tolerance_ns) return 0;
   const Date own(truth.start_gps_ns), configured(earth_.start_gps_ns);
   constexpr std::int64_t hour = 3600, minute = 60;
-  return write(room,
-               "its time 0 is {:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z by its own date, and earth.start is "
-               "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z, which GPS time and magnetic field follow; give the truth's as "
-               "earth.start",
-               own.year, own.month, own.day, own.second / hour, own.second / minute % minute, own.second % minute,
-               configured.year, configured.month, configured.day, configured.second / hour,
-               configured.second / minute % minute, configured.second % minute);
+  return write_remark(
+      room,
+      "its time 0 is {:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z by its own date, and earth.start is "
+      "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}Z, which GPS time and magnetic field follow; give the truth's as "
+      "earth.start",
+      own.year, own.month, own.day, own.second / hour, own.second / minute % minute, own.second % minute,
+      configured.year, configured.month, configured.day, configured.second / hour,
+      configured.second / minute % minute, configured.second % minute);
 }
 
 }  // namespace imud

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "emulator/record/recorder.hpp"
+#include "emulator/truth/remark_text.hpp"
 #include "transports/socket/host_address.hpp"
 
 namespace imud {
@@ -30,13 +31,6 @@ Endpoint address_of(const std::string& port) {
   } catch (const PortError&) {  // the address stays unknown
   }
   return address;
-}
-
-// Writes a remark; cuts off what exceeds `room`. Returns the length.
-template <class... Values>
-std::size_t write(std::span<char> room, fmt::format_string<Values...> format, Values&&... values) noexcept {
-  const auto result = fmt::format_to_n(room.data(), room.size(), format, std::forward<Values>(values)...);
-  return std::min(result.size, room.size());
 }
 
 }  // namespace
@@ -126,7 +120,7 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
         finish_input();
         counters_.remarks.content.set([&](std::span<char> room) {
           const std::string_view content = port_->other_content();
-          return write(room, "{}{}", content.empty() ? "" : "the capture has ", content);
+          return write_remark(room, "{}{}", content.empty() ? "" : "the capture has ", content);
         });
       }
       break;
@@ -160,7 +154,7 @@ TruthIntake::Outcome TruthIntake::refuse(TruthResult result) noexcept {
 // `newest`: the time of the newest truth.
 TruthIntake::Outcome TruthIntake::refuse(Refusal refusal, TruthTime newest) noexcept {
   counters_.refused.first[static_cast<std::size_t>(refusal)].set([&](std::span<char> room) {
-    return write(room, "its time is {} ns, and that of the newest {} ns", truth_.time.ns, newest.ns);
+    return write_remark(room, "its time is {} ns, and that of the newest {} ns", truth_.time.ns, newest.ns);
   });
   return refuse(refusal);
 }
@@ -170,7 +164,7 @@ void TruthIntake::count_foreign() noexcept {
   const PortCounters& port = port_->counters();
   constexpr auto cause = static_cast<std::size_t>(Refusal::foreign_sender);
   counters_.refused.first[cause].set(
-      [&](std::span<char> room) { return write(room, "from {}", EndpointText(port.foreign_from).whole()); });
+      [&](std::span<char> room) { return write_remark(room, "from {}", EndpointText(port.foreign_from).whole()); });
   const std::uint64_t further = port.foreign - std::exchange(foreign_, port.foreign);
   counters_.received.count(further);
   counters_.refused[cause].fetch_add(further, std::memory_order_release);
@@ -189,8 +183,8 @@ void TruthIntake::remark_step(Nanoseconds step) noexcept {
   if (!unit_.is_wrong(step)) [[likely]]
     return;
   counters_.remarks.time_unit.set([&](std::span<char> room) {
-    return write(room, "time rises by {} ns from truth to truth: is it in {} instead of ns?", unit_.step().count(),
-                 unit_.probable_unit());
+    return write_remark(room, "time rises by {} ns from truth to truth: is it in {} instead of ns?",
+                        unit_.step().count(), unit_.probable_unit());
   });
 }
 
@@ -202,8 +196,8 @@ void TruthIntake::watch_senders() noexcept {
   counters_.remarks.senders.set([&](std::span<char> room) {
     const EndpointText one(sender_), other(senders_.other());
     const bool same = one.address() == other.address();
-    return write(room, "two senders send in turn, {} and {}; truth.from = \"{}\" admits only one", one.whole(),
-                 other.whole(), same ? one.whole() : one.address());
+    return write_remark(room, "two senders send in turn, {} and {}; truth.from = \"{}\" admits only one", one.whole(),
+                        other.whole(), same ? one.whole() : one.address());
   });
 }
 
@@ -343,10 +337,10 @@ void TruthIntake::count_outliers() noexcept {
     return;
   counters_.refused.first[static_cast<std::size_t>(Refusal::outlier)].set([&](std::span<char> room) {
     return found.distance > 0
-               ? write(room, "the pose at {} ns is {:.3g} m (a velocity: m/s) off; the bound is {:.3g}",
-                       found.time.ns, found.distance, found.distance_bound)
-               : write(room, "the pose at {} ns is turned by {:.3g} rad; the bound is {:.3g}", found.time.ns,
-                       found.angle, found.angle_bound);
+               ? write_remark(room, "the pose at {} ns is {:.3g} m (a velocity: m/s) off; the bound is {:.3g}",
+                              found.time.ns, found.distance, found.distance_bound)
+               : write_remark(room, "the pose at {} ns is turned by {:.3g} rad; the bound is {:.3g}", found.time.ns,
+                              found.angle, found.angle_bound);
   });
   for (; derivation_->outliers < found.count; ++derivation_->outliers) refuse(Refusal::outlier);
 }
@@ -371,17 +365,18 @@ void TruthIntake::report_fit() noexcept {
   if (is_window_chosen_ || std::max(rate.count, force.count) < enough) return;
   if (rate.derived_noise > large_rate || force.derived_noise > large_force)
     counters_.remarks.noisy_poses.set([&](std::span<char> room) {
-      return write(room,
-                   "the noise of its poses, {:.2g} mrad and {:.2g} mm, becomes {:.2g} rad/s and {:.2g} m/s^2 with "
-                   "truth.fit_delay_ms = {:.6g}; give a longer one, or \"auto\" for a capture",
-                   1e3 * rate.noise, 1e3 * force.noise, rate.derived_noise, force.derived_noise,
-                   1e3 * std::max(rate.mean_s, force.mean_s));
+      return write_remark(
+          room,
+          "the noise of its poses, {:.2g} mrad and {:.2g} mm, becomes {:.2g} rad/s and {:.2g} m/s^2 with "
+          "truth.fit_delay_ms = {:.6g}; give a longer one, or \"auto\" for a capture",
+          1e3 * rate.noise, 1e3 * force.noise, rate.derived_noise, force.derived_noise,
+          1e3 * std::max(rate.mean_s, force.mean_s));
     });
 }
 
 void TruthIntake::remark_far_from_earth() noexcept {
   counters_.remarks.far_from_earth.set([&](std::span<char> room) {
-    return write(
+    return write_remark(
         room,
         "its position is {:.0f} m from the origin, which is not the Earth's centre, as truth.gravity needs: no "
         "gravitation is taken away; give truth.gravity_m_per_s2, or gravity = \"none\"",
@@ -393,9 +388,10 @@ void TruthIntake::remark_no_force() noexcept {
   if (ignores_force_) return;
   counters_.remarks.no_force.set([&](std::span<char> room) {
     const bool is_derivable = truth_.has_position || truth_.has_velocity;
-    return write(room, "has neither specific force nor accumulated velocity: accelerometers measure 0; supply {}{}",
-                 format_.force_from.empty() ? "one of them" : format_.force_from,
-                 is_derivable ? ", or give truth.specific_force = \"derived\"" : "");
+    return write_remark(room,
+                        "has neither specific force nor accumulated velocity: accelerometers measure 0; supply {}{}",
+                        format_.force_from.empty() ? "one of them" : format_.force_from,
+                        is_derivable ? ", or give truth.specific_force = \"derived\"" : "");
   });
 }
 

@@ -10,7 +10,7 @@ namespace imud {
 
 namespace {
 
-[[noreturn]] void refuse(const CanSignal& signal, const std::string& fault) {
+[[noreturn]] void refuse_pages(const CanSignal& signal, const std::string& fault) {
   throw std::invalid_argument(std::string(signal.name) + ": " + fault);
 }
 
@@ -59,14 +59,14 @@ SignalPages::SignalPages(std::span<const CanSignal> signals, const std::vector<b
   for (std::size_t i = 0; i < entries_.size(); ++i) {
     std::size_t depth = 0;
     for (auto at = entries_[i].multiplexor; at; at = entries_[*at].multiplexor)
-      if (++depth > entries_.size()) refuse(signals[i], "its multiplexor depends on itself");
+      if (++depth > entries_.size()) refuse_pages(signals[i], "its multiplexor depends on itself");
   }
   for (std::size_t i = 0; i < entries_.size(); ++i)
     if (is_sent[i]) add_sent(signals, i);
   for (std::size_t i = 0; i < entries_.size(); ++i) {
     Entry& entry = entries_[i];
     if (entry.sent.empty()) continue;
-    if (is_sent[i]) refuse(signals[i], "selects the page, and so has no value of its own");
+    if (is_sent[i]) refuse_pages(signals[i], "selects the page, and so has no value of its own");
     join(entry.sent);
     for (const PageRange& range : entry.sent) entry.size += std::uint64_t{range.last} - range.first + 1;
   }
@@ -76,14 +76,14 @@ SignalPages::SignalPages(std::span<const CanSignal> signals, const std::vector<b
 void SignalPages::add_sent(std::span<const CanSignal> signals, std::size_t signal) {
   for (std::size_t at = signal; !entries_[at].pages.empty(); at = *entries_[at].multiplexor) {
     const Entry& entry = entries_[at];
-    if (!entry.multiplexor) refuse(signals[at], "its message has no multiplexor");
+    if (!entry.multiplexor) refuse_pages(signals[at], "its message has no multiplexor");
     Entry& multiplexor = entries_[*entry.multiplexor];
     const SignalFormat format = signals[*entry.multiplexor].encoding.format;
     if (format == SignalFormat::float32 || format == SignalFormat::float64)
-      refuse(signals[*entry.multiplexor], "a multiplexor must be an integer");
+      refuse_pages(signals[*entry.multiplexor], "a multiplexor must be an integer");
     for (const PageRange& range : entry.pages) {
       if (range.first > range.last || (multiplexor.length < 32 && range.last >> multiplexor.length != 0))
-        refuse(signals[at], "its multiplexor does not have the value " + std::to_string(range.last));
+        refuse_pages(signals[at], "its multiplexor does not have the value " + std::to_string(range.last));
       multiplexor.sent.push_back(range);
     }
   }

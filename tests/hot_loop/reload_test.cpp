@@ -2,6 +2,7 @@
 #include "emulator/engine/reload.hpp"
 
 #include "emulator/config/load_config.hpp"
+#include "emulator/drive/execute.hpp"
 #include "emulator/engine/run_control.hpp"
 #include "emulator/engine/session.hpp"
 #include "tests/emulator/run/live_test.hpp"

@@ -1,0 +1,20 @@
+// The texts of remarks about truth.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <utility>
+
+namespace imud {
+
+// Writes a remark; cuts off what exceeds `room`. Returns the length.
+template <class... Values>
+std::size_t write_remark(std::span<char> room, fmt::format_string<Values...> format, Values&&... values) noexcept {
+  const auto result = fmt::format_to_n(room.data(), room.size(), format, std::forward<Values>(values)...);
+  return std::min(result.size, room.size());
+}
+
+}  // namespace imud
