@@ -92,6 +92,7 @@ void change_session(Session& session, const Command& command) noexcept {
 void reload(Session& session, Reload& reload, HostTime now) noexcept {
   for (const Command& command : reload.commands) change_session(session, command);
   const auto channels = session.channels();
+  for (Reload::Line& line : reload.lines) channels[line.channel]->exchange_port(line);
   for (Reload::Sensor& sensor : reload.sensors) {
     if (sensor.grid && session.schedule() != nullptr) session.schedule()->change(sensor.channel, *sensor.grid);
     channels[sensor.channel]->exchange_sensor(sensor, now);

@@ -39,9 +39,8 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
   if (recorder_ != nullptr) add_interfaces();
   if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, recorder_);
   if (is_can_) {
-    std::vector<CanFilter> filters;
-    add_filters(*config.protocol, config.settings, config.rate_hz, filters);
-    lines_[0].port->set_filters(filters);
+    add_filters(*config.protocol, config.settings, config.rate_hz, can_filters_);
+    lines_[0].port->set_filters(can_filters_);
   }
   if (faults_) enable_faults(config, seed);
   publish();
@@ -300,17 +299,23 @@ void Channel::apply_filters() noexcept {
 
 void Channel::publish() noexcept {
   const Port& port = *lines_[0].port;
-  std::uint64_t sent = port.counters().sent, replies = port.counters().replies, dropped = port.counters().dropped,
-                failed = port.counters().failed, connections_refused = port.counters().connections_refused;
+  const auto count = [](const std::atomic<std::uint64_t>& counter) {
+    return counter.load(std::memory_order_relaxed);
+  };
+  std::uint64_t sent = count(replaced_.sent), replies = count(replaced_.replies), dropped = count(replaced_.dropped),
+                failed = count(replaced_.failed), connections_refused = 0;
+  for (const DeviceLine& line : lines()) {
+    const PortCounters &now = line.port->counters(), &before = line.before;
+    sent += now.sent + before.sent;
+    replies += now.replies + before.replies;
+    dropped += now.dropped + before.dropped;
+    failed += now.failed + before.failed;
+    connections_refused += now.connections_refused + before.connections_refused;
+  }
   counters_.speeds.store(port.speeds(), std::memory_order_relaxed);
   counters_.port_error.store(port.error(), std::memory_order_relaxed);
   if (line_count_ == 2) {
     const Port& second = *lines_[1].port;
-    sent += second.counters().sent;
-    replies += second.counters().replies;
-    dropped += second.counters().dropped;
-    failed += second.counters().failed;
-    connections_refused += second.counters().connections_refused;
     counters_.second_speeds.store(second.speeds(), std::memory_order_relaxed);
     counters_.second_port_error.store(second.error(), std::memory_order_relaxed);
     counters_.second_port_state.store(second.state(), std::memory_order_release);
@@ -332,13 +337,13 @@ void Channel::publish() noexcept {
 
 void Channel::publish_bus() noexcept {
   if (!is_can_) return;
-  const PortCounters& port = lines_[0].port->counters();
-  counters_.bus_errors.store(port.bus_errors, std::memory_order_relaxed);
-  counters_.error_warnings.store(port.error_warnings, std::memory_order_relaxed);
-  counters_.error_passives.store(port.error_passives, std::memory_order_relaxed);
-  counters_.bus_offs.store(port.bus_offs, std::memory_order_relaxed);
-  counters_.bus_restarts.store(port.bus_restarts, std::memory_order_relaxed);
-  counters_.refused.store(port.refused, std::memory_order_relaxed);
+  const PortCounters &port = lines_[0].port->counters(), &before = lines_[0].before;
+  counters_.bus_errors.store(port.bus_errors + before.bus_errors, std::memory_order_relaxed);
+  counters_.error_warnings.store(port.error_warnings + before.error_warnings, std::memory_order_relaxed);
+  counters_.error_passives.store(port.error_passives + before.error_passives, std::memory_order_relaxed);
+  counters_.bus_offs.store(port.bus_offs + before.bus_offs, std::memory_order_relaxed);
+  counters_.bus_restarts.store(port.bus_restarts + before.bus_restarts, std::memory_order_relaxed);
+  counters_.refused.store(port.refused + before.refused, std::memory_order_relaxed);
 }
 
 bool Channel::holds_back() const noexcept {

@@ -51,6 +51,8 @@ class Channel {
   const std::optional<Sync>& sync() const noexcept { return sync_; }
   // Returns true if the port is a CAN bus.
   bool is_can() const noexcept { return is_can_; }
+  // The filters of the CAN bus (Port::set_filters()). They do not change: any thread.
+  std::span<const CanFilter> can_filters() const noexcept { return can_filters_; }
   // Returns true if the sensor samples a vehicle at rest until the first truth.
   bool rests_before_truth() const noexcept { return rests_before_truth_; }
 
@@ -111,6 +113,14 @@ class Channel {
   // is another one, the next sample is that of the grid's instant 0, at the time that it had.
   // A device with other settings starts as when its supply is switched on, at host time `now`; the sensor goes on.
   void exchange_sensor(Reload::Sensor& sensor, HostTime now) noexcept;
+  // Exchanges a port for that of a reload, to which all frames from now on go; the counters go on. Without a port, in
+  // a repeated run, only the bit rate changes.
+  void exchange_port(Reload::Line& line) noexcept;
+  // Adds what a port that was replaced has counted since then. Any thread.
+  void count_replaced(std::uint64_t sent, std::uint64_t replies, std::uint64_t dropped,
+                      std::uint64_t failed) noexcept;
+  // Computes counters() again.
+  void publish() noexcept;
   // The sample that sense() has taken last, and the number and the time stamp of the next one; nullopt where the time
   // is not known before the first truth of a run.
   const Sample& last_sample() const noexcept { return sample_; }
@@ -219,7 +229,6 @@ class Channel {
   void apply_uarts() noexcept;
   void apply_filters() noexcept;
   void wait_for_lines(const std::atomic<bool>& stop) noexcept;
-  void publish() noexcept;
   void publish_bus() noexcept;
 
   const std::string name_;
@@ -233,7 +242,13 @@ class Channel {
   std::array<DeviceLine, 2> lines_;  // by Frame::uart
   std::size_t line_count_ = 1;
   bool are_files_ = true;  // DeviceLine::is_file of all
-  Copies copies_;          // of the first line
+  // The counts of replaced ports since their replacement.
+  struct Replaced {
+    std::atomic<std::uint64_t> sent = 0, replies = 0, dropped = 0, failed = 0;
+  };
+  Replaced replaced_;
+  std::vector<CanFilter> can_filters_;
+  Copies copies_;  // of the first line
   Recorder* const recorder_;
   std::optional<Sync> sync_;                     // nullopt if no pin is connected
   const std::unique_ptr<ChannelFaults> faults_;  // nullptr: there are none

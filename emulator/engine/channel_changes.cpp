@@ -1,4 +1,5 @@
 // The changes that commands make to a Channel, and the sample that those who watch get of it.
+#include <algorithm>
 #include <utility>
 
 #include "emulator/engine/channel.hpp"
@@ -49,6 +50,32 @@ void Channel::exchange_sensor(Reload::Sensor& sensor, HostTime now) noexcept {
   faults_->set_rate(rate_hz);
   power_faults_->set_rate(rate_hz);
   for (DeviceLine& line : lines()) line.wire->set_rate(rate_hz);
+}
+
+void Channel::exchange_port(Reload::Line& line) noexcept {
+  DeviceLine& own = lines_[line.uart];
+  if (own.wire != nullptr) own.wire->set_bit_rate(line.bit_rate);
+  if (line.port == nullptr) return;
+  line.held = own.passed - own.port->counters().sent - own.port->counters().dropped;
+  own.add_to_before();
+  own.passed = 0;
+  own.is_stalled = false;
+  if (own.wire != nullptr)
+    line.held += line.held_of_others = own.wire->exchange(line.port);
+  else
+    std::swap(own.port, line.port);
+  if (line.settings.uart != own.uart) own.port->set_line(own.uart);  // the host has set another one
+  own.is_file = !own.port->can_receive() && own.port->descriptor() < 0;
+  are_files_ = std::all_of(lines().begin(), lines().end(), [](const DeviceLine& one) { return one.is_file; });
+  publish();
+}
+
+void Channel::count_replaced(std::uint64_t sent, std::uint64_t replies, std::uint64_t dropped,
+                             std::uint64_t failed) noexcept {
+  replaced_.sent.fetch_add(sent, std::memory_order_relaxed);
+  replaced_.replies.fetch_add(replies, std::memory_order_relaxed);
+  replaced_.dropped.fetch_add(dropped, std::memory_order_relaxed);
+  replaced_.failed.fetch_add(failed, std::memory_order_relaxed);
 }
 
 FeedSample Channel::feed_sample() const noexcept {

@@ -63,13 +63,13 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
     device_ = std::move(units);
   }
   if (is_can_) {
-    std::vector<CanFilter> filters;
-    add_filters(*config.protocol, config.settings, config.rate_hz, filters);
-    add_filters(*config.protocol, delivered, config.rate_hz, filters);
+    can_filters_.clear();
+    add_filters(*config.protocol, config.settings, config.rate_hz, can_filters_);
+    add_filters(*config.protocol, delivered, config.rate_hz, can_filters_);
     for (const FaultConfig& fault : faults)
       if (const Settings* settings = fault.settings_of(config.name))
-        add_filters(*config.protocol, *settings, config.rate_hz, filters);
-    lines_[0].port->set_filters(filters);
+        add_filters(*config.protocol, *settings, config.rate_hz, can_filters_);
+    lines_[0].port->set_filters(can_filters_);
   }
 }
 

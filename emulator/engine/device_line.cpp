@@ -15,6 +15,21 @@ bool DeviceLine::holds_back() const noexcept {
   return counters.sent + counters.dropped != passed;
 }
 
+void DeviceLine::add_to_before() noexcept {
+  const PortCounters& now = port->counters();
+  before.sent += now.sent;
+  before.replies += now.replies;
+  before.dropped += now.dropped;
+  before.failed += now.failed;
+  before.connections_refused += now.connections_refused;
+  before.bus_errors += now.bus_errors;
+  before.error_warnings += now.error_warnings;
+  before.error_passives += now.error_passives;
+  before.bus_offs += now.bus_offs;
+  before.bus_restarts += now.bus_restarts;
+  before.refused += now.refused;
+}
+
 void DeviceLine::wait(bool for_room, const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
   if (is_file || (!for_room && !holds_back() && !is_stalled)) return;

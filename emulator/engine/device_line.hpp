@@ -22,6 +22,10 @@ struct DeviceLine {
   // In the record: frames that left; the next two are what the host has sent, and frames that were dropped.
   std::uint16_t interface = 0;
   WirePort* wire = nullptr;  // the port, if faults act on it
+  PortCounters before = {};  // the sums over the ports whose place it has taken
+
+  // Adds the counters of the port to `before`. Called when another port takes its place.
+  void add_to_before() noexcept;
 
   // Returns true while the port has neither sent nor dropped all frames that were passed to it.
   bool holds_back() const noexcept;

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "emulator/engine/channel.hpp"
 #include "emulator/faults/other_units.hpp"
 #include "emulator/record/measurement_rows.hpp"
 
@@ -22,6 +23,8 @@ constexpr std::array<std::string_view, 15> imu_keys = {
     "model",         "device.",      "rate_hz",   "clock_error_ppm", "internal_rate_hz", "sampling_jitter_us",
     "temperature_c", "mounting.",    "gyro.",     "accelerometer.",  "magnetometer.",    "barometer.",
     "navigation.",   "temperature.", "vibration."};
+
+constexpr std::array<std::string_view, 3> port_keys = {"port", "second_port", "pace"};
 
 bool is_in(std::span<const std::string_view> keys, std::string_view key) noexcept {
   return std::any_of(keys.begin(), keys.end(),
@@ -106,8 +109,38 @@ const char* refusal_of_settings(const Config& config, const ImuConfig& before, c
   return has_others ? "cannot change in a run in which a fault gives this imu other settings" : nullptr;
 }
 
+// Returns why the key of a port cannot change; nullptr if it can.
+const char* refusal_of_port(std::string_view key, const ImuConfig& before, const ImuConfig& after) {
+  if (key == "second_port" && (before.second_port.empty() || after.second_port.empty()))
+    return "a second UART can be neither connected nor disconnected while the run goes on";
+  const bool stays =
+      before.port == after.port || (!before.second_port.empty() && before.second_port == after.second_port);
+  return key == "pace" && stays ? "can change only together with the port" : nullptr;
+}
+
+// Returns why a key of the imu cannot change; nullptr if it can.
+const char* refusal_of(std::string_view key, const Config& config, const ImuConfig& before, const ImuConfig& after) {
+  if (!is_in(imu_keys, key)) return "cannot change while the run goes on";
+  if (is_in(port_keys, key)) return refusal_of_port(key, before, after);
+  return key.starts_with("device.") ? refusal_of_settings(config, before, after) : nullptr;
+}
+
 bool is_of(const KeyChange& change, const std::string& imu, std::string_view key) {
   return change.key.starts_with("imu." + imu + "." + std::string(key));
+}
+
+// Returns the change of a port, or of that of the second UART; its texts are equal if it does not change.
+Reload::Line line_of(const ImuConfig& before, const ImuConfig& after, bool second) {
+  Reload::Line line;
+  line.uart = second ? 1 : 0;
+  line.key = fmt::format("imu.{}.{}", after.name, second ? "second_port" : "port");
+  line.before = second ? before.second_port : before.port;
+  line.after = second ? after.second_port : after.port;
+  line.settings = second ? after.second_port_settings : after.port_settings;
+  const Transport* transport = transport_of(line.after);
+  if (transport != nullptr && transport->wire_time != nullptr)
+    line.bit_rate = transport->wire_time(PortSpec::parse(line.after), line.settings, {}).bit_rate;
+  return line;
 }
 
 }  // namespace
@@ -137,11 +170,7 @@ std::vector<KeyChange> key_changes(const Config& before, const Config& after) {
     const std::string prefix = "imu." + imu.name + ".";
     compare(one, other, prefix, [&](const std::string& key, const toml::node* was, const toml::node* is) {
       const std::string_view own = std::string_view(key).substr(prefix.size());
-      const char* refusal = !is_in(imu_keys, own) ? fixed
-                            : own.starts_with("device.")
-                                ? refusal_of_settings(before, imu, *find_imu(after, imu.name))
-                                : nullptr;
-      all.push_back({key, value_of(was), value_of(is), refusal});
+      all.push_back({key, value_of(was), value_of(is), refusal_of(own, before, imu, *find_imu(after, imu.name))});
     });
   }
   return all;
@@ -152,6 +181,13 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
   const std::vector<KeyChange> changes = key_changes(before, after);
   const auto has = [&](std::string_view key) {
     return std::any_of(changes.begin(), changes.end(), [&](const KeyChange& c) { return c.key == key; });
+  };
+  const auto changes_sensor = [&](const std::string& imu) {
+    const std::string prefix = "imu." + imu + ".";
+    return std::any_of(changes.begin(), changes.end(), [&](const KeyChange& c) {
+      return c.refusal == nullptr && c.key.starts_with(prefix) &&
+             !is_in(port_keys, std::string_view(c.key).substr(prefix.size()));
+    });
   };
   const TruthConfig& truth = after.truth;
   if (has("truth.delay_ms") || has("truth.auto_delay_percent")) {
@@ -172,7 +208,15 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
       return std::any_of(changes.begin(), changes.end(),
                          [&](const KeyChange& c) { return c.refusal == nullptr && is_of(c, imu->name, key); });
     };
-    if (!changes_key("")) continue;
+    const ImuConfig* old = find_imu(before, imu->name);
+    for (const bool second : {false, true}) {
+      if (old == nullptr) break;
+      Line line = line_of(*old, *imu, second);
+      if (line.before == line.after || line.before.empty() || line.after.empty()) continue;
+      line.channel = i;
+      lines.push_back(std::move(line));
+    }
+    if (!changes_sensor(imu->name)) continue;
     const bool is_ideal = imus[i].errors_model == model_of_truth;
     const ImuModel model = is_ideal ? without_errors(*imu).model : imu->model;
     const bool filters = !is_ideal && imus[i].device_filters;
@@ -196,6 +240,28 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
     }
     if (filters) sensors.back().imu.reserve_filters(Device::longest_boxcar);
   }
+}
+
+std::vector<std::string> Reload::open_ports(
+    std::span<const std::unique_ptr<Channel>> channels,
+    const std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>& open) {
+  std::vector<std::string> refusals;
+  const auto is_file = [](const Line& line) { return transport_of(line.after)->is_standard_output != nullptr; };
+  // Files are last, because a file is emptied when it is opened.
+  for (const bool files : {false, true})
+    for (Line& line : lines) {
+      if (is_file(line) != files || (files && !refusals.empty())) continue;
+      const Channel& channel = *channels[line.channel];
+      try {
+        line.port = open(line.after, line.settings);
+        if (channel.is_can()) line.port->set_filters(channel.can_filters());
+      } catch (const PortError& error) {
+        refusals.push_back(fmt::format("{}: {}", line.key, error.what()));
+      }
+    }
+  if (!refusals.empty())
+    for (Line& line : lines) line.port.reset();
+  return refusals;
 }
 
 }  // namespace imud

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -13,8 +15,11 @@
 #include "emulator/engine/command.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/protocol.hpp"
+#include "transports/port.hpp"
 
 namespace imud {
+
+class Channel;
 
 // A key whose value differs. The key of an imu is "imu.NAME.KEY".
 struct KeyChange {
@@ -44,12 +49,32 @@ struct Reload {
     bool keeps_gyro_bias = false, keeps_accelerometer_bias = false;  // those of Channel::set_bias()
   };
   std::vector<Sensor> sensors;
+  // A port that takes the place of one of a channel.
+  struct Line {
+    std::size_t channel = 0;  // its number
+    std::size_t uart = 0;     // 0, or 1 for `second_port`
+    std::string key;          // "imu.NAME.port"
+    std::string before, after;
+    PortSettings settings = Role::device;
+    double bit_rate = 0;  // WirePort::Line::bit_rate
+    // nullptr until open_ports(), and in a repeated run; afterwards the port that was replaced.
+    std::unique_ptr<Port> port;
+    // When it has been replaced: the frames that it holds back, and how many of these are not the device's.
+    std::uint64_t held = 0, held_of_others = 0;
+  };
+  std::vector<Line> lines;
   std::vector<Command> commands;  // of the session
   std::string text;               // the new configuration, Config::resolved, for the record
 
   // Prepares the change from `before` to `after`, as far as keys are reloadable. `imus`: those of the session's
   // channels in their order, of which several may have one name; `seed`: that of the run.
   Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed);
+
+  // Opens the ports of `lines` with the filters of `channels`. Returns why those that cannot be opened cannot: lines
+  // "imu.NAME.port: cause". Then it has closed the others again.
+  std::vector<std::string> open_ports(
+      std::span<const std::unique_ptr<Channel>> channels,
+      const std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>& open = open_port);
 };
 
 }  // namespace imud

@@ -125,6 +125,11 @@ class Session {
   // Called after drain() if the run has not failed: commit() of all channels. Throws std::runtime_error.
   void commit();
 
+  // Computes the counters of all channels again. Called when the sampling thread has ended.
+  void publish() noexcept {
+    for (const auto& channel : channels_) channel->publish();
+  }
+
   // The pacer of the Loop that drives this; nullptr: none does.
   void set_pacer(Pacer* pacer) noexcept { pacer_ = pacer; }
   Pacer* pacer() noexcept { return pacer_; }

@@ -66,6 +66,22 @@ void WirePort::set_active(std::span<const ActiveFault> faults) noexcept {
   mirror();
 }
 
+std::uint64_t WirePort::exchange(std::unique_ptr<Port>& port) noexcept {
+  const auto has = [this](WireFault kind) {
+    return std::any_of(active().begin(), active().end(), [&](WireChange& change) { return change.kind() == kind; });
+  };
+  if (has(WireFault::line_break)) {
+    port_->set_break(false);
+    port->set_break(true);
+  }
+  if (has(WireFault::disconnect)) port->set_connected(false);
+  std::swap(port_, port);
+  own_held_ = seen_sent_ = seen_dropped_ = sent_ = dropped_ = lost_replies_ = losses_ = bus_offs_ = bus_restarts_ = 0;
+  const std::uint64_t of_others = std::exchange(others_held_, 0);
+  mirror();
+  return of_others;
+}
+
 void WirePort::begin(WireChange& change) noexcept {
   switch (change.kind()) {
     case WireFault::line_break:

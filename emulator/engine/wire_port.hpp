@@ -56,6 +56,11 @@ class WirePort final : public Port {
   }
   // Sets the rate of the samples from the next one on.
   void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
+  // Exchanges the port that it wraps. The faults that act go on; the frames and the counters are those of the new
+  // port alone. Returns how many of the frames that the old port holds back are not the device's.
+  std::uint64_t exchange(std::unique_ptr<Port>& port) noexcept;
+  // Sets the bit rate of the line or the bus, Line::bit_rate.
+  void set_bit_rate(double bit_rate) noexcept { bit_rate_ = bit_rate; }
   // From now on sends the frames that leave to `copies`, too, which outlives this.
   void set_copies(Copies* copies) noexcept { copies_ = copies; }
 
@@ -107,13 +112,13 @@ class WirePort final : public Port {
   double bit_rate() const noexcept;
   std::span<WireChange> active() noexcept { return {active_.data(), active_count_}; }
 
-  const std::unique_ptr<Port> port_;
+  std::unique_ptr<Port> port_;
   const Protocol& protocol_;
   double period_s_;
   const std::uint64_t seed_;
   const std::uint32_t stream_;
   UartSettings uart_;
-  const double bit_rate_;
+  double bit_rate_;
   Recorder* recorder_ = nullptr;
   Copies* copies_ = nullptr;
   std::uint16_t interface_ = 0;
