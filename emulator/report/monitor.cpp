@@ -41,8 +41,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       edges_refused_(config.imus.size()),
       device_reported_(config.imus.size()),
       ports_(config.imus.size()),
-      second_ports_(config.imus.size()),
-      pty_readers_(config) {
+      second_ports_(config.imus.size()) {
   for (const ImuConfig& imu : config.imus) imu_names_.push_back(imu.name);
   update_loads();
   last_quality_ = last_log_ = now();
@@ -51,6 +50,7 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
 void Monitor::update_loads() {
   line_loads_.clear();
   for (const ImuConfig& imu : config_.imus) line_loads_.push_back(line_load(imu).percent);
+  pty_readers_.watch(config_);
 }
 
 Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - begin_), line_loads_); }
@@ -300,6 +300,7 @@ void Monitor::report_faults() {
 
 void Monitor::report_port(ReportedPort& reported, const std::string& imu, const std::string& port,
                           const PortFigures& now) const {
+  if (reported.port != port) reported = {.port = port, .state = PortState::ready, .wrong_speeds = 0, .mismatch = {}};
   constexpr int most = 10;  // reports; a client may try wrong speeds for ever
   const PortState state = now.state;
   const Port::Speeds speeds = now.speeds;

@@ -31,7 +31,7 @@ class Monitor {
 
   // Logs the events since the last call, and writes the lines of figures that are due.
   void update();
-  // Computes the loads of the lines again. Called when the configuration has changed.
+  // Computes the loads of the lines again, and watches the ptys of now. Called when the configuration has changed.
   void update_loads();
   // Opens the file of figures again, after log rotation has renamed it.
   void reopen();
@@ -69,6 +69,7 @@ class Monitor {
   void report_faults();
   // The reports about a port so far.
   struct ReportedPort {
+    std::string port;  // of which they are
     PortState state = PortState::ready;
     int wrong_speeds = 0;  // reports of a wrong speed
     SpeedMismatch mismatch;

@@ -12,6 +12,7 @@
 #include <map>
 #include <set>
 #include <system_error>
+#include <utility>
 
 #include "transports/port.hpp"
 
@@ -71,10 +72,16 @@ std::vector<TerminalClient> terminal_clients(const std::string& terminal) {
   return clients;
 }
 
-PtyReaders::PtyReaders(const Config& config) {
-  const auto add = [this](const std::string& imu, const std::string& port) {
+void PtyReaders::watch(const Config& config) {
+  const std::vector<Pty> before = std::exchange(ptys_, {});
+  const auto add = [&](const std::string& imu, const std::string& port) {
     const Transport* transport = transport_of(port);
-    if (transport != nullptr && transport->makes_link) ptys_.push_back({imu, port, PortSpec::parse(port).address});
+    if (transport != nullptr && transport->makes_link)
+      ptys_.push_back({imu, port, PortSpec::parse(port).address});
+    else
+      return;
+    for (const Pty& pty : before)
+      if (pty.imu == imu && pty.port == port) ptys_.back().is_reported = pty.is_reported;
   };
   for (const ImuConfig& imu : config.imus) {
     add(imu.name, imu.port);

@@ -23,10 +23,11 @@ struct TerminalClient {
 // process whose ancestor has it open, too, is left out: it has inherited it. So is imud itself.
 std::vector<TerminalClient> terminal_clients(const std::string& terminal);
 
-// Watches the ptys of a configuration. Reads /proc, which takes milliseconds: for the main thread.
+// Watches ptys. Reads /proc, which takes milliseconds: for the main thread.
 class PtyReaders {
  public:
-  explicit PtyReaders(const Config& config);
+  // Watches the ptys of `config` from now on. What was reported of those that it watches already is not repeated.
+  void watch(const Config& config);
 
   // Looks at the ptys if the last look was `period` ago; logs a warning, once for each pty that several programs have
   // open.
