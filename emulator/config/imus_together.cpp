@@ -4,6 +4,7 @@
 #include "core/numbers/random.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
+#include "emulator/config/load_config.hpp"
 #include "transports/file/output_path.hpp"
 
 namespace imud {
@@ -22,6 +23,19 @@ bool reaches(const std::string& port, const std::string& listener) {
 }
 
 std::string address_of(const std::string& port) { return port.substr(0, port.find('?')); }
+
+// Returns what no second port can have: the path or the address; empty if ports share it, or if the system chooses
+// it.
+std::string exclusive_address(const std::string& port) {
+  const Transport* transport = transport_of(port);
+  if (transport == nullptr || transport->is_shared) return {};
+  if (transport->tcp_port != nullptr && !tcp_port(port)) return {};
+  if (transport->is_standard_output != nullptr &&
+      is_standard_output(address_of(port).substr(transport->name.size() + 1)))
+    return "-";
+  std::string path = path_of(port);  // which may have several spellings
+  return path.empty() ? address_of(port) : path;
+}
 
 // Finds what two imus have in common, or an imu and the truth.
 class Together {
@@ -91,14 +105,9 @@ class Together {
     if (transport == nullptr) return;
     if (reaches(port, truth_port_))
       fault(key, "sends to truth.port, so that imud would receive its own frames; give another");
-    if (transport->is_shared) return;
-    if (transport->tcp_port != nullptr && !tcp_port(port)) return;  // the system chooses a free one
-    std::string path = path_of(port);                               // which may have several spellings
-    if (transport->is_standard_output != nullptr &&
-        is_standard_output(address_of(port).substr(transport->name.size() + 1)))
-      path = "-";
-    if (const auto [at, is_new] = ports_.emplace(path.empty() ? address_of(port) : std::move(path), i_); !is_new)
-      clash(key, at->second, "the same");
+    const std::string address = exclusive_address(port);
+    if (address.empty()) return;
+    if (const auto [at, is_new] = ports_.emplace(address, i_); !is_new) clash(key, at->second, "the same");
   }
 
   void add_identifiers(const ImuConfig& imu) {
@@ -151,6 +160,36 @@ void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& 
   Together together(truth_port, tables, faults);
   for (std::size_t i = 0; i < imus.size(); ++i) together.add(imus[i], i);
   if (faults.all().empty()) together.check_buses(imus);
+}
+
+void check_new_ports(const Config& now, const Config& next) {
+  std::map<std::string, std::string> open;  // the keys of the ports by their addresses
+  const auto add = [&](const std::string& imu, std::string_view key, const std::string& port) {
+    if (!port.empty()) open.emplace(exclusive_address(port), fmt::format("imu.{}.{}", imu, key));
+  };
+  for (const ImuConfig& imu : now.imus) {
+    add(imu.name, "port", imu.port);
+    add(imu.name, "second_port", imu.second_port);
+    for (const std::string& copy : imu.also) add(imu.name, "also", copy);
+    add(imu.name, "sync.tov_port", imu.sync.tov_port);
+  }
+  std::vector<std::string> faults;
+  const auto check = [&](const std::string& imu, std::string_view key, const std::string& before,
+                         const std::string& after) {
+    const std::string address = before == after || after.empty() ? std::string() : exclusive_address(after);
+    if (const auto found = open.find(address); !address.empty() && found != open.end())
+      faults.push_back(
+          fmt::format("imu.{}.{}: {} is open already, as {}: a reload opens the new port before it closes the old "
+                      "one; give another address, or change to another port first",
+                      imu, key, after, found->second));
+  };
+  for (const ImuConfig& imu : next.imus)
+    for (const ImuConfig& before : now.imus)
+      if (before.name == imu.name) {
+        check(imu.name, "port", before.port, imu.port);
+        check(imu.name, "second_port", before.second_port, imu.second_port);
+      }
+  if (!faults.empty()) throw ConfigError(std::move(faults));
 }
 
 }  // namespace imud

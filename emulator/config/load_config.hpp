@@ -19,4 +19,8 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
 // Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
 Config config_of_text(const std::string& text);
 
+// Throws ConfigError if a port that changes in a run that goes on has the address of one that is open now: a new port
+// is opened before an old one is closed. `now`: the configuration of the run; `next`: the one that it is to have.
+void check_new_ports(const Config& now, const Config& next);
+
 }  // namespace imud
