@@ -1,0 +1,78 @@
+#include "emulator/control/leaving_ports.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <exception>
+#include <thread>
+#include <utility>
+
+#include "emulator/engine/channel.hpp"
+
+namespace imud {
+
+void LeavingPorts::add(Reload& reload, std::span<const std::unique_ptr<Channel>> channels) {
+  for (Reload::Line& line : reload.lines) {
+    if (line.port == nullptr) continue;
+    const PortCounters before = line.port->counters();
+    Channel* channel = channels[line.channel].get();
+    all_.push_back({std::move(line), channel, before, host_now() + longest});
+  }
+  reload.lines.clear();
+  update();
+}
+
+void LeavingPorts::update() {
+  const HostTime now = host_now();
+  const auto end = std::remove_if(all_.begin(), all_.end(), [&](Leaving& leaving) {
+    if (!has_left(leaving) && now < leaving.last) return false;
+    close(leaving);
+    return true;
+  });
+  all_.erase(end, all_.end());
+}
+
+void LeavingPorts::finish() {
+  using namespace std::chrono_literals;
+  for (Leaving& leaving : all_) leaving.last = std::min(leaving.last, host_now() + 50ms);
+  for (update(); !all_.empty(); update()) std::this_thread::sleep_for(1ms);
+}
+
+bool LeavingPorts::has(std::string_view port) const noexcept {
+  const auto address = [](std::string_view text) { return text.substr(0, text.find('?')); };
+  return std::any_of(all_.begin(), all_.end(), [&](const Leaving& leaving) {
+    return address(leaving.line.before) == address(port) && !transport_of(port)->is_shared;
+  });
+}
+
+bool LeavingPorts::has_left(Leaving& leaving) noexcept {
+  Port& port = *leaving.line.port;
+  const bool is_drained = port.is_drained();
+  port.flush();
+  const PortCounters &now = port.counters(), &before = leaving.before;
+  return is_drained && now.sent + now.dropped - before.sent - before.dropped >= leaving.line.held;
+}
+
+// The frames of others are taken as the first that the port has sent or dropped (WirePort).
+void LeavingPorts::close(Leaving& leaving) {
+  Port& port = *leaving.line.port;
+  port.discard_pending();
+  try {
+    port.commit();
+  } catch (const std::exception& error) {
+    spdlog::error("{}: {}", leaving.channel->name(), error.what());
+  }
+  const PortCounters &now = port.counters(), &before = leaving.before;
+  std::uint64_t others = leaving.line.held_of_others;
+  const auto own = [&others](std::uint64_t frames) {
+    const std::uint64_t skipped = std::min(frames, others);
+    others -= skipped;
+    return frames - skipped;
+  };
+  const std::uint64_t sent = own(now.sent - before.sent), dropped = own(now.dropped - before.dropped);
+  leaving.channel->count_replaced(sent, std::min(now.replies - before.replies, sent), dropped,
+                                  std::min(now.failed - before.failed, dropped));
+  leaving.line.port.reset();
+}
+
+}  // namespace imud

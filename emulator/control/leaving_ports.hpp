@@ -1,0 +1,40 @@
+// LeavingPorts: ports that a reload has replaced, until they are closed.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "emulator/engine/reload.hpp"
+#include "transports/host_clock.hpp"
+
+namespace imud {
+
+// Closes a port when it has sent what it held back and its reader has read that, or `longest` after its replacement;
+// what it holds back then counts as dropped. One thread, not that of the samples.
+class LeavingPorts {
+ public:
+  static constexpr Nanoseconds longest = std::chrono::seconds(2);
+
+  // Takes over the ports of a reload that has been executed. `channels` outlive this.
+  void add(Reload& reload, std::span<const std::unique_ptr<Channel>> channels);
+  // Closes the ports that can be closed now.
+  void update();
+  // Closes all ports, after 50 ms at the latest. Called at the end of the run.
+  void finish();
+  // Returns true if the port waits here.
+  bool has(std::string_view port) const noexcept;
+
+ private:
+  struct Leaving {
+    Reload::Line line;
+    Channel* channel;
+    PortCounters before;  // when it was replaced
+    HostTime last;        // when it is closed at the latest
+  };
+  static bool has_left(Leaving& leaving) noexcept;
+  static void close(Leaving& leaving);
+
+  std::vector<Leaving> all_;
+};
+
+}  // namespace imud
