@@ -21,12 +21,20 @@ struct MethodInfo {
 };
 std::span<const MethodInfo> control_methods() noexcept;
 
+// A port of an imu, in place of which another is opened.
+struct PortChange {
+  std::uint16_t imu = 0;  // its number
+  std::string what;       // "port" or "second port"
+  std::string before, after;
+};
+
 struct Change {
   std::vector<Command> commands;
   std::string words;  // for the log: "power off"
   // The notification of its event: {"event": "power", "state": "off"}; the samples are added when it has been
   // applied.
   Json event;
+  std::vector<PortChange> ports = {};
 };
 
 // Returns the change that a method makes. Throws RpcError.

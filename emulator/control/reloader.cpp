@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
+#include <stdexcept>
 #include <utility>
 
 #include "emulator/engine/session.hpp"
@@ -16,7 +17,7 @@ std::optional<Change> Reloader::prepare() {
   Config next;
   try {
     next = read_();
-  } catch (const ConfigError& error) {
+  } catch (const std::runtime_error& error) {
     throw RpcError(RpcError::refused, fmt::format("reload refused, nothing has changed:\n{}", error.what()));
   }
   const std::vector<KeyChange> changes = key_changes(now_, next);
@@ -37,15 +38,41 @@ std::optional<Change> Reloader::prepare() {
     words += fmt::format("{}{} = {}, was {}", words.empty() ? "" : "; ", change.key, change.after, change.before);
   }
   reload_ = std::make_unique<Reload>(now_, next, started_.imus, started_.seed);
+  std::vector<PortChange> ports;
+  open_ports(ports);
   next_ = std::move(next);
   session_.set_reload(reload_.get());
   return Change{{{.kind = Command::Kind::reload}},
                 fmt::format("reload: {}", words),
-                {{"event", "reload"}, {"changed", std::move(changed)}}};
+                {{"event", "reload"}, {"changed", std::move(changed)}},
+                std::move(ports)};
+}
+
+// Opens the new ports of the reload. If one of them cannot be opened, cancels it and throws RpcError.
+void Reloader::open_ports(std::vector<PortChange>& opened) {
+  std::string refusals;
+  const auto refuse = [&] {
+    if (refusals.empty()) return;
+    cancel();
+    throw RpcError(RpcError::refused, fmt::format("reload refused, nothing has changed:{}", refusals));
+  };
+  for (const Reload::Line& line : reload_->lines)
+    if (leaving_.has(line.after))
+      refusals += fmt::format("\n{}: {} is still being closed after the reload before; try again in two seconds",
+                              line.key, line.after);
+  refuse();
+  for (const std::string& refusal : reload_->open_ports(session_.channels())) refusals += "\n" + refusal;
+  refuse();
+  for (const Reload::Line& line : reload_->lines) {
+    const std::string chosen = line.port->chosen_port();
+    opened.push_back({static_cast<std::uint16_t>(line.channel), line.uart == 0 ? "port" : "second port", line.before,
+                      chosen.empty() ? line.after : chosen});
+  }
 }
 
 void Reloader::finish() {
   if (!next_) return;
+  leaving_.add(*reload_, session_.channels());
   const std::string truth_port = now_.truth.port;  // that the system has chosen
   now_ = std::move(*next_);
   now_.truth.port = truth_port;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "emulator/control/change.hpp"
+#include "emulator/control/leaving_ports.hpp"
 #include "emulator/engine/reload.hpp"
 #include "emulator/plan/config.hpp"
 
@@ -26,16 +27,22 @@ class Reloader {
 
   // Returns true if there is a file to read.
   bool can_read() const noexcept { return static_cast<bool>(read_); }
-  // Returns what the file changes now; nullopt if no key differs. Throws RpcError, with all faults of the file or all
-  // keys that cannot change. The sampling thread must not execute the change before finish() or cancel() of the one
-  // before.
+  // Returns what the file changes now, with its new ports open; nullopt if no key differs. Throws RpcError, with all
+  // faults of the file, all keys that cannot change, or all ports that cannot be opened. The sampling thread must not
+  // execute the change before finish() or cancel() of the one before.
   std::optional<Change> prepare();
-  // Called when the sampling thread has executed the change.
+  // Called when the sampling thread has executed the change. The ports that were replaced are closed.
   void finish();
   // Called when it cannot.
   void cancel() noexcept;
+  // Closes ports that were replaced, as far as they can be (LeavingPorts). Called ten times a second.
+  void update() { leaving_.update(); }
+  // Closes all ports that were replaced. Called when the sampling thread has ended.
+  void close_ports() { leaving_.finish(); }
 
  private:
+  void open_ports(std::vector<PortChange>& opened);
+
   Session& session_;
   const Config& started_;
   Config& now_;
@@ -43,6 +50,7 @@ class Reloader {
   const std::function<void()> changed_;
   std::optional<Config> next_;
   std::unique_ptr<Reload> reload_;
+  LeavingPorts leaving_;
 };
 
 }  // namespace imud

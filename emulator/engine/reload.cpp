@@ -19,10 +19,24 @@ namespace {
 constexpr std::array<std::string_view, 4> truth_keys = {"truth.auto_delay_percent", "truth.delay_ms",
                                                         "truth.extrapolate_ms", "truth.when_stopped"};
 // Keys of an imu, and tables, which end in a dot.
-constexpr std::array<std::string_view, 15> imu_keys = {
-    "model",         "device.",      "rate_hz",   "clock_error_ppm", "internal_rate_hz", "sampling_jitter_us",
-    "temperature_c", "mounting.",    "gyro.",     "accelerometer.",  "magnetometer.",    "barometer.",
-    "navigation.",   "temperature.", "vibration."};
+constexpr std::array<std::string_view, 18> imu_keys = {"port",
+                                                       "second_port",
+                                                       "pace",
+                                                       "model",
+                                                       "device.",
+                                                       "rate_hz",
+                                                       "clock_error_ppm",
+                                                       "internal_rate_hz",
+                                                       "sampling_jitter_us",
+                                                       "temperature_c",
+                                                       "mounting.",
+                                                       "gyro.",
+                                                       "accelerometer.",
+                                                       "magnetometer.",
+                                                       "barometer.",
+                                                       "navigation.",
+                                                       "temperature.",
+                                                       "vibration."};
 
 constexpr std::array<std::string_view, 3> port_keys = {"port", "second_port", "pace"};
 

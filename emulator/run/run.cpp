@@ -18,6 +18,7 @@
 #include <thread>
 #include <utility>  // Boost 1.74's Asio needs it first
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/config/scenario.hpp"
 #include "emulator/control/control_api.hpp"
 #include "emulator/control/control_server.hpp"
@@ -193,15 +194,29 @@ int run(const Config& config, const RunOptions& options) {
   std::optional<ControlServer> server(std::in_place, io, config.control, instance);
   std::optional<WebServer> web;
   if (!config.web.listen.empty()) web.emplace(io, config.web);
-  ChosenPorts chosen = session.chosen_ports();
-  if (web && web->address() != config.web.listen) chosen.emplace_back("web.listen", web->address());
+  const auto chosen_ports = [&] {
+    ChosenPorts all = session.chosen_ports();
+    if (web && web->address() != config.web.listen) all.emplace_back("web.listen", web->address());
+    return all;
+  };
+  const ChosenPorts chosen = chosen_ports();
   report_ready(chosen, options.ready_fd);
   if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
   Config named = config;  // as the log shall name its ports
   for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
   Monitor monitor(counters_of(session, control), named, options.monitor);
-  Reloader reloader(session, config, named, options.read_config, [&monitor] { monitor.update_loads(); });
+  bool has_data = has_data_on_stdout(config, options);
+  const auto read = [&] {
+    Config next = options.read_config();
+    check_outputs(next, options);
+    check_new_ports(named, next);
+    return next;
+  };
+  Reloader reloader(session, config, named, options.read_config ? read : std::function<Config()>(), [&] {
+    monitor.update_loads();
+    has_data = has_data || has_data_on_stdout(named, options);
+  });
   std::function<void()> reload = [] {};  // before the api there is no sample
   const std::function<void()> wait_for_others = [&] {
     others.async_wait([&](const boost::system::error_code& error, int signal) {
@@ -243,6 +258,7 @@ int run(const Config& config, const RunOptions& options) {
   Ticker ticker(io, [&] {
     monitor.update();
     report_events();
+    reloader.update();
   });
   asio::steady_timer end(io);
   if (options.duration_s && !is_capture(config.truth.port)) {
@@ -270,6 +286,8 @@ int run(const Config& config, const RunOptions& options) {
   session.finish_faults();
   report_events();
   api.finish();
+  reloader.close_ports();
+  session.publish();
   server.reset();
   if (recorder) recorder->finish();
   if (failure) std::rethrow_exception(failure);
@@ -279,7 +297,7 @@ int run(const Config& config, const RunOptions& options) {
     ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? stopped_by : EndedBy::duration;
   Summary summary = monitor.finish(session.intake().end_warning());
   summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
-                   chosen};
+                   chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
   outcome.expected = session.expected();
   outcome.judge_faults(fault_outcomes(session.faults().configured(), labels(session, config)), options.repeats);
@@ -292,7 +310,7 @@ int run(const Config& config, const RunOptions& options) {
   if (!options.labels_file.empty()) labels_file.replace(labels(session, config, options.labels_file));
   if (!options.junit_file.empty()) junit_file.replace(junit_xml(outcome.expected, "imud"));
   summary_file.replace(json(summary, JsonLayout::indented));  // last: it says that the run is complete
-  TextFile printed = has_data_on_stdout(config, options) ? TextFile::standard_error() : TextFile("-");
+  TextFile printed = has_data ? TextFile::standard_error() : TextFile("-");
   printed.write(text(summary));
   return outcome.exit_code();
 }
