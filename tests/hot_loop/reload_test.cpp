@@ -1,12 +1,17 @@
 // The sampling thread allocates nothing when it changes over to another configuration.
 #include "emulator/engine/reload.hpp"
 
+#include <fcntl.h>
+
+#include <thread>
+
 #include "emulator/config/load_config.hpp"
 #include "emulator/drive/execute.hpp"
 #include "emulator/engine/run_control.hpp"
 #include "emulator/engine/session.hpp"
 #include "tests/emulator/run/live_test.hpp"
 #include "tests/support/allocations.hpp"
+#include "tests/support/locks.hpp"
 
 namespace imud {
 namespace {
@@ -34,6 +39,50 @@ TEST_F(LiveTest, AReloadAllocatesNothing) {
     EXPECT_EQ(allocations() - allocated, 0U);
   }
   EXPECT_EQ(session.channels()[0]->grid().period(), std::chrono::milliseconds(2));
+}
+
+// From a pty with a reader to a file, to a slow pty, and back to a file; with faults, the port under them.
+TEST_F(LiveTest, AnExchangeOfPortsAllocatesAndLocksNothing) {
+  for (const bool faults : {false, true}) {
+    const auto config = [&](const std::string& port, const std::string& pace) {
+      return load_config(
+          write("config.toml",
+                fmt::format(
+                    "clock = \"realtime\"\n[control]\nfaults = {}\n[truth]\nport = \"{}\"\n[[imu]]\nname = \"imu1\"\n"
+                    "protocol = \"native\"\nrate_hz = 50\nport = \"{}\"\npace = \"{}\"\n"
+                    "gyro.max_rad_per_s = 10\naccelerometer.max_m_per_s2 = 100\n",
+                    faults, simulator_.port(), port, pace)));
+    };
+    const std::vector<Config> configs = {config("pty:" + path("one"), "none"), config("file:" + path("out"), "none"),
+                                         config("pty:" + path("two") + "?baud=115200", "line"),
+                                         config("file:" + path("other"), "none")};
+    Session session(configs[0]);
+    const FileDescriptor reader(::open(path("one").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
+    ASSERT_TRUE(reader);
+    Channel& channel = *session.channels()[0];
+    EXPECT_EQ(faults, session.faults().capacity() > 0);
+    for (std::size_t i = 1; i < configs.size(); ++i) {
+      Reload reload(configs[i - 1], configs[i], configs[0].imus, configs[0].seed);
+      ASSERT_EQ(reload.lines.size(), 1U);
+      EXPECT_TRUE(reload.sensors.empty());
+      EXPECT_TRUE(reload.open_ports(session.channels()).empty());
+      session.set_reload(&reload);
+      const Port* const opened = reload.lines[0].port.get();
+      std::uint64_t allocated = 0, locked = 0;
+      std::thread([&] {
+        count_locks_of_this_thread();
+        allocated = allocations();
+        locked = locks_taken();
+        execute(session, {.kind = Command::Kind::reload}, HostTime{1});
+        allocated = allocations() - allocated;
+        locked = locks_taken() - locked;
+      }).join();
+      EXPECT_EQ(allocated, 0U);
+      EXPECT_EQ(locked, 0U);
+      EXPECT_NE(reload.lines[0].port.get(), opened);
+      EXPECT_EQ(&channel.port(0) == opened, !faults);
+    }
+  }
 }
 
 }  // namespace

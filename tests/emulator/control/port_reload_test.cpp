@@ -2,13 +2,11 @@
 // new one, and a port that cannot be opened changes nothing.
 #include <fcntl.h>
 
-#include <csignal>
-#include <thread>
-
 #include "tests/emulator/control/control_client.hpp"
 #include "tests/emulator/run/live_test.hpp"
+#include "tests/support/raw_terminal.hpp"
 #include "tests/support/text.hpp"
-#include "transports/file/output_path.hpp"
+#include "transports/uart/termios2.hpp"
 
 namespace imud {
 namespace {
@@ -325,6 +323,60 @@ TEST_F(PortReloadTest, ASlowLineSendsWhatItHolds) {
   EXPECT_EQ(samples(file("out")).front(), first);
   const json figures = imu(0);
   EXPECT_EQ(figures["frames"].get<int>() + figures["dropped"].get<int>(), figures["samples"].get<int>() + 1);
+}
+
+// A unit with two UARTs, each with its host. A host sets the speed of the first: that of the next port is the same.
+TEST_F(PortReloadTest, UartsFollowTheDevice) {
+  const auto unit = [&](const std::string& first, const std::string& second) {
+    return fmt::format(
+        "clock = \"realtime\"\nrealtime.priority = 0\nrealtime.lock_memory = false\n[control]\nsocket = \"{}\"\n"
+        "[truth]\nport = \"{}\"\n[[imu]]\nname = \"imu1\"\nprotocol = \"vectornav\"\ndevice.model = \"vn-200\"\n"
+        "before_first = \"rest\"\nport = \"pty:{}\"\n{}",
+        path("socket"), simulator_.port(), path(first),
+        second.empty() ? second : fmt::format("second_port = \"pty:{}\"\n", path(second)));
+  };
+  const auto receives = [](const FileDescriptor& client, const std::string& text) {
+    std::string all;
+    return eventually([&] {
+      read_all(client, all);
+      return contains(all, text);
+    });
+  };
+  const auto send = [](const FileDescriptor& client, std::string_view text) {
+    EXPECT_EQ(::write(client.get(), text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  };
+  Program imud("imud");
+  start(imud, config(unit("one", "two")));
+  ControlClient client(path("socket"));
+  const FileDescriptor first = open_raw_terminal(path("one")), second = open_raw_terminal(path("two"));
+  ASSERT_TRUE(receives(first, "$VNYMR,")) << imud.errors();
+  send(first, "$VNWRG,05,921600*XX\r\n");
+  ASSERT_TRUE(receives(first, "$VNWRG,05,921600*"));
+  ASSERT_TRUE(set_line_speed(first.get(), 921'600));
+  ASSERT_TRUE(receives(first, "$VNYMR,"));
+
+  std::string why = message(reload(client, unit("one", "")));
+  EXPECT_TRUE(contains(why, "a second UART can be neither connected nor disconnected")) << why;
+  ASSERT_TRUE(reload(client, unit("one", "four")).contains("result"));
+  EXPECT_TRUE(
+      imud.wait_for_errors("imu1: second port pty:" + path("two") + " -> pty:" + path("four") + " from sample"));
+  const FileDescriptor fourth = open_raw_terminal(path("four"));
+  ASSERT_TRUE(fourth);
+  send(fourth, "$VNRRG,01*72\r\n");
+  EXPECT_TRUE(receives(fourth, "$VNRRG,01,VN-200"));
+  EXPECT_TRUE(receives(first, "$VNYMR,"));
+
+  ASSERT_TRUE(reload(client, unit("three", "four")).contains("result"));
+  const FileDescriptor third = open_raw_terminal(path("three"));
+  ASSERT_TRUE(third);
+  EXPECT_TRUE(imud.wait_for_errors(path("three") + ": the line has 921600 baud and the client 115200"))
+      << imud.errors();
+  ASSERT_TRUE(set_line_speed(third.get(), 921'600));
+  EXPECT_TRUE(receives(third, "$VNYMR,"));
+  send(third, "$VNRRG,05*76\r\n");
+  EXPECT_TRUE(receives(third, "$VNRRG,05,921600*"));
+  client.call("quit");
+  EXPECT_EQ(imud.wait(), 0) << imud.errors();
 }
 
 }  // namespace
