@@ -108,6 +108,45 @@ TEST_F(CanRunTest, NothingIsLostInFast) {
   expect_every_frame(lines_of(candump.output()), 1501);
 }
 
+// A reload: from one socket of the bus to another, which has the filters of the first.
+TEST_F(CanRunTest, AReloadToAnotherPortLosesAndDoublesNothing) {
+  const auto with_port = [&](const std::string& port) {
+    return write("config.toml",
+                 fmt::format("clock = \"lockstep\"\n[control]\nsocket = \"{}\"\n[truth]\nport = \"{}\"\n"
+                             "[[imu]]\nname = \"imu1\"\nrate_hz = 1000\nprotocol = \"native-can\"\n"
+                             "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\nport = \"{}\"\n",
+                             path("socket"), simulator_.port(), port));
+  };
+  const auto filters = [] {
+    std::size_t all = 0;
+    for (const char* list : {"rcvlist_fil", "rcvlist_sff", "rcvlist_eff", "rcvlist_inv"})
+      for (const std::string& line : lines_of(read_file(std::string("/proc/net/can/") + list)))
+        if (line.starts_with("   vcan0 ")) ++all;
+    return all;
+  };
+  Program candump("/usr/bin/candump");
+  start_candump(candump, {"-n", fmt::to_string(7 * 61), "-T", "20000"});
+  Program imud("imud");
+  start(imud, with_port("can:vcan0"));
+  ASSERT_TRUE(imud.wait_for_errors("ready"));
+  const std::size_t before = filters();
+  EXPECT_GT(before, 0U);
+  for (int i = 0; i <= 6; ++i) {
+    EXPECT_TRUE(simulator_.exchange(Simulator::truth(10 * i, static_cast<std::uint32_t>(i), true)));
+    if (i != 3) continue;
+    with_port("can:vcan0?confirm=yes");
+    const ProgramResult answer = run_program("imud", {"ctl", "--socket", path("socket"), "--json", "reload"});
+    ASSERT_EQ(answer.exit_code, 0) << answer.errors;
+    EXPECT_NE(answer.output.find("\"sample\": 31"), answer.output.npos) << answer.output;
+    EXPECT_EQ(filters(), before);
+  }
+  EXPECT_EQ(imud.stop(), 0) << imud.errors();
+  EXPECT_EQ(summary()["imus"][0]["frames"], 7 * 61);
+  EXPECT_EQ(summary()["imus"][0]["dropped"], 0);
+  ASSERT_EQ(candump.wait(), 0);
+  expect_every_frame(lines_of(candump.output()), 61);
+}
+
 // Returns the code blocks of that language in README.md.
 std::vector<std::string> blocks_of_readme(const std::string& language) {
   std::vector<std::string> blocks;

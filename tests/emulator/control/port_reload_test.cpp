@@ -86,7 +86,7 @@ class PortReloadTest : public LiveTest {
     for (int k = first; k < end; ++k) all.push_back(k);
     return all;
   }
-  json imu(int i) const { return summary()["imus"][i]; }
+  json imu(std::size_t i) const { return summary()["imus"][i]; }
   json status_;
   std::string log_;
 };
