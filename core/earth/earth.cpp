@@ -124,8 +124,8 @@ Earth::Earth(const EarthModel& model)
       origin_E_(r_E_of({model.latitude, model.longitude, model.height})),
       magnetic_field_(igrf14(decimal_year(model.start_gps_ns))) {}
 
-double angle_between(double a, double b) noexcept {
-  const double turns = (a - b) / (2.0 * units::pi);
+double angle_between(double angle, double other) noexcept {
+  const double turns = (angle - other) / (2.0 * units::pi);
   return 2.0 * units::pi * (turns - std::floor(turns + 0.5));
 }
 

@@ -13,7 +13,7 @@
 namespace imud {
 
 // Returns the difference of two angles, rad, in [-pi, pi].
-double angle_between(double a, double b) noexcept;
+double angle_between(double angle, double other) noexcept;
 
 // The relation of the truth's frame N to the Earth.
 struct EarthModel {
