@@ -37,7 +37,7 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
     : session_(session),
       host_(host),
       pacer_(pacer),
-      options_(options),
+      pace_(session, host, options.pace),
       stop_(stop),
       recorder_(session.recorder()),
       intake_(session.intake()),
@@ -90,15 +90,15 @@ void Loop::round() noexcept {
   if (prepared_.empty()) {
     due_ = next_due();
     const Nanoseconds ahead = due_ - now;
-    if (paced_ && ahead > options_.spin + preparation) {
+    if (paced_ && ahead > pace_.spin() + preparation) {
       const bool is_known = is_at_rest(due_) || pacer_.truth(due_) <= timeline_.newest();
-      if (!is_known || ahead > options_.spin + early)
-        return wait(std::min(due_ - options_.spin - preparation, now + longest_wait));
+      if (!is_known || ahead > pace_.spin() + early)
+        return wait(std::min(due_ - pace_.spin() - preparation, now + longest_wait));
     }
     prepare();
   }
-  if (paced_ && due_ - now > options_.spin) return wait(std::min(due_ - options_.spin, now + longest_wait));
-  if (paced_ && now - due_ > options_.skip_after) return skip(now);
+  if (paced_ && due_ - now > pace_.spin()) return wait(std::min(due_ - pace_.spin(), now + longest_wait));
+  if (paced_ && pace_.is_too_late(due_, now)) return skip(now);
   transmit(now);
 }
 
@@ -282,13 +282,7 @@ void Loop::transmit(HostTime now) noexcept {
     for (Channel* channel : prepared_)
       if (channel->is_can()) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
   } else {
-    if (now < due_) host_.sleep_until(due_, options_.spin);
-    for (Channel* channel : prepared_) {
-      const HostTime begin = host_.now();
-      if (recorder_ != nullptr) recorder_->set_time(begin);
-      channel->transmit();
-      channel->record_times(begin - due_, host_.now() - begin);
-    }
+    pace_.transmit(prepared_, due_);
     if (!waits_for_truth_ && !prepared_at_rest_)
       session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
   }

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "emulator/drive/pace.hpp"
 #include "emulator/drive/pacer.hpp"
 #include "emulator/engine/schedule.hpp"
 #include "emulator/engine/session.hpp"
@@ -13,9 +14,7 @@
 namespace imud {
 
 struct LoopOptions {
-  Nanoseconds spin{0};  // the thread spins for this long before each instant
-  // Where the host's clock paces: the frames of a sample that is later than this are not sent.
-  Nanoseconds skip_after = std::chrono::seconds(1);
+  PaceOptions pace;  // where the host's clock paces
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
 };
 
@@ -47,7 +46,7 @@ class Loop {
   // Samples.
   HostTime next_due() const noexcept { return origin_ + schedule_.next().offset; }
   bool is_at_rest(HostTime instant) const noexcept { return !session_.in_run() || instant < first_truth_; }
-  bool is_due() const noexcept { return !prepared_.empty() && host_.now() >= due_ - options_.spin; }
+  bool is_due() const noexcept { return !prepared_.empty() && host_.now() >= due_ - pace_.spin(); }
   void prepare() noexcept;
   void transmit(HostTime now) noexcept;
   void skip(HostTime now) noexcept;
@@ -63,7 +62,7 @@ class Loop {
   Session& session_;
   Host& host_;
   Pacer& pacer_;
-  const LoopOptions options_;
+  Pace pace_;
   const std::atomic<bool>& stop_;
   Recorder* const recorder_;
   TruthIntake& intake_;

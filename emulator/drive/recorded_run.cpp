@@ -117,6 +117,7 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
   session_ = &session;
   host_ = &host;
   options_ = options;
+  if (options.pace) pace_.emplace(session, host, *options.pace);
   stop_ = &stop;
   prepared_.reserve(session.channels().size());
   for (Early& early : early_) {
@@ -379,38 +380,52 @@ void RecordedRun::take_awaited(bool all) noexcept {
   }
 }
 
-// In steps, so that a signal ends the wait.
-void RecordedRun::wait_until(HostTime instant) noexcept {
-  if (!options_.paced) return;
+// Waits until the thread spins for the instant of the recorded run, in steps, so that a signal ends the wait. Returns
+// the instant of the replay.
+HostTime RecordedRun::wait_until(HostTime instant) noexcept {
   const HostTime now = host_->now();
   if (!shift_) shift_ = now - instant;
   constexpr Nanoseconds step = std::chrono::milliseconds(20);
-  const HostTime until = instant + *shift_;
+  const HostTime due = instant + *shift_, until = due - pace_->spin();
   for (HostTime at = now; at < until && !stop_->load(std::memory_order_relaxed);) {
     at = host_->sleep_until(std::min(until, at + step));
     session_->flush();
   }
+  return due;
 }
 
 void RecordedRun::transmit(const RecordEvent& event) noexcept {
-  wait_until(HostTime{event.a});
-  if ((event.flags & RecordEvent::skipped) != 0) {
-    poll(event.b);
+  std::optional<HostTime> due;
+  if (pace_) due = wait_until(HostTime{event.a});
+  if (due && *stop_) return;  // the instant has not come
+  const bool was_skipped = (event.flags & RecordEvent::skipped) != 0;
+  if (was_skipped) poll(event.b);
+  if (was_skipped || (due && pace_->is_too_late(*due, host_->now())))
     for (Channel* channel : prepared_) channel->skip();
-  } else {
-    for (Channel* channel : prepared_) {
-      if (!options_.paced) channel->wait_for_room(*stop_);
-      channel->encode();
-    }
-    for (Channel* channel : prepared_) {
-      if (!options_.paced) channel->wait_for_room(*stop_);
-      channel->transmit();
-      if (!options_.paced && channel->is_can()) channel->wait_until_sent(*stop_);
-    }
-  }
+  else if (due)
+    transmit_at(*due);
+  else
+    transmit_at_once();
   for (Channel* channel : prepared_) channel->count_sample();
   session_->count_samples(prepared_.size());
   prepared_.clear();
+}
+
+void RecordedRun::transmit_at(HostTime due) noexcept {
+  for (Channel* channel : prepared_) channel->encode();
+  pace_->transmit(prepared_, due);
+}
+
+void RecordedRun::transmit_at_once() noexcept {
+  for (Channel* channel : prepared_) {
+    channel->wait_for_room(*stop_);
+    channel->encode();
+  }
+  for (Channel* channel : prepared_) {
+    channel->wait_for_room(*stop_);
+    channel->transmit();
+    if (channel->is_can()) channel->wait_until_sent(*stop_);
+  }
 }
 
 std::string RecordedRun::difference() const {

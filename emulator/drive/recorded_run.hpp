@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "emulator/drive/pace.hpp"
 #include "emulator/engine/session.hpp"
 #include "emulator/ground/host.hpp"
 #include "transports/capture/pcapng_reader.hpp"
@@ -35,8 +36,9 @@ class RecordedRun {
   Sync::OpenPort open(Sync::OpenPort others);
 
   struct Options {
-    bool paced = false;                   // samples leave when as much time has passed as in the recorded run
-    std::optional<Nanoseconds> duration;  // of the recorded run; ends there
+    // Samples leave when as much time has passed as in the recorded run; nullopt: at once.
+    std::optional<PaceOptions> pace = std::nullopt;
+    std::optional<Nanoseconds> duration = std::nullopt;  // of the recorded run; ends there
     // Called for a sample of the imu with an even number when its truth has not come: every other imu of the session
     // is a twin without errors, whose samples are taken when the truth of their instants has come, in their order.
     // nullptr: there are no twins.
@@ -65,7 +67,9 @@ class RecordedRun {
   bool awaits_truth(const Channel& channel, const RecordEvent& event) noexcept;
   void take_awaited(bool all) noexcept;
   void transmit(const RecordEvent& event) noexcept;
-  void wait_until(HostTime instant) noexcept;
+  HostTime wait_until(HostTime instant) noexcept;
+  void transmit_at(HostTime due) noexcept;
+  void transmit_at_once() noexcept;
   void poll(std::int64_t polled_ns) noexcept;
   // Calls function(Channel&) for each imu of the event's name.
   template <class Function>
@@ -92,6 +96,7 @@ class RecordedRun {
   Host* host_ = nullptr;
   const std::atomic<bool>* stop_ = nullptr;
   Options options_;
+  std::optional<Pace> pace_;
   std::optional<Nanoseconds> shift_;  // from the host times of the run to those of the replay
   std::optional<HostTime> begin_;     // of the run
   std::vector<Channel*> prepared_;

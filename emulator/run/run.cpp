@@ -64,11 +64,10 @@ bool drive(Session& session, const Config& config, const RunOptions& options, Re
   if (realtime)
     for (const std::string& shortfall : make_thread_realtime(config.realtime)) spdlog::warn("{}", shortfall);
   LoopOptions loop;
-  if (realtime) loop.spin = config.realtime.spin;
-  loop.skip_after = config.realtime.skip_after;
+  if (realtime) loop.pace = {config.realtime.spin, config.realtime.skip_after};
   if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
   if (repeated != nullptr) {
-    repeated->run(session, host, {realtime, loop.limit}, stop);
+    repeated->run(session, host, {realtime ? std::optional(loop.pace) : std::nullopt, loop.limit}, stop);
   } else {
     const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
     Loop(session, host, *pacer, loop, stop).run();

@@ -196,7 +196,7 @@ void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atom
   LoopOptions options;
   if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
   if (repeated) {
-    repeated->run(session, host, {.paced = false, .duration = options.limit, .awaits_truth = awaits_truth}, stop);
+    repeated->run(session, host, {.duration = options.limit, .awaits_truth = awaits_truth}, stop);
   } else {
     const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
     Loop(session, host, *pacer, options, stop).run();

@@ -303,7 +303,7 @@ TEST_F(LoopTest, SpinsAsLongAsConfigured) {
     CapturePacer by_capture;
     HostPacer by_host(c.truth.clock, 100ms, session.quality());
     Pacer& pacer = capture ? static_cast<Pacer&>(by_capture) : by_host;
-    Loop(session, host, pacer, {.spin = 150us, .limit = {}}, host.stop).run();
+    Loop(session, host, pacer, {.pace = {.spin = 150us}, .limit = {}}, host.stop).run();
     ASSERT_GT(sent.size(), 350U);
     EXPECT_GE(host.spun(), 150us * (sent.size() - 2)) << capture;
   }
@@ -329,7 +329,7 @@ TEST_F(LoopTest, EachRunOfAPacedCaptureHasItsOwnBegin) {
     return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
   });
   CapturePacer pacer;
-  Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();
+  Loop(session, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
   ASSERT_EQ(sent.size(), 302U);
   for (std::size_t k = 1; k < sent.size(); ++k) {
     const Nanoseconds step = sent[k].first - sent[k - 1].first;
@@ -388,7 +388,7 @@ TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
     return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;
-  Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();
+  Loop(session, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
   ASSERT_EQ(left.size(), 7U);
   for (const auto& r : navigate(left, 0)) EXPECT_NEAR(r.angle, Swing::angle(r.time_s), 1e-9);
 }
@@ -411,7 +411,7 @@ TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
     return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;
-  Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();
+  Loop(session, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
   ASSERT_EQ(left.size(), 102U) << "101 a second";
   for (std::size_t k = 0; k < left.size(); ++k) {
     EXPECT_EQ(left[k].sample.time.ns, 5'000'000'000 + static_cast<std::int64_t>(k) * 10'000'000);

@@ -99,7 +99,7 @@ TEST_F(PacedLine, APacedReplayWakesForIt) {
   });
   const HostTime begin = host.now();
   CapturePacer pacer;
-  Loop(session, host, pacer, {.spin = {}, .limit = {}}, host.stop).run();
+  Loop(session, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
   ASSERT_GT(recording.sent.size(), 390U);
   for (std::size_t k = 0; k < recording.sent.size(); ++k) ASSERT_EQ(recording.sent[k], begin + 5ms * k) << k;
   expect_pace(recording, 1ns);  // instants are rounded up

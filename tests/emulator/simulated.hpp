@@ -165,9 +165,8 @@ class SimulatedRun {
         recorder, control);
     if (recorder != nullptr) recorder->start(true, config_.resolved);
     const auto pacer = make_pacer(config_, session_->quality());
-    Loop(*session_, host_, *pacer,
-         {.spin = config_.realtime.spin, .skip_after = config_.realtime.skip_after, .limit = {}}, host_.stop)
-        .run();
+    const LoopOptions options{.pace = {config_.realtime.spin, config_.realtime.skip_after}, .limit = {}};
+    Loop(*session_, host_, *pacer, options, host_.stop).run();
   }
 
   const std::vector<Left>& left(std::size_t imu = 0) const { return left_[imu]; }

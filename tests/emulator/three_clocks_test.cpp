@@ -84,7 +84,7 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     std::unique_ptr<Pacer> pacer = std::make_unique<TruthPacer>();
     if (clock == ClockMode::realtime && capture) pacer = std::make_unique<CapturePacer>();
     if (clock == ClockMode::realtime && !capture) pacer = make_pacer(config, session.quality());
-    Loop(session, host, *pacer, {.spin = {}, .limit = {}}, host.stop).run();
+    Loop(session, host, *pacer, {.pace = {}, .limit = {}}, host.stop).run();
     EXPECT_EQ(session.channels()[0]->counters().extrapolated, 0U);
     EXPECT_GT(static_cast<double>(session.channels()[0]->counters().samples),
               config.imus[0].rate_hz * (restarts ? 11.75 : 5.75));

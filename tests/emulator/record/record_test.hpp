@@ -1,6 +1,8 @@
 // Shared by the tests of records: a sensor's line that keeps its bytes, and the repetition of a run.
 #pragma once
 
+#include <functional>
+
 #include "emulator/drive/recorded_run.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 
@@ -24,7 +26,10 @@ class KeptLine : public Port {
 class RecordTest : public RealtimeTest {
  protected:
   // Repeats the run of the record, and returns what each line of a sensor sends, in the order of the configuration.
-  std::vector<std::string> repeat(Config config) {
+  // `look` is called at the end.
+  std::vector<std::string> repeat(
+      Config config, SimulatedHost& host, const RecordedRun::Options& options = {},
+      const std::function<void(const Session&)>& look = [](const Session&) {}) {
     config.truth.port = "record:" + path("run.pcapng");
     std::vector<std::string> sent;
     for (const ImuConfig& imu : config.imus) sent.resize(sent.size() + (imu.second_port.empty() ? 1 : 2));
@@ -33,12 +38,16 @@ class RecordTest : public RealtimeTest {
     Session session(run.adapted(config), run.open([&](std::string_view, const PortSettings&) {
       return std::make_unique<KeptLine>(sent[next++]);
     }));
-    SimulatedHost host;
     host.end = SimulatedHost::never;
-    run.run(session, host, {}, host.stop);
+    run.run(session, host, options, host.stop);
     EXPECT_EQ(run.difference(), "");
     EXPECT_TRUE(session.intake().at_end());
+    look(session);
     return sent;
+  }
+  std::vector<std::string> repeat(const Config& config) {
+    SimulatedHost host;
+    return repeat(config, host);
   }
   RecordOptions options() const { return {.file = path("run.pcapng"), .max_bytes = 0, .max_files = 0}; }
 };

@@ -1,0 +1,100 @@
+// A record that is repeated in real time is sent by the same rules as a run: lateness is measured, and the frames of
+// samples that are too late are not sent.
+#include "tests/emulator/record/record_test.hpp"
+
+namespace imud {
+namespace {
+
+using namespace std::chrono_literals;
+
+class RecordPaceTest : public RecordTest {
+ protected:
+  // Records four seconds of a sensor at 1 kHz on a host that is never held up. Returns what the sensor sent.
+  std::string record() {
+    Recorder recorder(options(), true);
+    SimulatedRun run(config_);
+    run.recorder = &recorder;
+    std::string sent;
+    run.make_sensor = [&](SimulatedHost&) { return std::make_unique<KeptLine>(sent); };
+    for (int k = 0; k < 400; ++k) run.truth(1 + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+    run.run(5);
+    recorder.finish();
+    samples_ = run.counters().samples;
+    EXPECT_GT(samples_, 3000U);
+    EXPECT_EQ(run.counters().missed, 0U);
+    return sent;
+  }
+  struct Seen {
+    std::uint64_t samples, missed, skipped, late;
+  };
+  // Repeats the record on a host that is held up for so long, two seconds after its start.
+  Seen repeat_held_up(Nanoseconds time, std::string& sent) {
+    SimulatedHost host;
+    host.freeze(host.now() + 2s, host.now() + 2s + time);
+    Seen seen{};
+    const PaceOptions pace{config_.realtime.spin, config_.realtime.skip_after};
+    sent = repeat(config_, host, {.pace = pace}, [&](const Session& session) {
+      const ImuCounters& counters = session.channels()[0]->counters();
+      seen = {counters.samples, counters.missed, counters.skipped, counters.lateness.count()};
+    })[0];
+    return seen;
+  }
+  const Config config_ = config(1000, "");
+  std::uint64_t samples_ = 0;
+};
+
+TEST_F(RecordPaceTest, OnTimeNothingIsMissed) {
+  const std::string run = record();
+  std::string sent;
+  const Seen seen = repeat_held_up(0ms, sent);
+  EXPECT_EQ(seen.samples, samples_);
+  EXPECT_EQ(seen.late, samples_) << "the lateness of each is measured";
+  EXPECT_EQ(seen.missed, 0U);
+  EXPECT_EQ(seen.skipped, 0U);
+  EXPECT_TRUE(sent == run);
+}
+
+// The samples of the hold-up but the last are a period late, or more, and leave.
+TEST_F(RecordPaceTest, AHoldUpIsMeasured) {
+  const std::string run = record();
+  std::string sent;
+  const Seen seen = repeat_held_up(600ms, sent);
+  EXPECT_EQ(seen.samples, samples_);
+  EXPECT_NEAR(static_cast<double>(seen.missed), 600, 1);
+  EXPECT_EQ(seen.skipped, 0U);
+  EXPECT_TRUE(sent == run);
+}
+
+// The samples that are later than `skip_after_ms`, 1000, are not sent; those of the last second are.
+TEST_F(RecordPaceTest, SamplesThatAreTooLateAreSkipped) {
+  const std::string run = record();
+  std::string sent;
+  const Seen seen = repeat_held_up(1500ms, sent);
+  EXPECT_EQ(seen.samples, samples_);
+  EXPECT_NEAR(static_cast<double>(seen.skipped), 500, 1);
+  EXPECT_NEAR(static_cast<double>(seen.missed), 1000, 1);
+  const auto frames = [](const std::string& bytes) {
+    return static_cast<std::uint64_t>(std::count(bytes.begin(), bytes.end(), '|'));
+  };
+  EXPECT_GT(run.size(), sent.size());
+  EXPECT_TRUE(sent.ends_with(run.substr(run.size() - 100)));
+  EXPECT_LT(frames(sent), frames(run));
+}
+
+// A signal ends the wait for a sample that is far away.
+TEST_F(RecordPaceTest, AStopEndsTheWait) {
+  record();
+  SimulatedHost host;
+  const HostTime begin = host.now();
+  host.end = begin + 1s;
+  RecordedRun run(PortSpec::parse("record:" + path("run.pcapng")), config_);
+  std::string sent;
+  Session session(run.adapted(config_),
+                  run.open([&](std::string_view, const PortSettings&) { return std::make_unique<KeptLine>(sent); }));
+  run.run(session, host, {.pace = PaceOptions{}}, host.stop);
+  EXPECT_LT(session.channels()[0]->counters().samples, samples_);
+  EXPECT_LE(host.now(), begin + 1s + 20ms);
+}
+
+}  // namespace
+}  // namespace imud
