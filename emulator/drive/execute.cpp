@@ -10,7 +10,6 @@
 #include "emulator/engine/schedule.hpp"
 #include "emulator/engine/session.hpp"
 #include "emulator/ground/host.hpp"
-#include "emulator/record/recorder.hpp"
 
 namespace imud {
 
@@ -100,26 +99,26 @@ void reload(Session& session, Reload& reload, HostTime now) noexcept {
 }
 
 // The text of a reload is long, and in pieces.
-void record_reload(Recorder& recorder, const Reload& reload, HostTime now) noexcept {
+void record_reload(const Session& session, const Reload& reload, HostTime now) noexcept {
   constexpr std::size_t piece = std::size_t{64} * 1024;
-  recorder.event({.type = RecordEvent::Type::command,
-                  .flags = static_cast<std::uint8_t>(Command::Kind::reload),
-                  .interface = RecordEvent::all_imus,
-                  .a = now.ns,
-                  .b = recorder.polled().ns,
-                  .c = static_cast<std::int64_t>(reload.text.size())});
+  session.sink().event({.type = RecordEvent::Type::command,
+                        .flags = static_cast<std::uint8_t>(Command::Kind::reload),
+                        .interface = RecordEvent::all_imus,
+                        .a = now.ns,
+                        .b = session.polled().ns,
+                        .c = static_cast<std::int64_t>(reload.text.size())});
   for (std::string_view rest = reload.text; !rest.empty(); rest.remove_prefix(std::min(piece, rest.size())))
-    recorder.packet(0, PacketDirection::unknown, now, {std::as_bytes(std::span(rest.substr(0, piece)))});
+    session.sink().packet(0, PacketDirection::unknown, now, {std::as_bytes(std::span(rest.substr(0, piece)))});
 }
 
 void record(Session& session, const Command& command, HostTime now) noexcept {
-  Recorder* recorder = session.recorder();
-  if (recorder == nullptr) return;
-  if (command.kind == Command::Kind::reload) return record_reload(*recorder, *session.next_reload(), now);
+  StepSink& sink = session.sink();
+  if (!sink.keeps()) return;
+  if (command.kind == Command::Kind::reload) return record_reload(session, *session.next_reload(), now);
   const auto channels = session.channels();
   const bool is_mark = command.kind == Command::Kind::mark;
-  const auto value = has_value(command.kind) ? std::bit_cast<std::int64_t>(command.value) : recorder->polled().ns;
-  recorder->event(
+  const auto value = has_value(command.kind) ? std::bit_cast<std::int64_t>(command.value) : session.polled().ns;
+  sink.event(
       {.type = is_mark ? RecordEvent::Type::mark : RecordEvent::Type::command,
        .flags = static_cast<std::uint8_t>(command.kind),
        .interface = command.imu < channels.size() ? channels[command.imu]->record_interface() : RecordEvent::all_imus,
@@ -127,11 +126,10 @@ void record(Session& session, const Command& command, HostTime now) noexcept {
        .b = value,
        .c = is_mark ? 0 : static_cast<std::int64_t>(command.number)});
   if (is_mark)
-    recorder->packet(0, PacketDirection::unknown, now,
-                     {std::as_bytes(std::span(command.text.data(), command.text_size))});
+    sink.packet(0, PacketDirection::unknown, now, {std::as_bytes(std::span(command.text.data(), command.text_size))});
   if (command.kind == Command::Kind::fault_begin)
-    recorder->packet(0, PacketDirection::unknown, now,
-                     {std::as_bytes(std::span(session.faults().text(static_cast<std::uint32_t>(command.number))))});
+    sink.packet(0, PacketDirection::unknown, now,
+                {std::as_bytes(std::span(session.faults().text(static_cast<std::uint32_t>(command.number))))});
 }
 
 }  // namespace

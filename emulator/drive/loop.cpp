@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "emulator/drive/execute.hpp"
-#include "emulator/record/recorder.hpp"
 
 namespace imud {
 
@@ -39,7 +38,7 @@ Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& option
       pacer_(pacer),
       pace_(session, host, options.pace),
       stop_(stop),
-      recorder_(session.recorder()),
+      sink_(session.sink()),
       intake_(session.intake()),
       timeline_(session.timeline()),
       paced_(pacer.is_paced()),
@@ -60,7 +59,7 @@ Loop::~Loop() {
 void Loop::run() noexcept {
   if (!waits_for_truth_) {
     origin_ = host_.now() + pause;
-    if (recorder_ != nullptr) recorder_->set_time(origin_ - pause);
+    sink_.set_time(origin_ - pause);
     for (std::size_t i = 0; i < session_.channels().size(); ++i) {
       Channel& channel = *session_.channels()[i];
       channel.power_on(origin_);
@@ -70,7 +69,7 @@ void Loop::run() noexcept {
     }
   }
   while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
-  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::end, .b = recorder_->polled().ns});
+  sink_.event({.type = RecordEvent::Type::end, .b = session_.polled().ns});
   send_all();
 }
 
@@ -212,7 +211,7 @@ void Loop::begin_run() noexcept {
 
 // Discards the truth before the newest, because the simulator's time has leapt: there is no motion between the two.
 void Loop::pass_over() noexcept {
-  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::forget_past});
+  sink_.event({.type = RecordEvent::Type::forget_past});
   timeline_.forget_past();
   session_.pass_over();
 }
@@ -261,12 +260,11 @@ void Loop::prepare() noexcept {
 }
 
 void Loop::record_transmission(std::uint8_t flags) noexcept {
-  if (recorder_ != nullptr)
-    recorder_->event({RecordEvent::Type::transmit, flags, 0, due_.ns, recorder_->polled().ns});
+  sink_.event({RecordEvent::Type::transmit, flags, 0, due_.ns, session_.polled().ns});
 }
 
 void Loop::transmit(HostTime now) noexcept {
-  if (recorder_ != nullptr) recorder_->set_time(paced_ ? now : host_.now());
+  if (sink_.keeps()) sink_.set_time(paced_ ? now : host_.now());
   session_.cycle_power_if_requested(now);
   for (Channel* channel : prepared_) {
     if (!paced_) channel->wait_for_room(stop_);  // frames of deadlines leave before the sample's
@@ -295,7 +293,7 @@ void Loop::transmit(HostTime now) noexcept {
 // The devices receive the samples, so that counters, clocks and increments are those of a sensor that went on while
 // this host was held up.
 void Loop::skip(HostTime now) noexcept {
-  if (recorder_ != nullptr) recorder_->set_time(now);
+  sink_.set_time(now);
   session_.cycle_power_if_requested(now);
   record_transmission(RecordEvent::skipped);
   for (Channel* channel : prepared_) channel->skip();

@@ -14,7 +14,7 @@
 namespace imud {
 
 struct LoopOptions {
-  PaceOptions pace;  // where the host's clock paces
+  PaceOptions pace;                  // where the host's clock paces
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
 };
 
@@ -64,7 +64,7 @@ class Loop {
   Pacer& pacer_;
   Pace pace_;
   const std::atomic<bool>& stop_;
-  Recorder* const recorder_;
+  StepSink& sink_;
   TruthIntake& intake_;
   Timeline& timeline_;
   const bool paced_;            // by the host's clock

@@ -1,14 +1,12 @@
 #include "emulator/drive/pace.hpp"
 
-#include "emulator/record/recorder.hpp"
-
 namespace imud {
 
 void Pace::transmit(std::span<Channel* const> channels, HostTime due) noexcept {
   if (host_.now() < due) host_.sleep_until(due, options_.spin);
   for (Channel* channel : channels) {
     const HostTime begin = host_.now();
-    if (recorder_ != nullptr) recorder_->set_time(begin);
+    sink_.set_time(begin);
     channel->transmit();
     channel->record_times(begin - due, host_.now() - begin);
   }

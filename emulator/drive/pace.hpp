@@ -18,7 +18,7 @@ struct PaceOptions {
 class Pace {
  public:
   Pace(const Session& session, Host& host, const PaceOptions& options)
-      : recorder_(session.recorder()), host_(host), options_(options) {}
+      : sink_(session.sink()), host_(host), options_(options) {}
 
   Nanoseconds spin() const noexcept { return options_.spin; }
   // Returns true at `now` if the samples of the instant `due` are so late that their frames are not sent.
@@ -28,7 +28,7 @@ class Pace {
   void transmit(std::span<Channel* const> channels, HostTime due) noexcept;
 
  private:
-  Recorder* const recorder_;
+  StepSink& sink_;
   Host& host_;
   const PaceOptions options_;
 };

@@ -4,11 +4,9 @@
 #include <exception>
 #include <utility>
 
-#include "emulator/record/recorder.hpp"
-
 namespace imud {
 
-Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder,
+Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, StepSink& sink,
                  std::unique_ptr<ChannelFaults> faults)
     : name_(config.name),
       grid_(config.grid),
@@ -18,7 +16,7 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       device_filters_(config.device_filters),
       filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
       device_(config.protocol->make(config.settings)),
-      recorder_(recorder),
+      sink_(sink),
       faults_(std::move(faults)),
       clock_(config.grid),
       counters_(config.protocol->counters),
@@ -36,8 +34,8 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
     are_files_ = are_files_ && line.is_file;
   }
   copies_ = Copies(config, open);
-  if (recorder_ != nullptr) add_interfaces();
-  if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, recorder_);
+  add_interfaces();
+  if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, sink_);
   if (is_can_) {
     add_filters(*config.protocol, config.settings, config.rate_hz, can_filters_);
     lines_[0].port->set_filters(can_filters_);
@@ -50,30 +48,27 @@ void Channel::add_interfaces() {
   const std::uint16_t link = is_can_ ? link_type::can_socketcan : link_type::bytes;
   for (DeviceLine& line : lines()) {
     const std::string name = &line == &lines_[0] ? name_ : name_ + " second";
-    line.interface = recorder_->add_interface(name, link);
-    recorder_->add_interface(name + " host", link);
-    recorder_->add_interface(name + " dropped", link);
+    line.interface = sink_.add_interface(name, link);
+    sink_.add_interface(name + " host", link);
+    sink_.add_interface(name + " dropped", link);
   }
 }
 
 void Channel::power_on(HostTime origin) noexcept {
-  if (recorder_ != nullptr)
-    recorder_->event({.type = RecordEvent::Type::power_on, .interface = record_interface(), .a = origin.ns});
+  sink_.event({.type = RecordEvent::Type::power_on, .interface = record_interface(), .a = origin.ns});
   clock_.power_on(origin);
   device_->power_on(clock_.now());
   apply_filters();
 }
 
 void Channel::set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept {
-  if (recorder_ != nullptr)
-    recorder_->event({RecordEvent::Type::set_clock, origin ? RecordEvent::has_host_time : std::uint8_t{0},
-                      record_interface(), zero.ns, origin.value_or(HostTime{}).ns});
+  sink_.event({RecordEvent::Type::set_clock, origin ? RecordEvent::has_host_time : std::uint8_t{0},
+               record_interface(), zero.ns, origin.value_or(HostTime{}).ns});
   device_->step_clock(clock_.set(zero, origin));
 }
 
 void Channel::start_samples() noexcept {
-  if (recorder_ != nullptr)
-    recorder_->event({.type = RecordEvent::Type::start_samples, .interface = record_interface()});
+  sink_.event({.type = RecordEvent::Type::start_samples, .interface = record_interface()});
   clock_.start_samples();
 }
 
@@ -176,8 +171,8 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
       line.port->send(frames.first(size));
     line.passed += size;
     // A port drops the last frames of those that it is passed.
-    if (recorder_ != nullptr && line.wire == nullptr)
-      recorder_->frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
+    if (line.wire == nullptr)
+      sink_.frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
     if (&line == &lines_[0] && line.wire == nullptr) copies_.send(frames.first(size), time, is_reply);
     frames = frames.subspan(size);
   }
@@ -253,11 +248,9 @@ std::size_t Channel::serve_line(std::size_t uart, HostTime now, Host* clock) noe
     const auto chunk = lines_[uart].port->receive();
     if (!chunk) break;
     received += per_frame + chunk->frame.bytes.size();
-    if (recorder_ != nullptr) {
-      recorder_->event({RecordEvent::Type::receive, static_cast<std::uint8_t>(uart), record_interface(), now.ns});
-      recorder_->packet(static_cast<std::uint16_t>(lines_[uart].interface + 1), PacketDirection::inbound, chunk->time,
-                        chunk->frame);
-    }
+    sink_.event({RecordEvent::Type::receive, static_cast<std::uint8_t>(uart), record_interface(), now.ns});
+    sink_.packet(static_cast<std::uint16_t>(lines_[uart].interface + 1), PacketDirection::inbound, chunk->time,
+                 chunk->frame);
     receive(chunk->frame, uart, now);
     if (clock != nullptr && !others_.frames().empty())
       counters_.reply.add(std::max(0.0, seconds(clock->now() - chunk->time)));

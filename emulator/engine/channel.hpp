@@ -24,6 +24,7 @@
 #include "emulator/faults/power_faults.hpp"
 #include "emulator/ground/counters.hpp"
 #include "emulator/ground/host.hpp"
+#include "emulator/ground/step_sink.hpp"
 #include "emulator/plan/config.hpp"
 #include "transports/port.hpp"
 
@@ -38,7 +39,7 @@ class Channel {
  public:
   // Opens the ports and the pins. `recorder`: records what happens; nullptr: none does. `faults`: nullptr: there are
   // none. Throws PortError.
-  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, Recorder* recorder = nullptr,
+  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, StepSink& sink = StepSink::none(),
           std::unique_ptr<ChannelFaults> faults = nullptr);
 
   // Prepares for faults of the wire and of the power: wraps the ports, and makes a second device with the settings as
@@ -249,7 +250,7 @@ class Channel {
   Replaced replaced_;
   std::vector<CanFilter> can_filters_;
   Copies copies_;  // of the first line
-  Recorder* const recorder_;
+  StepSink& sink_;
   std::optional<Sync> sync_;                     // nullopt if no pin is connected
   const std::unique_ptr<ChannelFaults> faults_;  // nullptr: there are none
   std::int64_t utc_offset_ns_ = 0;               // UTC, ns since 1970, less host time; of enable_faults()

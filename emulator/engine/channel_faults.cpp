@@ -43,7 +43,7 @@ void Channel::enable_faults(const ImuConfig& config, std::uint64_t seed) {
         seed);
     line.wire = wire.get();
     line.port = std::move(wire);
-    if (recorder_ != nullptr) line.wire->set_recorder(recorder_, line.interface);
+    line.wire->set_sink(sink_, line.interface);
     if (i == 0 && !copies_.empty()) line.wire->set_copies(&copies_);
   }
   const auto utc = std::chrono::system_clock::now().time_since_epoch();

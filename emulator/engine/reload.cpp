@@ -10,7 +10,6 @@
 
 #include "emulator/engine/channel.hpp"
 #include "emulator/faults/other_units.hpp"
-#include "emulator/record/measurement_rows.hpp"
 
 namespace imud {
 

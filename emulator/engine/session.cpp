@@ -3,24 +3,21 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/record/measurement_rows.hpp"
-#include "emulator/record/recorder.hpp"
-
 namespace imud {
 
-Session::Session(const Config& config, const Sync::OpenPort& open, Recorder* recorder, RunControl* control)
-    : recorder_(recorder),
+Session::Session(const Config& config, const Sync::OpenPort& open, StepSink& sink, RunControl* control)
+    : sink_(sink),
       control_(control),
       faults_(config.faults, config.control.faults),
       expectations_(config.expectations),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
-      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), recorder,
+      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), sink,
               with_faults(config.truth.format->make(config.truth.settings), faults_.configured(), config.seed,
                           faults_.log(), faults_.capacity() - faults_.configured().size(), truth_faults_)) {
   for (const ImuConfig& imu : config.imus) {
     const std::uint64_t seed = imu.seed.value_or(config.seed);
-    channels_.push_back(std::make_unique<Channel>(imu, seed, open, recorder, faults_of(imu, seed)));
+    channels_.push_back(std::make_unique<Channel>(imu, seed, open, sink, faults_of(imu, seed)));
   }
   if (control_ != nullptr)
     for (std::size_t i = 0; i < channels_.size(); ++i)
@@ -74,7 +71,7 @@ ChosenPorts Session::chosen_ports() const {
 }
 
 void Session::begin_run() noexcept {
-  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::run, .b = recorder_->polled().ns});
+  sink_.event({.type = RecordEvent::Type::run, .b = polled_.ns});
   in_run_ = true;
   samples_in_run_ = 0;
   truths_since_advance_ = 0;
@@ -87,19 +84,18 @@ void Session::begin_run() noexcept {
 }
 
 void Session::pass_over() noexcept {
-  if (recorder_ != nullptr)
-    recorder_->event({.type = RecordEvent::Type::run, .flags = RecordEvent::goes_on, .b = recorder_->polled().ns});
+  sink_.event({.type = RecordEvent::Type::run, .flags = RecordEvent::goes_on, .b = polled_.ns});
   truths_since_advance_ = 0;
   for (const auto& channel : channels_) channel->pass_over();
 }
 
 void Session::record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept {
-  recorder_->event({RecordEvent::Type::sample, flags, channel.record_interface(), time,
-                    timeline_.empty() ? 0 : timeline_.newest().ns, static_cast<std::int64_t>(k)});
+  sink_.event({RecordEvent::Type::sample, flags, channel.record_interface(), time,
+               timeline_.empty() ? 0 : timeline_.newest().ns, static_cast<std::int64_t>(k)});
 }
 
 void Session::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept {
-  if (recorder_ != nullptr) record_sample(channel, RecordEvent::at_rest, since_power_on.count(), k);
+  record_sample(channel, RecordEvent::at_rest, since_power_on.count(), k);
   channel.sense_at_rest(since_power_on, k);
   channel.prepare(std::nullopt, false);
 }
@@ -107,12 +103,10 @@ void Session::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds sin
 void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
   Sample& sample = channel.sense(timeline_, time, k);
   watermark_ = std::max(watermark_, time);
-  if (recorder_ != nullptr) {
-    const auto basis = (sample.status & status::truth_stale) != 0          ? MotionState::Basis::held
-                       : (sample.status & status::truth_extrapolated) != 0 ? MotionState::Basis::extrapolated
-                                                                           : MotionState::Basis::interpolated;
-    record_sample(channel, static_cast<std::uint8_t>(basis), time.ns, k);
-  }
+  const auto basis = (sample.status & status::truth_stale) != 0          ? MotionState::Basis::held
+                     : (sample.status & status::truth_extrapolated) != 0 ? MotionState::Basis::extrapolated
+                                                                         : MotionState::Basis::interpolated;
+  record_sample(channel, static_cast<std::uint8_t>(basis), time.ns, k);
 
   const bool held = (sample.status & status::truth_stale) != 0;
   // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
@@ -135,7 +129,7 @@ void Session::raise_watermark(TruthTime until) noexcept { watermark_ = std::max(
 
 void Session::advance_imus(TruthTime until) noexcept {
   until = std::min(until, timeline_.newest());
-  if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::advance, .a = until.ns});
+  sink_.event({.type = RecordEvent::Type::advance, .a = until.ns});
   raise_watermark(until);
   for (const auto& channel : channels_) channel->advance(timeline_, until);
 }
@@ -164,7 +158,7 @@ std::span<pollfd> Session::inputs(bool truth) noexcept {
 }
 
 bool Session::serve_inputs(HostTime now, Host* clock) noexcept {
-  if (recorder_ != nullptr) recorder_->set_time(now);
+  sink_.set_time(now);
   constexpr int failures = POLLERR | POLLHUP | POLLNVAL;
   bool may_poll = (inputs_[0].revents & failures) == 0;
   auto input = inputs_.begin() + 1;
@@ -180,7 +174,8 @@ bool Session::serve_inputs(HostTime now, Host* clock) noexcept {
 }
 
 void Session::serve_all(HostTime now, Host* clock) noexcept {
-  if (recorder_ != nullptr) recorder_->set_polled(now);
+  sink_.set_time(now);
+  polled_ = now;
   intake_.poll(now);
   for (const auto& channel : channels_) {
     channel->serve(now, clock);
@@ -189,7 +184,8 @@ void Session::serve_all(HostTime now, Host* clock) noexcept {
 }
 
 void Session::poll(HostTime now) noexcept {
-  if (recorder_ != nullptr) recorder_->set_polled(now);
+  sink_.set_time(now);
+  polled_ = now;
   intake_.poll(now);
   for (const auto& channel : channels_) {
     channel->poll(now);
@@ -240,8 +236,7 @@ void Session::cycle_power_if_requested(HostTime now) noexcept {
 }
 
 void Session::cycle_power(HostTime now) noexcept {
-  if (recorder_ != nullptr)
-    recorder_->event({.type = RecordEvent::Type::power_cycle, .a = now.ns, .b = recorder_->polled().ns});
+  sink_.event({.type = RecordEvent::Type::power_cycle, .a = now.ns, .b = polled_.ns});
   for (const auto& channel : channels_) channel->cycle_power(now);
 }
 

@@ -17,6 +17,7 @@
 #include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/truth_faults.hpp"
 #include "emulator/ground/counters.hpp"
+#include "emulator/ground/step_sink.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/truth/truth_intake.hpp"
 
@@ -33,12 +34,12 @@ using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
 // all memory. One thread, except for request_power_cycle() and the counters, which any thread may use.
 class Session {
  public:
-  // Opens every port. `recorder`: records what happens; `control`: brings commands and takes what is watched;
-  // nullptr: none does. Throws PortError.
-  explicit Session(const Config& config, const Sync::OpenPort& open = open_port, Recorder* recorder = nullptr,
+  // Opens every port. `sink` takes what happens. `control`: brings commands and takes what is watched; nullptr: none
+  // does. Throws PortError.
+  explicit Session(const Config& config, const Sync::OpenPort& open = open_port, StepSink& sink = StepSink::none(),
                    RunControl* control = nullptr);
 
-  Recorder* recorder() const noexcept { return recorder_; }
+  StepSink& sink() const noexcept { return sink_; }
   // The faults of the run, and their begins and ends so far.
   FaultBook& faults() noexcept { return faults_; }
   const FaultBook& faults() const noexcept { return faults_; }
@@ -116,6 +117,8 @@ class Session {
   // flush() does only the latter.
   void poll(HostTime now) noexcept;
   void flush() noexcept;
+  // Returns the time up to which the devices' deadlines have been polled.
+  HostTime polled() const noexcept { return polled_; }
   // Returns when poll() has to be called next; nullopt if nothing waits for a time.
   std::optional<HostTime> next_wake() const noexcept;
   // Called at the end. Waits up to `readers` until the readers have read everything, or up to 500 ms until paced
@@ -151,7 +154,7 @@ class Session {
   std::unique_ptr<ChannelFaults> faults_of(const ImuConfig& imu, std::uint64_t seed);
   void record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept;
 
-  Recorder* const recorder_;
+  StepSink& sink_;
   RunControl* const control_;
   FaultBook faults_;
   const std::vector<ExpectConfig> expectations_;
@@ -168,6 +171,7 @@ class Session {
   bool in_run_ = false;
   bool stopped_ = false;  // motion is held because truth has stopped
   TruthTime watermark_;
+  HostTime polled_;
   std::uint64_t samples_in_run_ = 0;
   std::size_t truths_since_advance_ = 0;
   TruthQuality quality_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "emulator/record/recorder.hpp"
 #include "protocols/sync_datagram.hpp"
 
 namespace imud {
@@ -12,8 +11,7 @@ constexpr Nanoseconds furthest_ahead = std::chrono::seconds(10);
 constexpr int datagrams_at_a_time = 16;  // so that a flood does not delay samples
 }  // namespace
 
-Sync::Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu, Recorder* recorder)
-    : recorder_(recorder) {
+Sync::Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu, StepSink& sink) : sink_(sink) {
   open_input(trigger_, config.trigger_port, open, imu + " trigger");
   open_input(pps_, config.pps_port, open, imu + " pps");
   if (!config.tov_port.empty()) tov_ = open(config.tov_port, Role::device);
@@ -22,13 +20,12 @@ Sync::Sync(const SyncConfig& config, const OpenPort& open, const std::string& im
 void Sync::open_input(Input& input, std::string_view port, const OpenPort& open, const std::string& name) {
   if (port.empty()) return;
   input.port = open(port, Role::listener);
-  if (recorder_ != nullptr) input.interface = recorder_->add_interface(name, link_type::bytes);
+  input.interface = sink_.add_interface(name, link_type::bytes);
 }
 
 std::optional<Port::Received> Sync::receive(Input& input) noexcept {
   auto received = input.port->receive();
-  if (received && recorder_ != nullptr)
-    recorder_->packet(input.interface, PacketDirection::inbound, recorder_->now(), received->frame);
+  if (received) sink_.packet(input.interface, PacketDirection::inbound, sink_.now(), received->frame);
   return received;
 }
 

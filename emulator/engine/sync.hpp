@@ -9,13 +9,12 @@
 #include <string_view>
 
 #include "core/time.hpp"
+#include "emulator/ground/step_sink.hpp"
 #include "emulator/plan/sync_config.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
-
-class Recorder;
 
 // An edge with a time waits for the first sample at or after it. An edge whose time is past is delivered as one at
 // the last sample, an edge without a time as one at the next sample. An edge more than 10 s ahead, or beyond 64 that
@@ -23,9 +22,9 @@ class Recorder;
 class Sync {
  public:
   using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>;
-  // `imu`: the name of the imu. `recorder`: records the datagrams received; nullptr: none does. Throws PortError.
+  // `imu`: the name of the imu. `sink` takes the datagrams received. Throws PortError.
   explicit Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu = {},
-                Recorder* recorder = nullptr);
+                StepSink& sink = StepSink::none());
 
   // Delivers the edges up to `time` to the device. Call it before the device's sample at `time`, whose stamp is
   // `stamp`.
@@ -55,7 +54,7 @@ class Sync {
   void deliver(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input& input, TruthTime time,
                DeviceTime stamp) noexcept;
 
-  Recorder* const recorder_;
+  StepSink& sink_;
   Input trigger_, pps_;
   std::unique_ptr<Port> tov_;
   std::uint64_t refused_ = 0;

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "emulator/engine/copies.hpp"
-#include "emulator/record/recorder.hpp"
 #include "transports/can/can_bits.hpp"
 #include "transports/can/can_error.hpp"
 
@@ -273,14 +272,14 @@ void WirePort::pass(std::span<const Frame> frames, std::size_t own) noexcept {
     port_->send(frames);
   own_held_ += own;
   others_held_ += frames.size() - own;
-  if (recorder_ != nullptr) recorder_->frames(interface_, frames, port_->counters().dropped - dropped);
+  sink_->frames(interface_, frames, port_->counters().dropped - dropped);
   if (copies_ != nullptr) copies_->send(frames, time_, is_reply_);
 }
 
 void WirePort::lose(std::span<const Frame> frames) noexcept {
   (passage_ == Passage::lost ? sent_ : dropped_) += frames.size();
   if (passage_ == Passage::lost && is_reply_) lost_replies_ += frames.size();
-  if (recorder_ != nullptr) recorder_->frames(interface_, frames, frames.size());
+  sink_->frames(interface_, frames, frames.size());
 }
 
 std::optional<Port::Received> WirePort::receive() noexcept {

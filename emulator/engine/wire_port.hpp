@@ -12,6 +12,7 @@
 
 #include "core/frame.hpp"
 #include "emulator/faults/wire_change.hpp"
+#include "emulator/ground/step_sink.hpp"
 #include "emulator/plan/fault.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"
@@ -19,7 +20,6 @@
 namespace imud {
 
 class Copies;
-class Recorder;
 
 // Passes everything to the port that it wraps, and changes what is sent and received as the active faults of
 // wire_faults.hpp have it. While none is active, it changes nothing.
@@ -48,10 +48,11 @@ class WirePort final : public Port {
   // Sets the faults of the next sample. Called before the frames of each sample, and of the deadlines up to it, are
   // sent. No allocation.
   void set_active(std::span<const ActiveFault> faults) noexcept;
-  // From now on records the frames that leave, by the interface of that number, and those dropped, by that number
+  // From now on gives `sink` the frames that leave, by the interface of that number, and those dropped, by that
+  // number
   // + 2.
-  void set_recorder(Recorder* recorder, std::uint16_t interface) noexcept {
-    recorder_ = recorder;
+  void set_sink(StepSink& sink, std::uint16_t interface) noexcept {
+    sink_ = &sink;
     interface_ = interface;
   }
   // Sets the rate of the samples from the next one on.
@@ -119,7 +120,7 @@ class WirePort final : public Port {
   const std::uint32_t stream_;
   UartSettings uart_;
   double bit_rate_;
-  Recorder* recorder_ = nullptr;
+  StepSink* sink_ = &StepSink::none();
   Copies* copies_ = nullptr;
   std::uint16_t interface_ = 0;
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/imu.hpp"
@@ -89,6 +90,12 @@ struct ImuConfig {
   ImuModel model;
   bool device_filters = false;  // the filters of `model` are those that the product's settings choose
 };
+
+// The name of the model of an imu without_errors(), on which no fault acts.
+inline constexpr std::string_view model_of_truth = "truth";
+// Returns an imu that samples the same truth at the same instants, place and axes, without errors, and sends it bit
+// for bit (`native`).
+ImuConfig without_errors(const ImuConfig& imu);
 
 // Who may control a run (control/README.md).
 struct ControlConfig {

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <string_view>
 
 #include "emulator/plan/config.hpp"
 #include "protocols/measurements/measurement_row.hpp"
@@ -26,12 +25,5 @@ struct TrueRow {
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive);
 // A port that sends nothing.
 std::unique_ptr<Port> idle_port();
-
-// The name of the model of an imu without_errors(), on which no fault acts.
-inline constexpr std::string_view model_of_truth = "truth";
-
-// Returns an imu that samples the same truth at the same instants, place and axes, without errors, and sends it bit
-// for bit (`native`).
-ImuConfig without_errors(const ImuConfig& imu);
 
 }  // namespace imud

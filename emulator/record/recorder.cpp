@@ -22,7 +22,7 @@ std::int64_t realtime_offset() noexcept {
 }  // namespace
 
 Recorder::Recorder(const RecordOptions& options, bool waits, std::size_t size)
-    : waits_(waits), file_(options, counters_), path_(file_.path()), ring_(size) {
+    : StepSink(true), waits_(waits), file_(options, counters_), path_(file_.path()), ring_(size) {
   add_interface(std::string(events_interface), link_type::event);
   add_interface(std::string(config_interface), link_type::text);
 }
@@ -41,7 +41,7 @@ void Recorder::start(bool is_live, std::string config) {
                .flags = is_live ? RecordEvent::is_live : std::uint8_t{0},
                .truth = truth_},
               host_now());
-  now_ = polled_ = host_now();  // of the events before the first that has a time of its own
+  set_time(host_now());  // of the events before the first that has a time of its own
   writer_ = std::thread([this] { write(); });
 }
 
@@ -50,18 +50,12 @@ void Recorder::finish() {
   if (writer_.joinable()) writer_.join();
 }
 
-void Recorder::event(const RecordEvent& event) noexcept {
-  push({.interface = 0, .time = now_}, encode_record_event(event));
+void Recorder::keep_event(const RecordEvent& event) noexcept {
+  push({.interface = 0, .time = now()}, encode_record_event(event));
 }
 
-void Recorder::frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept {
-  const std::size_t left = frames.size() - std::min<std::uint64_t>(dropped, frames.size());
-  for (std::size_t i = 0; i < frames.size(); ++i)
-    packet(static_cast<std::uint16_t>(interface + (i < left ? 0 : 2)), PacketDirection::outbound, now_, frames[i]);
-}
-
-void Recorder::packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
-                      const Endpoint& peer) noexcept {
+void Recorder::keep_packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
+                           const Endpoint& peer) noexcept {
   push({.interface = interface, .direction = direction, .can = frame.can, .time = time, .peer = peer}, frame.bytes);
 }
 
@@ -75,7 +69,7 @@ void Recorder::push(const PacketRing::Head& head, std::span<const std::byte> byt
     return;
   }
   if (const auto lost = static_cast<std::int64_t>(std::exchange(missing_, 0)); lost > 0)
-    ring_.push({.interface = 0, .time = now_}, encode_record_event({.type = RecordEvent::Type::lost, .a = lost}));
+    ring_.push({.interface = 0, .time = now()}, encode_record_event({.type = RecordEvent::Type::lost, .a = lost}));
   ring_.push(head, bytes);
 }
 

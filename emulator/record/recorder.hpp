@@ -10,6 +10,7 @@
 
 #include "core/time.hpp"
 #include "emulator/ground/packet_ring.hpp"
+#include "emulator/ground/step_sink.hpp"
 #include "emulator/record/record_file.hpp"
 #include "transports/port.hpp"
 
@@ -18,7 +19,7 @@ namespace imud {
 // The sampling thread calls it in the order of what it does; a thread of its own writes the file. After start() the
 // sampling thread neither allocates, locks nor waits here, unless `waits`: a packet for which the queue has no room
 // is counted as lost, and the place is marked.
-class Recorder {
+class Recorder final : public StepSink {
  public:
   // The size of the queue, bytes: ten seconds of four imus at 1 kHz.
   static constexpr std::size_t queue_size = 16 * 1024 * 1024;
@@ -27,29 +28,13 @@ class Recorder {
   // OpenError if the file cannot be created.
   Recorder(const RecordOptions& options, bool waits, std::size_t size = queue_size);
   // Ends the record as finish() does.
-  ~Recorder();
+  ~Recorder() override;
 
   // --- Before start() ---
-  // Adds an interface and returns its number.
-  std::uint16_t add_interface(std::string name, std::uint16_t link_type);
-  // Sets the address of the truth port.
-  void set_truth_address(const Endpoint& address) { truth_ = address; }
+  std::uint16_t add_interface(std::string name, std::uint16_t link_type) override;
+  void set_truth_address(const Endpoint& address) override { truth_ = address; }
   // Writes the head and starts the thread. `is_live`: the truth is no capture. `config`: the run's, as TOML.
   void start(bool is_live, std::string config);
-
-  // --- The sampling thread ---
-  // Sets the time of what follows.
-  void set_time(HostTime now) noexcept { now_ = now; }
-  // Sets the time up to which the devices' deadlines have been polled.
-  void set_polled(HostTime now) noexcept { now_ = polled_ = now; }
-  HostTime polled() const noexcept { return polled_; }
-  HostTime now() const noexcept { return now_; }
-  void event(const RecordEvent& event) noexcept;
-  void packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
-              const Endpoint& peer = {}) noexcept;
-  // Records frames that a port was passed, of which it has dropped the last `dropped`: those that left by
-  // `interface`, the others by `interface` + 2.
-  void frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
 
   // --- Any other thread ---
   // Called when the sampling thread has ended: writes what is in the queue.
@@ -59,6 +44,9 @@ class Recorder {
   const std::string& path() const noexcept { return path_; }
 
  private:
+  void keep_event(const RecordEvent& event) noexcept override;
+  void keep_packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
+                   const Endpoint& peer) noexcept override;
   void push(const PacketRing::Head& head, std::span<const std::byte> bytes) noexcept;
   void write() noexcept;
 
@@ -69,7 +57,6 @@ class Recorder {
   PacketRing ring_;
   std::vector<PcapngInterface> interfaces_;
   Endpoint truth_;
-  HostTime now_, polled_;
   std::uint64_t missing_ = 0;  // packets for which there was no room since the last that had
   std::atomic<bool> stop_ = false;
   std::thread writer_;

@@ -76,10 +76,10 @@ bool drive(Session& session, const Config& config, const RunOptions& options, Re
   return session.drain(realtime || stop ? 50ms : 2000ms);
 }
 
-RunCounters counters_of(const Session& session, const RunControl& control) {
+RunCounters counters_of(const Session& session, const RunControl& control, const Recorder* recorder) {
   RunCounters counters{&session.intake().counters(), &session.quality(), {}, nullptr};
   if (session.faults().capacity() > 0) counters.faults = &session.faults();
-  if (session.recorder() != nullptr) counters.record = &session.recorder()->counters();
+  if (recorder != nullptr) counters.record = &recorder->counters();
   for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
   counters.control = &control.counters;
   return counters;
@@ -185,8 +185,8 @@ int run(const Config& config, const RunOptions& options) {
   if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
   RunControl control(config.imus.size());
   Session session(repeated ? repeated->adapted(config) : config,
-                  repeated ? repeated->open(open_port) : Sync::OpenPort(open_port), recorder ? &*recorder : nullptr,
-                  &control);
+                  repeated ? repeated->open(open_port) : Sync::OpenPort(open_port),
+                  recorder ? *recorder : StepSink::none(), &control);
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
   const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
@@ -204,7 +204,8 @@ int run(const Config& config, const RunOptions& options) {
   Config named = config;  // as the log shall name its ports
   for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
-  Monitor monitor(counters_of(session, control), named, options.monitor);
+  const RunCounters counters = counters_of(session, control, recorder ? &*recorder : nullptr);
+  Monitor monitor(counters, named, options.monitor);
   bool has_data = has_data_on_stdout(config, options);
   const auto read = [&] {
     Config next = options.read_config();
@@ -238,8 +239,8 @@ int run(const Config& config, const RunOptions& options) {
     stopped_by = EndedBy::control;
     stop = true;
   };
-  ControlApi api(io, {instance, named, control, monitor, counters_of(session, control), quit, session.faults(),
-                      reloader, repeated.has_value()});
+  ControlApi api(
+      io, {instance, named, control, monitor, counters, quit, session.faults(), reloader, repeated.has_value()});
   reload = [&api] { api.reload(); };
   server->start(api);
   if (web) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/record/recorder.hpp"
 #include "emulator/truth/remark_text.hpp"
 #include "transports/socket/host_address.hpp"
 
@@ -35,11 +34,11 @@ Endpoint address_of(const std::string& port) {
 
 }  // namespace
 
-TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port,
-                         Recorder* recorder, std::unique_ptr<TruthDecoder> decoder)
+TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port, StepSink& sink,
+                         std::unique_ptr<TruthDecoder> decoder)
     : timeline_(timeline),
       port_(std::move(port)),
-      recorder_(recorder),
+      sink_(sink),
       format_(*config.format),
       decoder_(decoder ? std::move(decoder) : config.format->make(config.settings)),
       stream_(config.stream),
@@ -53,22 +52,20 @@ TruthIntake::TruthIntake(const TruthConfig& config, Timeline& timeline, std::uni
       bounds_(config.bounds),
       place_(config) {
   remark_columns();
-  if (recorder_ != nullptr) add_interface(config);
+  if (sink_.keeps()) add_interface(config);
 }
 
 void TruthIntake::add_interface(const TruthConfig& config) {
-  interface_ =
-      recorder_->add_interface(std::string(truth_interface), is_stream_ ? link_type::bytes : link_type::raw_ip);
+  interface_ = sink_.add_interface(std::string(truth_interface), is_stream_ ? link_type::bytes : link_type::raw_ip);
   const std::string chosen = port_->chosen_port();
-  recorder_->set_truth_address(address_of(chosen.empty() ? config.port : chosen));
+  sink_.set_truth_address(address_of(chosen.empty() ? config.port : chosen));
 }
 
 // Sends `outgoing_`.
 void TruthIntake::send() noexcept {
   port_->send(outgoing_.frames());
-  if (recorder_ == nullptr) return;
   for (const Frame& frame : outgoing_.frames())
-    recorder_->packet(interface_, PacketDirection::outbound, recorder_->now(), frame, sender_);
+    sink_.packet(interface_, PacketDirection::outbound, sink_.now(), frame, sender_);
 }
 
 // Called when the input has ended, or the simulator has disconnected. The rest of an incomplete record will not come.
@@ -91,7 +88,7 @@ void TruthIntake::watch_connection() noexcept {
     counters_.disconnections.store(port.lost_count, std::memory_order_relaxed);
     is_back_ = true;
     finish_input();
-    if (recorder_ != nullptr) recorder_->event({.type = RecordEvent::Type::disconnected});
+    sink_.event({.type = RecordEvent::Type::disconnected});
   }
   counters_.port_state.store(port_->state(), std::memory_order_release);
 }
@@ -111,8 +108,7 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
     watch_connection();
     if (!received) {
       if (port_->at_end() && !std::exchange(has_ended_, true)) {
-        if (recorder_ != nullptr)
-          recorder_->event({.type = RecordEvent::Type::disconnected, .flags = RecordEvent::input_ended});
+        sink_.event({.type = RecordEvent::Type::disconnected, .flags = RecordEvent::input_ended});
         if (is_stream_) decoder_->end_of_file();
         if (const auto last = decoder_->next(truth_)) return last;
       }
@@ -128,9 +124,7 @@ std::optional<TruthResult> TruthIntake::next_record() noexcept {
     arrival_ = received->time;
     sender_ = received->from;
     // A capture's own time stamps are no host times.
-    if (recorder_ != nullptr)
-      recorder_->packet(interface_, PacketDirection::inbound, is_live_ ? arrival_ : recorder_->now(), received->frame,
-                        sender_);
+    sink_.packet(interface_, PacketDirection::inbound, is_live_ ? arrival_ : sink_.now(), received->frame, sender_);
     const bool is_stream = is_stream_ || received->is_piece;
     decoder_->feed(received->frame.bytes, is_stream ? TruthInput::stream : TruthInput::datagram, arrival_);
   }
@@ -231,9 +225,9 @@ void TruthIntake::count_step(Admission admission, Nanoseconds step) noexcept {
 
 TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
   const Outcome outcome = process(watermark);
-  if (recorder_ != nullptr && outcome != Outcome::nothing)
-    recorder_->event({RecordEvent::Type::truth, static_cast<std::uint8_t>(outcome), 0,
-                      outcome == Outcome::ignored ? 0 : truth_.time.ns, watermark.ns});
+  if (outcome != Outcome::nothing)
+    sink_.event({RecordEvent::Type::truth, static_cast<std::uint8_t>(outcome), 0,
+                 outcome == Outcome::ignored ? 0 : truth_.time.ns, watermark.ns});
   return outcome;
 }
 

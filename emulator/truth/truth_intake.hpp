@@ -11,6 +11,7 @@
 #include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "emulator/ground/counters.hpp"
+#include "emulator/ground/step_sink.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/truth/place_watch.hpp"
 #include "emulator/truth/sender_watch.hpp"
@@ -20,15 +21,13 @@
 
 namespace imud {
 
-class Recorder;
-
 // Owns the truth port and the format's decoder. One thread, but any thread may read counters().
 class TruthIntake {
  public:
   // `config.format` must outlive this. `recorder`: records what is received and sent; nullptr: none does. `decoder`
   // decodes in place of that of the format; nullptr: that of the format does.
-  TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port, Recorder* recorder = nullptr,
-              std::unique_ptr<TruthDecoder> decoder = nullptr);
+  TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port,
+              StepSink& sink = StepSink::none(), std::unique_ptr<TruthDecoder> decoder = nullptr);
 
   enum class Outcome : std::uint8_t {
     nothing,   // no record has arrived; wait for the descriptor, unless at_end()
@@ -104,7 +103,7 @@ class TruthIntake {
 
   Timeline& timeline_;
   std::unique_ptr<Port> port_;
-  Recorder* const recorder_;
+  StepSink& sink_;
   std::uint16_t interface_ = 0;  // of the record
   const TruthFormat& format_;
   std::unique_ptr<TruthDecoder> decoder_;

@@ -162,7 +162,7 @@ class SimulatedRun {
           if (port.role == Role::listener) return open_pin(text, port);
           return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
         },
-        recorder, control);
+        recorder != nullptr ? *recorder : StepSink::none(), control);
     if (recorder != nullptr) recorder->start(true, config_.resolved);
     const auto pacer = make_pacer(config_, session_->quality());
     const LoopOptions options{.pace = {config_.realtime.spin, config_.realtime.skip_after}, .limit = {}};

@@ -1,0 +1,66 @@
+// StepSink: takes what a run does, in the order in which it is done. A record is made of it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "core/frame.hpp"
+#include "core/time.hpp"
+#include "transports/capture/pcapng_writer.hpp"
+#include "transports/capture/record_packet.hpp"
+#include "transports/endpoint.hpp"
+
+namespace imud {
+
+// A session gives it every event, every packet that it receives, and every frame that a port was passed. A sink that
+// keeps nothing costs a comparison.
+class StepSink {
+ public:
+  // Returns the sink of runs without a record, which keeps nothing. Any thread.
+  static StepSink& none() noexcept;
+  virtual ~StepSink() = default;
+
+  // Returns true if what it is given is kept.
+  bool keeps() const noexcept { return keeps_; }
+
+  // --- Before the run ---
+  // Adds an interface and returns its number.
+  virtual std::uint16_t add_interface(std::string name, std::uint16_t link_type) = 0;
+  // Sets the address of the truth port.
+  virtual void set_truth_address(const Endpoint& address) = 0;
+
+  // --- The sampling thread ---
+  // Sets the time of what follows.
+  void set_time(HostTime now) noexcept {
+    if (keeps_) now_ = now;
+  }
+  HostTime now() const noexcept { return now_; }
+  void event(const RecordEvent& event) noexcept {
+    if (keeps_) keep_event(event);
+  }
+  // A packet of that interface, at its own time.
+  void packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
+              const Endpoint& peer = {}) noexcept {
+    if (keeps_) keep_packet(interface, direction, time, frame, peer);
+  }
+  // Frames that a port was passed, of which it has dropped the last `dropped`: those that left by `interface`, the
+  // others by `interface` + 2.
+  void frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept {
+    if (keeps_) keep_frames(interface, frames, dropped);
+  }
+
+ protected:
+  explicit StepSink(bool keeps) noexcept : keeps_(keeps) {}
+
+ private:
+  virtual void keep_event(const RecordEvent& event) noexcept = 0;
+  virtual void keep_packet(std::uint16_t interface, PacketDirection direction, HostTime time, const Frame& frame,
+                           const Endpoint& peer) noexcept = 0;
+  void keep_frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
+
+  const bool keeps_;
+  HostTime now_;
+};
+
+}  // namespace imud
