@@ -70,7 +70,9 @@ class PortReloadTest : public LiveTest {
     log_ = imud.errors();
   }
   std::string file(const std::string& name) const { return read_file(path(name)); }
-  static std::string message(const json& answer) { return answer["error"]["message"].get<std::string>(); }
+  static std::string message(const json& answer) {
+    return answer.contains("error") ? answer["error"]["message"].get<std::string>() : answer.dump();
+  }
   json reload(ControlClient& client, const std::string& content) const {
     config(content);
     return client.call("reload");
@@ -266,27 +268,34 @@ TEST_F(PortReloadTest, ARecordRepeatsTheBytes) {
   EXPECT_EQ(file("out2"), second);
 }
 
-// With faults of the wire: the cable that is out at the reload is in again in the other port.
+// With faults of the wire: while the cable is out, the new pty has no link.
 TEST_F(PortReloadTest, CountersAndFaultsGoOn) {
   const auto with_faults = [&](const std::string& port) {
     std::string all = text(port);
     return all.insert(all.find("[truth]"), "faults = true\n");
   };
-  play(
-      with_faults("file:{}/out1"),
-      {{1,
-        [&](ControlClient& client) {
-          const json answer =
-              client.call("fault.begin", {{"imu", "imu1"}, {"target", "wire"}, {"kind", "disconnect"}});
-          EXPECT_TRUE(answer.contains("result")) << answer;
-        }},
-       {2,
-        [&](ControlClient& client) { EXPECT_TRUE(reload(client, with_faults("file:{}/other")).contains("result")); }},
-       {3, [&](ControlClient& client) { EXPECT_TRUE(client.call("fault.clear").contains("result")); }}});
+  play(with_faults("file:{}/out1"),
+       {{1,
+         [&](ControlClient& client) {
+           const json answer =
+               client.call("fault.begin", {{"imu", "imu1"}, {"target", "wire"}, {"kind", "disconnect"}});
+           EXPECT_TRUE(answer.contains("result")) << answer;
+         }},
+        {2,
+         [&](ControlClient& client) {
+           EXPECT_TRUE(reload(client, with_faults("pty:{}/unplugged")).contains("result"));
+           EXPECT_FALSE(std::filesystem::is_symlink(path("unplugged")));
+         }},
+        {3, [&](ControlClient& client) { EXPECT_TRUE(client.call("fault.clear").contains("result")); }},
+        {4, [&](ControlClient& client) {
+           EXPECT_TRUE(std::filesystem::is_symlink(path("unplugged")));
+           EXPECT_TRUE(reload(client, with_faults("file:{}/other")).contains("result"));
+           EXPECT_FALSE(std::filesystem::is_symlink(path("unplugged")));
+         }}});
   EXPECT_EQ(samples(file("out1")), from_to(0, 11));
-  EXPECT_EQ(samples(file("other")), from_to(31, all_samples));
-  EXPECT_EQ(imu(0)["frames"], all_samples + 1 - 20);
-  EXPECT_EQ(imu(0)["dropped"], 20);
+  EXPECT_EQ(samples(file("other")), from_to(41, all_samples));
+  EXPECT_EQ(imu(0)["frames"], all_samples + 1 - 30);
+  EXPECT_EQ(imu(0)["dropped"], 30);
 }
 
 // What waits in the queue of a slow line leaves by its old port; the sum of all counters is the number of frames.
@@ -295,16 +304,18 @@ TEST_F(PortReloadTest, ASlowLineSendsWhatItHolds) {
     return fmt::format(
         "clock = \"realtime\"\nrealtime.priority = 0\nrealtime.lock_memory = false\n[control]\nsocket = \"{}\"\n"
         "[truth]\nport = \"{}\"\ndelay_ms = 0\n[[imu]]\nname = \"imu1\"\nrate_hz = 20\nprotocol = \"csv\"\n"
-        "before_first = \"rest\"\nport = \"{}\"\n{}gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n",
+        "before_first = \"rest\"\nport = \"{}\"\n{}gyro.angle_random_walk_deg_per_rt_hr = 0.5\n"
+        "accelerometer.velocity_random_walk_m_per_s_per_rt_hr = 0.5\ngyro.max_rad_per_s = "
+        "100\naccelerometer.max_m_per_s2 = 1000\n",
         path("socket"), simulator_.port(), port, pace);
   };
   Program imud("imud");
-  start(imud, config(slow("pty:" + path("one") + "?baud=57600", "pace = \"line\"\n")));
+  start(imud, config(slow("pty:" + path("one") + "?baud=53000", "pace = \"line\"\n")));
   ControlClient client(path("socket"));
   Reader reader(path("one"));
   ASSERT_TRUE(reader);
-  ASSERT_TRUE(eventually([&] { return samples(reader.text()).size() > 5; }));
-  const std::string why = message(reload(client, slow("pty:" + path("one") + "?baud=57600", "")));
+  ASSERT_TRUE(eventually([&] { return count(reader.text(), "\n") > 5; }));
+  const std::string why = message(reload(client, slow("pty:" + path("one") + "?baud=53000", "")));
   EXPECT_TRUE(contains(why, "pace: can change only together with the port")) << why;
   const json answer = reload(client, slow("file:" + path("out"), ""));
   ASSERT_TRUE(answer.contains("result")) << answer;
