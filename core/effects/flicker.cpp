@@ -28,19 +28,6 @@ std::size_t Flicker::octaves(double from_s, double to_s) noexcept {
   return count;
 }
 
-double Flicker::allan_variance(double from_s, double to_s, double tau) noexcept {
-  const std::size_t count = octaves(from_s, to_s);
-  double sum = 0, time = first_correlation_time(from_s);
-  for (std::size_t i = 0; i < count; ++i, time *= 2) {
-    const double x = tau / time;
-    // Where x is small, the difference would cancel: its series is 2/3 x - x^2/2 + ...
-    const double e = elementary::exp(-x);
-    const double shape = x < 1e-3 ? x * (2.0 / 3.0 - 0.5 * x) : 2.0 / x * (1.0 - (3.0 - 4.0 * e + e * e) / (2.0 * x));
-    sum += variance(i, count) * shape;
-  }
-  return sum;
-}
-
 Flicker::Flicker(const TriadErrors& errors, Quantity quantity, double period_s)
     : instability_(errors.bias_instability),
       quantity_(quantity),

@@ -39,8 +39,6 @@ class Flicker {
   // Returns the number of processes that the averaging times need, and the correlation time of the first, s.
   static std::size_t octaves(double from_s, double to_s) noexcept;
   static double first_correlation_time(double from_s) noexcept;
-  // Returns the Allan variance of the cascade at the averaging time `tau`, s, for B = 1.
-  static double allan_variance(double from_s, double to_s, double tau) noexcept;
 
  private:
   struct Value {

@@ -1,8 +1,6 @@
 // SensorFilter: the low-pass filter between a sensor and its output, as numbers. bandwidth.hpp applies it.
 #pragma once
 
-#include <complex>
-
 #include "core/vector.hpp"
 
 namespace imud {
@@ -28,11 +26,8 @@ struct SensorFilter {
   bool operator==(const SensorFilter&) const = default;
 };
 
-// Returns the gain and the phase (negative: the output lags) of axis 0 to 2 at `frequency_hz`, below half of
-// `rate_hz`, the rate at which the filter runs.
-std::complex<double> frequency_response(const SensorFilter& filter, int axis, double rate_hz, double frequency_hz);
-
-// Returns the group delay at frequency 0, s: by how much a slow motion is late.
+// Returns the group delay of axis 0 to 2 at frequency 0, s: by how much a slow motion is late. `rate_hz`: the rate at
+// which the filter runs.
 double group_delay_s(const SensorFilter& filter, int axis, double rate_hz);
 
 // The filters that a product has set in itself.

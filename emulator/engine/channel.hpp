@@ -122,9 +122,8 @@ class Channel {
                       std::uint64_t failed) noexcept;
   // Computes counters() again.
   void publish() noexcept;
-  // The sample that sense() has taken last, and the number and the time stamp of the next one; nullopt where the time
-  // is not known before the first truth of a run.
-  const Sample& last_sample() const noexcept { return sample_; }
+  // The number and the time stamp of the next sample; nullopt where the time is not known before the first truth of a
+  // run.
   std::uint64_t next_sample() const noexcept { return imu_.next(); }
   std::optional<DeviceTime> next_time() const noexcept { return clock_.next_sample(); }
   // From now on offers the samples to those who watch them, as those of that imu.

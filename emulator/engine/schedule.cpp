@@ -30,28 +30,18 @@ void Schedule::advance() noexcept {
   heap_[place] = slot;
 }
 
-void Schedule::push(std::size_t imu) noexcept {
-  heap_.push_back({origins_[imu] + grids_[imu].offset(0), 0, imu});
-  std::push_heap(heap_.begin(), heap_.end(), is_later);
-}
-
 void Schedule::start(std::size_t imu, Nanoseconds origin) noexcept {
   origins_[imu] = origin;
   std::erase_if(heap_, [imu](const Slot& slot) { return slot.imu == imu; });
   std::make_heap(heap_.begin(), heap_.end(), is_later);
-  push(imu);
+  heap_.push_back({origin + grids_[imu].offset(0), 0, imu});
+  std::push_heap(heap_.begin(), heap_.end(), is_later);
 }
 
 void Schedule::change(std::size_t imu, const Grid& grid) noexcept {
   const auto next = std::find_if(heap_.begin(), heap_.end(), [imu](const Slot& slot) { return slot.imu == imu; });
   grids_[imu] = grid;
   if (next != heap_.end()) start(imu, next->offset - grid.phase());
-}
-
-void Schedule::start_all() noexcept {
-  heap_.clear();
-  std::fill(origins_.begin(), origins_.end(), Nanoseconds{0});
-  for (std::size_t imu = 0; imu < grids_.size(); ++imu) push(imu);
 }
 
 }  // namespace imud

@@ -33,12 +33,8 @@ class Schedule {
   void start(std::size_t imu, Nanoseconds origin) noexcept;
   // Changes the imu's grid. If it is started, its next instant stays, and is instant 0 of the new grid.
   void change(std::size_t imu, const Grid& grid) noexcept;
-  // Starts all grids at the schedule's origin.
-  void start_all() noexcept;
 
  private:
-  void push(std::size_t imu) noexcept;
-
   std::vector<Grid> grids_;
   std::vector<Nanoseconds> origins_;
   std::vector<Slot> heap_;  // the next slot of each imu whose grid is started

@@ -9,6 +9,7 @@
 #include "core/units.hpp"
 #include "tests/core/allan.hpp"
 #include "tests/core/drive.hpp"
+#include "tests/support/frequency_response.hpp"
 
 namespace imud {
 namespace {

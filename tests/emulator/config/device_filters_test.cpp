@@ -14,6 +14,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/engine/channel.hpp"
 #include "tests/protocols/recording.hpp"
+#include "tests/support/frequency_response.hpp"
 #include "tests/transports/scratch_folder.hpp"
 
 namespace imud {
