@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/plan/fault_config.hpp"
@@ -44,84 +43,97 @@ enum class MessageFault : std::uint8_t {
 };
 
 constexpr FaultKind message_table[] = {
-    {.name = "missing",
+    {.code = MessageFault::missing,
+     .name = "missing",
      .summary = "messages are not sent",
      .seam = FaultSeam::message,
      .targets = message_target,
      .parameters = message_chance,
      .is_ramped = false},
-    {.name = "repeated",
+    {.code = MessageFault::repeated,
+     .name = "repeated",
      .summary = "messages are sent again",
      .seam = FaultSeam::message,
      .targets = message_target,
      .parameters = message_copies,
      .is_ramped = false},
-    {.name = "late",
+    {.code = MessageFault::late,
+     .name = "late",
      .summary = "messages leave late, in their order",
      .seam = FaultSeam::message,
      .targets = message_target,
      .parameters = message_lateness,
      .stays = "messages that are still withheld leave at their times"},
-    {.name = "batched",
+    {.code = MessageFault::batched,
+     .name = "batched",
      .summary = "messages leave together, as those of a USB adapter do",
      .seam = FaultSeam::message,
      .targets = message_target,
      .parameters = message_batch,
      .is_ramped = false,
      .stays = "the last batch leaves at its time"},
-    {.name = "out_of_order",
+    {.code = MessageFault::out_of_order,
+     .name = "out_of_order",
      .summary = "two messages change places",
      .seam = FaultSeam::message,
      .targets = message_target,
      .is_ramped = false},
-    {.name = "counter_stuck",
+    {.code = MessageFault::counter_stuck,
+     .name = "counter_stuck",
      .summary = "the counter stands still",
      .seam = FaultSeam::message,
      .targets = message_target,
      .is_ramped = false},
-    {.name = "counter_jump",
+    {.code = MessageFault::counter_jump,
+     .name = "counter_jump",
      .summary = "the counter is ahead",
      .seam = FaultSeam::message,
      .targets = message_target,
      .parameters = counter_ahead,
      .is_ramped = false},
-    {.name = "invalid",
+    {.code = MessageFault::invalid,
+     .name = "invalid",
      .summary = "good samples are marked as not valid",
      .seam = FaultSeam::message,
      .targets = message_target,
      .is_ramped = false},
-    {.name = "valid",
+    {.code = MessageFault::valid,
+     .name = "valid",
      .summary = "saturated, stale and failed samples are marked as good",
      .seam = FaultSeam::message,
      .targets = message_target,
      .is_ramped = false},
-    {.name = "other_settings",
+    {.code = MessageFault::other_settings,
+     .name = "other_settings",
      .summary = "messages are those of a unit with other settings, such as another unit, range or identifier",
      .seam = FaultSeam::message,
      .targets = message_target,
      .is_ramped = false,
      .has_settings = true},
-    {.name = "self_test_failed",
+    {.code = MessageFault::self_test_failed,
+     .name = "self_test_failed",
      .summary = "the self test reports a failure, in the status or in the answer to its command",
      .seam = FaultSeam::message,
      .targets = device_target,
      .is_ramped = false,
      .stays = "a status that is collected since the last message has it once more",
      .needs_self_test = true},
-    {.name = "jump",
+    {.code = MessageFault::clock_jump,
+     .name = "jump",
      .summary = "the sensor's clock is wrong",
      .seam = FaultSeam::message,
      .targets = clock_target,
      .parameters = clock_ahead,
      .is_ramped = false},
-    {.name = "drift",
+    {.code = MessageFault::clock_drift,
+     .name = "drift",
      .summary = "the sensor's clock runs away",
      .seam = FaultSeam::message,
      .targets = clock_target,
      .parameters = clock_fast,
      .is_ramped = false},
 };
-static_assert(std::size(message_table) == static_cast<std::size_t>(MessageFault::count));
+static_assert(has_every_code(message_table, static_cast<std::size_t>(MessageFault::count)));
 
 void append_all(const FrameBuffer& frames, FrameBuffer& to) noexcept {
   for (const Frame& frame : frames.frames()) to.append(frame.bytes, frame.can, frame.uart);
@@ -170,7 +182,7 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
     const double p = fault.parameters[0];
     const double since_s = static_cast<double>(fault.since) / rate_hz_;
     const auto uniform = [&] { return normals_[fault.number].uniform(Quantity::rate, Process::fault_noise, k); };
-    switch (static_cast<MessageFault>(fault.kind - message_table)) {
+    switch (fault.kind->code.as<MessageFault>()) {
       case MessageFault::missing:
         is_missing_ = is_missing_ || p >= 1 || uniform() < p;
         break;

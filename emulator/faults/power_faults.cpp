@@ -12,8 +12,7 @@ namespace imud {
 
 namespace {
 
-// The places of the kinds in their table.
-enum Kind : std::size_t { off, brown_out, slow_start, settings_lost, boot_loader, kind_count };
+enum Kind : std::uint8_t { off, brown_out, slow_start, settings_lost, boot_loader, kind_count };
 
 constexpr std::string_view power[] = {"power"};
 constexpr FaultParameter of_brown_out[] = {
@@ -24,31 +23,32 @@ constexpr FaultParameter of_slow_start[] = {
 constexpr std::string_view started_anew =
     "the device starts up, with its saved settings and new turn-on errors; what the host has sent meanwhile is lost";
 
-constexpr FaultKind power_kind(std::string_view name, std::string_view summary,
+constexpr FaultKind power_kind(Kind code, std::string_view name, std::string_view summary,
                                std::span<const FaultParameter> parameters, std::string_view stays) {
-  return {.name = name,
+  return {.code = code,
+          .name = name,
           .summary = summary,
           .seam = FaultSeam::power,
           .targets = power,
           .parameters = parameters,
-          .is_ramped = name == "brown_out",
-          .is_event = name == "settings_lost",
+          .is_ramped = code == brown_out,
+          .is_event = code == settings_lost,
           .stays = stays};
 }
 
-// In the order of Kind.
 constexpr std::array power_table = {
-    power_kind("off", "the supply is off, and on again at the end", {}, started_anew),
-    power_kind("brown_out", "the supply drops at random instants, at each of which the device is reset", of_brown_out,
-               started_anew),
-    power_kind("slow_start", "each start of the device takes longer", of_slow_start,
+    power_kind(off, "off", "the supply is off, and on again at the end", {}, started_anew),
+    power_kind(brown_out, "brown_out", "the supply drops at random instants, at each of which the device is reset",
+               of_brown_out, started_anew),
+    power_kind(slow_start, "slow_start", "each start of the device takes longer", of_slow_start,
                "a start that has begun takes as long as it would"),
-    power_kind("settings_lost", "the device is reset, and starts with the settings as delivered", {},
+    power_kind(settings_lost, "settings_lost", "the device is reset, and starts with the settings as delivered", {},
                "the settings are those as delivered until the host changes them"),
-    power_kind("boot_loader", "the device is reset, and stays in its boot loader, which neither sends nor answers",
-               {}, started_anew),
+    power_kind(boot_loader, "boot_loader",
+               "the device is reset, and stays in its boot loader, which neither sends nor answers", {},
+               started_anew),
 };
-static_assert(power_table.size() == kind_count);
+static_assert(has_every_code(power_table, kind_count));
 
 }  // namespace
 
@@ -61,7 +61,7 @@ PowerStep PowerFaults::step(std::span<const ActiveFault> faults) noexcept {
   bool is_supplied = true, is_reset = false;
   double slow_s = 0;
   for (const ActiveFault& fault : faults) {
-    switch (static_cast<Kind>(fault.kind - power_table.data())) {
+    switch (fault.kind->code.as<Kind>()) {
       case off:
       case boot_loader:
         is_supplied = false;

@@ -32,6 +32,6 @@ enum class SensorFault : std::uint8_t {
 };
 
 // `kind` is of sensor_fault_kinds().
-SensorFault sensor_fault_of(const FaultKind& kind) noexcept;
+inline SensorFault sensor_fault_of(const FaultKind& kind) noexcept { return kind.code.as<SensorFault>(); }
 
 }  // namespace imud

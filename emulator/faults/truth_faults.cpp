@@ -1,7 +1,6 @@
 #include "emulator/faults/truth_faults.hpp"
 
 #include <algorithm>
-#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -31,25 +30,29 @@ constexpr std::string_view last_curve = "motion returns on the curve to the next
 enum class TruthFault : std::uint8_t { frozen, jump, nan, late, lost, count };
 
 constexpr FaultKind truth_table[] = {
-    {.name = "frozen",
+    {.code = TruthFault::frozen,
+     .name = "frozen",
      .summary = "the motion of the last truth before the fault is sent again and again, with new times",
      .seam = FaultSeam::truth,
      .targets = truth_target,
      .is_ramped = false,
      .stays = last_curve},
-    {.name = "jump",
+    {.code = TruthFault::jump,
+     .name = "jump",
      .summary = "the position jumps",
      .seam = FaultSeam::truth,
      .targets = truth_target,
      .parameters = truth_offset,
      .stays = last_curve},
-    {.name = "nan",
+    {.code = TruthFault::nan,
+     .name = "nan",
      .summary = "numbers are no numbers, so that truth is refused",
      .seam = FaultSeam::truth,
      .targets = truth_target,
      .is_ramped = false,
      .stays = "motion is extrapolated or held to the next truth"},
-    {.name = "late",
+    {.code = TruthFault::late,
+     .name = "late",
      .summary = "truth arrives late, after others that were sent later",
      .seam = FaultSeam::truth,
      .targets = truth_target,
@@ -57,7 +60,8 @@ constexpr FaultKind truth_table[] = {
      .is_ramped = false,
      .stays = "the late truths follow at once",
      .in_lockstep = false},
-    {.name = "lost",
+    {.code = TruthFault::lost,
+     .name = "lost",
      .summary = "truth does not arrive",
      .seam = FaultSeam::truth,
      .targets = truth_target,
@@ -65,7 +69,7 @@ constexpr FaultKind truth_table[] = {
      .stays = "motion is extrapolated or held to the next truth",
      .in_lockstep = false},
 };
-static_assert(std::size(truth_table) == static_cast<std::size_t>(TruthFault::count));
+static_assert(has_every_code(truth_table, static_cast<std::size_t>(TruthFault::count)));
 
 class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
  public:
@@ -139,7 +143,7 @@ class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
     bool is_lost = false, is_nan = false;
     for (const ActiveFault& fault : schedule_.active(FaultSeam::truth)) {
       const auto& p = fault.parameters;
-      switch (static_cast<TruthFault>(fault.kind - truth_table)) {
+      switch (fault.kind->code.as<TruthFault>()) {
         case TruthFault::frozen:
           freeze(truth);
           break;

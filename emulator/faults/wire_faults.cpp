@@ -52,9 +52,10 @@ constexpr FaultParameter of_load[] = {
 
 constexpr std::string_view host_bytes_lost = "commands that the host has sent meanwhile are lost";
 
-constexpr FaultKind kind(std::string_view name, std::string_view summary, std::span<const FaultParameter> parameters,
-                         bool is_ramped, std::string_view stays = {}) {
-  return {.name = name,
+constexpr FaultKind kind(WireFault code, std::string_view name, std::string_view summary,
+                         std::span<const FaultParameter> parameters, bool is_ramped, std::string_view stays = {}) {
+  return {.code = code,
+          .name = name,
           .summary = summary,
           .seam = FaultSeam::wire,
           .targets = wire,
@@ -63,34 +64,40 @@ constexpr FaultKind kind(std::string_view name, std::string_view summary, std::s
           .stays = stays};
 }
 
-// In the order of WireFault.
 constexpr std::array kinds = {
-    kind("bit_errors", "bits of the characters are wrong, alone or in runs", of_bits, true),
-    kind("byte_loss", "bytes are lost", of_lost_bytes, true),
-    kind("byte_insertion", "random bytes are inserted", of_inserted_bytes, true),
-    kind("cut", "frames end early", of_cut, true),
-    kind("checksum_wrong", "the content of frames is right, the checksum is that of another content", of_checksum,
-         true),
-    kind("content_wrong", "a bit of the content of frames is wrong, the checksum is right for it", of_checksum, true),
-    kind("garbage", "random bytes between the frames", of_garbage, true),
-    kind("break", "the line is at space: the receiver gets one 0x00 with a framing error, then nothing", {}, false),
-    kind("silence", "nothing leaves, and nothing that the host sends arrives", {}, false, host_bytes_lost),
-    kind("baud_wrong",
+    kind(WireFault::bit_errors, "bit_errors", "bits of the characters are wrong, alone or in runs", of_bits, true),
+    kind(WireFault::byte_loss, "byte_loss", "bytes are lost", of_lost_bytes, true),
+    kind(WireFault::byte_insertion, "byte_insertion", "random bytes are inserted", of_inserted_bytes, true),
+    kind(WireFault::cut, "cut", "frames end early", of_cut, true),
+    kind(WireFault::checksum_wrong, "checksum_wrong",
+         "the content of frames is right, the checksum is that of another content", of_checksum, true),
+    kind(WireFault::content_wrong, "content_wrong",
+         "a bit of the content of frames is wrong, the checksum is right for it", of_checksum, true),
+    kind(WireFault::garbage, "garbage", "random bytes between the frames", of_garbage, true),
+    kind(WireFault::line_break, "break",
+         "the line is at space: the receiver gets one 0x00 with a framing error, then nothing", {}, false),
+    kind(WireFault::silence, "silence", "nothing leaves, and nothing that the host sends arrives", {}, false,
+         host_bytes_lost),
+    kind(WireFault::baud_wrong, "baud_wrong",
          "the sensor's UART runs at another speed: both sides sample the other's bits at the wrong times", of_baud,
          false, host_bytes_lost),
-    kind("disconnect", "the cable is out: a pty is hung up and its link is gone, on other lines nothing passes", {},
-         false, "the client of a pty has to open it anew; commands that the host has sent meanwhile are lost"),
-    kind("half_bandwidth", "the line carries less, and the frames of a sample that finds it busy are dropped whole",
-         of_bandwidth, false),
-    kind("bus_off", "the controller has left the bus until the end, when it restarts", {}, false,
+    kind(WireFault::disconnect, "disconnect",
+         "the cable is out: a pty is hung up and its link is gone, on other lines nothing passes", {}, false,
+         "the client of a pty has to open it anew; commands that the host has sent meanwhile are lost"),
+    kind(WireFault::half_bandwidth, "half_bandwidth",
+         "the line carries less, and the frames of a sample that finds it busy are dropped whole", of_bandwidth,
+         false),
+    kind(WireFault::bus_off, "bus_off", "the controller has left the bus until the end, when it restarts", {}, false,
          "counted as a bus-off and a restart; commands that the host has sent meanwhile are lost"),
-    kind("error_frames", "error frames are on the bus", of_frame_rate, true),
-    kind("same_id", "another node sends a frame with the same identifier and random data after a frame of the sensor",
+    kind(WireFault::error_frames, "error_frames", "error frames are on the bus", of_frame_rate, true),
+    kind(WireFault::same_id, "same_id",
+         "another node sends a frame with the same identifier and random data after a frame of the sensor",
          of_checksum, true),
-    kind("babbling", "a node sends frames with the highest priority", of_frame_rate, true),
-    kind("bus_load", "other nodes send frames with the lowest priority up to a level of load", of_load, true),
+    kind(WireFault::babbling, "babbling", "a node sends frames with the highest priority", of_frame_rate, true),
+    kind(WireFault::bus_load, "bus_load", "other nodes send frames with the lowest priority up to a level of load",
+         of_load, true),
 };
-static_assert(kinds.size() == static_cast<std::size_t>(WireFault::bus_load) + 1);
+static_assert(has_every_code(kinds, static_cast<std::size_t>(WireFault::bus_load) + 1));
 
 bool suits(WireFault fault, Link link) {
   switch (fault) {
@@ -99,9 +106,23 @@ bool suits(WireFault fault, Link link) {
     case WireFault::silence:
     case WireFault::disconnect:
       return true;
-    default:
-      return (fault >= WireFault::bus_off) == (link == Link::can);
+    case WireFault::bus_off:
+    case WireFault::error_frames:
+    case WireFault::same_id:
+    case WireFault::babbling:
+    case WireFault::bus_load:
+      return link == Link::can;
+    case WireFault::bit_errors:
+    case WireFault::byte_loss:
+    case WireFault::byte_insertion:
+    case WireFault::cut:
+    case WireFault::garbage:
+    case WireFault::line_break:
+    case WireFault::baud_wrong:
+    case WireFault::half_bandwidth:
+      return link != Link::can;
   }
+  return false;
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 // The kinds of faults of the wire, which WirePort performs.
 #pragma once
 
-#include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 
@@ -10,8 +10,7 @@
 
 namespace imud {
 
-// The places of the kinds in their table.
-enum class WireFault : std::size_t {
+enum class WireFault : std::uint8_t {
   bit_errors,
   byte_loss,
   byte_insertion,
@@ -31,12 +30,10 @@ enum class WireFault : std::size_t {
   bus_load,
 };
 
-// The table, with the target "wire".
+// The table, in the order of WireFault, with the target "wire".
 std::span<const FaultKind> wire_fault_kinds() noexcept;
 // `kind` is one of the table.
-inline WireFault wire_fault(const FaultKind& kind) noexcept {
-  return static_cast<WireFault>(&kind - wire_fault_kinds().data());
-}
+inline WireFault wire_fault(const FaultKind& kind) noexcept { return kind.code.as<WireFault>(); }
 
 // Returns why a kind of the table cannot be on the line of a product, and the remedy; empty if it can.
 std::string wire_fault_objection(const FaultKind& kind, const Protocol& protocol);

@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 namespace imud {
 
@@ -36,10 +37,30 @@ struct FaultParameter {
   bool has_targets_unit = false;
 };
 
+// Which enumerator of its seam's enum a kind is, such as SensorFault::bias.
+class FaultCode {
+ public:
+  constexpr FaultCode() noexcept = default;
+  template <class Enum>
+  requires std::is_enum_v<Enum>
+  constexpr FaultCode(Enum value) noexcept : value_(static_cast<std::uint8_t>(value)) {}
+
+  constexpr std::size_t value() const noexcept { return value_; }
+  // `Enum` is that of the seam.
+  template <class Enum>
+  constexpr Enum as() const noexcept {
+    return static_cast<Enum>(value_);
+  }
+
+ private:
+  std::uint8_t value_ = 0;
+};
+
 // A way to fail. Each seam declares its kinds in a table (fault_kinds.hpp).
 struct FaultKind {
   static constexpr std::size_t max_parameters = 4;
 
+  FaultCode code;
   std::string_view name;     // of the key `kind`: "bias"
   std::string_view summary;  // follows the target in a sentence: "gyro.x: a constant is added"
   FaultSeam seam = FaultSeam::sensor;
@@ -55,6 +76,13 @@ struct FaultKind {
   bool has_settings = false;     // it has those of a product: FaultConfig::settings
   bool needs_self_test = false;  // the product must have one
 };
+
+// Returns true if the table has one kind for each of the `count` enumerators of its seam, in their order.
+constexpr bool has_every_code(std::span<const FaultKind> table, std::size_t count) noexcept {
+  for (std::size_t i = 0; i < table.size(); ++i)
+    if (table[i].code.value() != i) return false;
+  return table.size() == count;
+}
 
 // A fault during one sample.
 struct ActiveFault {
