@@ -27,7 +27,8 @@ TOP_LEVEL = {"CMakeLists.txt", "CMakePresets.json", "LICENSE", "README.md", "cor
 # The floors of a folder, from the ground: each has rooms, which are folders, or files of the folder itself. A file may
 # include files of its own room and of the floors below. The last floor has all files that are on no other.
 FLOORS = {
-    "core": ["vector.hpp units.hpp time.hpp frame.hpp uart.hpp", "numbers/", "attitude.* truth.* sample.hpp timeline.*",
+    "core": ["vector.hpp units.hpp time.hpp gps_time.hpp frame.hpp uart.hpp", "numbers/",
+             "attitude.* truth.* sample.hpp timeline.*",
              "earth/", "environment/ effects/ pose/", ""],
     "protocols": ["protocol.* truth_format.* settings.* native_truth.hpp sync_datagram.hpp", "wire/", "quantities/",
                   "measurements/", "signals/", ""],

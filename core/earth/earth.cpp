@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/earth/igrf.hpp"
+#include "core/gps_time.hpp"
 #include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 
@@ -15,8 +16,6 @@ namespace {
 // WGS 84 (NGA.STND.0036).
 using units::wgs84::a, units::wgs84::b, units::wgs84::f;
 constexpr double e2 = f * (2.0 - f), second_e2 = e2 / ((1.0 - f) * (1.0 - f));
-
-constexpr std::int64_t gps_began = 315'964'800, leap_seconds = 18;  // of UTC, s
 
 }  // namespace
 
@@ -57,13 +56,9 @@ Matrix3 dcm_EL(double latitude, double longitude) noexcept {
   return m;
 }
 
-std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept {
-  return (utc_s - gps_began + leap_seconds) * 1'000'000'000;
-}
-
 double decimal_year(std::int64_t gps_ns) noexcept {
   using std::chrono::sys_days, std::chrono::sys_seconds, std::chrono::year, std::chrono::years;
-  const sys_seconds now{std::chrono::seconds(gps_began - leap_seconds + gps_ns / 1'000'000'000)};
+  const auto now = std::chrono::floor<std::chrono::seconds>(utc_from_gps(gps_ns));
   const year today = std::chrono::year_month_day(std::chrono::floor<std::chrono::days>(now)).year();
   const auto seconds_until = [now](year next) {
     return static_cast<double>((sys_seconds(sys_days(next / 1 / 1)) - now).count());

@@ -36,9 +36,6 @@ struct EarthModel {
   std::int64_t start_gps_ns = 0;                       // GPS time at truth time 0, ns since 1980-01-06
 };
 
-// Returns GPS time, ns since 1980-01-06, of a UTC in s since 1970-01-01. Valid from 2017 on, while GPS time is 18 s
-// ahead.
-std::int64_t gps_ns_from_unix(std::int64_t utc_s) noexcept;
 // Returns a GPS time, ns since 1980-01-06, as a decimal year: the calendar year and the fraction of it that has
 // passed.
 double decimal_year(std::int64_t gps_ns) noexcept;

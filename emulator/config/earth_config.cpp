@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "core/earth/igrf.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "emulator/truth/remark_text.hpp"
 
@@ -22,8 +23,7 @@ double degrees(double angle) { return angle / units::degree; }
 struct Date {
   explicit Date(std::int64_t gps_ns) {
     using namespace std::chrono;
-    const std::int64_t utc_s = (gps_ns - gps_ns_from_unix(0)) / 1'000'000'000;
-    const sys_seconds time{std::chrono::seconds(utc_s)};
+    const sys_seconds time = floor<std::chrono::seconds>(utc_from_gps(gps_ns));
     const auto midnight = floor<days>(time);
     const year_month_day ymd(midnight);
     year = static_cast<int>(ymd.year());

@@ -1,7 +1,9 @@
 #include "protocols/dronecan/gnss.hpp"
 
+#include <chrono>
 #include <limits>
 
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 
 namespace imud::dronecan {
@@ -17,15 +19,16 @@ constexpr double dilutions[] = {1.65, 1.44, 0.80, 1.20, 0.80, 0.57, 0.57};
 PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFigures& figures,
                                       std::uint64_t time_us) noexcept {
   // The definition counts leap seconds since 1972, 9 of them before 1980: UTC = GPS - number + 9.
-  constexpr std::int64_t gps_began_s = 315'964'800, leap_s = 18, leaps_before_gps = 9;
+  constexpr std::int64_t leaps_before_gps = 9;
   const bool is_fixed = navigation.is_known;
-  const std::int64_t utc_us = navigation.gps_ns / 1000 + (gps_began_s - leap_s) * 1'000'000;
+  const auto utc_us =
+      std::chrono::floor<std::chrono::microseconds>(utc_from_gps(navigation.gps_ns)).time_since_epoch();
   PackedPayload<gnss_fix2_size> fix;
   fix.put(time_us, 56);
-  fix.put(is_fixed ? static_cast<std::uint64_t>(utc_us) : 0, 56);
+  fix.put(is_fixed ? static_cast<std::uint64_t>(utc_us.count()) : 0, 56);
   fix.put(is_fixed ? utc_gnss_time : no_gnss_time, 3);
   fix.put(0, 13);
-  fix.put(is_fixed ? leap_s + leaps_before_gps : 0, 8);
+  fix.put(is_fixed ? gps_leap_s + leaps_before_gps : 0, 8);
   fix.put_rounded(1e8 * navigation.longitude / units::degree, 37);
   fix.put_rounded(1e8 * navigation.latitude / units::degree, 37);
   fix.put_rounded(1e3 * navigation.height, 27);

@@ -3,6 +3,7 @@
 #include <chrono>
 
 #include "core/attitude.hpp"
+#include "core/gps_time.hpp"
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
@@ -114,15 +115,11 @@ double climb(const Reading& reading) noexcept { return -reading.sample.navigatio
 
 // --- Calendar: UTC in the present number of leap seconds; 0 where the time is not known ---
 using Day = std::chrono::sys_days;
-constexpr std::chrono::seconds leap{18};
-constexpr std::int64_t week_ns = 604'800'000'000'000;
-std::chrono::sys_time<Nanoseconds> utc(const Reading& reading) noexcept {
-  using namespace std::chrono;
-  return Day(year(1980) / January / 6) + Nanoseconds(reading.sample.navigation.gps_ns) - leap;
-}
 template <class Part>
 double if_known(const Reading& reading, Part part) noexcept {
-  return reading.sample.navigation.is_known ? static_cast<double>(part(utc(reading))) : 0;
+  return reading.sample.navigation.is_known
+             ? static_cast<double>(part(utc_from_gps(reading.sample.navigation.gps_ns)))
+             : 0;
 }
 std::chrono::year_month_day date(std::chrono::sys_time<Nanoseconds> time) noexcept {
   return std::chrono::floor<std::chrono::days>(time);
@@ -169,9 +166,9 @@ double unix_time(const Reading& r) noexcept {
   return if_known(r, [](auto time) { return time.time_since_epoch().count(); }) * 1e-9;
 }
 double time_of_week(const Reading& r) noexcept {
-  return r.sample.navigation.is_known ? 1e-9 * static_cast<double>(r.sample.navigation.gps_ns % week_ns) : 0;
+  return r.sample.navigation.is_known ? 1e-9 * static_cast<double>(r.sample.navigation.gps_ns % gps_week_ns) : 0;
 }
-double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.navigation.gps_ns / week_ns); }
+double gps_week(const Reading& r) noexcept { return static_cast<double>(r.sample.navigation.gps_ns / gps_week_ns); }
 
 double temperature(const Reading& r) noexcept { return r.sample.temperature_c; }
 void put_temperature(double value, ReadBack& read) noexcept {

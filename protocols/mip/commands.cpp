@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/mip.hpp"
 
@@ -274,17 +275,17 @@ Memory::Code Memory::device_status(Reader& reader, const Context& context) noexc
 // of the pulse-per-second input; without one, it begins now.
 Memory::Code Memory::update_gps_time(Reader& reader, const Context& context) noexcept {
   enum Part : std::uint8_t { week = 1, time_of_week = 2 };
-  constexpr std::int64_t week_s = 604'800, week_ns = week_s * second_ns, last_week = 9999;
+  constexpr std::int64_t last_week = 9999;
   const auto function = reader.take<std::uint8_t>();
   const auto part = reader.take<std::uint8_t>();
   const std::int64_t value = reader.take<std::uint32_t>();
   if (!reader.is_done() || function != write) return bad_parameter;
   const std::int64_t now_ns = context.fields.gps_ns(context.now);
-  const std::int64_t into_week_ns = ((now_ns % week_ns) + week_ns) % week_ns;
+  const std::int64_t into_week_ns = ((now_ns % gps_week_ns) + gps_week_ns) % gps_week_ns;
   if (part == week && value <= last_week) {
-    gps_update_.offset_ns = value * week_ns + into_week_ns - context.now.ns;
+    gps_update_.offset_ns = value * gps_week_ns + into_week_ns - context.now.ns;
     gps_update_.has_week = true;
-  } else if (part == time_of_week && value < week_s) {
+  } else if (part == time_of_week && value < gps_week_s) {
     const bool is_pulsed = pulse_source() == PulseSource::gpio && context.fields.has_pulse(context.now);
     const DeviceTime begun = is_pulsed ? *pulses_.last : context.now;
     gps_update_.offset_ns = now_ns - into_week_ns + value * second_ns - begun.ns;

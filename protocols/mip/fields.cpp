@@ -2,6 +2,7 @@
 #include <chrono>
 
 #include "core/attitude.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/field_table.hpp"
 #include "protocols/mip/mip.hpp"
@@ -254,9 +255,8 @@ void Fields::put_system(Packet& packet, std::uint8_t descriptor, DeviceTime at) 
 }
 
 void Fields::put_gps_time(Packet& packet, std::int64_t ns) noexcept {
-  constexpr std::int64_t week_ns = 604'800 * second_ns;
-  const std::int64_t week = ns / week_ns - (ns % week_ns < 0);
-  packet.put(1e-9 * static_cast<double>(ns - week * week_ns));
+  const std::int64_t week = ns / gps_week_ns - (ns % gps_week_ns < 0);
+  packet.put(1e-9 * static_cast<double>(ns - week * gps_week_ns));
   packet.put(static_cast<std::uint16_t>(week));
 }
 

@@ -5,6 +5,7 @@
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
+#include "core/gps_time.hpp"
 #include "core/numbers/elementary.hpp"
 #include "core/units.hpp"
 #include "protocols/mip/mip.hpp"
@@ -13,13 +14,13 @@ namespace imud::mip {
 
 namespace {
 
-constexpr std::int64_t leap_s = 18;  // GPS time less UTC
 constexpr double heading_uncertainty = 0.5 * units::degree;
 
 void put_utc(Packet& packet, std::int64_t gps_ns, std::uint16_t flags) noexcept {
-  constexpr std::int64_t gps_began_s = 315'964'800, day_ms = 86'400'000;
-  const std::int64_t utc_ms = gps_ns / 1'000'000 + (gps_began_s - leap_s) * 1000, of_day = utc_ms % day_ms;
-  const std::chrono::year_month_day date(std::chrono::sys_days(std::chrono::days(utc_ms / day_ms)));
+  const auto utc = std::chrono::floor<std::chrono::milliseconds>(utc_from_gps(gps_ns));
+  const auto day = std::chrono::floor<std::chrono::days>(utc);
+  const std::int64_t of_day = (utc - day).count();
+  const std::chrono::year_month_day date(day);
   packet.put(static_cast<std::uint16_t>(static_cast<int>(date.year())));
   packet.put(static_cast<std::uint8_t>(static_cast<unsigned>(date.month())));
   packet.put(static_cast<std::uint8_t>(static_cast<unsigned>(date.day())));
@@ -145,9 +146,8 @@ void Fields::put_filter_status(Packet& packet, DeviceTime at) const noexcept {
 // Writes the second of the week, heading, its uncertainty, and flags: integers fixed, both receivers and the offsets
 // of their antennas valid.
 void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
-  constexpr std::int64_t week_ns = 604'800'000'000'000;
   const Vector3 ypr = yaw_pitch_roll_from_dcm(sample_.q_LP.conjugate().toRotationMatrix());
-  packet.put_float(is_known() ? 1e-9 * static_cast<double>(true_gps_ns(at) % week_ns) : 0.0);
+  packet.put_float(is_known() ? 1e-9 * static_cast<double>(true_gps_ns(at) % gps_week_ns) : 0.0);
   packet.put_float(is_known() ? ypr[0] : 0.0);
   packet.put_float(is_known() ? figure_or(figures_.attitude.z(), heading_uncertainty) : 0.0);
   packet.put(static_cast<std::uint8_t>(is_known() ? 2 : 0));
@@ -205,7 +205,7 @@ void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) co
       packet.put(std::uint16_t{0x07});
       break;
     case 0x11:
-      packet.put(static_cast<std::uint8_t>(leap_s));
+      packet.put(static_cast<std::uint8_t>(gps_leap_s));
       packet.put(if_known(0x02));
       break;
     default:  // on; antenna good, powered

@@ -5,6 +5,7 @@
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
 #include "core/earth/gravitation.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 
 namespace imud {

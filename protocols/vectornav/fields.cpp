@@ -44,8 +44,7 @@ void matrix(const Quantities& now, BinaryFrame& frame) {  // in column-major ord
 void utc(const Quantities& now, BinaryFrame& frame) {
   if (now.gps_ns() == 0) return;
   namespace chrono = std::chrono;
-  constexpr chrono::sys_days gps_began{chrono::year(1980) / chrono::January / 6};
-  const auto utc = gps_began + Nanoseconds(static_cast<std::int64_t>(now.gps_ns())) - chrono::seconds(leap_seconds);
+  const auto utc = utc_from_gps(static_cast<std::int64_t>(now.gps_ns()));
   const auto day = chrono::floor<chrono::days>(utc);
   const chrono::year_month_day date{day};
   const chrono::hh_mm_ss time{chrono::floor<chrono::milliseconds>(utc - day)};
@@ -60,7 +59,7 @@ void utc(const Quantities& now, BinaryFrame& frame) {
 
 void gnss_time_info(const Quantities& now, BinaryFrame& frame) {
   frame.put(now.time_status());
-  frame.put(static_cast<std::int8_t>(leap_seconds));
+  frame.put(static_cast<std::int8_t>(gps_leap_s));
 }
 
 void dilutions(const Quantities&, BinaryFrame& frame) {

@@ -8,12 +8,12 @@
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "protocols/vectornav/vectornav.hpp"
 
 namespace imud::vectornav {
 
-inline constexpr int leap_seconds = 18;
 inline constexpr double dilution = 1.0;
 
 // A view of a reading and of the increments of an output, both of which must outlive it. Without a fix, all GNSS
@@ -110,7 +110,7 @@ class Quantities {
 
  private:
   static constexpr double gauss = 1e-4, attitude_error_deg = 0.5, position_error = 1;
-  static constexpr std::uint64_t week_ns = 604'800'000'000'000;
+  static constexpr auto week_ns = static_cast<std::uint64_t>(gps_week_ns);
 
   static double rms(const Vector3& v) noexcept { return v.norm() / std::sqrt(3.0); }
   Vector3 if_fixed(const Vector3& v) const noexcept { return has_fix() ? v : Vector3(Vector3::Zero()); }

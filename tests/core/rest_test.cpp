@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/attitude.hpp"
+#include "core/gps_time.hpp"
 #include "core/imu.hpp"
 #include "core/units.hpp"
 #include "tests/support/allocations.hpp"

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <random>
 
+#include "core/gps_time.hpp"
+
 namespace imud {
 namespace {
 
@@ -94,6 +96,16 @@ INSTANTIATE_TEST_SUITE_P(Rates, GridAtRate,
                          ::testing::Values(Grid::min_rate_hz, 0.333333, 1.0, 7.0, 59.94, 100.0, 333.333333, 400.0,
                                            819.2, 999.999999, 1024.0, 3333.0, 4250.0, 9999.999999,
                                            Grid::max_rate_hz));
+
+// GPS week 2347 began on 2024-12-29; GPS time 1 419 724 818 s is 2025-01-01 00:00 UTC.
+TEST(GpsTime, IsAheadOfUtcSinceItsEpoch) {
+  constexpr std::int64_t begin_of_2025 = 1'735'689'600, gps_s = 1'419'724'818;
+  static_assert(gps_ns_from_unix(begin_of_2025) == gps_s * 1'000'000'000);
+  EXPECT_EQ(gps_ns_from_unix(begin_of_2025), 2347 * gps_week_ns + (3 * 86'400 + gps_leap_s) * 1'000'000'000);
+  const std::chrono::sys_time<Nanoseconds> utc = utc_from_gps(gps_s * 1'000'000'000 + 7);
+  EXPECT_EQ(utc.time_since_epoch(), Nanoseconds(begin_of_2025 * 1'000'000'000 + 7));
+  EXPECT_EQ(utc_from_gps(0), gps_epoch - std::chrono::seconds(gps_leap_s));
+}
 
 TEST(Grid, IsUsableAtCompileTime) {
   static_assert(Grid(200.0).offset(0) == 0ns);

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "core/attitude.hpp"
+#include "core/gps_time.hpp"
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
 #include "core/units.hpp"

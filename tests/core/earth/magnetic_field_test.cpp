@@ -8,6 +8,7 @@
 
 #include "core/earth/earth.hpp"
 #include "core/earth/igrf.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "tests/core/earth/wmm2025.hpp"
 #include "tests/core/hash.hpp"

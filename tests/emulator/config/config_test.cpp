@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "core/attitude.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/load_config.hpp"

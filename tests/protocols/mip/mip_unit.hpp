@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/earth/earth.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
 

@@ -5,6 +5,7 @@
 
 #include "core/attitude.hpp"
 #include "core/earth/earth.hpp"
+#include "core/gps_time.hpp"
 #include "core/units.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/protocols/vectornav/vectornav_unit.hpp"
