@@ -166,7 +166,7 @@ void print_faults() {
       if (std::find(targets.begin(), targets.end(), target) == targets.end()) targets.push_back(target);
   for (const std::string_view target : targets) {
     std::vector<std::string_view> units;
-    for (const FaultUnit& unit : fault_units(target)) units.push_back(unit.suffix);
+    for (const KeyUnit& unit : fault_units(target)) units.push_back(unit.suffix.substr(1));
     fmt::print("target {}{}\n", target,
                units.empty() ? std::string() : fmt::format(", values in {}", fmt::join(units, ", ")));
     for (const FaultKind* kind : fault_kinds()) {

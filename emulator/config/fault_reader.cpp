@@ -145,7 +145,7 @@ void read_kind(TableReader& table, FaultConfig& fault) {
 }
 
 void read_parameters(TableReader& table, FaultConfig& fault) {
-  const std::span<const FaultUnit> units = fault_units(fault.kind->targets[fault.target]);
+  const std::span<const KeyUnit> units = fault_units(fault.kind->targets[fault.target]);
   for (std::size_t i = 0; i < fault.kind->parameters.size(); ++i) {
     const FaultParameter& parameter = fault.kind->parameters[i];
     const std::string key(parameter.key);
@@ -153,12 +153,12 @@ void read_parameters(TableReader& table, FaultConfig& fault) {
     double si = 1;
     if (parameter.has_targets_unit && !units.empty()) {
       std::vector<std::string> all;
-      for (const FaultUnit& unit : units) {
-        const std::string with_unit = fmt::format("{}_{}", key, unit.suffix);
+      for (const KeyUnit& unit : units) {
+        const std::string with_unit = fmt::format("{}{}", key, unit.suffix);
         if (!table.has(with_unit)) continue;
         all.push_back(with_unit);
         given = with_unit;
-        si = unit.si;
+        si = unit.factor;
       }
       if (all.size() + (table.has(key) ? 1 : 0) > 1)
         table.fault(given, fmt::format("\"{}\" is given twice; give it in one unit", key));

@@ -10,6 +10,7 @@
 
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "protocols/quantities/key_units.hpp"
 
 namespace imud {
 
@@ -26,6 +27,13 @@ struct Unit {
 };
 using Units = std::initializer_list<Unit>;
 
+// Returns the unit of that name from the table of all keys' units.
+consteval Unit unit(std::span<const KeyUnit> units, std::string_view suffix) {
+  const KeyUnit* found = find_unit(units, suffix);
+  if (found == nullptr || found->offset != 0) throw "no such unit";
+  return {found->suffix.substr(1), found->factor};
+}
+
 // The keys of one kind of sensor. A term has the units of IEEE Std 952 and 1293, and those of data sheets.
 struct SensorKeys {
   Units value;                  // of max, lsb and the bias terms
@@ -38,7 +46,8 @@ struct SensorKeys {
 };
 
 const SensorKeys gyro_keys = {
-    .value = {{"rad_per_s", 1}, {"deg_per_s", deg}, {"deg_per_hr", deg / hour}},
+    .value = {unit(key_units::rate, "_rad_per_s"), unit(key_units::rate, "_deg_per_s"),
+              unit(key_units::rate, "_deg_per_hr")},
     .white = "angle_random_walk",
     .white_units = {{"rad_per_rt_s", 1}, {"deg_per_rt_s", deg}, {"deg_per_rt_hr", deg / root_hour}},
     .density = {{"rad_per_s_per_rt_hz", 1},
@@ -54,7 +63,8 @@ const SensorKeys gyro_keys = {
     .increment_lsb = "lsb_delta_angle_rad"};
 
 const SensorKeys accelerometer_keys = {
-    .value = {{"m_per_s2", 1}, {"g", g}, {"mg", 1e-3 * g}, {"ug", 1e-6 * g}},
+    .value = {unit(key_units::acceleration, "_m_per_s2"), unit(key_units::acceleration, "_g"),
+              unit(key_units::acceleration, "_mg"), unit(key_units::acceleration, "_ug")},
     .white = "velocity_random_walk",
     .white_units = {{"m_per_s_per_rt_s", 1}, {"m_per_s_per_rt_hr", 1 / root_hour}},
     .density = {{"m_per_s2_per_rt_hz", 1}, {"mg_per_rt_hz", 1e-3 * g}, {"ug_per_rt_hz", 1e-6 * g}},
@@ -66,15 +76,17 @@ const SensorKeys accelerometer_keys = {
     .ramp_units = {{"m_per_s3", 1}, {"mg_per_hr", 1e-3 * g / hour}, {"ug_per_hr", 1e-6 * g / hour}},
     .increment_lsb = "lsb_delta_velocity_m_per_s"};
 
-const SensorKeys magnetometer_keys = {.value = {{"t", 1}, {"ut", 1e-6}, {"nt", 1e-9}},
-                                      .white = "",
-                                      .white_units = {},
-                                      .density = {{"t_per_rt_hz", 1}, {"ut_per_rt_hz", 1e-6}, {"nt_per_rt_hz", 1e-9}},
-                                      .walk = "field_random_walk",
-                                      .ramp = "field_ramp",
-                                      .walk_units = {{"t_per_rt_s", 1}, {"nt_per_rt_s", 1e-9}},
-                                      .ramp_units = {{"t_per_s", 1}, {"nt_per_hr", 1e-9 / hour}},
-                                      .increment_lsb = ""};
+const SensorKeys magnetometer_keys = {
+    .value = {unit(key_units::magnetic_field, "_t"), unit(key_units::magnetic_field, "_ut"),
+              unit(key_units::magnetic_field, "_nt")},
+    .white = "",
+    .white_units = {},
+    .density = {{"t_per_rt_hz", 1}, {"ut_per_rt_hz", 1e-6}, {"nt_per_rt_hz", 1e-9}},
+    .walk = "field_random_walk",
+    .ramp = "field_ramp",
+    .walk_units = {{"t_per_rt_s", 1}, {"nt_per_rt_s", 1e-9}},
+    .ramp_units = {{"t_per_s", 1}, {"nt_per_hr", 1e-9 / hour}},
+    .increment_lsb = ""};
 
 std::string key_of(std::string_view stem, std::string_view suffix) { return fmt::format("{}_{}", stem, suffix); }
 

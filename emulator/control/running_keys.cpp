@@ -10,6 +10,7 @@
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/ground/table_reader.hpp"
+#include "protocols/quantities/key_units.hpp"
 
 namespace imud {
 
@@ -170,8 +171,8 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
     rest.remove_prefix(std::string_view("imu.").size());
     command.imu = imu_of(rest, config);
   }
-  const auto entry = std::find_if(keys.begin(), keys.end(),
-                                  [&](const RunningKey& k) { return k.of_imu == of_imu && k.key == rest; });
+  const auto entry = std::find_if(
+      keys.begin(), keys.end(), [&](const RunningKey& k) { return k.of_imu == of_imu && is_same_key(k.key, rest); });
   if (entry == keys.end()) {
     const std::string before = key.substr(0, key.size() - rest.size());
     if (!is_configured(of_imu, rest, config)) {

@@ -8,6 +8,8 @@
 #include <chrono>
 #include <cmath>
 
+#include "protocols/quantities/key_units.hpp"
+
 namespace imud {
 
 std::string Faults::text(std::uint32_t line, std::string_view key, std::string_view what) const {
@@ -16,13 +18,21 @@ std::string Faults::text(std::uint32_t line, std::string_view key, std::string_v
                   : fmt::format("{}: {}: {}", file_, key, what);
 }
 
+// Returns the value of the key in the spelling that the table has; nullptr if it is absent.
+const toml::node* TableReader::find(std::string_view key) const {
+  if (table_ == nullptr || table_->contains(key)) return table_ == nullptr ? nullptr : table_->get(key);
+  for (const auto& [other, value] : *table_)
+    if (is_same_key(other.str(), key)) return &value;
+  return nullptr;
+}
+
 const toml::node* TableReader::node(std::string_view key) {
   known_.emplace(key);
-  return table_ == nullptr ? nullptr : table_->get(key);
+  return find(key);
 }
 
 std::uint32_t TableReader::line_of(std::string_view key) const {
-  const toml::node* found = table_ == nullptr ? nullptr : table_->get(key);
+  const toml::node* found = find(key);
   return found == nullptr ? line_ : found->source().begin.line;
 }
 
@@ -267,7 +277,11 @@ TableReader TableReader::child(std::string_view key) {
 void TableReader::finish() {
   if (table_ == nullptr) return;
   for (const auto& [key, value] : *table_) {
-    if (known_.contains(key.str())) continue;
+    const std::string_view given = key.str();
+    const auto is_spelt_otherwise = [this, given](std::string_view known) {
+      return is_same_key(known, given) && !table_->contains(known);
+    };
+    if (known_.contains(given) || std::any_of(known_.begin(), known_.end(), is_spelt_otherwise)) continue;
     const std::string meant = nearest(key.str(), {known_.begin(), known_.end()});
     const std::string hint = meant.empty() ? fmt::format("known here: {}", fmt::join(known_, ", "))
                                            : fmt::format("did you mean \"{}\"?", meant);

@@ -39,8 +39,8 @@ class Faults {
 };
 
 // Each getter returns the value of the key, or `fallback` if the key is absent. A value of the wrong type, shape or
-// range is a fault, and the getter returns `fallback`. Numbers are always finite. Call finish() at the end: it finds
-// the unknown keys, which the destructor does not.
+// range is a fault, and the getter returns `fallback`. Numbers are always finite. A key of the table may spell its
+// unit otherwise (is_same_key()). Call finish() at the end: it finds the unknown keys, which the destructor does not.
 class TableReader {
  public:
   // If `table` is null, every key is absent. `path` precedes the keys in messages: "imu.0.gyro.". Every value that a
@@ -92,6 +92,7 @@ class TableReader {
   void finish();
 
  private:
+  const toml::node* find(std::string_view key) const;
   std::optional<double> number(const toml::node& node);
   std::uint32_t line_of(std::string_view key) const;
 

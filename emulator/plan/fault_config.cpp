@@ -60,14 +60,14 @@ std::string FaultConfig::text() const {
   std::string text = fmt::format(
       "{} {}: {}", fmt::join(kind->seam == FaultSeam::truth ? std::vector<std::string>{"all imus"} : imus, ", "),
       target_text(), kind->summary);
-  const std::span<const FaultUnit> units = fault_units(kind->targets[target]);
+  const std::span<const KeyUnit> units = fault_units(kind->targets[target]);
   std::vector<std::string> numbers;
   for (std::size_t i = 0; i < kind->parameters.size(); ++i) {
     const FaultParameter& parameter = kind->parameters[i];
     if (std::isnan(parameters[i].a)) continue;  // as delivered
     const bool has_unit = parameter.has_targets_unit && !units.empty();
     numbers.push_back(fmt::format("{} {}",
-                                  has_unit ? fmt::format("{}_{}", parameter.key, units[0].suffix) : parameter.key,
+                                  has_unit ? fmt::format("{}{}", parameter.key, units[0].suffix) : parameter.key,
                                   number_text(parameters[i], 1)));
   }
   if (kind->has_settings) numbers.push_back(settings_text.empty() ? "as delivered" : settings_text);

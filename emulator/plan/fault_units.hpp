@@ -4,14 +4,11 @@
 #include <span>
 #include <string_view>
 
+#include "protocols/quantities/key_units.hpp"
+
 namespace imud {
 
-// A unit as a key ends, and its value in SI.
-struct FaultUnit {
-  std::string_view suffix;
-  double si;
-};
-// Returns the units of a target's values; the first is that of SI. Empty: the values have none.
-std::span<const FaultUnit> fault_units(std::string_view target) noexcept;
+// Returns the units of a target's values, without offsets; the first is that of SI. Empty: the values have none.
+std::span<const KeyUnit> fault_units(std::string_view target) noexcept;
 
 }  // namespace imud

@@ -10,31 +10,6 @@ namespace imud {
 
 namespace {
 
-constexpr double g0 = units::standard_gravity;
-constexpr double au = 50e-6;  // T: the "arbitrary unit" of magnetometers, about the Earth's field; an assumption
-
-constexpr MeasuredUnit rates[] = {{"rad_per_s"},
-                                  {"deg_per_s", units::degree},
-                                  {"mrad_per_s", 1e-3},
-                                  {"deg_per_hr", units::degree / 3600},
-                                  {"deg_per_h", units::degree / 3600},
-                                  {"rpm", 6 * units::degree}};
-constexpr MeasuredUnit angles[] = {{"rad"},
-                                   {"deg", units::degree},
-                                   {"mrad", 1e-3},
-                                   {"arcsec", units::degree / 3600},
-                                   {"deg_e7", 1e-7 * units::degree}};
-constexpr MeasuredUnit accelerations[] = {{"m_per_s2"}, {"g", g0}, {"mg", 1e-3 * g0}, {"ft_per_s2", units::foot}};
-constexpr MeasuredUnit speeds[] = {{"m_per_s"},           {"km_per_h", 1 / 3.6}, {"ft_per_s", units::foot},
-                                   {"kn", 1852.0 / 3600}, {"kt", 1852.0 / 3600}, {"cm_per_s", 1e-2},
-                                   {"mph", 0.44704}};
-constexpr MeasuredUnit lengths[] = {{"m"}, {"km", 1e3}, {"mm", 1e-3}, {"ft", units::foot}, {"cm", 1e-2}};
-constexpr MeasuredUnit temperatures[] = {{"c"}, {"k", 1, -273.15}, {"f", 5.0 / 9, -160.0 / 9}};
-constexpr MeasuredUnit fields[] = {{"t"}, {"ut", 1e-6}, {"nt", 1e-9}, {"gauss", 1e-4}, {"mgauss", 1e-7}, {"au", au}};
-constexpr MeasuredUnit pressures[] = {{"pa"},        {"hpa", 1e2}, {"kpa", 1e3},
-                                      {"mbar", 1e2}, {"bar", 1e5}, {"inhg", 3386.389}};
-constexpr MeasuredUnit times[] = {{"s"}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
-
 // --- Vectors; `Place` is the number of the first bit in ReadBack::components, divided by 3 ---
 template <Vector3 Sample::*Member, int Axis>
 double newest(const Reading& reading) noexcept {
@@ -75,12 +50,12 @@ double rotation(const Reading& reading) noexcept {
 }
 template <int Axis>  // relative to rest in standard gravity, in L
 double free_acceleration(const Reading& reading) noexcept {
-  return (reading.sample.q_LP * reading.sample.specific_force)[Axis] + (Axis == 2 ? g0 : 0);
+  return (reading.sample.q_LP * reading.sample.specific_force)[Axis] + (Axis == 2 ? units::standard_gravity : 0);
 }
 template <int Axis>  // in P
 double acceleration(const Reading& reading) noexcept {
   const Sample& sample = reading.sample;
-  return (sample.specific_force + sample.q_LP.conjugate() * Vector3(0, 0, g0))[Axis];
+  return (sample.specific_force + sample.q_LP.conjugate() * Vector3(0, 0, units::standard_gravity))[Axis];
 }
 template <int Index>  // the parameters of norm 1 at most: vec / (1 + w)
 double rodrigues(const Reading& reading) noexcept {
@@ -179,42 +154,46 @@ double pressure(const Reading& r) noexcept { return r.sample.pressure; }
 
 using enum MeasuredQuantity::Kind;
 constexpr MeasuredQuantity quantities[] = {
-    {"rate_x", "angular rate", rates, newest<&Sample::rate, 0>, put<&Sample::rate, 0, 0>},
-    {"rate_y", "", rates, newest<&Sample::rate, 1>, put<&Sample::rate, 0, 1>},
-    {"rate_z", "", rates, newest<&Sample::rate, 2>, put<&Sample::rate, 0, 2>},
-    {"specific_force_x", "specific force", accelerations, newest<&Sample::specific_force, 0>,
+    {"rate_x", "angular rate", key_units::rate, newest<&Sample::rate, 0>, put<&Sample::rate, 0, 0>},
+    {"rate_y", "", key_units::rate, newest<&Sample::rate, 1>, put<&Sample::rate, 0, 1>},
+    {"rate_z", "", key_units::rate, newest<&Sample::rate, 2>, put<&Sample::rate, 0, 2>},
+    {"specific_force_x", "specific force", key_units::acceleration, newest<&Sample::specific_force, 0>,
      put<&Sample::specific_force, 1, 0>},
-    {"specific_force_y", "", accelerations, newest<&Sample::specific_force, 1>, put<&Sample::specific_force, 1, 1>},
-    {"specific_force_z", "", accelerations, newest<&Sample::specific_force, 2>, put<&Sample::specific_force, 1, 2>},
-    {"delta_angle_x", "sum of the delta-angles since the last message", angles, sum<&Reading::delta_angle, 0>,
-     put<&Sample::delta_angle, 2, 0>, number, true},
-    {"delta_angle_y", "", angles, sum<&Reading::delta_angle, 1>, put<&Sample::delta_angle, 2, 1>, number, true},
-    {"delta_angle_z", "", angles, sum<&Reading::delta_angle, 2>, put<&Sample::delta_angle, 2, 2>, number, true},
-    {"delta_velocity_x", "sum of the delta-velocities since the last message", speeds,
+    {"specific_force_y", "", key_units::acceleration, newest<&Sample::specific_force, 1>,
+     put<&Sample::specific_force, 1, 1>},
+    {"specific_force_z", "", key_units::acceleration, newest<&Sample::specific_force, 2>,
+     put<&Sample::specific_force, 1, 2>},
+    {"delta_angle_x", "sum of the delta-angles since the last message", key_units::angle,
+     sum<&Reading::delta_angle, 0>, put<&Sample::delta_angle, 2, 0>, number, true},
+    {"delta_angle_y", "", key_units::angle, sum<&Reading::delta_angle, 1>, put<&Sample::delta_angle, 2, 1>, number,
+     true},
+    {"delta_angle_z", "", key_units::angle, sum<&Reading::delta_angle, 2>, put<&Sample::delta_angle, 2, 2>, number,
+     true},
+    {"delta_velocity_x", "sum of the delta-velocities since the last message", key_units::speed,
      sum<&Reading::delta_velocity, 0>, put<&Sample::delta_velocity, 3, 0>, number, true},
-    {"delta_velocity_y", "", speeds, sum<&Reading::delta_velocity, 1>, put<&Sample::delta_velocity, 3, 1>, number,
-     true},
-    {"delta_velocity_z", "", speeds, sum<&Reading::delta_velocity, 2>, put<&Sample::delta_velocity, 3, 2>, number,
-     true},
-    {"mean_rate_x", "delta-angle divided by its interval", rates, mean<&Reading::delta_angle, &Sample::rate, 0>,
-     nullptr, number, true},
-    {"mean_rate_y", "", rates, mean<&Reading::delta_angle, &Sample::rate, 1>, nullptr, number, true},
-    {"mean_rate_z", "", rates, mean<&Reading::delta_angle, &Sample::rate, 2>, nullptr, number, true},
-    {"mean_specific_force_x", "delta-velocity divided by its interval", accelerations,
+    {"delta_velocity_y", "", key_units::speed, sum<&Reading::delta_velocity, 1>, put<&Sample::delta_velocity, 3, 1>,
+     number, true},
+    {"delta_velocity_z", "", key_units::speed, sum<&Reading::delta_velocity, 2>, put<&Sample::delta_velocity, 3, 2>,
+     number, true},
+    {"mean_rate_x", "delta-angle divided by its interval", key_units::rate,
+     mean<&Reading::delta_angle, &Sample::rate, 0>, nullptr, number, true},
+    {"mean_rate_y", "", key_units::rate, mean<&Reading::delta_angle, &Sample::rate, 1>, nullptr, number, true},
+    {"mean_rate_z", "", key_units::rate, mean<&Reading::delta_angle, &Sample::rate, 2>, nullptr, number, true},
+    {"mean_specific_force_x", "delta-velocity divided by its interval", key_units::acceleration,
      mean<&Reading::delta_velocity, &Sample::specific_force, 0>, nullptr, number, true},
-    {"mean_specific_force_y", "", accelerations, mean<&Reading::delta_velocity, &Sample::specific_force, 1>, nullptr,
-     number, true},
-    {"mean_specific_force_z", "", accelerations, mean<&Reading::delta_velocity, &Sample::specific_force, 2>, nullptr,
-     number, true},
+    {"mean_specific_force_y", "", key_units::acceleration, mean<&Reading::delta_velocity, &Sample::specific_force, 1>,
+     nullptr, number, true},
+    {"mean_specific_force_z", "", key_units::acceleration, mean<&Reading::delta_velocity, &Sample::specific_force, 2>,
+     nullptr, number, true},
     {"rotation_w", "quaternion of the rotation since the last message", {}, rotation<0>, nullptr, number, true},
     {"rotation_x", "", {}, rotation<1>, nullptr, number, true},
     {"rotation_y", "", {}, rotation<2>, nullptr, number, true},
     {"rotation_z", "", {}, rotation<3>, nullptr, number, true},
-    {"temperature", "temperature of the sensor", temperatures, temperature, put_temperature},
-    {"magnetic_field_x", "magnetic field", fields, newest<&Sample::magnetic_field, 0>},
-    {"magnetic_field_y", "", fields, newest<&Sample::magnetic_field, 1>},
-    {"magnetic_field_z", "", fields, newest<&Sample::magnetic_field, 2>},
-    {"pressure", "static pressure", pressures, pressure},
+    {"temperature", "temperature of the sensor", key_units::temperature, temperature, put_temperature},
+    {"magnetic_field_x", "magnetic field", key_units::magnetic_field, newest<&Sample::magnetic_field, 0>},
+    {"magnetic_field_y", "", key_units::magnetic_field, newest<&Sample::magnetic_field, 1>},
+    {"magnetic_field_z", "", key_units::magnetic_field, newest<&Sample::magnetic_field, 2>},
+    {"pressure", "static pressure", key_units::pressure, pressure},
     {"q_LP_w", "attitude relative to north-east-down, v_L = q_LP v_P", {}, attitude<0>},
     {"q_LP_x", "", {}, attitude<1>},
     {"q_LP_y", "", {}, attitude<2>},
@@ -222,32 +201,32 @@ constexpr MeasuredQuantity quantities[] = {
     {"sigma_LP_1", "the same as modified Rodrigues parameters", {}, rodrigues<0>},
     {"sigma_LP_2", "", {}, rodrigues<1>},
     {"sigma_LP_3", "", {}, rodrigues<2>},
-    {"yaw", "attitude relative to north-east-down, 3-2-1", angles, euler<0>},
-    {"pitch", "", angles, euler<1>},
-    {"roll", "", angles, euler<2>},
-    {"free_acceleration_north", "specific force less gravity", accelerations, free_acceleration<0>},
-    {"free_acceleration_east", "", accelerations, free_acceleration<1>},
-    {"free_acceleration_down", "", accelerations, free_acceleration<2>},
-    {"acceleration_x", "the same in the axes of the sensor", accelerations, acceleration<0>},
-    {"acceleration_y", "", accelerations, acceleration<1>},
-    {"acceleration_z", "", accelerations, acceleration<2>},
-    {"latitude", "geodetic, WGS 84", angles, place<&Navigation::latitude>},
-    {"longitude", "", angles, place<&Navigation::longitude>},
-    {"height", "above the ellipsoid", lengths, place<&Navigation::height>},
-    {"velocity_north", "velocity relative to the Earth", speeds, velocity_L<0>},
-    {"velocity_east", "", speeds, velocity_L<1>},
-    {"velocity_down", "", speeds, velocity_L<2>},
-    {"velocity_up", "", speeds, climb},
-    {"speed", "magnitude of the velocity", speeds, speed},
-    {"ground_speed", "its horizontal part", speeds, ground_speed},
-    {"track", "its direction, from north to east", angles, track},
-    {"velocity_x", "the same in the axes of the sensor", speeds, velocity_P<0>},
-    {"velocity_y", "", speeds, velocity_P<1>},
-    {"velocity_z", "", speeds, velocity_P<2>},
-    {"r_E_x", "position in Earth-fixed axes", lengths, position<0>},
-    {"r_E_y", "", lengths, position<1>},
-    {"r_E_z", "", lengths, position<2>},
-    {"time", "clock of the sensor; wraps", times, nullptr, nullptr, time},
+    {"yaw", "attitude relative to north-east-down, 3-2-1", key_units::angle, euler<0>},
+    {"pitch", "", key_units::angle, euler<1>},
+    {"roll", "", key_units::angle, euler<2>},
+    {"free_acceleration_north", "specific force less gravity", key_units::acceleration, free_acceleration<0>},
+    {"free_acceleration_east", "", key_units::acceleration, free_acceleration<1>},
+    {"free_acceleration_down", "", key_units::acceleration, free_acceleration<2>},
+    {"acceleration_x", "the same in the axes of the sensor", key_units::acceleration, acceleration<0>},
+    {"acceleration_y", "", key_units::acceleration, acceleration<1>},
+    {"acceleration_z", "", key_units::acceleration, acceleration<2>},
+    {"latitude", "geodetic, WGS 84", key_units::angle, place<&Navigation::latitude>},
+    {"longitude", "", key_units::angle, place<&Navigation::longitude>},
+    {"height", "above the ellipsoid", key_units::length, place<&Navigation::height>},
+    {"velocity_north", "velocity relative to the Earth", key_units::speed, velocity_L<0>},
+    {"velocity_east", "", key_units::speed, velocity_L<1>},
+    {"velocity_down", "", key_units::speed, velocity_L<2>},
+    {"velocity_up", "", key_units::speed, climb},
+    {"speed", "magnitude of the velocity", key_units::speed, speed},
+    {"ground_speed", "its horizontal part", key_units::speed, ground_speed},
+    {"track", "its direction, from north to east", key_units::angle, track},
+    {"velocity_x", "the same in the axes of the sensor", key_units::speed, velocity_P<0>},
+    {"velocity_y", "", key_units::speed, velocity_P<1>},
+    {"velocity_z", "", key_units::speed, velocity_P<2>},
+    {"r_E_x", "position in Earth-fixed axes", key_units::length, position<0>},
+    {"r_E_y", "", key_units::length, position<1>},
+    {"r_E_z", "", key_units::length, position<2>},
+    {"time", "clock of the sensor; wraps", key_units::time, nullptr, nullptr, time},
     {"utc_year", "UTC; all are 0 where the truth has no date", {}, year_of},
     {"utc_month", "", {}, month_of},
     {"utc_day", "", {}, day_of},
@@ -255,11 +234,11 @@ constexpr MeasuredQuantity quantities[] = {
     {"utc_minute", "", {}, minute_of},
     {"utc_second", "", {}, second_of},
     {"day_of_year", "from 1", {}, day_of_year},
-    {"time_of_day", "UTC", times, time_of_day},
-    {"unix_time", "UTC, since 1970", times, unix_time},
-    {"utc_subsecond", "in steps of 0.1 ms", times, subsecond_of},
+    {"time_of_day", "UTC", key_units::time, time_of_day},
+    {"unix_time", "UTC, since 1970", key_units::time, unix_time},
+    {"utc_subsecond", "in steps of 0.1 ms", key_units::time, subsecond_of},
     {"gps_week", "GPS time", {}, gps_week},
-    {"gps_time_of_week", "", times, time_of_week},
+    {"gps_time_of_week", "", key_units::time, time_of_week},
     {"sample_counter", "wraps", {}, nullptr, nullptr, counter},
     {"status", "bits of core/sample.hpp", {}, nullptr, nullptr, status},
 };
@@ -273,14 +252,12 @@ std::optional<MeasuredIn> find_measured(std::string_view name) noexcept {
   if (negated) name.remove_prefix(1);
   for (const MeasuredQuantity& quantity : quantities) {
     if (!name.starts_with(quantity.name)) continue;
-    std::string_view suffix = name.substr(quantity.name.size());
+    const std::string_view suffix = name.substr(quantity.name.size());
     if (negated && quantity.kind != number) continue;
     const double sign = negated ? -1 : 1;
     if (suffix.empty() && quantity.units.empty()) return MeasuredIn{&quantity, sign, 0};
-    if (!suffix.starts_with('_')) continue;
-    suffix.remove_prefix(1);
-    for (const MeasuredUnit& unit : quantity.units)
-      if (unit.suffix == suffix) return MeasuredIn{&quantity, sign * unit.factor, unit.offset};
+    if (const KeyUnit* unit = find_unit(quantity.units, suffix))
+      return MeasuredIn{&quantity, sign * unit->factor, unit->offset};
   }
   return std::nullopt;
 }
@@ -290,7 +267,7 @@ std::string measured_names() {
   for (const MeasuredQuantity& quantity : quantities) {
     if (!names.empty()) names += ", ";
     names += quantity.name;
-    if (!quantity.units.empty()) names.append("_").append(quantity.units[0].suffix);
+    if (!quantity.units.empty()) names += quantity.units[0].suffix;
   }
   return names;
 }

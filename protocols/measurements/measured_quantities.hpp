@@ -11,6 +11,7 @@
 #include "core/sample.hpp"
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
+#include "protocols/quantities/key_units.hpp"
 
 namespace imud {
 
@@ -32,13 +33,6 @@ struct ReadBack {
   double scratch = 0;  // passes a number from one signal of a message to the next
 };
 
-// A unit: SI = factor * number + offset.
-struct MeasuredUnit {
-  std::string_view suffix;
-  double factor = 1;
-  double offset = 0;
-};
-
 struct MeasuredQuantity {
   enum class Kind : std::uint8_t {
     number,   // a real number, which saturates
@@ -49,7 +43,7 @@ struct MeasuredQuantity {
 
   std::string_view name;  // without the unit
   std::string_view help;
-  std::span<const MeasuredUnit> units = {};                      // empty: a number without unit
+  std::span<const KeyUnit> units = {};                           // empty: a number without unit
   double (*get)(const Reading& reading) noexcept = nullptr;      // SI; of Kind::number only
   void (*set)(double value, ReadBack& read) noexcept = nullptr;  // its inverse; nullptr: a Measurement has no place
   Kind kind = Kind::number;

@@ -5,8 +5,8 @@
 #include <chrono>
 #include <cmath>
 
-#include "core/units.hpp"
 #include "protocols/quantities/columns.hpp"
+#include "protocols/quantities/key_units.hpp"
 
 namespace imud {
 
@@ -116,56 +116,35 @@ constexpr auto groups = [] {
 }();
 static_assert(groups.back().first + groups.back().names.size() <= quantity_count);
 
-struct Unit {
-  std::string_view suffix;
-  double factor = 1, offset = 0;
-  int exponent = 0;
-};
-constexpr double deg = units::degree, foot = units::foot, g = units::standard_gravity, inch_of_mercury = 3386.389;
-constexpr double nautical_mile = 1852, zero_celsius = 273.15;
-constexpr Unit none[] = {{""}};
-constexpr Unit times[] = {{"_s", 1, 0, 9}, {"_ms", 1, 0, 6}, {"_us", 1, 0, 3}, {"_ns", 1, 0, 0}};
-constexpr Unit angles[] = {
-    {"_rad"}, {"_deg", deg}, {"_mrad", 1e-3}, {"_arcsec", deg / 3600}, {"_deg_e7", 1e-7 * deg}};
-constexpr Unit lengths[] = {{"_m"}, {"_ft", foot}, {"_km", 1e3}, {"_cm", 1e-2}, {"_mm", 1e-3}};
-constexpr Unit speeds[] = {{"_m_per_s"},        {"_ft_per_s", foot},           {"_km_per_s", 1e3},
-                           {"_cm_per_s", 1e-2}, {"_kt", nautical_mile / 3600}, {"_km_per_h", 1 / 3.6}};
-constexpr Unit rates[] = {
-    {"_rad_per_s"}, {"_deg_per_s", deg}, {"_mrad_per_s", 1e-3}, {"_deg_per_h", deg / 3600}, {"_rpm", 6 * deg}};
-constexpr Unit angular_accelerations[] = {{"_rad_per_s2"}, {"_deg_per_s2", deg}};
-constexpr Unit accelerations[] = {
-    {"_m_per_s2"}, {"_ft_per_s2", foot}, {"_g", g}, {"_mg", 1e-3 * g}, {"_cm_per_s2", 1e-2}};
-constexpr Unit temperatures[] = {{"_c"}, {"_k", 1, -zero_celsius}, {"_f", 5.0 / 9.0, -160.0 / 9.0}};
-constexpr Unit fields[] = {{"_t"}, {"_ut", 1e-6}, {"_nt", 1e-9}, {"_gauss", 1e-4}, {"_mgauss", 1e-7}};
-constexpr Unit pressures[] = {{"_pa"}, {"_hpa", 1e2}, {"_kpa", 1e3}, {"_inhg", inch_of_mercury}};
+constexpr KeyUnit no_unit[] = {{""}};
 
-constexpr std::span<const Unit> units_of(Kind kind) noexcept {
+constexpr std::span<const KeyUnit> units_of(Kind kind) noexcept {
   switch (kind) {
     case Kind::number:
     case Kind::text:
-      return none;
+      break;
     case Kind::time:
-      return times;
+      return key_units::time;
     case Kind::angle:
-      return angles;
+      return key_units::angle;
     case Kind::length:
-      return lengths;
+      return key_units::length;
     case Kind::speed:
-      return speeds;
+      return key_units::speed;
     case Kind::rate:
-      return rates;
+      return key_units::rate;
     case Kind::angular_acceleration:
-      return angular_accelerations;
+      return key_units::angular_acceleration;
     case Kind::acceleration:
-      return accelerations;
+      return key_units::acceleration;
     case Kind::temperature:
-      return temperatures;
+      return key_units::temperature;
     case Kind::magnetic_field:
-      return fields;
+      return key_units::magnetic_field;
     case Kind::pressure:
-      return pressures;
+      return key_units::pressure;
   }
-  return none;
+  return no_unit;
 }
 
 constexpr std::int64_t powers_of_ten[] = {1,       10,        100,        1'000,       10'000,
@@ -256,7 +235,7 @@ std::span<const std::string_view> unit_suffixes(QuantityKind kind) noexcept {
   static const auto all = [] {
     std::array<std::array<std::string_view, most>, kinds> suffixes;
     for (std::size_t i = 0; i < kinds; ++i)
-      std::ranges::transform(units_of(static_cast<Kind>(i)), suffixes[i].begin(), &Unit::suffix);
+      std::ranges::transform(units_of(static_cast<Kind>(i)), suffixes[i].begin(), &KeyUnit::suffix);
     return suffixes;
   }();
   const std::size_t count = units_of(kind).front().suffix.empty() ? 0 : units_of(kind).size();
@@ -267,9 +246,8 @@ std::optional<TruthField> find_truth_field(std::string_view name) noexcept {
   for (const QuantityGroup& group : groups)
     for (std::size_t i = 0; i < group.names.size(); ++i) {
       if (!name.starts_with(group.names[i])) continue;
-      for (const Unit& unit : units_of(group.kind))
-        if (name.substr(group.names[i].size()) == unit.suffix)
-          return TruthField{group.first + i, group.kind, unit.factor, unit.offset, unit.exponent};
+      if (const KeyUnit* unit = find_unit(units_of(group.kind), name.substr(group.names[i].size())))
+        return TruthField{group.first + i, group.kind, unit->factor, unit->offset, unit->exponent};
     }
   return std::nullopt;
 }

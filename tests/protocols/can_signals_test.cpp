@@ -297,7 +297,7 @@ TEST(CanSignalsTest, EveryQuantityIsReadBack) {
   std::size_t read_back = 0;
   for (const MeasuredQuantity& quantity : measured_quantities()) {
     std::string name(quantity.name);
-    if (!quantity.units.empty()) name.append("_").append(quantity.units.back().suffix);
+    if (!quantity.units.empty()) name += quantity.units.back().suffix;
     const CanSignal signals[] = {{"S", 0, 64, {false, SignalFormat::float64}, 0.25, 3, name}};
     if (quantity.kind != MeasuredQuantity::Kind::number) continue;
     const CanSignalCodec codec(8, signals);

@@ -262,6 +262,8 @@ TEST(MeasuredQuantities, FollowFromTheSample) {
       {"speed_m_per_s", 13},
       {"ground_speed_km_per_h", 18},
       {"ground_speed_kt", 5 / (1852.0 / 3600)},
+      {"ground_speed_kn", 5 / (1852.0 / 3600)},
+      {"speed_km_per_s", 0.013},
       {"track_deg", -53.13010235415598},
       {"velocity_up_cm_per_s", -1200},
       {"r_E_x_km", 1000},

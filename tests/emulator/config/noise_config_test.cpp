@@ -87,6 +87,25 @@ TEST_F(NoiseConfig, EachUnitIsConvertedAsTheStandardHasIt) {
   EXPECT_GT(cases.size(), 20U);
 }
 
+TEST_F(NoiseConfig, AnHourHasTwoSpellings) {
+  const auto terms = [&](const std::vector<std::string>& assignments) {
+    const TriadErrors e = model(assignments).gyro;
+    return std::vector{e.bias_instability.x(), e.white_density.x(), e.ramp.x(), e.g_sensitivity(0, 0)};
+  };
+  for (const auto& [hr, h] :
+       {std::pair{"gyro.bias_instability_deg_per_hr=2", "gyro.bias_instability_deg_per_h=2"},
+        {"gyro.angle_random_walk_deg_per_rt_hr=2", "gyro.angle_random_walk_deg_per_rt_h=2"},
+        {"gyro.rate_ramp_deg_per_hr_per_hr=2", "gyro.rate_ramp_deg_per_h_per_h=2"},
+        {"gyro.g_sensitivity_deg_per_hr_per_g=[1,2,3]", "gyro.g_sensitivity_deg_per_h_per_g=[1,2,3]"}}) {
+    EXPECT_EQ(terms({hr}), terms({h}));
+    EXPECT_NE(terms({h}), terms({}));
+  }
+  const std::string twice = fault({"gyro.bias_instability_deg_per_hr=2", "gyro.bias_instability_deg_per_h=2"});
+  EXPECT_NE(twice.find("bias_instability_deg_per_h: unknown key; did you mean \"bias_instability_deg_per_hr\"?"),
+            std::string::npos)
+      << twice;
+}
+
 TEST_F(NoiseConfig, AOneSidedDensityIsDividedByRootTwo) {
   const std::string density = "gyro.noise_density_deg_per_s_per_rt_hz=0.008";
   const double two = model({density}).gyro.white_density.x();

@@ -101,6 +101,11 @@ TEST(TruthQuantities, UnitsAreTheirFactors) {
       {"specific_force_x_mg", {1000, 9.80665}},
       {"latitude_deg_e7", {900'000'000, units::pi / 2}},
       {"v_north_kt", {3600, 1852}},
+      {"v_north_kn", {3600, 1852}},
+      {"p_deg_per_hr", {3600 * 180, units::pi}},
+      {"p_deg_per_h", {3600 * 180, units::pi}},
+      {"specific_force_y_ug", {1e6, 9.80665}},
+      {"pressure_bar", {1, 1e5}},
       {"temperature_k", {273.15, 0}},
       {"temperature_f", {212, 100}},
       {"magnetic_field_y_gauss", {1, 1e-4}},
@@ -109,7 +114,7 @@ TEST(TruthQuantities, UnitsAreTheirFactors) {
       {"v_BN_N_x_km_per_h", {3.6, 1}},
       {"yaw_arcsec", {3600, deg}},
   };
-  ASSERT_EQ(known.size(), 14U);
+  ASSERT_EQ(known.size(), 19U);
   for (const auto& [name, values] : known) {
     const auto field = find_truth_field(name);
     ASSERT_TRUE(field) << name;
@@ -121,8 +126,10 @@ TEST(TruthQuantities, UnitsAreTheirFactors) {
     EXPECT_FALSE(find_truth_field(wrong)) << wrong;
   EXPECT_EQ(unknown_quantity("height"),
             "unknown quantity \"height\"; it needs a unit: height_m height_ft height_km height_cm height_mm");
-  EXPECT_EQ(unknown_quantity("pressure_bar"),
-            "unknown quantity \"pressure_bar\"; its units are: pressure_pa pressure_hpa pressure_kpa pressure_inhg");
+  EXPECT_EQ(unknown_quantity("pressure_torr"),
+            "unknown quantity \"pressure_torr\"; its units are: pressure_pa pressure_hpa pressure_kpa pressure_inhg "
+            "pressure_mbar pressure_bar");
+  EXPECT_NE(unknown_quantity("p").find(" p_deg_per_hr "), std::string::npos) << unknown_quantity("p");
   EXPECT_EQ(unknown_quantity("speed"), "unknown quantity \"speed\"; `imud list csv` prints all");
 }
 
