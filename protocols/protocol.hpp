@@ -202,7 +202,7 @@ struct Protocol {
   std::string_view summary;  // one line
   Link link = Link::bytes;
   std::string_view document;  // the document and revision followed
-  std::span<const Setting> settings;
+  std::span<const Setting> settings = {};
 
   std::uint32_t fields = Measurement::all;  // carried by every measurement
 

@@ -73,7 +73,6 @@ constexpr Protocol csv_protocol = {
     .summary = "rows of text, with a header row first: what imu-decode prints",
     .link = Link::bytes,
     .document = "protocols/measurements/measurement_csv.hpp",
-    .settings = {},
     .has_self_test = true,
     .make = [](const Settings&) -> std::unique_ptr<Device> { return std::make_unique<CsvDevice>(); },
     .make_decoder = [](const Settings&) -> std::unique_ptr<Decoder> { return std::make_unique<CsvDecoder>(); },

@@ -132,7 +132,6 @@ constexpr Protocol native_protocol = {
     .summary = "imud's own frame for byte links: the whole sample, bit for bit, CRC-32C",
     .link = Link::bytes,
     .document = "protocols/devices/native.cpp, version 1",
-    .settings = {},
     .resolution = {.temperature_c = 0x1p-17},
     .range = {.temperature_c = 128.0},
     .counter_bits = 32,

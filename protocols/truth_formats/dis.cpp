@@ -121,7 +121,6 @@ constexpr TruthFormat dis_truth_format = {
     .document = "IEEE Std 1278.1-2012, Entity State PDU",
     .delimits_itself = false,
     .acknowledges = false,
-    .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<DisTruthDecoder>(); },
     .force_from = "nothing, as a PDU has no specific force: use another format, or derive it from the poses",
     .derives = true,

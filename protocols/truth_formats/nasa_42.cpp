@@ -356,7 +356,6 @@ constexpr TruthFormat nasa_42_truth_format = {
     .document = "42, commit 11e3cc3, Source/AutoCode/TxRxIPC.c",
     .delimits_itself = true,
     .acknowledges = true,
-    .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<Nasa42Decoder>(); },
     .force_from = "SC[i].Accel[0].TrueAcc to SC[i].Accel[2].TrueAcc",
     .way = TruthFormat::Way::connection,

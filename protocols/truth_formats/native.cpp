@@ -220,7 +220,6 @@ constexpr TruthFormat native_truth_format = {
     .document = "protocols/native_truth.hpp, version 1",
     .delimits_itself = false,
     .acknowledges = true,
-    .settings = {},
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<NativeTruthDecoder>(); },
     .force_from = "the specific force with flag 2, or the accumulated velocity with flag 4 or 8",
 };

@@ -62,7 +62,6 @@ constexpr Protocol throwaway_imu_protocol = {
     .summary = "the rate, and an answer",
     .link = Link::bytes,
     .document = "none",
-    .settings = {},
     .fields = Measurement::counter | Measurement::rate,
     .resolution = {.rate = rate_lsb},
     .range = {.rate = rate_range},
