@@ -10,18 +10,18 @@ namespace imud {
 // The coefficients of IEEE Std 952-1997, Annex C, of one axis. u is the unit of TriadErrors; 0: the term is absent.
 // The Allan variance is
 //   3 Q^2/tau^2 + N^2/tau + (2 ln2/pi) B^2 + K^2 tau/3 + R^2 tau^2/2
-// where that of B is flat only between its averaging times.
+// where B's term is flat only between its averaging times.
 struct AllanTerms {
   double N = 0;  // u sqrt(s): random walk of the angle or velocity, the root of the two-sided density of white noise
   double B = 0;  // u: bias instability, of density B^2/(2 pi f); the Allan deviation is flat at 0.664 B
   double K = 0;  // u/sqrt(s): random walk of the rate or specific force
-  double Q = 0;  // u s: quantization of the angle or velocity; that of a converter is LSB/sqrt(12)
+  double Q = 0;  // u s: quantization of the angle or velocity; a converter has LSB/sqrt(12)
   double R = 0;  // u/s: ramp
 };
 
-// Returns those of each axis for errors at this sample rate, Hz. The Gauss-Markov process per sample counts in N if
-// it is white noise, in K if it is a random walk without bound, and otherwise not at all, as exponentially correlated
-// noise does.
+// Returns the terms of each axis at this sample rate, Hz. The Gauss-Markov process per sample counts in N if it
+// is white noise, and in K if it is a random walk without bound. Otherwise it does not count, nor does
+// exponentially correlated noise.
 std::array<AllanTerms, 3> allan_terms(const TriadErrors& errors, double rate_hz);
 
 }  // namespace imud

@@ -20,7 +20,7 @@ struct CanHeader {
   constexpr bool operator==(const CanHeader&) const = default;
 };
 
-// Passes the frames of a CAN bus whose identifier is that of the filter in the bits set in `mask`.
+// Passes the CAN frames whose identifier equals `id` in the bits set in `mask`.
 struct CanFilter {
   std::uint32_t id = 0;
   std::uint32_t mask = 0x1FFF'FFFF;

@@ -182,7 +182,7 @@ Vector3 Imu::true_delta_velocity(const MotionState& now) const noexcept {
   return delta_velocity + size_effect_.increments(last_, now, model_.delta_velocity);
 }
 
-// Adds to the input of the sensors what is not the motion of S: vibration, and the distances of the accelerometers.
+// Adds the vibration, and the distances of the accelerometers, to the sensors' input.
 void Imu::disturb(const MotionState& now, TruthTime time, double dt, Disturbed& input) noexcept {
   if (size_effect_.is_on()) size_effect_.add_to_values(now, input.specific_force);
   if (vibration_.is_on())
@@ -244,7 +244,7 @@ void Imu::take_internal(const Timeline& timeline, TruthTime time) noexcept {
   take_internal(now, time);
 }
 
-// Takes an internal sample that is not the last of its sample. The sums are those up to `now`.
+// Takes an internal sample that is not the last of its sample. The sums end at `now`.
 IMUD_DISPATCHED [[gnu::noinline]] void Imu::take_internal(const MotionState& now, TruthTime time) noexcept {
   const Vector3 delta_angle = true_delta_angle(now), delta_velocity = true_delta_velocity(now);
   Vector3 angle_piece = delta_angle - internal_.true_delta_angle;
@@ -286,7 +286,7 @@ IMUD_DISPATCHED [[gnu::noinline]] void Imu::measure_last(const MotionState& now,
   internal_ = {.time = time, .since_power_on = since_power_on};
 }
 
-// Returns what the gyros and accelerometers measure at `now`, with the increments since the last sample of the run.
+// Returns the gyros' and accelerometers' values at `now`, with the increments since the last sample of the run.
 // Inline: it is most of a step, and a Sample is large.
 [[gnu::always_inline]] inline Sample Imu::sense(const MotionState& now, TruthTime time, bool is_first,
                                                 DeviceTime stamp) noexcept {
@@ -357,7 +357,7 @@ IMUD_DISPATCHED Sample Imu::sample_moving(const Timeline& timeline, TruthTime ti
   return out;
 }
 
-// Adds what is not of gyros and accelerometers, and the status.
+// Adds the other quantities, and the status.
 [[gnu::always_inline]] inline void Imu::finish(const Timeline& timeline, const MotionState& now, TruthTime time,
                                                Sample& out) noexcept {
   const bool has_given = timeline.has_field_or_pressure();

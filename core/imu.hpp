@@ -37,7 +37,7 @@ struct ImuModel {
   double rate_hz = 100;  // the nominal sample rate, above 0
   // Gyros and accelerometers are sampled this many times as often, at least 1, at equal intervals: a sample has the
   // value of the last of these internal samples, and the sum of their increments. Densities of noise are sampled at
-  // the internal rate, and filters run at it; the parameters of GaussMarkov are those of one internal sample.
+  // the internal rate, and filters run at it; the parameters of GaussMarkov are per internal sample.
   int internal_samples = 1;
   Vector3 r_SB_B = Vector3::Zero();  // m, the lever arm
   Matrix3 dcm_PB = Matrix3::Identity();
@@ -60,23 +60,23 @@ struct ImuModel {
 // One sensor: samples a Timeline, or a vehicle at rest, and adds the errors. Nothing here allocates, locks, throws or
 // reads a clock. Not thread-safe.
 //
-// With a sampling jitter J, sample k is that of the instant time - u J, u uniform in (0, 1): never later, so that it
-// needs no truth that has not arrived. Its increments are those since the true instant of the sample before. The
-// first sample of a run, and samples at rest, are not moved.
+// With a sampling jitter J, sample k is taken at the instant time - u J, u uniform in (0, 1). It is never later, and
+// needs no truth that has not arrived. Its increments begin at the true instant of the sample before. The first
+// sample of a run, and samples at rest, are not moved.
 //
-// The internal samples lie at multiples of the nominal internal period after the last sample; those that would be
-// later than the next sample are taken at its time. In the first sample of a run they all have its time. The sum of
-// the true increments is the increment as ImuModel defines it over the whole step, except that the memo's
-// DeltaVelocity also has a piece for each internal sample.
+// The internal samples lie at multiples of the nominal internal period after the last sample; any beyond the next
+// sample are taken at its time. In the first sample of a run they all have its time. The sum of the true increments
+// is the increment as ImuModel defines it over the whole step, except that the memo's DeltaVelocity also has a piece
+// for each internal sample.
 //
-// Samples belong to runs. The first sample of a run has no increments; each later one has those since the sample
-// before. The counter and the errors continue from run to run, as in a real device.
+// Samples belong to runs. The first sample of a run has no increments. Each later sample has the increments since the
+// last. The counter and the errors continue from run to run, as in a real device.
 //
 // A sample at the time of the sample before is held: the simulator stands still, and the sensor goes on. Its attitude
-// and its specific force are constant, its rate and its delta-angle are zero, its delta-velocity is that of a nominal
-// period. When time goes on, the next sample has the whole rotation since the first of these. Of the delta-velocity
-// it has what the held samples have not had, as far as time has caught up: the sum is the vehicle's own, and the
-// force for as long as the simulator stood still in addition.
+// and its specific force are constant, its rate and its delta-angle are zero, its delta-velocity covers a nominal
+// period. When time goes on, the next sample has the whole rotation since the first held sample. Its delta-velocity
+// leaves out the part of the held samples, as far as time has caught up. The sum is the vehicle's own, plus the force
+// for as long as the simulator stood still.
 class Imu {
  public:
   // All random numbers follow from `seed` and `stream`, which is different for every sensor: stream_id() of its name.
@@ -109,8 +109,8 @@ class Imu {
   // Replace TriadErrors::bias of a quantity (rate, specific force or magnetic field) from the next sample on.
   void set_bias(Quantity quantity, const Vector3& bias) noexcept;
   const Vector3& bias(Quantity quantity) const noexcept;
-  // Replaces the seed: from the next sample on random numbers are those that it has for that sample. Errors with a
-  // memory continue from their values; those that are drawn once, at power on or for the vibration, stay.
+  // Replaces the seed: each sample from the next one on has the random numbers of `seed` for it. Errors with a memory
+  // continue from their values. Numbers drawn once, at power on or for the vibration, stay.
   void set_seed(std::uint64_t seed) noexcept;
 
   // Takes the place of `before` between two samples: run, counter, increments since the last sample and random
@@ -118,8 +118,8 @@ class Imu {
   // the same definitions of the increments. A bias that set_bias() has replaced is not kept.
   void continue_from(const Imu& before) noexcept;
 
-  // Returns the sample at `time`, with the device's own time `stamp`. `time` is not earlier than that of the sample
-  // before in this run; if it is the same, the sample is held. `timeline` is not empty.
+  // Returns the sample at `time`, with the device's own time `stamp`. `time` is not before the last sample of this
+  // run; if it is the same, the sample is held. `timeline` is not empty.
   Sample sample(const Timeline& timeline, TruthTime time, DeviceTime stamp) noexcept {
     const bool is_around_hold = time <= sampled_ || (held_.count() | may_catch_up_.count()) != 0;
     if (is_around_hold && run_ == Run::truth) [[unlikely]]
@@ -128,10 +128,10 @@ class Imu {
   }
 
   // Returns the sample of a vehicle at rest (core/rest.hpp), for a sensor that has power before the first truth; its
-  // status is status::at_rest beside saturation. `since_power_on` is later than that of the sample before, and not
+  // status is status::at_rest beside saturation. `since_power_on` increases from sample to sample, and is not
   // negative. The first sample at rest, and the first sample of a truth after it, begin a run: they have no
-  // increments, while the counter and the errors continue. With DeltaVelocity::memo, the sensor's step counts as one
-  // step of the truth.
+  // increments, while the counter and the errors continue. With DeltaVelocity::memo, the sensor's step counts
+  // as one step of the truth.
   Sample sample_at_rest(Nanoseconds since_power_on, DeviceTime stamp) noexcept;
 
   // Makes the next sample number k, with the errors that it has in the sequence from 0, except for a carried

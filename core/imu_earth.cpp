@@ -21,8 +21,8 @@ void Imu::move_to_sensor(const MotionState& state, PositionVelocity& position) c
   position.v_N += state.q_NB * state.omega_BN_B.cross(model_.r_SB_B);
 }
 
-// Adds the place of S, given that of B's origin, and what the magnetometer and the barometer measure there: what the
-// truth gives, and otherwise what the Earth's models have at a known place.
+// Adds the place of S, from the place of B's origin, and the magnetic field and pressure there. Both are the truth's
+// if given, and otherwise come from the Earth's models at a known place.
 void Imu::sense_earth(const Earth& earth, PositionVelocity position, const GivenFields& given, const MotionState& now,
                       Sample& out) noexcept {
   move_to_sensor(now, position);

@@ -56,8 +56,8 @@ void Imu::end_hold() noexcept {
   may_catch_up_ = std::exchange(held_, Nanoseconds{0});
 }
 
-// The next sample is that of `time`: as far as this is later than a step after the hold, the simulator has run
-// meanwhile, and the held samples have had their part of it already.
+// The next sample is at `time`. As far as `time` is later than a step after the hold, the simulator has run
+// meanwhile. The held samples have had their part of that time already.
 void Imu::catch_up(TruthTime time) noexcept {
   if (is_held()) end_hold();
   const Nanoseconds had =

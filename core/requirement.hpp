@@ -23,7 +23,7 @@ struct Requirement {
   bool holds(double value, double whole) const noexcept;
 };
 
-// A requirement that cannot be read, or is about a figure that there is not. Its text has what would be right.
+// A requirement that cannot be read, or is about a figure that there is not. Its text has the remedy.
 struct RequirementError : std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };

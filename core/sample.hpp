@@ -11,7 +11,7 @@ namespace imud {
 // The bits of Sample::status.
 namespace status {
 inline constexpr std::uint32_t gyro_saturated_x = 1U << 0;           // y and z are the next two bits
-inline constexpr std::uint32_t accelerometer_saturated_x = 1U << 3;  // likewise
+inline constexpr std::uint32_t accelerometer_saturated_x = 1U << 3;  // y and z: the next two
 inline constexpr std::uint32_t truth_extrapolated = 1U << 6;         // the newest truth was older than the sample
 inline constexpr std::uint32_t truth_stale = 1U << 7;                // it was so old that motion was held
 inline constexpr std::uint32_t not_valid = 1U << 8;                  // the sensor marks the sample as no measurement
@@ -21,8 +21,8 @@ inline constexpr std::uint32_t force_derived = 1U << 11;     // its specific for
 inline constexpr std::uint32_t self_test_failed = 1U << 12;  // the sensor's self test reports a failure
 }  // namespace status
 
-// The place and time of a sample on the Earth, as the truth has them, without errors (frames E and L:
-// core/README.md).
+// The true place and time of a sample on the Earth, without errors (frames
+// E and L: core/README.md).
 struct Navigation {
   bool is_known = false;               // if not, place, time and velocity are 0
   std::uint8_t satellites = 12;        // that a receiver with a fix uses
@@ -41,7 +41,7 @@ struct Sample {
   Vector3 rate = Vector3::Zero();            // rad/s, at `time`
   Vector3 specific_force = Vector3::Zero();  // m/s^2, at `time`
   Vector3 delta_angle = Vector3::Zero();     // rad, over the step that ends at `time`; 0 in the first sample of a run
-  Vector3 delta_velocity = Vector3::Zero();  // m/s, likewise
+  Vector3 delta_velocity = Vector3::Zero();  // m/s, over that step
   double temperature_c = 25.0;               // degrees Celsius
   // The true attitude of the platform relative to north-east-down, for products that report an attitude, as a unit
   // quaternion: v_L = q_LP * v_P. Where the relation of N to the Earth is unknown (EarthModel::Frame::none), N is
@@ -49,7 +49,7 @@ struct Sample {
   Quaternion q_LP = Quaternion::Identity();
   Navigation navigation;                     // the sensor's point S
   Vector3 magnetic_field = Vector3::Zero();  // T; 0 where the place is unknown
-  double pressure = 0;                       // Pa; likewise
+  double pressure = 0;                       // Pa; 0 if unknown
   std::uint32_t status = 0;                  // bits of namespace status
 };
 

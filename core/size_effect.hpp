@@ -9,11 +9,11 @@ namespace imud {
 enum class DeltaVelocity : std::uint8_t;
 
 // Accelerometer i is at S + rho_i; row i of the positions is rho_i, in platform axes. It measures component i of the
-// specific force there, which differs from that of S by (P. G. Savage, "Strapdown Sensors and Strapdown System
+// specific force there, which differs from the one at S by (P. G. Savage, "Strapdown Sensors and Strapdown System
 // Analysis", NATO RTO-EN-SET-116, size effect)
 //   omega' x rho_i + omega x (omega x rho_i)
-// Its delta-velocity differs by what the definition of the delta-velocity makes of another lever arm. Does not
-// allocate, lock or throw; not thread-safe.
+// The delta-velocity differs by the same lever arm in its definition. Does not allocate, lock
+// or throw; not thread-safe.
 class SizeEffect {
  public:
   SizeEffect(const Matrix3& positions, const Matrix3& dcm_PB)

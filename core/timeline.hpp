@@ -20,7 +20,7 @@ inline constexpr std::uint32_t truth_gap = 1U << 13;  // poses are missing aroun
 // The motion of the vehicle at one instant (frames: core/README.md).
 struct MotionState {
   enum class Basis : std::uint8_t {
-    interpolated,  // `time` is that of a truth or between two
+    interpolated,  // `time` is at a truth or between two
     extrapolated,  // `time` is after the newest truth, by at most Limits::extrapolate
     held,          // `time` is later still, or before the first truth of the run: the attitude and the specific force
                    // are constant, the rate is zero
@@ -133,8 +133,8 @@ class Timeline {
     MotionState other;
     return at(time, other);
   }
-  // The same, without a copy where `time` is that of a truth: returns the state that is kept until the next push(),
-  // or `other`, to which it assigns.
+  // The same, without a copy where a truth has this `time`: returns the state that is kept until the next push(), or
+  // `other`, to which it assigns.
   const MotionState& at(TruthTime time, MotionState& other) const noexcept;
 
   // Returns position and velocity of B's origin at `time`: between two truths that carry them, the cubic Hermite

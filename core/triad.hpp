@@ -30,10 +30,10 @@
 
 namespace imud {
 
-// All effects, in the order in which they act. Those on the truth are first, because bias and noise come from behind
-// the input axes and are not scaled by them. The filter acts on the motion and the noise alike, before the converter
-// rounds. Saturation is last, as the memo has it, so that no value is beyond the range; what it leaves of the
-// increments is rounded.
+// All effects, in the order in which they act. Effects on the truth are first, because bias and noise arise behind
+// the input axes and are not scaled by them. The filter acts on the motion and the noise alike, before the
+// converter rounds. Saturation is last, as in the memo, so that no value is beyond the range. The increments
+// that it leaves are rounded.
 using TriadEffects = std::tuple<Misalignment, ScaleFactor, Nonlinearity, TemperatureScale,             // on the truth
                                 Bias, TemperatureBias, GaussMarkov, TurnOnBias, Ramp,                  // added
                                 AccelerationSensitivity, VibrationRectification, WhiteNoise, Flicker,  // added
@@ -79,7 +79,7 @@ class Triad {
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     each([&normals, k](auto& effect) { effect.seek(normals, k); });
   }
-  // `number` is that of this power on, from 0.
+  // `number`: of this power on, from 0.
   void power_on(std::uint64_t number) noexcept {
     each([number](auto& effect) { effect.power_on(number); });
   }

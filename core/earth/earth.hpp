@@ -81,8 +81,8 @@ class Earth {
   Navigation navigation(const PositionVelocity& position) const noexcept;
   // Returns the rotation v_L = q_LN * v_N at the known place of `position`.
   Quaternion q_LN(const PositionVelocity& position, const Navigation& navigation) const noexcept;
-  // Returns the magnetic field at a known place, T, in L: that of IGRF-14 at the model's start (igrf.hpp), which is
-  // the field of the core. The crust and the ionosphere, which it leaves out, add some 0.1 uT.
+  // Returns the magnetic field at a known place, T, in L, by IGRF-14 at the model's start (igrf.hpp). IGRF has the
+  // field of the core only. The crust and the ionosphere add some 0.1 uT.
   Vector3 magnetic_field_L(const Navigation& navigation) const noexcept;
   // Returns the pressure at a known place, Pa.
   double pressure(const Navigation& navigation) const noexcept {
@@ -95,7 +95,7 @@ class Earth {
 
   EarthModel model_;
   Quaternion q_EN_local_;  // where the frame is local
-  Vector3 origin_E_;       // m, likewise
+  Vector3 origin_E_;       // m, local frame
   MagneticField magnetic_field_;
 };
 

@@ -47,7 +47,7 @@ Vector3 wgs84(const Vector3& r) noexcept {
       -(gm / v2 + rotation / v2 * (b * b * b / u2) * (q.q_2 / q0_3) * (0.5 * sin * sin - 1.0 / 6)) / w;
   const double ratio = b / u;
   const double along_beta = rotation / v * (ratio * ratio * ratio * q.q_3 / q0_3) * sin * cos / w;
-  // From the axes of u and beta to those of N.
+  // From the axes of u and beta to N.
   const double outward = (u / v * cos * along_u - sin * along_beta) / w;
   const double up = (sin * along_u + u / v * cos * along_beta) / w;
   const double p = std::sqrt(p2);

@@ -14,7 +14,7 @@ struct GravitationModel {
     none,
     constant,   // along N's z axis, which points down
     j2,         // the Earth's centre is N's origin, its axis N's z: central, and the zonal harmonic of degree 2
-    wgs84,      // likewise: the whole normal gravity field of the ellipsoid WGS 84
+    wgs84,      // the whole normal gravity field of the ellipsoid WGS 84
     automatic,  // wgs84 at a position that is near the Earth; constant at any other, which is one in a local level
   };
   Kind kind = Kind::automatic;

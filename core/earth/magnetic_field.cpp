@@ -10,7 +10,7 @@ namespace {
 
 constexpr double reference = 6'371'200.0;  // a, m
 
-// Factors from the harmonics of degrees n and n - 1 to that of degree n + 1, for order m.
+// Factors from the harmonics of degrees n and n - 1 to degree n + 1, for order m.
 struct Step {
   double once, twice;
 };

@@ -18,7 +18,7 @@ namespace imud {
 // the place of the octaves beyond them. They are stationary from the first sample.
 //
 // A process of correlation time Tc is computed at most every Tc/16, and linear between: its standard deviation is
-// 1 % less there. Thus the cost of a sample is nearly that of one addition, with any number of octaves.
+// 1 % less there. Thus a sample costs little more than one addition, with any number of octaves.
 class Flicker {
  public:
   static constexpr std::string_view name = "bias instability";

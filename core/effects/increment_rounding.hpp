@@ -8,8 +8,8 @@
 
 namespace imud {
 
-// The digits of the increments: sensors that count pulses, and those that transmit sums, keep what is left for the
-// next increment, so that the sum of all increments differs from the true sum by half an LSB at most.
+// The digits of the increments. Sensors that count pulses or transmit sums keep the remainder for the next increment:
+// the sum of all increments differs from the true sum by half an LSB at most.
 //   d <- lsb round((d + remainder)/lsb)
 // This is quantization noise of the angle or velocity, Q = lsb/sqrt(12) (IEEE Std 952-1997, C.1.6), with the Allan
 // variance 3 Q^2/tau^2.

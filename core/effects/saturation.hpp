@@ -9,8 +9,8 @@
 
 namespace imud {
 
-// The range of the sensor, per axis and direction (memo Eq. 20-23). It acts last, so that an increment is that of the
-// limited value.
+// The range of the sensor, per axis and direction (memo Eq. 20-23). It acts last, so that increments
+// belong to limited values.
 class Saturation : public StatelessEffect {
  public:
   static constexpr std::string_view name = "saturation";

@@ -28,7 +28,7 @@ struct TriadErrors {
   Vector3 scale_factor = Vector3::Ones();
 
   // Nonlinearity
-  Vector3 scale_factor_asymmetry = Vector3::Zero();  // that of positive values less that of negative ones
+  Vector3 scale_factor_asymmetry = Vector3::Zero();  // factor for positive less factor for negative
   Vector3 quadratic = Vector3::Zero();               // 1/u
   Vector3 cubic = Vector3::Zero();                   // 1/u^2
 
@@ -40,7 +40,7 @@ struct TriadErrors {
   // Bias
   Vector3 bias = Vector3::Zero();  // u
 
-  // GaussMarkov: the memo's process, whose parameters are those of one sample, not densities
+  // GaussMarkov: the memo's process, whose parameters are per sample, not densities
   Matrix3 walk_transition = Matrix3::Identity();  // A: 0 gives white noise, identity a random walk
   Matrix3 walk_sqrt_cov = Matrix3::Zero();        // P, u: P P^T is the covariance of one step
   Vector3 walk_bound = Vector3::Zero();           // u, limit of |x|, not negative; 0: none
@@ -57,7 +57,7 @@ struct TriadErrors {
 
   // VibrationRectification
   Vector3 vibration_rectification = Vector3::Zero();  // k, u/(m/s^2)^2
-  Vector3 vibration_mean_square = Vector3::Zero();    // <v^2>, (m/s^2)^2; Imu sets that of its vibration
+  Vector3 vibration_mean_square = Vector3::Zero();    // <v^2>, (m/s^2)^2; Imu sets it from its vibration
 
   // WhiteNoise
   Vector3 white_density = Vector3::Zero();  // N, u/sqrt(Hz), not negative

@@ -8,8 +8,8 @@
 
 namespace imud {
 
-// The unit u is that of TriadErrors. An effect is a class with
-//   static constexpr std::string_view name     as the table in core/README.md has it
+// TriadErrors defines the unit u. An effect is a class with
+//   static constexpr std::string_view name     from the table in core/README.md
 //   Effect(const TriadErrors&, Quantity, double period_s)
 //   bool is_on() const noexcept
 //   void apply(TriadStep&) noexcept            called only if it is on
@@ -34,8 +34,8 @@ struct TriadStep {
   Vector3 value;      // u, at the end of the step
   Vector3 increment;  // u s, its integral over the step
 
-  // The sums of the additive errors, u, which AddErrors adds: of those that are constant over the step, and of the
-  // others, at the end of the step and their mean over it.
+  // AddErrors adds these sums of the additive errors, u: the constant errors of the step, and the other errors, at
+  // the step's end and as their mean.
   Vector3 constant_error = Vector3::Zero();
   Vector3 error = Vector3::Zero(), mean_error = Vector3::Zero();
 

@@ -33,7 +33,7 @@ constexpr double least_rounded_up(Rounding rounding) noexcept {
   }
 }
 
-// The digits of the value (memo Eq. 19), and what they take from the increment:
+// The digits of the value (memo Eq. 19), and their change of the increment:
 //   m' = m + carried,  m <- lsb round(m'/lsb),  increment <- increment - dt (m' - m - carried)
 // With `carry`, the remainder m' - m is added to the next sample.
 class ValueRounding {

@@ -1,4 +1,4 @@
-// Temperature: that of the sensor, and what the sensor reports of it.
+// The temperature of the sensor, true and as the sensor reports it.
 #pragma once
 
 #include <cmath>
@@ -36,7 +36,7 @@ class Temperature {
   // Returns false if sensor and measurement have the constant temperature.
   bool is_on() const noexcept { return on_; }
   bool follows_truth() const noexcept { return model_.from_truth; }
-  // Computes the temperatures of the sample at `t`, s, later than the last; `truth_c` is that of the surroundings.
+  // Computes the temperatures of the sample at `t`, s, later than the last; `truth_c`: of the surroundings.
   [[gnu::noinline]] void update(double t, std::optional<double> truth_c) noexcept;
   // Goes on from the temperature of `before` until the next update().
   void continue_from(const Temperature& before) noexcept {

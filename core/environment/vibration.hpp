@@ -41,8 +41,8 @@ struct SensorInput {
 
 // Adds the vibration to the truth: a sum of sines
 //   v(t) = sum of s_j sin(w_j t) + c_j cos(w_j t),  w_j = 2 pi f_j,  t the truth's time
-// whose integral over a step is exact in the increments. The delta-angle is the sum of those of motion and vibration:
-// the coning of the two together is not in it.
+// whose integral over a step is exact in the increments. The delta-angle of motion and the one of vibration are
+// added, without the coning of both together.
 //
 // Random vibration is a sum of sines of random phases, which are independent for each axis (M. Shinozuka and
 // C.-M. Jan, "Digital simulation of random processes and its applications", J. Sound and Vibration 25(1), 1972): one

@@ -33,9 +33,9 @@ class CorrelatedNoise {
       b_ = transition_.cwiseProduct(b_) + driving_.cwiseProduct(n);
     return b_;
   }
-  // Returns what the last next() returned; 0 before the first.
+  // Returns the last value of next(); 0 before the first.
   const Vector3& value() const noexcept { return b_; }
-  // Makes next(k) return what it returns in the sequence from 0. The time it takes is proportional to k.
+  // Makes next(k) return its value of the sequence from 0. The run time is proportional to k.
   void seek(const Normals& normals, std::uint64_t k) noexcept {
     if (!on_) return;
     for (std::uint64_t j = 0; j < k; ++j) next(normals, j);

@@ -2,7 +2,7 @@
 //
 // A run must give the same bytes everywhere, but libm's results differ in the last bit between C libraries, their
 // versions, and processors with and without fused multiply-add. These use only +, -, *, / and sqrt, which IEEE 754
-// defines exactly. Errors are below 2 ulp of 1, those of atan and log below 3 ulp, over the stated ranges
+// defines exactly. Errors are below 2 ulp of 1, for atan and log below 3 ulp, over the stated ranges
 // (tests/core/elementary_test.cpp). All functions are pure and thread-safe and do not throw; angles are in rad.
 #pragma once
 
@@ -45,7 +45,7 @@ template <std::size_t Terms>
 inline constexpr std::array<double, Terms> odd_reciprocals = make_odd_reciprocals<Terms>();
 
 // c[0] + c[1] x + c[2] x^2 + ... by Estrin's scheme (pairs, pairs of pairs, ...), whose chain of dependent
-// operations is shorter than that of Horner's rule.
+// operations is shorter than in Horner's rule.
 template <std::size_t N>
 constexpr double polynomial(const std::array<double, N>& c, double x) {
   if constexpr (N == 1) {

@@ -11,9 +11,9 @@
 
 namespace imud {
 
-// An extension of GCC and clang; operators act on each lane and round as those of double do. A processor without
-// registers of this size takes two of 128 bits. Functions that pass it are always inline, because the calling
-// convention depends on the processor's features.
+// An extension of GCC and clang; operators act on each lane and round as for double. A processor without registers of
+// this size takes two of 128 bits. Functions that pass it are always inline, because the calling convention depends
+// on the processor's features.
 using Lanes = double __attribute__((vector_size(32)));
 using LaneMask = std::int64_t __attribute__((vector_size(32)));  // all bits of a lane are equal
 

@@ -35,7 +35,7 @@ enum class Process : std::uint32_t {
   fault = 8,         // of a wire: coordinate of a byte or a frame
   fault_draw = 9,    // the numbers of an occurrence of a fault
   fault_noise = 10,  // that a fault adds to a sample
-  flicker = 32,      // of its first octave; the next 31 numbers are those of the others
+  flicker = 32,      // of its first octave; the other octaves have the next 31 numbers
 };
 
 // Returns the number of the octave-th process of a cascade, 0 to 31, that begins with `first`.
@@ -47,7 +47,7 @@ constexpr Process octave_of(Process first, std::uint32_t octave) noexcept {
 // (PPND16 of M. J. Wichura, Algorithm AS 241, Applied Statistics 37(3), 1988.)
 double inverse_normal_cdf(double p) noexcept;
 
-// Returns a 32-bit hash of an imu's name, which makes its streams different from those of other names.
+// Returns a 32-bit hash of an imu's name, which makes its streams differ from other imus' streams.
 std::uint32_t stream_id(std::string_view imu_name) noexcept;
 
 // Returns the uniform deviate (k + 1/2)/2^52, where k is the upper 52 of 64 random bits: exact, in (0, 1), symmetric
@@ -58,7 +58,7 @@ constexpr double uniform(std::uint64_t bits) noexcept {
 
 // The normal deviates of one imu, one stream per quantity, axis and process, of Philox4x32-10 with the seed as key
 // and {k/2, k/2, process/quantity/axis, imu} as counter. The first two of its four output words give the deviate of
-// an even k, the last two that of the odd k after it; all deviates are independent. (Salmon et al., "Parallel random
+// an even k, the last two the deviate of k + 1. All deviates are independent. (Salmon et al., "Parallel random
 // numbers: as easy as 1, 2, 3", SC 2011.)
 class Normals {
  public:
@@ -79,13 +79,13 @@ class Normals {
   std::uint32_t stream_;
 };
 
-// The normal deviates of one quantity and process, for a caller that takes them in ascending order: those of 16
-// samples are computed at once, in vector registers where the compiler has any, with the bits that Normals gives.
+// The normal deviates of one quantity and process, for a caller that takes them in ascending order: 16 samples are
+// computed at once, in vector registers where the compiler has any, with the same bits as Normals.
 class NormalSequence {
  public:
   static constexpr std::size_t batch = 16;  // samples
   NormalSequence(Quantity quantity, Process process) noexcept : quantity_(quantity), process_(process) {}
-  // Discards what is computed ahead: the next call may have other `normals`.
+  // Discards numbers computed ahead: the next call may have other `normals`.
   void forget() noexcept { number_ = ~std::uint64_t{0}; }
   // Returns N(0, 1) on each axis for sample k. `normals` must be the same in all calls since forget().
   Vector3 at(const Normals& normals, std::uint64_t k) noexcept {
@@ -100,7 +100,7 @@ class NormalSequence {
   Quantity quantity_;
   Process process_;
   std::uint64_t number_ = ~std::uint64_t{0};
-  std::array<double, 3 * batch> deviates_ = {};  // those of x, then of y, then of z
+  std::array<double, 3 * batch> deviates_ = {};  // all of x, then of y, then of z
 };
 
 }  // namespace imud

@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::size_t highest_degree = 8, highest_to_one_side = 10;
 
-// A further degree needs a coefficient with this many times the mean energy of those beyond. With two of those, the
-// fewest, white noise exceeds that in 7e-5 of the fits (F distribution, 3 and 6 degrees of freedom).
+// A further degree needs a coefficient with this many times the mean energy of higher coefficients. With two of them,
+// the fewest, white noise exceeds this in 7e-5 of the fits (F distribution, 3 and 6 degrees of freedom).
 constexpr double certain = 60.0;
 
 // The noise is counted this many times, because its estimate and the coefficients scatter. Counted once, a
@@ -26,7 +26,7 @@ constexpr std::size_t least_beyond = 8;
 struct Term {
   Vector3 coefficient;
   std::array<double, 3> at_0;  // the polynomial and its derivatives
-  double energy;               // what it takes from the sum of squares
+  double energy;               // its part of the sum of squares
 };
 
 // Returns the factor of term k: the weighted isotonic regression, falling with the degree, of 1 - noise/energy, by
@@ -68,7 +68,7 @@ PolynomialFit::Derivatives PolynomialFit::at_0(Reduce reduce) noexcept {
   std::array<Term, highest_to_one_side + 1> terms;
   std::size_t count = 0;
   double residual = 0.0;  // sum of squares
-  // p_k and its derivatives at x = 0, and those of p_k-1.
+  // p_k and p_k-1, and their derivatives, at x = 0.
   std::array<double, 3> at_0 = {1.0, 0.0, 0.0}, before_at_0 = {};
   double square_before = 1.0;
   for (std::size_t k = 0; k <= highest && k < n; ++k) {

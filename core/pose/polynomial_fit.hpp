@@ -35,14 +35,14 @@ class PolynomialFit {
   void add(double time_s, const Vector3& value) noexcept { points_[count_++] = {time_s, 0.0, 1.0, value}; }
   // Coefficients are reduced to one side only, or wherever more points than coefficients show the noise.
   enum class Reduce : std::uint8_t { to_one_side, always };
-  // Returns the fit's derivatives at time 0, which must be that of a point. Once after the last add().
+  // Returns the fit's derivatives at time 0, the time of a point. Once after the last add().
   Derivatives at_0(Reduce reduce = Reduce::to_one_side) noexcept;
 
  private:
   struct Point {
     double x;            // s, then relative to the scale
     double before, now;  // p_k-1 and p_k at x
-    Vector3 value;       // then less what is fitted
+    Vector3 value;       // then less the fit
   };
   std::vector<Point> points_;
   std::size_t count_ = 0;

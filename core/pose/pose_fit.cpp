@@ -93,7 +93,7 @@ bool PoseFit::find_window(double delay_s, Window& window) const noexcept {
   return true;
 }
 
-// Returns what the fit makes of value(i), a function of the truth's number.
+// Returns the fit of value(i), a function of the truth's number.
 template <class Value>
 PolynomialFit::Derivatives PoseFit::fit(const Window& window, Value value) noexcept {
   fit_.clear();
@@ -105,7 +105,7 @@ PolynomialFit::Derivatives PoseFit::fit(const Window& window, Value value) noexc
 void PoseFit::derive_rate(Window window, Truth& truth) noexcept {
   const Quaternion q_NB = truth.q_NB.normalized();
   const auto q_of = [&](std::size_t i) { return item(i).truth.q_NB.normalized(); };
-  const std::size_t offset = most - next_;  // phi_[most] is that of the next truth
+  const std::size_t offset = most - next_;  // phi_[most]: of the next truth
   phi_[most].setZero();
   // True if the vehicle turns too far from the next truth to number i, whose neighbour `before` on the side of the
   // next truth is not too far. A step turns by less than pi, so that its own rotation vector is unique.

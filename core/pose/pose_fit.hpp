@@ -27,11 +27,11 @@ namespace imud {
 // much after the truth as the widest window has on a side. Noise alone, of variance s^2, changes the quantity by a
 // mean square of s^2 (g - g'), the difference of the two fits' noise gains (J. A. Hausman, Specification tests in
 // econometrics, Econometrica 46(6), 1978: the covariance of a fit and a more efficient one is the latter's variance).
-// What exceeds that is an error of the wider window, which is better while the mean square change is below twice
-// that. It is taken up to four times, as the estimates scatter. s^2 is that of the poses themselves (pose_noise.hpp).
-// Coefficients that do not stand out of the noise are reduced then. So windows are wide at rest, and short where a
-// motion is fast, or free of noise. Motion faster than a quarter of the rate of the poses counts as noise: give a
-// delay for that.
+// Any excess is an error of the wider window. This window is better while the mean square change is below twice
+// that value. It is taken up to four times the value, as the estimates scatter. s^2 is measured from the poses
+// (pose_noise.hpp). Coefficients within the noise are reduced then. So windows are wide at rest, and short
+// where a motion is fast, or free of noise. Motion faster than a quarter of the rate of the poses counts as
+// noise: give a delay for that.
 //
 // Up to three truths in a row that are off by more than any noise are refused. Each of them is compared with the
 // quartic through nine neighbours, 6 before and 3 after them, near an end of the segment as many as there are. Its
@@ -46,22 +46,22 @@ namespace imud {
 // m/s^2 or 1000 rad/s^2 explain in the time from the nearest of the many neighbours: a pose at another place is then
 // refused, also if the vehicle has leapt there with its last three. There the expected distance is larger: the rms of
 // a component is 4, 10 and 23 times the noise for one to three truths beyond the last neighbour, 1.2 to 2.2
-// elsewhere. A segment of fewer than ten truths is not tested. If truths of a run were taken before its last had
-// come, those stay.
+// elsewhere. A segment of fewer than ten truths is not tested. Truths of a run that were taken
+// before its last had come stay.
 //
 // A window has at least 3 truths on either side, if need be of more than the delay, and at most 256. Near the ends of
 // a segment it has the length of the others, or 13 truths, and lies to one side; there the degree depends on the
 // noise and the motion. So the first truths of a segment have more delay. A segment ends with a run, a gap (a step
-// longer than the delay and four mean steps), a change of what is derived, and at finish(). The vehicle must turn by
-// less than 180 deg between two truths; where it turns by more than 143 deg (2.5 rad) within a window, that is
-// shortened.
+// longer than the delay and four mean steps), a change of the derived quantities, and at finish(). The
+// vehicle must turn by less than 180 deg between two truths; a window in which it turns by more than 143
+// deg (2.5 rad) is shortened.
 //
 // The constructor allocates all memory; nothing else here allocates, locks or throws. The same bits on every machine.
 // Not thread-safe.
 class PoseFit {
  public:
   enum class Source : std::uint8_t {
-    given,      // as the truth has it, or not at all
+    given,      // from the truth, or not at all
     automatic,  // derived if the truth does not have it
     derived,
   };
@@ -83,9 +83,9 @@ class PoseFit {
   void push(const Truth& truth) noexcept;
   // Ends the segment: no truth is waited for any more.
   void finish() noexcept;
-  // Takes the next truth with what is derived, in the order of push(). Returns false if it has to wait for further
-  // ones; a truth of which nothing is derived does not wait, and is not changed. From positions that no vehicle has,
-  // the derived state may fail is_finite() or is_in_range().
+  // Takes the next truth with its derived values, in the order of push(). Returns false if it has to wait for later
+  // truths. A truth without derived values does not wait, and is not changed. From positions that no vehicle has, the
+  // derived state may fail is_finite() or is_in_range().
   bool next(Truth& truth) noexcept;
 
   // The noise of the truths since the constructor, and what was chosen, of the rate from attitudes, or of the force

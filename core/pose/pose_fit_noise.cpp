@@ -9,7 +9,7 @@
 
 namespace imud {
 
-// Returns the attitude, position or velocity of number `i` relative to that of `origin`: rad, m, m/s.
+// Returns the attitude, position or velocity of item `i` relative to item `origin`: rad, m, m/s.
 Vector3 PoseFit::value_of(Quantity quantity, std::size_t origin, std::size_t i) const noexcept {
   const Truth &at = item(i).truth, &from = item(origin).truth;
   if (quantity == attitude) return log(from.q_NB.normalized().conjugate() * at.q_NB.normalized());
@@ -99,7 +99,7 @@ bool PoseFit::refuse_outliers(std::size_t begin, std::size_t end, std::size_t fr
   (turns ? outliers_.angle : outliers_.distance) = suspect.distance;
   (turns ? outliers_.distance : outliers_.angle) = 0.0;
   (turns ? outliers_.angle_bound : outliers_.distance_bound) = suspect.bound;
-  // One item beyond is that of a truth that is being pushed.
+  // One item beyond has a truth that is being pushed.
   for (std::size_t i = after; i <= count_; ++i)
     items_[(oldest_ + i - removed) % capacity] = items_[(oldest_ + i) % capacity];
   count_ -= removed;

@@ -36,7 +36,7 @@ DeletedResidual deleted_residual(std::span<const double> times_s, std::span<cons
     rest[i] = values[i];
     variance[i] = 1.0;
   }
-  // Orthogonal polynomials on the others, as in PolynomialFit. Those of the values that are tested have no weight.
+  // Orthogonal polynomials on the other values, as in PolynomialFit. Tested values have no weight.
   double square_before = 1.0;
   for (std::size_t k = 0; k <= degree; ++k) {
     double square = 0.0, moment = 0.0;

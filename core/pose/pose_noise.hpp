@@ -25,10 +25,10 @@ struct DeletedResidual {
   double ratio = 0;     // of the squared distance and its expected square by the misfit of the others; the F
                         // distribution with 3 and 3 (n - left out - 5) degrees of freedom if the noise is normal
 };
-// `left_out`: the number of the first value that is tested, of `count`; the result is that of the tested value whose
-// ratio is the smallest. There are 8 to 16 values, at increasing times, s; six or more are not tested. (The
-// externally studentised residual: R. D. Cook and S. Weisberg, Residuals and Influence in Regression, Chapman and
-// Hall 1982.)
+// `left_out`: the number of the first value that is tested, of `count`; the result is of the tested value
+// with the smallest ratio. There are 8 to 16 values, at increasing times, s; six or more are not tested.
+// (The externally studentised residual: R. D. Cook and S. Weisberg, Residuals and Influence in
+// Regression, Chapman and Hall 1982.)
 DeletedResidual deleted_residual(std::span<const double> times_s, std::span<const Vector3> values,
                                  std::size_t left_out, std::size_t count = 1) noexcept;
 
