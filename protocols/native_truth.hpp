@@ -1,5 +1,5 @@
-// The native truth datagram, version 1, and its acknowledgement: for those who send truth, and for tests. The decoder
-// is the truth format "native".
+// The native truth datagram, version 1, and its acknowledgement: for senders of truth, and for tests. The decoder is
+// the truth format "native".
 //
 // Little-endian, 208 bytes:
 //

@@ -55,9 +55,9 @@ class Device {
   // Returns the time at which poll() must be called next (a step of the start-up, a timeout, a heartbeat), or nullopt
   // if nothing is scheduled. Any other call may change it.
   virtual std::optional<DeviceTime> deadline() const noexcept;
-  // Performs what is scheduled up to `now`, which is deadline() or later; appends the frames that the product sends
-  // on its own to `out`. Afterwards deadline() is later than `now`. A deadline at a sample's time is polled before
-  // that sample.
+  // Performs all actions due up to `now`, which is deadline() or later; appends the frames that the product
+  // sends on its own to `out`. Afterwards deadline() is later than `now`. A deadline at a sample's time is
+  // polled before that sample.
   virtual void poll(DeviceTime now, FrameBuffer& out) noexcept;
   // Reports that the sensor's clock was stepped by `by` (negative: back). The device shifts all times that it stores,
   // so that no duration changes. Default: does nothing, for a device that stores none.
@@ -65,8 +65,8 @@ class Device {
   // Sets the figures that the unit has of its own errors; called once, before all other calls. Default: does nothing,
   // for a product that neither reports such figures nor corrects by them.
   virtual void set_figures(const OwnFigures& figures) noexcept;
-  // Returns the settings of the product's UART. A change applies to what is sent after it. Default: a UartSettings{},
-  // for a product whose UART cannot be set.
+  // Returns the settings of the product's UART. A change applies to later frames. Default: a UartSettings{}, for a
+  // product whose UART cannot be set.
   virtual UartSettings uart() const noexcept;
   // Returns the product's own figures since it was made, in the order of Protocol::counters. The span stays valid as
   // long as the device. Default: none.
@@ -133,7 +133,7 @@ struct DecodeErrors {
   std::uint64_t skipped_bytes = 0;  // bytes that belong to no good frame
 };
 
-// Decodes what a port receives, in pieces of any length (byte links) or frame by frame (CAN); no input is harmful.
+// Decodes a port's input, in pieces of any length (byte links) or frame by frame (CAN); no input is harmful.
 // Allocates nothing after it is made. One thread.
 class Decoder {
  public:
@@ -147,12 +147,12 @@ class Decoder {
   DecodeErrors errors_;
 };
 
-// A figure that a product counts beside those of every imu, such as conflicts of its address, or transfers that timed
-// out.
+// A product's own counter beside the counters of every imu, such as conflicts of its address, or
+// transfers that timed out.
 struct DeviceCounter {
   std::string_view key;           // in the summary's JSON, and in limits: "imu1.KEY"
   std::string_view words;         // follow the number: "3 transfers timed out"
-  std::string_view warning = "";  // logged when it is first counted: what it means, and the remedy; empty: nothing
+  std::string_view warning = "";  // logged when it is first counted: the meaning and the remedy; empty: nothing
 };
 
 // One identifier under which a product sends on a CAN bus. A transfer of several frames with the same identifier
@@ -161,8 +161,8 @@ struct CanMessage {
   CanHeader can;
   std::size_t max_size = 0;     // data bytes of its longest frame
   double max_frames_per_s = 0;  // averaged over a second, at the highest load that the settings allow
-  // The address in the identifier is assigned on the bus during the run: it is that of no other node then, whatever
-  // `can` has.
+  // The address in the identifier is assigned on the bus during the run: no other node has it
+  // then, whatever `can` has.
   bool is_assigned = false;
 };
 
@@ -225,9 +225,9 @@ struct Protocol {
   bool has_checksum = false;  // every one-bit error of a frame is detected; false: some are not
   // The longest burst of errors that is always detected, in bits; each byte is counted from its LSB.
   unsigned burst_bits = 0;
-  // Writes the right checksum to `frame`, a whole frame of the product, and returns those of its bytes that can
-  // change without a change of the framing. Empty, and nothing is written, if the bytes are no such frame. nullptr:
-  // no frame has a checksum of its own. `can`: its header.
+  // Writes the right checksum to `frame`, a whole frame of the product, and returns its bytes that can change without
+  // a change of the framing. Empty, and nothing is written, if the bytes are no such frame. nullptr: no frame has a
+  // checksum of its own. `can`: its header.
   std::span<std::byte> (*reseal)(std::span<std::byte> frame, const CanHeader& can) noexcept = nullptr;
   // Where a checksum covers a transfer of several CAN frames, reseal() takes the data of these, one after another.
   // Returns how many of `frames`, from the first one on, are a transfer, at least 1; there is a first one. nullptr:
@@ -248,16 +248,16 @@ struct Protocol {
   // nullptr: this is no product, and its configuration must be complete. Throws as make does.
   Product (*product)(const Settings& settings) = nullptr;
   // Returns the name of the model (a preset of the emulator) whose errors a product with these settings has unless
-  // its configuration names another. nullptr: those of `product`.
+  // its configuration names another. nullptr: the errors of `product`.
   std::string_view (*preset)(const Settings& settings) = nullptr;
   // Empty: the test runs the initial settings only.
   std::span<const ConformanceSettings> conformance_settings = {};
   // Has bodies if, and only if, the device overrides receive().
   HostInputs host_inputs = {};
 
-  // Throws std::invalid_argument, whose message is "KEY: ", the fault and the remedy, if a unit with these settings
-  // and this sample rate would not do what they ask for. nullptr: it always does. A configuration is checked so, a
-  // device is not.
+  // Throws std::invalid_argument, whose message is "KEY: ", the fault and the remedy, if a unit cannot
+  // work as these settings and this sample rate ask. nullptr: it always can. This checks a
+  // configuration, not a device.
   void (*check)(const Settings& settings, double rate_hz) = nullptr;
 
   // Every entry has both. They throw std::invalid_argument if the settings exclude one another; the message gives the

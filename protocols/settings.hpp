@@ -1,4 +1,4 @@
-// Settings: the options that one protocol or truth format has beside those common to all.
+// Settings: the options that one protocol or truth format has beside the common options.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@ namespace imud {
 using SettingValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
 // A setting of a table entry, of the type of `initial`. A number is in [min, max] (if they are equal: finite), a
-// text is one of `choices` (if empty: any); those of a list are only listed, and its entry checks it.
+// text is one of `choices` (if empty: any); a list's choices are only listed, and its entry checks it.
 struct Setting {
   std::string_view key;
   std::string_view help;  // one line, with the unit

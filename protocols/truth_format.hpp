@@ -25,7 +25,7 @@ enum class TruthResult : std::uint8_t {
   bad_checksum,
   bad_number,    // text that is not a number
   not_finite,    // NaN or infinity
-  out_of_range,  // finite, but beyond what a vehicle can do (core/truth.hpp), or contradictory
+  out_of_range,  // finite, but impossible for a vehicle (core/truth.hpp), or contradictory
   no_columns,    // a row before its header, and no columns configured; a header that lacks a required column
 };
 
@@ -35,7 +35,7 @@ struct TruthFrame {
     unknown,   // not determined before a header row, or a pose relative to some N
     local,     // a local level, at a place that the truth does not have
     inertial,  // its origin is the Earth's centre; the Earth's angle is not known
-    earth,     // likewise, and each truth has the angle (Truth::earth_angle)
+    earth,     // inertial, and each truth has the angle (Truth::earth_angle)
   };
   Kind kind = Kind::unknown;
   bool has_rate = true;  // false: no truth has one
@@ -58,8 +58,8 @@ struct StreamLosses {
   std::size_t cut_short_lines = 0;  // whole lines of the newest of these, in a format whose records have several
 };
 
-// Decodes what one simulator sends, and produces what is to be sent to it. A pure state machine: it has no clock and
-// no port, and allocates nothing after it is made. One thread.
+// Decodes the messages of one simulator, and produces messages for it. A pure state machine: it has no clock and no
+// port, and allocates nothing after it is made. One thread.
 //
 // feed() is called with all that the port receives, and next() after each feed() until it returns nothing. A format
 // that sends unsolicited messages (greeting, subscription, heartbeat, retransmission) has deadlines, at which poll()
@@ -79,7 +79,7 @@ class TruthDecoder {
   // Sets the next bytes, which must stay valid until next() has returned nothing. `arrival` is the host's time, or
   // the time stamp of a capture. No input is harmful.
   virtual void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept = 0;
-  // Decodes the next record: fills `truth` and returns ok, or returns what is wrong and leaves `truth` unspecified.
+  // Decodes the next record: fills `truth` and returns ok, or returns the fault and leaves `truth` unspecified.
   // Returns nothing when the input is used up; an unfinished record is kept.
   virtual std::optional<TruthResult> next(Truth& truth) noexcept = 0;
   // Writes a remark on the last record to `room`, for the log: what was expected and what was found, such as the
@@ -97,8 +97,8 @@ class TruthDecoder {
   // Returns the time at which poll() must be called next, or nullopt if nothing is scheduled. Any other call may
   // change it.
   virtual std::optional<HostTime> deadline() const noexcept;
-  // Performs what is scheduled up to `now`, which is deadline() or later; appends what is to be sent to the
-  // simulator. Afterwards deadline() is later than `now`.
+  // Performs all actions due up to `now`, which is deadline() or later; appends messages for the simulator.
+  // Afterwards deadline() is later than `now`.
   virtual void poll(HostTime now, FrameBuffer& out) noexcept;
   // Appends the answer to `truth`, whose `acknowledge` is set. Truth up to `used_until` has been used; `samples` have
   // been emitted so far in the run. Default: appends nothing.

@@ -40,7 +40,7 @@ inline constexpr std::uint32_t nmt_id = 0, emcy_id = 0x080, first_tpdo_id = 0x18
 // Bits of a COB-ID object (1005, 1012, 1014, 1800:1).
 inline constexpr std::uint32_t can_id_bits = 0x7FF, extended_bit = 1U << 29, bit_30 = 1U << 30, bit_31 = 1U << 31;
 
-// The values are those of a heartbeat.
+// The values are as in a heartbeat.
 enum class State : std::uint8_t { booting = 0, stopped = 4, operational = 5, pre_operational = 127 };
 
 // The reasons for which the device acts on its own, in the order in which it does so.

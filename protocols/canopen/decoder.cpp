@@ -1,6 +1,6 @@
-// Decodes the transmit PDOs with the mapping of the settings. Those that are sent at the same time, which have the
-// same type and event timer, make one measurement: they come in the order of their identifiers, and the counters of
-// all that have one agree.
+// Decodes the transmit PDOs with the mapping of the settings. PDOs that are sent at the same time, with
+// the same type and event timer, make one measurement. They come in the order of their identifiers, and
+// their counters agree, if any.
 #include <cmath>
 
 #include "protocols/canopen/pdo.hpp"
@@ -148,7 +148,7 @@ class CanopenDecoder final : public Decoder {
     return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits)));
   }
 
-  // Unwraps the time: of those with these low bits, the nearest to the previous one; the first is taken as it is.
+  // Unwraps the time: with these low bits, the nearest to the previous time. The first is taken as it is.
   void decode_time(const Object& object, std::uint64_t bits, Measurement& measurement) noexcept {
     if (object.type == Type::time_of_day) return;
     constexpr std::array<std::int64_t, 3> units = {100'000, 1000, 1};  // ns

@@ -6,8 +6,8 @@ namespace imud::canopen {
 
 namespace {
 
-// Error codes (CiA 301, table 26), and bits of the error register, whose bit 0 is set with every error. Those of a
-// range are the manufacturer's own.
+// Error codes (CiA 301, table 26), and bits of the error register, whose bit 0 is set with every error. Range errors
+// have the manufacturer's codes.
 struct Kind {
   std::uint16_t code;
   std::uint8_t bit;

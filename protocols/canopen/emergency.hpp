@@ -11,7 +11,7 @@ namespace imud::canopen {
 
 enum class Error : std::uint8_t {
   gyro_range,           // a rate is saturated; with it: the status
-  accelerometer_range,  // likewise
+  accelerometer_range,  // a force, with the status
   no_measurement,       // the sample is marked as no measurement; with it: the status
   heartbeat,            // of a consumer; with it: its node id
   life_guarding,

@@ -15,7 +15,7 @@ class LssSlave {
     power_on();
   }
 
-  // Loads what is stored.
+  // Loads the stored values.
   void power_on() noexcept;
   // Processes a message of the LSS master. `node_id` is the one that the device has now.
   void receive(std::span<const std::byte, 8> message, unsigned node_id, FrameBuffer& out) noexcept;

@@ -157,7 +157,7 @@ Abort Node::check_value(std::size_t position, std::uint64_t value) const noexcep
   }
 }
 
-// SYNC and TIME are consumed only, and no identifier has 29 bits. That of EMCY cannot change while it is valid.
+// SYNC and TIME are consumed only. No identifier has 29 bits. A valid EMCY identifier cannot change.
 Abort Node::check_cob_id(std::size_t position, std::uint64_t value) const noexcept {
   const bool is_emergency = position == at(0x1014);
   const std::uint64_t kept = can_id_bits | (position == at(0x1005) ? 0U : bit_31);

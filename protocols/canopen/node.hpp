@@ -28,11 +28,11 @@ class Node final : public ObjectAccess {
   Abort write(std::uint16_t index, std::uint8_t sub, std::span<const std::byte> value,
               DeviceTime now) noexcept override;
 
-  // Load all objects, or those of the communication, as after power on, for the node id that LSS has set.
+  // Load all objects, or the communication objects, as after power on, for the node id that LSS has set.
   void load_all() noexcept;
   void load_communication() noexcept;
 
-  // Increments: those of the sample alone.
+  // Has the increments of the sample alone.
   Reading reading() const noexcept { return {dictionary, sample, sample_increments, time_of_day}; }
 
   Alarms alarms;

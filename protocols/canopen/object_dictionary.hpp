@@ -1,4 +1,4 @@
-// The object dictionary: which objects there are, and the values of those that are parameters.
+// The object dictionary: the list of objects, and the values of the parameters among them.
 #pragma once
 
 #include <algorithm>
@@ -113,8 +113,8 @@ inline constexpr std::array<float, quantities> lsb_32 = {0x1p-24F, 0x1p-20F, 0x1
 inline constexpr std::array<std::uint16_t, 4> slopes = {0x6010, 0x6020, 0x6110, 0x6120};
 
 // The device type of a two-axis inclinometer of up to 32 bits: profile 410, variant 4. Source: Baumer, GNAMG CANopen
-// manual of 2012, p. 18, object 1000. 0x2019A, two axes of 16 bits, is what a configurator (rumia) expects; CiA 410
-// itself was not at hand.
+// manual of 2012, p. 18, object 1000. A configurator (rumia) expects 0x2019A, two axes of 16 bits; CiA
+// 410 itself was not at hand.
 inline constexpr std::uint32_t inclinometer_32_bit = 0x4019A;
 
 namespace detail {
@@ -270,7 +270,7 @@ consteval std::size_t at(std::uint16_t index, std::uint8_t sub = 0) {
   return find_object(index, sub) < object_count ? find_object(index, sub) : throw "no such object";
 }
 
-// The values of numbers and parameters: present ones, those as delivered, and those in non-volatile memory.
+// The values of numbers and parameters: present, as delivered, and in non-volatile memory.
 class ObjectDictionary {
  public:
   // The value as delivered; to be called before the first load(). Without the node id, where one is added.
@@ -286,7 +286,7 @@ class ObjectDictionary {
   // Loads the objects with indexes in [first, last] as after power on: the stored value, or the one as delivered. The
   // device has the node id from now on.
   void load(std::uint16_t first, std::uint16_t last, unsigned node_id) noexcept;
-  // Stores the parameters in [first, last], or forgets what is stored of them. A parameter that has its value as
+  // Stores the parameters in [first, last], or forgets their stored values. A parameter that has its value as
   // delivered is not stored, so that identifiers follow a new node id.
   void store(std::uint16_t first, std::uint16_t last) noexcept;
   void forget(std::uint16_t first, std::uint16_t last) noexcept;

@@ -1,4 +1,4 @@
-// The transmit PDOs (CiA 301, 7.2.2): when they are sent, and what is in them.
+// The transmit PDOs (CiA 301, 7.2.2): their times and their contents.
 //
 // | transmission type | sent                                                                                        |
 // |-------------------|---------------------------------------------------------------------------------------------|
@@ -34,7 +34,7 @@ class TransmitPdos {
   // used.
   void add(const Sample& sample) noexcept;  // before on_sample()
   void on_sample(const Reading& reading, FrameBuffer& out) noexcept;
-  // `counter` is that of the SYNC; 0: it has none.
+  // `counter`: of the SYNC; 0: it has none.
   void on_sync(unsigned counter, const Reading& reading, FrameBuffer& out) noexcept;
   // Returns false if no PDO has that identifier.
   bool on_remote(std::uint32_t id, const Reading& reading, FrameBuffer& out) noexcept;

@@ -221,8 +221,8 @@ void deliver(const Settings& settings, ObjectDictionary& dictionary) {
   }
 }
 
-// SYNC and remote requests are assumed to come at the sample rate at most. Answers to SDO requests are counted with
-// the master that makes them. That of LSS is not listed: all slaves have the same identifier, and one answers.
+// SYNC and remote requests are assumed to come at the sample rate at most. Answers to SDO requests count with the
+// requesting master. The LSS answer is not listed: all slaves have the same identifier, and one answers.
 std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
   const unsigned node_id = node_id_of(settings);
   const std::array<TpdoSettings, tpdos> all = tpdos_of(settings);

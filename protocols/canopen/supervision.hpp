@@ -1,4 +1,4 @@
-// Supervision (CiA 301, 7.2.8): heartbeats of this node (1017), those of others that it awaits (1016), node guarding
+// Supervision (CiA 301, 7.2.8): the node's heartbeat (1017), the heartbeats that it awaits (1016), node guarding
 // (100C, 100D), and the period of SYNC (1006).
 #pragma once
 

@@ -29,7 +29,7 @@ constexpr CanSignal az[] = {
 
 constexpr SignalProductMessage messages[] = {
     {"yaw_ay", 0x174, 8, yaw_ay}, {"roll_ax", 0x178, 8, roll_ax}, {"az", 0x17C, 8, az}};
-// Ranges of the fields; noise of the same order as that of similar sensors, as no data sheet was at hand.
+// Ranges of the fields; noise of the same order as in similar sensors, as no data sheet was at hand.
 constexpr SignalProduct table = {.messages = messages,
                                  .gyro_noise = 0.01 * units::degree,
                                  .gyro_max = 163 * units::degree,

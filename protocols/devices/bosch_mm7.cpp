@@ -5,8 +5,8 @@
 // bosch-engineering/off_highway_sensor_drivers, off_highway_mm7p10 at 8dd1f70 (receiver.hpp, receiver.cpp). The CRC
 // is from an emulator of others (IanLyuWellysun/TestSonar), as Bosch's receiver does not check it. No document of the
 // product was at hand. The receiver negates the roll rate, which "is received negative as per right-hand rule for
-// rotation around X axis", and no other number; `axes = "bosch"` is what it needs, `axes = "right_handed"` is for
-// receivers that negate nothing. It drops a set of which all numbers are zero.
+// rotation around X axis", and no other number. It needs `axes = "bosch"`; `axes = "right_handed"` is for receivers
+// that negate nothing. It drops a set in which all numbers are zero.
 //
 // | byte | 0x174            | 0x178     | 0x17C      | number                         |
 // |------|------------------|-----------|------------|--------------------------------|
@@ -117,7 +117,7 @@ constexpr Messages messages_with(const RollAx& roll) {
            {"pitch_az", 0x17C, 8, pitch_az, j1850}}};
 }
 constexpr Messages messages = messages_with(roll_ax), right_handed_messages = messages_with(right_handed_roll_ax);
-// Ranges of the fields; noise of the same order as that of similar sensors, as no data sheet was at hand.
+// Ranges of the fields; noise of the same order as in similar sensors, as no data sheet was at hand.
 constexpr SignalProduct product_with(std::span<const SignalProductMessage> sent) {
   return {.messages = sent,
           .gyro_noise = 0.01 * units::degree,

@@ -1,8 +1,8 @@
 // Any sensor on CAN that has a DBC file: its messages, with the numbers that the configuration assigns to their
 // signals. A message is sent if at least one of its signals has a number, each GenMsgCycleTime, or with every sample
 // if it has none; all other signals keep GenSigStartValue. Messages that are due with one sample are sent in the
-// order of their priority. A multiplexed message has one page after another, of those that have a signal with a
-// number; so has each multiplexor of a message with several (extended multiplexing).
+// order of their priority. A multiplexed message sends its pages in turn, if they have a signal with a number. So
+// does each multiplexor of a message with several (extended multiplexing).
 //
 // [imu.device]
 // dbc_file = "vehicle.dbc"
@@ -50,7 +50,7 @@ const std::vector<std::string> example_signals = {
   throw std::invalid_argument(std::string(key) + ": " + fault);
 }
 
-// A message of the file, with what the configuration makes of its signals.
+// A message of the file, with its signals as configured.
 struct Mapped {
   const DbcMessage* message = nullptr;
   std::vector<std::string> sources = {};  // of its signals, in their order

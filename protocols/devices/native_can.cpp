@@ -216,8 +216,8 @@ class NativeCanDecoder final : public Decoder {
   void decode_head(std::span<const std::byte> bytes) noexcept {
     abandon();
     const auto wire = read_wire<HeadWire>(bytes);
-    // Unwraps the time: of those with these low 32 bits, the nearest to the previous one; the first is taken as it
-    // is.
+    // Unwraps the time: with these low 32 bits, the nearest to the previous time. The
+    // first is taken as it is.
     const std::uint32_t low = wire.time_us.value();
     const auto step = static_cast<std::int32_t>(low - static_cast<std::uint32_t>(time_us_.value_or(low)));
     time_us_ = time_us_.value_or(low) + static_cast<std::uint64_t>(std::int64_t{step});

@@ -11,7 +11,7 @@
 // | axis         | `reply_id`   | u32 (acceleration/g + 10) * 214748364, u32 (rate/(deg/s) + 400) * 5368709 |
 //
 // NOS3's simulator rounds down; here numbers are rounded to nearest. It does not answer command 0 and unknown
-// commands, of which it counts the former.
+// commands. It counts command 0.
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {

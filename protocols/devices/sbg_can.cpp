@@ -16,8 +16,8 @@ namespace {
 constexpr double accel_lsb = 0.01, gyro_lsb = 0.001, temperature_lsb = 0.01;
 
 // --- Numbers that only this product has ---
-// IMU_STATUS (sbgEComLogImu.h): communication is good in bit 0, the general built-in test in bit 1, those of the
-// sensors in bits 2 to 7; accelerometers and gyros are within their range in bits 8 and 9.
+// IMU_STATUS (sbgEComLogImu.h): good communication is bit 0, the general built-in test bit 1, the tests of the
+// sensors bits 2 to 7. Bits 8 and 9: accelerometers and gyros are within their range.
 double imu_status(const Reading& reading) noexcept {
   const std::uint32_t status = reading.sample.status;
   const bool accelerometers = (status / status::accelerometer_saturated_x & 7U) == 0;

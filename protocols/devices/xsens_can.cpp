@@ -5,9 +5,9 @@
 // which differ in the unit of SampleTime, 100 us here, and the sign of the pressure, unsigned here). The protocol's
 // document was not at hand. The driver needs SampleTime and UTC to group the messages of a sample.
 //
-// The tables below are the layouts. As Xsens has them by default, attitude, free acceleration and velocity are
-// relative to east-north-up; of the messages whose names end in _ned, relative to north-east-down. Attitude, position
-// and velocity are the truth's. A magnetometer's arbitrary unit is taken as 50 uT.
+// The tables below are the layouts. By Xsens's default, attitude, free acceleration and velocity are relative to
+// east-north-up. Messages whose names end in _ned are relative to north-east-down. Attitude, position and velocity
+// are the truth's. A magnetometer's arbitrary unit is taken as 50 uT.
 #include <algorithm>
 #include <cmath>
 

@@ -6,7 +6,7 @@ namespace imud::dronecan {
 
 namespace {
 
-// Decodes RawIMU of one node: that of the setting, or, if it is 0, the first from which a whole transfer is received.
+// Decodes RawIMU of one node: the node of the setting, or, if 0, the first from which a whole transfer comes.
 class DroneCanDecoder final : public Decoder {
  public:
   explicit DroneCanDecoder(unsigned node_id) noexcept : node_id_(node_id), source_(node_id) {}

@@ -1,10 +1,10 @@
 // An IMU on DroneCAN (UAVCAN v0): measurements, node status, services, parameters, a fixed or allocated node id, and
-// the time of the bus. It is no vendor's product: it sends what AP_Periph and PX4's cannode send, and a name and
-// versions that the settings give. Its parts: transfer.hpp frames, messages.hpp layouts, services.hpp what hosts ask
-// for, parameters.hpp what they set, allocation.hpp the node id, bus_time.hpp the time, settings.hpp the keys of
+// the time of the bus. It is no vendor's product: it sends the messages of AP_Periph and PX4's cannode, with a name
+// and versions from the settings. Its parts: transfer.hpp frames, messages.hpp layouts, services.hpp answers to
+// hosts, parameters.hpp parameters, allocation.hpp the node id, bus_time.hpp the time, settings.hpp the keys of
 // [imu.device], gnss.hpp the receiver; decoder.cpp reads RawIMU.
 //
-// The host's changes of parameters apply at once, but that of the node id at the next restart.
+// The host's changes of parameters apply at once, except for the node id: at the next restart.
 #include <algorithm>
 #include <array>
 #include <utility>
@@ -256,7 +256,7 @@ class DroneCanDevice final : public Device {
     node_.statistics.transfers_sent += frames > 0;
   }
 
-  // Returns the transfer id of the next message of a type, of those that the device sends.
+  // Returns the transfer id of the next message of a type that the device sends.
   unsigned next_transfer_id(const DataType& type) noexcept {
     std::size_t i = 0;
     while (i < streams.size() && streams[i].type != &type) ++i;

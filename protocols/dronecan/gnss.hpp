@@ -12,8 +12,8 @@
 namespace imud::dronecan {
 
 // Where the place is not known, there is no fix: no time, no satellites, infinite variances are left out as 0, and
-// the dilutions of precision are not a number. `time_us`: the timestamp, 56 bits. `figures`: where they are 0, the
-// variances are those of a receiver under an open sky.
+// the dilutions of precision are not a number. `time_us`: the timestamp, 56 bits. `figures`: where 0, the variances
+// are as for a receiver under an open sky.
 PackedPayload<gnss_fix2_size> fix2_of(const Navigation& navigation, const OwnFigures& figures,
                                       std::uint64_t time_us) noexcept;
 PackedPayload<gnss_auxiliary_size> auxiliary_of(const Navigation& navigation) noexcept;

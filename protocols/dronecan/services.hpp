@@ -1,5 +1,5 @@
-// The services of the node: it answers those that it has, and refuses those that it knows, but does not have, in the
-// way of each. DroneCAN has no refusal of an unknown service.
+// The services of the node. It answers each service that it has. It refuses, in the service's own way, a service that
+// it only knows. DroneCAN has no refusal of an unknown service.
 #pragma once
 
 #include <span>

@@ -75,8 +75,8 @@ struct Tail {
 std::size_t send(const Identifier& identifier, const DataType& type, unsigned transfer_id,
                  std::span<const std::byte> payload, FrameBuffer& out) noexcept;
 
-// Writes the CRC of a transfer of several frames to `data`, that of these frames one after another, and returns what
-// follows it, without the last tail byte. Empty, and nothing is written, if it is no such transfer.
+// Writes the CRC of a transfer of several frames to `data`, the data of these frames one after another. Returns the
+// rest after the CRC, without the last tail byte. Empty, and nothing is written, if it is no such transfer.
 std::span<std::byte> reseal(std::span<std::byte> data, const DataType& type) noexcept;
 
 // Assembles transfers of one data type from one node. A frame out of turn is discarded, as a controller may receive
@@ -100,8 +100,8 @@ class Reception {
   bool is_active_ = false, toggle_ = false;
 };
 
-// Assembles the transfers of all nodes. Discards repetitions of a transfer, and transfers that take too long. Of more
-// nodes and data types at once than there are slots, those received least recently are discarded.
+// Assembles the transfers of all nodes. Discards repetitions of a transfer, and transfers that take too long. If the
+// slots do not suffice, the nodes and data types received least recently are discarded.
 class Receiver {
  public:
   // Returns the payload if the transfer is complete; it stays valid until the next call.

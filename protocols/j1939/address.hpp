@@ -33,7 +33,7 @@ struct Name {
 // The addresses that arbitrary-address capable nodes move to.
 inline constexpr std::uint8_t pool_begin = 128, pool_end = 248;
 
-// The address of one node. All times are those of Device.
+// The address of one node. All times are as in Device.
 class AddressClaim {
  public:
   // The node sends nothing else within `wait` after a claim, and repeats its claim each `period` (0: never).

@@ -27,7 +27,7 @@ bool set_packet_types(Configuration& c, const Model& model, const Message& messa
   if ((types & ~possible) != 0) return false;
   c.packet_types = types;
   if (message.data.size() < 5) return true;
-  // Priorities of two bits each, and a mask of those that are to be changed.
+  // Priorities of two bits each, and a mask of the priorities to change.
   unsigned* const priorities[] = {&c.rate_priority, &c.force_priority, &c.angle_priority};
   for (unsigned i = 0; i < 3; ++i)
     if ((message[4] >> 2 * i & 3U) == 3) *priorities[i] = message[3] >> 2 * i & 3U;

@@ -37,7 +37,7 @@ inline constexpr std::array<std::uint8_t, functions> initial_extensions = {0x50,
                                                                            0x57, 0x58, 0x59, 0x5B, 0x6B, 0x6D};
 inline constexpr std::uint8_t bank_0 = 0xF0, bank_1 = 0xF1;
 
-// The bits of the user behavior that change what the device does.
+// The bits of the user behavior that affect the device.
 inline constexpr unsigned swap_slots = 0x0008;       // slots in J1939's order: pitch, roll; lateral, longitudinal
 inline constexpr unsigned z_up = 0x0040;             // y and z of all vectors negated
 inline constexpr unsigned raw_rates = 0x0080;        // ARI has rates that no filter has corrected

@@ -24,7 +24,7 @@ class Pair {
     is_begun_ = is_first;
     return is_complete;
   }
-  // Forgets what has begun. Returns true if there was something.
+  // Forgets the first half. Returns true if there was one.
   bool abandon() noexcept { return std::exchange(is_begun_, false); }
 
   const std::array<double, 3>& operator[](Kind kind) const noexcept { return values_[kind]; }

@@ -1,7 +1,7 @@
-// OpenIMU335RI and OpenIMU300RI on SAE J1939: what the unit sends on its own, and what it answers. The attitude is
-// the true one. Raw CAN frames, not the kernel's J1939 socket, carry it all: the unit alone decides about its
-// address, every frame is a function of settings, truth and received frames, and logs and serial adapters do as a
-// bus.
+// OpenIMU335RI and OpenIMU300RI on SAE J1939: the unit's own messages, and its answers. The attitude is
+// the true one. Raw CAN frames, not the kernel's J1939 socket, carry it all: the unit alone decides
+// about its address, every frame is a function of settings, truth and received frames, and logs and
+// serial adapters do as a bus.
 #include <algorithm>
 
 #include "core/attitude.hpp"

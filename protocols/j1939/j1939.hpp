@@ -35,9 +35,9 @@ extern const Setting declared_settings[25];
 Unit unit_of(const Settings& settings);
 Configuration configuration_of(const Settings& settings);
 Product product_of(const Settings& settings);
-// Every identifier that the unit sends from its first address. Those of other addresses to which it moves carry the
-// same load, and are free when it uses them. Answers, which only hosts cause, have a rate of 0; those to one node by
-// RTS/CTS are missing, because their identifiers contain the host's address.
+// Every identifier that the unit sends from its first address. Identifiers of later addresses carry the same load,
+// and are free when it uses them. Answers, which only hosts cause, have a rate of 0. Answers by RTS/CTS are missing,
+// because their identifiers contain the host's address.
 std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz);
 std::vector<CanFilter> can_filters(const Settings& settings);
 

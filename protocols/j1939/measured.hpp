@@ -25,7 +25,7 @@
 
 namespace imud::j1939 {
 
-// A number on the wire: (value - offset) / lsb, in `bits` bits. `unit` is that of lsb and offset, in SI.
+// A number on the wire: (value - offset) / lsb, in `bits` bits. `unit`: of lsb and offset, in SI.
 struct Scale {
   double per_unit;  // 1 / LSB
   double offset;    // the value of raw 0, negative; its magnitude is also the largest value
@@ -64,7 +64,7 @@ enum Merit : unsigned { merit_good, merit_degraded, merit_out_of_range, merit_no
 // One output of the sensor, in the axes and the order of the wire.
 struct Reading {
   std::array<double, 3> rate = {};            // rad/s, in the order of the slots
-  std::array<double, 3> force = {};           // m/s^2, likewise
+  std::array<double, 3> force = {};           // m/s^2, same order
   std::array<double, 3> magnetic_field = {};  // T, x, y, z
   double pitch = 0, roll = 0, pitch_rate = 0;
   double latitude = 0, longitude = 0;
@@ -76,7 +76,7 @@ struct Reading {
   bool has_force_latency = true;  // false: ACCS has 0 for the latency
 };
 
-// A message of the sensor; the order is that of the masks of packet types.
+// A message of the sensor, in the order of the masks of packet types.
 enum Packet : unsigned { ssi2, ari, accs, ari_fine, accs_fine, ssi, magnetic, position, packets };
 
 // Returns the eight bytes of a message.

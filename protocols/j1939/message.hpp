@@ -12,7 +12,7 @@
 
 namespace imud::j1939 {
 
-// Addresses, beside those of nodes, 0 to 253.
+// Addresses beside the nodes' 0 to 253.
 inline constexpr std::uint8_t null_address = 254;  // the source of a node that has none
 inline constexpr std::uint8_t everyone = 255;      // the global destination
 
@@ -40,7 +40,7 @@ inline constexpr std::uint32_t proprietary_b = 0xFF00;  // + the group extension
 inline constexpr unsigned control_priority = 6;  // of everything but sensor data and transfers
 inline constexpr unsigned transfer_priority = 7;
 
-// The header of a message: what its identifier of 29 bits consists of.
+// The header of a message: the parts of its identifier of 29 bits.
 struct Header {
   unsigned priority = control_priority;
   std::uint32_t pgn = 0;  // 18 bits; its low byte is 0 if the message has a destination (PDU1)

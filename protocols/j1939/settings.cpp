@@ -216,7 +216,7 @@ std::vector<CanFilter> can_filters(const Settings& settings) {
   // Settings: extensions 0x40 to 0x7F, and the banks.
   filters.push_back(of_number(pgn::proprietary_b | 0x40, 0x3FFC0));
   filters.push_back(of_number(pgn::proprietary_b | 0xF0, 0x3FFFC));
-  // Frames of other nodes with the unit's address: that of the settings, or any of the pool.
+  // Frames of other nodes with the unit's address: from the settings, or any of the pool.
   filters.push_back(of_source(static_cast<std::uint32_t>(settings.integer("source_address")), 0xFF));
   if (unit.name.arbitrary_address) filters.push_back(of_source(pool_begin, pool_begin));
   return filters;

@@ -31,7 +31,7 @@ enum class Abort : std::uint8_t {
 };
 
 // The transfers of one node, in both directions. A session ends at the time-outs T1 to T4 at the latest. All times
-// are those of Device.
+// are as in Device.
 class Transport {
  public:
   static constexpr std::size_t max_size =

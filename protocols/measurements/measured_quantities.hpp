@@ -1,5 +1,5 @@
-// Measured quantities: the names under which tables of signals and configurations refer to what a sensor measures,
-// with a unit: `rate_x_deg_per_s`, `specific_force_z_g`, `temperature_c`. Frames: core/README.md.
+// Measured quantities: the names, with a unit, by which tables of signals and configurations refer to a sensor's
+// measurements: `rate_x_deg_per_s`, `specific_force_z_g`, `temperature_c`. Frames: core/README.md.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct Reading {
   Vector3 delta_angle = Vector3::Zero();         // rad, the sum
   Vector3 delta_velocity = Vector3::Zero();      // m/s, the sum
   Quaternion rotation = Quaternion::Identity();  // of the platform: q_LP2 = q_LP1 * rotation
-  double interval_s = 0;                         // 0: not known, and the increments are those of the sample
+  double interval_s = 0;                         // 0: not known, and the increments are the sample's own
 };
 
 // Numbers that were read back from messages.
@@ -37,8 +37,8 @@ struct MeasuredQuantity {
   enum class Kind : std::uint8_t {
     number,   // a real number, which saturates
     time,     // the sensor's clock, whose low bits are sent
-    counter,  // the sample counter, likewise
-    status,   // Sample::status, likewise
+    counter,  // the sample counter's low bits
+    status,   // Sample::status's low bits
   };
 
   std::string_view name;  // without the unit

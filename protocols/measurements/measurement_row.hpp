@@ -22,8 +22,8 @@ struct TrueValues {
 };
 
 // Units: measurement_columns(). A quantity that the measurement does not carry is NaN; `time_ns` is NumPy's NaT then,
-// `counter` its greatest value, and `status` 0. `fields` has the bits of those that it carries (Measurement::Field).
-// There is no padding.
+// `counter` its greatest value, and `status` 0. `fields` has the bits of the carried quantities
+// (Measurement::Field). There is no padding.
 struct MeasurementRow {
   static constexpr std::int64_t no_time = std::numeric_limits<std::int64_t>::min();
   static constexpr std::uint64_t no_counter = std::numeric_limits<std::uint64_t>::max();
@@ -36,7 +36,7 @@ struct MeasurementRow {
   std::uint32_t fields = 0;
   TrueValues truth;  // only where the truth is known beside the measurement
 
-  // `absent_rates`: as Protocol has it.
+  // `absent_rates`: as in Protocol.
   explicit MeasurementRow(const Measurement& measurement, unsigned absent_rates = 0) noexcept;
 };
 

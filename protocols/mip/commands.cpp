@@ -12,7 +12,7 @@ struct Command {
   std::uint8_t set, command;
   unsigned models = all;
 };
-// All commands, except those of kept settings and those that are merely acknowledged.
+// All commands, except for kept settings and commands that are merely acknowledged.
 constexpr Command commands[] = {
     {base, 0x01},
     {base, 0x02},
@@ -110,7 +110,7 @@ Memory::Code Memory::execute(std::uint8_t set, std::uint8_t command, Data data, 
 
 Memory::Code Memory::execute_base(std::uint8_t command, Reader& reader, const Context& context) noexcept {
   Packet& answer = context.answer;
-  // The bits of a built-in test are those of each product; that of a failure is taken as bit 0 (an assumption).
+  // Each product has its own bits of the built-in test. A failure sets bit 0 (an assumption).
   const bool has_failed = (context.fields.newest().status & status::self_test_failed) != 0;
   switch (command) {
     case 0x01:
@@ -240,8 +240,8 @@ void Memory::count_bytes(std::size_t received, std::size_t sent) noexcept {
   bytes_written_ += static_cast<std::uint32_t>(sent);
 }
 
-// Writes the basic structure, or the diagnostic one. Their layouts are those of the manual of the 3DM-GX5-45
-// (8500-0064 C, 4.2.25) and of imu_3dm_gx4 (imu.hpp, DiagnosticFields). Nothing is ever lost, and there is no USB.
+// Writes the basic structure, or the diagnostic one. Their layouts are from the manual of the 3DM-GX5-45 (8500-0064
+// C, 4.2.25) and imu_3dm_gx4 (imu.hpp, DiagnosticFields). Nothing is ever lost, and there is no USB.
 Memory::Code Memory::device_status(Reader& reader, const Context& context) noexcept {
   enum Selector : std::uint8_t { basic = 1, diagnostic = 2 };
   const auto model = reader.take<std::uint16_t>();

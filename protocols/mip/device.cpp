@@ -1,5 +1,5 @@
-// MicroStrain MIP as the 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS, 3DM-CV7-INS and 3DM-GQ7 use it. The layouts are those
-// of MicroStrain's mip_sdk (mip/mip.hpp); the tests compare them with its capture of a real device.
+// MicroStrain MIP as the 3DM-GX5-25, 3DM-GX5-45, 3DM-CV7-AHRS, 3DM-CV7-INS and 3DM-GQ7 use it. The layouts are from
+// MicroStrain's mip_sdk (mip/mip.hpp); the tests compare them with its capture of a real device.
 //
 // Where the document is silent, the device does as a user would expect: it streams out of the box (mip.cpp);
 // reference time is the sensor's own clock; filter and receivers report the truth.

@@ -20,14 +20,14 @@ constexpr std::string_view gq7_gnss[] = {"gnss_position", "gnss_velocity", "gnss
 
 }  // namespace
 
-// Model numbers are those of mip_sdk, mip_device_models.h. The base rates of the GQ7 and of the CV7 are those of
-// their manuals (Protocol Support), the filter's 500 Hz of the GX5 that of the GX5-45's (8500-0064 C, 4.2.9). The
-// receiver's 4 Hz, and the densities (GX5: 0.005 deg/s/sqrt(Hz), 80 ug/sqrt(Hz); CV7: 0.17 deg/sqrt(h), 0.03
-// m/s/sqrt(h); GQ7: 0.15 deg/sqrt(h), 0.02 m/s/sqrt(h)) were taken from memory of the data sheets.
+// Model numbers are from mip_sdk, mip_device_models.h. The base rates of the GQ7 and the CV7 are from their manuals
+// (Protocol Support), the filter's 500 Hz of the GX5 from the GX5-45's manual (8500-0064 C, 4.2.9). The receiver's 4
+// Hz, and the densities (GX5: 0.005 deg/s/sqrt(Hz), 80 ug/sqrt(Hz); CV7: 0.17 deg/sqrt(h), 0.03 m/s/sqrt(h); GQ7:
+// 0.15 deg/sqrt(h), 0.02 m/s/sqrt(h)) were taken from memory of the data sheets.
 //
-// No manual at hand lists the streams of a unit as delivered. Those of the GX5 have only fields that imu_3dm_gx4
-// accepts before it has configured the unit; those of the GQ7 are what ArduPilot needs at 115200 bit/s: its
-// receivers' packets delay a filter packet by 15 ms, where the next but 44 ms after the last is late.
+// No manual at hand lists the streams of a unit as delivered. The GX5 streams only fields that imu_3dm_gx4 accepts
+// before it has configured the unit. The GQ7 streams the fields that ArduPilot needs, at 115200 bit/s: packets of the
+// receivers delay a filter packet by 15 ms. A filter packet 44 ms after the last is late.
 constinit const std::array<Model, 5> models = {{
     {.bit = gx5_25,
      .keyword = "3dm-gx5-25",

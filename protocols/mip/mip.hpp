@@ -28,7 +28,7 @@ inline constexpr std::int64_t second_ns = 1'000'000'000;
 inline constexpr double internal_hz = 1000;  // the internal sample rate
 // Descriptor sets of commands and of data.
 enum Set : std::uint8_t { base = 0x01, three_dm = 0x0C, filter_command = 0x0D, aiding = 0x13 };
-// gnss: the only receiver of a 5-series device; gnss_1 and gnss_2: those of a 7-series device.
+// gnss: the only receiver of a 5-series device; gnss_1, gnss_2: receivers of a 7-series device.
 enum DataSet : std::uint8_t { sensor = 0x80, gnss, filter, gnss_1 = 0x91, gnss_2, system = 0xA0 };
 inline constexpr std::uint8_t reply = 0xF1;
 
@@ -102,7 +102,7 @@ extern const std::array<Model, 5> models;
 
 struct DataField {
   std::string_view name;               // in the configuration; empty: it has no name there
-  std::uint8_t set, descriptor, size;  // of the data; the set gnss stands for that of any receiver
+  std::uint8_t set, descriptor, size;  // of the data; the set gnss stands for any receiver's set
   unsigned models;                     // the models that have this field
 };
 std::span<const DataField> data_fields() noexcept;
@@ -166,7 +166,7 @@ class Fields {
   // The filter of a GQ7 initializes again.
   void reset_filter() noexcept { filter_began_.reset(); }
   void step_clock(Nanoseconds by) noexcept;
-  // Returns the time since power-on or reset, or that of the sensor's own clock before the first of these.
+  // Returns the time since power-on or reset; before both, the time of the sensor's own clock.
   Nanoseconds since_start(DeviceTime at) const noexcept { return at - restarted_.value_or(DeviceTime{}); }
   // Returns the time, ns, at whose full seconds a pulse from this source begins; nullopt: it sends none.
   std::optional<std::int64_t> seconds_clock(PulseSource source, DeviceTime at) const noexcept;
@@ -181,7 +181,7 @@ class Fields {
     put(packet, set, descriptor, since_[slot_of(set)], sample_.time);
   }
   // Appends a field that the host polls at `now`, or that an event sends whose trigger has this number. Its times are
-  // those at `now`; its increments and time differences are those of the set's last base period.
+  // taken at `now`; its increments and time differences span the set's last base period.
   void poll(Packet& packet, std::uint8_t set, std::uint8_t descriptor, DeviceTime now,
             std::uint8_t event = 0) const noexcept;
   // Restarts the increments and time differences of a streamed field. Call it when the packet is finished, as a
@@ -189,7 +189,7 @@ class Fields {
   void sent(std::uint8_t set, std::uint8_t descriptor) noexcept;
 
  private:
-  struct Since {  // the time of the last transmission, and what has accumulated since
+  struct Since {  // the time of the last transmission, and the sums since
     DeviceTime delta_time, reference;
     std::uint64_t tick = 0;
     std::uint8_t event = 0;  // the trigger that sends the field; 0: none
@@ -231,9 +231,9 @@ class Fields {
 
 // --- Settings ---
 
-// A setting that can be written and read, but changes nothing where it belongs to the filter, which reports the
-// truth, or to an event other than that of an edge. The data of its command are a function, a key (which of several
-// slots) and a value.
+// A setting that can be written and read. It changes nothing if it belongs to the filter, which reports the
+// truth, or to an event that no edge triggers. The data of its command are a function, a key (one of
+// several slots) and a value.
 struct KeptSetting {
   enum Kind : std::uint8_t { any, flag, numbers, source, pin };  // numbers: finite; source, pin: see pins.hpp
 
@@ -274,8 +274,8 @@ struct Configuration {
   const Kept* find_kept(const Model& model, std::uint8_t set, std::uint8_t command, unsigned key = 0) const noexcept;
 };
 
-// The settings of a unit as delivered, as saved and as active; executes the host's commands. Times are those of the
-// sensor's clock.
+// The settings of a unit as delivered, as saved and as active; executes the host's commands. Times
+// are on the sensor's clock.
 class Memory {
  public:
   Memory(const Model& model, const Configuration& configuration) noexcept
@@ -392,7 +392,7 @@ class Memory {
   Vector3 capture_sum_ = Vector3::Zero();  // rad/s
 };
 
-// Decodes sensor data (set 0x80) into measurements; its resolution and range are those of the table entry.
+// Decodes sensor data (set 0x80) into measurements; its resolution and range are in the table entry.
 std::unique_ptr<Decoder> make_decoder();
 
 }  // namespace imud::mip

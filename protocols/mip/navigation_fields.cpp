@@ -50,7 +50,7 @@ Fields::FilterState Fields::filter_state() const noexcept {
   return is_known() ? FilterState::full_navigation : FilterState::ahrs;
 }
 
-// The filter finds no biases. Where it reports the truth, its uncertainty is that of a unit under an open sky.
+// The filter finds no biases. Where it reports the truth, its uncertainty is as under an open sky.
 void Fields::put_filter(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const FilterState state = filter_state();
@@ -155,7 +155,7 @@ void Fields::put_dual_antenna(Packet& packet, DeviceTime at) const noexcept {
   packet.put(std::uint16_t{is_known()});
 }
 
-// Where the receiver reports the truth, its accuracies are those of one under an open sky.
+// Where the receiver reports the truth, its accuracies are as under an open sky.
 void Fields::put_gnss(Packet& packet, std::uint8_t descriptor, DeviceTime at) const noexcept {
   const Navigation& navigation = sample_.navigation;
   const Vector3& v = navigation.v_L;

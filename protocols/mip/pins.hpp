@@ -11,8 +11,8 @@
 
 namespace imud::mip {
 
-// All pins of a kind are connected to the same line: every pin that is configured to timestamp edges receives those
-// of [imu.sync] trigger_port, every pin that is a pulse-per-second input those of pps_port. Pulses leave by tov_port.
+// All pins of a kind are connected to the same line: every pin that timestamps edges receives the edges of [imu.sync]
+// trigger_port, every pulse-per-second input the pulses of pps_port. Pulses leave by tov_port.
 class Pins {
  public:
   Pins(Memory& memory, Fields& fields) noexcept : memory_(memory), fields_(fields) {}
@@ -38,7 +38,7 @@ class Pins {
   std::size_t count_ = 0;
   std::optional<DeviceTime> passed_;    // an edge of the pulse-per-second input since the last sample
   std::optional<DeviceTime> last_;      // the last sample
-  std::optional<Device::Pulse> pulse_;  // that of the last sample
+  std::optional<Device::Pulse> pulse_;  // of the last sample
 };
 
 }  // namespace imud::mip

@@ -78,8 +78,8 @@ std::size_t first_slot(const KeptSetting& setting) noexcept {
   return slots_before(static_cast<std::size_t>(&setting - settings));
 }
 
-// The features that a pin may have: those of the manual of the CV7; an encoder, on a GQ7, is kept and changes
-// nothing.
+// The features that a pin may have are from the manual of the CV7. An encoder, on a GQ7, is
+// kept and changes nothing.
 bool is_good_pin(const Model& model, std::uint8_t feature, std::uint8_t behavior, std::uint8_t mode) noexcept {
   constexpr std::uint8_t most[] = {0, 3, 2, 2, 3}, pulls = 0x06;  // the highest behavior of each feature
   if (feature >= std::size(most) || (feature == Pin::encoder && !model.is(gq7))) return false;
@@ -192,7 +192,7 @@ Memory::Code Memory::vector(Vector3 Configuration::*vector, double unit, std::ui
   return transfer(function, [&](Configuration& to, const Configuration& from) { to.*vector = from.*vector; });
 }
 
-// One rotation in four forms: 0D:11 the Euler angles of V relative to P, 0C:31 those of P relative to V, 0C:32 the
+// One rotation in four forms: 0D:11 the Euler angles of V relative to P, 0C:31 of P relative to V, 0C:32 the
 // quaternion with v_V = q* v_P q, 0C:33 dcm_VP by rows.
 Memory::Code Memory::rotation(std::uint8_t set, std::uint8_t command, Reader& reader, Packet& answer) noexcept {
   enum class Form { euler_VP, euler_PV, quaternion, matrix };

@@ -159,8 +159,8 @@ ColumnTruthDecoder::ColumnTruthDecoder(const ColumnNames& wanted, Columns::Same 
     fields_[i] = find_truth_field(wanted.quantities[i]).value();
 }
 
-// Chooses the columns that are read: those of all complete groups, but of alternatives the first. Returns false if
-// they are not enough.
+// Chooses the columns to read: all complete groups, but only the first of alternatives. Returns false
+// if too few are complete.
 bool ColumnTruthDecoder::choose() noexcept {
   used_ = 0;
   QuantitySet given;

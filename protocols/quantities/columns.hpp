@@ -28,7 +28,7 @@ std::string_view unquoted(std::string_view field) noexcept;
 // in quotes may contain the delimiter.
 std::string_view take_field(std::string_view& row, char delimiter = ',') noexcept;
 
-// Returns the delimiter of a header row: that of comma, semicolon and tab which is the most frequent in it.
+// Returns the delimiter of a header row: its most frequent character among comma, semicolon and tab.
 char delimiter_of(std::string_view header) noexcept;
 
 // Parse the whole of `field`. Surrounding blanks and one leading '+' are allowed; parse_real() accepts NaN and
@@ -48,9 +48,9 @@ class Columns {
   using Same = bool (*)(std::string_view given, std::string_view wanted);
   Columns(std::span<const std::string_view> wanted, Same same);
 
-  // Sets the names of the columns, in order, and the delimiter: that of the header row, or a comma. Returns false,
-  // and forgets all columns, if there are more than max_columns. Of two columns with the same name, the first is
-  // used.
+  // Sets the names of the columns, in order, and the delimiter: from the header row, or a comma. Returns
+  // false, and forgets all columns, if there are more than max_columns. Of two columns with the same
+  // name, the first is used.
   bool set(std::string_view header) noexcept;
   bool set(std::span<const std::string> names) noexcept;
 

@@ -14,8 +14,8 @@ namespace imud {
 
 // Reads a JSON object (RFC 8259) and the values at given paths in it. A path is names with dots between them, an
 // array's elements counted from 0: "imu.gyro.2". A name is compared as it is written, so that one with an escape
-// matches nothing. Of a name that an object has twice, the last value is used. Without paths, the names at the top
-// level are those of quantities.
+// matches nothing. If an object has a name twice, the last value is used. Without paths, the names at the top
+// level are quantities' names.
 //
 // read() allocates nothing. One thread.
 class JsonFields {

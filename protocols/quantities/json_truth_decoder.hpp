@@ -17,8 +17,8 @@ class JsonTruthDecoder : public TruthDecoder {
  public:
   static constexpr std::size_t max_line = 65536;  // of a stream, in characters; no datagram is as long
 
-  // An object must have the `required` quantities. An empty map: the names at the top level are those of quantities.
-  // `frame`: that of frame(). Throws std::invalid_argument, "columns: ...".
+  // An object must have the `required` quantities. An empty map: the names at the top level are quantities. `frame`:
+  // see frame(). Throws std::invalid_argument, "columns: ...".
   JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes, TruthFrame frame = {});
 
   void feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept override;
@@ -42,7 +42,7 @@ class JsonTruthDecoder : public TruthDecoder {
   TruthReading reading_;
   TruthAssembly assembly_;
   LineAssembler<max_line> lines_;
-  std::string_view datagram_;  // what is left of it
+  std::string_view datagram_;  // the rest of it
   bool has_datagram_ = false;
   bool is_last_ = false;  // the line that is held is the last of a file
 

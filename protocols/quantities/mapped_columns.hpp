@@ -18,16 +18,16 @@ class MappedColumns {
  public:
   static constexpr std::size_t max_columns = 256;
 
-  // The columns are those of a header row, whose names are quantities with their units; others are not used.
+  // A header row names the columns by quantities with their units. Columns with other names are not used.
   explicit MappedColumns(const TruthAssembly::Axes& axes) : axes_(axes) {}
-  // The columns are those of a header row, by the simulator's names. If all of these are numbers, the columns have
-  // these numbers, from 0 on, no row is a header row, and a row may have further columns. Throws
+  // A header row names the columns by the simulator's names. If all names are numbers, the columns have these
+  // numbers, from 0 on, no row is a header row, and a row may have further columns. Throws
   // std::invalid_argument, "columns: ...".
   MappedColumns(TruthMap map, const TruthAssembly::Axes& axes);
 
   // Decodes a row; returns as TruthDecoder::next() does.
   TruthResult decode(std::string_view line, Truth& truth) noexcept;
-  // Returns what TruthDecoder::frame() does: that of the map.
+  // Returns TruthDecoder::frame(): the frame of the map.
   TruthFrame frame() const noexcept { return map_.empty() ? TruthFrame{} : assembly_.frame(); }
   // Writes a remark on the last row, as TruthDecoder::describe() does.
   void describe(TruthResult result, RemarkWriter& out) const noexcept;
@@ -49,7 +49,7 @@ class MappedColumns {
   TruthResult read(std::string_view row) noexcept;
   void describe_header(RemarkWriter& out) const noexcept;
 
-  TruthMap map_;  // empty: the names are those of the quantities
+  TruthMap map_;  // empty: the names are quantities' own
   TruthAssembly::Axes axes_;
   bool is_by_number_ = false;
   std::array<Column, max_columns> columns_ = {};

@@ -62,11 +62,11 @@ class TruthAssembly {
   static AccumulatedDv accumulation(const Settings& settings);
 
   TruthAssembly() = default;  // of which no other function may be called
-  // `given`: the quantities that every reading has. Throws std::invalid_argument, whose message names what is given
-  // twice or missing. Quantities of an incomplete group are errors, too.
+  // `given`: the quantities that every reading has. Throws std::invalid_argument, whose message names repeated or
+  // missing quantities. Quantities of an incomplete group are errors, too.
   TruthAssembly(const QuantitySet& given, const Axes& axes);
-  // Does what the constructor does, without exception and allocation: on a fault, returns false and writes the
-  // message to `fault`, which must be empty; then convert() must not be called.
+  // Does the constructor's work without exception and allocation: on a fault, returns false and writes the message to
+  // `fault`, which must be empty; then convert() must not be called.
   bool choose(const QuantitySet& given, const Axes& axes, RemarkWriter& fault) noexcept;
   // Returns the quantities that are given.
   const QuantitySet& given() const noexcept { return given_; }

@@ -96,7 +96,7 @@ std::optional<TruthField> find_truth_field(std::string_view name) noexcept;
 // Returns why `name` is no field, and which are near: "unknown quantity \"p_degs\"; ...".
 std::string unknown_quantity(std::string_view name);
 
-// The numbers of one record, in SI. The setters return ok, or what is wrong. No allocation.
+// The numbers of one record, in SI. The setters return ok, or the fault. No allocation.
 class TruthReading {
  public:
   TruthResult set(const TruthField& field, double number) noexcept;

@@ -52,7 +52,7 @@ inline constexpr std::string_view alive_counter_source = "alive_counter";
 inline constexpr std::string_view checksum_source = "checksum";
 inline constexpr std::string_view data_id_nibble_source = "data_id_nibble";
 
-// Both: the bits of a field, as CanSignal has them, within `bytes`.
+// Both: the bits of a field, numbered as in CanSignal, within `bytes`.
 std::uint64_t read_bits(std::span<const std::byte> bytes, unsigned start, unsigned length, bool motorola) noexcept;
 void write_bits(std::span<std::byte> bytes, unsigned start, unsigned length, bool motorola,
                 std::uint64_t number) noexcept;
@@ -71,7 +71,7 @@ class CanSignalCodec {
   bool is_multiplexed() const noexcept { return is_multiplexed_; }
   // Returns true if the message depends on the increments of the Reading.
   bool has_increments() const noexcept;
-  // The components, as ReadBack has them, that the message carries.
+  // The components that the message carries, as in ReadBack.
   std::uint32_t components() const noexcept;
 
   // Writes the message number `count`, which determines alive counter and multiplexors. `bytes` has size() elements.

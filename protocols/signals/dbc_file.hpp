@@ -43,8 +43,8 @@ struct DbcMessage {
   std::vector<DbcSignal> signals;
 };
 
-// Parses the text of a DBC file. Throws std::invalid_argument, "line N: ..." with the fault and what is expected, if
-// a definition that is read is malformed. No text does any harm.
+// Parses the text of a DBC file. Throws std::invalid_argument, "line N: ..." with the fault and the right text, if a
+// definition that is read is malformed. No text does any harm.
 std::vector<DbcMessage> parse_dbc(std::string_view text);
 
 // Reads a DBC file. Throws std::invalid_argument, "PATH: ...", if it cannot be read or parsed.

@@ -26,7 +26,7 @@ bool intersect(std::span<const PageRange> some, std::span<const PageRange> other
   });
 }
 
-// Sorts the ranges, and joins those that overlap.
+// Sorts the ranges, and joins overlapping ones.
 void join(std::vector<PageRange>& ranges) {
   std::ranges::sort(ranges, {}, &PageRange::first);
   std::vector<PageRange> joined;
@@ -72,7 +72,7 @@ SignalPages::SignalPages(std::span<const CanSignal> signals, const std::vector<b
   }
 }
 
-// Adds the pages of a signal to those that are sent, and those of the multiplexors on which they depend.
+// Adds to the sent pages a signal's pages, and the pages of the multiplexors on which they depend.
 void SignalPages::add_sent(std::span<const CanSignal> signals, std::size_t signal) {
   for (std::size_t at = signal; !entries_[at].pages.empty(); at = *entries_[at].multiplexor) {
     const Entry& entry = entries_[at];

@@ -18,7 +18,7 @@ struct SignalProductMessage {
 };
 
 struct SignalProduct {
-  std::span<const SignalProductMessage> messages;  // in the order in which those of one sample are sent
+  std::span<const SignalProductMessage> messages;  // in the order of sending after one sample
   bool has_choice = false;  // the setting `messages` chooses among them; otherwise all are sent
   // The sensors as delivered: noise densities, rad/s and m/s^2 per sqrt(Hz), and ranges, rad/s and m/s^2.
   double gyro_noise = 0, gyro_max = 0;

@@ -1,4 +1,4 @@
-// SignalSource: what a configuration assigns to a signal of a CAN message:
+// SignalSource: the source that a configuration assigns to a CAN signal:
 //
 // | text                      | the signal has                                                              |
 // |---------------------------|-----------------------------------------------------------------------------|

@@ -15,8 +15,8 @@ namespace imud::stim300 {
 
 inline constexpr std::size_t longest_datagram = 65;
 
-// Returns the identifier of a Normal Mode datagram (Table 5-21; for AUX, that of earlier revisions: a capture of a
-// real unit has 0xAF).
+// Returns the identifier of a Normal Mode datagram (Table 5-21; for AUX, from earlier revisions: a capture
+// of a real unit has 0xAF).
 constexpr unsigned identifier(unsigned content, bool has_aux) noexcept {
   if (content > 7 && !has_aux) return 0xF0 + (content & 7U);
   return ((content & 7U) > 4 ? 0xA0 : 0x90) + content;
@@ -65,8 +65,8 @@ std::size_t write_special(Special special, Memory& memory, FrameBuffer& out) noe
 std::size_t write_measurement(const std::array<Axes, 3>& axes, const Reading& reading, Memory& memory,
                               FrameBuffer& out) noexcept;
 
-// Decodes every datagram. Units and range are those of `configuration` until a configuration datagram is received,
-// which is the only one that carries them.
+// Decodes every datagram. Units and range are taken from `configuration` until a configuration datagram is received.
+// No other datagram carries them.
 std::unique_ptr<Decoder> make_decoder(const Configuration& configuration);
 
 }  // namespace imud::stim300

@@ -18,14 +18,14 @@
 // Where the datasheet is silent, the device does as captures of real units show: rates saturate at 480 deg/s, with
 // the overload bit (UBC-Rocket, Whistler-Blackcomb-v2 d438366), the latency is 506 us (geirhovland/stim300, README).
 //
-// A frame is sent at the instant of its sample; a unit needs another 0.5 ms for compensation (figure 7-4). The
-// reported times are those of a unit: the TOV pulse begins, and the time since PPS is measured, one latency after the
-// sample. With an external trigger, the frame has the newest sample whose compensation is complete at the edge, 0.3
-// ms after the sample was digitized (figure 7-3); the latency is the time from that sample to the edge (section 7.2),
-// and the frame is sent at the next sample. With the PPS unit "filtered", the level is that of an open input.
+// A frame is sent at the instant of its sample. A real unit needs another 0.5 ms for compensation (figure 7-4). The
+// reported times are as in a real unit: the TOV pulse begins, and the time since PPS is measured, one latency after
+// the sample. With an external trigger, the frame has the newest sample whose compensation is complete at the edge,
+// 0.3 ms after the sample was digitized (figure 7-3). The latency is the time from that sample to the edge (section
+// 7.2). The frame is sent at the next sample. With the PPS unit "filtered", the level is as for an open input.
 //
-// The low-pass filters are of second order, from the cut-off alone; the group delays of a unit (Tables 5-3 to 5-9)
-// are those of its own filters. The inclinometers have the filter of the accelerometers.
+// The low-pass filters are of second order, from the cut-off alone; the group delays of a real unit (Tables 5-3 to
+// 5-9) belong to its own filters. The inclinometers have the filter of the accelerometers.
 //
 // One setting is stored and reported, but has no effect: the gyros' units "delayed", by which a unit delays the gyros
 // by 4 ms to align them with the accelerometers (section 7.5.2.2.1), as here both are aligned already.
@@ -33,7 +33,7 @@
 // The g-compensation (section 7.5.2.2.6) subtracts the bias that the calibration of the gyros predicts for the
 // acceleration that the accelerometers or inclinometers have measured, with their own errors and ranges. The
 // calibration knows six sevenths of the gyros' sensitivity: with compensation, 1 deg/h/g of 7 is left (Table 5-3,
-// from memory). The compensation of the scale factor has nothing to remove, because that of the modelled gyros does
+// from memory). The compensation of the scale factor has nothing to remove, because the modelled scale factor does
 // not depend on acceleration.
 #include <algorithm>
 #include <cmath>

@@ -12,7 +12,7 @@ namespace imud::stim300 {
 class Measured {
  public:
   // Adds a sample, with the g-compensation that is configured and the bias trim offsets; records overloads in the
-  // errors of `memory`. `g_sensitivity`: what the unit knows of its gyros', rad/s/(m/s^2).
+  // errors of `memory`. `g_sensitivity`: the gyros', as the unit knows it, rad/s/(m/s^2).
   void add(const Sample& sample, bool is_starting, const Matrix3& g_sensitivity, Memory& memory) noexcept;
   // Restarts the sums, after a transmission.
   void begin_sums() noexcept {

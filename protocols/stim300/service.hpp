@@ -1,6 +1,6 @@
-// Service Mode of the STIM300, a menu for people (section 9). Answers are those of the datasheet's figures, with
-// hyphens instead of dashes. The datasheet specifies ASCII, which has no degree and plus-minus signs: they are sent
-// in ISO 8859-1.
+// Service Mode of the STIM300, a menu for people (section 9). Answers are from the datasheet's figures,
+// with hyphens instead of dashes. The datasheet specifies ASCII, which has no degree and plus-minus signs:
+// they are sent in ISO 8859-1.
 #pragma once
 
 #include <array>
@@ -21,9 +21,9 @@ class Service {
 
   // Enters Service Mode; appends the list of the configuration and the prompt.
   void enter(const Memory& memory, FrameBuffer& replies) noexcept;
-  // Processes what the host typed at `now`, up to a command that exits, and returns the number of characters
-  // processed. Appends their echo and the answers to `replies`; an answer that does not fit is lost. A line longer
-  // than the input buffer is discarded, as is an unfinished line after a minute without a character.
+  // Processes the host's input at `now`, up to a command that exits, and returns the number of characters processed.
+  // Appends their echo and the answers to `replies`; an answer that does not fit is lost. A line longer than the
+  // input buffer is discarded, as is an unfinished line after a minute without a character.
   std::size_t receive(std::span<const std::byte> typed, DeviceTime now, Memory& memory,
                       const std::array<Axes, 3>& measured, const Reading& reading, FrameBuffer& replies) noexcept;
   // The mode that follows Service Mode at leaves_at(); none if no exit was requested.

@@ -15,7 +15,7 @@
 // front-right-down body axes and north-east-down; the quaternion turns from the body to north-east-down. Betaflight
 // itself negates gyro y and z, and every acceleration (sitl.c, updateState), to get its own axes. The feed of its
 // tests (src/test/sitl/sitl_harness.py at 301d01a) has other signs, and a turned quaternion. With virtual GPS the
-// velocity is east, north, up, and the place that of WGS 84 (target.h).
+// velocity is east, north, up, and the place is on WGS 84 (target.h).
 #include "protocols/quantities/packed_datagram.hpp"
 
 namespace imud {

@@ -1,13 +1,13 @@
-// Truth as rows of text: a header row, then a row per state, the columns by name in any order. The names are those of
-// Basilisk, or quantities of truth with their units, or by the setting `columns` any
+// Truth as rows of text: a header row, then a row per state, the columns by name in any order. The names are
+// Basilisk's, or quantities of truth with their units, or any by the setting `columns`
 // (protocols/quantities/mapped_columns.hpp).
 //
 // By Basilisk's names, `time_ns`, `sigma_BN_1..3` (MRP of any norm) and `omega_BN_B_x..z` (rad/s) are required.
 // `r_BN_N_x..z` (m), `v_BN_N_x..z` (m/s), `omegaDot_BN_B_x..z` (rad/s^2), `nonConservativeAccelpntB_B_x..z` (specific
 // force, m/s^2) and `TotalAccumDV_BN_B_x..z` (m/s) are used if all three columns are present, and so is
-// `temperature_c`. Lines that begin with '#' are ignored, and so are other columns, which describe() names. The names
-// but the last are those of Basilisk's SCStatesMsgPayload. Columns are separated by what the header row has: commas,
-// semicolons or tabs; the decimal sign is a point.
+// `temperature_c`. Lines that begin with '#' are ignored, and so are other columns, which describe() names. All names
+// but the last are from Basilisk's SCStatesMsgPayload. The header row sets the separator: commas, semicolons or tabs.
+// The decimal sign is a point.
 #include <algorithm>
 
 #include "protocols/quantities/columns.hpp"

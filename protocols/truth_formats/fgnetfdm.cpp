@@ -1,9 +1,9 @@
 // FlightGear's native FDM datagram (`--native-fdm=socket,out,...`), FGNetFDM version 24, which JSBSim's
 // `<output type="FLIGHTGEAR">` sends as well: 408 bytes, big-endian.
 //
-// The attitude is that of front-right-down relative to local north-east-down, and its derivatives are Euler rates,
-// relative to the Earth, whose rate is added. The force is that of the pilot's eye point, which therefore is B's
-// origin for lever arms. Numbers are float32, except longitude, latitude and altitude.
+// The attitude is of front-right-down relative to local north-east-down. Its derivatives are Euler rates relative to
+// the Earth, whose rate is added. The force is taken at the pilot's eye point, which is B's origin for lever arms.
+// Numbers are float32, except longitude, latitude and altitude.
 //
 // cur_time is the simulation's time in us with JSBSim's `<time type="simulation" resolution="1e-6"/>`, and begins
 // again after 71.6 minutes. Without that element it is the constant 1234567890. In FlightGear it is the Unix time in

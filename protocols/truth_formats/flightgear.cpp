@@ -1,5 +1,5 @@
 // FlightGear's generic protocol as text, --generic=socket,out,HZ,ADDR,PORT,udp,NAME, or a file of it: rows of numbers
-// whose order is that of the chunks in Protocol/NAME.xml. Two that are shipped (FGDATA, read at 0508a7a0):
+// in the order of the chunks in Protocol/NAME.xml. Two files are shipped (FGDATA, read at 0508a7a0):
 //
 // insgns-imu: time (s), p, q, r (JSBSim's pi, qi, ri: relative to inertial space, rad/s, 6 decimals), x, y, z of the
 //   pilot's acceleration (specific force at the eye point, m/s^2, 5 decimals). It has no attitude, which is

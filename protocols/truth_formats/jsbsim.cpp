@@ -13,8 +13,8 @@
 // A file of `<output type="CSV">` or `type="TABULAR">` has the same columns by the whole names of the properties, and
 // begins with `Time` in place of `<LABELS>`; its precision is ten digits.
 //
-// The specific force is that of the pilot's eye point, which therefore is B's origin: r_SB_B is measured from there.
-// JSBSim's `eci-*` are those of the centre of gravity.
+// The specific force is taken at the pilot's eye point, which is B's origin: r_SB_B is measured from there. JSBSim's
+// `eci-*` are of the centre of gravity.
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {

@@ -1,8 +1,8 @@
 // Truth as JSON objects (RFC 8259): a line of a stream, or a datagram, an object.
 //
 // The setting `columns` maps quantities to paths in the object, {time_s = "t", p_rad_per_s = "imu.gyro.0"}. Without
-// it the names at the top level are those of quantities, and others are not used. An object may have its quantities
-// in any order; one that has none of them is a record without state. A number may be in quotes.
+// it the names at the top level are quantities, and other names are not used. An object may have its quantities in
+// any order; one that has none of them is a record without state. A number may be in quotes.
 #include "protocols/quantities/json_truth_decoder.hpp"
 
 namespace imud {

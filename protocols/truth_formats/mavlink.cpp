@@ -8,10 +8,10 @@
 // |         | without its last zeros, CRC, signature of 13 bytes if flag 1 is set                                 |
 //
 // The CRC is CRC-16/MCRF4XX of all but the first byte, and of CRC_EXTRA, a byte that is computed from the message's
-// definition. That of messages which are not used here is unknown; such a message is taken as one if another begins
-// behind it, or nothing, and if it would not have the right CRC with the id of a message that is used.
+// definition. CRC_EXTRA of messages that are not used here is unknown. Such a message is accepted if another or
+// nothing follows it, and if its CRC is wrong with each id that is used.
 //
-// Attitude and rates are those of front-right-down; the rate is taken as relative to the Earth, whose own is added.
+// Attitude and rates are of front-right-down. The rate is taken as relative to the Earth, whose rate is added.
 // time_usec is the time since boot, or since 1970, which then is counted from the first message. HIL_STATE_QUATERNION
 // and HIL_STATE have 1 mg, 1 cm/s, 1 mm, 1e-7 degree; `acceleration` tells specific force (PX4's reading of it) from
 // the derivative of the velocity.

@@ -3,7 +3,7 @@
 //   SC[i].qn = [q1 q2 q3 q4]  attitude of body 0 relative to N, scalar last: v_N = q v_B, by products of quaternions
 //   SC[i].wn                  its rate relative to N, in B, rad/s
 //   SC[i].PosR, SC[i].VelR    the centre of mass relative to its reference orbit, in N, m and m/s
-//   Orb[k].PosN, Orb[k].VelN  the reference orbit, m and m/s; that of vehicle i is Orb[i], or the only one
+//   Orb[k].PosN, Orb[k].VelN  the reference orbit, m and m/s; vehicle i has Orb[i], or the only orbit
 //   SC[i].bvb                 magnetic field in B, T
 //   SC[i].Accel[k].TrueAcc    (fork nasa-itc/42) specific force, m/s^2; used if 0, 1 and 2 are there, as x, y and z
 //
@@ -12,9 +12,9 @@
 // message that lacks just one line that the one before had is refused, as its name is probably damaged; the next may
 // lack it.
 //
-// Without TrueAcc the specific force is given as 0, that of free fall without thrust and drag. It must not be
-// derived: 42's orbit moves in steps of 2^-23 s, so that positions at 100 Hz, differentiated twice, are wrong by 9
-// m/s^2.
+// Without TrueAcc the specific force is given as 0, as in free fall without thrust and drag. It must
+// not be derived: 42's orbit moves in steps of 2^-23 s, so that positions at 100 Hz, differentiated
+// twice, are wrong by 9 m/s^2.
 //
 // 42 waits for "Ack" and a zero byte after each message on TCP: it is sent when the samples have been sent, and at
 // once if a message has no truth.

@@ -8,10 +8,10 @@
 // i32 number and eight float32: times; Mach and g-loads; rates; attitude; place; position and velocity. Row 16 has P,
 // Q, R in deg/s since X-Plane 12, and Q, P, R in rad/s before.
 //
-// All is little-endian. Attitude is that of front-right-down relative to north-east-down, the rate is relative to the
-// Earth, whose own is added, and B's origin is the centre of gravity. X-Plane's local axes are east, up, south at the
-// origin of the scenery, and are taken as those at the aircraft. The g-loads are specific force in g: positive to the
-// right (side), upwards (normal), and, along the axis, backwards as a dataref and forwards in row 4.
+// All is little-endian. Attitude is of front-right-down relative to north-east-down. The rate is relative to the
+// Earth, whose rate is added. B's origin is the centre of gravity. X-Plane's local axes are east, up, south at the
+// origin of the scenery, and are taken as the axes at the aircraft. The g-loads are specific force in g: positive to
+// the right (side), upwards (normal), and, along the axis, backwards as a dataref and forwards in row 4.
 //
 // A time in float32 is coarse: 0.2 ms after an hour. With time = "arrival" it has the jitter of the network instead.
 //
@@ -21,7 +21,7 @@
 // of the rows' numbers: XPlaneConnect at 11a5f35 (xpcPlugin/DataManager.cpp). Row 16 of X-Plane 12: ArduPilot at
 // 00bc4884 (libraries/SITL/SIM_XPlane.cpp). Row 4: +axial, +side, -normal are the accelerometers of three programs
 // that fly autopilots by it: ArduPilot there, QGroundControl at 023fa901 (src/comm/QGCXPlaneLink.cc; at standstill it
-// replaces them by those of a vehicle at rest) and dRonin at 6a1b8cb9
+// replaces them by the values at rest) and dRonin at 6a1b8cb9
 // (ground/gcs/src/plugins/hitl/xplanesimulator.cpp). No capture was found.
 #include <algorithm>
 #include <array>
@@ -201,7 +201,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
       std::memcpy(record_.data() + part * part_size_, rest.data() + sizeof(std::int32_t), part_size_);
       has_.set(part);
     }
-    // Datarefs may come in several datagrams; those of the next frame then complete the truth of their own.
+    // Datarefs may come in several datagrams. The next frame's datagrams then complete their own truth.
     if ((has_ | needless_).count() < parts_) return is_rref_ ? TruthResult::no_state : TruthResult::too_short;
     has_.reset();
     return truth_.convert(record_, arrival(), truth);

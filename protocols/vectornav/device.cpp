@@ -1,8 +1,8 @@
 // VectorNav VN-100, VN-200 and VN-300: commands and streams. Layouts: vectornav.hpp. The estimates of the product's
 // filter are the truth; the filter's settings can be written and read, but change nothing. The windows of register 85
-// filter where its modes name compensated measurements (2, 3), and uncompensated ones with them; those of temperature
-// and pressure change nothing. As in the product, compensations (registers 23, 25, 84) take effect immediately, and
-// the reference frame (26) at the next reset.
+// filter where its modes name compensated measurements (2, 3), and uncompensated ones with them. Its windows of
+// temperature and pressure change nothing. As in the product, compensations (registers 23, 25, 84) take effect
+// immediately, and the reference frame (26) at the next reset.
 //
 // An answer leaves at the UART at which its command came. VNASY concerns that UART, and so do registers 5 to 7,
 // unless the host names the other one (VN-200 user manual UM004, page 31; UM001, page 56).
@@ -114,7 +114,7 @@ class VectorNavDevice final : public Device {
 
  private:
   static constexpr unsigned uarts = 2;
-  // Indices of sums_: those of the binary outputs come first, that of the second port's text is the last.
+  // Indices of sums_: the binary outputs come first, the second port's text is the last.
   static constexpr std::size_t of_polled = 3, of_text = 4;
   static constexpr std::size_t any = 99;
   using Reader = CommandReader<256>;
@@ -122,7 +122,7 @@ class VectorNavDevice final : public Device {
     std::string_view name;
     std::size_t fewest, most;  // parameters
   };
-  static constexpr Command commands[] = {// those from VNSGB on change nothing
+  static constexpr Command commands[] = {// commands from VNSGB on change nothing
                                          {"VNRRG", 1, 2},   {"VNWRG", 1, any}, {"VNASY", 1, 1},   {"VNBOM", 1, 1},
                                          {"VNWNV", 0, 0},   {"VNTAR", 0, 0},   {"VNRFS", 0, 0},   {"VNRST", 0, 0},
                                          {"VNSGB", 0, any}, {"VNSFB", 0, any}, {"VNSIH", 0, any}, {"VNKMD", 0, any},
@@ -285,7 +285,7 @@ class VectorNavDevice final : public Device {
     return none;
   }
 
-  // Increments begin again at the outputs of that UART, except those that the other one streams all the time.
+  // Increments restart at the outputs of that UART, except outputs that the other UART streams all the time.
   void resume(unsigned uart) noexcept {
     const unsigned other = 1 - uart;
     for (std::size_t i = 0; i < active_.binary.size(); ++i) {

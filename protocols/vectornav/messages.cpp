@@ -83,7 +83,7 @@ constexpr Part ecef = vector<&Q::r_E, r_E>;
 constexpr Part v_L = vector<&Q::v_L, speed>;
 constexpr Part v_E = vector<&Q::v_E, speed>;
 
-constexpr unsigned register_only = 1000;  // added to the register's number, the type of what is no message
+constexpr unsigned register_only = 1000;  // added to the register's number, the type of a register without message
 struct MessageType {
   unsigned type;
   std::string_view name;  // empty: a register without a message

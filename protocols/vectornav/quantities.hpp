@@ -1,6 +1,6 @@
 // Quantities: the quantities that VectorNav's messages (messages.cpp) and binary fields (fields.cpp) report, in the
-// product's units. Attitude, position and velocity are those of the sample. Their accuracies are the standard
-// deviations of the errors that these have, or, where they have none, the constants below.
+// product's units. Attitude, position and velocity come from the sample. Their accuracies are the standard deviations
+// of their errors, or, without errors, the constants below.
 #pragma once
 
 #include <cmath>

@@ -1,7 +1,7 @@
 // SyncPins: the SyncIn and SyncOut pins (registers 32 and 33), and the pulse per second of a GNSS receiver (register
 // 55). Sources: VN-100 user manual UM001 2.22, pages 66 to 69 and 75; VN-200 user manual UM004, pages 38, 39 and 42.
 //
-// An edge has the polarity that register 32 selects, and the pulse at SyncOut has that of register 32: neither is
+// Register 32 selects the polarity of edges and of the pulse at SyncOut. Neither polarity is
 // part of the emulated signal.
 #pragma once
 

@@ -1,8 +1,8 @@
 // VectorNav VN-100, VN-200, VN-300: the declarations shared by the device (device.cpp), its settings (settings.cpp),
 // registers (registers.cpp), text (text.cpp), text messages (messages.cpp), binary fields (fields.cpp), pins
 // (sync_pins.cpp) and decoder (decoder.cpp).
-// Layouts and sizes are those of VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav
-// 6824e8b) and of ArduPilot's driver (AP_ExternalAHRS_VectorNav.cpp).
+// Layouts and sizes are from VectorNav's programming library (vnproglib 1.2, as in github.com/dawonn/vectornav
+// 6824e8b) and ArduPilot's driver (AP_ExternalAHRS_VectorNav.cpp).
 //
 // ASCII: '$', body, '*', checksum of the body, CR LF: two hexadecimal digits of its XOR, or four of its CRC-16
 // (0x1021 from 0), or "XX" for none. The answer has the kind of checksum that the host used. Binary: 0xFA, groups, a
@@ -58,13 +58,13 @@ unsigned crc16(std::string_view text) noexcept;
 // Returns true if `sum`, the text after '*', is the checksum of `body`.
 bool is_checksum_of(std::string_view body, std::string_view sum) noexcept;
 
-// Writes what follows the body of a text: "*", its checksum, CR LF. `place` has room for 16 characters. Returns the
+// Writes the end of a text, after its body: "*", its checksum, CR LF. `place` has room for 16 characters. Returns the
 // number of characters; a NUL follows them.
 enum class Form : std::uint8_t { two_digits, four_digits };  // of the checksum: XOR, CRC-16
 std::size_t write_checksum(std::string_view body, Form form, char* place) noexcept;
 
-// The head of a binary frame: the offset of its fields, and the frame's size, which may be more than is held; as long
-// as the head is incomplete, `size` is that of the head.
+// The head of a binary frame: the offset of its fields, and the frame's size, which may be more than is held. While
+// the head is incomplete, `size` is the head's size.
 struct BinaryHead {
   std::array<unsigned, groups> masks = {};
   std::size_t fields = 0, size = 0;
@@ -188,7 +188,7 @@ Error write_register(Configuration& configuration, const Model& model, unsigned 
 // Returns the load of a UART by all streams; it cannot carry more than 1.
 double line_load(const Configuration& configuration, const Model& model, unsigned uart) noexcept;
 // Appends the parameters of register `id`, which is not a measurement register. Only registers 5 to 7 use `uart` (see
-// uart_in()), and the answer ends with its number. If it is empty, the answer is that of `asking`, without a number.
+// uart_in()), and the answer ends with its number. If `uart` is empty, the answer is for `asking`, without a number.
 Error put_register(const Configuration& configuration, const Model& model, unsigned id, unsigned asking,
                    std::string_view uart, Message& message) noexcept;
 
@@ -233,7 +233,7 @@ void put_measurement(unsigned type, const Reading& reading, Sums& sums, Message&
 // register 30 configures (UM001, page 69).
 void put_appended(double count_mode, double status_mode, const Reading& reading, Message& message) noexcept;
 using BinaryFrame = FrameWriter<boost::endian::order::little>;
-// Appends all fields of an output, with zeros for those that the emulated device does not have.
+// Appends all fields of an output, with zeros for fields that the emulated device lacks.
 void put_fields(const BinaryOutput& output, const Reading& reading, const Sums& sums, BinaryFrame& frame) noexcept;
 
 // --- Settings ---

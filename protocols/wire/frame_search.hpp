@@ -10,7 +10,7 @@
 
 namespace imud {
 
-// Holds the bytes of at most one frame of up to `MaxFrame` bytes, and calls a parser, which defines what a frame is.
+// Holds the bytes of at most one frame of up to `MaxFrame` bytes, and calls a parser, which defines the frame.
 // After a rejection the search continues at the very next byte, so that a false start never hides a good frame.
 // Allocates nothing. One thread.
 template <std::size_t MaxFrame>

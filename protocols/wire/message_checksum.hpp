@@ -1,21 +1,21 @@
-// Checksums of CAN messages: plain CRCs, those of the AUTOSAR end-to-end (E2E) profiles, and sums of car makers.
+// Checksums of CAN messages: plain CRCs, CRCs of the AUTOSAR end-to-end (E2E) profiles, and sums of car makers.
 //
 // Source: AUTOSAR, Specification of CRC Routines, and PRS_E2EProtocol, as known from other implementations of it; the
-// standard's own text was not at hand. The vectors in tests/protocols/message_checksum_test.cpp are those of
+// standard's own text was not at hand. The vectors in tests/protocols/message_checksum_test.cpp are from
 // independent implementations.
 //
 // | profile | polynomial, initial value, final XOR | over all bytes but its own, and        | counter  | its bytes |
 // |---------|--------------------------------------|----------------------------------------|----------|-----------|
 // | j1850   | CRC-8 SAE J1850: 1D, FF, FF          |                                        | any      | 1         |
 // | h2f     | CRC-8H2F: 2F, FF, FF                 |                                        | any      | 1         |
-// | e2e_p01 | 1D, 00, 00                           | first: data id, as `DataIdMode` has it | 0 to 14  | 1         |
+// | e2e_p01 | 1D, 00, 00                           | first: data id, as in `DataIdMode`     | 0 to 14  | 1         |
 // | e2e_p02 | 2F, FF, FF                           | last: element `counter` of the ids     | 0 to 15  | 1         |
 // | e2e_p05 | CRC-16 CCITT-FALSE: 1021, FFFF, 0000 | last: data id, low byte, high byte     | 0 to 255 | 2, Intel  |
 // | e2e_p11 | 1D, 00, 00                           | first: data id, both or nibble         | 0 to 14  | 1         |
 //
-// The sums are those of commaai/opendbc at 7343a66 (opendbc/car/toyota/toyotacan.py, honda/hondacan.py,
-// subaru/subarucan.py, tesla/teslacan.py, psa/psacan.py, volkswagen/mqbcan.py and mlbcan.py). Its chrysler_checksum
-// is j1850.
+// The sums are from commaai/opendbc at 7343a66 (opendbc/car/toyota/toyotacan.py, honda/hondacan.py,
+// subaru/subarucan.py, tesla/teslacan.py, psa/psacan.py, volkswagen/mqbcan.py and mlbcan.py). Its
+// chrysler_checksum is j1850.
 //
 // | profile | over all bits but its own                                                            | bits |
 // |---------|--------------------------------------------------------------------------------------|------|
@@ -72,7 +72,7 @@ struct MessageChecksum {
 
   unsigned bits() const noexcept;
   std::size_t size() const noexcept { return bits() > 8 ? 2 : 1; }  // bytes, of which it has at least a part
-  // Adds to `start` what the profile takes from the message beside its bytes: identifier and size. Called once.
+  // Adds to `start` the profile's inputs from the message beside its bytes: identifier and size. Called once.
   void begin_with(std::uint32_t id, bool extended, std::size_t message_size) noexcept;
   // The number of values of the counter; 0: as many as its field holds.
   unsigned counter_values() const noexcept;

@@ -50,7 +50,7 @@ class RecordSearch {
     }
   }
 
-  // Ends the input: discards what is held, a record's begin at most, and returns its size in bytes.
+  // Ends the input: discards the held bytes, a record's begin at most, and returns their number.
   std::size_t finish() noexcept {
     is_lost_ = false;
     rest_ = {};
