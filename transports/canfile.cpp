@@ -87,7 +87,7 @@ class LogPort final : public Port {
   bool at_end() const noexcept override { return file_.at_end() && begin_ == end_; }
   std::string_view end_warning() const noexcept override { return {warning_.data(), warning_size_}; }
   std::optional<double> progress() const noexcept override { return file_.progress(); }
-  // A regular file is read as a capture is: it never waits, and its times are those of its lines.
+  // A regular file is read as a capture: it never waits, and its lines give the times.
   int descriptor() const noexcept override { return file_.is_regular() ? -1 : file_.descriptor(); }
 
  private:

@@ -125,15 +125,15 @@ class Port {
   virtual bool at_end() const noexcept { return false; }
   // Describes how a capture ended if it is damaged ("cut short in record 12"); empty otherwise.
   virtual std::string_view end_warning() const noexcept { return {}; }
-  // Returns whether the datagrams of what was recorded are kept apart, where that differs from file to file; nullopt:
-  // as the transport does.
+  // Returns whether the recorded datagrams are kept apart, where this differs from file to file;
+  // nullopt: as the transport does.
   virtual std::optional<bool> keeps_datagrams() const noexcept { return std::nullopt; }
-  // Describes what a capture that has ended holds in place of the datagrams for the UDP port, or the stream of the
-  // TCP port: "300 datagrams to port 9810 and none to 9811". Empty if it has had some.
+  // Describes an ended capture without datagrams for the UDP port, or without a stream of the TCP port: "300
+  // datagrams to port 9810 and none to 9811". Empty if it has had some.
   virtual std::string_view other_content() const noexcept { return {}; }
 
-  // Changes the UART's settings for all that is sent from now on. A real line drops new frames until those sent
-  // before have left. A port without UART ignores it.
+  // Changes the UART's settings for all later frames. A real line drops new frames until the earlier frames have
+  // left. A port without UART ignores it.
   virtual void set_line(const UartSettings&) noexcept {}
 
   // Pulls the cable out, or in again. A pty without a keeper hangs its client up and has no link meanwhile;
@@ -143,8 +143,8 @@ class Port {
   // Begins or ends a break: the line is at space. Returns false if the port cannot do that.
   virtual bool set_break(bool) noexcept { return false; }
 
-  // Sends what is held back, as far as possible now: a file's buffer, the rest of a frame taken in part, the
-  // characters that a paced line has carried by now.
+  // Sends the held bytes, as far as possible now: a file's buffer, the rest of a frame taken in part, the characters
+  // that a paced line has carried by now.
   virtual void flush() noexcept {}
   // Returns when flush() can send something more, if that depends on time alone; otherwise nullopt.
   virtual std::optional<HostTime> next_flush() const noexcept { return std::nullopt; }
@@ -161,7 +161,7 @@ class Port {
   virtual bool can_receive() const noexcept { return true; }
   // CAN: receive() returns the data and remote frames that pass at least one of `filters`, and every error frame.
   // Until the first call, and with more than 64 filters, every frame passes. The port's own frames are confirmed only
-  // if they pass, too. May be called at any time; what has arrived before is not filtered again.
+  // if they pass, too. May be called at any time; earlier frames are not filtered again.
   virtual void set_filters(std::span<const CanFilter>) noexcept {}
   // One of the port's own frames, and when the interface sent it: the driver of a CAN controller confirms a frame
   // when it was on the bus; for vcan, vxcan and slcan the kernel does it when the interface takes the frame.
@@ -218,8 +218,8 @@ struct WireTime {
   double own_bits = 0;         // the same with the frame's own data
   double bit_rate = 0;         // bit/s, a CAN FD bus's nominal one; 0: not known
   double seconds = 0;          // 0: not known
-  double average_seconds = 0;  // likewise
-  double own_seconds = 0;      // likewise
+  double average_seconds = 0;  // 0: not known
+  double own_seconds = 0;      // 0: not known
 };
 
 // One entry of the table: everything that other folders know of a kind of port. Code outside of its file uses the
@@ -246,7 +246,7 @@ struct Transport {
   Uart uart = Uart::none;             // if there is one, the options `baud`, `parity` and `stop` set it
 
   // Files that `imud replay` and `imu-truth capture` open by this transport if no transport is named: suffixes of
-  // their names (".csv .txt"), without that of compression; "*" stands for those that no other transport claims.
+  // their names (".csv .txt"), without the suffix of compression; "*" stands for all that no other transport claims.
   std::string_view suffixes = {};
 
   // Returns true if the file is the record of a run, which this transport reads whatever its name, and which
@@ -254,23 +254,23 @@ struct Transport {
   bool (*is_record)(const std::string& path) = nullptr;
 
   // Throws PortError if such a port cannot have this address, these options together, or these settings; its text has
-  // the fault and what would be right. Opens nothing. check_port() checks the role and each option.
+  // the fault and the remedy. Opens nothing. check_port() checks the role and each option.
   void (*check)(const PortSpec& spec, const PortSettings& settings);
-  // Opens a port. Throws PortError with what failed on what.
+  // Opens a port. Throws PortError, which names the failed action.
   std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);
 
   // Returns how long `frame` occupies the wire. nullptr: frames leave instantly.
   WireTime (*wire_time)(const PortSpec& spec, const PortSettings& settings, const Frame& frame) = nullptr;
-  // Returns the UDP port whose datagrams a listener receives; nullopt: those of all ports, or of one that is chosen
-  // when it opens. Throws PortError if the spec has not passed check(). nullptr: the transport does not use UDP. A
-  // transport that `ends` has it as its option `port`, which selects the streams of a TCP port as well.
+  // Returns the UDP port whose datagrams a listener receives; nullopt: all ports' datagrams, or one port's that is
+  // chosen when it opens. Throws PortError if the spec has not passed check(). nullptr: the transport does not use
+  // UDP. A transport that `ends` has it as its option `port`, which also selects the streams of a TCP port.
   std::optional<std::uint16_t> (*udp_port)(const PortSpec& spec) = nullptr;
   // Returns the port number at one end of a TCP connection, by which a capture has the same stream; nullopt: one that
   // is chosen when the port opens. Throws PortError if the spec has not passed check(). nullptr: the transport does
   // not use TCP.
   std::optional<std::uint16_t> (*tcp_port)(const PortSpec& spec) = nullptr;
-  // Returns true if what a device at `device` sends arrives at a listener at `listener`. Both have passed check().
-  // nullptr: it never does.
+  // Returns true if frames of a device at `device` arrive at a listener at `listener`. Both have passed
+  // check(). nullptr: it never does.
   bool (*reaches)(const PortSpec& device, const PortSpec& listener) = nullptr;
   // Returns true if a device's frames go to standard output. nullptr: never.
   bool (*is_standard_output)(const PortSpec& spec) = nullptr;
@@ -303,7 +303,7 @@ std::unique_ptr<Port> open_port(std::string_view port, const PortSettings& setti
 const Transport* record_transport_of(const std::string& path);
 
 // Returns the port that reads a capture: `capture` itself if it begins with the scheme of a transport that `ends`,
-// otherwise that of the transport for such a record, or for such a file name.
+// otherwise the port of the transport for such a record or file name.
 std::string capture_port(std::string_view capture);
 
 // Returns the port that reads standard input: as datagrams with borders, as a stream of bytes, or as CAN frames.

@@ -11,7 +11,7 @@
 
 namespace imud {
 
-// A fault of a port; its text names the fault and what would be right.
+// A fault of a port; its text names the fault and the remedy.
 struct PortError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };

@@ -31,7 +31,7 @@ constexpr PortOption speed_option = {
     .device_only = true};
 
 // imud's end as the sensor. The other end is a client that opens and closes it at will. If the link has a keeper, the
-// pty is the keeper's: speed and settings are those that the client has left.
+// pty is the keeper's: speed and settings are as the client has left them.
 class PtyDevice final : public Port {
  public:
   PtyDevice(const PortSpec& spec, const PortSettings& settings)
@@ -118,7 +118,7 @@ class PtyDevice final : public Port {
     flush();
     if (paced_ && !paced_->is_idle()) return false;
     const FileDescriptor slave = pty_.open_slave();
-    // poll(), unlike FIONREAD, also finds what is still on its way from the master.
+    // poll(), unlike FIONREAD, also finds bytes that are still on their way from the master.
     pollfd unread{slave.get(), POLLIN, 0};
     return !slave || ::poll(&unread, 1, 0) <= 0;
   }
@@ -174,7 +174,7 @@ class PtyDevice final : public Port {
     return false;
   }
 
-  // Discards what the client sent while no device was there, and what a client that has left did not read.
+  // Discards bytes that the client sent while no device was there, and bytes that a former client did not read.
   void resume() noexcept {
     while (::read(pty_.master(), buffer_.data(), buffer_.size()) > 0) {
     }
@@ -247,13 +247,13 @@ class PtyDevice final : public Port {
     }
   }
 
-  // Returns what the client receives at its own speed. `last`: the line is idle afterwards.
+  // Returns the client's input at its own speed. `last`: the line is idle afterwards.
   std::span<const std::byte> as_client_receives(std::span<const std::byte> bytes, bool last) noexcept {
     to_client_.set(line_now(), speeds_.client);
     return through(to_client_, bytes, last, garbage_);
   }
 
-  // Returns what the device receives at the line's speed.
+  // Returns the device's input at the line's speed.
   std::span<const std::byte> as_device_receives(std::span<const std::byte> bytes) noexcept {
     if (state_with_reader() != PortState::wrong_speed) return bytes;
     UartSettings client = line_now();
@@ -270,8 +270,8 @@ class PtyDevice final : public Port {
     return received.first(count);
   }
 
-  // Discards what the last reader left unread, so that the next one does not receive it; only the slave can flush
-  // all of it. Bytes that the reader sent to imud stay.
+  // Discards the bytes that the last reader left unread, before the next reader. Only the slave can flush all of
+  // them. Bytes that the reader sent to imud stay.
   void discard_unread() noexcept {
     writer_.discard(counters_);
     if (paced_) paced_->discard(counters_);

@@ -66,7 +66,7 @@ class RecordPort final : public Port {
   std::optional<Received> decode(const PcapngPacket& packet) noexcept {
     const PcapngInterface& interface = reader_.interfaces()[packet.interface];
     if (interface.name != name_) return std::nullopt;
-    // Truth is what came; of an imu's interface it is what left.
+    // The inbound packets are truth. An imu's interface has outbound packets only.
     if (name_ == truth_interface && packet.direction == PacketDirection::outbound) return std::nullopt;
     const HostTime time{packet.time_ns};
     if (interface.link_type == link_type::can_socketcan) {

@@ -46,8 +46,8 @@ std::string command(const PortSpec& spec, const PortOption& option, std::span<co
   return fmt::format("{}\r", commands[i]);
 }
 
-// Returns the commands that open the channel: empty lines end what the adapter may have received in part, and a
-// channel that is open already has to be closed before its bit rate can be set.
+// Returns the commands that open the channel: empty lines end a partial line in the adapter, and a channel that is
+// open already has to be closed before its bit rate can be set.
 std::string opening(const PortSpec& spec) {
   return "\r\r\rC\r" + command(spec, adapter_bitrate_option, bitrate_commands) +
          command(spec, adapter_data_bitrate_option, data_bitrate_commands) + "O\r";

@@ -34,7 +34,7 @@ SocketAddress resolve_peer(const PortSpec& spec, const SocketAddress& own, const
   return peer;
 }
 
-// Returns the interface of a multicast group: that of the option, or the one in the IPv6 address (%eth0); 0: the one
+// Returns the interface of a multicast group: from the option, or from the IPv6 address (%eth0); 0: the interface
 // to which the routes lead.
 int multicast_interface(const PortSpec& spec, const SocketAddress& group) {
   if (const auto name = spec.text("interface")) {
@@ -118,7 +118,7 @@ class UdpPort final : public Port {
     return ::setsockopt(socket_.get(), level, name, &value, sizeof value) == 0;
   }
 
-  // Sets the interface of what is sent, and lets several processes receive the group.
+  // Sets the interface for sending, and lets several processes receive the group.
   void prepare_multicast(const PortSpec& spec, SocketAddress& group) {
     const int interface = multicast_interface(spec, group);
     const bool v4 = group.family() == AF_INET;
@@ -225,8 +225,8 @@ bool is_local(const SocketAddress& peer) {
   return false;
 }
 
-// A listener at 0.0.0.0 receives what is sent to any IPv4 address of this machine, one at [::] to any address. What
-// is sent to 0.0.0.0 or [::] goes to this machine.
+// A listener at 0.0.0.0 receives datagrams to any IPv4 address of this machine, one at [::] to any address. Datagrams
+// to 0.0.0.0 or [::] go to this machine.
 bool reaches(const PortSpec& device, const PortSpec& listener) {
   if (HostAddress::parse(device.address).port != HostAddress::parse(listener.address).port) return false;
   const SocketAddress to = SocketAddress::ip(device), at = SocketAddress::ip(listener);

@@ -47,8 +47,8 @@ int name_socket(const PortSpec& spec, const std::string& fresh, const std::strin
     if (errno != EEXIST) return errno;
     if (!is_socket(path)) return EEXIST;
     if (is_served(SocketAddress::unix_path(spec))) return EADDRINUSE;
-    // Another process may do the same at this moment: the one that moves the old socket away removes it, unless it
-    // has moved that of the other, which it puts back.
+    // Another process may do the same now. The process that moves the old socket away removes it. If it has moved the
+    // other's new socket instead, it puts it back.
     if (::rename(path.c_str(), aside.c_str()) != 0) continue;
     if (is_served(address_of(spec, aside))) return ::rename(aside.c_str(), path.c_str()) == 0 ? EADDRINUSE : errno;
     ::unlink(aside.c_str());
@@ -93,7 +93,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   FileDescriptor socket = new_socket();
   constexpr int waiting = 8;
   ::unlink(fresh.c_str());
-  // The mode of the descriptor becomes that of the file.
+  // The file takes the mode of the descriptor.
   int error = ::fchmod(socket.get(), S_IRUSR | S_IWUSR) == 0 &&
                       ::bind(socket.get(), address.get(), address.size) == 0 && ::listen(socket.get(), waiting) == 0
                   ? 0

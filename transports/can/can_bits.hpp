@@ -16,8 +16,8 @@ struct CanBits {
 // Returns the greatest length that a frame with `bytes` of data can have, whatever its identifier.
 CanBits most_can_bits(const CanHeader& header, std::size_t bytes) noexcept;
 
-// Returns the mean length of the frames with this identifier and `bytes` of random data. Data of equal bits, such as
-// those of small numbers or of unused bytes, have more stuff bits.
+// Returns the mean length of the frames with this identifier and `bytes` of random data. Data of equal bits, as in
+// small numbers or unused bytes, have more stuff bits.
 CanBits average_can_bits(const CanHeader& header, std::size_t bytes) noexcept;
 
 // Returns the length of this very frame.

@@ -1,4 +1,4 @@
-// CanLink: what carries the frames of a CanPort to and from a bus: an interface of SocketCAN, or datagrams.
+// CanLink carries the frames of a CanPort to and from a bus: an interface of SocketCAN, or datagrams.
 #pragma once
 
 #include <linux/can.h>
@@ -41,7 +41,7 @@ class CanLink {
     bool fd;
     bool own;                // sent by this link
     HostTime time;           // of arrival at this host
-    bool malformed = false;  // what has arrived is no frame
+    bool malformed = false;  // the input is no frame
   };
   // Receives one frame. Returns 1, 0 if there is none, or -1 with errno.
   virtual int receive(canfd_frame& frame, Received& received) noexcept = 0;

@@ -1,5 +1,5 @@
-// Formats: candump(1) and log2asc(1) of can-utils; Vector's "CAN/LIN/... logging ASC" has no public document, its
-// lines are those that log2asc writes and asc2log reads.
+// Formats: candump(1) and log2asc(1) of can-utils; Vector's "CAN/LIN/... logging ASC" has no public document. Its
+// lines are as log2asc writes them and asc2log reads them.
 #include "transports/can/can_log.hpp"
 
 #include <fmt/format.h>
@@ -26,7 +26,7 @@ bool read_number(std::string_view text, Number& number, int base) noexcept {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-// Reads "seconds.fraction"; further digits than those of nanoseconds are ignored.
+// Reads "seconds.fraction"; digits below a nanosecond are ignored.
 bool read_time(std::string_view text, Nanoseconds& time) noexcept {
   constexpr std::uint64_t most_seconds = 9'000'000'000;
   constexpr std::size_t digits = 9;

@@ -35,7 +35,7 @@ unsigned channel_of(std::string_view interface) noexcept;
 // Reads the lines of a log, of either format. Any text is harmless. One thread.
 class CanLogReader {
  public:
-  // With `interface` only its frames are read: in an ASC log those of channel_of() it.
+  // With `interface` only its frames are read: in an ASC log, the frames of its channel_of().
   explicit CanLogReader(std::optional<std::string> interface = {}) : interface_(std::move(interface)) {}
 
   enum class Line : std::uint8_t {
@@ -47,7 +47,7 @@ class CanLogReader {
 
   // The frame of the last line; valid until the next.
   Frame frame() const noexcept { return {std::span(data_).first(size_), header_}; }
-  // Its time stamp. That of an ASC log counts from the log's begin.
+  // Its time stamp. An ASC log counts from the log's begin.
   Nanoseconds time() const noexcept { return time_; }
 
  private:

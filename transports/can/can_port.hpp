@@ -28,8 +28,8 @@ inline constexpr PortOption max_age_option = {.key = "max_age_ms",
 
 class CanPort final : public Port {
  public:
-  // Binds nothing yet. Without `allows_fd`, no FD frame is sent. Of the spec, the options above and those of
-  // can_bus.hpp count.
+  // Binds nothing yet. Without `allows_fd`, no FD frame is sent. Uses the spec's options
+  // above and in can_bus.hpp.
   CanPort(const PortSpec& spec, Delivery delivery, std::unique_ptr<CanLink> link, bool allows_fd);
 
   // Returns 0 or an errno.
@@ -67,8 +67,8 @@ class CanPort final : public Port {
   void lose(int error) noexcept;
   // The kernel has refused the oldest frame that is ready. Returns true if the next one may be tried.
   bool handle_refusal(int error) noexcept;
-  // Returns false if the interface cannot carry the frame. Error frames are the controller's own; a virtual
-  // interface, which has none, passes on those of others.
+  // Returns false if the interface cannot carry the frame. Error frames are the controller's own. A virtual interface
+  // has none, and passes on other nodes' error frames.
   bool pack(const Frame& frame, CanQueue::Queued& queued) const noexcept;
   CanHeader header_of(bool fd) const noexcept;
   // Takes the state of the controller from an error frame.

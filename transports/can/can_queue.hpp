@@ -67,7 +67,7 @@ class CanQueue {
   std::array<Queued, max_frames> queue_;  // a ring
   std::size_t first_ = 0, count_ = 0;
   Nanoseconds max_age_;
-  HostTime paced_;  // when the next frame may leave by the spacing of those before
+  HostTime paced_;  // when the next frame may leave by the spacing of earlier frames
   HostTime retry_;  // when the interface may have room again
 };
 

@@ -20,7 +20,7 @@ const IpPacket other{Outcome::other};
 
 bool is_carried(std::uint8_t protocol) { return protocol == IpPacket::udp || protocol == IpPacket::tcp; }
 
-// A later fragment may be that of a datagram for the port. TCP is not fragmented in practice.
+// A later fragment may belong to a datagram for the port. TCP is not fragmented in practice.
 IpPacket later_fragment(std::uint8_t protocol) { return protocol == IpPacket::udp ? truncated : other; }
 
 IpPacket ipv4(Bytes bytes) {

@@ -15,9 +15,9 @@ struct IpPacket {
     truncated,  // UDP or TCP perhaps, but cut short, or the rest of a fragmented datagram
     other,      // anything else
   } outcome;
-  std::uint8_t protocol = 0;  // one of those below; valid if found
+  std::uint8_t protocol = 0;  // tcp or udp below; valid if found
   bool is_fragment = false;   // `payload` is only the beginning
-  bool is_cut = false;        // likewise, because the capture has only the beginning of the packet
+  bool is_cut = false;        // the same, because the capture has only the beginning of the packet
   std::span<const std::byte> payload = {};
   Endpoint from = {}, to = {};  // without ports
 

@@ -58,7 +58,7 @@ struct RecordEvent {
     command,        // a command changed the run. flags: Command::Kind; interface: the imu's own, or all_imus; a: host
                     // time; b: its value, the bits of a double, or, if it has none, when deadlines were polled last;
                     // c: its number. The next packet of this interface is the fault, TOML, if it begins one
-    mark,           // likewise; the next packet of this interface is its text
+    mark,           // as command; the next packet of this interface is its text
   };
   static constexpr std::uint8_t is_live = 1;         // begin: truth was no capture
   static constexpr std::uint8_t input_ended = 1;     // disconnected: the truth's capture has ended

@@ -107,7 +107,7 @@ void TcpStream::hold(const TcpSegment& segment) noexcept {
   ++held_count_;
 }
 
-// Continues with the earliest of what is kept. Returns false if nothing is.
+// Continues with the earliest kept segment. Returns false if there is none.
 bool TcpStream::skip_hole() noexcept {
   if (held_count_ == 0) return false;
   std::int32_t nearest = 0;

@@ -27,11 +27,11 @@ struct TcpSegment {
 // Returns the segment in a packet. `port` is at either end of the connection. Any content is safe.
 TcpSegment tcp_segment(const IpPacket& ip, std::uint16_t port) noexcept;
 
-// Reassembles one direction of one connection after the other: that of the first payload. The next connection, or the
-// rest after a hole, is a new stream. Repeated bytes are dropped; segments that arrive too early are kept until the
-// bytes before them have arrived. If those do not before most_held segments are kept, or before the connection ends,
-// they are a hole. A connection without an end ends when most_held segments of others follow. Allocates in the
-// constructor only.
+// Reassembles one direction of one connection after the other: the direction of the first payload. The next
+// connection, or the rest after a hole, is a new stream. Repeated bytes are dropped. Early segments are kept until
+// the bytes before them arrive. Bytes that have not arrived when most_held segments are kept, or when the
+// connection ends, are a hole. A connection without an end ends when most_held segments of others follow. Allocates
+// in the constructor only.
 class TcpStream {
  public:
   static constexpr std::size_t most_held = 64;  // segments
@@ -42,7 +42,7 @@ class TcpStream {
   // the opposite direction, or another connection at the same time. Call next() until it returns nothing before the
   // next call.
   bool push(const TcpSegment& segment) noexcept;
-  // Ends the stream: what is kept follows, as after a hole.
+  // Ends the stream: kept segments follow, as after a hole.
   void finish() noexcept { is_ending_ = is_active_; }
 
   struct Piece {
@@ -77,7 +77,7 @@ class TcpStream {
   bool begin(const Way& way, const TcpSegment& segment) noexcept;
   void hold(const TcpSegment& segment) noexcept;
   bool skip_hole() noexcept;
-  // Returns how far `sequence` is ahead of what was delivered; negative: behind. Sequence numbers wrap.
+  // Returns how far `sequence` is ahead of the delivered bytes; negative: behind. Sequence numbers wrap.
   std::int32_t ahead(std::uint32_t sequence) const noexcept {
     return static_cast<std::int32_t>(sequence - expected_);
   }
@@ -87,7 +87,7 @@ class TcpStream {
   bool begins_ = false;     // the next piece begins a stream
   Way way_;
   std::uint32_t first_ = 0, expected_ = 0;  // sequence numbers of the stream's first byte, and of the next one
-  std::optional<std::uint32_t> end_;        // that of the FIN
+  std::optional<std::uint32_t> end_;        // of the FIN
   std::span<const std::byte> current_;      // in order, and not delivered yet
   std::array<Handshake, 2> handshakes_;     // the newest of both directions
   std::size_t next_handshake_ = 0;

@@ -86,8 +86,8 @@ void FileReplacement::commit() {
   committed_ = true;
 }
 
-// Opens and locks what a process has left behind; nothing else has that name. Returns no file if it has gone
-// meanwhile.
+// Opens and locks the file that a process has left; nothing else has that name. Returns no file
+// if it has gone meanwhile.
 FileDescriptor FileReplacement::open_stale(const PortSpec& spec) const {
   FileDescriptor stale(::open(incomplete_.c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
   if (!stale && errno == ENOENT) return {};

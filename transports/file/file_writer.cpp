@@ -72,7 +72,7 @@ void FileWriter::send(std::span<const Frame> frames) noexcept {
 }
 
 void FileWriter::flush() noexcept {
-  if (is_idle()) return;  // the state is that of the last write
+  if (is_idle()) return;  // the last write has set the state
   const std::uint64_t dropped = counters_.dropped;
   const auto [taken, error] = writer_.write_some(file_.get(), {held_.data(), held_count_}, counters_);
   const bool keeps = gathers_ && error == 0;

@@ -14,7 +14,7 @@
 
 namespace imud {
 
-// Writes frames. Those for a regular file are gathered; so are those for a pipe or a device if they must not be
+// Writes frames. Frames for a regular file are gathered. So are frames for a pipe or a device if they must not be
 // dropped. Otherwise a pipe gets them at once, and its reader is never waited for. The address - is standard output.
 class FileWriter : public Port {
  public:

@@ -16,7 +16,7 @@ std::string foreign_link(const std::string& path, uid_t user = ::geteuid());
 // exist.
 bool is_same_file(const std::string& a, const std::string& b);
 
-// Returns true if the path is one of those of standard output: `-`, /dev/stdout, ...
+// Returns true if the path names standard output: `-`, /dev/stdout, ...
 bool is_standard_output(const std::string& path);
 
 // Writes out what was printed to standard output. Returns 0, or the errno of a write to it that has failed, now or

@@ -30,8 +30,8 @@ struct SocketAddress {
   bool is_multicast() const noexcept;
 };
 
-// Returns "scheme:ADDR:PORT" with the port that the system has chosen for `socket`, if that of `spec` is 0; otherwise
-// an empty text.
+// Returns "scheme:ADDR:PORT" with the port that the system has chosen for `socket`, if the port of `spec`
+// is 0; else an empty text.
 std::string chosen_port_of(const PortSpec& spec, int socket);
 
 // Returns the error to throw if bind() at an address of UDP or TCP has failed with `error`, an errno.

@@ -14,8 +14,8 @@
 namespace imud {
 
 // A stream of bytes to and from one peer. Until the first peer is there, the state is `no_reader`. A peer that
-// disconnects is counted as a loss: what it has sent before is received first, and the rest of a frame that it has
-// received in part is discarded. A peer whose machine has vanished without a word is found within some 15 s.
+// disconnects is counted as a loss. Its earlier bytes are received first, and the rest of a frame that it has
+// received in part is discarded. A peer whose machine has vanished silently is found within some 15 s.
 class StreamSocket : public Port {
  public:
   void send(std::span<const Frame> frames) noexcept override;

@@ -10,7 +10,7 @@
 
 namespace imud {
 
-// Permissions and owners of a pty's slave; what is not given stays as the kernel has set it.
+// Permissions and owners of a pty's slave; options not given stay as the kernel has set them.
 class PtyAccess {
  public:
   static constexpr std::array<PortOption, 3> options = {{
@@ -23,7 +23,7 @@ class PtyAccess {
   // octal number from 0600 to 0666 by which the owner can read and write.
   explicit PtyAccess(const PortSpec& spec);
 
-  // Applies the options to an open slave. Returns 0, or the errno of what failed. A process that is not root may give
+  // Applies the options to an open slave. Returns 0, or the errno of the failure. A process that is not root may give
   // only its own user, and groups that it belongs to.
   int apply(int slave) const noexcept;
   // Returns the error to throw if apply() has returned `error`.

@@ -1,4 +1,4 @@
-// Sets and reads any speed of a serial line, also those for which termios has no constant (374400, 1843200).
+// Sets and reads any speed of a serial line, also speeds without a constant of termios (374400, 1843200).
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// UartWire: computes what a UART receives if characters are sent at another speed than its own.
+// UartWire: computes the input of a UART if characters are sent at another speed than its own.
 #pragma once
 
 #include <cstddef>
@@ -31,8 +31,8 @@ class UartWire {
   // received.
   void set(const UartSettings& sender, unsigned receiver_baud) noexcept;
 
-  // Sends characters back to back, directly after those of the call before. Writes the characters received by the
-  // end of these to `received` and returns their number; those for which there is no room are lost.
+  // Sends characters back to back, directly after the last call's characters. Writes the characters received by the
+  // end of the sending to `received` and returns their number. Characters without room are lost.
   std::size_t carry(std::span<const std::byte> sent, std::span<std::byte> received) noexcept;
 
   // Makes the line idle from now on. Returns the character that was being received; nullopt if there was none.
