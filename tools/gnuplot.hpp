@@ -14,8 +14,8 @@ void check_plot(const std::string& path);
 // Returns the path of the data beside the picture: FILE.plot.csv for FILE.svg.
 std::string data_path_beside(const std::string& picture);
 
-// Throws std::invalid_argument if there is a file of that name whose first line does not begin as that of these data:
-// another program or a person has written it. Call it before anything is computed.
+// Throws std::invalid_argument if there is a file of that name whose first line does not begin with `begin`: another
+// program or a person has written it. Call it before anything is computed.
 void check_data_path(const std::string& path, std::string_view begin);
 
 // Returns the commands that direct the output to `picture`, of a size in pixels.

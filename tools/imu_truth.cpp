@@ -163,7 +163,7 @@ int write_csv(const Options& options, bool& running) {
   return 0;
 }
 
-// Writes the truths of a capture. The columns are those of the first one.
+// Writes the truths of a capture. The first truth decides on the columns.
 int write_capture_csv(const CLI::App& app, const Options& options, bool& running) {
   GravitationModel gravitation;
   if (app.get_option("--gravity-m-per-s2")->count() > 0)

@@ -16,7 +16,7 @@
 //   }
 //
 // Frames: N inertial, B the vehicle's body. x_BN_N: of B relative to N, in N components. The datagram's layout,
-// version 1, is that of imud's protocols/native_truth.hpp.
+// version 1, is in imud's protocols/native_truth.hpp.
 #pragma once
 
 #include <fcntl.h>
@@ -62,7 +62,7 @@ struct Answer {
   std::int64_t simulation_time_ns = 0;  // up to which imud has emitted all samples
   std::uint64_t samples = 0;            // emitted in this run, by all its imus together
   // True if simulation_time_ns is the truth's. Otherwise imud refused the truth and emitted nothing, because the
-  // truth's time is before that of the last truth, or too far ahead of it (truth.max_gap_ms); or imud does not run in
+  // truth's time is before the last truth's, or too far ahead of it (truth.max_gap_ms); or imud does not run in
   // lockstep. A truth of the same time is a repetition, and changes nothing.
   bool accepted = false;
 };

@@ -7,7 +7,7 @@
 
 namespace imud {
 
-// Exit codes; 0 is done, and 3 what a tool says of it.
+// Exit codes; 0 is done, and each tool defines 3.
 inline constexpr int failed = 1;
 inline constexpr int wrong_command_line = 2;
 

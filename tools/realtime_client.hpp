@@ -51,7 +51,7 @@ class RealtimeClient {
 
   // Waits until `truth` is due, then sends it; sends it at once if it is late. Returns false if the network did not
   // accept it: the next one may be accepted. Throws std::invalid_argument as encode() does, or if the simulation time
-  // is not later than that of the truth before.
+  // is not later than in the truth before.
   bool send(const Truth& truth) {
     if (last_ && truth.simulation_time_ns <= last_->simulation_ns)
       throw std::invalid_argument("simulation_time_ns is " + std::to_string(truth.simulation_time_ns) + " after " +

@@ -13,7 +13,7 @@
 namespace imud {
 
 // Returns the initial settings after each text, KEY=VALUE. Throws std::invalid_argument, which names the fault and
-// what would be right.
+// the remedy.
 inline Settings settings_from(std::span<const Setting> declared, const std::vector<std::string>& texts) {
   Settings settings(declared);
   for (const std::string& text : texts) {

@@ -31,7 +31,7 @@ struct StreamReport {
   std::vector<Figure> figures() const;
   // Returns the value of the figure that the requirement is about. Throws std::invalid_argument if there is none.
   std::optional<double> seen(const Requirement& requirement) const;
-  // Returns true if the figure is known and keeps the limit; a percentage is that of the samples.
+  // Returns true if the figure is known and keeps the limit; a percentage is of the samples.
   bool holds(const Requirement& requirement) const;
   bool keeps_all_limits() const;
 

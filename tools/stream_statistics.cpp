@@ -163,8 +163,8 @@ double StreamStatistics::x(const Entry& entry, bool by_time) const noexcept {
                  : static_cast<double>(entry.number - origin.number);
 }
 
-// Fits the entries from `begin` to `end`, which no jump separates, and counts the deviations of those not yet
-// evaluated.
+// Fits the entries from `begin` to `end`, which no jump separates, and counts the deviations of
+// entries not yet evaluated.
 void StreamStatistics::fit(std::size_t begin, std::size_t end, bool by_time) {
   if (end <= evaluated_) return;
   std::size_t count = 0;

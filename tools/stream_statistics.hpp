@@ -30,8 +30,8 @@ class StreamStatistics {
   void finish();
 
   std::uint64_t samples() const noexcept { return samples_; }
-  // The steps from sample to sample by the device's time stamps, without those at which the stamps jumped or went
-  // back.
+  // The steps from sample to sample by the device's time stamps, without steps at which the
+  // stamps jumped or went back.
   const Rate& device() const noexcept { return device_; }
   const Rate& arrival() const noexcept { return arrival_; }
   // The distances in s of the arrivals from a straight line: the least-squares fit, over a window, of arrival over
@@ -49,7 +49,7 @@ class StreamStatistics {
   std::uint64_t time_jumps() const noexcept { return time_jumps_; }
   // Samples with the counter, or without a counter the time, of the sample before.
   std::uint64_t repeated() const noexcept { return repeated_; }
-  // Samples whose counter or time is before that of the sample before: a restart of the device, or reordering.
+  // Samples whose counter or time goes back: a restart of the device, or reordering.
   std::uint64_t back() const noexcept { return back_; }
 
  private:

@@ -20,7 +20,7 @@ bool is_hadamard(AllanKind kind) noexcept {
   return kind == AllanKind::hadamard || kind == AllanKind::overlapping_hadamard;
 }
 
-// The numbers of the equations in this file are those of Greenhall and Riley.
+// The numbers of equations in this file are Greenhall and Riley's.
 
 // The generalised autocovariance of phase noise, without its constant factor: (7).
 double phase_covariance(double t, int alpha) noexcept {

@@ -33,7 +33,7 @@ double degrees_of_freedom(AllanKind kind, int alpha, std::size_t points, std::si
 struct DeviationBounds {
   double low = 0, high = 0;
 };
-// 0 < confidence < 1. The variance's distribution is that of chi-square with `degrees` of freedom: SP1065 (44).
+// 0 < confidence < 1. The variance has a chi-square distribution with `degrees` of freedom: SP1065 (44).
 DeviationBounds deviation_bounds(double deviation, double degrees, double confidence);
 
 }  // namespace imud

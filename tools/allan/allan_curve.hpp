@@ -36,7 +36,7 @@ struct AllanCurve {
 std::size_t largest_curve_factor(AllanKind kind, std::size_t samples) noexcept;
 
 // Computes the curve of equally spaced rates, finite and at least 4 of them. per_decade: see averaging_factors().
-// Where the noise type cannot be identified, it is that of the averaging time before, at first white.
+// A noise type that cannot be identified is taken from the averaging time before, at first white.
 AllanCurve allan_curve(AllanKind kind, std::span<const double> rates, double rate_hz, unsigned per_decade,
                        double confidence);
 

@@ -23,7 +23,7 @@ constexpr Active ramp = 1U << 4U;
 
 bool has(Active set, std::size_t term) noexcept { return ((set >> term) & 1U) != 0; }
 
-// A solution: the squares of the coefficients, the variances that they give, and those variances' uncertainty.
+// A solution: the squares of the coefficients, the resulting variances, and the variances' uncertainty.
 struct Solution {
   Active active = 0;
   VectorXd squares = VectorXd::Zero(allan_term_count);
@@ -47,7 +47,7 @@ class Fit {
     double variance = 0;  // of `square`
     double skewness = 0;  // of its distribution
   };
-  // Estimates the term together with those of the solution, whose noise alone the estimate's distribution is that of.
+  // Estimates a term with the solution's terms. The estimate's distribution has the solution's noise alone.
   Estimate estimate(std::size_t term, const Solution& solution) const;
 
  private:

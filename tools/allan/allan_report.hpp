@@ -63,7 +63,7 @@ struct AllanReport {
   std::string text() const;
   std::string json() const;
   // Returns a header and a row for each averaging time: tau_s, then for each axis the deviation, its bounds, the
-  // deviation that the fitted terms have, and that of the model if there is one, in SI.
+  // deviation that the fitted terms have, and the model's if there is one, in SI.
   std::string csv() const;
   std::size_t csv_columns_per_axis() const noexcept { return against ? 5 : 4; }
 

@@ -12,7 +12,7 @@
 namespace imud {
 
 ModelTerms model_terms(const std::string& model, double rate_hz) {
-  // A rate at which every preset is possible; what a recording was averaged to does not change the densities.
+  // A rate at which every preset is possible; averaging a recording does not change the densities.
   const double least_rate_hz = 100, greatest_rate_hz = 10'000;
   const std::string config = fmt::format(
       "[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \"native\"\nport = \"pty:imu1\"\nrate_hz = {}\n"

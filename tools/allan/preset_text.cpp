@@ -43,7 +43,7 @@ std::string term_line(const std::array<const AllanReport::Axis*, channels_per_se
   const std::string comment = fmt::format("# +- {}", fmt::join(errors, ", "));
   if (allan_term_list[t].letter != 'Q')
     return fmt::format("{} = [{}]  {}\n", unit.key, fmt::join(values, ", "), comment);
-  // Quantization of the increments, whose LSB is that of all axes.
+  // Quantization of the increments. All axes have the same LSB.
   return fmt::format("{} = {:.4g}  # the largest; quantization of {} {}\n",
                      is_rate ? "lsb_delta_angle_rad" : "lsb_delta_velocity_m_per_s", std::sqrt(12.0) * largest,
                      fmt::join(values, ", "), unit.datasheet);

@@ -7,8 +7,8 @@
 
 namespace imud {
 
-// Returns a preset's file, for the key `model` of imud, whose sensors have the fitted terms of each axis: those that
-// are seen, in the units of data sheets, with their standard errors as comments. The range of the sensors, which a
+// Returns a preset's file, for the key `model` of imud, whose sensors have the fitted terms of each axis: all terms
+// that are seen, in the units of data sheets, with standard errors as comments. The range of the sensors, which a
 // recording at rest does not show, is large.
 std::string preset_text(const AllanReport& report);
 

@@ -54,15 +54,15 @@ class StillRecorder final : public MeasurementReceiver {
   void on_measurement(const Measurement& measurement) override;
   void set_arrival(std::optional<HostTime> arrival) override { arrival_ = arrival; }
   bool is_full() const override { return taken_ >= wanted_; }
-  // The number of measurements so far, with those that are not recorded.
+  // The number of measurements so far, recorded or not.
   std::uint64_t measurements() const noexcept { return measurements_; }
   // Sets the rate of samples that have no time.
   void set_nominal_rate(double rate_hz) noexcept { nominal_rate_hz_ = rate_hz; }
 
   // Ends the recording, once. Samples around a gap are joined, as if none were missing, which is without effect on
   // white noise, and on other noise as far as the share of missing samples is small. Throws std::runtime_error, with
-  // what would be right, if too many are missing, the device restarted, the rate is unknown, or there are too few
-  // samples.
+  // the remedy, if too many are missing, the device restarted, the rate is unknown, or
+  // there are too few samples.
   StillRecording finish();
 
  private:
@@ -79,7 +79,7 @@ class StillRecorder final : public MeasurementReceiver {
   StillRecording recording_;
 };
 
-// Makes a recording of an array whose columns are those channels; nullopt: the column is left out. Throws as
+// Makes a recording of an array with these `columns`; nullopt: the column is left out. Throws as
 // StillRecorder::finish(), and if a value is not finite.
 StillRecording recording_of(const NpyArray& array, const std::vector<std::optional<std::size_t>>& columns,
                             double rate_hz);

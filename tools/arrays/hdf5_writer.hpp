@@ -10,9 +10,9 @@
 
 namespace imud {
 
-// The datasets are those of measurement_columns(), n or n x 3, chunked and extensible, with the attributes `unit`,
-// `frame` and `meaning`. Keeps at most 4096 rows. After flush() the file is whole; one whose program is killed
-// between two may not be.
+// The datasets are as in measurement_columns(), n or n x 3, chunked and extensible, with the attributes
+// `unit`, `frame` and `meaning`. Keeps at most 4096 rows. After flush() the file is whole. Between flushes, a killed
+// program may leave a broken file.
 class Hdf5Writer final : public RowOutput {
  public:
   Hdf5Writer(std::string path, bool with_truth, const RowAttributes& attributes);

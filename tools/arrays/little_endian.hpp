@@ -1,4 +1,4 @@
-// append_little: a number's bytes, the least significant first, behind those of a text.
+// append_little: appends a number's bytes to a text, the least significant first.
 #pragma once
 
 #include <algorithm>

@@ -130,7 +130,7 @@ void MatWriter::finish() {
     }
     write_variable(file.get(), describe(attributes_, columns));
     require_mat(Mat_Close(file.release()) == 0);
-    // libmatio does not check what it writes: the file is whole if its last variable can be read.
+    // libmatio does not check its writes: the file is whole if its last variable can be read.
     file.reset(Mat_Open(path_.c_str(), MAT_ACC_RDONLY));
     require_mat(file != nullptr && MatVariable(Mat_VarRead(file.get(), "imud")) != nullptr);
   } catch (const std::exception& error) {

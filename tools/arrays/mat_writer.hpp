@@ -8,10 +8,10 @@
 
 namespace imud {
 
-// The variables are those of measurement_columns(), n x 1 or n x 3, in the types of these columns, and a struct
-// `imud` with the attributes and, by column, `unit`, `frame` and `meaning`. A variable of level 5 states its size at
-// its begin, so that all rows are kept in memory (row_size() bytes each) until finish() writes the file; at most 2
-// GiB a variable, which are 89 million rows.
+// The variables are as in measurement_columns(), n x 1 or n x 3, in the types of these columns, and a struct `imud`
+// with the attributes and, by column, `unit`, `frame` and `meaning`. A variable of level 5 states its size at its
+// begin, so that all rows are kept in memory (row_size() bytes each) until finish() writes the file; at most 2 GiB a
+// variable, which are 89 million rows.
 class MatWriter final : public RowOutput {
  public:
   MatWriter(std::string path, bool with_truth, RowAttributes attributes);

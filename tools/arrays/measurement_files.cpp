@@ -130,7 +130,7 @@ std::string imu_name(const MeasurementFiles::Options& options, const std::string
   return PortSpec::parse(port).text("interface").value_or("imu");
 }
 
-// Returns the text with U+FFFD in place of what is no UTF-8, such as the bytes of a path.
+// Returns the text with U+FFFD in place of bytes that are no UTF-8, as in a path.
 std::string valid_utf8(const std::string& text) {
   using nlohmann::json;
   return json::parse(json(text).dump(-1, ' ', false, json::error_handler_t::replace)).get<std::string>();

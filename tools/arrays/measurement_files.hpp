@@ -27,14 +27,14 @@ class MeasurementFiles {
   static void add_options(CLI::App& app, Options& options);
 
   // Opens the files. `port`: the input, which they must not be. Throws std::runtime_error or std::invalid_argument
-  // with the fault and what would be right; as TruthBeside does, too.
+  // with the fault and the remedy; as TruthBeside does, too.
   MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port);
 
   void write(const Measurement& measurement);
   // Makes the files whole, at most once a second.
   void flush();
-  // Ends the files. Returns what is missing of the truth; empty if nothing is. Throws std::runtime_error, which names
-  // the first of them that could not be written, or as TruthBeside::finish() does.
+  // Ends the files. Returns the missing part of the truth; empty if none is. Throws std::runtime_error, which names
+  // the first file that could not be written, or as TruthBeside::finish() does.
   std::string finish();
 
  private:

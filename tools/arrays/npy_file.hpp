@@ -15,7 +15,7 @@ struct NpyArray {
 };
 
 // Reads an array of float64 in C order with one or two dimensions, little- or big-endian, to the end of the stream.
-// Throws std::runtime_error, with the fault and what would be right, for any other content. Memory is allocated only
+// Throws std::runtime_error, with the fault and the remedy, for any other content. Memory is allocated only
 // for data that are there.
 NpyArray read_npy(std::istream& in);
 

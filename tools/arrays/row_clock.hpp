@@ -16,7 +16,7 @@ class RowClock {
 
   // Returns the time of the next measurement in ns, from 0; nullopt, which is counted: it has none.
   std::optional<std::uint64_t> next(const MeasurementRow& row) noexcept;
-  // Returns what is wrong with measurements so far that had no time, and what would be right; empty: nothing is.
+  // Returns the fault of measurements so far that had no time, and the remedy; empty: there is none.
   std::string fault() const;
 
  private:

@@ -59,7 +59,7 @@ void TruthBeside::Mapped::open(const std::string& path, std::size_t row_size) {
 }
 
 TruthBeside::TruthBeside(const Options& options, const Protocol& protocol) : options_(options) {
-  // The line's pace is that of a port, which is not opened.
+  // A line's pace belongs to a port, which is not opened.
   constexpr const char* unpaced = "imu.*.pace=none";
   config_ = resolve_config(options.config, {"truth.port=" + capture_port(options.capture), "clock=fast", unpaced});
   const std::string name = imu_name(options, config_.checked.at("config").at("imu"), protocol);

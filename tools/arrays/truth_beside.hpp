@@ -28,9 +28,9 @@ class TruthBeside {
   TruthBeside(const TruthBeside&) = delete;
   TruthBeside& operator=(const TruthBeside&) = delete;
 
-  // Returns the truth at the next measurement: that of the next measurement of the run with the same time and
-  // counter, as far as the protocol carries them, within the next 65536; otherwise that of the next measurement. NaN
-  // if there is none.
+  // Returns the truth at the next measurement of the run with the same time and counter, as far as
+  // the protocol carries them, within the next 65536; otherwise the truth at the run's next
+  // measurement. NaN if there is none.
   TrueValues at(const MeasurementRow& row);
 
   // Call it after the last measurement. Returns a text if measurements have no truth, or an order without time and

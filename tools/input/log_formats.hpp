@@ -10,7 +10,7 @@
 namespace imud {
 
 // Entries with a decoder, but no device: they are not in protocols(). Their decoders keep a message in memory, and
-// throw std::runtime_error, with the fault and what would be right, if the input is another kind of file.
+// throw std::runtime_error, with the fault and the remedy, if the input is another kind of file.
 std::span<const Protocol* const> log_formats() noexcept;
 
 // Returns the protocol or log format of that name; nullptr: there is none.

@@ -62,7 +62,7 @@ class CdrFields {
 };
 
 // Fed the bytes of a file in pieces of any size. Keeps a record in memory. All functions throw std::runtime_error,
-// with the fault and what would be right, if the file is another kind of file or has an unknown compression.
+// with the fault and the remedy, if the file is another kind of file or has an unknown compression.
 class McapReader {
  public:
   struct Damage {

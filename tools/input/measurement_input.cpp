@@ -92,8 +92,8 @@ bool is_regular_file(const Port& port) {
   return port.descriptor() >= 0 && ::fstat(port.descriptor(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
-// Waits for input, for a limited time. Some descriptors are always ready without input (such as those of an interface
-// that is down); they are read every 10 ms.
+// Waits for input, for a limited time. Some descriptors are always ready without input, as for an interface that is
+// down; they are read every 10 ms.
 class Waiting {
  public:
   void until_ready(const Port& port, Nanoseconds longest) {
@@ -140,7 +140,7 @@ std::string_view receive_all(Port& port, Decoder& decoder, MeasurementReceiver& 
   constexpr Nanoseconds longest_rest = std::chrono::seconds(30);
   std::optional<HostTime> stopped;
   while (true) {
-    // After a signal, what has arrived at a live port is still decoded.
+    // After a signal, the input waiting at a live port is still decoded.
     if (stop_requested() && !stopped) stopped = host_now();
     if (stopped && (!is_live || stop_requested_again() || host_now() - *stopped > longest_rest)) return "signal";
     if (!receiver.is_open()) return "closed output";

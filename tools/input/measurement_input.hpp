@@ -1,4 +1,4 @@
-// measurement_input: what a program needs that decodes any protocol from any port.
+// measurement_input: for programs that decode any protocol from any port.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -28,10 +28,10 @@ struct DecodeOptions {
   void resolve_port();
 };
 
-// Adds PORT, --set, --for and --count, which every program that decodes has, to those of a command line.
+// Adds PORT, --set, --for and --count, which every program that decodes has, to a command line.
 void add_input_options(CLI::App& app, DecodeOptions& options);
 
-// Return lists of what there is, for the help of a command line.
+// Return lists of the choices, for the help of a command line.
 std::string known_protocols();
 std::string known_ports();
 
@@ -54,9 +54,9 @@ class MeasurementReceiver : public MeasurementSink {
   ~MeasurementReceiver() = default;
 };
 
-// Decodes what the port receives until the input ends, the time or the number of samples is reached, the receiver is
-// not open any more, or a signal comes; returns which: "end of input", "time", "count", "closed output", "signal".
-// Reports on standard error when the device is lost, and when it is back.
+// Decodes the port's input until it ends, the time or the number of samples is reached, the receiver is not open any
+// more, or a signal comes; returns which: "end of input", "time", "count", "closed output", "signal". Reports on
+// standard error when the device is lost, and when it is back.
 std::string_view receive_all(Port& port, Decoder& decoder, MeasurementReceiver& receiver,
                              const DecodeOptions& options);
 

@@ -90,7 +90,7 @@ void UlogReader::define(std::string_view text) {
   const std::size_t colon = text.find(':');
   if (colon == std::string_view::npos) return count_malformed();
   const auto [place, is_new] = formats_.try_emplace(std::string(text.substr(0, colon)));
-  if (!is_new) return;  // those of a subscription stay
+  if (!is_new) return;  // a subscription's fields stay
   UlogFormat& format = place->second;
   for (text.remove_prefix(colon + 1); !text.empty();) {
     const std::string_view one = text.substr(0, text.find(';'));

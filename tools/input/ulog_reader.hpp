@@ -50,7 +50,7 @@ struct UlogMessage {
 };
 
 // Fed the bytes of a file in pieces of any size. Keeps a message in memory. All functions throw std::runtime_error,
-// with the fault and what would be right, if the file is another kind of file or has an unknown incompatible flag.
+// with the fault and the remedy, if the file is another kind of file or has an unknown incompatible flag.
 class UlogReader {
  public:
   virtual ~UlogReader() = default;

@@ -74,9 +74,9 @@ bool is_table(std::string_view table, std::string_view name) {
   return table == fmt::format("[[{}]]", name) || table.starts_with(fmt::format("[{}.", name));
 }
 
-// Returns the configuration with only the imu of that index and name, which sends to `port`, and without what is
-// expected of a host. A fault of the other imus becomes one without effect, so that all others keep the numbers from
-// which they draw.
+// Returns the configuration with only the imu of that index and name, which sends to `port`, and
+// without [[expect]]. A fault of the other imus becomes one without effect, so that all others keep the
+// numbers from which they draw.
 std::string with_one_imu(const std::string& resolved, std::size_t index, const std::string& name,
                          const std::string& port) {
   constexpr std::string_view none =

@@ -18,7 +18,7 @@ class EmulatedRun {
     std::string capture;                 // of the truth, as for `imud replay`
     std::string imu;                     // name; empty: the first
     std::vector<std::string> overrides;  // KEY=VALUE, for imud
-    std::optional<double> rate_hz;       // in place of that of the samples' time, or of the product's settings
+    std::optional<double> rate_hz;       // in place of the rate of the samples' time, or of the settings
   };
 
   // Has imud resolve the configuration. Throws std::invalid_argument if it has faults, which imud has reported on
@@ -28,9 +28,9 @@ class EmulatedRun {
   const std::string& name() const noexcept { return name_; }
   std::uint64_t seed() const noexcept { return seed_; }
 
-  // Return what is sent with this seed, and without any error: the truth as the sensor's place, axes, samples and
-  // format have it. Throw std::runtime_error if imud fails or the output is no recording. The first run shows what
-  // imud reports on standard error.
+  // Return the output with this seed, and without any error: the truth at the sensor's place, in its axes, samples
+  // and format. Throw std::runtime_error if imud fails or the output is no recording. The first run shows what imud
+  // reports on standard error.
   StillRecording sent(std::uint64_t seed);
   StillRecording truth();
 

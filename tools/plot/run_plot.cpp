@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t columns_per_channel = 5;
 
-// The range of what a diagram shows.
+// The range that a diagram shows.
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   void add(double value) noexcept {

@@ -23,12 +23,12 @@ class CapturedTruths {
     std::string capture;                  // a file, or a port that ends; of a log, a file
     std::string format;                   // a truth format or a truth log (truth_logs.hpp)
     std::vector<std::string> settings;    // of the format, KEY=VALUE
-    std::optional<std::uint32_t> stream;  // vehicle; nullopt: that of the first truth
-    GravitationModel gravitation = {};    // for what is derived from poses, where the format lacks it
+    std::optional<std::uint32_t> stream;  // vehicle; nullopt: of the first truth
+    GravitationModel gravitation = {};    // to derive motion from poses, where the format lacks it
   };
 
-  // Throws std::invalid_argument or PortError, or of a log std::runtime_error, which names the fault and what would
-  // be right.
+  // Throws std::invalid_argument or PortError, or of a log std::runtime_error, which names
+  // the fault and the remedy.
   explicit CapturedTruths(const Options& options);
 
   // Returns the next truth of the vehicle, in the order of the capture; nullopt at its end, or after

@@ -37,8 +37,8 @@ class DatagramSender {
 
   // Waits until `due` if it is given, and for the fault's jitter, then sends `datagram`.
   void send(std::span<const std::byte> datagram, std::optional<HostTime> due);
-  // Sends likewise and waits for the acknowledgement of `sequence`; sends again when none comes in time. Returns
-  // nullopt if no attempt was answered, or stop_requested().
+  // Sends as send() does, and waits for the acknowledgement of `sequence`; sends again when none comes in time.
+  // Returns nullopt if no attempt was answered, or stop_requested().
   std::optional<NativeAcknowledgement> send_and_wait(std::span<const std::byte> datagram, std::optional<HostTime> due,
                                                      std::uint32_t stream, std::uint32_t sequence);
   // Sends the datagram that is held back for reordering, if there is one.

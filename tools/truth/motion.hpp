@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// The parameters of all motions; each motion uses those that its summary names. SI, angles in rad.
+// The parameters of all motions; each motion uses the parameters in its summary. SI, angles in rad.
 struct MotionParameters {
   double rate_rad_per_s = 0.5;         // turntable, spiral, boost
   double half_angle_rad = 0.02;        // coning

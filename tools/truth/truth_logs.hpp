@@ -35,8 +35,8 @@ struct LoggedStates {
 struct TruthLog {
   std::string_view name, extension;  // "ulog", ".ulg"
   std::span<const Setting> settings;
-  // Reads a file. Throws std::runtime_error, with the fault and what would be right, if it cannot be read, is another
-  // kind of file, or has no attitude and position; the message names what it has.
+  // Reads a file. Throws std::runtime_error, with the fault and the remedy, if it cannot be read, is another kind of
+  // file, or has no attitude and position; the message names its content.
   LoggedStates (*read)(const std::string& path, const Settings& settings);
 };
 

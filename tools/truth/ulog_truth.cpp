@@ -1,4 +1,4 @@
-// Truth from a ULog: PX4's estimate of attitude and local position, or what a simulator gave it as ground truth.
+// Truth from a ULog: PX4's estimate of attitude and local position, or a simulator's ground truth.
 //
 // | quantity          | estimate               | ground truth                         | fields                      |
 // |-------------------|------------------------|--------------------------------------|-----------------------------|
@@ -54,7 +54,7 @@ class TimedVectors {
                                    [](const Entry& a, const Entry& b) { return a.time_ns == b.time_ns; });
     entries_.erase(first, entries_.end());
   }
-  // Replaces the slopes by those of the parabolas through three neighbours.
+  // Replaces the slopes by the slopes of parabolas through three neighbours.
   void make_slopes() {
     if (entries_.size() < 2) return;
     const auto step_s = [this](std::size_t i) {
@@ -167,7 +167,7 @@ class UlogTruth final : public UlogReader {
       if (position && velocity && rate)
         out.states.push_back({time_ns, attitude.q, *position, *velocity, *rate});
       else if (track.positions.spans(time_ns) && (!out.has_rate || track.rates.spans(time_ns)))
-        ++out.without_position;  // those before the first position and after the last are no loss
+        ++out.without_position;  // attitudes before the first position and after the last are no loss
     }
     return out;
   }
