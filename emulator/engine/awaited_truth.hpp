@@ -1,4 +1,4 @@
-// AwaitedTruth: the samples of an imu that it took before their truth had come, until it comes.
+// AwaitedTruth: samples that an imu took before their truth came, kept until it comes.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@
 
 namespace imud {
 
-// When the truth of a sample's instant has come, measures by how much extrapolation was wrong, and passes the sample
-// to those who watch with the true motion of that instant. A sample whose truth has not come 500 ms later, or before
+// When the truth of a sample's instant has come, measures the error of the extrapolation, and passes the sample with
+// the true motion of that instant to the feed. A sample whose truth has not come 500 ms later, or before
 // the run of the truth ends, is passed on with a true motion of NaN. The constructor allocates; nothing else here
 // allocates, locks or throws. One thread.
 class AwaitedTruth {
@@ -21,10 +21,10 @@ class AwaitedTruth {
   static constexpr std::size_t capacity = 512;
   static constexpr Nanoseconds patience = std::chrono::milliseconds(500);
 
-  // `model`: that of the imu.
+  // `model`: the model of the imu.
   explicit AwaitedTruth(const ImuModel& model) : r_SB_B_(model.r_SB_B), dcm_PB_(model.dcm_PB), ring_(capacity) {}
 
-  // From now on the imu has the mounting of that model.
+  // From now on the imu has the mounting of `model`.
   void set_mounting(const ImuModel& model) noexcept {
     r_SB_B_ = model.r_SB_B;
     dcm_PB_ = model.dcm_PB;
@@ -33,8 +33,8 @@ class AwaitedTruth {
   void set_feed(SampleFeed* feed) noexcept { feed_ = feed; }
 
   // Adds the last sample of `imu`, which was taken when the newest truth was `ahead` before it; negative: that truth
-  // was later. `is_extrapolated`: its motion is compared with the truth to come. `shown`: what those who watch get,
-  // with the true motion as it was sampled; nullopt: they do not get it.
+  // was later. `is_extrapolated`: its motion is compared with the truth to come. `shown`: the sample for the feed,
+  // with the true motion as it was sampled; nullopt: the feed does not get it.
   void add(const Imu& imu, Nanoseconds ahead, bool is_extrapolated, const std::optional<FeedSample>& shown) noexcept;
   // Called when truth has come.
   void review(const Timeline& timeline, TruthQuality::ExtrapolationError& error) noexcept;

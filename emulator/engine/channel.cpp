@@ -170,7 +170,7 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
     else
       line.port->send(frames.first(size));
     line.passed += size;
-    // A port drops the last frames of those that it is passed.
+    // If a port drops frames, it drops the last ones.
     if (line.wire == nullptr)
       sink_.frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
     if (&line == &lines_[0] && line.wire == nullptr) copies_.send(frames.first(size), time, is_reply);

@@ -62,11 +62,11 @@ class Channel {
   void power_on(HostTime origin) noexcept;
   // Sets the clock (DeviceClock::set()), and shifts the times that the device keeps by the same step.
   void set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept;
-  // Starts the grid: the next sample is that of instant 0.
+  // Starts the grid: the next sample is at instant 0.
   void start_samples() noexcept;
-  // Begins a run of the truth, whose first truth is that of `begin`; its first sample has no increments.
+  // Begins a run of the truth, whose first truth is at `begin`. The first sample has no increments.
   void begin_run(TruthTime begin) noexcept;
-  // The run goes on after a leap of its time: the next sample has no increments, and is flagged as extrapolated.
+  // Continues the run after its time has leapt. The next sample has no increments and is flagged as extrapolated.
   void pass_over() noexcept;
   // Switches the device's supply off and on at host time `now`.
   void cycle_power(HostTime now) noexcept;
@@ -77,8 +77,8 @@ class Channel {
   void pause(bool paused) noexcept;
 
   // --- Faults, after enable_faults() ---
-  // Begin a fault, if it acts on this imu, and end one, or all, between two samples (FaultSchedule). Without effect
-  // if there are no faults.
+  // Begin a fault that acts on this imu, end one fault, or end all, between two samples (FaultSchedule). Without
+  // effect if there are no faults.
   void begin_fault(const FaultConfig& fault, std::uint32_t number) noexcept {
     if (faults_ && fault.acts_on(name_)) faults_->schedule().add(fault, number);
   }
@@ -88,8 +88,8 @@ class Channel {
   void end_faults() noexcept {
     if (faults_) faults_->schedule().end_all();
   }
-  // Sets the faults of a sample, after sense() and before encode(): those of the wire act on all frames from now on,
-  // those of the power at the instant of the sample; a start has new turn-on errors from the sample after it on.
+  // Sets the faults of a sample, after sense() and before encode(): faults of the wire act on all frames from now on,
+  // faults of the power at the sample's instant. After a start the next sample has new turn-on errors.
   void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;
 
   // --- Samples ---
@@ -97,42 +97,42 @@ class Channel {
   // is kept for encode().
   Sample& sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept;
   Sample& sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept;
-  // Keeps the truth time up to which the device receives edges before the sample; if it is nullopt, edges are
-  // discarded. The frames of a `silent` sample are discarded.
+  // Keeps the truth time up to which the device receives edges before the sample; nullopt: edges are discarded. The
+  // frames of a `silent` sample are discarded.
   void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample.
   void encode() noexcept { encode(false); }
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;
-  // In place of encode() and transmit(), for a sample that is too late: discards its frames, those of the deadlines
-  // up to it, and the pulse, and counts it as skipped.
+  // Called in place of encode() and transmit() if a sample is too late. Discards its frames, the frames of the
+  // deadlines up to it, and the pulse. Counts it as skipped.
   void skip() noexcept;
   // Imu::set_seed(), and the bias of one axis of the gyros or the accelerometers (Imu::set_bias()).
   void set_seed(std::uint64_t seed) noexcept { imu_.set_seed(seed); }
   void set_bias(Quantity quantity, std::size_t axis, double bias) noexcept;
-  // Exchanges the sensor for that of a reload, which goes on where this one was (Imu::continue_from()). If its grid
-  // is another one, the next sample is that of the grid's instant 0, at the time that it had.
+  // Exchanges the sensor for a reload's sensor, which goes on where the old one was (Imu::continue_from()). On
+  // another grid the next sample is at instant 0, and keeps its time.
   // A device with other settings starts as when its supply is switched on, at host time `now`; the sensor goes on.
   void exchange_sensor(Reload::Sensor& sensor, HostTime now) noexcept;
-  // Exchanges a port for that of a reload, to which all frames from now on go; the counters go on. Without a port, in
-  // a repeated run, only the bit rate changes.
+  // Exchanges a port for a reload's port, which gets all frames from now on. The counters go on. In a repeated run
+  // there is no port, and only the bit rate changes.
   void exchange_port(Reload::Line& line) noexcept;
-  // Adds what a port that was replaced has counted since then. Any thread.
+  // Adds the counts of a replaced port since its replacement. Any thread.
   void count_replaced(std::uint64_t sent, std::uint64_t replies, std::uint64_t dropped,
                       std::uint64_t failed) noexcept;
   // Computes counters() again.
   void publish() noexcept;
-  // The number and the time stamp of the next sample; nullopt where the time is not known before the first truth of a
+  // The number and the time stamp of the next sample; nullopt: the time is not known before the first truth of a
   // run.
   std::uint64_t next_sample() const noexcept { return imu_.next(); }
   std::optional<DeviceTime> next_time() const noexcept { return clock_.next_sample(); }
-  // From now on offers the samples to those who watch them, as those of that imu.
+  // From now on offers the samples to `feed`, as samples of the imu number `imu`.
   void set_feed(SampleFeed& feed, std::uint16_t imu) noexcept {
     feed_ = &feed;
     awaited_.set_feed(&feed);
     number_ = imu;
   }
-  // Counts the sample as sent, and offers it to those who watch, when its truth has come.
+  // Counts the sample as sent. Offers it to the feed when its truth has come.
   void count_sample() noexcept;
   // Called when truth has come: AwaitedTruth::review().
   void review_samples(const Timeline& timeline, TruthQuality::ExtrapolationError& error) noexcept {

@@ -1,4 +1,4 @@
-// The changes that commands make to a Channel, and the sample that those who watch get of it.
+// The changes that commands make to a Channel, and the sample that it offers to the feed.
 #include <algorithm>
 #include <utility>
 

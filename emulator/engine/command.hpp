@@ -14,13 +14,13 @@ struct Command {
   enum class Kind : std::uint8_t {
     mark = 0,         // changes nothing; states the samples that are next. Its text goes into the record
     power_off = 1,    // of an imu's supply
-    power_on = 2,     // likewise; has no effect if it is on
+    power_on = 2,     // of an imu's supply; no effect if it is on
     power_cycle = 3,  // off and on at once
     pause = 4,        // the frames of an imu are discarded; its sensor and its device go on
     resume = 5,
     seed = 6,                // `number`: Imu::set_seed()
     gyro_bias = 7,           // `value`: rad/s, of the axis `number`
-    accelerometer_bias = 8,  // `value`: m/s^2, likewise
+    accelerometer_bias = 8,  // `value`: m/s^2, of the axis `number`
     delay = 9,               // of the truth; `value`: s
     automatic_delay = 10,    // of the truth; `value`: TruthClock::Options::automatic_percent
     extrapolate = 11,        // of the truth; `value`: s

@@ -16,8 +16,8 @@
 
 namespace imud {
 
-// The ports that `also` in [[imu]] names. Each is sent every frame that is passed to the imu's port, after that port,
-// whether or not the port takes it. What arrives at a copy is discarded. Where the host's clock paces, a copy is
+// The ports that `also` in [[imu]] names. Each gets every frame of the imu's port, after that port, even if the port
+// drops it. What arrives at a copy is discarded. Where the host's clock paces, a copy is
 // never waited for: a frame that it does not take is dropped from this copy alone. In lockstep and fast a copy that
 // has no room is waited for as the port is. The constructor allocates; only the wait functions wait. The sampling
 // thread alone uses it.
@@ -28,7 +28,7 @@ class Copies {
   Copies(const ImuConfig& config, const Sync::OpenPort& open);
 
   bool empty() const noexcept { return lines_.empty(); }
-  // `time`: that of the device. `is_reply`: the frames answer the host.
+  // `time`: the device's time. `is_reply`: the frames answer the host.
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept;
   void set_line(const UartSettings& uart) noexcept;
   // Discards what has arrived.

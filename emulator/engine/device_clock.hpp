@@ -38,7 +38,7 @@ class DeviceClock {
     now_ = now_ + step;
     return step;
   }
-  // Changes the grid between two samples: the next sample keeps its time, and is that of instant 0 of the new grid.
+  // Changes the grid between two samples: the next sample keeps its time, and is at instant 0 of the new grid.
   void change(const Grid& grid) noexcept {
     if (has_samples_) {
       zero_ = stamp(next_) - grid.phase();
@@ -47,7 +47,7 @@ class DeviceClock {
     }
     grid_ = grid;
   }
-  // Starts the samples: the next one is that of instant 0.
+  // Starts the samples: the next one is at instant 0.
   void start_samples() noexcept { has_samples_ = true; }
 
   // Returns the stamp of the next sample; nullopt before start_samples().

@@ -53,8 +53,8 @@ std::string value_of(const toml::node* node) {
   return line;
 }
 
-// Calls `differs(key, before, after)` for each key of both tables whose value differs; the nodes are nullptr where it
-// is absent.
+// Calls `differs(key, before, after)` for each key of both tables whose value differs. The node of an absent key is
+// nullptr.
 template <class Differs>
 void compare(const toml::table* before, const toml::table* after, const std::string& prefix, const Differs& differs) {
   std::vector<std::string> keys;
@@ -111,7 +111,7 @@ std::string identifiers_of(const ImuConfig& imu) {
   return text;
 }
 
-// Returns why the settings of the device cannot change to those of `after`; nullptr if they can.
+// Returns why the device's settings cannot change to the settings of `after`; nullptr if they can.
 const char* refusal_of_settings(const Config& config, const ImuConfig& before, const ImuConfig& after) {
   if (before.protocol != after.protocol) return "cannot change while the run goes on";
   if (before.protocol->link == Link::can && identifiers_of(before) != identifiers_of(after))
@@ -142,7 +142,7 @@ bool is_of(const KeyChange& change, const std::string& imu, std::string_view key
   return change.key.starts_with("imu." + imu + "." + std::string(key));
 }
 
-// Returns the change of a port, or of that of the second UART; its texts are equal if it does not change.
+// Returns the change of a port, or of the second UART's port. Its texts are equal if nothing changes.
 Reload::Line line_of(const ImuConfig& before, const ImuConfig& after, bool second) {
   Reload::Line line;
   line.uart = second ? 1 : 0;

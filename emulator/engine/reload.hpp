@@ -31,14 +31,14 @@ struct KeyChange {
 // Compares the resolved values of all keys.
 std::vector<KeyChange> key_changes(const Config& before, const Config& after);
 
-// The keys of the file that a reload can change; those of an imu are without "imu.NAME.". A dot at the end stands for
+// The keys of the file that a reload can change; keys of an imu are without "imu.NAME.". A dot at the end stands for
 // all keys of a table.
 std::span<const std::string_view> reloadable_keys(bool of_imu) noexcept;
 
-// Everything that the sampling thread needs to change over. Made before by another thread, which destroys it when the
-// sampling thread has executed Command::Kind::reload: then it has what was replaced.
+// Everything that the sampling thread needs to change over. Another thread makes it, and destroys it after the
+// sampling thread has executed Command::Kind::reload. It then holds the replaced objects.
 struct Reload {
-  // A sensor, and its device, that take the place of those of a channel.
+  // A sensor and a device that replace a channel's sensor and device.
   struct Sensor {
     std::size_t channel = 0;  // its number
     ImuModel model;
@@ -46,10 +46,10 @@ struct Reload {
     std::optional<Grid> grid;  // nullopt: it stays
     // With other settings, and as delivered; nullptr: they stay.
     std::unique_ptr<Device> device, delivered_device;
-    bool keeps_gyro_bias = false, keeps_accelerometer_bias = false;  // those of Channel::set_bias()
+    bool keeps_gyro_bias = false, keeps_accelerometer_bias = false;  // the biases of Channel::set_bias()
   };
   std::vector<Sensor> sensors;
-  // A port that takes the place of one of a channel.
+  // A port that replaces a channel's port.
   struct Line {
     std::size_t channel = 0;  // its number
     std::size_t uart = 0;     // 0, or 1 for `second_port`
@@ -57,21 +57,21 @@ struct Reload {
     std::string before, after;
     PortSettings settings = Role::device;
     double bit_rate = 0;  // WirePort::Line::bit_rate
-    // nullptr until open_ports(), and in a repeated run; afterwards the port that was replaced.
+    // nullptr until open_ports(), and in a repeated run; afterwards the replaced port.
     std::unique_ptr<Port> port;
-    // When it has been replaced: the frames that it holds back, and how many of these are not the device's.
+    // The frames that the replaced port holds back, and how many of them are not the device's.
     std::uint64_t held = 0, held_of_others = 0;
   };
   std::vector<Line> lines;
   std::vector<Command> commands;  // of the session
   std::string text;               // the new configuration, Config::resolved, for the record
 
-  // Prepares the change from `before` to `after`, as far as keys are reloadable. `imus`: those of the session's
-  // channels in their order, of which several may have one name; `seed`: that of the run.
+  // Prepares the change from `before` to `after`, as far as keys are reloadable. `imus`: the imus of the session's
+  // channels, in order; several may have one name. `seed`: the seed of the run.
   Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed);
 
-  // Opens the ports of `lines` with the filters of `channels`. Returns why those that cannot be opened cannot: lines
-  // "imu.NAME.port: cause". Then it has closed the others again.
+  // Opens the ports of `lines` with the filters of `channels`. Returns a line "imu.NAME.port: cause" for each port
+  // that cannot be opened. In that case it closes the others again.
   std::vector<std::string> open_ports(
       std::span<const std::unique_ptr<Channel>> channels,
       const std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>& open = open_port);

@@ -23,14 +23,14 @@ struct FeedSample {
   std::optional<TruthTime> truth_time;  // the simulation time that it samples; nullopt at rest before the first truth
   double temperature_c = 0;
   Vector3 rate = Vector3::Zero(), specific_force = Vector3::Zero();  // rad/s, m/s^2
-  // Those of the motion, without any error: interpolated at the sample's instant, also where the sample was
-  // extrapolated or held; NaN if the truth of that instant has not come.
+  // The motion without any error, interpolated at the sample's instant, even if the sample was extrapolated or held.
+  // NaN if the truth of that instant has not come.
   Vector3 true_rate = Vector3::Zero(), true_specific_force = Vector3::Zero();
-  // Samples of the imu up to this one that were extrapolated, of these held, of these not sent (ImuCounters): their
-  // differences count those between two samples of the feed, too.
+  // Extrapolated samples of the imu up to this one, the held among them, and the unsent among the held (ImuCounters).
+  // Their differences include the samples between two of the feed.
   std::uint64_t extrapolated = 0, held = 0, silent = 0;
-  // The rest of the sample, as the device has received it (Sample). Position and velocity of a receiver are those
-  // with its errors.
+  // The rest of the sample, as the device has received it (Sample). Position and velocity of a receiver include its
+  // errors.
   std::array<float, 4> attitude{1, 0, 0, 0};  // q_LP: w, x, y, z
   std::array<float, 3> magnetic_field{};      // T; 0: not known
   float pressure = 0;                         // Pa; 0: not known

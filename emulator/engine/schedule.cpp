@@ -19,7 +19,7 @@ void Schedule::advance() noexcept {
   Slot slot = heap_.front();
   ++slot.index;
   slot.offset = origins_[slot.imu] + grids_[slot.imu].offset(slot.index);
-  // It takes the place of the first, and sinks below those that are earlier.
+  // The slot replaces the first, and sinks below earlier slots.
   std::size_t place = 0;
   for (std::size_t next = 1; next < heap_.size(); next = 2 * place + 1) {
     if (next + 1 < heap_.size() && is_later(heap_[next], heap_[next + 1])) ++next;

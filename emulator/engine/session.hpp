@@ -34,8 +34,8 @@ using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
 // all memory. One thread, except for request_power_cycle() and the counters, which any thread may use.
 class Session {
  public:
-  // Opens every port. `sink` takes what happens. `control`: brings commands and takes what is watched; nullptr: none
-  // does. Throws PortError.
+  // Opens every port. `sink` takes the events of the run. `control` brings commands and takes watched samples;
+  // nullptr: none does. Throws PortError.
   explicit Session(const Config& config, const Sync::OpenPort& open = open_port, StepSink& sink = StepSink::none(),
                    RunControl* control = nullptr);
 
@@ -60,8 +60,8 @@ class Session {
   // Ends the faults that act. Called after the last sample.
   void finish_faults() noexcept;
 
-  // Sets the reload of the next Command::Kind::reload, which it outlives. Called by the thread that makes the
-  // command, when that of the reload before has been executed.
+  // Sets the reload of the next Command::Kind::reload. It outlives the command. Called by the thread that makes the
+  // command, after the last reload was executed.
   void set_reload(Reload* reload) noexcept { reload_ = reload; }
   Reload* next_reload() const noexcept { return reload_; }
 
@@ -75,8 +75,8 @@ class Session {
 
   // Begins a run of the truth with the timeline's newest truth: the next samples have no increments.
   void begin_run() noexcept;
-  // The simulator's time has leapt, and the timeline has forgotten what was before: the run goes on, and the next
-  // sample of each imu has no increments.
+  // Continues the run after the simulator's time has leapt and the timeline has discarded the earlier truths. The
+  // next sample of each imu has no increments.
   void pass_over() noexcept;
   // Returns true from the first run on.
   bool in_run() const noexcept { return in_run_; }
@@ -106,7 +106,7 @@ class Session {
   // watermark to `until`.
   bool has_room_for_truth(TruthTime until) noexcept;
 
-  // Returns the descriptors for ::poll(): first that of the truth, disabled unless `truth`, then those of the hosts.
+  // Returns the descriptors for ::poll(): first the truth's, disabled unless `truth`, then the hosts'.
   std::span<pollfd> inputs(bool truth) noexcept;
   // Serves the hosts for which ::poll() has reported an event in inputs(). Returns false if ::poll() would return at
   // once again, because of a lasting error or a flood. `clock`: see Channel::serve().
@@ -136,7 +136,7 @@ class Session {
   // The pacer of the Loop that drives this; nullptr: none does.
   void set_pacer(Pacer* pacer) noexcept { pacer_ = pacer; }
   Pacer* pacer() noexcept { return pacer_; }
-  // The schedule of that Loop, likewise.
+  // The schedule of that Loop; nullptr: there is no Loop.
   void set_schedule(Schedule* schedule) noexcept { schedule_ = schedule; }
   Schedule* schedule() noexcept { return schedule_; }
   void set_when_stopped(WhenStopped reaction) noexcept { when_stopped_ = reaction; }

@@ -39,7 +39,7 @@ void Sync::discard_edges() noexcept {
 }
 
 void Sync::deliver_edges(Device& device, TruthTime time, DeviceTime stamp) noexcept {
-  if (time < time_) {  // a new run: these edges, and the time of the last sample, are those of the old one
+  if (time < time_) {  // a new run: these edges and the time of the last sample belong to the old run
     trigger_.count = pps_.count = 0;
     last_.reset();
   }

@@ -45,7 +45,7 @@ class Sync {
   struct Input {
     std::unique_ptr<Port> port;
     std::uint16_t interface = 0;           // of the record
-    std::array<TruthTime, 64> edges = {};  // those that wait
+    std::array<TruthTime, 64> edges = {};  // waiting for a sample
     std::size_t count = 0;
   };
   void open_input(Input& input, std::string_view port, const OpenPort& open, const std::string& name);

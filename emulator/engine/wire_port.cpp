@@ -146,7 +146,7 @@ void WirePort::prepare(WireChange& change) noexcept {
   }
 }
 
-// Adds what others send in the time of a sample.
+// Adds the frames of other senders in the time of a sample.
 void WirePort::send_others(WireChange& change) noexcept {
   const auto& parameters = change.fault().parameters;
   const bool is_break = change.kind() == WireFault::line_break;
@@ -237,7 +237,7 @@ void WirePort::change(std::span<const Frame> transfer, bool is_last) noexcept {
   }
 }
 
-// Adds a frame of the device, changed to `bytes`, and those of others that follow it.
+// Adds a frame of the device, changed to `bytes`, and the frames of others that follow it.
 void WirePort::add_own(const Frame& frame, std::span<const std::byte> bytes) noexcept {
   if (bytes.empty() && !frame.bytes.empty()) {
     ++sent_;
@@ -329,8 +329,8 @@ bool WirePort::is_drained() noexcept {
   return is_drained;
 }
 
-// Takes over the state and the counters of the port. Of the frames that it held back those of others are taken as the
-// first that it has sent or dropped, so that what it holds back is never taken as sent.
+// Takes over the state and the counters of the port. Frames of other senders count as sent or dropped first. So no
+// frame that the port holds back counts as sent.
 void WirePort::mirror() noexcept {
   const PortCounters& now = port_->counters();
   const auto settle = [this](std::uint64_t frames, std::uint64_t& own) {

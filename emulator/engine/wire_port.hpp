@@ -21,15 +21,15 @@ namespace imud {
 
 class Copies;
 
-// Passes everything to the port that it wraps, and changes what is sent and received as the active faults of
-// wire_faults.hpp have it. While none is active, it changes nothing.
+// Passes everything to the wrapped port. The active faults of wire_faults.hpp change the sent and received bytes.
+// While no fault is active, nothing changes.
 //
 // A frame that a fault loses on the wire counts as sent, because the device has sent it. It counts as dropped where
 // the port itself would drop it: the cable is out, the controller is off the bus, or the line is busy. Frames that
-// others send (garbage, other nodes) are not counted. All that is due since the last sample leaves at once, before
-// the frames of the sample.
+// others send (garbage, other nodes) are not counted. All frames that are due since the last sample leave at once,
+// before the frames of the sample.
 //
-// Frames are dropped or changed in the call that brings them; what the port held back before passes unchanged.
+// Frames are dropped or changed in the call that brings them. Frames that the port held back before pass unchanged.
 class WirePort final : public Port {
  public:
   // The faults beyond this number are not performed.
@@ -37,28 +37,28 @@ class WirePort final : public Port {
 
   struct Line {
     std::string_view imu;  // its name, by which the random numbers differ; only used by the constructor
-    unsigned number = 0;   // of the line: 0, or 1 for that of the second UART
+    unsigned number = 0;   // of the line: 0, or 1 for the second UART's line
     const Protocol* protocol = nullptr;
     double rate_hz = 0;      // of the samples
     UartSettings uart = {};  // the characters; baud 0: not known
-    double bit_rate = 0;     // bit/s of line or bus; 0: not known, or that of `uart`
+    double bit_rate = 0;     // bit/s of line or bus; 0: not known, or `uart` gives it
   };
   WirePort(std::unique_ptr<Port> port, const Line& line, std::uint64_t seed);
 
   // Sets the faults of the next sample. Called before the frames of each sample, and of the deadlines up to it, are
   // sent. No allocation.
   void set_active(std::span<const ActiveFault> faults) noexcept;
-  // From now on gives `sink` the frames that leave, by the interface of that number, and those dropped, by that
-  // number
-  // + 2.
+  // From now on gives `sink` the frames that leave, with the
+  // number `interface`, and the dropped frames, with that number +
+  // 2.
   void set_sink(StepSink& sink, std::uint16_t interface) noexcept {
     sink_ = &sink;
     interface_ = interface;
   }
   // Sets the rate of the samples from the next one on.
   void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
-  // Exchanges the port that it wraps. The faults that act go on; the frames and the counters are those of the new
-  // port alone. Returns how many of the frames that the old port holds back are not the device's.
+  // Exchanges the wrapped port. The active faults go on. The frames and the counters then belong to the new port
+  // alone. Returns how many of the frames that the old port holds back are not the device's.
   std::uint64_t exchange(std::unique_ptr<Port>& port) noexcept;
   // Sets the bit rate of the line or the bus, Line::bit_rate.
   void set_bit_rate(double bit_rate) noexcept { bit_rate_ = bit_rate; }
@@ -137,10 +137,10 @@ class WirePort final : public Port {
   std::size_t out_own_ = 0;  // frames of the device among these
   std::array<std::byte, FrameBuffer::max_bytes> incoming_;
 
-  // Frames of the device and of others that the port holds back, and what it had counted when last seen.
+  // Frames of the device and of others that the port holds back, and its counts at the last look.
   std::uint64_t own_held_ = 0, others_held_ = 0, seen_sent_ = 0, seen_dropped_ = 0;
   std::uint64_t sent_ = 0, dropped_ = 0, lost_replies_ = 0;
-  std::uint64_t losses_ = 0, bus_offs_ = 0, bus_restarts_ = 0;  // beside those of the port
+  std::uint64_t losses_ = 0, bus_offs_ = 0, bus_restarts_ = 0;  // beside the port's counts
 };
 
 }  // namespace imud
