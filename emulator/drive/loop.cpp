@@ -13,7 +13,7 @@ using namespace std::chrono_literals;
 
 constexpr Nanoseconds longest_wait = 20ms;  // until `stop`, and ports that poll() does not report, are checked again
 // The time for preparing an instant's samples, before the spinning. Their frames are made while spinning, or at the
-// instant, so that what a host sends before it is executed before it.
+// instant. So commands that arrive until then are executed first.
 constexpr Nanoseconds preparation = 150us;
 // A sample whose truth is known may be prepared this early. This saves a fast sensor a wake-up, and leaves reordered
 // truths time to arrive for a slow one.
@@ -163,8 +163,8 @@ void Loop::take_truth() noexcept {
   pacer_.review(timeline_.newest(), host_.now());
 }
 
-// Advances slow imus and answers the truth's sender. Called when the samples that the truth so far allows have left,
-// or leave by the host's clock.
+// Advances slow imus and answers the truth's sender. Called when all samples that the truth allows have left, or
+// leave by the host's clock.
 void Loop::apply_truth() noexcept {
   if (std::exchange(unapplied_, false)) session_.advance(earliest_sample());
   if (waits_for_truth_ && session_.in_run()) {
@@ -223,7 +223,7 @@ void Loop::wait(HostTime until) noexcept {
   until = std::min(until, session_.next_wake().value_or(until));
   const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
   if (flood) until = std::min(until, host_.now() + pause);
-  // poll() must not return for truth that cannot be taken now, for want of time or room.
+  // poll() must not return for truth for which there is no time or room now.
   const std::span<pollfd> inputs = session_.inputs(!more_truth_ && wants_truth());
   waited_ = true;
   const bool is_ready = host_.wait_for_input(inputs, until);
@@ -290,8 +290,8 @@ void Loop::transmit(HostTime now) noexcept {
   serve_all();
 }
 
-// The devices receive the samples, so that counters, clocks and increments are those of a sensor that went on while
-// this host was held up.
+// The devices receive the samples. So counters, clocks and increments show a sensor that went on while this host was
+// held up.
 void Loop::skip(HostTime now) noexcept {
   sink_.set_time(now);
   session_.cycle_power_if_requested(now);

@@ -67,7 +67,7 @@ TruthTime HostPacer::use(HostTime instant) noexcept {
 bool HostPacer::observe(TruthTime truth, HostTime arrival, HostTime due) noexcept {
   const Nanoseconds step = truth - std::exchange(newest_, truth);
   newest_arrival_ = arrival;
-  // More truth may come at once than the timeline keeps: what has come is sampled before the rest.
+  // More truth may come at once than the timeline keeps. Truth in the timeline is sampled before the rest.
   constexpr int most_kept = static_cast<int>(Timeline::capacity / 4);
   if (is_paused_ && truth - reached_ > most_kept * step) reached_ = truth;
   if (is_paused_ && missing_.count() == 0) missing_ = arrival - missing_from_;

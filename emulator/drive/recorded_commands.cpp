@@ -1,4 +1,4 @@
-// The commands of a record: those of clients, and the faults and reloads that they have begun.
+// The commands of a record: the clients' commands, and the faults and reloads that they began.
 #include <algorithm>
 #include <bit>
 #include <string>

@@ -159,8 +159,8 @@ HostTime RecordedRun::time_of(const PcapngPacket& packet) const noexcept {
       static_cast<std::int64_t>(static_cast<std::uint64_t>(packet.time_ns) - static_cast<std::uint64_t>(offset_ns_))};
 }
 
-// `time`: that of its packet. Returns false for times of which sums may overflow, and for those up to which devices
-// would be polled for more than an hour.
+// `time`: the time of its packet. Returns false if sums of the times may overflow, or if devices would be polled for
+// more than an hour.
 bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept {
   constexpr std::int64_t hour = 3'600'000'000'000, limit = std::int64_t{1} << 62;
   constexpr std::int64_t most_samples = 10'000'000'000'000;
@@ -206,7 +206,7 @@ bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept
   }
 }
 
-// Truth, edges, and what a host has sent.
+// Truth, edges, and the bytes of a host.
 void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept {
   if (packet.direction != PacketDirection::inbound) return;
   const std::uint16_t link = reader_.interfaces()[packet.interface].link_type;
@@ -292,7 +292,7 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
     case Type::receive:
       receive_ = event;
       if (!from_hosts_.empty()) {
-        // The first that the host of this line has sent.
+        // The first bytes from the host of this line.
         constexpr std::uint32_t per_line = 3, of_host = 1;
         const std::uint32_t host = base_ + event.interface + per_line * event.flags + of_host;
         const auto early = std::find_if(from_hosts_.begin(), from_hosts_.end(),
@@ -348,7 +348,7 @@ void RecordedRun::take_sample(Channel& channel, const RecordEvent& event) noexce
   prepared_.push_back(&channel);
 }
 
-// Returns true if the sample is that of a twin, and is taken later.
+// Returns true if the sample belongs to a twin, and is taken later.
 bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event) noexcept {
   if (!options_.awaits_truth || (event.flags & RecordEvent::at_rest) != 0 || session_->timeline().empty())
     return false;
@@ -363,7 +363,7 @@ bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event)
   return true;
 }
 
-// Takes the samples of twins whose truth has come; `all`: those too whose truth never comes.
+// Takes the samples of twins whose truth has come; `all`: also if their truth never comes.
 void RecordedRun::take_awaited(bool all) noexcept {
   if (awaited_.empty() || session_->timeline().empty()) return;
   const TruthTime newest = session_->timeline().newest();

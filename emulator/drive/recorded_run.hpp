@@ -19,18 +19,18 @@
 
 namespace imud {
 
-// Drives a Session as the Loop did when the record was made: in the order of its events, with the times that they
-// have. Truth, what the hosts sent, and the edges at the pins come from the record; the hosts at the imus' ports are
-// not listened to. Several imus of the Session may have one name: each does what that of the run did. What was
-// received may precede the event that it belongs to, and other interfaces may precede those of the record: mergecap
-// and reordercap write such files. One thread.
+// Drives a Session as the Loop did when the record was made: in the order and at the times of its events. Truth, the
+// hosts' bytes, and the edges at the pins come from the record. Hosts at the imus' ports are ignored. Several imus
+// of the Session may have one name: each repeats the run's imu of that name. A received packet may precede its
+// event, and other interfaces may precede the record's interfaces: mergecap and reordercap write such files. One
+// thread.
 class RecordedRun {
  public:
   // Opens the record. Throws PortError if it is none, does not begin with the run's begin, or lacks an imu of the
   // configuration.
   RecordedRun(const PortSpec& spec, const Config& config);
 
-  // Returns `config` with what a capture would change set as the recorded run had it.
+  // Returns `config` with the recorded run's values of all keys that a capture changes.
   Config adapted(Config config) const;
   // Opens the ports of a Session: the truth port and the pins are fed by run(), the others are opened by `others`.
   Sync::OpenPort open(Sync::OpenPort others);
@@ -77,7 +77,7 @@ class RecordedRun {
 
   PcapngReader reader_;
   std::optional<PcapngPacket> first_;  // the begin of the run, read ahead
-  // A packet that was received, and stands before its event.
+  // A received packet that stands before its event.
   struct Early {
     PcapngPacket packet;
     std::vector<std::byte> bytes;
@@ -90,14 +90,14 @@ class RecordedRun {
   std::map<std::string, std::string> pins_;    // name of the interface by the text of its port
   std::multimap<std::string, Input*> inputs_;  // by the name of the interface
   bool is_live_ = true;
-  std::int64_t offset_ns_ = 0;  // from host times to those of the packets
+  std::int64_t offset_ns_ = 0;  // from host times to packet times
 
   Session* session_ = nullptr;
   Host* host_ = nullptr;
   const std::atomic<bool>* stop_ = nullptr;
   Options options_;
   std::optional<Pace> pace_;
-  std::optional<Nanoseconds> shift_;  // from the host times of the run to those of the replay
+  std::optional<Nanoseconds> shift_;  // from host times of the run to host times of the replay
   std::optional<HostTime> begin_;     // of the run
   std::vector<Channel*> prepared_;
   std::map<const Channel*, std::deque<RecordEvent>> awaited_;  // samples of twins whose truth has not come
@@ -106,7 +106,7 @@ class RecordedRun {
   std::optional<RecordEvent> begin_fault_;                     // the next packet of the events is its fault
   std::optional<RecordEvent> reload_;                          // the next packets of the events are its text
   std::string reload_text_;
-  Config config_;  // that of the run now
+  Config config_;  // the configuration of the run now
   bool ended_ = false, has_end_ = false;
   std::uint64_t packets_ = 0, lost_ = 0, differing_ = 0, faults_missing_ = 0, reloads_missing_ = 0;
   bool is_damaged_ = false;  // at the last packet

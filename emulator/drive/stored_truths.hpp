@@ -13,8 +13,8 @@
 
 namespace imud {
 
-// Holds what the port and the decoder of a capture return, so that a run that reads it cannot be told from one that
-// reads the capture: every truth, refusal and remark, in order. Immutable.
+// Holds every truth, refusal and remark that the port and the decoder of a capture return, in order. A run from it
+// equals a run from the capture. Immutable.
 class StoredTruths {
  public:
   // Reads the capture to its end. Returns nullopt if it has more than `most` records. Throws PortError.

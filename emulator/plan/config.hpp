@@ -54,8 +54,8 @@ struct TruthConfig {
   std::optional<PoseFit::Options> fit;  // nullopt: nothing is derived
   bool ignores_force = false;           // no specific force is used or derived
   TruthFrame frame;                     // as far as the format and its settings determine it
-  EarthModel earth;                     // that of every imu
-  bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or that of the start
+  EarthModel earth;                     // the Earth of every imu
+  bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or the start's
   TruthBounds bounds;                   // what the truth probably stays within
   Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
 };
@@ -73,7 +73,7 @@ struct ImuConfig {
   static constexpr double max_internal_rate_hz = 1e5;
 
   std::string name;
-  std::optional<std::uint64_t> seed;  // nullopt: that of the run
+  std::optional<std::uint64_t> seed;  // nullopt: the run's seed
   double rate_hz = 0;
   Grid grid{1.0};  // the instants of its samples: the rate with the clock's error, and the phase
   const Protocol* protocol = nullptr;
@@ -86,9 +86,9 @@ struct ImuConfig {
   std::vector<PortSettings> also_settings;
   BeforeFirst before_first = BeforeFirst::silence;  // always silence unless live truth drives it in realtime
   SyncConfig sync;
-  std::string errors_model;  // the key `model`: whose errors those of `model` are
+  std::string errors_model;  // the key `model`: the source of the errors in `model`
   ImuModel model;
-  bool device_filters = false;  // the filters of `model` are those that the product's settings choose
+  bool device_filters = false;  // the product's settings choose the filters of `model`
 };
 
 // The name of the model of an imu without_errors(), on which no fault acts.
@@ -116,11 +116,11 @@ struct Config {
   std::vector<ImuConfig> imus;
   std::vector<FaultConfig> faults;
   std::vector<ExpectConfig> expectations;
-  // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
+  // The SHA-256, in hexadecimal, of the file, followed by a line for each override if there are any.
   std::string sha256;
-  // The value of every key, those that were absent included, as TOML that load_config() reads as this configuration.
+  // The value of every key, including absent ones, as TOML. load_config() reads it as this configuration.
   std::string resolved;
-  // Each describes what is valid, but probably not meant: "file:line: key: what".
+  // Each describes a valid value that is probably not meant: "file:line: key: what".
   std::vector<std::string> warnings;
   // The canonical paths of the regular files that it was read from, reads truth from, or writes.
   std::vector<std::string> files;

@@ -12,8 +12,8 @@ namespace imud {
 
 struct ExpectConfig {
   enum class What : std::uint8_t {
-    host_sends,      // the host sends bytes, or those of `pattern`, within the time
-    host_is_silent,  // it sends none, or not those of `pattern`, during the time
+    host_sends,      // the host sends bytes, or `pattern`, within the time
+    host_is_silent,  // it sends none, or not `pattern`, during the time
     host_reopens,    // after the port had no reader, it has one, within the time
   };
   std::string name;  // "expect1" if it has none

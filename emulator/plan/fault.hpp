@@ -21,7 +21,7 @@ enum class FaultSeam : std::uint8_t {
   power,    // the device's supply
 };
 
-// The name and the number of truth where those of an imu stand.
+// The name and the number of truth, used in place of an imu's.
 inline constexpr std::string_view fault_of_truth = "truth";
 inline constexpr std::uint16_t truth_number = 0xFFFF;
 
@@ -29,7 +29,7 @@ inline constexpr std::uint16_t truth_number = 0xFFFF;
 struct FaultParameter {
   static constexpr double required = std::numeric_limits<double>::quiet_NaN();
 
-  std::string_view key;  // "value"; with the unit, if it is not that of the target: "jitter_ms"
+  std::string_view key;  // "value"; with the unit, if the target has another one: "jitter_ms"
   std::string_view meaning;
   double initial = required;
   double min = -1e9, max = 1e9;
@@ -70,10 +70,10 @@ struct FaultKind {
   bool is_ramped = true;  // its effect is proportional to a weight; false: it is there or not
   bool is_event = false;  // it happens at its begin, and has no duration
   // The state that stays after the end, and how long: "the counter stays ahead to the end of the run". Empty: bytes
-  // after the end are those of a run without the fault.
+  // after the end equal a run without the fault.
   std::string_view stays = {};
   bool in_lockstep = true;       // false: the simulator would wait for ever
-  bool has_settings = false;     // it has those of a product: FaultConfig::settings
+  bool has_settings = false;     // it has a product's settings: FaultConfig::settings
   bool needs_self_test = false;  // the product must have one
 };
 
@@ -90,7 +90,7 @@ struct ActiveFault {
   std::uint32_t number = 0;  // of the fault in the configuration
   std::uint8_t target = 0;   // index into FaultKind::targets
   std::uint8_t axes = 7;     // bits of x, y and z
-  // Those of the kind, in order, as drawn for this occurrence.
+  // The kind's parameters, in order, as drawn for this occurrence.
   std::array<double, FaultKind::max_parameters> parameters = {};
   double weight = 1;             // from 0 to 1: below 1 during the ramps
   std::uint64_t since = 0;       // samples since its begin; 0 in its first

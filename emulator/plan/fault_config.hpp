@@ -32,7 +32,7 @@ struct FaultNumber {
 struct FaultCondition {
   enum class Quantity : std::uint8_t { none, rate, specific_force };
   Quantity quantity = Quantity::none;
-  double above = 0;  // SI; the magnitude of what the sensor measures without this run's faults is above it
+  double above = 0;  // SI; the sensor's magnitude without this run's faults is above it
 };
 
 // Times are s of simulation from the begin of the run. A fault acts on each sample of its imus whose instant lies in
@@ -48,8 +48,8 @@ struct FaultConfig {
   std::array<FaultNumber, FaultKind::max_parameters> parameters = {};
   FaultNumber begin_s;
   std::optional<std::uint64_t> begin_sample;  // takes the place of begin_s
-  // A fault that waits has its times, and its numbers of samples, from the first sample of a run on by whose instant
-  // the host of its imu has sent this, or this UTC, ns since 1970, has come.
+  // A fault may wait until the host of its imu has sent these bytes, or until this UTC, ns since 1970. Its times, and
+  // its numbers of samples, then count from the next sample of a run.
   std::optional<HostBytes> after_host;
   std::optional<std::int64_t> after_utc_ns;
   std::string after_utc_text = {};  // as it was given
@@ -62,8 +62,8 @@ struct FaultConfig {
   double every_s = 0;       // from one occurrence to the next; 0: there is one
   std::uint64_t times = 1;  // occurrences; 0: any number
   double probability = 1;   // of each occurrence
-  // The settings of the other unit of each imu, by its name, for a kind that has settings, and those that were given
-  // as text; empty: they are those as delivered.
+  // The settings of the other unit of each imu, by its name, for a kind that has settings, and the given settings as
+  // text; empty: the settings as delivered.
   std::vector<std::pair<std::string, Settings>> settings = {};
   std::string settings_text = {};
 

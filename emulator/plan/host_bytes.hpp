@@ -1,4 +1,4 @@
-// Bytes that a host sends, as faults and expectations have them.
+// Bytes that a host sends, for faults and expectations.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@ using HostBytes = std::vector<std::byte>;
 // Returns them for people: "bytes" if any.
 std::string text_of(const HostBytes& bytes);
 
-// Finds them in what a host sends, in pieces of any length.
+// Finds them in a host's bytes, in pieces of any length.
 class HostBytesSearch {
  public:
   // Takes the next byte that the host has sent. Returns true if `wanted` end with it.
