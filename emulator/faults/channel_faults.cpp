@@ -37,7 +37,7 @@ void ChannelFaults::take_at_rest(Sample& sample, Nanoseconds since, std::optiona
   apply(sample, since);
 }
 
-// The step of a sample is that of the Imu's increments: while the simulator stands still, a nominal period.
+// The step of a sample equals the step of the Imu's increments: a nominal period while the simulator stands still.
 void ChannelFaults::apply(Sample& sample, Nanoseconds since) noexcept {
   Nanoseconds step = last_ ? since - *last_ : Nanoseconds{0};
   if (last_ && step.count() == 0) {

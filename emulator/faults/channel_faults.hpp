@@ -18,8 +18,8 @@ struct ImuConfig;
 // No allocation after construction; one thread.
 class ChannelFaults {
  public:
-  // `faults` and `expectations`, those of the run, must outlive this. `most`: the number of faults that may be added.
-  // `number`: that of the imu.
+  // The run's `faults` and `expectations` must outlive this. `most`: the number of faults that may be added.
+  // `number`: the imu's number.
   ChannelFaults(std::span<const FaultConfig> faults, std::span<const ExpectConfig> expectations, const ImuConfig& imu,
                 std::uint16_t number, std::uint64_t seed, FaultLog& log, std::size_t most = 0);
 
@@ -31,8 +31,8 @@ class ChannelFaults {
   void pass_over() noexcept { last_.reset(); }
   // Ends the faults that act, after the last sample.
   void finish() noexcept { schedule_.finish(); }
-  // Determines the faults of a sample of the truth, `since_begin` after the begin of its run, and applies those of
-  // the sensors and of what the device is given. `utc_ns`: as for FaultSchedule::take().
+  // Determines the faults of a sample of the truth, `since_begin` after the begin of its run, and applies the faults
+  // of the sensors and of the device's input. `utc_ns`: as for FaultSchedule::take().
   void take(Sample& sample, Nanoseconds since_begin, std::optional<std::int64_t> utc_ns) noexcept;
   // The same for a sample at rest, before the first truth: only faults that were begun by control act. `since`: s
   // since power on. acts_at_rest() returns whether there are such.

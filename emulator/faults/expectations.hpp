@@ -24,7 +24,7 @@ struct Expected {
 // Watches the host of one imu. No allocation after construction; one thread.
 class Expectations {
  public:
-  // `all`: those of the run; others than those of the imu are ignored.
+  // `all`: the run's expectations; only the imu's own are used.
   Expectations(std::span<const ExpectConfig> all, std::string_view imu);
 
   bool empty() const noexcept { return watches_.empty(); }
@@ -55,7 +55,7 @@ class Expectations {
   bool had_no_reader_ = false;
 };
 
-// Returns the results as JUnit XML. `name`: that of the suite.
+// Returns the results as JUnit XML. `name`: the suite's name.
 std::string junit_xml(std::span<const Expected> results, const std::string& name);
 
 }  // namespace imud

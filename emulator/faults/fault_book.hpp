@@ -1,4 +1,4 @@
-// FaultBook: all faults of a run, those that are configured and those that begin by control.
+// FaultBook: all faults of a run, both configured and begun by control.
 #pragma once
 
 #include <atomic>
@@ -49,8 +49,8 @@ class FaultBook {
 
   // --- The thread that adds ---
   bool is_full() const noexcept { return !can_grow_ || faults_.size() == faults_.capacity(); }
-  // Returns the number of the fault. `text`: as read_fault() had it, for the record. Must not be called if the book
-  // is full.
+  // Returns the number of the fault. `text`: the input of read_fault(), for the record. Must not be called if the
+  // book is full.
   std::uint32_t add(FaultConfig fault, std::string text) {
     faults_.push_back(std::move(fault));
     texts_.push_back(std::move(text));
@@ -60,7 +60,7 @@ class FaultBook {
 
  private:
   std::vector<FaultConfig> faults_;
-  std::vector<std::string> texts_;  // of those that were added
+  std::vector<std::string> texts_;  // of the added faults
   std::size_t configured_ = 0;
   std::atomic<std::size_t> size_ = 0;
   FaultLog log_;

@@ -16,13 +16,13 @@ namespace imud {
 struct FaultLabel {
   enum class State : std::uint8_t {
     acted,
-    passed_over,  // the simulation's time leapt over it: `first` and `last` are those of the sample after it
+    passed_over,  // the simulation's time leapt over it: `first` and `last` are of the sample after it
     never,        // the fault has never begun: `first` and `last` are of no sample
   };
   const FaultConfig* fault = nullptr;
   std::string imu;
   FaultEvent first;  // with its first sample
-  FaultEvent last;   // with its last; that of the first while it acts
+  FaultEvent last;   // with its last sample; equals `first` while it acts
   bool has_ended = false;
   State state = State::acted;
 };
@@ -51,10 +51,10 @@ std::string parameters_text(const FaultConfig& fault, const FaultEvent& event);
 // Describes a begin or an end for the log.
 std::string event_text(const FaultConfig& fault, const std::string& imu, const FaultEvent& event);
 
-// Returns the name of the imu of this number, or that of truth.
+// Returns the name of the imu of this number, or the name of truth.
 const std::string& imu_of(const FaultEvent& event, std::span<const std::string> imus);
 
-// A header row and a row for each label. Columns: emulator/faults/README.md. `seed`: that of the run, as another
+// A header row and a row for each label. Columns: emulator/faults/README.md. `seed`: the seed of the run, as another
 // column before these, for the labels of many runs.
 std::string labels_csv(std::span<const FaultLabel> labels, std::optional<std::uint64_t> seed = std::nullopt);
 // The same as a list of objects.

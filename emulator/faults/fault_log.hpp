@@ -15,7 +15,7 @@ namespace imud {
 // The begin or the end of an occurrence of a fault on an imu.
 struct FaultEvent {
   std::uint32_t fault = 0;      // its number in the configuration
-  std::uint16_t imu = 0;        // likewise
+  std::uint16_t imu = 0;        // its number in the configuration
   bool has_begun = false;       // false: it has ended
   bool is_passed_over = false;  // it has begun and ended between two samples, because the simulation's time leapt
   std::int32_t run = 0;         // of the truth, from 0; -1: before the first truth

@@ -16,7 +16,7 @@ class FaultNumbers {
  public:
   FaultNumbers() noexcept : FaultNumbers(0, 0, 0, 0) {}
   // `stream`: of the place at which the fault acts (stream_id()). `number`: of the fault in the configuration.
-  // `first`: the place of the first number to return among those of the occurrence.
+  // `first`: the place of the first returned number among the occurrence's numbers.
   FaultNumbers(std::uint64_t seed, std::uint32_t stream, std::uint32_t number, std::uint64_t occurrence,
                std::uint64_t first = 0) noexcept
       : normals_(seed, stream_of(stream, number)), next_((occurrence << 40U) + first) {}

@@ -11,7 +11,7 @@ namespace {
 constexpr std::uint64_t draw_of_begin = FaultKind::max_parameters, draw_of_duration = draw_of_begin + 1,
                         draw_of_probability = draw_of_begin + 2, draws_per_occurrence = 8;
 
-// Numbers of samples before those of the run are negative, modulo 2^64.
+// Numbers of samples before the run are negative, modulo 2^64.
 bool is_before(std::uint64_t a, std::uint64_t b) noexcept { return static_cast<std::int64_t>(a - b) < 0; }
 }  // namespace
 
@@ -59,7 +59,7 @@ void FaultSchedule::begin_run() noexcept {
     if (state.is_active) end(state);
     state.occurrence = 0;
     state.is_above = state.is_ended = false;
-    if (!has_taken_ || !state.fault->waits()) continue;  // what the host sends before the first run counts
+    if (!has_taken_ || !state.fault->waits()) continue;  // bytes from the host before the first run count
     state.waits = true;
     state.zero.reset();
     state.search = {};
@@ -216,7 +216,7 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
       state.zero = next_;
       state.zero_s = time_s;
     }
-    // An occurrence whose end has passed already, between two samples, acts on none. Of those within a leap the first
+    // An occurrence that has ended between two samples acts on none. Of several occurrences within a leap the first
     // is logged.
     bool is_logged = !has_leapt;
     while (!state.is_active && begins(state, sample, time_s)) {
@@ -234,7 +234,7 @@ void FaultSchedule::take(const Sample& sample, double time_s, std::optional<std:
     const FaultConfig& fault = *state.fault;
     ActiveFault& active = state.active;
     active.since = next_ - state.first;
-    // The next sample may be later than that by the rounding of its time and by the error of the sensor's clock.
+    // The next sample may be later by the rounding of its time and by the error of the sensor's clock.
     active.is_last = is_over(state, next_ + 1, time_s + 1.001 * period_s_);
     active.weight = 1;
     if (fault.ramp_in_s > 0) active.weight = std::min(1.0, (time_s - state.begin_s) / fault.ramp_in_s);

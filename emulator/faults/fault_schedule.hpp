@@ -27,30 +27,30 @@ class FaultSchedule {
   void set_rate(double rate_hz) noexcept { period_s_ = 1 / rate_hz; }
 
   bool empty() const noexcept { return states_.empty(); }
-  // Begins a run: all faults begin again, but those that were added are forgotten. Those that act end with the run's
-  // last sample. Faults that were added before the first run go on in it.
+  // Begins a run. Active faults end with the last sample of the old run. Configured faults begin again. Added faults
+  // are removed; faults added before the first run go on in it.
   void begin_run() noexcept;
-  // Adds a fault, whose times begin with the next sample. It must outlive this; its number is above those before.
+  // Adds a fault, whose times begin with the next sample. It must outlive this; its number is above all earlier ones.
   void add(const FaultConfig& fault, std::uint32_t number) noexcept;
   // Ends the fault of this number with the last sample, or all faults; they do not begin again in this run.
   void end(std::uint32_t number) noexcept;
   void end_all() noexcept;
   // Determines the faults of a sample, `since_begin` after the first sample of its run. `sample` is without faults;
   // later calls are for later samples.
-  // `utc_ns`: that of the sample, ns since 1970; nullopt if no clock of the host paces the samples.
+  // `utc_ns`: UTC of the sample, ns since 1970; nullopt if no clock of the host paces the samples.
   void take(const Sample& sample, Nanoseconds since_begin,
             std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
-  // The same for a sample before the first truth, on which only faults that were added act. `since`: of the sample,
+  // The same for a sample before the first truth, on which only added faults act. `since`: of the sample,
   // since any instant.
   void take_at_rest(const Sample& sample, Nanoseconds since,
                     std::optional<std::int64_t> utc_ns = std::nullopt) noexcept;
-  // Returns whether there are faults that were added.
+  // Returns whether there are added faults.
   bool has_added() const noexcept {
     return std::any_of(states_.begin(), states_.end(), [](const State& state) { return state.is_added; });
   }
   // Returns whether a sample of the truth has been taken.
   bool has_taken() const noexcept { return has_taken_; }
-  // The host of the imu has sent bytes. What it sends before the first run counts for that.
+  // The host of the imu has sent bytes. Bytes before the first run count for that run.
   void host_sent(std::span<const std::byte> bytes) noexcept;
   // Ends all faults that act, with the last sample. Called when the run has ended.
   void finish() noexcept;
@@ -74,7 +74,7 @@ class FaultSchedule {
     const FaultConfig* fault;
     std::uint32_t number;
     std::uint64_t occurrence = 0;
-    // The sample, and its time, from which the times of the fault count; nothing: those of the next sample.
+    // The number and the time of the sample from which the fault's times count; nothing: the next sample's.
     std::optional<std::uint64_t> zero = {};
     double zero_s = 0;
     bool is_ended = false;
@@ -106,7 +106,7 @@ class FaultSchedule {
   double period_s_;
   FaultLog& log_;
   std::vector<State> states_;        // by seam, then by number
-  std::vector<ActiveFault> active_;  // likewise
+  std::vector<ActiveFault> active_;  // by seam, then by number
   Range ranges_[seams];
   std::uint64_t next_ = 0;     // the number of the next sample of the run, or since the fault before the first truth
   std::uint64_t at_rest_ = 0;  // how many samples were taken at rest

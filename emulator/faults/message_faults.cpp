@@ -139,7 +139,7 @@ void append_all(const FrameBuffer& frames, FrameBuffer& to) noexcept {
   for (const Frame& frame : frames.frames()) to.append(frame.bytes, frame.can, frame.uart);
 }
 
-// Returns the bytes for what is withheld by the delays of the configured faults.
+// Returns the bytes for the frames that the delays of the configured faults withhold.
 std::size_t ring_size(std::span<const FaultConfig> faults, std::string_view imu, double rate_hz) {
   constexpr double bytes_per_sample = 1024, least = 256 * 1024, most = 64 * 1024 * 1024;
   const auto longest_of = [](const FaultNumber& number) {

@@ -1,4 +1,4 @@
-// MessageFaults: faults of the messages: what a device is given, and the frames that it makes.
+// MessageFaults: faults of the messages: a device's input samples, and the frames that it makes.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct FaultConfig;
 // For the samples of one imu, in order. No allocation after construction; one thread.
 class MessageFaults {
  public:
-  // `faults`: those of the run. Memory is made for what the longest delay holds back at `rate_hz`, and for 256 KiB.
+  // `faults`: the run's faults. Allocates for the frames of the longest delay at `rate_hz`, and for 256 KiB.
   // `normals`: by the faults' numbers; they must outlive this.
   MessageFaults(std::span<const FaultConfig> faults, std::span<const Normals> normals, std::string_view imu,
                 double rate_hz);
@@ -29,9 +29,9 @@ class MessageFaults {
 
   // Determines the changes to a sample and its frames. `k`: its number in its run.
   void take(std::span<const ActiveFault> faults, std::uint64_t k, const Sample& sample) noexcept;
-  // Changes the counter and the status of that sample to those that the device is to send.
+  // Changes the counter and the status of that sample to the values that the device is to send.
   void forge(Sample& sample) const noexcept;
-  // By how much the device's clock is off.
+  // The error of the device's clock.
   Nanoseconds clock_offset() const noexcept { return clock_offset_; }
   // The number of the fault whose unit makes the frames; nullopt: the own unit does.
   std::optional<std::uint32_t> other_unit() const noexcept { return other_unit_; }
@@ -42,7 +42,7 @@ class MessageFaults {
   std::optional<DeviceTime> next_release() const noexcept;
   // Returns the next withheld frame if it is due at `time`, until the next call; nothing otherwise.
   std::optional<Frame> release(DeviceTime time) noexcept;
-  // Discards what is withheld.
+  // Discards withheld frames.
   void discard() noexcept;
   // The number of frames that were discarded because too many were withheld.
   std::uint64_t lost() const noexcept { return lost_; }
@@ -53,14 +53,14 @@ class MessageFaults {
 
   double rate_hz_;
   const std::span<const Normals> normals_;
-  // The withheld frames after the next one: the due time is that of the packet, the UART its interface.
+  // The withheld frames after the next one: the packet's time is the due time, its interface the UART.
   PacketRing ring_;
   PacketRing::Head next_;                         // the next one
-  std::vector<std::byte> next_bytes_, released_;  // its bytes, and those of the last one
+  std::vector<std::byte> next_bytes_, released_;  // its bytes, and the last one's bytes
   bool has_next_ = false;
   DeviceTime last_due_;
   FrameBuffer copy_;       // while frames are repeated
-  FrameBuffer exchanged_;  // the frames of a sample that leave behind those of the next
+  FrameBuffer exchanged_;  // the frames of a sample that leave after the next sample's
   std::uint64_t lost_ = 0;
 
   // The changes to the current sample and its frames.
@@ -71,7 +71,7 @@ class MessageFaults {
   Nanoseconds clock_offset_{0};
   std::uint64_t counter_ = 0;        // of the last sample as it was sent, for a counter that is stuck
   std::uint64_t stuck_counter_ = 0;  // at which it is stuck
-  std::uint64_t counter_ahead_ = 0;  // of that of the sample
+  std::uint64_t counter_ahead_ = 0;  // of the sample's counter
   std::uint32_t status_kept_ = ~std::uint32_t{0}, status_added_ = 0;
 };
 

@@ -1,4 +1,4 @@
-// OtherUnits: a unit in whose place units with other settings send, as faults have it.
+// OtherUnits: a unit in whose place, during faults, units with other settings send.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +14,16 @@ namespace imud {
 
 struct ImuConfig;
 
-// Returns the settings of the imu's product as delivered; those that are configured if there are none, as of messages
-// that a file describes.
+// Returns the settings of the imu's product as delivered. Messages that a file describes have none: then returns the
+// configured settings.
 Settings settings_as_delivered(const ImuConfig& imu);
 
-// All units have power, samples, edges, clock and host of the own one, so that each is at any time what it would be
-// if it had been there always. Only the frames of one leave; line, filters, pulses and figures are those of the own
-// one. One thread.
+// All units share the power, samples, edges, clock and host of the own unit. So each is always in the state of a unit
+// that was there from the start. Only one unit's frames leave. The own unit gives line, filters, pulses and figures.
+// One thread.
 class OtherUnits final : public Device {
  public:
-  // `own` and the units of `faults` that act on the imu; units that are not the own one are passed to `prepare`
+  // `own` and the units of `faults` that act on the imu. All units except the own one are passed to `prepare`
   // first.
   template <class Prepare>
   OtherUnits(std::unique_ptr<Device> own, std::span<const FaultConfig> faults, const ImuConfig& imu, Prepare prepare)
@@ -33,7 +33,7 @@ class OtherUnits final : public Device {
   // Returns true if any of the faults needs another unit of the imu.
   static bool are_needed(std::span<const FaultConfig> faults, const ImuConfig& imu) noexcept;
 
-  // From now on frames are those of the unit of this fault; nullopt: those of the own one.
+  // From now on the unit of this fault makes the frames; nullopt: the own unit does.
   void select(std::optional<std::uint32_t> fault) noexcept;
   std::unique_ptr<Device>& own() noexcept { return own_; }
 

@@ -1,4 +1,4 @@
-// PowerFaults: the device's supply, as the faults of the power have it.
+// PowerFaults: the state of the device's supply under faults of the power.
 #pragma once
 
 #include <cstdint>

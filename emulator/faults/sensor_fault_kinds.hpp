@@ -7,7 +7,7 @@
 
 namespace imud {
 
-// In the order of the table. The targets of those before no_fix are sensors, that of the others is GNSS.
+// In the order of the table. The targets of the kinds before no_fix are sensors; the others' target is GNSS.
 enum class SensorFault : std::uint8_t {
   bias,
   drift,

@@ -109,7 +109,7 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
       break;
     case SensorFault::drift:
       after = before + Vector3::Constant(p * since_s);
-      // The integral over the step, whose begin may precede that of the fault.
+      // The integral over the step, which may begin before the fault.
       other = increment + Vector3::Constant(fault.since > 0 ? step_s * p * (since_s - 0.5 * step_s) : 0.0);
       break;
     case SensorFault::scale:
@@ -192,7 +192,7 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
   limit(triad, fault.axes, sample, step_s);
 }
 
-// As ValueRounding and Saturation do; what is within the range and on the grid stays as it is.
+// Acts as ValueRounding and Saturation do. A value within the range and on the grid stays as it is.
 void SensorFaults::limit(Triad& triad, unsigned axes, Sample& sample, double step_s) noexcept {
   Vector3& value = *triad.value;
   const AxisLimits range = triad.errors.range();

@@ -15,8 +15,8 @@
 namespace imud {
 
 // Applies the active faults to the samples of one imu, in order. A faulty value is limited to the sensor's range and
-// rounded to its LSB, as every value is. Increments change by the value's change times the step, those of vibration
-// by its integral; the first sample of a run has none. No allocation after construction; one thread.
+// rounded to its LSB, as every value is. Increments change by the value's change times the step; under vibration by
+// its integral. A run's first sample has no increments. No allocation after construction; one thread.
 class SensorFaults {
  public:
   // `normals`: by the faults' numbers, as many as faults may act; they must outlive this.

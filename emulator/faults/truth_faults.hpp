@@ -1,4 +1,4 @@
-// Truth faults: what goes wrong between the simulator and the sensors.
+// Truth faults: failures between the simulator and the sensors.
 #pragma once
 
 #include <memory>
@@ -21,8 +21,8 @@ class TruthFaults {
   virtual void begin_run(TruthTime first) noexcept = 0;
 };
 
-// Returns a decoder that applies the faults of truth to what `decoder` decodes; `decoder` itself if there are none.
-// Times are those of the truth, from the first of its run; sample numbers count truths. `faults` and `log` must
+// Returns a decoder that applies the faults of truth to the truths of `decoder`; `decoder` itself if there are none.
+// Times are truth times since the first truth of the run. Sample numbers count truths. `faults` and `log` must
 // outlive it. `most`: the number of faults that may be added. `all` is set to the faults of the decoder, or to
 // nullptr. A connection that is lost and comes back is no new run.
 std::unique_ptr<TruthDecoder> with_faults(std::unique_ptr<TruthDecoder> decoder, std::span<const FaultConfig> faults,

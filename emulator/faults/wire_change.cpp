@@ -34,7 +34,7 @@ void WireChange::update(const ActiveFault& fault) noexcept {
 }
 
 // Wrong and right bits alternate in runs whose lengths are geometric, so that each bit is wrong with probability p:
-// the mean of a wrong run is L, that of a right one L (1 - p)/p. With L = 1/(1 - p) the bits are independent. (The
+// the mean wrong run is L, the mean right run L (1 - p)/p. With L = 1/(1 - p) the bits are independent. (The
 // model of E. N. Gilbert, Bell System Technical Journal 39, 1960, with errors only, and always, in its bad state.)
 void WireChange::draw_run() noexcept {
   double ends = probability_;  // probability that the run ends with a bit

@@ -16,7 +16,7 @@
 
 namespace imud {
 
-// A frame while it is changed. What does not fit is lost.
+// A frame while it is changed. Bytes that do not fit are lost.
 class ChangingFrame {
  public:
   std::span<std::byte> bytes() noexcept { return {bytes_.data(), size_}; }
@@ -32,14 +32,14 @@ class ChangingFrame {
   std::size_t size_ = 0;
 };
 
-// One occurrence of a fault. Its changes depend on the bytes since its begin, not on how they come in frames, except
-// for the kinds that concern whole frames. No allocation.
+// One occurrence of a fault. Its changes depend on the bytes since its begin, not on their division into frames,
+// except for the kinds that concern whole frames. No allocation.
 class WireChange {
  public:
   WireChange() = default;
   // Begins the occurrence.
   WireChange(const ActiveFault& fault, const FaultNumbers& numbers) noexcept;
-  // Sets what has changed since the last sample; once per sample.
+  // Takes the fault's values for a sample; once per sample.
   void update(const ActiveFault& fault) noexcept;
 
   const ActiveFault& fault() const noexcept { return fault_; }
@@ -50,11 +50,11 @@ class WireChange {
   // to work in; the changed frame is the one that is returned. `is_last`: the line is idle afterwards.
   ChangingFrame& change(ChangingFrame& frame, ChangingFrame& other, const Protocol& protocol, const CanHeader& can,
                         const UartSettings& uart, bool is_last) noexcept;
-  // Writes to `received` what the device receives of what the host has sent, and returns its size.
+  // Writes the bytes of the host that the device receives to `received`. Returns their number.
   std::size_t receive(std::span<const std::byte> sent, const UartSettings& uart,
                       std::span<std::byte> received) noexcept;
 
-  // Returns how many of the things that occur `per_s` times a second are due in a sample of `period_s`.
+  // Returns how many events at a rate of `per_s` a second are due in a sample of `period_s`.
   std::size_t due(double per_s, double period_s) noexcept;
   double owed = 0;  // the rest of due(), or what else the kind carries from sample to sample
 
