@@ -18,7 +18,7 @@ namespace imud {
 
 namespace {
 
-// Decodes the truths of a capture, without those of other vehicles.
+// Decodes the truths of a capture, except other vehicles' truths.
 class Truths {
  public:
   explicit Truths(const TruthConfig& config)
@@ -55,7 +55,7 @@ class Truths {
   bool has_ended_ = false;
 };
 
-// Returns the earliest begin that can be drawn, in s after that of a run; 0 if there is no such bound.
+// Returns the earliest begin that can be drawn, in s after a run's begin; 0 if there is no such bound.
 double earliest_begin_s(const FaultConfig& fault) {
   const bool is_bounded = fault.begin_s.law != FaultNumber::Law::normal && !fault.begin_sample;
   return is_bounded && !fault.is_optional ? fault.begin_s.a : 0;

@@ -24,12 +24,12 @@ struct CaptureFindings {
   std::vector<std::string> warnings;  // a place or a date that contradicts [earth]; a run logs them, too
 };
 
-// The truths that are read at most: a longer capture is not known to be too short for any fault.
+// The most truths that are read. A longer capture is taken as long enough for any fault.
 inline constexpr std::size_t most_truths_ahead = 500'000;
 
 // Reads the truth of a capture that is a regular file, from its first truth to the first whose time reaches the begin
-// of every fault, or to the end. The length is that from the earliest to the latest time, so that it is not below
-// that of any run in the capture. Finds nothing if the truth is no such capture, or if the file cannot be read.
+// of every fault, or to the end. The length runs from the earliest to the latest time, so that no run in the capture
+// is longer. Finds nothing if the truth is no such capture, or if the file cannot be read.
 CaptureFindings check_capture(const Config& config);
 
 // Throws ConfigError with the faults of check_capture().

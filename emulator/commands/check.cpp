@@ -36,7 +36,7 @@ class ClosedPort final : public Port {
   std::optional<Received> receive() noexcept override { return std::nullopt; }
 };
 
-// Makes what a run makes before it begins. Throws what a run would throw.
+// Makes the objects that a run makes before it begins. Throws as a run would.
 void make_parts(const Config& config, const CheckOptions& options) {
   check_figures(options.required, config);
   Session session(config, [](std::string_view, const PortSettings&) { return std::make_unique<ClosedPort>(); });
@@ -47,7 +47,7 @@ std::string_view clock_word(ClockMode clock) {
   return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
 }
 
-// Returns what the imu's model is, after a colon.
+// Describes the imu's model, after a colon.
 std::string model_note(const ImuConfig& imu) {
   if (const Preset* preset = find_preset(imu.errors_model))
     return fmt::format(": {}; {} of its {} values are unconfirmed", preset->summary(), preset->unconfirmed().size(),

@@ -20,12 +20,12 @@ struct CheckOptions {
   CheckLayout layout = CheckLayout::text;
   std::span<const Requirement> required;   // limits whose figures must exist
   std::span<const std::string> scenarios;  // as load_config() takes them
-  std::string capture;                     // takes the place of truth.port, likewise; empty: none does
+  std::string capture;                     // replaces truth.port, as in load_config(); empty: none
   bool repeats = false;                    // the capture is a record, whose run is repeated
 };
 
 // Loads a configuration as `imud run` does, and makes all of its parts on ports that are not opened. Reads the begin
-// of a capture (check_capture()). Prints what it would run, with the value of every key. Returns the exit code.
+// of a capture (check_capture()). Prints a description of the run with the value of every key. Returns the exit code.
 // Throws ConfigError, PortError, or RequirementError, unless the layout is json.
 int check(const std::string& path, std::span<const std::string> overrides, const CheckOptions& options);
 

@@ -76,7 +76,7 @@ int keep_ptys(const std::vector<std::string>& links, bool background) {
 // Returns "-" for each spelling of standard output.
 std::string output_path(const std::string& path) { return is_standard_output(path) ? "-" : path; }
 
-// Throws ConfigError if the file has another configuration than the recorded run. What --set changes is wanted so.
+// Throws ConfigError if the file has another configuration than the recorded run. Changes by --set are intended.
 void check_recorded(const Config& config, const std::string& record, const std::vector<std::string>& overrides,
                     const std::string& capture) {
   if (recorded_config(record).value_or(std::string()).empty()) return;

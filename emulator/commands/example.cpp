@@ -41,7 +41,7 @@ std::string port_text(std::string_view key, const Transport& transport, std::str
   return text + fmt::format("{} = \"{}\"\n", key, port);
 }
 
-// Returns true if truth may come by that way through the transport.
+// Returns true if truth may come through the transport in that way.
 bool brings(const Transport& transport, TruthFormat::Way way) {
   if (!transport.brings_truth) return false;
   switch (way) {
@@ -107,7 +107,7 @@ int example(const std::string& name) {
   const Transport* named = entries->transport;
   const bool is_device_port = named != nullptr && named->serves_device;
   const Protocol* protocol = entries->protocol;
-  if (protocol == nullptr)  // that of a product is the shortest, but a product sets its line by itself
+  if (protocol == nullptr)  // a product's example is the shortest, but a product sets its line itself
     protocol = first(protocols(), [&](const Protocol& p) {
       if (is_device_port && named->carries_can) return p.link == Link::can;
       return p.link != Link::can && (p.product == nullptr) == is_device_port;

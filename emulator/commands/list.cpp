@@ -40,7 +40,7 @@ Json described(std::span<const Setting> settings) {
   return all;
 }
 
-// Returns the default of `model` with the initial settings, then those of other units that a setting chooses.
+// Returns the default `model` of the initial settings, then the default of each unit that a setting chooses.
 Json default_models(const Protocol& protocol) {
   Settings settings(protocol.settings);
   std::vector<std::string> models = {std::string(default_model(protocol, settings))};

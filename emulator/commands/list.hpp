@@ -5,7 +5,7 @@
 
 namespace imud {
 
-// Prints all entries, a line each, or what the entries called `name` have: settings, options, columns. With `json`
+// Prints all entries, a line each, or the settings, options and columns of the entries called `name`. With `json`
 // the same as JSON. Returns the exit code: 2 if there is no such entry.
 int list(const std::string& name, bool json);
 

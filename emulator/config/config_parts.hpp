@@ -38,7 +38,7 @@ const Entry* entry(TableReader& table, std::string_view key, const std::string& 
   return nullptr;
 }
 
-// Returns the canonical path of what a port opens, or of the link that it makes; empty if it has none.
+// Returns the canonical path of the file that a port opens, or of its link; empty if it has none.
 std::string path_of(const std::string& port);
 // Returns the regular file that a port reads or writes (regular_file()); empty if it has none.
 std::string file_of(const std::string& port);
@@ -71,16 +71,16 @@ std::string ports_that(Condition condition) {
   return fmt::format("\"{}\"", fmt::join(port_examples(condition), "\" or \""));
 }
 
-// Reads the errors of three sensors. `product`: the values of absent keys; nullptr: those of an ideal sensor, and the
-// range is required. `rate_hz` is that of their samples, of gyros and accelerometers the internal one. `density`: how
-// the white noise of `product` was stated (triad_config.cpp).
+// Reads the errors of three sensors. `product`: the values of absent keys; nullptr: an ideal sensor's values, and the
+// range is required. `rate_hz`: the rate of their samples; for gyros and accelerometers the internal rate. `density`:
+// how the white noise of `product` was stated (triad_config.cpp).
 TriadErrors read_gyro(TableReader table, const TriadErrors* product, double rate_hz,
                       Sidedness density = Sidedness::none);
 TriadErrors read_accelerometer(TableReader table, const TriadErrors* product, double rate_hz,
                                Sidedness density = Sidedness::none);
 TriadErrors read_magnetometer(TableReader table, const TriadErrors* product, double rate_hz);
 
-// Read the errors of a barometer, over those of the product, and of a navigation solution (navigation_config.cpp).
+// Read a barometer's errors, over the product's errors, and a navigation solution's errors (navigation_config.cpp).
 void read_barometer(TableReader table, BarometerErrors& errors);
 NavigationErrors read_navigation(TableReader table);
 
@@ -100,23 +100,23 @@ ImuConfig read_imu(TableReader& table, std::size_t index);
 // that sends to the truth's port (imus_together.cpp).
 void check_imus_together(const std::vector<ImuConfig>& imus, const std::string& truth_port, const toml::array& tables,
                          Faults& faults);
-// Reads what is derived from poses; truth.format and truth.port must be set.
+// Reads the keys of the fit of poses; truth.format and truth.port must be set.
 void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth);
-// Describes it, with delay and bandwidth; empty if nothing is derived.
+// Describes the fit, with delay and bandwidth; empty if nothing is derived.
 std::string fit_text(const TruthConfig& truth);
 
-// Reads truth.max_*; set_bounds() sets those that are absent to the widest ranges of the imus (earth_config.cpp).
+// Reads truth.max_*; set_bounds() sets absent bounds to the widest ranges of the imus (earth_config.cpp).
 void read_bounds(TableReader& table, TruthBounds& bounds);
 void set_bounds(const std::vector<ImuConfig>& imus, TruthBounds& bounds);
 
 // Reads [earth], which must not contradict the truth's own frame (earth_config.cpp).
 EarthModel read_earth(TableReader table, TruthConfig& truth);
-// Describes what relates N to the Earth.
+// Describes the relation of N to the Earth.
 std::string earth_text(const TruthConfig& truth);
 
 // Returns true if the imu's protocol transmits these bits of Sample::status.
 bool carries_status(const ImuConfig& imu, std::uint32_t bits);
-// Returns false if what the imu's protocol sends never depends on the place, the magnetic field or the pressure.
+// Returns false if the imu's protocol never sends a value that depends on place, magnetic field or pressure.
 bool carries_place(const ImuConfig& imu);
 
 }  // namespace imud

@@ -31,7 +31,7 @@ std::string sha256(const std::string& bytes) {
 
 namespace {
 
-// Returns the file's content, or that of the configuration in a record. Throws std::system_error, or
+// Returns the file's content, or the configuration in a record. Throws std::system_error, or
 // std::invalid_argument if the record has none.
 std::string read_file(const std::string& path) {
   if (auto config = recorded_config(path)) {
@@ -127,7 +127,7 @@ Chosen choose(toml::array& array, std::string_view path) {
   return chosen;
 }
 
-// Sets the key that `path` names below `at`. Returns what is wrong; empty if it is set.
+// Sets the key that `path` names below `at`. Returns the fault; empty if it is set.
 std::string set_key(toml::node& at, std::string_view path, const toml::node& value) {
   if (auto* array = at.as_array()) {
     const Chosen chosen = choose(*array, path);

@@ -12,7 +12,7 @@ namespace imud {
 
 struct ConfigText {
   toml::table root;
-  // The SHA-256, in hexadecimal, of the file, followed by a line for each override; without them that of the file.
+  // The SHA-256, in hexadecimal, of the file, followed by a line for each override if there are any.
   std::string sha256;
 };
 

@@ -32,7 +32,7 @@ void check_frame(TableReader& table, EarthFrame frame, const TruthConfig& truth)
                                      truth.format->name));
 }
 
-// Reads the angle of the Earth at truth time 0, rad; `of_start` is that of the key `start`.
+// Reads the angle of the Earth at truth time 0, rad; `of_start`: the angle by the key `start`.
 double read_angle(TableReader& table, TruthConfig& truth, double of_start) {
   constexpr std::string_view key = "angle_deg";
   if (table.is_text(key) || !table.has(key)) {

@@ -19,7 +19,7 @@ struct Entries {
   const Preset* preset = nullptr;
 };
 
-// Returns the entries called `name`. If there is none, prints what is wrong and returns nullopt.
+// Returns the entries called `name`. If there is none, prints the fault and returns nullopt.
 std::optional<Entries> find_entries(const std::string& name);
 
 // Returns the initial value as JSON, which is the value's text in TOML as well.

@@ -12,8 +12,8 @@ namespace {
 constexpr double g = units::standard_gravity, deg = units::degree;
 constexpr double least_hz = 1e-3, most_hz = 1e6;
 
-// Returns true if the list has one value for each of `count` frequencies; adds a fault of `key` if it has another
-// number of them. A list that is empty is as one that is absent.
+// Returns true if the list has one value for each of `count` frequencies. Adds a fault of `key` if it has another
+// number of values. An empty list counts as absent.
 template <class List>
 bool fits(TableReader& table, std::string_view key, const List& list, std::string_view of, std::size_t count) {
   if (list.empty() || list.size() == count) return !list.empty();

@@ -1,4 +1,4 @@
-// The keys of [truth] for what is derived from poses, and the point that truth speaks of.
+// The keys of [truth] for the fit of poses, and for the point whose motion truth gives.
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/recorded_config.hpp"
 
@@ -57,8 +57,8 @@ bool was_recorded_otherwise(const std::string& port) {
 }  // namespace
 
 void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
-  // In lockstep the simulator waits for the answer to each truth, which a derived quantity of it would delay until
-  // the next ones.
+  // In lockstep the simulator waits for the answer to each truth. A derived quantity would delay the answer until the
+  // next truths.
   const bool waits = clock == ClockMode::lockstep && !is_capture(truth.port);
   const auto source_of = [&](std::string_view key, std::size_t choice) {
     if (choice == 2 && waits)

@@ -151,8 +151,8 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
   return sync;
 }
 
-// Returns the preset that `model` names, by default `own`; nullptr for the words that name none, or if there is no
-// such preset.
+// Returns the preset that `model` names, by default `own`; nullptr if the word names no preset, or there is no such
+// preset.
 const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
   model = table.text("model", std::string(own));
   const Preset* preset = find_preset(model);
@@ -173,8 +173,8 @@ TriadErrors without_errors(double max) {
   return ideal;
 }
 
-// Adapts a preset's errors to a product: it keeps its own range and resolution, which are those of its wire, and with
-// the errors of another sensor measures no further than its range.
+// Adapts a preset's errors to a product. The product's own preset gets the range and the resolution of the wire.
+// Another sensor's range is limited to the product's range.
 void fit(TriadErrors& errors, const TriadErrors& product, bool is_own) {
   errors.max = is_own ? product.max : std::min(errors.max, product.max);
   if (!is_own) return;
@@ -220,7 +220,7 @@ void set_device_filter(TableReader table, const SensorFilter& filter, TriadError
 }
 
 // Returns true if a preset's bandwidth is within half of the sample rate. Decimation to a lower rate aliases noise:
-// then the density of the samples would not be that of the data sheet, as a user of the preset expects by default.
+// then the samples do not have the density of the data sheet, which a user of the preset expects by default.
 bool is_within(const PresetErrors& errors, double rate_hz) {
   return std::max(errors.gyro.filter.cut_off_hz.maxCoeff(), errors.accelerometer.filter.cut_off_hz.maxCoeff()) <=
          0.5 * rate_hz;
@@ -267,7 +267,7 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
     imu.model.barometer = {};
   }
   internal_hz = read_internal_rate(table, internal_hz, imu);
-  // A product's white noise is that of one sample at its rate.
+  // A product's white noise applies to one sample at its rate.
   if (imu.errors_model == "white" && product)
     for (TriadErrors* errors : {&*gyro, &*accelerometer})
       if (errors->walk_transition.isZero(0.0)) errors->walk_sqrt_cov *= std::sqrt(imu.model.internal_samples);
@@ -395,7 +395,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
 }
 
 bool carries_place(const ImuConfig& imu) {
-  // A host, or the settings, may choose what is sent.
+  // A host, or the settings, may choose the messages.
   if (imu.protocol == nullptr || imu.protocol->product != nullptr || imu.protocol->fields != Measurement::all)
     return true;
   const auto bytes_of = [&](bool is_known) {

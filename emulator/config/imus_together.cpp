@@ -11,7 +11,7 @@ namespace imud {
 
 namespace {
 
-// Returns true if what a device at `port` sends arrives at the listener.
+// Returns true if frames of a device at `port` arrive at the listener.
 bool reaches(const std::string& port, const std::string& listener) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || transport->reaches == nullptr || transport != transport_of(listener)) return false;
@@ -24,7 +24,7 @@ bool reaches(const std::string& port, const std::string& listener) {
 
 std::string address_of(const std::string& port) { return port.substr(0, port.find('?')); }
 
-// Returns what no second port can have: the path or the address; empty if ports share it, or if the system chooses
+// Returns the path or the address, which no second port can have; empty if ports share it, or if the system chooses
 // it.
 std::string exclusive_address(const std::string& port) {
   const Transport* transport = transport_of(port);
@@ -37,7 +37,7 @@ std::string exclusive_address(const std::string& port) {
   return path.empty() ? address_of(port) : path;
 }
 
-// Finds what two imus have in common, or an imu and the truth.
+// Finds conflicts between two imus, or an imu and the truth.
 class Together {
  public:
   Together(const std::string& truth_port, const toml::array& tables, Faults& faults)
@@ -150,7 +150,7 @@ class Together {
     std::size_t imu;
   };
   std::map<BusIdentifier, std::size_t> identifiers_;  // that an imu sends
-  std::vector<Identifier> received_;                  // those that an imu receives and no mask widens
+  std::vector<Identifier> received_;                  // that an imu receives and no mask widens
 };
 
 }  // namespace

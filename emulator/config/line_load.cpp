@@ -63,8 +63,8 @@ struct Typical {
   double frames = 0, bits = 0, seconds = 0;
 };
 
-// Returns the mean for each identifier that the device sends with typical samples: with 100 of them, or, at less than
-// 100 Hz, with those of a second.
+// Returns the mean for each identifier that the device sends with typical samples: with 100 samples, or, below 100
+// Hz, with the samples of a second.
 std::vector<Typical> typical_frames(const Transport& transport, const PortSpec& spec, const ImuConfig& imu) {
   std::vector<Typical> all;
   const Nanoseconds end = std::chrono::seconds(1) + nanoseconds(std::max(0.1, std::min(1.0, 100 / imu.rate_hz)));

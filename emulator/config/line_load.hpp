@@ -17,11 +17,11 @@ struct LineLoad {
   std::size_t bytes_per_sample = 0;   // data bytes on CAN
   double frames_per_s = 0;
   // On the wire (Transport::wire_time), at most, and on average; data bits only if the transport has no wire time.
-  // They differ on a CAN bus, whose stuff bits depend on the data: the average is that of typical samples, and of
+  // They differ on a CAN bus, whose stuff bits depend on the data. The average is over typical samples, and over
   // random data for an identifier that is not sent with samples.
   double bits_per_s = 0, average_bits_per_s = 0;
   double line_bits_per_s = 0;  // the port's bit rate; 0: it has none
-  // Share of the time in which the wire is busy, likewise; 0 if it has no rate.
+  // Share of the time in which the wire is busy, at most, and on average; 0: no rate.
   double percent = 0, average_percent = 0;
   std::string text() const;  // one line for people
 };
@@ -38,8 +38,8 @@ struct SentFrames {
 };
 
 // Returns all frames that an imu sends. On a CAN bus these are the identifiers that its protocol lists, at their
-// highest rates. Otherwise its protocol encodes typical samples: those of a product's second second, after its
-// start-up, or one sample of any other protocol. The imu's protocol must be valid. `uart`: those with this
+// highest rates. Otherwise its protocol encodes typical samples: the samples of a product's second second, after its
+// start-up, or one sample of any other protocol. The imu's protocol must be valid. `uart`: only frames with this
 // Frame::uart.
 std::vector<SentFrames> sent_frames(const ImuConfig& imu, std::uint8_t uart = 0);
 
@@ -57,8 +57,8 @@ struct BusLoad {
   std::string text() const;                 // "45.1 % on average and 52.0 % at most of 500000 bit/s"
 };
 
-// Returns the buses of which at least one port gives the bit rate, in the order of their first imu. A port that does
-// not give it has that of the first one that does. The ports and protocols of all imus must be valid.
+// Returns the buses of which at least one port gives the bit rate, in the order of their first imu. A port without a
+// bit rate gets the rate of the first port with one. The ports and protocols of all imus must be valid.
 std::vector<BusLoad> bus_loads(std::span<const ImuConfig> imus);
 
 }  // namespace imud

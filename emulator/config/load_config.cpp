@@ -13,7 +13,7 @@ namespace imud {
 
 namespace {
 
-// Returns {key = "text"} as "key=text", which is how a list has it. A number counts as its text.
+// Returns {key = "text"} as "key=text", the form in a list. A number counts as its text.
 std::vector<std::string> texts_of(const toml::table& table) {
   const std::invalid_argument fault("give a list of texts, or a table of texts such as {time_s = \"t\"}");
   if (table.empty()) throw fault;
@@ -123,8 +123,8 @@ std::optional<std::uint16_t> tcp_port(const std::string& port) { return port_num
 
 namespace {
 
-// Returns the capture that replaces `port`. If it does not name a port of UDP or TCP, it is limited to that of
-// `port`.
+// Returns the capture that replaces `port`. If it does not name a port of UDP or TCP, it is limited to the UDP or TCP
+// port of `port`.
 std::string in_place_of(const std::string& port, const std::string& capture) {
   const Transport* transport = transport_of(capture);
   const auto number = udp_port(port) ? udp_port(port) : tcp_port(port);
@@ -161,7 +161,7 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
                                     ports_that([](const Transport& t) { return t.brings_truth; })));
 
   if (truth.format != nullptr) {
-    // The format's own table, such as [truth.csv]. What it has is resolved in [truth].
+    // The format's own table, such as [truth.csv]. Its values are resolved in [truth].
     std::optional<TableReader> own;
     if (table.has_table(truth.format->name)) own.emplace(table.child(truth.format->name));
     truth.settings = read_settings(table, truth.format->settings, own ? &*own : nullptr);

@@ -19,8 +19,8 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
 // Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
 Config config_of_text(const std::string& text);
 
-// Throws ConfigError if a port that changes in a run that goes on has the address of one that is open now: a new port
-// is opened before an old one is closed. `now`: the configuration of the run; `next`: the one that it is to have.
+// Throws ConfigError if a changed port has the address of an open port: a reload opens new ports before it closes old
+// ones. `now`: the present configuration of the run; `next`: the new one.
 void check_new_ports(const Config& now, const Config& next);
 
 }  // namespace imud

@@ -11,7 +11,7 @@ namespace imud {
 
 namespace {
 
-// Returns what is wrong with a unit of these settings in the place of the imu's; empty: nothing.
+// Returns the fault of a unit of these settings in place of the imu's unit; empty: none.
 std::string objection(const ImuConfig& imu, const Settings& settings) {
   try {
     static_cast<void>(imu.protocol->make(settings));

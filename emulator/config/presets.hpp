@@ -14,28 +14,28 @@
 
 namespace imud {
 
-// Whether white noise is stated by a density, and whether the spectrum of that has negative frequencies, too.
+// Whether white noise is stated by a density, and whether its spectrum has negative frequencies, too.
 enum class Sidedness : std::uint8_t { none, two_sided, one_sided };
 
-// A file: a line with what it is, a line with its source, then, where a bandwidth is known, [imu] with the internal
-// rate, then [imu.gyro] and [imu.accelerometer] as in a configuration. The comment "unconfirmed: from memory",
-// "secondary source" or "assumed" after a value marks one that is not from a document of the manufacturer. Files of
-// users are the same, but need not have the two lines.
+// A file: a line with the sensor's name, a line with the source, then, where a bandwidth is known, [imu] with the
+// internal rate, then [imu.gyro] and [imu.accelerometer] as in a configuration. The comment "unconfirmed: from
+// memory", "secondary source" or "assumed" after a value marks one that is not from a document of the manufacturer.
+// Files of users are the same, but need not have the two lines.
 struct Preset {
   std::string_view name;
   std::string_view text;
 
   std::string_view summary() const noexcept;
   std::string_view source() const noexcept;
-  // Return the keys, with "gyro." or "accelerometer." before them: all, and those whose values are unconfirmed.
+  // Return the keys, with "gyro." or "accelerometer." before them: all keys, and keys with unconfirmed values.
   std::vector<std::string> keys() const;
   std::vector<std::string> unconfirmed() const;
 };
 
 // Returns all of them, sorted by name.
 std::span<const Preset> presets() noexcept;
-// Returns the preset, or that of a user's file, whose path ends with .toml: it is read once, and kept to the end of
-// the program. Returns nullptr if there is none of that name, or the file cannot be read. One thread at a time.
+// Returns the preset, or a user's file as a preset if the path ends with .toml. The file is read once, and kept to
+// the end of the program. Returns nullptr if there is no such preset or file. One thread at a time.
 const Preset* find_preset(std::string_view name);
 
 // Returns the `model` of an imu with this protocol and these settings whose configuration names none: the product's
@@ -47,8 +47,8 @@ struct PresetErrors {
   TriadErrors gyro, accelerometer;
   Sidedness gyro_density, accelerometer_density;
 };
-// Returns the errors at this sample rate, Hz, or the preset's internal rate if that is higher. Throws ConfigError if
-// they are not possible at that rate, or if a user's file is not right.
+// Returns the errors at this sample rate, Hz, or the preset's internal rate if higher. Throws ConfigError if the
+// errors are not possible at the rate, or if a user's file is not right.
 PresetErrors preset_errors(const Preset& preset, double rate_hz);
 
 }  // namespace imud

@@ -23,7 +23,7 @@ bool has(const std::array<std::string_view, n>& keys, std::string_view key) {
   return std::find(keys.begin(), keys.end(), key) != keys.end();
 }
 
-// Returns a value as in TOML; of a missing key, or a table, that.
+// Returns a value as in TOML; words for a missing key or a table.
 std::string text_of(const toml::node* node) {
   if (node == nullptr) return "no value";
   if (node->is_table()) return "a table";
@@ -40,7 +40,7 @@ const toml::table* imu_named(const toml::table& root, const std::string& name) {
   return nullptr;
 }
 
-// Compares tables with all keys of both. `prefix`: of the keys' names; `is_free` returns true for those that may
+// Compares tables with all keys of both. `prefix`: of the keys' names; `is_free` returns true for keys that may
 // differ.
 template <class IsFree>
 void compare(const toml::table& ours, const toml::table& theirs, const std::string& prefix, const IsFree& is_free,

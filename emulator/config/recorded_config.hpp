@@ -13,9 +13,9 @@ namespace imud {
 // the record has none.
 std::optional<std::string> recorded_config(const std::string& path);
 
-// Returns a line for each key of `config` whose value is not that of the recorded run, `recorded`. Ports of truth and
-// imus, their pace, the clock and [realtime] may differ: they do not change what is sampled. Each imu is compared
-// with the one of its name, if there is one.
+// Returns a line for each key of `config` whose value differs in the recorded run, `recorded`. Ports of truth and
+// imus, their pace, the clock and [realtime] may differ: they do not change the samples. Each imu is compared with
+// the recorded imu of its name, if there is one.
 std::vector<std::string> differences(const Config& config, const Config& recorded);
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// Scenario: what fails in a run, and what is expected of its hosts.
+// Scenario: the faults of a run, and the expectations of its hosts.
 #pragma once
 
 #include <span>
@@ -11,19 +11,19 @@
 
 namespace imud {
 
-// Reads the [[fault]] and [[expect]] of a configuration and of the files `scenarios`, whose digests are added to that
-// of the configuration. The imus and the clock must be set. Adds the faults of the scenarios' texts to `wrong`.
+// Reads the [[fault]] and [[expect]] of a configuration and of the files `scenarios`, whose digests are added to the
+// configuration's digest. The imus and the clock must be set. Adds the faults of the scenarios' texts to `wrong`.
 void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
                     std::vector<std::string>& wrong);
 
-// Returns why a fault cannot begin in a run of this configuration: for its clock, or for a truth that is no record
-// with what the host has sent; empty if it can.
+// Returns why a fault cannot begin in a run of this configuration: because of its clock, or because its truth is no
+// record with the host's bytes; empty if it can.
 std::string begin_objection(const FaultConfig& fault, const Config& config);
-// Throws ConfigError if faults begin by what the host sends, but no clock of the host paces the run, and it does not
-// repeat a record.
+// Throws ConfigError if faults begin by bytes of the host, but no clock of the host paces the run, and it repeats no
+// record.
 void check_begins_by_host(const Config& config, bool repeats);
-// Reads a fault that begins by control from its keys, TOML. `number`: the fault's. Adds to `wrong` what is wrong with
-// them, or why the imus cannot have it; the fault is right if nothing is.
+// Reads a fault that begins by control from its keys, TOML. `number`: the fault's. Adds to `wrong` the errors of the
+// keys, or why the imus cannot have the fault. Without an entry it is right.
 FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::span<const ImuConfig> imus,
                              std::vector<std::string>& wrong);
 

@@ -34,7 +34,7 @@ consteval Unit unit(std::span<const KeyUnit> units, std::string_view suffix) {
   return {found->suffix.substr(1), found->factor};
 }
 
-// The keys of one kind of sensor. A term has the units of IEEE Std 952 and 1293, and those of data sheets.
+// The keys of one kind of sensor. A term has the units of IEEE Std 952 and 1293, and of data sheets.
 struct SensorKeys {
   Units value;                  // of max, lsb and the bias terms
   std::string_view white;       // the name of its white noise's integral; empty: it has none
@@ -99,7 +99,7 @@ const Unit* given_unit(TableReader& table, std::string_view stem, std::span<cons
 }
 
 // Reads a term in the unit in which it is given, with read(key, fallback, unit). Adds a fault if it is given twice.
-// The first unit is that of `fallback`.
+// The first unit is the unit of `fallback`.
 template <class Value, class Read>
 Value in_given_unit(TableReader& table, std::string_view stem, std::span<const Unit> units, const Value& fallback,
                     Read read) {
@@ -185,7 +185,7 @@ void read_bias_instability(TableReader& table, const SensorKeys& keys, TriadErro
                 fmt::format("too short for a sensor of {} Hz; give at least {:.3g}", rate_hz, shortest_s));
 }
 
-// Reads the range. A lower limit that is not given is that of the product if the product has one of its own, else
+// Reads the range. An absent lower limit is the product's lower limit if the product has its own, else
 // -max.
 void read_range(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
   auto [lower, upper] = e.range();
@@ -207,7 +207,7 @@ void read_range(TableReader& table, const SensorKeys& keys, TriadErrors& e) {
 // The matrix and the curve between input and output.
 void read_response(TableReader& table, TriadErrors& e) {
   e.misalignment = table.matrix3("misalignment", e.misalignment, false);
-  constexpr double largest = 0.2;  // rad: what is more is a wrong axis, not a misalignment
+  constexpr double largest = 0.2;  // rad: a larger angle is a wrong axis, not a misalignment
   const double distance = (e.misalignment - Matrix3::Identity()).cwiseAbs().maxCoeff();
   if (!(distance <= largest))
     table.fault("misalignment", fmt::format("an element differs from the identity's by {:.3g}, at most {} is a "
