@@ -21,7 +21,7 @@ struct MethodInfo {
 };
 std::span<const MethodInfo> control_methods() noexcept;
 
-// A port of an imu, in place of which another is opened.
+// A port of an imu that another port replaces.
 struct PortChange {
   std::uint16_t imu = 0;  // its number
   std::string what;       // "port" or "second port"
@@ -40,8 +40,8 @@ struct Change {
 // Returns the change that a method makes. Throws RpcError.
 Change change_of(const std::string& method, const Json& params, const Config& config);
 
-// The parameters of a request by their names. A getter throws RpcError if a value is missing or wrong; finish() if
-// there is one that no getter was called for.
+// The parameters of a request by their names. A getter throws RpcError if a value is missing or wrong; finish() if a
+// parameter was not read.
 class RpcParams {
  public:
   explicit RpcParams(const Json& params);

@@ -240,7 +240,7 @@ void ControlApi::finish() {
   timer_.cancel();
 }
 
-// Looks for results and for samples as long as there may be any.
+// Takes results and samples as long as there may be any.
 void ControlApi::schedule() {
   if (is_ticking_ || ended_) return;
   if (waiting_.empty() && !subscriptions_.is_watched()) return;

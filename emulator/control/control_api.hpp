@@ -23,8 +23,8 @@
 
 namespace imud {
 
-// Knows nothing of connections: each server of a transport passes it the texts of its clients. One thread, that of
-// the io_context.
+// Knows nothing of connections: each transport's server passes the texts of its clients. Runs in the io_context's
+// thread.
 class ControlApi {
  public:
   static constexpr int version = 1;
@@ -45,15 +45,15 @@ class ControlApi {
   ControlApi(boost::asio::io_context& io, Run run);
 
   // Executes the requests of a text. Calls `answer` once with the text of the answer, in one line without its line
-  // feed, empty if none is wanted: at once, or when the sampling thread has made the changes, or from finish().
-  // It is kept until then. `client`: to which notifications go; nullptr: this connection cannot
-  // have any.
+  // feed, empty if none is wanted: at once, after the sampling thread has made the changes, or from
+  // finish(). `answer` is kept until then. `client` gets notifications; nullptr: this connection cannot have
+  // any.
   void call(std::string_view request, std::function<void(std::string)> answer,
             const std::shared_ptr<Subscriber>& client = nullptr);
   // Returns the answer to a request that is longer than max_request.
   static std::string refuse_long();
 
-  // The servers count here what they refuse and what their clients lose.
+  // The servers count refused clients and lost notifications here.
   ControlCounters& counters() const noexcept { return run_.control.counters; }
 
   // Executes `reload` for a signal: the log has the answer.
@@ -62,7 +62,7 @@ class ControlApi {
   void report(const RunEvent& event);
   // Reports the begins and ends of faults since the last call.
   void report_faults();
-  // Answers what still waits, with an error. Called when the sampling thread has ended.
+  // Answers all waiting requests with an error. Called when the sampling thread has ended.
   void finish();
 
   // Called with each event that subscribers get, such as {"event": "mark", ...}, after it took effect.

@@ -21,18 +21,18 @@
 
 namespace imud {
 
-// Serves one JSON text a line. A client of the UNIX socket must be of the same user, or root; one of TCP must show
-// the token first. One thread, that of the io_context.
+// Serves one JSON text a line. A client of the UNIX socket must be of the same user, or root. A client of TCP must
+// show the token first. Runs in the io_context's thread.
 class ControlServer {
  public:
   static constexpr std::size_t most_clients = 128;  // further ones are refused
 
-  // Opens what the configuration names; `name` is that of the instance. Throws OpenError, except for the socket
-  // "auto", which is left out if there is no place for it.
+  // Opens the configured socket and port. `name`: the instance's name. Throws OpenError, but omits the socket "auto"
+  // if there is no place for it.
   ControlServer(boost::asio::io_context& io, const ControlConfig& config, const std::string& name);
-  // Serves clients, those included that have connected since the construction. `api` outlives this.
+  // Serves clients, including clients that have connected since the construction. `api` outlives this.
   void start(ControlApi& api);
-  // Closes all connections. What is queued for them and fits into the system's buffers is sent.
+  // Closes all connections. Queued texts that fit into the system's buffers are sent.
   ~ControlServer();
 
   // The path of the socket; empty: there is none. The port of TCP; nullopt: it does not listen.

@@ -69,7 +69,7 @@ std::string names_of(const std::vector<Instance>& all) {
   return names;
 }
 
-// Returns words for people: why none of the instances that run is meant.
+// Returns words for people: why no running instance is meant.
 std::string none_text(const Instances& found, const std::string& name) {
   for (const Instance& one : found.killed)
     if (one.name == name)
@@ -118,7 +118,7 @@ Lines connect_by_socket(const CtlOptions& options) {
   return Lines(std::move(socket));
 }
 
-// Likewise, after the token. `address` has the form ADDRESS:PORT.
+// The same by TCP, after the token. `address` has the form ADDRESS:PORT.
 Lines connect_by_tcp(const TcpAddress& address, const std::string& secret) {
   const boost::asio::ip::tcp::endpoint to(boost::asio::ip::make_address(address.address), address.port);
   const std::string name = fmt::format("{}, port {}", address.address, address.port);

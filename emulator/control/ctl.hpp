@@ -11,7 +11,7 @@ class App;
 namespace imud {
 
 struct CtlOptions {
-  std::string socket;                   // a path; empty: that of `name`
+  std::string socket;                   // a path; empty: the socket of `name`
   std::string name;                     // of the instance; empty: the only one that runs
   std::string to;                       // ADDRESS:PORT of its TCP port; empty: a socket
   std::string token_file;               // for `to`

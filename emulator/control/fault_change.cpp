@@ -79,7 +79,7 @@ Change fault_change_of(const std::string& method, const Json& request_params, co
     const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", request_params}};
     std::vector<Command> commands;
     const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
-    // Truth is that of all imus.
+    // A fault of truth concerns all imus.
     const bool is_of_all = fault.kind->seam == FaultSeam::truth || fault.imus.size() == config.imus.size();
     for (std::size_t i = 0; i < config.imus.size() && !is_of_all; ++i)
       if (fault.acts_on(config.imus[i].name))

@@ -1,4 +1,4 @@
-// Faults by control: the methods fault.begin, fault.end and fault.clear, and what clients see of faults.
+// Faults by control: the methods fault.begin, fault.end and fault.clear, and the faults as clients see them.
 #pragma once
 
 #include <span>

@@ -49,8 +49,8 @@ using RpcMethod = std::function<void(const std::string& method, const Json& para
 inline constexpr int rpc_max_depth = 32;
 inline constexpr std::size_t rpc_max_requests = 64;
 
-// Executes the requests of a text: one object, or an array of them in their order. Calls `answer` once, when all have
-// been replied to, with the text of the answer, in one line; empty if none of them wants one.
+// Executes the requests of a text: one object, or an array of them in their order. Calls `answer` once, after all
+// replies, with the text of the answer, in one line; empty if no request wants one.
 void answer_rpc(std::string_view text, const RpcMethod& method, std::function<void(std::string)> answer);
 
 // Returns the text of a notification, in one line. `params` is JSON.

@@ -53,7 +53,7 @@ bool LeavingPorts::has_left(Leaving& leaving) noexcept {
   return is_drained && now.sent + now.dropped - before.sent - before.dropped >= leaving.line.held;
 }
 
-// The frames of others are taken as the first that the port has sent or dropped (WirePort).
+// Frames of other senders count as sent or dropped first (WirePort).
 void LeavingPorts::close(Leaving& leaving) {
   Port& port = *leaving.line.port;
   port.discard_pending();

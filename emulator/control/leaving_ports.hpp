@@ -9,13 +9,13 @@
 
 namespace imud {
 
-// Closes a port when it has sent what it held back and its reader has read that, or `longest` after its replacement;
-// what it holds back then counts as dropped. One thread, not that of the samples.
+// Closes a port when its held-back frames are sent and read, or `longest` after its replacement. The remaining frames
+// then count as dropped. One thread, not the sampling thread.
 class LeavingPorts {
  public:
   static constexpr Nanoseconds longest = std::chrono::seconds(2);
 
-  // Takes over the ports of a reload that has been executed. `channels` outlive this.
+  // Takes over the ports of an executed reload. `channels` outlive this.
   void add(Reload& reload, std::span<const std::unique_ptr<Channel>> channels);
   // Closes the ports that can be closed now.
   void update();

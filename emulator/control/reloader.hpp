@@ -1,4 +1,4 @@
-// Reloader: reads the file of a run's configuration again, and prepares what changes.
+// Reloader: reads the file of a run's configuration again, and prepares the changes.
 #pragma once
 
 #include <functional>
@@ -15,10 +15,10 @@ namespace imud {
 
 class Session;
 
-// One thread, that of the ControlApi.
+// Runs in the ControlApi's thread.
 class Reloader {
  public:
-  // `started`: the configuration that the session was made of. `now`: that of the run now, which a reload changes.
+  // `started`: the configuration that the session was made of. `now`: the run's present one, which a reload changes.
   // `read`: reads the file again, with the overrides of the command line, and throws ConfigError; empty: there is no
   // file. `changed`: called when `now` has changed. All outlive this.
   Reloader(Session& session, const Config& started, Config& now, std::function<Config()> read,
@@ -27,17 +27,17 @@ class Reloader {
 
   // Returns true if there is a file to read.
   bool can_read() const noexcept { return static_cast<bool>(read_); }
-  // Returns what the file changes now, with its new ports open; nullopt if no key differs. Throws RpcError, with all
+  // Returns the change by the file, with its new ports open; nullopt if no key differs. Throws RpcError, with all
   // faults of the file, all keys that cannot change, or all ports that cannot be opened. The sampling thread must not
-  // execute the change before finish() or cancel() of the one before.
+  // execute the change before finish() or cancel() of the last one.
   std::optional<Change> prepare();
-  // Called when the sampling thread has executed the change. The ports that were replaced are closed.
+  // Called when the sampling thread has executed the change. The replaced ports begin to close.
   void finish();
-  // Called when it cannot.
+  // Called if the change cannot be executed.
   void cancel() noexcept;
-  // Closes ports that were replaced, as far as they can be (LeavingPorts). Called ten times a second.
+  // Closes replaced ports as far as possible (LeavingPorts). Called ten times a second.
   void update() { leaving_.update(); }
-  // Closes all ports that were replaced. Called when the sampling thread has ended.
+  // Closes all replaced ports. Called when the sampling thread has ended.
   void close_ports() { leaving_.finish(); }
 
  private:

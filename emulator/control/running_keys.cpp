@@ -142,7 +142,7 @@ void add_paths(const toml::table& table, const std::string& before, std::vector<
   }
 }
 
-// Returns the keys of the configuration, those of its imu or of all if `of_imu`, and those that can change.
+// Returns the keys of the configuration, or of its imus if `of_imu`, and all keys that can change.
 std::vector<std::string> keys_of(bool of_imu, const Config& config) {
   std::vector<std::string> paths;
   for (const RunningKey& key : keys)

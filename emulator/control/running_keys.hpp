@@ -21,7 +21,7 @@ struct RunningKey {
     word,     // one of `words`, whose place is Command::number
     list,     // one to `most` whole numbers from min to max, a command for each, whose place is Command::number
   };
-  std::string_view key;  // that of an imu without its "imu.NAME."
+  std::string_view key;  // an imu's key is without "imu.NAME."
   std::string_view meaning;
   Type type = Type::number;
   Command::Kind kind = Command::Kind::mark;  // a command for each axis of a vector
@@ -37,7 +37,7 @@ struct RunningKey {
 
 std::span<const RunningKey> running_keys() noexcept;
 
-// Adds to `commands` those that set the key, "truth.delay_ms" or "imu.imu1.gyro.bias_rad_per_s" ("imu.*." for all).
+// Adds the commands that set the key, "truth.delay_ms" or "imu.imu1.gyro.bias_rad_per_s" ("imu.*." for all).
 // Throws RpcError.
 void add_commands(std::vector<Command>& commands, const std::string& key, const Json& value, const Config& config);
 

@@ -1,4 +1,4 @@
-// SendQueue: the texts that wait until a client has read those before them.
+// SendQueue: texts that wait until a client has read the earlier ones.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@
 
 namespace imud {
 
-// Bounded: a client that reads too slowly loses points first, then events, and is closed if it does not read its
-// answers. What is lost is counted.
+// Bounded: a client that reads too slowly loses points first, then events. It is closed if it does not read its
+// answers. Losses are counted.
 class SendQueue {
  public:
   using Text = std::shared_ptr<const std::string>;

@@ -52,7 +52,7 @@ FileDescriptor locked_folder_of(const std::string& path) {
   return descriptor;
 }
 
-// Returns what has the name of a socket, by path.
+// Returns the files with the name of a socket, by path.
 std::vector<Instance> sockets_in(const std::string& folder) {
   std::vector<Instance> all;
   std::error_code error;

@@ -22,8 +22,8 @@ std::string socket_path(const std::string& folder, const std::string& name);
 // A listening UNIX socket that its user alone can open, removed at the end.
 class ControlSocketFile {
  public:
-  // Makes the socket, in place of one that no process listens to any more. Throws OpenError: a process listens, the
-  // path is too long or something else than a socket, or the folder cannot be written.
+  // Makes the socket. Replaces a socket to which no process listens any more. Throws OpenError: a process listens,
+  // the path is too long or something else than a socket, or the folder cannot be written.
   explicit ControlSocketFile(const std::string& path);
   // Makes the socket of that name in the first of socket_folders() that permits it, and makes the folder. Removes the
   // sockets there that killed runs have left.
@@ -52,7 +52,7 @@ FileDescriptor connect_to_socket(const std::string& path);
 struct Instance {
   std::string name, path;
 };
-// The instances in socket_folders(): those that run, to whose sockets one can connect, and those that were killed.
+// The instances in socket_folders(): running ones, whose sockets accept connections, and killed ones.
 struct Instances {
   std::vector<Instance> running, killed;
 };

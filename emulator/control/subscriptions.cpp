@@ -67,7 +67,7 @@ void append_list(Buffer& out, std::string_view name, const std::vector<const Fee
   out.push_back(']');
 }
 
-// The same with null for each sample that `has` it not; nothing if none has it.
+// The same with null for each sample without the value; nothing if no sample `has` it.
 template <class Append>
 void append_where(Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples,
                   bool (*has)(const FeedSample&), Append element) {
@@ -75,7 +75,7 @@ void append_where(Buffer& out, std::string_view name, const std::vector<const Fe
   append_list(out, name, samples, [&](const FeedSample& s) { has(s) ? element(s) : append(out, "null"); });
 }
 
-// Appends what only products beyond rate and specific force send, and the counts of samples without their truth.
+// Appends the values beyond rate and specific force, and the counts of samples without their truth.
 void append_rest(Buffer& out, const std::vector<const FeedSample*>& samples) {
   const auto count = [&](std::uint64_t value) { fmt::format_to(std::back_inserter(out), "{}", value); };
   append_where(out, "truth_time_s", samples, has_truth_time,

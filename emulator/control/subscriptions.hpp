@@ -13,15 +13,15 @@
 
 namespace imud {
 
-// Points are samples, truth and counters, of which the next are as good; events come once.
+// Points are samples, truth and counters: later points replace lost ones. Events come once.
 enum class Notification : std::uint8_t { points, event };
 
 // A connection that gets notifications.
 class Subscriber {
  public:
   virtual ~Subscriber() = default;
-  // Queues the text, one line without its line feed, to be sent. Discards it if the client reads too slowly, and
-  // counts it. The text is shared by all who subscribe to the same.
+  // Queues the text, one line without its line feed, to be sent. Discards and counts it if the client reads too
+  // slowly. All subscribers to the same points share the text.
   virtual void notify(const std::shared_ptr<const std::string>& text, Notification kind) = 0;
 };
 
@@ -38,9 +38,9 @@ class Subscriptions {
   Json subscribe(const Json& params, const std::shared_ptr<Subscriber>& client);
   Json unsubscribe(const Json& params, const std::shared_ptr<Subscriber>& client);
 
-  // Sends an event to those who subscribe to events.
+  // Sends an event to the subscribers to events.
   void send_event(const Json& event);
-  // Sends what the feed has, and each second the figures since the last ones.
+  // Sends the samples of the feed, and each second the figures since the last ones.
   void distribute(HostTime now);
   // Removes the subscriptions whose clients have gone. Returns true if somebody subscribes to samples, truth or
   // counters, so that distribute() must be called often.
@@ -52,7 +52,7 @@ class Subscriptions {
     std::weak_ptr<Subscriber> client;
     What what = What::samples;
     std::uint16_t imu = 0;    // of samples and truth
-    std::uint32_t every = 1;  // likewise: of so many samples one is sent
+    std::uint32_t every = 1;  // of samples and truth: of so many samples one is sent
   };
   static What what_of(const std::string& word);
   void watch();

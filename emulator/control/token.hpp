@@ -13,7 +13,7 @@ class Token {
   static constexpr std::size_t shortest = 16;  // bytes
 
   // Returns the first line of the file, without spaces at its ends. Throws OpenError if the file cannot be read, if
-  // others than its owner can read it, or if the line is shorter than `shortest`.
+  // another user can read it, or if the line is shorter than `shortest`.
   static std::string read_secret(const std::string& path);
   static Token read(const std::string& path) { return Token(read_secret(path)); }
   explicit Token(std::string_view secret);
