@@ -96,12 +96,12 @@ struct ImuCounters : CounterGroup {
   explicit ImuCounters(std::span<const DeviceCounter> of_device = {}) : device(of_device) {}
 
   Counter samples{*this, {"samples", "samples", Show::always}};
-  // Frames of samples and deadlines that the port took whole; frames, replies included, that it did not take.
+  // Frames of samples and deadlines that the port accepted whole; frames, including replies, that it did not.
   Counter frames{*this, {"frames", "frames sent", Show::always}};
   Counter dropped{*this, {"dropped", "dropped", Show::always, Show::always}};
-  // Those of the dropped frames that were lost to an error of a file, such as a full disk.
+  // Dropped frames that were lost to an error of a file, such as a full disk.
   Counter failed{*this, {"failed", "lost to errors of the file", Show::if_not_zero, Show::if_not_zero}};
-  // Frames that the ports of `also` did not take.
+  // Frames that the ports of `also` did not accept.
   Counter copies_dropped{*this, {"copies_dropped", "dropped by the copies"}};
   // Samples that left a whole period late, or later.
   Counter missed{*this, {"missed", "missed", Show::always, Show::always}};
@@ -115,7 +115,7 @@ struct ImuCounters : CounterGroup {
   Counter paused{*this, {"paused", "discarded while paused"}};
   // Samples of the vehicle at rest before the first truth.
   Counter at_rest{*this, {"at_rest", "at rest before the first truth"}};
-  // Frames in answer to the host that the port took whole; `frames` does not include them.
+  // Frames in answer to the host that the port accepted whole; `frames` does not include them.
   Counter replies{*this, {"replies", "replies sent"}};
   // A CAN controller's error frames, and times that it came to a state (PortState); frames that a serial CAN adapter
   // refused.
@@ -211,7 +211,7 @@ struct TruthCounters : CounterGroup {
   Counter inserted{*this, {"inserted", "reordered but in time"}};
   // Truths missing by the sender's sequence numbers. Falls when a reordered one arrives.
   Counter lost{*this, {"lost", "lost", Show::if_not_zero, Show::never, true}};
-  // Those of the refused duplicates that repeat a truth by its sequence number, too.
+  // Refused duplicates that repeat a truth by its sequence number, too.
   Counter repeated{*this, {"repeated", "repeated"}};
   // Times that a truth was later than the one before by more than StepWatch::far_above usual steps.
   Counter gaps{*this, {"gaps", "gaps", Show::if_not_zero, Show::if_not_zero}};
@@ -257,7 +257,7 @@ struct TruthQuality : CounterGroup {
   Level offset_s{*this, "offset_us", 0, 1e6};
   // Seconds by which the sensors sample behind the truth.
   Level delay_s{*this, "delay_us", 0, 1e6};
-  // Lateness of truths against those of lowest latency.
+  // Lateness of truths against the truths of lowest latency.
   Durations jitter{*this, "jitter_us"};
   // Age of the newest truth at the samples' instants.
   Durations age{*this, "age_us"};
@@ -287,18 +287,18 @@ struct RecordCounters : CounterGroup {
   Counter packets{*this, {"packets", "packets", Show::always}};
   Counter bytes{*this, {"bytes", "bytes", Show::always}};
   Counter files{*this, {"files", "files", Show::always}};
-  // Packets for which the queue had no room, or that the file did not take.
+  // Packets for which the queue had no room, or that the file did not accept.
   Counter lost{*this, {"lost", "lost", Show::always, Show::if_not_zero}};
   std::atomic<int> error = 0;  // errno of the last write that failed; 0: none has
 };
 
 // The counters of the control protocol, of all its clients together.
 struct ControlCounters : CounterGroup {
-  // Clients that were refused: too many, another user's, or without the token; those that were closed because they
-  // did not read their answers.
+  // Refused clients: too many, another user's, or without the token; clients that were closed because they did not
+  // read their answers.
   Counter connections_refused{*this, {"connections_refused", "connections refused"}};
   Counter clients_closed{*this, {"clients_closed", "clients closed that read no answers"}};
-  // Notifications of samples, truth and counters, and those of events, that clients were too slow for.
+  // Notifications of samples, truth and counters, and of events, that clients were too slow for.
   Counter notifications_lost{*this, {"notifications_lost", "notifications lost"}};
   Counter events_lost{*this, {"events_lost", "events lost"}};
   // Samples to be watched, and events, for which the queue from the sampling thread had no room.
@@ -323,7 +323,7 @@ struct SnapshotValues {
   std::vector<DurationHistogram> durations;
 
   explicit SnapshotValues(const CounterGroup& group);
-  // Turns the numbers into those of the interval that began at `before`.
+  // Turns the numbers into numbers of the interval since `before`.
   void subtract(const SnapshotValues& before);
   std::uint64_t total() const noexcept;  // of all counts
 };

@@ -24,12 +24,12 @@ struct TriadTerms {
 
   // Returns for example "N 0.15 deg/sqrt(h), B 0.5 deg/h"; each axis where they differ; empty if all are 0.
   std::string text() const;
-  // Returns what is constant while power is on, such as "turn-on bias 1800 deg/h, 7 deg/h/g by acceleration", the
-  // largest of the axes; empty if there is none.
+  // Returns the terms that are constant while power is on, such as "turn-on bias 1800 deg/h, 7 deg/h/g by
+  // acceleration", as the largest of the axes; empty if there is none.
   std::string bias_text() const;
 };
 
-// Returns those of the gyros and the accelerometers.
+// Returns the terms of the gyros and the accelerometers.
 std::vector<TriadTerms> triad_terms(const ImuModel& model);
 
 // The filter of a triad, and the rate at which it runs, Hz.
@@ -42,7 +42,7 @@ struct TriadFilter {
   std::string text() const;
 };
 
-// Returns those of the gyros, the accelerometers and the magnetometers.
+// Returns the filters of the gyros, the accelerometers and the magnetometers.
 std::vector<TriadFilter> triad_filters(const ImuModel& model);
 
 }  // namespace imud

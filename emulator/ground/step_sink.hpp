@@ -1,4 +1,4 @@
-// StepSink: takes what a run does, in the order in which it is done. A record is made of it.
+// StepSink: takes the events and packets of a run, in their order. A record is made of them.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace imud {
 
-// A session gives it every event, every packet that it receives, and every frame that a port was passed. A sink that
+// A session gives it every event, every received packet, and every frame that a port was passed. A sink that
 // keeps nothing costs a comparison.
 class StepSink {
  public:
@@ -21,7 +21,7 @@ class StepSink {
   static StepSink& none() noexcept;
   virtual ~StepSink() = default;
 
-  // Returns true if what it is given is kept.
+  // Returns true if this keeps its input.
   bool keeps() const noexcept { return keeps_; }
 
   // --- Before the run ---
@@ -31,7 +31,7 @@ class StepSink {
   virtual void set_truth_address(const Endpoint& address) = 0;
 
   // --- The sampling thread ---
-  // Sets the time of what follows.
+  // Sets the time of the next events.
   void set_time(HostTime now) noexcept {
     if (keeps_) now_ = now;
   }
@@ -44,8 +44,8 @@ class StepSink {
               const Endpoint& peer = {}) noexcept {
     if (keeps_) keep_packet(interface, direction, time, frame, peer);
   }
-  // Frames that a port was passed, of which it has dropped the last `dropped`: those that left by `interface`, the
-  // others by `interface` + 2.
+  // Frames that a port was passed; it has dropped the last `dropped`. Sent frames get `interface`, dropped frames
+  // `interface` + 2.
   void frames(std::uint16_t interface, std::span<const Frame> frames, std::uint64_t dropped) noexcept {
     if (keeps_) keep_frames(interface, frames, dropped);
   }

@@ -24,7 +24,7 @@ class Faults {
   // `line` is 0 if the key came from the command line, or is missing.
   void add(std::uint32_t line, std::string_view key, std::string_view what) { all_.push_back(text(line, key, what)); }
   const std::vector<std::string>& all() const { return all_; }
-  // Adds a warning: the file is valid, but probably not what was meant.
+  // Adds a warning: the file is valid, but probably not as intended.
   void warn(std::uint32_t line, std::string_view key, std::string_view what) {
     warnings_.push_back(text(line, key, what));
   }
@@ -44,7 +44,7 @@ class Faults {
 class TableReader {
  public:
   // If `table` is null, every key is absent. `path` precedes the keys in messages: "imu.0.gyro.". Every value that a
-  // getter returns is written to `resolved`, which must outlive the reader and those of its children.
+  // getter returns is written to `resolved`, which must outlive the reader and its children's readers.
   TableReader(const toml::table* table, std::string path, std::uint32_t line, Faults& faults, toml::table& resolved)
       : table_(table), path_(std::move(path)), line_(line), faults_(faults), resolved_(resolved) {}
 

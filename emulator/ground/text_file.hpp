@@ -25,15 +25,15 @@ class TextFile {
   // Writes all of it, and waits for a slow reader. A reader that has closed its end is no error. Throws
   // std::runtime_error, which names the file and the cause.
   void write(std::string_view text);
-  // Returns false if write() would wait for the reader of a pipe. A text of up to 4096 bytes (PIPE_BUF) does not wait
-  // if it is true.
+  // Returns false if write() would wait for the reader of a pipe. If true, a text of up to 4096 bytes (PIPE_BUF) does
+  // not wait.
   bool has_room() const noexcept;
-  // Returns false for a stream and a device, which keep what they have received.
+  // Returns false for a stream and a device, whose received text cannot be replaced.
   bool is_regular() const noexcept;
   // Replaces the content of a regular file, which is never empty meanwhile; writes to anything else as write() does.
   void replace(std::string_view text);
-  // Opens the file again, which creates it if it was renamed or removed; what it holds stays. Throws
-  // OpenError. Standard streams stay as they are.
+  // Opens the file again; creates it if it was renamed or removed. Its content stays. Throws OpenError. Standard
+  // streams stay as they are.
   void reopen();
 
  private:

@@ -1,4 +1,4 @@
-// TruthBounds: finds numbers and steps of truth that no vehicle makes which the sensors are built for. It refuses
+// TruthBounds: finds numbers and steps of truth beyond every vehicle that the sensors are built for. It refuses
 // nothing: a remark names the first of each kind.
 #pragma once
 

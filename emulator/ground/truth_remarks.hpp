@@ -40,7 +40,7 @@ struct TruthRemarks {
   Remark content;                                 // the datagrams of a capture without any for the port
   Remark place;                                   // a place, or an angle of the Earth, that contradicts [earth]
   Remark date;                                    // a date that contradicts [earth]
-  Remark noisy_poses;                             // what is derived by the given window is noise
+  Remark noisy_poses;                             // motion that the given window derives is noise
   Remark last_line;                               // the last line of a file, without a line feed
   std::array<Remark, BoundsWatch::kinds> excess;  // numbers and steps beyond truth.max_*
 

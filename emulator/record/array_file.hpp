@@ -14,8 +14,8 @@
 namespace imud {
 
 // The array is written to FILE.incomplete, which numpy.load reads, too, and commit() renames it to FILE: an old FILE
-// stays as it is until then. While it is incomplete, a trailer behind the rows has a text, which says what the array
-// is made of, and a mark for each part of the array that is done, so that another process can do the others. Rows are
+// stays as it is until then. While it is incomplete, a trailer behind the rows has a text, which states the array's
+// origin, and a mark for each finished part of the array, so that another process can do the others. Rows are
 // written in any order, also by processes that have inherited the file.
 class ArrayFile {
  public:
@@ -23,7 +23,7 @@ class ArrayFile {
   ArrayFile(std::string path, std::span<const MeasurementColumn> columns);
 
   // Sets the shape: the file has that many rows then, of zeros where none is written. `parts` equal parts can be
-  // marked. If FILE.incomplete was left behind with this `text` and with marks, they stay, and so do the rows.
+  // marked. If FILE.incomplete was left behind with this `text` and with marks, marks and rows stay.
   // Returns the text of another array that was left behind, which stays as it is; otherwise an empty one.
   std::string begin(std::span<const std::uint64_t> shape, std::size_t row_size, std::string_view text,
                     std::uint64_t parts);

@@ -1,4 +1,4 @@
-// Measurements as rows of arrays of NumPy: what a product has sent, decoded, and the truth beside it.
+// Measurements as rows of arrays of NumPy: the decoded messages of a product, and the truth beside them.
 #pragma once
 
 #include <cstddef>
@@ -13,15 +13,15 @@
 
 namespace imud {
 
-// The truth at a measurement, without errors, by truth_columns(). The increments are those since the measurement
+// The truth at a measurement, without errors, by truth_columns(). The increments count from the measurement
 // before.
 struct TrueRow {
   std::int64_t time_ns;  // of the sample, by the sensor's own clock
   TrueValues values;
 };
 
-// A port that decodes what a device sends, and calls `receive`, which must not throw, for each measurement, within
-// send().
+// A port that decodes a device's frames. Within send() it calls `receive`, which must not throw, for each
+// measurement.
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive);
 // A port that sends nothing.
 std::unique_ptr<Port> idle_port();

@@ -12,7 +12,7 @@ namespace imud {
 
 namespace {
 
-// Returns what has to be added to the host's time for the time since 1970.
+// Returns the difference from the host's time to the time since 1970.
 std::int64_t realtime_offset() noexcept {
   timespec now{};
   ::clock_gettime(CLOCK_REALTIME, &now);

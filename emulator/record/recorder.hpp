@@ -16,7 +16,7 @@
 
 namespace imud {
 
-// The sampling thread calls it in the order of what it does; a thread of its own writes the file. After start() the
+// The sampling thread calls it in the order of events; a thread of its own writes the file. After start() the
 // sampling thread neither allocates, locks nor waits here, unless `waits`: a packet for which the queue has no room
 // is counted as lost, and the place is marked.
 class Recorder final : public StepSink {

@@ -14,7 +14,7 @@ MadeRow::MadeRow(const MeasurementRow& row, std::uint64_t number) noexcept
 
 TrueRow no_truth() noexcept { return {MeasurementRow::no_time, {}}; }
 
-// Returns the number of the row that was made; that of all of them if there is none.
+// Returns the number of the made row; the number of all made rows if there is none.
 std::size_t RowTruths::find(const MadeRow& row) const noexcept {
   constexpr std::size_t farthest = 65'536;
   const auto search = [&](const auto& is_same) {

@@ -1,4 +1,4 @@
-// RowTruths: which truth is that of a measurement that has arrived, although messages are lost, late or damaged.
+// RowTruths: finds the truth of an arrived measurement, although messages are lost, late or damaged.
 #pragma once
 
 #include <cstddef>
@@ -28,10 +28,10 @@ class RowTruths {
   RowTruths(std::span<const TrueRow> samples, std::vector<MadeRow> made)
       : samples_(samples), made_(std::move(made)) {}
 
-  // Returns the truth at the sample of which the next row that has arrived is made. A row is the one that was made
-  // with the same bytes, or else with the same time and number; one that was damaged has neither, and is the one
-  // after its predecessor. Its true increments are sums since the row that was made before; they are NaN for the
-  // first one if samples precede it of which none was made. All values are NaN if there is no such row.
+  // Returns the truth at the sample of the next arrived row. That row is identified by its bytes, or else by its time
+  // and number. A damaged row without both is taken as the made row after its predecessor. True increments are sums
+  // since the made row before. They are NaN for the first made row if samples without a row precede it. All values
+  // are NaN if there is no such row.
   TrueRow of(const MeasurementRow& row) noexcept;
 
  private:

@@ -1,4 +1,4 @@
-// Monitor: reports what happens in a run in the log, and its figures there and in the file of `--quality`.
+// Monitor: reports the events of a run in the log, and its figures there and in the file of `--quality`.
 #pragma once
 
 #include <atomic>
@@ -99,7 +99,7 @@ class Monitor {
   bool record_reported_ = false, delay_reported_ = false, extrapolation_reported_ = false;
   std::size_t faults_reported_ = 0;
   std::vector<std::string> imu_names_;
-  // The reports so far: which causes of refusal; which imus that refuse edges; which figures of products; the ports.
+  // The reports so far: causes of refusal; imus that refuse edges; figures of products; the ports.
   std::vector<bool> remarks_, refusals_, edges_refused_;
   std::vector<std::vector<bool>> device_reported_;  // by imu and DeviceCounter
   std::vector<ReportedPort> ports_, second_ports_;

@@ -20,7 +20,7 @@ std::string plural(std::uint64_t count, std::string_view noun) {
 
 bool is_of_others(Refusal refusal) { return refusal == Refusal::other_stream || refusal == Refusal::foreign_sender; }
 
-// Truths of other vehicles and senders are no truths of this run, and those that a network has repeated are there
+// Truths of other vehicles and senders do not belong to this run. Truths that a network has repeated are in the run
 // already.
 std::uint64_t refused_truths(const Summary::Truth& truth) {
   std::uint64_t refused = 0;
@@ -63,7 +63,7 @@ void judge_capture(const Summary::Truth& truth, bool gaps_allowed, bool is_fault
     shortfalls.push_back(fmt::format("{} cut short", plural(n, "record")));
 }
 
-// Returns true if a pty is the line of the imu: frames that nobody reads are discarded, as on a real one.
+// Returns true if a pty is the line of the imu: unread frames are discarded, as on a real line.
 bool is_emulated_line(const ImuConfig& imu) {
   const auto is_emulated = [](const std::string& port) {
     const Transport* transport = transport_of(port);
@@ -72,7 +72,7 @@ bool is_emulated_line(const ImuConfig& imu) {
   return is_emulated(imu.port) && (imu.second_port.empty() || is_emulated(imu.second_port));
 }
 
-// Returns what 100 % is for a figure.
+// Returns the count that is 100 % for a figure.
 std::uint64_t whole(const Summary& summary, std::string_view figure) {
   if (figure.starts_with("truth.")) return summary.truth.counters[&TruthCounters::received];
   const std::size_t dot = figure.rfind('.');

@@ -37,8 +37,8 @@ struct Outcome {
   bool is_complete() const noexcept { return shortfalls.empty(); }
   // Returns 0 if the run is complete and every limit and expectation holds, 1 after a failure, otherwise 3.
   int exit_code() const noexcept;
-  // Sets `faults`. One that has never begun is a shortfall, unless it need not begin, or the run was ended before its
-  // time by a signal or a command, or `is_repeated`.
+  // Sets `faults`. A fault that has never begun is a shortfall, unless it need not begin, a signal or a command has
+  // ended the run early, or `is_repeated`.
   void judge_faults(std::vector<FaultOutcome> all, bool is_repeated = false);
 };
 
@@ -48,9 +48,9 @@ void check_figures(std::span<const Requirement> requirements, const Config& conf
 // Judges a run of `config`. With a capture as truth nothing may be missing: the capture was read to its end, every
 // truth in it was accepted, no sample was skipped, and every frame was written; at the recorded pace, frames that
 // nobody read from a pty are not missing. A requirement about truth.gaps decides in place of the rule that there is
-// none. What the configured faults of truth take away is not missing. With live truth only frames lost to errors of a
-// file are missing. Percentages are those of the truths received, or of the imu's samples. A run that `is_repeated`
-// from its record may lack what the recorded run lacked.
+// none. Truth that configured faults take away is not missing. With live truth only frames lost to errors of a
+// file are missing. Percentages relate to the truths received, or to the imu's samples. A run that `is_repeated` from
+// its record may lack the same as the recorded run.
 Outcome judge(const Summary& summary, const Config& config, EndedBy ended_by,
               std::span<const Requirement> requirements, bool is_repeated = false);
 

@@ -19,14 +19,14 @@ struct TerminalClient {
   std::string name;
 };
 
-// Returns the programs that have `terminal`, such as /dev/pts/4, open, as far as /proc shows them to this user. A
-// process whose ancestor has it open, too, is left out: it has inherited it. So is imud itself.
+// Returns the programs that have `terminal`, such as /dev/pts/4, open, as far as /proc shows them to this user.
+// Leaves out imud itself, and a process whose ancestor has it open, too, because it has inherited it.
 std::vector<TerminalClient> terminal_clients(const std::string& terminal);
 
 // Watches ptys. Reads /proc, which takes milliseconds: for the main thread.
 class PtyReaders {
  public:
-  // Watches the ptys of `config` from now on. What was reported of those that it watches already is not repeated.
+  // Watches the ptys of `config` from now on. Does not repeat reports about ptys that it watches already.
   void watch(const Config& config);
 
   // Looks at the ptys if the last look was `period` ago; logs a warning, once for each pty that several programs have

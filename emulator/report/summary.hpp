@@ -40,7 +40,7 @@ struct Summary {
     double rate_hz = 0;      // truths accepted in a second, by their arrivals
     double longest_gap_s = 0;
     std::optional<double> progress;    // how much of a capture has been read, from 0 to 1
-    std::vector<std::string> remarks;  // what was noticed, and the first refusal of each cause
+    std::vector<std::string> remarks;  // of TruthRemarks, and the first refusal of each cause
     std::string warning;               // no truth has come, or how a damaged capture ends; empty: none
   } truth;
   struct Imu {
@@ -65,8 +65,8 @@ struct Summary {
   };
   std::optional<Whole> whole;
 
-  // Returns the figures of the interval that began at `before`, an earlier summary of the same run. Warning, levels
-  // and line loads are those of this summary.
+  // Returns the figures of the interval since `before`, an earlier summary of the same run. Keeps warning, levels and
+  // line loads of this summary.
   Summary since(const Summary& before) const;
 };
 
@@ -76,7 +76,7 @@ Summary summarize(const RunCounters& counters, double duration_s, const std::vec
 // Returns the count of that name: "imu1.samples", "truth.lost", "truth.refused.crc"; "truth.refused" is the sum of
 // all causes, "samples" the sum over all imus. nullopt if no counter or no imu has that name.
 std::optional<std::uint64_t> find_count(const Summary& summary, std::string_view name);
-// Returns the names of all counts, those of the imus without the imu's name.
+// Returns the names of all counts; an imu's counts are without its name.
 std::vector<std::string> count_names(const Summary& summary);
 
 // Returns "rate of poses with 0.5 mrad of noise, over 30 to 480 ms (mean 210) to either side: 0.001 rad/s of it", and

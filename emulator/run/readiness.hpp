@@ -1,4 +1,4 @@
-// Readiness: reports to those who wait for a run that it is ready or ends, and waits for the readers of its ptys.
+// Readiness: reports that a run is ready or ends, and waits for the readers of its ptys.
 #pragma once
 
 #include <boost/asio/io_context.hpp>

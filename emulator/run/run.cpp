@@ -56,7 +56,7 @@ class Ticker {
   const std::function<void()> work_;
 };
 
-// The work of the sampling thread. Returns false if a reader has not read all that was sent.
+// The work of the sampling thread. Returns false if a reader has not read everything.
 bool drive(Session& session, const Config& config, const RunOptions& options, RecordedRun* repeated,
            const std::atomic<bool>& stop) {
   MonotonicHost host;
@@ -114,7 +114,7 @@ bool has_data_on_stdout(const Config& config, const RunOptions& options) {
          options.junit_file == "-" || options.monitor.quality_file == "-" || options.record.file == "-";
 }
 
-// Logs what is missing.
+// Logs the shortfalls.
 void report(const Outcome& outcome, const Summary& summary, const Config& config) {
   if (!summary.truth.warning.empty()) spdlog::warn("{}: {}", config.truth.port, summary.truth.warning);
   if (!outcome.is_complete()) spdlog::error("incomplete: {}", fmt::join(outcome.shortfalls, "; "));
@@ -172,7 +172,7 @@ int run(const Config& config, const RunOptions& options) {
   check_outputs(config, options);
   asio::signal_set others(io, SIGUSR1, SIGUSR2, SIGHUP);
   TextFile summary_file(options.summary_file), labels_file(options.labels_file), junit_file(options.junit_file);
-  // The file of a run that was killed must not look like that of a whole run.
+  // The file of a killed run must not look like the file of a whole run.
   if (summary_file.is_regular()) summary_file.replace("{\"complete\": false, \"ended_by\": null}\n");
 
   std::optional<RealtimeProcess> process;

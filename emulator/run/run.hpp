@@ -14,8 +14,8 @@ namespace imud {
 struct RunOptions {
   std::optional<double> duration_s;  // host time; simulation time if the truth is a capture
   std::string summary_file;          // for the summary as JSON; - is standard output; empty: none
-  std::string labels_file;           // for the labels of faults, likewise
-  std::string junit_file;            // for what was expected of the hosts, as JUnit XML, likewise
+  std::string labels_file;           // for the labels of faults; - and empty as above
+  std::string junit_file;            // for the expectations, as JUnit XML; - and empty as above
   std::vector<Requirement> required;
   std::optional<int> ready_fd;   // an open descriptor that report_ready() writes to and closes
   bool wait_for_reader = false;  // the run begins when each pty has a reader
