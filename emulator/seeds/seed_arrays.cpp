@@ -84,10 +84,10 @@ std::string replaced(std::string text, std::string_view placeholder, std::string
   return text;
 }
 
-// Returns true if the fault can change which measurements of an imu arrive, or when. Those of sensors cannot.
+// Returns true if the fault can change which measurements of an imu arrive, or when. Faults of sensors cannot.
 bool changes_rows(const FaultConfig& fault) { return fault.kind->seam != FaultSeam::sensor; }
 
-// Returns true if the fault changes frames that a device has made, or their way; otherwise it changes what is made.
+// Returns true if the fault changes made frames, or their way; otherwise it acts before frames are made.
 bool acts_on_frames(const FaultConfig& fault) {
   constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
   return fault.kind->seam == FaultSeam::wire ||
@@ -95,7 +95,7 @@ bool acts_on_frames(const FaultConfig& fault) {
           std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
 }
 
-// Returns true if the fault can add measurements to those that an imu makes.
+// Returns true if the fault can add measurements to an imu's own.
 bool adds_rows(const FaultConfig& fault) {
   return (fault.kind->seam == FaultSeam::wire || fault.kind->name == "repeated" || fault.kind->name == "late" ||
           fault.kind->name == "other_settings" || fault.kind->name == "settings_lost");
@@ -114,7 +114,7 @@ std::string run_with_twins(Config config, const SeedArrays::Run& run, const OnTr
                            const std::function<void(std::size_t imu)>& awaits_truth = nullptr) {
   const std::vector<ImuConfig> imus = std::exchange(config.imus, {});
   for (std::size_t i = 0; i < imus.size(); ++i) {
-    // The twin comes first: its sample is sent before that of the imu, and after the frames of the imu's deadlines.
+    // The twin comes first: its sample is sent before the imu's sample, and after the frames of the imu's deadlines.
     config.imus.push_back(without_errors(imus[i]));
     config.imus.push_back(imus[i]);
     for (std::size_t k = 2 * i; k < config.imus.size(); ++k) {
@@ -221,8 +221,8 @@ void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run)
   }
 }
 
-// Determines the number of rows of imus whose measurements depend on the seed: those of a run without faults, or, if
-// they are more, of the first seed, and some more if faults add measurements.
+// Determines the number of rows of imus whose measurements depend on the seed: as in a run without faults, or as with
+// the first seed if greater, and some more if faults add measurements.
 void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& run) {
   if (std::none_of(imus_.begin(), imus_.end(), [](const Imu& imu) { return imu.varies; })) return;
   Config first = config;

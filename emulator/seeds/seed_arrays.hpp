@@ -20,8 +20,8 @@ namespace imud {
 // fault. If faults can change which measurements of an imu arrive, or when, the truth has the shape of the
 // measurements, and rows behind the last one of a seed have no value. Rows of seeds that have not run have none
 // either. True increments are sums since the measurement before, and NaN in the first one if samples that are not
-// sent precede it. Where a run has extrapolated or held motion, its truth is that which came later for the same
-// instant; NaN if none has.
+// sent precede it. Where a run has extrapolated or held motion, its truth is the later truth for the same instant;
+// NaN if none came.
 class SeedArrays {
  public:
   // The values of a row that is not known.
@@ -33,9 +33,9 @@ class SeedArrays {
 
   struct Seeds {
     std::uint64_t first = 1, count = 1;
-    std::string origin;  // what else the arrays are made of; empty: an incomplete array cannot be completed
+    std::string origin;  // the other inputs of the arrays; empty: an incomplete array cannot be completed
   };
-  // Runs a configuration with that way to open a port; the last parameter, which may be nullptr, is
+  // Runs a configuration with this function to open ports. The last parameter, which may be nullptr, is
   // RecordedRun::Options::awaits_truth. Returns why there may be no measurement.
   using Run = std::function<std::string(const Config& config, const Sync::OpenPort& open,
                                         const std::function<void(std::size_t imu)>& awaits_truth)>;
@@ -48,15 +48,15 @@ class SeedArrays {
   bool is_done(std::uint64_t seed_index) const noexcept;
   // The array of that imu has the run of that seed.
   void mark(std::size_t imu, std::uint64_t seed_index) noexcept { imus_[imu].measured->mark(seed_index); }
-  // Ends the arrays, which take the place of those of before. Throws std::runtime_error.
+  // Ends the arrays, which replace the old ones. Throws std::runtime_error.
   void commit();
   // Leaves the arrays incomplete, if they can be completed. Returns the name of one of them; empty if none is left.
   std::string keep() noexcept;
 
   // Returns true if the truth of an imu depends on the seed.
   bool varies(std::size_t imu) const noexcept { return imus_[imu].varies; }
-  // Finds what the imus of a configuration make, before the faults of messages and wires: a port for each imu, by
-  // their order.
+  // Takes the measurements of the imus before the faults of messages and wires: a port for each imu, by their
+  // order.
   static std::vector<std::vector<MadeRow>> made(const Config& config, const Run& run);
 
   // Collects the measurements of one run and one imu. Called after the fork.
@@ -65,7 +65,7 @@ class SeedArrays {
     // `made`: the rows that the imu makes; used if the truth varies().
     Rows(const SeedArrays& arrays, std::size_t imu, std::uint64_t seed_index, std::vector<MadeRow> made = {});
     std::unique_ptr<Port> port();
-    // Writes the last rows. Returns what is missing, or a text of length 0. Throws std::runtime_error if the file
+    // Writes the last rows. Returns the shortfall, or a text of length 0. Throws std::runtime_error if the file
     // cannot be written.
     std::string finish();
 

@@ -12,14 +12,14 @@ namespace imud {
 // It stands for the seed in the imus' ports.
 inline constexpr std::string_view seed_placeholder = "{seed}";
 
-// Throws PortError if two runs would write to one port, or a port is no file. `repeats`: the runs are those of a
-// record. `many`: there are several seeds. `has_arrays`: no port is opened.
+// Throws PortError if two runs would write to one port, or a port is no file. `repeats`: the runs repeat a record.
+// `many`: there are several seeds. `has_arrays`: no port is opened.
 void check_seed_ports(const Config& config, bool repeats, bool many, bool has_arrays);
 
 // Throws OpenError if the summary or the labels would be written over a file of the runs, or over one another.
 void check_seed_files(const Config& config, const RunOptions& options);
 
-// Returns what the arrays of these runs are made of; empty if the capture can be read only once.
+// Returns the origin of the arrays of these runs; empty if the capture can be read only once.
 std::string origin_of(const Config& config, const RunOptions& options);
 
 }  // namespace imud

@@ -18,15 +18,15 @@ namespace imud {
 // Returns the worse of two exit codes: 1 is worse than 3, and 3 than 0.
 int worse_exit_code(int a, int b) noexcept;
 
-// The summaries by seed; those of a seed's imus, which ran apart, are merged.
+// The summaries by seed. Summaries of a seed's imus that ran apart are merged.
 class SeedResults {
  public:
-  // `keeps`: by_seed() is wanted. `parts`: of each run, which run apart; a fault of `faults`, which must outlive
-  // this, that has begun in none of them is a shortfall of the run. With one part, its summary has the shortfalls.
+  // `keeps`: by_seed() is wanted. `parts`: parts of each run, which run apart. A fault of `faults`, which must
+  // outlive this, is a shortfall of the run if it has begun in no part. A single part's summary has the shortfalls.
   explicit SeedResults(bool keeps, std::size_t parts = 1, std::span<const FaultConfig> faults = {})
       : keeps_(keeps), parts_(parts), faults_(faults) {}
 
-  // `text`: a JSON array of the summaries of runs. Logs what is missing, of the first seeds, and the remarks of the
+  // `text`: a JSON array of the summaries of runs. Logs the shortfalls of the first seeds, and the remarks of the
   // first run. Returns false if a signal has ended one of them.
   bool add(const std::string& text);
 

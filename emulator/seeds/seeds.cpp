@@ -41,7 +41,7 @@ std::string with_seed(std::string port, std::string_view seed) {
   return port;
 }
 
-// Returns what was noticed, and the first refusal of each cause.
+// Returns the remarks, and the first refusal of each cause.
 std::vector<std::string> remarks(const TruthCounters& truth) {
   std::vector<std::string> all;
   for (const Remark* remark : truth.remarks.all())
@@ -61,7 +61,7 @@ std::size_t most_records(const std::string& port) {
   return can_read_again ? most : std::numeric_limits<std::size_t>::max();
 }
 
-// The runs, and what they share.
+// The runs, and their shared data.
 class Runs {
  public:
   Runs(const Config& config, const RunOptions& options, const SeedsOptions& seeds)
@@ -123,7 +123,7 @@ class Runs {
   }
 
   // Does an item; returns the summaries of its runs as a JSON array in one line. Throws std::runtime_error, which
-  // names the seed if the fault is that of a port.
+  // names the seed if a port is at fault.
   std::string work(std::size_t item) const;
 
  private:
@@ -142,7 +142,7 @@ class Runs {
     std::vector<SeedArrays::Rows> rows;  // by seed, and by imu
     HostTime begin;
   };
-  // Returns what each imu of the runs makes, if the truth of one varies with the seed; otherwise nothing.
+  // Returns the measurements of each imu of the runs if the truth of one varies with the seed; otherwise nothing.
   std::vector<std::vector<MadeRow>> made_by(const Config& config, std::size_t part) const {
     bool varies = false;
     for (std::size_t i = 0; arrays_ && i < config_.imus.size(); ++i)
@@ -267,7 +267,7 @@ std::string Runs::work(std::size_t item) const {
   return fmt::format("[{}]", fmt::join(summaries, ","));
 }
 
-// Ends the run number `run` of a batch, which is that of Batch::config; returns its summary.
+// Ends the run number `run` of a batch, with its Batch::config; returns its summary.
 std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
                       std::size_t part) const {
   const std::size_t imus = batch.config.imus.size();
@@ -289,7 +289,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
   if (parts_ == 1)
     outcome.judge_faults(std::move(faults), options_.repeats);
   else
-    outcome.faults = std::move(faults);  // SeedResults judges those of all parts
+    outcome.faults = std::move(faults);  // SeedResults judges the faults of all parts
   if (outcome.ended_by != EndedBy::failure) imud::commit(channels);
   if (arrays_)
     for (SeedArrays::Rows& rows : std::span(batch.rows).subspan(run * imus, imus))

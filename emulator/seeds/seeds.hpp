@@ -19,23 +19,23 @@ struct SeedRange {
 };
 
 struct SeedsOptions {
-  std::optional<SeedRange> seeds;  // nullopt: that of the configuration
+  std::optional<SeedRange> seeds;  // nullopt: the configuration's seed
   unsigned jobs = 0;               // processes; 0: one for each processor
   std::string npy;                 // path of the arrays, with `{imu}` for the imu's name; empty: none
   bool quiet = false;              // no progress
 };
 
 // Replays the capture of `config`, whose clock is `fast`, once for each seed. A run with a seed has the same bytes as
-// one of run() with that seed. In the imus' ports `{seed}` stands for the seed, with leading zeros, so that all have
-// the length of the last; with `npy` no port of an imu is opened. With fewer seeds than processes, each imu has
-// processes of its own, unless the capture has truths out of order, which imus insert according to one another's
-// samples, or a requirement is given.
+// run() with that seed. In the imus' ports `{seed}` stands for the seed, with leading zeros up to the length of the
+// last seed. With `npy` no port of an imu is opened. With fewer seeds than processes, each imu has processes of its
+// own. Exceptions are a requirement, and a capture with truths out of order, which imus insert according to one
+// another's samples.
 //
-// With `npy`, FILE is a structured array of (seeds, measurements) as imu-decode has it: what each imu sends, decoded;
-// and FILE with `_truth` before its suffix one of (measurements), with the truth at the measurements' samples.
+// With `npy`, FILE is a structured array of (seeds, measurements) in the form of imu-decode: each imu's messages,
+// decoded. FILE with `_truth` before its suffix is an array of (measurements), with the truth at their samples.
 //
 // Prints a summary, and the progress on standard error; writes RunOptions::summary_file with a list by seed. Returns
-// the worst exit code of a run. Throws as run() does, and PortError if the ports are not those of seeds.
+// the worst exit code of a run. Throws as run() does, and PortError if the ports do not suit seeds.
 int replay_seeds(const Config& config, const RunOptions& options, const SeedsOptions& seeds);
 
 }  // namespace imud

@@ -116,7 +116,7 @@ class Workers {
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
-  // Takes what the workers have sent, for a fifth of a second at most. Returns false when all have ended.
+  // Takes the texts of the workers, for a fifth of a second at most. Returns false when all have ended.
   bool serve() {
     if (stop)
       for (const Worker& worker : all_)

@@ -11,18 +11,18 @@
 namespace imud {
 
 // A truth cannot arrive before it is sent. Plotted as host time over truth time, all arrivals therefore lie on or
-// above one straight line, and those of lowest latency lie on it. The estimate of the line is the edge of the lower
-// convex hull of the arrivals at the middle of the last 4 s: no arrival lies below it, and the mean distance to all
-// is the smallest (Zhang, Liu, Xia, "Clock synchronization algorithms for network measurements", INFOCOM 2002). The
-// inverse of its slope is the simulator's rate. The offset is that of the arrival of lowest latency in the last 4 s,
-// which jitter hardly moves; while the arrivals of the last second contradict it, because the simulator's rate
-// changes, that of the last half second. The map is corrected by slewing, offset and delay by 5 % at most each, never
+// above one straight line, and the arrivals of lowest latency lie on it. The estimate of the line is the edge of the
+// lower convex hull of the arrivals at the middle of the last 4 s: no arrival lies below it, and the mean distance to
+// all is the smallest (Zhang, Liu, Xia, "Clock synchronization algorithms for network measurements", INFOCOM 2002).
+// The inverse of its slope is the simulator's rate. The arrival of lowest latency in the last 4 s gives the offset,
+// which jitter hardly moves. If the simulator's rate changes, and arrivals of the last second contradict the offset,
+// the last half second gives it. The map is corrected by slewing, offset and delay by 5 % at most each, never
 // by a step. A rate that differs from 1 by less than its uncertainty is taken as 1.
 //
 // An automatic delay is settled before the first run: from begin() on the arrivals are only observed, until
 // is_settled(); then settle() fixes the delay, so that the sensors sample an undistorted motion from the first sample
-// on. Later it is raised if more arrivals than `automatic_percent` allows for were too late for it, slewed by 0.2 %,
-// and lowered by 50 us a second, as far as a poor crystal would drift, if it is more than a quarter too long.
+// on. Later the delay is raised, slewed by 0.2 %, if more arrivals than `automatic_percent` allows for were too late.
+// It is lowered by 50 us a second, the drift of a poor crystal, if it is more than a quarter too long.
 //
 // Allocates nothing. One thread.
 class TruthClock {
@@ -66,7 +66,7 @@ class TruthClock {
   double used_rate() const noexcept { return rate_; }
   // The time by which the simulator has fallen behind the host's clock since begin(), s.
   double offset_s() const noexcept { return offset_s_; }
-  // The delay, s of truth time, to which that of the map is slewed. Automatic: at most 1 s, see above.
+  // The delay, s of truth time, to which the map's delay is slewed. Automatic: at most 1 s, see above.
   double delay_s() const noexcept { return delay_s_; }
   // How often the automatic delay was raised after it was settled.
   std::uint64_t delay_raises() const noexcept { return delay_raises_; }
@@ -100,7 +100,7 @@ class TruthClock {
   TruthTime truth_origin_;  // of begin()
   HostTime host_origin_;
 
-  // The arrival of lowest latency in each block of time. That of the newest block may still be replaced.
+  // The arrival of lowest latency in each block of time. The newest block's arrival may still be replaced.
   std::array<Point, 64> points_;
   std::size_t first_ = 0;
   std::size_t count_ = 0;

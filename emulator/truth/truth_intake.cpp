@@ -18,7 +18,7 @@ bool is_stream(const std::string& text, const Port& port) noexcept {
   return !port.keeps_datagrams().value_or(transport != nullptr && transport->keeps_datagrams);
 }
 
-// Returns the address that `port` receives datagrams at, as far as its text has it.
+// Returns the address at which `port` receives datagrams, as far as its text gives it.
 Endpoint address_of(const std::string& port) {
   const Transport* transport = transport_of(port);
   Endpoint address;
@@ -93,7 +93,7 @@ void TruthIntake::watch_connection() noexcept {
   counters_.port_state.store(port_->state(), std::memory_order_release);
 }
 
-// Returns true if the truth, the first of a connection, does not continue that of the connection before.
+// Returns true if a connection's first truth does not continue the truth of the connection before.
 bool TruthIntake::starts_again() const noexcept {
   if (timeline_.empty()) return false;
   const Nanoseconds ahead = truth_.time - timeline_.newest();

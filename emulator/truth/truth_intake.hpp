@@ -24,8 +24,8 @@ namespace imud {
 // Owns the truth port and the format's decoder. One thread, but any thread may read counters().
 class TruthIntake {
  public:
-  // `config.format` must outlive this. `recorder`: records what is received and sent; nullptr: none does. `decoder`
-  // decodes in place of that of the format; nullptr: that of the format does.
+  // `config.format` must outlive this. `sink` takes received and sent packets. `decoder` decodes in place of the
+  // format's decoder; nullptr: the format's decoder does.
   TruthIntake(const TruthConfig& config, Timeline& timeline, std::unique_ptr<Port> port,
               StepSink& sink = StepSink::none(), std::unique_ptr<TruthDecoder> decoder = nullptr);
 
@@ -42,7 +42,7 @@ class TruthIntake {
 
   // The last truth that was accepted or inserted, or a refused repetition; valid unless the record was ignored.
   const Truth& truth() const noexcept { return truth_; }
-  // Returns true if the sender of truth() waits for an answer; that of a refused repetition does, too.
+  // Returns true if the sender of truth() waits for an answer, also after a refused repetition.
   bool answer_due() const noexcept { return answer_due_; }
   // Answers truth() with the time up to which samples were emitted, and their number in the run.
   void answer(TruthTime emitted_until, std::uint64_t samples) noexcept;
@@ -122,7 +122,7 @@ class TruthIntake {
   const bool is_live_;           // a simulator is at the port's other end, and can receive
   bool started_ = false;         // the decoder's start() was called, and the simulator has not disconnected since
   bool has_ended_ = false;       // the port's input has ended; the decoder may still have its last record
-  bool finished_ = false;        // likewise, and every record of it was taken
+  bool finished_ = false;        // the input has ended, and every record was taken
   const Timeline::Limits limits_;
   std::uint64_t times_lost_ = 0;  // PortCounters::lost_count of a stream at the last record
   bool is_back_ = false;          // no truth has come since the simulator has disconnected

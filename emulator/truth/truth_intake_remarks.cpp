@@ -1,4 +1,4 @@
-// The remarks of TruthIntake on what is accepted, but probably not meant.
+// The remarks of TruthIntake on accepted truth that is probably not meant.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -7,9 +7,9 @@
 
 namespace imud {
 
-// Watches a live stream of truth beside the TruthClock. The clock tracks small deviations; the monitor detects those
-// that neither a network nor a scheduler causes, after which the map of the clock is re-anchored. No allocation. One
-// thread.
+// Watches a live stream of truth beside the TruthClock. The clock tracks small deviations. The monitor detects
+// deviations that neither a network nor a scheduler causes. After these the map of the clock is re-anchored. No
+// allocation. One thread.
 class TruthMonitor {
  public:
   // `extrapolate`: how long motion is extrapolated after the newest truth; a truth that is later than this is late.

@@ -25,7 +25,7 @@ namespace imud {
 
 class HttpConnection;
 
-// The answers of the server, and whom it answers. Shared by all connections.
+// The answers and the admission rules of the server. Shared by all connections.
 struct WebContent {
   std::string machine;            // the name of this machine
   std::optional<WebToken> token;  // nullopt: none is asked for
@@ -33,8 +33,8 @@ struct WebContent {
   std::function<std::string(MetricsFormat)> metrics;
   ControlCounters* counters = nullptr;
   std::list<std::weak_ptr<WebSocket>> sockets;
-  std::set<std::shared_ptr<HttpConnection>> calls;  // those that wait for an answer
-  std::vector<HttpConnection*> readers;             // those that wait for a request, the longest first
+  std::set<std::shared_ptr<HttpConnection>> calls;  // connections that wait for an answer
+  std::vector<HttpConnection*> readers;             // connections that wait for a request, the longest first
 };
 
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
@@ -42,8 +42,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   // `guard` is destroyed with the connection. `content` must outlive it, as long as events are handled.
   HttpConnection(boost::asio::ip::tcp::socket socket, WebContent& content, std::shared_ptr<void> guard);
   void read();
-  // Closes the connection that has waited longest for a request, to make room for a new one: one that has sent a part
-  // of its request only if there is no other. Returns false if all are busy or WebSockets.
+  // Closes the connection that has waited longest for a request, to make room for a new one. Closes a connection with
+  // a part of a request only if there is no other. Returns false if all are busy or WebSockets.
   static bool close_idle(WebContent& content);
 
  private:

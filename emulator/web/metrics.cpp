@@ -166,7 +166,7 @@ void add_histograms(Text& text, const std::string& prefix, const CounterGroup& d
   }
 }
 
-// The figures that products declare: an imu has those of its product only.
+// The figures that products declare: an imu has its product's figures only.
 void add_device_counters(Text& text, const std::string& prefix, const Summary& summary) {
   std::set<std::string_view> done;
   for (const Summary::Imu& first : summary.imus)

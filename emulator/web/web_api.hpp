@@ -1,4 +1,4 @@
-// WebApi: the control protocol as the web server passes it on. The server knows neither methods nor their meaning.
+// WebApi: the control protocol behind the web server. The server knows neither methods nor their meaning.
 #pragma once
 
 #include <functional>
@@ -11,7 +11,7 @@
 namespace imud {
 
 // Executes the requests of a text (ControlApi::call()). `answer` is called once, now or later, with the text of the
-// answer, which is empty if none is wanted. `client`: to which notifications go; nullptr: it gets none.
+// answer, which is empty if none is wanted. `client` gets notifications; nullptr: nobody does.
 using WebApi = std::function<void(std::string_view request, std::function<void(std::string)> answer,
                                   const std::shared_ptr<Subscriber>& client)>;
 

@@ -15,8 +15,8 @@ namespace imud {
 
 // Answers GET of the page's files and of /metrics, POST of JSON-RPC 2.0 to /api, and a WebSocket at /api, whose text
 // messages are JSON-RPC, too. Runs in the thread that runs the io_context, and never waits: a WebSocket that reads
-// too slowly loses notifications (SendQueue). What it answers does
-// not depend on file names of the request: the files are a table.
+// too slowly loses notifications (SendQueue). Its answers do not depend on file names of the request: the files are a
+// table.
 class WebServer {
  public:
   // For a further one the longest idle connection is closed; if none is idle, the further one is closed at once.
