@@ -1,4 +1,4 @@
-// check: prints what a configuration would run, with the value of every key.
+// check: prints a description of a configuration's run, with the value of every key.
 #pragma once
 
 #include <cstdint>

@@ -117,7 +117,7 @@ std::vector<std::string> words(int argc, const char* const* argv) {
   return all;
 }
 
-// Returns what is wrong with a first argument that is neither an option nor a command; empty if nothing is.
+// Returns the fault of a first argument that is neither an option nor a command; empty if there is none.
 std::string unknown_command(const CLI::App& app, const std::vector<std::string>& arguments) {
   if (arguments.empty() || arguments.front().starts_with('-')) return {};
   std::vector<std::string> commands;

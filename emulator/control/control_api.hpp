@@ -99,7 +99,7 @@ class ControlApi {
   std::uint64_t last_batch_ = 0;
   bool ended_ = false;
   std::size_t faults_reported_ = 0;
-  // The lines of the log in the second that began at log_second_, and those left out since.
+  // The lines of the log in the second that began at log_second_, and omitted lines since then.
   HostTime log_second_;
   int logged_ = 0;
   std::uint64_t unlogged_ = 0;

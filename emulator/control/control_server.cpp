@@ -24,7 +24,7 @@ using ErrorCode = boost::system::error_code;
 // A connection. It lives as long as an operation on it, or an answer, waits.
 class ControlServer::Client final : public Subscriber, public std::enable_shared_from_this<Client> {
  public:
-  // `token`: what the client must show first; nullptr: nothing. It outlives this.
+  // `token`: the client must show it first; nullptr: no token. It outlives this.
   Client(Socket socket, ControlApi& api, const Token* token)
       : socket_(std::move(socket)),
         api_(api),

@@ -178,7 +178,7 @@ void Loop::apply_truth() noexcept {
   intake_.answer(waits_for_truth_ ? timeline_.newest() : sampled, session_.samples_in_run());
 }
 
-// Sends what the ports hold back; waits for their readers where the host's clock does not pace.
+// Sends the frames that ports hold back. Waits for readers where the host's clock does not pace.
 void Loop::send_all() noexcept {
   session_.flush();
   if (paced_) return;

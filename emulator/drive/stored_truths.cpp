@@ -39,7 +39,7 @@ class StoredPort final : public Port {
   std::size_t next_ = 0;
 };
 
-// Decodes what a StoredPort returns.
+// Decodes the bytes of a StoredPort.
 class StoredDecoder final : public TruthDecoder {
  public:
   void feed(std::span<const std::byte> bytes, TruthInput, HostTime) noexcept override {

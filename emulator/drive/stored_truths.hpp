@@ -20,7 +20,7 @@ class StoredTruths {
   // Reads the capture to its end. Returns nullopt if it has more than `most` records. Throws PortError.
   static std::optional<StoredTruths> read(const TruthConfig& config, std::size_t most);
 
-  // Returns the format whose decoders read what open() returns. Both must not outlive this.
+  // Returns the format whose decoders read the port of open(). Both must not outlive this.
   const TruthFormat& format() const noexcept { return *format_; }
   std::unique_ptr<Port> open() const;
   // Returns true if each truth is later than the one before: none is inserted or refused for its time.

@@ -392,7 +392,7 @@ void Channel::discard_pending() noexcept {
 
 namespace {
 
-// Calls `commit` for each of `all`, then throws what the first has thrown.
+// Calls `commit` for each of `all`, then throws the first exception.
 template <class Range, class Commit>
 void commit_each(const Range& all, const Commit& commit) {
   std::exception_ptr failure;

@@ -32,13 +32,13 @@ namespace imud {
 
 // An imu with its device, ports, pins and clock. A sample goes through sense(), prepare(), encode() and transmit(),
 // in this order. The device receives it by encode(), at its instant: until then serve(), poll() and cycle_power() may
-// change what the device sends of it, but not between encode() and transmit(). So frames leave in the order of the
-// device's calls, and those calls in the order of time. After construction nothing here allocates, locks, logs or
+// change its frames, but not between encode() and transmit(). So frames leave in the order of the device's calls, and
+// the calls are in the order of time. After construction nothing here allocates, locks, logs or
 // throws, and only wait_until_sent() and wait_for_room() wait. One thread; the counters may be read by any.
 class Channel {
  public:
-  // Opens the ports and the pins. `recorder`: records what happens; nullptr: none does. `faults`: nullptr: there are
-  // none. Throws PortError.
+  // Opens the ports and the pins. `sink` records the events. `faults`: nullptr: there are none. Throws
+  // PortError.
   Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, StepSink& sink = StepSink::none(),
           std::unique_ptr<ChannelFaults> faults = nullptr);
 
@@ -138,7 +138,7 @@ class Channel {
   void review_samples(const Timeline& timeline, TruthQuality::ExtrapolationError& error) noexcept {
     awaited_.review(timeline, error);
   }
-  // Returns what was expected of the host. Called after the last sample.
+  // Returns the outcomes of the expectations. Called after the last sample.
   std::vector<Expected> expected() const {
     return faults_ ? faults_->expectations().results() : std::vector<Expected>{};
   }
@@ -168,19 +168,19 @@ class Channel {
     if (!copies_.empty()) copies_.serve();
     return !are_files_ && serve_lines(now, clock);
   }
-  // Executes what the host has sent to the UART, at host time `now`, and sends the replies.
+  // Executes the host's bytes to the UART, at host time `now`, and sends the replies.
   void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
   void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
   // Sends the frames that the ports hold back, as far as they can now.
   void flush() noexcept;
-  // Checks whether the ports have readers, for counters(). Leaves alone what a host has sent.
+  // Checks whether the ports have readers, for counters(). Does not read a host's bytes.
   void update_port_states() noexcept;
   // Returns when flush() or poll() has to be called next; nullopt if neither waits for a time.
   std::optional<HostTime> next_wake() const noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
-  // Called at the end: Port::commit() of all ports, also if one of them fails. Throws what the first has thrown.
+  // Called at the end: Port::commit() of all ports, even if one fails. Throws the first exception.
   void commit();
 
   // The number of ports: 1, or 2 if the product's second UART is connected; `i` is the frames' Frame::uart.
@@ -224,7 +224,7 @@ class Channel {
   bool is_on() const noexcept { return is_supplied_ && power_step_.is_on; }
   void start_device(DeviceTime now) noexcept;
   void exchange_device(Reload::Sensor& sensor, HostTime now) noexcept;
-  // Switches the device as the faults of the sample's power have it. Returns true if it starts.
+  // Switches the device by the sample's faults of the power. Returns true if it starts.
   bool apply_power_faults() noexcept;
   void apply_uarts() noexcept;
   void apply_filters() noexcept;
@@ -280,7 +280,7 @@ class Channel {
   std::uint16_t number_ = 0;    // of the imu, in the feed
 };
 
-// Channel::commit() of all channels, also if one of them fails. Throws what the first has thrown.
+// Channel::commit() of all channels, even if one fails. Throws the first exception.
 void commit(std::span<const std::unique_ptr<Channel>> channels);
 
 }  // namespace imud

@@ -102,7 +102,7 @@ void Channel::set_supply(bool on, HostTime now) noexcept {
 
 void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept {
   for (DeviceLine& line : lines()) {
-    line.wire->set_time(sample_.time);  // of what others send before its frames
+    line.wire->set_time(sample_.time);  // of other senders' frames before its own
     line.wire->set_active(wire);
   }
   next_power_step_ = power_faults_->step(power);

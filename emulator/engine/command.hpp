@@ -27,10 +27,10 @@ struct Command {
     when_stopped = 12,       // `number`: WhenStopped
     log_level = 13,          // changes nothing in the sampling thread; `number`: LogLevel
     fault_begin = 14,        // `number`: of the fault in the FaultBook
-    fault_end = 15,          // likewise
+    fault_end = 15,          // `number`: of the fault
     fault_clear = 16,        // ends all faults
     servo = 17,              // of the truth format: TruthIntake::set_servo() of the servo `number`; `value`: us
-    reload = 18,             // Session::set_reload() has what changes; in a record `number` is the size of its text
+    reload = 18,             // Session::set_reload() has the changes; in a record `number` is the size of its text
   };
   static constexpr std::uint16_t all_imus = 0xFFFF;
   static constexpr std::size_t longest_text = 120;  // bytes
@@ -43,7 +43,7 @@ struct Command {
   std::array<char, longest_text> text = {};  // of a mark
 };
 
-// Returns false for commands that change what a device sends, and have no value.
+// Returns false for commands that change a device's output, and have no value.
 constexpr bool has_value(Command::Kind kind) noexcept {
   return kind > Command::Kind::resume && kind != Command::Kind::reload;
 }

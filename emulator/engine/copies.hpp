@@ -17,7 +17,7 @@
 namespace imud {
 
 // The ports that `also` in [[imu]] names. Each gets every frame of the imu's port, after that port, even if the port
-// drops it. What arrives at a copy is discarded. Where the host's clock paces, a copy is
+// drops it. Bytes that arrive at a copy are discarded. Where the host's clock paces, a copy is
 // never waited for: a frame that it does not take is dropped from this copy alone. In lockstep and fast a copy that
 // has no room is waited for as the port is. The constructor allocates; only the wait functions wait. The sampling
 // thread alone uses it.
@@ -31,7 +31,7 @@ class Copies {
   // `time`: the device's time. `is_reply`: the frames answer the host.
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept;
   void set_line(const UartSettings& uart) noexcept;
-  // Discards what has arrived.
+  // Discards arrived bytes.
   void serve() noexcept;
   void flush() noexcept;
   // Returns when flush() has to be called next; nullopt if nothing waits for a time.

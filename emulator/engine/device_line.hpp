@@ -19,7 +19,7 @@ struct DeviceLine {
   std::uint64_t passed = 0;  // frames passed to the port
   bool is_file = false;      // a regular file, which accepts everything and never answers
   bool is_stalled = false;   // the port has accepted nothing for 2 s
-  // In the record: frames that left; the next two are what the host has sent, and frames that were dropped.
+  // In the record: frames that left. The next two numbers: the host's bytes, and dropped frames.
   std::uint16_t interface = 0;
   WirePort* wire = nullptr;  // the port, if faults act on it
   PortCounters before = {};  // the sums over the ports whose place it has taken

@@ -1,4 +1,4 @@
-// Reload: what another configuration changes in a run that goes on.
+// Reload: the changes by another configuration in a run that goes on.
 #pragma once
 
 #include <cstddef>

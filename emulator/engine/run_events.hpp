@@ -1,4 +1,4 @@
-// RunEvents: a bounded queue of what the sampling thread reports to the main thread.
+// RunEvents: a bounded queue of reports from the sampling thread to the main thread.
 #pragma once
 
 #include <boost/lockfree/spsc_queue.hpp>

@@ -1,4 +1,4 @@
-// SampleFeed: a bounded queue of samples, with the truth behind them, for those who watch a run.
+// SampleFeed: a bounded queue of samples, with the truth behind them, for watchers of a run.
 #pragma once
 
 #include <array>
@@ -47,7 +47,7 @@ class SampleFeed {
   // `lost` outlives this.
   SampleFeed(std::size_t imus, Counter& lost) : samples_(capacity), every_(imus), lost_(lost) {}
 
-  // Main thread: the feed has those samples of the imu whose number is a multiple of `every`; 0: none.
+  // Main thread: the feed gets samples of the imu whose numbers are multiples of `every`; 0: none.
   void watch(std::size_t imu, std::uint32_t every) noexcept { every_[imu].store(every, std::memory_order_relaxed); }
   bool pop(FeedSample& sample) noexcept { return samples_.pop(sample); }
 

@@ -43,7 +43,7 @@ class Session {
   // The faults of the run, and their begins and ends so far.
   FaultBook& faults() noexcept { return faults_; }
   const FaultBook& faults() const noexcept { return faults_; }
-  // Returns what was expected of the hosts. Called after the last sample.
+  // Returns the outcomes of the expectations. Called after the last sample.
   std::vector<Expected> expected() const;
   // Begins a fault of truth, whose times count from the next truth, and ends one, or all (FaultSchedule). Without
   // effect if truth cannot fail.
@@ -113,7 +113,7 @@ class Session {
   bool serve_inputs(HostTime now, Host* clock) noexcept;
   // Serves all hosts and polls all devices. Lost ports check whether their device is back.
   void serve_all(HostTime now, Host* clock) noexcept;
-  // Polls the deadlines of the truth format and of the devices up to `now`, and sends what the ports hold back;
+  // Polls the deadlines of the truth format and of the devices up to `now`, and sends frames that ports hold back;
   // flush() does only the latter.
   void poll(HostTime now) noexcept;
   void flush() noexcept;

@@ -85,7 +85,7 @@ void WirePort::begin(WireChange& change) noexcept {
   switch (change.kind()) {
     case WireFault::line_break:
       if (port_->set_break(true)) break;
-      change.owed = 1;  // what a receiver gets
+      change.owed = 1;  // the byte that a receiver gets
       break;
     case WireFault::disconnect:
       port_->set_connected(false);

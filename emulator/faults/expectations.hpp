@@ -28,7 +28,7 @@ class Expectations {
   Expectations(std::span<const ExpectConfig> all, std::string_view imu);
 
   bool empty() const noexcept { return watches_.empty(); }
-  // A run of the truth begins: what is not decided begins again.
+  // A run of the truth begins: undecided expectations begin again.
   void begin_run() noexcept;
   // A sample is taken, `time_s` after the begin of the run; called after FaultSchedule::take().
   void take(const FaultSchedule& schedule, double time_s) noexcept;

@@ -28,7 +28,7 @@ struct FaultEvent {
 };
 
 // A list that only grows, up to a size that is set at the start; further events are counted as lost. One thread adds,
-// any other reads what is there.
+// any other reads the added events.
 class FaultLog {
  public:
   static constexpr std::size_t default_size = 65536;

@@ -133,7 +133,7 @@ class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
       begin_run(truth.time);
       last_.reset();
     }
-    Sample sample;  // what a schedule knows of a sample
+    Sample sample;  // the schedule's view of a truth
     sample.counter = count_++;
     sample.time = DeviceTime{truth.time.ns};
     sample.rate = truth.omega_BN_B;

@@ -56,7 +56,7 @@ class WireChange {
 
   // Returns how many events at a rate of `per_s` a second are due in a sample of `period_s`.
   std::size_t due(double per_s, double period_s) noexcept;
-  double owed = 0;  // the rest of due(), or what else the kind carries from sample to sample
+  double owed = 0;  // the rest of due(), or another value that the kind keeps between samples
 
  private:
   void change_bits(std::span<std::byte> bytes) noexcept;

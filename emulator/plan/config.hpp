@@ -56,7 +56,7 @@ struct TruthConfig {
   TruthFrame frame;                     // as far as the format and its settings determine it
   EarthModel earth;                     // the Earth of every imu
   bool is_earth_angle_given = false;    // by the key; otherwise it is the truth's, or the start's
-  TruthBounds bounds;                   // what the truth probably stays within
+  TruthBounds bounds;                   // the probable limits of the truth
   Vector3 r_RB_B = Vector3::Zero();     // m; the point whose motion the truth gives. The imus' lever arms begin there
 };
 
@@ -102,7 +102,7 @@ struct ControlConfig {
   std::string name;             // of this instance; empty: the number of its process
   std::string socket = "auto";  // a path; "auto": in the folder for sockets, by the name; "none"
   std::string listen;           // ADDRESS:PORT of a loopback interface; empty: none
-  std::string token_file;       // its first line is what clients at `listen` show
+  std::string token_file;       // its first line is the secret of clients at `listen`
   bool faults = false;          // faults can be begun
 };
 

@@ -37,7 +37,7 @@ class Recorder final : public StepSink {
   void start(bool is_live, std::string config);
 
   // --- Any other thread ---
-  // Called when the sampling thread has ended: writes what is in the queue.
+  // Called when the sampling thread has ended: writes the packets in the queue.
   void finish();
   const RecordCounters& counters() const noexcept { return counters_; }
   // The file, or the first one.

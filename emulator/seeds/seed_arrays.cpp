@@ -35,7 +35,7 @@ class TruthRows {
  public:
   // A sample of the twin will come after the measurements that carry it, because its truth has not come.
   void await_truth() noexcept { ++taken_; }
-  // The next sample of the twin. If it was not awaited, it comes before those frames of the imu that carry it.
+  // The next sample of the twin. If it was not awaited, it comes before the imu's frames that carry it.
   void on_truth(const Measurement& truth) {
     taken_ = std::max(taken_, ++received_);
     newest_ = truth.sample;

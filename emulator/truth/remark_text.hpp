@@ -10,7 +10,7 @@
 
 namespace imud {
 
-// Writes a remark; cuts off what exceeds `room`. Returns the length.
+// Writes a remark; cuts it off at the end of `room`. Returns the length.
 template <class... Values>
 std::size_t write_remark(std::span<char> room, fmt::format_string<Values...> format, Values&&... values) noexcept {
   const auto result = fmt::format_to_n(room.data(), room.size(), format, std::forward<Values>(values)...);

@@ -111,7 +111,7 @@ class TruthIntake {
   // The stage between decoder and timeline; null if nothing is derived.
   struct Derivation {
     PoseFit fit;
-    Timeline order;              // the records as they arrive: it refuses what is late, and finds new runs
+    Timeline order;              // the records as they arrive: it refuses late ones, and finds new runs
     std::uint64_t outliers = 0;  // that were counted
   };
   std::unique_ptr<Derivation> derivation_;
