@@ -143,6 +143,8 @@ for folder, suffix in ENTRY_FOLDERS.items():
 COINAGES = {
     r"hears?|heard|hearing": "receive", r"obeys?|obeyed": "execute", r"patience": "timeout, longest wait",
     r"gives? up|given up": "discard, end", r"anew": "again, restart", r"sees? off": "drain", r"takes? in what": "integrate",
+    # A pronoun that carries the sentence.
+    r"(?:those|that) of|those that|what (?:it|they)|likewise|as (?:\w+ ){1,2}has (?:it|them)": "the noun",
 }
 coined = re.compile(rf"\b({'|'.join(COINAGES)})\b", re.IGNORECASE)
 for folder in RULES:

@@ -46,7 +46,7 @@ class FaultCode {
   constexpr FaultCode(Enum value) noexcept : value_(static_cast<std::uint8_t>(value)) {}
 
   constexpr std::size_t value() const noexcept { return value_; }
-  // `Enum` is that of the seam.
+  // `Enum` is the enumeration of the seam.
   template <class Enum>
   constexpr Enum as() const noexcept {
     return static_cast<Enum>(value_);

@@ -8,7 +8,7 @@
 
 namespace imud {
 
-// Returns the units of a target's values, without offsets; the first is that of SI. Empty: the values have none.
+// Returns the units of a target's values, without offsets; the first is the SI unit. Empty: the values have none.
 std::span<const KeyUnit> fault_units(std::string_view target) noexcept;
 
 }  // namespace imud

@@ -91,7 +91,7 @@ enum class JsonLayout : std::uint8_t { indented, line };
 std::string json(const Summary& summary, JsonLayout layout);
 
 // Describes the greatest errors of extrapolation: "extrapolated by up to 10.0 ms; at this truth rate and motion the
-// rate error was up to 0.5 rad/s and that of the specific force up to 0.02 m/s^2".
+// rate error was up to 0.5 rad/s ...".
 std::string extrapolation_text(double ahead_s, double rate_rad_per_s, double specific_force_m_per_s2);
 // Returns true if a user should know of such errors: above 1e-3 rad/s, or 1e-2 m/s^2.
 bool is_noticeable(double rate_rad_per_s, double specific_force_m_per_s2) noexcept;

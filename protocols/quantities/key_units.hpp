@@ -16,7 +16,7 @@ struct KeyUnit {
   int exponent = 0;  // of a time: a power of ten, ns
 };
 
-// The units of each kind; that of SI (for temperatures, degrees Celsius) is the first.
+// The units of each kind; the SI unit (for temperatures, degrees Celsius) is the first.
 namespace key_units {
 inline constexpr double deg = units::degree, foot = units::foot, standard_gravity = units::standard_gravity;
 inline constexpr double nautical_mile = 1852, mile = 1609.344, hour = 3600, inch_of_mercury = 3386.389;
