@@ -164,15 +164,6 @@ void TruthIntake::count_foreign() noexcept {
   counters_.refused[cause].fetch_add(further, std::memory_order_release);
 }
 
-// A simulator may send a header row with every truth: only the first ones are looked at.
-void TruthIntake::remark_columns() noexcept {
-  constexpr int most = 64;  // header rows and comments
-  if (headers_ == most) return;
-  ++headers_;
-  counters_.remarks.columns.set(
-      [&](std::span<char> room) { return decoder_->describe(TruthResult::no_state, room); });
-}
-
 void TruthIntake::remark_step(Nanoseconds step) noexcept {
   if (!unit_.is_wrong(step)) [[likely]]
     return;
@@ -366,27 +357,6 @@ void TruthIntake::report_fit() noexcept {
           1e3 * rate.noise, 1e3 * force.noise, rate.derived_noise, force.derived_noise,
           1e3 * std::max(rate.mean_s, force.mean_s));
     });
-}
-
-void TruthIntake::remark_far_from_earth() noexcept {
-  counters_.remarks.far_from_earth.set([&](std::span<char> room) {
-    return write_remark(
-        room,
-        "its position is {:.0f} m from the origin, which is not the Earth's centre, as truth.gravity needs: no "
-        "gravitation is taken away; give truth.gravity_m_per_s2, or gravity = \"none\"",
-        truth_.r_BN_N.norm());
-  });
-}
-
-void TruthIntake::remark_no_force() noexcept {
-  if (ignores_force_) return;
-  counters_.remarks.no_force.set([&](std::span<char> room) {
-    const bool is_derivable = truth_.has_position || truth_.has_velocity;
-    return write_remark(room,
-                        "has neither specific force nor accumulated velocity: accelerometers measure 0; supply {}{}",
-                        format_.force_from.empty() ? "one of them" : format_.force_from,
-                        is_derivable ? ", or give truth.specific_force = \"derived\"" : "");
-  });
 }
 
 // `newest`: the time of the newest truth.

@@ -1,9 +1,10 @@
-// The remarks of TruthIntake on accepted truth that is probably not meant.
+// The remarks of TruthIntake on truth that is probably not meant, or lacks a quantity.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <string_view>
 
+#include "emulator/truth/remark_text.hpp"
 #include "emulator/truth/truth_intake.hpp"
 
 namespace imud {
@@ -53,6 +54,36 @@ void TruthIntake::remark_last_line() noexcept {
                          "the last line of the file has no line feed; it has all that a line needs, and "
                          "is used: if the file was cut, its last number may be");
     return std::min(result.size, room.size());
+  });
+}
+
+// A simulator may send a header row with every truth: only the first ones are looked at.
+void TruthIntake::remark_columns() noexcept {
+  constexpr int most = 64;  // header rows and comments
+  if (headers_ == most) return;
+  ++headers_;
+  counters_.remarks.columns.set(
+      [&](std::span<char> room) { return decoder_->describe(TruthResult::no_state, room); });
+}
+
+void TruthIntake::remark_far_from_earth() noexcept {
+  counters_.remarks.far_from_earth.set([&](std::span<char> room) {
+    return write_remark(
+        room,
+        "its position is {:.0f} m from the origin, which is not the Earth's centre, as truth.gravity needs: no "
+        "gravitation is taken away; give truth.gravity_m_per_s2, or gravity = \"none\"",
+        truth_.r_BN_N.norm());
+  });
+}
+
+void TruthIntake::remark_no_force() noexcept {
+  if (ignores_force_) return;
+  counters_.remarks.no_force.set([&](std::span<char> room) {
+    const bool is_derivable = truth_.has_position || truth_.has_velocity;
+    return write_remark(room,
+                        "has neither specific force nor accumulated velocity: accelerometers measure 0; supply {}{}",
+                        format_.force_from.empty() ? "one of them" : format_.force_from,
+                        is_derivable ? ", or give truth.specific_force = \"derived\"" : "");
   });
 }
 
