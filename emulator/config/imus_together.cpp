@@ -24,8 +24,8 @@ bool reaches(const std::string& port, const std::string& listener) {
 
 std::string address_of(const std::string& port) { return port.substr(0, port.find('?')); }
 
-// Returns the path or the address, which no second port can have; empty if ports share it, or if the system chooses
-// it.
+}  // namespace
+
 std::string exclusive_address(const std::string& port) {
   const Transport* transport = transport_of(port);
   if (transport == nullptr || transport->is_shared) return {};
@@ -36,6 +36,8 @@ std::string exclusive_address(const std::string& port) {
   std::string path = path_of(port);  // which may have several spellings
   return path.empty() ? address_of(port) : path;
 }
+
+namespace {
 
 // Finds conflicts between two imus, or an imu and the truth.
 class Together {

@@ -19,6 +19,10 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
 // Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
 Config config_of_text(const std::string& text);
 
+// Returns the path or the address of a port, which no second port can have; empty if ports share it, or if the system
+// chooses it. Several spellings of a path give the same.
+std::string exclusive_address(const std::string& port);
+
 // Throws ConfigError if a changed port has the address of an open port: a reload opens new ports before it closes old
 // ones. `now`: the present configuration of the run; `next`: the new one.
 void check_new_ports(const Config& now, const Config& next);

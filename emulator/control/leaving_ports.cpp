@@ -7,6 +7,7 @@
 #include <thread>
 #include <utility>
 
+#include "emulator/config/load_config.hpp"
 #include "emulator/engine/channel.hpp"
 
 namespace imud {
@@ -38,10 +39,10 @@ void LeavingPorts::finish() {
   for (update(); !all_.empty(); update()) std::this_thread::sleep_for(1ms);
 }
 
-bool LeavingPorts::has(std::string_view port) const noexcept {
-  const auto address = [](std::string_view text) { return text.substr(0, text.find('?')); };
-  return std::any_of(all_.begin(), all_.end(), [&](const Leaving& leaving) {
-    return address(leaving.line.before) == address(port) && !transport_of(port)->is_shared;
+bool LeavingPorts::has(const std::string& port) const {
+  const std::string address = exclusive_address(port);
+  return !address.empty() && std::any_of(all_.begin(), all_.end(), [&](const Leaving& leaving) {
+    return exclusive_address(leaving.line.before) == address;
   });
 }
 

@@ -1,7 +1,7 @@
 // LeavingPorts: ports that a reload has replaced, until they are closed.
 #pragma once
 
-#include <string_view>
+#include <string>
 #include <vector>
 
 #include "emulator/engine/reload.hpp"
@@ -21,8 +21,8 @@ class LeavingPorts {
   void update();
   // Closes all ports, after 50 ms at the latest. Called at the end of the run.
   void finish();
-  // Returns true if the port waits here.
-  bool has(std::string_view port) const noexcept;
+  // Returns true if a port of that address waits here.
+  bool has(const std::string& port) const;
 
  private:
   struct Leaving {

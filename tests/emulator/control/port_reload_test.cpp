@@ -135,7 +135,7 @@ TEST_F(PortReloadTest, APortThatCannotBeOpenedChangesNothing) {
     EXPECT_EQ(file("out1"), plain);
     EXPECT_EQ(file("out2"), second);
     EXPECT_TRUE(contains(why, "reload refused, nothing has changed")) << why;
-    // What a start writes.
+    // A start names the same cause.
     const auto start = run_program("imud", {"run", config(wrong)});
     EXPECT_EQ(start.exit_code, 2);
     EXPECT_TRUE(contains(start.errors, why.substr(why.rfind(": ", why.rfind(": ") - 1) + 2))) << start.errors << why;
@@ -226,6 +226,8 @@ TEST_F(PortReloadTest, APtyWaitsForItsReader) {
            ASSERT_TRUE(reload(client, text("file:{}/later")).contains("result"));
            const std::string why = message(reload(client, text("pty:{}/one")));
            EXPECT_TRUE(contains(why, "still being closed")) << why;
+           const std::string spelt_otherwise = message(reload(client, text("pty:{}/./one")));
+           EXPECT_TRUE(contains(spelt_otherwise, "still being closed")) << spelt_otherwise;
            EXPECT_TRUE(std::filesystem::is_symlink(path("one")));
            EXPECT_EQ(samples(reader->text()), from_to(0, 1));
            EXPECT_TRUE(eventually([&] { return !std::filesystem::is_symlink(path("one")); }));
@@ -298,7 +300,7 @@ TEST_F(PortReloadTest, CountersAndFaultsGoOn) {
   EXPECT_EQ(imu(0)["dropped"], 30);
 }
 
-// What waits in the queue of a slow line leaves by its old port; the sum of all counters is the number of frames.
+// Frames in the queue of a slow line leave by its old port. The sum of all counters is the number of frames.
 TEST_F(PortReloadTest, ASlowLineSendsWhatItHolds) {
   const auto slow = [&](const std::string& port, const std::string& pace) {
     return fmt::format(
@@ -336,7 +338,7 @@ TEST_F(PortReloadTest, ASlowLineSendsWhatItHolds) {
   EXPECT_EQ(figures["frames"].get<int>() + figures["dropped"].get<int>(), figures["samples"].get<int>() + 1);
 }
 
-// A unit with two UARTs, each with its host. A host sets the speed of the first: that of the next port is the same.
+// Each of two UARTs has its host. One host sets the speed of the first port, and the next port has the same speed.
 TEST_F(PortReloadTest, UartsFollowTheDevice) {
   const auto unit = [&](const std::string& first, const std::string& second) {
     return fmt::format(
