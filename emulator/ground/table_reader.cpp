@@ -20,7 +20,8 @@ std::string Faults::text(std::uint32_t line, std::string_view key, std::string_v
 
 // Returns the value of the key in the spelling that the table has; nullptr if it is absent.
 const toml::node* TableReader::find(std::string_view key) const {
-  if (table_ == nullptr || table_->contains(key)) return table_ == nullptr ? nullptr : table_->get(key);
+  if (table_ == nullptr) return nullptr;
+  if (const toml::node* found = table_->get(key)) return found;
   for (const auto& [other, value] : *table_)
     if (is_same_key(other.str(), key)) return &value;
   return nullptr;
