@@ -30,16 +30,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Stands for a port that is not opened.
-class ClosedPort final : public Port {
-  void send(std::span<const Frame>) noexcept override {}
-  std::optional<Received> receive() noexcept override { return std::nullopt; }
-};
-
 // Makes the objects that a run makes before it begins. Throws as a run would.
 void make_parts(const Config& config, const CheckOptions& options) {
   check_figures(options.required, config);
-  Session session(config, [](std::string_view, const PortSettings&) { return std::make_unique<ClosedPort>(); });
+  Session session(config, no_ports);
   static_cast<void>(make_pacer(config, session.quality()));
 }
 

@@ -56,7 +56,7 @@ class RecordedRun::Input final : public Port {
 };
 
 RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
-    : reader_(spec), truth_port_(config.truth.port), imus_(config.imus), config_(config) {
+    : reader_(spec), imus_(config.imus), config_(config) {
   constexpr std::size_t most_early = 10'000;
   while (!first_ && !reader_.at_end() && early_.size() < most_early) {
     const auto packet = reader_.next();
@@ -83,11 +83,8 @@ RecordedRun::RecordedRun(const PortSpec& spec, const Config& config)
     throw spec.error(fmt::format("is file {} of a record: a run can be repeated from its beginning only; {}",
                                  begin->b, only_truth));
   std::vector<std::string> missing;
-  for (const ImuConfig& imu : config.imus) {
+  for (const ImuConfig& imu : config.imus)
     if (!has(imu.name)) missing.push_back(imu.name);
-    if (!imu.sync.trigger_port.empty()) pins_[imu.sync.trigger_port] = imu.name + " trigger";
-    if (!imu.sync.pps_port.empty()) pins_[imu.sync.pps_port] = imu.name + " pps";
-  }
   if (!missing.empty()) throw spec.error(fmt::format("has no imu {}; {}", fmt::join(missing, ", "), only_truth));
   is_live_ = (begin->flags & RecordEvent::is_live) != 0;
   offset_ns_ = begin->a;
@@ -98,15 +95,15 @@ Config RecordedRun::adapted(Config config) const {
   return config;
 }
 
-Sync::OpenPort RecordedRun::open(Sync::OpenPort others) {
-  return [this, others = std::move(others)](std::string_view text, const PortSettings& settings) {
-    const std::string port(text);
-    const auto pin = pins_.find(port);
-    if (port != truth_port_ && pin == pins_.end()) return others(text, settings);
-    const std::string name = port == truth_port_ ? std::string(truth_interface) : pin->second;
+Ports RecordedRun::ports(Ports others) {
+  return [this, others = std::move(others)](const PortUse& use) {
+    const bool is_truth = use.of == PortUse::Of::truth;
+    if (!is_truth && use.of != PortUse::Of::trigger && use.of != PortUse::Of::pps) return others(use);
+    const std::string name = is_truth ? std::string(truth_interface)
+                                      : imus_[use.imu].name + (use.of == PortUse::Of::pps ? " pps" : " trigger");
     const auto all = reader_.interfaces();
     const auto found = std::find_if(all.begin(), all.end(), [&](const PcapngInterface& i) { return i.name == name; });
-    const bool is_stream = port == truth_port_ && found != all.end() && found->link_type == link_type::bytes;
+    const bool is_stream = is_truth && found != all.end() && found->link_type == link_type::bytes;
     auto input = std::make_unique<Input>(*this, is_stream);
     inputs_.emplace(name, input.get());
     return std::unique_ptr<Port>(std::move(input));

@@ -32,8 +32,8 @@ class RecordedRun {
 
   // Returns `config` with the recorded run's values of all keys that a capture changes.
   Config adapted(Config config) const;
-  // Opens the ports of a Session: the truth port and the pins are fed by run(), the others are opened by `others`.
-  Sync::OpenPort open(Sync::OpenPort others);
+  // Returns the ports of a Session: the truth port and the pins are fed by run(), `others` opens the others.
+  Ports ports(Ports others);
 
   struct Options {
     // Samples leave when as much time has passed as in the recorded run; nullopt: at once.
@@ -85,9 +85,7 @@ class RecordedRun {
   std::deque<Early> early_;       // before the begin of the run
   std::deque<Early> from_hosts_;  // of hosts, before the events of their reception
   std::uint16_t base_ = 0;        // number of the first interface of the record in the file
-  const std::string truth_port_;
   const std::vector<ImuConfig> imus_;
-  std::map<std::string, std::string> pins_;    // name of the interface by the text of its port
   std::multimap<std::string, Input*> inputs_;  // by the name of the interface
   bool is_live_ = true;
   std::int64_t offset_ns_ = 0;  // from host times to packet times

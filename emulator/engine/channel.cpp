@@ -6,9 +6,10 @@
 
 namespace imud {
 
-Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, StepSink& sink,
+Channel::Channel(const ImuConfig& config, std::size_t number, std::uint64_t seed, const Ports& ports, StepSink& sink,
                  std::unique_ptr<ChannelFaults> faults)
     : name_(config.name),
+      number_(static_cast<std::uint16_t>(number)),
       grid_(config.grid),
       rests_before_truth_(config.before_first == BeforeFirst::rest),
       is_can_(config.protocol->link == Link::can),
@@ -23,19 +24,20 @@ Channel::Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPo
       awaited_(config.model) {
   device_->set_figures(figures_of(config.model));
   if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
-  lines_[0] = {open(config.port, config.port_settings), device_->uart()};
+  lines_[0] = {ports({PortUse::Of::line, number, 0, config.port, config.port_settings}), device_->uart()};
   if (!config.second_port.empty()) {
     device_->connect_second_uart();
-    lines_[1] = {open(config.second_port, config.second_port_settings), device_->second_uart()};
+    lines_[1] = {ports({PortUse::Of::line, number, 1, config.second_port, config.second_port_settings}),
+                 device_->second_uart()};
     line_count_ = 2;
   }
   for (DeviceLine& line : lines()) {
     line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
     are_files_ = are_files_ && line.is_file;
   }
-  copies_ = Copies(config, open);
+  copies_ = Copies(config, ports, number);
   add_interfaces();
-  if (config.sync.is_connected()) sync_.emplace(config.sync, open, name_, sink_);
+  if (config.sync.is_connected()) sync_.emplace(config.sync, ports, number, name_, sink_);
   if (is_can_) {
     add_filters(*config.protocol, config.settings, config.rate_hz, can_filters_);
     lines_[0].port->set_filters(can_filters_);

@@ -37,10 +37,10 @@ namespace imud {
 // throws, and only wait_until_sent() and wait_for_room() wait. One thread; the counters may be read by any.
 class Channel {
  public:
-  // Opens the ports and the pins. `sink` records the events. `faults`: nullptr: there are none. Throws
-  // PortError.
-  Channel(const ImuConfig& config, std::uint64_t seed, const Sync::OpenPort& open, StepSink& sink = StepSink::none(),
-          std::unique_ptr<ChannelFaults> faults = nullptr);
+  // Opens the ports and the pins of the imu with that number. `sink` records the events. `faults`: nullptr: there are
+  // none. Throws PortError.
+  Channel(const ImuConfig& config, std::size_t number, std::uint64_t seed, const Ports& ports,
+          StepSink& sink = StepSink::none(), std::unique_ptr<ChannelFaults> faults = nullptr);
 
   // Prepares for faults of the wire and of the power: wraps the ports, and makes a second device with the settings as
   // delivered. `config` and `seed`: of the constructor. Called before power_on(). Throws as Protocol::make does.
@@ -126,11 +126,10 @@ class Channel {
   // run.
   std::uint64_t next_sample() const noexcept { return imu_.next(); }
   std::optional<DeviceTime> next_time() const noexcept { return clock_.next_sample(); }
-  // From now on offers the samples to `feed`, as samples of the imu number `imu`.
-  void set_feed(SampleFeed& feed, std::uint16_t imu) noexcept {
+  // From now on offers the samples to `feed`.
+  void set_feed(SampleFeed& feed) noexcept {
     feed_ = &feed;
     awaited_.set_feed(&feed);
-    number_ = imu;
   }
   // Counts the sample as sent. Offers it to the feed when its truth has come.
   void count_sample() noexcept;
@@ -232,6 +231,7 @@ class Channel {
   void publish_bus() noexcept;
 
   const std::string name_;
+  const std::uint16_t number_;  // in the configuration
   Grid grid_;
   const bool rests_before_truth_;
   const bool is_can_;
@@ -277,7 +277,6 @@ class Channel {
   AwaitedTruth awaited_;
   Nanoseconds ahead_{0};        // of sample_, from the newest truth
   SampleFeed* feed_ = nullptr;  // nullptr: nobody can watch
-  std::uint16_t number_ = 0;    // of the imu, in the feed
 };
 
 // Channel::commit() of all channels, even if one fails. Throws the first exception.

@@ -4,10 +4,10 @@
 
 namespace imud {
 
-Copies::Copies(const ImuConfig& config, const Sync::OpenPort& open) {
+Copies::Copies(const ImuConfig& config, const Ports& ports, std::size_t imu) {
   for (std::size_t i = 0; i < config.also.size(); ++i) {
     DeviceLine& line = lines_.emplace_back();
-    line.port = open(config.also[i], config.also_settings[i]);
+    line.port = ports({PortUse::Of::copy, imu, i, config.also[i], config.also_settings[i]});
     line.uart = config.also_settings[i].uart;
     line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
   }

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -11,7 +10,7 @@
 #include "core/frame.hpp"
 #include "core/time.hpp"
 #include "emulator/engine/device_line.hpp"
-#include "emulator/engine/sync.hpp"
+#include "emulator/engine/ports.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {
@@ -24,8 +23,8 @@ namespace imud {
 class Copies {
  public:
   Copies() = default;
-  // Opens the ports. Throws PortError.
-  Copies(const ImuConfig& config, const Sync::OpenPort& open);
+  // Opens the ports of the imu with that number. Throws PortError.
+  Copies(const ImuConfig& config, const Ports& ports, std::size_t imu);
 
   bool empty() const noexcept { return lines_.empty(); }
   // `time`: the device's time. `is_reply`: the frames answer the host.

@@ -5,23 +5,23 @@
 
 namespace imud {
 
-Session::Session(const Config& config, const Sync::OpenPort& open, StepSink& sink, RunControl* control)
+Session::Session(const Config& config, const Ports& ports, StepSink& sink, RunControl* control)
     : sink_(sink),
       control_(control),
       faults_(config.faults, config.control.faults),
       expectations_(config.expectations),
       when_stopped_(config.truth.when_stopped),
       timeline_(config.truth.limits),
-      intake_(config.truth, timeline_, open(config.truth.port, config.truth.port_settings), sink,
+      intake_(config.truth, timeline_,
+              ports({PortUse::Of::truth, 0, 0, config.truth.port, config.truth.port_settings}), sink,
               with_faults(config.truth.format->make(config.truth.settings), faults_.configured(), config.seed,
                           faults_.log(), faults_.capacity() - faults_.configured().size(), truth_faults_)) {
   for (const ImuConfig& imu : config.imus) {
     const std::uint64_t seed = imu.seed.value_or(config.seed);
-    channels_.push_back(std::make_unique<Channel>(imu, seed, open, sink, faults_of(imu, seed)));
+    channels_.push_back(std::make_unique<Channel>(imu, channels_.size(), seed, ports, sink, faults_of(imu, seed)));
   }
   if (control_ != nullptr)
-    for (std::size_t i = 0; i < channels_.size(); ++i)
-      channels_[i]->set_feed(control_->feed, static_cast<std::uint16_t>(i));
+    for (const auto& channel : channels_) channel->set_feed(control_->feed);
   constexpr std::size_t most_ports = 2;
   inputs_.reserve(most_ports * channels_.size() + 1);
 }

@@ -36,7 +36,7 @@ class Session {
  public:
   // Opens every port. `sink` takes the events of the run. `control` brings commands and takes watched samples;
   // nullptr: none does. Throws PortError.
-  explicit Session(const Config& config, const Sync::OpenPort& open = open_port, StepSink& sink = StepSink::none(),
+  explicit Session(const Config& config, const Ports& ports = real_ports, StepSink& sink = StepSink::none(),
                    RunControl* control = nullptr);
 
   StepSink& sink() const noexcept { return sink_; }

@@ -11,15 +11,17 @@ constexpr Nanoseconds furthest_ahead = std::chrono::seconds(10);
 constexpr int datagrams_at_a_time = 16;  // so that a flood does not delay samples
 }  // namespace
 
-Sync::Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu, StepSink& sink) : sink_(sink) {
-  open_input(trigger_, config.trigger_port, open, imu + " trigger");
-  open_input(pps_, config.pps_port, open, imu + " pps");
-  if (!config.tov_port.empty()) tov_ = open(config.tov_port, Role::device);
+Sync::Sync(const SyncConfig& config, const Ports& ports, std::size_t imu, const std::string& name, StepSink& sink)
+    : sink_(sink) {
+  using Of = PortUse::Of;
+  open_input(trigger_, {Of::trigger, imu, 0, config.trigger_port, Role::listener}, ports, name + " trigger");
+  open_input(pps_, {Of::pps, imu, 0, config.pps_port, Role::listener}, ports, name + " pps");
+  if (!config.tov_port.empty()) tov_ = ports({Of::pulse, imu, 0, config.tov_port, Role::device});
 }
 
-void Sync::open_input(Input& input, std::string_view port, const OpenPort& open, const std::string& name) {
-  if (port.empty()) return;
-  input.port = open(port, Role::listener);
+void Sync::open_input(Input& input, const PortUse& use, const Ports& ports, const std::string& name) {
+  if (use.text.empty()) return;
+  input.port = ports(use);
   input.interface = sink_.add_interface(name, link_type::bytes);
 }
 

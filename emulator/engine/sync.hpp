@@ -2,13 +2,13 @@
 #pragma once
 
 #include <array>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "core/time.hpp"
+#include "emulator/engine/ports.hpp"
 #include "emulator/ground/step_sink.hpp"
 #include "emulator/plan/sync_config.hpp"
 #include "protocols/protocol.hpp"
@@ -21,10 +21,9 @@ namespace imud {
 // wait at a pin, is refused and counted. No function waits or allocates. One thread.
 class Sync {
  public:
-  using OpenPort = std::function<std::unique_ptr<Port>(std::string_view, const PortSettings&)>;
-  // `imu`: the name of the imu. `sink` takes the datagrams received. Throws PortError.
-  explicit Sync(const SyncConfig& config, const OpenPort& open, const std::string& imu = {},
-                StepSink& sink = StepSink::none());
+  // `imu`: the imu's number, and its name. `sink` takes the datagrams received. Throws PortError.
+  Sync(const SyncConfig& config, const Ports& ports, std::size_t imu = 0, const std::string& name = {},
+       StepSink& sink = StepSink::none());
 
   // Delivers the edges up to `time` to the device. Call it before the device's sample at `time`, whose stamp is
   // `stamp`.
@@ -48,7 +47,7 @@ class Sync {
     std::array<TruthTime, 64> edges = {};  // waiting for a sample
     std::size_t count = 0;
   };
-  void open_input(Input& input, std::string_view port, const OpenPort& open, const std::string& name);
+  void open_input(Input& input, const PortUse& use, const Ports& ports, const std::string& name);
   std::optional<Port::Received> receive(Input& input) noexcept;
   void receive(Input& input, TruthTime time) noexcept;
   void deliver(Device& device, void (Device::*edge)(DeviceTime) noexcept, Input& input, TruthTime time,

@@ -2,26 +2,20 @@
 
 #include <utility>
 
+#include "emulator/engine/ports.hpp"
+
 namespace imud {
 
 static_assert(sizeof(TrueRow) == sizeof(std::int64_t) + sizeof(TrueValues));
 
 namespace {
 
-class IdlePort : public Port {
- public:
-  void send(std::span<const Frame> frames) noexcept override { counters_.count_sent(is_reply_, frames.size()); }
-  std::optional<Received> receive() noexcept override { return std::nullopt; }
-  bool can_receive() const noexcept override { return false; }
-  bool has_room() const noexcept override { return true; }
-};
-
-class DecodingPort final : public IdlePort, private MeasurementSink {
+class DecodingPort final : public NoPort, private MeasurementSink {
  public:
   DecodingPort(const ImuConfig& imu, std::function<void(const Measurement&)> receive)
       : decoder_(imu.protocol->make_decoder(imu.settings)), receive_(std::move(receive)) {}
   void send(std::span<const Frame> frames) noexcept override {
-    IdlePort::send(frames);
+    NoPort::send(frames);
     for (const Frame& frame : frames) decoder_->feed(frame, *this);
   }
   void commit() override { decoder_->finish(*this); }
@@ -38,7 +32,5 @@ class DecodingPort final : public IdlePort, private MeasurementSink {
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive) {
   return std::make_unique<DecodingPort>(imu, std::move(receive));
 }
-
-std::unique_ptr<Port> idle_port() { return std::make_unique<IdlePort>(); }
 
 }  // namespace imud

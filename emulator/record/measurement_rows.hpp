@@ -23,7 +23,5 @@ struct TrueRow {
 // A port that decodes a device's frames. Within send() it calls `receive`, which must not throw, for each
 // measurement.
 std::unique_ptr<Port> decoding_port(const ImuConfig& imu, std::function<void(const Measurement&)> receive);
-// A port that sends nothing.
-std::unique_ptr<Port> idle_port();
 
 }  // namespace imud

@@ -185,7 +185,7 @@ int run(const Config& config, const RunOptions& options) {
   if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
   RunControl control(config.imus.size());
   Session session(repeated ? repeated->adapted(config) : config,
-                  repeated ? repeated->open(open_port) : Sync::OpenPort(open_port),
+                  repeated ? repeated->ports(real_ports) : Ports(real_ports),
                   recorder ? *recorder : StepSink::none(), &control);
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);

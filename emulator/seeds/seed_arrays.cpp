@@ -117,23 +117,18 @@ std::string run_with_twins(Config config, const SeedArrays::Run& run, const OnTr
     // The twin comes first: its sample is sent before the imu's sample, and after the frames of the imu's deadlines.
     config.imus.push_back(without_errors(imus[i]));
     config.imus.push_back(imus[i]);
-    for (std::size_t k = 2 * i; k < config.imus.size(); ++k) {
-      config.imus[k].port = numbered_port(config.imus[k].port, k);
-      config.imus[k].also.clear();
-    }
+    for (std::size_t k = 2 * i; k < config.imus.size(); ++k) config.imus[k].also.clear();
   }
-  const auto open = [&](std::string_view port, const PortSettings&) -> std::unique_ptr<Port> {
-    for (std::size_t k = 0; k < config.imus.size(); ++k) {
-      if (config.imus[k].port != port) continue;
-      const std::size_t i = k / 2;
-      if (k % 2 == 0)
-        return decoding_port(config.imus[k], [&on_truth, i](const Measurement& truth) { on_truth(i, truth); });
-      return decoding_port(config.imus[k], [&on_measurement, i](const Measurement& one) { on_measurement(i, one); });
-    }
-    return idle_port();  // of a second UART
+  const auto ports = [&](const PortUse& use) -> std::unique_ptr<Port> {
+    if (use.of != PortUse::Of::line || use.number > 0) return std::make_unique<NoPort>();
+    const std::size_t i = use.imu / 2;
+    if (use.imu % 2 == 0)
+      return decoding_port(config.imus[use.imu], [&on_truth, i](const Measurement& truth) { on_truth(i, truth); });
+    return decoding_port(config.imus[use.imu],
+                         [&on_measurement, i](const Measurement& one) { on_measurement(i, one); });
   };
-  if (!awaits_truth) return run(config, open, nullptr);
-  return run(config, open, [&](std::size_t number) { awaits_truth(number / 2); });
+  if (!awaits_truth) return run(config, ports, nullptr);
+  return run(config, ports, [&](std::size_t number) { awaits_truth(number / 2); });
 }
 
 Config without_faults(Config config) {
@@ -144,12 +139,6 @@ Config without_faults(Config config) {
 }
 
 }  // namespace
-
-std::string numbered_port(const std::string& port, std::size_t number) {
-  const std::size_t options = port.find('?');
-  return fmt::format("{}:{}{}", port.substr(0, port.find(':')), number,
-                     options == std::string::npos ? "" : port.substr(options));
-}
 
 SeedArrays::SeedArrays(const Config& config, const std::string& path) {
   if (config.imus.size() > 1 && path.find("{imu}") == std::string::npos)

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "emulator/engine/sync.hpp"
+#include "emulator/engine/ports.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/record/array_file.hpp"
 #include "emulator/record/measurement_rows.hpp"
@@ -35,9 +35,9 @@ class SeedArrays {
     std::uint64_t first = 1, count = 1;
     std::string origin;  // the other inputs of the arrays; empty: an incomplete array cannot be completed
   };
-  // Runs a configuration with this function to open ports. The last parameter, which may be nullptr, is
+  // Runs a configuration with these ports. The last parameter, which may be nullptr, is
   // RecordedRun::Options::awaits_truth. Returns why there may be no measurement.
-  using Run = std::function<std::string(const Config& config, const Sync::OpenPort& open,
+  using Run = std::function<std::string(const Config& config, const Ports& ports,
                                         const std::function<void(std::size_t imu)>& awaits_truth)>;
   // Writes the truth, by a run of `config` and of its imus without errors, both without faults. Then the files have
   // room for the runs of all seeds. Throws std::runtime_error if an imu sends no measurement, or a file cannot be
@@ -94,8 +94,5 @@ class SeedArrays {
   std::uint64_t seeds_ = 0;
   bool can_be_completed_ = false;
 };
-
-// Returns the port's text with another address, so that each port of many imus differs; kind and options stay.
-std::string numbered_port(const std::string& port, std::size_t number);
 
 }  // namespace imud

@@ -128,7 +128,7 @@ class Runs {
 
  private:
   template <class End>
-  void run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end,
+  void run(const Config& config, const Ports& ports, const std::atomic<bool>& stop, const End& end,
            const std::function<void(std::size_t)>& awaits_truth = nullptr) const;
   SeedRange seeds_of(std::size_t item) const noexcept {
     if (done_ > 0) return {missing_[item / parts_], missing_[item / parts_]};
@@ -153,11 +153,11 @@ class Runs {
                   std::size_t part) const;
   std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const;
   SeedArrays::Run run_for_arrays() const {
-    return [this](const Config& config, const Sync::OpenPort& open, const auto& awaits_truth) {
+    return [this](const Config& config, const Ports& ports, const auto& awaits_truth) {
       const std::atomic<bool> no_stop = false;
       std::string cause;
       run(
-          config, open, no_stop,
+          config, ports, no_stop,
           [&](Session& session, const std::string&) {
             session.commit();
             cause = fmt::format("{}", fmt::join(remarks(session.intake().counters()), "; "));
@@ -165,9 +165,6 @@ class Runs {
           awaits_truth);
       return cause;
     };
-  }
-  std::unique_ptr<Port> open_truth(std::string_view port, const PortSettings& settings) const {
-    return truths_ ? truths_->open() : open_port(port, settings);
   }
 
   Config config_;
@@ -184,14 +181,14 @@ class Runs {
 };
 
 template <class End>
-void Runs::run(const Config& config, const Sync::OpenPort& open, const std::atomic<bool>& stop, const End& end,
+void Runs::run(const Config& config, const Ports& ports, const std::atomic<bool>& stop, const End& end,
                const std::function<void(std::size_t)>& awaits_truth) const {
-  const Sync::OpenPort open_all = [&](std::string_view port, const PortSettings& settings) {
-    return port == config.truth.port ? open_truth(port, settings) : open(port, settings);
+  const Ports with_truth = [&](const PortUse& use) {
+    return use.of != PortUse::Of::truth ? ports(use) : truths_ ? truths_->open() : real_ports(use);
   };
   std::optional<RecordedRun> repeated;
   if (options_.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
-  Session session(repeated ? repeated->adapted(config) : config, repeated ? repeated->open(open) : open_all);
+  Session session(repeated ? repeated->adapted(config) : config, repeated ? repeated->ports(ports) : with_truth);
   MonotonicHost host;
   LoopOptions options;
   if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
@@ -229,7 +226,6 @@ std::string Runs::work(std::size_t item) const {
     if (arrays_) {
       batch.rows.emplace_back(*arrays_, part + i % imus.size(), *imu.seed - seeds_.first,
                               made.empty() ? std::vector<MadeRow>() : std::move(made[i]));
-      imu.port = numbered_port(imu.port, i);
       imu.also.clear();
     } else {
       const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);
@@ -238,22 +234,17 @@ std::string Runs::work(std::size_t item) const {
       for (std::string& copy : imu.also) copy = with_seed(copy, seed);
     }
   }
-  const auto open = [&](std::string_view port, const PortSettings& settings) -> std::unique_ptr<Port> {
-    const auto imu = std::find_if(all.imus.begin(), all.imus.end(), [port](const ImuConfig& config) {
-      return config.port == port || config.second_port == port ||
-             std::find(config.also.begin(), config.also.end(), port) != config.also.end();
-    });
-    const auto i = static_cast<std::size_t>(imu - all.imus.begin());
-    if (arrays_) return imu->port == port ? batch.rows[i].port() : idle_port();
+  const auto ports = [&](const PortUse& use) -> std::unique_ptr<Port> {
+    if (arrays_) return use.of == PortUse::Of::line && use.number == 0 ? batch.rows[use.imu].port() : std::make_unique<NoPort>();
     try {
-      return open_port(port, settings);
+      return real_ports(use);
     } catch (const PortError& error) {
-      throw std::runtime_error(fmt::format("seed {}: {}", *imu->seed, error.what()));
+      throw std::runtime_error(fmt::format("seed {}: {}", *all.imus[use.imu].seed, error.what()));
     }
   };
   std::vector<std::string> summaries;
   std::string failure;
-  run(all, open, workers_stop(), [&](Session& session, const std::string& difference) {
+  run(all, ports, workers_stop(), [&](Session& session, const std::string& difference) {
     for (std::size_t i = 0; i < seeds.size(); ++i) {
       batch.config.seed = seeds.first + i;
       try {

@@ -81,7 +81,7 @@ class ChannelTest : public RunTest {
     ImuConfig imu =
         load_config(config("lockstep", "udp:127.0.0.1:9810", "native", 100, "native", "file:out")).imus[0];
     imu.protocol = &kilobytes;
-    channel_.emplace(imu, 1, [this](std::string_view, const PortSettings&) {
+    channel_.emplace(imu, 0, 1, [this](const PortUse&) {
       auto port = std::make_unique<PipePort>(writer_.get());
       port_ = port.get();
       return port;

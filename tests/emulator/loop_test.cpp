@@ -272,9 +272,9 @@ TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
     host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
   }
   host.end = begin + 3s;
-  Session session(c, [&](std::string_view name, const PortSettings& port) -> std::unique_ptr<Port> {
-    if (name == c.imus[0].sync.trigger_port) return std::make_unique<DiaryPort>(host, sent, edges);
-    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host);
+  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    if (use.of == PortUse::Of::trigger) return std::make_unique<DiaryPort>(host, sent, edges);
+    if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host);
     return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
   });
   const auto pacer = make_pacer(c, session.quality());
@@ -296,8 +296,8 @@ TEST_F(LoopTest, SpinsAsLongAsConfigured) {
       host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
     }
     std::vector<std::pair<HostTime, char>> sent;
-    Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
-      if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, capture);
+    Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+      if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, capture);
       return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
     });
     CapturePacer by_capture;
@@ -324,8 +324,8 @@ TEST_F(LoopTest, EachRunOfAPacedCaptureHasItsOwnBegin) {
       host.arrivals.push_back({begin, std::move(bytes)});
     }
   std::vector<std::pair<HostTime, char>> sent;
-  Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
-    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true, 0ns);
+  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true, 0ns);
     return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
   });
   CapturePacer pacer;
@@ -383,8 +383,8 @@ TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
   std::vector<Left> left;
-  Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
-    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true);
+  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true);
     return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;
@@ -406,8 +406,8 @@ TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
   std::vector<Left> left;
-  Session session(c, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
-    if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, true);
+  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true);
     return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;

@@ -93,8 +93,8 @@ TEST_F(PacedLine, APacedReplayWakesForIt) {
   SimulatedHost host;
   host.end = host.now() + 100s;
   Recording recording;
-  Session session(c, [&](std::string_view port, const PortSettings& settings) {
-    return settings.role == Role::listener ? open_port(port, settings)
+  Session session(c, [&](const PortUse& use) {
+    return use.of == PortUse::Of::truth ? real_ports(use)
                                            : std::make_unique<PacedSensor>(host, recording);
   });
   const HostTime begin = host.now();

@@ -68,10 +68,9 @@ class SampledRunTest : public RunTest {
     Sampled result;
     result.sent.resize(units.size());
     std::atomic<bool> stop = false;
-    Session session(config, [&](std::string_view port, const PortSettings&) -> std::unique_ptr<Port> {
-      for (std::size_t i = 0; i < units.size(); ++i)
-        if (config.imus[i].port == port) return std::make_unique<Kept>(units[i].rate_hz, seconds, result.sent[i]);
-      return std::make_unique<Flight>(seconds, is_live ? &stop : nullptr);
+    Session session(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+      if (use.of == PortUse::Of::truth) return std::make_unique<Flight>(seconds, is_live ? &stop : nullptr);
+      return std::make_unique<Kept>(units[use.imu].rate_hz, seconds, result.sent[use.imu]);
     });
     MonotonicHost host;
     const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());

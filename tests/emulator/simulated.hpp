@@ -131,7 +131,7 @@ class SimulatedRun {
   // Replaces the SimulatedSensor.
   std::function<std::unique_ptr<Port>(SimulatedHost&)> make_sensor;
   // Opens the pins; nullptr: there is none.
-  Sync::OpenPort open_pin;
+  Ports open_pin;
   Recorder* recorder = nullptr;  // started by run()
   RunControl* control = nullptr;
   // Time since the simulation's start.
@@ -157,9 +157,9 @@ class SimulatedRun {
     std::size_t next = 0;
     session_ = std::make_unique<Session>(
         config_,
-        [&](std::string_view text, const PortSettings& port) {
-          if (text == config_.truth.port) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
-          if (port.role == Role::listener) return open_pin(text, port);
+        [&](const PortUse& use) {
+          if (use.of == PortUse::Of::truth) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
+          if (use.of != PortUse::Of::line) return open_pin(use);
           return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
         },
         recorder != nullptr ? *recorder : StepSink::none(), control);

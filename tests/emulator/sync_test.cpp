@@ -54,10 +54,10 @@ Bytes number(std::int64_t ns) {
 struct Pins {
   std::map<std::string, FakePort*, std::less<>> ports;
   FakeDevice device;
-  Sync sync{{"trigger", "pps", "tov"}, [this](std::string_view name, const PortSettings& settings) {
-              EXPECT_EQ(settings.role, name == "tov" ? Role::device : Role::listener);
+  Sync sync{{"trigger", "pps", "tov"}, [this](const PortUse& use) {
+              EXPECT_EQ(use.settings.role, use.of == PortUse::Of::pulse ? Role::device : Role::listener);
               auto port = std::make_unique<FakePort>();
-              ports[std::string(name)] = port.get();
+              ports[std::string(use.text)] = port.get();
               return port;
             }};
   void sample(std::int64_t ns) { sync.deliver_edges(device, TruthTime{ns}, DeviceTime{ns + 7'000}); }

@@ -73,8 +73,8 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     // In real time the last truths are not sampled.
     host.end = begin + std::chrono::seconds(clock == ClockMode::realtime && !capture ? 6 : 100);
     std::string record;
-    Session session(config, [&](std::string_view, const PortSettings& port) -> std::unique_ptr<Port> {
-      if (port.role == Role::listener) return std::make_unique<SimulatedTruth>(host, capture, Nanoseconds{0});
+    Session session(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+      if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, capture, Nanoseconds{0});
       auto recording = std::make_unique<RecordingPort>(record, host_bytes(protocol.name));
       host.next_input = [recording = recording.get()](int) {
         return recording->has_input() ? HostTime{} : SimulatedHost::never;

@@ -62,7 +62,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::atomic<bool> stop = false;
   Recorder recorder({.file = path("record.pcapng")}, false);
   RunControl control(config.imus.size());
-  Session session(config, open_port, recorder, &control);
+  Session session(config, real_ports, recorder, &control);
   control.feed.watch(0, 1);
   control.feed.watch(3, 7);
   recorder.start(true, "");

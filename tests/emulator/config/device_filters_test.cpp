@@ -54,7 +54,7 @@ class Unit {
     for (const std::string& assignment : assignments) all.push_back("imu.0." + assignment);
     config_ = load_config(path, all).imus.at(0);
     decoder_ = config_.protocol->make_decoder(config_.settings);
-    channel_.emplace(config_, 1, [this](std::string_view, const PortSettings&) {
+    channel_.emplace(config_, 0, 1, [this](const PortUse&) {
       auto port = std::make_unique<HostPort>();
       port_ = port.get();
       return port;

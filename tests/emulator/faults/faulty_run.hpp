@@ -84,11 +84,9 @@ class FaultyRunTest : public RunTest {
     const Config config = load_config(write("faults.toml", config_text(faults, protocol, imus, errors)));
     Result result;
     std::vector<std::string> bytes(config.imus.size());
-    Session session(config, [&](std::string_view port, const PortSettings& settings) -> std::unique_ptr<Port> {
-      for (std::size_t i = 0; i < config.imus.size(); ++i)
-        if (config.imus[i].port == port)
-          return std::make_unique<StoringPort>(config.imus[i], result, bytes[i], i == 0);
-      return open_port(port, settings);
+    Session session(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+      if (use.of != PortUse::Of::line) return real_ports(use);
+      return std::make_unique<StoringPort>(config.imus[use.imu], result, bytes[use.imu], use.imu == 0);
     });
     MonotonicHost host;
     const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());

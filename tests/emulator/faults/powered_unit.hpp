@@ -43,7 +43,7 @@ class PoweredUnit {
  public:
   PoweredUnit(const std::string& config_path, bool has_faults) {
     const ImuConfig config = load_config(config_path).imus[0];
-    channel.emplace(config, 1, [this](std::string_view, const PortSettings&) {
+    channel.emplace(config, 0, 1, [this](const PortUse&) {
       auto port = std::make_unique<KeepingPort>();
       inner = port.get();
       return port;

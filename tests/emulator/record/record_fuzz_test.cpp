@@ -48,7 +48,7 @@ port = "file:b"
     write("run.pcapng", bytes);
     try {
       RecordedRun run(PortSpec::parse(config_.truth.port), config_);
-      Session session(run.adapted(config_), run.open([&](std::string_view, const PortSettings&) {
+      Session session(run.adapted(config_), run.ports([&](const PortUse&) {
         return std::make_unique<KeptLine>(sent_);
       }));
       sent_.clear();

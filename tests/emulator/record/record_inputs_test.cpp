@@ -52,7 +52,7 @@ class RecordInputs : public RecordTest {
       const TimedLine::Inputs& inputs = inputs_[static_cast<std::size_t>(fd - 1001)];
       return inputs.empty() ? SimulatedHost::never : inputs.front().first;
     };
-    run.open_pin = [&](std::string_view, const PortSettings&) {
+    run.open_pin = [&](const PortUse&) {
       return std::make_unique<TimedLine>(run.host(), edges_, edge_sent_, -1);
     };
     run.run(s);

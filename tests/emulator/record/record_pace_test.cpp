@@ -79,7 +79,7 @@ TEST_F(RecordPaceTest, AStopEndsTheWait) {
   RecordedRun run(PortSpec::parse("record:" + path("run.pcapng")), config_);
   std::string sent;
   Session session(run.adapted(config_),
-                  run.open([&](std::string_view, const PortSettings&) { return std::make_unique<KeptLine>(sent); }));
+                  run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent); }));
   run.run(session, host, {.pace = PaceOptions{}}, host.stop);
   EXPECT_EQ(session.channels()[0]->counters().samples, 2U) << "at 0 and 1 s";
   EXPECT_LE(host.now(), begin + 1300ms + 20ms);

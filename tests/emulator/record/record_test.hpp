@@ -35,7 +35,7 @@ class RecordTest : public RealtimeTest {
     for (const ImuConfig& imu : config.imus) sent.resize(sent.size() + (imu.second_port.empty() ? 1 : 2));
     std::size_t next = 0;
     RecordedRun run(PortSpec::parse(config.truth.port), config);
-    Session session(run.adapted(config), run.open([&](std::string_view, const PortSettings&) {
+    Session session(run.adapted(config), run.ports([&](const PortUse&) {
       return std::make_unique<KeptLine>(sent[next++]);
     }));
     host.end = SimulatedHost::never;

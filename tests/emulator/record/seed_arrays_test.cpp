@@ -28,9 +28,10 @@ class SeedArraysTest : public RunTest {
     }
     port.commit();
   }
-  static std::string run_once(const Config& config, const Sync::OpenPort& open,
+  static std::string run_once(const Config& config, const Ports& ports,
                               const std::function<void(std::size_t imu)>&) {
-    for (const ImuConfig& imu : config.imus) send_samples(imu, *open(imu.port, PortSettings(Role::device)));
+    for (std::size_t i = 0; i < config.imus.size(); ++i)
+      send_samples(config.imus[i], *ports({.of = PortUse::Of::line, .imu = i}));
     return {};
   }
   static SeedArrays::Seeds three() { return {.first = 0, .count = 3, .origin = {}}; }
