@@ -19,7 +19,7 @@
 #include "emulator/config/presets.hpp"
 #include "emulator/control/running_keys.hpp"
 #include "emulator/drive/pacer.hpp"
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/ground/error_text.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/report/outcome.hpp"
@@ -33,8 +33,8 @@ using Json = nlohmann::ordered_json;
 // Makes the objects that a run makes before it begins. Throws as a run would.
 void make_parts(const Config& config, const CheckOptions& options) {
   check_figures(options.required, config);
-  Session session(config, no_ports);
-  static_cast<void>(make_pacer(config, session.quality()));
+  Engine engine(config, no_ports);
+  static_cast<void>(make_pacer(config, engine.quality()));
 }
 
 std::string_view clock_word(ClockMode clock) {

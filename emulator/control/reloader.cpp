@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 
 namespace imud {
 
@@ -41,7 +41,7 @@ std::optional<Change> Reloader::prepare() {
   std::vector<PortChange> ports;
   open_ports(ports);
   next_ = std::move(next);
-  session_.set_reload(reload_.get());
+  engine_.set_reload(reload_.get());
   return Change{{{.kind = Command::Kind::reload}},
                 fmt::format("reload: {}", words),
                 {{"event", "reload"}, {"changed", std::move(changed)}},
@@ -61,7 +61,7 @@ void Reloader::open_ports(std::vector<PortChange>& opened) {
       refusals += fmt::format("\n{}: {} is still being closed after the reload before; try again in two seconds",
                               line.key, line.after);
   refuse();
-  for (const std::string& refusal : reload_->open_ports(session_.channels())) refusals += "\n" + refusal;
+  for (const std::string& refusal : reload_->open_ports(engine_.channels())) refusals += "\n" + refusal;
   refuse();
   for (const Reload::Line& line : reload_->lines) {
     const std::string chosen = line.port->chosen_port();
@@ -72,7 +72,7 @@ void Reloader::open_ports(std::vector<PortChange>& opened) {
 
 void Reloader::finish() {
   if (!next_) return;
-  leaving_.add(*reload_, session_.channels());
+  leaving_.add(*reload_, engine_.channels());
   const std::string truth_port = now_.truth.port;  // that the system has chosen
   now_ = std::move(*next_);
   now_.truth.port = truth_port;
@@ -81,7 +81,7 @@ void Reloader::finish() {
 }
 
 void Reloader::cancel() noexcept {
-  session_.set_reload(nullptr);
+  engine_.set_reload(nullptr);
   reload_.reset();
   next_.reset();
 }

@@ -13,17 +13,17 @@
 
 namespace imud {
 
-class Session;
+class Engine;
 
 // Runs in the ControlApi's thread.
 class Reloader {
  public:
-  // `started`: the configuration that the session was made of. `now`: the run's present one, which a reload changes.
+  // `started`: the configuration that the engine was made of. `now`: the run's present one, which a reload changes.
   // `read`: reads the file again, with the overrides of the command line, and throws ConfigError; empty: there is no
   // file. `changed`: called when `now` has changed. All outlive this.
-  Reloader(Session& session, const Config& started, Config& now, std::function<Config()> read,
+  Reloader(Engine& engine, const Config& started, Config& now, std::function<Config()> read,
            std::function<void()> changed)
-      : session_(session), started_(started), now_(now), read_(std::move(read)), changed_(std::move(changed)) {}
+      : engine_(engine), started_(started), now_(now), read_(std::move(read)), changed_(std::move(changed)) {}
 
   // Returns true if there is a file to read.
   bool can_read() const noexcept { return static_cast<bool>(read_); }
@@ -43,7 +43,7 @@ class Reloader {
  private:
   void open_ports(std::vector<PortChange>& opened);
 
-  Session& session_;
+  Engine& engine_;
   const Config& started_;
   Config& now_;
   const std::function<Config()> read_;

@@ -7,12 +7,12 @@
 namespace imud {
 
 class Host;
-class Session;
+class Engine;
 
 // Executes a command now, and records it. It must be called where each sample that was taken has been transmitted.
-void execute(Session& session, const Command& command, HostTime now) noexcept;
+void execute(Engine& engine, const Command& command, HostTime now) noexcept;
 // Executes the batches that wait, but not more than a few. Called where execute() may be. A batch for whose results
 // there is no room keeps waiting.
-void execute_commands(Session& session, Host& host) noexcept;
+void execute_commands(Engine& engine, Host& host) noexcept;
 
 }  // namespace imud

@@ -24,44 +24,44 @@ constexpr int most_truths = 4096;
 constexpr int most_in_flood = 64;
 constexpr Nanoseconds pause = 1ms;  // if poll() would return at once again
 
-std::vector<Grid> grids(const Session& session) {
+std::vector<Grid> grids(const Engine& engine) {
   std::vector<Grid> all;
-  for (const auto& channel : session.channels()) all.push_back(channel->grid());
+  for (const auto& channel : engine.channels()) all.push_back(channel->grid());
   return all;
 }
 
 }  // namespace
 
-Loop::Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop)
-    : session_(session),
+Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop)
+    : engine_(engine),
       host_(host),
       pacer_(pacer),
-      pace_(session, host, options.pace),
+      pace_(engine, host, options.pace),
       stop_(stop),
-      sink_(session.sink()),
-      intake_(session.intake()),
-      timeline_(session.timeline()),
+      sink_(engine.sink()),
+      intake_(engine.intake()),
+      timeline_(engine.timeline()),
       paced_(pacer.is_paced()),
       waits_for_truth_(pacer.waits_for_truth()),
-      schedule_(grids(session)),
+      schedule_(grids(engine)),
       limit_(options.limit),
       budget_(most_truths) {
-  prepared_.reserve(session.channels().size());
-  session_.set_pacer(&pacer_);
-  session_.set_schedule(&schedule_);
+  prepared_.reserve(engine.channels().size());
+  engine_.set_pacer(&pacer_);
+  engine_.set_schedule(&schedule_);
 }
 
 Loop::~Loop() {
-  session_.set_pacer(nullptr);
-  session_.set_schedule(nullptr);
+  engine_.set_pacer(nullptr);
+  engine_.set_schedule(nullptr);
 }
 
 void Loop::run() noexcept {
   if (!waits_for_truth_) {
     origin_ = host_.now() + pause;
     sink_.set_time(origin_ - pause);
-    for (std::size_t i = 0; i < session_.channels().size(); ++i) {
-      Channel& channel = *session_.channels()[i];
+    for (std::size_t i = 0; i < engine_.channels().size(); ++i) {
+      Channel& channel = *engine_.channels()[i];
       channel.power_on(origin_);
       if (!channel.rests_before_truth()) continue;
       schedule_.start(i, Nanoseconds{0});
@@ -69,7 +69,7 @@ void Loop::run() noexcept {
     }
   }
   while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
-  sink_.event({.type = RecordEvent::Type::end, .b = session_.polled().ns});
+  sink_.event({.type = RecordEvent::Type::end, .b = engine_.polled().ns});
   send_all();
 }
 
@@ -105,7 +105,7 @@ void Loop::round() noexcept {
 // more.
 bool Loop::wants_truth() const noexcept {
   if (!waits_for_truth_) return true;
-  return prepared_.empty() && (!session_.in_run() || pacer_.truth(next_due()) > latest_sample());
+  return prepared_.empty() && (!engine_.in_run() || pacer_.truth(next_due()) > latest_sample());
 }
 
 // Where samples wait for truth: returns the latest truth time that can be sampled now, and is within the limit.
@@ -116,9 +116,9 @@ TruthTime Loop::latest_sample() const noexcept {
 
 // Returns the truth time before which no sample will be taken any more.
 TruthTime Loop::earliest_sample() noexcept {
-  if (!session_.in_run()) return session_.watermark();
+  if (!engine_.in_run()) return engine_.watermark();
   if (waits_for_truth_) return timeline_.newest();
-  return std::max(session_.watermark(), pacer_.use(std::min(host_.now(), next_due())));
+  return std::max(engine_.watermark(), pacer_.use(std::min(host_.now(), next_due())));
 }
 
 void Loop::take_truth() noexcept {
@@ -127,8 +127,8 @@ void Loop::take_truth() noexcept {
   if (waits_for_truth_) apply_truth();
   // Where samples wait for truth there is always room, because apply_truth() advances the imus.
   for (bool wants = true; wants && more_truth_ && !ended_ && taken < budget_ && !is_due() &&
-                          (has_room_ = waits_for_truth_ || session_.has_room_for_truth(earliest_sample()));) {
-    const TruthIntake::Outcome outcome = intake_.take(session_.watermark());
+                          (has_room_ = waits_for_truth_ || engine_.has_room_for_truth(earliest_sample()));) {
+    const TruthIntake::Outcome outcome = intake_.take(engine_.watermark());
     ++taken;
     more_truth_ = outcome != TruthIntake::Outcome::nothing;
     answer_due_ = intake_.answer_due();
@@ -139,9 +139,9 @@ void Loop::take_truth() noexcept {
       const HostTime due = schedule_.empty() ? newest_arrival_ : next_due();
       if (!pacer_.observe(timeline_.newest(), newest_arrival_, due)) pass_over();
     }
-    if (!waits_for_truth_ && !begins && outcome == TruthIntake::Outcome::accepted) session_.review_samples();
+    if (!waits_for_truth_ && !begins && outcome == TruthIntake::Outcome::accepted) engine_.review_samples();
     if (outcome == TruthIntake::Outcome::inserted) pacer_.observe_inserted(intake_.truth().time, intake_.arrival());
-    if (begins && !session_.in_run()) {
+    if (begins && !engine_.in_run()) {
       settling_ = pacer_.begin_settling(timeline_.newest(), newest_arrival_);
       begins = !settling_;
     }
@@ -166,46 +166,46 @@ void Loop::take_truth() noexcept {
 // Advances slow imus and answers the truth's sender. Called when all samples that the truth allows have left, or
 // leave by the host's clock.
 void Loop::apply_truth() noexcept {
-  if (std::exchange(unapplied_, false)) session_.advance(earliest_sample());
-  if (waits_for_truth_ && session_.in_run()) {
-    session_.raise_watermark(timeline_.newest());
+  if (std::exchange(unapplied_, false)) engine_.advance(earliest_sample());
+  if (waits_for_truth_ && engine_.in_run()) {
+    engine_.raise_watermark(timeline_.newest());
     ended_ = latest_sample() < timeline_.newest();
   }
   if (!std::exchange(answer_due_, false) || !intake_.is_live()) return;
   send_all();  // the samples leave before the answer
   // By the host's clock, not all samples up to the newest truth have left, and before the run none.
-  const TruthTime sampled = session_.in_run() ? session_.watermark() : timeline_.run_start();
-  intake_.answer(waits_for_truth_ ? timeline_.newest() : sampled, session_.samples_in_run());
+  const TruthTime sampled = engine_.in_run() ? engine_.watermark() : timeline_.run_start();
+  intake_.answer(waits_for_truth_ ? timeline_.newest() : sampled, engine_.samples_in_run());
 }
 
 // Sends the frames that ports hold back. Waits for readers where the host's clock does not pace.
 void Loop::send_all() noexcept {
-  session_.flush();
+  engine_.flush();
   if (paced_) return;
-  for (const auto& channel : session_.channels())
+  for (const auto& channel : engine_.channels())
     if (channel->holds_back()) channel->wait_until_sent(stop_);
 }
 
 void Loop::begin_run() noexcept {
-  const bool is_first = !session_.in_run();
+  const bool is_first = !engine_.in_run();
   const TruthTime truth = timeline_.newest();
-  if (limit_ && !is_first) *limit_ -= std::min(*limit_, session_.watermark() - run_start_);
+  if (limit_ && !is_first) *limit_ -= std::min(*limit_, engine_.watermark() - run_start_);
   run_start_ = timeline_.run_start();
   const HostTime begin = pacer_.begin_run(truth, newest_arrival_, host_.now());
-  session_.begin_run();
+  engine_.begin_run();
   const auto start = [&](std::size_t i) {
-    Channel& channel = *session_.channels()[i];
+    Channel& channel = *engine_.channels()[i];
     channel.set_clock(DeviceTime{truth.ns}, paced_ ? std::optional(begin) : std::nullopt);
     channel.start_samples();
     schedule_.start(i, begin - origin_);
   };
   if (waits_for_truth_) {
     origin_ = begin;
-    for (std::size_t i = 0; i < session_.channels().size(); ++i) start(i);
+    for (std::size_t i = 0; i < engine_.channels().size(); ++i) start(i);
   } else if (is_first) {
     first_truth_ = begin;
-    for (std::size_t i = 0; i < session_.channels().size(); ++i)
-      if (!session_.channels()[i]->rests_before_truth()) start(i);
+    for (std::size_t i = 0; i < engine_.channels().size(); ++i)
+      if (!engine_.channels()[i]->rests_before_truth()) start(i);
   }
 }
 
@@ -213,25 +213,25 @@ void Loop::begin_run() noexcept {
 void Loop::pass_over() noexcept {
   sink_.event({.type = RecordEvent::Type::forget_past});
   timeline_.forget_past();
-  session_.pass_over();
+  engine_.pass_over();
 }
 
 // Waits at most until `until`, for truth, for commands of the hosts, for the devices' deadlines, and for paced
 // lines.
 void Loop::wait(HostTime until) noexcept {
-  session_.poll(host_.now());
-  until = std::min(until, session_.next_wake().value_or(until));
+  engine_.poll(host_.now());
+  until = std::min(until, engine_.next_wake().value_or(until));
   const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
   if (flood) until = std::min(until, host_.now() + pause);
   // poll() must not return for truth for which there is no time or room now.
-  const std::span<pollfd> inputs = session_.inputs(!more_truth_ && wants_truth());
+  const std::span<pollfd> inputs = engine_.inputs(!more_truth_ && wants_truth());
   waited_ = true;
   const bool is_ready = host_.wait_for_input(inputs, until);
   truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
-  session_.cycle_power_if_requested(now);
-  if (prepared_.empty()) execute_commands(session_, host_);
-  if (is_ready && !session_.serve_inputs(now, reply_clock())) host_.sleep_until(std::min(until, now + pause));
+  engine_.cycle_power_if_requested(now);
+  if (prepared_.empty()) execute_commands(engine_, host_);
+  if (is_ready && !engine_.serve_inputs(now, reply_clock())) host_.sleep_until(std::min(until, now + pause));
   if (now - served_ <= longest_wait) return;
   serve_all();
   truth_waits_ = true;  // a port that was lost may be back
@@ -239,33 +239,33 @@ void Loop::wait(HostTime until) noexcept {
 
 void Loop::serve_all() noexcept {
   served_ = host_.now();
-  session_.serve_all(served_, reply_clock());
+  engine_.serve_all(served_, reply_clock());
 }
 
 // Takes all samples of the instant `due_`.
 void Loop::prepare() noexcept {
-  execute_commands(session_, host_);
+  execute_commands(engine_, host_);
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {
     const Schedule::Slot slot = schedule_.next();
-    Channel& channel = *session_.channels()[slot.imu];
+    Channel& channel = *engine_.channels()[slot.imu];
     schedule_.advance();
     if (at_rest)
-      session_.prepare_at_rest(channel, slot.index, slot.offset);
+      engine_.prepare_at_rest(channel, slot.index, slot.offset);
     else
-      session_.prepare(channel, slot.index, time);
+      engine_.prepare(channel, slot.index, time);
     prepared_.push_back(&channel);
   } while (next_due() == due_);
 }
 
 void Loop::record_transmission(std::uint8_t flags) noexcept {
-  sink_.event({RecordEvent::Type::transmit, flags, 0, due_.ns, session_.polled().ns});
+  sink_.event({RecordEvent::Type::transmit, flags, 0, due_.ns, engine_.polled().ns});
 }
 
 void Loop::transmit(HostTime now) noexcept {
   if (sink_.keeps()) sink_.set_time(paced_ ? now : host_.now());
-  session_.cycle_power_if_requested(now);
+  engine_.cycle_power_if_requested(now);
   for (Channel* channel : prepared_) {
     if (!paced_) channel->wait_for_room(stop_);  // frames of deadlines leave before the sample's
     channel->encode();
@@ -282,7 +282,7 @@ void Loop::transmit(HostTime now) noexcept {
   } else {
     pace_.transmit(prepared_, due_);
     if (!waits_for_truth_ && !prepared_at_rest_)
-      session_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
+      engine_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
   }
   count_samples();
   if (!paced_ || std::exchange(waited_, false)) return;
@@ -294,7 +294,7 @@ void Loop::transmit(HostTime now) noexcept {
 // held up.
 void Loop::skip(HostTime now) noexcept {
   sink_.set_time(now);
-  session_.cycle_power_if_requested(now);
+  engine_.cycle_power_if_requested(now);
   record_transmission(RecordEvent::skipped);
   for (Channel* channel : prepared_) channel->skip();
   count_samples();
@@ -304,7 +304,7 @@ void Loop::skip(HostTime now) noexcept {
 
 void Loop::count_samples() noexcept {
   for (Channel* channel : prepared_) channel->count_sample();
-  if (!prepared_at_rest_) session_.count_samples(prepared_.size());
+  if (!prepared_at_rest_) engine_.count_samples(prepared_.size());
   prepared_.clear();
 }
 

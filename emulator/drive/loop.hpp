@@ -7,8 +7,8 @@
 
 #include "emulator/drive/pace.hpp"
 #include "emulator/drive/pacer.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/engine/schedule.hpp"
-#include "emulator/engine/session.hpp"
 #include "emulator/ground/host.hpp"
 
 namespace imud {
@@ -18,12 +18,12 @@ struct LoopOptions {
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
 };
 
-// Drives a Session by a Pacer. One round does the first of these that is pending: take truth from the port; prepare
+// Drives an Engine by a Pacer. One round does the first of these that is pending: take truth from the port; prepare
 // the next instant's samples; wait by poll() for the instant, truth, hosts, deadlines and paced lines; encode and
 // transmit the samples. Allocates nothing after construction. One thread.
 class Loop {
  public:
-  Loop(Session& session, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
+  Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
   ~Loop();
   Loop(const Loop&) = delete;
   Loop& operator=(const Loop&) = delete;
@@ -45,7 +45,7 @@ class Loop {
 
   // Samples.
   HostTime next_due() const noexcept { return origin_ + schedule_.next().offset; }
-  bool is_at_rest(HostTime instant) const noexcept { return !session_.in_run() || instant < first_truth_; }
+  bool is_at_rest(HostTime instant) const noexcept { return !engine_.in_run() || instant < first_truth_; }
   bool is_due() const noexcept { return !prepared_.empty() && host_.now() >= due_ - pace_.spin(); }
   void prepare() noexcept;
   void transmit(HostTime now) noexcept;
@@ -59,7 +59,7 @@ class Loop {
   // The host's clock measures the replies where it paces.
   Host* reply_clock() const noexcept { return paced_ ? &host_ : nullptr; }
 
-  Session& session_;
+  Engine& engine_;
   Host& host_;
   Pacer& pacer_;
   Pace pace_;

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/ground/host.hpp"
 
 namespace imud {
@@ -17,8 +17,8 @@ struct PaceOptions {
 // The same for live truth, a capture and the repetition of a record. No allocation. One thread.
 class Pace {
  public:
-  Pace(const Session& session, Host& host, const PaceOptions& options)
-      : sink_(session.sink()), host_(host), options_(options) {}
+  Pace(const Engine& engine, Host& host, const PaceOptions& options)
+      : sink_(engine.sink()), host_(host), options_(options) {}
 
   Nanoseconds spin() const noexcept { return options_.spin; }
   // Returns true at `now` if the samples of the instant `due` are so late that their frames are not sent.

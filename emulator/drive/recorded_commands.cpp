@@ -25,7 +25,7 @@ void RecordedRun::repeat_command(const RecordEvent& event) noexcept {
 
 // A fault of several imus is in the record with each.
 void RecordedRun::begin_fault(const RecordEvent& event, std::span<const std::byte> text) {
-  FaultBook& faults = session_->faults();
+  FaultBook& faults = engine_->faults();
   const auto number = static_cast<std::uint64_t>(event.c);
   if (number == faults.all().size() && !faults.is_full()) {
     std::string keys(reinterpret_cast<const char*>(text.data()), text.size());
@@ -43,12 +43,12 @@ void RecordedRun::execute_for_imus(const RecordEvent& event) noexcept {
                      .value = std::bit_cast<double>(event.b),
                      .number = static_cast<std::uint64_t>(event.c)};
   if (!has_value(command.kind)) poll(event.b);
-  if (event.interface == RecordEvent::all_imus) return imud::execute(*session_, command, HostTime{event.a});
-  const auto all = session_->channels();
+  if (event.interface == RecordEvent::all_imus) return imud::execute(*engine_, command, HostTime{event.a});
+  const auto all = engine_->channels();
   for_imus(event, [&](const Channel& channel) {
     const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == &channel; });
     command.imu = static_cast<std::uint16_t>(found - all.begin());
-    imud::execute(*session_, command, HostTime{event.a});
+    imud::execute(*engine_, command, HostTime{event.a});
   });
 }
 

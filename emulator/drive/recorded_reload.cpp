@@ -17,9 +17,9 @@ void RecordedRun::add_to_reload(std::span<const std::byte> piece) {
     Config next = config_of_text(reload_text_);
     Reload reload(config_, next, imus_, config_.seed);
     config_ = std::move(next);
-    session_->set_reload(&reload);
-    imud::execute(*session_, {.kind = Command::Kind::reload}, HostTime{event.a});
-    session_->set_reload(nullptr);
+    engine_->set_reload(&reload);
+    imud::execute(*engine_, {.kind = Command::Kind::reload}, HostTime{event.a});
+    engine_->set_reload(nullptr);
     --reloads_missing_;
   } catch (const std::exception&) {  // of a damaged record
   }

@@ -110,13 +110,13 @@ Ports RecordedRun::ports(Ports others) {
   };
 }
 
-void RecordedRun::run(Session& session, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept {
-  session_ = &session;
+void RecordedRun::run(Engine& engine, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept {
+  engine_ = &engine;
   host_ = &host;
   options_ = options;
-  if (options.pace) pace_.emplace(session, host, *options.pace);
+  if (options.pace) pace_.emplace(engine, host, *options.pace);
   stop_ = &stop;
-  prepared_.reserve(session.channels().size());
+  prepared_.reserve(engine.channels().size());
   for (Early& early : early_) {
     early.packet.bytes = early.bytes;
     feed(early.packet, reader_.interfaces()[early.packet.interface].name, time_of(early.packet));
@@ -147,7 +147,7 @@ void RecordedRun::run(Session& session, Host& host, const Options& options, cons
   }
   take_awaited(true);
   has_end_ = !stop.load(std::memory_order_relaxed);
-  session.intake().take(session.watermark());  // finds the end
+  engine.intake().take(engine.watermark());  // finds the end
 }
 
 // A time of a damaged packet may wrap around.
@@ -230,7 +230,7 @@ void RecordedRun::receive(const RecordEvent& event, std::span<const std::byte> b
 }
 
 void RecordedRun::poll(std::int64_t polled_ns) noexcept {
-  for (const auto& channel : session_->channels()) {
+  for (const auto& channel : engine_->channels()) {
     channel->poll(HostTime{polled_ns});
     channel->flush();
   }
@@ -246,7 +246,7 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       break;
     case Type::power_cycle:
       poll(event.b);
-      session_->cycle_power(HostTime{event.a});
+      engine_->cycle_power(HostTime{event.a});
       break;
     case Type::truth:
       process_truth(event);
@@ -257,15 +257,15 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       break;
     case Type::forget_past:
       take_awaited(true);
-      if (session_->timeline().empty()) break;
-      session_->quality().resumed.count();
-      session_->timeline().forget_past();
+      if (engine_->timeline().empty()) break;
+      engine_->quality().resumed.count();
+      engine_->timeline().forget_past();
       break;
     case Type::run:
       take_awaited(true);
-      if (session_->timeline().empty()) break;
+      if (engine_->timeline().empty()) break;
       poll(event.b);
-      (event.flags & RecordEvent::goes_on) != 0 ? session_->pass_over() : session_->begin_run();
+      (event.flags & RecordEvent::goes_on) != 0 ? engine_->pass_over() : engine_->begin_run();
       break;
     case Type::set_clock:
       for_imus(event, [&](Channel& channel) {
@@ -278,7 +278,7 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
       for_imus(event, [](Channel& channel) { channel.start_samples(); });
       break;
     case Type::advance:
-      if (!session_->timeline().empty()) session_->advance_imus(TruthTime{event.a});
+      if (!engine_->timeline().empty()) engine_->advance_imus(TruthTime{event.a});
       break;
     case Type::sample:
       for_imus(event, [&](Channel& channel) { take_sample(channel, event); });
@@ -317,14 +317,14 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
 
 // Pieces of a stream may have come without a record in them.
 void RecordedRun::process_truth(const RecordEvent& event) noexcept {
-  TruthIntake& intake = session_->intake();
+  TruthIntake& intake = engine_->intake();
   if (event.flags == static_cast<std::uint8_t>(TruthIntake::Outcome::new_run)) take_awaited(true);
   constexpr int most = 1024;
   auto outcome = TruthIntake::Outcome::nothing;
   for (int i = 0; i < most && outcome == TruthIntake::Outcome::nothing; ++i)
     outcome = intake.take(TruthTime{event.b});
   take_awaited(false);
-  if (outcome == TruthIntake::Outcome::accepted) session_->review_samples();
+  if (outcome == TruthIntake::Outcome::accepted) engine_->review_samples();
   const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::nothing;
   if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
     ++differing_;
@@ -337,8 +337,8 @@ std::string RecordedRun::difference() const {
   if (lost_ > 0) return fmt::format("the record lacks {} packets: what follows them is not that of the run", lost_);
   if (faults_missing_ > 0)
     return fmt::format("{} faults that were begun by control cannot be repeated: {}", faults_missing_,
-                       session_->faults().can_grow() ? "the record does not have them"
-                                                     : "give faults = true in [control] of the configuration");
+                       engine_->faults().can_grow() ? "the record does not have them"
+                                                    : "give faults = true in [control] of the configuration");
   if (reloads_missing_ > 0)
     return fmt::format(
         "{} reloads of the configuration cannot be repeated: the record does not have it, or it has "

@@ -12,16 +12,16 @@
 #include <vector>
 
 #include "emulator/drive/pace.hpp"
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/ground/host.hpp"
 #include "transports/capture/pcapng_reader.hpp"
 #include "transports/capture/record_packet.hpp"
 
 namespace imud {
 
-// Drives a Session as the Loop did when the record was made: in the order and at the times of its events. Truth, the
+// Drives an Engine as the Loop did when the record was made: in the order and at the times of its events. Truth, the
 // hosts' bytes, and the edges at the pins come from the record. Hosts at the imus' ports are ignored. Several imus
-// of the Session may have one name: each repeats the run's imu of that name. A received packet may precede its
+// of the Engine may have one name: each repeats the run's imu of that name. A received packet may precede its
 // event, and other interfaces may precede the record's interfaces: mergecap and reordercap write such files. One
 // thread.
 class RecordedRun {
@@ -32,20 +32,20 @@ class RecordedRun {
 
   // Returns `config` with the recorded run's values of all keys that a capture changes.
   Config adapted(Config config) const;
-  // Returns the ports of a Session: the truth port and the pins are fed by run(), `others` opens the others.
+  // Returns the ports of an Engine: the truth port and the pins are fed by run(), `others` opens the others.
   Ports ports(Ports others);
 
   struct Options {
     // Samples leave when as much time has passed as in the recorded run; nullopt: at once.
     std::optional<PaceOptions> pace = std::nullopt;
     std::optional<Nanoseconds> duration = std::nullopt;  // of the recorded run; ends there
-    // Called for a sample of the imu with an even number when its truth has not come: every other imu of the session
+    // Called for a sample of the imu with an even number when its truth has not come: every other imu of the engine
     // is a twin without errors, whose samples are taken when the truth of their instants has come, in their order.
     // nullptr: there are no twins.
     std::function<void(std::size_t imu)> awaits_truth = nullptr;
   };
   // Runs to the end of the record, or until `stop` is set.
-  void run(Session& session, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept;
+  void run(Engine& engine, Host& host, const Options& options, const std::atomic<bool>& stop) noexcept;
 
   // Describes how the replay differs from the run; empty if it does not. Valid after run().
   std::string difference() const;
@@ -90,7 +90,7 @@ class RecordedRun {
   bool is_live_ = true;
   std::int64_t offset_ns_ = 0;  // from host times to packet times
 
-  Session* session_ = nullptr;
+  Engine* engine_ = nullptr;
   Host* host_ = nullptr;
   const std::atomic<bool>* stop_ = nullptr;
   Options options_;
@@ -116,7 +116,7 @@ void RecordedRun::for_imus(const RecordEvent& event, Function function) noexcept
   const std::size_t interface = std::size_t{base_} + event.interface;
   if (interface >= reader_.interfaces().size()) return;
   const std::string& name = reader_.interfaces()[interface].name;
-  for (const auto& channel : session_->channels())
+  for (const auto& channel : engine_->channels())
     if (channel->name() == name) function(*channel);
 }
 

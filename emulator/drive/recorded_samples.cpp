@@ -10,26 +10,26 @@ void RecordedRun::take_sample(Channel& channel, const RecordEvent& event) noexce
   const auto k = static_cast<std::uint64_t>(event.c);
   if (awaits_truth(channel, event)) return;
   if ((event.flags & RecordEvent::at_rest) != 0) {
-    session_->prepare_at_rest(channel, k, Nanoseconds(event.a));
-  } else if (session_->timeline().empty()) {
+    engine_->prepare_at_rest(channel, k, Nanoseconds(event.a));
+  } else if (engine_->timeline().empty()) {
     return;
   } else {
-    if (session_->timeline().newest().ns != event.b) ++differing_;
-    session_->prepare(channel, k, TruthTime{event.a});
+    if (engine_->timeline().newest().ns != event.b) ++differing_;
+    engine_->prepare(channel, k, TruthTime{event.a});
   }
   prepared_.push_back(&channel);
 }
 
 // Returns true if the sample belongs to a twin, and is taken later.
 bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event) noexcept {
-  if (!options_.awaits_truth || (event.flags & RecordEvent::at_rest) != 0 || session_->timeline().empty())
+  if (!options_.awaits_truth || (event.flags & RecordEvent::at_rest) != 0 || engine_->timeline().empty())
     return false;
-  const auto all = session_->channels();
+  const auto all = engine_->channels();
   const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == &channel; });
   const auto number = static_cast<std::size_t>(found - all.begin());
   if (number % 2 != 0) return false;
   std::deque<RecordEvent>& waiting = awaited_[&channel];
-  if (waiting.empty() && TruthTime{event.a} <= session_->timeline().newest()) return false;
+  if (waiting.empty() && TruthTime{event.a} <= engine_->timeline().newest()) return false;
   waiting.push_back(event);
   options_.awaits_truth(number);
   return true;
@@ -37,14 +37,14 @@ bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event)
 
 // Takes the samples of twins whose truth has come; `all`: also if their truth never comes.
 void RecordedRun::take_awaited(bool all) noexcept {
-  if (awaited_.empty() || session_->timeline().empty()) return;
-  const TruthTime newest = session_->timeline().newest();
-  for (const auto& channel : session_->channels()) {
+  if (awaited_.empty() || engine_->timeline().empty()) return;
+  const TruthTime newest = engine_->timeline().newest();
+  for (const auto& channel : engine_->channels()) {
     const auto waiting = awaited_.find(channel.get());
     if (waiting == awaited_.end()) continue;
     for (std::deque<RecordEvent>& events = waiting->second;
          !events.empty() && (all || TruthTime{events.front().a} <= newest); events.pop_front()) {
-      channel->sense(session_->timeline(), TruthTime{events.front().a}, static_cast<std::uint64_t>(events.front().c));
+      channel->sense(engine_->timeline(), TruthTime{events.front().a}, static_cast<std::uint64_t>(events.front().c));
       channel->prepare(TruthTime{events.front().a}, false);
       channel->encode();
       channel->transmit();
@@ -61,7 +61,7 @@ HostTime RecordedRun::wait_until(HostTime instant) noexcept {
   const HostTime due = instant + *shift_, until = due - pace_->spin();
   for (HostTime at = now; at < until && !stop_->load(std::memory_order_relaxed);) {
     at = host_->sleep_until(std::min(until, at + step));
-    session_->flush();
+    engine_->flush();
   }
   return due;
 }
@@ -79,7 +79,7 @@ void RecordedRun::transmit(const RecordEvent& event) noexcept {
   else
     transmit_at_once();
   for (Channel* channel : prepared_) channel->count_sample();
-  session_->count_samples(prepared_.size());
+  engine_->count_samples(prepared_.size());
   prepared_.clear();
 }
 

@@ -63,10 +63,10 @@ struct Reload {
     std::uint64_t held = 0, held_of_others = 0;
   };
   std::vector<Line> lines;
-  std::vector<Command> commands;  // of the session
+  std::vector<Command> commands;  // of the engine
   std::string text;               // the new configuration, Config::resolved, for the record
 
-  // Prepares the change from `before` to `after`, as far as keys are reloadable. `imus`: the imus of the session's
+  // Prepares the change from `before` to `after`, as far as keys are reloadable. `imus`: the imus of the engine's
   // channels, in order; several may have one name. `seed`: the seed of the run.
   Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed);
 

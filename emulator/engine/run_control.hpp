@@ -11,7 +11,7 @@
 
 namespace imud {
 
-// Outlives the Session that has it. All memory is allocated by the constructor.
+// Outlives the Engine that has it. All memory is allocated by the constructor.
 struct RunControl {
   explicit RunControl(std::size_t imus)
       : applied(results), events(counters.events_overrun), feed(imus, counters.samples_overrun) {}

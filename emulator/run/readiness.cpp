@@ -20,10 +20,10 @@ namespace imud {
 namespace {
 
 // Returns the ports that no process reads.
-std::vector<std::string> unread_ports(Session& session, const Config& config) {
+std::vector<std::string> unread_ports(Engine& engine, const Config& config) {
   std::vector<std::string> unread;
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
-    Channel& channel = *session.channels()[i];
+    Channel& channel = *engine.channels()[i];
     channel.update_port_states();
     for (std::size_t uart = 0; uart < channel.port_count(); ++uart)
       if (channel.port(uart).state() == PortState::no_reader)
@@ -48,12 +48,12 @@ void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd) {
 
 void report_stopping() { ::sd_notify(0, "STOPPING=1"); }
 
-void wait_for_readers(Session& session, const Config& config, boost::asio::io_context& io,
+void wait_for_readers(Engine& engine, const Config& config, boost::asio::io_context& io,
                       const std::function<bool()>& stopped) {
   constexpr auto pause = std::chrono::milliseconds(10);
   std::vector<std::string> reported;
   for (;;) {
-    std::vector<std::string> unread = unread_ports(session, config);
+    std::vector<std::string> unread = unread_ports(engine, config);
     if (unread.empty() || stopped()) break;
     if (unread != reported) spdlog::info("waiting for a reader of {}", fmt::join(unread, ", "));
     reported = std::move(unread);

@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {
@@ -18,9 +18,9 @@ void report_ready(const ChosenPorts& chosen, std::optional<int> ready_fd);
 // Reports to the service manager that the run ends.
 void report_stopping();
 
-// Waits until each pty of the session's imus has a reader, or `stopped` returns true, and handles the events of `io`.
+// Waits until each pty of the engine's imus has a reader, or `stopped` returns true, and handles the events of `io`.
 // Logs which ptys it waits for. Called before the sampling thread begins.
-void wait_for_readers(Session& session, const Config& config, boost::asio::io_context& io,
+void wait_for_readers(Engine& engine, const Config& config, boost::asio::io_context& io,
                       const std::function<bool()>& stopped);
 
 }  // namespace imud

@@ -57,7 +57,7 @@ class Ticker {
 };
 
 // The work of the sampling thread. Returns false if a reader has not read everything.
-bool drive(Session& session, const Config& config, const RunOptions& options, RecordedRun* repeated,
+bool drive(Engine& engine, const Config& config, const RunOptions& options, RecordedRun* repeated,
            const std::atomic<bool>& stop) {
   MonotonicHost host;
   const bool realtime = config.clock == ClockMode::realtime, capture = is_capture(config.truth.port);
@@ -67,20 +67,20 @@ bool drive(Session& session, const Config& config, const RunOptions& options, Re
   if (realtime) loop.pace = {config.realtime.spin, config.realtime.skip_after};
   if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
   if (repeated != nullptr) {
-    repeated->run(session, host, {realtime ? std::optional(loop.pace) : std::nullopt, loop.limit}, stop);
+    repeated->run(engine, host, {realtime ? std::optional(loop.pace) : std::nullopt, loop.limit}, stop);
   } else {
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
-    Loop(session, host, *pacer, loop, stop).run();
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
+    Loop(engine, host, *pacer, loop, stop).run();
   }
   using namespace std::chrono_literals;
-  return session.drain(realtime || stop ? 50ms : 2000ms);
+  return engine.drain(realtime || stop ? 50ms : 2000ms);
 }
 
-RunCounters counters_of(const Session& session, const RunControl& control, const Recorder* recorder) {
-  RunCounters counters{&session.intake().counters(), &session.quality(), {}, nullptr};
-  if (session.faults().capacity() > 0) counters.faults = &session.faults();
+RunCounters counters_of(const Engine& engine, const RunControl& control, const Recorder* recorder) {
+  RunCounters counters{&engine.intake().counters(), &engine.quality(), {}, nullptr};
+  if (engine.faults().capacity() > 0) counters.faults = &engine.faults();
   if (recorder != nullptr) counters.record = &recorder->counters();
-  for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
+  for (const auto& channel : engine.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
   counters.control = &control.counters;
   return counters;
 }
@@ -141,16 +141,16 @@ void check_outputs(const Config& config, const RunOptions& options) {
   }
 }
 
-std::vector<FaultLabel> labels(const Session& session, const Config& config) {
+std::vector<FaultLabel> labels(const Engine& engine, const Config& config) {
   std::vector<std::string> imus;
   for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
-  return fault_labels(session.faults().all(), imus, session.faults().log());
+  return fault_labels(engine.faults().all(), imus, engine.faults().log());
 }
 
-// Returns the labels of the session's faults, as the name of their file asks for.
-std::string labels(const Session& session, const Config& config, std::string_view file) {
-  std::vector<FaultLabel> all = labels(session, config);
-  add_never_begun(session.faults().configured(), all);
+// Returns the labels of the engine's faults, as the name of their file asks for.
+std::string labels(const Engine& engine, const Config& config, std::string_view file) {
+  std::vector<FaultLabel> all = labels(engine, config);
+  add_never_begun(engine.faults().configured(), all);
   return file.ends_with(".json") ? labels_json(all) : labels_csv(all);
 }
 
@@ -184,9 +184,9 @@ int run(const Config& config, const RunOptions& options) {
   std::optional<Recorder> recorder;
   if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
   RunControl control(config.imus.size());
-  Session session(repeated ? repeated->adapted(config) : config,
-                  repeated ? repeated->ports(real_ports) : Ports(real_ports),
-                  recorder ? *recorder : StepSink::none(), &control);
+  Engine engine(repeated ? repeated->adapted(config) : config,
+                repeated ? repeated->ports(real_ports) : Ports(real_ports), recorder ? *recorder : StepSink::none(),
+                &control);
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
   const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
@@ -194,17 +194,17 @@ int run(const Config& config, const RunOptions& options) {
   std::optional<WebServer> web;
   if (!config.web.listen.empty()) web.emplace(io, config.web);
   const auto chosen_ports = [&] {
-    ChosenPorts all = session.chosen_ports();
+    ChosenPorts all = engine.chosen_ports();
     if (web && web->address() != config.web.listen) all.emplace_back("web.listen", web->address());
     return all;
   };
   const ChosenPorts chosen = chosen_ports();
   report_ready(chosen, options.ready_fd);
-  if (options.wait_for_reader) wait_for_readers(session, config, io, [&] { return stop.load(); });
+  if (options.wait_for_reader) wait_for_readers(engine, config, io, [&] { return stop.load(); });
   Config named = config;  // as the log shall name its ports
   for (const auto& [key, port] : chosen)
     if (key == "truth.port") named.truth.port = port;
-  const RunCounters counters = counters_of(session, control, recorder ? &*recorder : nullptr);
+  const RunCounters counters = counters_of(engine, control, recorder ? &*recorder : nullptr);
   Monitor monitor(counters, named, options.monitor);
   bool has_data = has_data_on_stdout(config, options);
   const auto read = [&] {
@@ -213,7 +213,7 @@ int run(const Config& config, const RunOptions& options) {
     check_new_ports(named, next);
     return next;
   };
-  Reloader reloader(session, config, named, options.read_config ? read : std::function<Config()>(), [&] {
+  Reloader reloader(engine, config, named, options.read_config ? read : std::function<Config()>(), [&] {
     monitor.update_loads();
     has_data = has_data || has_data_on_stdout(named, options);
   });
@@ -222,7 +222,7 @@ int run(const Config& config, const RunOptions& options) {
     others.async_wait([&](const boost::system::error_code& error, int signal) {
       if (error) return;
       if (signal == SIGUSR1) {
-        session.request_power_cycle();
+        engine.request_power_cycle();
         spdlog::info("SIGUSR1: power off and on for every imu");
       } else if (signal == SIGHUP) {
         monitor.reopen();
@@ -240,7 +240,7 @@ int run(const Config& config, const RunOptions& options) {
     stop = true;
   };
   ControlApi api(
-      io, {instance, named, control, monitor, counters, quit, session.faults(), reloader, repeated.has_value()});
+      io, {instance, named, control, monitor, counters, quit, engine.faults(), reloader, repeated.has_value()});
   reload = [&api] { api.reload(); };
   server->start(api);
   if (web) {
@@ -274,7 +274,7 @@ int run(const Config& config, const RunOptions& options) {
   bool all_read = true;
   std::thread worker([&] {
     try {
-      all_read = drive(session, config, options, repeated ? &*repeated : nullptr, stop);
+      all_read = drive(engine, config, options, repeated ? &*repeated : nullptr, stop);
     } catch (...) {
       failure = std::current_exception();
     }
@@ -283,31 +283,31 @@ int run(const Config& config, const RunOptions& options) {
   io.run();
   report_stopping();
   worker.join();
-  session.finish_faults();
+  engine.finish_faults();
   report_events();
   api.finish();
   reloader.close_ports();
-  session.publish();
+  engine.publish();
   server.reset();
   if (recorder) recorder->finish();
   if (failure) std::rethrow_exception(failure);
 
   EndedBy ended_by = stopped_by;
   if (is_capture(config.truth.port))
-    ended_by = session.intake().at_end() ? EndedBy::end_of_capture : stop ? stopped_by : EndedBy::duration;
-  Summary summary = monitor.finish(session.intake().end_warning());
+    ended_by = engine.intake().at_end() ? EndedBy::end_of_capture : stop ? stopped_by : EndedBy::duration;
+  Summary summary = monitor.finish(engine.intake().end_warning());
   summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
                    chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
-  outcome.expected = session.expected();
-  outcome.judge_faults(fault_outcomes(session.faults().configured(), labels(session, config)), options.repeats);
+  outcome.expected = engine.expected();
+  outcome.judge_faults(fault_outcomes(engine.faults().configured(), labels(engine, config)), options.repeats);
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
     outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
   if (repeated && !repeated->difference().empty()) outcome.shortfalls.push_back(repeated->difference());
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
-  if (outcome.ended_by != EndedBy::failure) session.commit();
-  if (!options.labels_file.empty()) labels_file.replace(labels(session, config, options.labels_file));
+  if (outcome.ended_by != EndedBy::failure) engine.commit();
+  if (!options.labels_file.empty()) labels_file.replace(labels(engine, config, options.labels_file));
   if (!options.junit_file.empty()) junit_file.replace(junit_xml(outcome.expected, "imud"));
   summary_file.replace(json(summary, JsonLayout::indented));  // last: it says that the run is complete
   TextFile printed = has_data ? TextFile::standard_error() : TextFile("-");

@@ -83,7 +83,7 @@ class Runs {
   // Divides the runs into items of work: seeds that run together, because they share the truth and the instants of
   // samples; or each imu of a seed, if `jobs` are more than the seeds.
   void divide(unsigned jobs) noexcept {
-    constexpr std::size_t most_imus = 8;  // in a session: 4 and 8 take the same time, 16 and 32 more
+    constexpr std::size_t most_imus = 8;  // in an engine: 4 and 8 take the same time, 16 and 32 more
     constexpr std::uint64_t per_job = 4;  // items, so that all jobs end at about the same time
     const std::uint64_t most_together = std::max<std::size_t>(1, most_imus / config_.imus.size());
     together_ = std::clamp<std::uint64_t>(seeds_.size() / (per_job * jobs), 1, most_together);
@@ -149,18 +149,18 @@ class Runs {
       varies = varies || (arrays_->varies(i) && (parts_ == 1 || i == part));
     return varies ? SeedArrays::made(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
   }
-  std::string end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
+  std::string end(Batch& batch, std::size_t run, Engine& engine, const std::string& difference,
                   std::size_t part) const;
-  std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, const Session& session, std::size_t part) const;
+  std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, const Engine& engine, std::size_t part) const;
   SeedArrays::Run run_for_arrays() const {
     return [this](const Config& config, const Ports& ports, const auto& awaits_truth) {
       const std::atomic<bool> no_stop = false;
       std::string cause;
       run(
           config, ports, no_stop,
-          [&](Session& session, const std::string&) {
-            session.commit();
-            cause = fmt::format("{}", fmt::join(remarks(session.intake().counters()), "; "));
+          [&](Engine& engine, const std::string&) {
+            engine.commit();
+            cause = fmt::format("{}", fmt::join(remarks(engine.intake().counters()), "; "));
           },
           awaits_truth);
       return cause;
@@ -188,19 +188,19 @@ void Runs::run(const Config& config, const Ports& ports, const std::atomic<bool>
   };
   std::optional<RecordedRun> repeated;
   if (options_.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
-  Session session(repeated ? repeated->adapted(config) : config, repeated ? repeated->ports(ports) : with_truth);
+  Engine engine(repeated ? repeated->adapted(config) : config, repeated ? repeated->ports(ports) : with_truth);
   MonotonicHost host;
   LoopOptions options;
   if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
   if (repeated) {
-    repeated->run(session, host, {.duration = options.limit, .awaits_truth = awaits_truth}, stop);
+    repeated->run(engine, host, {.duration = options.limit, .awaits_truth = awaits_truth}, stop);
   } else {
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
-    Loop(session, host, *pacer, options, stop).run();
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
+    Loop(engine, host, *pacer, options, stop).run();
   }
-  session.drain(std::chrono::milliseconds(50));
-  session.finish_faults();
-  end(session, repeated ? repeated->difference() : std::string());
+  engine.drain(std::chrono::milliseconds(50));
+  engine.finish_faults();
+  end(engine, repeated ? repeated->difference() : std::string());
 }
 
 std::string Runs::work(std::size_t item) const {
@@ -235,7 +235,8 @@ std::string Runs::work(std::size_t item) const {
     }
   }
   const auto ports = [&](const PortUse& use) -> std::unique_ptr<Port> {
-    if (arrays_) return use.of == PortUse::Of::line && use.number == 0 ? batch.rows[use.imu].port() : std::make_unique<NoPort>();
+    if (arrays_)
+      return use.of == PortUse::Of::line && use.number == 0 ? batch.rows[use.imu].port() : std::make_unique<NoPort>();
     try {
       return real_ports(use);
     } catch (const PortError& error) {
@@ -244,11 +245,11 @@ std::string Runs::work(std::size_t item) const {
   };
   std::vector<std::string> summaries;
   std::string failure;
-  run(all, ports, workers_stop(), [&](Session& session, const std::string& difference) {
+  run(all, ports, workers_stop(), [&](Engine& engine, const std::string& difference) {
     for (std::size_t i = 0; i < seeds.size(); ++i) {
       batch.config.seed = seeds.first + i;
       try {
-        summaries.push_back(end(batch, i, session, difference, part));
+        summaries.push_back(end(batch, i, engine, difference, part));
       } catch (const std::exception& error) {  // the other seeds have runs of their own
         if (failure.empty()) failure = fmt::format("seed {}: {}", batch.config.seed, error.what());
       }
@@ -259,24 +260,24 @@ std::string Runs::work(std::size_t item) const {
 }
 
 // Ends the run number `run` of a batch, with its Batch::config; returns its summary.
-std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std::string& difference,
+std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::string& difference,
                       std::size_t part) const {
   const std::size_t imus = batch.config.imus.size();
-  const auto channels = session.channels().subspan(run * imus, imus);
-  RunCounters counters{&session.intake().counters(), &session.quality(), {}};
+  const auto channels = engine.channels().subspan(run * imus, imus);
+  RunCounters counters{&engine.intake().counters(), &engine.quality(), {}};
   for (const auto& channel : channels) counters.imus.emplace_back(channel->name(), &channel->counters());
   Summary summary = summarize(counters, seconds(host_now() - batch.begin), batch.line_loads);
-  summary.truth.warning = session.intake().end_warning();
+  summary.truth.warning = engine.intake().end_warning();
   summary.truth.remarks = remarks(*counters.truth);
-  const EndedBy ended_by = session.intake().at_end() ? EndedBy::end_of_capture
-                           : workers_stop()          ? EndedBy::signal
-                                                     : EndedBy::duration;
+  const EndedBy ended_by = engine.intake().at_end() ? EndedBy::end_of_capture
+                           : workers_stop()         ? EndedBy::signal
+                                                    : EndedBy::duration;
   Outcome outcome = judge(summary, batch.config, ended_by, options_.required, options_.repeats);
   if (!difference.empty()) outcome.shortfalls.push_back(difference);
   for (const auto& channel : channels)
     for (Expected& one : channel->expected()) outcome.expected.push_back(std::move(one));
-  std::vector<FaultLabel> all = labels(batch, run, session, part);
-  std::vector<FaultOutcome> faults = fault_outcomes(session.faults().configured(), all);
+  std::vector<FaultLabel> all = labels(batch, run, engine, part);
+  std::vector<FaultOutcome> faults = fault_outcomes(engine.faults().configured(), all);
   if (parts_ == 1)
     outcome.judge_faults(std::move(faults), options_.repeats);
   else
@@ -289,7 +290,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
   const std::string text = json(summary, JsonLayout::line);
   if (options_.labels_file.empty()) return text;
   Json with_labels = Json::parse(text);
-  add_never_begun(session.faults().configured(), all);
+  add_never_begun(engine.faults().configured(), all);
   std::erase_if(all, [&](const FaultLabel& label) {
     const auto has_label = [&](const ImuConfig& imu) { return imu.name == label.imu; };
     return label.imu == fault_of_truth ? part > 0
@@ -300,12 +301,12 @@ std::string Runs::end(Batch& batch, std::size_t run, Session& session, const std
   return with_labels.dump();
 }
 
-std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, const Session& session,
+std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, const Engine& engine,
                                      std::size_t part) const {
   std::vector<std::string> names;
-  for (const auto& channel : session.channels()) names.push_back(channel->name());
+  for (const auto& channel : engine.channels()) names.push_back(channel->name());
   const std::size_t first = run * batch.config.imus.size(), end = first + batch.config.imus.size();
-  std::vector<FaultLabel> all = fault_labels(session.faults().all(), names, session.faults().log());
+  std::vector<FaultLabel> all = fault_labels(engine.faults().all(), names, engine.faults().log());
   // Each part of a run has the faults of its truth.
   std::erase_if(all, [&](const FaultLabel& label) {
     return label.first.imu == truth_number ? part > 0 : label.first.imu < first || label.first.imu >= end;

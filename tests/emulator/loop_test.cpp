@@ -224,7 +224,7 @@ TEST_F(LoopTest, PowerGoesOffAndOnBetweenTwoSamplesOnly) {
     auto port = std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
     // While the port is written to, the next samples of the same instant are prepared.
     port->on_send = [&, n = 0]() mutable {
-      if (++n % 100 == 0) run.session().request_power_cycle();
+      if (++n % 100 == 0) run.engine().request_power_cycle();
     };
     return port;
   };
@@ -248,7 +248,7 @@ TEST_F(LoopTest, PowerStaysOnFromThePreparationOfASampleToItsTransmission) {
   };
   Diary::on_sample = [&, n = std::size_t{0}]() mutable {
     EXPECT_EQ(samples_sent(), n) << "the sample before is transmitted";
-    if (++n % 10 == 0) run.session().request_power_cycle();
+    if (++n % 10 == 0) run.engine().request_power_cycle();
   };
   Diary::on_power_on = [&] { transmitted.push_back(samples_sent()); };
   for (int k = 0; k <= 300; ++k) run.truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));
@@ -272,14 +272,14 @@ TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
     host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
   }
   host.end = begin + 3s;
-  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::trigger) return std::make_unique<DiaryPort>(host, sent, edges);
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host);
     return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
   });
-  const auto pacer = make_pacer(c, session.quality());
-  Loop(session, host, *pacer, {}, host.stop).run();
-  EXPECT_GT(session.channels()[0]->counters().silent, 80U);
+  const auto pacer = make_pacer(c, engine.quality());
+  Loop(engine, host, *pacer, {}, host.stop).run();
+  EXPECT_GT(engine.channels()[0]->counters().silent, 80U);
   EXPECT_EQ(count('t'), 2U) << "those of 0.5 s and 2.5 s";
 }
 
@@ -296,14 +296,14 @@ TEST_F(LoopTest, SpinsAsLongAsConfigured) {
       host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
     }
     std::vector<std::pair<HostTime, char>> sent;
-    Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, capture);
       return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
     });
     CapturePacer by_capture;
-    HostPacer by_host(c.truth.clock, 100ms, session.quality());
+    HostPacer by_host(c.truth.clock, 100ms, engine.quality());
     Pacer& pacer = capture ? static_cast<Pacer&>(by_capture) : by_host;
-    Loop(session, host, pacer, {.pace = {.spin = 150us}, .limit = {}}, host.stop).run();
+    Loop(engine, host, pacer, {.pace = {.spin = 150us}, .limit = {}}, host.stop).run();
     ASSERT_GT(sent.size(), 350U);
     EXPECT_GE(host.spun(), 150us * (sent.size() - 2)) << capture;
   }
@@ -324,12 +324,12 @@ TEST_F(LoopTest, EachRunOfAPacedCaptureHasItsOwnBegin) {
       host.arrivals.push_back({begin, std::move(bytes)});
     }
   std::vector<std::pair<HostTime, char>> sent;
-  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true, 0ns);
     return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
   });
   CapturePacer pacer;
-  Loop(session, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
+  Loop(engine, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
   ASSERT_EQ(sent.size(), 302U);
   for (std::size_t k = 1; k < sent.size(); ++k) {
     const Nanoseconds step = sent[k].first - sent[k - 1].first;
@@ -383,12 +383,12 @@ TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
   std::vector<Left> left;
-  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true);
     return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;
-  Loop(session, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
+  Loop(engine, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
   ASSERT_EQ(left.size(), 7U);
   for (const auto& r : navigate(left, 0)) EXPECT_NEAR(r.angle, Swing::angle(r.time_s), 1e-9);
 }
@@ -406,12 +406,12 @@ TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
   std::vector<Left> left;
-  Session session(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true);
     return std::make_unique<SimulatedSensor>(host, left);
   });
   TruthPacer pacer;
-  Loop(session, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
+  Loop(engine, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
   ASSERT_EQ(left.size(), 102U) << "101 a second";
   for (std::size_t k = 0; k < left.size(); ++k) {
     EXPECT_EQ(left[k].sample.time.ns, 5'000'000'000 + static_cast<std::int64_t>(k) * 10'000'000);

@@ -14,7 +14,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/drive/loop.hpp"
 #include "emulator/drive/pacer.hpp"
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/host.hpp"
 #include "protocols/native_truth.hpp"
@@ -68,20 +68,20 @@ class SampledRunTest : public RunTest {
     Sampled result;
     result.sent.resize(units.size());
     std::atomic<bool> stop = false;
-    Session session(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    Engine engine(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of == PortUse::Of::truth) return std::make_unique<Flight>(seconds, is_live ? &stop : nullptr);
       return std::make_unique<Kept>(units[use.imu].rate_hz, seconds, result.sent[use.imu]);
     });
     MonotonicHost host;
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
-    Loop(session, host, *pacer, {}, stop).run();
-    session.finish_faults();
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
+    Loop(engine, host, *pacer, {}, stop).run();
+    engine.finish_faults();
     std::vector<std::string> names;
     for (const Unit& unit : units) names.push_back(unit.name);
-    for (const FaultLabel& label : fault_labels(session.faults().all(), names, session.faults().log()))
+    for (const FaultLabel& label : fault_labels(engine.faults().all(), names, engine.faults().log()))
       result.acted.push_back(
           {label.fault->kind, label.imu, label.first.sample, label.last.sample, label.first.parameters});
-    EXPECT_EQ(session.faults().log().lost(), 0U);
+    EXPECT_EQ(engine.faults().log().lost(), 0U);
     return result;
   }
 

@@ -155,7 +155,7 @@ class SimulatedRun {
     host_.end = at(until_s);
     left_.resize(config_.imus.size());
     std::size_t next = 0;
-    session_ = std::make_unique<Session>(
+    engine_ = std::make_unique<Engine>(
         config_,
         [&](const PortUse& use) {
           if (use.of == PortUse::Of::truth) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
@@ -164,16 +164,16 @@ class SimulatedRun {
         },
         recorder != nullptr ? *recorder : StepSink::none(), control);
     if (recorder != nullptr) recorder->start(true, config_.resolved);
-    const auto pacer = make_pacer(config_, session_->quality());
+    const auto pacer = make_pacer(config_, engine_->quality());
     const LoopOptions options{.pace = {config_.realtime.spin, config_.realtime.skip_after}, .limit = {}};
-    Loop(*session_, host_, *pacer, options, host_.stop).run();
+    Loop(*engine_, host_, *pacer, options, host_.stop).run();
   }
 
   const std::vector<Left>& left(std::size_t imu = 0) const { return left_[imu]; }
-  const ImuCounters& counters(std::size_t imu = 0) const { return session_->channels()[imu]->counters(); }
-  const TruthCounters& truth_counters() const { return session_->intake().counters(); }
-  const TruthQuality& quality() const { return session_->quality(); }
-  Session& session() { return *session_; }
+  const ImuCounters& counters(std::size_t imu = 0) const { return engine_->channels()[imu]->counters(); }
+  const TruthCounters& truth_counters() const { return engine_->intake().counters(); }
+  const TruthQuality& quality() const { return engine_->quality(); }
+  Engine& engine() { return *engine_; }
 
  private:
   Config config_;
@@ -181,7 +181,7 @@ class SimulatedRun {
   HostTime begin_ = host_.now();
   std::multimap<HostTime, std::vector<std::byte>> arrivals_;
   std::vector<std::vector<Left>> left_;
-  std::unique_ptr<Session> session_;
+  std::unique_ptr<Engine> engine_;
 };
 
 }  // namespace imud

@@ -114,7 +114,7 @@ TEST(Sync, BearsAnyTimeAndAnyNumber) {
   EXPECT_EQ(pins.sync.refused(), 1U + 1000 - 64);
 }
 
-// A live session may begin a run between the preparation of a sample and its delivery.
+// A live engine may begin a run between the preparation of a sample and its delivery.
 TEST(Sync, ASampleOfTheOldRunMayFollowTheBeginOfANewOne) {
   Pins pins;
   pins.sample(1'000'000'000);

@@ -73,7 +73,7 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     // In real time the last truths are not sampled.
     host.end = begin + std::chrono::seconds(clock == ClockMode::realtime && !capture ? 6 : 100);
     std::string record;
-    Session session(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    Engine engine(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, capture, Nanoseconds{0});
       auto recording = std::make_unique<RecordingPort>(record, host_bytes(protocol.name));
       host.next_input = [recording = recording.get()](int) {
@@ -83,10 +83,10 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     });
     std::unique_ptr<Pacer> pacer = std::make_unique<TruthPacer>();
     if (clock == ClockMode::realtime && capture) pacer = std::make_unique<CapturePacer>();
-    if (clock == ClockMode::realtime && !capture) pacer = make_pacer(config, session.quality());
-    Loop(session, host, *pacer, {.pace = {}, .limit = {}}, host.stop).run();
-    EXPECT_EQ(session.channels()[0]->counters().extrapolated, 0U);
-    EXPECT_GT(static_cast<double>(session.channels()[0]->counters().samples),
+    if (clock == ClockMode::realtime && !capture) pacer = make_pacer(config, engine.quality());
+    Loop(engine, host, *pacer, {.pace = {}, .limit = {}}, host.stop).run();
+    EXPECT_EQ(engine.channels()[0]->counters().extrapolated, 0U);
+    EXPECT_GT(static_cast<double>(engine.channels()[0]->counters().samples),
               config.imus[0].rate_hz * (restarts ? 11.75 : 5.75));
     return record;
   }

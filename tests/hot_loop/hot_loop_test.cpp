@@ -62,11 +62,11 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   std::atomic<bool> stop = false;
   Recorder recorder({.file = path("record.pcapng")}, false);
   RunControl control(config.imus.size());
-  Session session(config, real_ports, recorder, &control);
+  Engine engine(config, real_ports, recorder, &control);
   control.feed.watch(0, 1);
   control.feed.watch(3, 7);
   recorder.start(true, "");
-  const auto counters = [&](std::size_t i) -> const ImuCounters& { return session.channels()[i]->counters(); };
+  const auto counters = [&](std::size_t i) -> const ImuCounters& { return engine.channels()[i]->counters(); };
   const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   ASSERT_TRUE(reader);
   const FileDescriptor paced(::open(path("paced").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
@@ -79,14 +79,14 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
       std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
   std::thread sampler([&] {
     MonotonicHost host;
-    HostPacer pacer(config.truth.clock, config.truth.limits.extrapolate, session.quality());
-    Loop loop(session, host, pacer, {}, stop);
+    HostPacer pacer(config.truth.clock, config.truth.limits.extrapolate, engine.quality());
+    Loop loop(engine, host, pacer, {}, stop);
     count_locks_of_this_thread();
     loop.run();
   });
 
   std::array<std::byte, 4096> buffer;
-  const TruthQuality& quality = session.quality();
+  const TruthQuality& quality = engine.quality();
   std::uint32_t k = 0;
   std::uint64_t batches = 0, answers = 0, watched = 0;
   // Every kind of command, in batches that do not leave an imu off.
@@ -126,7 +126,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   const std::uint64_t answers_before = answers, watched_before = watched;
   const std::uint64_t samples = counters(0).samples, stops = quality.stops, returns = quality.returns;
   const auto refused = [&](Refusal refusal) -> std::uint64_t {
-    return session.intake().counters().refused[static_cast<std::size_t>(refusal)];
+    return engine.intake().counters().refused[static_cast<std::size_t>(refusal)];
   };
   // The counters show that all of this happened.
   const bool is_busy = eventually([&] {

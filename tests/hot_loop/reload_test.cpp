@@ -7,8 +7,8 @@
 
 #include "emulator/config/load_config.hpp"
 #include "emulator/drive/execute.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/engine/run_control.hpp"
-#include "emulator/engine/session.hpp"
 #include "tests/emulator/run/live_test.hpp"
 #include "tests/support/allocations.hpp"
 #include "tests/support/locks.hpp"
@@ -29,16 +29,16 @@ TEST_F(LiveTest, AReloadAllocatesNothing) {
       "rate_hz = 1000\ngyro.low_pass_hz = 0\ngyro.boxcar_samples = 900\ntemperature.profile_s = [0, 1, "
       "2]\ntemperature.profile_c = [1, 2, "
       "3]\nvibration.sine_hz = [10, 20, 30]\nvibration.sine_g = [[1, 2, 3], [1, 2, 3], [1, 2, 3]]\n");
-  Session session(before);
+  Engine engine(before);
   Reload there(before, after, before.imus, before.seed), back(after, before, before.imus, before.seed);
   for (Reload* reload : {&there, &back}) {
     ASSERT_EQ(reload->sensors.size(), 1U);
     const std::uint64_t allocated = allocations();
-    session.set_reload(reload);
-    execute(session, {.kind = Command::Kind::reload}, HostTime{1});
+    engine.set_reload(reload);
+    execute(engine, {.kind = Command::Kind::reload}, HostTime{1});
     EXPECT_EQ(allocations() - allocated, 0U);
   }
-  EXPECT_EQ(session.channels()[0]->grid().period(), std::chrono::milliseconds(2));
+  EXPECT_EQ(engine.channels()[0]->grid().period(), std::chrono::milliseconds(2));
 }
 
 // From a pty with a reader to a file, to a slow pty, and back to a file; with faults, the port under them.
@@ -56,24 +56,24 @@ TEST_F(LiveTest, AnExchangeOfPortsAllocatesAndLocksNothing) {
     const std::vector<Config> configs = {config("pty:" + path("one"), "none"), config("file:" + path("out"), "none"),
                                          config("pty:" + path("two") + "?baud=115200", "line"),
                                          config("file:" + path("other"), "none")};
-    Session session(configs[0]);
+    Engine engine(configs[0]);
     const FileDescriptor reader(::open(path("one").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
     ASSERT_TRUE(reader);
-    Channel& channel = *session.channels()[0];
-    EXPECT_EQ(faults, session.faults().capacity() > 0);
+    Channel& channel = *engine.channels()[0];
+    EXPECT_EQ(faults, engine.faults().capacity() > 0);
     for (std::size_t i = 1; i < configs.size(); ++i) {
       Reload reload(configs[i - 1], configs[i], configs[0].imus, configs[0].seed);
       ASSERT_EQ(reload.lines.size(), 1U);
       EXPECT_TRUE(reload.sensors.empty());
-      EXPECT_TRUE(reload.open_ports(session.channels()).empty());
-      session.set_reload(&reload);
+      EXPECT_TRUE(reload.open_ports(engine.channels()).empty());
+      engine.set_reload(&reload);
       const Port* const opened = reload.lines[0].port.get();
       std::uint64_t allocated = 0, locked = 0;
       std::thread([&] {
         count_locks_of_this_thread();
         allocated = allocations();
         locked = locks_taken();
-        execute(session, {.kind = Command::Kind::reload}, HostTime{1});
+        execute(engine, {.kind = Command::Kind::reload}, HostTime{1});
         allocated = allocations() - allocated;
         locked = locks_taken() - locked;
       }).join();

@@ -99,15 +99,15 @@ class ControlFuzz::Target {
 
  private:
   void begin() {
-    Session& session = run_.session();
-    RunCounters counters{&session.intake().counters(), &session.quality(), {}};
-    for (const auto& channel : session.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
-    counters.faults = &session.faults();
+    Engine& engine = run_.engine();
+    RunCounters counters{&engine.intake().counters(), &engine.quality(), {}};
+    for (const auto& channel : engine.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
+    counters.faults = &engine.faults();
     counters.control = &control_.counters;
     monitor_.emplace(counters, fuzz_.config_, Monitor::Options{});
     reloader_.emplace(
-        session, fuzz_.config_, now_, [this] { return fuzz_.config_; }, [] {});
-    api_.emplace(io_, ControlApi::Run{"fuzz", fuzz_.config_, control_, *monitor_, counters, [] {}, session.faults(),
+        engine, fuzz_.config_, now_, [this] { return fuzz_.config_; }, [] {});
+    api_.emplace(io_, ControlApi::Run{"fuzz", fuzz_.config_, control_, *monitor_, counters, [] {}, engine.faults(),
                                       *reloader_});
     api_->on_event = [this](const Json&) { ++events_; };
     server_.emplace(io_, fuzz_.config_.control, "fuzz");

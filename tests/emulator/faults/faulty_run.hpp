@@ -11,7 +11,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/drive/loop.hpp"
 #include "emulator/drive/pacer.hpp"
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/host.hpp"
 #include "emulator/plan/config.hpp"
@@ -84,19 +84,19 @@ class FaultyRunTest : public RunTest {
     const Config config = load_config(write("faults.toml", config_text(faults, protocol, imus, errors)));
     Result result;
     std::vector<std::string> bytes(config.imus.size());
-    Session session(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    Engine engine(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of != PortUse::Of::line) return real_ports(use);
       return std::make_unique<StoringPort>(config.imus[use.imu], result, bytes[use.imu], use.imu == 0);
     });
     MonotonicHost host;
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, session.quality());
+    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
     const std::atomic<bool> stop = false;
-    Loop(session, host, *pacer, {}, stop).run();
-    session.finish_faults();
+    Loop(engine, host, *pacer, {}, stop).run();
+    engine.finish_faults();
     std::vector<std::string> names;
     for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
-    result.labels = fault_labels(session.faults().all(), names, session.faults().log());
-    // The labels outlive the session's faults: only what they hold themselves is used.
+    result.labels = fault_labels(engine.faults().all(), names, engine.faults().log());
+    // The labels outlive the engine's faults: only what they hold themselves is used.
     for (const std::string& of_imu : bytes) result.all_bytes += of_imu;
     return result;
   }

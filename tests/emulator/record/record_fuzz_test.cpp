@@ -35,7 +35,7 @@ port = "file:b"
     run.host().on_wait = [&] {
       if (run.host().now() < power_at) return;
       power_at = SimulatedHost::never;
-      run.session().request_power_cycle();
+      run.engine().request_power_cycle();
     };
     run.run(1);
     recorder.finish();
@@ -48,13 +48,12 @@ port = "file:b"
     write("run.pcapng", bytes);
     try {
       RecordedRun run(PortSpec::parse(config_.truth.port), config_);
-      Session session(run.adapted(config_), run.ports([&](const PortUse&) {
-        return std::make_unique<KeptLine>(sent_);
-      }));
+      Engine engine(run.adapted(config_),
+                    run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent_); }));
       sent_.clear();
       SimulatedHost host;
       host.end = SimulatedHost::never;
-      run.run(session, host, {}, host.stop);
+      run.run(engine, host, {}, host.stop);
       return run.difference().empty() && run.end_warning().empty() ? Result::repeated : Result::reported;
     } catch (const PortError& error) {
       EXPECT_NE(std::string(error.what()), "");

@@ -33,8 +33,8 @@ class RecordPaceTest : public RecordTest {
     host.freeze(host.now() + 2s, host.now() + 2s + time);
     Seen seen{};
     const PaceOptions pace{config_.realtime.spin, config_.realtime.skip_after};
-    sent = repeat(config_, host, {.pace = pace}, [&](const Session& session) {
-      const ImuCounters& counters = session.channels()[0]->counters();
+    sent = repeat(config_, host, {.pace = pace}, [&](const Engine& engine) {
+      const ImuCounters& counters = engine.channels()[0]->counters();
       seen = {counters.samples, counters.missed, counters.skipped, counters.lateness.count()};
     })[0];
     return seen;
@@ -78,10 +78,9 @@ TEST_F(RecordPaceTest, AStopEndsTheWait) {
   host.end = begin + 1300ms;
   RecordedRun run(PortSpec::parse("record:" + path("run.pcapng")), config_);
   std::string sent;
-  Session session(run.adapted(config_),
-                  run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent); }));
-  run.run(session, host, {.pace = PaceOptions{}}, host.stop);
-  EXPECT_EQ(session.channels()[0]->counters().samples, 2U) << "at 0 and 1 s";
+  Engine engine(run.adapted(config_), run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent); }));
+  run.run(engine, host, {.pace = PaceOptions{}}, host.stop);
+  EXPECT_EQ(engine.channels()[0]->counters().samples, 2U) << "at 0 and 1 s";
   EXPECT_LE(host.now(), begin + 1300ms + 20ms);
 }
 

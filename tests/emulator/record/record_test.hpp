@@ -29,20 +29,19 @@ class RecordTest : public RealtimeTest {
   // `look` is called at the end.
   std::vector<std::string> repeat(
       Config config, SimulatedHost& host, const RecordedRun::Options& options = {},
-      const std::function<void(const Session&)>& look = [](const Session&) {}) {
+      const std::function<void(const Engine&)>& look = [](const Engine&) {}) {
     config.truth.port = "record:" + path("run.pcapng");
     std::vector<std::string> sent;
     for (const ImuConfig& imu : config.imus) sent.resize(sent.size() + (imu.second_port.empty() ? 1 : 2));
     std::size_t next = 0;
     RecordedRun run(PortSpec::parse(config.truth.port), config);
-    Session session(run.adapted(config), run.ports([&](const PortUse&) {
-      return std::make_unique<KeptLine>(sent[next++]);
-    }));
+    Engine engine(run.adapted(config),
+                  run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent[next++]); }));
     host.end = SimulatedHost::never;
-    run.run(session, host, options, host.stop);
+    run.run(engine, host, options, host.stop);
     EXPECT_EQ(run.difference(), "");
-    EXPECT_TRUE(session.intake().at_end());
-    look(session);
+    EXPECT_TRUE(engine.intake().at_end());
+    look(engine);
     return sent;
   }
   std::vector<std::string> repeat(const Config& config) {

@@ -52,8 +52,8 @@ class Hiccups : public RealtimeTest {
   }
 
   static std::vector<FaultLabel> labels(SimulatedRun& run) {
-    run.session().finish_faults();
-    return fault_labels(run.session().faults().all(), std::vector<std::string>{"i0"}, run.session().faults().log());
+    run.engine().finish_faults();
+    return fault_labels(run.engine().faults().all(), std::vector<std::string>{"i0"}, run.engine().faults().log());
   }
 
   // The samples on which the fault has acted, by their rates alone: pairs of first and last counter.
@@ -209,7 +209,7 @@ TEST_F(Hiccups, ALeapPassesOverWhatLiesWithinIt) {
   }
   EXPECT_GT(flagged, 0U);
   EXPECT_LT(flagged, 30U);
-  const std::vector<FaultOutcome> outcomes = fault_outcomes(run.session().faults().configured(), all);
+  const std::vector<FaultOutcome> outcomes = fault_outcomes(run.engine().faults().configured(), all);
   ASSERT_EQ(outcomes.size(), 2U);
   EXPECT_FALSE(outcomes[0].has_begun());
   EXPECT_TRUE(outcomes[0].is_passed_over);
@@ -251,12 +251,12 @@ TEST_F(Hiccups, AFaultThatBeginsBeforeTheFirstTruthActs) {
       run.host().on_wait = [&] {
         if (has_begun || run.host().now() < run.at(0.5)) return;
         has_begun = true;
-        Session& session = run.session();
+        Engine& engine = run.engine();
         std::vector<std::string> wrong;
         const std::string text = fmt::format("target = \"gyro.x\"\nkind = \"bias\"\nvalue = 1\nfor_s = {}\n", for_s);
-        const std::uint32_t number = session.faults().add(read_begun_fault(text, 0, imus_, wrong), text);
-        next = session.channels()[0]->next_sample();
-        session.channels()[0]->begin_fault(session.faults()[number], number);
+        const std::uint32_t number = engine.faults().add(read_begun_fault(text, 0, imus_, wrong), text);
+        next = engine.channels()[0]->next_sample();
+        engine.channels()[0]->begin_fault(engine.faults()[number], number);
       };
       imus_ = config(rate_hz, "").imus;
       run.run(3.5);

@@ -1,11 +1,11 @@
-#include "emulator/engine/session.hpp"
+#include "emulator/engine/engine.hpp"
 
 #include <algorithm>
 #include <utility>
 
 namespace imud {
 
-Session::Session(const Config& config, const Ports& ports, StepSink& sink, RunControl* control)
+Engine::Engine(const Config& config, const Ports& ports, StepSink& sink, RunControl* control)
     : sink_(sink),
       control_(control),
       faults_(config.faults, config.control.faults),
@@ -27,7 +27,7 @@ Session::Session(const Config& config, const Ports& ports, StepSink& sink, RunCo
 }
 
 // Returns nullptr if the imu can have no faults, and nothing is expected of its host.
-std::unique_ptr<ChannelFaults> Session::faults_of(const ImuConfig& imu, std::uint64_t seed) {
+std::unique_ptr<ChannelFaults> Engine::faults_of(const ImuConfig& imu, std::uint64_t seed) {
   if (imu.errors_model == model_of_truth) return nullptr;
   const std::span<const FaultConfig> configured = faults_.configured();
   if (!faults_.can_grow() &&
@@ -38,20 +38,20 @@ std::unique_ptr<ChannelFaults> Session::faults_of(const ImuConfig& imu, std::uin
                                          seed, faults_.log(), faults_.capacity() - configured.size());
 }
 
-std::vector<Expected> Session::expected() const {
+std::vector<Expected> Engine::expected() const {
   std::vector<Expected> all;
   for (const auto& channel : channels_)
     for (Expected& one : channel->expected()) all.push_back(std::move(one));
   return all;
 }
 
-void Session::finish_faults() noexcept {
+void Engine::finish_faults() noexcept {
   intake_.finish();
   if (truth_faults_ != nullptr) truth_faults_->schedule().finish();
   for (const auto& channel : channels_) channel->finish_faults();
 }
 
-ChosenPorts Session::chosen_ports() const {
+ChosenPorts Engine::chosen_ports() const {
   ChosenPorts all;
   const auto add = [&all](std::string key, std::string port) {
     if (!port.empty()) all.emplace_back(std::move(key), std::move(port));
@@ -70,7 +70,7 @@ ChosenPorts Session::chosen_ports() const {
   return all;
 }
 
-void Session::begin_run() noexcept {
+void Engine::begin_run() noexcept {
   sink_.event({.type = RecordEvent::Type::run, .b = polled_.ns});
   in_run_ = true;
   samples_in_run_ = 0;
@@ -83,24 +83,24 @@ void Session::begin_run() noexcept {
         {.kind = RunEvent::Kind::run, .sample = channels_[0]->next_sample(), .time_ns = watermark_.ns});
 }
 
-void Session::pass_over() noexcept {
+void Engine::pass_over() noexcept {
   sink_.event({.type = RecordEvent::Type::run, .flags = RecordEvent::goes_on, .b = polled_.ns});
   truths_since_advance_ = 0;
   for (const auto& channel : channels_) channel->pass_over();
 }
 
-void Session::record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept {
+void Engine::record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept {
   sink_.event({RecordEvent::Type::sample, flags, channel.record_interface(), time,
                timeline_.empty() ? 0 : timeline_.newest().ns, static_cast<std::int64_t>(k)});
 }
 
-void Session::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept {
+void Engine::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept {
   record_sample(channel, RecordEvent::at_rest, since_power_on.count(), k);
   channel.sense_at_rest(since_power_on, k);
   channel.prepare(std::nullopt, false);
 }
 
-void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
+void Engine::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
   Sample& sample = channel.sense(timeline_, time, k);
   watermark_ = std::max(watermark_, time);
   const auto basis = (sample.status & status::truth_stale) != 0          ? MotionState::Basis::held
@@ -118,23 +118,23 @@ void Session::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcep
   channel.prepare(silent ? std::nullopt : std::optional(time), silent);
 }
 
-void Session::advance(TruthTime until) noexcept {
+void Engine::advance(TruthTime until) noexcept {
   constexpr std::size_t between_advances = Timeline::capacity / 2;
   if (++truths_since_advance_ < between_advances) return;
   truths_since_advance_ = 0;
   advance_imus(until);
 }
 
-void Session::raise_watermark(TruthTime until) noexcept { watermark_ = std::max(watermark_, until); }
+void Engine::raise_watermark(TruthTime until) noexcept { watermark_ = std::max(watermark_, until); }
 
-void Session::advance_imus(TruthTime until) noexcept {
+void Engine::advance_imus(TruthTime until) noexcept {
   until = std::min(until, timeline_.newest());
   sink_.event({.type = RecordEvent::Type::advance, .a = until.ns});
   raise_watermark(until);
   for (const auto& channel : channels_) channel->advance(timeline_, until);
 }
 
-bool Session::has_room_for_truth(TruthTime until) noexcept {
+bool Engine::has_room_for_truth(TruthTime until) noexcept {
   const auto is_full = [&] {
     return std::any_of(channels_.begin(), channels_.end(), [&](const auto& channel) {
       return timeline_.is_full_for(channel->used_until().value_or(until));
@@ -145,7 +145,7 @@ bool Session::has_room_for_truth(TruthTime until) noexcept {
   return !is_full();
 }
 
-std::span<pollfd> Session::inputs(bool truth) noexcept {
+std::span<pollfd> Engine::inputs(bool truth) noexcept {
   inputs_.clear();
   inputs_.push_back({truth ? intake_.descriptor() : -1, POLLIN, 0});
   for (const auto& channel : channels_)
@@ -157,7 +157,7 @@ std::span<pollfd> Session::inputs(bool truth) noexcept {
   return inputs_;
 }
 
-bool Session::serve_inputs(HostTime now, Host* clock) noexcept {
+bool Engine::serve_inputs(HostTime now, Host* clock) noexcept {
   sink_.set_time(now);
   constexpr int failures = POLLERR | POLLHUP | POLLNVAL;
   bool may_poll = (inputs_[0].revents & failures) == 0;
@@ -173,7 +173,7 @@ bool Session::serve_inputs(HostTime now, Host* clock) noexcept {
   return may_poll;
 }
 
-void Session::serve_all(HostTime now, Host* clock) noexcept {
+void Engine::serve_all(HostTime now, Host* clock) noexcept {
   sink_.set_time(now);
   polled_ = now;
   intake_.poll(now);
@@ -183,7 +183,7 @@ void Session::serve_all(HostTime now, Host* clock) noexcept {
   }
 }
 
-void Session::poll(HostTime now) noexcept {
+void Engine::poll(HostTime now) noexcept {
   sink_.set_time(now);
   polled_ = now;
   intake_.poll(now);
@@ -193,18 +193,18 @@ void Session::poll(HostTime now) noexcept {
   }
 }
 
-void Session::flush() noexcept {
+void Engine::flush() noexcept {
   for (const auto& channel : channels_) channel->flush();
 }
 
-std::optional<HostTime> Session::next_wake() const noexcept {
+std::optional<HostTime> Engine::next_wake() const noexcept {
   std::optional<HostTime> first = intake_.deadline();
   for (const auto& channel : channels_)
     if (const auto wake = channel->next_wake(); wake && (!first || *wake < *first)) first = wake;
   return first;
 }
 
-bool Session::drain(std::chrono::milliseconds readers) noexcept {
+bool Engine::drain(std::chrono::milliseconds readers) noexcept {
   constexpr std::chrono::milliseconds lines(500);
   const auto has_pace = [&] {
     for (const auto& channel : channels_)
@@ -227,15 +227,15 @@ bool Session::drain(std::chrono::milliseconds readers) noexcept {
   return read;
 }
 
-void Session::commit() { imud::commit(channels_); }
+void Engine::commit() { imud::commit(channels_); }
 
-void Session::cycle_power_if_requested(HostTime now) noexcept {
+void Engine::cycle_power_if_requested(HostTime now) noexcept {
   if (!power_cycle_.load(std::memory_order_relaxed)) return;
   power_cycle_.store(false, std::memory_order_relaxed);
   cycle_power(now);
 }
 
-void Session::cycle_power(HostTime now) noexcept {
+void Engine::cycle_power(HostTime now) noexcept {
   sink_.event({.type = RecordEvent::Type::power_cycle, .a = now.ns, .b = polled_.ns});
   for (const auto& channel : channels_) channel->cycle_power(now);
 }

@@ -1,4 +1,4 @@
-// Session: the truth on one side, all channels on the other.
+// Engine: the truth on one side, all channels on the other.
 #pragma once
 
 #include <poll.h>
@@ -32,11 +32,11 @@ using ChosenPorts = std::vector<std::pair<std::string, std::string>>;
 
 // Owns the objects of a run. The Pacer and the Loop decide times and the order of events. The constructor allocates
 // all memory. One thread, except for request_power_cycle() and the counters, which any thread may use.
-class Session {
+class Engine {
  public:
   // Opens every port. `sink` takes the events of the run. `control` brings commands and takes watched samples;
   // nullptr: none does. Throws PortError.
-  explicit Session(const Config& config, const Ports& ports = real_ports, StepSink& sink = StepSink::none(),
+  explicit Engine(const Config& config, const Ports& ports = real_ports, StepSink& sink = StepSink::none(),
                    RunControl* control = nullptr);
 
   StepSink& sink() const noexcept { return sink_; }
