@@ -41,7 +41,7 @@ std::optional<Change> Reloader::prepare() {
   std::vector<PortChange> ports;
   open_ports(ports);
   next_ = std::move(next);
-  engine_.set_reload(reload_.get());
+  engine_.control()->reload = reload_.get();
   return Change{{{.kind = Command::Kind::reload}},
                 fmt::format("reload: {}", words),
                 {{"event", "reload"}, {"changed", std::move(changed)}},
@@ -81,7 +81,7 @@ void Reloader::finish() {
 }
 
 void Reloader::cancel() noexcept {
-  engine_.set_reload(nullptr);
+  engine_.control()->reload = nullptr;
   reload_.reset();
   next_.reset();
 }

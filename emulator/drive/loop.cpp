@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/drive/execute.hpp"
-
 namespace imud {
 
 namespace {
@@ -36,7 +34,8 @@ Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options,
     : engine_(engine),
       host_(host),
       pacer_(pacer),
-      pace_(engine, host, options.pace),
+      pace_(engine, host, pacer.is_paced() ? std::optional(options.pace) : std::nullopt, stop),
+      hosts_(engine, pacer.is_paced() ? &host : nullptr),  // the clock measures the replies where it paces
       stop_(stop),
       sink_(engine.sink()),
       intake_(engine.intake()),
@@ -45,31 +44,21 @@ Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options,
       waits_for_truth_(pacer.waits_for_truth()),
       schedule_(grids(engine)),
       limit_(options.limit),
-      budget_(most_truths) {
-  prepared_.reserve(engine.channels().size());
-  engine_.set_pacer(&pacer_);
-  engine_.set_schedule(&schedule_);
-}
-
-Loop::~Loop() {
-  engine_.set_pacer(nullptr);
-  engine_.set_schedule(nullptr);
-}
+      budget_(most_truths) {}
 
 void Loop::run() noexcept {
   if (!waits_for_truth_) {
     origin_ = host_.now() + pause;
     sink_.set_time(origin_ - pause);
     for (std::size_t i = 0; i < engine_.channels().size(); ++i) {
-      Channel& channel = *engine_.channels()[i];
-      channel.power_on(origin_);
-      if (!channel.rests_before_truth()) continue;
+      engine_.apply(Step::power_on(i, origin_));
+      if (!engine_.channels()[i]->rests_before_truth()) continue;
       schedule_.start(i, Nanoseconds{0});
-      channel.start_samples();
+      engine_.apply(Step::start_samples(i));
     }
   }
   while (!ended_ && !stop_.load(std::memory_order_relaxed)) round();
-  sink_.event({.type = RecordEvent::Type::end, .b = engine_.polled().ns});
+  engine_.apply(Step::end());
   send_all();
 }
 
@@ -86,7 +75,7 @@ void Loop::round() noexcept {
   }
   const HostTime now = paced_ ? host_.now() : HostTime{};
   if (schedule_.empty()) return wait(now + longest_wait);
-  if (prepared_.empty()) {
+  if (!is_prepared()) {
     due_ = next_due();
     const Nanoseconds ahead = due_ - now;
     if (paced_ && ahead > pace_.spin() + preparation) {
@@ -105,7 +94,7 @@ void Loop::round() noexcept {
 // more.
 bool Loop::wants_truth() const noexcept {
   if (!waits_for_truth_) return true;
-  return prepared_.empty() && (!engine_.in_run() || pacer_.truth(next_due()) > latest_sample());
+  return !is_prepared() && (!engine_.in_run() || pacer_.truth(next_due()) > latest_sample());
 }
 
 // Where samples wait for truth: returns the latest truth time that can be sampled now, and is within the limit.
@@ -127,8 +116,8 @@ void Loop::take_truth() noexcept {
   if (waits_for_truth_) apply_truth();
   // Where samples wait for truth there is always room, because apply_truth() advances the imus.
   for (bool wants = true; wants && more_truth_ && !ended_ && taken < budget_ && !is_due() &&
-                          (has_room_ = waits_for_truth_ || engine_.has_room_for_truth(earliest_sample()));) {
-    const TruthIntake::Outcome outcome = intake_.take(engine_.watermark());
+                          (has_room_ = waits_for_truth_ || make_room_for_truth());) {
+    const TruthIntake::Outcome outcome = engine_.apply(Step::truth(engine_.watermark()));
     ++taken;
     more_truth_ = outcome != TruthIntake::Outcome::nothing;
     answer_due_ = intake_.answer_due();
@@ -139,7 +128,6 @@ void Loop::take_truth() noexcept {
       const HostTime due = schedule_.empty() ? newest_arrival_ : next_due();
       if (!pacer_.observe(timeline_.newest(), newest_arrival_, due)) pass_over();
     }
-    if (!waits_for_truth_ && !begins && outcome == TruthIntake::Outcome::accepted) engine_.review_samples();
     if (outcome == TruthIntake::Outcome::inserted) pacer_.observe_inserted(intake_.truth().time, intake_.arrival());
     if (begins && !engine_.in_run()) {
       settling_ = pacer_.begin_settling(timeline_.newest(), newest_arrival_);
@@ -163,10 +151,23 @@ void Loop::take_truth() noexcept {
   pacer_.review(timeline_.newest(), host_.now());
 }
 
+// Returns false while the timeline has no room for another truth.
+bool Loop::make_room_for_truth() noexcept {
+  const TruthTime until = earliest_sample();
+  if (engine_.has_room_for_truth(until)) return true;
+  engine_.apply(Step::advance(until));
+  return engine_.has_room_for_truth(until);
+}
+
 // Advances slow imus and answers the truth's sender. Called when all samples that the truth allows have left, or
 // leave by the host's clock.
 void Loop::apply_truth() noexcept {
-  if (std::exchange(unapplied_, false)) engine_.advance(earliest_sample());
+  // So that the timeline does not overflow between the samples of slow imus.
+  constexpr std::size_t between_advances = Timeline::capacity / 2;
+  if (std::exchange(unapplied_, false) && ++truths_since_advance_ == between_advances) {
+    truths_since_advance_ = 0;
+    engine_.apply(Step::advance(earliest_sample()));
+  }
   if (waits_for_truth_ && engine_.in_run()) {
     engine_.raise_watermark(timeline_.newest());
     ended_ = latest_sample() < timeline_.newest();
@@ -180,7 +181,7 @@ void Loop::apply_truth() noexcept {
 
 // Sends the frames that ports hold back. Waits for readers where the host's clock does not pace.
 void Loop::send_all() noexcept {
-  engine_.flush();
+  hosts_.flush();
   if (paced_) return;
   for (const auto& channel : engine_.channels())
     if (channel->holds_back()) channel->wait_until_sent(stop_);
@@ -192,11 +193,11 @@ void Loop::begin_run() noexcept {
   if (limit_ && !is_first) *limit_ -= std::min(*limit_, engine_.watermark() - run_start_);
   run_start_ = timeline_.run_start();
   const HostTime begin = pacer_.begin_run(truth, newest_arrival_, host_.now());
-  engine_.begin_run();
+  engine_.apply(Step::run(false));
+  truths_since_advance_ = 0;
   const auto start = [&](std::size_t i) {
-    Channel& channel = *engine_.channels()[i];
-    channel.set_clock(DeviceTime{truth.ns}, paced_ ? std::optional(begin) : std::nullopt);
-    channel.start_samples();
+    engine_.apply(Step::set_clock(i, DeviceTime{truth.ns}, paced_ ? std::optional(begin) : std::nullopt));
+    engine_.apply(Step::start_samples(i));
     schedule_.start(i, begin - origin_);
   };
   if (waits_for_truth_) {
@@ -211,27 +212,27 @@ void Loop::begin_run() noexcept {
 
 // Discards the truth before the newest, because the simulator's time has leapt: there is no motion between the two.
 void Loop::pass_over() noexcept {
-  sink_.event({.type = RecordEvent::Type::forget_past});
-  timeline_.forget_past();
-  engine_.pass_over();
+  engine_.apply(Step::forget_past());
+  engine_.apply(Step::run(true));
+  truths_since_advance_ = 0;
 }
 
 // Waits at most until `until`, for truth, for commands of the hosts, for the devices' deadlines, and for paced
 // lines.
 void Loop::wait(HostTime until) noexcept {
-  engine_.poll(host_.now());
-  until = std::min(until, engine_.next_wake().value_or(until));
+  hosts_.poll(host_.now());
+  until = std::min(until, hosts_.next_wake().value_or(until));
   const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
   if (flood) until = std::min(until, host_.now() + pause);
   // poll() must not return for truth for which there is no time or room now.
-  const std::span<pollfd> inputs = engine_.inputs(!more_truth_ && wants_truth());
+  const std::span<pollfd> inputs = hosts_.inputs(!more_truth_ && wants_truth());
   waited_ = true;
   const bool is_ready = host_.wait_for_input(inputs, until);
   truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
-  engine_.cycle_power_if_requested(now);
-  if (prepared_.empty()) execute_commands(engine_, host_);
-  if (is_ready && !engine_.serve_inputs(now, reply_clock())) host_.sleep_until(std::min(until, now + pause));
+  cycle_power_if_requested(now);
+  if (!is_prepared()) execute_commands();
+  if (is_ready && !hosts_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
   if (now - served_ <= longest_wait) return;
   serve_all();
   truth_waits_ = true;  // a port that was lost may be back
@@ -239,73 +240,44 @@ void Loop::wait(HostTime until) noexcept {
 
 void Loop::serve_all() noexcept {
   served_ = host_.now();
-  engine_.serve_all(served_, reply_clock());
+  hosts_.serve_all(served_);
 }
 
 // Takes all samples of the instant `due_`.
 void Loop::prepare() noexcept {
-  execute_commands(engine_, host_);
+  execute_commands();
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {
     const Schedule::Slot slot = schedule_.next();
-    Channel& channel = *engine_.channels()[slot.imu];
     schedule_.advance();
-    if (at_rest)
-      engine_.prepare_at_rest(channel, slot.index, slot.offset);
-    else
-      engine_.prepare(channel, slot.index, time);
-    prepared_.push_back(&channel);
+    engine_.apply(at_rest ? Step::rest_sample(slot.imu, slot.index, slot.offset)
+                          : Step::sample(slot.imu, slot.index, time));
   } while (next_due() == due_);
-}
-
-void Loop::record_transmission(std::uint8_t flags) noexcept {
-  sink_.event({RecordEvent::Type::transmit, flags, 0, due_.ns, engine_.polled().ns});
 }
 
 void Loop::transmit(HostTime now) noexcept {
   if (sink_.keeps()) sink_.set_time(paced_ ? now : host_.now());
-  engine_.cycle_power_if_requested(now);
-  for (Channel* channel : prepared_) {
-    if (!paced_) channel->wait_for_room(stop_);  // frames of deadlines leave before the sample's
-    channel->encode();
-  }
-  record_transmission(0);
-  if (!paced_) {
-    for (Channel* channel : prepared_) channel->wait_for_room(stop_);
-    for (Channel* channel : prepared_) {
-      channel->transmit();
-      channel->serve(now);
-    }
-    for (Channel* channel : prepared_)
-      if (channel->is_can()) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
-  } else {
-    pace_.transmit(prepared_, due_);
-    if (!waits_for_truth_ && !prepared_at_rest_)
-      engine_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
-  }
-  count_samples();
-  if (!paced_ || std::exchange(waited_, false)) return;
+  cycle_power_if_requested(now);
+  pace_.transmit(due_, due_);
+  if (!paced_)
+    for (Channel* channel : engine_.prepared()) hosts_.serve(*channel, due_);
+  engine_.complete();
+  if (!paced_) return;
+  if (!waits_for_truth_ && !prepared_at_rest_)
+    engine_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
+  if (!std::exchange(waited_, false)) return;
   truth_waits_ = true;  // poll() was not called
   serve_all();
 }
 
-// The devices receive the samples. So counters, clocks and increments show a sensor that went on while this host was
-// held up.
 void Loop::skip(HostTime now) noexcept {
   sink_.set_time(now);
-  engine_.cycle_power_if_requested(now);
-  record_transmission(RecordEvent::skipped);
-  for (Channel* channel : prepared_) channel->skip();
-  count_samples();
+  cycle_power_if_requested(now);
+  pace_.skip(due_);
+  engine_.complete();
   truth_waits_ = true;  // poll() was not called
   if (now - served_ > longest_wait) serve_all();
-}
-
-void Loop::count_samples() noexcept {
-  for (Channel* channel : prepared_) channel->count_sample();
-  if (!prepared_at_rest_) engine_.count_samples(prepared_.size());
-  prepared_.clear();
 }
 
 }  // namespace imud

@@ -1,10 +1,10 @@
-// Loop: the order of events, the same for every clock: truth in, samples out, hosts and deadlines between them.
+// Loop: the order of steps, the same for every clock: truth in, samples out, hosts and deadlines between them.
 #pragma once
 
 #include <atomic>
 #include <optional>
-#include <vector>
 
+#include "emulator/drive/hosts.hpp"
 #include "emulator/drive/pace.hpp"
 #include "emulator/drive/pacer.hpp"
 #include "emulator/engine/engine.hpp"
@@ -18,15 +18,13 @@ struct LoopOptions {
   std::optional<Nanoseconds> limit;  // of simulation time: the run of a capture ends there
 };
 
-// Drives an Engine by a Pacer. One round does the first of these that is pending: take truth from the port; prepare
-// the next instant's samples; wait by poll() for the instant, truth, hosts, deadlines and paced lines; encode and
-// transmit the samples. Allocates nothing after construction. One thread.
+// Drives an Engine by live truth or a capture, at the instants of a Pacer. One round does the first of these that is
+// pending: take truth from the port; prepare the next instant's samples; wait by poll() for the instant, truth,
+// hosts, deadlines and paced lines; encode and transmit the samples. Allocates nothing after construction. One
+// thread.
 class Loop {
  public:
   Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options, const std::atomic<bool>& stop);
-  ~Loop();
-  Loop(const Loop&) = delete;
-  Loop& operator=(const Loop&) = delete;
 
   // Returns within 20 ms after `stop` is set, and when the capture ends or reaches its limit.
   void run() noexcept;
@@ -38,6 +36,7 @@ class Loop {
   bool wants_truth() const noexcept;
   void take_truth() noexcept;
   void apply_truth() noexcept;
+  bool make_room_for_truth() noexcept;
   void begin_run() noexcept;
   void pass_over() noexcept;
   TruthTime earliest_sample() noexcept;
@@ -46,36 +45,39 @@ class Loop {
   // Samples.
   HostTime next_due() const noexcept { return origin_ + schedule_.next().offset; }
   bool is_at_rest(HostTime instant) const noexcept { return !engine_.in_run() || instant < first_truth_; }
-  bool is_due() const noexcept { return !prepared_.empty() && host_.now() >= due_ - pace_.spin(); }
+  bool is_prepared() const noexcept { return !engine_.prepared().empty(); }
+  bool is_due() const noexcept { return is_prepared() && host_.now() >= due_ - pace_.spin(); }
   void prepare() noexcept;
   void transmit(HostTime now) noexcept;
   void skip(HostTime now) noexcept;
-  void record_transmission(std::uint8_t flags) noexcept;
-  void count_samples() noexcept;
+
+  // Commands.
+  void cycle_power_if_requested(HostTime now) noexcept;
+  void execute_commands() noexcept;
+  void execute(const Command& command, HostTime now) noexcept;
+  void change_pacing(const Command& command) noexcept;
 
   void send_all() noexcept;
   void wait(HostTime until) noexcept;
   void serve_all() noexcept;
-  // The host's clock measures the replies where it paces.
-  Host* reply_clock() const noexcept { return paced_ ? &host_ : nullptr; }
 
   Engine& engine_;
   Host& host_;
   Pacer& pacer_;
   Pace pace_;
+  Hosts hosts_;
   const std::atomic<bool>& stop_;
   StepSink& sink_;
   TruthIntake& intake_;
-  Timeline& timeline_;
+  const Timeline& timeline_;
   const bool paced_;            // by the host's clock
   const bool waits_for_truth_;  // samples wait for their truth; false: the sensors have power before the first truth
   Schedule schedule_;
   std::optional<Nanoseconds> limit_;  // for which truth is still sampled from the run's start on; nullopt: forever
   TruthTime run_start_;
-  HostTime origin_;                 // of the schedule
-  HostTime first_truth_;            // the instant at which the first truth is sampled; earlier samples are at rest
-  std::vector<Channel*> prepared_;  // the channels whose samples of the instant due_ are prepared, in order
-  HostTime due_;                    // the instant whose samples are prepared, or are prepared next
+  HostTime origin_;       // of the schedule
+  HostTime first_truth_;  // the instant at which the first truth is sampled; earlier samples are at rest
+  HostTime due_;          // the instant whose samples are prepared, or are prepared next
   bool prepared_at_rest_ = false;
 
   bool ended_ = false;
@@ -88,6 +90,7 @@ class Loop {
   bool has_room_ = true;     // the timeline has room for more truth
   bool unreviewed_ = false;  // truths were observed since the last review
   bool unapplied_ = false;   // a truth was accepted since apply_truth()
+  std::size_t truths_since_advance_ = 0;
   bool answer_due_ = false;  // the sender of the last truth waits for an answer
   bool waited_ = false;      // wait() was called since the last transmission
 };

@@ -2,14 +2,28 @@
 
 namespace imud {
 
-void Pace::transmit(std::span<Channel* const> channels, HostTime due) noexcept {
-  if (host_.now() < due) host_.sleep_until(due, options_.spin);
-  for (Channel* channel : channels) {
-    const HostTime begin = host_.now();
-    sink_.set_time(begin);
-    channel->transmit();
-    channel->record_times(begin - due, host_.now() - begin);
+void Pace::transmit(HostTime instant, HostTime due) noexcept {
+  const auto channels = engine_.prepared();
+  // Frames of deadlines leave before the sample's.
+  if (!is_paced_)
+    for (Channel* channel : channels) channel->wait_for_room(stop_);
+  engine_.apply(Step::transmit(instant, false));
+  if (is_paced_) {
+    if (host_.now() < due) host_.sleep_until(due, options_.spin);
+    for (Channel* channel : channels) {
+      const HostTime begin = host_.now();
+      engine_.sink().set_time(begin);
+      channel->transmit();
+      channel->record_times(begin - due, host_.now() - begin);
+    }
+  } else {
+    for (Channel* channel : channels) channel->wait_for_room(stop_);
+    for (Channel* channel : channels) channel->transmit();
+    for (Channel* channel : channels)
+      if (channel->is_can()) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
   }
 }
+
+void Pace::skip(HostTime instant) noexcept { engine_.apply(Step::transmit(instant, true)); }
 
 }  // namespace imud

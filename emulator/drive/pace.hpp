@@ -1,7 +1,8 @@
-// Pace: where the host's clock paces, sends the samples of an instant and measures how late they are.
+// Pace: sends the samples of an instant, by the host's clock or at once.
 #pragma once
 
-#include <span>
+#include <atomic>
+#include <optional>
 
 #include "emulator/engine/engine.hpp"
 #include "emulator/ground/host.hpp"
@@ -14,23 +15,32 @@ struct PaceOptions {
   Nanoseconds skip_after = std::chrono::seconds(1);
 };
 
-// The same for live truth, a capture and the repetition of a record. No allocation. One thread.
+// The same for live truth, a capture and the repetition of a record. Where the host's clock paces, it waits for the
+// instant, measures how late the samples leave, and skips samples that are too late; elsewhere it waits for the
+// readers of the ports. No allocation. One thread.
 class Pace {
  public:
-  Pace(const Engine& engine, Host& host, const PaceOptions& options)
-      : sink_(engine.sink()), host_(host), options_(options) {}
+  // `options`: nullopt: the host's clock does not pace. `stop` ends the waits.
+  Pace(Engine& engine, Host& host, const std::optional<PaceOptions>& options, const std::atomic<bool>& stop)
+      : engine_(engine), host_(host), is_paced_(options), options_(options.value_or(PaceOptions{})), stop_(stop) {}
 
+  bool is_paced() const noexcept { return is_paced_; }
   Nanoseconds spin() const noexcept { return options_.spin; }
   // Returns true at `now` if the samples of the instant `due` are so late that their frames are not sent.
-  bool is_too_late(HostTime due, HostTime now) const noexcept { return now - due > options_.skip_after; }
-  // Waits until `due`, lets the channels transmit their encoded samples, in order, and records their lateness and the
-  // time of the writes.
-  void transmit(std::span<Channel* const> channels, HostTime due) noexcept;
+  bool is_too_late(HostTime due, HostTime now) const noexcept { return is_paced_ && now - due > options_.skip_after; }
+  // The devices receive the prepared samples of `instant` now, and their frames leave at `due`. Engine::complete()
+  // follows this and skip().
+  void transmit(HostTime instant, HostTime due) noexcept;
+  // The devices receive the prepared samples, and their frames are discarded. So counters, clocks and increments show
+  // a sensor that went on while this host was held up.
+  void skip(HostTime instant) noexcept;
 
  private:
-  StepSink& sink_;
+  Engine& engine_;
   Host& host_;
+  const bool is_paced_;
   const PaceOptions options_;
+  const std::atomic<bool>& stop_;
 };
 
 }  // namespace imud

@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "emulator/config/load_config.hpp"
-#include "emulator/drive/execute.hpp"
 #include "emulator/drive/recorded_run.hpp"
 #include "emulator/engine/reload.hpp"
 
@@ -17,9 +16,7 @@ void RecordedRun::add_to_reload(std::span<const std::byte> piece) {
     Config next = config_of_text(reload_text_);
     Reload reload(config_, next, imus_, config_.seed);
     config_ = std::move(next);
-    engine_->set_reload(&reload);
-    imud::execute(*engine_, {.kind = Command::Kind::reload}, HostTime{event.a});
-    engine_->set_reload(nullptr);
+    engine_->apply(Step::command({.kind = Command::Kind::reload}, HostTime{event.a}, &reload));
     --reloads_missing_;
   } catch (const std::exception&) {  // of a damaged record
   }

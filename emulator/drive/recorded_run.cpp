@@ -114,9 +114,8 @@ void RecordedRun::run(Engine& engine, Host& host, const Options& options, const 
   engine_ = &engine;
   host_ = &host;
   options_ = options;
-  if (options.pace) pace_.emplace(engine, host, *options.pace);
+  pace_.emplace(engine, host, options.pace, stop);
   stop_ = &stop;
-  prepared_.reserve(engine.channels().size());
   for (Early& early : early_) {
     early.packet.bytes = early.bytes;
     feed(early.packet, reader_.interfaces()[early.packet.interface].name, time_of(early.packet));
@@ -147,7 +146,7 @@ void RecordedRun::run(Engine& engine, Host& host, const Options& options, const 
   }
   take_awaited(true);
   has_end_ = !stop.load(std::memory_order_relaxed);
-  engine.intake().take(engine.watermark());  // finds the end
+  engine.apply(Step::truth(engine.watermark()));  // finds the end
 }
 
 // A time of a damaged packet may wrap around.
@@ -171,8 +170,9 @@ bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept
   if (!is_in_range(time.ns)) return false;
   switch (event.type) {
     case Type::power_on:
-    case Type::receive:
       return is_near(event.a);
+    case Type::receive:
+      return event.a == 0 || is_near(event.a);  // of older records, where truth paces
     case Type::power_cycle:
       return is_near(event.a) && is_polled(event.b);
     case Type::run:
@@ -188,11 +188,11 @@ bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept
       return is_in_range(event.a);
     case Type::sample: {
       bool is_next = is_in_range(event.a) && event.c >= 0 && event.c < most_samples;
-      for_imus(event, [&](const Channel& channel) {
+      for_imus(event, [&](std::uint16_t imu) {
         const auto offset = [&](std::int64_t k) {
-          return channel.grid().offset(static_cast<std::uint64_t>(k)).count();
+          return engine_->channels()[imu]->grid().offset(static_cast<std::uint64_t>(k)).count();
         };
-        std::int64_t& last = last_samples_[&channel];
+        std::int64_t& last = last_samples_[imu];
         is_next = is_next && offset(event.c) < limit / 2 && offset(event.c) - offset(last) <= hour;
         if (is_next) last = event.c;
       });
@@ -224,29 +224,21 @@ void RecordedRun::feed(const PcapngPacket& packet, const std::string& interface,
 void RecordedRun::receive(const RecordEvent& event, std::span<const std::byte> bytes, std::uint16_t link) noexcept {
   std::optional<Frame> frame = Frame{bytes};
   if (link == link_type::can_socketcan) frame = decode_can_packet(bytes);
-  for_imus(event, [&](Channel& channel) {
-    if (frame && event.flags < channel.port_count()) channel.receive(*frame, event.flags, HostTime{event.a});
+  if (!frame) return;
+  for_imus(event, [&](std::uint16_t imu) {
+    engine_->apply(Step::receive(imu, event.flags, HostTime{event.a}, *frame, HostTime{event.a}));
   });
 }
 
 void RecordedRun::poll(std::int64_t polled_ns) noexcept {
-  for (const auto& channel : engine_->channels()) {
-    channel->poll(HostTime{polled_ns});
-    channel->flush();
-  }
+  engine_->apply(Step::deadlines(HostTime{polled_ns}));
+  for (const auto& channel : engine_->channels()) channel->flush();
 }
 
 void RecordedRun::execute(const RecordEvent& event) noexcept {
   switch (event.type) {
     case Type::begin:
       offset_ns_ = event.a;
-      break;
-    case Type::power_on:
-      for_imus(event, [&](Channel& channel) { channel.power_on(HostTime{event.a}); });
-      break;
-    case Type::power_cycle:
-      poll(event.b);
-      engine_->cycle_power(HostTime{event.a});
       break;
     case Type::truth:
       process_truth(event);
@@ -256,32 +248,14 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
         (event.flags & RecordEvent::input_ended) != 0 ? truth->second->end() : truth->second->disconnect();
       break;
     case Type::forget_past:
-      take_awaited(true);
-      if (engine_->timeline().empty()) break;
-      engine_->quality().resumed.count();
-      engine_->timeline().forget_past();
-      break;
+      if (!engine_->timeline().empty()) engine_->quality().resumed.count();
+      [[fallthrough]];
     case Type::run:
       take_awaited(true);
-      if (engine_->timeline().empty()) break;
-      poll(event.b);
-      (event.flags & RecordEvent::goes_on) != 0 ? engine_->pass_over() : engine_->begin_run();
-      break;
-    case Type::set_clock:
-      for_imus(event, [&](Channel& channel) {
-        channel.set_clock(DeviceTime{event.a}, (event.flags & RecordEvent::has_host_time) != 0
-                                                   ? std::optional(HostTime{event.b})
-                                                   : std::nullopt);
-      });
-      break;
-    case Type::start_samples:
-      for_imus(event, [](Channel& channel) { channel.start_samples(); });
-      break;
-    case Type::advance:
-      if (!engine_->timeline().empty()) engine_->advance_imus(TruthTime{event.a});
+      propose(event);
       break;
     case Type::sample:
-      for_imus(event, [&](Channel& channel) { take_sample(channel, event); });
+      for_imus(event, [&](std::uint16_t imu) { take_sample(imu, event); });
       break;
     case Type::transmit:
       transmit(event);
@@ -309,9 +283,22 @@ void RecordedRun::execute(const RecordEvent& event) noexcept {
     case Type::mark:
       break;
     case Type::end:
-      poll(event.b);
       ended_ = true;
+      [[fallthrough]];
+    default:
+      propose(event);
       break;
+  }
+}
+
+// Proposes the event as a step: of the imus of its name, or of all. Deadlines are polled as they were before it.
+void RecordedRun::propose(const RecordEvent& event) noexcept {
+  if (has_polled_time(event)) poll(event.b);
+  const bool is_of_all = event.type == Type::command && event.interface == RecordEvent::all_imus;
+  if (!is_of_imu(event.type) && (event.type != Type::command || is_of_all)) {
+    engine_->apply({event});
+  } else {
+    for_imus(event, [&](std::uint16_t imu) { engine_->apply({event, imu}); });
   }
 }
 
@@ -322,9 +309,8 @@ void RecordedRun::process_truth(const RecordEvent& event) noexcept {
   constexpr int most = 1024;
   auto outcome = TruthIntake::Outcome::nothing;
   for (int i = 0; i < most && outcome == TruthIntake::Outcome::nothing; ++i)
-    outcome = intake.take(TruthTime{event.b});
+    outcome = engine_->apply(Step::truth(TruthTime{event.b}));
   take_awaited(false);
-  if (outcome == TruthIntake::Outcome::accepted) engine_->review_samples();
   const bool has_time = outcome != TruthIntake::Outcome::ignored && outcome != TruthIntake::Outcome::nothing;
   if (static_cast<std::uint8_t>(outcome) != event.flags || (has_time && intake.truth().time.ns != event.a))
     ++differing_;

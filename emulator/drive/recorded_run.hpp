@@ -19,7 +19,7 @@
 
 namespace imud {
 
-// Drives an Engine as the Loop did when the record was made: in the order and at the times of its events. Truth, the
+// Drives a Engine as the Loop did when the record was made: in the order and at the times of its events. Truth, the
 // hosts' bytes, and the edges at the pins come from the record. Hosts at the imus' ports are ignored. Several imus
 // of the Engine may have one name: each repeats the run's imu of that name. A received packet may precede its
 // event, and other interfaces may precede the record's interfaces: mergecap and reordercap write such files. One
@@ -32,7 +32,7 @@ class RecordedRun {
 
   // Returns `config` with the recorded run's values of all keys that a capture changes.
   Config adapted(Config config) const;
-  // Returns the ports of an Engine: the truth port and the pins are fed by run(), `others` opens the others.
+  // Returns the ports of a Engine: the truth port and the pins are fed by run(), `others` opens the others.
   Ports ports(Ports others);
 
   struct Options {
@@ -56,22 +56,20 @@ class RecordedRun {
   HostTime time_of(const PcapngPacket& packet) const noexcept;
   bool is_plausible(const RecordEvent& event, HostTime time) noexcept;
   void execute(const RecordEvent& event) noexcept;
+  void propose(const RecordEvent& event) noexcept;
   void repeat_command(const RecordEvent& event) noexcept;
   void begin_fault(const RecordEvent& event, std::span<const std::byte> text);
   void add_to_reload(std::span<const std::byte> piece);
-  void execute_for_imus(const RecordEvent& event) noexcept;
   void feed(const PcapngPacket& packet, const std::string& interface, HostTime time) noexcept;
   void receive(const RecordEvent& event, std::span<const std::byte> bytes, std::uint16_t link) noexcept;
   void process_truth(const RecordEvent& event) noexcept;
-  void take_sample(Channel& channel, const RecordEvent& event) noexcept;
-  bool awaits_truth(const Channel& channel, const RecordEvent& event) noexcept;
+  void take_sample(std::uint16_t imu, const RecordEvent& event) noexcept;
+  bool awaits_truth(std::uint16_t imu, const RecordEvent& event) noexcept;
   void take_awaited(bool all) noexcept;
   void transmit(const RecordEvent& event) noexcept;
   HostTime wait_until(HostTime instant) noexcept;
-  void transmit_at(HostTime due) noexcept;
-  void transmit_at_once() noexcept;
   void poll(std::int64_t polled_ns) noexcept;
-  // Calls function(Channel&) for each imu of the event's name.
+  // Calls function(number) for each imu of the event's name.
   template <class Function>
   void for_imus(const RecordEvent& event, Function function) noexcept;
 
@@ -97,12 +95,11 @@ class RecordedRun {
   std::optional<Pace> pace_;
   std::optional<Nanoseconds> shift_;  // from host times of the run to host times of the replay
   std::optional<HostTime> begin_;     // of the run
-  std::vector<Channel*> prepared_;
-  std::map<const Channel*, std::deque<RecordEvent>> awaited_;  // samples of twins whose truth has not come
-  std::map<const Channel*, std::int64_t> last_samples_;        // numbers on the imus' grids
-  std::optional<RecordEvent> receive_;                         // the next packet of its host is received
-  std::optional<RecordEvent> begin_fault_;                     // the next packet of the events is its fault
-  std::optional<RecordEvent> reload_;                          // the next packets of the events are its text
+  std::map<std::uint16_t, std::deque<RecordEvent>> awaited_;  // samples of twins whose truth has not come
+  std::map<std::uint16_t, std::int64_t> last_samples_;        // numbers on the imus' grids
+  std::optional<RecordEvent> receive_;                        // the next packet of its host is received
+  std::optional<RecordEvent> begin_fault_;                    // the next packet of the events is its fault
+  std::optional<RecordEvent> reload_;                         // the next packets of the events are its text
   std::string reload_text_;
   Config config_;  // the configuration of the run now
   bool ended_ = false, has_end_ = false;
@@ -117,7 +114,7 @@ void RecordedRun::for_imus(const RecordEvent& event, Function function) noexcept
   if (interface >= reader_.interfaces().size()) return;
   const std::string& name = reader_.interfaces()[interface].name;
   for (const auto& channel : engine_->channels())
-    if (channel->name() == name) function(*channel);
+    if (channel->name() == name) function(channel->number());
 }
 
 }  // namespace imud

@@ -5,33 +5,22 @@
 
 namespace imud {
 
-void RecordedRun::take_sample(Channel& channel, const RecordEvent& event) noexcept {
-  if (prepared_.size() == prepared_.capacity()) return;  // a damaged record
-  const auto k = static_cast<std::uint64_t>(event.c);
-  if (awaits_truth(channel, event)) return;
-  if ((event.flags & RecordEvent::at_rest) != 0) {
-    engine_->prepare_at_rest(channel, k, Nanoseconds(event.a));
-  } else if (engine_->timeline().empty()) {
-    return;
-  } else {
-    if (engine_->timeline().newest().ns != event.b) ++differing_;
-    engine_->prepare(channel, k, TruthTime{event.a});
-  }
-  prepared_.push_back(&channel);
+void RecordedRun::take_sample(std::uint16_t imu, const RecordEvent& event) noexcept {
+  if (awaits_truth(imu, event)) return;
+  const bool at_rest = (event.flags & RecordEvent::at_rest) != 0;
+  if (!at_rest && !engine_->timeline().empty() && engine_->timeline().newest().ns != event.b) ++differing_;
+  engine_->apply({event, imu});
 }
 
 // Returns true if the sample belongs to a twin, and is taken later.
-bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event) noexcept {
+bool RecordedRun::awaits_truth(std::uint16_t imu, const RecordEvent& event) noexcept {
   if (!options_.awaits_truth || (event.flags & RecordEvent::at_rest) != 0 || engine_->timeline().empty())
     return false;
-  const auto all = engine_->channels();
-  const auto found = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.get() == &channel; });
-  const auto number = static_cast<std::size_t>(found - all.begin());
-  if (number % 2 != 0) return false;
-  std::deque<RecordEvent>& waiting = awaited_[&channel];
+  if (imu % 2 != 0) return false;
+  std::deque<RecordEvent>& waiting = awaited_[imu];
   if (waiting.empty() && TruthTime{event.a} <= engine_->timeline().newest()) return false;
   waiting.push_back(event);
-  options_.awaits_truth(number);
+  options_.awaits_truth(imu);
   return true;
 }
 
@@ -39,17 +28,12 @@ bool RecordedRun::awaits_truth(const Channel& channel, const RecordEvent& event)
 void RecordedRun::take_awaited(bool all) noexcept {
   if (awaited_.empty() || engine_->timeline().empty()) return;
   const TruthTime newest = engine_->timeline().newest();
-  for (const auto& channel : engine_->channels()) {
-    const auto waiting = awaited_.find(channel.get());
-    if (waiting == awaited_.end()) continue;
-    for (std::deque<RecordEvent>& events = waiting->second;
-         !events.empty() && (all || TruthTime{events.front().a} <= newest); events.pop_front()) {
-      channel->sense(engine_->timeline(), TruthTime{events.front().a}, static_cast<std::uint64_t>(events.front().c));
-      channel->prepare(TruthTime{events.front().a}, false);
-      channel->encode();
-      channel->transmit();
+  for (auto& [imu, events] : awaited_)
+    for (; !events.empty() && (all || TruthTime{events.front().a} <= newest); events.pop_front()) {
+      Step step{events.front(), imu};
+      step.at_once = true;
+      engine_->apply(step);
     }
-  }
 }
 
 // Waits until the thread spins for the instant of the recorded run, in steps, so that a signal ends the wait. Returns
@@ -61,43 +45,21 @@ HostTime RecordedRun::wait_until(HostTime instant) noexcept {
   const HostTime due = instant + *shift_, until = due - pace_->spin();
   for (HostTime at = now; at < until && !stop_->load(std::memory_order_relaxed);) {
     at = host_->sleep_until(std::min(until, at + step));
-    engine_->flush();
+    for (const auto& channel : engine_->channels()) channel->flush();
   }
   return due;
 }
 
 void RecordedRun::transmit(const RecordEvent& event) noexcept {
-  std::optional<HostTime> due;
-  if (pace_) due = wait_until(HostTime{event.a});
-  if (due && *stop_) return;  // the instant has not come
+  const HostTime instant{event.a}, due = pace_->is_paced() ? wait_until(instant) : instant;
+  if (pace_->is_paced() && *stop_) return;  // the instant has not come
   const bool was_skipped = (event.flags & RecordEvent::skipped) != 0;
   if (was_skipped) poll(event.b);
-  if (was_skipped || (due && pace_->is_too_late(*due, host_->now())))
-    for (Channel* channel : prepared_) channel->skip();
-  else if (due)
-    transmit_at(*due);
+  if (was_skipped || (pace_->is_paced() && pace_->is_too_late(due, host_->now())))
+    pace_->skip(instant);
   else
-    transmit_at_once();
-  for (Channel* channel : prepared_) channel->count_sample();
-  engine_->count_samples(prepared_.size());
-  prepared_.clear();
-}
-
-void RecordedRun::transmit_at(HostTime due) noexcept {
-  for (Channel* channel : prepared_) channel->encode();
-  pace_->transmit(prepared_, due);
-}
-
-void RecordedRun::transmit_at_once() noexcept {
-  for (Channel* channel : prepared_) {
-    channel->wait_for_room(*stop_);
-    channel->encode();
-  }
-  for (Channel* channel : prepared_) {
-    channel->wait_for_room(*stop_);
-    channel->transmit();
-    if (channel->is_can()) channel->wait_until_sent(*stop_);
-  }
+    pace_->transmit(instant, due);
+  engine_->complete();
 }
 
 }  // namespace imud

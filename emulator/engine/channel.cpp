@@ -57,22 +57,16 @@ void Channel::add_interfaces() {
 }
 
 void Channel::power_on(HostTime origin) noexcept {
-  sink_.event({.type = RecordEvent::Type::power_on, .interface = record_interface(), .a = origin.ns});
   clock_.power_on(origin);
   device_->power_on(clock_.now());
   apply_filters();
 }
 
 void Channel::set_clock(DeviceTime zero, std::optional<HostTime> origin) noexcept {
-  sink_.event({RecordEvent::Type::set_clock, origin ? RecordEvent::has_host_time : std::uint8_t{0},
-               record_interface(), zero.ns, origin.value_or(HostTime{}).ns});
   device_->step_clock(clock_.set(zero, origin));
 }
 
-void Channel::start_samples() noexcept {
-  sink_.event({.type = RecordEvent::Type::start_samples, .interface = record_interface()});
-  clock_.start_samples();
-}
+void Channel::start_samples() noexcept { clock_.start_samples(); }
 
 void Channel::begin_run(TruthTime begin) noexcept {
   pass_over();
@@ -228,37 +222,10 @@ void Channel::set_clock_offset(Nanoseconds offset) noexcept {
   clock_offset_ = offset;
 }
 
-namespace {
-// The limit of one call of serve(), so that a flood from the host does not delay samples. Between two calls no line
-// carries as much.
-constexpr std::size_t most_served = 256, per_frame = 16;
-}  // namespace
-
-bool Channel::serve_lines(HostTime now, Host* clock) noexcept {
-  const std::size_t first = serve_line(0, now, clock), second = line_count_ == 2 ? serve_line(1, now, clock) : 0;
-  const bool has_received = first + second > 0;
+void Channel::publish_states(bool has_received) noexcept {
   if (has_received || lines_[0].port->state() != counters_.port_state.load(std::memory_order_relaxed) ||
       (line_count_ == 2 && lines_[1].port->state() != counters_.second_port_state.load(std::memory_order_relaxed)))
     publish();
-  return has_received && first < most_served && second < most_served;
-}
-
-// Returns the number of bytes received at one port, with a surcharge for each frame.
-std::size_t Channel::serve_line(std::size_t uart, HostTime now, Host* clock) noexcept {
-  std::size_t received = 0;
-  while (received < most_served && !lines_[uart].is_file) {
-    const auto chunk = lines_[uart].port->receive();
-    if (!chunk) break;
-    received += per_frame + chunk->frame.bytes.size();
-    sink_.event({RecordEvent::Type::receive, static_cast<std::uint8_t>(uart), record_interface(), now.ns});
-    sink_.packet(static_cast<std::uint16_t>(lines_[uart].interface + 1), PacketDirection::inbound, chunk->time,
-                 chunk->frame);
-    receive(chunk->frame, uart, now);
-    if (clock != nullptr && !others_.frames().empty())
-      counters_.reply.add(std::max(0.0, seconds(clock->now() - chunk->time)));
-    apply_uarts();
-  }
-  return received;
 }
 
 void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
@@ -271,6 +238,8 @@ void Channel::receive(Frame frame, std::size_t uart, HostTime now) noexcept {
   device_->receive(frame, time + clock_offset_, others_);
   apply_filters();
   send(others_.frames(), time, true);
+  apply_uarts();
+  if (!others_.frames().empty()) ++reply_count_;
 }
 
 // A device answers with its old settings; the new ones apply to all that is sent afterwards.
@@ -392,31 +361,15 @@ void Channel::discard_pending() noexcept {
   publish();
 }
 
-namespace {
-
-// Calls `commit` for each of `all`, then throws the first exception.
-template <class Range, class Commit>
-void commit_each(const Range& all, const Commit& commit) {
-  std::exception_ptr failure;
-  for (auto& one : all) try {
-      commit(one);
-    } catch (const std::exception&) {
-      if (!failure) failure = std::current_exception();
-    }
-  if (failure) std::rethrow_exception(failure);
-}
-
-}  // namespace
-
 void Channel::commit() {
-  std::vector<DeviceLine*> all;
-  for (DeviceLine& line : lines()) all.push_back(&line);
-  for (DeviceLine& line : copies_.lines()) all.push_back(&line);
-  commit_each(all, [](DeviceLine* line) { line->port->commit(); });
-}
-
-void commit(std::span<const std::unique_ptr<Channel>> channels) {
-  commit_each(channels, [](const std::unique_ptr<Channel>& channel) { channel->commit(); });
+  std::exception_ptr failure;
+  for (const std::span<DeviceLine> all : {lines(), copies_.lines()})
+    for (DeviceLine& line : all) try {
+        line.port->commit();
+      } catch (const std::exception&) {
+        if (!failure) failure = std::current_exception();
+      }
+  if (failure) std::rethrow_exception(failure);
 }
 
 std::optional<TruthTime> Channel::used_until() const noexcept {

@@ -12,6 +12,7 @@
 
 #include "core/imu.hpp"
 #include "emulator/engine/awaited_truth.hpp"
+#include "emulator/engine/command.hpp"
 #include "emulator/engine/copies.hpp"
 #include "emulator/engine/device_clock.hpp"
 #include "emulator/engine/device_line.hpp"
@@ -20,6 +21,7 @@
 #include "emulator/engine/sync.hpp"
 #include "emulator/engine/wire_port.hpp"
 #include "emulator/faults/channel_faults.hpp"
+#include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/other_units.hpp"
 #include "emulator/faults/power_faults.hpp"
 #include "emulator/ground/counters.hpp"
@@ -47,6 +49,7 @@ class Channel {
   void enable_faults(const ImuConfig& config, std::uint64_t seed);
 
   const std::string& name() const noexcept { return name_; }
+  std::uint16_t number() const noexcept { return number_; }
   const Grid& grid() const noexcept { return grid_; }
   const ImuCounters& counters() const noexcept { return counters_; }
   const std::optional<Sync>& sync() const noexcept { return sync_; }
@@ -54,6 +57,8 @@ class Channel {
   bool is_can() const noexcept { return is_can_; }
   // The filters of the CAN bus (Port::set_filters()). They do not change: any thread.
   std::span<const CanFilter> can_filters() const noexcept { return can_filters_; }
+  // Returns true if the last sample was taken at rest.
+  bool is_resting() const noexcept { return is_resting_; }
   // Returns true if the sensor samples a vehicle at rest until the first truth.
   bool rests_before_truth() const noexcept { return rests_before_truth_; }
 
@@ -110,6 +115,8 @@ class Channel {
   // Imu::set_seed(), and the bias of one axis of the gyros or the accelerometers (Imu::set_bias()).
   void set_seed(std::uint64_t seed) noexcept { imu_.set_seed(seed); }
   void set_bias(Quantity quantity, std::size_t axis, double bias) noexcept;
+  // Executes a command to this imu, or to all. `faults`: the faults of the run.
+  void execute(const Command& command, const FaultBook& faults, HostTime now) noexcept;
   // Exchanges the sensor for a reload's sensor, which goes on where the old one was (Imu::continue_from()). On
   // another grid the next sample is at instant 0, and keeps its time.
   // A device with other settings starts as when its supply is switched on, at host time `now`; the sensor goes on.
@@ -160,15 +167,18 @@ class Channel {
   bool holds_back() const noexcept;
 
   // --- Host and deadlines ---
-  // Receives the host's commands, at most some 256 bytes from each port, and sends the replies. Returns false if
-  // ::poll() would return at once again, because of more bytes or a lasting error. `clock` measures the durations
-  // from the arrivals to the ends of the writes of the replies; nullptr: they are not measured.
-  bool serve(HostTime now, Host* clock = nullptr) noexcept {
+  // Calls propose(uart, Port::Received) for what the host has sent, at most some 256 bytes from each port. Returns
+  // false if ::poll() would return at once again, because of more bytes or a lasting error.
+  template <class Propose>
+  bool serve(Propose propose) noexcept {
     if (!copies_.empty()) copies_.serve();
-    return !are_files_ && serve_lines(now, clock);
+    return !are_files_ && serve_lines(propose);
   }
   // Executes the host's bytes to the UART, at host time `now`, and sends the replies.
   void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
+  // Returns how often it has replied. record_reply() records how long a reply took from the arrival on.
+  std::uint64_t reply_count() const noexcept { return reply_count_; }
+  void record_reply(Nanoseconds duration) noexcept { counters_.reply.add(seconds(duration)); }
   // Polls the device's deadlines up to `now`, and sends their frames.
   void poll(HostTime now) noexcept { poll_until(clock_.now(now)); }
   // Sends the frames that the ports hold back, as far as they can now.
@@ -186,8 +196,11 @@ class Channel {
   std::size_t port_count() const noexcept { return line_count_; }
   Port& port(std::size_t i) noexcept { return *lines_[i].port; }
   Copies& copies() noexcept { return copies_; }
-  // The number of the first port's interface in the record.
+  // The numbers of the first port's interface in the record, and of what the host sends to a port.
   std::uint16_t record_interface() const noexcept { return lines_[0].interface; }
+  std::uint16_t host_interface(std::size_t uart) const noexcept {
+    return static_cast<std::uint16_t>(lines_[uart].interface + 1);
+  }
   // Returns the time up to which the imu has used the truth of this run; nullopt before its first sample.
   std::optional<TruthTime> used_until() const noexcept;
   // Integrates the truth up to `until`, which is not after the imu's next sample (Imu::advance()).
@@ -218,8 +231,9 @@ class Channel {
   void send(std::span<const Frame> frames, DeviceTime time, bool is_reply = false) noexcept;
   void add_interfaces();
   void record(DeviceLine& line, std::span<const Frame> frames, std::uint64_t dropped) noexcept;
-  bool serve_lines(HostTime now, Host* clock) noexcept;
-  std::size_t serve_line(std::size_t uart, HostTime now, Host* clock) noexcept;
+  template <class Propose>
+  bool serve_lines(Propose propose) noexcept;
+  void publish_states(bool has_received) noexcept;
   bool is_on() const noexcept { return is_supplied_ && power_step_.is_on; }
   void start_device(DeviceTime now) noexcept;
   void exchange_device(Reload::Sensor& sensor, HostTime now) noexcept;
@@ -272,6 +286,7 @@ class Channel {
   std::optional<TruthTime> truth_;          // prepare() sets these two
   bool silent_ = false;
   FrameBuffer frames_;  // of the sample
+  std::uint64_t reply_count_ = 0;
   FrameBuffer others_;  // of a deadline or an answer, or of a silent sample
   ImuCounters counters_;
   AwaitedTruth awaited_;
@@ -279,7 +294,25 @@ class Channel {
   SampleFeed* feed_ = nullptr;  // nullptr: nobody can watch
 };
 
-// Channel::commit() of all channels, even if one fails. Throws the first exception.
-void commit(std::span<const std::unique_ptr<Channel>> channels);
+template <class Propose>
+bool Channel::serve_lines(Propose propose) noexcept {
+  // The limit of one call, so that a flood from the host does not delay samples. Between two calls no line carries as
+  // much.
+  constexpr std::size_t most_served = 256, per_frame = 16;
+  bool has_received = false, has_more = false;
+  for (std::size_t uart = 0; uart < line_count_; ++uart) {
+    std::size_t received = 0;  // bytes, with a surcharge for each frame
+    while (received < most_served && !lines_[uart].is_file) {
+      const auto chunk = lines_[uart].port->receive();
+      if (!chunk) break;
+      received += per_frame + chunk->frame.bytes.size();
+      propose(uart, *chunk);
+    }
+    has_received = has_received || received > 0;
+    has_more = has_more || received >= most_served;
+  }
+  publish_states(has_received);
+  return has_received && !has_more;
+}
 
 }  // namespace imud

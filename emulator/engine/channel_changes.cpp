@@ -11,6 +11,45 @@ void Channel::pause(bool paused) noexcept {
   counters_.is_paused.store(paused, std::memory_order_relaxed);
 }
 
+void Channel::execute(const Command& command, const FaultBook& faults, HostTime now) noexcept {
+  const auto axis = static_cast<std::size_t>(command.number % 3);
+  const auto fault = static_cast<std::uint32_t>(command.number);
+  switch (command.kind) {
+    case Command::Kind::power_off:
+    case Command::Kind::power_on:
+      set_supply(command.kind == Command::Kind::power_on, now);
+      break;
+    case Command::Kind::power_cycle:
+      set_supply(false, now);
+      set_supply(true, now);
+      break;
+    case Command::Kind::pause:
+    case Command::Kind::resume:
+      pause(command.kind == Command::Kind::pause);
+      break;
+    case Command::Kind::fault_begin:
+      if (faults_ && faults[fault].acts_on(name_)) faults_->schedule().add(faults[fault], fault);
+      break;
+    case Command::Kind::fault_end:
+      if (faults_) faults_->schedule().end(fault);
+      break;
+    case Command::Kind::fault_clear:
+      if (faults_) faults_->schedule().end_all();
+      break;
+    case Command::Kind::seed:
+      imu_.set_seed(command.number);
+      break;
+    case Command::Kind::gyro_bias:
+      set_bias(Quantity::rate, axis, command.value);
+      break;
+    case Command::Kind::accelerometer_bias:
+      set_bias(Quantity::specific_force, axis, command.value);
+      break;
+    default:
+      break;
+  }
+}
+
 void Channel::set_bias(Quantity quantity, std::size_t axis, double bias) noexcept {
   Vector3 all = imu_.bias(quantity);
   all[static_cast<Eigen::Index>(axis)] = bias;

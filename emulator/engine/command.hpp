@@ -30,7 +30,7 @@ struct Command {
     fault_end = 15,          // `number`: of the fault
     fault_clear = 16,        // ends all faults
     servo = 17,              // of the truth format: TruthIntake::set_servo() of the servo `number`; `value`: us
-    reload = 18,             // Engine::set_reload() has the changes; in a record `number` is the size of its text
+    reload = 18,             // RunControl::reload has the changes; in a record `number` is the size of its text
   };
   static constexpr std::uint16_t all_imus = 0xFFFF;
   static constexpr std::size_t longest_text = 120;  // bytes

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "emulator/engine/reload.hpp"
+
 namespace imud {
 
 Engine::Engine(const Config& config, const Ports& ports, StepSink& sink, RunControl* control)
@@ -22,8 +24,7 @@ Engine::Engine(const Config& config, const Ports& ports, StepSink& sink, RunCont
   }
   if (control_ != nullptr)
     for (const auto& channel : channels_) channel->set_feed(control_->feed);
-  constexpr std::size_t most_ports = 2;
-  inputs_.reserve(most_ports * channels_.size() + 1);
+  prepared_.reserve(channels_.size());
 }
 
 // Returns nullptr if the imu can have no faults, and nothing is expected of its host.
@@ -38,43 +39,108 @@ std::unique_ptr<ChannelFaults> Engine::faults_of(const ImuConfig& imu, std::uint
                                          seed, faults_.log(), faults_.capacity() - configured.size());
 }
 
-std::vector<Expected> Engine::expected() const {
-  std::vector<Expected> all;
-  for (const auto& channel : channels_)
-    for (Expected& one : channel->expected()) all.push_back(std::move(one));
-  return all;
-}
-
-void Engine::finish_faults() noexcept {
-  intake_.finish();
-  if (truth_faults_ != nullptr) truth_faults_->schedule().finish();
-  for (const auto& channel : channels_) channel->finish_faults();
-}
-
-ChosenPorts Engine::chosen_ports() const {
-  ChosenPorts all;
-  const auto add = [&all](std::string key, std::string port) {
-    if (!port.empty()) all.emplace_back(std::move(key), std::move(port));
-  };
-  add("truth.port", intake_.chosen_port());
-  for (const auto& channel : channels_) {
-    add("imu." + channel->name() + ".port", channel->port(0).chosen_port());
-    if (channel->port_count() == 2) add("imu." + channel->name() + ".second_port", channel->port(1).chosen_port());
-    for (const DeviceLine& copy : channel->copies().lines())
-      add("imu." + channel->name() + ".also", copy.port->chosen_port());
-    if (channel->sync()) {
-      add("imu." + channel->name() + ".sync.trigger_port", channel->sync()->chosen_trigger_port());
-      add("imu." + channel->name() + ".sync.pps_port", channel->sync()->chosen_pps_port());
+TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
+  using Type = Step::Type;
+  const RecordEvent& event = step.event;
+  // A leap, which the driver proposes after its truth, discards the samples that wait for truth.
+  if (unreviewed_ && event.type != Type::forget_past) review();
+  Channel* const channel = step.imu < channels_.size() ? channels_[step.imu].get() : nullptr;
+  if (channel == nullptr && is_of_imu(event.type)) return TruthIntake::Outcome::nothing;
+  switch (event.type) {
+    case Type::power_on:
+      record(step);
+      channel->power_on(HostTime{event.a});
+      break;
+    case Type::power_cycle:
+      record(step);
+      for (const auto& one : channels_) one->cycle_power(HostTime{event.a});
+      break;
+    case Type::truth:
+      return take_truth(step);
+    case Type::forget_past:
+      record(step);
+      forget_past();
+      break;
+    case Type::run:
+      record(step);
+      (event.flags & RecordEvent::goes_on) != 0 ? pass_over() : begin_run();
+      break;
+    case Type::set_clock: {
+      record(step);
+      const bool runs = (event.flags & RecordEvent::has_host_time) != 0;
+      channel->set_clock(DeviceTime{event.a}, runs ? std::optional(HostTime{event.b}) : std::nullopt);
+      break;
     }
+    case Type::start_samples:
+      record(step);
+      channel->start_samples();
+      break;
+    case Type::advance:
+      advance(TruthTime{event.a});
+      break;
+    case Type::sample:
+      take_sample(*channel, step);
+      break;
+    case Type::transmit:
+      transmit(step);
+      break;
+    case Type::receive:
+      receive(*channel, step);
+      break;
+    case Type::deadlines:
+      poll(HostTime{event.a});
+      break;
+    case Type::command:
+    case Type::mark:
+      execute(step);
+      break;
+    case Type::end:
+      record(step);
+      break;
+    case Type::begin:
+    case Type::disconnected:
+    case Type::lost:
+      break;  // of the record, not of the run
   }
-  return all;
+  return TruthIntake::Outcome::nothing;
+}
+
+// The recorded event has the imu's interface in place of its number, and the time up to which deadlines were polled.
+void Engine::record(RecordEvent event, std::uint16_t imu) noexcept {
+  if (!sink_.keeps()) return;
+  if (imu < channels_.size())
+    event.interface = channels_[imu]->record_interface();
+  else if (event.type == Step::Type::command || event.type == Step::Type::mark)
+    event.interface = RecordEvent::all_imus;
+  if (has_polled_time(event)) event.b = polled_.ns;
+  sink_.event(event);
+}
+
+TruthIntake::Outcome Engine::take_truth(const Step& step) noexcept {
+  const TruthIntake::Outcome outcome = intake_.take(TruthTime{step.event.b});
+  if (outcome == TruthIntake::Outcome::nothing) return outcome;
+  unreviewed_ = outcome == TruthIntake::Outcome::accepted;
+  RecordEvent event = step.event;
+  event.flags = static_cast<std::uint8_t>(outcome);
+  event.a = outcome == TruthIntake::Outcome::ignored ? 0 : intake_.truth().time.ns;
+  record(event, step.imu);
+  return outcome;
+}
+
+void Engine::review() noexcept {
+  unreviewed_ = false;
+  for (const auto& channel : channels_) channel->review_samples(timeline_, quality_.extrapolation_error);
+}
+
+void Engine::forget_past() noexcept {
+  unreviewed_ = false;
+  if (!timeline_.empty()) timeline_.forget_past();
 }
 
 void Engine::begin_run() noexcept {
-  sink_.event({.type = RecordEvent::Type::run, .b = polled_.ns});
+  if (timeline_.empty()) return;
   in_run_ = true;
   samples_in_run_ = 0;
-  truths_since_advance_ = 0;
   watermark_ = timeline_.run_start();
   if (truth_faults_ != nullptr) truth_faults_->begin_run(watermark_);
   for (const auto& channel : channels_) channel->begin_run(timeline_.run_start());
@@ -83,161 +149,95 @@ void Engine::begin_run() noexcept {
         {.kind = RunEvent::Kind::run, .sample = channels_[0]->next_sample(), .time_ns = watermark_.ns});
 }
 
+// The next sample of each imu has no increments.
 void Engine::pass_over() noexcept {
-  sink_.event({.type = RecordEvent::Type::run, .flags = RecordEvent::goes_on, .b = polled_.ns});
-  truths_since_advance_ = 0;
   for (const auto& channel : channels_) channel->pass_over();
 }
 
-void Engine::record_sample(const Channel& channel, std::uint8_t flags, std::int64_t time, std::uint64_t k) noexcept {
-  sink_.event({RecordEvent::Type::sample, flags, channel.record_interface(), time,
-               timeline_.empty() ? 0 : timeline_.newest().ns, static_cast<std::int64_t>(k)});
-}
-
-void Engine::prepare_at_rest(Channel& channel, std::uint64_t k, Nanoseconds since_power_on) noexcept {
-  record_sample(channel, RecordEvent::at_rest, since_power_on.count(), k);
-  channel.sense_at_rest(since_power_on, k);
-  channel.prepare(std::nullopt, false);
-}
-
-void Engine::prepare(Channel& channel, std::uint64_t k, TruthTime time) noexcept {
-  Sample& sample = channel.sense(timeline_, time, k);
-  watermark_ = std::max(watermark_, time);
-  const auto basis = (sample.status & status::truth_stale) != 0          ? MotionState::Basis::held
-                     : (sample.status & status::truth_extrapolated) != 0 ? MotionState::Basis::extrapolated
-                                                                         : MotionState::Basis::interpolated;
-  record_sample(channel, static_cast<std::uint8_t>(basis), time.ns, k);
-
-  const bool held = (sample.status & status::truth_stale) != 0;
-  // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
-  // not begin a stop.
-  const bool stopped = held && (stopped_ || time >= timeline_.run_start());
-  if (std::exchange(stopped_, stopped) != stopped) (stopped ? quality_.stops : quality_.returns).count();
-  const bool silent = stopped && when_stopped_ == WhenStopped::silence;
-  if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
-  channel.prepare(silent ? std::nullopt : std::optional(time), silent);
-}
-
 void Engine::advance(TruthTime until) noexcept {
-  constexpr std::size_t between_advances = Timeline::capacity / 2;
-  if (++truths_since_advance_ < between_advances) return;
-  truths_since_advance_ = 0;
-  advance_imus(until);
-}
-
-void Engine::raise_watermark(TruthTime until) noexcept { watermark_ = std::max(watermark_, until); }
-
-void Engine::advance_imus(TruthTime until) noexcept {
+  if (timeline_.empty()) return;
   until = std::min(until, timeline_.newest());
-  sink_.event({.type = RecordEvent::Type::advance, .a = until.ns});
+  record(Step::advance(until));
   raise_watermark(until);
   for (const auto& channel : channels_) channel->advance(timeline_, until);
 }
 
-bool Engine::has_room_for_truth(TruthTime until) noexcept {
-  const auto is_full = [&] {
-    return std::any_of(channels_.begin(), channels_.end(), [&](const auto& channel) {
-      return timeline_.is_full_for(channel->used_until().value_or(until));
-    });
-  };
-  if (!in_run_ || !is_full()) return true;
-  advance_imus(until);
-  return !is_full();
-}
-
-std::span<pollfd> Engine::inputs(bool truth) noexcept {
-  inputs_.clear();
-  inputs_.push_back({truth ? intake_.descriptor() : -1, POLLIN, 0});
-  for (const auto& channel : channels_)
-    for (std::size_t i = 0; i < channel->port_count(); ++i) {
-      const Port& port = channel->port(i);
-      const int events = (port.can_receive() ? POLLIN : 0) | (port.wants_output() ? POLLOUT : 0);
-      inputs_.push_back({events != 0 ? port.descriptor() : -1, static_cast<short>(events), 0});
+void Engine::take_sample(Channel& channel, const Step& step) noexcept {
+  const auto k = static_cast<std::uint64_t>(step.event.c);
+  const bool at_rest = (step.event.flags & RecordEvent::at_rest) != 0;
+  if ((!at_rest && timeline_.empty()) || (!step.at_once && prepared_.size() == prepared_.capacity())) return;
+  if (at_rest) {
+    record(step);
+    channel.sense_at_rest(Nanoseconds(step.event.a), k);
+    channel.prepare(std::nullopt, false);
+  } else {
+    const TruthTime time{step.event.a};
+    Sample& sample = channel.sense(timeline_, time, k);
+    if (step.at_once) {
+      channel.prepare(time, false);
+      channel.encode();
+      channel.transmit();
+      return;
     }
-  return inputs_;
+    raise_watermark(time);
+    const bool held = (sample.status & status::truth_stale) != 0;
+    RecordEvent event = step.event;
+    event.flags = static_cast<std::uint8_t>(held ? MotionState::Basis::held
+                                            : (sample.status & status::truth_extrapolated) != 0
+                                                ? MotionState::Basis::extrapolated
+                                                : MotionState::Basis::interpolated);
+    event.b = timeline_.newest().ns;
+    record(event, step.imu);
+    // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
+    // not begin a stop.
+    const bool stopped = held && (stopped_ || time >= timeline_.run_start());
+    if (std::exchange(stopped_, stopped) != stopped) (stopped ? quality_.stops : quality_.returns).count();
+    const bool silent = stopped && when_stopped_ == WhenStopped::silence;
+    if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
+    channel.prepare(silent ? std::nullopt : std::optional(time), silent);
+  }
+  prepared_.push_back(&channel);
 }
 
-bool Engine::serve_inputs(HostTime now, Host* clock) noexcept {
-  sink_.set_time(now);
-  constexpr int failures = POLLERR | POLLHUP | POLLNVAL;
-  bool may_poll = (inputs_[0].revents & failures) == 0;
-  auto input = inputs_.begin() + 1;
-  for (const auto& channel : channels_) {
-    int seen = 0;
-    for (std::size_t i = 0; i < channel->port_count(); ++i) seen |= (input++)->revents;
-    if ((seen & failures) != 0) may_poll = false;
-    if (seen == 0) continue;
-    if ((seen & POLLOUT) != 0) channel->flush();
-    if (!channel->serve(now, clock) && (seen & POLLOUT) == 0) may_poll = false;
-  }
-  return may_poll;
+void Engine::transmit(const Step& step) noexcept {
+  const bool is_skipped = (step.event.flags & RecordEvent::skipped) != 0;
+  for (Channel* channel : prepared_) is_skipped ? channel->skip() : channel->encode();
+  record(step);
 }
 
-void Engine::serve_all(HostTime now, Host* clock) noexcept {
-  sink_.set_time(now);
-  polled_ = now;
-  intake_.poll(now);
-  for (const auto& channel : channels_) {
-    channel->serve(now, clock);
-    channel->poll(now);
+void Engine::complete() noexcept {
+  for (Channel* channel : prepared_) {
+    channel->count_sample();
+    if (!channel->is_resting()) ++samples_in_run_;
   }
+  prepared_.clear();
+}
+
+void Engine::receive(Channel& channel, const Step& step) noexcept {
+  const std::size_t uart = step.event.flags;
+  if (uart >= channel.port_count()) return;
+  record(step);
+  sink_.packet(channel.host_interface(uart), PacketDirection::inbound, step.arrival, step.frame);
+  channel.receive(step.frame, uart, HostTime{step.event.a});
 }
 
 void Engine::poll(HostTime now) noexcept {
   sink_.set_time(now);
   polled_ = now;
   intake_.poll(now);
-  for (const auto& channel : channels_) {
-    channel->poll(now);
-    channel->flush();
-  }
+  for (const auto& channel : channels_) channel->poll(now);
 }
 
-void Engine::flush() noexcept {
-  for (const auto& channel : channels_) channel->flush();
+bool Engine::has_room_for_truth(TruthTime until) const noexcept {
+  return !in_run_ || std::none_of(channels_.begin(), channels_.end(), [&](const auto& channel) {
+    return timeline_.is_full_for(channel->used_until().value_or(until));
+  });
 }
 
-std::optional<HostTime> Engine::next_wake() const noexcept {
-  std::optional<HostTime> first = intake_.deadline();
-  for (const auto& channel : channels_)
-    if (const auto wake = channel->next_wake(); wake && (!first || *wake < *first)) first = wake;
-  return first;
-}
-
-bool Engine::drain(std::chrono::milliseconds readers) noexcept {
-  constexpr std::chrono::milliseconds lines(500);
-  const auto has_pace = [&] {
-    for (const auto& channel : channels_)
-      for (std::size_t i = 0; i < channel->port_count(); ++i)
-        if (channel->port(i).next_flush()) return true;
-    return false;
-  };
-  flush();
-  bool read = false;
-  for (int ms = 0; !read && ms < (has_pace() ? std::max(lines, readers) : readers).count(); ++ms) {
-    if (ms > 0) ::poll(nullptr, 0, 1);
-    read = true;
-    for (const auto& channel : channels_) {
-      for (std::size_t i = 0; i < channel->port_count(); ++i)
-        read = channel->port(i).is_drained() && read;  // which flushes
-      read = channel->copies().is_drained() && read;
-    }
-  }
-  for (const auto& channel : channels_) channel->discard_pending();
-  return read;
-}
-
-void Engine::commit() { imud::commit(channels_); }
-
-void Engine::cycle_power_if_requested(HostTime now) noexcept {
-  if (!power_cycle_.load(std::memory_order_relaxed)) return;
-  power_cycle_.store(false, std::memory_order_relaxed);
-  cycle_power(now);
-}
-
-void Engine::cycle_power(HostTime now) noexcept {
-  sink_.event({.type = RecordEvent::Type::power_cycle, .a = now.ns, .b = polled_.ns});
-  for (const auto& channel : channels_) channel->cycle_power(now);
+void Engine::finish_faults() noexcept {
+  intake_.finish();
+  if (truth_faults_ != nullptr) truth_faults_->schedule().finish();
+  for (const auto& channel : channels_) channel->finish_faults();
 }
 
 }  // namespace imud

@@ -1,4 +1,4 @@
-// Ports: the ports of a run, by what they are for.
+// Ports: the ports of a run, by their use.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 
 namespace imud {
 
-// One port of a run: what it is for, and the text and settings that the configuration gives it.
+// One port of a run: its use, and the text and settings that the configuration gives it.
 struct PortUse {
   enum class Of : std::uint8_t {
     truth,
@@ -28,7 +28,7 @@ struct PortUse {
   PortSettings settings = Role::device;
 };
 
-// Opens a port of the run. The real ports, those that a record, an array or a test has in their place, and ports that
+// Opens a port of the run. Real ports, the ports that a record, an array or a test has in their place, and ports that
 // are not opened at all are functions of this kind. Throws PortError.
 using Ports = std::function<std::unique_ptr<Port>(const PortUse&)>;
 

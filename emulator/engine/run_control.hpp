@@ -3,13 +3,47 @@
 
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstddef>
+#include <cstdint>
 
 #include "emulator/engine/command_queue.hpp"
-#include "emulator/engine/run_events.hpp"
 #include "emulator/engine/sample_feed.hpp"
 #include "emulator/ground/counters.hpp"
 
 namespace imud {
+
+struct Reload;
+
+// Something that happened in the sampling thread by itself. The results of commands go another way (Applied).
+struct RunEvent {
+  enum class Kind : std::uint8_t {
+    run,  // a run of the truth begins
+  };
+  static constexpr std::uint16_t all_imus = 0xFFFF;
+
+  Kind kind = Kind::run;
+  std::uint16_t imu = all_imus;
+  std::uint64_t sample = 0;  // Sample::counter of the first sample that it applies to, of the imu, or of the first
+  std::int64_t time_ns = 0;  // of that sample: its stamp by the device's clock
+};
+
+// The constructor allocates; neither thread waits or locks. An event for which there is no room is counted.
+class RunEvents {
+ public:
+  static constexpr std::size_t capacity = 1024;
+
+  // `lost` outlives this.
+  explicit RunEvents(Counter& lost) : events_(capacity), lost_(lost) {}
+  // Sampling thread.
+  void push(const RunEvent& event) noexcept {
+    if (!events_.push(event)) lost_.count();
+  }
+  // Main thread.
+  bool pop(RunEvent& event) noexcept { return events_.pop(event); }
+
+ private:
+  boost::lockfree::spsc_queue<RunEvent> events_;
+  Counter& lost_;
+};
 
 // Outlives the Engine that has it. All memory is allocated by the constructor.
 struct RunControl {
@@ -21,6 +55,9 @@ struct RunControl {
   ControlCounters counters;
   CommandQueue commands;
   boost::lockfree::spsc_queue<Applied> applied;  // the answers to `commands`: for each batch one for each imu
+  // The changes of the next Command::Kind::reload; it outlives the command. Set by the thread that makes the command,
+  // after the last reload was executed.
+  Reload* reload = nullptr;
   RunEvents events;
   SampleFeed feed;
 };

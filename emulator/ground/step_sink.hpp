@@ -13,7 +13,7 @@
 
 namespace imud {
 
-// An engine gives it every event, every received packet, and every frame that a port was passed. A sink that
+// A engine gives it every event, every received packet, and every frame that a port was passed. A sink that
 // keeps nothing costs a comparison.
 class StepSink {
  public:

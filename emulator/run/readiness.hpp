@@ -5,7 +5,7 @@
 #include <functional>
 #include <optional>
 
-#include "emulator/engine/engine.hpp"
+#include "emulator/engine/closing.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {

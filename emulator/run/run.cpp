@@ -25,6 +25,7 @@
 #include "emulator/drive/loop.hpp"
 #include "emulator/drive/realtime_thread.hpp"
 #include "emulator/drive/recorded_run.hpp"
+#include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/record/recorder.hpp"
@@ -73,7 +74,7 @@ bool drive(Engine& engine, const Config& config, const RunOptions& options, Reco
     Loop(engine, host, *pacer, loop, stop).run();
   }
   using namespace std::chrono_literals;
-  return engine.drain(realtime || stop ? 50ms : 2000ms);
+  return drain(engine, realtime || stop ? 50ms : 2000ms);
 }
 
 RunCounters counters_of(const Engine& engine, const RunControl& control, const Recorder* recorder) {
@@ -194,7 +195,7 @@ int run(const Config& config, const RunOptions& options) {
   std::optional<WebServer> web;
   if (!config.web.listen.empty()) web.emplace(io, config.web);
   const auto chosen_ports = [&] {
-    ChosenPorts all = engine.chosen_ports();
+    ChosenPorts all = imud::chosen_ports(engine);
     if (web && web->address() != config.web.listen) all.emplace_back("web.listen", web->address());
     return all;
   };
@@ -287,7 +288,7 @@ int run(const Config& config, const RunOptions& options) {
   report_events();
   api.finish();
   reloader.close_ports();
-  engine.publish();
+  for (const auto& channel : engine.channels()) channel->publish();
   server.reset();
   if (recorder) recorder->finish();
   if (failure) std::rethrow_exception(failure);
@@ -299,14 +300,14 @@ int run(const Config& config, const RunOptions& options) {
   summary.whole = {judge(summary, config, ended_by, options.required, options.repeats), config.seed, config.sha256,
                    chosen_ports()};
   Outcome& outcome = summary.whole->outcome;
-  outcome.expected = engine.expected();
+  outcome.expected = expected(engine.channels());
   outcome.judge_faults(fault_outcomes(engine.faults().configured(), labels(engine, config)), options.repeats);
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
     outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
   if (repeated && !repeated->difference().empty()) outcome.shortfalls.push_back(repeated->difference());
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
-  if (outcome.ended_by != EndedBy::failure) engine.commit();
+  if (outcome.ended_by != EndedBy::failure) commit(engine.channels());
   if (!options.labels_file.empty()) labels_file.replace(labels(engine, config, options.labels_file));
   if (!options.junit_file.empty()) junit_file.replace(junit_xml(outcome.expected, "imud"));
   summary_file.replace(json(summary, JsonLayout::indented));  // last: it says that the run is complete

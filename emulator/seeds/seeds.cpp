@@ -21,6 +21,7 @@
 #include "emulator/drive/loop.hpp"
 #include "emulator/drive/recorded_run.hpp"
 #include "emulator/drive/stored_truths.hpp"
+#include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/seeds/seed_arrays.hpp"
@@ -159,7 +160,7 @@ class Runs {
       run(
           config, ports, no_stop,
           [&](Engine& engine, const std::string&) {
-            engine.commit();
+            imud::commit(engine.channels());
             cause = fmt::format("{}", fmt::join(remarks(engine.intake().counters()), "; "));
           },
           awaits_truth);
@@ -198,7 +199,7 @@ void Runs::run(const Config& config, const Ports& ports, const std::atomic<bool>
     const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
     Loop(engine, host, *pacer, options, stop).run();
   }
-  engine.drain(std::chrono::milliseconds(50));
+  drain(engine, std::chrono::milliseconds(50));
   engine.finish_faults();
   end(engine, repeated ? repeated->difference() : std::string());
 }
@@ -274,8 +275,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
                                                     : EndedBy::duration;
   Outcome outcome = judge(summary, batch.config, ended_by, options_.required, options_.repeats);
   if (!difference.empty()) outcome.shortfalls.push_back(difference);
-  for (const auto& channel : channels)
-    for (Expected& one : channel->expected()) outcome.expected.push_back(std::move(one));
+  outcome.expected = expected(channels);
   std::vector<FaultLabel> all = labels(batch, run, engine, part);
   std::vector<FaultOutcome> faults = fault_outcomes(engine.faults().configured(), all);
   if (parts_ == 1)

@@ -215,14 +215,6 @@ void TruthIntake::count_step(Admission admission, Nanoseconds step) noexcept {
 }
 
 TruthIntake::Outcome TruthIntake::take(TruthTime watermark) noexcept {
-  const Outcome outcome = process(watermark);
-  if (outcome != Outcome::nothing)
-    sink_.event({RecordEvent::Type::truth, static_cast<std::uint8_t>(outcome), 0,
-                 outcome == Outcome::ignored ? 0 : truth_.time.ns, watermark.ns});
-  return outcome;
-}
-
-TruthIntake::Outcome TruthIntake::process(TruthTime watermark) noexcept {
   if (const auto derived = take_derived(watermark)) return *derived;
   const auto result = next_record();
   constexpr std::uint64_t between_reports = 256;  // records

@@ -71,7 +71,6 @@ class TruthIntake {
   std::string end_warning() const;
 
  private:
-  Outcome process(TruthTime watermark) noexcept;
   void add_interface(const TruthConfig& config);
   void send() noexcept;
   std::optional<TruthResult> next_record() noexcept;

@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "emulator/config/load_config.hpp"
-#include "emulator/drive/execute.hpp"
 #include "emulator/engine/engine.hpp"
 #include "emulator/engine/run_control.hpp"
 #include "tests/emulator/run/live_test.hpp"
@@ -34,8 +33,7 @@ TEST_F(LiveTest, AReloadAllocatesNothing) {
   for (Reload* reload : {&there, &back}) {
     ASSERT_EQ(reload->sensors.size(), 1U);
     const std::uint64_t allocated = allocations();
-    engine.set_reload(reload);
-    execute(engine, {.kind = Command::Kind::reload}, HostTime{1});
+    engine.apply(Step::command({.kind = Command::Kind::reload}, HostTime{1}, reload));
     EXPECT_EQ(allocations() - allocated, 0U);
   }
   EXPECT_EQ(engine.channels()[0]->grid().period(), std::chrono::milliseconds(2));
@@ -66,14 +64,13 @@ TEST_F(LiveTest, AnExchangeOfPortsAllocatesAndLocksNothing) {
       ASSERT_EQ(reload.lines.size(), 1U);
       EXPECT_TRUE(reload.sensors.empty());
       EXPECT_TRUE(reload.open_ports(engine.channels()).empty());
-      engine.set_reload(&reload);
       const Port* const opened = reload.lines[0].port.get();
       std::uint64_t allocated = 0, locked = 0;
       std::thread([&] {
         count_locks_of_this_thread();
         allocated = allocations();
         locked = locks_taken();
-        execute(engine, {.kind = Command::Kind::reload}, HostTime{1});
+        engine.apply(Step::command({.kind = Command::Kind::reload}, HostTime{1}, &reload));
         allocated = allocations() - allocated;
         locked = locks_taken() - locked;
       }).join();

@@ -35,6 +35,7 @@ inline constexpr std::string_view config_interface = "imud config";
 // frames leave. Host times are in ns of CLOCK_MONOTONIC.
 struct RecordEvent {
   enum class Type : std::uint8_t {
+    deadlines = 0,  // the devices' deadlines were polled. Not written: later events state until when
     begin = 1,    // of a file. a: what was added to host times for the packets' times; b: number of the file, from 1;
                   // c: version
     power_on,     // of an imu. a: host time

@@ -13,6 +13,7 @@
 #include "core/units.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/engine/channel.hpp"
+#include "tests/emulator/serve.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/support/frequency_response.hpp"
 #include "tests/transports/scratch_folder.hpp"
@@ -66,7 +67,7 @@ class Unit {
   const ImuModel& model() const { return config_.model; }
   void command(const std::string& text) {
     port_->commands = text;
-    channel_->serve({});
+    serve(*channel_, {});
   }
   // Returns what the unit sends of a run of that many samples.
   std::vector<Measurement> run(const std::function<double(double)>& rate, std::int64_t samples) {

@@ -10,6 +10,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/engine/channel.hpp"
 #include "tests/emulator/faults/wire_bench.hpp"
+#include "tests/emulator/serve.hpp"
 
 namespace imud {
 
@@ -67,7 +68,7 @@ class PoweredUnit {
   std::string ask(std::string_view text) {
     const auto bytes = std::as_bytes(std::span(text));
     inner->from_host.push_back({bytes.begin(), bytes.end()});
-    channel->serve(instant(next));
+    serve(*channel, instant(next));
     std::string answer;
     for (const std::byte byte : joined(std::exchange(inner->kept, {}))) answer += static_cast<char>(byte);
     return answer;

@@ -52,9 +52,7 @@ class RecordInputs : public RecordTest {
       const TimedLine::Inputs& inputs = inputs_[static_cast<std::size_t>(fd - 1001)];
       return inputs.empty() ? SimulatedHost::never : inputs.front().first;
     };
-    run.open_pin = [&](const PortUse&) {
-      return std::make_unique<TimedLine>(run.host(), edges_, edge_sent_, -1);
-    };
+    run.open_pin = [&](const PortUse&) { return std::make_unique<TimedLine>(run.host(), edges_, edge_sent_, -1); };
     run.run(s);
     recorder.finish();
     EXPECT_EQ(recorder.counters().lost, 0U);
@@ -107,6 +105,23 @@ TEST_F(RecordInputs, AHostAtASecondUartIsRepeated) {
   EXPECT_NE(sent[0].find("$VNWRG,75,2"), std::string::npos);
   EXPECT_NE(sent[1].find("$VNRRG,04,2.1.0.0"), std::string::npos);
   EXPECT_GT(sent[1].size(), 1000U) << "the output";
+  EXPECT_TRUE(repeat(config) == sent);
+}
+
+// Where truth paces, a host is served with the samples too, also on a machine that has run for longer than an hour.
+TEST_F(RecordInputs, AHostInLockstepIsRepeated) {
+  const Config config = load_config(
+      write("config.toml", fmt::format("clock = \"lockstep\"\n[truth]\n{}\n[[imu]]\nprotocol = \"vectornav\"\n"
+                                       "port = \"pty:a\"\ndevice.async_type = 0\n",
+                                       udp)));
+  SimulatedRun run(config);
+  constexpr double uptime_s = 7200;
+  for (int k = 0; k < 200; ++k) run.truth(uptime_s + 0.01 * k, Swing::truth(at_s(0.01 * k)));
+  constexpr double within_s = 1e-6;  // while a truth is received, before its sample
+  inputs_[0].emplace_back(run.at(uptime_s + 0.5 + within_s), "$VNWRG,75,1,8,01,0001*XX\r\n");
+  const std::vector<std::string> sent = record(run, 1, uptime_s + 2.5);
+  EXPECT_NE(sent[0].find("$VNWRG,75,1"), std::string::npos);
+  EXPECT_GT(sent[0].size(), 1000U) << "the output";
   EXPECT_TRUE(repeat(config) == sent);
 }
 

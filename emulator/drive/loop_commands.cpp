@@ -1,0 +1,62 @@
+// The commands of clients, and the parts of them that change the pacing of a Loop.
+#include "emulator/drive/loop.hpp"
+#include "emulator/engine/reload.hpp"
+#include "emulator/engine/run_control.hpp"
+
+namespace imud {
+
+// Must not be called between a device's receiving a sample and its transmission.
+void Loop::cycle_power_if_requested(HostTime now) noexcept {
+  if (engine_.takes_power_cycle()) engine_.apply(Step::power_cycle(now));
+}
+
+// Executes the batches that wait, but not more than a few. Called where each sample that was taken has been
+// transmitted. A batch for whose results there is no room keeps waiting.
+void Loop::execute_commands() noexcept {
+  if (engine_.control() == nullptr || !engine_.control()->commands.has_batch()) return;
+  RunControl& control = *engine_.control();
+  const HostTime now = host_.now();
+  constexpr int most = 4;  // batches at once, so that a flood of them does not delay samples
+  const auto channels = engine_.channels();
+  for (int i = 0; i < most && control.applied.write_available() >= channels.size(); ++i) {
+    const std::uint64_t batch = control.commands.pop([&](const Command& command) { execute(command, now); });
+    if (batch == 0) return;
+    for (std::size_t imu = 0; imu < channels.size(); ++imu) {
+      const std::optional<DeviceTime> time = channels[imu]->next_time();
+      control.applied.push({.batch = batch,
+                            .imu = static_cast<std::uint16_t>(imu),
+                            .is_last = imu + 1 == channels.size(),
+                            .has_time = time.has_value(),
+                            .sample = channels[imu]->next_sample(),
+                            .time_ns = time.value_or(DeviceTime{}).ns});
+    }
+  }
+}
+
+void Loop::execute(const Command& command, HostTime now) noexcept {
+  Reload* const reload = command.kind == Command::Kind::reload ? engine_.control()->reload : nullptr;
+  engine_.apply(Step::command(command, now, reload));
+  change_pacing(command);
+  if (reload == nullptr) return;
+  for (const Command& change : reload->commands) change_pacing(change);
+  for (const Reload::Sensor& sensor : reload->sensors)
+    if (sensor.grid) schedule_.change(sensor.channel, *sensor.grid);
+}
+
+void Loop::change_pacing(const Command& command) noexcept {
+  switch (command.kind) {
+    case Command::Kind::delay:
+      pacer_.set_delay({.delay = nanoseconds(command.value), .automatic_percent = 0});
+      break;
+    case Command::Kind::automatic_delay:
+      pacer_.set_delay({.delay = Nanoseconds{0}, .automatic_percent = command.value});
+      break;
+    case Command::Kind::extrapolate:
+      pacer_.set_extrapolate(nanoseconds(command.value));
+      break;
+    default:
+      break;
+  }
+}
+
+}  // namespace imud

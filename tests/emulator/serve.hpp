@@ -1,0 +1,13 @@
+// Lets a channel execute what its host has sent.
+#pragma once
+
+#include "emulator/engine/channel.hpp"
+
+namespace imud {
+
+inline void serve(Channel& channel, HostTime now) {
+  channel.serve(
+      [&](std::size_t uart, const Port::Received& received) { channel.receive(received.frame, uart, now); });
+}
+
+}  // namespace imud
