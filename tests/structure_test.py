@@ -34,7 +34,7 @@ FLOORS = {
                   "measurements/", "signals/", ""],
     "transports": ["port.hpp port_spec.* endpoint.* host_clock.hpp file_descriptor.hpp byte_writer.*",
                    "can/ file/ socket/ uart/", "capture/", ""],
-    "emulator": ["ground/", "plan/", "faults/", "config/", "truth/", "engine/", "record/", "drive/", "report/", "control/",
+    "emulator": ["ground/", "plan/", "faults/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
                  "web/", "run/", "seeds/", "commands/", ""],
     "tools": ["*_client.hpp child_program.* duration_text.* gnuplot.* number_check.hpp program.* resolved_config.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ arrays/ vcan/", "truth/", "allan/",

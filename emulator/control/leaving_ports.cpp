@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "emulator/config/load_config.hpp"
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 
 namespace imud {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {

@@ -8,7 +8,7 @@
 
 #include "emulator/control/change.hpp"
 #include "emulator/control/leaving_ports.hpp"
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "emulator/control/json_rpc.hpp"
-#include "emulator/engine/command.hpp"
+#include "emulator/imu/command.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {

@@ -1,7 +1,7 @@
 // The commands of clients, and the parts of them that change the pacing of a Loop.
 #include "emulator/drive/loop.hpp"
-#include "emulator/engine/reload.hpp"
 #include "emulator/engine/run_control.hpp"
+#include "emulator/imu/reload.hpp"
 
 namespace imud {
 

@@ -4,7 +4,7 @@
 
 #include "emulator/config/load_config.hpp"
 #include "emulator/drive/recorded_run.hpp"
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 
 namespace imud {
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "emulator/engine/command.hpp"
+#include "emulator/imu/command.hpp"
 
 namespace imud {
 

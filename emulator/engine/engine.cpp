@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 
 namespace imud {
 

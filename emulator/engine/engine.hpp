@@ -8,14 +8,14 @@
 #include <vector>
 
 #include "core/timeline.hpp"
-#include "emulator/engine/channel.hpp"
-#include "emulator/engine/ports.hpp"
 #include "emulator/engine/run_control.hpp"
 #include "emulator/engine/step.hpp"
 #include "emulator/faults/fault_book.hpp"
 #include "emulator/faults/truth_faults.hpp"
 #include "emulator/ground/counters.hpp"
 #include "emulator/ground/step_sink.hpp"
+#include "emulator/imu/channel.hpp"
+#include "emulator/imu/ports.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/truth/truth_intake.hpp"
 

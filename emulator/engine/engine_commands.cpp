@@ -3,7 +3,7 @@
 #include <string_view>
 
 #include "emulator/engine/engine.hpp"
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 
 namespace imud {
 

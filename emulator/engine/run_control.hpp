@@ -6,8 +6,8 @@
 #include <cstdint>
 
 #include "emulator/engine/command_queue.hpp"
-#include "emulator/engine/sample_feed.hpp"
 #include "emulator/ground/counters.hpp"
+#include "emulator/imu/sample_feed.hpp"
 
 namespace imud {
 

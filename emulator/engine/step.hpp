@@ -7,7 +7,7 @@
 
 #include "core/frame.hpp"
 #include "core/time.hpp"
-#include "emulator/engine/command.hpp"
+#include "emulator/imu/command.hpp"
 #include "transports/capture/record_packet.hpp"
 
 namespace imud {

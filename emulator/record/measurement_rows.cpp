@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "emulator/engine/ports.hpp"
+#include "emulator/imu/ports.hpp"
 
 namespace imud {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "emulator/engine/ports.hpp"
+#include "emulator/imu/ports.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/record/array_file.hpp"
 #include "emulator/record/measurement_rows.hpp"

@@ -1,5 +1,5 @@
 // How a channel waits for a reader that is slow, or has stopped reading.
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // The sensor's clock: between samples, over a step, and with an error against the host's.
-#include "emulator/engine/device_clock.hpp"
+#include "emulator/imu/device_clock.hpp"
 
 #include <gtest/gtest.h>
 

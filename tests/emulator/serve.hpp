@@ -1,7 +1,7 @@
 // Lets a channel execute what its host has sent.
 #pragma once
 
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 
 namespace imud {
 

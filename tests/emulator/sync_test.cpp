@@ -1,5 +1,5 @@
 // Edges by UDP: when devices receive them, and which pulses are sent.
-#include "emulator/engine/sync.hpp"
+#include "emulator/imu/sync.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

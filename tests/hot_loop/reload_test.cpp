@@ -1,5 +1,5 @@
 // The sampling thread allocates nothing when it changes over to another configuration.
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 
 #include <fcntl.h>
 

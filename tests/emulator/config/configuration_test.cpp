@@ -13,7 +13,7 @@
 
 #include "emulator/config/entries.hpp"
 #include "emulator/config/load_config.hpp"
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 #include "emulator/plan/config.hpp"
 #include "tests/transports/scratch_folder.hpp"
 

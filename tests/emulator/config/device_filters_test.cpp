@@ -12,7 +12,7 @@
 
 #include "core/units.hpp"
 #include "emulator/config/load_config.hpp"
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 #include "tests/emulator/serve.hpp"
 #include "tests/protocols/recording.hpp"
 #include "tests/support/frequency_response.hpp"

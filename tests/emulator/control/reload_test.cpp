@@ -1,6 +1,6 @@
 // `reload`: the file of a running configuration is read again. Each change takes effect at the sample that the answer
 // states, exactly; a file that is wrong, or changes what cannot change, changes nothing.
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "emulator/config/load_config.hpp"
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 #include "tests/emulator/faults/wire_bench.hpp"
 #include "tests/emulator/serve.hpp"
 

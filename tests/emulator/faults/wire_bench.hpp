@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/engine/wire_port.hpp"
+#include "emulator/imu/wire_port.hpp"
 #include "tests/protocols/recording.hpp"
 
 namespace imud {

@@ -7,7 +7,7 @@
 
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
-#include "emulator/engine/sample_feed.hpp"
+#include "emulator/imu/sample_feed.hpp"
 #include "emulator/ground/counters.hpp"
 
 namespace imud {

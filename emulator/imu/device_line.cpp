@@ -1,4 +1,4 @@
-#include "emulator/engine/device_line.hpp"
+#include "emulator/imu/device_line.hpp"
 
 #include <poll.h>
 

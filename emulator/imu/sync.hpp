@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "core/time.hpp"
-#include "emulator/engine/ports.hpp"
+#include "emulator/imu/ports.hpp"
 #include "emulator/ground/step_sink.hpp"
 #include "emulator/plan/sync_config.hpp"
 #include "protocols/protocol.hpp"

@@ -2,7 +2,7 @@
 #include <chrono>
 #include <utility>
 
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {

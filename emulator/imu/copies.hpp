@@ -9,8 +9,8 @@
 
 #include "core/frame.hpp"
 #include "core/time.hpp"
-#include "emulator/engine/device_line.hpp"
-#include "emulator/engine/ports.hpp"
+#include "emulator/imu/device_line.hpp"
+#include "emulator/imu/ports.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {

@@ -1,4 +1,4 @@
-#include "emulator/engine/copies.hpp"
+#include "emulator/imu/copies.hpp"
 
 #include <algorithm>
 

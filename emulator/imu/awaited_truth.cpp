@@ -1,4 +1,4 @@
-#include "emulator/engine/awaited_truth.hpp"
+#include "emulator/imu/awaited_truth.hpp"
 
 #include <atomic>
 #include <limits>

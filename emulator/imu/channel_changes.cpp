@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 
 namespace imud {
 

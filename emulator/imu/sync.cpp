@@ -1,4 +1,4 @@
-#include "emulator/engine/sync.hpp"
+#include "emulator/imu/sync.hpp"
 
 #include <algorithm>
 

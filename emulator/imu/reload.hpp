@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/imu.hpp"
-#include "emulator/engine/command.hpp"
+#include "emulator/imu/command.hpp"
 #include "emulator/plan/config.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"

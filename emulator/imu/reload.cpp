@@ -1,4 +1,4 @@
-#include "emulator/engine/reload.hpp"
+#include "emulator/imu/reload.hpp"
 
 #include <fmt/format.h>
 #include <toml++/toml.h>
@@ -8,7 +8,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 #include "emulator/faults/other_units.hpp"
 
 namespace imud {

@@ -1,11 +1,11 @@
-#include "emulator/engine/wire_port.hpp"
+#include "emulator/imu/wire_port.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "emulator/engine/copies.hpp"
+#include "emulator/imu/copies.hpp"
 #include "transports/can/can_bits.hpp"
 #include "transports/can/can_error.hpp"
 

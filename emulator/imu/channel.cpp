@@ -1,4 +1,4 @@
-#include "emulator/engine/channel.hpp"
+#include "emulator/imu/channel.hpp"
 
 #include <algorithm>
 #include <exception>
