@@ -87,6 +87,7 @@ void append_rest(Buffer& out, const std::vector<const FeedSample*>& samples) {
   append_where(out, "position", samples, has_place, [&](const FeedSample& s) {
     append_array(out, std::array{s.latitude, s.longitude, s.height});
   });
+  append_list(out, "sent", samples, [&](const FeedSample& s) { append(out, s.is_sent ? "true" : "false"); });
   append_list(out, "extrapolated", samples, [&](const FeedSample& s) { count(s.extrapolated); });
   append_list(out, "held", samples, [&](const FeedSample& s) { count(s.held); });
   append_list(out, "silent", samples, [&](const FeedSample& s) { count(s.silent); });

@@ -120,6 +120,7 @@ void Channel::skip() noexcept {
 
 void Channel::encode(bool too_late) noexcept {
   const DeviceTime time = sample_.time;
+  is_discarded_ = silent_ || too_late;
   if (faults_) faults_->expectations().port_is(lines_[0].port->state());
   if (faults_) set_clock_offset(faults_->messages().clock_offset());
   poll_until(time, too_late);
@@ -137,7 +138,7 @@ void Channel::encode(bool too_late) noexcept {
     const std::uint32_t status = sample_.status;
     sample_.time = time + clock_offset_;
     if (faults_) faults_->messages().forge(sample_);
-    device_->sample(sample_, silent_ || too_late ? others_ : frames_);
+    device_->sample(sample_, is_discarded_ ? others_ : frames_);
     sample_.time = time;
     sample_.counter = counter;
     sample_.status = status;

@@ -285,6 +285,7 @@ class Channel {
   bool paused_ = false;                     // pause()
   std::optional<TruthTime> truth_;          // prepare() sets these two
   bool silent_ = false;
+  bool is_discarded_ = false;  // encode() sets it: the frames of sample_ are not sent
   FrameBuffer frames_;  // of the sample
   std::uint64_t reply_count_ = 0;
   FrameBuffer others_;  // of a deadline or an answer, or of a silent sample

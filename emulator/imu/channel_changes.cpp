@@ -127,6 +127,7 @@ FeedSample Channel::feed_sample() const noexcept {
           .k = sample_.counter,
           .time_ns = sample_.time.ns,
           .truth_time = is_resting_ ? std::nullopt : used_until(),
+          .is_sent = !is_discarded_ && !paused_ && is_on(),
           .temperature_c = sample_.temperature_c,
           .rate = sample_.rate,
           .specific_force = sample_.specific_force,
