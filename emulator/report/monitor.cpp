@@ -53,7 +53,13 @@ void Monitor::update_loads() {
   pty_readers_.watch(config_);
 }
 
-Summary Monitor::now() const { return summarize(counters_, seconds(host_now() - begin_), line_loads_); }
+Summary Monitor::now() const {
+  const HostTime now = host_now();
+  Summary all = summarize(counters_, seconds(now - begin_), line_loads_);
+  if (!is_capture(config_.truth.port) && all.truth.counters[&TruthCounters::accepted] > 0)
+    all.truth.since_newest_s = std::max(0.0, seconds(now - HostTime{counters_.truth->newest_ns}));
+  return all;
+}
 
 void Monitor::update() {
   report_first_truth();

@@ -38,6 +38,8 @@ struct Summary {
     bool has_fit = false;    // `fit` is valid
     bool has_clock = false;  // levels and durations of `quality` are valid
     double rate_hz = 0;      // truths accepted in a second, by their arrivals
+    // Host time since the newest accepted truth arrived; nullopt: none has, or truth comes from a capture.
+    std::optional<double> since_newest_s;
     double longest_gap_s = 0;
     std::optional<double> progress;    // how much of a capture has been read, from 0 to 1
     std::vector<std::string> remarks;  // of TruthRemarks, and the first refusal of each cause

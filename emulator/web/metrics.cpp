@@ -230,6 +230,9 @@ std::string metrics(const Summary& summary, MetricsFormat format) {
     add_histograms(text, prefix, truth.quality.declared(), {{"", &truth.quality}});
   }
   text.gauge(prefix + "rate_hertz", truth.rate_hz, "truths accepted in a second, by their arrivals", "hertz");
+  if (truth.since_newest_s)
+    text.gauge(prefix + "since_newest_seconds", *truth.since_newest_s,
+               "host time since the newest accepted truth arrived", "seconds");
   text.gauge(prefix + "longest_gap_seconds", truth.longest_gap_s, "the longest step of truth's time that was a gap",
              "seconds");
   if (truth.progress)

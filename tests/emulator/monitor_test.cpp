@@ -277,6 +277,17 @@ TEST_F(MonitorTest, AClientThatTriesSpeedsIsReportedTenTimes) {
   EXPECT_EQ(last, 1U);
 }
 
+// By the host's clock, since the arrival of the newest truth; of a capture the arrivals are in the past.
+TEST_F(MonitorTest, StatesHowLongTruthHasBeenMissing) {
+  EXPECT_FALSE(monitor().now().truth.since_newest_s) << "none has come";
+  truth_.newest_ns = host_now().ns - 2'000'000'000;
+  EXPECT_FALSE(monitor().now().truth.since_newest_s) << "none was accepted";
+  truth_.accepted.count();
+  EXPECT_NEAR(monitor().now().truth.since_newest_s.value_or(0), 2, 1);
+  config_.truth.port = "file:flight.pcap";
+  EXPECT_FALSE(monitor().now().truth.since_newest_s);
+}
+
 TEST_F(MonitorTest, TheQualityFileEndsWithTheRun) {
   Monitor monitor = this->monitor({.log_every_s = 0, .quality_file = path("quality.jsonl")});
   truth_.received.count(3);

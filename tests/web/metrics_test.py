@@ -2,6 +2,7 @@
 import json
 import pathlib
 import re
+import signal
 import sys
 import urllib.request
 
@@ -52,6 +53,14 @@ try:
         assert count == later["imud_imu_lateness_seconds_bucket", (labels[0], ("le", "+Inf"))] > 100
     assert later["imud_truth_accepted_total", ()] >= counters["truth"]["accepted"] > 50
     assert later["imud_imu_line_load_ratio", imus[0]] > 0.1, "stim300 on its line"
+
+    # Truth stops: how long ago is a figure.
+    since_newest = lambda: samples()["imud_truth_since_newest_seconds", ()]  # noqa: E731
+    wait_until("a new truth", lambda: since_newest() < 0.2)
+    imud.truth.send_signal(signal.SIGSTOP)
+    wait_until("a second without truth", lambda: since_newest() > 1)
+    imud.truth.send_signal(signal.SIGCONT)
+    wait_until("a new truth again", lambda: since_newest() < 0.2)
 
     # The text format, by its own parser, has the same figures.
     headers, text = get("/metrics", "*/*")

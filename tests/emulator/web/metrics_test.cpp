@@ -62,6 +62,16 @@ TEST_F(MetricsTest, HasEveryDeclaredFigure) {
   EXPECT_TRUE(contains(text, "# TYPE imud_truth_lost gauge\n"));  // a reordered truth takes one away
 }
 
+TEST_F(MetricsTest, TheTimeWithoutTruthIsThereIfItIsKnown) {
+  const std::string name = "imud_truth_since_newest_seconds";
+  EXPECT_FALSE(contains(metrics(), name));
+  Summary summary = summarize({&truth_, &quality_, {}, nullptr}, 2.5, {});
+  summary.truth.since_newest_s = 12.5;
+  EXPECT_TRUE(contains(imud::metrics(summary, MetricsFormat::open_metrics),
+                       "# UNIT " + name + " seconds\n# HELP " + name +
+                           " host time since the newest accepted truth arrived\n" + name + " 12.5\n"));
+}
+
 // The text format names the families of counters with their suffix, has no units, no type info, and no end.
 TEST_F(MetricsTest, TheTextFormatHasTheSameValues) {
   const std::string open = metrics(), text = metrics(MetricsFormat::text);
