@@ -11,6 +11,7 @@
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/table_reader.hpp"
+#include "emulator/plan/fault_units.hpp"
 
 namespace imud {
 
@@ -58,6 +59,16 @@ std::string text_of(const Json& params) {
     text += fmt::format("{} = {}\n", json_line(Json(key)), value);
   }
   return text;
+}
+
+// Returns the SI unit of a parameter for each target that has one: {"gyro": "rad_per_s"}.
+Json units_json(const FaultKind& kind, const FaultParameter& parameter) {
+  Json units = Json::object();
+  if (!parameter.has_targets_unit) return units;
+  for (const std::string_view target : kind.targets)
+    if (const auto all = fault_units(target); !all.empty())
+      units[std::string(target)] = fmt::format("{}{}", all[0].suffix.substr(1), parameter.is_per_s ? "_per_s" : "");
+  return units;
 }
 
 }  // namespace
@@ -122,6 +133,7 @@ Json fault_kinds_json() {
     for (const FaultParameter& parameter : kind->parameters)
       parameters.push_back({{"key", parameter.key},
                             {"meaning", parameter.meaning},
+                            {"units", units_json(*kind, parameter)},
                             {"initial", std::isfinite(parameter.initial) ? Json(parameter.initial) : Json()}});
     all.push_back({{"name", kind->name},
                    {"summary", kind->summary},

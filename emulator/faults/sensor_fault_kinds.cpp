@@ -17,7 +17,10 @@ constexpr FaultParameter value_of(std::string_view meaning) {
   return {.key = "value", .meaning = meaning, .has_targets_unit = true};
 }
 constexpr FaultParameter added_value[] = {value_of("what is added")};
-constexpr FaultParameter per_second[] = {value_of("the slope, by which the error grows in each second")};
+constexpr FaultParameter per_second[] = {{.key = "value",
+                                          .meaning = "the slope, by which the error grows in each second",
+                                          .has_targets_unit = true,
+                                          .is_per_s = true}};
 constexpr FaultParameter value_factor[] = {{.key = "value", .meaning = "the factor on the value"}};
 constexpr FaultParameter added_noise[] = {
     {.key = "factor", .meaning = "by which the sensor's own white noise grows", .initial = 1, .min = 1},

@@ -35,6 +35,7 @@ struct FaultParameter {
   double min = -1e9, max = 1e9;
   // The key is in the target's unit, SI, or has the unit as its suffix: value_deg_per_s.
   bool has_targets_unit = false;
+  bool is_per_s = false;  // the number is so much in each second
 };
 
 // Which enumerator of its seam's enum a kind is, such as SensorFault::bias.
