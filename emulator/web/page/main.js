@@ -1,12 +1,12 @@
 // The page: figures by /metrics, samples, events and commands by the control protocol.
 import {Link} from "./link.js";
-import {list_shades, shades} from "./charts.js";
 import {buckets, duration, parse} from "./metrics.js";
 import {Plots, fill_table} from "./plots.js";
 import {choices, lateness, quantities} from "./quantities.js";
 import {FaultForm} from "./faults.js";
 import {save_picture, save_table} from "./save.js";
 import {Series} from "./series.js";
+import {list_shades, shades} from "./shades.js";
 import {Together} from "./together.js";
 import {View} from "./view.js";
 

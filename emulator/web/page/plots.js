@@ -1,8 +1,9 @@
 // The plots and numbers of one imu: measurement over truth, error, and the histogram of lateness.
-import {add_figure, color, draw_lines, line_chart, recolor} from "./charts.js";
+import {add_figure, draw_lines, line_chart, recolor} from "./charts.js";
 import {duration} from "./metrics.js";
 import {choices, lateness, offset_m, quantities} from "./quantities.js";
 import {points} from "./series.js";
+import {color} from "./shades.js";
 import {zoom_by_pointer} from "./view.js";
 
 const colors = ["x", "y", "z"];  // of the axes

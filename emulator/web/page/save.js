@@ -1,5 +1,5 @@
 // Files that the viewer saves: a picture of plots, and a table of what they show.
-import {color, draw_shades} from "./charts.js";
+import {color, draw_shades} from "./shades.js";
 
 function save(name, blob) {
   const link = Object.assign(document.createElement("a"), {href: URL.createObjectURL(blob), download: name.replace(/[^\w.-]+/g, "_")});
