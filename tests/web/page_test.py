@@ -66,7 +66,16 @@ def check_fault(browser):
     kinds, targets = (Select(select) for select in form.find_elements(By.TAG_NAME, "select"))
     kinds.select_by_visible_text("bias")
     targets.select_by_visible_text("gyro.x")
-    form.find_element(By.NAME, "value").send_keys("0.5")
+    value = lambda: form.find_element(By.NAME, "value")  # noqa: E731
+    unit = lambda: value().find_element(By.XPATH, "..").text.replace("\n", " ")  # noqa: E731
+    assert unit() == "value rad/s" and "rad/s" in value().accessible_name, (unit(), value().accessible_name)
+    targets.select_by_visible_text("accelerometer.x")
+    assert unit() == "value m/s²", unit()
+    kinds.select_by_visible_text("drift")
+    assert unit() == "value rad/s/s", unit()
+    kinds.select_by_visible_text("bias")
+    targets.select_by_visible_text("gyro.x")
+    value().send_keys("0.5")
     form.find_element(By.NAME, "for_s").clear()
     click(browser, "Begin fault")
     wait_until("the span of the fault", lambda: "gyro.x bias" in text(browser, ".active"))

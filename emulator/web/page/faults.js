@@ -8,6 +8,9 @@ const usual = [
   {text: "Messages missing", target: "message", kind: "missing"},
   {text: "Supply off", target: "power", kind: "off"},
 ];
+// Returns "rad/s" of "rad_per_s", as keys spell it.
+const symbols = {t: "T", pa: "Pa", c: "°C"};
+const unit_text = (key = "") => key.split("_per_").map((one) => symbols[one] ?? one.replace("2", "²")).join("/");
 const element = (tag, properties = {}, ...children) => {
   const made = Object.assign(document.createElement(tag), properties);
   made.append(...children);
@@ -29,7 +32,7 @@ export class FaultForm {
   }
 
   // `kinds`: of the method `list`: [{name, summary, seam, targets, has_axes, is_event, parameters: [{key, meaning,
-  // initial}]}]; a parameter without `initial` must be given.
+  // initial, units: by target}]}]; a parameter without `initial` must be given.
   set_kinds(kinds) {
     this.#kinds = kinds;
     this.form.hidden = kinds.length === 0;
@@ -44,6 +47,7 @@ export class FaultForm {
     this.#target = element("select", {ariaLabel: "its target"});
     this.#fields = element("span", {className: "buttons"});
     this.#kind.addEventListener("change", () => this.#show());
+    this.#target.addEventListener("change", () => this.#show_units());
     const buttons = element("div", {className: "buttons", role: "group", ariaLabel: `usual faults, for ${usual_s} s each`});
     buttons.append(`For ${usual_s} s: `, ...usual.filter(({target, kind}) => (
       kinds.some(({name, targets}) => name === kind && targets.includes(target.split(".")[0])))).map(({text, ...params}) => (
@@ -60,11 +64,22 @@ export class FaultForm {
     this.#kind.title = kind.summary;
     const targets = kind.targets.flatMap((target) => (kind.has_axes ? ["", ".x", ".y", ".z"].map((axis) => target + axis) : [target]));
     this.#target.replaceChildren(...targets.map((text) => element("option", {textContent: text})));
-    const field = (name, title, value, required) => element("label", {title}, `${name} `,
-      element("input", {type: "number", step: "any", name, value, required, ariaLabel: `${name}: ${title}`}));
+    const field = (name, title, value, required, units) => element("label", {title}, `${name} `,
+      element("input", {type: "number", step: "any", name, value, required, $units: units, $title: `${name}: ${title}`}), element("span"));
     this.#fields.replaceChildren(
-      ...(kind.parameters ?? []).map(({key, meaning, initial}) => field(key, meaning, initial ?? "", initial == null)),
+      ...(kind.parameters ?? []).map(({key, meaning, initial, units}) => field(key, meaning, initial ?? "", initial == null, units)),
       ...(kind.is_event ? [] : [field("for_s", "duration; empty: until it is ended", 5, false)]));
+    this.#show_units();
+  }
+
+  // The unit of a value is that of the target; the other keys name their own.
+  #show_units() {
+    const target = this.#target.value.split(".")[0];
+    for (const input of this.#fields.querySelectorAll("input")) {
+      const unit = unit_text(input.$units?.[target]);
+      input.nextElementSibling.textContent = unit;
+      input.ariaLabel = input.$title + (unit && `, ${unit}`);
+    }
   }
 
   #begin() {
