@@ -1,5 +1,5 @@
 """What the plots of the page can do: freeze, zoom, be saved, show other units and quantities, mark times without truth, leave
-gaps where there are no samples, and show all imus together. usage: plots_test.py IMUD IMU_TRUTH SCREENSHOT_FOLDER"""
+gaps where there are no samples or nothing is sent, and show all imus together. usage: plots_test.py IMUD IMU_TRUTH SCREENSHOT_FOLDER"""
 import base64
 import csv
 import json
@@ -26,7 +26,9 @@ IMU1 = "[data-imu=imu1]"
 PLOTS = """const part = document.querySelector(arguments[0]);
 return Object.fromEntries([...(part?.querySelectorAll("figure") ?? [])].filter((figure) => !figure.hidden).map((figure) => {
   const chart = Chart.getChart(figure.querySelector("canvas")), {x} = chart.scales;
-  return [figure.querySelector("figcaption").textContent, {begin_s: x.min, end_s: x.max,
+  return [figure.querySelector("figcaption").textContent, {begin_s: x.min, end_s: x.max, axis: x.options.title.text,
+    ticks: x.ticks.map(({value, label}) => [value, label]),
+    rows: (chart.$rows ?? []).map(({name, marks, spans}) => ({name, marks: marks.map(({mark}) => mark), spans: spans.map((span) => span.name)})),
     curves: Object.fromEntries(chart.data.datasets.map(({label, data}) => [label, data.map((p) => [p.x, p.y])])),
     shaded: chart.config.options.plugins.spans?.shaded?.() ?? []}];
 }));"""
@@ -67,6 +69,27 @@ def canvas_of(browser, number=0):
     return canvas
 
 
+def check_axes(browser):
+    """Axes name their clock, begin with it, and have ticks at equal steps, each with its label."""
+    for title, one in plots(browser).items():
+        if "Lateness" in title:
+            continue
+        assert one["axis"] == "clock of imu1, s", (title, one["axis"])
+        assert one["begin_s"] >= 0, (title, one["begin_s"])
+        steps = {round(b - a, 6) for (a, _), (b, _) in zip(one["ticks"], one["ticks"][1:])}
+        assert len(one["ticks"]) >= 2 and len(steps) == 1, (title, one["ticks"])
+        assert all(abs(float(label) - value) < 1e-6 for value, label in one["ticks"]), (title, one["ticks"])
+    legend = browser.execute_script("""const chart = Chart.getChart(document.querySelector("[data-imu=imu1] canvas"));
+        return [chart.legend.options.labels.usePointStyle, chart.legend.legendItems.map(({text, pointStyle, lineDash}) => [text, pointStyle, lineDash.length > 0])];""")
+    assert legend == [True, [[f"{axis}{of}", "line", of != ""] for of in ("", " truth") for axis in "xyz"]], legend
+    classes = browser.execute_script("""const figure = [...document.querySelectorAll("[data-imu=imu1] figure")].at(-1);
+        const chart = Chart.getChart(figure.querySelector("canvas"));
+        return [figure.textContent, chart.data.labels, chart.data.datasets[0].data, chart.scales.x.ticks.length];""")
+    assert classes[0] == "Lateness of imu1: share of the samples in each class, %", classes
+    assert all(re.fullmatch(r"([\d.]+–|< |> )[\d.]+ (µs|ms|s)", label) for label in classes[1]), classes
+    assert abs(sum(classes[2]) - 100) < 1e-6 and classes[3] == len(classes[1]), classes
+
+
 def check_freeze(browser):
     """Frozen plots and figures stay as they are, and go on by one press."""
     wait_for_samples(browser)
@@ -91,6 +114,7 @@ def length_s(browser):
 
 
 def check_zoom(browser):
+    wait_until("a whole window of the clock", lambda: abs(length_s(browser) - 20) < 1e-6)
     canvas = canvas_of(browser)
     box = browser.execute_script("""const {chartArea, height} = Chart.getChart(arguments[0]);
         return [chartArea.left, chartArea.right, height];""", canvas)
@@ -135,11 +159,11 @@ def check_save(browser):
         press(browser, f"{IMU1} [data-save=table]")
         wait_until("the CSV", lambda: saved("imud-imu1.csv").exists())
         header, *rows = list(csv.reader(saved("imud-imu1.csv").read_text().splitlines()))
-        assert header[:5] == ["time_s", "sample", "truth", "rate_x_rad_per_s", "true_rate_x_rad_per_s"], header
+        assert header[:6] == ["time_s", "sample", "truth", "sent", "rate_x_rad_per_s", "true_rate_x_rad_per_s"], header
         assert "specific_force_z_m_per_s2" in header, header
         shown = plot(browser, "Rate of")
         curve = [p for p in shown["curves"]["x"] if shown["begin_s"] <= p[0] <= shown["end_s"] and p[1] is not None]
-        assert len(rows) > 20 and [[float(row[0]), float(row[3])] for row in rows] == curve, "not what the plot shows"
+        assert len(rows) > 20 and [[float(row[0]), float(row[4])] for row in rows] == curve, "not what the plot shows"
         press(browser, f"{IMU1} [data-save=picture]")
         wait_until("the picture", lambda: saved("imud-imu1.png").exists())
         size, colours = browser.execute_async_script(PICTURE, base64.b64encode(saved("imud-imu1.png").read_bytes()).decode())
@@ -168,14 +192,14 @@ def check_units(browser):
 def check_quantities(browser):
     """The other quantities are shown when they are asked for; values of 45 degrees north."""
     expected = (("magnetic_field", "Magnetic field of imu1, µT", "z", 10, 70), ("pressure", "Pressure of imu1, hPa", "", 900, 1000),
-                ("attitude", "Attitude of imu1, rad", "roll", -1, 1),
-                ("position", "Position of imu1, m from 4", "up", -30, 30), ("temperature_c", "Temperature of imu1, °C", "", 10, 60))
+                ("attitude", "Attitude of imu1, rad: true, not measured", "roll", -1, 1),
+                ("position", "Position of imu1, m from 4", "up", -30, 30), ("temperature_c", "Temperature of imu1, °C: measured", "", 10, 60))
     for key, title, axis, low, high in expected:
         assert plot(browser, title) is None, f"{title} unasked"
         press(browser, f"#shown input[value={key}]")
         points = wait_until(title, lambda: (plot(browser, title) or {"curves": {axis: []}})["curves"][axis][-5:])
         assert all(low < y < high for _, y in points if y is not None), (title, points)
-    wait_until("its figure", lambda: "Pressure, hPa" in text(browser, f"{IMU1} .values"))
+    wait_until("its figure", lambda: "Pressure, hPa, measured" in text(browser, f"{IMU1} .values"))
     browser.save_screenshot(str(pictures / "quantities.png"))
     for key, title, *_ in expected:
         press(browser, f"#shown input[value={key}]")
@@ -210,7 +234,7 @@ def check_marks(browser):
         wait_for_shade(browser, "held", 1)
         wait_until("words for it", lambda: "motion held" in text(browser, f"{IMU1} .figures"))
         call("set", **{"truth.when_stopped": "silence"})
-        wait_for_shade(browser, "silent", 1)
+        wait_for_shade(browser, "unsent", 1)
     finally:
         imud.truth.send_signal(signal.SIGCONT)
     call("set", **{"truth.extrapolate_ms": 100, "truth.when_stopped": "hold"})
@@ -248,11 +272,14 @@ def check_together(browser):
     truth at 100 s."""
     browser.execute_script("document.querySelector('#together').open = true")
     both = lambda: plot(browser, "Rate x", "#together")  # noqa: E731
-    wait_until("two curves", lambda: both() and len(both()["curves"]) == 2 and all(len(c) > 50 for c in both()["curves"].values()))
+    wait_until("two curves", lambda: both() and both()["axis"] == "clock of imu1, s" and len(both()["curves"]) == 2 and all(len(c) > 50 for c in both()["curves"].values()))
     one, other = ([p for p in curve if p[1] is not None] for curve in both()["curves"].values())
     differences = [abs(y - value_at(one, x)) for x, y in other[-50:] if one[0][0] <= x <= one[-1][0]]
     assert len(differences) > 20, (one[-3:], other[-3:])
     assert max(differences) < 0.15, max(differences)
+    call("fault.begin", imu="imu1", target="gyro.x", kind="bias", value=0.1, for_s=1)
+    wait_until("the fault's span", lambda: {"name": "imu1", "spans": ["gyro.x bias"]} in [
+        {key: row[key] for key in ("name", "spans")} for row in both()["rows"]])
     browser.save_screenshot(str(pictures / "together.png"))
     browser.execute_script("document.querySelector('#together').open = false")
 
@@ -279,7 +306,7 @@ def check_idle(browser):
 def check(browser):
     browser.get(f"http://{imud.address}/")
     wait_until("the first plot", lambda: plot(browser, "Rate of"))
-    for part in (check_freeze, check_zoom, check_save, check_units, check_quantities, check_gap, check_together, check_percentiles, check_marks,
+    for part in (check_axes, check_freeze, check_zoom, check_save, check_units, check_quantities, check_gap, check_together, check_percentiles, check_marks,
                  check_idle):
         print(part.__name__, flush=True)
         part(browser)

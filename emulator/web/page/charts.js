@@ -1,4 +1,5 @@
 // Charts over time: their look, and what is drawn behind and over their curves.
+import {ends, lanes, names_px} from "./lanes.js";
 import {color, fill} from "./shades.js";
 
 // `options`: {shaded(), spans(): of Series}.
@@ -15,39 +16,19 @@ const spans = {
       if (right >= left) ctx.fillRect(left, area.top, Math.max(2, right - left), area.height);
     };
     for (const {mark, begin_s, end_s} of shaded?.() ?? []) draw(mark, begin_s, end_s);
-    for (const {begin_s, end_s} of list?.() ?? []) draw("fault", begin_s, end_s);
+    for (const {shade, begin_s, end_s} of list?.() ?? []) if (shade === "fault") draw(shade, begin_s, end_s);
     ctx.restore();
   },
-  afterDatasetsDraw(chart, _, {spans: list}) {
-    const {ctx, chartArea: area} = chart;
+  afterDatasetsDraw(chart) {
+    if (!chart.$selection) return;
+    const {ctx, chartArea: area} = chart, [a, b] = chart.$selection;
     ctx.save();
-    ctx.font = "600 11px sans-serif";
-    let line = 0;
-    for (const {name, begin_s, end_s} of list?.() ?? []) {
-      const [left, right] = ends(chart, begin_s, end_s);
-      if (right < left) continue;
-      const x = Math.max(area.left, Math.min(left + 3, area.right - ctx.measureText(name).width)), y = area.top + 12 + 12 * (line++ % 4);
-      ctx.lineWidth = 3;
-      ctx.strokeStyle = color("card");
-      ctx.strokeText(name, x, y);
-      ctx.fillStyle = color("fault");
-      ctx.fillText(name, x, y);
-    }
-    if (chart.$selection) {
-      const [a, b] = chart.$selection;
-      ctx.fillStyle = color("x");
-      ctx.globalAlpha = 0.2;
-      ctx.fillRect(Math.min(a, b), area.top, Math.abs(a - b), area.height);
-    }
+    ctx.fillStyle = color("x");
+    ctx.globalAlpha = 0.2;
+    ctx.fillRect(Math.min(a, b), area.top, Math.abs(a - b), area.height);
     ctx.restore();
   },
 };
-// Returns the pixels of a span; the right one is left of the left one if it is not shown. Without end_s it goes on.
-function ends({chartArea: area, scales: {x}}, begin_s, end_s) {
-  return [Math.max(area.left, x.getPixelForValue(begin_s)), Math.min(area.right, x.getPixelForValue(end_s ?? x.max))];
-}
-
-const time_text = (s, step) => `${s.toFixed(step < 0.01 ? 3 : step < 0.1 ? 2 : step < 1 ? 1 : Number.isInteger(s) ? 0 : 1)} s`;
 
 // Adds a figure to the container: {figure, canvas, title(text)}.
 export function add_figure(container) {
@@ -65,28 +46,44 @@ export function add_figure(container) {
   }};
 }
 
-// `datasets`: [{label, color: a name, is_dashed}]. `unit()`: of the values. The pointer reads the values of a time.
-export function line_chart(canvas, datasets, unit, options = {}) {
+// Gives the time axis ticks at round times, as many as have room. No other ones: the ends of the axis are no round times.
+function round_ticks(scale) {
+  const least_px = 64, least_s = ((scale.max - scale.min) * least_px) / Math.max(least_px, scale.maxWidth);
+  const power = 10 ** Math.floor(Math.log10(least_s));
+  const step = [1, 2, 5, 10].map((n) => n * power).find((one) => one >= least_s * 0.999);
+  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), first = Math.ceil(scale.min / step - 1e-6);
+  scale.ticks = [];
+  for (let i = first; i * step <= scale.max + 1e-6 * step; ++i)
+    scale.ticks.push({value: i * step, label: (i * step).toFixed(decimals)});
+}
+
+// The legend has each curve as it is drawn, dashed or not.
+const legend = {usePointStyle: true, pointStyleWidth: 26, boxHeight: 8, generateLabels: (chart) => chart.data.datasets.map((set, i) => (
+  {text: set.label, datasetIndex: i, pointStyle: "line", strokeStyle: set.borderColor, fontColor: chart.options.color,
+    lineWidth: 2, lineDash: set.borderDash}))};
+
+// `datasets`: [{label, color: a name, is_dashed}]. `unit()`: of the values. `clock`: of the times, for the axis. The pointer
+// reads the values of a time.
+export function line_chart(canvas, datasets, unit, clock, options = {}) {
   return new Chart(canvas, {
     type: "line",
     data: {datasets: datasets.map(({label, color: name, is_dashed}) => (
       {label, $color: name, data: [], borderDash: is_dashed ? [5, 4] : [], borderWidth: is_dashed ? 1.5 : 1.2, pointRadius: 0, pointHoverRadius: 3}))},
-    plugins: [spans],
+    plugins: [spans, lanes],
     options: {
       animation: false, parsing: false, normalized: true, maintainAspectRatio: false,
       events: ["mousemove", "mouseout", "touchstart", "touchmove"],
       interaction: {mode: "index", axis: "x", intersect: false},
       plugins: {
-        legend: {labels: {boxWidth: 18, boxHeight: 0}}, spans: options,
+        legend: {labels: legend}, spans: options,
         tooltip: {animation: false, filter: ({raw}) => raw.y !== null, callbacks: {
           title: ([item]) => (item ? `${item.raw.x.toFixed(3)} s` : ""),
           label: ({dataset, raw}) => `${dataset.label} ${raw.y.toPrecision(5)} ${unit()}`.trim()}},
       },
       scales: {
-        x: {type: "linear", ticks: {maxTicksLimit: 6, maxRotation: 0, callback(s, i, ticks) {
-          return time_text(s, ticks.length > 2 ? ticks[2].value - ticks[1].value : 1);
-        }}},
-        y: {ticks: {maxTicksLimit: 5}},
+        x: {type: "linear", title: {display: true, text: `${clock}, s`, padding: 0}, afterBuildTicks: round_ticks,
+          ticks: {autoSkip: false, maxRotation: 0, callback: (_, i, ticks) => ticks[i].label}},
+        y: {ticks: {maxTicksLimit: 5}, afterFit(scale) { scale.width = Math.max(scale.width, names_px(scale.chart.$groups)); }},
       },
     },
   });
@@ -103,9 +100,10 @@ export function recolor(chart) {
   chart.update("none");
 }
 
-// Draws a time of each curve: `curves` has a list of points for each dataset.
-export function draw_lines(chart, curves, begin_s, end_s) {
+// Draws a time of each curve: `curves` has a list of points for each dataset. `groups`: of the rows above, rows_of().
+export function draw_lines(chart, curves, begin_s, end_s, groups) {
   curves.forEach((list, i) => (chart.data.datasets[i].data = list));
   Object.assign(chart.options.scales.x, {min: begin_s, max: end_s});
+  chart.$groups = groups;
   chart.update("none");
 }

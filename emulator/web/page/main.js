@@ -69,10 +69,11 @@ function set_pressed(imu, method, pressed) {
   $(`[data-method=${method}][aria-pressed]`, imu.root).setAttribute("aria-pressed", pressed);
 }
 
-// Begins or ends a span of an imu's plots. `key` is what ends with it: "pause", or the name of a fault.
+// Begins or ends a span of an imu's plots. `key` is what ends with it: "pause", or the name of a fault. In other spans than
+// faults nothing is sent.
 function set_span(imu, key, name, on, time_s, fault) {
   const list = imu.series.spans, open = list.find((span) => span.key === key && span.end_s === undefined);
-  if (on && !open) list.push({key, name, fault, begin_s: time_s});
+  if (on && !open) list.push({key, name, fault, shade: fault === undefined ? "unsent" : "fault", begin_s: time_s});
   if (!on && open) open.end_s = time_s;
   imu.faults.show_active(list);
 }
@@ -187,7 +188,7 @@ save_by_buttons(together.root, "all", () => together);
 // --- What the plots show ---
 function save_by_buttons(root, name, what) {
   const title = () => `imud: ${name}, ${$("#connection").textContent}, ${new Date().toLocaleString()}`;
-  $("[data-save=picture]", root).addEventListener("click", () => save_picture(`imud-${name}`, title(), what().pictures(), Object.keys(shades)).catch(report));
+  $("[data-save=picture]", root).addEventListener("click", () => save_picture(`imud-${name}`, title(), what().pictures()).catch(report));
   $("[data-save=table]", root).addEventListener("click", () => save_table(`imud-${name}`, what().table_shown()));
 }
 function draw() {

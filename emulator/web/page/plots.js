@@ -1,10 +1,10 @@
 // The plots and numbers of one imu: measurement over truth, error, and the histogram of lateness.
 import {add_figure, draw_lines, line_chart, recolor} from "./charts.js";
-import {duration} from "./metrics.js";
-import {choices, lateness, offset_m, quantities} from "./quantities.js";
+import {durations} from "./metrics.js";
+import {choices, lateness, offset_m, quantities, sent_values} from "./quantities.js";
 import {points} from "./series.js";
 import {color} from "./shades.js";
-import {zoom_by_pointer} from "./view.js";
+import {range_of, zoom_by_pointer} from "./view.js";
 
 const colors = ["x", "y", "z"];  // of the axes
 const short = (number) => (number == null ? "–" : Number(number).toPrecision(4));
@@ -18,12 +18,12 @@ export class Plots {
   constructor(container, table, imu, series, view) {
     Object.assign(this, {container, table, imu, series, view});
     const figure = add_figure(container);
-    figure.title(`Lateness of ${imu}: share of the samples up to each duration`);
+    figure.title(`Lateness of ${imu}: share of the samples in each class, %`);
     this.#lateness = {figure, chart: new Chart(figure.canvas, {
       type: "bar",
       data: {labels: [], datasets: [{data: [], label: "share of the samples, %", backgroundColor: () => color("x")}]},
       options: {animation: false, maintainAspectRatio: false, plugins: {legend: {display: false}},
-        scales: {y: {beginAtZero: true, title: {display: true, text: "%"}}}},
+        scales: {x: {ticks: {autoSkip: false, maxRotation: 90, font: {size: 11}}}, y: {beginAtZero: true, ticks: {maxTicksLimit: 5}}}},
     })};
     this.recolor();
   }
@@ -35,7 +35,7 @@ export class Plots {
     const truths = has_truth ? axes.map((axis, i) => ({label: `${axis} truth`, color: colors[i], is_dashed: true})) : [];
     for (const is_error of has_truth ? [false, true] : [false]) {
       const figure = add_figure(this.container), unit = () => choices.unit(quantity).text;
-      const chart = line_chart(figure.canvas, is_error ? curves : [...curves, ...truths], unit,
+      const chart = line_chart(figure.canvas, is_error ? curves : [...curves, ...truths], unit, `clock of ${this.imu}`,
         {shaded: () => this.series.marked(...this.range()), spans: () => this.series.spans_shown});
       chart.options.plugins.legend.display = axes.length > 1;
       zoom_by_pointer(chart, this.view, () => this.series.newest_shown_s);
@@ -55,10 +55,7 @@ export class Plots {
   }
 
   // The times that are shown.
-  range() {
-    const newest_s = this.series.newest_shown_s;
-    return [newest_s - this.view.oldest_s, newest_s - this.view.newest_s];
-  }
+  range() { return range_of(this.view, this.series.newest_shown_s, this.series.first_s); }
 
   draw() {
     for (const quantity of quantities) {
@@ -76,16 +73,17 @@ export class Plots {
       const {values, truths} = this.#reader(quantity, rows);
       const curve = (read) => quantity.axes.map((_, i) => points(rows, (row) => row.time_s, (row) => read(row)?.[i]));
       const error = (row) => truths(row) && values(row)?.map((value, i) => value - truths(row)[i]);
-      draw_lines(chart, is_error ? curve(error) : [...curve(values), ...(quantity.has_truth ? curve(truths) : [])], begin_s, end_s);
+      draw_lines(chart, is_error ? curve(error) : [...curve(values), ...(quantity.has_truth ? curve(truths) : [])], begin_s, end_s,
+        [{spans: this.series.spans_shown}]);
     }
   }
 
-  #title({name, key, has_truth, ...quantity}, is_error, rows) {
+  #title({name, key, words, ...quantity}, is_error, rows) {
     const unit = choices.unit(quantity).text, from = rows.find((row) => row.values.position)?.values.position;
     if (is_error) return `Error of ${name.toLowerCase()} of ${this.imu}, ${unit}: measured less truth`;
-    if (key !== "position" || !from) return `${name} of ${this.imu}, ${unit}${has_truth ? ": measured, and truth dashed" : ""}`;
+    if (key !== "position" || !from) return `${name} of ${this.imu}, ${unit}: ${words}`;
     const [latitude, longitude] = from.map((rad) => ((rad * 180) / Math.PI).toFixed(6));
-    return `${name} of ${this.imu}, ${unit} from ${latitude}°, ${longitude}°, ${from[2].toFixed(1)} m`;
+    return `${name} of ${this.imu}, ${unit} from ${latitude}°, ${longitude}°, ${from[2].toFixed(1)} m: ${words}`;
   }
 
   // Returns what reads values and truths of rows, in the units that are shown.
@@ -93,7 +91,11 @@ export class Plots {
     const {factor} = choices.unit(quantity), {key} = quantity;
     const from = key === "position" ? rows.find((row) => row.values.position)?.values.position : undefined;
     const scaled = (list) => list?.map((value) => factor * value);
-    return {values: (row) => scaled(from && row.values[key] ? offset_m(row.values[key], from) : row.values[key]),
+    return {
+      values: (row) => {
+        const sent = sent_values(row, quantity);
+        return scaled(from && sent ? offset_m(sent, from) : sent);
+      },
       truths: (row) => scaled(row.truths[key])};
   }
 
@@ -101,24 +103,29 @@ export class Plots {
   describe() {
     const newest = this.series.newest_row_shown;
     if (!newest) return;
+    set_text(this.table.caption, (newest.is_sent ? "Newest sample" : `Nothing is sent: ${this.series.why_unsent(newest)}`) +
+      `, at ${newest.time_s.toFixed(3)} s`);
+    const plotted = this.series.plotted(...this.range());
     const rows = quantities.filter(({key}) => newest.values[key] && choices.is_shown(key)).map((quantity) => {
-      const {key, name, axes} = quantity, {factor, text} = choices.unit(quantity), truth = newest.truths[key];
-      const value = key === "position" ? this.#reader(quantity, this.series.plotted(...this.range())).values(newest) : newest.values[key];
-      return [`${name}${axes[0] !== "x" && axes.length > 1 ? ` (${axes.join(", ")})` : ""}, ${text}`,
-        ...colors.map((_, i) => (i < axes.length ? short(factor * value[i]) : "")),
-        ...colors.map((_, i) => (quantity.has_truth ? short(truth && factor * (value[i] - truth[i])) : ""))];
+      const {name, axes, has_truth, words} = quantity, {values, truths} = this.#reader(quantity, plotted);
+      const value = values(newest), truth = truths(newest), difference = value && truth && value.map((one, i) => one - truth[i]);
+      return [`${name}${axes[0] !== "x" && axes.length > 1 ? ` (${axes.join(", ")})` : ""}, ${choices.unit(quantity).text}` +
+          (has_truth ? "" : `, ${words}`),
+        ...colors.map((_, i) => (i < axes.length ? short(value?.[i]) : "")),
+        ...colors.map((_, i) => (has_truth ? short(difference?.[i]) : ""))];
     });
     fill_table(this.table, ["", ...colors, ...colors.map((axis) => `error ${axis}`)], rows);
   }
 
+  // `list`: of the classes, each of which ends where the next one begins; buckets().
   set_lateness(list) {
-    const all = list.reduce((sum, b) => sum + b.count, 0), {chart} = this.#lateness;
-    const [set] = chart.data.datasets;
-    chart.data.labels = list.map((b) => duration(b.up_to_s));
-    set.data = list.map((b) => (100 * b.count) / all);
+    const all = list.reduce((sum, b) => sum + b.count, 0), {chart} = this.#lateness, [set] = chart.data.datasets;
+    const share = ({count}) => (100 * count) / all;
+    chart.data.labels = list.map(({from_s, up_to_s}) => durations(from_s, up_to_s));
+    set.data = list.map(share);
     chart.update("none");
-    chart.canvas.setAttribute("aria-label", "Lateness: " +
-      list.map((b) => `up to ${duration(b.up_to_s)}: ${((100 * b.count) / all).toFixed(1)} %`).join(", "));
+    chart.canvas.setAttribute("aria-label", "Lateness, by classes: " +
+      list.map((b, i) => `${chart.data.labels[i]}: ${share(b).toFixed(1)} %`).join(", "));
   }
 
   // What is saved: the plots that are shown, [{text, canvas}], and the table of what these show.
@@ -128,7 +135,8 @@ export class Plots {
   table_shown() {
     const [begin_s, end_s] = this.range(), rows = this.series.within(begin_s, end_s);
     const shown = quantities.filter(({key}) => this.has(key) && choices.is_shown(key));
-    const columns = [["time_s", ({time_s}) => time_s], ["sample", ({k}) => k], ["truth", ({mark}) => mark ?? "interpolated"]];
+    const columns = [["time_s", ({time_s}) => time_s], ["sample", ({k}) => k], ["truth", ({mark}) => mark ?? "interpolated"],
+      ["sent", ({is_sent}) => (is_sent ? "yes" : "no")]];
     for (const quantity of shown) {
       const {column} = choices.unit(quantity), {values, truths} = this.#reader(quantity, this.series.plotted(begin_s, end_s));
       const name = quantity.key.replace(/_c$/, "");
@@ -140,6 +148,10 @@ export class Plots {
     }
     return [columns.map(([head]) => head), ...rows.map((row) => columns.map(([, read]) => read(row) ?? ""))];
   }
+}
+
+function set_text(element, text) {
+  if (element.textContent !== text) element.textContent = text;
 }
 
 // Gives a table its rows, which are known by the text of their first cells. Rows and cells that stay keep their
@@ -155,7 +167,7 @@ export function fill_table(table, head, rows) {
     cells.forEach((text, i) => {
       const cell = tr.cells[i] ?? tr.appendChild(document.createElement(i === 0 || place === 0 ? "th" : "td"));
       if (cell.tagName === "TH") cell.scope = place === 0 ? "col" : "row";
-      if (cell.textContent !== String(text)) cell.textContent = text;
+      set_text(cell, String(text));
     });
     while (tr.cells.length > cells.length) tr.lastElementChild.remove();
     if (table.rows[place] !== tr) table.insertBefore(tr, table.rows[place] ?? null);

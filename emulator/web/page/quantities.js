@@ -17,17 +17,19 @@ export function offset_m([latitude, longitude, height], [latitude0, longitude0, 
 }
 
 // `si` and `other`: the unit as it is shown, as it is in names of columns, and by how much the value in SI is multiplied.
-// `take`: returns the values of the axes of what a notification `samples` has under the key.
+// `take`: returns the values of the axes of what a notification `samples` has under the key. `words`: what is shown.
 export const quantities = [
-  {key: "rate", name: "Rate", axes: xyz, has_truth: true, si: ["rad/s", "rad_per_s", 1], other: ["deg/s", "deg_per_s", degrees]},
-  {key: "specific_force", name: "Specific force", axes: xyz, has_truth: true, si: ["m/s²", "m_per_s2", 1], other: ["g", "g", 1 / g0]},
-  {key: "magnetic_field", name: "Magnetic field", axes: xyz, si: ["µT", "uT", 1e6]},
-  {key: "pressure", name: "Pressure", axes: [""], si: ["hPa", "hPa", 1e-2], take: (value) => [value]},
-  {key: "attitude", name: "Attitude", axes: ["roll", "pitch", "yaw"], si: ["rad", "rad", 1], other: ["deg", "deg", degrees], take: euler},
-  {key: "position", name: "Position", axes: ["north", "east", "up"], si: ["m", "m", 1]},  // from the first one that is shown
-  {key: "temperature_c", name: "Temperature", axes: [""], si: ["°C", "deg_c", 1], take: (value) => [value]},
+  {key: "rate", name: "Rate", axes: xyz, has_truth: true, words: "measured, and truth dashed", si: ["rad/s", "rad_per_s", 1], other: ["deg/s", "deg_per_s", degrees]},
+  {key: "specific_force", name: "Specific force", axes: xyz, has_truth: true, words: "measured, and truth dashed", si: ["m/s²", "m_per_s2", 1], other: ["g", "g", 1 / g0]},
+  {key: "magnetic_field", name: "Magnetic field", axes: xyz, words: "measured", si: ["µT", "uT", 1e6]},
+  {key: "pressure", name: "Pressure", axes: [""], words: "measured", si: ["hPa", "hPa", 1e-2], take: (value) => [value]},
+  {key: "attitude", name: "Attitude", axes: ["roll", "pitch", "yaw"], words: "true, not measured", si: ["rad", "rad", 1], other: ["deg", "deg", degrees], take: euler},
+  {key: "position", name: "Position", axes: ["north", "east", "up"], words: "measured", si: ["m", "m", 1]},  // from the first one that is shown
+  {key: "temperature_c", name: "Temperature", axes: [""], words: "measured", si: ["°C", "deg_c", 1], take: (value) => [value]},
 ];
 export const lateness = "lateness";
+// Returns what a sample has sent of a quantity: undefined if it was not sent. A true quantity does not depend on that.
+export const sent_values = (row, {key, words}) => (row.is_sent || words.startsWith("true") ? row.values[key] : undefined);
 
 const recall = (key, otherwise) => {
   try {

@@ -9,14 +9,14 @@ function save(name, blob) {
   setTimeout(() => URL.revokeObjectURL(link.href), 60000);
 }
 
-// `pictures`: [{text, canvas}], of one size. `shades`: whose legend stands below.
-export async function save_picture(name, title, pictures, shades) {
+// `pictures`: [{text, canvas}]. The legend of the shades stands below.
+export async function save_picture(name, title, pictures) {
   const margin = 16, gap = 12, text_px = 20, columns = Math.min(pictures.length, 3), scale = devicePixelRatio;
   const widths = pictures.map(({canvas}) => canvas.width / scale), heights = pictures.map(({canvas}) => canvas.height / scale);
   const width = Math.max(...widths), height = Math.max(...heights) + text_px + gap, lines = Math.ceil(pictures.length / columns);
   const canvas = document.createElement("canvas"), ctx = canvas.getContext("2d");
   canvas.width = scale * Math.max(560, 2 * margin + columns * (width + gap));
-  canvas.height = scale * (2 * margin + 2 * text_px + lines * height + 24);
+  canvas.height = scale * (2 * margin + 2 * text_px + lines * height + 44);
   ctx.scale(scale, scale);
   ctx.fillStyle = color("card");
   ctx.fillRect(0, 0, canvas.width, canvas.height);
@@ -29,7 +29,7 @@ export async function save_picture(name, title, pictures, shades) {
     ctx.fillText(text, x, y, width);
     ctx.drawImage(plot, x, y + 6, widths[i], heights[i]);
   });
-  draw_shades(ctx, shades, margin, margin + 2 * text_px + lines * height);
+  draw_shades(ctx, margin, margin + 2 * text_px + lines * height, canvas.width / scale - 2 * margin);
   save(`${name}.png`, await new Promise((done) => canvas.toBlob(done, "image/png")));
 }
 

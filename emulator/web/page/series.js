@@ -2,8 +2,11 @@
 import {quantities} from "./quantities.js";
 
 export const window_s = 20;
-// What marks the time up to a sample, if any sample since the one before it was so; the last that applies.
+// What marks the time up to a sample, if any sample since the one before it was so; the last that applies. `silent`: not
+// sent for want of truth.
 export const marks = ["extrapolated", "held", "silent"];
+// Returns what shades such a time: `unsent`, whatever the cause, is of the sample itself, too.
+const shade_of = ({mark, is_sent}) => (!is_sent || mark === "silent" ? "unsent" : mark);
 
 // Returns the number of the first element of a sorted list that is not before the time.
 function first_at(rows, time_s) {
@@ -17,10 +20,12 @@ function first_at(rows, time_s) {
 }
 
 export class Series {
-  // {time_s, k, is_first, mark, offset_s, values, truths}: `is_first` after a time without samples; `values` and `truths` by
-  // quantity, SI.
+  // {time_s, k, is_first, mark, is_sent, offset_s, values, truths}: `is_first` after a time without samples; `is_sent` is
+  // false if nothing of the sample has left imud; `offset_s`: of the imu's clock from the simulation's time, as long as that
+  // goes on; `values` and `truths` by quantity, SI.
   rows = [];
-  spans = [];     // {begin_s, end_s, name}: of faults and commands; without end_s it goes on
+  spans = [];     // {key, begin_s, end_s, name, shade}: of faults and commands; without end_s it goes on
+  first_s;        // the time of the first sample of the run that the page got
   #frozen = null;
   #last = null;   // {k, counts} of the last row
   #decimate = 0;  // of so many samples one is sent; 0: not known
@@ -36,6 +41,7 @@ export class Series {
     params.time_s.forEach((time_s, i) => {
       if (time_s < this.newest?.time_s) this.clear();  // a new run
       this.rows.push(this.#row(params, time_s, i));
+      this.first_s ??= time_s;
     });
     const old = first_at(this.rows, this.newest?.time_s - window_s) - 1;  // one before the window, for the line into it
     if (old > 0) this.rows.splice(0, old);
@@ -57,14 +63,18 @@ export class Series {
     const mark = is_first ? (status & 128 ? "held" : status & 64 ? "extrapolated" : undefined)
       : marks.findLast((_, of) => counts[of] > this.#last.counts[of]);
     this.#last = {k, counts};
-    const truth_time_s = params.truth_time_s?.[i];
-    return {time_s, k, is_first, mark, values, truths, offset_s: truth_time_s == null ? last?.offset_s ?? 0 : time_s - truth_time_s};
+    const truth_time_s = params.truth_time_s?.[i];  // stands still while motion is held
+    const has_offset = truth_time_s != null && (!last || !(status & 128));
+    return {time_s, k, is_first, mark, is_sent: params.sent?.[i] ?? true, values, truths,
+      offset_s: has_offset ? time_s - truth_time_s : last?.offset_s ?? 0};
   }
 
+  // Forgets the samples. Pause and supply, unlike faults, outlast a run of the truth.
   clear() {
     this.rows = [];
-    this.spans = [];
+    this.spans = this.spans.filter(({fault, end_s}) => fault === undefined && end_s === undefined).map((span) => ({...span, begin_s: -Infinity}));
     this.#last = null;
+    this.first_s = undefined;
   }
 
   freeze(on) {
@@ -77,6 +87,11 @@ export class Series {
   get newest_row_shown() { return this.#shown.rows.at(-1); }
   get offset_shown_s() { return this.#shown.rows.at(-1)?.offset_s ?? 0; }
   get spans_shown() { return this.#shown.spans; }
+  // Returns why a sample was not sent.
+  why_unsent({mark, time_s}) {
+    const of = (key) => this.spans_shown.some((span) => span.key === key && span.begin_s <= time_s && !(span.end_s <= time_s));
+    return of("power") ? "power off" : of("pause") ? "output paused" : mark === "silent" ? "no truth" : "power off, or too late";
+  }
 
   // Returns the rows that a plot of this time needs: those in it, and one on either side.
   plotted(begin_s, end_s) {
@@ -86,17 +101,17 @@ export class Series {
   within(begin_s, end_s) {
     return this.#shown.rows.filter(({time_s}) => time_s >= begin_s && time_s <= end_s);
   }
-  // Returns the spans of time, [{begin_s, end_s, mark}], without samples whose motion was known.
+  // Returns the spans of time, [{begin_s, end_s, mark: a shade}], in which motion was not known, or nothing was sent.
   marked(begin_s, end_s) {
     const spans = [];
-    let before_s;
-    for (const {time_s, mark, is_first} of this.plotted(begin_s, end_s)) {
-      const last = spans.at(-1);
-      if (mark && !is_first && before_s !== undefined) {
-        if (last?.mark === mark && last.end_s === before_s) last.end_s = time_s;
-        else spans.push({begin_s: before_s, end_s: time_s, mark});
+    let before;
+    for (const row of this.plotted(begin_s, end_s)) {
+      const last = spans.at(-1), mark = before && (!before.is_sent ? "unsent" : shade_of(row));
+      if (mark && !row.is_first) {
+        if (last?.mark === mark && last.end_s === before.time_s) last.end_s = row.time_s;
+        else spans.push({begin_s: before.time_s, end_s: row.time_s, mark});
       }
-      before_s = time_s;
+      before = row;
     }
     return spans;
   }

@@ -1,12 +1,12 @@
 // The shades of times in which the samples were not what a sensor measures, and their legend.
 export const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-// What is shaded: `name` of the legend, by the name of its colour.
+// `name` of the legend, by the name of its colour.
 export const shades = {
   extrapolated: "extrapolated beyond the truth",
   held: "motion held: no truth",
-  silent: "nothing sent: no truth",
-  fault: "fault or command",
+  unsent: "nothing sent",
+  fault: "fault",
 };
 
 // Returns what fills a shade: each has a pattern of its own, too.
@@ -15,18 +15,19 @@ export function fill(ctx, shade) {
   tile.width = tile.height = size;
   const of = tile.getContext("2d");
   of.fillStyle = of.strokeStyle = color(shade);
-  of.globalAlpha = shade === "silent" ? 0.35 : 0.2;
+  of.globalAlpha = shade === "unsent" ? 0.35 : 0.2;
   of.fillRect(0, 0, size, size);
   of.globalAlpha = 0.7;
   of.lineWidth = 1.5;
   of.beginPath();
   if (shade === "held") for (const x of [-size, 0, size]) of.moveTo(x, size), of.lineTo(x + size, 0);
-  if (shade === "silent") of.moveTo(0, size / 2), of.lineTo(size, size / 2);
+  if (shade === "unsent") of.moveTo(0, size / 2), of.lineTo(size, size / 2);
+  if (shade === "extrapolated") of.moveTo(size / 2, 0), of.lineTo(size / 2, size / 4);
   of.stroke();
   return ctx.createPattern(tile, "repeat");
 }
 
-// Fills a list with the legend of the shades.
+// Fills a list with the legend.
 export function list_shades(list) {
   list.replaceChildren(...Object.entries(shades).map(([shade, text]) => {
     const item = document.createElement("li"), canvas = Object.assign(document.createElement("canvas"), {width: 24, height: 14});
@@ -38,15 +39,18 @@ export function list_shades(list) {
   }));
 }
 
-// Draws that legend to a picture.
-export function draw_shades(ctx, names, x, y) {
+// Draws the legend to a picture, from (x, y) to the right, in lines of at most `width`.
+export function draw_shades(ctx, x, y, width) {
+  const line_px = 20, left = x;
   ctx.save();
-  for (const shade of names) {
+  for (const [shade, text] of Object.entries(shades)) {
+    const item = ctx.measureText(text).width + 50;
+    if (x > left && x + item > left + width) [x, y] = [left, y + line_px];
     ctx.fillStyle = fill(ctx, shade);
     ctx.fillRect(x, y, 24, 14);
     ctx.fillStyle = color("text");
-    ctx.fillText(shades[shade], x + 30, y + 12);
-    x += ctx.measureText(shades[shade]).width + 50;
+    ctx.fillText(text, x + 30, y + 12);
+    x += item;
   }
   ctx.restore();
 }

@@ -39,6 +39,13 @@ export class View extends EventTarget {
   #changed() { this.dispatchEvent(new Event("change")); }
 }
 
+// Returns the begin and the end of what a view shows on a clock whose newest time is `newest_s`. No time before 0 is shown,
+// unless the first sample is earlier: the clock had not begun.
+export function range_of(view, newest_s, first_s) {
+  const end_s = newest_s - view.newest_s, begin_s = newest_s - view.oldest_s;
+  return [Math.max(begin_s, Math.min(0, first_s, end_s - shortest_s)), end_s];
+}
+
 // Lets the pointer zoom a chart: a drag selects a time, the wheel on the time axis (or anywhere with Ctrl) changes its
 // length, a double click shows the whole again. `newest_s()`: the time of age 0 on its time axis.
 export function zoom_by_pointer(chart, view, newest_s) {
