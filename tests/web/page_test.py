@@ -1,6 +1,7 @@
 """The page in Chromium: it loads without an error, shows motion, its buttons act, it survives imud's restart, and it fits a
 phone. usage: page_test.py IMUD IMU_TRUTH SCREENSHOT_FOLDER"""
 import pathlib
+import re
 import sys
 
 from chromium import check_in_browser, expect_no_errors, text
@@ -79,6 +80,7 @@ def check_fault(browser):
     form.find_element(By.NAME, "for_s").clear()
     click(browser, "Begin fault")
     wait_until("the span of the fault", lambda: "gyro.x bias" in text(browser, ".active"))
+    wait_until("the fault in the imu's line", lambda: text(browser, "[data-imu=imu1] .state") == "fault: gyro.x bias")
     wait_until("its effect", lambda: 0.4 < error_of_gyro_x(browser) < 0.6)
     browser.save_screenshot(str(pictures / "fault.png"))
     click(browser, "End gyro.x bias")
@@ -109,7 +111,7 @@ def check(browser):
     pause.send_keys(Keys.ENTER)
     wait_until("paused", lambda: pause.get_attribute("aria-pressed") == "true")
     wait_until("the span of the pause", lambda: "output paused" in text(browser, ".active"))
-    wait_until("the pause in the log", lambda: "pause" in text(browser, "#log"))
+    wait_until("the pause in the log", lambda: re.search(r"pause, imu imu1, imu1 from sample \d+ at \d+\.\d{3} s", text(browser, "#log")))
     click(browser, "Pause output")
     wait_until("resumed", lambda: pause.get_attribute("aria-pressed") == "false")
     browser.find_element(By.NAME, "text").send_keys("climb <b>begins</b>", Keys.ENTER)

@@ -222,24 +222,73 @@ def wait_for_shade(browser, mark, least_s):
     browser.save_screenshot(str(pictures / f"{mark}.png"))
 
 
+def check_not_sent(browser):
+    """In the longest time that is marked so, the measured curve is interrupted, and the numbers are not there."""
+    shown = plot(browser, "Rate of")
+    span = max((s for s in shown["shaded"] if s["mark"] == "unsent"), key=lambda s: s["end_s"] - s["begin_s"])
+    inside = {name: [y for x, y in curve if span["begin_s"] < x < span["end_s"]] for name, curve in shown["curves"].items()}
+    assert len(inside["x"]) > 10 and all(y is None for y in inside["x"]), inside["x"]
+    cells = browser.execute_script("return [...document.querySelectorAll('[data-imu=imu1] .values td')].map((cell) => cell.textContent)")
+    assert cells and set(cells) <= {"–", ""}, cells
+    assert "samples/s" not in text(browser, f"{IMU1} .figures"), text(browser, f"{IMU1} .figures")
+    return inside
+
+
+def names_above(browser):
+    """The names above the first plot of imu1."""
+    return [name for row in (plot(browser, "Rate of") or {"rows": []})["rows"] for name in row["spans"]]
+
+
+def check_pause(browser):
+    """While the output is paused the measured curve is interrupted; the truth goes on. A page that is opened meanwhile knows it."""
+    assert re.search(r"[1-9]\d*\.\d samples/s", text(browser, f"{IMU1} .figures")), text(browser, f"{IMU1} .figures")
+    canvas_of(browser)
+    call("pause", imu="imu1")
+    wait_for_shade(browser, "unsent", 1.2)
+    wait_until("words for it", lambda: text(browser, f"{IMU1} .state") == "nothing sent: output paused")
+    wait_until("the caption", lambda: text(browser, f"{IMU1} .values caption").startswith("Nothing is sent: output paused, at "))
+    assert any(y is not None for y in check_not_sent(browser)["x truth"])
+    assert names_above(browser)[-1] == "output paused", names_above(browser)
+    lane, area = browser.execute_script("const chart = Chart.getChart(arguments[0]); return [chart.$lanes, chart.chartArea].map(({top, bottom}) => [top, bottom])",
+                                        canvas_of(browser))
+    assert lane[1] - lane[0] > 12 and lane[1] <= area[0], f"names at {lane} and curves at {area}"
+    browser.refresh()
+    wait_until("the pause in a new page", lambda: names_above(browser) == ["output paused"])
+    call("resume", imu="imu1")
+    wait_until("samples again", lambda: "samples/s" in text(browser, f"{IMU1} .figures"))
+    assert text(browser, f"{IMU1} .state") == ""
+
+
 def check_marks(browser):
     """Without truth the motion is extrapolated for a second, then held; then, as the configuration is changed, nothing is sent."""
     for word in ("extrapolated", "held", "nothing sent"):
         assert word in text(browser, "#shades"), text(browser, "#shades")
     canvas_of(browser)
     call("set", **{"truth.extrapolate_ms": 1000})
+    assert re.search(r"truth \d+\.\d Hz", text(browser, "#truth")), text(browser, "#truth")
+    browser.execute_script("document.querySelector('#together').open = true")
     imud.truth.send_signal(signal.SIGSTOP)
     try:
         wait_for_shade(browser, "extrapolated", 0.8)
         wait_for_shade(browser, "held", 1)
-        wait_until("words for it", lambda: "motion held" in text(browser, f"{IMU1} .figures"))
+        wait_until("words for it", lambda: "motion held" in text(browser, f"{IMU1} .state"))
+        wait_until("the header's words", lambda: re.match(r"truth stopped [\d.]+ s ago, at \d", text(browser, "#truth")))
+        assert "Hz" not in text(browser, "#truth"), text(browser, "#truth")
         call("set", **{"truth.when_stopped": "silence"})
         wait_for_shade(browser, "unsent", 1)
+        for name in ("imu1", 'tail \\"left\\"'):  # the second one is closed
+            wait_until(f"words of {name}", lambda: text(browser, f'[data-imu="{name}"] .state') == "nothing sent: no truth")
+        assert text(browser, f"{IMU1} .values caption").startswith("Nothing is sent: no truth, at "), text(browser, f"{IMU1} .values caption")
+        check_not_sent(browser)
+        rows = {row["name"]: row["marks"] for row in plot(browser, "Rate x", "#together")["rows"]}
+        assert list(rows) == ["imu1", 'tail "left"'] and all({"held", "unsent"} <= set(marks) for marks in rows.values()), rows
     finally:
         imud.truth.send_signal(signal.SIGCONT)
     call("set", **{"truth.extrapolate_ms": 100, "truth.when_stopped": "hold"})
+    browser.execute_script("document.querySelector('#together').open = false")
     # What is not marked is not shaded: when truth comes again, or a little later.
     wait_until("a second without a mark", lambda: unmarked(browser))
+    wait_until("the header's words", lambda: text(browser, "#truth").startswith("run "))
 
 
 def unmarked(browser):
@@ -306,8 +355,8 @@ def check_idle(browser):
 def check(browser):
     browser.get(f"http://{imud.address}/")
     wait_until("the first plot", lambda: plot(browser, "Rate of"))
-    for part in (check_axes, check_freeze, check_zoom, check_save, check_units, check_quantities, check_gap, check_together, check_percentiles, check_marks,
-                 check_idle):
+    for part in (check_axes, check_freeze, check_zoom, check_save, check_units, check_quantities, check_gap, check_together, check_percentiles, check_pause,
+                 check_marks, check_idle):
         print(part.__name__, flush=True)
         part(browser)
         expect_no_errors(browser)

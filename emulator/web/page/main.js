@@ -1,18 +1,20 @@
 // The page: figures by /metrics, samples, events and commands by the control protocol.
 import {Link} from "./link.js";
-import {buckets, duration, parse} from "./metrics.js";
+import {Counted, counter_rows, imu_words, truth_words} from "./figures.js";
+import {buckets, parse} from "./metrics.js";
 import {Plots, fill_table} from "./plots.js";
 import {choices, lateness, quantities} from "./quantities.js";
 import {FaultForm} from "./faults.js";
 import {save_picture, save_table} from "./save.js";
 import {Series} from "./series.js";
-import {list_shades, shades} from "./shades.js";
+import {list_shades} from "./shades.js";
 import {Together} from "./together.js";
 import {View} from "./view.js";
 
 const $ = (selector, root = document) => root.querySelector(selector);
 const link = new Link();
-const imus = new Map();   // by name: {root, series, plots, faults}
+const imus = new Map();   // by name: {root, series, counted, plots, faults}
+let truth_counted = new Counted();
 const view = new View();
 const together = new Together($("#together"), () => [...imus].map(([name, {series}]) => ({name, series})), view);
 const sample_rate_hz = 25, draw_ms = 200, metrics_ms = 1000, log_lines = 200;
@@ -48,7 +50,7 @@ function add_imu(name) {
   $("h2", root).textContent = name;
   $("#imus").append(root);
   const series = new Series();
-  const imu = {root, series, faults: new FaultForm($(".faults", root), $(".active", root), name, command),
+  const imu = {root, series, counted: new Counted(), faults: new FaultForm($(".faults", root), $(".active", root), name, command),
     plots: new Plots($(".plots", root), $(".values", root), name, series, view)};
   imu.faults.set_kinds(fault_kinds);
   root.addEventListener("toggle", () => imus.get(name)?.root === root && (watch(name), draw()));
@@ -78,67 +80,61 @@ function set_span(imu, key, name, on, time_s, fault) {
   imu.faults.show_active(list);
 }
 
+// Words about a sample: its time is that of the imu's plots.
+const sample_words = ({imu, sample, time_ns}) => `${imu} from sample ${sample}` + (time_ns == null ? "" : ` at ${(time_ns / 1e9).toFixed(3)} s`);
+
 function receive_event(event) {
-  const {event: kind, ...rest} = event;
+  const {event: kind, applied = event.sample === undefined ? [] : [event], ...rest} = event;
   const text = (value) => (typeof value === "object" ? JSON.stringify(value) : value);
-  log([kind, ...Object.entries(rest).filter(([key]) => key !== "applied").map(([key, value]) => `${key} ${text(value)}`),
-    ...(event.applied ?? []).map(({imu, sample}) => `${imu} from sample ${sample}`)].join(", "));
+  const others = Object.entries(rest).filter(([key]) => !["imu", "sample", "time_ns"].includes(key) || applied[0] !== event);
+  log([kind, ...others.map(([key, value]) => `${key} ${text(value)}`), ...applied.map(sample_words)].join(", "));
   // An event of one imu has the sample itself; one of a command has those of all imus that it applies to.
   for (const {imu: name, time_ns} of event.applied ?? [event]) {
     const imu = imus.get(name), time_s = time_ns == null ? imu?.series.newest?.time_s : time_ns / 1e9;
     if (!imu) continue;
-    if (kind === "pause" || kind === "resume") {
-      set_pressed(imu, "pause", kind === "pause");
-      set_span(imu, "pause", "output paused", kind === "pause", time_s);
-    }
-    if (kind === "power" && event.state !== "cycle") {
-      set_pressed(imu, "power", event.state === "off");
-      set_span(imu, "power", "power off", event.state === "off", time_s);
-    }
-    if (kind === "fault.begin" || kind === "fault.end")
-      set_span(imu, `fault ${event.name}`, `${event.target} ${event.kind}`, kind === "fault.begin", time_s, event.name);
+    if (kind === "pause" || kind === "resume") set_state(name, "pause", kind === "pause", time_s);
+    if (kind === "power" && event.state !== "cycle") set_state(name, "power", event.state === "off", time_s);
+    if (kind === "fault.begin" || kind === "fault.end") set_fault({...event, imu: name}, kind === "fault.begin");
   }
+}
+// `key`: "pause" or "power", whose button is pressed as long as it lasts.
+function set_state(name, key, on, time_s) {
+  const imu = imus.get(name);
+  set_pressed(imu, key, on);
+  set_span(imu, key, key === "pause" ? "output paused" : "power off", on, time_s);
+}
+// `fault`: of its event, or of `status`.
+function set_fault({imu: name, name: fault, target, kind, time_ns}, on) {
+  const imu = imus.get(name);
+  if (imu) set_span(imu, `fault ${fault}`, `${target} ${kind}`, on, time_ns / 1e9, fault);
 }
 
 async function read_metrics() {
   const [text, status] = await Promise.all([
     fetch("metrics", {cache: "no-store", headers: {Accept: "application/openmetrics-text"}}).then((answer) => answer.text()), link.call("status")]);
-  const metrics = parse(text), counters = status.counters.imus;
-  const value = (name) => metrics.samples.find((s) => s.name === name)?.value;
-  const names = [...new Set(metrics.samples.filter((s) => s.labels.imu !== undefined).map((s) => s.labels.imu))];
+  const metrics = parse(text);
+  const names = status.imus.map(({name}) => name);
   for (const name of names) if (!imus.has(name)) add_imu(name);
-  $("#truth").textContent = `${value("imud_run_seconds")?.toFixed(0)} s, truth ${value("imud_truth_rate_hertz")?.toFixed(1)} Hz, ` +
-    `${value("imud_truth_accepted_total")} accepted` +
-    (value("imud_truth_delay_seconds") === undefined ? "" : `, sampled ${duration(value("imud_truth_delay_seconds"))} later`);
-  const seconds = value("imud_run_seconds");
-  for (const [name, imu] of imus) {
-    const of = (key) => metrics.samples.find((s) => s.name === key && s.labels.imu === name)?.value;
-    const late = buckets(metrics, "imud_imu_lateness_seconds", name), samples = of("imud_imu_samples_total");
-    const rate = imu.seconds < seconds ? (samples - imu.samples) / (seconds - imu.seconds) : 0;
-    Object.assign(imu, {seconds, samples});
-    const load = of("imud_imu_line_load_ratio");
-    const late_us = counters?.find((one) => one.name === name)?.lateness_us;
-    $(".figures", imu.root).textContent = `${rate.toFixed(1)} Hz` +
-      (late_us ? `, late p50 ${duration(late_us.p50 / 1e6)}, p99 ${duration(late_us.p99 / 1e6)}, max ${duration(late_us.max / 1e6)}` : "") +
-      (load === undefined ? "" : `, line load ${(100 * load).toFixed(1)} %`) + (imu.series.newest?.mark ? `, ${shades[imu.series.newest.mark]}` : "");
-    if (imu.root.open && late.length) imu.plots.set_lateness(late);
-    if (imu.root.open) imu.plots.describe();
-  }
-  const rows = new Map();
-  for (const {name, labels, value} of metrics.samples) {
-    if (!name.endsWith("_total") || value === 0) continue;
-    const family = name.replace(/_total$/, ""), column = labels.imu ?? family.match(/^imud_(record|control)/)?.[1] ?? "truth";
-    const words = labels.cause ? `refused: ${labels.cause}` : metrics.help.get(family) ?? family;
-    if (!rows.has(words)) rows.set(words, {});
-    rows.get(words)[column] = value;
-  }
-  const columns = ["truth", ...names, "record", "control"].filter((c) => [...rows.values()].some((row) => c in row));
-  fill_table($("#counters"), ["", ...columns], [...rows].map(([words, row]) => [words, ...columns.map((c) => row[c] ?? "")]));
+  show_words($("#truth"), truth_words(metrics, truth_counted), "span");
+  status.imus.forEach((of_imu, i) => {
+    const {name} = of_imu, {root, series, counted, plots} = imus.get(name), late = buckets(metrics, "imud_imu_lateness_seconds", name);
+    const faults = series.spans.filter(({fault, end_s}) => fault !== undefined && end_s === undefined).map((span) => span.name);
+    show_words(root, imu_words(metrics, name, counted, {...status.counters.imus[i], ...of_imu}, faults), ".figures");
+    if (!root.open) return;
+    if (late.length) plots.set_lateness(late);
+    plots.describe();
+  });
+  fill_table($("#counters"), ...counter_rows(metrics, names));
+}
+function show_words(root, {state, text}, place) {
+  $(".state", root).textContent = state;
+  $(place, root).textContent = text;
 }
 
 async function begin() {
   $("#imus").replaceChildren();
   imus.clear();
+  truth_counted = new Counted();
   report();
   view.freeze(false);
   view.reset();
@@ -148,9 +144,10 @@ async function begin() {
   for (const imu of imus.values()) imu.faults.set_kinds(faults);
   for (const {name, power, paused, rate_hz} of status.imus) {
     imus.get(name).series.rate_hz = rate_hz;
-    set_pressed(imus.get(name), "power", power === "off");
-    set_pressed(imus.get(name), "pause", paused);
+    set_state(name, "power", power === "off", -Infinity);
+    set_state(name, "pause", paused, -Infinity);
   }
+  for (const fault of status.faults) set_fault(fault, true);
   together.root.hidden = imus.size < 2;
   await link.call("subscribe", {what: "events"});
   for (const name of imus.keys()) watch(name);
