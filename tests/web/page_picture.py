@@ -45,11 +45,13 @@ try:
         call("fault.begin", imu="imu1", target="gyro.x", kind="bias", value=0.5, for_s=fault_s)
         wait_for(fault_s + after_s)
         expect_no_errors(browser)
-        end = browser.execute_script("return Math.ceil(document.querySelector('[aria-labelledby=log-title]').getBoundingClientRect().bottom) + 5")
         # A picture beyond the window would resize the plots while it is taken.
-        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 1280, "height": end, "deviceScaleFactor": 1, "mobile": False})
+        height = browser.execute_script("return document.documentElement.scrollHeight")
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 1280, "height": height + 100, "deviceScaleFactor": 1, "mobile": False})
         wait_for(1)
-        picture = browser.execute_cdp_cmd("Page.captureScreenshot", {})
+        area = browser.execute_script("""const end = document.querySelector('[aria-labelledby=log-title]').getBoundingClientRect().bottom;
+            return {x: 0, y: 0, width: innerWidth, height: Math.floor(end) + 5, scale: 1};""")
+        picture = browser.execute_cdp_cmd("Page.captureScreenshot", {"clip": area})
         print(text(browser, "[data-imu=imu1] .figures"))
         missed = {imu["name"]: imu["missed"] for imu in call("status")["counters"]["imus"]}
     finally:
