@@ -23,9 +23,9 @@ namespace imud {
 namespace {
 
 // A connection that sends and receives lines.
-class Lines {
+class ReceivedLines {
  public:
-  explicit Lines(FileDescriptor socket) : socket_(std::move(socket)) {}
+  explicit ReceivedLines(FileDescriptor socket) : socket_(std::move(socket)) {}
   explicit operator bool() const { return static_cast<bool>(socket_); }
 
   bool send(std::string line) {
@@ -102,7 +102,7 @@ std::string failure_text(const std::string& path, int error) {
 }
 
 // Returns a connection, or prints why there is none.
-Lines connect_by_socket(const CtlOptions& options) {
+ReceivedLines connect_by_socket(const CtlOptions& options) {
   std::string path = options.socket;
   if (path.empty()) {
     const Instances found = find_instances();
@@ -110,30 +110,30 @@ Lines connect_by_socket(const CtlOptions& options) {
       if (options.name.empty() ? found.running.size() == 1 : one.name == options.name) path = one.path;
     if (path.empty()) {
       fail(none_text(found, options.name));
-      return Lines(FileDescriptor());
+      return ReceivedLines(FileDescriptor());
     }
   }
   FileDescriptor socket = connect_to_socket(path);
   if (!socket) fail(failure_text(path, errno));
-  return Lines(std::move(socket));
+  return ReceivedLines(std::move(socket));
 }
 
 // The same by TCP, after the token. `address` has the form ADDRESS:PORT.
-Lines connect_by_tcp(const TcpAddress& address, const std::string& secret) {
+ReceivedLines connect_by_tcp(const TcpAddress& address, const std::string& secret) {
   const boost::asio::ip::tcp::endpoint to(boost::asio::ip::make_address(address.address), address.port);
   const std::string name = fmt::format("{}, port {}", address.address, address.port);
   FileDescriptor socket(::socket(to.protocol().family(), SOCK_STREAM | SOCK_CLOEXEC, 0));
   if (!socket || ::connect(socket.get(), to.data(), static_cast<socklen_t>(to.size())) != 0) {
     fail(fmt::format("{}: {}; does an imud run with that [control] listen?", name, std::strerror(errno)));
-    return Lines(FileDescriptor());
+    return ReceivedLines(FileDescriptor());
   }
-  Lines lines(std::move(socket));
+  ReceivedLines lines(std::move(socket));
   const Json request = {{"jsonrpc", "2.0"}, {"method", "authenticate"}, {"params", {{"token", secret}}}, {"id", 0}};
   const auto answer = lines.send(json_line(request)) ? lines.receive() : std::nullopt;
   const Json response = answer ? Json::parse(*answer, nullptr, false) : Json();
   if (response.is_object() && response.contains("result")) return lines;
   fail(fmt::format("{}: {}", name, response.is_object() ? "the token is not that of the run" : "no imud answers"));
-  return Lines(FileDescriptor());
+  return ReceivedLines(FileDescriptor());
 }
 
 int list_instances(bool json) {
@@ -155,7 +155,7 @@ Json value_of(const std::string& text) {
   return value.is_discarded() ? Json(text) : value;
 }
 
-// Lines of words for an answer.
+// ReceivedLines of words for an answer.
 std::string words_of(const std::string& method, const Json& result) {
   std::string out;
   if (method == "status") {
@@ -241,7 +241,7 @@ int ctl(const CtlOptions& options) {
     if (!to || !to->is_loopback)
       return fail(fmt::format("{}: give a loopback address and a port, such as 127.0.0.1:7700", options.to), 2);
   }
-  Lines lines = to ? connect_by_tcp(*to, Token::read_secret(options.token_file)) : connect_by_socket(options);
+  ReceivedLines lines = to ? connect_by_tcp(*to, Token::read_secret(options.token_file)) : connect_by_socket(options);
   if (!lines) return 1;
   Json request = {{"jsonrpc", "2.0"}, {"method", options.method}};
   if (!params.empty()) request["params"] = std::move(params);

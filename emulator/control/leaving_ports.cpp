@@ -61,7 +61,7 @@ void LeavingPorts::close(Leaving& leaving) {
   try {
     port.commit();
   } catch (const std::exception& error) {
-    spdlog::error("{}: {}", leaving.channel->name(), error.what());
+    spdlog::error("{}: {}", leaving.channel->name, error.what());
   }
   const PortCounters &now = port.counters(), &before = leaving.before;
   std::uint64_t others = leaving.line.held_of_others;
@@ -71,8 +71,11 @@ void LeavingPorts::close(Leaving& leaving) {
     return frames - skipped;
   };
   const std::uint64_t sent = own(now.sent - before.sent), dropped = own(now.dropped - before.dropped);
-  leaving.channel->count_replaced(sent, std::min(now.replies - before.replies, sent), dropped,
-                                  std::min(now.failed - before.failed, dropped));
+  Lines::Replaced& replaced = leaving.channel->lines.replaced();
+  replaced.sent.fetch_add(sent, std::memory_order_relaxed);
+  replaced.replies.fetch_add(std::min(now.replies - before.replies, sent), std::memory_order_relaxed);
+  replaced.dropped.fetch_add(dropped, std::memory_order_relaxed);
+  replaced.failed.fetch_add(std::min(now.failed - before.failed, dropped), std::memory_order_relaxed);
   leaving.line.port.reset();
 }
 

@@ -13,8 +13,8 @@ std::span<pollfd> Hosts::inputs(bool truth) noexcept {
   inputs_.clear();
   inputs_.push_back({truth ? engine_.intake().descriptor() : -1, POLLIN, 0});
   for (const auto& channel : engine_.channels())
-    for (std::size_t i = 0; i < channel->port_count(); ++i) {
-      const Port& port = channel->port(i);
+    for (const DeviceLine& line : channel->lines.all()) {
+      const Port& port = *line.port;
       const int events = (port.can_receive() ? POLLIN : 0) | (port.wants_output() ? POLLOUT : 0);
       inputs_.push_back({events != 0 ? port.descriptor() : -1, static_cast<short>(events), 0});
     }
@@ -28,7 +28,7 @@ bool Hosts::serve_inputs(HostTime now) noexcept {
   auto input = inputs_.begin() + 1;
   for (const auto& channel : engine_.channels()) {
     int seen = 0;
-    for (std::size_t i = 0; i < channel->port_count(); ++i) seen |= (input++)->revents;
+    for (std::size_t i = 0; i < channel->lines.all().size(); ++i) seen |= (input++)->revents;
     if ((seen & failures) != 0) may_poll = false;
     if (seen == 0) continue;
     if ((seen & POLLOUT) != 0) channel->flush();
@@ -38,12 +38,16 @@ bool Hosts::serve_inputs(HostTime now) noexcept {
 }
 
 bool Hosts::serve(Channel& channel, HostTime now) noexcept {
-  return channel.serve([&](std::size_t uart, const Port::Received& received) {
-    const std::uint64_t replies = channel.reply_count();
-    engine_.apply(Step::receive(channel.number(), uart, now, received.frame, received.time));
-    if (clock_ != nullptr && channel.reply_count() != replies)
-      channel.record_reply(std::max(Nanoseconds{0}, clock_->now() - received.time));
-  });
+  const auto propose = [&](std::size_t uart, const Port::Received& received) {
+    const std::uint64_t replies = channel.reply_count;
+    engine_.apply(Step::receive(channel.number, uart, now, received.frame, received.time));
+    if (clock_ != nullptr && channel.reply_count != replies)
+      channel.counters.reply.add(std::max(0.0, seconds(clock_->now() - received.time)));
+  };
+  bool has_received = false;
+  const bool may_poll = channel.lines.serve(propose, has_received);
+  if (has_received || channel.lines.has_new_state(channel.counters)) channel.publish();
+  return may_poll;
 }
 
 void Hosts::serve_all(HostTime now) noexcept {

@@ -24,7 +24,7 @@ constexpr Nanoseconds pause = 1ms;  // if poll() would return at once again
 
 std::vector<Grid> grids(const Engine& engine) {
   std::vector<Grid> all;
-  for (const auto& channel : engine.channels()) all.push_back(channel->grid());
+  for (const auto& channel : engine.channels()) all.push_back(channel->sensor.grid());
   return all;
 }
 
@@ -52,7 +52,7 @@ void Loop::run() noexcept {
     sink_.set_time(origin_ - pause);
     for (std::size_t i = 0; i < engine_.channels().size(); ++i) {
       engine_.apply(Step::power_on(i, origin_));
-      if (!engine_.channels()[i]->rests_before_truth()) continue;
+      if (!engine_.channels()[i]->rests_before_truth) continue;
       schedule_.start(i, Nanoseconds{0});
       engine_.apply(Step::start_samples(i));
     }
@@ -184,7 +184,7 @@ void Loop::send_all() noexcept {
   hosts_.flush();
   if (paced_) return;
   for (const auto& channel : engine_.channels())
-    if (channel->holds_back()) channel->wait_until_sent(stop_);
+    if (channel->lines.holds_back()) channel->wait_until_sent(stop_);
 }
 
 void Loop::begin_run() noexcept {
@@ -206,7 +206,7 @@ void Loop::begin_run() noexcept {
   } else if (is_first) {
     first_truth_ = begin;
     for (std::size_t i = 0; i < engine_.channels().size(); ++i)
-      if (!engine_.channels()[i]->rests_before_truth()) start(i);
+      if (!engine_.channels()[i]->rests_before_truth) start(i);
   }
 }
 

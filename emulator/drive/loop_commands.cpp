@@ -22,12 +22,12 @@ void Loop::execute_commands() noexcept {
     const std::uint64_t batch = control.commands.pop([&](const Command& command) { execute(command, now); });
     if (batch == 0) return;
     for (std::size_t imu = 0; imu < channels.size(); ++imu) {
-      const std::optional<DeviceTime> time = channels[imu]->next_time();
+      const std::optional<DeviceTime> time = channels[imu]->sensor.clock().next_sample();
       control.applied.push({.batch = batch,
                             .imu = static_cast<std::uint16_t>(imu),
                             .is_last = imu + 1 == channels.size(),
                             .has_time = time.has_value(),
-                            .sample = channels[imu]->next_sample(),
+                            .sample = channels[imu]->sensor.imu().next(),
                             .time_ns = time.value_or(DeviceTime{}).ns});
     }
   }

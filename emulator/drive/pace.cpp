@@ -6,7 +6,7 @@ void Pace::transmit(HostTime instant, HostTime due) noexcept {
   const auto channels = engine_.prepared();
   // Frames of deadlines leave before the sample's.
   if (!is_paced_)
-    for (Channel* channel : channels) channel->wait_for_room(stop_);
+    for (Channel* channel : channels) channel->lines.wait_for_room(stop_);
   engine_.apply(Step::transmit(instant, false));
   if (is_paced_) {
     if (host_.now() < due) host_.sleep_until(due, options_.spin);
@@ -14,13 +14,15 @@ void Pace::transmit(HostTime instant, HostTime due) noexcept {
       const HostTime begin = host_.now();
       engine_.sink().set_time(begin);
       channel->transmit();
-      channel->record_times(begin - due, host_.now() - begin);
+      channel->counters.lateness.add(seconds(begin - due));
+      channel->counters.write.add(seconds(host_.now() - begin));
+      if (begin - due >= channel->sensor.grid().period()) channel->counters.missed.count();
     }
   } else {
-    for (Channel* channel : channels) channel->wait_for_room(stop_);
+    for (Channel* channel : channels) channel->lines.wait_for_room(stop_);
     for (Channel* channel : channels) channel->transmit();
     for (Channel* channel : channels)
-      if (channel->is_can()) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
+      if (channel->is_can) channel->wait_until_sent(stop_);  // no reader of a bus catches up later
   }
 }
 

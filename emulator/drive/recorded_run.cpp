@@ -190,7 +190,7 @@ bool RecordedRun::is_plausible(const RecordEvent& event, HostTime time) noexcept
       bool is_next = is_in_range(event.a) && event.c >= 0 && event.c < most_samples;
       for_imus(event, [&](std::uint16_t imu) {
         const auto offset = [&](std::int64_t k) {
-          return engine_->channels()[imu]->grid().offset(static_cast<std::uint64_t>(k)).count();
+          return engine_->channels()[imu]->sensor.grid().offset(static_cast<std::uint64_t>(k)).count();
         };
         std::int64_t& last = last_samples_[imu];
         is_next = is_next && offset(event.c) < limit / 2 && offset(event.c) - offset(last) <= hour;

@@ -114,7 +114,7 @@ void RecordedRun::for_imus(const RecordEvent& event, Function function) noexcept
   if (interface >= reader_.interfaces().size()) return;
   const std::string& name = reader_.interfaces()[interface].name;
   for (const auto& channel : engine_->channels())
-    if (channel->name() == name) function(channel->number());
+    if (channel->name == name) function(channel->number);
 }
 
 }  // namespace imud

@@ -14,13 +14,14 @@ ChosenPorts chosen_ports(const Engine& engine) {
   };
   add("truth.port", engine.intake().chosen_port());
   for (const auto& channel : engine.channels()) {
-    const std::string imu = "imu." + channel->name();
-    add(imu + ".port", channel->port(0).chosen_port());
-    if (channel->port_count() == 2) add(imu + ".second_port", channel->port(1).chosen_port());
-    for (const DeviceLine& copy : channel->copies().lines()) add(imu + ".also", copy.port->chosen_port());
-    if (channel->sync()) {
-      add(imu + ".sync.trigger_port", channel->sync()->chosen_trigger_port());
-      add(imu + ".sync.pps_port", channel->sync()->chosen_pps_port());
+    const std::string imu = "imu." + channel->name;
+    const auto lines = std::as_const(*channel).lines.all();
+    add(imu + ".port", lines[0].port->chosen_port());
+    if (lines.size() == 2) add(imu + ".second_port", lines[1].port->chosen_port());
+    for (const DeviceLine& copy : channel->lines.copies().lines()) add(imu + ".also", copy.port->chosen_port());
+    if (channel->sync) {
+      add(imu + ".sync.trigger_port", channel->sync->chosen_trigger_port());
+      add(imu + ".sync.pps_port", channel->sync->chosen_pps_port());
     }
   }
   return all;
@@ -31,8 +32,8 @@ bool drain(Engine& engine, std::chrono::milliseconds readers) noexcept {
   const auto channels = engine.channels();
   const auto has_pace = [&] {
     for (const auto& channel : channels)
-      for (std::size_t i = 0; i < channel->port_count(); ++i)
-        if (channel->port(i).next_flush()) return true;
+      for (const DeviceLine& line : channel->lines.all())
+        if (line.port->next_flush()) return true;
     return false;
   };
   for (const auto& channel : channels) channel->flush();
@@ -41,19 +42,21 @@ bool drain(Engine& engine, std::chrono::milliseconds readers) noexcept {
     if (ms > 0) ::poll(nullptr, 0, 1);
     read = true;
     for (const auto& channel : channels) {
-      for (std::size_t i = 0; i < channel->port_count(); ++i)
-        read = channel->port(i).is_drained() && read;  // which flushes
-      read = channel->copies().is_drained() && read;
+      for (const DeviceLine& line : channel->lines.all()) read = line.port->is_drained() && read;  // which flushes
+      read = channel->lines.copies().is_drained() && read;
     }
   }
-  for (const auto& channel : channels) channel->discard_pending();
+  for (const auto& channel : channels) {
+    channel->lines.discard_pending();
+    channel->publish();
+  }
   return read;
 }
 
 void commit(std::span<const std::unique_ptr<Channel>> channels) {
   std::exception_ptr failure;
   for (const auto& channel : channels) try {
-      channel->commit();
+      channel->lines.commit();
     } catch (const std::exception&) {
       if (!failure) failure = std::current_exception();
     }
@@ -63,7 +66,8 @@ void commit(std::span<const std::unique_ptr<Channel>> channels) {
 std::vector<Expected> expected(std::span<const std::unique_ptr<Channel>> channels) {
   std::vector<Expected> all;
   for (const auto& channel : channels)
-    for (Expected& one : channel->expected()) all.push_back(std::move(one));
+    if (channel->faults)
+      for (Expected& one : channel->faults->expectations().results()) all.push_back(std::move(one));
   return all;
 }
 

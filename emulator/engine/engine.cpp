@@ -23,7 +23,7 @@ Engine::Engine(const Config& config, const Ports& ports, StepSink& sink, RunCont
     channels_.push_back(std::make_unique<Channel>(imu, channels_.size(), seed, ports, sink, faults_of(imu, seed)));
   }
   if (control_ != nullptr)
-    for (const auto& channel : channels_) channel->set_feed(control_->feed);
+    for (const auto& channel : channels_) channel->awaited.set_feed(&control_->feed);
   prepared_.reserve(channels_.size());
 }
 
@@ -73,7 +73,7 @@ TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
     }
     case Type::start_samples:
       record(step);
-      channel->start_samples();
+      channel->sensor.clock().start_samples();
       break;
     case Type::advance:
       advance(TruthTime{event.a});
@@ -109,7 +109,7 @@ TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
 void Engine::record(RecordEvent event, std::uint16_t imu) noexcept {
   if (!sink_.keeps()) return;
   if (imu < channels_.size())
-    event.interface = channels_[imu]->record_interface();
+    event.interface = channels_[imu]->lines.all()[0].interface;
   else if (event.type == Step::Type::command || event.type == Step::Type::mark)
     event.interface = RecordEvent::all_imus;
   if (has_polled_time(event)) event.b = polled_.ns;
@@ -129,7 +129,7 @@ TruthIntake::Outcome Engine::take_truth(const Step& step) noexcept {
 
 void Engine::review() noexcept {
   unreviewed_ = false;
-  for (const auto& channel : channels_) channel->review_samples(timeline_, quality_.extrapolation_error);
+  for (const auto& channel : channels_) channel->awaited.review(timeline_, quality_.extrapolation_error);
 }
 
 void Engine::forget_past() noexcept {
@@ -146,12 +146,12 @@ void Engine::begin_run() noexcept {
   for (const auto& channel : channels_) channel->begin_run(timeline_.run_start());
   if (control_ != nullptr)
     control_->events.push(
-        {.kind = RunEvent::Kind::run, .sample = channels_[0]->next_sample(), .time_ns = watermark_.ns});
+        {.kind = RunEvent::Kind::run, .sample = channels_[0]->sensor.imu().next(), .time_ns = watermark_.ns});
 }
 
 // The next sample of each imu has no increments.
 void Engine::pass_over() noexcept {
-  for (const auto& channel : channels_) channel->pass_over();
+  for (const auto& channel : channels_) channel->begin_run(std::nullopt);
 }
 
 void Engine::advance(TruthTime until) noexcept {
@@ -159,7 +159,7 @@ void Engine::advance(TruthTime until) noexcept {
   until = std::min(until, timeline_.newest());
   record(Step::advance(until));
   raise_watermark(until);
-  for (const auto& channel : channels_) channel->advance(timeline_, until);
+  for (const auto& channel : channels_) channel->sensor.advance(timeline_, until);
 }
 
 void Engine::take_sample(Channel& channel, const Step& step) noexcept {
@@ -168,11 +168,12 @@ void Engine::take_sample(Channel& channel, const Step& step) noexcept {
   if ((!at_rest && timeline_.empty()) || (!step.at_once && prepared_.size() == prepared_.capacity())) return;
   if (at_rest) {
     record(step);
-    channel.sense_at_rest(Nanoseconds(step.event.a), k);
+    channel.sensor.sense_at_rest(Nanoseconds(step.event.a), k);
     channel.prepare(std::nullopt, false);
   } else {
     const TruthTime time{step.event.a};
-    Sample& sample = channel.sense(timeline_, time, k);
+    channel.sensor.sense(timeline_, time, k);
+    Sample& sample = channel.sensor.sample();
     if (step.at_once) {
       channel.prepare(time, false);
       channel.encode();
@@ -201,23 +202,24 @@ void Engine::take_sample(Channel& channel, const Step& step) noexcept {
 
 void Engine::transmit(const Step& step) noexcept {
   const bool is_skipped = (step.event.flags & RecordEvent::skipped) != 0;
-  for (Channel* channel : prepared_) is_skipped ? channel->skip() : channel->encode();
+  for (Channel* channel : prepared_) channel->encode(is_skipped);
   record(step);
 }
 
 void Engine::complete() noexcept {
   for (Channel* channel : prepared_) {
     channel->count_sample();
-    if (!channel->is_resting()) ++samples_in_run_;
+    if (!channel->sensor.is_resting()) ++samples_in_run_;
   }
   prepared_.clear();
 }
 
 void Engine::receive(Channel& channel, const Step& step) noexcept {
   const std::size_t uart = step.event.flags;
-  if (uart >= channel.port_count()) return;
+  if (uart >= channel.lines.all().size()) return;
   record(step);
-  sink_.packet(channel.host_interface(uart), PacketDirection::inbound, step.arrival, step.frame);
+  const auto host = static_cast<std::uint16_t>(channel.lines.all()[uart].interface + 1);
+  sink_.packet(host, PacketDirection::inbound, step.arrival, step.frame);
   channel.receive(step.frame, uart, HostTime{step.event.a});
 }
 
@@ -230,14 +232,15 @@ void Engine::poll(HostTime now) noexcept {
 
 bool Engine::has_room_for_truth(TruthTime until) const noexcept {
   return !in_run_ || std::none_of(channels_.begin(), channels_.end(), [&](const auto& channel) {
-    return timeline_.is_full_for(channel->used_until().value_or(until));
+    return timeline_.is_full_for(channel->sensor.used_until().value_or(until));
   });
 }
 
 void Engine::finish_faults() noexcept {
   intake_.finish();
   if (truth_faults_ != nullptr) truth_faults_->schedule().finish();
-  for (const auto& channel : channels_) channel->finish_faults();
+  for (const auto& channel : channels_)
+    if (channel->faults) channel->faults->finish();
 }
 
 }  // namespace imud

@@ -69,8 +69,8 @@ void Engine::change(const Command& command) noexcept {
 
 void Engine::reload(Reload& reload, HostTime now) noexcept {
   for (const Command& command : reload.commands) change(command);
-  for (Reload::Line& line : reload.lines) channels_[line.channel]->exchange_port(line);
-  for (Reload::Sensor& sensor : reload.sensors) channels_[sensor.channel]->exchange_sensor(sensor, now);
+  for (Reload::Line& line : reload.lines) channels_[line.channel]->exchange(line);
+  for (Reload::Sensor& sensor : reload.sensors) channels_[sensor.channel]->exchange(sensor, now);
 }
 
 }  // namespace imud

@@ -7,8 +7,8 @@
 
 #include "core/imu.hpp"
 #include "core/timeline.hpp"
-#include "emulator/imu/sample_feed.hpp"
 #include "emulator/ground/counters.hpp"
+#include "emulator/imu/sample_feed.hpp"
 
 namespace imud {
 
@@ -31,6 +31,7 @@ class AwaitedTruth {
   }
   // `feed`: outlives this; nullptr: nobody can watch.
   void set_feed(SampleFeed* feed) noexcept { feed_ = feed; }
+  SampleFeed* feed() const noexcept { return feed_; }
 
   // Adds the last sample of `imu`, which was taken when the newest truth was `ahead` before it; negative: that truth
   // was later. `is_extrapolated`: its motion is compared with the truth to come. `shown`: the sample for the feed,

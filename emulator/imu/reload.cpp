@@ -8,8 +8,8 @@
 #include <sstream>
 #include <string_view>
 
-#include "emulator/imu/channel.hpp"
 #include "emulator/faults/other_units.hpp"
+#include "emulator/imu/channel.hpp"
 
 namespace imud {
 
@@ -267,7 +267,7 @@ std::vector<std::string> Reload::open_ports(
       const Channel& channel = *channels[line.channel];
       try {
         line.port = open(line.after, line.settings);
-        if (channel.is_can()) line.port->set_filters(channel.can_filters());
+        if (channel.is_can) line.port->set_filters(channel.lines.can_filters());
       } catch (const PortError& error) {
         refusals.push_back(fmt::format("{}: {}", line.key, error.what()));
       }

@@ -24,9 +24,11 @@ std::vector<std::string> unread_ports(Engine& engine, const Config& config) {
   std::vector<std::string> unread;
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
     Channel& channel = *engine.channels()[i];
-    channel.update_port_states();
-    for (std::size_t uart = 0; uart < channel.port_count(); ++uart)
-      if (channel.port(uart).state() == PortState::no_reader)
+    // Checks whether the ports have readers. Does not read a host's bytes.
+    for (DeviceLine& line : channel.lines.all()) line.port->flush();
+    channel.publish();
+    for (std::size_t uart = 0; uart < channel.lines.all().size(); ++uart)
+      if (channel.lines.all()[uart].port->state() == PortState::no_reader)
         unread.push_back(uart == 0 ? config.imus[i].port : config.imus[i].second_port);
   }
   return unread;

@@ -81,7 +81,7 @@ RunCounters counters_of(const Engine& engine, const RunControl& control, const R
   RunCounters counters{&engine.intake().counters(), &engine.quality(), {}, nullptr};
   if (engine.faults().capacity() > 0) counters.faults = &engine.faults();
   if (recorder != nullptr) counters.record = &recorder->counters();
-  for (const auto& channel : engine.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
+  for (const auto& channel : engine.channels()) counters.imus.emplace_back(channel->name, &channel->counters);
   counters.control = &control.counters;
   return counters;
 }

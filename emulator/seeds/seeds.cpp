@@ -266,7 +266,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
   const std::size_t imus = batch.config.imus.size();
   const auto channels = engine.channels().subspan(run * imus, imus);
   RunCounters counters{&engine.intake().counters(), &engine.quality(), {}};
-  for (const auto& channel : channels) counters.imus.emplace_back(channel->name(), &channel->counters());
+  for (const auto& channel : channels) counters.imus.emplace_back(channel->name, &channel->counters);
   Summary summary = summarize(counters, seconds(host_now() - batch.begin), batch.line_loads);
   summary.truth.warning = engine.intake().end_warning();
   summary.truth.remarks = remarks(*counters.truth);
@@ -304,7 +304,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
 std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, const Engine& engine,
                                      std::size_t part) const {
   std::vector<std::string> names;
-  for (const auto& channel : engine.channels()) names.push_back(channel->name());
+  for (const auto& channel : engine.channels()) names.push_back(channel->name);
   const std::size_t first = run * batch.config.imus.size(), end = first + batch.config.imus.size();
   std::vector<FaultLabel> all = fault_labels(engine.faults().all(), names, engine.faults().log());
   // Each part of a run has the faults of its truth.

@@ -86,12 +86,12 @@ class ChannelTest : public RunTest {
       port_ = port.get();
       return port;
     });
-    channel_->start_samples();
+    channel_->sensor.clock().start_samples();
   }
   // More than the pipe accepts.
   void fill() {
     for (int i = 0; i < 100; ++i, ++handed_) {
-      channel_->sense_at_rest(Nanoseconds{}, handed_);
+      channel_->sensor.sense_at_rest(Nanoseconds{}, handed_);
       channel_->prepare(std::nullopt, false);
       channel_->encode();
       channel_->transmit();
@@ -176,7 +176,7 @@ TEST_F(ChannelTest, AStopEndsTheWaiting) {
 
 TEST_F(ChannelTest, AStopEndsTheWaitingForAFrameThatIsNotDue) {
   port_->is_paced = true;
-  channel_->sense_at_rest(Nanoseconds{}, 0);
+  channel_->sensor.sense_at_rest(Nanoseconds{}, 0);
   channel_->prepare(std::nullopt, false);
   channel_->encode();
   channel_->transmit();

@@ -279,7 +279,7 @@ TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
   });
   const auto pacer = make_pacer(c, engine.quality());
   Loop(engine, host, *pacer, {}, host.stop).run();
-  EXPECT_GT(engine.channels()[0]->counters().silent, 80U);
+  EXPECT_GT(engine.channels()[0]->counters.silent, 80U);
   EXPECT_EQ(count('t'), 2U) << "those of 0.5 s and 2.5 s";
 }
 

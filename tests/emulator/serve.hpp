@@ -6,8 +6,10 @@
 namespace imud {
 
 inline void serve(Channel& channel, HostTime now) {
-  channel.serve(
-      [&](std::size_t uart, const Port::Received& received) { channel.receive(received.frame, uart, now); });
+  bool has_received = false;
+  channel.lines.serve(
+      [&](std::size_t uart, const Port::Received& received) { channel.receive(received.frame, uart, now); },
+      has_received);
 }
 
 }  // namespace imud

@@ -170,7 +170,7 @@ class SimulatedRun {
   }
 
   const std::vector<Left>& left(std::size_t imu = 0) const { return left_[imu]; }
-  const ImuCounters& counters(std::size_t imu = 0) const { return engine_->channels()[imu]->counters(); }
+  const ImuCounters& counters(std::size_t imu = 0) const { return engine_->channels()[imu]->counters; }
   const TruthCounters& truth_counters() const { return engine_->intake().counters(); }
   const TruthQuality& quality() const { return engine_->quality(); }
   Engine& engine() { return *engine_; }

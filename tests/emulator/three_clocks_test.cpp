@@ -85,8 +85,8 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     if (clock == ClockMode::realtime && capture) pacer = std::make_unique<CapturePacer>();
     if (clock == ClockMode::realtime && !capture) pacer = make_pacer(config, engine.quality());
     Loop(engine, host, *pacer, {.pace = {}, .limit = {}}, host.stop).run();
-    EXPECT_EQ(engine.channels()[0]->counters().extrapolated, 0U);
-    EXPECT_GT(static_cast<double>(engine.channels()[0]->counters().samples),
+    EXPECT_EQ(engine.channels()[0]->counters.extrapolated, 0U);
+    EXPECT_GT(static_cast<double>(engine.channels()[0]->counters.samples),
               config.imus[0].rate_hz * (restarts ? 11.75 : 5.75));
     return record;
   }

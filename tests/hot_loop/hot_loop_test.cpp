@@ -66,7 +66,7 @@ TEST_F(LiveTest, TheHotLoopAllocatesLocksAndLogsNothing) {
   control.feed.watch(0, 1);
   control.feed.watch(3, 7);
   recorder.start(true, "");
-  const auto counters = [&](std::size_t i) -> const ImuCounters& { return engine.channels()[i]->counters(); };
+  const auto counters = [&](std::size_t i) -> const ImuCounters& { return engine.channels()[i]->counters; };
   const FileDescriptor reader(::open(path("read").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));
   ASSERT_TRUE(reader);
   const FileDescriptor paced(::open(path("paced").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK));

@@ -36,7 +36,7 @@ TEST_F(LiveTest, AReloadAllocatesNothing) {
     engine.apply(Step::command({.kind = Command::Kind::reload}, HostTime{1}, reload));
     EXPECT_EQ(allocations() - allocated, 0U);
   }
-  EXPECT_EQ(engine.channels()[0]->grid().period(), std::chrono::milliseconds(2));
+  EXPECT_EQ(engine.channels()[0]->sensor.grid().period(), std::chrono::milliseconds(2));
 }
 
 // From a pty with a reader to a file, to a slow pty, and back to a file; with faults, the port under them.
@@ -77,7 +77,7 @@ TEST_F(LiveTest, AnExchangeOfPortsAllocatesAndLocksNothing) {
       EXPECT_EQ(allocated, 0U);
       EXPECT_EQ(locked, 0U);
       EXPECT_NE(reload.lines[0].port.get(), opened);
-      EXPECT_EQ(&channel.port(0) == opened, !faults);
+      EXPECT_EQ(&*channel.lines.all()[0].port == opened, !faults);
     }
   }
 }

@@ -45,9 +45,9 @@ class HostPort final : public Port {
 };
 
 // A unit that turns about x with a rate, rad/s, that is a function of the time, and has as many m/s^2 along y.
-class Unit {
+class TurningUnit {
  public:
-  Unit(const std::string& protocol, const std::vector<std::string>& assignments) {
+  TurningUnit(const std::string& protocol, const std::vector<std::string>& assignments) {
     const std::string path = folder_ / "config.toml";
     std::ofstream(path) << "clock = \"lockstep\"\n[truth]\nport = \"udp:127.0.0.1:9810\"\n[[imu]]\nprotocol = \""
                         << protocol << "\"\nport = \"pty:imu1\"\nmodel = \"ideal\"\n";
@@ -61,7 +61,7 @@ class Unit {
       return port;
     });
     channel_->power_on({});
-    channel_->start_samples();
+    channel_->sensor.clock().start_samples();
   }
 
   const ImuModel& model() const { return config_.model; }
@@ -80,7 +80,7 @@ class Unit {
       truth.specific_force_B = {0, truth.omega_BN_B.x(), 0};
       truth.has_specific_force = true;
       timeline.push(truth);
-      channel_->sense(timeline, truth.time, k_++);
+      channel_->sensor.sense(timeline, truth.time, k_++);
       channel_->prepare(std::nullopt, false);
       channel_->encode();
       channel_->transmit();
@@ -102,7 +102,7 @@ class Unit {
 
 // Returns the gain and the phase, as a complex number, of rate and specific force at a frequency that divides the
 // sample rate `rate_hz`, from the last second of two.
-std::array<Complex, 2> response(Unit& unit, int rate_hz, int hz) {
+std::array<Complex, 2> response(TurningUnit& unit, int rate_hz, int hz) {
   const auto sine = [&](double t) { return std::sin(2 * M_PI * hz * t); };
   const std::vector<Measurement> all = unit.run(sine, 2 * rate_hz);
   EXPECT_EQ(all.size(), 2 * static_cast<std::size_t>(rate_hz));
@@ -116,7 +116,7 @@ std::array<Complex, 2> response(Unit& unit, int rate_hz, int hz) {
 }
 
 // Returns by how much a ramp of the rate is late, s.
-double delay(Unit& unit, int rate_hz) {
+double delay(TurningUnit& unit, int rate_hz) {
   const std::vector<Measurement> all = unit.run([](double t) { return t; }, rate_hz);
   return (rate_hz - 1.0) / rate_hz - all.back().sample.rate.x();
 }
@@ -125,7 +125,7 @@ constexpr const char* stim300_at_2000_hz[] = {"device.start_up=false", "device.s
                                               "device.bit_rate=1843200", "device.inclination=false",
                                               "device.temperature=false"};
 
-Unit stim300(bool filters) {
+TurningUnit stim300(bool filters) {
   std::vector<std::string> assignments(std::begin(stim300_at_2000_hz), std::end(stim300_at_2000_hz));
   if (filters) assignments.emplace_back("device_filters=true");
   return {"stim300", assignments};
@@ -136,7 +136,7 @@ SensorFilter low_pass(double hz) { return {.cut_off_hz = Vector3::Constant(hz)};
 // The LSB of the rate is 1.1e-6 rad/s, that of the specific force 1.9e-5 m/s^2: their rounding, some 0.3 LSB at each
 // sample, leaves 1e-7 of the amplitude after 2000 samples.
 TEST(DeviceFilters, OfAStim300HaveTheGainAndPhaseStated) {
-  Unit unit = stim300(true);
+  TurningUnit unit = stim300(true);
   EXPECT_EQ(unit.model().gyro.filter, low_pass(262));
   const auto compare = [&](double gyro_hz, double force_hz) {
     for (const int hz : {1, 16, 40, 100, 250, 500}) {
@@ -158,8 +158,8 @@ TEST(DeviceFilters, OfAStim300HaveTheGainAndPhaseStated) {
 
 // Register 85: the windows of magnetometer, accelerometer, gyro, temperature and pressure, then their modes.
 TEST(DeviceFilters, OfAVectorNavAreTheWindowsOfRegister85) {
-  Unit unit("vectornav", {"device_filters=true", "device.baud=921600", "device.async_type=0",
-                          "device.binary_1=\"1,1,01,0120\""});  // rate and acceleration, 800 Hz
+  TurningUnit unit("vectornav", {"device_filters=true", "device.baud=921600", "device.async_type=0",
+                                 "device.binary_1=\"1,1,01,0120\""});  // rate and acceleration, 800 Hz
   const auto compare = [&](int gyro, int accelerometer) {
     for (const int hz : {1, 20, 50, 160, 200})
       for (const auto& [i, window] : {std::pair{0U, gyro}, {1U, accelerometer}})
@@ -175,7 +175,7 @@ TEST(DeviceFilters, OfAVectorNavAreTheWindowsOfRegister85) {
 }
 
 TEST(DeviceFilters, AreOffWithoutTheKey) {
-  Unit unit = stim300(false);
+  TurningUnit unit = stim300(false);
   EXPECT_FALSE(unit.model().gyro.filter.is_on());
   EXPECT_LT(std::abs(response(unit, 2000, 500)[0] - 1.0), 2e-6);
   EXPECT_NEAR(delay(unit, 2000), 0, 3e-6);

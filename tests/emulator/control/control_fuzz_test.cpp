@@ -101,7 +101,7 @@ class ControlFuzz::Target {
   void begin() {
     Engine& engine = run_.engine();
     RunCounters counters{&engine.intake().counters(), &engine.quality(), {}};
-    for (const auto& channel : engine.channels()) counters.imus.emplace_back(channel->name(), &channel->counters());
+    for (const auto& channel : engine.channels()) counters.imus.emplace_back(channel->name, &channel->counters);
     counters.faults = &engine.faults();
     counters.control = &control_.counters;
     monitor_.emplace(counters, fuzz_.config_, Monitor::Options{});

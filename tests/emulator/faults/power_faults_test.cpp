@@ -143,13 +143,13 @@ TEST_F(PowerFaultsRun, ACommandSwitchesTheSupply) {
   PoweredUnit unit(config, true), cycled(config, false);
   const auto none = std::span<const PowerWindow>();
   for (std::uint64_t k = 0; k < 3000; ++k) {
-    if (k == 1000) unit.channel->set_supply(false, unit.instant(1000));
+    if (k == 1000) unit.channel->execute({.kind = Command::Kind::power_off}, unit.book, unit.instant(1000));
     if (k == 1001) {
       EXPECT_EQ(unit.ask("SERVICEMODE\r"), "");
       unit.channel->cycle_power(unit.instant(1001));
     }
     if (k == 2000) {
-      unit.channel->set_supply(true, unit.instant(2000));
+      unit.channel->execute({.kind = Command::Kind::power_on}, unit.book, unit.instant(2000));
       cycled.channel->cycle_power(cycled.instant(2000));
     }
     const std::vector<std::byte> got = unit.step(none), wanted = cycled.step();

@@ -51,12 +51,12 @@ class PoweredUnit {
     });
     if (has_faults) channel->enable_faults(config, 1);
     channel->power_on(HostTime{});
-    channel->start_samples();
+    channel->sensor.clock().start_samples();
   }
-  HostTime instant(std::uint64_t k) const { return HostTime{} + channel->grid().offset(k); }
+  HostTime instant(std::uint64_t k) const { return HostTime{} + channel->sensor.grid().offset(k); }
   // Returns what leaves with the next sample.
   std::vector<std::byte> step(std::span<const PowerWindow> windows = {}) {
-    channel->sense_at_rest(channel->grid().nominal_offset(next), next);
+    channel->sensor.sense_at_rest(channel->sensor.grid().nominal_offset(next), next);
     if (!windows.empty()) channel->set_faults({}, active_at(windows, next));
     channel->prepare(std::nullopt, false);
     channel->encode();
@@ -74,6 +74,7 @@ class PoweredUnit {
     return answer;
   }
 
+  FaultBook book{{}, false};
   std::optional<Channel> channel;
   KeepingPort* inner = nullptr;
   std::uint64_t next = 0;

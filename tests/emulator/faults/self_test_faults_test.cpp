@@ -82,7 +82,7 @@ TEST_F(SelfTestFaultsTest, StatusOfUnitsOnACanBus) {
 // Built-in test (0x01, 0x05), and continuous built-in test (0x01, 0x08).
 TEST(SelfTestFaults, AnswersOfAMipUnit) {
   using namespace mip_test;
-  Unit unit;
+  mip_test::Unit unit;
   unit.run(1);
   for (const bool has_failed : {false, true, false}) {
     unit.sample.status = has_failed ? status::self_test_failed : 0;

@@ -34,7 +34,7 @@ class RecordPaceTest : public RecordTest {
     Seen seen{};
     const PaceOptions pace{config_.realtime.spin, config_.realtime.skip_after};
     sent = repeat(config_, host, {.pace = pace}, [&](const Engine& engine) {
-      const ImuCounters& counters = engine.channels()[0]->counters();
+      const ImuCounters& counters = engine.channels()[0]->counters;
       seen = {counters.samples, counters.missed, counters.skipped, counters.lateness.count()};
     })[0];
     return seen;
@@ -80,7 +80,7 @@ TEST_F(RecordPaceTest, AStopEndsTheWait) {
   std::string sent;
   Engine engine(run.adapted(config_), run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent); }));
   run.run(engine, host, {.pace = PaceOptions{}}, host.stop);
-  EXPECT_EQ(engine.channels()[0]->counters().samples, 2U) << "at 0 and 1 s";
+  EXPECT_EQ(engine.channels()[0]->counters.samples, 2U) << "at 0 and 1 s";
   EXPECT_LE(host.now(), begin + 1300ms + 20ms);
 }
 

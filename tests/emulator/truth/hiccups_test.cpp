@@ -255,8 +255,8 @@ TEST_F(Hiccups, AFaultThatBeginsBeforeTheFirstTruthActs) {
         std::vector<std::string> wrong;
         const std::string text = fmt::format("target = \"gyro.x\"\nkind = \"bias\"\nvalue = 1\nfor_s = {}\n", for_s);
         const std::uint32_t number = engine.faults().add(read_begun_fault(text, 0, imus_, wrong), text);
-        next = engine.channels()[0]->next_sample();
-        engine.channels()[0]->begin_fault(engine.faults()[number], number);
+        next = engine.channels()[0]->sensor.imu().next();
+        engine.apply(Step::command({.kind = Command::Kind::fault_begin, .number = number}, HostTime{}));
       };
       imus_ = config(rate_hz, "").imus;
       run.run(3.5);

@@ -1,0 +1,116 @@
+// Lines: the ports of an emulated sensor, between the frames of its device and the descriptors.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "emulator/faults/fault_schedule.hpp"
+#include "emulator/ground/counters.hpp"
+#include "emulator/ground/step_sink.hpp"
+#include "emulator/imu/copies.hpp"
+#include "emulator/imu/device_line.hpp"
+#include "emulator/imu/ports.hpp"
+#include "emulator/imu/reload.hpp"
+#include "emulator/plan/config.hpp"
+#include "protocols/protocol.hpp"
+
+namespace imud {
+
+// One line, or two if the product's second UART is connected, by Frame::uart; and the copies of the first. After
+// construction nothing here allocates, locks or throws, except enable_faults() and commit(), and only the wait functions
+// wait. One thread; replaced() may be used by any.
+class Lines {
+ public:
+  // Opens the ports of the imu with that number. `device` has the settings of its UARTs. Throws PortError.
+  Lines(const ImuConfig& config, std::size_t imu, const Ports& ports, const Device& device, StepSink& sink);
+  // Wraps the ports, so that faults of the wire act on them. `faults`: of the run.
+  void enable_faults(const ImuConfig& config, std::uint64_t seed, std::span<const FaultConfig> faults);
+  // Sets the faults of the wire of the sample at `time`, after enable_faults().
+  void set_faults(std::span<const ActiveFault> faults, DeviceTime time) noexcept;
+
+  std::span<DeviceLine> all() noexcept { return {lines_.data(), count_}; }
+  std::span<const DeviceLine> all() const noexcept { return {lines_.data(), count_}; }
+  Copies& copies() noexcept { return copies_; }
+  // The filters of the CAN bus (Port::set_filters()). They do not change: any thread.
+  std::span<const CanFilter> can_filters() const noexcept { return can_filters_; }
+
+  // Passes frames of the device's time `time` to the ports of their UARTs, by Port::reply() or by Port::send().
+  void send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept;
+  // A device answers with its old settings; the new ones apply to all that is sent afterwards.
+  void set_uarts(const Device& device) noexcept;
+  // Calls propose(uart, Port::Received) for what the host has sent, at most some 256 bytes from each port. Sets
+  // `has_received`. Returns false if ::poll() would return at once again, because of more bytes or a lasting error.
+  template <class Propose>
+  bool serve(Propose propose, bool& has_received) noexcept;
+  // Returns true while a port holds frames back.
+  bool holds_back() const noexcept;
+  // Sends the frames that the ports hold back, as far as they can now. Returns true if they held any.
+  bool flush() noexcept;
+  // Returns when flush() has to be called next; nullopt if nothing waits for a time.
+  std::optional<HostTime> next_flush() const noexcept;
+  // Waits until each port has room for the frames of a sample, so that nothing is dropped where the host's clock does
+  // not pace; or until all frames are sent. If the reader or the bus accepts nothing for 2 s, the port is no longer
+  // waited for until it has accepted all frames. Also returns when `stop` is set.
+  void wait_for_room(const std::atomic<bool>& stop) noexcept;
+  void wait_until_sent(const std::atomic<bool>& stop) noexcept;
+  // Discards the frames that the ports still hold back; they count as dropped.
+  void discard_pending() noexcept;
+  // Port::commit() of all ports, even if one fails. Throws the first exception.
+  void commit();
+
+  // Exchanges a port for a reload's, which holds the old one afterwards.
+  void exchange(Reload::Line& line) noexcept;
+  // The counts of replaced ports since their replacement. Any thread.
+  struct Replaced {
+    std::atomic<std::uint64_t> sent = 0, replies = 0, dropped = 0, failed = 0;
+  };
+  Replaced& replaced() noexcept { return replaced_; }
+  // Returns true if a port's state is not the state in the counters.
+  bool has_new_state(const ImuCounters& counters) const noexcept;
+  // Computes the counters of the ports again. `lost`: further frames that are dropped.
+  void publish(ImuCounters& counters, std::uint64_t lost) const noexcept;
+
+ private:
+  void add_interfaces(const std::string& imu, StepSink& sink);
+  void add_filters(const Protocol& protocol, const Settings& settings, double rate_hz);
+  void publish_bus(ImuCounters& counters) const noexcept;
+
+  const bool is_can_;
+  StepSink& sink_;
+  std::array<DeviceLine, 2> lines_;  // by Frame::uart
+  std::size_t count_ = 1;
+  bool are_files_ = true;  // DeviceLine::is_file of all
+  Replaced replaced_;
+  std::vector<CanFilter> can_filters_;
+  Copies copies_;  // of the first line
+};
+
+template <class Propose>
+bool Lines::serve(Propose propose, bool& has_received) noexcept {
+  has_received = false;
+  if (!copies_.empty()) copies_.serve();
+  if (are_files_) return false;
+  // The limit of one call, so that a flood from the host does not delay samples. Between two calls no line carries as
+  // much.
+  constexpr std::size_t most_served = 256, per_frame = 16;
+  bool has_more = false;
+  for (std::size_t uart = 0; uart < count_; ++uart) {
+    std::size_t received = 0;  // bytes, with a surcharge for each frame
+    while (received < most_served && !lines_[uart].is_file) {
+      const auto chunk = lines_[uart].port->receive();
+      if (!chunk) break;
+      received += per_frame + chunk->frame.bytes.size();
+      propose(uart, *chunk);
+    }
+    has_received = has_received || received > 0;
+    has_more = has_more || received >= most_served;
+  }
+  return has_received && !has_more;
+}
+
+}  // namespace imud

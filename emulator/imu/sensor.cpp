@@ -1,0 +1,77 @@
+#include "emulator/imu/sensor.hpp"
+
+#include <chrono>
+#include <utility>
+
+#include "transports/host_clock.hpp"
+
+namespace imud {
+
+Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* faults)
+    : grid_(config.grid),
+      imu_(config.model, seed, stream_id(config.name)),
+      clock_(config.grid),
+      device_filters_(config.device_filters),
+      filters_{config.model.gyro.filter, config.model.accelerometer.filter, config.model.magnetometer.filter},
+      faults_(faults) {
+  if (device_filters_) imu_.reserve_filters(Device::longest_boxcar);
+  if (faults_ == nullptr) return;
+  const auto utc = std::chrono::system_clock::now().time_since_epoch();
+  utc_offset_ns_ = std::chrono::duration_cast<Nanoseconds>(utc).count() - host_now().ns;
+}
+
+std::optional<std::int64_t> Sensor::utc_ns_of(DeviceTime time) const noexcept {
+  const std::optional<HostTime> host = clock_.host_time(time);
+  return host ? std::optional(host->ns + utc_offset_ns_) : std::nullopt;
+}
+
+void Sensor::begin_run(TruthTime begin) noexcept {
+  pass_over();
+  has_leapt_ = false;
+  run_begin_ = begin;
+  if (faults_ != nullptr) faults_->begin_run();
+}
+
+void Sensor::pass_over() noexcept {
+  if (!is_resting_) imu_.begin_run();  // otherwise the first sample of the truth begins the run
+  has_sampled_ = false;
+  has_leapt_ = true;
+  if (faults_ != nullptr) faults_->pass_over();
+}
+
+void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
+  has_sampled_ = true;
+  is_resting_ = false;
+  sample_ = imu_.sample(timeline, time, clock_.stamp(k));
+  ahead_ = imu_.advanced_to() - timeline.newest();
+  if (std::exchange(has_leapt_, false)) sample_.status |= status::truth_extrapolated;
+  if (faults_ != nullptr) faults_->take(sample_, time - run_begin_, utc_ns_of(sample_.time));
+}
+
+void Sensor::sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept {
+  is_resting_ = true;
+  ahead_ = Nanoseconds{0};
+  sample_ = imu_.sample_at_rest(since_power_on, clock_.stamp(k));
+  if (faults_ != nullptr && faults_->acts_at_rest())
+    faults_->take_at_rest(sample_, since_power_on, utc_ns_of(sample_.time));
+}
+
+void Sensor::set_filters(const std::optional<SensorFilters>& filters) noexcept {
+  if (!device_filters_ || !filters || *filters == filters_) return;
+  filters_ = *filters;
+  imu_.set_filters(filters_);
+}
+
+void Sensor::exchange(Reload::Sensor& next) noexcept {
+  if (next.keeps_gyro_bias) next.imu.set_bias(Quantity::rate, imu_.bias(Quantity::rate));
+  if (next.keeps_accelerometer_bias)
+    next.imu.set_bias(Quantity::specific_force, imu_.bias(Quantity::specific_force));
+  if (device_filters_) next.imu.set_filters(filters_);
+  next.imu.continue_from(imu_);
+  std::swap(imu_, next.imu);
+  if (!next.grid) return;
+  grid_ = *next.grid;
+  clock_.change(grid_);
+}
+
+}  // namespace imud

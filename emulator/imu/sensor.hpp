@@ -1,0 +1,78 @@
+// Sensor: the sensing part of an emulated sensor, from the truth at an instant to a Sample.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/imu.hpp"
+#include "core/timeline.hpp"
+#include "emulator/faults/channel_faults.hpp"
+#include "emulator/imu/device_clock.hpp"
+#include "emulator/imu/reload.hpp"
+#include "emulator/plan/config.hpp"
+
+namespace imud {
+
+// The model with its grid and the device's clock, and the faults of the sensors. After construction nothing here
+// allocates, locks or throws. One thread.
+class Sensor {
+ public:
+  // `faults`: of the imu; nullptr: there are none.
+  Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* faults);
+
+  Imu& imu() noexcept { return imu_; }
+  const Imu& imu() const noexcept { return imu_; }
+  DeviceClock& clock() noexcept { return clock_; }
+  const DeviceClock& clock() const noexcept { return clock_; }
+  const Grid& grid() const noexcept { return grid_; }
+  // The last sample that was taken.
+  Sample& sample() noexcept { return sample_; }
+  const Sample& sample() const noexcept { return sample_; }
+  // Returns how far it was ahead of the newest truth.
+  Nanoseconds ahead() const noexcept { return ahead_; }
+  // Returns true if it was taken at rest.
+  bool is_resting() const noexcept { return is_resting_; }
+  // Returns the time up to which the truth of this run was used; nullopt before its first sample.
+  std::optional<TruthTime> used_until() const noexcept {
+    return has_sampled_ ? std::optional(imu_.advanced_to()) : std::nullopt;
+  }
+
+  // Begins a run of the truth, whose first truth is at `begin`. The first sample has no increments.
+  void begin_run(TruthTime begin) noexcept;
+  // Continues the run after its time has leapt. The next sample has no increments and is flagged as extrapolated.
+  void pass_over() noexcept;
+  // Take the sample of instant `k` of the grid, of the truth at `time` or of a vehicle at rest.
+  void sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept;
+  void sense_at_rest(Nanoseconds since_power_on, std::uint64_t k) noexcept;
+  // Integrates the truth up to `until`, which is not after the next sample (Imu::advance()).
+  void advance(const Timeline& timeline, TruthTime until) noexcept {
+    if (has_sampled_) imu_.advance(timeline, until);
+  }
+  // The next sample has the turn-on errors of another start.
+  void restart() noexcept { imu_.power_on(++power_ons_); }
+  // Filters as the device's settings have them. Without effect unless the product has such settings.
+  void set_filters(const std::optional<SensorFilters>& filters) noexcept;
+  // Exchanges the model for a reload's, which goes on where the old one was (Imu::continue_from()).
+  void exchange(Reload::Sensor& next) noexcept;
+
+ private:
+  // Returns the UTC, ns since 1970, of a time of the clock; nullopt if the host's clock does not pace it.
+  std::optional<std::int64_t> utc_ns_of(DeviceTime time) const noexcept;
+
+  Grid grid_;
+  Imu imu_;
+  DeviceClock clock_;
+  const bool device_filters_;  // the device's settings have the filters
+  SensorFilters filters_;      // if device_filters_
+  ChannelFaults* const faults_;
+  std::int64_t utc_offset_ns_ = 0;  // UTC, ns since 1970, less host time, if there are faults
+  bool is_resting_ = false;
+  bool has_sampled_ = false;     // in this run
+  bool has_leapt_ = false;       // since the last sample
+  TruthTime run_begin_;          // from which the times of faults count
+  std::uint64_t power_ons_ = 0;  // after the first
+  Sample sample_;
+  Nanoseconds ahead_{0};
+};
+
+}  // namespace imud
