@@ -96,6 +96,51 @@ for path in sorted({path.parent for folder in (*RULES, "tests") for path in (roo
     if count > MOST_FILES:
         faults.append(f"{path.relative_to(root)}: {count} files in one folder, more than {MOST_FILES}: divide it")
 
+def public_functions(body, is_public):
+    """Counts the public functions that the body of a class declares or defines, but not those that it overrides."""
+    count, chunk, at = 0, "", 0
+    while at < len(body):
+        char = body[at]
+        if char == "{":
+            depth, end = 1, at + 1
+            while depth:
+                depth += {"{": 1, "}": -1}.get(body[end], 0)
+                end += 1
+            at, char = end - 1, ";" if re.search(r"\)[\w\s:&,()]*$|^\s*(struct|class|enum|union)\b", chunk) else ""
+        if char == ";":
+            text = chunk.strip()
+            is_type = re.match(r"(struct|class|enum|union|using|friend|static_assert)\b", text)
+            if is_public and not is_type and not text.endswith("override") and re.match(r"[^=(]*\(|.*\boperator\b", text, re.DOTALL):
+                count += 1
+            chunk = ""
+        elif char == ":" and (access := re.search(r"(?:^|\s)(public|protected|private)\s*$", chunk)):
+            is_public, chunk = access[1] == "public", ""
+        else:
+            chunk += char
+        at += 1
+    return count
+
+
+# The seams between folders, whose implementations may have them all; and a function for each quantity of a product.
+WIDE = {"Device", "Port", "Quantities"}
+MOST_FUNCTIONS = 20
+classes = 0
+for folder in RULES:
+    for path in sorted((root / folder).rglob("*.hpp")):
+        text = re.sub(r"//.*|\"(?:[^\"\\\n]|\\.)*\"|'(?:[^'\\\n]|\\.)'", "", path.read_text())
+        for match in re.finditer(r"\b(class|struct) (\w+)[^;{}()]*\{", text):
+            depth, end = 1, match.end()
+            while depth:
+                depth += {"{": 1, "}": -1}.get(text[end], 0)
+                end += 1
+            classes += 1
+            count = public_functions(text[match.end():end - 1], match[1] == "struct")
+            if count > MOST_FUNCTIONS and match[2] not in WIDE:
+                faults.append(f"{path.relative_to(root)}: {match[2]} has {count} public functions, more than "
+                              f"{MOST_FUNCTIONS}: divide it")
+if classes < 300:
+    faults.append(f"only {classes} classes were counted")
+
 # Code asks for the properties of a transport, not for its name. A text for people may contain a port, but not begin with it.
 names = [name.replace("_", "-") for path in sorted((root / "transports").glob("*.cpp"))
          for name in re.findall(r'constexpr Transport (\w+)_transport = ', path.read_text())]

@@ -40,7 +40,7 @@ bool Hosts::serve_inputs(HostTime now) noexcept {
 bool Hosts::serve(Channel& channel, HostTime now) noexcept {
   const auto propose = [&](std::size_t uart, const Port::Received& received) {
     const std::uint64_t replies = channel.reply_count;
-    engine_.apply(Step::receive(channel.number, uart, now, received.frame, received.time));
+    engine_.apply(Step::receive(channel.number, uart, now, {.frame = received.frame, .arrival = received.time}));
     if (clock_ != nullptr && channel.reply_count != replies)
       channel.counters.reply.add(std::max(0.0, seconds(clock_->now() - received.time)));
   };

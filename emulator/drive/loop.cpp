@@ -184,7 +184,7 @@ void Loop::send_all() noexcept {
   hosts_.flush();
   if (paced_) return;
   for (const auto& channel : engine_.channels())
-    if (channel->lines.holds_back()) channel->wait_until_sent(stop_);
+    if (channel->lines.flush()) channel->wait_until_sent(stop_);
 }
 
 void Loop::begin_run() noexcept {

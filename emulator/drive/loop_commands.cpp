@@ -35,7 +35,9 @@ void Loop::execute_commands() noexcept {
 
 void Loop::execute(const Command& command, HostTime now) noexcept {
   Reload* const reload = command.kind == Command::Kind::reload ? engine_.control()->reload : nullptr;
-  engine_.apply(Step::command(command, now, reload));
+  const std::span text(command.text.data(), command.text_size);
+  const Step::Content content{.frame = {std::as_bytes(text)}, .reload = reload};
+  engine_.apply(Step::command(command, now, &content));
   change_pacing(command);
   if (reload == nullptr) return;
   for (const Command& change : reload->commands) change_pacing(change);

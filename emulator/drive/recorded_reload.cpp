@@ -16,7 +16,8 @@ void RecordedRun::add_to_reload(std::span<const std::byte> piece) {
     Config next = config_of_text(reload_text_);
     Reload reload(config_, next, imus_, config_.seed);
     config_ = std::move(next);
-    engine_->apply(Step::command({.kind = Command::Kind::reload}, HostTime{event.a}, &reload));
+    const Step::Content content{.reload = &reload};
+    engine_->apply(Step::command({.kind = Command::Kind::reload}, HostTime{event.a}, &content));
     --reloads_missing_;
   } catch (const std::exception&) {  // of a damaged record
   }

@@ -226,7 +226,8 @@ void RecordedRun::receive(const RecordEvent& event, std::span<const std::byte> b
   if (link == link_type::can_socketcan) frame = decode_can_packet(bytes);
   if (!frame) return;
   for_imus(event, [&](std::uint16_t imu) {
-    engine_->apply(Step::receive(imu, event.flags, HostTime{event.a}, *frame, HostTime{event.a}));
+    engine_->apply(
+        Step::receive(imu, event.flags, HostTime{event.a}, {.frame = *frame, .arrival = HostTime{event.a}}));
   });
 }
 

@@ -216,11 +216,12 @@ void Engine::complete() noexcept {
 
 void Engine::receive(Channel& channel, const Step& step) noexcept {
   const std::size_t uart = step.event.flags;
-  if (uart >= channel.lines.all().size()) return;
+  if (uart >= channel.lines.all().size() || step.content == nullptr) return;
+  const auto& [frame, arrival, unused] = *step.content;
   record(step);
   const auto host = static_cast<std::uint16_t>(channel.lines.all()[uart].interface + 1);
-  sink_.packet(host, PacketDirection::inbound, step.arrival, step.frame);
-  channel.receive(step.frame, uart, HostTime{step.event.a});
+  sink_.packet(host, PacketDirection::inbound, arrival, frame);
+  channel.receive(frame, uart, HostTime{step.event.a});
 }
 
 void Engine::poll(HostTime now) noexcept {

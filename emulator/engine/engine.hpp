@@ -46,13 +46,11 @@ class Engine {
   RunControl* control() const noexcept { return control_; }
   // The faults of the run, and their begins and ends so far.
   FaultBook& faults() noexcept { return faults_; }
-  const FaultBook& faults() const noexcept { return faults_; }
   TruthIntake& intake() noexcept { return intake_; }
   const TruthIntake& intake() const noexcept { return intake_; }
   const Timeline& timeline() const noexcept { return timeline_; }
   std::span<const std::unique_ptr<Channel>> channels() const noexcept { return channels_; }
   TruthQuality& quality() noexcept { return quality_; }
-  const TruthQuality& quality() const noexcept { return quality_; }
 
   // Returns true from the first run on.
   bool in_run() const noexcept { return in_run_; }

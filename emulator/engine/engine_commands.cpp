@@ -11,27 +11,28 @@ namespace imud {
 void Engine::record_command(const Step& step) noexcept {
   if (!sink_.keeps()) return;
   RecordEvent event = step.event;
-  if (step.reload != nullptr) event.c = static_cast<std::int64_t>(step.reload->text.size());
+  const Step::Content content = step.content != nullptr ? *step.content : Step::Content{};
+  if (content.reload != nullptr) event.c = static_cast<std::int64_t>(content.reload->text.size());
   record(event, step.imu);
   const auto add = [&](std::string_view text) {
     sink_.packet(0, PacketDirection::unknown, HostTime{step.event.a}, {std::as_bytes(std::span(text))});
   };
   if (step.event.type == Step::Type::mark)
-    return sink_.packet(0, PacketDirection::unknown, HostTime{step.event.a}, step.frame);
+    return sink_.packet(0, PacketDirection::unknown, HostTime{step.event.a}, content.frame);
   if (step.command_kind() == Command::Kind::fault_begin)
     add(faults_.text(static_cast<std::uint32_t>(step.command_number())));
-  if (step.reload == nullptr) return;
+  if (content.reload == nullptr) return;
   constexpr std::size_t piece = std::size_t{64} * 1024;
-  for (std::string_view rest = step.reload->text; !rest.empty(); rest.remove_prefix(std::min(piece, rest.size())))
+  for (std::string_view rest = content.reload->text; !rest.empty(); rest.remove_prefix(std::min(piece, rest.size())))
     add(rest.substr(0, piece));
 }
 
 void Engine::execute(const Step& step) noexcept {
   const HostTime now{step.event.a};
   const bool is_reload = step.event.type == Step::Type::command && step.command_kind() == Command::Kind::reload;
-  if (is_reload && step.reload == nullptr) return;
+  if (is_reload && (step.content == nullptr || step.content->reload == nullptr)) return;
   record_command(step);
-  if (is_reload) return reload(*step.reload, now);
+  if (is_reload) return reload(*step.content->reload, now);
   const Command command{
       .kind = step.command_kind(), .imu = step.imu, .value = step.command_value(), .number = step.command_number()};
   if (step.imu < channels_.size()) return channels_[step.imu]->execute(command, faults_, now);

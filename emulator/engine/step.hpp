@@ -15,18 +15,22 @@ namespace imud {
 struct Reload;
 
 // A step has the kinds and numbers of the record (RecordEvent), so that a recorded event is a step when the
-// number of its imu is known. `frame` and `reload` outlive the step.
+// number of its imu is known.
 struct Step {
+  // The rest of a step beside its event. It outlives the step.
+  struct Content {
+    Frame frame = {};          // of `receive`: what the host has sent; of `mark`: its text
+    HostTime arrival = {};     // of `receive`: when the host's bytes arrived
+    Reload* reload = nullptr;  // of a reload
+  };
   using Type = RecordEvent::Type;
   static constexpr std::uint16_t all_imus = RecordEvent::all_imus;
 
   // `interface` is not used.
   RecordEvent event;
   std::uint16_t imu = all_imus;  // its number in the engine
-  Frame frame = {};              // of `receive`: what the host has sent; of `mark`: its text
-  HostTime arrival = {};         // of `receive`: when the host's bytes arrived
-  Reload* reload = nullptr;      // of a reload
   bool at_once = false;          // of `sample`: its frames leave now, apart from the prepared samples
+  const Content* content = nullptr;
 
   // The sensor's power goes on, and its clock runs from `origin` on.
   static Step power_on(std::size_t imu, HostTime origin) noexcept {
@@ -68,28 +72,24 @@ struct Step {
   static Step transmit(HostTime instant, bool skipped) noexcept {
     return {{.type = Type::transmit, .flags = skipped ? RecordEvent::skipped : std::uint8_t{0}, .a = instant.ns}};
   }
-  // The device executes what its host has sent to the UART.
-  static Step receive(std::size_t imu, std::size_t uart, HostTime now, const Frame& frame,
-                      HostTime arrival) noexcept {
-    return {.event = {.type = Type::receive, .flags = static_cast<std::uint8_t>(uart), .a = now.ns},
-            .imu = static_cast<std::uint16_t>(imu),
-            .frame = frame,
-            .arrival = arrival};
+  // The device executes what its host has sent to the UART: Content::frame and Content::arrival.
+  static Step receive(std::size_t imu, std::size_t uart, HostTime now, const Content& content) noexcept {
+    Step step = of(imu, {.type = Type::receive, .flags = static_cast<std::uint8_t>(uart), .a = now.ns});
+    step.content = &content;
+    return step;
   }
   // The deadlines of the devices and of the truth format are polled up to `now`.
   static Step deadlines(HostTime now) noexcept { return {{.type = Type::deadlines, .a = now.ns}}; }
-  // A command is executed. `reload`: of a reload.
-  static Step command(const Command& command, HostTime now, Reload* reload = nullptr) noexcept {
+  // A command is executed. `content`: the text of a mark, or the changes of a reload.
+  static Step command(const Command& command, HostTime now, const Content* content = nullptr) noexcept {
     const bool is_mark = command.kind == Command::Kind::mark;
-    Step step{.event = {.type = is_mark ? Type::mark : Type::command,
-                        .flags = static_cast<std::uint8_t>(command.kind),
-                        .a = now.ns,
-                        .b = has_value(command.kind) ? std::bit_cast<std::int64_t>(command.value) : 0,
-                        .c = is_mark ? 0 : static_cast<std::int64_t>(command.number)},
-              .imu = command.imu,
-              .reload = reload};
-    step.frame.bytes = std::as_bytes(std::span(command.text.data(), command.text_size));
-    return step;
+    return {.event = {.type = is_mark ? Type::mark : Type::command,
+                      .flags = static_cast<std::uint8_t>(command.kind),
+                      .a = now.ns,
+                      .b = has_value(command.kind) ? std::bit_cast<std::int64_t>(command.value) : 0,
+                      .c = is_mark ? 0 : static_cast<std::int64_t>(command.number)},
+            .imu = command.imu,
+            .content = content};
   }
   // The run ends.
   static Step end() noexcept { return {{.type = Type::end}}; }

@@ -118,11 +118,6 @@ void Lines::set_uarts(const Device& device) noexcept {
   }
 }
 
-bool Lines::holds_back() const noexcept {
-  return copies_.holds_back() ||
-         std::any_of(all().begin(), all().end(), [](const DeviceLine& line) { return line.holds_back(); });
-}
-
 bool Lines::flush() noexcept {
   bool holds_back = copies_.holds_back();
   copies_.flush();

@@ -22,8 +22,8 @@
 namespace imud {
 
 // One line, or two if the product's second UART is connected, by Frame::uart; and the copies of the first. After
-// construction nothing here allocates, locks or throws, except enable_faults() and commit(), and only the wait functions
-// wait. One thread; replaced() may be used by any.
+// construction nothing here allocates, locks or throws, except enable_faults() and commit(), and only the wait
+// functions wait. One thread; replaced() may be used by any.
 class Lines {
  public:
   // Opens the ports of the imu with that number. `device` has the settings of its UARTs. Throws PortError.
@@ -47,8 +47,6 @@ class Lines {
   // `has_received`. Returns false if ::poll() would return at once again, because of more bytes or a lasting error.
   template <class Propose>
   bool serve(Propose propose, bool& has_received) noexcept;
-  // Returns true while a port holds frames back.
-  bool holds_back() const noexcept;
   // Sends the frames that the ports hold back, as far as they can now. Returns true if they held any.
   bool flush() noexcept;
   // Returns when flush() has to be called next; nullopt if nothing waits for a time.

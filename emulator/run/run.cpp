@@ -77,7 +77,7 @@ bool drive(Engine& engine, const Config& config, const RunOptions& options, Reco
   return drain(engine, realtime || stop ? 50ms : 2000ms);
 }
 
-RunCounters counters_of(const Engine& engine, const RunControl& control, const Recorder* recorder) {
+RunCounters counters_of(Engine& engine, const RunControl& control, const Recorder* recorder) {
   RunCounters counters{&engine.intake().counters(), &engine.quality(), {}, nullptr};
   if (engine.faults().capacity() > 0) counters.faults = &engine.faults();
   if (recorder != nullptr) counters.record = &recorder->counters();
@@ -142,14 +142,14 @@ void check_outputs(const Config& config, const RunOptions& options) {
   }
 }
 
-std::vector<FaultLabel> labels(const Engine& engine, const Config& config) {
+std::vector<FaultLabel> labels(Engine& engine, const Config& config) {
   std::vector<std::string> imus;
   for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
   return fault_labels(engine.faults().all(), imus, engine.faults().log());
 }
 
 // Returns the labels of the engine's faults, as the name of their file asks for.
-std::string labels(const Engine& engine, const Config& config, std::string_view file) {
+std::string labels(Engine& engine, const Config& config, std::string_view file) {
   std::vector<FaultLabel> all = labels(engine, config);
   add_never_begun(engine.faults().configured(), all);
   return file.ends_with(".json") ? labels_json(all) : labels_csv(all);

@@ -152,7 +152,7 @@ class Runs {
   }
   std::string end(Batch& batch, std::size_t run, Engine& engine, const std::string& difference,
                   std::size_t part) const;
-  std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, const Engine& engine, std::size_t part) const;
+  std::vector<FaultLabel> labels(const Batch& batch, std::size_t run, Engine& engine, std::size_t part) const;
   SeedArrays::Run run_for_arrays() const {
     return [this](const Config& config, const Ports& ports, const auto& awaits_truth) {
       const std::atomic<bool> no_stop = false;
@@ -301,8 +301,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
   return with_labels.dump();
 }
 
-std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, const Engine& engine,
-                                     std::size_t part) const {
+std::vector<FaultLabel> Runs::labels(const Batch& batch, std::size_t run, Engine& engine, std::size_t part) const {
   std::vector<std::string> names;
   for (const auto& channel : engine.channels()) names.push_back(channel->name);
   const std::size_t first = run * batch.config.imus.size(), end = first + batch.config.imus.size();

@@ -33,7 +33,8 @@ TEST_F(LiveTest, AReloadAllocatesNothing) {
   for (Reload* reload : {&there, &back}) {
     ASSERT_EQ(reload->sensors.size(), 1U);
     const std::uint64_t allocated = allocations();
-    engine.apply(Step::command({.kind = Command::Kind::reload}, HostTime{1}, reload));
+    const Step::Content content{.reload = reload};
+    engine.apply(Step::command({.kind = Command::Kind::reload}, HostTime{1}, &content));
     EXPECT_EQ(allocations() - allocated, 0U);
   }
   EXPECT_EQ(engine.channels()[0]->sensor.grid().period(), std::chrono::milliseconds(2));
@@ -70,7 +71,8 @@ TEST_F(LiveTest, AnExchangeOfPortsAllocatesAndLocksNothing) {
         count_locks_of_this_thread();
         allocated = allocations();
         locked = locks_taken();
-        engine.apply(Step::command({.kind = Command::Kind::reload}, HostTime{1}, &reload));
+        const Step::Content content{.reload = &reload};
+        engine.apply(Step::command({.kind = Command::Kind::reload}, HostTime{1}, &content));
         allocated = allocations() - allocated;
         locked = locks_taken() - locked;
       }).join();
