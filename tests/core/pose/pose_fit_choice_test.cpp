@@ -39,6 +39,7 @@ Truth hand_held(TruthTime time) {
   truth.q_NB = exp(phi);
   truth.omega_BN_B = right_jacobian(phi, phi_dot);
   truth.r_BN_N = {r[0].value(t), r[1].value(t), r[2].value(t)};
+  truth.v_BN_N = {r[0].first(t), r[1].first(t), r[2].first(t)};
   truth.specific_force_B = truth.q_NB.conjugate() * Vector3(r[0].second(t), r[1].second(t), r[2].second(t) - 9.80665);
   return truth;
 }
@@ -119,6 +120,34 @@ TEST(PoseFitChoice, NoiseChoosesAWideWindow) {
   }
 }
 
+// A truth that leaves has less noise than the one that came, in what is fitted: attitude, and velocity if it is
+// given, otherwise position.
+TEST(PoseFitChoice, TheNoiseOfWhatIsGivenIsReduced) {
+  constexpr double angle = 5e-4, distance = 2e-4, speed = 1e-2;
+  std::mt19937_64 random(8);
+  std::normal_distribution<double> normal(0.0, speed);
+  for (const bool has_velocity : {false, true}) {
+    auto poses = noisy(motions[1], 5s, {angle, distance, 0, 0});
+    for (Truth& pose : poses) {
+      pose.has_velocity = has_velocity;
+      pose.v_BN_N = hand_held(pose.time).v_BN_N + Vector3(normal(random), normal(random), normal(random));
+    }
+    double attitude = 0, position = 0, velocity = 0, count = 0;
+    for (const Truth& truth : fitted(chosen, poses)) {
+      if (truth.time < TruthTime{} + 500ms || truth.time > TruthTime{} + 4500ms) continue;
+      const Truth expected = hand_held(truth.time);
+      attitude += log(truth.q_NB.conjugate() * expected.q_NB).squaredNorm();
+      position += (truth.r_BN_N - expected.r_BN_N).squaredNorm();
+      velocity += (truth.v_BN_N - expected.v_BN_N).squaredNorm();
+      count += 3;
+    }
+    ASSERT_EQ(count, 3 * 401);
+    EXPECT_LT(std::sqrt(attitude / count), 0.5 * angle);
+    EXPECT_LT(std::sqrt(position / count), has_velocity ? 1.1 * distance : 0.5 * distance);
+    EXPECT_LT(std::sqrt(velocity / count), 0.5 * speed) << has_velocity;
+  }
+}
+
 // A motion without noise keeps the shortest window, to the last bit.
 TEST(PoseFitChoice, AFastMotionWithoutNoiseKeepsTheShortestWindow) {
   const auto poses = poses_of(find_pose_motion("coning"), 100, 5s, false);
@@ -142,6 +171,40 @@ TEST(PoseFitChoice, AStepOfTheRateIsFollowed) {
   for (const Truth& truth : derived)
     largest = std::max(largest, std::abs(truth.omega_BN_B.z() - rate(seconds(truth.time - TruthTime{}))));
   EXPECT_LT(largest, 0.05);
+}
+
+// The noise nearby, not the mean of the last half second, tells whether a window is wrong beyond doubt.
+TEST(PoseFitChoice, AStepAfterLoudNoiseIsFollowed) {
+  auto poses = noisy(motions[0], 4s, {1e-6, 1e-6, 0, 0});
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> normal(0.0, 5e-3);
+  const auto rate = [](double t) { return t < 2.3 ? 0.0 : 1.0 - std::exp(-(t - 2.3) / 0.05); };
+  for (Truth& pose : poses) {
+    const double t = seconds(pose.time - TruthTime{}), since = t - 2.3;
+    if (t < 2.0) pose.q_NB = pose.q_NB * exp(Vector3(normal(random), normal(random), normal(random)));
+    if (since > 0) pose.q_NB = exp(Vector3(0, 0, since - 0.05 * (1.0 - std::exp(-since / 0.05)))) * pose.q_NB;
+  }
+  double largest = 0;
+  for (const Truth& truth : fitted(chosen, poses)) {
+    const double t = seconds(truth.time - TruthTime{});
+    if (t > 2.05) largest = std::max(largest, std::abs(truth.omega_BN_B.z() - rate(t)));
+  }
+  EXPECT_LT(largest, 0.08);
+}
+
+// Four probes of a window fit into a capture that is some 45 ms longer than the window.
+TEST(PoseFitChoice, AShortCaptureUsesTheWidestWindowThatFits) {
+  struct {
+    int steps;
+    double before_s, longest_s;  // with one step less, and with these
+  } const cases[] = {{20, 0.06, 0.0849}, {29, 0.0849, 0.12}, {53, 0.1697, 0.24}, {101, 0.3394, 0.48}};
+  for (const auto& c : cases)
+    for (const int less : {1, 0}) {
+      PoseFit fit(chosen);
+      fitted(fit, noisy(motions[0], (c.steps - less) * 10ms, {5e-4, 2e-4, 0, 0}));
+      EXPECT_NEAR(fit.rate_quality().longest_s, less > 0 ? c.before_s : c.longest_s, 1e-4) << c.steps - less;
+      EXPECT_NEAR(fit.force_quality().longest_s, less > 0 ? c.before_s : c.longest_s, 1e-4) << c.steps - less;
+    }
 }
 
 // A simulator's truth is used later by twice the longest delay, whatever is chosen; the first one by three times, as
