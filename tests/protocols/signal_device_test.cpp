@@ -171,6 +171,10 @@ TEST(SignalDeviceTest, XsensFramesAreThoseOfTheVendorsDbc) {
                                 "035#09CF0000EC62", "051#1980", "052#C5E68000", "076#0080004000C0"}));
   s.delta_velocity.z() = -3;  // 2^-17 m/s would be too little: the exponent falls to 13
   EXPECT_EQ(xsens.next(std::chrono::milliseconds(10))[5], "031#0400FE00A0000D");
+
+  // Level, x to the north: half a turn about the axis between north and east, so that the first component is 0.
+  s.q_LP = Quaternion::Identity();
+  EXPECT_EQ(xsens.next(10ms)[3], "021#00005A825A820000");
 }
 
 // --- Schedule ---
@@ -302,6 +306,28 @@ TEST_F(MixedRates, ASampleWithoutOneOfItsMessagesIsNone) {
         << "two samples are mixed";
   }
   EXPECT_GT(line_.decoder->errors().incomplete, 0U);
+}
+
+// No message comes with every sample: those of the shortest period make a set.
+TEST(SignalDecoderTest, ASetWithoutOneOfTheMostFrequentMessagesIsIncomplete) {
+  const Protocol& sbg = protocol_named("sbg-can");
+  for (std::size_t lost = 0; lost < 8; ++lost) {
+    Line line(sbg, settings_of(sbg, "messages=imu_info@50,imu_accel@50,imu_gyro@50,ekf_euler@25"));
+    std::vector<Sample> samples(9);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      samples[i].counter = i;
+      samples[i].time.ns = static_cast<std::int64_t>(i) * 5'000'000;
+    }
+    std::vector<StoredFrame> frames = line.encode_all(samples);
+    ASSERT_EQ(frames.size(), 4U + 3U + 4U);
+    if (lost > 0) frames.erase(frames.begin() + static_cast<std::ptrdiff_t>(lost + 3));
+    Recording got;
+    line.feed(frames, got);
+    line.decoder->finish(got);
+    const bool is_seldom = lost == 7;  // ekf_euler of the last sample
+    EXPECT_EQ(got.measurements.size(), lost == 0 || is_seldom ? 3U : 2U) << lost;
+    EXPECT_EQ(line.decoder->errors().incomplete, lost == 0 || is_seldom ? 0U : 1U) << lost;
+  }
 }
 
 TEST(SignalDecoderTest, SetsWithAnotherCounterAreNotMixed) {

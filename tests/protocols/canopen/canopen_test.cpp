@@ -327,7 +327,8 @@ TEST(Canopen, ListsNothingWithoutANodeId) {
   ASSERT_EQ(messages.size(), 7U);
   const double expected[] = {10, 50, 50, 200, 0, 0, 1};
   for (std::size_t i = 0; i < messages.size(); ++i) EXPECT_EQ(messages[i].max_frames_per_s, expected[i]) << i;
-  for (const char* wrong : {"node_id=128", "tpdo1=rate_f32", "tpdo1=speed", "tpdo3_type=241"})
+  for (const char* wrong : {"node_id=128", "tpdo1=rate_f32", "tpdo1=speed", "tpdo3_type=241", "tpdo3_type=251",
+                            "tpdo1_type=256", "tpdo4_type=256"})
     EXPECT_THROW(protocol.make(settings_of(protocol, wrong)), std::invalid_argument) << wrong;
 }
 

@@ -103,6 +103,14 @@ TEST(VectorNavFields, NoReceiverAndNoEarthGiveZeros) {
     const std::string frame = binary(unit, "28,3FFF,07FF");
     EXPECT_EQ(frame.find_first_not_of('\0', 6 + 0), frame.size() - 2) << model;
   }
+  // Each register of GNSS and INS has no digit but 0, in any format: 2.00E-08 would be an accuracy.
+  Unit without({{"model", std::string("vn-300")}});
+  without.run(1);
+  for (const char* id : {"58", "59", "63", "64"}) {
+    const std::string answer = without.ask("VNRRG," + std::string(id));
+    ASSERT_TRUE(answer.starts_with("$VNRRG," + std::string(id) + ",")) << answer;
+    EXPECT_EQ(answer.substr(10, answer.find('*') - 10).find_first_of("123456789"), std::string::npos) << answer;
+  }
   Unit unit;
   EXPECT_EQ(unit.ask("VNWRG,06,22"), with_xor("VNERR,07")) << "a VN-100 has no VNINS";
   EXPECT_EQ(unit.ask("VNRRG,63"), with_xor("VNERR,08"));
