@@ -83,6 +83,38 @@ TEST(Pcapng, ReadsWhatItWrites) {
   EXPECT_EQ(reader.end_warning(), "");
 }
 
+// The header of LINKTYPE_CAN_SOCKETCAN: the identifier with its flags, the length, the flags of CAN FD, two zeros.
+TEST(Pcapng, ACanPacketHasTheHeaderOfSocketCan) {
+  const struct {
+    CanHeader can;
+    std::size_t size;
+    std::array<unsigned, 6> header;
+  } cases[] = {
+      {{.id = 0x123}, 3, {0x00, 0x00, 0x01, 0x23, 3, 0x00}},
+      {{.id = 0x7FF}, 0, {0x00, 0x00, 0x07, 0xFF, 0, 0x00}},
+      {{.id = 0x18FF0102, .extended = true}, 8, {0x98, 0xFF, 0x01, 0x02, 8, 0x00}},
+      {{.id = 0x7, .remote = true}, 2, {0x40, 0x00, 0x00, 0x07, 2, 0x00}},
+      {{.id = 0x80, .error = true}, 8, {0x20, 0x00, 0x00, 0x80, 8, 0x00}},
+      {{.id = 0x123, .fd = true}, 8, {0x00, 0x00, 0x01, 0x23, 8, 0x04}},
+      {{.id = 0x1FFFFFFF, .extended = true, .fd = true, .bit_rate_switch = true},
+       64,
+       {0x9F, 0xFF, 0xFF, 0xFF, 64, 0x05}},
+  };
+  const std::vector<std::byte> data(64, std::byte{0x5A});
+  for (const auto& c : cases) {
+    std::vector<std::byte> packet, expected;
+    append_can_packet(packet, {std::span(data).first(c.size), c.can});
+    for (const unsigned byte : c.header) expected.push_back(static_cast<std::byte>(byte));
+    expected.resize(8);
+    expected.insert(expected.end(), data.begin(), data.begin() + static_cast<std::ptrdiff_t>(c.size));
+    EXPECT_EQ(packet, expected) << c.can.id;
+    const auto frame = decode_can_packet(packet);
+    ASSERT_TRUE(frame) << c.can.id;
+    EXPECT_EQ(frame->can, c.can);
+    EXPECT_EQ(frame->bytes.size(), c.size);
+  }
+}
+
 // RFC 1071: the sum over a header or datagram with its checksum is 0xFFFF.
 TEST(Pcapng, ChecksumsOfDatagramsAreRight) {
   std::vector<std::byte> packet;

@@ -167,6 +167,23 @@ TEST(CanLog, OneInterfaceOfSeveralIsRead) {
   EXPECT_EQ(channel_of("bus"), 1U);
 }
 
+TEST(CanLog, ChannelsHaveAnyNumberOfDigits) {
+  std::string text;
+  for (const char* interface : {"can8", "can9", "can10", "can99"})
+    for (const CanHeader& header : {standard, fd})
+      text += written(CanLogFormat::asc, header, 4, Nanoseconds{0}, interface);
+  for (const char* interface : {"can8", "can9", "can10", "can99"}) {
+    CanLogReader one(interface);
+    const auto read = frames_of(one, text);
+    ASSERT_EQ(read.size(), 2U) << interface;
+    EXPECT_EQ(read[0].header, standard);
+    EXPECT_EQ(read[1].header, fd);
+  }
+  CanLogReader all;
+  EXPECT_EQ(frames_of(all, text).size(), 8U);
+  EXPECT_EQ(all.read("1.0 A 123 Rx d 0"), CanLogReader::Line::other) << "a channel is decimal";
+}
+
 TEST(CanLog, DamagedLinesAreCounted) {
   using Line = CanLogReader::Line;
   CanLogReader log;
