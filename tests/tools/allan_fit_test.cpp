@@ -84,17 +84,20 @@ TEST(AllanFit, ATermThatIsAbsentIsNotSeen) {
   EXPECT_LE(alarms, 5);
 }
 
-// The values scatter as their standard errors say: in 60 recordings the mean square of the distance in standard
-// errors is 1 +- 0.18.
+// The values scatter as their standard errors say: in 100 recordings the mean square of the distance in standard
+// errors is 1 +- 0.14, for each kind.
 TEST(AllanFit, TheStandardErrorsAreThoseOfTheScatter) {
-  for (const char letter : {'N', 'K'}) {
-    double sum = 0;
-    for (std::uint64_t seed = 100; seed < 160; ++seed) {
-      const auto found = term_of(fit_of({.N = 1, .K = 1}, seed, 20'000), letter);
-      ASSERT_TRUE(found.value.has_value());
-      sum += std::pow((*found.value - 1) / found.error, 2);
+  for (const AllanKind kind : allan_kinds) {
+    double of_N = 0, of_K = 0;
+    for (std::uint64_t seed = 100; seed < 200; ++seed) {
+      const auto fit = fit_of({.N = 1, .K = 3}, seed, 20'000, kind);
+      const auto &N = term_of(fit, 'N'), &K = term_of(fit, 'K');
+      ASSERT_TRUE(N.value && K.value) << name_of(kind) << seed;
+      of_N += std::pow((*N.value - 1) / N.error, 2);
+      of_K += std::pow((*K.value - 3) / K.error, 2);
     }
-    EXPECT_NEAR(sum / 60, 1, 0.75) << letter;
+    EXPECT_NEAR(of_N / 100, 1, 0.55) << name_of(kind);
+    EXPECT_NEAR(of_K / 100, 1, 0.55) << name_of(kind);
   }
 }
 
