@@ -130,6 +130,11 @@ TEST_F(EarthConfigTest, AContradictionThatTheRowsShowIsWarnedOf) {
                        "2025-01-01T00:00:00Z"))
       << date.errors;
   EXPECT_FALSE(contains(run(dated, "[earth]\nstart = 2027-01-15T08:00:00Z\n").errors, "by its own date"));
+  const std::string later = standing("unix_time_s", {"1800003723", "1800003723.1", "1800003723.2"});
+  const ProgramResult both = run(later, "[earth]\nstart = 2026-12-31T23:58:59Z\n");
+  EXPECT_TRUE(
+      contains(both.errors, "is 2027-01-15T09:02:03Z by its own date, and earth.start is 2026-12-31T23:58:59Z"))
+      << both.errors;
 
   // Positions relative to some N.
   const auto positions = [&](const std::string& x) {

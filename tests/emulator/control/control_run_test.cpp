@@ -372,6 +372,31 @@ TEST_F(ControlRun, SubscribersGetSamplesTruthAndEvents) {
   EXPECT_EQ(imud.stop(), 0);
 }
 
+TEST_F(ControlRun, SubscribersGetEachBeginningAndEndOfAFault) {
+  Program imud("imud");
+  const std::string text = read_file(two_imus());
+  start(imud, write("faulty.toml", text + "[[fault]]\nname = \"short\"\nimu = \"imu1\"\ntarget = \"gyro.x\"\nkind = "
+                                          "\"bias\"\nvalue = 0.1\nat_sample = 5\nfor_samples = 10\n"
+                                          "[[fault]]\nname = \"long\"\nimu = \"imu2\"\ntarget = \"gyro.y\"\nkind = "
+                                          "\"bias\"\nvalue = 0.2\nat_sample = 21\n"));
+  ControlClient client(path("socket"));
+  EXPECT_TRUE(client.call("subscribe", {{"what", "events"}}).contains("result"));
+  for (int i = 0; i <= 4; ++i) simulator_.exchange(Simulator::truth(10 * i, static_cast<std::uint32_t>(i), true));
+  std::vector<std::string> events;
+  while (events.size() < 3) {
+    const json event = client.notification("event");
+    ASSERT_FALSE(event.is_null());
+    if (event["event"] == "run") continue;
+    events.push_back(fmt::format("{} {} {} {} {}", event["event"].get<std::string>(),
+                                 event["name"].get<std::string>(), event["imu"].get<std::string>(),
+                                 event["sample"].get<int>(), event["parameters"].dump()));
+  }
+  EXPECT_EQ(events, (std::vector<std::string>{"fault.begin short imu1 5 {\"value\":0.1}",
+                                              "fault.end short imu1 14 {\"value\":0.1}",
+                                              "fault.begin long imu2 21 {\"value\":0.2}"}));
+  EXPECT_EQ(imud.stop(), 0);
+}
+
 TEST_F(ControlRun, CtlFindsTheRunByItsName) {
   ::setenv("XDG_RUNTIME_DIR", folder_.c_str(), 1);
   ::unsetenv("RUNTIME_DIRECTORY");

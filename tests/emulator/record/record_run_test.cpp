@@ -65,6 +65,8 @@ TEST_F(RecordRunTest, ARecordOfACaptureIsWholeAndRepeatsTheBytes) {
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   const auto json = summary();
   EXPECT_EQ(json["record"]["lost"], 0);
+  constexpr auto others = std::filesystem::perms::others_exec;
+  EXPECT_EQ(std::filesystem::status(record()).permissions() & others, std::filesystem::perms::none);
   const std::vector<std::string> all = packets(record());
   EXPECT_EQ(read_file(path("tshark.err")).find("rror"), std::string::npos) << read_file(path("tshark.err"));
   EXPECT_EQ(all.size(), json["record"]["packets"].get<std::size_t>() + 2)

@@ -119,6 +119,7 @@ TEST_F(RealtimeRun, AfterAPauseTheRunGoesOn) {
   run.run(9.1);
   expect_grid(run.left(), Grid(1000), run.at(0.12), 20us);
   EXPECT_EQ(run.quality().resumed, 1U);
+  EXPECT_EQ(run.quality().caught_up, 0U) << "it stays late";
   EXPECT_EQ(run.truth_counters().runs, 1U) << "its time never went back";
   expect_truth(run, 5.4, 9.1, -3.12);
 }
@@ -130,6 +131,7 @@ TEST_F(RealtimeRun, AfterALeapTheRunGoesOn) {
   run.run(4);
   expect_grid(run.left(), Grid(1000), run.at(0.12), 20us);
   EXPECT_EQ(run.quality().resumed, 1U);
+  EXPECT_EQ(run.quality().caught_up, 0U);
   EXPECT_EQ(run.quality().leaps, 1U);
   EXPECT_EQ(run.truth_counters().runs, 1U);
   expect_truth(run, 2.2, 4, 9.87);

@@ -163,6 +163,29 @@ TEST(TruthClock, AnOutlierDoesNotSettleTheDelay) {
   EXPECT_LT(clock.delay_s(), 0.014);
 }
 
+// 99 % of the last 512 arrivals: five that are late are left out, and a sixth is not.
+TEST(TruthClock, AnAutomaticDelayLeavesOutOnePercent) {
+  for (const int late : {5, 6}) {
+    TruthClock clock({.automatic_percent = 99});
+    clock.begin(truth(0), host(0), 1);
+    const auto run = [&](int from, int until) {
+      for (int k = from; k < until; ++k) {
+        const bool is_late = k >= 1000 && k < 1000 + 40 * late && k % 40 == 0;
+        const HostTime arrival = host(0.01 * k + (is_late ? 0.008 : 0));
+        if (k > 101) clock.use(arrival);
+        clock.observe(truth(0.01 * k), arrival, arrival);
+      }
+    };
+    run(1, 102);
+    ASSERT_TRUE(clock.is_settled(host(1.01)));
+    clock.settle(truth(1.01), host(1.01));
+    const double settled_s = clock.delay_s();
+    run(102, 1600);
+    EXPECT_EQ(clock.delay_s() > settled_s + 0.005, late > 5) << late << ' ' << clock.delay_s();
+    EXPECT_EQ(clock.delay_raises(), late > 5 ? 1U : 0U) << late;
+  }
+}
+
 TEST(TruthClock, AnAutomaticDelayIsASecondAtMost) {
   TruthClock clock({.automatic_percent = 99});
   clock.begin(truth(0), host(0), 1);
