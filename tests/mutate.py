@@ -5,6 +5,7 @@ It works in a copy of the tree. A mutant that the compiler refuses is not counte
 the time limit is noticed. Only the tests of the file's own folder are run: another folder's may notice more.
 """
 import argparse
+import contextlib
 import dataclasses
 import pathlib
 import random
@@ -106,11 +107,20 @@ class Tree:
         self.root, self.jobs, self.limits = pathlib.Path(folder), jobs, {}
         listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, check=True,
                                 capture_output=True, text=True).stdout.splitlines()
-        for name in listed:
-            if (ROOT / name).is_file():
-                (self.root / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(ROOT / name, self.root / name)
-        subprocess.run(["cmake", "-G", "Ninja", "-B", "build", "-DCMAKE_BUILD_TYPE=None", "-DIMUD_PRECOMPILE=ON",
+        names = {name for name in listed if (ROOT / name).is_file()}
+        mark = self.root / "build/mutants"
+        if any(self.root.glob("*")) and not mark.exists():
+            sys.exit(f"{folder}: neither empty nor a copy that this program has made")
+        mark.mkdir(parents=True, exist_ok=True)
+        for old in [path for path in self.root.rglob("*") if path.is_file()]:
+            if (name := str(old.relative_to(self.root))) not in names and not name.startswith("build/"):
+                old.unlink()
+        for name in names:
+            source, copy = ROOT / name, self.root / name
+            if not copy.exists() or copy.read_bytes() != source.read_bytes():  # ninja goes by the time of a file
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(source, copy)
+        subprocess.run(["cmake", "-G", "Ninja", "-B", "build", "-DCMAKE_BUILD_TYPE=None",
                         "-DCMAKE_CXX_FLAGS=-O1 -Wno-maybe-uninitialized"], cwd=self.root, check=True,
                        stdout=subprocess.DEVNULL)
 
@@ -163,6 +173,8 @@ def main():
     parser.add_argument("--count", type=int, default=20, help="mutants, drawn at random; 0: all (default: 20)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw (default: 1)")
     parser.add_argument("--jobs", type=int, default=2, help="number of compiler jobs (default: 2)")
+    parser.add_argument("--tree", metavar="FOLDER", type=pathlib.Path,
+                        help="the copy and its build, kept for later runs (default: one that is removed)")
     parser.add_argument("--list", action="store_true", help="only print the mutants")
     options = parser.parse_args()
     if bool(options.file) == bool(options.since):
@@ -188,8 +200,8 @@ def main():
             show("", mutant)
         return
     results = {"noticed": 0, "survived": 0, "refused": 0}
-    with tempfile.TemporaryDirectory(prefix="mutate-") as folder:
-        tree = Tree(folder, options.jobs)
+    with contextlib.ExitStack() as stack:
+        tree = Tree(options.tree or stack.enter_context(tempfile.TemporaryDirectory(prefix="mutate-")), options.jobs)
         for name in sorted({mutant.path.split("/")[0] for mutant in drawn}):
             tree.prepare(name)
         for mutant in drawn:
