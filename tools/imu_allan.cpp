@@ -24,6 +24,7 @@
 #include "tools/setting_texts.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
+#include "transports/file/files_in_use.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 
@@ -69,11 +70,13 @@ void check_outputs(Options& options) {
   }
   if (!options.preset_path.empty() && !options.preset_path.ends_with(".toml"))
     throw std::invalid_argument(fmt::format("--to-config {}: right would be FILE.toml", options.preset_path));
-  const std::string& port = options.input.port;
-  const std::string address = options.input.protocol == array_file ? port : port.substr(port.find(':') + 1);
-  for (const std::string& path : {options.json_path, options.data_path, options.plot_path, options.preset_path})
-    if (!path.empty() && (is_same_file(address, path) || is_same_file(address.substr(0, address.find('?')), path)))
-      throw std::invalid_argument(path + ": is the input; give another file");
+  FilesInUse files;
+  files.add_input(options.input.port, "the input");
+  for (const auto& [path, use] :
+       {std::pair(options.json_path, "the file of --json"), std::pair(options.data_path, "the file of --data"),
+        std::pair(options.plot_path, "the file of --plot"),
+        std::pair(options.preset_path, "the file of --to-config")})
+    if (const std::string fault = files.claim(path, use); !fault.empty()) throw std::invalid_argument(fault);
 }
 
 StillRecording record_array(const Options& options) {

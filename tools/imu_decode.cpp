@@ -24,7 +24,7 @@
 #include "tools/stream_report.hpp"
 #include "tools/stream_statistics.hpp"
 #include "tools/text_output.hpp"
-#include "transports/file/output_path.hpp"
+#include "transports/file/files_in_use.hpp"
 #include "transports/file_descriptor.hpp"
 #include "transports/port.hpp"
 
@@ -95,11 +95,12 @@ int decode(const Options& options, bool& running) {
     fmt::print(stderr, "imu-decode: receives at {}\n", chosen);
   TextOutput csv("-");
   std::optional<TextOutput> json;
-  const std::string address = options.input.port.substr(options.input.port.find(':') + 1);
-  if (is_same_file(address.substr(0, address.find('?')), options.json_path))
-    throw std::runtime_error(options.json_path + ": is the input; give another file");
+  FilesInUse in_use;
+  in_use.add_input(options.input.port, "the input");
+  if (const std::string fault = in_use.claim(options.json_path, "the file of --json"); !fault.empty())
+    throw std::runtime_error(fault);
   if (!options.json_path.empty()) json.emplace(options.json_path);
-  MeasurementFiles files(options.files, protocol, options.input.port);
+  MeasurementFiles files(options.files, protocol, options.input.port, in_use);
 
   running = true;
   Recorder recorder(protocol, options, csv, files);

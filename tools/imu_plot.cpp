@@ -21,7 +21,7 @@
 #include "tools/plot/run_plot.hpp"
 #include "tools/program.hpp"
 #include "tools/text_output.hpp"
-#include "transports/file/output_path.hpp"
+#include "transports/file/files_in_use.hpp"
 
 namespace imud {
 namespace {
@@ -73,10 +73,11 @@ void plot(const Options& options, bool& running) {
   check_plot(options.picture);
   const std::string samples_path = data_path_beside(options.picture);
   const std::string spectrum_path = samples_path.substr(0, samples_path.size() - 4) + "_spectrum.csv";
+  FilesInUse files;
+  for (const std::string& input : {options.run.config, options.run.capture}) files.add_input(input, "the input");
   for (const std::string& path : {options.picture, samples_path, spectrum_path})
-    for (const std::string& input : {options.run.config, options.run.capture})
-      if (is_same_file(input.substr(0, input.find('?')), path))
-        throw std::invalid_argument(path + ": is the input; give another file");
+    if (const std::string fault = files.claim(path, "the picture"); !fault.empty())
+      throw std::invalid_argument(fault);
   check_data_path(samples_path, "time_s,");
   check_data_path(spectrum_path, "frequency_hz,");
   EmulatedRun run(options.run);

@@ -24,7 +24,7 @@
 #include "tools/truth/truth_csv.hpp"
 #include "tools/truth/truth_logs.hpp"
 #include "tools/truth/truth_source.hpp"
-#include "transports/file/output_path.hpp"
+#include "transports/file/files_in_use.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
 
@@ -171,8 +171,10 @@ int write_capture_csv(const CLI::App& app, const Options& options, bool& running
   CapturedTruths truths(
       {options.capture, options.format, options.settings,
        app.get_option("--stream")->count() > 0 ? std::optional(options.motion.stream) : std::nullopt, gravitation});
-  if (is_same_file(options.capture.substr(0, options.capture.find('?')), options.csv_path))
-    throw std::runtime_error(options.csv_path + ": is the capture; give another file");
+  FilesInUse files;
+  files.add_input(options.capture, "the capture");
+  if (const std::string fault = files.claim(options.csv_path, "the file of --csv"); !fault.empty())
+    throw std::runtime_error(fault);
   TextOutput csv(options.csv_path);
   running = true;
   std::optional<Truth> first;

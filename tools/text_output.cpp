@@ -20,10 +20,8 @@ constexpr std::size_t hold_at_most = 64 * 1024;
 }
 
 TextOutput::TextOutput(const std::string& path) {
-  if (const std::string link = path == "-" ? std::string() : foreign_link(path); !link.empty())
-    throw std::runtime_error(fmt::format(
-        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
+  if (const std::string fault = path == "-" ? std::string() : foreign_link_fault(path); !fault.empty())
+    throw std::runtime_error(fault);
   file_.reset(path == "-" ? ::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0)
                           : ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (!file_) throw std::runtime_error(fmt::format("{}: cannot write it: {}", path, std::strerror(errno)));

@@ -83,10 +83,7 @@ void check(const PortSpec& spec, const PortSettings&) {
 
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   const std::string& path = spec.address;
-  if (const std::string link = foreign_link(path); !link.empty())
-    throw spec.error(fmt::format(
-        "{} is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
+  if (const std::string fault = foreign_link_fault(path); !fault.empty()) throw spec.error(fault);
   // The socket gets its name when it has its permissions and listens.
   const std::string fresh = fmt::format("{}.{}", path, ::getpid());
   const SocketAddress address = address_of(spec, fresh);

@@ -126,7 +126,7 @@ void read_scenarios(TableReader& table, std::span<const std::string> scenarios, 
     read(scenario, of_scenario);
     scenario.finish();
     config.sha256 = sha256(config.sha256 + text.sha256);
-    if (std::string file = regular_file(path); !file.empty()) config.files.push_back(std::move(file));
+    config.files.add(regular_file(path), "the file of a scenario");
     wrong.insert(wrong.end(), of_scenario.all().begin(), of_scenario.all().end());
   }
   if (!resolved_faults.empty()) table.resolve("fault", std::move(resolved_faults));

@@ -24,10 +24,7 @@ template <class Error>
 }
 
 FileDescriptor open_to_write(const std::string& path, int flags) {
-  if (const std::string link = foreign_link(path); !link.empty())
-    throw OpenError(fmt::format(
-        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
+  if (const std::string fault = foreign_link_fault(path); !fault.empty()) throw OpenError(fault);
   FileDescriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOCTTY | flags, 0666));
   if (!file) fail<OpenError>(path);
   return file;

@@ -20,6 +20,7 @@
 #include "emulator/plan/web_config.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/truth_format.hpp"
+#include "transports/file/files_in_use.hpp"
 #include "transports/port.hpp"
 
 namespace imud {
@@ -122,8 +123,8 @@ struct Config {
   std::string resolved;
   // Each describes a valid value that is probably not meant: "file:line: key: what".
   std::vector<std::string> warnings;
-  // The canonical paths of the regular files that it was read from, reads truth from, or writes.
-  std::vector<std::string> files;
+  // The regular files that it was read from, reads truth from, or writes.
+  FilesInUse files;
 };
 
 // Every fault of a configuration, a line each: "file:line: key: what is wrong; what would be right".
@@ -131,9 +132,6 @@ struct ConfigError : std::runtime_error {
   explicit ConfigError(std::vector<std::string> all);
   std::vector<std::string> faults;
 };
-
-// Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
-std::string regular_file(const std::string& path);
 
 // Returns true if the truth port is a capture, whose truth can be read ahead of the clock.
 bool is_capture(const std::string& truth_port) noexcept;

@@ -24,10 +24,7 @@ constexpr std::string_view magic = "imudpart";
 
 ArrayFile::ArrayFile(std::string path, std::span<const MeasurementColumn> columns)
     : path_(std::move(path)), columns_(columns) {
-  if (const std::string link = foreign_link(path_); !link.empty())
-    throw OpenError(fmt::format(
-        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
+  if (const std::string fault = foreign_link_fault(path_); !fault.empty()) throw OpenError(fault);
   const auto target = FileReplacement::target(path_);
   if (!target) throw OpenError(path_ + ": the rows of an array are written in any order; give a regular file");
   const PortSpec spec{"npy", path_, {}};

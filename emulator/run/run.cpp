@@ -128,18 +128,14 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
 
 // Throws OpenError if a file of figures would be written over another file of the run.
 void check_outputs(const Config& config, const RunOptions& options) {
-  std::vector<std::string> files = config.files;
-  if (writes_to_stdout(config)) files.emplace_back("-");
-  for (const std::string& path : {options.summary_file, options.labels_file, options.junit_file,
-                                  options.monitor.quality_file, options.record.file}) {
-    const std::string file = path.empty() || path == "-" ? path : regular_file(path);
-    if (file.empty()) continue;
-    if (std::any_of(files.begin(), files.end(),
-                    [&](const std::string& other) { return other == file || is_same_file(other, file); }))
-      throw OpenError(fmt::format("{}: the run reads or writes {} already; give another", path,
-                                  path == "-" ? "standard output" : "this file"));
-    files.push_back(file);
-  }
+  FilesInUse files = config.files;
+  if (writes_to_stdout(config)) files.add("-", "the port of an imu");
+  for (const auto& [path, use] :
+       {std::pair(options.summary_file, "the file of --summary"),
+        std::pair(options.labels_file, "the file of --labels"), std::pair(options.junit_file, "the file of --junit"),
+        std::pair(options.monitor.quality_file, "the file of --quality"),
+        std::pair(options.record.file, "the file of --record")})
+    if (const std::string fault = files.claim(path, use); !fault.empty()) throw OpenError(fault);
 }
 
 std::vector<FaultLabel> labels(Engine& engine, const Config& config) {

@@ -152,10 +152,8 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
     std::filesystem::path truth = file;
     truth.replace_filename(fmt::format("{}_truth{}", file.stem().string(), file.extension().string()));
     for (const std::filesystem::path& output : {file, truth})
-      for (const std::string& used : config.files)
-        if (regular_file(output) == used)
-          throw PortError(
-              fmt::format("--npy {}: the run reads or writes this file already; give another", output.string()));
+      if (const std::string_view use = config.files.use_of(output); !use.empty())
+        throw PortError(fmt::format("--npy {}: is {}; give another file", output.string(), use));
     Imu& added = imus_.emplace_back();
     added.config = imu;
     added.measured = std::make_unique<ArrayFile>(file, measurement_columns(false));

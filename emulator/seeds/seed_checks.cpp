@@ -54,16 +54,10 @@ void check_seed_ports(const Config& config, bool repeats, bool many, bool has_ar
 }
 
 void check_seed_files(const Config& config, const RunOptions& options) {
-  std::vector<std::string> files = config.files;
-  for (const std::string& path : {options.summary_file, options.labels_file}) {
-    const std::string file = path.empty() || path == "-" ? path : regular_file(path);
-    if (file.empty()) continue;
-    for (const std::string& other : files)
-      if (other == file || is_same_file(other, file))
-        throw OpenError(fmt::format("{}: the run reads or writes {} already; give another", path,
-                                    path == "-" ? "standard output" : "this file"));
-    files.push_back(file);
-  }
+  FilesInUse files = config.files;
+  for (const auto& [path, use] : {std::pair(options.summary_file, "the file of --summary"),
+                                  std::pair(options.labels_file, "the file of --labels")})
+    if (const std::string fault = files.claim(path, use); !fault.empty()) throw OpenError(fault);
 }
 
 std::string origin_of(const Config& config, const RunOptions& options) {

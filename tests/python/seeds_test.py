@@ -235,10 +235,10 @@ for_s = 0.1
             (["--npy", self.folder / "no" / "{imu}.npy"], "No such file or directory"),
             (["--seeds", "1..9", "--quality", "q"], "omit them with --seeds"),
             (["--seeds", "1..9", "--junit", "j.xml"], "omit them with --seeds"),
-            (["--seeds", "1..9", "--labels", config], "the run reads or writes this file already; give another"),
+            (["--seeds", "1..9", "--labels", config], "is the file of the configuration; give another file"),
             (["--seeds", "1..9", "--require", "c.samples>1"], "there is no figure c.samples"),
             (["--seeds", "1..9", same], "imu.1.port"),
-            (["--seeds", "1..9", "--summary", config], "the run reads or writes this file already; give another"),
+            (["--seeds", "1..9", "--summary", config], "is the file of the configuration; give another file"),
         ]:
             _, errors = run("imud", "replay", config, FLIGHT, *arguments, exit_code=2)
             self.assertIn(fault, errors)

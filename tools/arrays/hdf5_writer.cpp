@@ -65,10 +65,7 @@ void add_number(hid_t object, const std::string& name, std::uint64_t value) {
 Handle create_file(const std::string& path) {
   H5dont_atexit();  // at exit it would write again to a file that could not be closed, and crash (1.10.8)
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  if (const std::string link = foreign_link(path); !link.empty())
-    throw std::runtime_error(fmt::format(
-        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
+  if (const std::string fault = foreign_link_fault(path); !fault.empty()) throw std::runtime_error(fault);
   // Attributes above 64 KiB need the format of version 1.8, which is from 2008.
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   require(H5Pset_libver_bounds(access, H5F_LIBVER_V18, H5F_LIBVER_V18) >= 0);

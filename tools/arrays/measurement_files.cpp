@@ -91,7 +91,7 @@ void MeasurementFiles::add_options(CLI::App& app, Options& options) {
 
 namespace {
 
-void check(const MeasurementFiles::Options& options, const std::string& port) {
+void check(const MeasurementFiles::Options& options, FilesInUse& in_use) {
   if (!options.config.empty() && !is_any_given(options.paths, keeps_attributes))
     throw std::invalid_argument(
         fmt::format("--config: is for the attributes of {}, of which none is given", list_options(keeps_attributes)));
@@ -107,20 +107,13 @@ void check(const MeasurementFiles::Options& options, const std::string& port) {
   if (options.truth.size() == 1 && record_transport_of(options.truth.front()) == nullptr)
     throw std::invalid_argument(options.truth.front() +
                                 ": is no record of imud; --truth needs one, or a configuration and its capture");
-  std::vector<std::string> inputs = options.truth;
-  for (std::string& input : inputs) input = input.substr(0, input.find('?'));
-  const std::string address = port.substr(port.find(':') + 1);
-  inputs.insert(inputs.end(), {address.substr(0, address.find('?')), options.config});
-  std::vector<std::string> seen;
-  for (const std::string& path : options.paths) {
-    if (path.empty()) continue;
+  for (const std::string& input : options.truth) in_use.add_input(input, "the input");
+  in_use.add(options.config, "the input");
+  for (std::size_t i = 0; i < options.paths.size(); ++i) {
+    const std::string& path = options.paths[i];
     if (is_standard_output(path)) throw std::invalid_argument(path + ": an array cannot go to a stream; give a file");
-    for (const std::string& input : inputs)
-      if (is_same_file(input, path)) throw std::invalid_argument(path + ": is the input; give another file");
-    for (const std::string& other : seen)
-      if (path == other || is_same_file(path, other))
-        throw std::invalid_argument(path + ": is given twice; give two files");
-    seen.push_back(path);
+    const std::string fault = in_use.claim(path, fmt::format("the file of {}", formats[i].option));
+    if (!fault.empty()) throw std::invalid_argument(fault);
   }
 }
 
@@ -150,9 +143,10 @@ RowAttributes attributes_of(const MeasurementFiles::Options& options, const Prot
 
 }  // namespace
 
-MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port)
+MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port,
+                                   FilesInUse& in_use)
     : absent_rates_(protocol.absent_rates) {
-  check(options, port);
+  check(options, in_use);
   if (!options.truth.empty())
     truth_ = std::make_unique<TruthBeside>(
         TruthBeside::Options{options.truth.front(), options.truth.back(), options.imu}, protocol);

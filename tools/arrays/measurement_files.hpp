@@ -10,6 +10,7 @@
 #include "core/time.hpp"
 #include "tools/arrays/row_output.hpp"
 #include "tools/arrays/truth_beside.hpp"
+#include "transports/file/files_in_use.hpp"
 
 namespace imud {
 
@@ -26,9 +27,9 @@ class MeasurementFiles {
   // `options` stays where it is until the command line has been parsed.
   static void add_options(CLI::App& app, Options& options);
 
-  // Opens the files. `port`: the input, which they must not be. Throws std::runtime_error or std::invalid_argument
-  // with the fault and the remedy; as TruthBeside does, too.
-  MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port);
+  // Opens the files, and adds them and the further inputs to `in_use`. `port`: the text of the input. Throws
+  // std::runtime_error or std::invalid_argument with the fault and the remedy; as TruthBeside does, too.
+  MeasurementFiles(const Options& options, const Protocol& protocol, const std::string& port, FilesInUse& in_use);
 
   void write(const Measurement& measurement);
   // Makes the files whole, at most once a second.

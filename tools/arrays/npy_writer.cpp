@@ -17,10 +17,7 @@ constexpr std::size_t hold_at_most = 64 * 1024;
 }
 
 NpyWriter::NpyWriter(std::string path, bool with_truth) : path_(std::move(path)), with_truth_(with_truth) {
-  if (const std::string link = foreign_link(path_); !link.empty())
-    throw std::runtime_error(fmt::format(
-        "{}: is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
+  if (const std::string fault = foreign_link_fault(path_); !fault.empty()) throw std::runtime_error(fault);
   file_.reset(::open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666));
   struct stat status {};
   if (!file_ || ::fstat(file_.get(), &status) != 0)

@@ -38,10 +38,7 @@ FileWriter::FileWriter(const PortSpec& spec, const PortSettings& settings) {
 }
 
 void FileWriter::open(const PortSpec& spec, const std::string& path, bool replaces) {
-  if (const std::string link = foreign_link(path); !link.empty())
-    throw spec.error(fmt::format(
-        "{} is a symbolic link that another user has made in a folder which others can write; give another path",
-        link));
+  if (const std::string fault = foreign_link_fault(path); !fault.empty()) throw spec.error(fault);
   if (const auto target = replaces ? FileReplacement::target(path) : std::nullopt) {
     replacement_.emplace(spec, *target);
     file_.reset(::fcntl(replacement_->descriptor(), F_DUPFD_CLOEXEC, 0));

@@ -40,9 +40,12 @@ std::string foreign_link(const std::string& path, uid_t user) {
   return {};
 }
 
-bool is_same_file(const std::string& a, const std::string& b) {
-  std::error_code error;
-  return std::filesystem::equivalent(a, b, error);
+std::string foreign_link_fault(const std::string& path) {
+  const std::string link = foreign_link(path);
+  return link.empty() ? link
+                      : link +
+                            " is a symbolic link that another user has made in a folder which others can write; "
+                            "give another path";
 }
 
 bool is_standard_output(const std::string& path) {

@@ -11,10 +11,8 @@ namespace imud {
 // it stands in a folder that its group or others can write, as /tmp, and belongs neither to root nor to `user`.
 // Returns an empty text if there is none. Linux' fs.protected_symlinks covers only folders with the sticky bit.
 std::string foreign_link(const std::string& path, uid_t user = ::geteuid());
-
-// Returns true if both paths lead to one file, by a symbolic or a hard link, too; false if one of them does not
-// exist.
-bool is_same_file(const std::string& a, const std::string& b);
+// Returns the refusal of such a path: "LINK is a symbolic link that ...; give another path"; empty if there is none.
+std::string foreign_link_fault(const std::string& path);
 
 // Returns true if the path names standard output: `-`, /dev/stdout, ...
 bool is_standard_output(const std::string& path);

@@ -656,7 +656,9 @@ TEST_F(ConfigTest, NoFileIsWrittenOverAnother) {
   EXPECT_NE(fault(good + second, {"imu.0.port=\"file:" + out + "\""}).find("imu.1.port: the same as imu.0"),
             std::string::npos);
   std::ofstream(out) << "old";
-  EXPECT_EQ(load(good, {capture[0], "imu.0.port=\"file:" + out + "\""}).files.size(), 3U);
+  const FilesInUse files = load(good, {capture[0], "imu.0.port=\"file:" + out + "\""}).files;
+  for (const auto& [file, use] : {std::pair(path_, "the configuration"), {truth, "the truth"}, {out, "imu.0.port"}})
+    EXPECT_EQ(files.use_of(file), std::string("the file of ") + use);
 }
 
 // A product samples a vehicle at rest before the first truth, imud's own protocols are silent.

@@ -180,7 +180,7 @@ TEST_F(PortReloadTest, AnAddressThatIsOpenIsRefused) {
   why = refusal("file:{}/out2", "file:{}/out2");
   EXPECT_TRUE(contains(why, "the same as imu.0")) << why;
   why = refusal("file:{}/run.pcapng", "file:{}/out2", {"--record", path("run.pcapng")});
-  EXPECT_TRUE(contains(why, "already")) << why;
+  EXPECT_TRUE(contains(why, "run.pcapng: is the file of imu.0.port; give another")) << why;
 }
 
 // The reader of the old pty has all frames before the sample, then the link goes. The reader of the pty that does not

@@ -26,11 +26,14 @@ TEST_F(RunFiles, FiguresAreNotWrittenOverAnotherFileOfTheRun) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
   const std::string c = config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"));
   const std::string truth = read_file(path("truth.csv")), configuration = read_file(c);
-  for (const std::string& file : {c, path("truth.csv"), path("out.csv"), path("./out.csv")})
+  for (const auto& [file, use] :
+       {std::pair(c, "the configuration"), std::pair(path("truth.csv"), "the truth"),
+        std::pair(path("out.csv"), "imu.0.port"), std::pair(path("./out.csv"), "imu.0.port")})
     for (const std::string option : {"--summary", "--quality"}) {
       const ProgramResult refused = run_program("imud", {"run", c, option, file});
       EXPECT_EQ(refused.exit_code, 2) << option << file;
-      EXPECT_NE(refused.errors.find(file + ": the run reads or writes this file already"), std::string::npos);
+      EXPECT_NE(refused.errors.find(file + ": is the file of " + use + "; give another file"), std::string::npos)
+          << refused.errors;
     }
   EXPECT_EQ(run_program("imud", {"run", c, "--summary", path("a"), "--quality", path("a")}).exit_code, 2);
   EXPECT_EQ(read_file(path("truth.csv")), truth);

@@ -1,0 +1,36 @@
+// FilesInUse: the files that a program reads and writes, so that no output takes the place of another one of them.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace imud {
+
+// Returns the path without symbolic links, `.` and `..`; empty if it cannot be.
+std::string canonical_path(const std::string& path);
+// Returns the canonical path of a regular file, or of one that does not exist; empty for everything else.
+std::string regular_file(const std::string& path);
+
+// Paths are equal if they lead to one file, by a symbolic or a hard link, too, or by each spelling of standard
+// output.
+class FilesInUse {
+ public:
+  // Adds a file under the words that describe it, such as "the input".
+  void add(const std::string& path, std::string_view use);
+  // Adds the file of an input: PATH, PATH?OPTIONS, or a port's text. Standard input is no file.
+  void add_input(std::string_view text, std::string_view use);
+  // Returns the use of the file; empty if it is not in use.
+  std::string_view use_of(const std::string& path) const;
+  // Adds an output, which an empty path omits. Returns the fault if it is in use, "PATH: is the input; give another
+  // file"; otherwise an empty text. Devices and pipes may have several outputs.
+  [[nodiscard]] std::string claim(const std::string& path, std::string_view use);
+
+ private:
+  struct File {
+    std::string path, use;
+  };
+  std::vector<File> files_;
+};
+
+}  // namespace imud
