@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "core/requirement.hpp"
+#include "protocols/measurements/npy_file.hpp"
 #include "tools/allan/allan_plot.hpp"
 #include "tools/allan/allan_report.hpp"
 #include "tools/allan/preset_text.hpp"
 #include "tools/allan/still_recording.hpp"
-#include "tools/arrays/npy_file.hpp"
 #include "tools/gnuplot.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"

@@ -131,15 +131,7 @@ void ArrayFile::commit() {
 }
 
 void ArrayFile::write_at(std::span<const std::byte> bytes, std::uint64_t offset) noexcept {
-  while (!bytes.empty() && error_ == 0) {
-    const ssize_t size = ::pwrite(file_->descriptor(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (size < 0) {
-      if (errno != EINTR) error_ = errno;
-      continue;
-    }
-    bytes = bytes.subspan(static_cast<std::size_t>(size));
-    offset += static_cast<std::uint64_t>(size);
-  }
+  if (error_ == 0) error_ = write_whole_at(file_->descriptor(), bytes, offset);
 }
 
 }  // namespace imud

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "protocols/measurements/measurement_row.hpp"
+#include "protocols/measurements/npy_file.hpp"
 #include "transports/file/file_replacement.hpp"
 
 namespace imud {

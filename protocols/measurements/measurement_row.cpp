@@ -1,7 +1,5 @@
 #include "protocols/measurements/measurement_row.hpp"
 
-#include <bit>
-
 namespace imud {
 
 namespace {
@@ -66,30 +64,5 @@ std::size_t row_size(bool with_truth) noexcept {
   return sizeof(MeasurementRow) - (with_truth ? 0 : sizeof(TrueValues));
 }
 static_assert(sizeof(MeasurementRow) == 128 + sizeof(TrueValues));
-
-std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape) {
-  constexpr char order = std::endian::native == std::endian::little ? '<' : '>';
-  std::string text = "{'descr': [";
-  for (const MeasurementColumn& column : columns) {
-    text.append("('").append(column.name).append("', '").append(1, order).append(column.type).append("'");
-    text += column.values > 1 ? ", (" + std::to_string(column.values) + ",)), " : "), ";
-  }
-  text += "], 'fortran_order': False, 'shape': (";
-  std::string numbers;
-  for (const std::uint64_t size : shape) numbers += std::to_string(size) + ", ";
-  // Behind magic, version and length, padded with blanks to a multiple of 64, with room for the longest shape.
-  constexpr std::string_view end = "), }";
-  constexpr std::size_t before = 10, alignment = 64, longest_shape = 2 * 22;
-  const std::size_t longest = before + text.size() + longest_shape + end.size() + 1;
-  const std::size_t size = (longest + alignment - 1) / alignment * alignment - before;
-  text.append(numbers).append(end);
-  text.append(size - text.size() - 1, ' ');
-  text += '\n';
-  std::string header = "\x93NUMPY\x01";
-  header += '\0';
-  header += static_cast<char>(text.size() & 0xFFU);
-  header += static_cast<char>(text.size() >> 8U);
-  return header + text;
-}
 
 }  // namespace imud

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <string>
 #include <string_view>
 
 #include "protocols/protocol.hpp"
@@ -54,9 +53,5 @@ std::span<const MeasurementColumn> measurement_columns(bool with_truth) noexcept
 std::span<const MeasurementColumn> truth_columns() noexcept;
 // Returns the number of bytes of a row.
 std::size_t row_size(bool with_truth) noexcept;
-
-// Returns the header of an array of NumPy (numpy.lib.format, version 1) with these columns and this shape: a text of
-// a length that depends neither on the number of rows nor on the number of dimensions up to two.
-std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape);
 
 }  // namespace imud

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "protocols/measurements/npy_file.hpp"
 #include "protocols/protocol.hpp"
-#include "tools/arrays/npy_file.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/stream_statistics.hpp"
 

@@ -6,8 +6,10 @@
 
 #include <cerrno>
 #include <cstring>
+#include <span>
 #include <stdexcept>
 
+#include "protocols/measurements/npy_file.hpp"
 #include "transports/file/output_path.hpp"
 
 namespace imud {
@@ -41,26 +43,14 @@ void NpyWriter::write(const MeasurementRow& row) {
   if (held_.size() >= hold_at_most) flush();
 }
 
-void NpyWriter::write_at(const char* bytes, std::size_t size, std::uint64_t offset) {
-  while (size > 0 && error_ == 0) {
-    const ssize_t written = ::pwrite(file_.get(), bytes, size, static_cast<off_t>(offset));
-    if (written < 0) {
-      if (errno != EINTR) error_ = errno;
-      continue;
-    }
-    bytes += written;
-    size -= static_cast<std::size_t>(written);
-    offset += static_cast<std::uint64_t>(written);
-  }
-}
-
 void NpyWriter::flush() {
   const std::size_t size = row_size(with_truth_);
-  write_at(held_.data(), held_.size(), header().size() + rows_ * size);
+  if (error_ == 0)
+    error_ = write_whole_at(file_.get(), std::as_bytes(std::span(held_)), header().size() + rows_ * size);
   if (error_ == 0) rows_ += held_.size() / size;
   held_.clear();
   const std::string text = header();
-  write_at(text.data(), text.size(), 0);
+  if (error_ == 0) error_ = write_whole_at(file_.get(), std::as_bytes(std::span(text)), 0);
 }
 
 void NpyWriter::finish() {

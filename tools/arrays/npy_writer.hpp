@@ -22,7 +22,6 @@ class NpyWriter final : public RowOutput {
   void finish() override;
 
  private:
-  void write_at(const char* bytes, std::size_t size, std::uint64_t offset);
   std::string header() const;
 
   const std::string path_;

@@ -1,8 +1,11 @@
-// Checks of the outputs that a program is given by name, and of standard output.
+// Outputs that a program is given by name, and standard output: checks, and whole writes.
 #pragma once
 
 #include <unistd.h>
 
+#include <cstddef>
+#include <cstdint>
+#include <span>
 #include <string>
 
 namespace imud {
@@ -16,6 +19,9 @@ std::string foreign_link_fault(const std::string& path);
 
 // Returns true if the path names standard output: `-`, /dev/stdout, ...
 bool is_standard_output(const std::string& path);
+
+// Writes all bytes at an offset of a file. Returns 0, or the errno of the write that has failed.
+int write_whole_at(int file, std::span<const std::byte> bytes, std::uint64_t offset) noexcept;
 
 // Writes out what was printed to standard output. Returns 0, or the errno of a write to it that has failed, now or
 // before; a reader that has closed its end is no failure.

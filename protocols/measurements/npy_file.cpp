@@ -1,9 +1,8 @@
-#include "tools/arrays/npy_file.hpp"
-
-#include <fmt/format.h>
+#include "protocols/measurements/npy_file.hpp"
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <boost/endian/conversion.hpp>
 #include <charconv>
 #include <limits>
@@ -15,6 +14,8 @@ namespace imud {
 
 namespace {
 
+constexpr std::string_view npy_magic = "\x93NUMPY";
+
 // Returns the begin of a text of the file, fit to be printed.
 std::string printable(std::string_view text) {
   std::string result(text.substr(0, 40));
@@ -23,14 +24,14 @@ std::string printable(std::string_view text) {
   return result;
 }
 
-[[noreturn]] void refuse(std::string_view fault) {
-  throw std::runtime_error(fmt::format("{}; right would be a file of numpy.save(FILE, array.astype(float))", fault));
+[[noreturn]] void refuse(const std::string& fault) {
+  throw std::runtime_error(fault + "; right would be a file of numpy.save(FILE, array.astype(float))");
 }
 
-std::string read_bytes(std::istream& in, std::size_t size, std::string_view part) {
+std::string read_bytes(std::istream& in, std::size_t size, const std::string& part) {
   std::string bytes(size, '\0');
   in.read(bytes.data(), static_cast<std::streamsize>(size));
-  if (static_cast<std::size_t>(in.gcount()) != size) refuse(fmt::format("the file ends within its {}", part));
+  if (static_cast<std::size_t>(in.gcount()) != size) refuse("the file ends within its " + part);
   return bytes;
 }
 
@@ -41,9 +42,9 @@ std::size_t little_endian(std::string_view bytes) {
 }
 
 // Returns the text after "'key':" in the header, which is a Python dictionary.
-std::string_view after_key(std::string_view header, std::string_view key) {
-  const std::size_t at = header.find(fmt::format("'{}':", key));
-  if (at == std::string_view::npos) refuse(fmt::format("the header has no '{}'", key));
+std::string_view after_key(std::string_view header, const std::string& key) {
+  const std::size_t at = header.find("'" + key + "':");
+  if (at == std::string_view::npos) refuse("the header has no '" + key + "'");
   std::string_view rest = header.substr(at + key.size() + 3);
   rest.remove_prefix(std::min(rest.find_first_not_of(' '), rest.size()));
   return rest;
@@ -68,30 +69,53 @@ std::vector<std::size_t> read_shape(std::string_view text) {
 
 }  // namespace
 
+std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape) {
+  constexpr char order = std::endian::native == std::endian::little ? '<' : '>';
+  std::string text = "{'descr': [";
+  for (const MeasurementColumn& column : columns) {
+    text.append("('").append(column.name).append("', '").append(1, order).append(column.type).append("'");
+    text += column.values > 1 ? ", (" + std::to_string(column.values) + ",)), " : "), ";
+  }
+  text += "], 'fortran_order': False, 'shape': (";
+  std::string numbers;
+  for (const std::uint64_t size : shape) numbers += std::to_string(size) + ", ";
+  // Behind npy_magic, version and length, padded with blanks to a multiple of 64, with room for the longest shape.
+  constexpr std::string_view end = "), }";
+  constexpr std::size_t before = 10, alignment = 64, longest_shape = 2 * 22;
+  const std::size_t longest = before + text.size() + longest_shape + end.size() + 1;
+  const std::size_t size = (longest + alignment - 1) / alignment * alignment - before;
+  text.append(numbers).append(end);
+  text.append(size - text.size() - 1, ' ');
+  text += '\n';
+  std::string header(npy_magic);
+  header.append("\x01\x00", 2);
+  header += static_cast<char>(text.size() & 0xFFU);
+  header += static_cast<char>(text.size() >> 8U);
+  return header + text;
+}
+
 NpyArray read_npy(std::istream& in) {
-  constexpr std::string_view magic = "\x93NUMPY";
   constexpr std::size_t longest_header = 1'000'000;
-  std::string begin(magic.size(), '\0');
+  std::string begin(npy_magic.size(), '\0');
   in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-  if (begin != magic) refuse("this is no NumPy file");
+  if (begin != npy_magic) refuse("this is no NumPy file");
   const std::string version = read_bytes(in, 2, "header");
-  if (version[0] < 1 || version[0] > 3) refuse(fmt::format("version {} of the format is unknown", int{version[0]}));
+  if (version[0] < 1 || version[0] > 3) refuse("version " + std::to_string(version[0]) + " of the format is unknown");
   const std::size_t header_size = little_endian(read_bytes(in, version[0] == 1 ? 2 : 4, "header"));
-  if (header_size > longest_header) refuse(fmt::format("the header has {} bytes", header_size));
+  if (header_size > longest_header) refuse("the header has " + std::to_string(header_size) + " bytes");
   const std::string header = read_bytes(in, header_size, "header");
 
   const std::string_view type = after_key(header, "descr");
   const bool is_little = type.starts_with("'<f8'"), is_big = type.starts_with("'>f8'");
-  if (!is_little && !is_big)
-    refuse(fmt::format("its type is {}, not float64", printable(type.substr(0, type.find(',')))));
+  if (!is_little && !is_big) refuse("its type is " + printable(type.substr(0, type.find(','))) + ", not float64");
   const std::vector<std::size_t> shape = read_shape(after_key(header, "shape"));
-  if (shape.empty() || shape.size() > 2) refuse(fmt::format("it has {} dimensions, not 1 or 2", shape.size()));
+  if (shape.empty() || shape.size() > 2) refuse("it has " + std::to_string(shape.size()) + " dimensions, not 1 or 2");
   NpyArray array;
   array.rows = shape[0];
   array.columns = shape.size() == 2 ? shape[1] : 1;
   if (array.rows == 0 || array.columns == 0) refuse("it is empty");
   if (array.columns > 1000 || array.rows > std::numeric_limits<std::size_t>::max() / 8000)
-    refuse(fmt::format("its shape is {} x {}", array.rows, array.columns));
+    refuse("its shape is " + std::to_string(array.rows) + " x " + std::to_string(array.columns));
   if (!after_key(header, "fortran_order").starts_with("False") && array.columns > 1)
     throw std::runtime_error(
         "it is in Fortran order; right would be a file of numpy.save(FILE, numpy.ascontiguousarray(array))");
@@ -102,7 +126,7 @@ NpyArray read_npy(std::istream& in) {
     const std::size_t wanted = std::min(block.size(), count - array.values.size());
     in.read(reinterpret_cast<char*>(block.data()), static_cast<std::streamsize>(wanted * sizeof(double)));
     if (static_cast<std::size_t>(in.gcount()) != wanted * sizeof(double))
-      refuse(fmt::format("the file ends before row {}", (array.values.size() + wanted) / array.columns));
+      refuse("the file ends before row " + std::to_string((array.values.size() + wanted) / array.columns));
     if (is_little)
       for (double& value : block) boost::endian::little_to_native_inplace(reinterpret_cast<std::uint64_t&>(value));
     else

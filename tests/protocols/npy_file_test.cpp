@@ -1,4 +1,4 @@
-#include "tools/arrays/npy_file.hpp"
+#include "protocols/measurements/npy_file.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,20 @@
-// read_npy: reads an array that NumPy has saved (numpy.save; the format is numpy.lib.format, versions 1 to 3).
+// NpyFile: arrays of NumPy (numpy.lib.format), written in version 1, read in versions 1 to 3 as of numpy.save.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <istream>
+#include <span>
+#include <string>
 #include <vector>
 
+#include "protocols/measurements/measurement_row.hpp"
+
 namespace imud {
+
+// Returns the header of an array with these columns and this shape: a text of a length that depends neither on the
+// number of rows nor on the number of dimensions up to two.
+std::string npy_header(std::span<const MeasurementColumn> columns, std::span<const std::uint64_t> shape);
 
 struct NpyArray {
   std::size_t rows = 0;
