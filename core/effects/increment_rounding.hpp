@@ -5,6 +5,7 @@
 
 #include "core/effects/triad_errors.hpp"
 #include "core/effects/triad_step.hpp"
+#include "core/numbers/round_to.hpp"
 
 namespace imud {
 
@@ -22,10 +23,9 @@ class IncrementRounding : public StatelessEffect {
     if (step.dt == 0.0) return;  // no increment
     for (int i = 0; i < 3; ++i) {
       const double exact = step.increment[i] + remainder_[i];
-      const double counts = exact / lsb_;
       // An infinite or huge increment has no digits to round, and leaves no remainder.
-      const bool is_countable = std::abs(counts) < 0x1p52;
-      const double rounded = is_countable ? lsb_ * std::floor(counts + 0.5) : exact;
+      const bool is_countable = std::abs(exact / lsb_) < 0x1p52;
+      const double rounded = is_countable ? round_to(exact, lsb_) : exact;
       remainder_[i] = is_countable ? exact - rounded : 0.0;
       step.increment[i] = rounded;
     }

@@ -9,6 +9,15 @@
 
 namespace imud {
 
+// Limits an axis of `value` to the range, and the increment over `dt` with it. Returns true if the value was beyond.
+inline bool limit_axis(const AxisLimits& range, int axis, double dt, Vector3& value, Vector3& increment) noexcept {
+  const double limited = std::clamp(value[axis], range.lower[axis], range.upper[axis]);
+  if (limited == value[axis]) return false;
+  value[axis] = limited;
+  increment[axis] = limited * dt;
+  return true;
+}
+
 // The range of the sensor, per axis and direction (memo Eq. 20-23). It acts last, so that increments
 // belong to limited values.
 class Saturation : public StatelessEffect {
@@ -20,13 +29,9 @@ class Saturation : public StatelessEffect {
   void apply(TriadStep& step) const noexcept {
     const Vector3& m = step.value;
     if (std::abs(m[0]) <= free_ && std::abs(m[1]) <= free_ && std::abs(m[2]) <= free_) return;
-    for (int i = 0; i < 3; ++i) {
-      const double limited = std::clamp(step.value[i], limits_.lower[i], limits_.upper[i]);
-      if (limited == step.value[i]) continue;
-      step.saturated |= 1U << static_cast<unsigned>(i);
-      step.value[i] = limited;
-      step.increment[i] = limited * step.dt;
-    }
+    for (int i = 0; i < 3; ++i)
+      if (limit_axis(limits_, i, step.dt, step.value, step.increment))
+        step.saturated |= 1U << static_cast<unsigned>(i);
   }
 
  private:

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/round_to.hpp"
 
 namespace imud {
 
@@ -28,7 +29,7 @@ double Temperature::at(double t, std::optional<double> truth_c) const noexcept {
 
 double Temperature::measured(double temperature) const noexcept {
   temperature += model_.offset_c;
-  return model_.lsb_c > 0.0 ? model_.lsb_c * std::floor(temperature / model_.lsb_c + 0.5) : temperature;
+  return model_.lsb_c > 0.0 ? round_to(temperature, model_.lsb_c) : temperature;
 }
 
 double Temperature::reported(double t) const noexcept {

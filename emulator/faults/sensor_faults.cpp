@@ -4,15 +4,15 @@
 #include <cmath>
 
 #include "core/earth/earth.hpp"
+#include "core/effects/saturation.hpp"
 #include "core/numbers/elementary.hpp"
+#include "core/numbers/round_to.hpp"
 #include "core/units.hpp"
 #include "emulator/faults/sensor_fault_kinds.hpp"
 
 namespace imud {
 
 namespace {
-
-double round_to(double value, double lsb) noexcept { return lsb * std::floor(value / lsb + 0.5); }
 
 // The deviate of the white noise of a sample, of which each axis has its own.
 Vector3 deviates(const Normals& normals, std::uint64_t k) noexcept {
@@ -47,10 +47,10 @@ void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, d
       apply_to_gnss(fault, step_s, sample);
       continue;
     }
-    Triad gyro{&sample.rate, &sample.delta_angle, model_.gyro, white(model_.gyro), 0, true};
-    Triad accelerometer{
-        &sample.specific_force, &sample.delta_velocity, model_.accelerometer, white(model_.accelerometer), 3, true};
-    Triad magnetometer{&sample.magnetic_field, nullptr, model_.magnetometer, white(model_.magnetometer), 0, false};
+    Triad gyro{&sample.rate, &sample.delta_angle, model_.gyro, white(model_.gyro), status::gyro_saturated_x};
+    Triad accelerometer{&sample.specific_force, &sample.delta_velocity, model_.accelerometer,
+                        white(model_.accelerometer), status::accelerometer_saturated_x};
+    Triad magnetometer{&sample.magnetic_field, nullptr, model_.magnetometer, white(model_.magnetometer), 0};
     switch (fault.target) {
       case 0:
         apply_to_triad(fault, k, step_s, held.rate, gyro, sample);
@@ -159,13 +159,10 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
       break;
     }
     case SensorFault::saturation:
-      for (int axis = 0; axis < 3; ++axis) {
-        after[axis] = std::clamp(before[axis], -p, p);
-        if (after[axis] == before[axis]) continue;
-        other[axis] = step_s * after[axis];
-        if (triad.has_status && ((fault.axes >> axis) & 1U) != 0)
-          sample.status |= 1U << (triad.saturated_shift + static_cast<unsigned>(axis));
-      }
+      for (int axis = 0; axis < 3; ++axis)
+        if (limit_axis({Vector3::Constant(-p), Vector3::Constant(p)}, axis, step_s, after, other) &&
+            ((fault.axes >> axis) & 1U) != 0)
+          sample.status |= triad.saturated << axis;
       break;
     case SensorFault::quantisation:
       for (int axis = 0; axis < 3; ++axis) {
@@ -192,22 +189,20 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
   limit(triad, fault.axes, sample, step_s);
 }
 
-// Acts as ValueRounding and Saturation do. A value within the range and on the grid stays as it is.
+// Rounds to the nearest LSB and limits to the range. A value within the range and on the grid stays as it is.
 void SensorFaults::limit(Triad& triad, unsigned axes, Sample& sample, double step_s) noexcept {
   Vector3& value = *triad.value;
+  Vector3 none = Vector3::Zero();
+  Vector3& increment = triad.increment != nullptr && step_s > 0 ? *triad.increment : none;
   const AxisLimits range = triad.errors.range();
   for (int axis = 0; axis < 3; ++axis) {
     if (((axes >> axis) & 1U) == 0) continue;
     if (triad.errors.lsb > 0) {
       const double rounded = round_to(value[axis], triad.errors.lsb);
-      if (triad.increment != nullptr && step_s > 0) (*triad.increment)[axis] += step_s * (rounded - value[axis]);
+      increment[axis] += step_s * (rounded - value[axis]);
       value[axis] = rounded;
     }
-    const double limited = std::clamp(value[axis], range.lower[axis], range.upper[axis]);
-    if (limited == value[axis]) continue;
-    value[axis] = limited;
-    if (triad.increment != nullptr && step_s > 0) (*triad.increment)[axis] = step_s * limited;
-    if (triad.has_status) sample.status |= 1U << (triad.saturated_shift + static_cast<unsigned>(axis));
+    if (limit_axis(range, axis, step_s, value, increment)) sample.status |= triad.saturated << axis;
   }
 }
 

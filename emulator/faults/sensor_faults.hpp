@@ -34,9 +34,8 @@ class SensorFaults {
     Vector3* value;
     Vector3* increment;  // nullptr: none
     const TriadErrors& errors;
-    double white_sigma;        // of the sensor's own white noise in a sample, of the x axis
-    unsigned saturated_shift;  // of its saturation in Sample::status
-    bool has_status;
+    double white_sigma;       // of the sensor's own white noise in a sample, of the x axis
+    std::uint32_t saturated;  // the bit of Sample::status for the x axis; y and z have the next two. 0: none
   };
   // The output of the targets in the last sample, for values that are stuck.
   struct Output {
