@@ -37,10 +37,6 @@ void make_parts(const Config& config, const CheckOptions& options) {
   static_cast<void>(make_pacer(config, engine.quality()));
 }
 
-std::string_view clock_word(ClockMode clock) {
-  return clock == ClockMode::realtime ? "realtime" : clock == ClockMode::lockstep ? "lockstep" : "fast";
-}
-
 // Describes the imu's model, after a colon.
 std::string model_note(const ImuConfig& imu) {
   if (const Preset* preset = find_preset(imu.errors_model))
@@ -71,7 +67,7 @@ std::string delay_text(const TruthConfig& truth) {
 
 void print_text(const std::string& path, const Config& config) {
   fmt::print("{}: good\n", path);
-  fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, clock_word(config.clock));
+  fmt::print("{:<8} seed {}, clock {}\n", "run", config.seed, word_of(clock_words, config.clock));
   fmt::print("{:<8} {} from {}\n", "truth", config.truth.format->name, config.truth.port);
   if (has_live_truth(config)) fmt::print("{:<8} {}\n", "", delay_text(config.truth));
   if (const std::string derived = fit_text(config.truth); !derived.empty()) fmt::print("{:<8} {}\n", "", derived);

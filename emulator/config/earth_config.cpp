@@ -54,8 +54,12 @@ double read_angle(TableReader& table, TruthConfig& truth, double of_start) {
 
 EarthModel read_earth(TableReader table, TruthConfig& truth) {
   EarthModel earth;
-  constexpr EarthFrame frames[] = {EarthFrame::automatic, EarthFrame::none, EarthFrame::local, EarthFrame::inertial};
-  earth.frame = frames[table.choice("frame", {"auto", "none", "local", "inertial"}, 0)];
+  earth.frame = table.choice<EarthFrame>("frame",
+                                         {{EarthFrame::automatic, "auto"},
+                                          {EarthFrame::none, "none"},
+                                          {EarthFrame::local, "local"},
+                                          {EarthFrame::inertial, "inertial"}},
+                                         EarthFrame::automatic);
   check_frame(table, earth.frame, truth);
   const toml::date_time in_2025(toml::date(2025, 1, 1), toml::time(0, 0, 0), toml::time_offset());
   const std::int64_t start = table.utc_s("start", in_2025, 2017, 2100);

@@ -58,9 +58,12 @@ ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vecto
   else if (std::find(imus.begin(), imus.end(), expect.imu) == imus.end())
     table.fault("imu", fmt::format("there is no imu \"{}\"; of: {}", expect.imu, fmt::join(imus, ", ")));
   table.require("what", "\"host_sends\", \"host_is_silent\" or \"host_reopens\"");
-  constexpr ExpectConfig::What all[] = {ExpectConfig::What::host_sends, ExpectConfig::What::host_is_silent,
-                                        ExpectConfig::What::host_reopens};
-  expect.what = all[table.choice("what", {"host_sends", "host_is_silent", "host_reopens"}, 0)];
+  using What = ExpectConfig::What;
+  expect.what = table.choice<What>("what",
+                                   {{What::host_sends, "host_sends"},
+                                    {What::host_is_silent, "host_is_silent"},
+                                    {What::host_reopens, "host_reopens"}},
+                                   What::host_sends);
   expect.pattern = read_host_bytes(table);
   if (expect.what == ExpectConfig::What::host_reopens && !expect.pattern.empty())
     table.fault("what", "\"host_reopens\" is not about bytes; omit text and hex");

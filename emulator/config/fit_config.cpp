@@ -17,8 +17,9 @@ GravitationModel read_gravitation(TableReader& table) {
     if (table.has("gravity")) table.fault("gravity", "give either this or gravity_m_per_s2, not both");
     return gravitation;
   }
-  constexpr Kind kinds[] = {Kind::automatic, Kind::wgs84, Kind::j2, Kind::none};
-  gravitation.kind = kinds[table.choice("gravity", {"auto", "wgs84", "j2", "none"}, 0)];
+  gravitation.kind = table.choice<Kind>(
+      "gravity", {{Kind::automatic, "auto"}, {Kind::wgs84, "wgs84"}, {Kind::j2, "j2"}, {Kind::none, "none"}},
+      Kind::automatic);
   return gravitation;
 }
 
@@ -60,25 +61,32 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   // In lockstep the simulator waits for the answer to each truth. A derived quantity would delay the answer until the
   // next truths.
   const bool waits = clock == ClockMode::lockstep && !is_capture(truth.port);
-  const auto source_of = [&](std::string_view key, std::size_t choice) {
-    if (choice == 2 && waits)
+  const auto source_of = [&](std::string_view key, Source choice) {
+    if (choice == Source::derived && waits)
       table.fault(key,
                   "\"derived\" needs the truths that follow, but in lockstep the simulator waits for an answer to "
                   "each; send the quantity, or give clock = \"realtime\"");
-    if (choice == 0 && truth.format != nullptr && truth.format->derives && !waits) return Source::automatic;
-    return choice == 2 ? Source::derived : Source::given;
+    const bool is_derived = truth.format != nullptr && truth.format->derives && !waits;
+    return choice == Source::automatic && !is_derived ? Source::given : choice;
   };
   PoseFit::Options fit;
-  fit.rate = source_of("rate", table.choice("rate", {"auto", "given", "derived"}, 0));
+  fit.rate = source_of(
+      "rate", table.choice<Source>(
+                  "rate", {{Source::automatic, "auto"}, {Source::given, "given"}, {Source::derived, "derived"}},
+                  Source::automatic));
   if (waits && !truth.frame.has_rate && fit.rate == Source::given)
     table.fault("format",
                 fmt::format("{} truth has no rate by these settings, and in lockstep none can be derived, as the "
                             "simulator waits for an answer to each truth; send the rate, or give clock = "
                             "\"realtime\"",
                             truth.format->name));
-  const std::size_t force = table.choice("specific_force", {"auto", "given", "derived", "none"}, 0);
-  fit.specific_force = source_of("specific_force", force);
-  truth.ignores_force = force == 3;
+  using Force = std::optional<Source>;
+  const Force force = table.choice<Force>(
+      "specific_force",
+      {{Source::automatic, "auto"}, {Source::given, "given"}, {Source::derived, "derived"}, {std::nullopt, "none"}},
+      Source::automatic);
+  fit.specific_force = source_of("specific_force", force.value_or(Source::given));
+  truth.ignores_force = !force;
   const bool derives = fit.rate != Source::given || fit.specific_force != Source::given;
   // The choice uses truths of a second ahead, which costs a capture nothing.
   const bool is_chosen_by_default = derives && is_capture(truth.port) && !was_recorded_otherwise(truth.port);

@@ -66,7 +66,7 @@ void pace_line(TableReader& table, const Transport& transport, const std::string
 // adds a fault if the port is not valid.
 const Transport* check_device_port(TableReader& table, std::string_view key, const std::string& port,
                                    PortSettings& settings) {
-  const bool paced = table.choice("pace", {"none", "line"}, 0) == 1;
+  const bool paced = table.choice<bool>("pace", {{false, "none"}, {true, "line"}}, false);
   if (has_option(port, "pace")) {
     table.fault(key, "pace is a key of [[imu]]; give it there");
     return nullptr;
@@ -346,8 +346,9 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   imu.grid = Grid(imu.rate_hz, error_ppm, nanoseconds(1e-6 * phase_us));
   read_jitter(table, imu);
 
-  constexpr BeforeFirst reactions[] = {BeforeFirst::silence, BeforeFirst::rest};
-  imu.before_first = reactions[table.choice("before_first", {"silence", "rest"}, product ? 1 : 0)];
+  imu.before_first =
+      table.choice<BeforeFirst>("before_first", {{BeforeFirst::silence, "silence"}, {BeforeFirst::rest, "rest"}},
+                                product ? BeforeFirst::rest : BeforeFirst::silence);
 
   table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
@@ -385,10 +386,13 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   read_barometer(table.child("barometer"), imu.model.barometer);
   imu.model.navigation = read_navigation(table.child("navigation"));
   TableReader increments = table.child("increments");
-  constexpr DeltaAngle angles[] = {DeltaAngle::rotation_vector, DeltaAngle::integral};
-  constexpr DeltaVelocity velocities[] = {DeltaVelocity::integral, DeltaVelocity::memo, DeltaVelocity::end_frame};
-  imu.model.delta_angle = angles[increments.choice("delta_angle", {"rotation_vector", "integral"}, 0)];
-  imu.model.delta_velocity = velocities[increments.choice("delta_velocity", {"integral", "memo", "end_frame"}, 0)];
+  imu.model.delta_angle = increments.choice<DeltaAngle>(
+      "delta_angle", {{DeltaAngle::rotation_vector, "rotation_vector"}, {DeltaAngle::integral, "integral"}},
+      DeltaAngle::rotation_vector);
+  imu.model.delta_velocity = increments.choice<DeltaVelocity>(
+      "delta_velocity",
+      {{DeltaVelocity::integral, "integral"}, {DeltaVelocity::memo, "memo"}, {DeltaVelocity::end_frame, "end_frame"}},
+      DeltaVelocity::integral);
   increments.finish();
   table.finish();
   return imu;

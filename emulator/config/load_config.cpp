@@ -8,6 +8,7 @@
 #include "emulator/config/config_text.hpp"
 #include "emulator/config/scenario.hpp"
 #include "emulator/ground/tcp_address.hpp"
+#include "emulator/plan/keys.hpp"
 
 namespace imud {
 
@@ -132,6 +133,11 @@ std::string in_place_of(const std::string& port, const std::string& capture) {
   return fmt::format("{}{}port={}", capture, capture.find('?') == std::string::npos ? '?' : '&', *number);
 }
 
+// Returns the value in SI.
+double read_number(TableReader& table, const NumberKey& key) {
+  return key.si * table.real(key.key(), key.fallback, key.min, key.max);
+}
+
 TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& capture) {
   TruthConfig truth;
   truth.port = table.text("port", "");
@@ -183,28 +189,26 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   }
   if (table.has("stream"))
     truth.stream = static_cast<std::uint32_t>(table.unsigned_integer("stream", 0, 0xFFFF'FFFFU));
-  const auto milliseconds = [&](std::string_view key, Nanoseconds fallback, double min, double max) {
-    return nanoseconds(1e-3 * table.real(key, static_cast<double>(fallback.count()) / 1e6, min, max));
-  };
   // Left out, the delay is automatic where live truth is sampled by the host's clock.
   const bool is_default =
       !table.has("delay_ms") && clock == ClockMode::realtime && transport != nullptr && !is_capture(truth.port);
   const bool is_automatic = is_default || table.is_text("delay_ms");
   if (is_automatic || table.has("auto_delay_percent"))
-    truth.clock.automatic_percent = table.real("auto_delay_percent", 99.0, 50.0, 100.0);
+    truth.clock.automatic_percent = read_number(table, keys::automatic_percent);
   if (!is_automatic) {
-    truth.clock.delay = milliseconds("delay_ms", truth.clock.delay, 0.0, 1000.0);
+    truth.clock.delay = nanoseconds(read_number(table, keys::delay));
     if (table.has("auto_delay_percent")) table.fault("auto_delay_percent", "needs delay_ms = \"auto\"");
-  } else if (table.text("delay_ms", "auto") != "auto") {
-    table.fault("delay_ms", "give milliseconds from 0 to 1000, or \"auto\"");
+  } else if (table.text("delay_ms", "auto") != keys::automatic) {
+    table.fault("delay_ms", fmt::format("give milliseconds from {} to {}, or \"{}\"", keys::delay.min,
+                                        keys::delay.max, keys::automatic));
   }
   const bool is_delayed = truth.clock.delay > Nanoseconds{0} || (is_automatic && !is_capture(truth.port));
   if (clock == ClockMode::lockstep && is_delayed)
     table.fault("delay_ms", "needs clock = \"realtime\": in lockstep a sample waits for its truth; give 0");
-  constexpr WhenStopped reactions[] = {WhenStopped::hold, WhenStopped::flag, WhenStopped::silence};
-  truth.when_stopped = reactions[table.choice("when_stopped", {"hold", "flag", "silence"}, 0)];
-  truth.limits.extrapolate = milliseconds("extrapolate_ms", truth.limits.extrapolate, 0.0, 10'000.0);
-  truth.limits.max_gap = milliseconds("max_gap_ms", truth.limits.max_gap, 1.0, 3.6e6);
+  truth.when_stopped = table.choice<WhenStopped>("when_stopped", when_stopped_words, WhenStopped::hold);
+  truth.limits.extrapolate = nanoseconds(read_number(table, keys::extrapolate));
+  const auto max_gap_ms = static_cast<double>(truth.limits.max_gap.count()) / 1e6;
+  truth.limits.max_gap = nanoseconds(1e-3 * table.real("max_gap_ms", max_gap_ms, 1.0, 3.6e6));
   truth.limits.gap_begins_run = is_capture(truth.port);
   read_fit(table, clock, truth);
   read_bounds(table, truth.bounds);
@@ -263,8 +267,7 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
   Config config;
   config.sha256 = std::move(text.sha256);
   config.seed = table.unsigned_integer("seed", config.seed, ~std::uint64_t{0});
-  constexpr ClockMode clocks[] = {ClockMode::realtime, ClockMode::lockstep, ClockMode::fast};
-  config.clock = clocks[table.choice("clock", {"realtime", "lockstep", "fast"}, 0)];
+  config.clock = table.choice<ClockMode>("clock", clock_words, ClockMode::realtime);
   config.truth = read_truth(table.child("truth"), config.clock, capture);
   config.realtime = read_realtime(table.child("realtime"));
   config.web = read_web(table.child("web"));

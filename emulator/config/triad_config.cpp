@@ -10,13 +10,14 @@
 
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
+#include "emulator/plan/keys.hpp"
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
 
 namespace {
 
-constexpr double huge = 1e9;
+constexpr double huge = keys::largest;
 constexpr double hour = 3600, root_hour = 60;  // s, sqrt(s)
 constexpr double deg = units::degree, g = units::standard_gravity;
 
@@ -150,7 +151,7 @@ void check_growth(TableReader& table, const TriadErrors& e) {
 void read_white_noise(TableReader& table, const SensorKeys& keys, Sidedness base, TriadErrors& e) {
   const bool was_one_sided = base == Sidedness::one_sided;
   const bool one_sided =
-      table.choice("noise_density_sidedness", {"two_sided", "one_sided"}, was_one_sided ? 1 : 0) == 1;
+      table.choice<bool>("noise_density_sidedness", {{false, "two_sided"}, {true, "one_sided"}}, was_one_sided);
   if (base != Sidedness::none && one_sided != was_one_sided) e.white_density *= std::sqrt(one_sided ? 0.5 : 2.0);
   const Unit* density = given_unit(table, "noise_density", keys.density);
   if (!keys.white.empty()) {
@@ -296,9 +297,11 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   e.random_walk_density = in_units(table, keys.walk, keys.walk_units, e.random_walk_density);
   read_filter(table, e.filter, rate_hz);
   e.lsb = number_in_units(table, "lsb", keys.value, e.lsb, 0);
-  constexpr Rounding roundings[] = {Rounding::toward_zero, Rounding::nearest, Rounding::away_from_zero};
-  const auto rounding = static_cast<std::size_t>(e.rounding);
-  e.rounding = roundings[table.choice("rounding", {"toward_zero", "nearest", "away_from_zero"}, rounding)];
+  e.rounding = table.choice<Rounding>("rounding",
+                                      {{Rounding::toward_zero, "toward_zero"},
+                                       {Rounding::nearest, "nearest"},
+                                       {Rounding::away_from_zero, "away_from_zero"}},
+                                      e.rounding);
   e.carry = table.flag("carry", e.carry);
   if (!keys.increment_lsb.empty()) e.increment_lsb = table.real(keys.increment_lsb, e.increment_lsb, 0.0, huge);
   e.walk_transition = table.matrix3("walk_transition", e.walk_transition, true);

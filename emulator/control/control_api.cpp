@@ -19,7 +19,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::chrono::milliseconds between_notifications(40);
-constexpr std::string_view clocks[] = {"realtime", "lockstep", "fast"};
 
 // Words for people: "imu1 from sample 1234, imu2 from sample 617".
 std::string samples_text(const Json& applied) {
@@ -278,7 +277,7 @@ Json ControlApi::status() const {
           {"version", IMUD_VERSION},
           {"name", run_.name},
           {"pid", ::getpid()},
-          {"clock", clocks[static_cast<std::size_t>(run_.config.clock)]},
+          {"clock", word_of(clock_words, run_.config.clock)},
           {"seed", run_.config.seed},
           {"config_sha256", run_.config.sha256},
           {"imus", std::move(imus)},

@@ -6,20 +6,19 @@
 #include <algorithm>
 #include <array>
 
-#include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/ground/table_reader.hpp"
+#include "emulator/plan/keys.hpp"
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
 
 namespace {
 
-constexpr std::array<std::string_view, 3> reactions = {"hold", "flag", "silence"};  // WhenStopped
+constexpr auto reactions = words_by_number(when_stopped_words);
 constexpr std::array<std::string_view, 3> levels = {"quiet", "normal", "verbose"};  // LogLevel
 constexpr std::array<std::string_view, 5> types = {"number", "integer", "vector", "word", "list"};
-constexpr double millisecond = 1e-3, per_hour = 1.0 / 3600.0, huge = 1e9;
 
 const char* needs_live_truth(const Config& config, double) {
   return config.clock == ClockMode::realtime && !is_capture(config.truth.port)
@@ -27,11 +26,12 @@ const char* needs_live_truth(const Config& config, double) {
              : "needs clock = \"realtime\" and live truth";
 }
 
-// The second reaction is WhenStopped::flag.
 const char* needs_mark(const Config& config, double reaction) {
   const bool can = std::all_of(config.imus.begin(), config.imus.end(),
                                [](const ImuConfig& imu) { return carries_status(imu, status::not_valid); });
-  return reaction != 1 || can ? nullptr : "a protocol of this run cannot mark a sample as not valid";
+  return static_cast<WhenStopped>(reaction) != WhenStopped::flag || can
+             ? nullptr
+             : "a protocol of this run cannot mark a sample as not valid";
 }
 
 const char* needs_servos(const Config& config, double) {
@@ -40,56 +40,65 @@ const char* needs_servos(const Config& config, double) {
 
 using Kind = Command::Kind;
 using Type = RunningKey::Type;
-constexpr std::string_view gyro = "replaces the bias of the gyros, in platform axes",
-                           accelerometer = "replaces the bias of the accelerometers, in platform axes";
-constexpr RunningKey bias_of(std::string_view key, std::string_view meaning, Kind kind, double si) {
-  return {key, meaning, Type::vector, kind, true, -huge, huge, si};
+
+constexpr RunningKey number(const NumberKey& key, std::string_view meaning, Kind kind) {
+  return {.key = key.path, .meaning = meaning, .kind = kind, .min = key.min, .max = key.max, .si = key.si};
 }
 
-constexpr auto keys = std::to_array<RunningKey>({
-    {"seed", "random numbers from the next sample on are those of this seed", Type::integer, Kind::seed},
-    {"truth.delay_ms",
-     "the delay of live truth, or \"auto\"; slewed",
-     Type::number,
-     Kind::delay,
-     false,
-     0,
-     1000,
-     millisecond,
-     {},
-     "auto",
-     needs_live_truth},
-    {"truth.extrapolate_ms", "motion is extrapolated for this long after the newest truth", Type::number,
-     Kind::extrapolate, false, 0, 10'000, millisecond},
-    {"truth.when_stopped",
-     "the output while truth has stopped",
-     Type::word,
-     Kind::when_stopped,
-     false,
-     0,
-     0,
-     1,
-     reactions,
-     {},
-     needs_mark},
-    {"truth.pwm",
-     "pulse widths of the first servo channels, us; the others stay, and more than 16 are sent as 32",
-     Type::list,
-     Kind::servo,
-     false,
-     0,
-     65535,
-     1,
-     {},
-     {},
-     needs_servos,
-     32},
-    {"log.level", "what the log has", Type::word, Kind::log_level, false, 0, 0, 1, levels},
-    bias_of("gyro.bias_rad_per_s", gyro, Kind::gyro_bias, 1),
-    bias_of("gyro.bias_deg_per_s", gyro, Kind::gyro_bias, units::degree),
-    bias_of("gyro.bias_deg_per_hr", gyro, Kind::gyro_bias, units::degree* per_hour),
-    bias_of("accelerometer.bias_m_per_s2", accelerometer, Kind::accelerometer_bias, 1),
-    bias_of("accelerometer.bias_mg", accelerometer, Kind::accelerometer_bias, 1e-3 * units::standard_gravity),
+// A key of three sensors, "gyro.bias" and its unit.
+template <class Units>
+constexpr RunningKey bias(std::string_view key, std::string_view meaning, Kind kind, const Units& units) {
+  const double si = find_unit(units, key.substr(key.find("bias") + 4))->factor;
+  return {.key = key,
+          .meaning = meaning,
+          .type = Type::vector,
+          .kind = kind,
+          .of_imu = true,
+          .min = -keys::largest,
+          .max = keys::largest,
+          .si = si};
+}
+constexpr RunningKey gyro_bias(std::string_view key) {
+  return bias(key, "replaces the bias of the gyros, in platform axes", Kind::gyro_bias, key_units::rate);
+}
+constexpr RunningKey accelerometer_bias(std::string_view key) {
+  return bias(key, "replaces the bias of the accelerometers, in platform axes", Kind::accelerometer_bias,
+              key_units::acceleration);
+}
+
+constexpr RunningKey delay = [] {
+  RunningKey key = number(keys::delay, "the delay of live truth, or \"auto\"; slewed", Kind::delay);
+  key.automatic = keys::automatic;
+  key.refusal = needs_live_truth;
+  return key;
+}();
+
+constexpr auto entries = std::to_array<RunningKey>({
+    {.key = "seed",
+     .meaning = "random numbers from the next sample on are those of this seed",
+     .type = Type::integer,
+     .kind = Kind::seed},
+    delay,
+    number(keys::extrapolate, "motion is extrapolated for this long after the newest truth", Kind::extrapolate),
+    {.key = "truth.when_stopped",
+     .meaning = "the output while truth has stopped",
+     .type = Type::word,
+     .kind = Kind::when_stopped,
+     .words = reactions,
+     .refusal = needs_mark},
+    {.key = "truth.pwm",
+     .meaning = "pulse widths of the first servo channels, us; the others stay, and more than 16 are sent as 32",
+     .type = Type::list,
+     .kind = Kind::servo,
+     .max = 65535,
+     .refusal = needs_servos,
+     .most = 32},
+    {.key = "log.level", .meaning = "what the log has", .type = Type::word, .kind = Kind::log_level, .words = levels},
+    gyro_bias("gyro.bias_rad_per_s"),
+    gyro_bias("gyro.bias_deg_per_s"),
+    gyro_bias("gyro.bias_deg_per_hr"),
+    accelerometer_bias("accelerometer.bias_m_per_s2"),
+    accelerometer_bias("accelerometer.bias_mg"),
 });
 
 [[noreturn]] void refuse(std::string_view key, std::string_view what) {
@@ -110,10 +119,9 @@ void check(const RunningKey& entry, std::string_view key, const Config& config, 
     throw RpcError(RpcError::refused, fmt::format("{}: {}", key, why));
 }
 
-// The percentile that load_config() assumes.
 double automatic_percent(const Config& config) {
-  constexpr double usual = 99;
-  return config.truth.clock.automatic_percent > 0 ? config.truth.clock.automatic_percent : usual;
+  return config.truth.clock.automatic_percent > 0 ? config.truth.clock.automatic_percent
+                                                  : keys::automatic_percent.fallback;
 }
 
 // Splits "imu.NAME.KEY", whose name may have dots. Returns the imu's number and leaves KEY.
@@ -145,7 +153,7 @@ void add_paths(const toml::table& table, const std::string& before, std::vector<
 // Returns the keys of the configuration, or of its imus if `of_imu`, and all keys that can change.
 std::vector<std::string> keys_of(bool of_imu, const Config& config) {
   std::vector<std::string> paths;
-  for (const RunningKey& key : keys)
+  for (const RunningKey& key : entries)
     if (key.of_imu == of_imu) paths.emplace_back(key.key);
   const toml::table root = toml::parse(config.resolved);
   if (!of_imu) add_paths(root, "", paths);
@@ -161,7 +169,7 @@ bool is_configured(bool of_imu, std::string_view key, const Config& config) {
 
 }  // namespace
 
-std::span<const RunningKey> running_keys() noexcept { return keys; }
+std::span<const RunningKey> running_keys() noexcept { return entries; }
 
 void add_commands(std::vector<Command>& commands, const std::string& key, const Json& value, const Config& config) {
   std::string_view rest = key;
@@ -171,9 +179,10 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
     rest.remove_prefix(std::string_view("imu.").size());
     command.imu = imu_of(rest, config);
   }
-  const auto entry = std::find_if(
-      keys.begin(), keys.end(), [&](const RunningKey& k) { return k.of_imu == of_imu && is_same_key(k.key, rest); });
-  if (entry == keys.end()) {
+  const auto entry = std::find_if(entries.begin(), entries.end(), [&](const RunningKey& k) {
+    return k.of_imu == of_imu && is_same_key(k.key, rest);
+  });
+  if (entry == entries.end()) {
     const std::string before = key.substr(0, key.size() - rest.size());
     if (!is_configured(of_imu, rest, config)) {
       const std::string meant = nearest(rest, keys_of(of_imu, config));
@@ -181,7 +190,7 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
                                 : fmt::format("there is no such key; did you mean \"{}{}\"?", before, meant));
     }
     std::vector<std::string> known;
-    for (const RunningKey& k : keys) known.push_back(fmt::format("{}{}", k.of_imu ? "imu.NAME." : "", k.key));
+    for (const RunningKey& k : entries) known.push_back(fmt::format("{}{}", k.of_imu ? "imu.NAME." : "", k.key));
     refuse(key, fmt::format("cannot change while the run goes on; those that can: {}", fmt::join(known, ", ")));
   }
   command.kind = entry->kind;
@@ -236,7 +245,7 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
 
 Json running_keys_json() {
   Json all = Json::array();
-  for (const RunningKey& key : keys) {
+  for (const RunningKey& key : entries) {
     Json one = {{"key", fmt::format("{}{}", key.of_imu ? "imu.NAME." : "", key.key)},
                 {"meaning", key.meaning},
                 {"type", types[static_cast<std::size_t>(key.type)]}};

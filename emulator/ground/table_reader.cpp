@@ -134,13 +134,12 @@ std::string TableReader::text(std::string_view key, std::string fallback) {
   return fallback;
 }
 
-std::size_t TableReader::choice(std::string_view key, std::initializer_list<std::string_view> words,
-                                std::size_t fallback) {
+std::size_t TableReader::choice(std::string_view key, std::span<const std::string_view> words, std::size_t fallback) {
   const toml::node* found = node(key);
-  resolve(key, *(words.begin() + fallback));
+  resolve(key, words[fallback]);
   if (found == nullptr) return fallback;
   if (const auto* value = found->as_string()) {
-    const auto* at = std::find(words.begin(), words.end(), value->get());
+    const auto at = std::find(words.begin(), words.end(), value->get());
     if (at != words.end()) {
       resolve(key, *at);
       return static_cast<std::size_t>(at - words.begin());

@@ -7,12 +7,14 @@
 #include <initializer_list>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "core/vector.hpp"
+#include "emulator/ground/words.hpp"
 
 namespace imud {
 
@@ -64,7 +66,22 @@ class TableReader {
   // Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.
   std::int64_t utc_s(std::string_view key, const toml::date_time& fallback, int first_year, int last_year);
   // Returns the index of the value in `words`.
-  std::size_t choice(std::string_view key, std::initializer_list<std::string_view> words, std::size_t fallback);
+  std::size_t choice(std::string_view key, std::span<const std::string_view> words, std::size_t fallback);
+  // Returns the value of the word.
+  template <class Enum>
+  Enum choice(std::string_view key, std::span<const Word<Enum>> words, Enum fallback) {
+    std::vector<std::string_view> texts;
+    std::size_t absent = 0;
+    for (const auto& [value, word] : words) {
+      if (value == fallback) absent = texts.size();
+      texts.push_back(word);
+    }
+    return words[choice(key, texts, absent)].value;
+  }
+  template <class Enum>
+  Enum choice(std::string_view key, std::initializer_list<Word<Enum>> words, Enum fallback) {
+    return choice(key, std::span(words.begin(), words.size()), fallback);
+  }
   Vector3 vector3(std::string_view key, const Vector3& fallback);
   // Reads three numbers, or one that counts for all axes, each from `min` to `max`.
   Vector3 per_axis(std::string_view key, const Vector3& fallback, double min, double max);

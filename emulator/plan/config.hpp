@@ -2,6 +2,7 @@
 // emulator/CONFIGURATION.md.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
@@ -13,6 +14,7 @@
 #include "core/pose/pose_fit.hpp"
 #include "core/timeline.hpp"
 #include "emulator/ground/truth_bounds.hpp"
+#include "emulator/ground/words.hpp"
 #include "emulator/plan/expect_config.hpp"
 #include "emulator/plan/fault_config.hpp"
 #include "emulator/plan/sync_config.hpp"
@@ -29,6 +31,8 @@ inline constexpr const char* default_truth_format = "native";
 
 // The clock that paces the samples: the host's, each truth that arrives, or a capture as fast as it can be read.
 enum class ClockMode : std::uint8_t { realtime, lockstep, fast };
+inline constexpr auto clock_words = std::to_array<Word<ClockMode>>(
+    {{ClockMode::realtime, "realtime"}, {ClockMode::lockstep, "lockstep"}, {ClockMode::fast, "fast"}});
 
 // The output of a sensor while motion is held because truth has stopped.
 enum class WhenStopped : std::uint8_t {
@@ -36,6 +40,8 @@ enum class WhenStopped : std::uint8_t {
   flag,     // the same, and marked as not valid (status bit 8, or the protocol's own mark)
   silence,  // nothing
 };
+inline constexpr auto when_stopped_words = std::to_array<Word<WhenStopped>>(
+    {{WhenStopped::hold, "hold"}, {WhenStopped::flag, "flag"}, {WhenStopped::silence, "silence"}});
 
 // The output of a sensor in real time until the first truth comes. It has power and answers its host in any case.
 enum class BeforeFirst : std::uint8_t {

@@ -99,9 +99,8 @@ bool writes_to_stdout(const Config& config) {
 }
 
 void log_details(const Config& config) {
-  constexpr std::string_view clocks[] = {"realtime", "lockstep", "fast"};
   spdlog::debug("imud {}, process {}, clock {}, seed {}, configuration {}", IMUD_VERSION, ::getpid(),
-                clocks[static_cast<std::size_t>(config.clock)], config.seed, config.sha256);
+                word_of(clock_words, config.clock), config.seed, config.sha256);
   spdlog::debug("truth: {} from {}", config.truth.format->name, config.truth.port);
   for (const ImuConfig& imu : config.imus)
     spdlog::debug("{}: {} at {} Hz to {}{}{}", imu.name, imu.protocol->name, imu.rate_hz, imu.port,
