@@ -277,6 +277,16 @@ void read_filter(TableReader& table, SensorFilter& filter, double rate_hz) {
   filter.length = std::max(order > 0 ? length : samples, 1);
 }
 
+// A member that is added to TriadErrors does not compile until it stands here: give it a key, too.
+[[maybe_unused]] void name_every_term(const TriadErrors& errors) {
+  [[maybe_unused]] const auto& [misalignment, scale_factor, scale_factor_asymmetry, quadratic, cubic,
+                                reference_temperature_c, temperature_scale, temperature_bias, bias, walk_transition,
+                                walk_sqrt_cov, walk_bound, turn_on_bias, ramp, g_sensitivity, g_squared_sensitivity,
+                                vibration_rectification, vibration_mean_square, white_density, bias_instability,
+                                flicker_from_s, flicker_to_s, correlated_sigma, correlation_time, random_walk_density,
+                                filter, lsb, rounding, carry, max, limits, increment_lsb] = errors;
+}
+
 TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadErrors* product, double rate_hz,
                        Sidedness density) {
   TriadErrors e;

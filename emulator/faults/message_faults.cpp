@@ -227,7 +227,7 @@ void MessageFaults::take(std::span<const ActiveFault> faults, std::uint64_t k, c
       case MessageFault::clock_drift:
         clock_offset_ += nanoseconds(1e-6 * p * since_s);
         break;
-      default:
+      case MessageFault::count:
         break;
     }
   }

@@ -178,7 +178,13 @@ void SensorFaults::apply_to_triad(const ActiveFault& fault, std::uint64_t k, dou
                                 (elementary::sincos(omega * begin_s).cos - elementary::sincos(omega * since_s).cos));
       break;
     }
-    default:
+    case SensorFault::no_fix:
+    case SensorFault::position_jump:
+    case SensorFault::position_drift:
+    case SensorFault::gps_time_jump:
+    case SensorFault::satellites:
+    case SensorFault::accuracy:
+    case SensorFault::count:
       return;
   }
   for (int axis = 0; axis < 3; ++axis) {

@@ -159,7 +159,7 @@ class FaultyTruthDecoder final : public TruthDecoder, public TruthFaults {
         case TruthFault::lost:
           is_lost = true;
           break;
-        default:
+        case TruthFault::count:
           break;
       }
     }

@@ -146,9 +146,19 @@ ChangingFrame& WireChange::change(ChangingFrame& frame, ChangingFrame& other, co
       return reseal(frame, other, protocol, can);
     case WireFault::baud_wrong:
       return resample(frame, other, uart, is_last);
-    default:
+    case WireFault::garbage:
+    case WireFault::line_break:
+    case WireFault::silence:
+    case WireFault::disconnect:
+    case WireFault::half_bandwidth:
+    case WireFault::bus_off:
+    case WireFault::error_frames:
+    case WireFault::same_id:
+    case WireFault::babbling:
+    case WireFault::bus_load:
       return frame;
   }
+  return frame;
 }
 
 std::size_t WireChange::receive(std::span<const std::byte> sent, const UartSettings& uart,

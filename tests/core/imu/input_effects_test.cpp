@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <regex>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -188,6 +190,17 @@ TEST(TriadEffects, AreThoseOfTheReadme) {
       EXPECT_EQ(match[1], std::to_string(documented.size()));
     }
   EXPECT_EQ(documented, std::vector<std::string>(triad_effect_names.begin(), triad_effect_names.end()));
+}
+
+TEST(TriadEffects, AreAllThatHaveAFile) {
+  std::set<std::string> found;
+  for (const auto& entry : std::filesystem::directory_iterator(IMUD_SOURCE_DIR "/core/effects")) {
+    std::ifstream file(entry.path());
+    std::smatch match;
+    for (std::string line; std::getline(file, line);)
+      if (std::regex_search(line, match, std::regex(R"rx(string_view name = "([^"]+)";)rx"))) found.insert(match[1]);
+  }
+  EXPECT_EQ(found, std::set<std::string>(triad_effect_names.begin(), triad_effect_names.end()));
 }
 
 }  // namespace
