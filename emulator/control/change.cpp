@@ -14,29 +14,6 @@ namespace imud {
 
 namespace {
 
-constexpr auto methods = std::to_array<MethodInfo>({
-    {"status", "what runs, and its figures", ""},
-    {"list", "the methods, the imus, and what can be changed", ""},
-    {"mark", "a named line into the log and the record", R"({"text": "climb begins"})", true},
-    {"power", "the supply of an imu, or of all: off, on, or cycle", R"({"imu": "imu1", "state": "cycle"})", true},
-    {"pause", "the frames of an imu, or of all, are discarded; the sensor goes on", R"({"imu": "imu1"})", true},
-    {"resume", "the opposite of pause", R"({"imu": "imu1"})", true},
-    {"set", "new values of keys of the configuration, at one sample",
-     R"({"truth.delay_ms": 20, "imu.imu1.gyro.bias_rad_per_s": [0.01, 0, 0]})", true},
-    {"fault.begin", "begins a fault: a [[fault]] whose times count from the next sample",
-     R"({"imu": "imu1", "target": "gyro.x", "kind": "bias", "value": 0.1, "for_s": 3})", true},
-    {"fault.end", "ends the faults of a name", R"({"name": "fault1"})", true},
-    {"fault.clear", "ends all faults of an imu, or of all", R"({"imu": "imu1"})", true},
-    {"seed", "random numbers from the next sample on are those of this seed", R"({"seed": 7})", true},
-    {"batch", "several changes that take effect at one sample",
-     R"({"changes": [{"method": "pause", "params": {"imu": "imu1"}}, {"method": "mark", "params": {"text": "a"}}]})"},
-    {"reload", "reads the file of the configuration again; what differs changes at one sample, or nothing does", ""},
-    {"subscribe", "notifications of samples, truth, counters or events",
-     R"({"what": "samples", "imu": "imu1", "rate_hz": 50})"},
-    {"unsubscribe", "the opposite of subscribe; without parameters of everything", R"({"what": "samples"})"},
-    {"quit", "ends the run, with its summary", ""},
-});
-
 // A text becomes a part of a line of the log.
 std::string line_of_text(RpcParams& params) {
   std::string text = params.text("text", "one line of text");
@@ -59,44 +36,62 @@ Change of_imu(Command::Kind kind, std::uint16_t imu, const Config& config, std::
 
 }  // namespace
 
-std::span<const MethodInfo> control_methods() noexcept { return methods; }
-
-Change change_of(const std::string& method, const Json& request_params, const Config& config) {
+Change mark_change(const Json& request_params, const ChangeContext&) {
   RpcParams params(request_params);
+  const std::string text = line_of_text(params);
+  params.finish();
+  Command command = {.text_size = static_cast<std::uint8_t>(text.size())};
+  std::copy(text.begin(), text.end(), command.text.begin());
+  return {{command}, fmt::format("mark: {}", text), {{"event", "mark"}, {"text", text}}};
+}
+
+Change set_change(const Json& params, const ChangeContext& context) {
+  if (!params.is_object() || params.empty())
+    throw RpcError(RpcError::invalid_params, "Invalid params: give the keys with their values");
   Change change;
-  if (method == "mark") {
-    const std::string text = line_of_text(params);
-    Command command = {.text_size = static_cast<std::uint8_t>(text.size())};
-    std::copy(text.begin(), text.end(), command.text.begin());
-    change = {{command}, fmt::format("mark: {}", text), {{"event", "mark"}, {"text", text}}};
-  } else if (method == "set" || method == "seed") {
-    if (method == "seed") static_cast<void>(params.get("seed", "a whole number that is not negative"));
-    if (!request_params.is_object() || request_params.empty())
-      throw RpcError(RpcError::invalid_params, "Invalid params: give the keys with their values");
-    for (const auto& [key, value] : request_params.items()) {
-      add_commands(change.commands, key, value, config);
-      change.words += fmt::format("{}{} = {}", change.words.empty() ? "set " : ", ", key, json_line(value));
-    }
-    change.event = {{"event", "set"}, {"values", request_params}};
-    if (method == "set") return change;
-  } else if (method == "power") {
-    const std::uint16_t imu = params.imu(config);
-    constexpr std::array<std::string_view, 3> states = {"off", "on", "cycle"};
-    const std::string state = params.choice("state", states);
-    change = of_imu(state == "off"  ? Command::Kind::power_off
-                    : state == "on" ? Command::Kind::power_on
-                                    : Command::Kind::power_cycle,
-                    imu, config, "power");
-    change.words = fmt::format("power {}: {}", state, name_of(imu, config));
-    change.event["state"] = state;
-  } else if (method == "pause" || method == "resume") {
-    change =
-        of_imu(method == "pause" ? Command::Kind::pause : Command::Kind::resume, params.imu(config), config, method);
-  } else {
-    throw RpcError(RpcError::method_not_found, fmt::format("Method not found: {} is no change", method));
+  for (const auto& [key, value] : params.items()) {
+    add_commands(change.commands, key, value, context.config);
+    change.words += fmt::format("{}{} = {}", change.words.empty() ? "set " : ", ", key, json_line(value));
   }
+  change.event = {{"event", "set"}, {"values", params}};
+  return change;
+}
+
+Change seed_change(const Json& request_params, const ChangeContext& context) {
+  RpcParams params(request_params);
+  static_cast<void>(params.get("seed", "a whole number that is not negative"));
+  Change change = set_change(request_params, context);
   params.finish();
   return change;
+}
+
+Change power_change(const Json& request_params, const ChangeContext& context) {
+  RpcParams params(request_params);
+  const std::uint16_t imu = params.imu(context.config);
+  constexpr std::array<std::string_view, 3> states = {"off", "on", "cycle"};
+  const std::string state = params.choice("state", states);
+  params.finish();
+  Change change = of_imu(state == "off"  ? Command::Kind::power_off
+                         : state == "on" ? Command::Kind::power_on
+                                         : Command::Kind::power_cycle,
+                         imu, context.config, "power");
+  change.words = fmt::format("power {}: {}", state, name_of(imu, context.config));
+  change.event["state"] = state;
+  return change;
+}
+
+Change pause_change(const Json& request_params, const ChangeContext& context) {
+  RpcParams params(request_params);
+  const std::uint16_t imu = params.imu(context.config);
+  params.finish();
+  return of_imu(Command::Kind::pause, imu, context.config, "pause");
+}
+
+Change resume_change(const Json& request_params, const ChangeContext& context) {
+  RpcParams params(request_params);
+  const std::uint16_t imu = params.imu(context.config);
+  params.finish();
+  return of_imu(Command::Kind::resume, imu, context.config, "resume");
 }
 
 RpcParams::RpcParams(const Json& params) : params_(params) {

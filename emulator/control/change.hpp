@@ -7,19 +7,11 @@
 #include <vector>
 
 #include "emulator/control/json_rpc.hpp"
+#include "emulator/faults/fault_book.hpp"
 #include "emulator/imu/command.hpp"
 #include "emulator/plan/config.hpp"
 
 namespace imud {
-
-// A method of the protocol, as `list` shows it.
-struct MethodInfo {
-  std::string_view name;
-  std::string_view summary;
-  std::string_view params;  // an example, JSON; empty: it has none
-  bool is_change = false;   // change_of() reads it, and `batch` may have it
-};
-std::span<const MethodInfo> control_methods() noexcept;
 
 // A port of an imu that another port replaces.
 struct PortChange {
@@ -37,8 +29,17 @@ struct Change {
   std::vector<PortChange> ports = {};
 };
 
-// Returns the change that a method makes. Throws RpcError.
-Change change_of(const std::string& method, const Json& params, const Config& config);
+struct ChangeContext {
+  const Config& config;
+  FaultBook& faults;
+};
+// Return the change that a method of that name makes. Throw RpcError.
+Change mark_change(const Json& params, const ChangeContext& context);
+Change set_change(const Json& params, const ChangeContext& context);
+Change seed_change(const Json& params, const ChangeContext& context);
+Change power_change(const Json& params, const ChangeContext& context);
+Change pause_change(const Json& params, const ChangeContext& context);
+Change resume_change(const Json& params, const ChangeContext& context);
 
 // The parameters of a request by their names. A getter throws RpcError if a value is missing or wrong; finish() if a
 // parameter was not read.

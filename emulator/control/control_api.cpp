@@ -4,6 +4,8 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <utility>
 
@@ -56,37 +58,78 @@ std::string ControlApi::refuse_long() {
       RpcError(RpcError::invalid_request, fmt::format("Invalid Request: longer than {} bytes", max_request)));
 }
 
-void ControlApi::execute(const std::string& method, const Json& params, const RpcReply& reply,
-                         const std::shared_ptr<Subscriber>& client) {
-  const auto known = control_methods();
-  const auto found = std::find_if(known.begin(), known.end(), [&](const MethodInfo& m) { return m.name == method; });
-  if (found == known.end()) throw RpcError(RpcError::method_not_found, "Method not found; `list` names the methods");
-  if (ended_) throw RpcError(RpcError::run_ended, "the run has ended");
-  if (found->is_change) {
-    std::vector<Change> changes;
-    changes.push_back(change(method, params));
-    return make(std::move(changes), reply);
-  }
-  if (method == "batch") return make(changes_of_batch(params), reply);
-  if (method == "subscribe" || method == "unsubscribe") {
-    if (method == "subscribe")
-      reply.result(subscriptions_.subscribe(params, client));
-    else
-      reply.result(subscriptions_.unsubscribe(params, client));
-    return schedule();
-  }
-  RpcParams(params).finish();
-  if (method == "reload") return reload(reply);
-  if (method == "status") return reply.result(status());
-  if (method == "list") return reply.result(list());
-  spdlog::info("control: quit");
-  reply.result({{"quits", true}});
-  run_.quit();
+std::span<const ControlApi::Method> ControlApi::methods() noexcept {
+  using Client = const std::shared_ptr<Subscriber>&;
+  static constexpr auto all = std::to_array<Method>({
+      {"status", "what runs, and its figures", "",
+       [](ControlApi& api, const Json& params, const RpcReply& reply, Client) {
+         RpcParams(params).finish();
+         reply.result(api.status());
+       }},
+      {"list", "the methods, the imus, and what can be changed", "",
+       [](ControlApi& api, const Json& params, const RpcReply& reply, Client) {
+         RpcParams(params).finish();
+         reply.result(api.list());
+       }},
+      {"mark", "a named line into the log and the record", R"({"text": "climb begins"})", mark_change},
+      {"power", "the supply of an imu, or of all: off, on, or cycle", R"({"imu": "imu1", "state": "cycle"})",
+       power_change},
+      {"pause", "the frames of an imu, or of all, are discarded; the sensor goes on", R"({"imu": "imu1"})",
+       pause_change},
+      {"resume", "the opposite of pause", R"({"imu": "imu1"})", resume_change},
+      {"set", "new values of keys of the configuration, at one sample",
+       R"({"truth.delay_ms": 20, "imu.imu1.gyro.bias_rad_per_s": [0.01, 0, 0]})", set_change},
+      {"fault.begin", "begins a fault: a [[fault]] whose times count from the next sample",
+       R"({"imu": "imu1", "target": "gyro.x", "kind": "bias", "value": 0.1, "for_s": 3})", begin_fault_change},
+      {"fault.end", "ends the faults of a name", R"({"name": "fault1"})", end_fault_change},
+      {"fault.clear", "ends all faults of an imu, or of all", R"({"imu": "imu1"})", clear_faults_change},
+      {"seed", "random numbers from the next sample on are those of this seed", R"({"seed": 7})", seed_change},
+      {"batch", "several changes that take effect at one sample",
+       R"({"changes": [{"method": "pause", "params": {"imu": "imu1"}}, {"method": "mark", "params": {"text": "a"}}]})",
+       [](ControlApi& api, const Json& params, const RpcReply& reply, Client) {
+         api.make(api.changes_of_batch(params), reply);
+       }},
+      {"reload", "reads the file of the configuration again; what differs changes at one sample, or nothing does", "",
+       [](ControlApi& api, const Json& params, const RpcReply& reply, Client) {
+         RpcParams(params).finish();
+         api.reload(reply);
+       }},
+      {"subscribe", "notifications of samples, truth, counters or events",
+       R"({"what": "samples", "imu": "imu1", "rate_hz": 50})",
+       [](ControlApi& api, const Json& params, const RpcReply& reply, Client client) {
+         reply.result(api.subscriptions_.subscribe(params, client));
+         api.schedule();
+       }},
+      {"unsubscribe", "the opposite of subscribe; without parameters of everything", R"({"what": "samples"})",
+       [](ControlApi& api, const Json& params, const RpcReply& reply, Client client) {
+         reply.result(api.subscriptions_.unsubscribe(params, client));
+         api.schedule();
+       }},
+      {"quit", "ends the run, with its summary", "",
+       [](ControlApi& api, const Json& params, const RpcReply& reply, Client) {
+         RpcParams(params).finish();
+         spdlog::info("control: quit");
+         reply.result({{"quits", true}});
+         api.run_.quit();
+       }},
+  });
+  return all;
 }
 
-Change ControlApi::change(const std::string& method, const Json& params) {
-  if (method.starts_with("fault.")) return fault_change_of(method, params, run_.config, run_.faults);
-  return change_of(method, params, run_.config);
+const ControlApi::Method* ControlApi::find_method(std::string_view name) noexcept {
+  const auto found = std::ranges::find(methods(), name, &Method::name);
+  return found == methods().end() ? nullptr : &*found;
+}
+
+void ControlApi::execute(const std::string& name, const Json& params, const RpcReply& reply,
+                         const std::shared_ptr<Subscriber>& client) {
+  const Method* method = find_method(name);
+  if (method == nullptr) throw RpcError(RpcError::method_not_found, "Method not found; `list` names the methods");
+  if (ended_) throw RpcError(RpcError::run_ended, "the run has ended");
+  if (method->change == nullptr) return method->act(*this, params, reply, client);
+  std::vector<Change> changes;
+  changes.push_back(method->change(params, {run_.config, run_.faults}));
+  make(std::move(changes), reply);
 }
 
 std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) {
@@ -99,9 +142,12 @@ std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) {
   for (const Json& item : list) {
     if (!item.is_object()) throw RpcError(RpcError::invalid_params, "Invalid params: changes: each is an object");
     RpcParams of_item(item);
-    const std::string method = of_item.text("method", "the method of a change");
+    const std::string name = of_item.text("method", "the method of a change");
+    const Method* method = find_method(name);
+    if (method == nullptr || method->change == nullptr)
+      throw RpcError(RpcError::method_not_found, fmt::format("Method not found: {} is no change", name));
     const Json none;
-    changes.push_back(change(method, of_item.has("params") ? item["params"] : none));
+    changes.push_back(method->change(of_item.has("params") ? item["params"] : none, {run_.config, run_.faults}));
     of_item.finish();
   }
   return changes;
@@ -290,9 +336,9 @@ Json ControlApi::status() const {
 
 Json ControlApi::list() const {
   Json methods = Json::array(), imus = Json::array();
-  for (const MethodInfo& method : control_methods()) {
-    Json one = {{"name", method.name}, {"summary", method.summary}, {"is_change", method.is_change}};
-    if (!method.params.empty()) one["example"] = Json::parse(method.params);
+  for (const Method& method : ControlApi::methods()) {
+    Json one = {{"name", method.name}, {"summary", method.summary}, {"is_change", method.change != nullptr}};
+    if (!method.example.empty()) one["example"] = Json::parse(method.example);
     methods.push_back(std::move(one));
   }
   for (const ImuConfig& imu : run_.config.imus) imus.push_back(imu.name);

@@ -44,6 +44,23 @@ class ControlApi {
   };
   ControlApi(boost::asio::io_context& io, Run run);
 
+  // A method of the protocol: a change, which `batch` may have, or another function.
+  struct Method {
+    using Act = void (*)(ControlApi& api, const Json& params, const RpcReply& reply,
+                         const std::shared_ptr<Subscriber>& client);
+    using MakeChange = Change (*)(const Json& params, const ChangeContext& context);
+    constexpr Method(std::string_view method, std::string_view what, std::string_view json, Act function)
+        : name(method), summary(what), example(json), act(function) {}
+    constexpr Method(std::string_view method, std::string_view what, std::string_view json, MakeChange function)
+        : name(method), summary(what), example(json), change(function) {}
+    std::string_view name, summary;
+    std::string_view example;  // of its parameters, JSON; empty: it has none
+    Act act = nullptr;
+    MakeChange change = nullptr;
+  };
+  // To add a method, add its entry to the table.
+  static std::span<const Method> methods() noexcept;
+
   // Executes the requests of a text. Calls `answer` once with the text of the answer, in one line without its line
   // feed, empty if none is wanted: at once, after the sampling thread has made the changes, or from
   // finish(). `answer` is kept until then. `client` gets notifications; nullptr: this connection cannot have
@@ -69,7 +86,7 @@ class ControlApi {
   std::function<void(const Json& event)> on_event;
 
  private:
-  void execute(const std::string& method, const Json& params, const RpcReply& reply,
+  void execute(const std::string& name, const Json& params, const RpcReply& reply,
                const std::shared_ptr<Subscriber>& client);
   void make(std::vector<Change> changes, const RpcReply& reply);
   void reload(const RpcReply& reply);
@@ -81,7 +98,7 @@ class ControlApi {
   Json status() const;
   Json list() const;
   std::vector<Change> changes_of_batch(const Json& params);
-  Change change(const std::string& method, const Json& params);
+  static const Method* find_method(std::string_view name) noexcept;
 
   const Run run_;
   boost::asio::steady_timer timer_;

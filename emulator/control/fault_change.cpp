@@ -71,58 +71,69 @@ Json units_json(const FaultKind& kind, const FaultParameter& parameter) {
   return units;
 }
 
-}  // namespace
-
-Change fault_change_of(const std::string& method, const Json& request_params, const Config& config,
-                       FaultBook& faults) {
+void check_permission(const FaultBook& faults) {
   if (!faults.can_grow())
     throw RpcError(RpcError::refused,
                    "this run cannot fail by control; give faults = true in [control] of its configuration");
-  if (method == "fault.begin") {
-    if (faults.is_full())
-      throw RpcError(RpcError::refused,
-                     fmt::format("{} faults have begun by control in this run; no more can", FaultBook::most_added));
-    std::string text = text_of(request_params);
-    std::vector<std::string> wrong;
-    FaultConfig fault = read_begun_fault(text, faults.all().size(), config.imus, wrong);
-    if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
-    if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
-    const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", request_params}};
-    std::vector<Command> commands;
-    const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
-    // A fault of truth concerns all imus.
-    const bool is_of_all = fault.kind->seam == FaultSeam::truth || fault.imus.size() == config.imus.size();
-    for (std::size_t i = 0; i < config.imus.size() && !is_of_all; ++i)
-      if (fault.acts_on(config.imus[i].name))
-        commands.push_back({.kind = Command::Kind::fault_begin, .imu = static_cast<std::uint16_t>(i)});
-    if (is_of_all) commands.push_back({.kind = Command::Kind::fault_begin});
-    const std::uint32_t number = faults.add(std::move(fault), std::move(text));
-    for (Command& command : commands) command.number = number;
-    return {std::move(commands), words, event};
-  }
+}
+
+}  // namespace
+
+Change begin_fault_change(const Json& params, const ChangeContext& context) {
+  const auto& [config, faults] = context;
+  check_permission(faults);
+  if (faults.is_full())
+    throw RpcError(RpcError::refused,
+                   fmt::format("{} faults have begun by control in this run; no more can", FaultBook::most_added));
+  std::string text = text_of(params);
+  std::vector<std::string> wrong;
+  FaultConfig fault = read_begun_fault(text, faults.all().size(), config.imus, wrong);
+  if (!wrong.empty()) refuse(fmt::format("{}", fmt::join(wrong, "; ")));
+  if (const std::string objection = begin_objection(fault, config); !objection.empty()) refuse(objection);
+  const Json event = {{"event", "fault.requested"}, {"name", fault.name}, {"fault", params}};
+  std::vector<Command> commands;
+  const std::string words = fmt::format("fault {}: {}", fault.name, fault.text());
+  // A fault of truth concerns all imus.
+  const bool is_of_all = fault.kind->seam == FaultSeam::truth || fault.imus.size() == config.imus.size();
+  for (std::size_t i = 0; i < config.imus.size() && !is_of_all; ++i)
+    if (fault.acts_on(config.imus[i].name))
+      commands.push_back({.kind = Command::Kind::fault_begin, .imu = static_cast<std::uint16_t>(i)});
+  if (is_of_all) commands.push_back({.kind = Command::Kind::fault_begin});
+  const std::uint32_t number = faults.add(std::move(fault), std::move(text));
+  for (Command& command : commands) command.number = number;
+  return {std::move(commands), words, event};
+}
+
+Change end_fault_change(const Json& request_params, const ChangeContext& context) {
+  const FaultBook& faults = context.faults;
+  check_permission(faults);
   RpcParams params(request_params);
   Change change;
-  if (method == "fault.end") {
-    const std::string name = params.text("name", "the name of a fault");
-    std::vector<std::string> names;
-    for (std::size_t i = 0; i < faults.all().size(); ++i) {
-      names.push_back(faults.all()[i].name);
-      if (names.back() == name) change.commands.push_back({.kind = Command::Kind::fault_end, .number = i});
-    }
-    if (change.commands.empty())
-      refuse(fmt::format("there is no fault \"{}\"; there are {}", name, fmt::join(names, ", ")));
-    if (change.commands.size() > CommandQueue::longest_batch)
-      change.commands.erase(change.commands.begin(), change.commands.end() - CommandQueue::longest_batch);
-    change.words = fmt::format("end of fault {}", name);
-    change.event = {{"event", "fault.end_requested"}, {"name", name}};
-  } else {
-    const std::uint16_t imu = params.imu(config);
-    change = {{{.kind = Command::Kind::fault_clear, .imu = imu}},
-              fmt::format("end of all faults of {}", imu < config.imus.size() ? config.imus[imu].name : "all imus"),
-              {{"event", "fault.clear_requested"}}};
+  const std::string name = params.text("name", "the name of a fault");
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < faults.all().size(); ++i) {
+    names.push_back(faults.all()[i].name);
+    if (names.back() == name) change.commands.push_back({.kind = Command::Kind::fault_end, .number = i});
   }
+  if (change.commands.empty())
+    refuse(fmt::format("there is no fault \"{}\"; there are {}", name, fmt::join(names, ", ")));
+  if (change.commands.size() > CommandQueue::longest_batch)
+    change.commands.erase(change.commands.begin(), change.commands.end() - CommandQueue::longest_batch);
   params.finish();
+  change.words = fmt::format("end of fault {}", name);
+  change.event = {{"event", "fault.end_requested"}, {"name", name}};
   return change;
+}
+
+Change clear_faults_change(const Json& request_params, const ChangeContext& context) {
+  check_permission(context.faults);
+  RpcParams params(request_params);
+  const std::uint16_t imu = params.imu(context.config);
+  params.finish();
+  const std::string whose = imu < context.config.imus.size() ? context.config.imus[imu].name : "all imus";
+  return {{{.kind = Command::Kind::fault_clear, .imu = imu}},
+          fmt::format("end of all faults of {}", whose),
+          {{"event", "fault.clear_requested"}}};
 }
 
 Json fault_kinds_json() {

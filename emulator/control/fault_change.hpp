@@ -5,12 +5,14 @@
 #include <string>
 
 #include "emulator/control/change.hpp"
-#include "emulator/faults/fault_book.hpp"
 
 namespace imud {
 
-// Returns the change that a method makes; fault.begin adds its fault to the book. Throws RpcError.
-Change fault_change_of(const std::string& method, const Json& params, const Config& config, FaultBook& faults);
+// Return the change that fault.begin, fault.end and fault.clear make; fault.begin adds its fault to the book. Throw
+// RpcError.
+Change begin_fault_change(const Json& params, const ChangeContext& context);
+Change end_fault_change(const Json& params, const ChangeContext& context);
+Change clear_faults_change(const Json& params, const ChangeContext& context);
 
 // The kinds that can be begun, with their targets and parameters. `units` of a parameter: the SI unit by target,
 // spelt as in keys, where the key does not name it.

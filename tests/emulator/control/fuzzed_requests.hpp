@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "emulator/control/change.hpp"
+#include "emulator/control/control_api.hpp"
 #include "emulator/control/running_keys.hpp"
 #include "emulator/faults/fault_kinds.hpp"
 #include "tests/support/random_changes.hpp"
@@ -65,8 +65,8 @@ inline std::vector<Json> good_requests() {
     request["id"] = all.size();
     all.push_back(std::move(request));
   };
-  for (const MethodInfo& method : control_methods())
-    add(std::string(method.name), method.params.empty() ? Json() : Json::parse(method.params));
+  for (const ControlApi::Method& method : ControlApi::methods())
+    add(std::string(method.name), method.example.empty() ? Json() : Json::parse(method.example));
   for (const RunningKey& key : running_keys()) {
     Json value = key.type == RunningKey::Type::word     ? Json(key.words[0])
                  : key.type == RunningKey::Type::vector ? Json({0.1, 0, -0.1})
