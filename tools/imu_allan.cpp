@@ -20,11 +20,11 @@
 #include "tools/gnuplot.hpp"
 #include "tools/input/measurement_input.hpp"
 #include "tools/number_check.hpp"
+#include "tools/output_options.hpp"
 #include "tools/program.hpp"
 #include "tools/setting_texts.hpp"
 #include "tools/stop_signal.hpp"
 #include "tools/text_output.hpp"
-#include "transports/file/files_in_use.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 
@@ -58,7 +58,7 @@ AllanKind kind_named(const std::string& name) {
   throw std::invalid_argument(fmt::format("--deviation {}: right would be one of {}", name, names));
 }
 
-void check_outputs(Options& options) {
+void check_outputs(Options& options, const OutputOptions& outputs) {
   if (!options.plot_path.empty()) {
     check_plot(options.plot_path);
     if (options.data_path.empty()) {
@@ -72,11 +72,7 @@ void check_outputs(Options& options) {
     throw std::invalid_argument(fmt::format("--to-config {}: right would be FILE.toml", options.preset_path));
   FilesInUse files;
   files.add_input(options.input.port, "the input");
-  for (const auto& [path, use] :
-       {std::pair(options.json_path, "the file of --json"), std::pair(options.data_path, "the file of --data"),
-        std::pair(options.plot_path, "the file of --plot"),
-        std::pair(options.preset_path, "the file of --to-config")})
-    if (const std::string fault = files.claim(path, use); !fault.empty()) throw std::invalid_argument(fault);
+  if (const std::string fault = outputs.claim(files); !fault.empty()) throw std::invalid_argument(fault);
 }
 
 StillRecording record_array(const Options& options) {
@@ -111,7 +107,7 @@ StillRecording record_port(const Options& options, bool& running, std::string& e
   return recorder.finish();
 }
 
-int analyse(Options& options, bool& running) {
+int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   AllanReport report;
   report.protocol = options.input.protocol;
   report.port = options.input.port;
@@ -123,7 +119,7 @@ int analyse(Options& options, bool& running) {
   for (const std::string& limits : options.limits)
     for (Requirement& limit : parse_requirements(limits)) report.required.push_back(std::move(limit));
   for (const Requirement& limit : report.required) report.seen(limit);
-  check_outputs(options);
+  check_outputs(options, outputs);
 
   if (options.input.protocol == array_file) {
     report.recording = record_array(options);
@@ -203,14 +199,16 @@ int execute(int argc, char** argv) {
                  "difference of a term that --against allows, beside its confidence interval; default: 10")
       ->check(number_check(0, 99))
       ->type_name("PERCENT");
-  app.add_option("--to-config", options.preset_path,
-                 "writes the terms as a model for imud, which reads it with model = \"FILE.toml\"")
+  OutputOptions outputs(app);
+  outputs
+      .add("--to-config", options.preset_path,
+           "writes the terms as a model for imud, which reads it with model = \"FILE.toml\"")
       ->type_name("FILE.toml");
-  app.add_option("--json", options.json_path, "writes the result as JSON; - is standard output")->type_name("FILE");
-  app.add_option("--data", options.data_path, "writes the deviations as CSV; - is standard output")
-      ->type_name("FILE");
-  app.add_option("--plot", options.plot_path,
-                 "draws them by gnuplot; the data stand beside the picture, as FILE.plot.csv, or at --data")
+  outputs.add("--json", options.json_path, "writes the result as JSON; - is standard output");
+  outputs.add("--data", options.data_path, "writes the deviations as CSV; - is standard output");
+  outputs
+      .add("--plot", options.plot_path,
+           "draws them by gnuplot; the data stand beside the picture, as FILE.plot.csv, or at --data")
       ->type_name("FILE.svg|FILE.png");
   app.footer(
       fmt::format("\n{}\n{}\nExit codes: 0 done, 1 failed while running or the recording is no good, 2 the command "
@@ -224,7 +222,7 @@ int execute(int argc, char** argv) {
   options.input.resolve_port();
   bool running = false;
   try {
-    return analyse(options, running);
+    return analyse(options, outputs, running);
   } catch (const std::invalid_argument& error) {
     fmt::print(stderr, "imu-allan: {}\n", error.what());
     return wrong_command_line;

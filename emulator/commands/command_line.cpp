@@ -52,6 +52,14 @@ struct Arguments {
   std::vector<std::string> limits;  // as on the command line
   RunOptions run;
   SeedsOptions seeds;
+  // The options of each command that name a file to be written.
+  struct Output {
+    const CLI::App* command;
+    std::string option;
+    std::string* path;
+    bool is_of_single_run;
+  };
+  std::vector<Output> outputs;
 };
 
 // Holds ptys until SIGINT, SIGTERM or SIGHUP. In the background the calling process returns when they are ready.
@@ -73,8 +81,28 @@ int keep_ptys(const std::vector<std::string>& links, bool background) {
   return 0;
 }
 
-// Returns "-" for each spelling of standard output.
-std::string output_path(const std::string& path) { return is_standard_output(path) ? "-" : path; }
+// Collects the files that the command writes.
+void collect_outputs(Arguments& arguments) {
+  for (const Arguments::Output& output : arguments.outputs) {
+    if (!output.command->parsed() || output.path->empty()) continue;
+    if (is_standard_output(*output.path)) *output.path = "-";
+    arguments.run.outputs.push_back({output.option, *output.path});
+  }
+}
+
+// Throws PortError if an option was given that does not suit several runs.
+void refuse_single_run_options(const Arguments& arguments) {
+  bool is_given = arguments.run.ready_fd.has_value();
+  std::vector<std::string> options = {"--ready-fd"};
+  for (const Arguments::Output& output : arguments.outputs) {
+    if (!output.command->parsed() || !output.is_of_single_run) continue;
+    options.push_back(output.option);
+    is_given = is_given || !output.path->empty();
+  }
+  if (is_given)
+    throw PortError(
+        fmt::format("{} are of a single run; omit them with --seeds, --jobs and --npy", fmt::join(options, ", ")));
+}
 
 // Throws ConfigError if the file has another configuration than the recorded run. Changes by --set are intended.
 void check_recorded(const Config& config, const std::string& record, const std::vector<std::string>& overrides,
@@ -90,10 +118,7 @@ void check_recorded(const Config& config, const std::string& record, const std::
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
-  if (has_workers && (!arguments.run.monitor.quality_file.empty() || arguments.run.ready_fd ||
-                      !arguments.run.record.file.empty() || !arguments.run.junit_file.empty()))
-    throw PortError(
-        "--quality, --record, --ready-fd and --junit are of a single run; omit them with --seeds, --jobs and --npy");
+  if (has_workers) refuse_single_run_options(arguments);
   if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
   const CapturePort capture(arguments.capture, arguments.config);
   RunOptions options = arguments.run;
@@ -179,6 +204,11 @@ int execute(int argc, const char* const* argv) {
         ->type_name("LIMIT")
         ->allow_extra_args(false);
   };
+  const auto with_output = [&](CLI::App* command, const std::string& option, std::string& path,
+                               const std::string& help, bool is_of_single_run) {
+    command->add_option(option, path, help)->type_name("FILE");
+    arguments.outputs.push_back({command, option, &path, is_of_single_run});
+  };
   const auto with_run = [&](CLI::App* command) {
     with_config(command);
     command->add_option("--for", arguments.run.duration_s, "End after this many seconds")
@@ -188,25 +218,20 @@ int execute(int argc, const char* const* argv) {
           const bool good = CLI::detail::lexical_cast(text, value) && value >= 1e-3 && value <= 1e9;
           return good ? std::string() : "give seconds from 0.001 to 1e9";
         });
-    command->add_option("--summary", arguments.run.summary_file, "Also write the closing summary as JSON")
-        ->type_name("FILE");
+    with_output(command, "--summary", arguments.run.summary_file, "Also write the closing summary as JSON", false);
     with_require(command);
     with_scenario(command);
-    command
-        ->add_option("--labels", arguments.run.labels_file,
-                     "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json")
-        ->type_name("FILE");
-    command->add_option("--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML")
-        ->type_name("FILE");
+    with_output(command, "--labels", arguments.run.labels_file,
+                "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json", false);
+    with_output(command, "--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML",
+                true);
     command
         ->add_option("--log-every", arguments.run.monitor.log_every_s,
                      "Interval of the figures in the log; 0: none (10)")
         ->type_name("SECONDS")
         ->check(CLI::Range(0.0, 1e9));
-    command
-        ->add_option("--quality", arguments.run.monitor.quality_file,
-                     "Write the figures each second as a line of JSON")
-        ->type_name("FILE");
+    with_output(command, "--quality", arguments.run.monitor.quality_file,
+                "Write the figures each second as a line of JSON", true);
     command
         ->add_option("--ready-fd", arguments.run.ready_fd,
                      "Write \"ready\" and a line feed to this open descriptor when the ports are open, and close it")
@@ -219,10 +244,9 @@ int execute(int argc, const char* const* argv) {
         });
     command->add_flag("--wait-for-reader", arguments.run.wait_for_reader,
                       "Begin when the pty of each imu has a reader");
-    command
-        ->add_option("--record", arguments.run.record.file,
-                     "Record truth, frames and the hosts' bytes as pcapng, which Wireshark opens and replay repeats")
-        ->type_name("FILE");
+    with_output(command, "--record", arguments.run.record.file,
+                "Record truth, frames and the hosts' bytes as pcapng, which Wireshark opens and replay repeats",
+                true);
     command
         ->add_option("--record-max-mb", record_max_mb,
                      "Begin another file of the record, FILE-00001.pcapng and so on, after this many MB")
@@ -333,12 +357,8 @@ int execute(int argc, const char* const* argv) {
   try {
     for (const std::string& limits : arguments.limits)
       for (Requirement& limit : parse_requirements(limits)) arguments.run.required.push_back(std::move(limit));
-    arguments.run.summary_file = output_path(arguments.run.summary_file);
-    arguments.run.labels_file = output_path(arguments.run.labels_file);
-    arguments.run.junit_file = output_path(arguments.run.junit_file);
-    arguments.run.monitor.quality_file = output_path(arguments.run.monitor.quality_file);
+    collect_outputs(arguments);
     arguments.run.record.max_bytes = 1'000'000 * record_max_mb;
-    arguments.run.record.file = output_path(arguments.run.record.file);
     if (arguments.run.record.file == "-" && record_max_mb > 0)
       throw OpenError("--record-max-mb: standard output is one file; give --record FILE");
     if (arguments.run.record.file.empty() && record_max_mb > 0)

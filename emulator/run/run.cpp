@@ -110,8 +110,8 @@ void log_details(const Config& config) {
 
 // Returns true if standard output carries frames or JSON, among which the text of the summary has no place.
 bool has_data_on_stdout(const Config& config, const RunOptions& options) {
-  return writes_to_stdout(config) || options.summary_file == "-" || options.labels_file == "-" ||
-         options.junit_file == "-" || options.monitor.quality_file == "-" || options.record.file == "-";
+  return writes_to_stdout(config) ||
+         std::ranges::any_of(options.outputs, [](const RunOptions::Output& output) { return output.path == "-"; });
 }
 
 // Logs the shortfalls.
@@ -129,12 +129,8 @@ void report(const Outcome& outcome, const Summary& summary, const Config& config
 void check_outputs(const Config& config, const RunOptions& options) {
   FilesInUse files = config.files;
   if (writes_to_stdout(config)) files.add("-", "the port of an imu");
-  for (const auto& [path, use] :
-       {std::pair(options.summary_file, "the file of --summary"),
-        std::pair(options.labels_file, "the file of --labels"), std::pair(options.junit_file, "the file of --junit"),
-        std::pair(options.monitor.quality_file, "the file of --quality"),
-        std::pair(options.record.file, "the file of --record")})
-    if (const std::string fault = files.claim(path, use); !fault.empty()) throw OpenError(fault);
+  for (const auto& [option, path] : options.outputs)
+    if (const std::string fault = files.claim(path, "the file of " + option); !fault.empty()) throw OpenError(fault);
 }
 
 std::vector<FaultLabel> labels(Engine& engine, const Config& config) {

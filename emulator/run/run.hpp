@@ -12,6 +12,11 @@
 namespace imud {
 
 struct RunOptions {
+  // A file that an option of the command line names, such as `--summary`; - is standard output.
+  struct Output {
+    std::string option, path;
+  };
+  std::vector<Output> outputs;       // all of them, which must differ from one another and from the inputs
   std::optional<double> duration_s;  // host time; simulation time if the truth is a capture
   std::string summary_file;          // for the summary as JSON; - is standard output; empty: none
   std::string labels_file;           // for the labels of faults; - and empty as above

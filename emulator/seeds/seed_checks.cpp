@@ -55,9 +55,8 @@ void check_seed_ports(const Config& config, bool repeats, bool many, bool has_ar
 
 void check_seed_files(const Config& config, const RunOptions& options) {
   FilesInUse files = config.files;
-  for (const auto& [path, use] : {std::pair(options.summary_file, "the file of --summary"),
-                                  std::pair(options.labels_file, "the file of --labels")})
-    if (const std::string fault = files.claim(path, use); !fault.empty()) throw OpenError(fault);
+  for (const auto& [option, path] : options.outputs)
+    if (const std::string fault = files.claim(path, "the file of " + option); !fault.empty()) throw OpenError(fault);
 }
 
 std::string origin_of(const Config& config, const RunOptions& options) {
