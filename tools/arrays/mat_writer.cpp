@@ -1,5 +1,4 @@
-#include "tools/arrays/mat_writer.hpp"
-
+// MatWriter: writes measurements as a MATLAB level 5 MAT-file, by libmatio.
 #include <fmt/format.h>
 #include <matio.h>
 
@@ -7,9 +6,12 @@
 #include <array>
 #include <memory>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
+#include "tools/arrays/row_output.hpp"
 #include "tools/text_output.hpp"
 
 namespace imud {
@@ -89,56 +91,79 @@ void write_variable(mat_t* file, MatVariable variable) {
   require_mat(Mat_VarWrite(file, variable.get(), MAT_COMPRESSION_NONE) == 0);
 }
 
+// The variables are as in measurement_columns(), n x 1 or n x 3, in the types of these columns, and a struct `imud`
+// with the attributes and, by column, `unit`, `frame` and `meaning`. A variable of level 5 states its size at its
+// begin, so that all rows are kept in memory (row_size() bytes each) until finish() writes the file; at most 2 GiB a
+// variable, which are 89 million rows.
+class MatWriter final : public RowOutput {
+ public:
+  MatWriter(std::string path, bool with_truth, RowAttributes attributes)
+      : path_(std::move(path)), with_truth_(with_truth), attributes_(std::move(attributes)) {
+    TextOutput file(path_);  // throws if the path is no good
+    for (const MeasurementColumn& column : measurement_columns(with_truth)) held_.emplace_back(column.values);
+  }
+
+  void write(const MeasurementRow& row) override {
+    constexpr std::size_t widest = sizeof(MeasurementRow::gyro);
+    is_full_ = is_full_ || rows_ == largest_variable / widest;
+    if (is_full_) return;
+    const char* from = reinterpret_cast<const char*>(&row);
+    for (std::size_t i = 0; i < held_.size(); ++i) {
+      const MeasurementColumn& column = measurement_columns(with_truth_)[i];
+      const std::size_t size = column.size() / column.values;
+      for (std::vector<char>& axis : held_[i]) {
+        axis.insert(axis.end(), from, from + size);
+        from += size;
+      }
+    }
+    ++rows_;
+  }
+  void flush() override {}
+  void finish() override {
+    try {
+      const auto columns = measurement_columns(with_truth_);
+      const std::string header = "MATLAB 5.0 MAT-file, written by imud " IMUD_VERSION;
+      MatFile file(Mat_CreateVer(path_.c_str(), header.c_str(), MAT_FT_MAT5));
+      require_mat(file != nullptr);
+      for (std::size_t i = 0; i < held_.size(); ++i) {
+        std::vector<char> values = std::move(held_[i].front());
+        for (std::size_t axis = 1; axis < held_[i].size(); ++axis) {
+          values.insert(values.end(), held_[i][axis].begin(), held_[i][axis].end());
+          held_[i][axis] = {};
+        }
+        write_variable(file.get(),
+                       make_array(std::string(columns[i].name), columns[i].type, rows_, columns[i].values, values));
+      }
+      write_variable(file.get(), describe(attributes_, columns));
+      require_mat(Mat_Close(file.release()) == 0);
+      // libmatio does not check its writes: the file is whole if its last variable can be read.
+      file.reset(Mat_Open(path_.c_str(), MAT_ACC_RDONLY));
+      require_mat(file != nullptr && MatVariable(Mat_VarRead(file.get(), "imud")) != nullptr);
+    } catch (const std::exception& error) {
+      throw std::runtime_error(fmt::format("{}: {}", path_, error.what()));
+    }
+    if (is_full_)
+      throw std::runtime_error(fmt::format(
+          "{}: holds the first {} rows, the most that a MAT-file of level 5 takes; give --hdf5", path_, rows_));
+  }
+
+ private:
+  const std::string path_;
+  const bool with_truth_;
+  const RowAttributes attributes_;
+  // By column and axis: MATLAB keeps the values of an axis together.
+  std::vector<std::vector<std::vector<char>>> held_;
+  std::size_t rows_ = 0;
+  bool is_full_ = false;
+};
+
 }  // namespace
 
-MatWriter::MatWriter(std::string path, bool with_truth, RowAttributes attributes)
-    : path_(std::move(path)), with_truth_(with_truth), attributes_(std::move(attributes)) {
-  TextOutput file(path_);  // throws if the path is no good
-  for (const MeasurementColumn& column : measurement_columns(with_truth)) held_.emplace_back(column.values);
-}
-
-void MatWriter::write(const MeasurementRow& row) {
-  constexpr std::size_t widest = sizeof(MeasurementRow::gyro);
-  is_full_ = is_full_ || rows_ == largest_variable / widest;
-  if (is_full_) return;
-  const char* from = reinterpret_cast<const char*>(&row);
-  for (std::size_t i = 0; i < held_.size(); ++i) {
-    const MeasurementColumn& column = measurement_columns(with_truth_)[i];
-    const std::size_t size = column.size() / column.values;
-    for (std::vector<char>& axis : held_[i]) {
-      axis.insert(axis.end(), from, from + size);
-      from += size;
-    }
-  }
-  ++rows_;
-}
-
-void MatWriter::finish() {
-  try {
-    const auto columns = measurement_columns(with_truth_);
-    const std::string header = "MATLAB 5.0 MAT-file, written by imud " IMUD_VERSION;
-    MatFile file(Mat_CreateVer(path_.c_str(), header.c_str(), MAT_FT_MAT5));
-    require_mat(file != nullptr);
-    for (std::size_t i = 0; i < held_.size(); ++i) {
-      std::vector<char> values = std::move(held_[i].front());
-      for (std::size_t axis = 1; axis < held_[i].size(); ++axis) {
-        values.insert(values.end(), held_[i][axis].begin(), held_[i][axis].end());
-        held_[i][axis] = {};
-      }
-      write_variable(file.get(),
-                     make_array(std::string(columns[i].name), columns[i].type, rows_, columns[i].values, values));
-    }
-    write_variable(file.get(), describe(attributes_, columns));
-    require_mat(Mat_Close(file.release()) == 0);
-    // libmatio does not check its writes: the file is whole if its last variable can be read.
-    file.reset(Mat_Open(path_.c_str(), MAT_ACC_RDONLY));
-    require_mat(file != nullptr && MatVariable(Mat_VarRead(file.get(), "imud")) != nullptr);
-  } catch (const std::exception& error) {
-    throw std::runtime_error(fmt::format("{}: {}", path_, error.what()));
-  }
-  if (is_full_)
-    throw std::runtime_error(fmt::format(
-        "{}: holds the first {} rows, the most that a MAT-file of level 5 takes; give --hdf5", path_, rows_));
-}
+extern const RowFormat mat_row_format;
+constexpr RowFormat mat_row_format = {.option = "--mat",
+                                      .help = "also writes a MAT-file of level 5: a variable for each quantity",
+                                      .keeps_attributes = true,
+                                      .needs_time = false,
+                                      .make = make_writer<MatWriter>};
 
 }  // namespace imud

@@ -7,13 +7,7 @@
 #include <exception>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <type_traits>
 
-#include "tools/arrays/hdf5_writer.hpp"
-#include "tools/arrays/mat_writer.hpp"
-#include "tools/arrays/mcap_writer.hpp"
-#include "tools/arrays/npy_writer.hpp"
-#include "tools/arrays/ulog_writer.hpp"
 #include "tools/number_check.hpp"
 #include "tools/resolved_config.hpp"
 #include "transports/file/output_path.hpp"
@@ -23,27 +17,13 @@
 
 namespace imud {
 
+// The formats, which have a file each. A new one is a name in both lines.
+extern const RowFormat npy_row_format, hdf5_row_format, mat_row_format, ulog_row_format, mcap_row_format;
+
 namespace {
 
-template <typename Writer>
-std::unique_ptr<RowOutput> make_writer(std::string path, bool with_truth, const RowAttributes& attributes) {
-  if constexpr (std::is_constructible_v<Writer, std::string, bool, const RowAttributes&>)
-    return std::make_unique<Writer>(std::move(path), with_truth, attributes);
-  else
-    return std::make_unique<Writer>(std::move(path), with_truth);
-}
-
-// A new format is a line here.
-constexpr RowFormat formats[] = {
-    {"--npy", "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")", false, false,
-     make_writer<NpyWriter>},
-    {"--hdf5", "also writes HDF5: a dataset for each quantity", true, false, make_writer<Hdf5Writer>},
-    {"--mat", "also writes a MAT-file of level 5: a variable for each quantity", true, false, make_writer<MatWriter>},
-    {"--ulog", "also writes a ULog, PX4's format of logs: sensor_gyro, sensor_accel, and all as imud_measurement",
-     true, true, make_writer<UlogWriter>},
-    {"--mcap", "also writes MCAP, Foxglove's format: a channel of JSON messages", true, true,
-     make_writer<McapWriter>},
-};
+constexpr const RowFormat* formats[] = {&npy_row_format, &hdf5_row_format, &mat_row_format, &ulog_row_format,
+                                        &mcap_row_format};
 
 bool is_any(const RowFormat&) { return true; }
 bool keeps_attributes(const RowFormat& format) { return format.keeps_attributes; }
@@ -52,8 +32,8 @@ bool needs_time(const RowFormat& format) { return format.needs_time; }
 // Returns the options of these formats: "--npy, --hdf5 and --mat".
 std::string list_options(bool (*is_one)(const RowFormat&)) {
   std::vector<std::string_view> names;
-  for (const RowFormat& format : formats)
-    if (is_one(format)) names.push_back(format.option);
+  for (const RowFormat* format : formats)
+    if (is_one(*format)) names.push_back(format->option);
   const std::string_view last = names.back();
   names.pop_back();
   return names.empty() ? std::string(last) : fmt::format("{} and {}", fmt::join(names, ", "), last);
@@ -61,7 +41,7 @@ std::string list_options(bool (*is_one)(const RowFormat&)) {
 
 bool is_any_given(const std::vector<std::string>& paths, bool (*is_one)(const RowFormat&)) {
   for (std::size_t i = 0; i < paths.size(); ++i)
-    if (!paths[i].empty() && is_one(formats[i])) return true;
+    if (!paths[i].empty() && is_one(*formats[i])) return true;
   return false;
 }
 
@@ -70,7 +50,8 @@ bool is_any_given(const std::vector<std::string>& paths, bool (*is_one)(const Ro
 void MeasurementFiles::add_options(CLI::App& app, Options& options) {
   options.paths.resize(std::size(formats));
   for (std::size_t i = 0; i < std::size(formats); ++i)
-    app.add_option(std::string(formats[i].option), options.paths[i], std::string(formats[i].help))->type_name("FILE");
+    app.add_option(std::string(formats[i]->option), options.paths[i], std::string(formats[i]->help))
+        ->type_name("FILE");
   app.add_option(
          "--config", options.config,
          fmt::format("imud's configuration, which becomes an attribute of {}", list_options(keeps_attributes)))
@@ -112,7 +93,7 @@ void check(const MeasurementFiles::Options& options, FilesInUse& in_use) {
   for (std::size_t i = 0; i < options.paths.size(); ++i) {
     const std::string& path = options.paths[i];
     if (is_standard_output(path)) throw std::invalid_argument(path + ": an array cannot go to a stream; give a file");
-    const std::string fault = in_use.claim(path, fmt::format("the file of {}", formats[i].option));
+    const std::string fault = in_use.claim(path, fmt::format("the file of {}", formats[i]->option));
     if (!fault.empty()) throw std::invalid_argument(fault);
   }
 }
@@ -156,7 +137,7 @@ MeasurementFiles::MeasurementFiles(const Options& options, const Protocol& proto
     attributes = attributes_of(options, protocol, port, truth_.get());
   attributes.rate_hz = options.rate_hz;
   for (std::size_t i = 0; i < options.paths.size(); ++i)
-    if (!options.paths[i].empty()) files_.push_back(formats[i].make(options.paths[i], with_truth, attributes));
+    if (!options.paths[i].empty()) files_.push_back(formats[i]->make(options.paths[i], with_truth, attributes));
 }
 
 void MeasurementFiles::write(const Measurement& measurement) {

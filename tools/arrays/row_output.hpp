@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -33,11 +34,20 @@ struct RowAttributes {
   std::optional<double> rate_hz = {};  // of measurements without time
 };
 
-// A format of such files.
+// A format of such files. Each writer's file ends in one.
 struct RowFormat {
   std::string_view option, help;  // of the command line
   bool keeps_attributes = false, needs_time = false;
   std::unique_ptr<RowOutput> (*make)(std::string path, bool with_truth, const RowAttributes& attributes);
 };
+
+// RowFormat::make of a writer, which may do without attributes.
+template <typename Writer>
+std::unique_ptr<RowOutput> make_writer(std::string path, bool with_truth, const RowAttributes& attributes) {
+  if constexpr (std::is_constructible_v<Writer, std::string, bool, const RowAttributes&>)
+    return std::make_unique<Writer>(std::move(path), with_truth, attributes);
+  else
+    return std::make_unique<Writer>(std::move(path), with_truth);
+}
 
 }  // namespace imud
