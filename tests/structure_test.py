@@ -5,13 +5,16 @@ import pathlib
 import re
 import sys
 
-# folder: (project folders it may include, system headers it must not)
+# The rooms of emulator that a tool may link: all that runs a configuration, but not the daemon around it.
+ENGINE = {f"emulator/{room}" for room in ("ground", "plan", "faults", "config", "truth", "imu", "engine", "record", "drive")}
+
+# folder: (folders of the project it may include, system headers it must not)
 RULES = {
     "core": ({"core"}, r"boost/(?!histogram)|sys/|unistd|fcntl|poll\.h|thread|mutex|chrono.*clock|CLI|toml|spdlog|pcap|libserial"),
     "protocols": ({"core", "protocols"}, r"boost/asio|sys/|unistd|fcntl|poll\.h|thread|mutex|CLI|toml|spdlog|pcap|libserial"),
     "transports": ({"core", "transports"}, r"boost/|thread|mutex|CLI|toml|spdlog|Eigen"),
     "emulator": ({"core", "protocols", "transports", "emulator"}, r"pcap|libserial|linux/can"),
-    "tools": ({"core", "protocols", "transports", "tools"}, r"pcap|libserial|linux/can|toml"),
+    "tools": ({"core", "protocols", "transports", "tools"} | ENGINE, r"pcap|libserial|linux/can|toml"),
 }
 CLOCKS = re.compile(r"(steady|system|high_resolution)_clock|clock_gettime|\btime\(NULL\)|\btime\(nullptr\)")
 ENTRY_FOLDERS = {"protocols/devices": "protocol", "protocols/truth_formats": "truth_format"}
@@ -55,7 +58,8 @@ for folder, (allowed, forbidden) in RULES.items():
             include = re.match(r'\s*#\s*include\s*([<"])([^>"]+)[>"]', line)
             # A header that simulators copy has those that it needs beside it.
             is_beside = include and "/" not in include[2] and (path.parent / include[2]).is_file()
-            if include and include[1] == '"' and include[2].split("/")[0] not in allowed and not is_beside:
+            folders = {include[2].split("/")[0], include[2].rpartition("/")[0]} if include else set()
+            if include and include[1] == '"' and not folders & allowed and not is_beside:
                 faults.append(f"{name}:{number}: {folder} may not include {include[2]}")
             if include and include[1] == "<" and re.search(forbidden, include[2]):
                 faults.append(f"{name}:{number}: {folder} must not know <{include[2]}>")
