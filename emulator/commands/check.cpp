@@ -12,7 +12,6 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/commands/capture_check.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/load_config.hpp"
@@ -23,6 +22,7 @@
 #include "emulator/ground/error_text.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/report/outcome.hpp"
+#include "emulator/truth/capture_check.hpp"
 
 namespace imud {
 

@@ -20,7 +20,6 @@
 #include <utility>
 #include <vector>
 
-#include "emulator/commands/capture_check.hpp"
 #include "emulator/commands/check.hpp"
 #include "emulator/commands/example.hpp"
 #include "emulator/commands/list.hpp"
@@ -33,6 +32,7 @@
 #include "emulator/plan/config.hpp"
 #include "emulator/run/run.hpp"
 #include "emulator/seeds/seeds.hpp"
+#include "emulator/truth/capture_check.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/port.hpp"
 #include "transports/uart/pty_keeper.hpp"

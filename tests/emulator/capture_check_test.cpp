@@ -1,5 +1,5 @@
 // What a capture contradicts in its configuration: faults after its end, a place beside [earth].
-#include "emulator/commands/capture_check.hpp"
+#include "emulator/truth/capture_check.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "emulator/commands/capture_check.hpp"
+#include "emulator/truth/capture_check.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
