@@ -25,7 +25,6 @@
 #include "emulator/commands/list.hpp"
 #include "emulator/commands/selftest.hpp"
 #include "emulator/config/load_config.hpp"
-#include "emulator/config/recorded_config.hpp"
 #include "emulator/control/ctl.hpp"
 #include "emulator/ground/log.hpp"
 #include "emulator/ground/table_reader.hpp"
@@ -104,32 +103,16 @@ void refuse_single_run_options(const Arguments& arguments) {
         fmt::format("{} are of a single run; omit them with --seeds, --jobs and --npy", fmt::join(options, ", ")));
 }
 
-// Throws ConfigError if the file has another configuration than the recorded run. Changes by --set are intended.
-void check_recorded(const Config& config, const std::string& record, const std::vector<std::string>& overrides,
-                    const std::string& capture) {
-  if (recorded_config(record).value_or(std::string()).empty()) return;
-  std::vector<std::string> all = differences(config, load_config(record, overrides, capture));
-  for (std::string& difference : all)
-    difference = fmt::format("{}: {}; give the same, or another by --set, or record:FILE for the truth alone", record,
-                             difference);
-  if (!all.empty()) throw ConfigError(all);
-}
-
 int replay(const Arguments& arguments) {
   std::vector<std::string> overrides = arguments.overrides;
   const bool has_workers = arguments.seeds.seeds || arguments.seeds.jobs > 0 || !arguments.seeds.npy.empty();
   if (has_workers) refuse_single_run_options(arguments);
   if (arguments.fast || has_workers) overrides.emplace_back("clock=fast");
-  const CapturePort capture(arguments.capture, arguments.config);
   RunOptions options = arguments.run;
-  options.repeats = capture.repeats;
+  options.repeats = CapturePort(arguments.capture, arguments.config).repeats;
   if (options.repeats && !options.record.file.empty())
     throw PortError("--record: a repeated run has the record that it is repeated from; omit --record");
-  const Config config = load_config(arguments.config, overrides, capture.port, arguments.scenarios);
-  if (options.repeats)
-    check_recorded(config, arguments.capture, overrides, capture.port);
-  else
-    refuse_late_faults(config);
+  const Config config = load_replay(arguments.config, overrides, arguments.capture, arguments.scenarios).config;
   return has_workers ? replay_seeds(config, options, arguments.seeds) : run(config, options);
 }
 

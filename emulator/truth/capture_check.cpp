@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "emulator/config/config_parts.hpp"
+#include "emulator/config/recorded_config.hpp"
 #include "emulator/truth/place_watch.hpp"
 #include "transports/port.hpp"
 
@@ -119,6 +120,22 @@ void refuse_late_faults(const Config& config) {
   if (std::none_of(config.faults.begin(), config.faults.end(), is_late)) return;
   if (const CaptureFindings findings = check_capture(config); !findings.faults.empty())
     throw ConfigError(findings.faults);
+}
+
+ReplayConfig load_replay(const std::string& path, std::span<const std::string> overrides, const std::string& capture,
+                         std::span<const std::string> scenarios) {
+  const CapturePort port(capture, path);
+  ReplayConfig replay{load_config(path, overrides, port.port, scenarios), port.repeats};
+  if (!replay.repeats) {
+    refuse_late_faults(replay.config);
+  } else if (!recorded_config(capture).value_or(std::string()).empty()) {
+    std::vector<std::string> all = differences(replay.config, load_config(capture, overrides, port.port));
+    for (std::string& difference : all)
+      difference = fmt::format("{}: {}; give the same, or another by --set, or record:FILE for the truth alone",
+                               capture, difference);
+    if (!all.empty()) throw ConfigError(all);
+  }
+  return replay;
 }
 
 }  // namespace imud

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -34,5 +35,17 @@ CaptureFindings check_capture(const Config& config);
 
 // Throws ConfigError with the faults of check_capture().
 void refuse_late_faults(const Config& config);
+
+// A configuration with the capture that it is replayed on.
+struct ReplayConfig {
+  Config config;
+  bool repeats = false;  // CapturePort::repeats
+};
+
+// Reads the configuration at `path` for the replay of `capture`, as load_config() and CapturePort do. Throws
+// ConfigError also if a fault begins after the capture's end, or if the recorded run to be repeated has had another
+// configuration. Changes by `overrides` are intended.
+ReplayConfig load_replay(const std::string& path, std::span<const std::string> overrides, const std::string& capture,
+                         std::span<const std::string> scenarios = {});
 
 }  // namespace imud
