@@ -156,21 +156,16 @@ SyncConfig read_sync(TableReader table, const Protocol* protocol) {
 const Preset* read_model(TableReader& table, std::string_view own, std::string& model) {
   model = table.text("model", std::string(own));
   const Preset* preset = find_preset(model);
-  if (preset != nullptr || model == "white" || model == "ideal" || (table.has("model") && !table.is_text("model")))
+  if (preset != nullptr || model == "white" || model == model_without_errors ||
+      (table.has("model") && !table.is_text("model")))
     return preset;
-  std::vector<std::string> words = {"white", "ideal"};
+  std::vector<std::string> words = {"white", std::string(model_without_errors)};
   for (const Preset& known : presets()) words.emplace_back(known.name);
   const std::string meant = nearest(model, words);
   table.fault("model", fmt::format("there is no \"{}\"; {}", model,
                                    meant.empty() ? fmt::format("known: {}", fmt::join(words, ", "))
                                                  : fmt::format("did you mean \"{}\"?", meant)));
   return nullptr;
-}
-
-TriadErrors without_errors(double max) {
-  TriadErrors ideal;
-  ideal.max = max;
-  return ideal;
 }
 
 // Adapts a preset's errors to a product. The product's own preset gets the range and the resolution of the wire.
@@ -260,10 +255,10 @@ void read_errors(TableReader& table, const std::optional<Product>& product, ImuC
     } catch (const ConfigError& error) {
       table.fault("model", error.what());
     }
-  } else if (imu.errors_model == "ideal" && product) {
-    gyro = without_errors(gyro->max);
-    accelerometer = without_errors(accelerometer->max);
-    magnetometer = without_errors(magnetometer.max);
+  } else if (imu.errors_model == model_without_errors && product) {
+    gyro = ideal(*gyro);
+    accelerometer = ideal(*accelerometer);
+    magnetometer = ideal(magnetometer);
     imu.model.barometer = {};
   }
   internal_hz = read_internal_rate(table, internal_hz, imu);

@@ -13,23 +13,39 @@ bool is_capture(const std::string& truth_port) noexcept {
   return transport != nullptr && transport->ends;
 }
 
-ImuConfig without_errors(const ImuConfig& imu) {
-  ImuConfig ideal = imu;
-  ideal.protocol = find_protocol("native");
-  ideal.settings = Settings(ideal.protocol->settings);
-  ideal.second_port.clear();
-  ideal.also.clear();
-  ideal.also_settings.clear();
-  ideal.device_filters = false;
-  ideal.errors_model = model_of_truth;
-  ImuModel& model = ideal.model;
+TriadErrors ideal(const TriadErrors& errors) noexcept {
+  TriadErrors none;
+  none.max = errors.max;
+  none.limits = errors.limits;
+  return none;
+}
+
+ImuConfig ideal(const ImuConfig& imu) {
+  ImuConfig same = imu;
+  same.device_filters = false;
+  same.errors_model = model_without_errors;
+  ImuModel& model = same.model;
   model.internal_samples = 1;
-  model.gyro = model.accelerometer = model.magnetometer = TriadErrors{};
+  model.gyro = ideal(model.gyro);
+  model.accelerometer = ideal(model.accelerometer);
+  model.magnetometer = ideal(model.magnetometer);
   model.accelerometer_positions.setZero();
   model.sampling_jitter = Nanoseconds{0};
   model.barometer = BarometerErrors{};
   model.navigation = NavigationErrors{};
-  return ideal;
+  return same;
+}
+
+ImuConfig without_errors(const ImuConfig& imu) {
+  ImuConfig truth = ideal(imu);
+  truth.protocol = find_protocol("native");
+  truth.settings = Settings(truth.protocol->settings);
+  truth.second_port.clear();
+  truth.also.clear();
+  truth.also_settings.clear();
+  truth.errors_model = model_of_truth;
+  truth.model.gyro = truth.model.accelerometer = truth.model.magnetometer = TriadErrors{};
+  return truth;
 }
 
 }  // namespace imud

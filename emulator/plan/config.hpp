@@ -98,10 +98,15 @@ struct ImuConfig {
   bool device_filters = false;  // the product's settings choose the filters of `model`
 };
 
+// The name of the model without errors, and the sensors and the imu that have it: they sample the same truth at the
+// same instants, place and axes, and keep their ranges and their protocol.
+inline constexpr std::string_view model_without_errors = "ideal";
+TriadErrors ideal(const TriadErrors& errors) noexcept;
+ImuConfig ideal(const ImuConfig& imu);
+
 // The name of the model of an imu without_errors(), on which no fault acts.
 inline constexpr std::string_view model_of_truth = "truth";
-// Returns an imu that samples the same truth at the same instants, place and axes, without errors, and sends it bit
-// for bit (`native`).
+// Returns an ideal() imu without ranges, whose samples are sent bit for bit (`native`).
 ImuConfig without_errors(const ImuConfig& imu);
 
 // Who may control a run (control/README.md).
