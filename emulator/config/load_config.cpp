@@ -359,4 +359,15 @@ Config config_of_text(const std::string& text) {
   return read_config({std::move(root), sha256(text)}, "-", {}, {}, std::move(faults));
 }
 
+ImuModel model_named(const std::string& model, double rate_hz) {
+  const toml::table keys{
+      {"protocol", "native"}, {"port", standard_input_port(false)}, {"rate_hz", rate_hz}, {"model", model}};
+  Faults faults("");
+  toml::table resolved;
+  TableReader table(&keys, "imu.0.", 0, faults, resolved);
+  ImuModel errors = read_imu(table, 0).model;
+  if (!faults.all().empty()) throw ConfigError(faults.all());
+  return errors;
+}
+
 }  // namespace imud

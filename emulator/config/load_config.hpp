@@ -19,6 +19,10 @@ Config load_config(const std::string& path, std::span<const std::string> overrid
 // Reads a configuration from its text, such as Config::resolved. Throws ConfigError.
 Config config_of_text(const std::string& text);
 
+// Returns the errors that a `native` sensor of this rate has with this `model`. Throws ConfigError: its first fault
+// is of the key `imu.0.model`; where that leaves no range, others follow.
+ImuModel model_named(const std::string& model, double rate_hz);
+
 // Returns the path or the address of a port, which no second port can have; empty if ports share it, or if the system
 // chooses it. Several spellings of a path give the same.
 std::string exclusive_address(const std::string& port);

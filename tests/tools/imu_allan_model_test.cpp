@@ -1,10 +1,8 @@
 // imu-allan and imud against one another: recordings of imud's models, and models made of recordings.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <array>
 #include <cstdint>
-#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -25,12 +23,6 @@ constexpr double deg = units::degree, mg = 1e-3 * units::standard_gravity, hour 
 
 class ImuAllanModel : public testing::Test {
  protected:
-  // model_terms() runs imud, which does not stand beside this program.
-  ImuAllanModel() {
-    const char* const path = std::getenv("PATH");
-    ::setenv("PATH", fmt::format("{}:{}", IMUD_BIN_DIR, path != nullptr ? path : "").c_str(), 1);
-  }
-
   // Writes what a sensor of 100 Hz at rest with these keys sends in half an hour, and returns its port.
   std::string recording(const std::vector<std::string>& keys, const std::string& name = "sent") const {
     std::ofstream truth(folder_ / "truth.csv");

@@ -14,9 +14,8 @@ struct ModelTerms {
   std::array<AllanTerms, channel_names.size()> of;  // in the order of channel_names; in SI
 };
 
-// Asks imud for the terms of a preset, or of a TOML file of a user, in a sensor of this rate: `imud check --json` on
-// a configuration with that model. Thus the tools need not know presets, and cannot read them in another way than
-// imud. Throws std::invalid_argument with imud's words if there is no such model or it has a fault.
+// Returns the terms of a preset, or of a TOML file of a user, in a sensor of this rate, as imud reads them. Throws
+// std::invalid_argument if there is no such model or it has a fault.
 ModelTerms model_terms(const std::string& model, double rate_hz);
 
 }  // namespace imud
