@@ -4,15 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <deque>
 #include <filesystem>
-#include <limits>
 #include <span>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
-#include "core/sample.hpp"
 #include "emulator/ground/text_file.hpp"
 #include "emulator/plan/fault.hpp"
 #include "transports/file/output_path.hpp"
@@ -23,76 +20,10 @@ namespace {
 
 constexpr std::size_t hold_at_most = 512;  // rows
 
-TrueRow row_of(const Sample& sample, const Increments& increments) {
-  const auto values = [](const Vector3& v) { return std::array{v[0], v[1], v[2]}; };
-  return {sample.time.ns,
-          {values(sample.rate), values(sample.specific_force), values(increments.delta_angle),
-           values(increments.delta_velocity)}};
-}
-
-// Takes the truth at each measurement of an imu, from its twin without errors.
-class TruthRows {
- public:
-  // A sample of the twin will come after the measurements that carry it, because its truth has not come.
-  void await_truth() noexcept { ++taken_; }
-  // The next sample of the twin. If it was not awaited, it comes before the imu's frames that carry it.
-  void on_truth(const Measurement& truth) {
-    taken_ = std::max(taken_, ++received_);
-    newest_ = truth.sample;
-    // Its truth has never come.
-    const bool is_unknown = (newest_.status & status::truth_extrapolated) != 0;
-    if (is_unknown) newest_.rate = newest_.specific_force = unknown;
-    if (keeps_samples) {
-      Increments own;
-      own.add(newest_);
-      if (is_unknown) own.delta_angle = own.delta_velocity = unknown;
-      samples.push_back(row_of(newest_, own));
-    }
-    increments_.add(newest_);
-    // Not known, as the product may begin its sums at any sample before the first one that it sends.
-    if (is_unknown || (rows.empty() && increments_.samples > 1))
-      increments_.delta_angle = increments_.delta_velocity = unknown;
-    complete();
-  }
-  void on_measurement() {
-    measured_.push_back(taken_);
-    complete();
-  }
-
-  bool keeps_samples = false;
-  std::vector<TrueRow> rows, samples;
-
- private:
-  // Makes the rows of the measurements whose twin has come.
-  void complete() {
-    for (; !measured_.empty() && measured_.front() <= received_; measured_.pop_front()) {
-      rows.push_back(row_of(newest_, increments_));
-      increments_ = {};
-    }
-  }
-
-  inline static const Vector3 unknown = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
-  std::uint64_t taken_ = 0, received_ = 0;  // samples of the twin
-  std::deque<std::uint64_t> measured_;      // by taken_ at measurements that wait
-  Sample newest_;
-  Increments increments_;
-};
-
 std::string replaced(std::string text, std::string_view placeholder, std::string_view value) {
   for (std::size_t at = 0; (at = text.find(placeholder, at)) != std::string::npos; at += value.size())
     text.replace(at, placeholder.size(), value);
   return text;
-}
-
-// Returns true if the fault can change which measurements of an imu arrive, or when. Faults of sensors cannot.
-bool changes_rows(const FaultConfig& fault) { return fault.kind->seam != FaultSeam::sensor; }
-
-// Returns true if the fault changes made frames, or their way; otherwise it acts before frames are made.
-bool acts_on_frames(const FaultConfig& fault) {
-  constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
-  return fault.kind->seam == FaultSeam::wire ||
-         (fault.kind->seam == FaultSeam::message &&
-          std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
 }
 
 // Returns true if the fault can add measurements to an imu's own.
@@ -104,38 +35,6 @@ bool adds_rows(const FaultConfig& fault) {
 template <class Row>
 std::span<const std::byte> bytes_of(const Row& row, std::size_t size) {
   return std::as_bytes(std::span(&row, 1)).first(size);
-}
-
-// Runs imus with their twins; calls on_truth(imu, measurement), on_measurement(imu, measurement), and, if it is
-// given, awaits_truth(imu).
-template <class OnTruth, class OnMeasurement>
-std::string run_with_twins(Config config, const SeedArrays::Run& run, const OnTruth& on_truth,
-                           const OnMeasurement& on_measurement,
-                           const std::function<void(std::size_t imu)>& awaits_truth = nullptr) {
-  const std::vector<ImuConfig> imus = std::exchange(config.imus, {});
-  for (std::size_t i = 0; i < imus.size(); ++i) {
-    // The twin comes first: its sample is sent before the imu's sample, and after the frames of the imu's deadlines.
-    config.imus.push_back(without_errors(imus[i]));
-    config.imus.push_back(imus[i]);
-    for (std::size_t k = 2 * i; k < config.imus.size(); ++k) config.imus[k].also.clear();
-  }
-  const auto ports = [&](const PortUse& use) -> std::unique_ptr<Port> {
-    if (use.of != PortUse::Of::line || use.number > 0) return std::make_unique<NoPort>();
-    const std::size_t i = use.imu / 2;
-    if (use.imu % 2 == 0)
-      return decoding_port(config.imus[use.imu], [&on_truth, i](const Measurement& truth) { on_truth(i, truth); });
-    return decoding_port(config.imus[use.imu],
-                         [&on_measurement, i](const Measurement& one) { on_measurement(i, one); });
-  };
-  if (!awaits_truth) return run(config, ports, nullptr);
-  return run(config, ports, [&](std::size_t number) { awaits_truth(number / 2); });
-}
-
-Config without_faults(Config config) {
-  config.faults.clear();
-  config.expectations.clear();
-  config.control.faults = false;
-  return config;
 }
 
 }  // namespace
@@ -170,21 +69,16 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
 void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run) {
   seeds_ = seeds.count;
   can_be_completed_ = seeds.count > 1 && !seeds.origin.empty();
-  std::vector<TruthRows> rows(imus_.size());
-  for (std::size_t i = 0; i < imus_.size(); ++i) rows[i].keeps_samples = imus_[i].varies;
-  const std::string cause = run_with_twins(
-      without_faults(config), run, [&](std::size_t i, const Measurement& truth) { rows[i].on_truth(truth); },
-      [&](std::size_t i, const Measurement&) { rows[i].on_measurement(); },
-      [&](std::size_t i) { rows[i].await_truth(); });
+  RunTruth truth = truth_of_run(config, run, [&](std::size_t i) { return imus_[i].varies; });
   const auto require_rows = [&](const Imu& imu, std::string_view why) {
     if (imu.rows > 0) return;
     throw std::runtime_error(fmt::format("{}: sends no measurement, so that there is no array{}{}", imu.config.name,
                                          why.empty() ? "" : ": ", why));
   };
   for (std::size_t i = 0; i < imus_.size(); ++i) {
-    imus_[i].rows = rows[i].rows.size();
-    require_rows(imus_[i], cause);
-    imus_[i].samples = std::move(rows[i].samples);
+    imus_[i].rows = truth.imus[i].rows.size();
+    require_rows(imus_[i], truth.cause);
+    imus_[i].samples = std::move(truth.imus[i].samples);
   }
   make_room(config, seeds, run);
   for (std::size_t i = 0; i < imus_.size(); ++i) {
@@ -203,7 +97,7 @@ void SeedArrays::begin(const Config& config, const Seeds& seeds, const Run& run)
     };
     begin_file(*imu.truth, imu.varies ? std::span(shape) : std::span(shape).last(1), sizeof(TrueRow));
     begin_file(*imu.measured, shape, row_size(false));
-    if (!imu.varies) imu.truth->write(std::as_bytes(std::span(rows[i].rows)), 0);
+    if (!imu.varies) imu.truth->write(std::as_bytes(std::span(truth.imus[i].rows)), 0);
     for (const auto& file : {imu.truth.get(), imu.measured.get()}) file->check();
   }
 }
@@ -214,9 +108,7 @@ void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& 
   if (std::none_of(imus_.begin(), imus_.end(), [](const Imu& imu) { return imu.varies; })) return;
   Config first = config;
   first.seed = seeds.first;
-  std::vector<std::uint64_t> counts(imus_.size());
-  run_with_twins(
-      first, run, [](std::size_t, const Measurement&) {}, [&](std::size_t i, const Measurement&) { ++counts[i]; });
+  const std::vector<std::uint64_t> counts = count_measurements(first, run);
   for (std::size_t i = 0; i < imus_.size(); ++i) {
     if (!imus_[i].varies) continue;
     const std::uint64_t without = std::exchange(imus_[i].rows, counts[i]);
@@ -228,22 +120,6 @@ void SeedArrays::make_room(const Config& config, const Seeds& seeds, const Run& 
         }))
       imus_[i].rows += part + imus_[i].rows / part;
   }
-}
-
-std::vector<std::vector<MadeRow>> SeedArrays::made(const Config& config, const Run& run) {
-  Config only_made = config;
-  only_made.expectations.clear();
-  for (FaultConfig& fault : only_made.faults)
-    if (acts_on_frames(fault)) fault.imus.clear();  // its number, from which others draw theirs, stays
-  std::vector<std::vector<MadeRow>> rows(config.imus.size());
-  std::vector<std::uint64_t> samples(config.imus.size());
-  run_with_twins(
-      only_made, run, [&](std::size_t i, const Measurement&) { ++samples[i]; },
-      [&](std::size_t i, const Measurement& measurement) {
-        rows[i].emplace_back(MeasurementRow(measurement, config.imus[i].protocol->absent_rates),
-                             std::max<std::uint64_t>(samples[i], 1) - 1);
-      });
-  return rows;
 }
 
 bool SeedArrays::is_done(std::uint64_t seed_index) const noexcept {

@@ -3,16 +3,15 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "emulator/imu/ports.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/record/array_file.hpp"
 #include "emulator/record/measurement_rows.hpp"
 #include "emulator/record/row_truths.hpp"
+#include "emulator/record/twin_rows.hpp"
 
 namespace imud {
 
@@ -35,10 +34,7 @@ class SeedArrays {
     std::uint64_t first = 1, count = 1;
     std::string origin;  // the other inputs of the arrays; empty: an incomplete array cannot be completed
   };
-  // Runs a configuration with these ports. The last parameter, which may be nullptr, is
-  // RecordedRun::Options::awaits_truth. Returns why there may be no measurement.
-  using Run = std::function<std::string(const Config& config, const Ports& ports,
-                                        const std::function<void(std::size_t imu)>& awaits_truth)>;
+  using Run = TwinRun;
   // Writes the truth, by a run of `config` and of its imus without errors, both without faults. Then the files have
   // room for the runs of all seeds. Throws std::runtime_error if an imu sends no measurement, or a file cannot be
   // written; OpenError if an array of another origin was left behind.
@@ -55,10 +51,6 @@ class SeedArrays {
 
   // Returns true if the truth of an imu depends on the seed.
   bool varies(std::size_t imu) const noexcept { return imus_[imu].varies; }
-  // Takes the measurements of the imus before the faults of messages and wires: a port for each imu, by their
-  // order.
-  static std::vector<std::vector<MadeRow>> made(const Config& config, const Run& run);
-
   // Collects the measurements of one run and one imu. Called after the fork.
   class Rows {
    public:

@@ -148,7 +148,7 @@ class Runs {
     bool varies = false;
     for (std::size_t i = 0; arrays_ && i < config_.imus.size(); ++i)
       varies = varies || (arrays_->varies(i) && (parts_ == 1 || i == part));
-    return varies ? SeedArrays::made(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
+    return varies ? made_rows(config, run_for_arrays()) : std::vector<std::vector<MadeRow>>();
   }
   std::string end(Batch& batch, std::size_t run, Engine& engine, const std::string& difference,
                   std::size_t part) const;

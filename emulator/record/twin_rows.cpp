@@ -1,0 +1,152 @@
+#include "emulator/record/twin_rows.hpp"
+
+#include <algorithm>
+#include <array>
+#include <deque>
+#include <limits>
+#include <string_view>
+#include <utility>
+
+#include "core/sample.hpp"
+#include "emulator/plan/fault.hpp"
+
+namespace imud {
+
+namespace {
+
+TrueRow row_of(const Sample& sample, const Increments& increments) {
+  const auto values = [](const Vector3& v) { return std::array{v[0], v[1], v[2]}; };
+  return {sample.time.ns,
+          {values(sample.rate), values(sample.specific_force), values(increments.delta_angle),
+           values(increments.delta_velocity)}};
+}
+
+// Takes the truth at each measurement of an imu, from its twin without errors.
+class TruthRows {
+ public:
+  // A sample of the twin will come after the measurements that carry it, because its truth has not come.
+  void await_truth() noexcept { ++taken_; }
+  // The next sample of the twin. If it was not awaited, it comes before the imu's frames that carry it.
+  void on_truth(const Measurement& truth) {
+    taken_ = std::max(taken_, ++received_);
+    newest_ = truth.sample;
+    // Its truth has never come.
+    const bool is_unknown = (newest_.status & status::truth_extrapolated) != 0;
+    if (is_unknown) newest_.rate = newest_.specific_force = unknown;
+    if (keeps_samples) {
+      Increments own;
+      own.add(newest_);
+      if (is_unknown) own.delta_angle = own.delta_velocity = unknown;
+      samples.push_back(row_of(newest_, own));
+    }
+    increments_.add(newest_);
+    // Not known, as the product may begin its sums at any sample before the first one that it sends.
+    if (is_unknown || (rows.empty() && increments_.samples > 1))
+      increments_.delta_angle = increments_.delta_velocity = unknown;
+    complete();
+  }
+  void on_measurement() {
+    measured_.push_back(taken_);
+    complete();
+  }
+
+  bool keeps_samples = false;
+  std::vector<TrueRow> rows, samples;
+
+ private:
+  // Makes the rows of the measurements whose twin has come.
+  void complete() {
+    for (; !measured_.empty() && measured_.front() <= received_; measured_.pop_front()) {
+      rows.push_back(row_of(newest_, increments_));
+      increments_ = {};
+    }
+  }
+
+  inline static const Vector3 unknown = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::uint64_t taken_ = 0, received_ = 0;  // samples of the twin
+  std::deque<std::uint64_t> measured_;      // by taken_ at measurements that wait
+  Sample newest_;
+  Increments increments_;
+};
+
+// Returns true if the fault changes made frames, or their way; otherwise it acts before frames are made.
+bool acts_on_frames(const FaultConfig& fault) {
+  constexpr std::string_view kinds[] = {"missing", "repeated", "late", "batched", "out_of_order"};
+  return fault.kind->seam == FaultSeam::wire ||
+         (fault.kind->seam == FaultSeam::message &&
+          std::find(std::begin(kinds), std::end(kinds), fault.kind->name) != std::end(kinds));
+}
+
+// Runs imus with their twins; calls on_truth(imu, measurement), on_measurement(imu, measurement), and, if it is
+// given, awaits_truth(imu).
+template <class OnTruth, class OnMeasurement>
+std::string run_with_twins(Config config, const TwinRun& run, const OnTruth& on_truth,
+                           const OnMeasurement& on_measurement,
+                           const std::function<void(std::size_t imu)>& awaits_truth = nullptr) {
+  const std::vector<ImuConfig> imus = std::exchange(config.imus, {});
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    // The twin comes first: its sample is sent before the imu's sample, and after the frames of the imu's deadlines.
+    config.imus.push_back(without_errors(imus[i]));
+    config.imus.push_back(imus[i]);
+    for (std::size_t k = 2 * i; k < config.imus.size(); ++k) config.imus[k].also.clear();
+  }
+  const auto ports = [&](const PortUse& use) -> std::unique_ptr<Port> {
+    if (use.of != PortUse::Of::line || use.number > 0) return std::make_unique<NoPort>();
+    const std::size_t i = use.imu / 2;
+    if (use.imu % 2 == 0)
+      return decoding_port(config.imus[use.imu], [&on_truth, i](const Measurement& truth) { on_truth(i, truth); });
+    return decoding_port(config.imus[use.imu],
+                         [&on_measurement, i](const Measurement& one) { on_measurement(i, one); });
+  };
+  if (!awaits_truth) return run(config, ports, nullptr);
+  return run(config, ports, [&](std::size_t number) { awaits_truth(number / 2); });
+}
+
+Config without_faults(Config config) {
+  config.faults.clear();
+  config.expectations.clear();
+  config.control.faults = false;
+  return config;
+}
+
+}  // namespace
+
+bool changes_rows(const FaultConfig& fault) { return fault.kind->seam != FaultSeam::sensor; }
+
+RunTruth truth_of_run(const Config& config, const TwinRun& run,
+                      const std::function<bool(std::size_t imu)>& keeps_samples) {
+  std::vector<TruthRows> rows(config.imus.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i].keeps_samples = keeps_samples(i);
+  RunTruth truth;
+  truth.cause = run_with_twins(
+      without_faults(config), run, [&](std::size_t i, const Measurement& one) { rows[i].on_truth(one); },
+      [&](std::size_t i, const Measurement&) { rows[i].on_measurement(); },
+      [&](std::size_t i) { rows[i].await_truth(); });
+  for (TruthRows& of_imu : rows) truth.imus.push_back({std::move(of_imu.rows), std::move(of_imu.samples)});
+  return truth;
+}
+
+std::vector<std::uint64_t> count_measurements(const Config& config, const TwinRun& run) {
+  std::vector<std::uint64_t> counts(config.imus.size());
+  run_with_twins(
+      config, run, [](std::size_t, const Measurement&) {}, [&](std::size_t i, const Measurement&) { ++counts[i]; });
+  return counts;
+}
+
+std::vector<std::vector<MadeRow>> made_rows(const Config& config, const TwinRun& run) {
+  Config only_made = config;
+  only_made.expectations.clear();
+  for (FaultConfig& fault : only_made.faults)
+    if (acts_on_frames(fault)) fault.imus.clear();  // its number, from which others draw theirs, stays
+  std::vector<std::vector<MadeRow>> rows(config.imus.size());
+  std::vector<std::uint64_t> samples(config.imus.size());
+  run_with_twins(
+      only_made, run, [&](std::size_t i, const Measurement&) { ++samples[i]; },
+      [&](std::size_t i, const Measurement& measurement) {
+        rows[i].emplace_back(MeasurementRow(measurement, config.imus[i].protocol->absent_rates),
+                             std::max<std::uint64_t>(samples[i], 1) - 1);
+      });
+  return rows;
+}
+
+}  // namespace imud
