@@ -28,6 +28,7 @@
 #include "emulator/seeds/seed_checks.hpp"
 #include "emulator/seeds/seed_results.hpp"
 #include "emulator/seeds/worker_processes.hpp"
+#include "emulator/truth/remark_text.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {
@@ -40,17 +41,6 @@ std::string with_seed(std::string port, std::string_view seed) {
   for (std::size_t at = 0; (at = port.find(seed_placeholder, at)) != std::string::npos; at += seed.size())
     port.replace(at, seed_placeholder.size(), seed);
   return port;
-}
-
-// Returns the remarks, and the first refusal of each cause.
-std::vector<std::string> remarks(const TruthCounters& truth) {
-  std::vector<std::string> all;
-  for (const Remark* remark : truth.remarks.all())
-    if (remark->is_set()) all.emplace_back(remark->text());
-  for (std::size_t i = 0; i < truth.refused.first.size(); ++i)
-    if (const Remark& first = truth.refused.first[i]; first.is_set())
-      all.push_back(fmt::format("refused: {}: {}", cause(static_cast<Refusal>(i)), first.text()));
-  return all;
 }
 
 // Returns how many records of the capture are kept at most: all, if it can be read only once.

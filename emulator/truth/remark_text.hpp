@@ -6,7 +6,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <span>
+#include <string>
 #include <utility>
+#include <vector>
+
+#include "emulator/ground/counters.hpp"
 
 namespace imud {
 
@@ -16,5 +20,8 @@ std::size_t write_remark(std::span<char> room, fmt::format_string<Values...> for
   const auto result = fmt::format_to_n(room.data(), room.size(), format, std::forward<Values>(values)...);
   return std::min(result.size, room.size());
 }
+
+// Returns the remarks of a run, and the first refusal of each cause.
+std::vector<std::string> remarks(const TruthCounters& truth);
 
 }  // namespace imud

@@ -87,4 +87,14 @@ void TruthIntake::remark_no_force() noexcept {
   });
 }
 
+std::vector<std::string> remarks(const TruthCounters& truth) {
+  std::vector<std::string> all;
+  for (const Remark* remark : truth.remarks.all())
+    if (remark->is_set()) all.emplace_back(remark->text());
+  for (std::size_t i = 0; i < truth.refused.first.size(); ++i)
+    if (const Remark& first = truth.refused.first[i]; first.is_set())
+      all.push_back(fmt::format("refused: {}: {}", cause(static_cast<Refusal>(i)), first.text()));
+  return all;
+}
+
 }  // namespace imud
