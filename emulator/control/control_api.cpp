@@ -11,7 +11,7 @@
 
 #include "emulator/control/fault_change.hpp"
 #include "emulator/control/running_keys.hpp"
-#include "emulator/ground/log.hpp"
+#include "emulator/report/log.hpp"
 #include "transports/host_clock.hpp"
 
 namespace imud {

@@ -1,4 +1,4 @@
-#include "emulator/ground/log.hpp"
+#include "emulator/report/log.hpp"
 
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
