@@ -40,7 +40,7 @@ FLOORS = {
     "emulator": ["ground/", "plan/", "faults/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
                  "web/", "run/", "seeds/", "commands/", ""],
     "tools": ["*_client.hpp child_program.* duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* resolved_config.* "
-              "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ arrays/ vcan/", "truth/", "allan/",
+              "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/", "arrays/", "truth/", "allan/",
               "plot/", ""],
 }
 # A folder with more files than these hides something.

@@ -6,19 +6,22 @@
 namespace imud {
 
 namespace {
-std::atomic<unsigned> requests = 0;
-static_assert(std::atomic<unsigned>::is_always_lock_free);
+std::atomic<bool> requested = false, requested_again = false;
+static_assert(std::atomic<bool>::is_always_lock_free);
 }  // namespace
 
 void catch_stop_signals() {
   struct sigaction action = {};
-  action.sa_handler = [](int) { ++requests; };  // without SA_RESTART: poll, sleep and write return
+  action.sa_handler = [](int) {
+    (requested.exchange(true) ? requested_again : requested) = true;
+  };  // without SA_RESTART: poll, sleep and write return
   ::sigaction(SIGINT, &action, nullptr);
   ::sigaction(SIGTERM, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-bool stop_requested() noexcept { return requests > 0; }
-bool stop_requested_again() noexcept { return requests > 1; }
+const std::atomic<bool>& stop_flag() noexcept { return requested; }
+bool stop_requested() noexcept { return requested; }
+bool stop_requested_again() noexcept { return requested_again; }
 
 }  // namespace imud

@@ -7,41 +7,40 @@
 #include <vector>
 
 #include "tools/allan/still_recording.hpp"
+#include "tools/replay/replay.hpp"
 
 namespace imud {
 
-// Runs imud, and decodes what one imu of the configuration sends.
+// Runs one imu of a configuration, and decodes the frames that it sends.
 class EmulatedRun {
  public:
   struct Options {
     std::string config;                  // path of the configuration
     std::string capture;                 // of the truth, as for `imud replay`
     std::string imu;                     // name; empty: the first
-    std::vector<std::string> overrides;  // KEY=VALUE, for imud
+    std::vector<std::string> overrides;  // KEY=VALUE
     std::optional<double> rate_hz;       // in place of the rate of the samples' time, or of the settings
   };
 
-  // Has imud resolve the configuration. Throws std::invalid_argument if it has faults, which imud has reported on
-  // standard error, or no such imu.
+  // Reads the configuration. Throws as Replay does, and std::invalid_argument if it has no such imu.
   explicit EmulatedRun(Options options);
 
-  const std::string& name() const noexcept { return name_; }
-  std::uint64_t seed() const noexcept { return seed_; }
+  const std::string& name() const noexcept { return config_.imus.front().name; }
+  std::uint64_t seed() const noexcept { return config_.seed; }
 
   // Return the output with this seed, and without any error: the truth at the sensor's place, in its axes, samples
-  // and format. Throw std::runtime_error if imud fails or the output is no recording. The first run shows what imud
-  // reports on standard error.
+  // and format. Throw as Replay::run() does, and std::runtime_error if the output is no recording. The first run
+  // reports warnings and remarks on standard error.
   StillRecording sent(std::uint64_t seed);
   StillRecording truth();
 
  private:
-  StillRecording record(const std::string& config);
+  StillRecording record(const Config& config);
 
   Options options_;
-  std::string name_, protocol_, resolved_;
-  std::vector<std::string> settings_;
-  std::uint64_t seed_ = 0;
-  double frames_per_s_ = 0;  // that imud expects
+  Replay replay_;
+  Config config_;            // with that imu alone
+  double frames_per_s_ = 0;  // by the settings
   bool has_run_ = false;
 };
 

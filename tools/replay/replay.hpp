@@ -1,0 +1,42 @@
+// Replay: runs of imus on a captured truth or run, in this process, as fast as the processor can.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "emulator/drive/stored_truths.hpp"
+#include "emulator/imu/ports.hpp"
+#include "emulator/plan/config.hpp"
+#include "emulator/record/twin_rows.hpp"
+#include "emulator/truth/capture_check.hpp"
+
+namespace imud {
+
+// Only this part of the tools runs an engine. No port of the configuration is opened but the capture.
+class Replay {
+ public:
+  // Reads the configuration as `imud replay CONFIG CAPTURE --fast` does, with these overrides KEY=VALUE, and without
+  // the pace of lines. Throws ConfigError and PortError.
+  Replay(const std::string& config, std::vector<std::string> overrides, const std::string& capture);
+
+  const Config& config() const noexcept { return replay_.config; }
+
+  // Runs `config`, which is config() with other imus, errors, faults or seed; `ports` has the ports of the imus.
+  // `awaits_truth`: RecordedRun::Options::awaits_truth. Returns remarks on truth and faults. The capture is decoded
+  // once for all runs, unless it is long. Throws PortError, and std::runtime_error if a signal ends the run
+  // (stop_requested()).
+  std::vector<std::string> run(const Config& config, const Ports& ports,
+                               const std::function<void(std::size_t imu)>& awaits_truth = nullptr);
+  // The same for truth_of_run() and made_rows().
+  TwinRun with_twins();
+
+ private:
+  ReplayConfig replay_;
+  std::optional<StoredTruths> truths_;
+  bool is_read_ = false;
+};
+
+}  // namespace imud
