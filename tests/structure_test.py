@@ -39,7 +39,7 @@ FLOORS = {
                    "can/ file/ socket/ uart/", "capture/", ""],
     "emulator": ["ground/", "plan/", "faults/", "config/", "truth/", "imu/", "engine/", "record/", "drive/", "report/", "control/",
                  "web/", "run/", "seeds/", "commands/", ""],
-    "tools": ["*_client.hpp child_program.* duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* resolved_config.* "
+    "tools": ["*_client.hpp duration_text.* gnuplot.* number_check.hpp output_options.hpp program.* "
               "setting_texts.hpp stop_signal.* stream_*.* text_output.*", "input/ replay/ vcan/", "arrays/", "truth/", "allan/",
               "plot/", ""],
 }

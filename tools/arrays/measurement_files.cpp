@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "emulator/config/load_config.hpp"
 #include "tools/number_check.hpp"
-#include "tools/resolved_config.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
@@ -116,8 +116,8 @@ RowAttributes attributes_of(const MeasurementFiles::Options& options, const Prot
   all.texts = {{"imud_version", IMUD_VERSION}, {"protocol", std::string(protocol.name)}, {"port", valid_utf8(port)}};
   all.imu = valid_utf8(imu_name(options, port));
   if (options.config.empty() && truth == nullptr) return all;
-  const ResolvedConfig config = truth == nullptr ? resolve_config(options.config) : truth->config();
-  all.texts.emplace_back("config", valid_utf8(config.toml));
+  const Config config = truth == nullptr ? load_config(options.config) : truth->config();
+  all.texts.emplace_back("config", valid_utf8(config.resolved));
   all.seed = config.seed;
   return all;
 }

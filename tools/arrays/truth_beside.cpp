@@ -1,20 +1,16 @@
 #include "tools/arrays/truth_beside.hpp"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <stdlib.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
+#include <array>
+#include <cstdio>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
-#include "tools/child_program.hpp"
-#include "transports/file_descriptor.hpp"
-#include "transports/port.hpp"
+#include "emulator/config/load_config.hpp"
+#include "tools/replay/replay.hpp"
 
 namespace imud {
 
@@ -22,13 +18,13 @@ namespace {
 
 constexpr std::size_t most_skipped = 65536;
 
-// Returns the name of the imu that is wanted.
-std::string imu_name(const TruthBeside::Options& options, const nlohmann::json& imus, const Protocol& protocol) {
+// Returns the number of the imu that is wanted.
+std::size_t imu_number(const TruthBeside::Options& options, const std::vector<ImuConfig>& imus,
+                       const Protocol& protocol) {
   std::string known;
-  for (const auto& imu : imus) {
-    const std::string name = imu.at("name"), its_protocol = imu.at("protocol");
-    known += fmt::format("{}{} ({})", known.empty() ? "" : ", ", name, its_protocol);
-    if (its_protocol == protocol.name && (options.imu.empty() || options.imu == name)) return name;
+  for (std::size_t i = 0; i < imus.size(); ++i) {
+    if (imus[i].protocol == &protocol && (options.imu.empty() || options.imu == imus[i].name)) return i;
+    known += fmt::format("{}{} ({})", known.empty() ? "" : ", ", imus[i].name, imus[i].protocol->name);
   }
   throw std::invalid_argument(fmt::format("{}: has no imu{} with the protocol {}; there are {}", options.config,
                                           options.imu.empty() ? "" : " " + options.imu, protocol.name, known));
@@ -36,68 +32,50 @@ std::string imu_name(const TruthBeside::Options& options, const nlohmann::json& 
 
 }  // namespace
 
-TruthBeside::Mapped::~Mapped() {
-  if (map_ != nullptr) ::munmap(map_, size_);
-}
-
-void TruthBeside::Mapped::open(const std::string& path, std::size_t row_size) {
-  const FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  struct stat status {};
-  if (!file || ::fstat(file.get(), &status) != 0) throw std::runtime_error(path + ": " + std::strerror(errno));
-  size_ = static_cast<std::size_t>(status.st_size);
-  void* map = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file.get(), 0);
-  if (map == MAP_FAILED) throw std::runtime_error(path + ": " + std::strerror(errno));
-  map_ = map;
-  ::madvise(map_, size_, MADV_SEQUENTIAL);
-  constexpr std::size_t before = 10;  // magic, version, length of the header
-  const char* bytes = static_cast<const char*>(map_);
-  const auto length = [&](std::size_t i) { return static_cast<std::size_t>(static_cast<unsigned char>(bytes[i])); };
-  const std::size_t header = before + (length(8) | length(9) << 8U);
-  begin_ = bytes + header;
-  row_size_ = row_size;
-  rows_ = (size_ - header) / row_size;
-}
-
 TruthBeside::TruthBeside(const Options& options, const Protocol& protocol) : options_(options) {
-  // A line's pace belongs to a port, which is not opened.
-  constexpr const char* unpaced = "imu.*.pace=none";
-  config_ = resolve_config(options.config, {"truth.port=" + capture_port(options.capture), "clock=fast", unpaced});
-  const std::string name = imu_name(options, config_.checked.at("config").at("imu"), protocol);
-  folder_ = std::filesystem::temp_directory_path() / "imu-decode-XXXXXX";
-  if (::mkdtemp(folder_.data()) == nullptr) throw std::runtime_error(folder_ + ": " + std::strerror(errno));
-  try {
-    const ChildResult result =
-        run_child(imud_program(), {"replay", options.config, options.capture, "--npy", folder_ + "/{imu}.npy",
-                                   "--jobs", "1", "--quiet", "--set", unpaced});
-    constexpr int incomplete = 3;  // so was the run that is decoded
-    if (result.exit_code != 0 && result.exit_code != incomplete)
-      throw std::runtime_error(fmt::format("imud replay: exit code {}", result.exit_code));
-    measured_.open(fmt::format("{}/{}.npy", folder_, name), row_size(false));
-    truth_.open(fmt::format("{}/{}_truth.npy", folder_, name), sizeof(std::int64_t) + sizeof(TrueValues));
-  } catch (...) {
-    std::filesystem::remove_all(folder_);
-    throw;
-  }
-}
-
-TruthBeside::~TruthBeside() {
-  std::error_code ignored;
-  std::filesystem::remove_all(folder_, ignored);
+  config_ = load_config(options.config, std::array<std::string, 3>{"truth.port=" + capture_port(options.capture),
+                                                                   "clock=fast", "imu.*.pace=none"});
+  const std::size_t imu = imu_number(options, config_.imus, protocol);
+  const std::string& name = config_.imus[imu].name;
+  Replay replay(options.config, {}, options.capture);
+  const Config& config = replay.config();
+  for (const std::string& warning : config.warnings) fmt::print(stderr, "imu-decode: {}\n", warning);
+  const bool varies = std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
+    return fault.acts_on(name) && changes_rows(fault);
+  });
+  RunTruth truth = truth_of_run(config, replay.with_twins(), [&](std::size_t i) { return varies && i == imu; });
+  RunTruth::OfImu& of_imu = truth.imus[imu];
+  if (of_imu.rows.empty())
+    throw std::runtime_error(
+        fmt::format("{}: sends no measurement{}{}", name, truth.cause.empty() ? "" : ": ", truth.cause));
+  std::optional<RowTruths> by_rows;
+  if (varies)
+    by_rows.emplace(of_imu.samples, std::move(made_rows(config, replay.with_twins())[imu]));
+  else
+    truths_ = std::move(of_imu.rows);
+  const auto receive = [&](const Measurement& measurement) {
+    const MeasurementRow row(measurement, protocol.absent_rates);
+    measured_.push_back({row.time_ns, row.counter});
+    if (by_rows) truths_.push_back(by_rows->of(row));
+  };
+  const auto ports = [&](const PortUse& use) {
+    const bool is_wanted = use.of == PortUse::Of::line && use.imu == imu && use.number == 0;
+    return is_wanted ? decoding_port(config.imus[imu], receive) : no_ports(use);
+  };
+  const std::vector<std::string> remarks = replay.run(config, ports);
+  for (const std::string& remark : remarks) fmt::print(stderr, "imu-decode: {}\n", remark);
+  measured_.resize(truths_.size());  // a fault of the truth may take measurements away
 }
 
 TrueValues TruthBeside::at(const MeasurementRow& row) {
   constexpr std::uint32_t identity = Measurement::time | Measurement::counter;
-  const std::size_t end = std::min({measured_.rows(), truth_.rows(), next_ + most_skipped});
+  const std::size_t end = std::min(measured_.size(), next_ + most_skipped);
   is_by_order_ = (row.fields & identity) == 0;
   for (std::size_t i = next_; i < end; ++i) {
-    // The number and the time stand first; each has its own value where it is not carried.
-    constexpr std::size_t compared = sizeof row.time_ns + sizeof row.counter;
-    if (std::memcmp(measured_.row(i), &row, compared) != 0) continue;
+    if (measured_[i] != Identity{row.time_ns, row.counter}) continue;
     next_ = i + 1;
     ++with_;
-    TrueValues values;
-    std::memcpy(static_cast<void*>(&values), truth_.row(i) + sizeof(std::int64_t), sizeof values);
-    return values;
+    return truths_[i].values;
   }
   ++without_;
   return {};
@@ -110,9 +88,9 @@ std::string TruthBeside::finish() const {
         "configuration and the capture of the `imud replay`",
         options_.config, options_.capture));
   if (without_ > 0) return fmt::format("{} samples have none, of {}", without_, with_ + without_);
-  if (is_by_order_ && with_ != measured_.rows())
+  if (is_by_order_ && with_ != measured_.size())
     return fmt::format("by order, as the samples have neither time nor number, but there are {}, and {} in a replay",
-                       with_, measured_.rows());
+                       with_, measured_.size());
   return {};
 }
 
