@@ -32,7 +32,7 @@ class RecordedRun {
 
   // Returns `config` with the recorded run's values of all keys that a capture changes.
   Config adapted(Config config) const;
-  // Returns the ports of a Engine: the truth port and the pins are fed by run(), `others` opens the others.
+  // Returns the ports of an Engine: the truth port and the pins are fed by run(), `others` opens the others.
   Ports ports(Ports others);
 
   struct Options {
