@@ -30,7 +30,7 @@ std::vector<std::string> names(std::span<const Entry* const> table) {
 template <class Entry>
 const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
                    std::span<const Entry* const> entries, const Entry* found) {
-  if (found != nullptr || (word.empty() && !table.is_text(key))) return found;
+  if (found != nullptr || (word.empty() && !is_text(table, key))) return found;
   const std::string meant = nearest(word, names(entries));
   table.fault(key, fmt::format("there is no \"{}\"; {}", word,
                                meant.empty() ? fmt::format("known: {}", fmt::join(names(entries), ", "))

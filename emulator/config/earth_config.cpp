@@ -35,7 +35,7 @@ void check_frame(TableReader& table, EarthFrame frame, const TruthConfig& truth)
 // Reads the angle of the Earth at truth time 0, rad; `of_start`: the angle by the key `start`.
 double read_angle(TableReader& table, TruthConfig& truth, double of_start) {
   constexpr std::string_view key = "angle_deg";
-  if (table.is_text(key) || !table.has(key)) {
+  if (is_text(table, key) || !table.has(key)) {
     if (table.text(key, std::string(automatic)) != automatic)
       table.fault(key, "give degrees from -360 to 360, or \"auto\"");
     return truth.frame.angle.value_or(of_start);
@@ -62,7 +62,7 @@ EarthModel read_earth(TableReader table, TruthConfig& truth) {
                                          EarthFrame::automatic);
   check_frame(table, earth.frame, truth);
   const toml::date_time in_2025(toml::date(2025, 1, 1), toml::time(0, 0, 0), toml::time_offset());
-  const std::int64_t start = table.utc_s("start", in_2025, 2017, 2100);
+  const std::int64_t start = utc_s(table, "start", in_2025, 2017, 2100);
   earth.start_gps_ns = gps_ns_from_unix(start);
   if (earth.frame != EarthFrame::none && decimal_year(earth.start_gps_ns) > igrf14_end)
     table.warn("start", fmt::format("IGRF-14 ends in {}; the magnetic field is extrapolated", igrf14_end));
@@ -75,8 +75,8 @@ EarthModel read_earth(TableReader table, TruthConfig& truth) {
     return value;
   };
   if (earth.frame == EarthFrame::local) {
-    table.require("latitude_deg", "the latitude of N's origin");
-    table.require("longitude_deg", "the longitude of N's origin");
+    require(table, "latitude_deg", "the latitude of N's origin");
+    require(table, "longitude_deg", "the longitude of N's origin");
   }
   // The place of the vehicle at rest: the origin of a local frame, or the keys rest_*.
   const auto place = [&](const std::string& prefix, bool fits, std::string_view needs) {

@@ -27,7 +27,7 @@ bool ascends(const std::vector<double>& list) {
 
 void read_sines(TableReader& table, VibrationModel& model) {
   const std::vector<double> frequency = table.numbers("sine_hz", least_hz, most_hz);
-  const std::vector<Vector3> force = table.rows("sine_g"), rate = table.rows("sine_deg_per_s");
+  const std::vector<Vector3> force = rows(table, "sine_g"), rate = rows(table, "sine_deg_per_s");
   const std::vector<double> phase = table.numbers("sine_phase_deg", -360, 360);
   const std::size_t count = frequency.size();
   const bool has_force = fits(table, "sine_g", force, "sine_hz", count);

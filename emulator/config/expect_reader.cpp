@@ -57,7 +57,7 @@ ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vecto
     table.fault("imu", fmt::format("missing: whose host; of: {}", fmt::join(imus, ", ")));
   else if (std::find(imus.begin(), imus.end(), expect.imu) == imus.end())
     table.fault("imu", fmt::format("there is no imu \"{}\"; of: {}", expect.imu, fmt::join(imus, ", ")));
-  table.require("what", "\"host_sends\", \"host_is_silent\" or \"host_reopens\"");
+  require(table, "what", "\"host_sends\", \"host_is_silent\" or \"host_reopens\"");
   using What = ExpectConfig::What;
   expect.what = table.choice<What>("what",
                                    {{What::host_sends, "host_sends"},
@@ -81,7 +81,7 @@ ExpectConfig read_expect(TableReader& table, std::size_t index, const std::vecto
   expect.fault = number_of(expect.after_end ? "after_end_of" : "after");
   constexpr double longest_s = 1e9;
   if (!expect.fault || table.has("at_s")) expect.at_s = table.real("at_s", 0, 0, longest_s);
-  table.require("within_s", "the length of the time, in seconds");
+  require(table, "within_s", "the length of the time, in seconds");
   expect.within_s = table.real("within_s", 1, 1e-6, longest_s);
   table.finish();
   return expect;

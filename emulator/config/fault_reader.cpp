@@ -103,11 +103,11 @@ void read_wait(TableReader& table, FaultConfig& fault) {
 
 // Reads `target` and `kind`.
 void read_kind(TableReader& table, FaultConfig& fault) {
-  table.require("target", "what fails, for example \"gyro.x\", \"message\" or \"wire\"");
-  table.require("kind", "how it fails, for example \"bias\"; imud list faults shows all");
+  require(table, "target", "what fails, for example \"gyro.x\", \"message\" or \"wire\"");
+  require(table, "kind", "how it fails, for example \"bias\"; imud list faults shows all");
   const std::string text = table.text("target", ""), kind = table.text("kind", "");
   for (const char* key : {"target", "kind"})
-    if (table.is_text(key) && table.text(key, "").empty()) table.fault(key, "empty; imud list faults shows all");
+    if (is_text(table, key) && table.text(key, "").empty()) table.fault(key, "empty; imud list faults shows all");
   if (text.empty() || kind.empty()) return;
   const std::size_t dot = text.find('.');
   const std::string target = text.substr(0, dot);

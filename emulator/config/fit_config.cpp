@@ -90,7 +90,7 @@ void read_fit(TableReader& table, ClockMode clock, TruthConfig& truth) {
   const bool derives = fit.rate != Source::given || fit.specific_force != Source::given;
   // The choice uses truths of a second ahead, which costs a capture nothing.
   const bool is_chosen_by_default = derives && is_capture(truth.port) && !was_recorded_otherwise(truth.port);
-  if (table.is_text("fit_delay_ms") || (!table.has("fit_delay_ms") && is_chosen_by_default)) {
+  if (is_text(table, "fit_delay_ms") || (!table.has("fit_delay_ms") && is_chosen_by_default)) {
     fit.widest = 8;
     if (table.text("fit_delay_ms", "auto") != "auto")
       table.fault("fit_delay_ms", "give milliseconds from 1 to 500, or \"auto\"");

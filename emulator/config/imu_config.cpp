@@ -157,7 +157,7 @@ const Preset* read_model(TableReader& table, std::string_view own, std::string& 
   model = table.text("model", std::string(own));
   const Preset* preset = find_preset(model);
   if (preset != nullptr || model == "white" || model == model_without_errors ||
-      (table.has("model") && !table.is_text("model")))
+      (table.has("model") && !is_text(table, "model")))
     return preset;
   std::vector<std::string> words = {"white", std::string(model_without_errors)};
   for (const Preset& known : presets()) words.emplace_back(known.name);
@@ -295,7 +295,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
   if (std::any_of(imu.name.begin(), imu.name.end(), is_control))
     table.fault("name", "has a line feed or another control character; give a name in one line of text");
 
-  table.require("protocol", "one that `imud list` shows");
+  require(table, "protocol", "one that `imud list` shows");
   const std::string protocol = table.text("protocol", "");
   imu.protocol = entry(table, "protocol", protocol, protocols(), find_protocol(protocol));
   std::optional<Product> product;
@@ -326,7 +326,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
                               "this key",
                               imu.protocol->name, product->rate_hz));
   } else {
-    table.require("rate_hz", "the sensor's output rate");
+    require(table, "rate_hz", "the sensor's output rate");
     imu.rate_hz = table.real("rate_hz", 100.0, Grid::min_rate_hz, Grid::max_rate_hz);
   }
   if (device && imu.protocol->check != nullptr) {
@@ -345,7 +345,7 @@ ImuConfig read_imu(TableReader& table, std::size_t index) {
       table.choice<BeforeFirst>("before_first", {{BeforeFirst::silence, "silence"}, {BeforeFirst::rest, "rest"}},
                                 product ? BeforeFirst::rest : BeforeFirst::silence);
 
-  table.require("port", "where the sensor is connected, for example \"pty:imu1\"");
+  require(table, "port", "where the sensor is connected, for example \"pty:imu1\"");
   imu.port = table.text("port", "");
   const Transport* transport = check_device_port(table, "port", imu.port, imu.port_settings);
   if (transport != nullptr && imu.protocol != nullptr) {

@@ -92,7 +92,7 @@ Settings read_settings(TableReader& table, std::span<const Setting> declared, Ta
 
 const Transport* read_port(TableReader& table, std::string_view key, const std::string& text,
                            const PortSettings& settings) {
-  if (text.empty() && !table.is_text(key)) return nullptr;
+  if (text.empty() && !is_text(table, key)) return nullptr;
   try {
     const PortSpec spec = PortSpec::parse(text);
     const Transport* transport = entry(table, key, spec.scheme, transports(), find_transport(spec.scheme));
@@ -149,7 +149,7 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   else if (!capture.empty())
     truth.port = in_place_of(truth.port, capture);
   else
-    table.require("port", "where the truth comes from, for example \"udp:127.0.0.1:9810\"");
+    require(table, "port", "where the truth comes from, for example \"udp:127.0.0.1:9810\"");
   table.resolve("port", truth.port);
   if (table.has("from")) {
     try {
@@ -192,7 +192,7 @@ TruthConfig read_truth(TableReader table, ClockMode clock, const std::string& ca
   // Left out, the delay is automatic where live truth is sampled by the host's clock.
   const bool is_default =
       !table.has("delay_ms") && clock == ClockMode::realtime && transport != nullptr && !is_capture(truth.port);
-  const bool is_automatic = is_default || table.is_text("delay_ms");
+  const bool is_automatic = is_default || is_text(table, "delay_ms");
   if (is_automatic || table.has("auto_delay_percent"))
     truth.clock.automatic_percent = read_number(table, keys::automatic_percent);
   if (!is_automatic) {

@@ -293,7 +293,7 @@ TriadErrors read_triad(TableReader& table, const SensorKeys& keys, const TriadEr
   if (product != nullptr)
     e = *product;
   else if (given_unit(table, "max", keys.value) == nullptr)
-    table.require(key_of("max", keys.value.begin()->suffix), "the largest value that the sensor can measure");
+    require(table, key_of("max", keys.value.begin()->suffix), "the largest value that the sensor can measure");
   read_range(table, keys, e);
   read_temperature(table, keys, e);
   read_response(table, e);

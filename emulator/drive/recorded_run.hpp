@@ -19,7 +19,7 @@
 
 namespace imud {
 
-// Drives a Engine as the Loop did when the record was made: in the order and at the times of its events. Truth, the
+// Drives an Engine as the Loop did when the record was made: in the order and at the times of its events. Truth, the
 // hosts' bytes, and the edges at the pins come from the record. Hosts at the imus' ports are ignored. Several imus
 // of the Engine may have one name: each repeats the run's imu of that name. A received packet may precede its
 // event, and other interfaces may precede the record's interfaces: mergecap and reordercap write such files. One

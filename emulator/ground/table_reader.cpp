@@ -45,16 +45,19 @@ void TableReader::warn(std::string_view key, std::string_view what) {
   faults_.warn(line_of(key), path_ + std::string(key), what);
 }
 
-void TableReader::require(std::string_view key, std::string_view what_it_is) {
-  known_.emplace(key);
-  if (!has(key)) fault(key, fmt::format("missing; give {}", what_it_is));
+void require(TableReader& table, std::string_view key, std::string_view what_it_is) {
+  if (!table.has(key)) table.fault(key, fmt::format("missing; give {}", what_it_is));
 }
 
-std::optional<double> TableReader::number(const toml::node& node) {
+namespace {
+
+std::optional<double> number(const toml::node& node) {
   const std::optional<double> value = node.value<double>();
   if (!value || !node.is_number() || !std::isfinite(*value)) return std::nullopt;
   return value;
 }
+
+}  // namespace
 
 double TableReader::real(std::string_view key, double fallback, double min, double max) {
   const toml::node* found = node(key);
@@ -95,18 +98,18 @@ std::uint64_t TableReader::unsigned_integer(std::string_view key, std::uint64_t 
   return fallback;
 }
 
-std::int64_t TableReader::utc_s(std::string_view key, const toml::date_time& fallback, int first_year,
-                                int last_year) {
+std::int64_t utc_s(TableReader& table, std::string_view key, const toml::date_time& fallback, int first_year,
+                   int last_year) {
   toml::date_time given = fallback;
-  if (const toml::node* found = node(key); found != nullptr) {
+  if (const toml::node* found = table.node(key); found != nullptr) {
     const auto* at = found->as_date_time();
     if (at != nullptr && at->get().date.year >= first_year && at->get().date.year <= last_year)
       given = at->get();
     else
-      fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes",
-                             first_year, last_year));
+      table.fault(key, fmt::format("give a date and time from {} to {}, such as 2025-01-01T00:00:00Z, without quotes",
+                                   first_year, last_year));
   }
-  resolve(key, given);
+  table.resolve(key, given);
   const std::chrono::sys_days day = std::chrono::year(given.date.year) / given.date.month / given.date.day;
   const std::int64_t s = std::chrono::duration_cast<std::chrono::seconds>(day.time_since_epoch()).count() +
                          given.time.hour * 3600 + given.time.minute * 60 + given.time.second;
@@ -209,9 +212,9 @@ std::vector<double> TableReader::numbers(std::string_view key, double min, doubl
   return all;
 }
 
-std::vector<Vector3> TableReader::rows(std::string_view key) {
-  const toml::node* found = node(key);
-  resolve(key, toml::array{});
+std::vector<Vector3> rows(TableReader& table, std::string_view key) {
+  const toml::node* found = table.node(key);
+  table.resolve(key, toml::array{});
   if (found == nullptr) return {};
   std::vector<Vector3> all;
   if (const toml::array* array = found->as_array())
@@ -222,10 +225,10 @@ std::vector<Vector3> TableReader::rows(std::string_view key) {
       if (x && y && z) all.emplace_back(*x, *y, *z);
     }
   if (!found->is_array() || all.size() != found->as_array()->size()) {
-    fault(key, "give a list of rows of three finite numbers: [[x, y, z], ..]");
+    table.fault(key, "give a list of rows of three finite numbers: [[x, y, z], ..]");
     return {};
   }
-  resolve(key, *found->as_array());
+  table.resolve(key, *found->as_array());
   return all;
 }
 

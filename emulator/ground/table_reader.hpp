@@ -55,7 +55,6 @@ class TableReader {
   bool has_table(std::string_view key) const {
     return table_ != nullptr && table_->contains(key) && table_->get(key)->is_table();
   }
-  bool is_text(std::string_view key) { return has(key) && node(key)->is_string(); }
   // Returns the value as it is; nullptr if it is absent. The key counts as known.
   const toml::node* node(std::string_view key);
 
@@ -63,8 +62,6 @@ class TableReader {
   std::uint64_t unsigned_integer(std::string_view key, std::uint64_t fallback, std::uint64_t max);
   bool flag(std::string_view key, bool fallback);
   std::string text(std::string_view key, std::string fallback);
-  // Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.
-  std::int64_t utc_s(std::string_view key, const toml::date_time& fallback, int first_year, int last_year);
   // Returns the index of the value in `words`.
   std::size_t choice(std::string_view key, std::span<const std::string_view> words, std::size_t fallback);
   // Returns the value of the word.
@@ -87,8 +84,6 @@ class TableReader {
   Vector3 per_axis(std::string_view key, const Vector3& fallback, double min, double max);
   // Reads a list of numbers, each from `min` to `max`. Empty if absent.
   std::vector<double> numbers(std::string_view key, double min, double max);
-  // Reads a list of rows of three numbers. Empty if absent.
-  std::vector<Vector3> rows(std::string_view key);
   // Reads three rows of three numbers; if `diagonal`, three numbers as well, which are the diagonal.
   Matrix3 matrix3(std::string_view key, const Matrix3& fallback, bool diagonal);
   // Returns the reader of the table of that key, which may be absent.
@@ -103,14 +98,11 @@ class TableReader {
   // Adds a fault, or a warning, of `key`, at its line.
   void fault(std::string_view key, std::string_view what);
   void warn(std::string_view key, std::string_view what);
-  // Adds a fault if the key is absent.
-  void require(std::string_view key, std::string_view what_it_is);
   // Adds a fault for every key that no function above was called with. The fault suggests the nearest known key.
   void finish();
 
  private:
   const toml::node* find(std::string_view key) const;
-  std::optional<double> number(const toml::node& node);
   std::uint32_t line_of(std::string_view key) const;
 
   const toml::table* table_;
@@ -120,6 +112,18 @@ class TableReader {
   toml::table& resolved_;
   std::set<std::string, std::less<>> known_;
 };
+
+// Further getters, made of these. Returns true if the value is a text.
+inline bool is_text(TableReader& table, std::string_view key) {
+  return table.has(key) && table.node(key)->is_string();
+}
+// Adds a fault if the key is absent.
+void require(TableReader& table, std::string_view key, std::string_view what_it_is);
+// Returns a date and time, such as 2025-01-01T00:00:00Z, as whole seconds since 1970. Without an offset it is UTC.
+std::int64_t utc_s(TableReader& table, std::string_view key, const toml::date_time& fallback, int first_year,
+                   int last_year);
+// Reads a list of rows of three numbers. Empty if absent.
+std::vector<Vector3> rows(TableReader& table, std::string_view key);
 
 // Returns the word of `words` that is nearest to `word` by Levenshtein distance; empty if none is near.
 std::string nearest(std::string_view word, const std::vector<std::string>& words);
