@@ -64,8 +64,7 @@ void Sensor::set_filters(const std::optional<SensorFilters>& filters) noexcept {
 
 void Sensor::exchange(Reload::Sensor& next) noexcept {
   if (next.keeps_gyro_bias) next.imu.set_bias(Quantity::rate, imu_.bias(Quantity::rate));
-  if (next.keeps_accelerometer_bias)
-    next.imu.set_bias(Quantity::specific_force, imu_.bias(Quantity::specific_force));
+  if (next.keeps_accelerometer_bias) next.imu.set_bias(Quantity::specific_force, imu_.bias(Quantity::specific_force));
   if (device_filters_) next.imu.set_filters(filters_);
   next.imu.continue_from(imu_);
   std::swap(imu_, next.imu);

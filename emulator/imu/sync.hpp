@@ -8,8 +8,8 @@
 #include <string_view>
 
 #include "core/time.hpp"
-#include "emulator/imu/ports.hpp"
 #include "emulator/ground/step_sink.hpp"
+#include "emulator/imu/ports.hpp"
 #include "emulator/plan/sync_config.hpp"
 #include "protocols/protocol.hpp"
 #include "transports/port.hpp"

@@ -28,8 +28,7 @@ class SeedArraysTest : public RunTest {
     }
     port.commit();
   }
-  static std::string run_once(const Config& config, const Ports& ports,
-                              const std::function<void(std::size_t imu)>&) {
+  static std::string run_once(const Config& config, const Ports& ports, const std::function<void(std::size_t imu)>&) {
     for (std::size_t i = 0; i < config.imus.size(); ++i)
       send_samples(config.imus[i], *ports({.of = PortUse::Of::line, .imu = i}));
     return {};
