@@ -5,7 +5,6 @@
 
 #include <chrono>
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
 #include "emulator/config/scenario.hpp"
@@ -22,7 +21,7 @@ namespace {
 
 std::vector<std::string> all_remarks(Engine& engine, const RecordedRun* repeated) {
   std::vector<std::string> all = remarks(engine.intake().counters());
-  if (const std::string_view end = engine.intake().end_warning(); !end.empty()) all.emplace_back(end);
+  if (std::string end = engine.intake().end_warning(); !end.empty()) all.push_back(std::move(end));
   for (std::string& remark : all) remark.insert(0, "truth: ");
   if (repeated != nullptr) {
     if (std::string difference = repeated->difference(); !difference.empty()) all.push_back(std::move(difference));
