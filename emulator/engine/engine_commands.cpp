@@ -19,7 +19,7 @@ void Engine::record_command(const Step& step) noexcept {
   };
   if (step.event.type == Step::Type::mark)
     return sink_.packet(0, PacketDirection::unknown, HostTime{step.event.a}, content.frame);
-  if (step.command_kind() == Command::Kind::fault_begin)
+  if (step.command_kind() == Command::Kind::fault_begin && step.command_number() >= faults_.configured().size())
     add(faults_.text(static_cast<std::uint32_t>(step.command_number())));
   if (content.reload == nullptr) return;
   constexpr std::size_t piece = std::size_t{64} * 1024;
@@ -31,6 +31,8 @@ void Engine::execute(const Step& step) noexcept {
   const HostTime now{step.event.a};
   const bool is_reload = step.event.type == Step::Type::command && step.command_kind() == Command::Kind::reload;
   if (is_reload && (step.content == nullptr || step.content->reload == nullptr)) return;
+  const bool is_begin = step.event.type == Step::Type::command && step.command_kind() == Command::Kind::fault_begin;
+  if (is_begin && step.command_number() >= faults_.all().size()) return;  // there is no such fault
   record_command(step);
   if (is_reload) return reload(*step.content->reload, now);
   const Command command{
