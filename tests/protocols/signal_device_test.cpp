@@ -308,7 +308,7 @@ TEST_F(MixedRates, ASampleWithoutOneOfItsMessagesIsNone) {
   EXPECT_GT(line_.decoder->errors().incomplete, 0U);
 }
 
-// No message comes with every sample: those of the shortest period make a set.
+// No message comes with every sample: the messages of the shortest period make a set.
 TEST(SignalDecoderTest, ASetWithoutOneOfTheMostFrequentMessagesIsIncomplete) {
   const Protocol& sbg = protocol_named("sbg-can");
   for (std::size_t lost = 0; lost < 8; ++lost) {
