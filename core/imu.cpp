@@ -8,7 +8,6 @@
 #include "core/numbers/dispatch.hpp"
 
 namespace imud {
-
 namespace {
 TriadErrors in_vibration(TriadErrors errors, const Vibration& vibration) {
   errors.vibration_mean_square = vibration.mean_square();

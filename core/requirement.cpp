@@ -5,7 +5,6 @@
 #include <utility>
 
 namespace imud {
-
 namespace {
 
 [[noreturn]] void refuse(std::string_view text, std::string_view fault) {

@@ -5,7 +5,6 @@
 #include "core/units.hpp"
 
 namespace imud {
-
 namespace {
 EarthModel fixed_to_ground(EarthModel model) {
   const bool is_unknown = model.frame == EarthModel::Frame::automatic && !model.is_rest_known;

@@ -8,7 +8,6 @@
 #include "core/numbers/dispatch.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr Nanoseconds near = std::chrono::seconds(1);

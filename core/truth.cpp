@@ -3,7 +3,6 @@
 #include <cmath>
 
 namespace imud {
-
 namespace {
 bool within(const Vector3& v, double limit) { return v.cwiseAbs().maxCoeff() <= limit; }
 }  // namespace

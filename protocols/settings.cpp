@@ -8,7 +8,6 @@
 #include <type_traits>
 
 namespace imud {
-
 namespace {
 
 using List = std::vector<std::string>;

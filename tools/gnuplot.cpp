@@ -11,7 +11,6 @@
 #include <stdexcept>
 
 namespace imud {
-
 namespace {
 
 bool has_gnuplot() {

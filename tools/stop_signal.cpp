@@ -4,7 +4,6 @@
 #include <csignal>
 
 namespace imud {
-
 namespace {
 std::atomic<bool> requested = false, requested_again = false;
 static_assert(std::atomic<bool>::is_always_lock_free);

@@ -10,7 +10,6 @@
 #include "tools/duration_text.hpp"
 
 namespace imud {
-
 namespace {
 
 // By the device's time stamps if there are any, otherwise by the arrivals.

@@ -5,7 +5,6 @@
 #include <cstddef>
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t half_window = 4096;

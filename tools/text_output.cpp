@@ -14,7 +14,6 @@
 #include "transports/file/output_path.hpp"
 
 namespace imud {
-
 namespace {
 constexpr std::size_t hold_at_most = 64 * 1024;
 }

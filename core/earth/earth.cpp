@@ -10,7 +10,6 @@
 #include "core/units.hpp"
 
 namespace imud {
-
 namespace {
 
 // WGS 84 (NGA.STND.0036).

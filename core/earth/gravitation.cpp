@@ -5,7 +5,6 @@
 #include "core/units.hpp"
 
 namespace imud {
-
 namespace {
 
 // WGS 84 (NGA.STND.0036, table 3.1 and 3.5).

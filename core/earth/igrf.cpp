@@ -4,7 +4,6 @@
 #include <cstddef>
 
 namespace imud {
-
 namespace {
 
 constexpr double first_epoch = 2000.0, between_epochs = 5.0;  // years

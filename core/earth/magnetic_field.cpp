@@ -5,7 +5,6 @@
 #include <tuple>
 
 namespace imud {
-
 namespace {
 
 constexpr double reference = 6'371'200.0;  // a, m

@@ -6,7 +6,6 @@
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
-
 namespace {
 // With the first and the last process of double variance, the Allan deviation is flat within 5 % from 3.1 times the
 // first correlation time to the last one, with eight processes or more.

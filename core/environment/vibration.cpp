@@ -8,7 +8,6 @@
 #include "core/units.hpp"
 
 namespace imud {
-
 namespace {
 
 // Returns the integral of the density from a to b, which lie between breakpoints: log-log linear between these, so

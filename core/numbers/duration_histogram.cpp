@@ -5,7 +5,6 @@
 #include <cmath>
 
 namespace imud {
-
 namespace {
 using Axis = boost::histogram::axis::regular<double, boost::histogram::axis::transform::log>;
 

@@ -13,7 +13,6 @@
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
-
 namespace {
 
 using Coefficients = std::array<double, 8>;  // c0 + c1 x + ... + c7 x^7

@@ -5,7 +5,6 @@
 #include <span>
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t highest_degree = 8, highest_to_one_side = 10;

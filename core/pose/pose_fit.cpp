@@ -7,7 +7,6 @@
 #include "core/units.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double widest_turn = 2.5;  // rad, from a truth to the ends of its window

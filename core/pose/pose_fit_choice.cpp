@@ -5,7 +5,6 @@
 #include "core/pose/pose_fit.hpp"
 
 namespace imud {
-
 namespace {
 
 // 2^(k/2)

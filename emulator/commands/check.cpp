@@ -25,7 +25,6 @@
 #include "emulator/truth/capture_check.hpp"
 
 namespace imud {
-
 namespace {
 
 using Json = nlohmann::ordered_json;

@@ -37,7 +37,6 @@
 #include "transports/uart/pty_keeper.hpp"
 
 namespace imud {
-
 namespace {
 
 struct Arguments {

@@ -11,7 +11,6 @@
 #include "emulator/plan/config.hpp"
 
 namespace imud {
-
 namespace {
 
 // Returns the first entry that fulfils `condition`. There is one.

@@ -16,7 +16,6 @@
 #include "protocols/quantities/truth_quantities.hpp"
 
 namespace imud {
-
 namespace {
 
 using Json = nlohmann::ordered_json;

@@ -16,7 +16,6 @@
 #include "transports/port.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double us = 1e6;  // microseconds in a second

@@ -6,7 +6,6 @@
 #include "transports/file/file_replacement.hpp"
 
 namespace imud {
-
 namespace {
 
 // Returns the path in a port's text; empty if its transport has none, or if it is a standard stream.

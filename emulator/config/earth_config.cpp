@@ -7,7 +7,6 @@
 #include "emulator/config/config_parts.hpp"
 
 namespace imud {
-
 namespace {
 
 using EarthFrame = EarthModel::Frame;

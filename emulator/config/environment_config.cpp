@@ -6,7 +6,6 @@
 #include "emulator/config/config_parts.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double g = units::standard_gravity, deg = units::degree;

@@ -8,7 +8,6 @@
 #include "emulator/config/fault_reader.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t longest = 256;

@@ -12,7 +12,6 @@
 #include "emulator/plan/fault_units.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double longest_s = 1e9;

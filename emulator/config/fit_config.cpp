@@ -3,7 +3,6 @@
 #include "emulator/config/recorded_config.hpp"
 
 namespace imud {
-
 namespace {
 
 using Source = PoseFit::Source;

@@ -9,7 +9,6 @@
 #include "emulator/config/presets.hpp"
 
 namespace imud {
-
 namespace {
 
 void read_mounting(TableReader table, ImuModel& model) {

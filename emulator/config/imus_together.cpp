@@ -8,7 +8,6 @@
 #include "transports/file/output_path.hpp"
 
 namespace imud {
-
 namespace {
 
 // Returns true if frames of a device at `port` arrive at the listener.

@@ -10,7 +10,6 @@
 #include "transports/port.hpp"
 
 namespace imud {
-
 namespace {
 
 void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {

@@ -11,7 +11,6 @@
 #include "emulator/plan/keys.hpp"
 
 namespace imud {
-
 namespace {
 
 // Returns {key = "text"} as "key=text", the form in a list. A number counts as its text.

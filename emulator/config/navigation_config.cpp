@@ -3,7 +3,6 @@
 #include "emulator/config/config_parts.hpp"
 
 namespace imud {
-
 namespace {
 constexpr double most = 1e6;
 }

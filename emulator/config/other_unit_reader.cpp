@@ -8,7 +8,6 @@
 #include "emulator/faults/other_units.hpp"
 
 namespace imud {
-
 namespace {
 
 // Returns the fault of a unit of these settings in place of the imu's unit; empty: none.

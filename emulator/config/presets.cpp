@@ -10,7 +10,6 @@
 #include "emulator/config/config_parts.hpp"
 
 namespace imud {
-
 namespace {
 // Returns a comment line of the text, without "# "; empty if that line is none.
 std::string_view comment_line(std::string_view text, int number) noexcept {

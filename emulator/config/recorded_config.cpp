@@ -12,7 +12,6 @@
 #include "transports/capture/record_packet.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::array<std::string_view, 4> free_keys = {"clock", "control", "realtime", "truth.port"};

@@ -11,7 +11,6 @@
 #include "emulator/faults/other_units.hpp"
 
 namespace imud {
-
 namespace {
 
 // Reads the tables of an array, such as [[fault]], by read(TableReader&).

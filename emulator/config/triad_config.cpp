@@ -14,7 +14,6 @@
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double huge = keys::largest;

@@ -11,7 +11,6 @@
 #include "emulator/ground/table_reader.hpp"
 
 namespace imud {
-
 namespace {
 
 // A text becomes a part of a line of the log.

@@ -15,7 +15,6 @@
 #include "transports/host_clock.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace std::chrono_literals;

@@ -19,7 +19,6 @@
 #include "emulator/ground/tcp_address.hpp"
 
 namespace imud {
-
 namespace {
 
 // A connection that sends and receives lines.

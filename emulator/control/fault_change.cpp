@@ -14,7 +14,6 @@
 #include "emulator/plan/fault_units.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view seam_words[] = {"truth", "sensor", "message", "wire", "power"};

@@ -8,7 +8,6 @@
 #include <vector>
 
 namespace imud {
-
 namespace {
 
 // The requests of one text, and their responses.

@@ -13,7 +13,6 @@
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr auto reactions = words_by_number(when_stopped_words);

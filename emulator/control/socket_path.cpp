@@ -19,7 +19,6 @@
 #include "emulator/ground/text_file.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view prefix = "imud-", suffix = ".sock";

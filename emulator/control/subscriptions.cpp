@@ -15,7 +15,6 @@
 #include "transports/host_clock.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::array<std::string_view, 4> kinds = {"samples", "truth", "counters", "events"};

@@ -9,7 +9,6 @@
 #include "emulator/ground/text_file.hpp"
 
 namespace imud {
-
 namespace {
 
 std::array<std::uint8_t, SHA256_DIGEST_LENGTH> digest_of(std::string_view text) noexcept {

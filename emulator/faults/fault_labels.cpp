@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 
 namespace imud {
-
 namespace {
 
 // Returns the text as a field of CSV (RFC 4180).

@@ -5,7 +5,6 @@
 #include <utility>
 
 namespace imud {
-
 namespace {
 // The numbers that are drawn for an occurrence, after the parameters.
 constexpr std::uint64_t draw_of_begin = FaultKind::max_parameters, draw_of_duration = draw_of_begin + 1,

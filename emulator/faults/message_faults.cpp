@@ -7,7 +7,6 @@
 #include "emulator/plan/fault_config.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view message_target[] = {"message"}, clock_target[] = {"clock"}, device_target[] = {"device"};

@@ -9,7 +9,6 @@
 #include "emulator/faults/fault_numbers.hpp"
 
 namespace imud {
-
 namespace {
 
 enum Kind : std::uint8_t { off, brown_out, slow_start, settings_lost, boot_loader, kind_count };

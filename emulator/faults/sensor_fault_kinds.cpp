@@ -6,7 +6,6 @@
 #include "emulator/faults/fault_kinds.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view triads[] = {"gyro", "accelerometer", "magnetometer"};

@@ -11,7 +11,6 @@
 #include "emulator/faults/sensor_fault_kinds.hpp"
 
 namespace imud {
-
 namespace {
 
 // The deviate of the white noise of a sample, of which each axis has its own.

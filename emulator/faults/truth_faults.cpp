@@ -10,7 +10,6 @@
 #include "emulator/faults/fault_schedule.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view truth_target[] = {fault_of_truth};

@@ -4,7 +4,6 @@
 #include <cmath>
 
 namespace imud {
-
 namespace {
 
 // The speed of the sender in UartWire, which only the ratio of the speeds matters to.

@@ -5,7 +5,6 @@
 #include <array>
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view wire[] = {"wire"};

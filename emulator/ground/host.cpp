@@ -8,7 +8,6 @@
 #include "transports/host_clock.hpp"
 
 namespace imud {
-
 namespace {
 timespec to_timespec(std::int64_t ns) { return {ns / 1'000'000'000, ns % 1'000'000'000}; }
 }  // namespace

@@ -9,7 +9,6 @@
 #include <set>
 
 namespace imud {
-
 namespace {
 
 // Returns the file's text without the white space at its end; empty if there is no file.

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 namespace imud {
-
 namespace {
 
 class NoSink final : public StepSink {

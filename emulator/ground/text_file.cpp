@@ -14,7 +14,6 @@
 #include "transports/file/output_path.hpp"
 
 namespace imud {
-
 namespace {
 
 template <class Error>

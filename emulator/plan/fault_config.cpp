@@ -9,7 +9,6 @@
 #include "emulator/plan/fault_units.hpp"
 
 namespace imud {
-
 namespace {
 
 std::string number_text(const FaultNumber& number, double si) {

@@ -12,7 +12,6 @@
 #include <string_view>
 
 namespace imud {
-
 namespace {
 
 bool is_journal(int descriptor) {

@@ -12,7 +12,6 @@
 #include "emulator/faults/fault_labels.hpp"
 
 namespace imud {
-
 namespace {
 std::string names(const std::vector<std::string_view>& all) {
   return all.empty() ? "none" : fmt::format("{}", fmt::join(all, ", "));

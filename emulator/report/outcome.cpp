@@ -11,7 +11,6 @@
 #include "transports/port.hpp"
 
 namespace imud {
-
 namespace {
 
 std::string plural(std::uint64_t count, std::string_view noun) {

@@ -17,7 +17,6 @@
 #include "transports/port.hpp"
 
 namespace imud {
-
 namespace {
 
 namespace fs = std::filesystem;

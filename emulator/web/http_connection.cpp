@@ -13,7 +13,6 @@
 #include "emulator/web/web_server.hpp"
 
 namespace imud {
-
 namespace {
 
 namespace beast = boost::beast;

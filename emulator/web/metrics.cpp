@@ -9,7 +9,6 @@
 #include <string_view>
 
 namespace imud {
-
 namespace {
 
 // Returns a label's value: backslash, quote and line feed are escaped (section 3.2.2).

@@ -8,7 +8,6 @@
 #include <utility>  // Boost 1.74's Asio needs it first
 
 namespace imud {
-
 namespace {
 
 namespace beast = boost::beast;

@@ -15,7 +15,6 @@
 #include "transports/port_spec.hpp"
 
 namespace imud {
-
 namespace {
 
 namespace asio = boost::asio;

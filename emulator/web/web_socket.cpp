@@ -8,7 +8,6 @@
 #include "emulator/web/web_server.hpp"
 
 namespace imud {
-
 namespace {
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;

@@ -7,7 +7,6 @@
 #include "protocols/canopen/settings.hpp"
 
 namespace imud::canopen {
-
 namespace {
 
 constexpr std::size_t none = tpdos;

@@ -12,7 +12,6 @@
 #include "protocols/protocol.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace canopen;

@@ -3,7 +3,6 @@
 #include <chrono>
 
 namespace imud::canopen {
-
 namespace {
 
 // Error codes (CiA 301, table 26), and bits of the error register, whose bit 0 is set with every error. Range errors

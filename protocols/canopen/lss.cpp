@@ -1,7 +1,6 @@
 #include "protocols/canopen/lss.hpp"
 
 namespace imud::canopen {
-
 namespace {
 
 // Command specifiers (CiA 305, 6).

@@ -7,7 +7,6 @@
 #include "protocols/wire/wire.hpp"
 
 namespace imud::canopen {
-
 namespace {
 
 // Rounds to the nearest integer of `bits` bits.

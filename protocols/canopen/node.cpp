@@ -3,7 +3,6 @@
 #include <cmath>
 
 namespace imud::canopen {
-
 namespace {
 
 constexpr std::uint32_t save_signature = 0x65766173, load_signature = 0x64616F6C;  // "save", "load"

@@ -3,7 +3,6 @@
 #include <numeric>
 
 namespace imud::canopen {
-
 namespace {
 
 constexpr std::size_t largest_payload = 8;

@@ -4,7 +4,6 @@
 #include <chrono>
 
 namespace imud::canopen {
-
 namespace {
 
 constexpr Nanoseconds timeout = std::chrono::seconds(1), between_bursts = std::chrono::milliseconds(1);

@@ -7,7 +7,6 @@
 #include "protocols/canopen/pdo.hpp"
 
 namespace imud::canopen {
-
 namespace {
 
 constexpr std::array<std::string_view, quantities> quantity_names = {"rate", "specific_force", "delta_angle",

@@ -4,7 +4,6 @@
 #include <utility>
 
 namespace imud::canopen {
-
 namespace {
 
 constexpr Nanoseconds millisecond = std::chrono::milliseconds(1), microsecond = std::chrono::microseconds(1);

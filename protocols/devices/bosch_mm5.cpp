@@ -12,7 +12,6 @@
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double rate_scale = 0.005, rate_offset = -163.84;                        // deg/s

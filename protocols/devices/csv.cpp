@@ -10,7 +10,6 @@
 #include "protocols/wire/line_assembler.hpp"
 
 namespace imud {
-
 namespace {
 
 class CsvDevice final : public Device {

@@ -19,7 +19,6 @@
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
-
 namespace {
 
 // The messages of a configuration without a file.

@@ -33,7 +33,6 @@
 #include "protocols/wire/wire.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace boost::endian;

@@ -15,7 +15,6 @@
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t request_size = 2, reply_size = 8;

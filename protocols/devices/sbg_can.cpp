@@ -10,7 +10,6 @@
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double accel_lsb = 0.01, gyro_lsb = 0.001, temperature_lsb = 0.01;

@@ -15,7 +15,6 @@
 #include "protocols/signals/signal_product.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double rate_lsb = 0x1p-9, force_lsb = 0x1p-8, temperature_lsb = 0x1p-8;

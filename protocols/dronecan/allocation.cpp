@@ -4,7 +4,6 @@
 #include <boost/crc.hpp>
 
 namespace imud::dronecan {
-
 namespace {
 
 using namespace std::chrono_literals;

@@ -3,7 +3,6 @@
 #include "protocols/dronecan/settings.hpp"
 
 namespace imud::dronecan {
-
 namespace {
 
 // Decodes RawIMU of one node: the node of the setting, or, if 0, the first from which a whole transfer comes.

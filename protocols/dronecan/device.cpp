@@ -17,7 +17,6 @@
 #include "protocols/wire/deadlines.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace dronecan;

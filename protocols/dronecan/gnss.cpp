@@ -7,7 +7,6 @@
 #include "core/units.hpp"
 
 namespace imud::dronecan {
-
 namespace {
 
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();

@@ -3,7 +3,6 @@
 #include "protocols/wire/frame_writer.hpp"
 
 namespace imud::dronecan {
-
 namespace {
 
 using Request = FieldReader<order::little>;

@@ -7,7 +7,6 @@
 #include "protocols/wire/number_text.hpp"
 
 namespace imud::dronecan {
-
 namespace {
 
 Version version_in(const Settings& settings, const std::string& key) {

@@ -8,7 +8,6 @@
 #include "protocols/wire/deadlines.hpp"
 
 namespace imud::dronecan {
-
 namespace {
 
 // Returns the CRC of a transfer of several frames.

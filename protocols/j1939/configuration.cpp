@@ -5,7 +5,6 @@
 #include "core/units.hpp"
 
 namespace imud::j1939 {
-
 namespace {
 
 // DM1's lamps, sources of odometry and the second bank of the OpenIMU335RI; the magnetic alignment of the

@@ -3,7 +3,6 @@
 #include "protocols/j1939/j1939.hpp"
 
 namespace imud::j1939 {
-
 namespace {
 
 enum Kind : unsigned { rate, force };

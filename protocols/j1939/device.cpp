@@ -11,7 +11,6 @@
 #include "protocols/wire/deadlines.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace j1939;

@@ -1,7 +1,6 @@
 #include "protocols/j1939/measured.hpp"
 
 namespace imud::j1939 {
-
 namespace {
 
 // Three numbers, one after another from bit 0.

@@ -6,7 +6,6 @@
 #include "protocols/j1939/transport.hpp"
 
 namespace imud::j1939 {
-
 namespace {
 
 constexpr std::string_view model_choices[] = {"openimu335ri", "openimu300ri"};

@@ -5,7 +5,6 @@
 #include "protocols/wire/deadlines.hpp"
 
 namespace imud::j1939 {
-
 namespace {
 
 // TP.CM: the control byte, four bytes that depend on it, and the number of the message that is transferred.

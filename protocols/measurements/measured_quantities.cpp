@@ -7,7 +7,6 @@
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
-
 namespace {
 
 // --- Vectors; `Place` is the number of the first bit in ReadBack::components, divided by 3 ---

@@ -7,7 +7,6 @@
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr struct {

@@ -1,7 +1,6 @@
 #include "protocols/measurements/measurement_row.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view platform_axes = "P: platform (case) axes of the sensor";

@@ -11,7 +11,6 @@
 #include <string_view>
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view npy_magic = "\x93NUMPY";

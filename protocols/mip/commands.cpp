@@ -5,7 +5,6 @@
 #include "protocols/mip/mip.hpp"
 
 namespace imud::mip {
-
 namespace {
 
 struct Command {

@@ -3,7 +3,6 @@
 #include "protocols/wire/frame_search.hpp"
 
 namespace imud::mip {
-
 namespace {
 
 // Decodes sensor data packets. Packets of other sets are checked, and then ignored.

@@ -17,7 +17,6 @@
 #include "protocols/wire/frame_search.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace mip;

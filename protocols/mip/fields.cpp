@@ -8,7 +8,6 @@
 #include "protocols/mip/mip.hpp"
 
 namespace imud::mip {
-
 namespace {
 
 constexpr double gauss = 1e-4;    // T

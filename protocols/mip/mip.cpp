@@ -3,7 +3,6 @@
 #include "core/units.hpp"
 
 namespace imud::mip {
-
 namespace {
 
 constexpr std::string_view gx5_sensor[] = {"acceleration", "rate", "magnetic_field", "pressure"};

@@ -11,7 +11,6 @@
 #include "protocols/mip/mip.hpp"
 
 namespace imud::mip {
-
 namespace {
 
 constexpr double heading_uncertainty = 0.5 * units::degree;

@@ -4,7 +4,6 @@
 #include <chrono>
 
 namespace imud::mip {
-
 namespace {
 
 using namespace std::chrono_literals;

@@ -7,7 +7,6 @@
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {
-
 namespace {
 
 // Letters of either case, and blanks and underscores, count as the same.

@@ -7,7 +7,6 @@
 #include <utility>
 
 namespace imud {
-
 namespace {
 
 template <class Number>

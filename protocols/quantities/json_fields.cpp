@@ -6,7 +6,6 @@
 #include <utility>
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t no_node = SIZE_MAX;

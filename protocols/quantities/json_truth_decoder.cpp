@@ -6,7 +6,6 @@
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {
-
 namespace {
 
 using Outcome = JsonFields::Outcome;

@@ -7,7 +7,6 @@
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {
-
 namespace {
 
 char delimiter_in(std::string_view row) noexcept {

@@ -10,7 +10,6 @@
 #include "protocols/wire/number_text.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::array<std::string_view, 10> type_names = {"u8",  "i8",  "u16", "i16", "u32",

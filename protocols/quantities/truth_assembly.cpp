@@ -9,7 +9,6 @@
 #include "core/units.hpp"
 
 namespace imud {
-
 namespace {
 
 using Group = TruthGroup;

@@ -7,7 +7,6 @@
 #include "protocols/quantities/truth_assembly.hpp"
 
 namespace imud {
-
 namespace {
 
 using Group = TruthGroup;

@@ -6,7 +6,6 @@
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {
-
 namespace {
 
 void add(TruthMap& map, std::string_view ours, std::string_view theirs) {

@@ -9,7 +9,6 @@
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
-
 namespace {
 
 using Kind = QuantityKind;

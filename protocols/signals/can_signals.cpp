@@ -10,7 +10,6 @@
 #include "protocols/wire/wire.hpp"
 
 namespace imud {
-
 namespace {
 
 [[noreturn]] void refuse(const CanSignal& signal, const std::string& fault) {

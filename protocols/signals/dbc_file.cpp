@@ -10,7 +10,6 @@
 #include <utility>
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t max_file_size = 16 << 20;  // bytes

@@ -6,7 +6,6 @@
 #include "core/attitude.hpp"
 
 namespace imud {
-
 namespace {
 
 // Sample times are rounded to ns, so that a sample at the begin of a period may seem to precede it.

@@ -7,7 +7,6 @@
 #include "protocols/signals/can_signals.hpp"
 
 namespace imud {
-
 namespace {
 
 [[noreturn]] void refuse_pages(const CanSignal& signal, const std::string& fault) {

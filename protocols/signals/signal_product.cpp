@@ -7,7 +7,6 @@
 #include <string>
 
 namespace imud {
-
 namespace {
 
 [[noreturn]] void refuse(const char* key, const std::string& fault) {

@@ -4,7 +4,6 @@
 #include <cmath>
 
 namespace imud {
-
 namespace {
 
 std::optional<double> number_in(std::string_view text) noexcept {

@@ -5,7 +5,6 @@
 #include "protocols/wire/frame_search.hpp"
 
 namespace imud::stim300 {
-
 namespace {
 
 std::optional<unsigned> content_of(unsigned id) noexcept {

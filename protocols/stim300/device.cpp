@@ -49,7 +49,6 @@
 #include "protocols/wire/command_reader.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace stim300;

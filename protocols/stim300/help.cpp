@@ -5,7 +5,6 @@
 #include "protocols/stim300/service.hpp"
 
 namespace imud::stim300 {
-
 namespace {
 
 constexpr std::array<std::pair<char, std::string_view>, 16> texts = {{

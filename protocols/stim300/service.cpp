@@ -5,7 +5,6 @@
 #include "protocols/stim300/service_text.hpp"
 
 namespace imud::stim300 {
-
 namespace {
 
 enum Error : unsigned { none, unknown, bad_count, bad_parameter, too_many_saves, too_long = 7, limited };

@@ -1,7 +1,6 @@
 #include "protocols/stim300/service_text.hpp"
 
 namespace imud::stim300 {
-
 namespace {
 
 constexpr std::array<std::string_view, 4> gyro_unit_texts = {"[\xB0/s] - ANGULAR RATE", "[\xB0] - INCREMENTAL ANGLE",

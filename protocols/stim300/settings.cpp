@@ -8,7 +8,6 @@
 #include "core/units.hpp"
 
 namespace imud::stim300 {
-
 namespace {
 
 template <std::size_t N>

@@ -1,7 +1,6 @@
 #include "protocols/stim300/datagram.hpp"
 
 namespace imud::stim300 {
-
 namespace {
 
 unsigned g_compensation_code(const Configuration& c) noexcept {

@@ -15,7 +15,6 @@
 #include "protocols/quantities/json_truth_decoder.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t few_channels = 16, most_channels = 32, header_size = 8;

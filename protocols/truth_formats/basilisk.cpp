@@ -25,7 +25,6 @@
 #include "protocols/quantities/packed_datagram.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view fields[] = {

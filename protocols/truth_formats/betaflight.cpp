@@ -19,7 +19,6 @@
 #include "protocols/quantities/packed_datagram.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view position_choices[] = {"ned", "geodetic"};

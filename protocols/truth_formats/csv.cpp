@@ -14,7 +14,6 @@
 #include "protocols/quantities/mapped_columns.hpp"
 
 namespace imud {
-
 namespace {
 
 // clang-format off

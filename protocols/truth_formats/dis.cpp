@@ -28,7 +28,6 @@
 #include "protocols/quantities/packed_truth.hpp"
 
 namespace imud {
-
 namespace {
 
 // From byte 36 on.

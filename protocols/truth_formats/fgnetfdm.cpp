@@ -15,7 +15,6 @@
 #include "protocols/quantities/packed_datagram.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::uint32_t version = 24;

@@ -14,7 +14,6 @@
 #include "protocols/quantities/pose_table.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view protocols[] = {"insgns-imu", "insgns-truth"};

@@ -18,7 +18,6 @@
 #include "protocols/quantities/columns.hpp"
 
 namespace imud {
-
 namespace {
 
 // clang-format off

@@ -6,7 +6,6 @@
 #include "protocols/quantities/json_truth_decoder.hpp"
 
 namespace imud {
-
 namespace {
 
 std::unique_ptr<TruthDecoder> make(const Settings& settings) {

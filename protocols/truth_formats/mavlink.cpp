@@ -31,7 +31,6 @@
 #include "protocols/wire/wire.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view acceleration_choices[] = {"specific_force", "coordinate", "none"};

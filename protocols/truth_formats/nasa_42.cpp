@@ -30,7 +30,6 @@
 #include "protocols/quantities/truth_quantities.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t most_indices = 16;  // vehicles, and orbits; others are not used

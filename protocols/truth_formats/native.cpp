@@ -9,7 +9,6 @@
 #include "protocols/wire/wire.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace boost::endian;

@@ -15,7 +15,6 @@
 #include "protocols/wire/record_search.hpp"
 
 namespace imud {
-
 namespace {
 
 enum class Checksum : std::uint8_t { none, sum8, xor8, crc16_ccitt, crc16_modbus, crc32, crc32c };

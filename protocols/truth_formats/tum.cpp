@@ -8,7 +8,6 @@
 #include "protocols/quantities/pose_table.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::string_view columns[] = {"time_s", "r_BN_N_x_m", "r_BN_N_y_m", "r_BN_N_z_m",

@@ -32,7 +32,6 @@
 #include "protocols/wire/wire.hpp"
 
 namespace imud {
-
 namespace {
 
 struct Dataref {

@@ -6,7 +6,6 @@
 #include "protocols/wire/frame_search.hpp"
 
 namespace imud::vectornav {
-
 namespace {
 
 class VectorNavDecoder final : public Decoder {

@@ -18,7 +18,6 @@
 #include "protocols/wire/command_reader.hpp"
 
 namespace imud {
-
 namespace {
 
 using namespace vectornav;

@@ -4,7 +4,6 @@
 #include "protocols/vectornav/quantities.hpp"
 
 namespace imud::vectornav {
-
 namespace {
 
 using Put = void (*)(const Quantities& now, BinaryFrame& frame);

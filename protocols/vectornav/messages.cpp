@@ -4,7 +4,6 @@
 #include "protocols/vectornav/quantities.hpp"
 
 namespace imud::vectornav {
-
 namespace {
 
 constexpr const char *angle = "%+08.3f", *rates = "%+010.6f", *speed = "%+08.3f", *metres = "%+010.3f",

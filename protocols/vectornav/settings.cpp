@@ -7,7 +7,6 @@
 #include "protocols/vectornav/vectornav.hpp"
 
 namespace imud::vectornav {
-
 namespace {
 
 constexpr std::array<std::string_view, 3> model_names = {models[0].keyword, models[1].keyword, models[2].keyword};

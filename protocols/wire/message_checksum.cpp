@@ -4,7 +4,6 @@
 #include <charconv>
 
 namespace imud {
-
 namespace {
 
 using Crc1D = boost::crc_optimal<8, 0x1D, 0, 0, false, false>;

@@ -5,7 +5,6 @@
 #include <cmath>
 
 namespace imud {
-
 namespace {
 
 using Word = TermVerdict::Word;

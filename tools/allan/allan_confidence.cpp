@@ -9,7 +9,6 @@
 #include <vector>
 
 namespace imud {
-
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();

@@ -4,7 +4,6 @@
 #include <cmath>
 
 namespace imud {
-
 namespace {
 
 // Neumaier's compensated sum.

@@ -11,7 +11,6 @@
 #include <vector>
 
 namespace imud {
-
 namespace {
 
 using Eigen::ArrayXd;

@@ -11,7 +11,6 @@
 #include "core/units.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double hour = 3600;   // s

@@ -9,7 +9,6 @@
 #include <numbers>
 
 namespace imud {
-
 namespace {
 
 // A name of the command line as part of a comment's line.

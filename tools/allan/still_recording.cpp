@@ -7,7 +7,6 @@
 #include <stdexcept>
 
 namespace imud {
-
 namespace {
 
 std::string all_channel_names() {

@@ -14,7 +14,6 @@
 #include "transports/file/output_path.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t chunk_rows = 4096;

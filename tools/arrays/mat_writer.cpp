@@ -15,7 +15,6 @@
 #include "tools/text_output.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t largest_variable = (std::size_t{1} << 31U) - 1;

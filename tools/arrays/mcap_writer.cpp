@@ -20,7 +20,6 @@
 #include "tools/text_output.hpp"
 
 namespace imud {
-
 namespace {
 
 // Opcodes of the records.

@@ -18,7 +18,6 @@
 #include "transports/file_descriptor.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t hold_at_most = 64 * 1024;

@@ -13,7 +13,6 @@
 #include "tools/replay/replay.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t most_skipped = 65536;

@@ -17,7 +17,6 @@
 #include "tools/text_output.hpp"
 
 namespace imud {
-
 namespace {
 
 // Numbers of the messages (msg_id), each of which has one instance.

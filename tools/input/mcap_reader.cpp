@@ -7,7 +7,6 @@
 #include <stdexcept>
 
 namespace imud {
-
 namespace {
 
 constexpr std::uint64_t longest_mcap_record = std::uint64_t{1} << 30U;

@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 namespace imud {
-
 namespace {
 
 constexpr std::size_t ulog_header_size = 16;

@@ -13,7 +13,6 @@
 #include "emulator/config/line_load.hpp"
 
 namespace imud {
-
 namespace {
 
 // Decodes the frames that a device sends. On a CAN bus they arrive at the device's time of sending.

@@ -11,7 +11,6 @@
 #include <unsupported/Eigen/FFT>
 
 namespace imud {
-
 namespace {
 
 void require_same(const StillRecording& a, const StillRecording& b) {

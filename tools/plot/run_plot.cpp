@@ -13,7 +13,6 @@
 #include "tools/gnuplot.hpp"
 
 namespace imud {
-
 namespace {
 
 using Channel = RunErrors::Channel;

@@ -11,7 +11,6 @@
 #include "tools/stop_signal.hpp"
 
 namespace imud {
-
 namespace {
 
 const TruthFormat& format_of(const std::string& name) {

@@ -9,7 +9,6 @@
 #include "transports/host_clock.hpp"
 
 namespace imud {
-
 namespace {
 
 // Sleeps until an absolute instant, so that no delay adds up; returns early if stop_requested().

@@ -5,7 +5,6 @@
 #include "core/numbers/elementary.hpp"
 
 namespace imud {
-
 namespace {
 
 constexpr double two_pi = 6.283185307179586;

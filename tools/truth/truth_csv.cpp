@@ -8,7 +8,6 @@
 #include "core/attitude.hpp"
 
 namespace imud {
-
 namespace {
 
 struct Columns {

@@ -11,7 +11,6 @@
 #include "tools/truth/truth_csv.hpp"
 
 namespace imud {
-
 namespace {
 
 class NativeSource final : public TruthSource {

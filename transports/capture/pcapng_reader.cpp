@@ -8,7 +8,6 @@
 #include <utility>
 
 namespace imud {
-
 namespace {
 
 constexpr std::uint32_t section_header = 0x0A0D0D0A, interface_description = 1, enhanced_packet = 6;

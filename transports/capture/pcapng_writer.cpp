@@ -5,7 +5,6 @@
 #include <cstring>
 
 namespace imud {
-
 namespace {
 
 using ByteVector = std::vector<std::byte>;

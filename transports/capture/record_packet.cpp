@@ -11,7 +11,6 @@
 #include "transports/can/can_dlc.hpp"
 
 namespace imud {
-
 namespace {
 
 using ByteSpan = std::span<const std::byte>;
