@@ -1,7 +1,6 @@
 #include "core/imu.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "core/attitude.hpp"

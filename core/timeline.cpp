@@ -1,8 +1,8 @@
 #include "core/timeline.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <limits>
 
 #include "core/attitude.hpp"
 #include "core/numbers/dispatch.hpp"

@@ -1,7 +1,6 @@
 // Timeline: keeps the last truths in order and interpolates between them.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>

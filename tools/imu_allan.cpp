@@ -7,7 +7,6 @@
 #include <exception>
 #include <fstream>
 #include <limits>
-#include <optional>
 #include <string>
 #include <vector>
 

@@ -1,6 +1,5 @@
 // PoseFit: the choice of the window.
 #include <algorithm>
-#include <cmath>
 
 #include "core/pose/pose_fit.hpp"
 

@@ -1,6 +1,7 @@
 #include "core/pose/pose_noise.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace imud {

@@ -1,7 +1,6 @@
 // Noise of poses: how large it is, and which pose is off by more.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <span>
 

@@ -4,11 +4,8 @@
 #include <toml++/toml.h>
 
 #include <initializer_list>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
-#include <stdexcept>
-#include <string_view>
 #include <utility>
 #include <vector>
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <string>
 #include <thread>
 
 #include "core/numbers/duration_histogram.hpp"

@@ -1,5 +1,4 @@
 #include <filesystem>
-#include <system_error>
 #include <utility>
 
 #include "emulator/config/config_parts.hpp"

@@ -1,6 +1,5 @@
 // The surroundings of a sensor in a configuration.
 #include <algorithm>
-#include <cmath>
 
 #include "core/units.hpp"
 #include "emulator/config/config_parts.hpp"

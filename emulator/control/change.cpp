@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "emulator/control/running_keys.hpp"
 #include "emulator/ground/table_reader.hpp"

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "emulator/engine/engine.hpp"

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <string_view>
 
 #include "core/numbers/elementary.hpp"
 #include "core/numbers/random.hpp"

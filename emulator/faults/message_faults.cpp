@@ -1,7 +1,6 @@
 #include "emulator/faults/message_faults.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "emulator/faults/fault_kinds.hpp"
 #include "emulator/plan/fault_config.hpp"

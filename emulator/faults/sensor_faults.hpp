@@ -1,7 +1,6 @@
 // SensorFaults: faults of the sensors themselves, which change a sample that is complete.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 #include <utility>

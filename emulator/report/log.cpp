@@ -8,7 +8,6 @@
 
 #include <cstdlib>
 #include <memory>
-#include <string>
 #include <string_view>
 
 namespace imud {

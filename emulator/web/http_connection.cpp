@@ -7,6 +7,7 @@
 #include <boost/beast/http/write.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <chrono>
+#include <string_view>
 #include <utility>
 
 #include "emulator/web/page_files.hpp"

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "emulator/ground/tcp_address.hpp"
-#include "emulator/ground/text_file.hpp"
 #include "emulator/web/http_connection.hpp"
 #include "transports/port_spec.hpp"
 

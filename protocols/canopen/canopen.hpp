@@ -15,7 +15,6 @@
 // subindex, as 1018:4.
 #pragma once
 
-#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>

@@ -4,7 +4,6 @@
 // After power on or a reset the device is silent for its start-up time. Then it sends a boot-up message, and is
 // pre-operational until a master starts it, unless it starts itself (1F80). Without a node id it waits for LSS. A bit
 // rate that LSS sets is stored and reported (2002:2), but has no effect: the administrator sets the interface's.
-#include <utility>
 
 #include "protocols/canopen/conformance.hpp"
 #include "protocols/canopen/node.hpp"

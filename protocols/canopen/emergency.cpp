@@ -1,6 +1,5 @@
 #include "protocols/canopen/emergency.hpp"
 
-#include <chrono>
 
 namespace imud::canopen {
 namespace {

@@ -6,9 +6,7 @@
 #include <bit>
 #include <bitset>
 #include <cstdint>
-#include <optional>
 #include <span>
-#include <string_view>
 
 #include "protocols/canopen/canopen.hpp"
 

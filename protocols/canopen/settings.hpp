@@ -1,7 +1,6 @@
 // The keys of [imu.device], and what follows from them for the device, the bus and the decoder.
 #pragma once
 
-#include <string_view>
 #include <vector>
 
 #include "protocols/canopen/lss.hpp"

@@ -1,5 +1,7 @@
 #include "protocols/j1939/measured.hpp"
 
+#include <cmath>
+
 namespace imud::j1939 {
 namespace {
 

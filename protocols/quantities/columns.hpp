@@ -8,7 +8,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "protocols/quantities/line_truth_decoder.hpp"
 #include "protocols/quantities/truth_assembly.hpp"

@@ -9,7 +9,6 @@
 #include <string_view>
 
 #include "core/frame.hpp"
-#include "core/vector.hpp"
 #include "protocols/stim300/stim300.hpp"
 #include "protocols/wire/line_assembler.hpp"
 

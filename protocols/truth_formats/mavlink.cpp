@@ -23,7 +23,6 @@
 #include <array>
 #include <boost/crc.hpp>
 #include <cstring>
-#include <limits>
 #include <string>
 
 #include "protocols/quantities/packed_truth.hpp"

@@ -10,7 +10,6 @@
 #include <cstdio>
 #include <utility>
 
-#include "core/attitude.hpp"
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
 #include "protocols/vectornav/conformance.hpp"

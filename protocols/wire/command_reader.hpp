@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <span>
-#include <string_view>
 
 #include "core/time.hpp"
 #include "protocols/wire/line_assembler.hpp"

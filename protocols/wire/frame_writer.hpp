@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <boost/endian/conversion.hpp>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <span>

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstddef>
-#include <span>
 
 #include "core/allan_terms.hpp"
 #include "tools/allan/allan_deviation.hpp"

@@ -1,7 +1,6 @@
 // UlogReader: the messages of a ULog, PX4's format of flight logs (docs.px4.io, "ULog File Format", version 1).
 #pragma once
 
-#include <array>
 #include <boost/endian/conversion.hpp>
 #include <cstdint>
 #include <limits>

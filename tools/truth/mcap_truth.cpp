@@ -11,7 +11,6 @@
 
 #include <optional>
 #include <set>
-#include <stdexcept>
 
 #include "protocols/quantities/pose_table.hpp"
 #include "tools/input/mcap_reader.hpp"

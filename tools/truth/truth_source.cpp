@@ -4,7 +4,7 @@
 #include <poll.h>
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 #include <stdexcept>
 
 #include "tools/stop_signal.hpp"

@@ -1,7 +1,6 @@
 // TruthSource: the datagrams that imu-truth sends, from a motion or a capture.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>

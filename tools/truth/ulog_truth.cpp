@@ -24,7 +24,6 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <stdexcept>
 
 #include "tools/input/ulog_reader.hpp"
 #include "tools/truth/truth_logs.hpp"

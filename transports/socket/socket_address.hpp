@@ -4,7 +4,6 @@
 #include <sys/socket.h>
 
 #include <string>
-#include <string_view>
 
 #include "transports/endpoint.hpp"
 #include "transports/port_spec.hpp"

@@ -1,6 +1,7 @@
 #include "transports/uart/paced_writer.hpp"
 
 #include <algorithm>
+#include <cstdint>
 
 namespace imud {
 namespace {
