@@ -48,8 +48,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport can_transport;
-constexpr Transport can_transport = {
+extern constexpr Transport can_transport = {
     .name = "can",
     .summary = "a CAN or CAN FD interface of SocketCAN",
     .syntax = "can:can0?bitrate=500000&data_bitrate=2000000&mtu=72",

@@ -174,8 +174,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport canfile_transport;
-constexpr Transport canfile_transport = {
+extern constexpr Transport canfile_transport = {
     .name = "canfile",
     .summary = "CAN frames to a log, or from one (also .gz, .zst): candump -L, or Vector ASC",
     .syntax = "canfile:PATH?interface=can0&format=candump|asc",

@@ -208,8 +208,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport canmcast_transport;
-constexpr Transport canmcast_transport = {
+extern constexpr Transport canmcast_transport = {
     .name = "canmcast",
     .summary = "a CAN bus of UDP multicast datagrams: ArduPilot's SITL, pydronecan's mcast",
     .syntax = "canmcast:0?bitrate=1000000&interface=eth0",

@@ -61,8 +61,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport file_transport;
-constexpr Transport file_transport = {
+extern constexpr Transport file_transport = {
     .name = "file",
     .summary = "bytes to a file or pipe, or from one (also .gz, .zst); - is standard output or input",
     .syntax = "file:PATH",

@@ -272,8 +272,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport pcap_transport;
-constexpr Transport pcap_transport = {
+extern constexpr Transport pcap_transport = {
     .name = "pcap",
     .summary =
         "the UDP datagrams of a capture (pcap, pcapng, also .gz, .zst) to one port or all, or a TCP port's stream",

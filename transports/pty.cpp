@@ -366,8 +366,7 @@ constexpr PortOption pty_options[] = {baud_option,          device_only(parity_o
 
 }  // namespace
 
-extern const Transport pty_transport;
-constexpr Transport pty_transport = {
+extern constexpr Transport pty_transport = {
     .name = "pty",
     .summary = "a serial line without hardware: a pseudo-terminal behind the link of that name",
     .syntax = "pty:LINK?baud=115200&parity=none|even|odd&stop=1|2&speed=line|any&mode=0660&owner=NAME&group=NAME",

@@ -116,8 +116,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport record_transport;
-constexpr Transport record_transport = {
+extern constexpr Transport record_transport = {
     .name = "record",
     .summary = "one interface of a record of imud (pcapng): truth, or what an imu sent or received",
     .syntax = "record:PATH?interface=NAME",

@@ -227,8 +227,7 @@ WireTime wire_time(const PortSpec& spec, const PortSettings& settings, const Fra
 
 }  // namespace
 
-extern const Transport serial_transport;
-constexpr Transport serial_transport = {
+extern constexpr Transport serial_transport = {
     .name = "serial",
     .summary = "a serial line; reopened automatically after it was unplugged",
     .syntax = "serial:/dev/ttyUSB0?baud=921600&parity=none|even|odd&stop=1|2&bits=8|7&flow=none|rtscts",

@@ -216,8 +216,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport slcan_transport;
-constexpr Transport slcan_transport = {
+extern constexpr Transport slcan_transport = {
     .name = "slcan",
     .summary = "a CAN adapter on a serial line (LAWICEL, CANable); reopened automatically after it was unplugged",
     .syntax = "slcan:/dev/ttyACM0?bitrate=500000&baud=115200&data_bitrate=2000000",

@@ -22,8 +22,7 @@ std::optional<std::uint16_t> tcp_port(const PortSpec& spec) { return HostAddress
 
 }  // namespace
 
-extern const Transport tcp_transport;
-constexpr Transport tcp_transport = {
+extern constexpr Transport tcp_transport = {
     .name = "tcp",
     .summary = "a stream of bytes by TCP: connects there, and again when the connection is lost",
     .syntax = "tcp:ADDR:PORT",

@@ -35,8 +35,7 @@ std::optional<std::uint16_t> tcp_port(const PortSpec& spec) {
 
 }  // namespace
 
-extern const Transport tcp_listen_transport;
-constexpr Transport tcp_listen_transport = {
+extern constexpr Transport tcp_listen_transport = {
     .name = "tcp-listen",
     .summary = "a stream of bytes by TCP: binds the address, with port 0 a free one, for one connection at a time",
     .syntax = "tcp-listen:ADDR:PORT",

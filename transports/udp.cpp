@@ -248,8 +248,7 @@ constexpr PortOption udp_options[] = {
 
 }  // namespace
 
-extern const Transport udp_transport;
-constexpr Transport udp_transport = {
+extern constexpr Transport udp_transport = {
     .name = "udp",
     .summary = "a datagram per frame; a listener binds the address, with port 0 a free one, a device sends to it",
     .syntax = "udp:ADDR:PORT?interface=eth0&peer=ADDR:PORT",

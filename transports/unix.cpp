@@ -14,8 +14,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport unix_transport;
-constexpr Transport unix_transport = {
+extern constexpr Transport unix_transport = {
     .name = "unix",
     .summary = "a stream of bytes by a Unix socket: connects to it, and again when the connection is lost",
     .syntax = "unix:PATH",

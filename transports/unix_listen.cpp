@@ -106,8 +106,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport unix_listen_transport;
-constexpr Transport unix_listen_transport = {
+extern constexpr Transport unix_listen_transport = {
     .name = "unix-listen",
     .summary = "a stream of bytes by a Unix socket: makes it, for one connection of this user at a time",
     .syntax = "unix-listen:PATH",

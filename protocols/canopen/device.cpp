@@ -302,8 +302,7 @@ class CanopenDevice final : public Device {
 
 }  // namespace
 
-extern const Protocol canopen_protocol;
-constexpr Protocol canopen_protocol = {
+extern constexpr Protocol canopen_protocol = {
     .name = "canopen",
     .summary = "CANopen slave: NMT, SDO, four transmit PDOs with free mapping, SYNC, EMCY, LSS; inclinometer",
     .link = Link::can,

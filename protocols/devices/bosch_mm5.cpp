@@ -41,8 +41,7 @@ constexpr double rate_lsb = rate_scale * units::degree, force_lsb = acceleration
 
 }  // namespace
 
-extern const Protocol bosch_mm5_protocol;
-constexpr Protocol bosch_mm5_protocol = signal_protocol<table>({
+extern constexpr Protocol bosch_mm5_protocol = signal_protocol<table>({
     .name = "bosch-mm5",
     .summary = "Bosch MM5.10 automotive inertial sensor: yaw and roll rate, three accelerations",
     .document = "Bosch MM5.10, calibration sheet",

@@ -145,8 +145,7 @@ constexpr double rate_lsb = rate_scale * units::degree, force_lsb = acceleration
 
 }  // namespace
 
-extern const Protocol bosch_mm7_protocol;
-constexpr Protocol bosch_mm7_protocol = signal_protocol<table_of>({
+extern constexpr Protocol bosch_mm7_protocol = signal_protocol<table_of>({
     .name = "bosch-mm7",
     .summary = "Bosch MM7.10 automotive inertial sensor: three messages with counter and CRC",
     .document = "off_highway_sensor_drivers, off_highway_mm7p10 at 8dd1f70 (Bosch's ROS 2 receiver)",

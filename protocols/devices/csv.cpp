@@ -66,8 +66,7 @@ class CsvDecoder final : public Decoder {
 
 }  // namespace
 
-extern const Protocol csv_protocol;
-constexpr Protocol csv_protocol = {
+extern constexpr Protocol csv_protocol = {
     .name = "csv",
     .summary = "rows of text, with a header row first: what imu-decode prints",
     .link = Link::bytes,

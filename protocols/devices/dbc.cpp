@@ -205,8 +205,7 @@ constexpr DeviceCounter counters[] = {
 
 }  // namespace
 
-extern const Protocol dbc_protocol;
-constexpr Protocol dbc_protocol = {
+extern constexpr Protocol dbc_protocol = {
     .name = "dbc",
     .summary = "Any sensor on CAN with a DBC file, whose signals the configuration assigns",
     .link = Link::can,

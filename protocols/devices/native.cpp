@@ -125,8 +125,7 @@ class NativeDecoder final : public Decoder {
 
 }  // namespace
 
-extern const Protocol native_protocol;
-constexpr Protocol native_protocol = {
+extern constexpr Protocol native_protocol = {
     .name = "native",
     .summary = "imud's own frame for byte links: the whole sample, bit for bit, CRC-32C",
     .link = Link::bytes,

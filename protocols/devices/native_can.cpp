@@ -317,8 +317,7 @@ constexpr ConformanceSettings conformance_settings[] = {
 
 }  // namespace
 
-extern const Protocol native_can_protocol;
-constexpr Protocol native_can_protocol = {
+extern constexpr Protocol native_can_protocol = {
     .name = "native-can",
     .summary = "imud's own frames for CAN: seven classic frames per sample, or one FD frame",
     .link = Link::can,

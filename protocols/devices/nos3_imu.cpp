@@ -167,8 +167,7 @@ constexpr std::string_view bodies[] = {"00F#8000", "00F#8001", "00F#8002", "00F#
 
 }  // namespace
 
-extern const Protocol nos3_imu_protocol;
-constexpr Protocol nos3_imu_protocol = {
+extern constexpr Protocol nos3_imu_protocol = {
     .name = "nos3-imu",
     .summary = "NASA NOS3 generic_imu: answers the flight software's requests",
     .link = Link::can,

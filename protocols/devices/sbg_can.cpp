@@ -119,8 +119,7 @@ constexpr ConformanceSettings conformance_settings[] = {
 
 }  // namespace
 
-extern const Protocol sbg_can_protocol;
-constexpr Protocol sbg_can_protocol = signal_protocol<table>({
+extern constexpr Protocol sbg_can_protocol = signal_protocol<table>({
     .name = "sbg-can",
     .summary = "SBG Systems Ellipse on CAN (sbgECan): IMU, attitude, position, UTC",
     .document = "sbgECom 5, doc/canProtocol.md",

@@ -200,8 +200,7 @@ constexpr ConformanceSettings conformance_settings[] = {
 
 }  // namespace
 
-extern const Protocol xsens_can_protocol;
-constexpr Protocol xsens_can_protocol = signal_protocol<table>({
+extern constexpr Protocol xsens_can_protocol = signal_protocol<table>({
     .name = "xsens-can",
     .summary = "Xsens MTi-600 series on CAN: inertial data, increments, attitude, position, UTC",
     .document = "Xsens_MTi_CAN_ROS_Driver, config/xsens.dbc and xsens_parser.cpp",

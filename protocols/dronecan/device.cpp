@@ -279,8 +279,7 @@ class DroneCanDevice final : public Device {
 
 }  // namespace
 
-extern const Protocol dronecan_protocol;
-constexpr Protocol dronecan_protocol = {
+extern constexpr Protocol dronecan_protocol = {
     .name = "dronecan",
     .summary =
         "an IMU on DroneCAN (UAVCAN v0): RawIMU, Solution, magnetic field, air data, GNSS; services, parameters",

@@ -369,8 +369,7 @@ class J1939Device final : public Device {
 
 }  // namespace
 
-extern const Protocol j1939_protocol;
-constexpr Protocol j1939_protocol = {
+extern constexpr Protocol j1939_protocol = {
     .name = "j1939",
     .summary = "SAE J1939 inertial unit: ACEINNA OpenIMU335RI and OpenIMU300RI",
     .link = Link::can,

@@ -256,8 +256,7 @@ Product product(const Settings& settings) {
 
 }  // namespace
 
-extern const Protocol mip_protocol;
-constexpr Protocol mip_protocol = {
+extern constexpr Protocol mip_protocol = {
     .name = "mip",
     .summary = "MicroStrain 3DM-GX5-25, -45, 3DM-CV7-AHRS, -INS, 3DM-GQ7: MIP commands, sensor, filter and GNSS data",
     .link = Link::bytes,

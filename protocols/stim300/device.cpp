@@ -354,8 +354,7 @@ class Stim300Device final : public Device {
 
 }  // namespace
 
-extern const Protocol stim300_protocol;
-constexpr Protocol stim300_protocol = {
+extern constexpr Protocol stim300_protocol = {
     .name = "stim300",
     .summary = "Sensonor STIM300: Normal Mode with every datagram, start-up, Utility and Service Mode",
     .link = Link::bytes,

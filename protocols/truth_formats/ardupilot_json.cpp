@@ -182,8 +182,7 @@ constexpr Setting settings[] = {
 
 }  // namespace
 
-extern const TruthFormat ardupilot_json_truth_format;
-constexpr TruthFormat ardupilot_json_truth_format = {
+extern constexpr TruthFormat ardupilot_json_truth_format = {
     .name = "ardupilot-json",
     .summary = "a simulator for ArduPilot's JSON interface, driven by servo packets in the flight stack's place",
     .document = "ArduPilot, libraries/SITL/examples/JSON/readme.md and SIM_JSON.cpp",

@@ -66,8 +66,7 @@ class BasiliskTruthDecoder final : public PackedDatagramDecoder {
 
 }  // namespace
 
-extern const TruthFormat basilisk_truth_format;
-constexpr TruthFormat basilisk_truth_format = {
+extern constexpr TruthFormat basilisk_truth_format = {
     .name = "basilisk",
     .summary = "Basilisk's SCStatesMsgPayload as it lies in memory, after the time in ns: 280 bytes",
     .document = "Basilisk 2.12, msgPayloadDefC/SCStatesMsgPayload.h",

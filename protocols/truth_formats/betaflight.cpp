@@ -102,8 +102,7 @@ class BetaflightTruthDecoder final : public PackedDatagramDecoder {
 
 }  // namespace
 
-extern const TruthFormat betaflight_truth_format;
-constexpr TruthFormat betaflight_truth_format = {
+extern constexpr TruthFormat betaflight_truth_format = {
     .name = "betaflight",
     .summary = "the state that simulators send to Betaflight's SITL: 18 doubles, or 17 without the pressure",
     .document = "Betaflight at 301d01a (2026), SITL/target.h, fdm_packet",

@@ -174,8 +174,7 @@ constexpr Setting settings[] = {
 
 }  // namespace
 
-extern const TruthFormat csv_truth_format;
-constexpr TruthFormat csv_truth_format = {
+extern constexpr TruthFormat csv_truth_format = {
     .name = "csv",
     .summary = "rows of text, columns by the names of Basilisk's spacecraft states, of quantities, or by a map",
     .document = "protocols/truth_formats/csv.cpp; Basilisk SCStatesMsgPayload",

@@ -113,8 +113,7 @@ class DisTruthDecoder final : public DatagramTruthDecoder {
 
 }  // namespace
 
-extern const TruthFormat dis_truth_format;
-constexpr TruthFormat dis_truth_format = {
+extern constexpr TruthFormat dis_truth_format = {
     .name = "dis",
     .summary = "DIS Entity State PDUs: position and attitude relative to the Earth, float32 angles, times of 1.7 us",
     .document = "IEEE Std 1278.1-2012, Entity State PDU",

@@ -16,8 +16,7 @@ constexpr Setting settings[] = {column_order_setting, world_setting, body_settin
 
 }  // namespace
 
-extern const TruthFormat euroc_truth_format;
-constexpr TruthFormat euroc_truth_format = {
+extern constexpr TruthFormat euroc_truth_format = {
     .name = "euroc",
     .summary = "poses and velocities in rows: EuRoC's ground truth",
     .document = "Burri et al., The EuRoC micro aerial vehicle datasets, IJRR 2016; state_groundtruth_estimate0",

@@ -94,8 +94,7 @@ class FgnetfdmTruthDecoder final : public PackedDatagramDecoder {
 
 }  // namespace
 
-extern const TruthFormat fgnetfdm_truth_format;
-constexpr TruthFormat fgnetfdm_truth_format = {
+extern constexpr TruthFormat fgnetfdm_truth_format = {
     .name = "fgnetfdm",
     .summary =
         "FlightGear's native FDM, version 24, as FlightGear and JSBSim send it: force at the pilot's eye point",

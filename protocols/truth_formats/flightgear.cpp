@@ -46,8 +46,7 @@ std::unique_ptr<TruthDecoder> make(const Settings& chosen) {
 
 }  // namespace
 
-extern const TruthFormat flightgear_truth_format;
-constexpr TruthFormat flightgear_truth_format = {
+extern constexpr TruthFormat flightgear_truth_format = {
     .name = "flightgear",
     .summary = "rows of FlightGear's generic protocol: insgns-imu, insgns-truth, or any by its columns",
     .document = "FlightGear, Docs/README.protocol; FGDATA Protocol/insgns-imu.xml and insgns-truth.xml",

@@ -102,8 +102,7 @@ constexpr Setting settings[] = {columns_setting};
 
 }  // namespace
 
-extern const TruthFormat jsbsim_truth_format;
-constexpr TruthFormat jsbsim_truth_format = {
+extern constexpr TruthFormat jsbsim_truth_format = {
     .name = "jsbsim",
     .summary =
         "JSBSim <output type=\"SOCKET\"> rows: inertial rate, attitude, specific force at the pilot's eye point",

@@ -20,8 +20,7 @@ constexpr Setting settings[] = {map_setting, level_setting, body_setting, accumu
 
 }  // namespace
 
-extern const TruthFormat json_truth_format;
-constexpr TruthFormat json_truth_format = {
+extern constexpr TruthFormat json_truth_format = {
     .name = "json",
     .summary = "JSON objects, a line or a datagram each, with the names of quantities, or by a map",
     .document = "RFC 8259; protocols/quantities/truth_quantities.hpp",

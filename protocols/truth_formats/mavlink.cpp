@@ -310,8 +310,7 @@ class MavlinkTruthDecoder final : public TruthDecoder {
 
 }  // namespace
 
-extern const TruthFormat mavlink_truth_format;
-constexpr TruthFormat mavlink_truth_format = {
+extern constexpr TruthFormat mavlink_truth_format = {
     .name = "mavlink",
     .summary = "MAVLink 1 and 2: HIL_STATE_QUATERNION, HIL_STATE, and SIM_STATE with SYSTEM_TIME",
     .document = "mavlink.io, Packet Serialization; common.xml",

@@ -348,8 +348,7 @@ class Nasa42Decoder final : public LineTruthDecoder {
 
 }  // namespace
 
-extern const TruthFormat nasa_42_truth_format;
-constexpr TruthFormat nasa_42_truth_format = {
+extern constexpr TruthFormat nasa_42_truth_format = {
     .name = "42",
     .summary = "text messages of NASA's 42: attitude, rate and orbit of each spacecraft; Ack on TCP",
     .document = "42, commit 11e3cc3, Source/AutoCode/TxRxIPC.c",

@@ -212,8 +212,7 @@ bool decode_native_acknowledgement(std::span<const std::byte> datagram,
   return true;
 }
 
-extern const TruthFormat native_truth_format;
-constexpr TruthFormat native_truth_format = {
+extern constexpr TruthFormat native_truth_format = {
     .name = "native",
     .summary = "imud's own datagram of 208 bytes, with CRC-32C and an acknowledgement for lockstep",
     .document = "protocols/native_truth.hpp, version 1",

@@ -233,8 +233,7 @@ class StructTruthDecoder final : public TruthDecoder {
 
 }  // namespace
 
-extern const TruthFormat struct_truth_format;
-constexpr TruthFormat struct_truth_format = {
+extern constexpr TruthFormat struct_truth_format = {
     .name = "struct",
     .summary = "packed records that the settings describe: Simulink, LabVIEW, a C struct",
     .document = "protocols/quantities/packed_layout.hpp",

@@ -16,8 +16,7 @@ constexpr Setting settings[] = {column_order_setting, world_setting, body_settin
 
 }  // namespace
 
-extern const TruthFormat tum_truth_format;
-constexpr TruthFormat tum_truth_format = {
+extern constexpr TruthFormat tum_truth_format = {
     .name = "tum",
     .summary = "poses in rows: timestamp tx ty tz qx qy qz qw",
     .document = "TUM RGB-D benchmark, file formats: ground-truth trajectories",

@@ -217,8 +217,7 @@ class XplaneTruthDecoder final : public DatagramTruthDecoder {
 
 }  // namespace
 
-extern const TruthFormat xplane_truth_format;
-constexpr TruthFormat xplane_truth_format = {
+extern constexpr TruthFormat xplane_truth_format = {
     .name = "xplane",
     .summary = "X-Plane: datarefs that imud requests (RREF), or rows of its Data Output (DATA)",
     .document = "Laminar Research, Sending Data to X-Plane (X-Plane 11 and 12): RREF, DATA",

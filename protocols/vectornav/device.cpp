@@ -374,8 +374,7 @@ constexpr DeviceCounter counters[] = {
 
 }  // namespace
 
-extern const Protocol vectornav_protocol;
-constexpr Protocol vectornav_protocol = {
+extern constexpr Protocol vectornav_protocol = {
     .name = "vectornav",
     .summary =
         "VectorNav VN-100, VN-200, VN-300 as IMU, attitude and GNSS/INS source: commands, registers, text and binary "

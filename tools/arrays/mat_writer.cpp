@@ -158,8 +158,7 @@ class MatWriter final : public RowOutput {
 
 }  // namespace
 
-extern const RowFormat mat_row_format;
-constexpr RowFormat mat_row_format = {.option = "--mat",
+extern constexpr RowFormat mat_row_format = {.option = "--mat",
                                       .help = "also writes a MAT-file of level 5: a variable for each quantity",
                                       .keeps_attributes = true,
                                       .needs_time = false,

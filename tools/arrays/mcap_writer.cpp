@@ -298,8 +298,7 @@ class McapWriter final : public RowOutput {
 
 }  // namespace
 
-extern const RowFormat mcap_row_format;
-constexpr RowFormat mcap_row_format = {.option = "--mcap",
+extern constexpr RowFormat mcap_row_format = {.option = "--mcap",
                                        .help = "also writes MCAP, Foxglove's format: a channel of JSON messages",
                                        .keeps_attributes = true,
                                        .needs_time = true,

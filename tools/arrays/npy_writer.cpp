@@ -75,8 +75,7 @@ class NpyWriter final : public RowOutput {
 
 }  // namespace
 
-extern const RowFormat npy_row_format;
-constexpr RowFormat npy_row_format = {.option = "--npy",
+extern constexpr RowFormat npy_row_format = {.option = "--npy",
                                       .help = "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")",
                                       .keeps_attributes = false,
                                       .needs_time = false,

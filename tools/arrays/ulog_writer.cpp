@@ -153,8 +153,7 @@ class UlogWriter final : public RowOutput {
 
 }  // namespace
 
-extern const RowFormat ulog_row_format;
-constexpr RowFormat ulog_row_format = {
+extern constexpr RowFormat ulog_row_format = {
     .option = "--ulog",
     .help = "also writes a ULog, PX4's format of logs: sensor_gyro, sensor_accel, and all as imud_measurement",
     .keeps_attributes = true,

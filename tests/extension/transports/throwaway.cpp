@@ -70,8 +70,7 @@ std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
 
 }  // namespace
 
-extern const Transport throwaway_transport;
-constexpr Transport throwaway_transport = {
+extern constexpr Transport throwaway_transport = {
     .name = "throwaway",
     .summary = "a datagram of a Unix socket per frame",
     .syntax = "throwaway:PATH",

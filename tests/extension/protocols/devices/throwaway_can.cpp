@@ -22,8 +22,7 @@ constexpr Setting settings[] = {output_rate_setting(100, 500), identifiers_setti
 
 }  // namespace
 
-extern const Protocol throwaway_can_protocol;
-constexpr Protocol throwaway_can_protocol = signal_protocol<table>({
+extern constexpr Protocol throwaway_can_protocol = signal_protocol<table>({
     .name = "throwaway-can",
     .summary = "a product whose messages are a table, of a test",
     .document = "this file",

@@ -56,8 +56,7 @@ class ThrowawayDevice final : public Device {
 
 }  // namespace
 
-extern const Protocol throwaway_imu_protocol;
-constexpr Protocol throwaway_imu_protocol = {
+extern constexpr Protocol throwaway_imu_protocol = {
     .name = "throwaway-imu",
     .summary = "the rate, and an answer",
     .link = Link::bytes,

@@ -132,8 +132,7 @@ constexpr std::string_view revive[] = {
 
 }  // namespace
 
-extern const Protocol throwaway_node_protocol;
-constexpr Protocol throwaway_node_protocol = {
+extern constexpr Protocol throwaway_node_protocol = {
     .name = "throwaway-node",
     .summary = "the rate on SAE J1939",
     .link = Link::can,
