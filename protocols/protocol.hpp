@@ -172,30 +172,8 @@ struct Product {
   BarometerErrors barometer;
 };
 
-struct Protocol;
-
-// A configuration that the conformance test runs.
-struct ConformanceSettings {
-  // "key=value key=value ..."; each sample must immediately yield a frame. Other settings have their initial values.
-  std::string_view settings = "";
-  // Adapts a copy of the entry, if its fields, resolution, range or the like differ with these settings. nullptr:
-  // they do not.
-  void (*adapt)(Protocol& entry) = nullptr;
-};
-
-// Inputs of the host from which the fuzz test starts. A body is an input without its framing; on CAN, bodies and
-// answers are frames in candump's notation ("123#0102 18EAFF00#00EE00").
-struct HostInputs {
-  std::string (*frame)(std::string_view body) = nullptr;  // adds the framing to a body
-  std::span<const std::string_view> bodies = {};          // at least one of every kind
-  // From any state, after a pause in which an unfinished input times out, these bodies, sent one after another, bring
-  // the device to a state in which its answer to the body `last` contains `answer`.
-  std::span<const std::string_view> revive = {};
-  std::string_view last = "", answer = "";
-};
-
 // One entry of the table. The conformance test (tests/protocols/conformance_test.cpp) verifies all that an entry
-// declares, with each of its conformance settings.
+// declares.
 struct Protocol {
   std::string_view name;     // keyword in the configuration: the file's stem with '-' for '_'
   std::string_view summary;  // one line
@@ -249,10 +227,6 @@ struct Protocol {
   // Returns the name of the model (a preset of the emulator) whose errors a product with these settings has unless
   // its configuration names another. nullptr: the errors of `product`.
   std::string_view (*preset)(const Settings& settings) = nullptr;
-  // Empty: the test runs the initial settings only.
-  std::span<const ConformanceSettings> conformance_settings = {};
-  // Has bodies if, and only if, the device overrides receive().
-  HostInputs host_inputs = {};
 
   // Throws std::invalid_argument, whose message is "KEY: ", the fault and the remedy, if a unit cannot
   // work as these settings and this sample rate ask. nullptr: it always can. This checks a

@@ -5,7 +5,6 @@
 // pre-operational until a master starts it, unless it starts itself (1F80). Without a node id it waits for LSS. A bit
 // rate that LSS sets is stored and reported (2002:2), but has no effect: the administrator sets the interface's.
 
-#include "protocols/canopen/conformance.hpp"
 #include "protocols/canopen/node.hpp"
 #include "protocols/canopen/settings.hpp"
 #include "protocols/protocol.hpp"
@@ -316,8 +315,6 @@ extern constexpr Protocol canopen_protocol = {
     .counters = counters,
     .can_messages = canopen::can_messages,
     .can_filters = canopen::can_filters,
-    .conformance_settings = canopen::conformance_settings,
-    .host_inputs = canopen::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       ObjectDictionary delivered;
       deliver(settings, delivered);

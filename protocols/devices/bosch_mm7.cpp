@@ -135,7 +135,6 @@ constexpr Setting settings[] = {output_rate_setting(100, 200),
                                          "receiver undoes; right_handed: it is positive",
                                  .initial = axes[0],
                                  .choices = axes}};
-constexpr ConformanceSettings conformance_settings[] = {{}, {"axes=right_handed"}};
 
 const SignalProduct& table_of(const Settings& chosen) {
   return chosen.text("axes") == axes[0] ? table : right_handed_table;
@@ -159,7 +158,6 @@ extern constexpr Protocol bosch_mm7_protocol = signal_protocol<table_of>({
     .has_checksum = true,
     .burst_bits = 6,
     .reseal = reseal,
-    .conformance_settings = conformance_settings,
 });
 
 }  // namespace imud

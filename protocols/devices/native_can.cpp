@@ -293,28 +293,6 @@ constexpr Setting settings[] = {
     {.key = "fd", .help = "one CAN FD frame of 64 bytes per sample, in float32, in place of seven", .initial = false},
 };
 
-// FD: the LSB of a float32 is 2^-24 of the number; the test uses numbers up to 1.
-constexpr ConformanceSettings conformance_settings[] = {
-    {""},
-    {"extended=true can_id=419419136"},
-    {"fd=true",
-     [](Protocol& entry) {
-       entry.resolution = {.rate = 0x1p-24,
-                           .specific_force = 0x1p-24,
-                           .delta_angle = 0x1p-24,
-                           .delta_velocity = 0x1p-24,
-                           .temperature_c = temperature_lsb};
-       entry.range = {.rate = 1,
-                      .specific_force = 1,
-                      .delta_angle = 1,
-                      .delta_velocity = 1,
-                      .temperature_c = 0x1p7 - temperature_lsb};
-       entry.time_period_ns = 0;
-       entry.counter_bits = 32;
-       entry.status_bits = 0xFFFF;
-     }},
-};
-
 }  // namespace
 
 extern constexpr Protocol native_can_protocol = {
@@ -339,7 +317,6 @@ extern constexpr Protocol native_can_protocol = {
     .status_bits = 0xFF,
     .can_messages = can_messages,
     .can_filters = [](const Settings&) { return std::vector<CanFilter>{}; },
-    .conformance_settings = conformance_settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
       return std::make_unique<NativeCanDevice>(chosen);
     },

@@ -155,15 +155,10 @@ constexpr Setting settings[] = {
      .initial = false},
 };
 
-constexpr ConformanceSettings conformance_settings[] = {{"with_requests=true"}};
-
 constexpr DeviceCounter counters[] = {{"requests_refused", "requests refused",
                                        "the flight software has sent a request that the unit does not know: it must "
                                        "have 2 bytes, 80 and a command from "
                                        "0 to 4"}};
-
-constexpr std::string_view bodies[] = {"00F#8000", "00F#8001", "00F#8002", "00F#8003",
-                                       "00F#8004", "00F#80FF", "00F#R"};
 
 }  // namespace
 
@@ -196,11 +191,6 @@ extern constexpr Protocol nos3_imu_protocol = {
           product.accelerometer.max = 10 * units::standard_gravity;
           return product;
         },
-    .conformance_settings = conformance_settings,
-    .host_inputs = {.frame = [](std::string_view body) { return std::string(body); },
-                    .bodies = bodies,
-                    .last = "00F#8002",
-                    .answer = "000#7FFFFFF87FFFFFD0"},
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> { return std::make_unique<Nos3Device>(chosen); },
     .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
       return std::make_unique<Nos3Decoder>(chosen);

@@ -110,13 +110,6 @@ constexpr std::string_view delivered[] = {"imu_info", "imu_accel", "imu_gyro"};
 constexpr Setting settings[] = {output_rate_setting(200, 1000), messages_setting(delivered), identifiers_setting(),
                                 id_offset_setting(), extended_setting()};
 
-constexpr ConformanceSettings conformance_settings[] = {
-    {""},
-    {"messages=imu_gyro,imu_info,imu_accel,utc_0,utc_1,ekf_quat,ekf_euler,ekf_pos,ekf_altitude,ekf_vel_ned,"
-     "ekf_vel_body,mag_0,mag_1 output_rate_hz=50"},
-    {"extended=true id_offset=419430400 identifiers=imu_accel=0x711"},
-};
-
 }  // namespace
 
 extern constexpr Protocol sbg_can_protocol = signal_protocol<table>({
@@ -133,7 +126,6 @@ extern constexpr Protocol sbg_can_protocol = signal_protocol<table>({
     .status_bits = 0,
     .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "sbg-ellipse"; },
-    .conformance_settings = conformance_settings,
 });
 
 }  // namespace imud

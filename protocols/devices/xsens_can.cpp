@@ -186,18 +186,6 @@ constexpr std::string_view delivered[] = {"sample_time", "group_counter", "utc",
 constexpr Setting settings[] = {output_rate_setting(100, 2000), messages_setting(delivered), identifiers_setting(),
                                 id_offset_setting(), extended_setting()};
 
-constexpr ConformanceSettings conformance_settings[] = {
-    {""},
-    {"messages=sample_time,group_counter,status_word,quaternion_ned,euler_ned,delta_v,delta_q,rate_of_turn_hr,"
-     "acceleration_hr,free_acceleration,magnetic_field,temperature,pressure,position,altitude,velocity "
-     "extended=true",
-     [](Protocol& entry) {
-       entry.fields |= Measurement::delta_velocity;
-       entry.resolution.delta_velocity = 0x1p-17;
-       entry.range.delta_velocity = 0.249;
-     }},
-};
-
 }  // namespace
 
 extern constexpr Protocol xsens_can_protocol = signal_protocol<table>({
@@ -215,7 +203,6 @@ extern constexpr Protocol xsens_can_protocol = signal_protocol<table>({
     .status_bits = 0x3F | status::self_test_failed,
     .has_self_test = true,
     .preset = [](const Settings&) -> std::string_view { return "mti-630"; },
-    .conformance_settings = conformance_settings,
 });
 
 }  // namespace imud

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "protocols/dronecan/bus_time.hpp"
-#include "protocols/dronecan/conformance.hpp"
 #include "protocols/dronecan/gnss.hpp"
 #include "protocols/dronecan/services.hpp"
 #include "protocols/dronecan/settings.hpp"
@@ -306,8 +305,6 @@ extern constexpr Protocol dronecan_protocol = {
     .can_filters = dronecan::can_filters,
     .product = dronecan::product_of,
     .preset = [](const Settings&) -> std::string_view { return "icm-42688-p"; },
-    .conformance_settings = dronecan::conformance_settings,
-    .host_inputs = dronecan::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<DroneCanDevice>(configuration_of(settings));
     },

@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "core/attitude.hpp"
-#include "protocols/j1939/conformance.hpp"
 #include "protocols/j1939/j1939.hpp"
 #include "protocols/j1939/transport.hpp"
 #include "protocols/wire/deadlines.hpp"
@@ -382,8 +381,6 @@ extern constexpr Protocol j1939_protocol = {
     .can_messages = can_messages,
     .can_filters = can_filters,
     .product = product_of,
-    .conformance_settings = conformance_settings,
-    .host_inputs = host_inputs,
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> { return std::make_unique<J1939Device>(chosen); },
     .make_decoder = j1939::make_decoder,
 };

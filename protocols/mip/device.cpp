@@ -9,7 +9,6 @@
 #include <stdexcept>
 
 #include "core/units.hpp"
-#include "protocols/mip/conformance.hpp"
 #include "protocols/mip/field_table.hpp"
 #include "protocols/mip/mip.hpp"
 #include "protocols/mip/pins.hpp"
@@ -282,8 +281,6 @@ extern constexpr Protocol mip_protocol = {
     .has_self_test = true,
     .product = product,
     .preset = [](const Settings& settings) { return model_of(settings).preset; },
-    .conformance_settings = mip::conformance_settings,
-    .host_inputs = mip::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<MipDevice>(model_of(settings), configuration(settings));
     },

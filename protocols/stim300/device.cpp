@@ -41,7 +41,6 @@
 #include <utility>
 
 #include "core/units.hpp"
-#include "protocols/stim300/conformance.hpp"
 #include "protocols/stim300/datagram.hpp"
 #include "protocols/stim300/measured.hpp"
 #include "protocols/stim300/service.hpp"
@@ -378,8 +377,6 @@ extern constexpr Protocol stim300_protocol = {
     .has_self_test = true,
     .product = product,
     .preset = [](const Settings&) -> std::string_view { return "stim300"; },
-    .conformance_settings = conformance_settings,
-    .host_inputs = host_inputs,
     .check = [](const Settings& chosen, double) { check(chosen); },
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<Stim300Device>(configuration(settings), settings.flag("start_up"));

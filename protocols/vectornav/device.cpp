@@ -12,7 +12,6 @@
 
 #include "core/units.hpp"
 #include "protocols/protocol.hpp"
-#include "protocols/vectornav/conformance.hpp"
 #include "protocols/vectornav/vectornav.hpp"
 #include "protocols/wire/command_reader.hpp"
 
@@ -400,8 +399,6 @@ extern constexpr Protocol vectornav_protocol = {
     .counters = counters,
     .product = vectornav::product_of,
     .preset = [](const Settings&) -> std::string_view { return "vn-100"; },
-    .conformance_settings = vectornav::conformance_settings,
-    .host_inputs = vectornav::host_inputs,
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<VectorNavDevice>(model_of(settings), uart_of(settings), configuration_of(settings));
     },

@@ -72,13 +72,14 @@ TEST_P(CanMessages, CoverEveryFrameThatADeviceSends) {
 // The kernel discards what no filter passes: such a frame is none that the device answers.
 TEST_P(CanMessages, FiltersPassWhatADeviceReceives) {
   const Protocol& protocol = GetParam().protocol;
-  if (protocol.link != Link::can || protocol.host_inputs.bodies.empty()) return;
+  const HostInputs& host = Conformance::of(protocol).host;
+  if (protocol.link != Link::can || host.bodies.empty()) return;
   const std::vector<CanFilter> filters = protocol.can_filters(GetParam().settings);
   const std::unique_ptr<Device> device = protocol.make(GetParam().settings);
   const auto replies = std::make_unique<FrameBuffer>();
   int passed = 0;
-  for (const std::string_view body : protocol.host_inputs.bodies)
-    each_frame(protocol.host_inputs.frame(body), [&](const Frame& frame) {
+  for (const std::string_view body : host.bodies)
+    each_frame(host.frame(body), [&](const Frame& frame) {
       const bool is_passed = std::ranges::any_of(filters, [&](const CanFilter& filter) {
         const bool is_kind = frame.can.remote ? filter.remote : filter.data;
         return is_kind && filter.extended == frame.can.extended && ((frame.can.id ^ filter.id) & filter.mask) == 0;

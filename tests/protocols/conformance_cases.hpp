@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/protocols/conformance.hpp"
 #include "tests/protocols/recording.hpp"
 
 namespace imud {
@@ -38,8 +39,8 @@ inline std::vector<ConformanceCase> conformance_cases(bool (*suits)(const Protoc
   std::vector<ConformanceCase> cases;
   for (const Protocol* entry : protocols()) {
     if (!suits(*entry)) continue;
-    for (const ConformanceSettings& one :
-         entry->conformance_settings.empty() ? std::span(initial) : entry->conformance_settings) {
+    const std::span declared = Conformance::of(*entry).settings;
+    for (const ConformanceSettings& one : declared.empty() ? std::span(initial) : declared) {
       cases.push_back({*entry, settings_of(*entry, one.settings), name_of(entry->name, one.settings)});
       if (one.adapt != nullptr) one.adapt(cases.back().protocol);
     }

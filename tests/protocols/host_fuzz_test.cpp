@@ -1,13 +1,10 @@
-// Random changes of the host inputs in the entries of the devices that have a host, half of them with a right
+// Random changes of the host inputs (conformance.hpp) of the devices that have a host, half of them with a right
 // checksum, while time passes with samples or without, and the clock is stepped. No input makes a device crash, hang
 // or allocate, and a good command is answered afterwards. The environment variable IMUD_FUZZ_INPUTS sets the number
 // of inputs for each configuration of each device. Seeds are fixed.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <string>
 
 #include "tests/protocols/can_text.hpp"
@@ -21,24 +18,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Returns true if the sources of an entry override Device::receive().
-bool overrides_receive(const Protocol& protocol) {
-  namespace fs = std::filesystem;
-  std::string stem(protocol.name);
-  std::ranges::replace(stem, '-', '_');
-  const fs::path folder = fs::path(IMUD_SOURCE_DIR) / "protocols";
-  std::vector<fs::path> sources = {folder / "devices" / (stem + ".cpp")};
-  if (!fs::exists(sources[0])) sources = {fs::directory_iterator(folder / stem), {}};
-  std::ostringstream text;
-  for (const fs::path& source : sources) text << std::ifstream(source).rdbuf();
-  if (text.str().empty()) throw std::runtime_error("no source of " + stem);
-  return text.str().find("void receive(") != std::string::npos;
-}
-
 TEST(HostInputs, AreNamedByEveryDeviceThatListens) {
   std::size_t listening = 0;
+  for (const auto& [name, inputs] : Conformance::all()) EXPECT_NE(find_protocol(name), nullptr) << name;
   for (const Protocol* protocol : protocols()) {
-    const HostInputs& inputs = protocol->host_inputs;
+    const HostInputs& inputs = Conformance::of(*protocol).host;
     EXPECT_EQ(!inputs.bodies.empty(), overrides_receive(*protocol)) << protocol->name;
     if (inputs.bodies.empty()) continue;
     ++listening;
@@ -49,12 +33,12 @@ TEST(HostInputs, AreNamedByEveryDeviceThatListens) {
 
 class HostFuzz : public testing::TestWithParam<ConformanceCase> {};
 INSTANTIATE_TEST_SUITE_P(Devices, HostFuzz, testing::ValuesIn(conformance_cases([](const Protocol& p) {
-                           return !p.host_inputs.bodies.empty();
+                           return !Conformance::of(p).host.bodies.empty();
                          })),
                          case_name);
 
 TEST_P(HostFuzz, AnyBytesDoNoHarm) {
-  const HostInputs& host = GetParam().protocol.host_inputs;
+  const HostInputs& host = Conformance::of(GetParam().protocol).host;
   const char* wanted = std::getenv("IMUD_FUZZ_INPUTS");
   const long inputs = wanted != nullptr ? std::atol(wanted) : 50'000;
   const std::unique_ptr<Device> device = GetParam().protocol.make(GetParam().settings);

@@ -6,6 +6,7 @@
 #include "emulator/config/load_config.hpp"
 #include "tests/emulator/control/mode_clients.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
+#include "tests/protocols/conformance.hpp"
 
 namespace imud {
 namespace {
@@ -67,7 +68,7 @@ TEST_F(RealtimeTest, NoProductSendsWhatItsModeForbids) {
   const std::map<std::string_view, ModeClient*> clients = {
       {"stim300", &stim300}, {"vectornav", &vectornav}, {"mip", &mip}};
   for (const Protocol* protocol : protocols()) {
-    const bool has_serial_host = protocol->link == Link::bytes && !protocol->host_inputs.bodies.empty();
+    const bool has_serial_host = protocol->link == Link::bytes && overrides_receive(*protocol);
     EXPECT_EQ(clients.contains(protocol->name), has_serial_host) << protocol->name;
   }
   for (const auto& entry : clients) {

@@ -124,11 +124,6 @@ class NodeDecoder final : public Decoder {
 
 constexpr Setting settings[] = {
     {.key = "source_address", .help = "address", .initial = std::int64_t{32}, .max = 253}};
-constexpr std::string_view bodies[] = {
-    "18EA2000#00EE00", "18EA2000#2AF000", "18EAFF00#DAFE00",           "18EA2000#DAFE00 1CEC2000#110301FFFFDAFE00",
-    "18EA2000#C5FD00", "18EEFF20#00",     "18EEFF20#0000000000000000", "1CEC2000#10090002FFD8FE00"};
-constexpr std::string_view revive[] = {
-    "1CECFF00#20090002FFD8FE00 1CEBFF00#0101000000000000 1CEBFF00#028020FFFFFFFFFF"};
 
 }  // namespace
 
@@ -148,11 +143,6 @@ extern constexpr Protocol throwaway_node_protocol = {
       return {{Header{rates.priority, rates.pgn, everyone, source}.can(), 8, rate_hz}, {claim.can(), 8, 1}};
     },
     .can_filters = [](const Settings&) -> std::vector<CanFilter> { return {{.id = 0, .mask = 0, .extended = true}}; },
-    .host_inputs = {.frame = [](std::string_view body) { return std::string(body); },
-                    .bodies = bodies,
-                    .revive = revive,
-                    .last = "18EAFF00#00EE00",
-                    .answer = "#0100000000000080"},
     .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
       return std::make_unique<NodeDevice>(address_in(chosen));
     },

@@ -1,19 +1,19 @@
 // The configurations in which the unit is tested, and the inputs from which its fuzz test starts.
-#pragma once
+#include "tests/protocols/conformance.hpp"
 
 #include <string>
 #include <string_view>
 
 #include "protocols/j1939/measured.hpp"
-#include "protocols/protocol.hpp"
 
 namespace imud::j1939 {
+namespace {
 
 constexpr void set_fine(Protocol& entry) {
   entry.resolution = {.rate = fine_rate_scale.lsb(), .specific_force = fine_force_scale.lsb()};
 }
 
-inline constexpr ConformanceSettings conformance_settings[] = {
+constexpr ConformanceSettings conformance_settings[] = {
     {"claim_wait_ms=0"},
     {"claim_wait_ms=0 slot_order=j1939 axis_signs=enu claim_period_ms=1000 identification=j1939"},
     {"claim_wait_ms=0 packet_types=ari_hr,accs_hr,ssi", set_fine},
@@ -26,7 +26,7 @@ inline constexpr ConformanceSettings conformance_settings[] = {
      }},
 };
 
-inline constexpr std::string_view host_bodies[] = {
+constexpr std::string_view host_bodies[] = {
     "18EAFF00#00EE00",                          // request for address claims
     "18EA8000#C5FD00",                          // ECU identification
     "18EAFF00#00FEDA",                          // software, high byte first
@@ -74,12 +74,17 @@ inline constexpr std::string_view host_bodies[] = {
     "1CECFF00#20090002FFD8FE00 1CEBFF00#010100E066008300 1CEBFF00#028080FFFFFFFFFF",  // the first address again
 };
 // Broadcasts that command the address 0x80, by the unit's NAME with the arbitrary-address bit, and without.
-inline constexpr std::string_view revive[] = {
+constexpr std::string_view revive[] = {
     "1CECFF00#20090002FFD8FE00 1CEBFF00#010100E066008300 1CEBFF00#028080FFFFFFFFFF",
     "1CECFF00#20090002FFD8FE00 1CEBFF00#010100E066008300 1CEBFF00#020080FFFFFFFFFF"};
 
-inline std::string framed(std::string_view body) { return std::string(body); }
-inline constexpr HostInputs host_inputs = {
-    .frame = framed, .bodies = host_bodies, .revive = revive, .last = "18EAFF00#00EE00", .answer = "#0100E066008300"};
+std::string framed(std::string_view body) { return std::string(body); }
+const Conformance conformance("j1939", {.settings = conformance_settings,
+                                        .host = {.frame = framed,
+                                                 .bodies = host_bodies,
+                                                 .revive = revive,
+                                                 .last = "18EAFF00#00EE00",
+                                                 .answer = "#0100E066008300"}});
 
+}  // namespace
 }  // namespace imud::j1939

@@ -1,16 +1,16 @@
 // The configurations in which the CANopen slave is tested, and the inputs from which its fuzz test starts.
-#pragma once
+#include "tests/protocols/conformance.hpp"
 
 #include <string>
 #include <string_view>
 
 #include "protocols/canopen/object_dictionary.hpp"
-#include "protocols/protocol.hpp"
 
 namespace imud::canopen {
+namespace {
 
 // The LSB of a float32 is 2^-24 of the number: the test uses numbers up to 1.
-inline constexpr ConformanceSettings conformance_settings[] = {
+constexpr ConformanceSettings conformance_settings[] = {
     {"start_up_ms=0 self_start=true"},
     {"start_up_ms=0 self_start=true node_id=127 tpdo3_enabled=true tpdo4_enabled=true tpdo3=delta_angle_i16,time_u16",
      [](Protocol& entry) {
@@ -47,7 +47,7 @@ inline constexpr ConformanceSettings conformance_settings[] = {
 };
 
 // For node 10, as candump writes them.
-inline constexpr std::string_view host_bodies[] = {
+constexpr std::string_view host_bodies[] = {
     "000#010A",
     "000#0200",
     "000#8000",
@@ -107,14 +107,15 @@ inline constexpr std::string_view host_bodies[] = {
     "7E5#5100000000800000 7E5#510000000000000001",
 };
 // LSS gives the device its node id again, and a reset makes that effective.
-inline constexpr std::string_view revive[] = {"7E5#0401000000000000 7E5#110A000000000000 7E5#0400000000000000",
-                                              "000#8100"};
+constexpr std::string_view revive[] = {"7E5#0401000000000000 7E5#110A000000000000 7E5#0400000000000000", "000#8100"};
 
-inline std::string framed(std::string_view body) { return std::string(body); }
-inline constexpr HostInputs host_inputs = {.frame = framed,
-                                           .bodies = host_bodies,
-                                           .revive = revive,
-                                           .last = "60A#4000100000000000",
-                                           .answer = "58A#430010009A010400"};
+std::string framed(std::string_view body) { return std::string(body); }
+const Conformance conformance("canopen", {.settings = conformance_settings,
+                                          .host = {.frame = framed,
+                                                   .bodies = host_bodies,
+                                                   .revive = revive,
+                                                   .last = "60A#4000100000000000",
+                                                   .answer = "58A#430010009A010400"}});
 
+}  // namespace
 }  // namespace imud::canopen

@@ -1,5 +1,5 @@
 // The configurations in which DroneCAN is tested, and the inputs from which its fuzz test starts.
-#pragma once
+#include "tests/protocols/conformance.hpp"
 
 #include <cstdio>
 #include <memory>
@@ -8,13 +8,13 @@
 
 #include "protocols/dronecan/messages.hpp"
 #include "protocols/dronecan/services.hpp"
-#include "protocols/protocol.hpp"
 
 namespace imud::dronecan {
+namespace {
 
 using namespace std::string_view_literals;
 
-inline constexpr ConformanceSettings conformance_settings[] = {
+constexpr ConformanceSettings conformance_settings[] = {
     {"raw_imu_hz=1000 start_up_ms=0"},
     {"raw_imu_hz=1000 start_up_ms=0 timestamp=device solution_hz=500 magnetic_field_hz=500 static_pressure_hz=20 "
      "static_temperature_hz=1 gnss_fix2_hz=100 gnss_auxiliary_hz=100 priority=0",
@@ -24,7 +24,7 @@ inline constexpr ConformanceSettings conformance_settings[] = {
 };
 
 // Each body is a destination, the data type's id, and the payload. Destination 0: a message; 255: requests to all.
-inline constexpr std::string_view host_bodies[] = {
+constexpr std::string_view host_bodies[] = {
     "\x2A\x01\x00"sv,
     "\x2A\x02\x00\xEB\x03\x01"sv,
     "\x2A\x02\x00\x00\x00\x00uavcan.protocol.param.GetSet"sv,
@@ -53,12 +53,12 @@ inline constexpr std::string_view host_bodies[] = {
     "\x00\x55\x01\x07\x00\x00\x00\x48\x00\x00"sv,
 };
 // Allocates a node id if the stored one is 0, then restores the parameters as delivered, of whatever node id.
-inline constexpr std::string_view revive[] = {"\x00\x01\x00\x54imud\0\0\0\0\0\0\0\0\0\0\0\x2A"sv,
-                                              "\xFF\x0A\x00\x01\x00\x00\x00\x00\x00\x00"sv,
-                                              "\xFF\x05\x00\x1E\x1B\x55\xCE\xAC"sv};
+constexpr std::string_view revive[] = {"\x00\x01\x00\x54imud\0\0\0\0\0\0\0\0\0\0\0\x2A"sv,
+                                       "\xFF\x0A\x00\x01\x00\x00\x00\x00\x00\x00"sv,
+                                       "\xFF\x05\x00\x1E\x1B\x55\xCE\xAC"sv};
 
 // Returns the frames of a transfer from node 10 as candump writes them: "1E01AA8A#C3", separated by spaces.
-inline std::string framed(std::string_view body) {
+std::string framed(std::string_view body) {
   constexpr unsigned source = 10, all = 0xFF, most = 125;
   static unsigned transfer_id = 0;  // another one each time: a repetition would be discarded
   if (body.size() < 3) return {};
@@ -95,7 +95,12 @@ inline std::string framed(std::string_view body) {
   return text;
 }
 // GetNodeInfo: the seventh frame of the response has the beginning of the name, "org.im".
-inline constexpr HostInputs host_inputs = {
-    .frame = framed, .bodies = host_bodies, .revive = revive, .last = "\x2A\x01\x00"sv, .answer = "6F72672E696D"sv};
+const Conformance conformance("dronecan", {.settings = conformance_settings,
+                                           .host = {.frame = framed,
+                                                    .bodies = host_bodies,
+                                                    .revive = revive,
+                                                    .last = "\x2A\x01\x00"sv,
+                                                    .answer = "6F72672E696D"sv}});
 
+}  // namespace
 }  // namespace imud::dronecan

@@ -1,13 +1,13 @@
 // The configurations in which MIP devices are tested, and the inputs from which their fuzz test starts.
-#pragma once
+#include "tests/protocols/conformance.hpp"
 
 #include <string>
 #include <string_view>
 
 #include "protocols/mip/mip.hpp"
-#include "protocols/protocol.hpp"
 
 namespace imud::mip {
+namespace {
 
 using namespace std::string_view_literals;
 
@@ -19,7 +19,7 @@ constexpr void add_increments(Protocol& entry) {
   entry.fields |= Measurement::delta_angle | Measurement::delta_velocity;
 }
 
-inline constexpr ConformanceSettings conformance_settings[] = {
+constexpr ConformanceSettings conformance_settings[] = {
     {"sensor_rate_hz=1000"},
     {"model=3dm-gx5-45 sensor_rate_hz=1000"},
     {"model=3dm-cv7-ahrs sensor_rate_hz=1000 filter_fields=", add_increments},
@@ -30,7 +30,7 @@ inline constexpr ConformanceSettings conformance_settings[] = {
 };
 
 // Each body is a descriptor set, then the fields.
-inline constexpr std::string_view host_bodies[] = {
+constexpr std::string_view host_bodies[] = {
     "\x01\x02\x01"sv,
     "\x01\x02\x02"sv,
     "\x01\x02\x03"sv,
@@ -75,9 +75,9 @@ inline constexpr std::string_view host_bodies[] = {
     "\x0C\x05\x42\x01\x02\x01"sv,
     "\x0C\x05\x64\x18\x6D\x02"sv,
     "\x0C\x0B\x0D\xA0\x00\x06\x02\x03\xD0\xD3\xD5\xD7"sv};
-inline constexpr std::string_view ping[] = {"\x01\x02\x01"sv};
+constexpr std::string_view ping[] = {"\x01\x02\x01"sv};
 
-inline std::string framed(std::string_view body) {
+std::string framed(std::string_view body) {
   if (body.empty()) return {};
   std::string packet = "ue";
   packet += body[0];
@@ -86,7 +86,11 @@ inline std::string framed(std::string_view body) {
   for (const std::uint8_t sum : checksum_of(std::as_bytes(std::span(packet)))) packet += static_cast<char>(sum);
   return packet;
 }
-inline constexpr HostInputs host_inputs = {
-    .frame = framed, .bodies = host_bodies, .revive = ping, .last = ping[0], .answer = "\x04\xF1\x01\x00"sv};
+const Conformance conformance(
+    "mip",
+    {.settings = conformance_settings,
+     .host = {
+         .frame = framed, .bodies = host_bodies, .revive = ping, .last = ping[0], .answer = "\x04\xF1\x01\x00"sv}});
 
+}  // namespace
 }  // namespace imud::mip
