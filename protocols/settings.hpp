@@ -24,6 +24,27 @@ struct Setting {
   std::span<const std::string_view> choices = {};
 };
 
+// The rows of an entry's table, by the type of the initial value.
+constexpr Setting flag_setting(std::string_view key, std::string_view help, bool initial) {
+  return {key, help, initial};
+}
+constexpr Setting integer_setting(std::string_view key, std::string_view help, std::int64_t initial, double min,
+                                  double max) {
+  return {key, help, initial, min, max};
+}
+constexpr Setting real_setting(std::string_view key, std::string_view help, double initial, double min, double max) {
+  return {key, help, initial, min, max};
+}
+constexpr Setting text_setting(std::string_view key, std::string_view help, std::string_view initial,
+                               std::span<const std::string_view> choices = {}) {
+  return {key, help, initial, 0, 0, choices};
+}
+constexpr Setting list_setting(std::string_view key, std::string_view help,
+                               std::span<const std::string_view> initial = {},
+                               std::span<const std::string_view> choices = {}) {
+  return {key, help, initial, 0, 0, choices};
+}
+
 // Values for declared settings; `declared` must outlive them. Reading an undeclared key or another type is a
 // programming error and throws std::logic_error.
 class Settings {

@@ -126,15 +126,12 @@ constexpr SignalProduct product_with(std::span<const SignalProductMessage> sent)
 }
 constexpr SignalProduct table = product_with(messages), right_handed_table = product_with(right_handed_messages);
 constexpr std::string_view axes[] = {"bosch", "right_handed"};
-constexpr Setting settings[] = {output_rate_setting(100, 200),
-                                identifiers_setting(),
-                                id_offset_setting(),
+constexpr Setting settings[] = {output_rate_setting(100, 200), identifiers_setting(), id_offset_setting(),
                                 extended_setting(),
-                                {.key = "axes",
-                                 .help = "bosch: the roll rate is negative by the right-hand rule, which Bosch's "
-                                         "receiver undoes; right_handed: it is positive",
-                                 .initial = axes[0],
-                                 .choices = axes}};
+                                text_setting("axes",
+                                             "bosch: the roll rate is negative by the right-hand rule, which Bosch's "
+                                             "receiver undoes; right_handed: it is positive",
+                                             axes[0], axes)};
 
 const SignalProduct& table_of(const Settings& chosen) {
   return chosen.text("axes") == axes[0] ? table : right_handed_table;

@@ -181,21 +181,17 @@ std::vector<SignalMessage> messages_of(const Settings& settings,
 }
 
 constexpr Setting settings[] = {
-    {.key = "dbc_file",
-     .help = "path of the DBC file; without it, signals and checksums, two messages are an example",
-     .initial = std::string_view()},
-    {.key = "signals",
-     .help = "numbers of the signals: [MESSAGE.]SIGNAL=QUANTITY, such as YawRate=rate_z_deg_per_s, or abs(QUANTITY), "
-             "sign(QUANTITY), QUANTITY%MODULUS, a number; the quantities are in protocols/README.md",
-     .initial = std::span<const std::string_view>{}},
-    {.key = "checksums",
-     .help = "checksums of messages: [MESSAGE.]SIGNAL=KIND, such as Crc=j1850 or Imu.Crc=e2e_p01:0x123:both; "
-             "the kinds are in protocols/README.md",
-     .initial = std::span<const std::string_view>{}},
-    {.key = "id_offset",
-     .help = "is added to every identifier of the file, so that several units can be on one bus",
-     .initial = std::int64_t{0},
-     .max = 0x1FFF'FFFF},
+    text_setting("dbc_file", "path of the DBC file; without it, signals and checksums, two messages are an example",
+                 ""),
+    list_setting(
+        "signals",
+        "numbers of the signals: [MESSAGE.]SIGNAL=QUANTITY, such as YawRate=rate_z_deg_per_s, or abs(QUANTITY), "
+        "sign(QUANTITY), QUANTITY%MODULUS, a number; the quantities are in protocols/README.md"),
+    list_setting("checksums",
+                 "checksums of messages: [MESSAGE.]SIGNAL=KIND, such as Crc=j1850 or Imu.Crc=e2e_p01:0x123:both; "
+                 "the kinds are in protocols/README.md"),
+    integer_setting("id_offset", "is added to every identifier of the file, so that several units can be on one bus",
+                    0, 0, 0x1FFF'FFFF),
 };
 
 constexpr DeviceCounter counters[] = {

@@ -285,12 +285,9 @@ std::vector<CanMessage> can_messages(const Settings& settings, double rate_hz) {
 }
 
 constexpr Setting settings[] = {
-    {.key = "can_id",
-     .help = "identifier of the first frame; the others follow it",
-     .initial = std::int64_t{0x100},
-     .max = 0x1FFF'FFFF},
-    {.key = "extended", .help = "29-bit identifiers", .initial = false},
-    {.key = "fd", .help = "one CAN FD frame of 64 bytes per sample, in float32, in place of seven", .initial = false},
+    integer_setting("can_id", "identifier of the first frame; the others follow it", 0x100, 0, 0x1FFF'FFFF),
+    flag_setting("extended", "29-bit identifiers", false),
+    flag_setting("fd", "one CAN FD frame of 64 bytes per sample, in float32, in place of seven", false),
 };
 
 }  // namespace

@@ -139,20 +139,13 @@ class Nos3Decoder final : public Decoder {
 };
 
 constexpr Setting settings[] = {
-    {.key = "sample_rate_hz",
-     .help = "samples per second; a reply has the newest",
-     .initial = 200.0,
-     .min = 1,
-     .max = 10'000},
-    {.key = "request_id", .help = "identifier of the requests", .initial = std::int64_t{0x00F}, .max = 0x7FF},
-    {.key = "reply_id",
-     .help = "identifier of the replies; NOS3's simulator has 0",
-     .initial = std::int64_t{0},
-     .max = 0x7FF},
-    {.key = "with_requests",
-     .help =
-         "sends the requests of all axes with every sample, and their replies: a recording without flight software",
-     .initial = false},
+    real_setting("sample_rate_hz", "samples per second; a reply has the newest", 200.0, 1, 10'000),
+    integer_setting("request_id", "identifier of the requests", 0x00F, 0, 0x7FF),
+    integer_setting("reply_id", "identifier of the replies; NOS3's simulator has 0", 0, 0, 0x7FF),
+    flag_setting(
+        "with_requests",
+        "sends the requests of all axes with every sample, and their replies: a recording without flight software",
+        false),
 };
 
 constexpr DeviceCounter counters[] = {{"requests_refused", "requests refused",

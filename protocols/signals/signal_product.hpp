@@ -29,30 +29,24 @@ struct SignalProduct {
 
 // The rate of its messages and samples.
 constexpr Setting output_rate_setting(double initial, double highest) {
-  return {.key = "output_rate_hz",
-          .help = "samples per second, and messages of each kind that has no rate of its own",
-          .initial = initial,
-          .min = 1,
-          .max = highest};
+  return real_setting("output_rate_hz", "samples per second, and messages of each kind that has no rate of its own",
+                      initial, 1, highest);
 }
 // `initial` must outlive the setting.
 constexpr Setting messages_setting(std::span<const std::string_view> initial) {
-  return {.key = "messages",
-          .help = "messages that are sent; NAME@HZ at a rate of its own, by which output_rate_hz is divisible",
-          .initial = initial};
+  return list_setting("messages",
+                      "messages that are sent; NAME@HZ at a rate of its own, by which output_rate_hz is divisible",
+                      initial);
 }
 constexpr Setting identifiers_setting() {
-  return {.key = "identifiers",
-          .help = "identifiers that are not those as delivered: NAME=ID",
-          .initial = std::span<const std::string_view>{}};
+  return list_setting("identifiers", "identifiers that are not those as delivered: NAME=ID");
 }
 constexpr Setting id_offset_setting() {
-  return {.key = "id_offset",
-          .help = "is added to every identifier as delivered, so that several units can be on one bus",
-          .initial = std::int64_t{0},
-          .max = 0x1FFF'FFFF};
+  return integer_setting("id_offset",
+                         "is added to every identifier as delivered, so that several units can be on one bus", 0, 0,
+                         0x1FFF'FFFF);
 }
-constexpr Setting extended_setting() { return {.key = "extended", .help = "29-bit identifiers", .initial = false}; }
+constexpr Setting extended_setting() { return flag_setting("extended", "29-bit identifiers", false); }
 
 // Returns the messages that a unit with these settings sends. Throws std::invalid_argument, "KEY: ..." with the fault
 // and the remedy.
