@@ -138,40 +138,30 @@ constexpr std::array<std::string_view, 5> model_names = {"3dm-gx5-25", "3dm-gx5-
 constexpr std::array<std::string_view, 1> models_own = {default_name};
 constexpr std::span<const std::string_view> own = models_own;
 constexpr Setting declared[] = {
-    {.key = "model", .help = "the device", .initial = model_names[0], .choices = model_names},
-    {.key = "sensor_rate_hz",
-     .help = "rate of the sensor data, Hz; a divisor of 1000",
-     .initial = std::int64_t{100},
-     .min = 1,
-     .max = 1000},
-    {.key = "sensor_fields",
-     .help = "fields of the sensor data that are streamed, in this order; default: of a GX5 and a GQ7 acceleration, "
-             "rate, magnetic_field, pressure; of a CV7 reference_time, acceleration, rate, then of an AHRS "
-             "delta_angle, delta_velocity, of an INS magnetic_field, pressure, then temperature, overrange",
-     .initial = own,
-     .choices = field_names<sensor>},
-    {.key = "filter_rate_hz",
-     .help = "rate of the filter data, Hz; a divisor of its base rate; 0: that of the model as delivered",
-     .initial = std::int64_t{0},
-     .min = 0,
-     .max = 1000},
-    {.key = "filter_fields",
-     .help = "fields of the filter data that are streamed; default: of a GX5 none; of a CV7-AHRS "
-             "filter_reference_time, filter_status, filter_euler; of a CV7-INS and a GQ7 filter_shared_gps_time, "
-             "filter_status, filter_position, filter_velocity, filter_quaternion, then of a CV7-INS filter_euler",
-     .initial = own,
-     .choices = field_names<filter>},
-    {.key = "gnss_rate_hz",
-     .help = "rate of the receivers' data, Hz; a divisor of their base rate (GX5-45: 4, GQ7: 2); 0: that rate",
-     .initial = std::int64_t{0},
-     .min = 0,
-     .max = 4},
-    {.key = "gnss_fields",
-     .help = "fields of the receivers' data that are streamed, by a model with a receiver; default: of a GX5-45 "
-             "none; of a GQ7 gnss_position, gnss_velocity, gnss_dop, gnss_fix",
-     .initial = own,
-     .choices = field_names<gnss>},
-    {.key = "baud", .help = "speed of the line, bit/s", .initial = std::int64_t{115200}, .min = 9600, .max = 921600},
+    text_setting("model", "the device", model_names[0], model_names),
+    integer_setting("sensor_rate_hz", "rate of the sensor data, Hz; a divisor of 1000", 100, 1, 1000),
+    list_setting(
+        "sensor_fields",
+        "fields of the sensor data that are streamed, in this order; default: of a GX5 and a GQ7 acceleration, "
+        "rate, magnetic_field, pressure; of a CV7 reference_time, acceleration, rate, then of an AHRS "
+        "delta_angle, delta_velocity, of an INS magnetic_field, pressure, then temperature, overrange",
+        own, field_names<sensor>),
+    integer_setting("filter_rate_hz",
+                    "rate of the filter data, Hz; a divisor of its base rate; 0: that of the model as delivered", 0,
+                    0, 1000),
+    list_setting("filter_fields",
+                 "fields of the filter data that are streamed; default: of a GX5 none; of a CV7-AHRS "
+                 "filter_reference_time, filter_status, filter_euler; of a CV7-INS and a GQ7 filter_shared_gps_time, "
+                 "filter_status, filter_position, filter_velocity, filter_quaternion, then of a CV7-INS filter_euler",
+                 own, field_names<filter>),
+    integer_setting("gnss_rate_hz",
+                    "rate of the receivers' data, Hz; a divisor of their base rate (GX5-45: 4, GQ7: 2); 0: that rate",
+                    0, 0, 4),
+    list_setting("gnss_fields",
+                 "fields of the receivers' data that are streamed, by a model with a receiver; default: of a GX5-45 "
+                 "none; of a GQ7 gnss_position, gnss_velocity, gnss_dop, gnss_fix",
+                 own, field_names<gnss>),
+    integer_setting("baud", "speed of the line, bit/s", 115200, 9600, 921600),
 };
 
 const Model& model_of(const Settings& settings) {

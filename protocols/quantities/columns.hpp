@@ -86,11 +86,8 @@ class Columns {
 };
 
 // The setting that makes a format of columns readable without its header row.
-inline constexpr Setting columns_setting = {
-    .key = "columns",
-    .help = "names of the columns, for a stream whose header row is missed",
-    .initial = std::span<const std::string_view>{},
-};
+inline constexpr Setting columns_setting =
+    list_setting("columns", "names of the columns, for a stream whose header row is missed");
 
 // The wanted columns of a truth format.
 struct ColumnNames {

@@ -13,11 +13,9 @@ namespace imud {
 
 // The setting of formats whose records may have no usable time.
 inline constexpr std::string_view time_choices[] = {"field", "arrival"};
-inline constexpr Setting time_setting = {
-    .key = "time",
-    .help = "where a truth's time comes from: the record, or its arrival, counted from the first",
-    .initial = std::string_view("field"),
-    .choices = time_choices};
+inline constexpr Setting time_setting =
+    text_setting("time", "where a truth's time comes from: the record, or its arrival, counted from the first",
+                 "field", time_choices);
 
 // Reads a record, continues a time that wraps, and assembles the Truth. The constructor may throw. One thread.
 class PackedTruth {

@@ -9,19 +9,14 @@
 namespace imud {
 
 // The setting `columns` of such a format: another order.
-inline constexpr Setting column_order_setting = {
-    .key = "columns",
-    .help =
-        "quantities of the columns in their order, if it is another one: time_s, q_NB_w, ...; _ is not used, a "
-        "minus changes the sign",
-    .initial = std::span<const std::string_view>{},
-};
+inline constexpr Setting column_order_setting = list_setting(
+    "columns",
+    "quantities of the columns in their order, if it is another one: time_s, q_NB_w, ...; _ is not used, a "
+    "minus changes the sign");
 // The setting `level` of pose tables of robots, whose world has its z axis up.
-inline constexpr Setting world_setting = {
-    .key = level_setting.key,
-    .help = "axes of the world: \"enu\" if its z axis points up, \"ned\" if it points down",
-    .initial = std::string_view("enu"),
-    .choices = level_choices};
+inline constexpr Setting world_setting =
+    text_setting(level_setting.key, "axes of the world: \"enu\" if its z axis points up, \"ned\" if it points down",
+                 "enu", level_choices);
 
 // Makes the decoder of rows with the columns of the setting, or with these. Throws as MappedColumns does.
 inline std::unique_ptr<TruthDecoder> make_pose_table(const Settings& settings,

@@ -16,24 +16,18 @@ namespace imud {
 // north-east-down or east-north-up; `body`: whether its body axes are front-right-down or front-left-up.
 inline constexpr std::string_view level_choices[] = {"ned", "enu"};
 inline constexpr std::string_view body_choices[] = {"frd", "flu"};
-inline constexpr Setting level_setting = {
-    .key = "level",
-    .help =
-        "axes of the local level, and of N where there is no place on the Earth: north-east-down or east-north-up",
-    .initial = std::string_view("ned"),
-    .choices = level_choices};
-inline constexpr Setting body_setting = {.key = "body",
-                                         .help = "body axes: front-right-down or front-left-up",
-                                         .initial = std::string_view("frd"),
-                                         .choices = body_choices};
+inline constexpr Setting level_setting = text_setting(
+    "level",
+    "axes of the local level, and of N where there is no place on the Earth: north-east-down or east-north-up", "ned",
+    level_choices);
+inline constexpr Setting body_setting =
+    text_setting("body", "body axes: front-right-down or front-left-up", "frd", body_choices);
 inline constexpr std::string_view accumulation_choices[] = {"inertial", "body_sum", "none"};
-inline constexpr Setting accumulated_dv_setting = {
-    .key = "accumulated_dv",
-    .help =
-        "how the accumulated velocity was accumulated: in inertial space, or each step in its own body axes; none: "
-        "not used",
-    .initial = std::string_view("inertial"),
-    .choices = accumulation_choices};
+inline constexpr Setting accumulated_dv_setting = text_setting(
+    "accumulated_dv",
+    "how the accumulated velocity was accumulated: in inertial space, or each step in its own body axes; none: "
+    "not used",
+    "inertial", accumulation_choices);
 
 // Returns the largest magnitude of the numbers of a field, in its unit.
 double largest_of(const TruthField& field) noexcept;

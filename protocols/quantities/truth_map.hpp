@@ -19,11 +19,8 @@ struct MappedQuantity {
 using TruthMap = std::vector<MappedQuantity>;
 
 // The setting `columns` of a format that maps names.
-inline constexpr Setting map_setting = {
-    .key = "columns",
-    .help = "the quantities and the names that the simulator gives them: {time_s = \"t\", q_NB_w = \"qw\", ...}",
-    .initial = std::span<const std::string_view>{},
-};
+inline constexpr Setting map_setting = list_setting(
+    "columns", "the quantities and the names that the simulator gives them: {time_s = \"t\", q_NB_w = \"qw\", ...}");
 
 // Returns true if the texts are a map, "our_name=their_name", and no list of names.
 bool is_truth_map(std::span<const std::string> texts) noexcept;

@@ -164,20 +164,15 @@ class ArdupilotJsonDecoder final : public JsonTruthDecoder {
 };
 
 constexpr Setting settings[] = {
-    {.key = "pwm",
-     .help =
-         "pulse widths of the servo channels, us; those that are not given are 1000; more than 16: a packet of 32",
-     .initial = std::span<const std::string_view>{}},
-    {.key = "frame_rate_hz",
-     .help = "frame rate of the servo packets, Hz: the inverse of the step that the simulator should take",
-     .initial = std::int64_t{1000},
-     .min = 1,
-     .max = 65535},
-    {.key = "speedup",
-     .help = "simulated time by the host's time; 0: as fast as the simulator answers, with clock = \"lockstep\"",
-     .initial = 1.0,
-     .min = 0,
-     .max = 1000},
+    list_setting(
+        "pwm",
+        "pulse widths of the servo channels, us; those that are not given are 1000; more than 16: a packet of 32"),
+    integer_setting("frame_rate_hz",
+                    "frame rate of the servo packets, Hz: the inverse of the step that the simulator should take",
+                    1000, 1, 65535),
+    real_setting("speedup",
+                 "simulated time by the host's time; 0: as fast as the simulator answers, with clock = \"lockstep\"",
+                 1.0, 0, 1000),
 };
 
 }  // namespace

@@ -23,11 +23,11 @@ namespace {
 
 constexpr std::string_view position_choices[] = {"ned", "geodetic"};
 constexpr Setting settings[] = {
-    {.key = "position",
-     .help = "position_xyz and velocity_xyz: m north, east, down of an origin; or longitude, latitude, altitude, and "
-             "m/s east, north, up, as with USE_VIRTUAL_GPS",
-     .initial = std::string_view("ned"),
-     .choices = position_choices},
+    text_setting(
+        "position",
+        "position_xyz and velocity_xyz: m north, east, down of an origin; or longitude, latitude, altitude, and "
+        "m/s east, north, up, as with USE_VIRTUAL_GPS",
+        "ned", position_choices),
 };
 
 constexpr std::string_view local_fields[] = {

@@ -29,10 +29,8 @@ constexpr std::string_view truth_columns[] = {"time_s",          "latitude_rad",
                                               "pitch_rad",       "roll_rad"};
 
 constexpr Setting settings[] = {
-    {.key = "protocol",
-     .help = "the protocol that is shipped with FlightGear; `columns` takes its place",
-     .initial = protocols[0],
-     .choices = protocols},
+    text_setting("protocol", "the protocol that is shipped with FlightGear; `columns` takes its place", protocols[0],
+                 protocols),
     column_order_setting,
     level_setting,
     body_setting,

@@ -34,11 +34,10 @@ namespace {
 
 constexpr std::string_view acceleration_choices[] = {"specific_force", "coordinate", "none"};
 constexpr Setting settings[] = {
-    {.key = "acceleration",
-     .help = "meaning of xacc to zacc: specific force; the derivative of the velocity, from which gravity is "
-             "subtracted; or not used",
-     .initial = std::string_view("specific_force"),
-     .choices = acceleration_choices},
+    text_setting("acceleration",
+                 "meaning of xacc to zacc: specific force; the derivative of the velocity, from which gravity is "
+                 "subtracted; or not used",
+                 "specific_force", acceleration_choices),
 };
 
 // Payloads in the order of the wire; the time is read apart.

@@ -35,27 +35,20 @@ constexpr std::string_view initial_fields[] = {
     "specific_force_z_m_per_s2:f64",
 };
 constexpr Setting settings[] = {
-    {.key = "fields",
-     .help = "fields in their order: NAME:TYPE or NAME:TYPE*SCALE, padding _:BYTES; types u8 i8 u16 i16 u32 i32 u64 "
-             "i64 f32 f64; names: `imud list csv`",
-     .initial = std::span<const std::string_view>(initial_fields)},
-    {.key = "byte_order",
-     .help = "byte order of fields and checksum",
-     .initial = std::string_view("little"),
-     .choices = byte_order_choices},
-    {.key = "magic",
-     .help = "first bytes of every record, before the fields, in hexadecimal: \"1acffc1d\"",
-     .initial = std::string_view("")},
-    {.key = "length",
-     .help = "bytes of a whole record, 0: magic, fields and checksum; what is more is not used",
-     .initial = std::int64_t{0},
-     .min = 0,
-     .max = static_cast<double>(PackedLayout::largest_size)},
-    {.key = "checksum",
-     .help = "checksum of all bytes before it, at the record's end: the low byte of their sum, their exclusive or, "
-             "CRC-16/IBM-3740 (CCITT, initially ffff), CRC-16/MODBUS, CRC-32 (Ethernet) or CRC-32C",
-     .initial = std::string_view("none"),
-     .choices = checksum_choices},
+    list_setting(
+        "fields",
+        "fields in their order: NAME:TYPE or NAME:TYPE*SCALE, padding _:BYTES; types u8 i8 u16 i16 u32 i32 u64 "
+        "i64 f32 f64; names: `imud list csv`",
+        initial_fields),
+    text_setting("byte_order", "byte order of fields and checksum", "little", byte_order_choices),
+    text_setting("magic", "first bytes of every record, before the fields, in hexadecimal: \"1acffc1d\"", ""),
+    integer_setting("length", "bytes of a whole record, 0: magic, fields and checksum; what is more is not used", 0,
+                    0, static_cast<double>(PackedLayout::largest_size)),
+    text_setting(
+        "checksum",
+        "checksum of all bytes before it, at the record's end: the low byte of their sum, their exclusive or, "
+        "CRC-16/IBM-3740 (CCITT, initially ffff), CRC-16/MODBUS, CRC-32 (Ethernet) or CRC-32C",
+        "none", checksum_choices),
     time_setting,
     level_setting,
     body_setting,

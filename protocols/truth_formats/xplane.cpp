@@ -97,22 +97,16 @@ constexpr std::int64_t version_12 = 12;
 
 constexpr std::string_view source_choices[] = {"rref", "data"};
 constexpr Setting settings[] = {
-    {.key = "source",
-     .help = "\"rref\": imud requests datarefs; \"data\": rows 1, 4, 16, 17, 20 and 21 of X-Plane's Data Output",
-     .initial = std::string_view("rref"),
-     .choices = source_choices},
-    {.key = "request_hz",
-     .help = "how often X-Plane should send the datarefs, at most once each of its frames, Hz",
-     .initial = std::int64_t{100},
-     .min = 1,
-     .max = 999},
-    {.key = "version",
-     .help =
-         "version of X-Plane whose Data Output is sent: its rates are P, Q, R in deg/s since 12, Q, P, R in rad/s "
-         "before",
-     .initial = version_12,
-     .min = 9,
-     .max = version_12},
+    text_setting("source",
+                 "\"rref\": imud requests datarefs; \"data\": rows 1, 4, 16, 17, 20 and 21 of X-Plane's Data Output",
+                 "rref", source_choices),
+    integer_setting("request_hz", "how often X-Plane should send the datarefs, at most once each of its frames, Hz",
+                    100, 1, 999),
+    integer_setting(
+        "version",
+        "version of X-Plane whose Data Output is sent: its rates are P, Q, R in deg/s since 12, Q, P, R in rad/s "
+        "before",
+        version_12, 9, version_12),
     time_setting,
 };
 
