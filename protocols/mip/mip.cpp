@@ -17,6 +17,50 @@ constexpr std::string_view gq7_filter[] = {"filter_shared_gps_time", "filter_sta
                                            "filter_velocity", "filter_quaternion"};
 constexpr std::string_view gq7_gnss[] = {"gnss_position", "gnss_velocity", "gnss_dop", "gnss_fix"};
 
+// The properties that the models of a series share.
+constexpr Model gx5_series = {.options = "8g, 300d/s",
+                              .filter_hz = 500,
+                              .gyro_max = 300 * units::degree,
+                              .preset = "3dm-gx5-25",
+                              .gyro_noise = 0.005 * units::degree,
+                              .accelerometer_noise = 80e-6 * units::standard_gravity};
+constexpr Model gx5_45_series = [] {
+  Model series = gx5_series;
+  series.receivers = {gnss};
+  series.gnss_hz = 4;
+  return series;
+}();
+constexpr Model cv7_series = {.options = "8g, 500d/s",
+                              .filter_hz = 1000,
+                              .gyro_max = 500 * units::degree,
+                              .preset = "3dm-cv7",
+                              .gyro_noise = 0.17 / 60 * units::degree,
+                              .accelerometer_noise = 0.03 / 60};
+constexpr Model gq7_series = {.options = "8g, 300d/s",
+                              .receivers = {gnss_1, gnss_2},
+                              .filter_hz = 1000,
+                              .gnss_hz = 2,
+                              .filter_stream_hz = 40,
+                              .gyro_max = 300 * units::degree,
+                              .preset = "3dm-cv7",
+                              .gyro_noise = 0.15 / 60 * units::degree,
+                              .accelerometer_noise = 0.02 / 60,
+                              .gnss_fields = gq7_gnss};
+
+constexpr Model model(Model series, unsigned bit, std::string_view keyword, std::string_view name,
+                      std::string_view number, std::string_view serial,
+                      std::span<const std::string_view> sensor_fields,
+                      std::span<const std::string_view> filter_fields = {}) {
+  series.bit = bit;
+  series.keyword = keyword;
+  series.name = name;
+  series.number = number;
+  series.serial = serial;
+  series.sensor_fields = sensor_fields;
+  series.filter_fields = filter_fields;
+  return series;
+}
+
 }  // namespace
 
 // Model numbers are from mip_sdk, mip_device_models.h. The base rates of the GQ7 and the CV7 are from their manuals
@@ -28,96 +72,11 @@ constexpr std::string_view gq7_gnss[] = {"gnss_position", "gnss_velocity", "gnss
 // before it has configured the unit. The GQ7 streams the fields that ArduPilot needs, at 115200 bit/s: packets of the
 // receivers delay a filter packet by 15 ms. A filter packet 44 ms after the last is late.
 constinit const std::array<Model, 5> models = {{
-    {.bit = gx5_25,
-     .keyword = "3dm-gx5-25",
-     .name = "3DM-GX5-25",
-     .number = "6253-4220",
-     .serial = "6253.123456",
-     .options = "8g, 300d/s",
-     .receivers = {},
-     .filter_hz = 500,
-     .gnss_hz = 0,
-     .filter_stream_hz = 10,
-     .gyro_max = 300 * units::degree,
-     .accelerometer_max_g = 8,
-     .preset = "3dm-gx5-25",
-     .gyro_noise = 0.005 * units::degree,
-     .accelerometer_noise = 80e-6 * units::standard_gravity,
-     .sensor_fields = gx5_sensor,
-     .filter_fields = {},
-     .gnss_fields = {}},
-    {.bit = gx5_45,
-     .keyword = "3dm-gx5-45",
-     .name = "3DM-GX5-45",
-     .number = "6251-4220",
-     .serial = "6251.123456",
-     .options = "8g, 300d/s",
-     .receivers = {gnss},
-     .filter_hz = 500,
-     .gnss_hz = 4,
-     .filter_stream_hz = 10,
-     .gyro_max = 300 * units::degree,
-     .accelerometer_max_g = 8,
-     .preset = "3dm-gx5-25",
-     .gyro_noise = 0.005 * units::degree,
-     .accelerometer_noise = 80e-6 * units::standard_gravity,
-     .sensor_fields = gx5_sensor,
-     .filter_fields = {},
-     .gnss_fields = {}},
-    {.bit = cv7_ahrs,
-     .keyword = "3dm-cv7-ahrs",
-     .name = "3DM-CV7-AHRS",
-     .number = "6286-9968",
-     .serial = "6286.123456",
-     .options = "8g, 500d/s",
-     .receivers = {},
-     .filter_hz = 1000,
-     .gnss_hz = 0,
-     .filter_stream_hz = 10,
-     .gyro_max = 500 * units::degree,
-     .accelerometer_max_g = 8,
-     .preset = "3dm-cv7",
-     .gyro_noise = 0.17 / 60 * units::degree,
-     .accelerometer_noise = 0.03 / 60,
-     .sensor_fields = ahrs_sensor,
-     .filter_fields = ahrs_filter,
-     .gnss_fields = {}},
-    {.bit = cv7_ins,
-     .keyword = "3dm-cv7-ins",
-     .name = "3DM-CV7-INS",
-     .number = "6291-9968",
-     .serial = "6291.123456",
-     .options = "8g, 500d/s",
-     .receivers = {},
-     .filter_hz = 1000,
-     .gnss_hz = 0,
-     .filter_stream_hz = 10,
-     .gyro_max = 500 * units::degree,
-     .accelerometer_max_g = 8,
-     .preset = "3dm-cv7",
-     .gyro_noise = 0.17 / 60 * units::degree,
-     .accelerometer_noise = 0.03 / 60,
-     .sensor_fields = ins_sensor,
-     .filter_fields = ins_filter,
-     .gnss_fields = {}},
-    {.bit = gq7,
-     .keyword = "3dm-gq7",
-     .name = "3DM-GQ7",
-     .number = "6284-4220",
-     .serial = "6284.123456",
-     .options = "8g, 300d/s",
-     .receivers = {gnss_1, gnss_2},
-     .filter_hz = 1000,
-     .gnss_hz = 2,
-     .filter_stream_hz = 40,
-     .gyro_max = 300 * units::degree,
-     .accelerometer_max_g = 8,
-     .preset = "3dm-cv7",
-     .gyro_noise = 0.15 / 60 * units::degree,
-     .accelerometer_noise = 0.02 / 60,
-     .sensor_fields = gx5_sensor,
-     .filter_fields = gq7_filter,
-     .gnss_fields = gq7_gnss},
+    model(gx5_series, gx5_25, "3dm-gx5-25", "3DM-GX5-25", "6253-4220", "6253.123456", gx5_sensor),
+    model(gx5_45_series, gx5_45, "3dm-gx5-45", "3DM-GX5-45", "6251-4220", "6251.123456", gx5_sensor),
+    model(cv7_series, cv7_ahrs, "3dm-cv7-ahrs", "3DM-CV7-AHRS", "6286-9968", "6286.123456", ahrs_sensor, ahrs_filter),
+    model(cv7_series, cv7_ins, "3dm-cv7-ins", "3DM-CV7-INS", "6291-9968", "6291.123456", ins_sensor, ins_filter),
+    model(gq7_series, gq7, "3dm-gq7", "3DM-GQ7", "6284-4220", "6284.123456", gx5_sensor, gq7_filter),
 }};
 
 std::array<std::uint8_t, checksum_size> checksum_of(std::span<const std::byte> bytes) noexcept {

@@ -84,15 +84,15 @@ inline constexpr unsigned gx5 = gx5_25 | gx5_45, cv7 = cv7_ahrs | cv7_ins, serie
 inline constexpr unsigned with_receiver = gx5_45 | gq7, ins = with_receiver | cv7_ins, all = gx5 | series_7;
 
 struct Model {
-  unsigned bit;
-  std::string_view keyword, name, number, serial, options;
-  std::array<std::uint8_t, 2> receivers;                                        // their descriptor sets; 0: none
-  std::uint16_t filter_hz, gnss_hz;                                             // Hz, base rates; 0: no receiver
-  std::uint16_t filter_stream_hz;                                               // Hz, of the stream as delivered
-  double gyro_max, accelerometer_max_g;                                         // rad/s
-  std::string_view preset;                                                      // its default model
-  double gyro_noise, accelerometer_noise;                                       // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
-  std::span<const std::string_view> sensor_fields, filter_fields, gnss_fields;  // as delivered
+  unsigned bit = 0;
+  std::string_view keyword = {}, name = {}, number = {}, serial = {}, options = {};
+  std::array<std::uint8_t, 2> receivers = {};      // their descriptor sets; 0: none
+  std::uint16_t filter_hz = 0, gnss_hz = 0;        // Hz, base rates; 0: no receiver
+  std::uint16_t filter_stream_hz = 10;             // Hz, of the stream as delivered
+  double gyro_max = 0, accelerometer_max_g = 8;    // rad/s
+  std::string_view preset = {};                    // its default model
+  double gyro_noise = 0, accelerometer_noise = 0;  // rad/s/sqrt(Hz), m/s^2/sqrt(Hz)
+  std::span<const std::string_view> sensor_fields = {}, filter_fields = {}, gnss_fields = {};  // as delivered
 
   bool is(unsigned set) const noexcept { return (bit & set) != 0; }
 };
