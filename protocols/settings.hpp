@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -71,5 +72,11 @@ class Settings {
   std::span<const Setting> declared_;
   std::vector<SettingValue> values_;  // as declared_
 };
+
+// Makes a T, whose constructor takes the settings: for `make` and `make_decoder` of an entry.
+template <class Base, class T>
+std::unique_ptr<Base> make_as(const Settings& settings) {
+  return std::make_unique<T>(settings);
+}
 
 }  // namespace imud

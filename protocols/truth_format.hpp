@@ -152,11 +152,11 @@ struct ColumnGroup {
 
 // One entry of the table.
 struct TruthFormat {
-  std::string_view name;      // keyword in the configuration: the file's stem with '-' for '_'; nasa_42 is "42"
-  std::string_view summary;   // one line
-  std::string_view document;  // the document and revision followed
-  bool delimits_itself;       // its records are found in a stream or file too; otherwise only in datagrams
-  bool acknowledges;          // acknowledge() sends an answer, so that the simulator can wait for the samples
+  std::string_view name;         // keyword in the configuration: the file's stem with '-' for '_'; nasa_42 is "42"
+  std::string_view summary;      // one line
+  std::string_view document;     // the document and revision followed
+  bool delimits_itself = false;  // its records are found in a stream or file too; otherwise only in datagrams
+  bool acknowledges = false;     // acknowledge() sends an answer, so that the simulator can wait for the samples
   std::span<const Setting> settings = {};     // beside `port` and `format` in [truth]
   std::span<const ColumnGroup> columns = {};  // all that it uses, required ones first; empty: it has no columns
   // Throws std::invalid_argument if the settings are inconsistent; the message is "KEY: ", then the fault and the

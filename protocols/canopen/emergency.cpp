@@ -1,6 +1,5 @@
 #include "protocols/canopen/emergency.hpp"
 
-
 namespace imud::canopen {
 namespace {
 

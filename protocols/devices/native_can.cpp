@@ -314,12 +314,8 @@ extern constexpr Protocol native_can_protocol = {
     .status_bits = 0xFF,
     .can_messages = can_messages,
     .can_filters = [](const Settings&) { return std::vector<CanFilter>{}; },
-    .make = [](const Settings& chosen) -> std::unique_ptr<Device> {
-      return std::make_unique<NativeCanDevice>(chosen);
-    },
-    .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
-      return std::make_unique<NativeCanDecoder>(chosen);
-    },
+    .make = make_as<Device, NativeCanDevice>,
+    .make_decoder = make_as<Decoder, NativeCanDecoder>,
 };
 
 }  // namespace imud

@@ -184,10 +184,8 @@ extern constexpr Protocol nos3_imu_protocol = {
           product.accelerometer.max = 10 * units::standard_gravity;
           return product;
         },
-    .make = [](const Settings& chosen) -> std::unique_ptr<Device> { return std::make_unique<Nos3Device>(chosen); },
-    .make_decoder = [](const Settings& chosen) -> std::unique_ptr<Decoder> {
-      return std::make_unique<Nos3Decoder>(chosen);
-    },
+    .make = make_as<Device, Nos3Device>,
+    .make_decoder = make_as<Decoder, Nos3Decoder>,
 };
 
 }  // namespace imud

@@ -308,9 +308,7 @@ extern constexpr Protocol dronecan_protocol = {
     .make = [](const Settings& settings) -> std::unique_ptr<Device> {
       return std::make_unique<DroneCanDevice>(configuration_of(settings));
     },
-    .make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
-      return dronecan::make_decoder(settings);
-    },
+    .make_decoder = dronecan::make_decoder,
 };
 
 }  // namespace imud

@@ -381,7 +381,7 @@ extern constexpr Protocol j1939_protocol = {
     .can_messages = can_messages,
     .can_filters = can_filters,
     .product = product_of,
-    .make = [](const Settings& chosen) -> std::unique_ptr<Device> { return std::make_unique<J1939Device>(chosen); },
+    .make = make_as<Device, J1939Device>,
     .make_decoder = j1939::make_decoder,
 };
 

@@ -1,7 +1,6 @@
 // The texts by which Service Mode of the STIM300 describes a unit.
 #pragma once
 
-
 #include "protocols/stim300/service.hpp"
 
 namespace imud::stim300 {

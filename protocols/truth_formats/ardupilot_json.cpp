@@ -181,12 +181,9 @@ extern constexpr TruthFormat ardupilot_json_truth_format = {
     .name = "ardupilot-json",
     .summary = "a simulator for ArduPilot's JSON interface, driven by servo packets in the flight stack's place",
     .document = "ArduPilot, libraries/SITL/examples/JSON/readme.md and SIM_JSON.cpp",
-    .delimits_itself = false,
     .acknowledges = true,
     .settings = settings,
-    .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
-      return std::make_unique<ArdupilotJsonDecoder>(chosen);
-    },
+    .make = make_as<TruthDecoder, ArdupilotJsonDecoder>,
     .force_from = "imu.accel_body",
     .servos = most_channels,
     .example_port = "0.0.0.0:0?peer=127.0.0.1:9002",

@@ -70,8 +70,6 @@ extern constexpr TruthFormat basilisk_truth_format = {
     .name = "basilisk",
     .summary = "Basilisk's SCStatesMsgPayload as it lies in memory, after the time in ns: 280 bytes",
     .document = "Basilisk 2.12, msgPayloadDefC/SCStatesMsgPayload.h",
-    .delimits_itself = false,
-    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<BasiliskTruthDecoder>(

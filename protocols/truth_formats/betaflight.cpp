@@ -106,8 +106,6 @@ extern constexpr TruthFormat betaflight_truth_format = {
     .name = "betaflight",
     .summary = "the state that simulators send to Betaflight's SITL: 18 doubles, or 17 without the pressure",
     .document = "Betaflight at 301d01a (2026), SITL/target.h, fdm_packet",
-    .delimits_itself = false,
-    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<BetaflightTruthDecoder>(

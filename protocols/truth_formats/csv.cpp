@@ -179,7 +179,6 @@ extern constexpr TruthFormat csv_truth_format = {
     .summary = "rows of text, columns by the names of Basilisk's spacecraft states, of quantities, or by a map",
     .document = "protocols/truth_formats/csv.cpp; Basilisk SCStatesMsgPayload",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
     .columns = column_groups,
     .make = make,

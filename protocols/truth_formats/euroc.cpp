@@ -21,7 +21,6 @@ extern constexpr TruthFormat euroc_truth_format = {
     .summary = "poses and velocities in rows: EuRoC's ground truth",
     .document = "Burri et al., The EuRoC micro aerial vehicle datasets, IJRR 2016; state_groundtruth_estimate0",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) { return make_pose_table(chosen, columns); },
     .force_from = "the columns specific_force_x_m_per_s2 to _z_m_per_s2, by truth.columns",

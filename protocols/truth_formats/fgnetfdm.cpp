@@ -99,8 +99,6 @@ extern constexpr TruthFormat fgnetfdm_truth_format = {
     .summary =
         "FlightGear's native FDM, version 24, as FlightGear and JSBSim send it: force at the pilot's eye point",
     .document = "FlightGear 2020.3 and JSBSim 1.3.2, net_fdm.hxx, FG_NET_FDM_VERSION 24",
-    .delimits_itself = false,
-    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<FgnetfdmTruthDecoder>(chosen.text("time") == time_choices[0]);

@@ -49,7 +49,6 @@ extern constexpr TruthFormat flightgear_truth_format = {
     .summary = "rows of FlightGear's generic protocol: insgns-imu, insgns-truth, or any by its columns",
     .document = "FlightGear, Docs/README.protocol; FGDATA Protocol/insgns-imu.xml and insgns-truth.xml",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
     .make = make,
     .force_from = "insgns-imu, or columns specific_force_x_m_per_s2 to _z",

@@ -108,12 +108,9 @@ extern constexpr TruthFormat jsbsim_truth_format = {
         "JSBSim <output type=\"SOCKET\"> rows: inertial rate, attitude, specific force at the pilot's eye point",
     .document = "JSBSim 1.3.2, FGOutputSocket",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
     .columns = column_groups,
-    .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
-      return std::make_unique<JsbsimTruthDecoder>(chosen);
-    },
+    .make = make_as<TruthDecoder, JsbsimTruthDecoder>,
     .force_from = "the properties accelerations/a-pilot-x-ft_sec2 to a-pilot-z-ft_sec2",
 };
 

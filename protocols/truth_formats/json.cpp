@@ -25,7 +25,6 @@ extern constexpr TruthFormat json_truth_format = {
     .summary = "JSON objects, a line or a datagram each, with the names of quantities, or by a map",
     .document = "RFC 8259; protocols/quantities/truth_quantities.hpp",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
     .make = make,
     .force_from = "specific_force_x_m_per_s2 to _z_m_per_s2, or an acceleration",

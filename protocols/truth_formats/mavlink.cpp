@@ -314,7 +314,6 @@ extern constexpr TruthFormat mavlink_truth_format = {
     .summary = "MAVLink 1 and 2: HIL_STATE_QUATERNION, HIL_STATE, and SIM_STATE with SYSTEM_TIME",
     .document = "mavlink.io, Packet Serialization; common.xml",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<MavlinkTruthDecoder>(chosen.text("acceleration"));

@@ -216,7 +216,6 @@ extern constexpr TruthFormat native_truth_format = {
     .name = "native",
     .summary = "imud's own datagram of 208 bytes, with CRC-32C and an acknowledgement for lockstep",
     .document = "protocols/native_truth.hpp, version 1",
-    .delimits_itself = false,
     .acknowledges = true,
     .make = [](const Settings&) -> std::unique_ptr<TruthDecoder> { return std::make_unique<NativeTruthDecoder>(); },
     .force_from = "the specific force with flag 2, or the accumulated velocity with flag 4 or 8",

@@ -231,11 +231,8 @@ extern constexpr TruthFormat struct_truth_format = {
     .summary = "packed records that the settings describe: Simulink, LabVIEW, a C struct",
     .document = "protocols/quantities/packed_layout.hpp",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
-    .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
-      return std::make_unique<StructTruthDecoder>(chosen);
-    },
+    .make = make_as<TruthDecoder, StructTruthDecoder>,
     .force_from =
         "fields of a specific force (specific_force_x_m_per_s2 to _z), an acceleration or an accumulated "
         "velocity",

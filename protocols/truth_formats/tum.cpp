@@ -21,7 +21,6 @@ extern constexpr TruthFormat tum_truth_format = {
     .summary = "poses in rows: timestamp tx ty tz qx qy qz qw",
     .document = "TUM RGB-D benchmark, file formats: ground-truth trajectories",
     .delimits_itself = true,
-    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) { return make_pose_table(chosen, columns); },
     .force_from = "the columns specific_force_x_m_per_s2 to _z_m_per_s2, by truth.columns",

@@ -215,8 +215,6 @@ extern constexpr TruthFormat xplane_truth_format = {
     .name = "xplane",
     .summary = "X-Plane: datarefs that imud requests (RREF), or rows of its Data Output (DATA)",
     .document = "Laminar Research, Sending Data to X-Plane (X-Plane 11 and 12): RREF, DATA",
-    .delimits_itself = false,
-    .acknowledges = false,
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
       return std::make_unique<XplaneTruthDecoder>(

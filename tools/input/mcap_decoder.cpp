@@ -135,9 +135,7 @@ constexpr Protocol mcap_format = {
     .document = "mcap.dev/spec, version 0",
     .settings = mcap_settings,
     .has_checksum = true,
-    .make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
-      return std::make_unique<McapDecoder>(settings);
-    },
+    .make_decoder = make_as<Decoder, McapDecoder>,
 };
 
 }  // namespace imud

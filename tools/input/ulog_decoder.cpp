@@ -165,9 +165,7 @@ constexpr Protocol ulog_format = {
     .link = Link::bytes,
     .document = "docs.px4.io, ULog File Format, version 1",
     .settings = ulog_settings,
-    .make_decoder = [](const Settings& settings) -> std::unique_ptr<Decoder> {
-      return std::make_unique<UlogDecoder>(settings);
-    },
+    .make_decoder = make_as<Decoder, UlogDecoder>,
 };
 
 }  // namespace imud
