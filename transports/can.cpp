@@ -22,8 +22,6 @@ constexpr PortOption wait_option = {
 constexpr PortOption can_options[] = {bitrate_option, data_bitrate_option, mtu_option, frames_per_s_option,
                                       max_age_option, confirm_option,      wait_option};
 
-void check(const PortSpec&, const PortSettings&) {}
-
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   if (spec.address.size() >= IFNAMSIZ)
     throw spec.error("the name is too long for an interface; right would be a name such as can0");
@@ -58,7 +56,6 @@ extern constexpr Transport can_transport = {
     .carries_can = true,
     .keeps_datagrams = true,
     .is_shared = true,
-    .check = check,
     .open = open,
     .wire_time = can_wire_time,
 };

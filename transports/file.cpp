@@ -52,8 +52,6 @@ class FileReader final : public Port {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(128 * 1024);
 };
 
-void check(const PortSpec&, const PortSettings&) {}
-
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   if (settings.role == Role::device) return std::make_unique<FileWriter>(spec, settings);
   return std::make_unique<FileReader>(spec);
@@ -73,7 +71,6 @@ extern constexpr Transport file_transport = {
     .reads_standard_input = true,
     .has_private_copy = true,
     .suffixes = ".csv .txt",
-    .check = check,
     .open = open,
     .is_standard_output = is_standard_output,
 };

@@ -264,12 +264,6 @@ std::optional<std::uint16_t> udp_port(const PortSpec& spec) {
   return port ? std::optional(static_cast<std::uint16_t>(*port)) : std::nullopt;
 }
 
-void check(const PortSpec&, const PortSettings&) {}
-
-std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
-  return std::make_unique<PcapPort>(spec, settings);
-}
-
 }  // namespace
 
 extern constexpr Transport pcap_transport = {
@@ -287,8 +281,7 @@ extern constexpr Transport pcap_transport = {
     .has_path = true,
     .reads_standard_input = true,
     .suffixes = ".pcap .pcapng *",
-    .check = check,
-    .open = open,
+    .open = open_as<PcapPort>,
     .udp_port = udp_port,
 };
 

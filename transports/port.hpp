@@ -254,8 +254,8 @@ struct Transport {
   bool (*is_record)(const std::string& path) = nullptr;
 
   // Throws PortError if such a port cannot have this address, these options together, or these settings; its text has
-  // the fault and the remedy. Opens nothing. check_port() checks the role and each option.
-  void (*check)(const PortSpec& spec, const PortSettings& settings);
+  // the fault and the remedy. Opens nothing. check_port() checks the role and each option. Absent: none is refused.
+  void (*check)(const PortSpec& spec, const PortSettings& settings) = [](const PortSpec&, const PortSettings&) {};
   // Opens a port. Throws PortError, which names the failed action.
   std::unique_ptr<Port> (*open)(const PortSpec& spec, const PortSettings& settings);
 
@@ -275,6 +275,12 @@ struct Transport {
   // Returns true if a device's frames go to standard output. nullptr: never.
   bool (*is_standard_output)(const PortSpec& spec) = nullptr;
 };
+
+// Opens a port of a class whose constructor takes both: for Transport::open.
+template <class Class>
+std::unique_ptr<Port> open_as(const PortSpec& spec, const PortSettings& settings) {
+  return std::make_unique<Class>(spec, settings);
+}
 
 // The table, made by the build from the transports' files, sorted by name.
 std::span<const Transport* const> transports() noexcept;

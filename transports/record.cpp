@@ -108,12 +108,6 @@ bool is_record(const std::string& path) {
   }
 }
 
-void check(const PortSpec&, const PortSettings&) {}
-
-std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
-  return std::make_unique<RecordPort>(spec, settings);
-}
-
 }  // namespace
 
 extern constexpr Transport record_transport = {
@@ -130,8 +124,7 @@ extern constexpr Transport record_transport = {
     .serves_device = false,
     .has_path = true,
     .is_record = is_record,
-    .check = check,
-    .open = open,
+    .open = open_as<RecordPort>,
 };
 
 }  // namespace imud

@@ -216,10 +216,6 @@ class SerialPort final : public Port {
 
 void check(const PortSpec& spec, const PortSettings& settings) { static_cast<void>(Settings(spec, settings)); }
 
-std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
-  return std::make_unique<SerialPort>(spec, settings);
-}
-
 WireTime wire_time(const PortSpec& spec, const PortSettings& settings, const Frame& frame) {
   const Settings line(spec, settings);
   return uart_wire_time(frame, line.uart.baud, line.bits_per_character());
@@ -238,7 +234,7 @@ extern constexpr Transport serial_transport = {
     .has_path = true,
     .uart = Uart::real,
     .check = check,
-    .open = open,
+    .open = open_as<SerialPort>,
     .wire_time = wire_time,
 };
 

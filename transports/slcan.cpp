@@ -208,12 +208,6 @@ class SlcanPort final : public Port {
   std::vector<char> text_ = std::vector<char>(FrameBuffer::max_frames * max_slcan_line);
 };
 
-void check(const PortSpec&, const PortSettings&) {}
-
-std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
-  return std::make_unique<SlcanPort>(spec, settings);
-}
-
 }  // namespace
 
 extern constexpr Transport slcan_transport = {
@@ -226,8 +220,7 @@ extern constexpr Transport slcan_transport = {
     .carries_can = true,
     .keeps_datagrams = true,
     .has_path = true,
-    .check = check,
-    .open = open,
+    .open = open_as<SlcanPort>,
     .wire_time = can_wire_time,
 };
 

@@ -187,10 +187,6 @@ void check(const PortSpec& spec, const PortSettings& settings) {
   }
 }
 
-std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
-  return std::make_unique<UdpPort>(spec, settings);
-}
-
 bool has_address(const SocketAddress& peer, Endpoint endpoint_there) {
   endpoint_there.port = 0;
   return endpoint_there.admits(peer.endpoint());
@@ -259,7 +255,7 @@ extern constexpr Transport udp_transport = {
     .brings_truth = true,
     .is_shared = true,
     .check = check,
-    .open = open,
+    .open = open_as<UdpPort>,
     .udp_port = udp_port,
     .reaches = reaches,
 };

@@ -62,8 +62,6 @@ class ThrowawayPort final : public Port {
   std::array<std::byte, 4096> buffer_;
 };
 
-void check(const PortSpec&, const PortSettings&) {}
-
 std::unique_ptr<Port> open(const PortSpec& spec, const PortSettings& settings) {
   return std::make_unique<ThrowawayPort>(spec, settings.role);
 }
@@ -79,7 +77,6 @@ extern constexpr Transport throwaway_transport = {
     .keeps_datagrams = true,
     .brings_truth = true,
     .is_shared = true,
-    .check = check,
     .open = open,
 };
 
