@@ -31,10 +31,7 @@ template <class Entry>
 const Entry* entry(TableReader& table, std::string_view key, const std::string& word,
                    std::span<const Entry* const> entries, const Entry* found) {
   if (found != nullptr || (word.empty() && !is_text(table, key))) return found;
-  const std::string meant = nearest(word, names(entries));
-  table.fault(key, fmt::format("there is no \"{}\"; {}", word,
-                               meant.empty() ? fmt::format("known: {}", fmt::join(names(entries), ", "))
-                                             : fmt::format("did you mean \"{}\"?", meant)));
+  table.fault(key, fmt::format("there is no \"{}\"; {}", word, suggestion(word, names(entries))));
   return nullptr;
 }
 

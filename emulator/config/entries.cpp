@@ -20,9 +20,8 @@ std::optional<Entries> find_entries(const std::string& name) {
   for (const auto& more : {names(truth_formats()), names(transports())})
     known.insert(known.end(), more.begin(), more.end());
   for (const Preset& preset : presets()) known.emplace_back(preset.name);
-  const std::string meant = nearest(name, known);
   fmt::print(stderr, "imud: there is no protocol, truth format, transport or preset \"{}\"; {}\n", name,
-             meant.empty() ? "see imud list" : fmt::format("did you mean \"{}\"?", meant));
+             suggestion(name, known, "see imud list"));
   return std::nullopt;
 }
 

@@ -2,8 +2,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cctype>
+#include <boost/algorithm/hex.hpp>
 #include <optional>
+#include <span>
 
 #include "emulator/config/fault_reader.hpp"
 
@@ -15,20 +16,14 @@ constexpr std::size_t longest = 256;
 // Returns nothing if the text is not hexadecimal.
 std::optional<HostBytes> bytes_of_hex(std::string text) {
   std::erase(text, ' ');
-  if (text.empty() || text.size() % 2 != 0) return std::nullopt;
-  HostBytes bytes;
-  for (std::size_t i = 0; i < text.size(); i += 2) {
-    const auto digit = [&](char c) -> int {
-      return std::isdigit(static_cast<unsigned char>(c)) != 0 ? c - '0'
-             : c >= 'a' && c <= 'f'                           ? c - 'a' + 10
-             : c >= 'A' && c <= 'F'                           ? c - 'A' + 10
-                                                              : -1;
-    };
-    const int high = digit(text[i]), low = digit(text[i + 1]);
-    if (high < 0 || low < 0) return std::nullopt;
-    bytes.push_back(static_cast<std::byte>(16 * high + low));
+  if (text.empty()) return std::nullopt;
+  try {
+    const std::string read = boost::algorithm::unhex(text);
+    const auto bytes = std::as_bytes(std::span(read));
+    return HostBytes(bytes.begin(), bytes.end());
+  } catch (const boost::algorithm::hex_decode_error&) {
+    return std::nullopt;
   }
-  return bytes;
 }
 
 }  // namespace

@@ -122,10 +122,7 @@ void read_kind(TableReader& table, FaultConfig& fault) {
   }
   fault.kind = find_fault_kind(kind, target);
   if (fault.kind == nullptr) {
-    const std::string meant = nearest(kind, kinds);
-    table.fault("kind", fmt::format("{} has no fault \"{}\"; {}", target, kind,
-                                    meant.empty() ? fmt::format("known: {}", fmt::join(kinds, ", "))
-                                                  : fmt::format("did you mean \"{}\"?", meant)));
+    table.fault("kind", fmt::format("{} has no fault \"{}\"; {}", target, kind, suggestion(kind, kinds)));
     return;
   }
   const auto& names = fault.kind->targets;

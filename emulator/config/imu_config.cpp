@@ -160,10 +160,7 @@ const Preset* read_model(TableReader& table, std::string_view own, std::string& 
     return preset;
   std::vector<std::string> words = {"white", std::string(model_without_errors)};
   for (const Preset& known : presets()) words.emplace_back(known.name);
-  const std::string meant = nearest(model, words);
-  table.fault("model", fmt::format("there is no \"{}\"; {}", model,
-                                   meant.empty() ? fmt::format("known: {}", fmt::join(words, ", "))
-                                                 : fmt::format("did you mean \"{}\"?", meant)));
+  table.fault("model", fmt::format("there is no \"{}\"; {}", model, suggestion(model, words)));
   return nullptr;
 }
 

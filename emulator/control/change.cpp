@@ -31,6 +31,12 @@ Change of_imu(Command::Kind kind, std::uint16_t imu, const Config& config, std::
   const std::string name = name_of(imu, config);
   return {{{.kind = kind, .imu = imu}}, fmt::format("{} {}", event, name), {{"event", event}, {"imu", name}}};
 }
+Change of_named_imu(Command::Kind kind, const Json& request_params, const Config& config, std::string_view event) {
+  RpcParams params(request_params);
+  const std::uint16_t imu = params.imu(config);
+  params.finish();
+  return of_imu(kind, imu, config, event);
+}
 
 }  // namespace
 
@@ -44,8 +50,7 @@ Change mark_change(const Json& request_params, const ChangeContext&) {
 }
 
 Change set_change(const Json& params, const ChangeContext& context) {
-  if (!params.is_object() || params.empty())
-    throw RpcError(RpcError::invalid_params, "Invalid params: give the keys with their values");
+  if (!params.is_object() || params.empty()) throw wrong_params("give the keys with their values");
   Change change;
   for (const auto& [key, value] : params.items()) {
     add_commands(change.commands, key, value, context.config);
@@ -79,21 +84,15 @@ Change power_change(const Json& request_params, const ChangeContext& context) {
 }
 
 Change pause_change(const Json& request_params, const ChangeContext& context) {
-  RpcParams params(request_params);
-  const std::uint16_t imu = params.imu(context.config);
-  params.finish();
-  return of_imu(Command::Kind::pause, imu, context.config, "pause");
+  return of_named_imu(Command::Kind::pause, request_params, context.config, "pause");
 }
 
 Change resume_change(const Json& request_params, const ChangeContext& context) {
-  RpcParams params(request_params);
-  const std::uint16_t imu = params.imu(context.config);
-  params.finish();
-  return of_imu(Command::Kind::resume, imu, context.config, "resume");
+  return of_named_imu(Command::Kind::resume, request_params, context.config, "resume");
 }
 
 RpcParams::RpcParams(const Json& params) : params_(params) {
-  if (params.is_array()) throw RpcError(RpcError::invalid_params, "Invalid params: give them by name, as an object");
+  if (params.is_array()) throw wrong_params("give them by name, as an object");
 }
 
 bool RpcParams::has(std::string_view name) {
@@ -102,31 +101,27 @@ bool RpcParams::has(std::string_view name) {
 }
 
 const Json& RpcParams::get(std::string_view name, std::string_view meaning) {
-  if (!has(name))
-    throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {} is missing: {}", name, meaning));
+  if (!has(name)) throw wrong_params(fmt::format("{} is missing: {}", name, meaning));
   return params_[std::string(name)];
 }
 
 std::string RpcParams::text(std::string_view name, std::string_view meaning) {
   const Json& value = get(name, meaning);
-  if (!value.is_string())
-    throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {}: give a text, {}", name, meaning));
+  if (!value.is_string()) throw wrong_params(fmt::format("{}: give a text, {}", name, meaning));
   return value.get<std::string>();
 }
 
 double RpcParams::number(std::string_view name, std::string_view meaning, double min, double max) {
   const Json& value = get(name, meaning);
   if (!value.is_number() || !(value.get<double>() >= min && value.get<double>() <= max))
-    throw RpcError(RpcError::invalid_params,
-                   fmt::format("Invalid params: {}: give a number from {} to {}, {}", name, min, max, meaning));
+    throw wrong_params(fmt::format("{}: give a number from {} to {}, {}", name, min, max, meaning));
   return value.get<double>();
 }
 
 std::string RpcParams::choice(std::string_view name, std::span<const std::string_view> words) {
   const std::string word = text(name, fmt::format("one of {}", fmt::join(words, ", ")));
   if (std::find(words.begin(), words.end(), word) == words.end())
-    throw RpcError(RpcError::invalid_params,
-                   fmt::format("Invalid params: {}: give one of {}", name, fmt::join(words, ", ")));
+    throw wrong_params(fmt::format("{}: give one of {}", name, fmt::join(words, ", ")));
   return word;
 }
 
@@ -139,8 +134,7 @@ std::uint16_t RpcParams::imu(const Config& config) {
   if (found == config.imus.end()) {
     std::vector<std::string> names;
     for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
-    throw RpcError(RpcError::invalid_params,
-                   fmt::format("Invalid params: there is no such imu; there are {}", fmt::join(names, ", ")));
+    throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names, ", ")));
   }
   return static_cast<std::uint16_t>(found - config.imus.begin());
 }
@@ -149,12 +143,8 @@ void RpcParams::finish() const {
   if (!params_.is_object()) return;
   for (const auto& [name, value] : params_.items())
     if (std::find(known_.begin(), known_.end(), name) == known_.end()) {
-      const std::string meant = nearest(name, known_);
-      throw RpcError(RpcError::invalid_params,
-                     meant.empty()
-                         ? fmt::format("Invalid params: there is no \"{}\"; known: {}", name,
-                                       known_.empty() ? "none" : fmt::to_string(fmt::join(known_, ", ")))
-                         : fmt::format("Invalid params: there is no \"{}\"; did you mean \"{}\"?", name, meant));
+      throw wrong_params(
+          fmt::format("there is no \"{}\"; {}", name, suggestion(name, known_, known_.empty() ? "known: none" : "")));
     }
 }
 

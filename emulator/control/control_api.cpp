@@ -135,11 +135,10 @@ std::vector<Change> ControlApi::changes_of_batch(const Json& request_params) {
   RpcParams params(request_params);
   const Json& list = params.get("changes", "a list of {\"method\": ..., \"params\": {...}}");
   params.finish();
-  if (!list.is_array() || list.empty())
-    throw RpcError(RpcError::invalid_params, "Invalid params: changes: give a list of at least one change");
+  if (!list.is_array() || list.empty()) throw wrong_params("changes: give a list of at least one change");
   std::vector<Change> changes;
   for (const Json& item : list) {
-    if (!item.is_object()) throw RpcError(RpcError::invalid_params, "Invalid params: changes: each is an object");
+    if (!item.is_object()) throw wrong_params("changes: each is an object");
     RpcParams of_item(item);
     const std::string name = of_item.text("method", "the method of a change");
     const Method* method = find_method(name);
@@ -159,8 +158,7 @@ void ControlApi::make(std::vector<Change> changes, const RpcReply& reply) {
   for (const Change& change : changes)
     commands.insert(commands.end(), change.commands.begin(), change.commands.end());
   if (commands.size() > CommandQueue::longest_batch)
-    throw RpcError(RpcError::invalid_params,
-                   fmt::format("Invalid params: more than {} changes at one sample", CommandQueue::longest_batch));
+    throw wrong_params(fmt::format("more than {} changes at one sample", CommandQueue::longest_batch));
   if (!run_.control.commands.push(last_batch_ + 1, commands))
     throw RpcError(RpcError::busy, "too many changes wait for their sample; try again later");
   waiting_.emplace(++last_batch_, Waiting{reply, std::move(changes), {}});

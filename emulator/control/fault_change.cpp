@@ -24,9 +24,7 @@ std::vector<std::string> imu_names(const Config& config) {
   return names;
 }
 
-[[noreturn]] void refuse(const std::string& what) {
-  throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {}", what));
-}
+[[noreturn]] void refuse(const std::string& what) { throw wrong_params(fmt::format("{}", what)); }
 
 // Returns the JSON value of a key as TOML.
 std::string toml_of(const std::string& key, const Json& value) {

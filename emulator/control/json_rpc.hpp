@@ -28,6 +28,11 @@ struct RpcError : std::runtime_error {
   Code code;
 };
 
+// Returns the refusal of wrong parameters: "Invalid params: " and `what`.
+inline RpcError wrong_params(const std::string& what) {
+  return {RpcError::invalid_params, "Invalid params: " + what};
+}
+
 // Answers one request: called once, with its result or with an RpcError of which `error` is a copy.
 class RpcReply {
  public:

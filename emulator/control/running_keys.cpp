@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 
+#include "core/numbers/nearest.hpp"
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/load_config.hpp"
 #include "emulator/ground/table_reader.hpp"
@@ -101,7 +102,7 @@ constexpr auto entries = std::to_array<RunningKey>({
 });
 
 [[noreturn]] void refuse(std::string_view key, std::string_view what) {
-  throw RpcError(RpcError::invalid_params, fmt::format("Invalid params: {}: {}", key, what));
+  throw wrong_params(fmt::format("{}: {}", key, what));
 }
 
 double number_of(const RunningKey& entry, std::string_view key, const Json& value) {
@@ -137,8 +138,7 @@ std::uint16_t imu_of(std::string_view& rest, const Config& config) {
       }
   std::vector<std::string> names;
   for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
-  throw RpcError(RpcError::invalid_params,
-                 fmt::format("Invalid params: there is no such imu; there are {}", fmt::join(names, ", ")));
+  throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names, ", ")));
 }
 
 void add_paths(const toml::table& table, const std::string& before, std::vector<std::string>& paths) {

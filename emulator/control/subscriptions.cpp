@@ -109,7 +109,7 @@ Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<
   const bool has_rate = params.has("rate_hz");
   if (has_rate) rate_hz = params.number("rate_hz", "samples a second", 1e-3, 1e6);
   if (params.has("decimate")) {
-    if (has_rate) throw RpcError(RpcError::invalid_params, "Invalid params: give decimate or rate_hz");
+    if (has_rate) throw wrong_params("give decimate or rate_hz");
     every = static_cast<std::uint32_t>(params.number("decimate", "of so many samples one", 1, most_decimated));
   }
   params.finish();

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <optional>
 
+#include "core/numbers/nearest.hpp"
 #include "protocols/quantities/key_units.hpp"
 
 namespace imud {
@@ -286,11 +287,16 @@ void TableReader::finish() {
       return is_same_key(known, given) && !table_->contains(known);
     };
     if (known_.contains(given) || std::any_of(known_.begin(), known_.end(), is_spelt_otherwise)) continue;
-    const std::string meant = nearest(key.str(), {known_.begin(), known_.end()});
-    const std::string hint = meant.empty() ? fmt::format("known here: {}", fmt::join(known_, ", "))
-                                           : fmt::format("did you mean \"{}\"?", meant);
+    const std::string hint =
+        suggestion(key.str(), {known_.begin(), known_.end()}, fmt::format("known here: {}", fmt::join(known_, ", ")));
     faults_.add(key.source().begin.line, path_ + std::string(key.str()), fmt::format("unknown key; {}", hint));
   }
+}
+
+std::string suggestion(std::string_view word, const std::vector<std::string>& words, const std::string& otherwise) {
+  if (const std::string meant = nearest(word, words); !meant.empty())
+    return fmt::format("did you mean \"{}\"?", meant);
+  return otherwise.empty() ? fmt::format("known: {}", fmt::join(words, ", ")) : otherwise;
 }
 
 }  // namespace imud

@@ -124,7 +124,9 @@ std::int64_t utc_s(TableReader& table, std::string_view key, const toml::date_ti
 // Reads a list of rows of three numbers. Empty if absent.
 std::vector<Vector3> rows(TableReader& table, std::string_view key);
 
-// Returns the word of `words` that is nearest to `word` by Levenshtein distance; empty if none is near.
-std::string nearest(std::string_view word, const std::vector<std::string>& words);
+// Returns what an unknown word probably means: "did you mean \"WORD\"?", or `otherwise` if none of the words is near;
+// if that is empty, "known: " and all words.
+std::string suggestion(std::string_view word, const std::vector<std::string>& words,
+                       const std::string& otherwise = {});
 
 }  // namespace imud
