@@ -60,8 +60,7 @@ Summary Monitor::now() const {
   return all;
 }
 
-void Monitor::update() {
-  report_first_truth();
+void Monitor::report_news() {
   report_connection();
   report_remarks();
   report_delay();
@@ -71,6 +70,11 @@ void Monitor::update() {
   report_skipped();
   report_record();
   report_faults();
+}
+
+void Monitor::update() {
+  report_first_truth();
+  report_news();
   pty_readers_.update(host_now());
   const double now_s = seconds(host_now() - begin_);
   if (quality_.is_open() && now_s - last_quality_.duration_s >= 1.0) {
@@ -86,15 +90,7 @@ void Monitor::update() {
 }
 
 Summary Monitor::finish(std::string capture_warning) {
-  report_connection();
-  report_remarks();
-  report_delay();
-  report_refusals();
-  report_interruptions();
-  report_imus();
-  report_skipped();
-  report_record();
-  report_faults();
+  report_news();
   report_extrapolation(true);
   Summary all = now();
   all.truth.warning = std::move(capture_warning);

@@ -57,6 +57,7 @@ class Monitor {
   };
 
   void report_first_truth();
+  void report_news();
   void report_refusals();
   void report_remarks();
   void report_delay();

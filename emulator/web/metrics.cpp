@@ -11,24 +11,12 @@
 namespace imud {
 namespace {
 
-// Returns a label's value: backslash, quote and line feed are escaped (section 3.2.2).
-std::string escaped(std::string_view text) {
+// Returns a label's value or a help text: backslash, line feed and, unless `keeps_quotes`, quote are escaped (section
+// 3.2.2).
+std::string escaped(std::string_view text, bool keeps_quotes = false) {
   std::string out;
   for (const char c : text) {
-    if (c == '\\' || c == '"') out += '\\';
-    if (c == '\n')
-      out += "\\n";
-    else
-      out += c;
-  }
-  return out;
-}
-
-// Returns a help text: in the text format a quote is not escaped.
-std::string escaped_help(std::string_view text, MetricsFormat format) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '\\' || (c == '"' && format == MetricsFormat::open_metrics)) out += '\\';
+    if (c == '\\' || (c == '"' && !keeps_quotes)) out += '\\';
     if (c == '\n')
       out += "\\n";
     else
@@ -88,7 +76,8 @@ class Text {
                                                              : "");
     fmt::format_to(std::back_inserter(out_), "# TYPE {} {}\n", name, !is_open && type == "info" ? "gauge" : type);
     if (is_open && !unit.empty()) fmt::format_to(std::back_inserter(out_), "# UNIT {} {}\n", name, unit);
-    fmt::format_to(std::back_inserter(out_), "# HELP {} {}\n", name, escaped_help(help, format_));
+    const bool keeps_quotes = !is_open;
+    fmt::format_to(std::back_inserter(out_), "# HELP {} {}\n", name, escaped(help, keeps_quotes));
   }
   // `labels` is empty, or has each label as name="value", separated by commas.
   template <class Number>
