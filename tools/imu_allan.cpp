@@ -146,58 +146,46 @@ int analyse(Options& options, const OutputOptions& outputs, bool& running) {
   return report.keeps_all_limits() && report.agrees_with_model() ? 0 : limit_broken;
 }
 
-int execute(int argc, char** argv) {
+int execute(int argc, char** argv, bool& running) {
   CLI::App app(
       "Computes the Allan deviation of a sensor at rest, from any protocol and port or from a NumPy file, and the\n"
       "noise terms N, B, K, Q, R (IEEE Std 952) that explain it.",
       "imu-allan");
   app.set_version_flag("--version", "imu-allan " IMUD_VERSION);
   Options options;
-  app.add_option("PROTOCOL", options.input.protocol,
-                 "protocol of the device, see below; npy: PORT is a file of numpy.save")
-      ->required()
-      ->type_name("");
+  add(app, "PROTOCOL", options.input.protocol, "",
+      "protocol of the device, see below; npy: PORT is a file of numpy.save")
+      ->required();
   add_input_options(app, options.input);
-  app.add_option("--rate-hz", options.recording.rate_hz, "sample rate, in place of the device's clock")
-      ->check(number_check(1e-6, 1e9))
-      ->type_name("HZ");
-  app.add_option("--columns", options.columns,
-                 "channels of a NumPy array's columns, such as gyro_x,gyro_y,gyro_z,-; rad/s and m/s^2")
-      ->type_name("NAMES");
+  add(app, "--rate-hz", options.recording.rate_hz, "HZ", "sample rate, in place of the device's clock")
+      ->check(number_check(1e-6, 1e9));
+  add(app, "--columns", options.columns, "NAMES",
+      "channels of a NumPy array's columns, such as gyro_x,gyro_y,gyro_z,-; rad/s and m/s^2");
   app.add_flag("--increments", options.recording.increments,
                "uses delta-angle and delta-velocity even if the protocol has rate and specific force");
-  app.add_option("--max-missing", options.recording.largest_missing,
-                 "largest percentage of samples that may be missing; default: 0.1")
-      ->check(number_check(0, 100))
-      ->type_name("PERCENT");
-  app.add_option("--deviation", options.kind,
-                 "allan, overlapping (default), modified, hadamard, overlapping-hadamard or total")
-      ->type_name("NAME");
-  app.add_option("--per-decade", options.per_decade, "averaging times per decade; default: octaves")
-      ->check(number_check(1, 1000))
-      ->type_name("N");
-  app.add_option("--confidence", options.confidence, "probability of the bounds; default: 0.68")
-      ->check(number_check(0.01, 0.9999))
-      ->type_name("P");
-  app.add_option("--fit-from", options.fit_from_s, "shortest averaging time of the fit, beyond the sensor's filter")
-      ->check(number_check(0, 1e9))
-      ->type_name("SECONDS");
-  app.add_option("--fit-to", options.fit_to_s, "longest averaging time of the fit")
-      ->check(number_check(0, 1e9))
-      ->type_name("SECONDS");
-  app.add_option("--require", options.limits,
-                 "exits with 3 if a term breaks this limit, such as gyro.N<4.5e-5 (SI) or\n"
-                 "gyro_x.angle_random_walk_deg_per_rt_hr<0.15; several with commas; may be repeated")
-      ->allow_extra_args(false)
-      ->type_name("LIMIT");
-  app.add_option("--against", options.against,
-                 "compares each term with that of a preset of imud, or of a TOML file like one; exits with 3 if one\n"
-                 "differs; the plot has its curve")
-      ->type_name("PRESET|FILE.toml");
-  app.add_option("--tolerance", options.tolerance_percent,
-                 "difference of a term that --against allows, beside its confidence interval; default: 10")
-      ->check(number_check(0, 99))
-      ->type_name("PERCENT");
+  add(app, "--max-missing", options.recording.largest_missing, "PERCENT",
+      "largest percentage of samples that may be missing; default: 0.1")
+      ->check(number_check(0, 100));
+  add(app, "--deviation", options.kind, "NAME",
+      "allan, overlapping (default), modified, hadamard, overlapping-hadamard or total");
+  add(app, "--per-decade", options.per_decade, "N", "averaging times per decade; default: octaves")
+      ->check(number_check(1, 1000));
+  add(app, "--confidence", options.confidence, "P", "probability of the bounds; default: 0.68")
+      ->check(number_check(0.01, 0.9999));
+  add(app, "--fit-from", options.fit_from_s, "SECONDS",
+      "shortest averaging time of the fit, beyond the sensor's filter")
+      ->check(number_check(0, 1e9));
+  add(app, "--fit-to", options.fit_to_s, "SECONDS", "longest averaging time of the fit")->check(number_check(0, 1e9));
+  add(app, "--require", options.limits, "LIMIT",
+      "exits with 3 if a term breaks this limit, such as gyro.N<4.5e-5 (SI) or\n"
+      "gyro_x.angle_random_walk_deg_per_rt_hr<0.15; several with commas; may be repeated")
+      ->allow_extra_args(false);
+  add(app, "--against", options.against, "PRESET|FILE.toml",
+      "compares each term with that of a preset of imud, or of a TOML file like one; exits with 3 if one\n"
+      "differs; the plot has its curve");
+  add(app, "--tolerance", options.tolerance_percent, "PERCENT",
+      "difference of a term that --against allows, beside its confidence interval; default: 10")
+      ->check(number_check(0, 99));
   OutputOptions outputs(app);
   outputs
       .add("--to-config", options.preset_path,
@@ -219,15 +207,12 @@ int execute(int argc, char** argv) {
 
   catch_stop_signals();
   options.input.resolve_port();
-  bool running = false;
+  running = options.input.protocol == array_file;
   try {
     return analyse(options, outputs, running);
-  } catch (const std::invalid_argument& error) {
-    fmt::print(stderr, "imu-allan: {}\n", error.what());
-    return wrong_command_line;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "imu-allan: {}\n", error.what());
-    return running || options.input.protocol == array_file ? failed : wrong_command_line;
+  } catch (const std::invalid_argument&) {
+    running = false;
+    throw;
   }
 }
 

@@ -134,27 +134,24 @@ int decode(const Options& options, bool& running) {
   return report.keeps_all_limits() ? 0 : limit_broken;
 }
 
-int execute(int argc, char** argv) {
+int execute(int argc, char** argv, bool& running) {
   CLI::App app(
       "Decodes any protocol from any port: prints measurement CSV, and at the end rate, jitter, gaps and\n"
       "checksum failures on standard error.",
       "imu-decode");
   app.set_version_flag("--version", "imu-decode " IMUD_VERSION);
   Options options;
-  app.add_option("PROTOCOL", options.input.protocol, "protocol of the device, see below")->required()->type_name("");
+  add(app, "PROTOCOL", options.input.protocol, "", "protocol of the device, see below")->required();
   add_input_options(app, options.input);
-  app.add_option("--require", options.limits,
-                 "exits with 3 if a figure of the report breaks this limit, such as gaps=0 or jitter_p99_us<500;\n"
-                 "several with commas; may be repeated")
-      ->allow_extra_args(false)
-      ->type_name("LIMIT");
-  app.add_option("--ready-fd", options.ready_fd,
-                 "writes a line to this file descriptor, and closes it, when the port is open")
-      ->check(number_check(1, 1023))
-      ->type_name("N");
+  add(app, "--require", options.limits, "LIMIT",
+      "exits with 3 if a figure of the report breaks this limit, such as gaps=0 or jitter_p99_us<500;\n"
+      "several with commas; may be repeated")
+      ->allow_extra_args(false);
+  add(app, "--ready-fd", options.ready_fd, "N",
+      "writes a line to this file descriptor, and closes it, when the port is open")
+      ->check(number_check(1, 1023));
   app.add_flag("--quiet", options.quiet, "no CSV, only the report");
-  app.add_option("--json", options.json_path, "also writes the report as JSON; - is standard output")
-      ->type_name("FILE");
+  add(app, "--json", options.json_path, "FILE", "also writes the report as JSON; - is standard output");
   MeasurementFiles::add_options(app, options.files);
   app.footer(fmt::format(
       "\n{}\n{}\nExit codes: 0 done, 1 failed while running or no sample decoded, 2 the command line is wrong or "
@@ -165,13 +162,7 @@ int execute(int argc, char** argv) {
 
   catch_stop_signals();
   options.input.resolve_port();
-  bool running = false;
-  try {
-    return decode(options, running);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "imu-decode: {}\n", error.what());
-    return running ? failed : wrong_command_line;
-  }
+  return decode(options, running);
 }
 
 }  // namespace

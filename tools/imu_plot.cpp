@@ -100,44 +100,33 @@ void plot(const Options& options, bool& running) {
   print_table(errors);
 }
 
-int execute(int argc, char** argv) {
+int execute(int argc, char** argv, bool& running) {
   CLI::App app(
       "Runs imud on a captured truth, and draws what an imu sends: its channels over their truth, their errors with\n"
       "the envelope of the errors that other seeds have, and the errors' spectra.",
       "imu-plot");
   app.set_version_flag("--version", "imu-plot " IMUD_VERSION);
   Options options;
-  app.add_option("CONFIG", options.run.config, "configuration of imud, TOML")->required()->type_name("");
-  app.add_option("CAPTURE", options.run.capture, "truth, as for imud replay: X.pcap, X.pcap?port=N, or X.csv")
-      ->required()
-      ->type_name("");
-  app.add_option("--plot", options.picture,
-                 "picture; the data stand beside it, as FILE.plot.csv and FILE.plot_spectrum.csv")
-      ->required()
-      ->type_name("FILE.svg|FILE.png");
-  app.add_option("--imu", options.run.imu, "name of the imu; default: the first")->type_name("NAME");
-  app.add_option("--set", options.run.overrides, "overrides a key of the configuration; may be repeated")
-      ->allow_extra_args(false)
-      ->type_name("KEY=VALUE");
-  app.add_option("--seeds", options.seeds, "further runs, with other seeds, for the envelope; default: 16")
-      ->check(number_check(2, 1000))
-      ->type_name("N");
-  app.add_option("--rate-hz", options.run.rate_hz,
-                 "sample rate, in place of that of the samples' time or of the product's settings")
-      ->check(number_check(1e-6, 1e9))
-      ->type_name("HZ");
+  add(app, "CONFIG", options.run.config, "", "configuration of imud, TOML")->required();
+  add(app, "CAPTURE", options.run.capture, "", "truth, as for imud replay: X.pcap, X.pcap?port=N, or X.csv")
+      ->required();
+  add(app, "--plot", options.picture, "FILE.svg|FILE.png",
+      "picture; the data stand beside it, as FILE.plot.csv and FILE.plot_spectrum.csv")
+      ->required();
+  add(app, "--imu", options.run.imu, "NAME", "name of the imu; default: the first");
+  add(app, "--set", options.run.overrides, "KEY=VALUE", "overrides a key of the configuration; may be repeated")
+      ->allow_extra_args(false);
+  add(app, "--seeds", options.seeds, "N", "further runs, with other seeds, for the envelope; default: 16")
+      ->check(number_check(2, 1000));
+  add(app, "--rate-hz", options.run.rate_hz, "HZ",
+      "sample rate, in place of that of the samples' time or of the product's settings")
+      ->check(number_check(1e-6, 1e9));
   app.footer(
       "\nExit codes: 0 done, 1 failed while running, 2 the command line or the configuration is wrong.\n"
       "Example: imu-plot imu.toml flight.pcap --set 'imu.0.model=\"stim300\"' --plot flight.svg");
   if (const auto exit_code = parse(app, argc, argv)) return *exit_code;
-  bool running = false;
-  try {
-    plot(options, running);
-    return 0;
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "imu-plot: {}\n", error.what());
-    return running ? failed : wrong_command_line;
-  }
+  plot(options, running);
+  return 0;
 }
 
 }  // namespace

@@ -353,7 +353,7 @@ void define(CLI::App& app, Options& options) {
                   known_motions()));
 }
 
-int execute(int argc, char** argv) {
+int execute(int argc, char** argv, bool& running) {
   CLI::App app("Sends truth over UDP: motions whose derivatives are known in closed form, or a capture.",
                "imu-truth");
   Options options;
@@ -365,15 +365,9 @@ int execute(int argc, char** argv) {
   }
 
   catch_stop_signals();
-  bool running = false;
-  try {
-    check(app, options);
-    if (options.csv_path.empty()) return send(options, running);
-    return options.motion.motion == nullptr ? write_capture_csv(app, options, running) : write_csv(options, running);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "imu-truth: {}\n", error.what());
-    return running ? failed : wrong_command_line;
-  }
+  check(app, options);
+  if (options.csv_path.empty()) return send(options, running);
+  return options.motion.motion == nullptr ? write_capture_csv(app, options, running) : write_csv(options, running);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <cstring>
+#include <exception>
 
 #include "transports/file/output_path.hpp"
 
@@ -18,8 +19,15 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   }
 }
 
-int run_tool(std::string_view name, int (*execute)(int argc, char** argv), int argc, char** argv) {
-  const int exit_code = execute(argc, argv);
+int run_tool(std::string_view name, int (*execute)(int argc, char** argv, bool& running), int argc, char** argv) {
+  bool running = false;
+  int exit_code = 0;
+  try {
+    exit_code = execute(argc, argv, running);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "{}: {}\n", name, error.what());
+    exit_code = running ? failed : wrong_command_line;
+  }
   const int error = flush_standard_output();
   if (error == 0) return exit_code;
   fmt::print(stderr, "{}: standard output: {}\n", name, std::strerror(error));

@@ -60,6 +60,13 @@ struct Arguments {
   std::vector<Output> outputs;
 };
 
+// Adds an option, whose value is called `unit` in the help.
+template <class Value>
+CLI::Option* add(CLI::App& command, const std::string& name, Value& value, const std::string& unit,
+                 const std::string& help) {
+  return command.add_option(name, value, help)->type_name(unit);
+}
+
 // Holds ptys until SIGINT, SIGTERM or SIGHUP. In the background the calling process returns when they are ready.
 int keep_ptys(const std::vector<std::string>& links, bool background) {
   sigset_t signals;
@@ -131,10 +138,8 @@ std::string unknown_command(const CLI::App& app, const std::vector<std::string>&
   for (const CLI::App* command : app.get_subcommands({})) commands.push_back(command->get_name());
   const std::string& given = arguments.front();
   if (std::find(commands.begin(), commands.end(), given) != commands.end()) return {};
-  const std::string meant = nearest(given, commands);
   return fmt::format("unknown command \"{}\"; {}", given,
-                     meant.empty() ? fmt::format("there are {}", fmt::join(commands, ", "))
-                                   : fmt::format("did you mean \"{}\"?", meant));
+                     suggestion(given, commands, fmt::format("there are {}", fmt::join(commands, ", "))));
 }
 
 // Prints a fault; if too many files are open, also how to permit more.
@@ -158,11 +163,9 @@ int execute(int argc, const char* const* argv) {
   std::uint64_t record_max_mb = 0;
 
   const auto with_set = [&](CLI::App* command) {
-    command
-        ->add_option("--set", arguments.overrides,
-                     "Override a key, such as imu.0.rate_hz=400, or a list, such as "
-                     "'imu.0.device.sensor_fields=[\"rate\", \"acceleration\"]'; repeatable")
-        ->type_name("KEY=VALUE")
+    add(*command, "--set", arguments.overrides, "KEY=VALUE",
+        "Override a key, such as imu.0.rate_hz=400, or a list, such as "
+        "'imu.0.device.sensor_fields=[\"rate\", \"acceleration\"]'; repeatable")
         ->allow_extra_args(false);
     command->set_version_flag("--version", std::string("imud ") + IMUD_VERSION);
   };
@@ -172,29 +175,24 @@ int execute(int argc, const char* const* argv) {
     with_set(command);
   };
   const auto with_scenario = [&](CLI::App* command) {
-    command
-        ->add_option("--scenario", arguments.scenarios,
-                     "Also take the [[fault]] and [[expect]] of this file; repeatable")
-        ->type_name("FILE")
+    add(*command, "--scenario", arguments.scenarios, "FILE",
+        "Also take the [[fault]] and [[expect]] of this file; repeatable")
         ->allow_extra_args(false);
   };
   const auto with_require = [&](CLI::App* command) {
-    command
-        ->add_option("--require", arguments.limits,
-                     "Exit with 3 if a figure of the summary breaks this limit, such as imu1.samples>=1000 or "
-                     "truth.refused<=1%; several with commas; repeatable")
-        ->type_name("LIMIT")
+    add(*command, "--require", arguments.limits, "LIMIT",
+        "Exit with 3 if a figure of the summary breaks this limit, such as imu1.samples>=1000 or "
+        "truth.refused<=1%; several with commas; repeatable")
         ->allow_extra_args(false);
   };
   const auto with_output = [&](CLI::App* command, const std::string& option, std::string& path,
                                const std::string& help, bool is_of_single_run) {
-    command->add_option(option, path, help)->type_name("FILE");
+    add(*command, option, path, "FILE", help);
     arguments.outputs.push_back({command, option, &path, is_of_single_run});
   };
   const auto with_run = [&](CLI::App* command) {
     with_config(command);
-    command->add_option("--for", arguments.run.duration_s, "End after this many seconds")
-        ->type_name("SECONDS")
+    add(*command, "--for", arguments.run.duration_s, "SECONDS", "End after this many seconds")
         ->check([](const std::string& text) {
           double value = 0;
           const bool good = CLI::detail::lexical_cast(text, value) && value >= 1e-3 && value <= 1e9;
@@ -207,17 +205,13 @@ int execute(int argc, const char* const* argv) {
                 "Write what failed, and on which samples: as CSV, or as JSON if the name ends with .json", false);
     with_output(command, "--junit", arguments.run.junit_file, "Write whether each [[expect]] holds as JUnit XML",
                 true);
-    command
-        ->add_option("--log-every", arguments.run.monitor.log_every_s,
-                     "Interval of the figures in the log; 0: none (10)")
-        ->type_name("SECONDS")
+    add(*command, "--log-every", arguments.run.monitor.log_every_s, "SECONDS",
+        "Interval of the figures in the log; 0: none (10)")
         ->check(CLI::Range(0.0, 1e9));
     with_output(command, "--quality", arguments.run.monitor.quality_file,
                 "Write the figures each second as a line of JSON", true);
-    command
-        ->add_option("--ready-fd", arguments.run.ready_fd,
-                     "Write \"ready\" and a line feed to this open descriptor when the ports are open, and close it")
-        ->type_name("N")
+    add(*command, "--ready-fd", arguments.run.ready_fd, "N",
+        "Write \"ready\" and a line feed to this open descriptor when the ports are open, and close it")
         ->check([](const std::string& text) {
           int value = 0;
           constexpr int first = 3;  // after the standard streams
@@ -229,15 +223,11 @@ int execute(int argc, const char* const* argv) {
     with_output(command, "--record", arguments.run.record.file,
                 "Record truth, frames and the hosts' bytes as pcapng, which Wireshark opens and replay repeats",
                 true);
-    command
-        ->add_option("--record-max-mb", record_max_mb,
-                     "Begin another file of the record, FILE-00001.pcapng and so on, after this many MB")
-        ->type_name("N")
+    add(*command, "--record-max-mb", record_max_mb, "N",
+        "Begin another file of the record, FILE-00001.pcapng and so on, after this many MB")
         ->check(CLI::Range(1, 1'000'000));
-    command
-        ->add_option("--record-files", arguments.run.record.max_files,
-                     "Keep only the last N files of the record; needs --record-max-mb")
-        ->type_name("N")
+    add(*command, "--record-files", arguments.run.record.max_files, "N",
+        "Keep only the last N files of the record; needs --record-max-mb")
         ->check(CLI::Range(1, 1'000'000));
     auto* quiet = command->add_flag("-q,--quiet", arguments.quiet, "Log warnings and errors only");
     command->add_flag("-v,--verbose", arguments.verbose, "Log details, too")->excludes(quiet);
@@ -264,16 +254,12 @@ int execute(int argc, const char* const* argv) {
         return SeedRange::parse(text) ? std::string()
                                       : "give a seed or a range of at most ten million, such as 1..1000";
       });
-  replay_command
-      ->add_option("--jobs", arguments.seeds.jobs,
-                   "Processes for the seeds and, if they are more than those, for the imus (the processors)")
-      ->type_name("N")
+  add(*replay_command, "--jobs", arguments.seeds.jobs, "N",
+      "Processes for the seeds and, if they are more than those, for the imus (the processors)")
       ->check(CLI::Range(1, 1024));
-  replay_command
-      ->add_option("--npy", arguments.seeds.npy,
-                   "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
-                   "them; {imu} in the name is the imu's")
-      ->type_name("FILE");
+  add(*replay_command, "--npy", arguments.seeds.npy, "FILE",
+      "Open no port, and write the measurements as an array of (seeds, measurements), and the truth at "
+      "them; {imu} in the name is the imu's");
   auto* check_command = app.add_subcommand("check", "List every fault of a configuration, or show what it would run");
   with_config(check_command);
   check_command->add_option("CAPTURE", arguments.capture,
@@ -295,8 +281,7 @@ int execute(int argc, const char* const* argv) {
   selftest_command->add_option("CONFIG", arguments.config,
                                "Configuration, TOML; without it one imu at 1 kHz to a pty");
   with_set(selftest_command);
-  selftest_command->add_option("--for", measure_s, "Duration of each measurement (2)")
-      ->type_name("SECONDS")
+  add(*selftest_command, "--for", measure_s, "SECONDS", "Duration of each measurement (2)")
       ->check(CLI::Range(0.1, 3600.0));
   auto* list_command = app.add_subcommand(
       "list", "Show protocols, truth formats, transports and presets, or what NAME has; faults: kinds of faults");

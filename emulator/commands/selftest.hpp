@@ -1,7 +1,6 @@
 // Selftest: measures the machine, and prints the timing that can be expected of it.
 #pragma once
 
-
 #include "emulator/plan/config.hpp"
 
 namespace imud {

@@ -170,9 +170,9 @@ class Hdf5Writer final : public RowOutput {
 }  // namespace
 
 extern constexpr RowFormat hdf5_row_format = {.option = "--hdf5",
-                                       .help = "also writes HDF5: a dataset for each quantity",
-                                       .keeps_attributes = true,
-                                       .needs_time = false,
-                                       .make = make_writer<Hdf5Writer>};
+                                              .help = "also writes HDF5: a dataset for each quantity",
+                                              .keeps_attributes = true,
+                                              .needs_time = false,
+                                              .make = make_writer<Hdf5Writer>};
 
 }  // namespace imud

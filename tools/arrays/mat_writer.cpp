@@ -158,10 +158,11 @@ class MatWriter final : public RowOutput {
 
 }  // namespace
 
-extern constexpr RowFormat mat_row_format = {.option = "--mat",
-                                      .help = "also writes a MAT-file of level 5: a variable for each quantity",
-                                      .keeps_attributes = true,
-                                      .needs_time = false,
-                                      .make = make_writer<MatWriter>};
+extern constexpr RowFormat mat_row_format = {
+    .option = "--mat",
+    .help = "also writes a MAT-file of level 5: a variable for each quantity",
+    .keeps_attributes = true,
+    .needs_time = false,
+    .make = make_writer<MatWriter>};
 
 }  // namespace imud

@@ -298,10 +298,11 @@ class McapWriter final : public RowOutput {
 
 }  // namespace
 
-extern constexpr RowFormat mcap_row_format = {.option = "--mcap",
-                                       .help = "also writes MCAP, Foxglove's format: a channel of JSON messages",
-                                       .keeps_attributes = true,
-                                       .needs_time = true,
-                                       .make = make_writer<McapWriter>};
+extern constexpr RowFormat mcap_row_format = {
+    .option = "--mcap",
+    .help = "also writes MCAP, Foxglove's format: a channel of JSON messages",
+    .keeps_attributes = true,
+    .needs_time = true,
+    .make = make_writer<McapWriter>};
 
 }  // namespace imud

@@ -10,6 +10,7 @@
 
 #include "emulator/config/load_config.hpp"
 #include "tools/number_check.hpp"
+#include "tools/program.hpp"
 #include "transports/file/output_path.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
@@ -50,24 +51,17 @@ bool is_any_given(const std::vector<std::string>& paths, bool (*is_one)(const Ro
 void MeasurementFiles::add_options(CLI::App& app, Options& options) {
   options.paths.resize(std::size(formats));
   for (std::size_t i = 0; i < std::size(formats); ++i)
-    app.add_option(std::string(formats[i]->option), options.paths[i], std::string(formats[i]->help))
-        ->type_name("FILE");
-  app.add_option(
-         "--config", options.config,
-         fmt::format("imud's configuration, which becomes an attribute of {}", list_options(keeps_attributes)))
-      ->type_name("FILE");
-  app.add_option("--rate-hz", options.rate_hz,
-                 fmt::format("sample rate of measurements without time, for {}", list_options(needs_time)))
-      ->check(number_check(1e-6, 1e9))
-      ->type_name("HZ");
-  app.add_option(
-         "--truth", options.truth,
-         "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded,\n"
-         "or what a run has sent, from its RECORD alone")
-      ->expected(1, 2)
-      ->type_name("RECORD | CONFIG CAPTURE");
-  app.add_option("--imu", options.imu, "name of the imu in --truth; default: the first with the protocol")
-      ->type_name("NAME");
+    add(app, std::string(formats[i]->option), options.paths[i], "FILE", std::string(formats[i]->help));
+  add(app, "--config", options.config, "FILE",
+      fmt::format("imud's configuration, which becomes an attribute of {}", list_options(keeps_attributes)));
+  add(app, "--rate-hz", options.rate_hz, "HZ",
+      fmt::format("sample rate of measurements without time, for {}", list_options(needs_time)))
+      ->check(number_check(1e-6, 1e9));
+  add(app, "--truth", options.truth, "RECORD | CONFIG CAPTURE",
+      "adds the truth at each sample, without errors: what `imud replay CONFIG CAPTURE` sends is decoded,\n"
+      "or what a run has sent, from its RECORD alone")
+      ->expected(1, 2);
+  add(app, "--imu", options.imu, "NAME", "name of the imu in --truth; default: the first with the protocol");
 }
 
 namespace {

@@ -75,10 +75,11 @@ class NpyWriter final : public RowOutput {
 
 }  // namespace
 
-extern constexpr RowFormat npy_row_format = {.option = "--npy",
-                                      .help = "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")",
-                                      .keeps_attributes = false,
-                                      .needs_time = false,
-                                      .make = make_writer<NpyWriter>};
+extern constexpr RowFormat npy_row_format = {
+    .option = "--npy",
+    .help = "also writes a structured array, for numpy.load(FILE, mmap_mode=\"r\")",
+    .keeps_attributes = false,
+    .needs_time = false,
+    .make = make_writer<NpyWriter>};
 
 }  // namespace imud

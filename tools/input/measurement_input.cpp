@@ -11,6 +11,7 @@
 #include "core/numbers/nearest.hpp"
 #include "tools/input/log_formats.hpp"
 #include "tools/number_check.hpp"
+#include "tools/program.hpp"
 #include "tools/stop_signal.hpp"
 #include "transports/host_clock.hpp"
 #include "transports/port.hpp"
@@ -25,18 +26,12 @@ void DecodeOptions::resolve_port() {
 }
 
 void add_input_options(CLI::App& app, DecodeOptions& options) {
-  app.add_option("PORT", options.port, "port to receive from, see below; - is standard input")
-      ->required()
-      ->type_name("");
-  app.add_option("--set", options.settings, "a setting of the protocol; may be repeated")
-      ->allow_extra_args(false)
-      ->type_name("KEY=VALUE");
-  app.add_option("--for", options.for_s, "ends after this time of the host's clock")
-      ->check(number_check(0, 1e9))
-      ->type_name("SECONDS");
-  app.add_option("--count", options.count, "ends after this number of samples")
-      ->check(number_check(1, 1e18))
-      ->type_name("N");
+  add(app, "PORT", options.port, "", "port to receive from, see below; - is standard input")->required();
+  add(app, "--set", options.settings, "KEY=VALUE", "a setting of the protocol; may be repeated")
+      ->allow_extra_args(false);
+  add(app, "--for", options.for_s, "SECONDS", "ends after this time of the host's clock")
+      ->check(number_check(0, 1e9));
+  add(app, "--count", options.count, "N", "ends after this number of samples")->check(number_check(1, 1e18));
 }
 
 std::string known_protocols() {
