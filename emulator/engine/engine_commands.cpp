@@ -65,8 +65,20 @@ void Engine::change(const Command& command) noexcept {
     case Command::Kind::fault_clear:
       if (truth_faults_ != nullptr) truth_faults_->schedule().end_all();
       break;
-    default:
-      break;
+    case Command::Kind::mark:
+    case Command::Kind::power_off:
+    case Command::Kind::power_on:
+    case Command::Kind::power_cycle:
+    case Command::Kind::pause:
+    case Command::Kind::resume:
+    case Command::Kind::seed:
+    case Command::Kind::gyro_bias:
+    case Command::Kind::accelerometer_bias:
+    case Command::Kind::delay:
+    case Command::Kind::automatic_delay:
+    case Command::Kind::log_level:
+    case Command::Kind::reload:
+      break;  // not a change of the truth
   }
 }
 

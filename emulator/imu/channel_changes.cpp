@@ -39,8 +39,15 @@ void Channel::execute(const Command& command, const FaultBook& book, HostTime no
     case Command::Kind::accelerometer_bias:
       set_bias(Quantity::specific_force, axis, command.value);
       break;
-    default:
-      break;
+    case Command::Kind::mark:
+    case Command::Kind::delay:
+    case Command::Kind::automatic_delay:
+    case Command::Kind::extrapolate:
+    case Command::Kind::when_stopped:
+    case Command::Kind::log_level:
+    case Command::Kind::servo:
+    case Command::Kind::reload:
+      break;  // not a change of an imu
   }
 }
 
