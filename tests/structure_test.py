@@ -188,6 +188,26 @@ for folder, suffix in ENTRY_FOLDERS.items():
         elif f'"{keyword}"' not in text[entry.start():]:
             faults.append(f"{name}: its entry is not named \"{keyword}\" as the file or its folder")
 
+# An entry of a list that is kept by hand stands in the list: it compiles without.
+listed = 0
+for path in sorted((root / "tools").rglob("*.cpp")):
+    for name in re.findall(r"^(?:extern )?constexpr (?:RowFormat|TruthLog|Protocol) (\w+) = ", path.read_text(), re.MULTILINE):
+        listed += 1
+        if not any(f"&{name}" in other.read_text() for other in path.parent.glob("*.cpp") if other != path):
+            faults.append(f"{path.relative_to(root)}: no list has &{name}")
+if listed < 9:
+    faults.append(f"tools: only {listed} entries of lists were found")
+
+# A chart of the page shows a member of the notifications, and its truth another one.
+sent = (root / "emulator/control/subscriptions.cpp").read_text()
+charts = re.findall(r"(\{key: \"(\w+)\",.*)", (root / "emulator/web/page/quantities.js").read_text())
+for chart, key in charts:
+    for member in [key, f"true_{key}"] if "has_truth: true" in chart else [key]:
+        if f'"{member}"' not in sent:
+            faults.append(f"emulator/web/page/quantities.js: no notification has {member}")
+if len(charts) < 7:
+    faults.append(f"emulator/web/page/quantities.js: only {len(charts)} charts were found")
+
 # Comments are whole sentences in the field's words: coinages that were found often, and their replacements.
 COINAGES = {
     r"hears?|heard|hearing": "receive", r"obeys?|obeyed": "execute", r"patience": "timeout, longest wait",

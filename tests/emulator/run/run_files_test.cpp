@@ -1,6 +1,8 @@
 // The files that a run writes beside the sensors' output.
 #include <fcntl.h>
 
+#include <regex>
+
 #include "tests/emulator/run/run_test.hpp"
 
 namespace imud {
@@ -39,6 +41,24 @@ TEST_F(RunFiles, FiguresAreNotWrittenOverAnotherFileOfTheRun) {
   EXPECT_EQ(read_file(path("truth.csv")), truth);
   EXPECT_EQ(read_file(c), configuration);
   EXPECT_FALSE(std::filesystem::exists(path("out.csv")));
+}
+
+// An option whose file nothing writes compiles.
+TEST_F(RunFiles, EveryOptionThatNamesAFileWritesIt) {
+  ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
+  std::vector<std::string> arguments = {
+      "run", config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"))};
+  const std::string help = run_program("imud", {"run", "--help"}).output;
+  std::vector<std::string> files;
+  const std::regex option("--([a-z-]+) FILE(?! \\.\\.\\.)");  // an input may be repeated
+  for (std::sregex_iterator found(help.begin(), help.end(), option), end; found != end; ++found) {
+    files.push_back(path((*found)[1].str()));
+    arguments.insert(arguments.end(), {"--" + (*found)[1].str(), files.back()});
+  }
+  EXPECT_GE(files.size(), 5U) << help;
+  const ProgramResult result = run_program("imud", arguments);
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  for (const std::string& file : files) EXPECT_TRUE(std::filesystem::exists(file)) << file;
 }
 
 TEST_F(RunFiles, TheSummaryIsIncompleteUntilTheEnd) {
