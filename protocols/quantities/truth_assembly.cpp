@@ -55,6 +55,12 @@ double largest_of(const TruthField& field) noexcept {
   return truth_limit::time_ns / std::pow(10.0, field.exponent);
 }
 
+void TruthAssembly::set_limits() noexcept {
+  for (const QuantityGroup& group : quantity_groups())
+    for (std::size_t i = group.first; i < group.first + group.names.size(); ++i)
+      if (given_[i]) limits_.push_back({static_cast<std::uint32_t>(i), largest(group.kind)});
+}
+
 Vector3 TruthAssembly::vector(const TruthReading& in, TruthGroup group) const noexcept {
   return {number(in, group, 0), number(in, group, 1), number(in, group, 2)};
 }
@@ -268,12 +274,11 @@ TruthResult TruthAssembly::convert(const TruthReading& in, Truth& truth) noexcep
   using enum TruthGroup;
   truth = {};
   refused_ = quantity_count;
-  for (const QuantityGroup& group : quantity_groups())
-    for (std::size_t i = group.first; i < group.first + group.names.size(); ++i)
-      if (given_[i] && !(std::abs(in[i]) <= largest(group.kind))) {
-        refused_ = i;
-        return std::isfinite(in[i]) ? TruthResult::out_of_range : TruthResult::not_finite;
-      }
+  for (const auto& [quantity, limit] : limits_)
+    if (!(std::abs(in[quantity]) <= limit)) {
+      refused_ = quantity;
+      return std::isfinite(in[quantity]) ? TruthResult::out_of_range : TruthResult::not_finite;
+    }
   if (!convert_time(in, truth)) {
     refused_ = quantity_group(*time_).first;
     return TruthResult::out_of_range;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <boost/container/static_vector.hpp>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -79,6 +80,7 @@ class TruthAssembly {
                                  RemarkWriter& fault) const noexcept;
   bool check_groups(RemarkWriter& fault) noexcept;
   bool choose_groups(RemarkWriter& fault) noexcept;
+  void set_limits() noexcept;
 
   double number(const TruthReading& in, TruthGroup group, std::size_t i = 0) const noexcept {
     return in[quantity_group(group).first + i];
@@ -97,7 +99,13 @@ class TruthAssembly {
   void convert_force(const TruthReading& in, Truth& truth) noexcept;
   void integrate_attitude(Truth& truth) noexcept;
 
+  struct Limit {
+    std::uint32_t quantity = 0;
+    double largest = 0;  // magnitude, SI
+  };
+
   QuantitySet given_;
+  boost::container::static_vector<Limit, quantity_count> limits_;  // of the given quantities
   std::array<bool, truth_group_count> has_ = {};
   Axes axes_;
   bool is_inertial_ = false;  // N

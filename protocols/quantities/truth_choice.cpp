@@ -72,6 +72,7 @@ bool TruthAssembly::choose(const QuantitySet& given, const Axes& axes, RemarkWri
   *this = {};
   given_ = given;
   axes_ = axes;
+  set_limits();
   return check_groups(fault) && choose_groups(fault);
 }
 

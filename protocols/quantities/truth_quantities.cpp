@@ -288,14 +288,15 @@ TruthResult TruthReading::set(const TruthField& field, std::int64_t number) noex
 }
 
 TruthResult TruthReading::set(const TruthField& field, std::string_view text) noexcept {
-  text = unquoted(text);
   if (field.kind == Kind::text || field.kind == Kind::time) {
+    text = unquoted(text);
     const auto ns = field.kind == Kind::text ? date_ns(text) : decimal_ns(text, field.exponent);
     if (ns) time_ns_ = *ns;
     if (ns) return TruthResult::ok;
     if (field.kind == Kind::text) return TruthResult::bad_number;
   }
-  const std::optional<double> number = parse_real(text);
+  std::optional<double> number = parse_real(text);
+  if (!number) number = parse_real(unquoted(text));
   return number ? set(field, *number) : TruthResult::bad_number;
 }
 
