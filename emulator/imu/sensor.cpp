@@ -1,11 +1,15 @@
 #include "emulator/imu/sensor.hpp"
 
 #include <chrono>
+#include <new>
+#include <type_traits>
 #include <utility>
 
 #include "transports/host_clock.hpp"
 
 namespace imud {
+
+static_assert(std::is_trivially_destructible_v<Sample>);
 
 Sensor::Sensor(const ImuConfig& config, std::uint64_t seed, ChannelFaults* faults)
     : grid_(config.grid),
@@ -42,7 +46,7 @@ void Sensor::pass_over() noexcept {
 void Sensor::sense(const Timeline& timeline, TruthTime time, std::uint64_t k) noexcept {
   has_sampled_ = true;
   is_resting_ = false;
-  sample_ = imu_.sample(timeline, time, clock_.stamp(k));
+  ::new (&sample_) Sample(imu_.sample(timeline, time, clock_.stamp(k)));  // in place: a copy is dear
   ahead_ = imu_.advanced_to() - timeline.newest();
   if (std::exchange(has_leapt_, false)) sample_.status |= status::truth_extrapolated;
   if (faults_ != nullptr) faults_->take(sample_, time - run_begin_, utc_ns_of(sample_.time));
