@@ -41,11 +41,32 @@ std::unique_ptr<ChannelFaults> Engine::faults_of(const ImuConfig& imu, std::uint
 
 TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
   using Type = Step::Type;
-  const RecordEvent& event = step.event;
   // A leap, which the driver proposes after its truth, discards the samples that wait for truth.
-  if (unreviewed_ && event.type != Type::forget_past) review();
+  if (unreviewed_ && step.event.type != Type::forget_past) review();
+  switch (step.event.type) {
+    case Type::truth:
+      return take_truth(step);
+    case Type::sample:
+      if (step.imu < channels_.size()) take_sample(*channels_[step.imu], step);
+      break;
+    case Type::transmit:
+      transmit(step);
+      break;
+    case Type::deadlines:
+      poll(HostTime{step.event.a});
+      break;
+    default:
+      apply_rare(step);
+  }
+  return TruthIntake::Outcome::nothing;
+}
+
+// Executes the steps that are not part of every sample: out of line, so that they cost the others nothing.
+[[gnu::noinline]] void Engine::apply_rare(const Step& step) noexcept {
+  using Type = Step::Type;
+  const RecordEvent& event = step.event;
   Channel* const channel = step.imu < channels_.size() ? channels_[step.imu].get() : nullptr;
-  if (channel == nullptr && is_of_imu(event.type)) return TruthIntake::Outcome::nothing;
+  if (channel == nullptr && is_of_imu(event.type)) return;
   switch (event.type) {
     case Type::power_on:
       record(step);
@@ -55,8 +76,6 @@ TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
       record(step);
       for (const auto& one : channels_) one->cycle_power(HostTime{event.a});
       break;
-    case Type::truth:
-      return take_truth(step);
     case Type::forget_past:
       record(step);
       forget_past();
@@ -78,17 +97,8 @@ TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
     case Type::advance:
       advance(TruthTime{event.a});
       break;
-    case Type::sample:
-      take_sample(*channel, step);
-      break;
-    case Type::transmit:
-      transmit(step);
-      break;
     case Type::receive:
       receive(*channel, step);
-      break;
-    case Type::deadlines:
-      poll(HostTime{event.a});
       break;
     case Type::command:
     case Type::mark:
@@ -96,18 +106,22 @@ TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
       break;
     case Type::end:
       record(step);
+      for (const auto& one : channels_) one->publish();
       break;
+    case Type::truth:
+    case Type::sample:
+    case Type::transmit:
+    case Type::deadlines:
+      break;  // by apply()
     case Type::begin:
     case Type::disconnected:
     case Type::lost:
       break;  // of the record, not of the run
   }
-  return TruthIntake::Outcome::nothing;
 }
 
 // The recorded event has the imu's interface in place of its number, and the time up to which deadlines were polled.
-void Engine::record(RecordEvent event, std::uint16_t imu) noexcept {
-  if (!sink_.keeps()) return;
+void Engine::keep(RecordEvent event, std::uint16_t imu) noexcept {
   if (imu < channels_.size())
     event.interface = channels_[imu]->lines.all()[0].interface;
   else if (event.type == Step::Type::command || event.type == Step::Type::mark)
@@ -120,10 +134,11 @@ TruthIntake::Outcome Engine::take_truth(const Step& step) noexcept {
   const TruthIntake::Outcome outcome = intake_.take(TruthTime{step.event.b});
   if (outcome == TruthIntake::Outcome::nothing) return outcome;
   unreviewed_ = outcome == TruthIntake::Outcome::accepted;
+  if (!sink_.keeps()) return outcome;
   RecordEvent event = step.event;
   event.flags = static_cast<std::uint8_t>(outcome);
   event.a = outcome == TruthIntake::Outcome::ignored ? 0 : intake_.truth().time.ns;
-  record(event, step.imu);
+  keep(event, step.imu);
   return outcome;
 }
 
@@ -182,13 +197,15 @@ void Engine::take_sample(Channel& channel, const Step& step) noexcept {
     }
     raise_watermark(time);
     const bool held = (sample.status & status::truth_stale) != 0;
-    RecordEvent event = step.event;
-    event.flags = static_cast<std::uint8_t>(held ? MotionState::Basis::held
-                                            : (sample.status & status::truth_extrapolated) != 0
-                                                ? MotionState::Basis::extrapolated
-                                                : MotionState::Basis::interpolated);
-    event.b = timeline_.newest().ns;
-    record(event, step.imu);
+    if (sink_.keeps()) {
+      RecordEvent event = step.event;
+      event.flags = static_cast<std::uint8_t>(held ? MotionState::Basis::held
+                                              : (sample.status & status::truth_extrapolated) != 0
+                                                  ? MotionState::Basis::extrapolated
+                                                  : MotionState::Basis::interpolated);
+      event.b = timeline_.newest().ns;
+      keep(event, step.imu);
+    }
     // A stop lasts until there is motion again. A sample that precedes the first truth of its run is held, but does
     // not begin a stop.
     const bool stopped = held && (stopped_ || time >= timeline_.run_start());

@@ -75,8 +75,11 @@ class Engine {
 
  private:
   std::unique_ptr<ChannelFaults> faults_of(const ImuConfig& imu, std::uint64_t seed);
-  void record(RecordEvent event, std::uint16_t imu) noexcept;
-  void record(const Step& step) noexcept { record(step.event, step.imu); }
+  void apply_rare(const Step& step) noexcept;
+  void keep(RecordEvent event, std::uint16_t imu) noexcept;
+  void record(const Step& step) noexcept {
+    if (sink_.keeps()) keep(step.event, step.imu);
+  }
   void record_command(const Step& step) noexcept;
   TruthIntake::Outcome take_truth(const Step& step) noexcept;
   void review() noexcept;

@@ -13,7 +13,7 @@ void Engine::record_command(const Step& step) noexcept {
   RecordEvent event = step.event;
   const Step::Content content = step.content != nullptr ? *step.content : Step::Content{};
   if (content.reload != nullptr) event.c = static_cast<std::int64_t>(content.reload->text.size());
-  record(event, step.imu);
+  keep(event, step.imu);
   const auto add = [&](std::string_view text) {
     sink_.packet(0, PacketDirection::unknown, HostTime{step.event.a}, {std::as_bytes(std::span(text))});
   };

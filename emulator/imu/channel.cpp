@@ -114,7 +114,8 @@ void Channel::count_sample() noexcept {
   if (is_extrapolated || is_shown)
     awaited.add(sensor.imu(), sensor.ahead(), is_extrapolated,
                 is_shown ? std::optional(feed_sample()) : std::nullopt);
-  publish();
+  constexpr int most_unpublished = 64;
+  if (++unpublished_ == most_unpublished) publish();
 }
 
 void Channel::poll_until(DeviceTime now, bool too_late) noexcept {
@@ -161,6 +162,7 @@ std::optional<HostTime> Channel::next_wake() const noexcept {
 }
 
 void Channel::publish() noexcept {
+  unpublished_ = 0;
   unit.publish(counters);
   if (sync) counters.edges_refused.store(sync->refused(), std::memory_order_relaxed);
   lines.publish(counters, faults ? faults->messages().lost() : 0);

@@ -84,14 +84,18 @@ class Channel {
   void encode(bool skipped = false) noexcept;
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;
-  // Counts the sample as sent. Offers it to the feed when its truth has come.
+  // Counts the sample as sent. Offers it to the feed when its truth has come. The counters of the parts follow by
+  // poll(), or after some samples.
   void count_sample() noexcept;
 
   // --- Host and deadlines ---
   // Executes the host's bytes to the UART, at host time `now`, and sends the replies.
   void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
-  void poll(HostTime now) noexcept { poll_until(sensor.clock().now(now), false); }
+  void poll(HostTime now) noexcept {
+    poll_until(sensor.clock().now(now), false);
+    if (unpublished_ > 0) publish();
+  }
   // Sends the frames that the ports hold back, as far as they can now.
   void flush() noexcept {
     if (lines.flush()) publish();
@@ -119,6 +123,7 @@ class Channel {
   bool paused_ = false;             // by a command: all frames are discarded, and counted
   std::optional<TruthTime> truth_;  // prepare() sets these two
   bool silent_ = false;
+  int unpublished_ = 0;        // samples that were counted since publish()
   bool is_discarded_ = false;  // encode() sets it: the frames of the sample are not sent
 };
 
