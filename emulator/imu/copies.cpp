@@ -9,7 +9,7 @@ Copies::Copies(const ImuConfig& config, const Ports& ports, std::size_t imu) {
     DeviceLine& line = lines_.emplace_back();
     line.port = ports({PortUse::Of::copy, imu, i, config.also[i], config.also_settings[i]});
     line.uart = config.also_settings[i].uart;
-    line.is_file = !line.port->can_receive() && line.port->descriptor() < 0;
+    line.look_at_port();
   }
 }
 
@@ -34,7 +34,7 @@ void Copies::set_line(const UartSettings& uart) noexcept {
 void Copies::serve() noexcept {
   constexpr int most = 16;  // pieces, so that a flood does not delay samples
   for (DeviceLine& line : lines_)
-    for (int i = 0; i < most && !line.is_file && line.port->receive(); ++i) {
+    for (int i = 0; i < most && line.listens && line.port->receive(); ++i) {
     }
 }
 

@@ -17,6 +17,7 @@ struct DeviceLine {
   std::unique_ptr<Port> port;
   UartSettings uart;         // the device's settings that the port has
   std::uint64_t passed = 0;  // frames passed to the port
+  bool listens = true;       // the port may receive
   bool is_file = false;      // a regular file, which accepts everything and never answers
   bool is_stalled = false;   // the port has accepted nothing for 2 s
   // In the record: frames that left. The next two numbers: the host's bytes, and dropped frames.
@@ -24,6 +25,11 @@ struct DeviceLine {
   WirePort* wire = nullptr;  // the port, if faults act on it
   PortCounters before = {};  // the sums over the ports whose place it has taken
 
+  // Sets `listens` and `is_file`. Called when `port` was set.
+  void look_at_port() noexcept {
+    listens = port->can_receive();
+    is_file = !listens && port->descriptor() < 0;
+  }
   // Adds the counters of the port to `before`. Called when another port takes its place.
   void add_to_before() noexcept;
 

@@ -10,12 +10,6 @@
 
 namespace imud {
 
-namespace {
-
-bool is_file(const Port& port) noexcept { return !port.can_receive() && port.descriptor() < 0; }
-
-}  // namespace
-
 Lines::Lines(const ImuConfig& config, std::size_t imu, const Ports& ports, const Device& device, StepSink& sink)
     : is_can_(config.protocol->link == Link::can), sink_(sink) {
   using Of = PortUse::Of;
@@ -24,15 +18,18 @@ Lines::Lines(const ImuConfig& config, std::size_t imu, const Ports& ports, const
     lines_[1] = {ports({Of::line, imu, 1, config.second_port, config.second_port_settings}), device.second_uart()};
     count_ = 2;
   }
-  for (DeviceLine& line : all()) {
-    line.is_file = is_file(*line.port);
-    are_files_ = are_files_ && line.is_file;
-  }
+  look_at_ports();
   copies_ = Copies(config, ports, imu);
   add_interfaces(config.name, sink);
   if (!is_can_) return;
   add_filters(*config.protocol, config.settings, config.rate_hz);
   lines_[0].port->set_filters(can_filters_);
+}
+
+void Lines::look_at_ports() noexcept {
+  for (DeviceLine& line : all()) line.look_at_port();
+  are_files_ = std::ranges::all_of(all(), &DeviceLine::is_file);
+  listens_ = std::ranges::any_of(all(), &DeviceLine::listens);
 }
 
 void Lines::add_interfaces(const std::string& imu, StepSink& sink) {
@@ -94,16 +91,16 @@ void Lines::send(std::span<const Frame> frames, DeviceTime time, bool is_reply) 
     std::size_t size = 1;
     while (size < frames.size() && frames[size].uart == frames.front().uart) ++size;
     line.port->set_time(time);
-    const std::uint64_t dropped = line.port->counters().dropped;
+    const bool is_kept = sink_.keeps() && line.wire == nullptr;
+    const std::uint64_t dropped = is_kept ? line.port->counters().dropped : 0;
     if (is_reply)
       line.port->reply(frames.first(size));
     else
       line.port->send(frames.first(size));
     line.passed += size;
     // If a port drops frames, it drops the last ones.
-    if (line.wire == nullptr)
-      sink_.frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
-    if (&line == &lines_[0] && line.wire == nullptr) copies_.send(frames.first(size), time, is_reply);
+    if (is_kept) sink_.frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
+    if (!copies_.empty() && &line == &lines_[0] && line.wire == nullptr) copies_.send(frames.first(size), time, is_reply);
     frames = frames.subspan(size);
   }
 }
@@ -136,10 +133,9 @@ std::optional<HostTime> Lines::next_flush() const noexcept {
   return first;
 }
 
-void Lines::wait_for_room(const std::atomic<bool>& stop) noexcept {
-  if (!are_files_)
-    for (DeviceLine& line : all())
-      if (!line.is_file && !line.port->has_room()) line.wait(true, stop);
+void Lines::wait_for_room_of_all(const std::atomic<bool>& stop) noexcept {
+  for (DeviceLine& line : all())
+    if (!line.is_file && !line.port->has_room()) line.wait(true, stop);
   copies_.wait_for_room(stop);
 }
 
@@ -177,8 +173,7 @@ void Lines::exchange(Reload::Line& line) noexcept {
   else
     std::swap(own.port, line.port);
   if (line.settings.uart != own.uart) own.port->set_line(own.uart);  // the host has set another one
-  own.is_file = is_file(*own.port);
-  are_files_ = std::all_of(all().begin(), all().end(), [](const DeviceLine& one) { return one.is_file; });
+  look_at_ports();
 }
 
 bool Lines::has_new_state(const ImuCounters& counters) const noexcept {

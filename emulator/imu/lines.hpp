@@ -33,6 +33,8 @@ class Lines {
   // Sets the faults of the wire of the sample at `time`, after enable_faults().
   void set_faults(std::span<const ActiveFault> faults, DeviceTime time) noexcept;
 
+  // Returns true if a host may send.
+  bool listens() const noexcept { return listens_; }
   std::span<DeviceLine> all() noexcept { return {lines_.data(), count_}; }
   std::span<const DeviceLine> all() const noexcept { return {lines_.data(), count_}; }
   Copies& copies() noexcept { return copies_; }
@@ -54,7 +56,9 @@ class Lines {
   // Waits until each port has room for the frames of a sample, so that nothing is dropped where the host's clock does
   // not pace; or until all frames are sent. If the reader or the bus accepts nothing for 2 s, the port is no longer
   // waited for until it has accepted all frames. Also returns when `stop` is set.
-  void wait_for_room(const std::atomic<bool>& stop) noexcept;
+  void wait_for_room(const std::atomic<bool>& stop) noexcept {
+    if (!are_files_ || !copies_.empty()) wait_for_room_of_all(stop);
+  }
   void wait_until_sent(const std::atomic<bool>& stop) noexcept;
   // Discards the frames that the ports still hold back; they count as dropped.
   void discard_pending() noexcept;
@@ -74,6 +78,8 @@ class Lines {
   void publish(ImuCounters& counters, std::uint64_t lost) const noexcept;
 
  private:
+  void look_at_ports() noexcept;
+  void wait_for_room_of_all(const std::atomic<bool>& stop) noexcept;
   void add_interfaces(const std::string& imu, StepSink& sink);
   void add_filters(const Protocol& protocol, const Settings& settings, double rate_hz);
   void publish_bus(ImuCounters& counters) const noexcept;
@@ -83,6 +89,7 @@ class Lines {
   std::array<DeviceLine, 2> lines_;  // by Frame::uart
   std::size_t count_ = 1;
   bool are_files_ = true;  // DeviceLine::is_file of all
+  bool listens_ = true;    // DeviceLine::listens of one
   Replaced replaced_;
   std::vector<CanFilter> can_filters_;
   Copies copies_;  // of the first line
@@ -92,14 +99,14 @@ template <class Propose>
 bool Lines::serve(Propose propose, bool& has_received) noexcept {
   has_received = false;
   if (!copies_.empty()) copies_.serve();
-  if (are_files_) return false;
+  if (!listens_) return false;
   // The limit of one call, so that a flood from the host does not delay samples. Between two calls no line carries as
   // much.
   constexpr std::size_t most_served = 256, per_frame = 16;
   bool has_more = false;
   for (std::size_t uart = 0; uart < count_; ++uart) {
     std::size_t received = 0;  // bytes, with a surcharge for each frame
-    while (received < most_served && !lines_[uart].is_file) {
+    while (received < most_served && lines_[uart].listens) {
       const auto chunk = lines_[uart].port->receive();
       if (!chunk) break;
       received += per_frame + chunk->frame.bytes.size();
