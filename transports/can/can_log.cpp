@@ -2,6 +2,7 @@
 // lines are as log2asc writes them and asc2log reads them.
 #include "transports/can/can_log.hpp"
 
+#include <fmt/compile.h>
 #include <fmt/format.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
@@ -41,8 +42,9 @@ bool read_time(std::string_view text, Nanoseconds& time) noexcept {
   return true;
 }
 
-template <class... Values>
-char* append(char* at, fmt::format_string<Values...> format, Values&&... values) noexcept {
+// `format`: FMT_COMPILE(), because a log may have a line for each frame of a run.
+template <class Format, class... Values>
+char* append(char* at, const Format& format, Values&&... values) noexcept {
   return fmt::format_to(at, format, std::forward<Values>(values)...);
 }
 
@@ -91,28 +93,28 @@ std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds t
     at = append_data(at, std::span(zeros).first(length - size), before);
   };
   if (format == CanLogFormat::candump) {
-    at = append(at, "({:010}.{:06}) {} ", second, rest, interface);
-    at = can.extended ? append(at, "{:08X}#", can.id) : append(at, "{:03X}#", can.id);
+    at = append(at, FMT_COMPILE("({:010}.{:06}) {} "), second, rest, interface);
+    at = can.extended ? append(at, FMT_COMPILE("{:08X}#"), can.id) : append(at, FMT_COMPILE("{:03X}#"), can.id);
     if (can.remote)
-      at = size > 0 ? append(at, "R{}", size) : append(at, "R");
+      at = size > 0 ? append(at, FMT_COMPILE("R{}"), size) : append(at, FMT_COMPILE("R"));
     else if (can.fd)
-      at = append(at, "#{:X}", can.bit_rate_switch ? CANFD_BRS : 0);
+      at = append(at, FMT_COMPILE("#{:X}"), can.bit_rate_switch ? CANFD_BRS : 0);
     if (!can.remote) append_padded("");
   } else {
-    at = append(at, "{:4}.{:06} ", second, rest);
+    at = append(at, FMT_COMPILE("{:4}.{:06} "), second, rest);
     const unsigned channel = channel_of(interface);
     if (can.fd) {
-      at = append(at, "CANFD {:3} Rx{:11X}{}{:33} {} 0 {:x} {:2}", channel, can.id, can.extended ? 'x' : ' ', "",
+      at = append(at, FMT_COMPILE("CANFD {:3} Rx{:11X}{}{:33} {} 0 {:x} {:2}"), channel, can.id, can.extended ? 'x' : ' ', "",
                   can.bit_rate_switch ? 1 : 0, dlc_of(size), length);
       append_padded(" ");
       // Duration, length and the fields after the flags are not known; can-utils writes the same numbers.
-      at = append(at, " {:>8} {:>4} {:8X} 0 0 0 0 0", 130000, 130,
+      at = append(at, FMT_COMPILE(" {:>8} {:>4} {:8X} 0 0 0 0 0"), 130000, 130,
                   asc_fd | (can.bit_rate_switch ? asc_bit_rate_switch : 0));
     } else {
-      char* const id = append(at, "{:<2} {:X}{}", channel, can.id, can.extended ? "x" : "");
+      char* const id = append(at, FMT_COMPILE("{:<2} {:X}{}"), channel, can.id, can.extended ? "x" : "");
       constexpr std::ptrdiff_t columns = 3 + 15;  // of channel and identifier
       at = std::fill_n(id, std::max<std::ptrdiff_t>(0, columns - (id - at)), ' ');
-      at = append(at, " Rx   {} {}", can.remote ? 'r' : 'd', size);
+      at = append(at, FMT_COMPILE(" Rx   {} {}"), can.remote ? 'r' : 'd', size);
       if (!can.remote) append_padded(" ");
     }
   }
