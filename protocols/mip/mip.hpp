@@ -300,6 +300,7 @@ class Memory {
   PulseSource pulse_source() const noexcept;
   Pin pin(std::uint8_t number) const noexcept;                      // numbered from 1
   bool has_pin(Pin wanted) const noexcept;                          // some pin is configured so
+  bool sends_pulses() const noexcept { return sends_pulses_; }      // some pin is the pulse-per-second output
   std::uint8_t pin_states() const noexcept { return pin_states_; }  // bit 0: pin 1 is high
   void set_pin_state(std::uint8_t number, bool is_high) noexcept;
   // Processes an edge of the pulse-per-second input. Returns false if no input is configured.
@@ -385,6 +386,7 @@ class Memory {
   GpsUpdate gps_update_;
   Pulses pulses_;
   std::uint8_t pin_states_ = 0;
+  bool sends_pulses_ = false;
   std::uint32_t bytes_read_ = 0, bytes_written_ = 0;
   bool is_idle_ = false;
   std::optional<DeviceTime> capture_end_;  // nullopt: no capture is running; a sample at this time is the last one

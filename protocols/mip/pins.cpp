@@ -36,6 +36,7 @@ void Memory::reset_pins() noexcept {
   pin_states_ = 0;
   for (std::uint8_t number = 1; number <= pins; ++number)
     if (pin(number) == Pin{Pin::gpio, Pin::output_high}) set_pin_state(number, true);
+  sends_pulses_ = has_pin({Pin::pps, Pin::output});
 }
 
 void Memory::set_pin_state(std::uint8_t number, bool is_high) noexcept {
@@ -53,6 +54,7 @@ void Memory::configure_pin(std::uint8_t number) noexcept {
         kept.bytes[1] = kept.bytes[2] = kept.bytes[3] = 0;
   }
   set_pin_state(number, pin(number) == Pin{Pin::gpio, Pin::output_high});
+  sends_pulses_ = has_pin({Pin::pps, Pin::output});
 }
 
 Memory::Code Memory::pin_state(Reader& reader, Packet& answer) noexcept {
@@ -125,7 +127,7 @@ void Pins::sample(DeviceTime now, FrameBuffer& out) noexcept {
       if (pin.feature == Pin::timestamp && pin.behavior != Pin::falling) execute(trigger, edges_[k], now, out);
     }
   count_ = 0;
-  if (memory_.has_pin({Pin::pps, Pin::output})) find_second(now);
+  if (memory_.sends_pulses()) find_second(now);
   passed_.reset();
   last_ = now;
 }
