@@ -2,8 +2,10 @@
 
 #include <charconv>
 #include <cmath>
+#include <concepts>
 
 #include "protocols/quantities/columns.hpp"
+#include "protocols/wire/shortest_text.hpp"
 
 namespace imud {
 namespace {
@@ -21,7 +23,11 @@ class RowWriter {
   explicit RowWriter(std::span<char, measurement_csv_row_max> row)
       : begin_(row.data()), at_(begin_), end_(begin_ + row.size()) {}
 
-  template <class Number>
+  void field(bool carried, double number, char separator = ',') noexcept {
+    if (carried) at_ = write_shortest(at_, number);
+    *at_++ = separator;
+  }
+  template <std::integral Number>
   void field(bool carried, Number number, char separator = ',') noexcept {
     if (carried) at_ = std::to_chars(at_, end_, number).ptr;
     *at_++ = separator;
