@@ -261,8 +261,7 @@ void Loop::transmit(HostTime now) noexcept {
   cycle_power_if_requested(now);
   pace_.transmit(due_, due_);
   if (!paced_)
-    for (Channel* channel : engine_.prepared())
-      if (channel->lines.listens() || !channel->lines.copies().empty()) hosts_.serve(*channel, due_);
+    for (Channel* channel : engine_.prepared()) hosts_.serve(*channel, due_);
   engine_.complete();
   if (!paced_) return;
   if (!waits_for_truth_ && !prepared_at_rest_)

@@ -100,7 +100,8 @@ void Lines::send(std::span<const Frame> frames, DeviceTime time, bool is_reply) 
     line.passed += size;
     // If a port drops frames, it drops the last ones.
     if (is_kept) sink_.frames(line.interface, frames.first(size), line.port->counters().dropped - dropped);
-    if (!copies_.empty() && &line == &lines_[0] && line.wire == nullptr) copies_.send(frames.first(size), time, is_reply);
+    if (!copies_.empty() && &line == &lines_[0] && line.wire == nullptr)
+      copies_.send(frames.first(size), time, is_reply);
     frames = frames.subspan(size);
   }
 }

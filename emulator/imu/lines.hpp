@@ -33,8 +33,6 @@ class Lines {
   // Sets the faults of the wire of the sample at `time`, after enable_faults().
   void set_faults(std::span<const ActiveFault> faults, DeviceTime time) noexcept;
 
-  // Returns true if a host may send.
-  bool listens() const noexcept { return listens_; }
   std::span<DeviceLine> all() noexcept { return {lines_.data(), count_}; }
   std::span<const DeviceLine> all() const noexcept { return {lines_.data(), count_}; }
   Copies& copies() noexcept { return copies_; }

@@ -26,10 +26,40 @@ std::string by_to_chars(double number) {
 
 TEST(ShortestTextTest, WritesTheCharactersOfToChars) {
   using Limits = std::numeric_limits<double>;
-  for (const double number :
-       {0.0, -0.0, 1.0, -1.0, 25.0, 1e5, 1e6, 123456.0, 1e15, 1e16, 1e22, 1e23, 9007199254740993.0, 1e-3, 1e-4, 1.5e-4,
-        1e-5, 12e-5, 1e-9, 1e-99, 1e-100, 0.1, 0.3, 1.0 / 3.0, 9.80665, 5e-324, Limits::min(), Limits::max(),
-        Limits::epsilon(), Limits::infinity(), -Limits::infinity(), 299792458.0, 1.25e-7, 7.2921151467e-5})
+  for (const double number : {0.0,
+                              -0.0,
+                              1.0,
+                              -1.0,
+                              25.0,
+                              1e5,
+                              1e6,
+                              123456.0,
+                              1e15,
+                              1e16,
+                              1e22,
+                              1e23,
+                              9007199254740993.0,
+                              1e-3,
+                              1e-4,
+                              1.5e-4,
+                              1e-5,
+                              12e-5,
+                              1e-9,
+                              1e-99,
+                              1e-100,
+                              0.1,
+                              0.3,
+                              1.0 / 3.0,
+                              9.80665,
+                              5e-324,
+                              Limits::min(),
+                              Limits::max(),
+                              Limits::epsilon(),
+                              Limits::infinity(),
+                              -Limits::infinity(),
+                              299792458.0,
+                              1.25e-7,
+                              7.2921151467e-5})
     EXPECT_EQ(shortest(number), by_to_chars(number));
 }
 

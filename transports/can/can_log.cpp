@@ -104,8 +104,8 @@ std::size_t write_can_log(CanLogFormat format, const Frame& frame, Nanoseconds t
     at = append(at, FMT_COMPILE("{:4}.{:06} "), second, rest);
     const unsigned channel = channel_of(interface);
     if (can.fd) {
-      at = append(at, FMT_COMPILE("CANFD {:3} Rx{:11X}{}{:33} {} 0 {:x} {:2}"), channel, can.id, can.extended ? 'x' : ' ', "",
-                  can.bit_rate_switch ? 1 : 0, dlc_of(size), length);
+      at = append(at, FMT_COMPILE("CANFD {:3} Rx{:11X}{}{:33} {} 0 {:x} {:2}"), channel, can.id,
+                  can.extended ? 'x' : ' ', "", can.bit_rate_switch ? 1 : 0, dlc_of(size), length);
       append_padded(" ");
       // Duration, length and the fields after the flags are not known; can-utils writes the same numbers.
       at = append(at, FMT_COMPILE(" {:>8} {:>4} {:8X} 0 0 0 0 0"), 130000, 130,
