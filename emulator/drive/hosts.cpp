@@ -1,75 +1,111 @@
 #include "emulator/drive/hosts.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace imud {
 
-Hosts::Hosts(Engine& engine, Host* clock) : engine_(engine), clock_(clock) {
-  constexpr std::size_t most_ports = 2;
-  inputs_.reserve(most_ports * engine.channels().size() + 1);
+Hosts::Hosts(Engine& engine, Host& host, bool is_paced)
+    : engine_(engine),
+      host_(host),
+      is_paced_(is_paced),
+      is_touched_(engine.channels().size(), true),
+      wakes_(engine.channels().size()),
+      seen_(engine.channels().size()) {
+  host.reserve_inputs(1 + most_lines * engine.channels().size());
 }
 
-std::span<pollfd> Hosts::inputs(bool truth) noexcept {
-  inputs_.clear();
-  inputs_.push_back({truth ? engine_.intake().descriptor() : -1, POLLIN, 0});
-  for (const auto& channel : engine_.channels())
-    for (const DeviceLine& line : channel->lines.all()) {
-      const Port& port = *line.port;
-      const int events = (port.can_receive() ? POLLIN : 0) | (port.wants_output() ? POLLOUT : 0);
-      inputs_.push_back({events != 0 ? port.descriptor() : -1, static_cast<short>(events), 0});
-    }
-  return inputs_;
+void Hosts::touch_all() noexcept {
+  std::ranges::fill(is_touched_, true);
+  has_touched_ = true;
 }
 
-bool Hosts::serve_inputs(HostTime now) noexcept {
+void Hosts::watch(const Channel& channel, bool again) noexcept {
+  const std::span<const DeviceLine> lines = channel.lines.all();
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const Port& port = *lines[i].port;
+    const int events = (lines[i].listens ? POLLIN : 0) | (port.wants_output() ? POLLOUT : 0);
+    host_.watch(input_of(channel, i), port.descriptor(), static_cast<short>(events), again);
+  }
+}
+
+void Hosts::settle(HostTime now) noexcept {
+  const std::optional<HostTime> wake = next_wake();
+  // Where truth paces, a deadline is at no host time.
+  const bool is_due = !is_paced_ || (wake && *wake <= now);
+  if (is_due) {
+    engine_.apply(Step::deadlines(now));
+    touch_all();
+  }
+  if (!std::exchange(has_touched_, false)) return;
+  for (const auto& channel : engine_.channels()) {
+    if (!std::exchange(is_touched_[channel->number], false)) continue;
+    channel->flush();
+    wakes_[channel->number] = channel->next_wake();
+    watch(*channel, false);
+  }
+}
+
+std::optional<HostTime> Hosts::next_wake() const noexcept {
+  std::optional<HostTime> first = engine_.intake().deadline();
+  for (const auto& wake : wakes_)
+    if (wake && (!first || *wake < *first)) first = wake;
+  return first;
+}
+
+bool Hosts::wait(HostTime until, bool truth) noexcept {
+  // A wait must not return for truth for which there is no time or room now.
+  host_.watch(0, engine_.intake().descriptor(), truth ? POLLIN : 0, false);
+  ready_ = host_.wait_for_input(until);
+  return std::ranges::any_of(ready_, [](const Host::Ready& one) { return one.input == 0; });
+}
+
+bool Hosts::serve_ready(HostTime now) noexcept {
+  if (ready_.empty()) return true;
   engine_.sink().set_time(now);
   constexpr int failures = POLLERR | POLLHUP | POLLNVAL;
-  bool may_poll = (inputs_[0].revents & failures) == 0;
-  auto input = inputs_.begin() + 1;
-  for (const auto& channel : engine_.channels()) {
-    int seen = 0;
-    for (std::size_t i = 0; i < channel->lines.all().size(); ++i) seen |= (input++)->revents;
-    if ((seen & failures) != 0) may_poll = false;
-    if (seen == 0) continue;
-    if ((seen & POLLOUT) != 0) channel->flush();
-    if (!serve(*channel, now) && (seen & POLLOUT) == 0) may_poll = false;
+  bool may_wait = true;
+  for (const auto& [input, events] : ready_) {
+    if ((events & failures) != 0) may_wait = false;
+    if (input > 0) seen_[(input - 1) / most_lines] |= events;
   }
-  return may_poll;
+  for (const Host::Ready& one : ready_) {
+    if (one.input == 0) continue;
+    const std::size_t imu = (one.input - 1) / most_lines;
+    const short seen = std::exchange(seen_[imu], short{0});
+    if (seen == 0) continue;  // by the imu's other line
+    Channel& channel = *engine_.channels()[imu];
+    if ((seen & POLLOUT) != 0) channel.flush();
+    if (!serve(channel, now) && (seen & POLLOUT) == 0) may_wait = false;
+  }
+  return may_wait;
 }
 
 bool Hosts::serve(Channel& channel, HostTime now) noexcept {
   const auto propose = [&](std::size_t uart, const Port::Received& received) {
     const std::uint64_t replies = channel.reply_count;
     engine_.apply(Step::receive(channel.number, uart, now, {.frame = received.frame, .arrival = received.time}));
-    if (clock_ != nullptr && channel.reply_count != replies)
-      channel.counters.reply.add(std::max(0.0, seconds(clock_->now() - received.time)));
+    if (is_paced_ && channel.reply_count != replies)
+      channel.counters.reply.add(std::max(0.0, seconds(host_.now() - received.time)));
   };
+  touch(channel);
   bool has_received = false;
-  const bool may_poll = channel.lines.serve(propose, has_received);
+  const bool may_wait = channel.lines.serve(propose, has_received);
   if (has_received || channel.lines.has_new_state(channel.counters)) channel.publish();
-  return may_poll;
+  return may_wait;
 }
 
 void Hosts::serve_all(HostTime now) noexcept {
   engine_.sink().set_time(now);
   for (const auto& channel : engine_.channels()) serve(*channel, now);
   engine_.apply(Step::deadlines(now));
-}
-
-void Hosts::poll(HostTime now) noexcept {
-  engine_.apply(Step::deadlines(now));
-  flush();
+  for (const auto& channel : engine_.channels()) watch(*channel, true);
+  host_.watch(0, engine_.intake().descriptor(), POLLIN, true);
 }
 
 void Hosts::flush() noexcept {
   for (const auto& channel : engine_.channels()) channel->flush();
-}
-
-std::optional<HostTime> Hosts::next_wake() const noexcept {
-  std::optional<HostTime> first = engine_.intake().deadline();
-  for (const auto& channel : engine_.channels())
-    if (const auto wake = channel->next_wake(); wake && (!first || *wake < *first)) first = wake;
-  return first;
+  touch_all();
 }
 
 }  // namespace imud

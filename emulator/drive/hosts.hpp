@@ -1,8 +1,6 @@
 // Hosts: the descriptors of a run, and the host's bytes and deadlines that become steps.
 #pragma once
 
-#include <poll.h>
-
 #include <optional>
 #include <span>
 #include <vector>
@@ -12,32 +10,50 @@
 
 namespace imud {
 
-// Reads the ports of the imus' hosts, and proposes their bytes as steps. Allocates only in the constructor. One
-// thread.
+// Reads the ports of the imus' hosts, and proposes their bytes as steps. Knows which imus have changed since the last
+// wait, and looks at the others only when an input of theirs is ready or a deadline is due. Allocates only in the
+// constructor. One thread.
 class Hosts {
  public:
-  // `clock` measures the durations from the arrivals to the ends of the writes of the replies; nullptr: they are not
-  // measured.
-  Hosts(Engine& engine, Host* clock);
+  // `is_paced`: the host's clock paces, and measures the durations from the arrivals to the ends of the writes of the
+  // replies.
+  Hosts(Engine& engine, Host& host, bool is_paced);
 
-  // Returns the descriptors for ::poll(): first the truth's, disabled unless `truth`, then the hosts'.
-  std::span<pollfd> inputs(bool truth) noexcept;
-  // Serves the hosts for which ::poll() has reported an event in inputs(). Returns false if ::poll() would return at
-  // once again, because of a lasting error or a flood.
-  bool serve_inputs(HostTime now) noexcept;
+  // Must be called when an imu, or all, may have a frame to flush, a new deadline or another port.
+  void touch(const Channel& channel) noexcept { is_touched_[channel.number] = has_touched_ = true; }
+  void touch_all() noexcept;
+
+  // Before a wait: polls the deadlines that are due at `now`, sends frames that ports hold back, and publishes the
+  // counters of the touched imus. Then next_wake() returns when this has to be called next; nullopt if nothing waits
+  // for a time.
+  void settle(HostTime now) noexcept;
+  std::optional<HostTime> next_wake() const noexcept;
+  // Waits for truth if `truth`, and for the hosts, at most until `until`. Returns true if truth is ready.
+  bool wait(HostTime until, bool truth) noexcept;
+  // Serves the hosts that wait() has found ready. Returns false if the next wait would return at once again, because
+  // of a lasting error or a flood.
+  bool serve_ready(HostTime now) noexcept;
   // Serves a host, or all of them. Lost ports check whether their device is back.
   bool serve(Channel& channel, HostTime now) noexcept;
   void serve_all(HostTime now) noexcept;
-  // Polls the deadlines up to `now`, and sends frames that ports hold back; flush() does only the latter.
-  void poll(HostTime now) noexcept;
+  // Sends frames that ports hold back.
   void flush() noexcept;
-  // Returns when poll() has to be called next; nullopt if nothing waits for a time.
-  std::optional<HostTime> next_wake() const noexcept;
 
  private:
+  static constexpr std::size_t most_lines = 2;  // of an imu
+  static std::size_t input_of(const Channel& channel, std::size_t line) noexcept {
+    return 1 + most_lines * channel.number + line;
+  }
+  void watch(const Channel& channel, bool again) noexcept;
+
   Engine& engine_;
-  Host* const clock_;
-  std::vector<pollfd> inputs_;
+  Host& host_;
+  const bool is_paced_;
+  std::vector<char> is_touched_;  // by imu
+  bool has_touched_ = true;
+  std::vector<std::optional<HostTime>> wakes_;  // by imu
+  std::span<const Host::Ready> ready_;          // by wait()
+  std::vector<short> seen_;                     // by imu, in serve_ready()
 };
 
 }  // namespace imud

@@ -20,7 +20,11 @@ constexpr Nanoseconds early = 2ms;
 // its truth has arrived. In a flood only some are taken between two samples.
 constexpr int most_truths = 4096;
 constexpr int most_in_flood = 64;
-constexpr Nanoseconds pause = 1ms;  // if poll() would return at once again
+constexpr Nanoseconds pause = 1ms;  // if a wait would return at once again
+// A wait that is shorter costs less if the thread spins than if it sleeps, because a wake-up takes as long.
+constexpr Nanoseconds nap = 20us;
+// Truth and hosts are looked at this often, at least, when the thread is behind and never waits.
+constexpr Nanoseconds between_looks = 200us;
 
 std::vector<Grid> grids(const Engine& engine) {
   std::vector<Grid> all;
@@ -35,7 +39,7 @@ Loop::Loop(Engine& engine, Host& host, Pacer& pacer, const LoopOptions& options,
       host_(host),
       pacer_(pacer),
       pace_(engine, host, pacer.is_paced() ? std::optional(options.pace) : std::nullopt, stop),
-      hosts_(engine, pacer.is_paced() ? &host : nullptr),  // the clock measures the replies where it paces
+      hosts_(engine, host, pacer.is_paced()),
       stop_(stop),
       sink_(engine.sink()),
       intake_(engine.intake()),
@@ -63,6 +67,11 @@ void Loop::run() noexcept {
 }
 
 void Loop::round() noexcept {
+  const HostTime now = paced_ ? host_.now() : HostTime{};
+  if (paced_ && now - looked_ > between_looks) {
+    hosts_.settle(now);
+    look(now);
+  }
   bool wants = wants_truth();
   if (wants && truth_waits_) {
     take_truth();
@@ -73,7 +82,6 @@ void Loop::round() noexcept {
     if (!truth_waits_) wait(host_.now() + longest_wait);
     return;
   }
-  const HostTime now = paced_ ? host_.now() : HostTime{};
   if (schedule_.empty()) return wait(now + longest_wait);
   if (!is_prepared()) {
     due_ = next_due();
@@ -194,6 +202,7 @@ void Loop::begin_run() noexcept {
   run_start_ = timeline_.run_start();
   const HostTime begin = pacer_.begin_run(truth, newest_arrival_, host_.now());
   engine_.apply(Step::run(false));
+  hosts_.touch_all();
   truths_since_advance_ = 0;
   const auto start = [&](std::size_t i) {
     engine_.apply(Step::set_clock(i, DeviceTime{truth.ns}, paced_ ? std::optional(begin) : std::nullopt));
@@ -214,26 +223,29 @@ void Loop::begin_run() noexcept {
 void Loop::pass_over() noexcept {
   engine_.apply(Step::forget_past());
   engine_.apply(Step::run(true));
+  hosts_.touch_all();
   truths_since_advance_ = 0;
 }
 
-// Waits at most until `until`, for truth, for commands of the hosts, for the devices' deadlines, and for paced
-// lines.
+// Waits at most until `until`, for truth, for the hosts' bytes, for the devices' deadlines, and for paced lines.
 void Loop::wait(HostTime until) noexcept {
-  hosts_.poll(host_.now());
-  until = std::min(until, hosts_.next_wake().value_or(until));
-  const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
-  if (flood) until = std::min(until, host_.now() + pause);
-  // poll() must not return for truth for which there is no time or room now.
-  const std::span<pollfd> inputs = hosts_.inputs(!more_truth_ && wants_truth());
-  waited_ = true;
-  const bool is_ready = host_.wait_for_input(inputs, until);
-  truth_waits_ = more_truth_ || (is_ready && inputs[0].revents != 0);
   const HostTime now = host_.now();
-  cycle_power_if_requested(now);
+  hosts_.settle(now);
+  until = std::min({until, hosts_.next_wake().value_or(until), served_ + longest_wait});
+  const bool flood = more_truth_ && has_room_ && !waits_for_truth_;
+  if (flood) until = std::min(until, now + pause);
+  if (paced_ && until - now < nap) host_.sleep_until(until, nap);
+  look(until);
+}
+
+// Waits as wait() does, or with `until` in the past does not wait, and serves what is ready.
+void Loop::look(HostTime until) noexcept {
+  truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth()) || more_truth_;
+  looked_ = host_.now();
+  cycle_power_if_requested(looked_);
   if (!is_prepared()) execute_commands();
-  if (is_ready && !hosts_.serve_inputs(now)) host_.sleep_until(std::min(until, now + pause));
-  if (now - served_ <= longest_wait) return;
+  if (!hosts_.serve_ready(looked_)) host_.sleep_until(std::min(until, looked_ + pause));
+  if (looked_ - served_ < longest_wait) return;
   serve_all();
   truth_waits_ = true;  // a port that was lost may be back
 }
@@ -262,22 +274,21 @@ void Loop::transmit(HostTime now) noexcept {
   pace_.transmit(due_, due_);
   if (!paced_)
     for (Channel* channel : engine_.prepared()) hosts_.serve(*channel, due_);
-  engine_.complete();
-  if (!paced_) return;
-  if (!waits_for_truth_ && !prepared_at_rest_)
+  complete();
+  if (paced_ && !waits_for_truth_ && !prepared_at_rest_)
     engine_.quality().age.add(std::max(0.0, seconds(due_ - newest_arrival_)));
-  if (!std::exchange(waited_, false)) return;
-  truth_waits_ = true;  // poll() was not called
-  serve_all();
 }
 
 void Loop::skip(HostTime now) noexcept {
   sink_.set_time(now);
   cycle_power_if_requested(now);
   pace_.skip(due_);
+  complete();
+}
+
+void Loop::complete() noexcept {
+  for (const Channel* channel : engine_.prepared()) hosts_.touch(*channel);
   engine_.complete();
-  truth_waits_ = true;  // poll() was not called
-  if (now - served_ > longest_wait) serve_all();
 }
 
 }  // namespace imud

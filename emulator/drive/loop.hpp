@@ -19,7 +19,7 @@ struct LoopOptions {
 };
 
 // Drives an Engine by live truth or a capture, at the instants of a Pacer. One round does the first of these that is
-// pending: take truth from the port; prepare the next instant's samples; wait by poll() for the instant, truth,
+// pending: take truth from the port; prepare the next instant's samples; wait for the instant, truth,
 // hosts, deadlines and paced lines; encode and transmit the samples. Allocates nothing after construction. One
 // thread.
 class Loop {
@@ -58,7 +58,9 @@ class Loop {
   void change_pacing(const Command& command) noexcept;
 
   void send_all() noexcept;
+  void complete() noexcept;
   void wait(HostTime until) noexcept;
+  void look(HostTime until) noexcept;
   void serve_all() noexcept;
 
   Engine& engine_;
@@ -84,6 +86,7 @@ class Loop {
   bool settling_ = false;    // truth arrives, and the run begins when the pacer is settled
   HostTime newest_arrival_;  // of the newest truth
   HostTime served_;          // when all hosts were served last
+  HostTime looked_;          // when truth and hosts were looked at last
   int budget_;               // how many truths may be taken before the next sample
   bool truth_waits_ = true;  // truth may be waiting at its port
   bool more_truth_ = false;  // more truth is waiting than was taken
@@ -92,7 +95,6 @@ class Loop {
   bool unapplied_ = false;   // a truth was accepted since apply_truth()
   std::size_t truths_since_advance_ = 0;
   bool answer_due_ = false;  // the sender of the last truth waits for an answer
-  bool waited_ = false;      // wait() was called since the last transmission
 };
 
 }  // namespace imud

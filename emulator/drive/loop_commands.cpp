@@ -7,7 +7,9 @@ namespace imud {
 
 // Must not be called between a device's receiving a sample and its transmission.
 void Loop::cycle_power_if_requested(HostTime now) noexcept {
-  if (engine_.takes_power_cycle()) engine_.apply(Step::power_cycle(now));
+  if (!engine_.takes_power_cycle()) return;
+  engine_.apply(Step::power_cycle(now));
+  hosts_.touch_all();
 }
 
 // Executes the batches that wait, but not more than a few. Called where each sample that was taken has been
@@ -38,6 +40,7 @@ void Loop::execute(const Command& command, HostTime now) noexcept {
   const std::span text(command.text.data(), command.text_size);
   const Step::Content content{.frame = {std::as_bytes(text)}, .reload = reload};
   engine_.apply(Step::command(command, now, &content));
+  hosts_.touch_all();
   change_pacing(command);
   if (reload == nullptr) return;
   for (const Command& change : reload->commands) change_pacing(change);

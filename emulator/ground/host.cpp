@@ -1,15 +1,23 @@
 #include "emulator/ground/host.hpp"
 
+#include <sys/epoll.h>
 #include <sys/prctl.h>
 #include <time.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 
 #include "transports/host_clock.hpp"
 
 namespace imud {
 namespace {
 timespec to_timespec(std::int64_t ns) { return {ns / 1'000'000'000, ns % 1'000'000'000}; }
+
+// For each wait poll() costs some 1 us for each pty, and epoll one call more for all of them.
+constexpr std::size_t most_polled = 4;
+
+static_assert(EPOLLIN == POLLIN && EPOLLOUT == POLLOUT && EPOLLERR == POLLERR && EPOLLHUP == POLLHUP);
 }  // namespace
 
 MonotonicHost::MonotonicHost() noexcept { ::prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL); }
@@ -25,9 +33,46 @@ HostTime MonotonicHost::sleep_until(HostTime time, Nanoseconds spin) noexcept {
   return now;
 }
 
-bool MonotonicHost::wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept {
+void MonotonicHost::reserve_inputs(std::size_t count) {
+  inputs_.assign(count, {-1, 0, 0});
+  ready_.reserve(count);
+  epoll_.reset(count > most_polled ? ::epoll_create1(EPOLL_CLOEXEC) : -1);
+}
+
+void MonotonicHost::watch(std::size_t input, int descriptor, short events, bool again) noexcept {
+  pollfd& own = inputs_[input];
+  const pollfd wanted{events != 0 ? descriptor : -1, events, 0};
+  if (own.fd == wanted.fd && own.events == wanted.events && !again) return;
+  const int before = own.fd;
+  own = wanted;
+  if (!epoll_) return;
+  epoll_event event{static_cast<std::uint32_t>(events), {.u64 = input}};
+  if (before >= 0 && before != own.fd) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, before, nullptr);
+  if (own.fd < 0) return;
+  // The kernel forgets a descriptor that is closed.
+  if (::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, own.fd, &event) == 0 || errno != ENOENT) return;
+  if (::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, own.fd, &event) != 0 && errno == EPERM) has_file_ = true;
+}
+
+std::span<const Host::Ready> MonotonicHost::wait_for_input(HostTime time) noexcept {
+  ready_.clear();
+  pollfd all{epoll_.get(), POLLIN, 0};
+  const bool is_direct = !epoll_ || has_file_;
+  const std::span<pollfd> polled = is_direct ? std::span(inputs_) : std::span(&all, 1);
   const timespec at_most = to_timespec(std::max(time - host_now(), Nanoseconds{0}).count());
-  return ::ppoll(inputs.data(), inputs.size(), &at_most, nullptr) > 0;
+  if (::ppoll(polled.data(), polled.size(), &at_most, nullptr) <= 0) return {};
+  if (is_direct) {
+    for (std::size_t i = 0; i < inputs_.size(); ++i)
+      if (inputs_[i].revents != 0) ready_.push_back({i, inputs_[i].revents});
+    return ready_;
+  }
+  std::array<epoll_event, 64> events;
+  const int count =
+      ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(std::min(events.size(), inputs_.size())), 0);
+  for (int i = 0; i < count; ++i)
+    ready_.push_back({events[static_cast<std::size_t>(i)].data.u64,
+                      static_cast<short>(events[static_cast<std::size_t>(i)].events)});
+  return ready_;
 }
 
 }  // namespace imud

@@ -3,9 +3,12 @@
 
 #include <poll.h>
 
+#include <cstddef>
 #include <span>
+#include <vector>
 
 #include "core/time.hpp"
+#include "transports/file_descriptor.hpp"
 
 namespace imud {
 
@@ -17,11 +20,22 @@ class Host {
   // Waits until `time`, and spins for the last `spin` of the wait, so that no wake-up delays the return. Returns the
   // time of the return.
   virtual HostTime sleep_until(HostTime time, Nanoseconds spin = {}) noexcept = 0;
-  // Waits as poll() does until an input is ready, at most until `time`. Returns true if an input is ready.
-  virtual bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept = 0;
+
+  // --- Inputs, each with a number from 0 on ---
+  // Makes room for that many inputs, of which none is watched. Allocates.
+  virtual void reserve_inputs(std::size_t count) = 0;
+  // From now on watches the descriptor for these events of poll(); 0: it is not watched. `again`: tells the kernel
+  // even if nothing has changed, in case that another file has taken the descriptor's number.
+  virtual void watch(std::size_t input, int descriptor, short events, bool again) noexcept = 0;
+  struct Ready {
+    std::size_t input = 0;
+    short events = 0;  // as poll() reports them
+  };
+  // Waits until a watched input is ready, at most until `time`. Returns the ready ones, until the next call.
+  virtual std::span<const Ready> wait_for_input(HostTime time) noexcept = 0;
 };
 
-// The real host: CLOCK_MONOTONIC, clock_nanosleep() and ppoll().
+// The real host: CLOCK_MONOTONIC, clock_nanosleep(), and ppoll() for a few inputs or on epoll for many.
 class MonotonicHost final : public Host {
  public:
   // Must be made by the thread that will wait. Sets its timer slack to the minimum; otherwise the kernel adds up to
@@ -29,7 +43,15 @@ class MonotonicHost final : public Host {
   MonotonicHost() noexcept;
   HostTime now() noexcept override;
   HostTime sleep_until(HostTime time, Nanoseconds spin) noexcept override;
-  bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept override;
+  void reserve_inputs(std::size_t count) override;
+  void watch(std::size_t input, int descriptor, short events, bool again) noexcept override;
+  std::span<const Ready> wait_for_input(HostTime time) noexcept override;
+
+ private:
+  std::vector<pollfd> inputs_;  // by number; a descriptor of -1: it is not watched
+  std::vector<Ready> ready_;
+  FileDescriptor epoll_;   // of all inputs, if there are many
+  bool has_file_ = false;  // an input is a file, of which epoll knows nothing and which is always ready
 };
 
 }  // namespace imud

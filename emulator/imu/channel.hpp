@@ -85,20 +85,17 @@ class Channel {
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;
   // Counts the sample as sent. Offers it to the feed when its truth has come. The counters of the parts follow by
-  // poll(), or after some samples.
+  // flush(), or after some samples.
   void count_sample() noexcept;
 
   // --- Host and deadlines ---
   // Executes the host's bytes to the UART, at host time `now`, and sends the replies.
   void receive(Frame frame, std::size_t uart, HostTime now) noexcept;
   // Polls the device's deadlines up to `now`, and sends their frames.
-  void poll(HostTime now) noexcept {
-    poll_until(sensor.clock().now(now), false);
-    if (unpublished_ > 0) publish();
-  }
-  // Sends the frames that the ports hold back, as far as they can now.
+  void poll(HostTime now) noexcept { poll_until(sensor.clock().now(now), false); }
+  // Sends the frames that the ports hold back, as far as they can now. Publishes the counters if there is news.
   void flush() noexcept {
-    if (lines.flush()) publish();
+    if (lines.flush() || unpublished_ > 0) publish();
   }
   // Lines::wait_until_sent().
   void wait_until_sent(const std::atomic<bool>& stop) noexcept {

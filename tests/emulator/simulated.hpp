@@ -29,17 +29,19 @@ class SimulatedHost final : public Host {
     go_to(time);
     return now_;
   }
-  bool wait_for_input(std::span<pollfd> inputs, HostTime time) noexcept override {
+  void reserve_inputs(std::size_t count) override { inputs_.assign(count, -1); }
+  void watch(std::size_t input, int descriptor, short events, bool) noexcept override {
+    inputs_[input] = (events & POLLIN) != 0 ? descriptor : -1;
+  }
+  std::span<const Ready> wait_for_input(HostTime time) noexcept override {
     HostTime until = time;
-    for (const pollfd& input : inputs) until = std::min(until, readable_at(input, &input == inputs.data()));
+    for (std::size_t i = 0; i < inputs_.size(); ++i) until = std::min(until, readable_at(i));
     go_to(std::max(now_, until));
-    bool any = false;
-    for (pollfd& input : inputs) {
-      input.revents = readable_at(input, &input == inputs.data()) <= now_ ? POLLIN : 0;
-      any = any || input.revents != 0;
-    }
+    ready_.clear();
+    for (std::size_t i = 0; i < inputs_.size(); ++i)
+      if (readable_at(i) <= now_) ready_.push_back({i, POLLIN});
     if (on_wait) on_wait();
-    return any;
+    return ready_;
   }
   // The sum of the times for which the loop was to spin.
   Nanoseconds spun() const { return spun_; }
@@ -55,10 +57,10 @@ class SimulatedHost final : public Host {
   std::atomic<bool> stop = false;
 
  private:
-  HostTime readable_at(const pollfd& input, bool is_truth) const {
-    if (input.fd < 0) return never;
-    if (is_truth) return arrivals.empty() ? never : arrivals.front().time;
-    return next_input ? next_input(input.fd) : never;
+  HostTime readable_at(std::size_t input) const {
+    if (inputs_[input] < 0) return never;
+    if (input == 0) return arrivals.empty() ? never : arrivals.front().time;
+    return next_input ? next_input(inputs_[input]) : never;
   }
   void go_to(HostTime time) noexcept {
     now_ = std::max(now_, time);
@@ -66,6 +68,8 @@ class SimulatedHost final : public Host {
       if (now_ >= from && now_ < until) now_ = until;
     if (now_ >= end) stop = true;
   }
+  std::vector<int> inputs_;  // descriptors; input 0 is the truth
+  std::vector<Ready> ready_;
   HostTime now_{1'000'000'000'000};
   Nanoseconds spun_{0};
   std::vector<std::pair<HostTime, HostTime>> freezes_;
