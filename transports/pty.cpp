@@ -187,7 +187,7 @@ class PtyDevice final : public Port {
   bool has_reader() noexcept {
     constexpr Nanoseconds between_checks = std::chrono::milliseconds(5);
     if (!is_open() || host_now() - checked_ >= between_checks) return check_reader();
-    state_ = state_with_reader();
+    if (has_wrong_speeds()) state_ = state_with_reader();
     return true;
   }
 
@@ -210,10 +210,12 @@ class PtyDevice final : public Port {
   // Compares the client's speed with the line's; 0 means no speed. The master reports the slave's settings.
   PortState state_with_reader() noexcept {
     speeds_ = {line_now().baud, line_speed(pty_.master()).value_or(0)};
-    const bool checked = !any_speed_ && speeds_.line != 0 && speeds_.client != 0;
-    return checked && !speeds_match(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed
+    return has_wrong_speeds() && speeds_.client != 0 && !speeds_match(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed
                                                                               : PortState::ready;
   }
+
+  // Returns true if a client's speed can be wrong: then it is asked for each frame.
+  bool has_wrong_speeds() const noexcept { return !any_speed_ && line_now().baud != 0; }
 
   // Queued characters are sent with the settings that applied when they were queued.
   const UartSettings& line_now() const noexcept { return paced_ && !paced_->is_idle() ? paced_->line() : line_; }
