@@ -52,7 +52,9 @@ class SimulatedHost final : public Host {
   std::deque<Arrival> arrivals;                // of truth, in order
   std::function<HostTime(int fd)> next_input;  // when a sensor's port is readable, or `never`
   static constexpr HostTime never{std::numeric_limits<std::int64_t>::max()};
-  std::function<void()> on_wait;  // called at the end of each wait for input
+  std::function<void()> on_wait;          // called at the end of each wait for input
+  std::function<void(HostTime)> on_send;  // called before each sample of a SimulatedSensor is sent
+  Nanoseconds send_cost{0};               // how long that takes
   HostTime end;
   std::atomic<bool> stop = false;
 
@@ -114,8 +116,10 @@ class SimulatedSensor final : public Port, private MeasurementSink {
   SimulatedSensor(SimulatedHost& host, std::vector<Left>& left)
       : host_(host), left_(left), decoder_(find_protocol("native")->make_decoder(Settings())) {}
   void send(std::span<const Frame> frames) noexcept override {
+    if (host_.on_send) host_.on_send(host_.now());
     for (const Frame& frame : frames) decoder_->feed(frame, *this);
     counters_.count_sent(is_reply_, frames.size());
+    host_.spend(host_.send_cost);
   }
   std::optional<Received> receive() noexcept override { return std::nullopt; }
 
