@@ -210,8 +210,9 @@ class PtyDevice final : public Port {
   // Compares the client's speed with the line's; 0 means no speed. The master reports the slave's settings.
   PortState state_with_reader() noexcept {
     speeds_ = {line_now().baud, line_speed(pty_.master()).value_or(0)};
-    return has_wrong_speeds() && speeds_.client != 0 && !speeds_match(speeds_.line, speeds_.client, line_now()) ? PortState::wrong_speed
-                                                                              : PortState::ready;
+    return has_wrong_speeds() && speeds_.client != 0 && !speeds_match(speeds_.line, speeds_.client, line_now())
+               ? PortState::wrong_speed
+               : PortState::ready;
   }
 
   // Returns true if a client's speed can be wrong: then it is asked for each frame.
