@@ -10,6 +10,17 @@ namespace {
 
 using RunFiles = RunTest;
 
+// The options of `run` that name a file to be written; an input's may be repeated.
+std::vector<std::string> file_options() {
+  const std::string help = run_program("imud", {"run", "--help"}).output;
+  std::vector<std::string> all;
+  const std::regex option("(--[a-z-]+) FILE(?! \\.\\.\\.)");
+  for (std::sregex_iterator found(help.begin(), help.end(), option), end; found != end; ++found)
+    all.push_back((*found)[1].str());
+  EXPECT_GE(all.size(), 5U) << help;
+  return all;
+}
+
 TEST_F(RunFiles, ASummaryThatCannotBeWrittenIsReportedBeforeTheRun) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
   const std::string c = config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"));
@@ -31,7 +42,7 @@ TEST_F(RunFiles, FiguresAreNotWrittenOverAnotherFileOfTheRun) {
   for (const auto& [file, use] :
        {std::pair(c, "the configuration"), std::pair(path("truth.csv"), "the truth"),
         std::pair(path("out.csv"), "imu.0.port"), std::pair(path("./out.csv"), "imu.0.port")})
-    for (const std::string option : {"--summary", "--quality"}) {
+    for (const std::string& option : file_options()) {
       const ProgramResult refused = run_program("imud", {"run", c, option, file});
       EXPECT_EQ(refused.exit_code, 2) << option << file;
       EXPECT_NE(refused.errors.find(file + ": is the file of " + use + "; give another file"), std::string::npos)
@@ -48,17 +59,10 @@ TEST_F(RunFiles, EveryOptionThatNamesAFileWritesIt) {
   ASSERT_EQ(run_program("imu-truth", {"spiral", "--csv", path("truth.csv"), "--for", "1"}).exit_code, 0);
   std::vector<std::string> arguments = {
       "run", config("fast", "file:" + path("truth.csv"), "csv", 100, "csv", "file:" + path("out.csv"))};
-  const std::string help = run_program("imud", {"run", "--help"}).output;
-  std::vector<std::string> files;
-  const std::regex option("--([a-z-]+) FILE(?! \\.\\.\\.)");  // an input may be repeated
-  for (std::sregex_iterator found(help.begin(), help.end(), option), end; found != end; ++found) {
-    files.push_back(path((*found)[1].str()));
-    arguments.insert(arguments.end(), {"--" + (*found)[1].str(), files.back()});
-  }
-  EXPECT_GE(files.size(), 5U) << help;
+  for (const std::string& option : file_options()) arguments.insert(arguments.end(), {option, path(option)});
   const ProgramResult result = run_program("imud", arguments);
   EXPECT_EQ(result.exit_code, 0) << result.errors;
-  for (const std::string& file : files) EXPECT_TRUE(std::filesystem::exists(file)) << file;
+  for (const std::string& option : file_options()) EXPECT_TRUE(std::filesystem::exists(path(option))) << option;
 }
 
 TEST_F(RunFiles, TheSummaryIsIncompleteUntilTheEnd) {
