@@ -32,24 +32,26 @@ struct FaultEvent {
 class FaultLog {
  public:
   static constexpr std::size_t default_size = 65536;
-  explicit FaultLog(std::size_t size = default_size) : events_(size) {}
+  // Takes the memory for all events, and uses of it what they need.
+  explicit FaultLog(std::size_t size = default_size) : capacity_(size) { events_.reserve(size); }
 
   void add(const FaultEvent& event) noexcept {
     const std::size_t size = size_.load(std::memory_order_relaxed);
-    if (size == events_.size()) {
+    if (size == capacity_) {
       lost_.fetch_add(1, std::memory_order_relaxed);
       return;
     }
-    events_[size] = event;
+    events_.push_back(event);  // in its place, because the memory is reserved
     size_.store(size + 1, std::memory_order_release);
   }
 
   std::size_t size() const noexcept { return size_.load(std::memory_order_acquire); }
   // `i` is below a value that size() has returned.
-  const FaultEvent& operator[](std::size_t i) const noexcept { return events_[i]; }
+  const FaultEvent& operator[](std::size_t i) const noexcept { return events_.data()[i]; }
   std::uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
 
  private:
+  const std::size_t capacity_;
   std::vector<FaultEvent> events_;
   std::atomic<std::size_t> size_ = 0;
   std::atomic<std::uint64_t> lost_ = 0;
