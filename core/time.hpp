@@ -60,6 +60,35 @@ class Grid {
   constexpr Nanoseconds counted(Nanoseconds elapsed) const { return scaled(elapsed, clock_rate_, 1'000'000'000U); }
   constexpr Nanoseconds elapsed(Nanoseconds counted) const { return scaled(counted, 1'000'000'000U, clock_rate_); }
 
+  // The instants one after another, the same as offset() or nominal_offset() returns, without their division.
+  class Walk {
+   public:
+    // Stands at instant `k`.
+    constexpr Walk(const Grid& grid, std::uint64_t k, bool is_nominal = false)
+        : divisor_(grid.rate_uhz_ * (is_nominal ? 1'000'000'000U : grid.clock_rate_)), k_(k) {
+      const Wide scaled = k * scale + divisor_ / 2;
+      offset_ = grid.phase_ + Nanoseconds{static_cast<std::int64_t>(scaled / divisor_)};
+      remainder_ = static_cast<std::uint64_t>(scaled % divisor_);
+      step_ = Nanoseconds{static_cast<std::int64_t>(scale / divisor_)};
+      step_remainder_ = static_cast<std::uint64_t>(scale % divisor_);
+    }
+    constexpr std::uint64_t k() const { return k_; }
+    constexpr Nanoseconds offset() const { return offset_; }
+    constexpr void advance() {
+      ++k_;
+      offset_ += step_;
+      const std::uint64_t room = divisor_ - step_remainder_;
+      const bool is_whole = remainder_ >= room;
+      offset_ += Nanoseconds{is_whole ? 1 : 0};
+      remainder_ = is_whole ? remainder_ - room : remainder_ + step_remainder_;
+    }
+
+   private:
+    std::uint64_t divisor_, k_;
+    Nanoseconds offset_, step_;
+    std::uint64_t remainder_, step_remainder_;
+  };
+
   // Returns the time from the start to instant 0.
   constexpr Nanoseconds phase() const { return phase_; }
   // Returns the mean time between two instants, rounded to the nearest ns.
@@ -67,12 +96,12 @@ class Grid {
 
  private:
   __extension__ using Wide = unsigned __int128;
+  static constexpr Wide scale = Wide{1'000'000'000'000'000U} * 1'000'000'000U;  // ns * uHz * ns per second
 
   // Returns the time of k periods. `clock_rate` is the number of ns that the clock counts in a true second.
   constexpr Nanoseconds steps(std::uint64_t k, std::uint64_t clock_rate) const {
     const std::uint64_t divisor = rate_uhz_ * clock_rate;  // below 2^64: 1e10 times 1.1e9
-    const Wide scaled = Wide{k} * 1'000'000'000'000'000U * 1'000'000'000U;
-    return Nanoseconds{static_cast<std::int64_t>((scaled + divisor / 2) / divisor)};
+    return Nanoseconds{static_cast<std::int64_t>((k * scale + divisor / 2) / divisor)};
   }
 
   // Returns `time` * numerator / denominator, rounded to the nearest ns.

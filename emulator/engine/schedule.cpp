@@ -12,13 +12,16 @@ bool is_later(const Schedule::Slot& a, const Schedule::Slot& b) noexcept {
 }  // namespace
 
 Schedule::Schedule(std::span<const Grid> grids) : grids_(grids.begin(), grids.end()), origins_(grids.size()) {
+  for (const Grid& grid : grids_) walks_.emplace_back(grid, 0);
   heap_.reserve(grids.size());
 }
 
 void Schedule::advance() noexcept {
   Slot slot = heap_.front();
-  ++slot.index;
-  slot.offset = origins_[slot.imu] + grids_[slot.imu].offset(slot.index);
+  Grid::Walk& walk = walks_[slot.imu];
+  walk.advance();
+  slot.index = walk.k();
+  slot.offset = origins_[slot.imu] + walk.offset();
   // The slot replaces the first, and sinks below earlier slots.
   std::size_t place = 0;
   for (std::size_t next = 1; next < heap_.size(); next = 2 * place + 1) {
@@ -32,9 +35,10 @@ void Schedule::advance() noexcept {
 
 void Schedule::start(std::size_t imu, Nanoseconds origin) noexcept {
   origins_[imu] = origin;
+  walks_[imu] = Grid::Walk(grids_[imu], 0);
   std::erase_if(heap_, [imu](const Slot& slot) { return slot.imu == imu; });
   std::make_heap(heap_.begin(), heap_.end(), is_later);
-  heap_.push_back({origin + grids_[imu].offset(0), 0, imu});
+  heap_.push_back({origin + walks_[imu].offset(), 0, imu});
   std::push_heap(heap_.begin(), heap_.end(), is_later);
 }
 

@@ -36,6 +36,7 @@ class Schedule {
 
  private:
   std::vector<Grid> grids_;
+  std::vector<Grid::Walk> walks_;  // each at the imu's next instant
   std::vector<Nanoseconds> origins_;
   std::vector<Slot> heap_;  // the next slot of each imu whose grid is started
 };

@@ -15,7 +15,7 @@ namespace imud {
 // It never passes the stamp of the next sample. One thread.
 class DeviceClock {
  public:
-  explicit DeviceClock(const Grid& grid) noexcept : grid_(grid) {}
+  explicit DeviceClock(const Grid& grid) noexcept : grid_(grid), walk_(grid, 0, true) {}
 
   // Starts the clock, which reads 0 at `origin`.
   void power_on(HostTime origin) noexcept {
@@ -46,6 +46,7 @@ class DeviceClock {
       next_ = 0;
     }
     grid_ = grid;
+    walk_ = Grid::Walk(grid, 0, true);
   }
   // Starts the samples: the next one is at instant 0.
   void start_samples() noexcept { has_samples_ = true; }
@@ -55,7 +56,13 @@ class DeviceClock {
     return has_samples_ ? std::optional(stamp(next_)) : std::nullopt;
   }
   // Returns the stamp of instant k, counted from set().
-  DeviceTime stamp(std::uint64_t k) const noexcept { return zero_ + grid_.nominal_offset(k); }
+  DeviceTime stamp(std::uint64_t k) const noexcept {
+    if (k == walk_.k() + 1)
+      walk_.advance();
+    else if (k != walk_.k()) [[unlikely]]
+      walk_ = Grid::Walk(grid_, k, true);
+    return zero_ + walk_.offset();
+  }
   // Records that the next sample, which is stamped `stamp`, is taken.
   void take_sample(DeviceTime stamp) noexcept {
     ++next_;
@@ -84,6 +91,7 @@ class DeviceClock {
   }
 
   Grid grid_;
+  mutable Grid::Walk walk_;  // of the nominal instants, at the one that was asked for last
   DeviceTime zero_;
   std::optional<HostTime> origin_;  // nullopt while the clock stands
   DeviceTime now_;

@@ -92,6 +92,19 @@ TEST_P(GridAtRate, NeverDriftsFromThePeriod) {
   }
 }
 
+TEST_P(GridAtRate, AWalkHasTheSameInstants) {
+  for (const double ppm : {0.0, 0.001, -99.999, 12'345.678, 1e5, -1e5})
+    for (const std::uint64_t begin : {0U, 1U, 999'999'999U}) {
+      const Grid grid(GetParam(), ppm, 1'250us);
+      Grid::Walk walk(grid, begin), nominal(grid, begin, true);
+      for (std::uint64_t k = begin; k < begin + 20'000; ++k, walk.advance(), nominal.advance()) {
+        ASSERT_EQ(walk.k(), k);
+        ASSERT_EQ(walk.offset(), grid.offset(k)) << k << " " << ppm;
+        ASSERT_EQ(nominal.offset(), grid.nominal_offset(k)) << k << " " << ppm;
+      }
+    }
+}
+
 INSTANTIATE_TEST_SUITE_P(Rates, GridAtRate,
                          ::testing::Values(Grid::min_rate_hz, 0.333333, 1.0, 7.0, 59.94, 100.0, 333.333333, 400.0,
                                            819.2, 999.999999, 1024.0, 3333.0, 4250.0, 9999.999999,
