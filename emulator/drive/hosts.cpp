@@ -13,11 +13,16 @@ Hosts::Hosts(Engine& engine, Host& host, bool is_paced)
       wakes_(engine.channels().size()),
       seen_(engine.channels().size()) {
   host.reserve_inputs(1 + most_lines * engine.channels().size());
+  touch_all();
 }
 
 void Hosts::touch_all() noexcept {
   std::ranges::fill(is_touched_, true);
   has_touched_ = true;
+  // A reload exchanges ports, and touches all imus.
+  are_there_ = std::ranges::any_of(engine_.channels(), [](const auto& channel) {
+    return !channel->lines.copies().empty() || std::ranges::any_of(channel->lines.all(), &DeviceLine::listens);
+  });
 }
 
 void Hosts::watch(const Channel& channel, bool again) noexcept {

@@ -33,13 +33,18 @@ class Hosts {
   // Serves the hosts that wait() has found ready. Returns false if the next wait would return at once again, because
   // of a lasting error or a flood.
   bool serve_ready(HostTime now) noexcept;
-  // Serves a host, or all of them. Lost ports check whether their device is back.
-  bool serve(Channel& channel, HostTime now) noexcept;
+  // Serves the hosts of the prepared samples.
+  void serve_prepared(HostTime now) noexcept {
+    if (are_there_)
+      for (Channel* channel : engine_.prepared()) serve(*channel, now);
+  }
+  // Serves all hosts. Lost ports check whether their device is back.
   void serve_all(HostTime now) noexcept;
   // Sends frames that ports hold back.
   void flush() noexcept;
 
  private:
+  bool serve(Channel& channel, HostTime now) noexcept;
   static constexpr std::size_t most_lines = 2;  // of an imu
   static std::size_t input_of(const Channel& channel, std::size_t line) noexcept {
     return 1 + most_lines * channel.number + line;
@@ -51,6 +56,7 @@ class Hosts {
   const bool is_paced_;
   std::vector<char> is_touched_;  // by imu
   bool has_touched_ = true;
+  bool are_there_ = true;                       // a port may receive
   std::vector<std::optional<HostTime>> wakes_;  // by imu
   std::span<const Host::Ready> ready_;          // by wait()
   std::vector<short> seen_;                     // by imu, in serve_ready()

@@ -52,7 +52,13 @@ class Loop {
   void skip(HostTime now) noexcept;
 
   // Commands.
-  void cycle_power_if_requested(HostTime now) noexcept;
+  void cycle_power_if_requested(HostTime now) noexcept {
+    if (engine_.takes_power_cycle()) cycle_power(now);
+  }
+  void cycle_power(HostTime now) noexcept;
+  void execute_waiting_commands() noexcept {
+    if (engine_.control() != nullptr && engine_.control()->commands.has_batch()) execute_commands();
+  }
   void execute_commands() noexcept;
   void execute(const Command& command, HostTime now) noexcept;
   void change_pacing(const Command& command) noexcept;

@@ -6,8 +6,7 @@
 namespace imud {
 
 // Must not be called between a device's receiving a sample and its transmission.
-void Loop::cycle_power_if_requested(HostTime now) noexcept {
-  if (!engine_.takes_power_cycle()) return;
+void Loop::cycle_power(HostTime now) noexcept {
   engine_.apply(Step::power_cycle(now));
   hosts_.touch_all();
 }
@@ -15,7 +14,6 @@ void Loop::cycle_power_if_requested(HostTime now) noexcept {
 // Executes the batches that wait, but not more than a few. Called where each sample that was taken has been
 // transmitted. A batch for whose results there is no room keeps waiting.
 void Loop::execute_commands() noexcept {
-  if (engine_.control() == nullptr || !engine_.control()->commands.has_batch()) return;
   RunControl& control = *engine_.control();
   const HostTime now = host_.now();
   constexpr int most = 4;  // batches at once, so that a flood of them does not delay samples

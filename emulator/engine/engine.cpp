@@ -39,6 +39,7 @@ std::unique_ptr<ChannelFaults> Engine::faults_of(const ImuConfig& imu, std::uint
                                          seed, faults_.log(), faults_.capacity() - configured.size());
 }
 
+// The functions for each kind of step are out of line, so that none needs the registers of the others.
 TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
   using Type = Step::Type;
   // A leap, which the driver proposes after its truth, discards the samples that wait for truth.
@@ -61,7 +62,7 @@ TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
   return TruthIntake::Outcome::nothing;
 }
 
-// Executes the steps that are not part of every sample: out of line, so that they cost the others nothing.
+// Executes the steps that are not part of every sample.
 [[gnu::noinline]] void Engine::apply_rare(const Step& step) noexcept {
   using Type = Step::Type;
   const RecordEvent& event = step.event;
@@ -130,7 +131,7 @@ void Engine::keep(RecordEvent event, std::uint16_t imu) noexcept {
   sink_.event(event);
 }
 
-TruthIntake::Outcome Engine::take_truth(const Step& step) noexcept {
+[[gnu::noinline]] TruthIntake::Outcome Engine::take_truth(const Step& step) noexcept {
   const TruthIntake::Outcome outcome = intake_.take(TruthTime{step.event.b});
   if (outcome == TruthIntake::Outcome::nothing) return outcome;
   unreviewed_ = outcome == TruthIntake::Outcome::accepted;
@@ -142,7 +143,7 @@ TruthIntake::Outcome Engine::take_truth(const Step& step) noexcept {
   return outcome;
 }
 
-void Engine::review() noexcept {
+[[gnu::noinline]] void Engine::review() noexcept {
   unreviewed_ = false;
   for (const auto& channel : channels_) channel->awaited.review(timeline_, quality_.extrapolation_error);
 }
@@ -177,7 +178,7 @@ void Engine::advance(TruthTime until) noexcept {
   for (const auto& channel : channels_) channel->sensor.advance(timeline_, until);
 }
 
-void Engine::take_sample(Channel& channel, const Step& step) noexcept {
+[[gnu::noinline]] void Engine::take_sample(Channel& channel, const Step& step) noexcept {
   const auto k = static_cast<std::uint64_t>(step.event.c);
   const bool at_rest = (step.event.flags & RecordEvent::at_rest) != 0;
   if ((!at_rest && timeline_.empty()) || (!step.at_once && prepared_.size() == prepared_.capacity())) return;
@@ -217,7 +218,7 @@ void Engine::take_sample(Channel& channel, const Step& step) noexcept {
   prepared_.push_back(&channel);
 }
 
-void Engine::transmit(const Step& step) noexcept {
+[[gnu::noinline]] void Engine::transmit(const Step& step) noexcept {
   const bool is_skipped = (step.event.flags & RecordEvent::skipped) != 0;
   for (Channel* channel : prepared_) channel->encode(is_skipped);
   record(step);
@@ -241,7 +242,7 @@ void Engine::receive(Channel& channel, const Step& step) noexcept {
   channel.receive(frame, uart, HostTime{step.event.a});
 }
 
-void Engine::poll(HostTime now) noexcept {
+[[gnu::noinline]] void Engine::poll(HostTime now) noexcept {
   sink_.set_time(now);
   polled_ = now;
   intake_.poll(now);

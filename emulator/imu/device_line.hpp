@@ -15,11 +15,12 @@ class WirePort;
 // The sampling thread alone uses it. Nothing here allocates or throws, and only wait() waits.
 struct DeviceLine {
   std::unique_ptr<Port> port;
-  UartSettings uart;         // the device's settings that the port has
-  std::uint64_t passed = 0;  // frames passed to the port
-  bool listens = true;       // the port may receive
-  bool is_file = false;      // a regular file, which accepts everything and never answers
-  bool is_stalled = false;   // the port has accepted nothing for 2 s
+  UartSettings uart;                              // the device's settings that the port has
+  std::uint64_t passed = 0;                       // frames passed to the port
+  std::uint64_t had_room_at = ~std::uint64_t{0};  // `passed` when the port last had room
+  bool listens = true;                            // the port may receive
+  bool is_file = false;                           // a regular file, which accepts everything and never answers
+  bool is_stalled = false;                        // the port has accepted nothing for 2 s
   // In the record: frames that left. The next two numbers: the host's bytes, and dropped frames.
   std::uint16_t interface = 0;
   WirePort* wire = nullptr;  // the port, if faults act on it

@@ -135,8 +135,11 @@ std::optional<HostTime> Lines::next_flush() const noexcept {
 }
 
 void Lines::wait_for_room_of_all(const std::atomic<bool>& stop) noexcept {
-  for (DeviceLine& line : all())
-    if (!line.is_file && !line.port->has_room()) line.wait(true, stop);
+  for (DeviceLine& line : all()) {
+    if (line.is_file || line.had_room_at == line.passed) continue;
+    if (!line.port->has_room()) line.wait(true, stop);
+    line.had_room_at = line.passed;
+  }
   copies_.wait_for_room(stop);
 }
 
@@ -168,6 +171,7 @@ void Lines::exchange(Reload::Line& line) noexcept {
   line.held = own.passed - own.port->counters().sent - own.port->counters().dropped;
   own.add_to_before();
   own.passed = 0;
+  own.had_room_at = ~std::uint64_t{0};
   own.is_stalled = false;
   if (own.wire != nullptr)
     line.held += line.held_of_others = own.wire->exchange(line.port);
