@@ -1,0 +1,85 @@
+#!/usr/bin/env python3
+"""Counts the instructions per sample of a fast replay of every product, and of the loop that the host's clock paces.
+
+replay_cost_test.py IMUD IMU_TRUTH RUN_LOOP PERCENT
+
+Valgrind counts two lengths of a run, of which the difference counts. A figure that differs by more than PERCENT from
+the table fails; another compiler or C library has other figures, which are only printed.
+"""
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+
+imud, imu_truth, run_loop = map(os.path.abspath, sys.argv[1:4])
+percent = float(sys.argv[4])
+# g++ 12.2, glibc 2.36, x86-64 with AVX2; truth at 100 Hz as CSV text of 21 columns.
+EXPECTED = {"native": 3820, "csv": 9061, "stim300": 5539, "mip": 5714, "vectornav": 7182, "dronecan": 6189,
+            "the loop, 1 imu": 5792, "the loop, 16 imus": 5955}
+RATES = {"stim300": 2000, "vectornav": 800}  # a product's own; elsewhere 1 kHz
+RANGES = "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n"
+
+
+def instructions(*command):
+    command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", *command]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    counted = re.search(r"Collected : (\d+)", run.stderr)
+    if run.returncode != 0 or counted is None:
+        sys.exit(f"{' '.join(command)}: {run.stderr}")
+    return int(counted[1])
+
+
+def write(name, text):
+    with open(name, "w", encoding="utf-8") as file:
+        file.write(text)
+
+
+def of_a_replay(product):
+    own = product in RATES
+    port = "canfile:/dev/null" if product == "dronecan" else "file:/dev/null"
+    write("replay.toml", 'clock = "fast"\n[truth]\nport = "file:truth2.csv"\nformat = "csv"\n[[imu]]\n'
+          f'protocol = "{product}"\nport = "{port}"\n' + ("" if own else "rate_hz = 1000\n") +
+          (RANGES if product in ("native", "csv") else ""))
+    few, many = (instructions(imud, "replay", "replay.toml", f"file:truth{s}.csv", "--fast") for s in (2, 12))
+    return (many - few) / (10 * RATES.get(product, 1000))
+
+
+def of_the_loop(imus):
+    write("loop.toml", 'clock = "realtime"\n[truth]\nport = "udp:127.0.0.1:9810"\ndelay_ms = 20\n' + "".join(
+        f'[[imu]]\nname = "i{i}"\nport = "file:{i}"\nprotocol = "native"\nrate_hz = 1000\n'
+        f"phase_us = {1000 * i / imus}\n" + RANGES for i in range(imus)))
+    few, many = (instructions(run_loop, "loop.toml", str(s)) for s in (1, 3))
+    return (many - few) / (2000 * imus)
+
+
+def is_known():
+    with open("/proc/cpuinfo", encoding="utf-8") as file:
+        has_avx2 = " avx2 " in file.read()
+    compiler = subprocess.run(["g++", "-dumpfullversion"], capture_output=True, text=True, check=False).stdout.strip()
+    return has_avx2 and compiler.startswith("12.2") and platform.libc_ver() == ("glibc", "2.36")
+
+
+counted = 0
+wrong = []
+with tempfile.TemporaryDirectory() as folder:
+    os.chdir(folder)
+    for s in (2, 12):
+        subprocess.run([imu_truth, "coning", "--rate", "100", "--for", str(s), "--csv", f"truth{s}.csv"], check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    for what, expected in EXPECTED.items():
+        loop = re.fullmatch(r"the loop, (\d+) imus?", what)
+        cost = of_the_loop(int(loop[1])) if loop else of_a_replay(what)
+        counted += 1
+        difference = 100 * (cost / expected - 1) if expected else 0
+        print(f"{what:18} {cost:7.0f} instructions per sample, {difference:+.1f} % from {expected}")
+        if abs(difference) > percent:
+            wrong.append(what)
+if counted != len(EXPECTED):
+    sys.exit("not all were counted")
+if not is_known():
+    print("another compiler, C library or processor: not compared")
+elif wrong:
+    sys.exit(f"more than {percent} % from the table, which a change must keep or a faster one must lower: "
+             + ", ".join(wrong))
