@@ -5,11 +5,13 @@
 #include <stdlib.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <string>
 #include <thread>
 
 #include "core/numbers/duration_histogram.hpp"
+#include "emulator/commands/rack.hpp"
 #include "emulator/config/line_load.hpp"
 #include "emulator/drive/realtime_thread.hpp"
 #include "emulator/ground/host.hpp"
@@ -64,6 +66,7 @@ class Bench {
   Bench& operator=(const Bench&) = delete;
 
   // Opens the port, or a private copy of it if its transport has one.
+  const std::string& folder() const noexcept { return folder_; }
   std::unique_ptr<Port> open(const std::string& port, const PortSettings& settings) {
     const PortSpec spec = PortSpec::parse(port);
     const Transport* transport = find_transport(spec.scheme);
@@ -173,6 +176,16 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
     all_p999 += took.percentile(99.9);
   }
 
+  constexpr std::size_t many = 16;
+  fmt::print("lateness of many sensors at {} Hz on one thread, apart, each on a pty that is read, us\n", rate_hz);
+  double processor_s = 0;  // for each sample of many
+  for (const std::size_t count : {std::size_t{1}, many}) {
+    const Bench bench;
+    const RackFigures rack = measure_rack(config.realtime, count, rate_hz, options.measure_s, bench.folder());
+    print_row(fmt::format("{} native", count), rack.lateness);
+    processor_s = rack.processor_s;
+  }
+
   const DurationHistogram& wakes = config.realtime.spin.count() > 0 ? spun : plain;
   const auto row = [&](const DurationHistogram& h) {
     return fmt::format("p50 {:.1f}, p99 {:.1f}, p99.9 {:.1f} us late", us * h.percentile(50), us * h.percentile(99),
@@ -187,6 +200,10 @@ int selftest_timing(const Config& config, const SelftestOptions& options) {
                config.imus.size(), us * all_p50);
   fmt::print("  up to {:.0f} Hz, 99.9 % of them have left before the next is due; {} Hz is {}\n", best_hz, rate_hz,
              rate_hz <= best_hz ? "within that" : "beyond that");
+  constexpr double used = 0.7;  // of a processor; with more, a hold-up takes long to catch up
+  fmt::print(
+      "  up to {:.0f} sensors at {} Hz, whose samples take {:.1f} us of a processor each, use {:.0f} % of one\n",
+      std::max(1.0, std::floor(used / (processor_s * rate_hz))), rate_hz, us * processor_s, 100 * used);
   fmt::print("to improve\n");
   if (advice.empty()) fmt::print("  nothing\n");
   for (const std::string& line : advice) fmt::print("  - {}\n", line);

@@ -32,7 +32,7 @@ struct FaultEvent {
 class FaultLog {
  public:
   static constexpr std::size_t default_size = 65536;
-  // Takes the memory for all events, and uses of it what they need.
+  // Reserves the memory for all events, of which only written events take pages.
   explicit FaultLog(std::size_t size = default_size) : capacity_(size) { events_.reserve(size); }
 
   void add(const FaultEvent& event) noexcept {

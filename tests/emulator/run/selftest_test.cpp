@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "emulator/commands/rack.hpp"
 #include "emulator/ground/machine.hpp"
 #include "tests/emulator/run/run_test.hpp"
 
@@ -67,8 +68,8 @@ TEST_F(SelftestTest, MeasuresWhatTheConfigurationNames) {
   const ProgramResult result =
       run_program("imud", {"selftest", "--timing", c, "--for", "0.2", "--set", "realtime.spin_us=50"});
   EXPECT_EQ(result.exit_code, 0) << result.errors;
-  for (const char* text : {"the machine", "500 Hz, 0.2 s each", "ordinary thread", "spin_us = 50",
-                           "imu1 to file:", "to expect", "500 Hz is ", "to improve"})
+  for (const char* text : {"the machine", "500 Hz, 0.2 s each", "ordinary thread", "spin_us = 50", "imu1 to file:",
+                           "16 native", "to expect", "500 Hz is ", "sensors at 500 Hz", "to improve"})
     EXPECT_NE(result.output.find(text), std::string::npos) << text << "\n" << result.output;
   EXPECT_FALSE(std::filesystem::exists(path("untouched")));
 }
@@ -83,6 +84,18 @@ TEST_F(SelftestTest, NeedsNoConfigurationAndNamesTheFaultWithOne) {
   const ProgramResult wrong = run_program("imud", {"selftest", "--timing", c, "--for", "0.1"});
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_NE(wrong.errors.find("no_such_tty"), std::string::npos) << wrong.errors;
+}
+
+TEST_F(SelftestTest, ARackSendsEverySampleOfEverySensor) {
+  RealtimeConfig ordinary;
+  ordinary.priority = 0;
+  ordinary.lock_memory = false;
+  const RackFigures rack = measure_rack(ordinary, 5, 400, 0.5, folder_);
+  EXPECT_GT(rack.samples, 5 * 400 * 0.5 / 2);
+  EXPECT_LT(rack.samples, 5 * 400 * 10);
+  EXPECT_GT(rack.lateness.count(), 0U);
+  EXPECT_GT(rack.processor_s, 1e-6);
+  EXPECT_LT(rack.processor_s, 1e-2);
 }
 
 }  // namespace
