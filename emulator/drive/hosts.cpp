@@ -46,6 +46,8 @@ void Hosts::settle(HostTime now) noexcept {
   for (const auto& channel : engine_.channels()) {
     if (!std::exchange(is_touched_[channel->number], false)) continue;
     channel->flush();
+    if (!is_paced_)
+      for (DeviceLine& line : channel->lines.all()) line.look_for_room();
     wakes_[channel->number] = channel->next_wake();
     watch(*channel, false);
   }

@@ -30,6 +30,12 @@ void DeviceLine::add_to_before() noexcept {
   before.refused += now.refused;
 }
 
+void DeviceLine::look_for_room() noexcept {
+  if (is_file || had_room_at == passed || holds_back()) return;
+  pollfd room{port->descriptor(), POLLOUT, 0};
+  if (room.fd >= 0 && ::poll(&room, 1, 0) == 1 && (room.revents & POLLOUT) != 0) had_room_at = passed;
+}
+
 void DeviceLine::wait(bool for_room, const std::atomic<bool>& stop) noexcept {
   constexpr Nanoseconds timeout = std::chrono::seconds(2), step = std::chrono::milliseconds(10);
   if (is_file || (!for_room && !holds_back() && !is_stalled)) return;

@@ -36,6 +36,8 @@ struct DeviceLine {
 
   // Returns true while the port has neither sent nor dropped all frames that were passed to it.
   bool holds_back() const noexcept;
+  // Sets `had_room_at` if the port accepts more now, so that wait() need not be called before the next frames.
+  void look_for_room() noexcept;
   // Waits until the port has sent all frames, and, if `for_room`, accepts more. If its reader or bus accepts nothing
   // for 2 s, the port is no longer waited for until it has accepted all frames. Also returns when `stop` is set.
   void wait(bool for_room, const std::atomic<bool>& stop) noexcept;
