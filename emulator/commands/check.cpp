@@ -14,8 +14,7 @@
 #include "emulator/config/load_config.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/control/running_keys.hpp"
-#include "emulator/drive/pacer.hpp"
-#include "emulator/engine/engine.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/ground/error_text.hpp"
 #include "emulator/plan/config.hpp"
 #include "emulator/report/outcome.hpp"
@@ -29,8 +28,7 @@ using Json = nlohmann::ordered_json;
 // Makes the objects that a run makes before it begins. Throws as a run would.
 void make_parts(const Config& config, const CheckOptions& options) {
   check_figures(options.required, config);
-  Engine engine(config, no_ports);
-  static_cast<void>(make_pacer(config, engine.quality()));
+  Assembly(config, no_ports);
 }
 
 // Describes the imu's model, after a colon.

@@ -22,9 +22,8 @@
 #include "emulator/config/scenario.hpp"
 #include "emulator/control/control_api.hpp"
 #include "emulator/control/control_server.hpp"
-#include "emulator/drive/loop.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/drive/realtime_thread.hpp"
-#include "emulator/drive/recorded_run.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/text_file.hpp"
@@ -58,23 +57,16 @@ class Ticker {
 };
 
 // The work of the sampling thread. Returns false if a reader has not read everything.
-bool drive(Engine& engine, const Config& config, const RunOptions& options, RecordedRun* repeated,
-           const std::atomic<bool>& stop) {
+bool drive(Assembly& assembly, const Config& config, const RunOptions& options, const std::atomic<bool>& stop) {
   MonotonicHost host;
-  const bool realtime = config.clock == ClockMode::realtime, capture = is_capture(config.truth.port);
+  const bool realtime = config.clock == ClockMode::realtime;
   if (realtime)
     for (const std::string& shortfall : make_thread_realtime(config.realtime)) spdlog::warn("{}", shortfall);
-  LoopOptions loop;
-  if (realtime) loop.pace = {config.realtime.spin, config.realtime.skip_after};
-  if (capture && options.duration_s) loop.limit = nanoseconds(*options.duration_s);
-  if (repeated != nullptr) {
-    repeated->run(engine, host, {realtime ? std::optional(loop.pace) : std::nullopt, loop.limit}, stop);
-  } else {
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
-    Loop(engine, host, *pacer, loop, stop).run();
-  }
+  Assembly::Limits limits;
+  if (is_capture(config.truth.port) && options.duration_s) limits.duration = nanoseconds(*options.duration_s);
+  assembly.run(host, stop, limits);
   using namespace std::chrono_literals;
-  return drain(engine, realtime || stop ? 50ms : 2000ms);
+  return drain(assembly.engine(), realtime || stop ? 50ms : 2000ms);
 }
 
 RunCounters counters_of(Engine& engine, const RunControl& control, const Recorder* recorder) {
@@ -171,14 +163,13 @@ int run(const Config& config, const RunOptions& options) {
   if (config.clock == ClockMode::realtime) {
     process.emplace(config.realtime);
   }
-  std::optional<RecordedRun> repeated;
-  if (options.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
   std::optional<Recorder> recorder;
   if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
   RunControl control(config.imus.size());
-  Engine engine(repeated ? repeated->adapted(config) : config,
-                repeated ? repeated->ports(real_ports) : Ports(real_ports), recorder ? *recorder : StepSink::none(),
-                &control);
+  Assembly assembly(
+      config, real_ports,
+      {.repeats = options.repeats, .sink = recorder ? *recorder : StepSink::none(), .control = &control});
+  Engine& engine = assembly.engine();
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
   const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
@@ -231,8 +222,7 @@ int run(const Config& config, const RunOptions& options) {
     stopped_by = EndedBy::control;
     stop = true;
   };
-  ControlApi api(
-      io, {instance, named, control, monitor, counters, quit, engine.faults(), reloader, repeated.has_value()});
+  ControlApi api(io, {instance, named, control, monitor, counters, quit, engine.faults(), reloader, options.repeats});
   reload = [&api] { api.reload(); };
   server->start(api);
   if (web) {
@@ -266,7 +256,7 @@ int run(const Config& config, const RunOptions& options) {
   bool all_read = true;
   std::thread worker([&] {
     try {
-      all_read = drive(engine, config, options, repeated ? &*repeated : nullptr, stop);
+      all_read = drive(assembly, config, options, stop);
     } catch (...) {
       failure = std::current_exception();
     }
@@ -295,7 +285,8 @@ int run(const Config& config, const RunOptions& options) {
   outcome.judge_faults(fault_outcomes(engine.faults().configured(), labels(engine, config)), options.repeats);
   if (!all_read && is_capture(config.truth.port) && config.clock != ClockMode::realtime)
     outcome.shortfalls.emplace_back("a reader has not read all that was sent to it");
-  if (repeated && !repeated->difference().empty()) outcome.shortfalls.push_back(repeated->difference());
+  if (std::string difference = assembly.difference(); !difference.empty())
+    outcome.shortfalls.push_back(std::move(difference));
   if (!monitor.quality_error().empty()) outcome.shortfalls.push_back(monitor.quality_error());
   report(outcome, summary, named);
   if (outcome.ended_by != EndedBy::failure) commit(engine.channels());

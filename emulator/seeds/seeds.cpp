@@ -18,8 +18,7 @@
 
 #include "emulator/config/line_load.hpp"
 #include "emulator/config/scenario.hpp"
-#include "emulator/drive/loop.hpp"
-#include "emulator/drive/recorded_run.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/drive/stored_truths.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
@@ -177,21 +176,14 @@ void Runs::run(const Config& config, const Ports& ports, const std::atomic<bool>
   const Ports with_truth = [&](const PortUse& use) {
     return use.of != PortUse::Of::truth ? ports(use) : truths_ ? truths_->open() : real_ports(use);
   };
-  std::optional<RecordedRun> repeated;
-  if (options_.repeats) repeated.emplace(PortSpec::parse(config.truth.port), config);
-  Engine engine(repeated ? repeated->adapted(config) : config, repeated ? repeated->ports(ports) : with_truth);
+  Assembly assembly(config, with_truth, {.repeats = options_.repeats});
   MonotonicHost host;
-  LoopOptions options;
-  if (options_.duration_s) options.limit = nanoseconds(*options_.duration_s);
-  if (repeated) {
-    repeated->run(engine, host, {.duration = options.limit, .awaits_truth = awaits_truth}, stop);
-  } else {
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
-    Loop(engine, host, *pacer, options, stop).run();
-  }
-  drain(engine, std::chrono::milliseconds(50));
-  engine.finish_faults();
-  end(engine, repeated ? repeated->difference() : std::string());
+  Assembly::Limits limits{.awaits_truth = awaits_truth};
+  if (options_.duration_s) limits.duration = nanoseconds(*options_.duration_s);
+  assembly.run(host, stop, limits);
+  drain(assembly.engine(), std::chrono::milliseconds(50));
+  assembly.engine().finish_faults();
+  end(assembly.engine(), assembly.difference());
 }
 
 std::string Runs::work(std::size_t item) const {

@@ -8,8 +8,7 @@
 #include <utility>
 
 #include "emulator/config/scenario.hpp"
-#include "emulator/drive/loop.hpp"
-#include "emulator/drive/recorded_run.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/engine/closing.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/truth/remark_text.hpp"
@@ -19,14 +18,13 @@ namespace imud {
 
 namespace {
 
-std::vector<std::string> all_remarks(Engine& engine, const RecordedRun* repeated) {
+std::vector<std::string> all_remarks(Assembly& assembly, bool repeats) {
+  Engine& engine = assembly.engine();
   std::vector<std::string> all = remarks(engine.intake().counters());
   if (std::string end = engine.intake().end_warning(); !end.empty()) all.push_back(std::move(end));
   for (std::string& remark : all) remark.insert(0, "truth: ");
-  if (repeated != nullptr) {
-    if (std::string difference = repeated->difference(); !difference.empty()) all.push_back(std::move(difference));
-    return all;
-  }
+  if (std::string difference = assembly.difference(); !difference.empty()) all.push_back(std::move(difference));
+  if (repeats) return all;
   std::vector<std::string> names;
   for (const auto& channel : engine.channels()) names.push_back(channel->name);
   const auto labels = fault_labels(engine.faults().all(), names, engine.faults().log());
@@ -54,19 +52,14 @@ std::vector<std::string> Replay::run(const Config& config, const Ports& ports,
   const Ports with_truth = [&](const PortUse& use) {
     return use.of != PortUse::Of::truth ? ports(use) : truths_ ? truths_->open() : real_ports(use);
   };
-  std::optional<RecordedRun> repeated;
-  if (replay_.repeats) repeated.emplace(PortSpec::parse(all.truth.port), all);
-  Engine engine(repeated ? repeated->adapted(all) : all, repeated ? repeated->ports(with_truth) : with_truth);
+  Assembly assembly(all, with_truth, {.repeats = replay_.repeats});
   MonotonicHost host;
-  if (repeated)
-    repeated->run(engine, host, {.awaits_truth = awaits_truth}, stop_flag());
-  else
-    Loop(engine, host, *make_pacer(all, engine.quality()), {}, stop_flag()).run();
-  drain(engine, std::chrono::milliseconds(50));
-  engine.finish_faults();
+  assembly.run(host, stop_flag(), {.awaits_truth = awaits_truth});
+  drain(assembly.engine(), std::chrono::milliseconds(50));
+  assembly.engine().finish_faults();
   if (stop_requested()) throw std::runtime_error("a signal has ended the replay");
-  commit(engine.channels());
-  return all_remarks(engine, repeated ? &*repeated : nullptr);
+  commit(assembly.engine().channels());
+  return all_remarks(assembly, replay_.repeats);
 }
 
 TwinRun Replay::with_twins() {

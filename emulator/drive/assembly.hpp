@@ -1,0 +1,50 @@
+// Assembly: the engine, the driver and the ports of one run, put together as the configuration says.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "emulator/drive/pacer.hpp"
+#include "emulator/drive/recorded_run.hpp"
+#include "emulator/engine/engine.hpp"
+#include "emulator/ground/host.hpp"
+
+namespace imud {
+
+// Everything that runs imus makes one of these: the daemon, replays with many seeds, the tools, and tests. The
+// driver is the repetition of a record, or a Loop with the pacer of the configured clock and truth port.
+class Assembly {
+ public:
+  struct Parts {
+    bool repeats = false;               // truth.port names a record, whose run is repeated
+    StepSink& sink = StepSink::none();  // takes the steps of the run
+    RunControl* control = nullptr;      // brings commands; nullptr: nobody controls the run
+  };
+  // Opens every port by `ports`, except for the truth and the input pins of a repeated record. Throws PortError.
+  Assembly(const Config& config, const Ports& ports, const Parts& parts);
+  Assembly(const Config& config, const Ports& ports) : Assembly(config, ports, Parts()) {}
+
+  Engine& engine() noexcept { return engine_; }
+  const Engine& engine() const noexcept { return engine_; }
+  // RecordedRun::difference(); empty if no record is repeated.
+  std::string difference() const { return repeated_ ? repeated_->difference() : std::string(); }
+
+  struct Limits {
+    std::optional<Nanoseconds> duration = std::nullopt;           // of a capture or a record
+    std::function<void(std::size_t imu)> awaits_truth = nullptr;  // RecordedRun::Options::awaits_truth
+  };
+  // Runs to the end of the capture, or of the record, or until `stop` is set. Called once. One thread.
+  void run(Host& host, const std::atomic<bool>& stop, const Limits& limits);
+  void run(Host& host, const std::atomic<bool>& stop) { run(host, stop, Limits()); }
+
+ private:
+  const std::optional<PaceOptions> pace_;  // nullopt: the host's clock does not pace
+  std::optional<RecordedRun> repeated_;
+  Engine engine_;
+  const std::unique_ptr<Pacer> pacer_;
+};
+
+}  // namespace imud
