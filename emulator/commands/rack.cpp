@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "emulator/drive/loop.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/drive/realtime_thread.hpp"
 #include "protocols/truth_format.hpp"
 #include "transports/port.hpp"
@@ -68,7 +68,7 @@ double thread_s() noexcept {
 RackFigures measure_rack(const RealtimeConfig& realtime, std::size_t count, double rate_hz, double duration_s,
                          const std::string& folder) {
   const Config config = rack_of(realtime, count, rate_hz, folder);
-  Engine engine(config,
+  Assembly rack(config,
                 [](const PortUse& use) { return use.of == PortUse::Of::truth ? no_ports(use) : real_ports(use); });
   const std::jthread reader = readers(config);
   std::atomic<bool> stop = false;
@@ -77,16 +77,14 @@ RackFigures measure_rack(const RealtimeConfig& realtime, std::size_t count, doub
   std::thread thread([&] {
     make_thread_realtime(realtime);
     MonotonicHost host;
-    const auto pacer = make_pacer(config, engine.quality());
-    Loop loop(engine, host, *pacer, {.pace = {realtime.spin, realtime.skip_after}, .limit = {}}, stop);
     const double begin_s = thread_s();
-    loop.run();
+    rack.run(host, stop);
     took_s = thread_s() - begin_s;
   });
   std::this_thread::sleep_for(std::chrono::duration<double>(duration_s));
   stop = true;
   thread.join();
-  for (const auto& channel : engine.channels()) {
+  for (const auto& channel : rack.engine().channels()) {
     const ImuCounters& counters = channel->counters;
     figures.samples += counters.samples;
     const DurationHistogram& lateness = counters.lateness;

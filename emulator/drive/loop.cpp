@@ -243,7 +243,7 @@ void Loop::look(HostTime until) noexcept {
   truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth()) || more_truth_;
   looked_ = host_.now();
   cycle_power_if_requested(looked_);
-  if (!is_prepared()) execute_waiting_commands();
+  if (!is_prepared() && has_commands()) execute_commands();
   if (!hosts_.serve_ready(looked_)) host_.sleep_until(std::min(until, looked_ + pause));
   if (looked_ - served_ < longest_wait) return;
   serve_all();
@@ -257,7 +257,7 @@ void Loop::serve_all() noexcept {
 
 // Takes all samples of the instant `due_`.
 void Loop::prepare() noexcept {
-  execute_waiting_commands();
+  if (has_commands()) execute_commands();
   const bool at_rest = prepared_at_rest_ = !waits_for_truth_ && is_at_rest(due_);
   const TruthTime time = at_rest ? TruthTime{} : pacer_.use(due_);
   do {

@@ -56,8 +56,8 @@ class Loop {
     if (engine_.takes_power_cycle()) cycle_power(now);
   }
   void cycle_power(HostTime now) noexcept;
-  void execute_waiting_commands() noexcept {
-    if (engine_.control() != nullptr && engine_.control()->commands.has_batch()) execute_commands();
+  bool has_commands() const noexcept {
+    return engine_.control() != nullptr && engine_.control()->commands.has_batch();
   }
   void execute_commands() noexcept;
   void execute(const Command& command, HostTime now) noexcept;
