@@ -24,12 +24,16 @@ std::vector<std::string> unread_ports(Engine& engine, const Config& config) {
   std::vector<std::string> unread;
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
     Channel& channel = *engine.channels()[i];
-    // Checks whether the ports have readers. Does not read a host's bytes.
-    for (DeviceLine& line : channel.lines.all()) line.port->flush();
+    // Checks whether the port has a reader. Does not read a host's bytes.
+    const auto check = [&](DeviceLine& line, const std::string& port) {
+      line.port->flush();
+      if (line.port->state() == PortState::no_reader) unread.push_back(port);
+    };
+    const ImuConfig& imu = config.imus[i];
+    for (std::size_t uart = 0; DeviceLine & line : channel.lines.all())
+      check(line, uart++ == 0 ? imu.port : imu.second_port);
+    for (std::size_t copy = 0; DeviceLine & line : channel.lines.copies().lines()) check(line, imu.also[copy++]);
     channel.publish();
-    for (std::size_t uart = 0; uart < channel.lines.all().size(); ++uart)
-      if (channel.lines.all()[uart].port->state() == PortState::no_reader)
-        unread.push_back(uart == 0 ? config.imus[i].port : config.imus[i].second_port);
   }
   return unread;
 }

@@ -136,6 +136,26 @@ TEST_F(OutcomeTest, WhatAReaderHasNotReadIsMissing) {
   }
 }
 
+// The run waits for the reader of a copy, too, and after its end until it has read everything.
+TEST_F(OutcomeTest, TheReaderOfACopyIsWaitedFor) {
+  for (const bool reads : {true, false}) {
+    Program run("imud");
+    run.start({"replay", config_, path("truth.csv"), "--set", "imu.0.also=[\"pty:" + path("copy") + "\"]",
+               "--wait-for-reader", "--set", "imu.0.rate_hz=20"});
+    ASSERT_TRUE(run.wait_for_errors("waiting for a reader of pty:" + path("copy"))) << run.errors();
+    const FileDescriptor reader(::open(path("copy").c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
+    ASSERT_TRUE(reader);
+    std::string bytes(65536, '\0');
+    std::size_t got = 0;
+    const auto has_all = [&] {
+      got += static_cast<std::size_t>(std::max<ssize_t>(::read(reader.get(), bytes.data(), bytes.size()), 0));
+      return got == 61U * 124U;
+    };
+    EXPECT_TRUE(!reads || eventually(has_all)) << got;
+    EXPECT_EQ(run.wait(), reads ? 0 : 3) << run.errors();
+  }
+}
+
 // A limit of the files' size is as a full disk.
 TEST_F(OutcomeTest, ALimitOfTheFilesSizeIsAnErrorOfTheFile) {
   const ProgramResult limited = run_program(
