@@ -95,6 +95,8 @@ struct DiaryPort final : Port {
 
 class LoopTest : public RealtimeTest {
  protected:
+  static constexpr const char* a_capture = "pcap:flight.pcap?port=9810";  // which is not opened
+
   Config diary_config(const std::string& truth, const std::string& imu, double rate_hz = 100) {
     Config c = config(rate_hz, truth, imu);
     c.imus[0].protocol = &diary_protocol;
@@ -272,14 +274,13 @@ TEST_F(LoopTest, EdgesThatComeWhileTheSensorIsSilentAreDiscarded) {
     host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
   }
   host.end = begin + 3s;
-  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  Assembly assembly(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::trigger) return std::make_unique<DiaryPort>(host, sent, edges);
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host);
     return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
   });
-  const auto pacer = make_pacer(c, engine.quality());
-  Loop(engine, host, *pacer, {}, host.stop).run();
-  EXPECT_GT(engine.channels()[0]->counters.silent, 80U);
+  assembly.run(host, host.stop);
+  EXPECT_GT(assembly.engine().channels()[0]->counters.silent, 80U);
   EXPECT_EQ(count('t'), 2U) << "those of 0.5 s and 2.5 s";
 }
 
@@ -296,14 +297,12 @@ TEST_F(LoopTest, SpinsAsLongAsConfigured) {
       host.arrivals.push_back({begin + nanoseconds(0.01 * k), std::move(bytes)});
     }
     std::vector<std::pair<HostTime, char>> sent;
-    Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    c.realtime.spin = 150us;
+    if (capture) c.truth.port = a_capture;
+    Assembly(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, capture);
       return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
-    });
-    CapturePacer by_capture;
-    HostPacer by_host(c.truth.clock, 100ms, engine.quality());
-    Pacer& pacer = capture ? static_cast<Pacer&>(by_capture) : by_host;
-    Loop(engine, host, pacer, {.pace = {.spin = 150us}, .limit = {}}, host.stop).run();
+    }).run(host, host.stop);
     ASSERT_GT(sent.size(), 350U);
     EXPECT_GE(host.spun(), 150us * (sent.size() - 2)) << capture;
   }
@@ -324,12 +323,11 @@ TEST_F(LoopTest, EachRunOfAPacedCaptureHasItsOwnBegin) {
       host.arrivals.push_back({begin, std::move(bytes)});
     }
   std::vector<std::pair<HostTime, char>> sent;
-  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  c.truth.port = a_capture;
+  Assembly(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true, 0ns);
     return std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
-  });
-  CapturePacer pacer;
-  Loop(engine, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
+  }).run(host, host.stop);
   ASSERT_EQ(sent.size(), 302U);
   for (std::size_t k = 1; k < sent.size(); ++k) {
     const Nanoseconds step = sent[k].first - sent[k - 1].first;
@@ -383,12 +381,11 @@ TEST_F(LoopTest, ASlowSensorUsesAllOfAFastCapture) {
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
   std::vector<Left> left;
-  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  c.clock = ClockMode::fast;
+  Assembly(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true);
     return std::make_unique<SimulatedSensor>(host, left);
-  });
-  TruthPacer pacer;
-  Loop(engine, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
+  }).run(host, host.stop);
   ASSERT_EQ(left.size(), 7U);
   for (const auto& r : navigate(left, 0)) EXPECT_NEAR(r.angle, Swing::angle(r.time_s), 1e-9);
 }
@@ -406,12 +403,11 @@ TEST_F(LoopTest, AStampIsANominalPeriodLaterInFastToo) {
     host.arrivals.push_back({host.now(), std::move(bytes)});
   }
   std::vector<Left> left;
-  Engine engine(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
+  c.clock = ClockMode::fast;
+  Assembly(c, [&](const PortUse& use) -> std::unique_ptr<Port> {
     if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, true);
     return std::make_unique<SimulatedSensor>(host, left);
-  });
-  TruthPacer pacer;
-  Loop(engine, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
+  }).run(host, host.stop);
   ASSERT_EQ(left.size(), 102U) << "101 a second";
   for (std::size_t k = 0; k < left.size(); ++k) {
     EXPECT_EQ(left[k].sample.time.ns, 5'000'000'000 + static_cast<std::int64_t>(k) * 10'000'000);

@@ -93,12 +93,11 @@ TEST_F(PacedLine, APacedReplayWakesForIt) {
   SimulatedHost host;
   host.end = host.now() + 100s;
   Recording recording;
-  Engine engine(c, [&](const PortUse& use) {
+  Assembly assembly(c, [&](const PortUse& use) {
     return use.of == PortUse::Of::truth ? real_ports(use) : std::make_unique<PacedSensor>(host, recording);
   });
   const HostTime begin = host.now();
-  CapturePacer pacer;
-  Loop(engine, host, pacer, {.pace = {}, .limit = {}}, host.stop).run();
+  assembly.run(host, host.stop);
   ASSERT_GT(recording.sent.size(), 390U);
   for (std::size_t k = 0; k < recording.sent.size(); ++k) ASSERT_EQ(recording.sent[k], begin + 5ms * k) << k;
   expect_pace(recording, 1ns);  // instants are rounded up

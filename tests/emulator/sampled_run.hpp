@@ -12,9 +12,7 @@
 #include <vector>
 
 #include "emulator/config/load_config.hpp"
-#include "emulator/drive/loop.hpp"
-#include "emulator/drive/pacer.hpp"
-#include "emulator/engine/engine.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/host.hpp"
 #include "protocols/native_truth.hpp"
@@ -68,13 +66,13 @@ class SampledRunTest : public RunTest {
     Sampled result;
     result.sent.resize(units.size());
     std::atomic<bool> stop = false;
-    Engine engine(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    Assembly assembly(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of == PortUse::Of::truth) return std::make_unique<Flight>(seconds, is_live ? &stop : nullptr);
       return std::make_unique<Kept>(units[use.imu].rate_hz, seconds, result.sent[use.imu]);
     });
+    Engine& engine = assembly.engine();
     MonotonicHost host;
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
-    Loop(engine, host, *pacer, {}, stop).run();
+    assembly.run(host, stop);
     engine.finish_faults();
     std::vector<std::string> names;
     for (const Unit& unit : units) names.push_back(unit.name);

@@ -7,10 +7,11 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "emulator/drive/loop.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/record/recorder.hpp"
 #include "protocols/native_truth.hpp"
 
@@ -163,25 +164,22 @@ class SimulatedRun {
     host_.end = at(until_s);
     left_.resize(config_.imus.size());
     std::size_t next = 0;
-    engine_ = std::make_unique<Engine>(
-        config_,
-        [&](const PortUse& use) {
-          if (use.of == PortUse::Of::truth) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
-          if (use.of != PortUse::Of::line) return open_pin(use);
-          return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
-        },
-        recorder != nullptr ? *recorder : StepSink::none(), control);
+    const auto ports = [&](const PortUse& use) {
+      if (use.of == PortUse::Of::truth) return std::unique_ptr<Port>(std::make_unique<SimulatedTruth>(host_));
+      if (use.of != PortUse::Of::line) return open_pin(use);
+      return make_sensor ? make_sensor(host_) : std::make_unique<SimulatedSensor>(host_, left_[next++]);
+    };
+    StepSink& sink = recorder != nullptr ? *recorder : StepSink::none();
+    assembly_.emplace(config_, ports, Assembly::Parts{.sink = sink, .control = control});
     if (recorder != nullptr) recorder->start(true, config_.resolved);
-    const auto pacer = make_pacer(config_, engine_->quality());
-    const LoopOptions options{.pace = {config_.realtime.spin, config_.realtime.skip_after}, .limit = {}};
-    Loop(*engine_, host_, *pacer, options, host_.stop).run();
+    assembly_->run(host_, host_.stop);
   }
 
   const std::vector<Left>& left(std::size_t imu = 0) const { return left_[imu]; }
-  const ImuCounters& counters(std::size_t imu = 0) const { return engine_->channels()[imu]->counters; }
-  const TruthCounters& truth_counters() const { return engine_->intake().counters(); }
-  const TruthQuality& quality() const { return engine_->quality(); }
-  Engine& engine() { return *engine_; }
+  const ImuCounters& counters(std::size_t imu = 0) { return engine().channels()[imu]->counters; }
+  const TruthCounters& truth_counters() { return engine().intake().counters(); }
+  const TruthQuality& quality() { return engine().quality(); }
+  Engine& engine() { return assembly_->engine(); }
 
  private:
   Config config_;
@@ -189,7 +187,7 @@ class SimulatedRun {
   HostTime begin_ = host_.now();
   std::multimap<HostTime, std::vector<std::byte>> arrivals_;
   std::vector<std::vector<Left>> left_;
-  std::unique_ptr<Engine> engine_;
+  std::optional<Assembly> assembly_;
 };
 
 }  // namespace imud

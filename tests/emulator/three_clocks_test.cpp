@@ -60,6 +60,7 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
              : protocol.name == "nos3-imu" ? "device.with_requests = true\n"
                                            : "")));
     config.clock = clock;
+    if (capture) config.truth.port = "pcap:flight.pcap?port=9810";
     SimulatedHost host;
     const HostTime begin = host.now();
     for (int run = 0; run < (restarts ? 2 : 1); ++run)
@@ -73,7 +74,7 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
     // In real time the last truths are not sampled.
     host.end = begin + std::chrono::seconds(clock == ClockMode::realtime && !capture ? 6 : 100);
     std::string record;
-    Engine engine(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    Assembly assembly(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of == PortUse::Of::truth) return std::make_unique<SimulatedTruth>(host, capture, Nanoseconds{0});
       auto recording = std::make_unique<RecordingPort>(record, host_bytes(protocol.name));
       host.next_input = [recording = recording.get()](int) {
@@ -81,13 +82,10 @@ class ThreeClocks : public RealtimeTest, public ::testing::WithParamInterface<co
       };
       return recording;
     });
-    std::unique_ptr<Pacer> pacer = std::make_unique<TruthPacer>();
-    if (clock == ClockMode::realtime && capture) pacer = std::make_unique<CapturePacer>();
-    if (clock == ClockMode::realtime && !capture) pacer = make_pacer(config, engine.quality());
-    Loop(engine, host, *pacer, {.pace = {}, .limit = {}}, host.stop).run();
-    EXPECT_EQ(engine.channels()[0]->counters.extrapolated, 0U);
-    EXPECT_GT(static_cast<double>(engine.channels()[0]->counters.samples),
-              config.imus[0].rate_hz * (restarts ? 11.75 : 5.75));
+    assembly.run(host, host.stop);
+    const ImuCounters& counters = assembly.engine().channels()[0]->counters;
+    EXPECT_EQ(counters.extrapolated, 0U);
+    EXPECT_GT(static_cast<double>(counters.samples), config.imus[0].rate_hz * (restarts ? 11.75 : 5.75));
     return record;
   }
 };

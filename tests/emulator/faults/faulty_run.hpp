@@ -9,9 +9,7 @@
 #include <vector>
 
 #include "emulator/config/load_config.hpp"
-#include "emulator/drive/loop.hpp"
-#include "emulator/drive/pacer.hpp"
-#include "emulator/engine/engine.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "emulator/faults/fault_labels.hpp"
 #include "emulator/ground/host.hpp"
 #include "emulator/plan/config.hpp"
@@ -84,14 +82,13 @@ class FaultyRunTest : public RunTest {
     const Config config = load_config(write("faults.toml", config_text(faults, protocol, imus, errors)));
     Result result;
     std::vector<std::string> bytes(config.imus.size());
-    Engine engine(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
+    Assembly assembly(config, [&](const PortUse& use) -> std::unique_ptr<Port> {
       if (use.of != PortUse::Of::line) return real_ports(use);
       return std::make_unique<StoringPort>(config.imus[use.imu], result, bytes[use.imu], use.imu == 0);
     });
+    Engine& engine = assembly.engine();
     MonotonicHost host;
-    const std::unique_ptr<Pacer> pacer = make_pacer(config, engine.quality());
-    const std::atomic<bool> stop = false;
-    Loop(engine, host, *pacer, {}, stop).run();
+    assembly.run(host, false);
     engine.finish_faults();
     std::vector<std::string> names;
     for (const ImuConfig& imu : config.imus) names.push_back(imu.name);

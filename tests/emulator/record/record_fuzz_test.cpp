@@ -41,20 +41,20 @@ port = "file:b"
     recorder.finish();
     whole_ = read_file(path("run.pcapng"));
     config_.truth.port = "record:" + path("run.pcapng");
+    config_.clock = ClockMode::fast;
   }
 
   enum class Result : std::uint8_t { repeated, refused, reported };
   Result repeat_bytes(const std::string& bytes) {
     write("run.pcapng", bytes);
     try {
-      RecordedRun run(PortSpec::parse(config_.truth.port), config_);
-      Engine engine(run.adapted(config_),
-                    run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent_); }));
+      Assembly run(config_, [&](const PortUse&) { return std::make_unique<KeptLine>(sent_); }, {.repeats = true});
       sent_.clear();
       SimulatedHost host;
       host.end = SimulatedHost::never;
-      run.run(engine, host, {}, host.stop);
-      return run.difference().empty() && run.end_warning().empty() ? Result::repeated : Result::reported;
+      run.run(host, host.stop);
+      return run.difference().empty() && run.engine().intake().end_warning().empty() ? Result::repeated
+                                                                                     : Result::reported;
     } catch (const PortError& error) {
       EXPECT_NE(std::string(error.what()), "");
       return Result::refused;

@@ -32,8 +32,7 @@ class RecordPaceTest : public RecordTest {
     SimulatedHost host;
     host.freeze(host.now() + 2s, host.now() + 2s + time);
     Seen seen{};
-    const PaceOptions pace{config_.realtime.spin, config_.realtime.skip_after};
-    sent = repeat(config_, host, {.pace = pace}, [&](const Engine& engine) {
+    sent = repeat(config_, host, [&](const Engine& engine) {
       const ImuCounters& counters = engine.channels()[0]->counters;
       seen = {counters.samples, counters.missed, counters.skipped, counters.lateness.count()};
     })[0];
@@ -76,11 +75,11 @@ TEST_F(RecordPaceTest, AStopEndsTheWait) {
   SimulatedHost host;
   const HostTime begin = host.now();
   host.end = begin + 1300ms;
-  RecordedRun run(PortSpec::parse("record:" + path("run.pcapng")), config_);
+  config_.truth.port = "record:" + path("run.pcapng");
   std::string sent;
-  Engine engine(run.adapted(config_), run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent); }));
-  run.run(engine, host, {.pace = PaceOptions{}}, host.stop);
-  EXPECT_EQ(engine.channels()[0]->counters.samples, 2U) << "at 0 and 1 s";
+  Assembly run(config_, [&](const PortUse&) { return std::make_unique<KeptLine>(sent); }, {.repeats = true});
+  run.run(host, host.stop);
+  EXPECT_EQ(run.engine().channels()[0]->counters.samples, 2U) << "at 0 and 1 s";
   EXPECT_LE(host.now(), begin + 1300ms + 20ms);
 }
 

@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "emulator/drive/recorded_run.hpp"
+#include "emulator/drive/assembly.hpp"
 #include "tests/emulator/run/realtime_test.hpp"
 
 namespace imud {
@@ -28,24 +28,22 @@ class RecordTest : public RealtimeTest {
   // Repeats the run of the record, and returns what each line of a sensor sends, in the order of the configuration.
   // `look` is called at the end.
   std::vector<std::string> repeat(
-      Config config, SimulatedHost& host, const RecordedRun::Options& options = {},
-      const std::function<void(const Engine&)>& look = [](const Engine&) {}) {
+      Config config, SimulatedHost& host, const std::function<void(const Engine&)>& look = [](const Engine&) {}) {
     config.truth.port = "record:" + path("run.pcapng");
     std::vector<std::string> sent;
     for (const ImuConfig& imu : config.imus) sent.resize(sent.size() + (imu.second_port.empty() ? 1 : 2));
     std::size_t next = 0;
-    RecordedRun run(PortSpec::parse(config.truth.port), config);
-    Engine engine(run.adapted(config),
-                  run.ports([&](const PortUse&) { return std::make_unique<KeptLine>(sent[next++]); }));
+    Assembly run(config, [&](const PortUse&) { return std::make_unique<KeptLine>(sent[next++]); }, {.repeats = true});
     host.end = SimulatedHost::never;
-    run.run(engine, host, options, host.stop);
+    run.run(host, host.stop);
     EXPECT_EQ(run.difference(), "");
-    EXPECT_TRUE(engine.intake().at_end());
-    look(engine);
+    EXPECT_TRUE(run.engine().intake().at_end());
+    look(run.engine());
     return sent;
   }
-  std::vector<std::string> repeat(const Config& config) {
+  std::vector<std::string> repeat(Config config) {
     SimulatedHost host;
+    config.clock = ClockMode::fast;
     return repeat(config, host);
   }
   RecordOptions options() const { return {.file = path("run.pcapng"), .max_bytes = 0, .max_files = 0}; }
