@@ -57,8 +57,23 @@ void Loop::change_pacing(const Command& command) noexcept {
     case Command::Kind::extrapolate:
       pacer_.set_extrapolate(nanoseconds(command.value));
       break;
-    default:
-      break;
+    case Command::Kind::mark:
+    case Command::Kind::power_off:
+    case Command::Kind::power_on:
+    case Command::Kind::power_cycle:
+    case Command::Kind::pause:
+    case Command::Kind::resume:
+    case Command::Kind::seed:
+    case Command::Kind::gyro_bias:
+    case Command::Kind::accelerometer_bias:
+    case Command::Kind::when_stopped:
+    case Command::Kind::log_level:
+    case Command::Kind::fault_begin:
+    case Command::Kind::fault_end:
+    case Command::Kind::fault_clear:
+    case Command::Kind::servo:
+    case Command::Kind::reload:
+      break;  // these pace nothing
   }
 }
 
