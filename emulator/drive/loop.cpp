@@ -146,8 +146,7 @@ void Loop::take_truth() noexcept {
     if (wants) apply_truth();
   }
   ended_ = ended_ || (!more_truth_ && intake_.at_end());
-  // A capture may have no descriptor to wait for.
-  truth_waits_ = more_truth_ || (!intake_.is_live() && intake_.descriptor() < 0);
+  truth_waits_ = more_truth_ || has_no_input();
   budget_ = more_truth_ ? std::max(most_in_flood, budget_ - taken) : most_truths;
   if (more_truth_) return;
   if (settling_) {
@@ -240,7 +239,7 @@ void Loop::wait(HostTime until) noexcept {
 
 // Waits as wait() does, or with `until` in the past does not wait, and serves what is ready.
 void Loop::look(HostTime until) noexcept {
-  truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth()) || more_truth_;
+  truth_waits_ = hosts_.wait(until, !more_truth_ && wants_truth()) || more_truth_ || has_no_input();
   looked_ = host_.now();
   cycle_power_if_requested(looked_);
   if (!is_prepared() && has_commands()) execute_commands();

@@ -34,6 +34,8 @@ class Loop {
 
   // Truth.
   bool wants_truth() const noexcept;
+  // A capture may have no descriptor to wait for.
+  bool has_no_input() const noexcept { return !intake_.is_live() && intake_.descriptor() < 0; }
   void take_truth() noexcept;
   void apply_truth() noexcept;
   bool make_room_for_truth() noexcept;
