@@ -3,6 +3,10 @@
 namespace imud {
 
 void Pace::transmit(HostTime instant, HostTime due) noexcept {
+  if (engine_.encodes_apart()) {
+    engine_.apply(Step::transmit(instant, false));
+    return;
+  }
   const auto channels = engine_.prepared();
   // Frames of deadlines leave before the sample's.
   if (!is_paced_)

@@ -54,12 +54,34 @@ TruthIntake::Outcome Engine::apply(const Step& step) noexcept {
       transmit(step);
       break;
     case Type::deadlines:
+      finish_encoding();
       poll(HostTime{step.event.a});
       break;
     default:
+      finish_encoding();
       apply_rare(step);
+      look_at_imus();
   }
   return TruthIntake::Outcome::nothing;
+}
+
+// Called before each step that may touch a device or a port.
+void Engine::finish_encoding() noexcept {
+  if (encoding_ != nullptr) encoding_->finish();
+}
+
+// Called after each step that may change faults or ports.
+void Engine::look_at_imus() noexcept {
+  may_encode_apart_ =
+      encoding_ != nullptr && !sink_.keeps() &&
+      std::ranges::all_of(channels_, [](const auto& channel) { return EncodingThread::serves(*channel); });
+  is_apart_ = is_apart_ && may_encode_apart_;
+}
+
+void Engine::encode_by(EncodingThread* encoding) noexcept {
+  finish_encoding();
+  encoding_ = encoding;
+  look_at_imus();
 }
 
 // Executes the steps that are not part of every sample.
@@ -192,7 +214,7 @@ void Engine::advance(TruthTime until) noexcept {
     Sample& sample = channel.sensor.sample();
     if (step.at_once) {
       channel.prepare(time, false);
-      channel.encode();
+      channel.encode(channel.prepared());
       channel.transmit();
       return;
     }
@@ -215,18 +237,22 @@ void Engine::advance(TruthTime until) noexcept {
     if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
     channel.prepare(silent ? std::nullopt : std::optional(time), silent);
   }
+  is_apart_ = (prepared_.empty() ? may_encode_apart_ : is_apart_) && !channel.prepared().is_shown &&
+              (channel.sensor.sample().status & status::truth_extrapolated) == 0;
+  if (!is_apart_) finish_encoding();
   prepared_.push_back(&channel);
 }
 
 [[gnu::noinline]] void Engine::transmit(const Step& step) noexcept {
   const bool is_skipped = (step.event.flags & RecordEvent::skipped) != 0;
-  for (Channel* channel : prepared_) channel->encode(is_skipped);
+  if (is_apart_) return encoding_->put(prepared_);
+  for (Channel* channel : prepared_) channel->encode(channel->prepared(), is_skipped);
   record(step);
 }
 
 void Engine::complete() noexcept {
   for (Channel* channel : prepared_) {
-    channel->count_sample();
+    if (!is_apart_) channel->count_sample();
     if (!channel->sensor.is_resting()) ++samples_in_run_;
   }
   prepared_.clear();

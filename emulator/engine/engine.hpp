@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/timeline.hpp"
+#include "emulator/engine/encoding_thread.hpp"
 #include "emulator/engine/run_control.hpp"
 #include "emulator/engine/step.hpp"
 #include "emulator/faults/fault_book.hpp"
@@ -40,6 +41,12 @@ class Engine {
   std::span<Channel* const> prepared() const noexcept { return prepared_; }
   // Called when the frames of the prepared samples have been sent or skipped: counts the samples.
   void complete() noexcept;
+
+  // From now on `encoding` makes and sends the frames of samples, if it serves all imus and no step is recorded.
+  // nullptr: it no longer does. It outlives its use.
+  void encode_by(EncodingThread* encoding) noexcept;
+  // Returns true if it does so for the prepared samples: the driver sends nothing after `transmit`.
+  bool encodes_apart() const noexcept { return is_apart_; }
 
   StepSink& sink() const noexcept { return sink_; }
   // The queues of the clients that control this; nullptr: there are none.
@@ -76,6 +83,8 @@ class Engine {
  private:
   std::unique_ptr<ChannelFaults> faults_of(const ImuConfig& imu, std::uint64_t seed);
   void apply_rare(const Step& step) noexcept;
+  void finish_encoding() noexcept;
+  void look_at_imus() noexcept;
   void keep(RecordEvent event, std::uint16_t imu) noexcept;
   void record(const Step& step) noexcept {
     if (sink_.keeps()) keep(step.event, step.imu);
@@ -105,6 +114,9 @@ class Engine {
   TruthIntake intake_;
   std::vector<std::unique_ptr<Channel>> channels_;
   std::vector<Channel*> prepared_;
+  EncodingThread* encoding_ = nullptr;
+  bool may_encode_apart_ = false;  // the imus and the sink allow it
+  bool is_apart_ = false;          // encodes_apart()
   std::atomic<bool> power_cycle_ = false;
   bool in_run_ = false;
   bool stopped_ = false;     // motion is held because truth has stopped

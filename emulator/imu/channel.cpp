@@ -61,16 +61,18 @@ void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const Acti
 }
 
 void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
-  truth_ = truth;
-  silent_ = silent;
+  const SampleFeed* const feed = awaited.feed();
+  Sample& sample = sensor.sample();
+  prepared_ = {&sample, truth, silent, feed != nullptr && feed->wants(number, sample.counter)};
   if (faults && (!sensor.is_resting() || faults->acts_at_rest()))
     set_faults(faults->active(FaultSeam::wire), faults->active(FaultSeam::power));
 }
 
-void Channel::encode(bool skipped) noexcept {
-  Sample& sample = sensor.sample();
+void Channel::encode(const Outgoing& outgoing, bool skipped) noexcept {
+  outgoing_ = outgoing;
+  Sample& sample = *outgoing.sample;
   const DeviceTime time = sample.time;
-  is_discarded_ = silent_ || skipped;
+  is_discarded_ = outgoing.is_silent || skipped;
   if (faults) {
     faults->expectations().port_is(lines.all()[0].port->state());
     unit.apply_clock_fault();
@@ -81,8 +83,8 @@ void Channel::encode(bool skipped) noexcept {
     poll_until(time, skipped);
   }
   sensor.clock().take_sample(time);
-  if (sync && truth_ && unit.is_on())
-    sync->deliver_edges(unit.device(), *truth_, time);
+  if (sync && outgoing.truth && unit.is_on())
+    sync->deliver_edges(unit.device(), *outgoing.truth, time);
   else if (sync)
     sync->discard_edges();
   unit.take(sample, is_discarded_);
@@ -90,8 +92,8 @@ void Channel::encode(bool skipped) noexcept {
 }
 
 void Channel::transmit() noexcept {
-  if (sync && truth_ && unit.is_on()) sync->send_pulse(unit.device());
-  send(unit.frames(), sensor.sample().time);
+  if (sync && outgoing_.truth && unit.is_on()) sync->send_pulse(unit.device());
+  send(unit.frames(), outgoing_.sample->time);
 }
 
 void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply) noexcept {
@@ -102,18 +104,17 @@ void Channel::send(std::span<const Frame> frames, DeviceTime time, bool is_reply
 }
 
 void Channel::count_sample() noexcept {
-  const Sample& sample = sensor.sample();
+  const Sample& sample = *outgoing_.sample;
   counters.samples.count();
   if ((sample.status & status::truth_extrapolated) != 0) counters.extrapolated.count();
   if ((sample.status & status::truth_stale) != 0) counters.held.count();
   if ((sample.status & status::at_rest) != 0) counters.at_rest.count();
-  if (silent_) counters.silent.count();
+  if (outgoing_.is_silent) counters.silent.count();
   const bool is_extrapolated =
       (sample.status & (status::truth_extrapolated | status::truth_stale)) == status::truth_extrapolated;
-  const bool is_shown = awaited.feed() != nullptr && awaited.feed()->wants(number, sample.counter);
-  if (is_extrapolated || is_shown)
+  if (is_extrapolated || outgoing_.is_shown)
     awaited.add(sensor.imu(), sensor.ahead(), is_extrapolated,
-                is_shown ? std::optional(feed_sample()) : std::nullopt);
+                outgoing_.is_shown ? std::optional(feed_sample()) : std::nullopt);
   constexpr int most_unpublished = 64;
   if (++unpublished_ == most_unpublished) publish();
 }

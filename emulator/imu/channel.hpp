@@ -76,12 +76,20 @@ class Channel {
   void set_faults(std::span<const ActiveFault> wire, std::span<const ActiveFault> power) noexcept;
 
   // --- Samples, after Sensor::sense() ---
-  // Keeps the truth time up to which the device receives edges before the sample; nullopt: edges are discarded. The
-  // frames of a `silent` sample are discarded. Sets the faults of the sample.
+  // A sample on its way to the device and the ports.
+  struct Outgoing {
+    Sample* sample = nullptr;
+    std::optional<TruthTime> truth;  // up to which the device receives edges before it; nullopt: edges are discarded
+    bool is_silent = false;          // its frames are discarded
+    bool is_shown = false;           // the feed gets it
+  };
+  // Prepares the sample that Sensor::sense() has taken, and sets its faults.
   void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
+  const Outgoing& prepared() const noexcept { return prepared_; }
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If it
-  // is `skipped`, which it then counts as, all of these are discarded, and transmit() must not follow.
-  void encode(bool skipped = false) noexcept;
+  // is `skipped`, which it then counts as, all of these are discarded, and transmit() must not follow. transmit() and
+  // count_sample() are about the same sample.
+  void encode(const Outgoing& outgoing, bool skipped = false) noexcept;
   // Sends the sample's frames, and the pulse of the output pin.
   void transmit() noexcept;
   // Counts the sample as sent. Offers it to the feed when its truth has come. The counters of the parts follow by
@@ -117,9 +125,10 @@ class Channel {
   void apply_filters() noexcept { sensor.set_filters(unit.device().filters()); }
   FeedSample feed_sample() const noexcept;
 
-  bool paused_ = false;             // by a command: all frames are discarded, and counted
-  std::optional<TruthTime> truth_;  // prepare() sets these two
-  bool silent_ = false;
+  Outgoing prepared_;
+  // The rest is on another cache line, because an EncodingThread may use it.
+  alignas(64) Outgoing outgoing_;
+  bool paused_ = false;        // by a command: all frames are discarded, and counted
   int unpublished_ = 0;        // samples that were counted since publish()
   bool is_discarded_ = false;  // encode() sets it: the frames of the sample are not sent
 };

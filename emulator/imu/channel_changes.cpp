@@ -83,7 +83,7 @@ void Channel::exchange(Reload::Line& next) noexcept {
 }
 
 FeedSample Channel::feed_sample() const noexcept {
-  const Sample& sample = sensor.sample();
+  const Sample& sample = *outgoing_.sample;
   const auto count = [](const Counter& counter) { return counter.load(std::memory_order_relaxed); };
   const Eigen::Quaternionf q = sample.q_LP.cast<float>();
   const Eigen::Vector3f field = sample.magnetic_field.cast<float>();

@@ -94,9 +94,10 @@ class DeviceClock {
   mutable Grid::Walk walk_;  // of the nominal instants, at the one that was asked for last
   DeviceTime zero_;
   std::optional<HostTime> origin_;  // nullopt while the clock stands
-  DeviceTime now_;
-  std::uint64_t next_ = 0;    // the next sample, counted from set()
-  bool has_samples_ = false;  // start_samples() was called since set()
+  bool has_samples_ = false;        // start_samples() was called since set()
+  // On another cache line than the walk, because an EncodingThread may use them.
+  alignas(64) DeviceTime now_;
+  std::uint64_t next_ = 0;  // the next sample, counted from set()
 };
 
 }  // namespace imud

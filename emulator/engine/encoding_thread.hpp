@@ -1,0 +1,56 @@
+// EncodingThread: makes the frames of samples and sends them, beside the thread that samples.
+#pragma once
+
+#include <atomic>
+#include <span>
+#include <thread>
+#include <vector>
+
+#include "core/sample.hpp"
+#include "emulator/ground/batch_ring.hpp"
+#include "emulator/imu/channel.hpp"
+
+namespace imud {
+
+// For imus whose ports only send, where the host's clock does not pace: nothing that leaves acts on a later sample,
+// so that the next samples can be taken meanwhile. While samples are on their way, this thread alone uses the devices
+// and the ports. The frames are the same as without it. The constructor allocates; nothing else here does, after a
+// run's first samples.
+class EncodingThread {
+ public:
+  // `channels`: how many imus there are. `stop` ends the waits for readers.
+  EncodingThread(std::size_t channels, const std::atomic<bool>& stop);
+  // Sends what was put, and ends the thread.
+  ~EncodingThread();
+  EncodingThread(const EncodingThread&) = delete;
+  EncodingThread& operator=(const EncodingThread&) = delete;
+
+  // Returns true if the frames of the imu may be made here.
+  static bool serves(Channel& channel) noexcept;
+
+  // The sampling thread: passes on the prepared samples of an instant. Waits while samples are many batches ahead.
+  void put(std::span<Channel* const> prepared) noexcept;
+  // Waits until all frames of the samples that were put have been sent.
+  void finish() noexcept;
+
+ private:
+  struct Item {
+    Channel* channel;
+    Channel::Outgoing outgoing;
+    Sample sample;
+    bool is_last;  // of its instant
+  };
+  using Batch = std::vector<Item>;  // whole instants; empty: the end
+
+  void run() noexcept;
+  void send(std::span<Item> instant) noexcept;
+  void publish() noexcept;
+
+  static constexpr std::size_t batch_size = 256, batches = 4;
+  const std::atomic<bool>& stop_;
+  BatchRing<Batch, batches> ring_;
+  Batch* filling_ = nullptr;
+  std::thread thread_;
+};
+
+}  // namespace imud
