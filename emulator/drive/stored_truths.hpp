@@ -7,9 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "emulator/plan/config.hpp"
-#include "protocols/truth_format.hpp"
-#include "transports/port.hpp"
+#include "emulator/drive/truth_pieces.hpp"
 
 namespace imud {
 
@@ -26,21 +24,8 @@ class StoredTruths {
   // Returns true if each truth is later than the one before: none is inserted or refused for its time.
   bool ascend() const noexcept { return ascend_; }
 
-  // A record, or the remark on a record that is no truth.
-  struct Record {
-    TruthResult result = TruthResult::ok;
-    Truth truth;
-    std::string remark;
-  };
-  // The records of one call of Port::receive(), and the decoder's losses after it.
-  struct Piece {
-    std::vector<Record> records;
-    HostTime time;
-    Endpoint from;
-    StreamLosses losses;
-  };
   struct Content {
-    std::vector<Piece> pieces;  // the last has the records and the losses of the end
+    std::vector<TruthPiece> pieces;
     PortCounters counters;
     std::string end_warning, other_content;
   };
@@ -50,6 +35,7 @@ class StoredTruths {
 
   std::shared_ptr<Content> content_;
   std::unique_ptr<TruthFormat> format_;
+  std::optional<bool> keeps_datagrams_;
   bool ascend_ = true;
 };
 
