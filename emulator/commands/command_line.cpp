@@ -254,6 +254,11 @@ int execute(int argc, const char* const* argv) {
         return SeedRange::parse(text) ? std::string()
                                       : "give a seed or a range of at most ten million, such as 1..1000";
       });
+  add(*replay_command, "--threads", arguments.run.threads, "N",
+      "Threads of one replay with --fast: with 2 the frames are made, with 3 the capture is decoded beside the "
+      "model, "
+      "too; the bytes are the same (3; on one processor 1)")
+      ->check(CLI::Range(1U, 3U));
   add(*replay_command, "--jobs", arguments.seeds.jobs, "N",
       "Processes for the seeds and, if they are more than those, for the imus (the processors)")
       ->check(CLI::Range(1, 1024));

@@ -1,5 +1,8 @@
 #include "emulator/drive/assembly.hpp"
 
+#include <filesystem>
+#include <system_error>
+
 #include "emulator/drive/loop.hpp"
 
 namespace imud {
@@ -16,18 +19,46 @@ std::optional<RecordedRun> record_of(const Config& config, bool repeats) {
   return std::optional<RecordedRun>(std::in_place, PortSpec::parse(config.truth.port), config);
 }
 
+// A fifo would keep a thread waiting for another process, and a record needs the packets of the truth.
+bool may_use_threads(const Config& config, const Assembly::Parts& parts) {
+  if (config.clock != ClockMode::fast || parts.repeats || parts.sink.keeps() || !is_capture(config.truth.port))
+    return false;
+  std::error_code error;
+  return std::filesystem::is_regular_file(PortSpec::parse(config.truth.port).address, error);
+}
+
+// Returns the configuration of a run from `ahead`.
+Config reading_from(const ReadAhead& ahead, Config config) {
+  config.truth.format = &ahead.format();
+  return config;
+}
+
+Ports reading_from(ReadAhead& ahead, const Ports& ports) {
+  return [&ahead, ports](const PortUse& use) { return use.of == PortUse::Of::truth ? ahead.open() : ports(use); };
+}
+
 }  // namespace
 
 Assembly::Assembly(const Config& config, const Ports& ports, const Parts& parts)
     : pace_(pace_of(config)),
+      threads_(may_use_threads(config, parts) ? parts.threads : 1),
       repeated_(record_of(config, parts.repeats)),
-      engine_(repeated_ ? repeated_->adapted(config) : config, repeated_ ? repeated_->ports(ports) : ports,
+      ahead_(threads_ > 2 ? std::optional<ReadAhead>(std::in_place, config.truth) : std::nullopt),
+      engine_(repeated_ ? repeated_->adapted(config)
+              : ahead_  ? reading_from(*ahead_, config)
+                        : config,
+              repeated_ ? repeated_->ports(ports)
+              : ahead_  ? reading_from(*ahead_, ports)
+                        : ports,
               parts.sink, parts.control),
       pacer_(make_pacer(config, engine_.quality())) {}
 
 void Assembly::run(Host& host, const std::atomic<bool>& stop, const Limits& limits) {
   if (repeated_) return repeated_->run(engine_, host, {pace_, limits.duration, limits.awaits_truth}, stop);
+  std::optional<EncodingThread> encoding;
+  if (threads_ > 1) engine_.encode_by(&encoding.emplace(engine_.channels().size(), stop));
   Loop(engine_, host, *pacer_, {pace_.value_or(PaceOptions{}), limits.duration}, stop).run();
+  engine_.encode_by(nullptr);
 }
 
 }  // namespace imud

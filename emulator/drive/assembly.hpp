@@ -8,6 +8,7 @@
 #include <string>
 
 #include "emulator/drive/pacer.hpp"
+#include "emulator/drive/read_ahead.hpp"
 #include "emulator/drive/recorded_run.hpp"
 #include "emulator/engine/engine.hpp"
 #include "emulator/ground/host.hpp"
@@ -22,6 +23,7 @@ class Assembly {
     bool repeats = false;               // truth.port names a record, whose run is repeated
     StepSink& sink = StepSink::none();  // takes the steps of the run
     RunControl* control = nullptr;      // brings commands; nullptr: nobody controls the run
+    unsigned threads = 1;  // 2: an EncodingThread makes the frames; 3: a ReadAhead decodes the capture, too
   };
   // Opens every port by `ports`, except for the truth and the input pins of a repeated record. Throws PortError.
   Assembly(const Config& config, const Ports& ports, const Parts& parts);
@@ -29,6 +31,9 @@ class Assembly {
 
   Engine& engine() noexcept { return engine_; }
   const Engine& engine() const noexcept { return engine_; }
+  // Returns how many threads run() uses: Parts::threads, or 1 if the run is no `fast` replay of a file, or is
+  // recorded.
+  unsigned threads() const noexcept { return threads_; }
   // RecordedRun::difference(); empty if no record is repeated.
   std::string difference() const { return repeated_ ? repeated_->difference() : std::string(); }
 
@@ -42,7 +47,9 @@ class Assembly {
 
  private:
   const std::optional<PaceOptions> pace_;  // nullopt: the host's clock does not pace
+  const unsigned threads_;                 // that may be used
   std::optional<RecordedRun> repeated_;
+  std::optional<ReadAhead> ahead_;
   Engine engine_;
   const std::unique_ptr<Pacer> pacer_;
 };

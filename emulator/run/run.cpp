@@ -166,12 +166,16 @@ int run(const Config& config, const RunOptions& options) {
   std::optional<Recorder> recorder;
   if (!options.record.file.empty()) recorder.emplace(options.record, config.clock != ClockMode::realtime);
   RunControl control(config.imus.size());
-  Assembly assembly(
-      config, real_ports,
-      {.repeats = options.repeats, .sink = recorder ? *recorder : StepSink::none(), .control = &control});
+  Assembly assembly(config, real_ports,
+                    {.repeats = options.repeats,
+                     .sink = recorder ? *recorder : StepSink::none(),
+                     .control = &control,
+                     .threads = options.threads.value_or(std::thread::hardware_concurrency() > 1 ? 3 : 1)});
   Engine& engine = assembly.engine();
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
+  if (const unsigned threads = assembly.threads(); threads > 1)
+    spdlog::info("the model{} and the frames are computed by {} threads", threads > 2 ? ", the capture" : "", threads);
   const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
   std::optional<ControlServer> server(std::in_place, io, config.control, instance);
   std::optional<WebServer> web;

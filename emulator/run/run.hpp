@@ -26,7 +26,8 @@ struct RunOptions {
   bool wait_for_reader = false;  // the run begins when each pty has a reader
   Monitor::Options monitor;
   RecordOptions record;
-  bool repeats = false;  // the truth port is a record, whose run is repeated
+  std::optional<unsigned> threads;  // Assembly::Parts::threads; nullopt: 3 if there are two processors or more
+  bool repeats = false;             // the truth port is a record, whose run is repeated
   // Reads the configuration again. Throws ConfigError. Empty: it cannot be read again.
   std::function<Config()> read_config;
 };

@@ -1,0 +1,124 @@
+// imud replay --fast --threads: the same bytes and the same summary by one, two and three threads.
+#include <gtest/gtest.h>
+
+#include "tests/emulator/run/run_test.hpp"
+#include "tests/support/text.hpp"
+
+namespace imud {
+namespace {
+
+const std::string flight = IMUD_TEST_DATA "/captures/jsbsim_c172_10s.pcap";
+
+class ThreadsTest : public RunTest {
+ protected:
+  // What a replay leaves, without its durations and the names of its files.
+  struct Left {
+    std::vector<std::string> files;
+    nlohmann::json summary;
+    int exit_code = 0;
+    std::string errors;
+  };
+  // Replays `capture` with imus of these protocols: ("csv", 800) is at 800 Hz, on a CAN log if `link` says so.
+  struct One {
+    std::string protocol, keys, scheme = "file";
+  };
+  Left replay(const std::string& truth, const std::string& capture, const std::vector<One>& imus, unsigned threads,
+              const std::vector<std::string>& options = {}) {
+    std::string text = "seed = 1\nclock = \"fast\"\n[truth]\n" + truth;
+    for (std::size_t i = 0; i < imus.size(); ++i)
+      text += fmt::format("[[imu]]\nname = \"imu{}\"\nprotocol = \"{}\"\nport = \"{}:{}\"\n{}", i, imus[i].protocol,
+                          imus[i].scheme, path("out" + std::to_string(i)), imus[i].keys);
+    std::vector<std::string> arguments = {
+        "replay",    write("threads.toml", text), capture,     "--fast",
+        "--threads", std::to_string(threads),     "--summary", path("summary.json")};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const ProgramResult result = run_program("imud", arguments);
+    if (!std::filesystem::exists(path("summary.json"))) throw std::runtime_error(result.errors);
+    Left left{{}, summary(), result.exit_code, result.errors};
+    for (std::size_t i = 0; i < imus.size(); ++i) left.files.push_back(read_file(path("out" + std::to_string(i))));
+    left.summary.erase("duration_s");
+    left.summary["truth"].erase("rate_hz");
+    return left;
+  }
+  // Returns what one thread leaves, after comparing what more of them leave.
+  Left compare(const std::string& truth, const std::string& capture, const std::vector<One>& imus,
+               const std::vector<std::string>& options = {}) {
+    const Left one = replay(truth, capture, imus, 1, options);
+    for (const unsigned threads : {2U, 3U}) {
+      const Left more = replay(truth, capture, imus, threads, options);
+      EXPECT_EQ(more.exit_code, one.exit_code) << more.errors;
+      EXPECT_EQ(more.summary, one.summary) << threads << " threads";
+      for (std::size_t i = 0; i < imus.size(); ++i)
+        EXPECT_TRUE(more.files[i] == one.files[i]) << threads << " threads, imu" << i;
+      EXPECT_TRUE(contains(more.errors, fmt::format("{} threads", threads))) << more.errors;
+    }
+    return one;
+  }
+  // A row of the truth format csv.
+  static std::string row(std::int64_t ms) {
+    return fmt::format("{},0,0,0,0.{:03},0,0,0,0,-9.8\n", ms * 1'000'000, ms % 1000);
+  }
+  const std::string range = "gyro.max_rad_per_s = 100\naccelerometer.max_m_per_s2 = 1000\n";
+  static constexpr std::string_view columns =
+      "time_ns,sigma_BN_1,sigma_BN_2,sigma_BN_3,omega_BN_B_x,omega_BN_B_y,omega_BN_B_z,"
+      "nonConservativeAccelpntB_B_x,nonConservativeAccelpntB_B_y,nonConservativeAccelpntB_B_z\n";
+};
+
+// Sensors with deadlines of their own (heartbeats, slow messages), and two on one CAN log.
+TEST_F(ThreadsTest, DatagramsAndEveryKindOfPort) {
+  const Left left = compare("port = \"udp:127.0.0.1:5140\"\nformat = \"jsbsim\"\n", flight,
+                            {{"native", "rate_hz = 1000\n" + range},
+                             {"csv", "rate_hz = 60\n" + range},
+                             {"stim300", ""},
+                             {"mip", ""},
+                             {"vectornav", ""},
+                             {"dronecan", "", "canfile"},
+                             {"canopen", "rate_hz = 100\n" + range, "canfile"}});
+  EXPECT_EQ(left.exit_code, 0) << left.errors;
+  ASSERT_EQ(left.summary["imus"].size(), 7U);
+  EXPECT_EQ(left.summary["imus"][0]["samples"], 10001);
+  for (const std::string& file : left.files) EXPECT_GT(file.size(), 300U);  // of canopen, heartbeats alone
+}
+
+// Runs that follow each other, rows that are refused, and an end within a row.
+TEST_F(ThreadsTest, ADamagedCaptureOfSeveralRuns) {
+  std::string text(columns);
+  for (int run = 0; run < 3; ++run)
+    for (int ms = 0; ms < 3000; ms += 10) {
+      text += row(ms);
+      if (ms == 1000) text += "x" + row(ms + 1) + row(ms) + "# a comment\n";
+    }
+  const std::string capture = write("flight.csv", text + "2999");
+  const std::vector<One> imus = {{"native", "rate_hz = 1000\n" + range}, {"csv", "rate_hz = 250\n" + range}};
+  const std::string truth = "port = \"file:flight.csv\"\nformat = \"csv\"\n";
+  const Left left = compare(truth, capture, imus);
+  EXPECT_EQ(left.exit_code, 3) << left.errors;
+  EXPECT_EQ(left.summary["truth"]["runs"], 3) << left.errors;
+  EXPECT_EQ(left.summary["truth"]["accepted"], 896);  // a run begins after two refused rows
+  EXPECT_EQ(left.summary["truth"]["refused"].size(), 3U) << left.summary["truth"]["refused"];
+  const Left beginning = compare(truth, capture, imus, {"--for", "1.5"});
+  EXPECT_EQ(beginning.exit_code, 3) << beginning.errors;
+  EXPECT_LT(beginning.files[0].size(), left.files[0].size() / 4);
+}
+
+// The device of an imu with faults stays with its sensor; the other thread may still decode.
+TEST_F(ThreadsTest, FaultsAreInTheSameFrames) {
+  std::string text(columns);
+  for (int ms = 0; ms < 3000; ms += 10) text += row(ms);
+  const std::string fault =
+      "[[fault]]\nimu = \"imu0\"\ntarget = \"message\"\nkind = \"missing\"\nat_s = 1\nfor_s = 0.5\neach = "
+      "0.5\n";
+  const Left left = compare("port = \"file:flight.csv\"\nformat = \"csv\"\n", write("flight.csv", text),
+                            {{"native", "rate_hz = 1000\n" + range}, {"native", "rate_hz = 1000\n" + range + fault}});
+  EXPECT_EQ(left.exit_code, 0) << left.errors;
+  EXPECT_LT(left.files[0].size(), left.files[1].size());
+}
+
+TEST_F(ThreadsTest, TheirNumberIsChecked) {
+  const ProgramResult result = run_program("imud", {"replay", "x.toml", flight, "--fast", "--threads", "4"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_TRUE(contains(result.errors, "--threads")) << result.errors;
+}
+
+}  // namespace
+}  // namespace imud
