@@ -55,7 +55,7 @@ class Loop {
 
   // Commands.
   void cycle_power_if_requested(HostTime now) noexcept {
-    if (engine_.takes_power_cycle()) cycle_power(now);
+    if (engine_.power_cycle.take()) cycle_power(now);
   }
   void cycle_power(HostTime now) noexcept;
   bool has_commands() const noexcept {

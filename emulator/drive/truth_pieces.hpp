@@ -62,7 +62,7 @@ class TruthPieces {
   // Returns the next piece, valid until the next call; nullptr at the end. May wait for a thread that decodes.
   virtual const TruthPiece* next() noexcept = 0;
   virtual bool at_end() const noexcept = 0;
-  // Of the capture's port, after the last piece that was returned.
+  // Returns the counters of the capture's port after the last piece that was returned.
   virtual const PortCounters& counters() const noexcept = 0;
   virtual std::optional<double> progress() const noexcept = 0;
   virtual std::string_view end_warning() const noexcept = 0;

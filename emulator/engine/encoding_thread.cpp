@@ -27,7 +27,7 @@ void EncodingThread::put(std::span<Channel* const> prepared) noexcept {
     filling_->clear();
   }
   for (Channel* channel : prepared)
-    filling_->push_back({channel, channel->prepared(), *channel->prepared().sample, channel == prepared.back()});
+    filling_->push_back({channel, channel->prepared, *channel->prepared.sample, channel == prepared.back()});
   if (filling_->size() >= batch_size) return publish();
   const auto* const ahead = reinterpret_cast<const char*>(filling_->data() + filling_->size() + 1);
   for (std::size_t at = 0; at < sizeof(Item); at += 64) __builtin_prefetch(ahead + at, 1);

@@ -214,7 +214,7 @@ void Engine::advance(TruthTime until) noexcept {
     Sample& sample = channel.sensor.sample();
     if (step.at_once) {
       channel.prepare(time, false);
-      channel.encode(channel.prepared());
+      channel.encode(channel.prepared);
       channel.transmit();
       return;
     }
@@ -237,7 +237,7 @@ void Engine::advance(TruthTime until) noexcept {
     if (stopped && when_stopped_ == WhenStopped::flag) sample.status |= status::not_valid;
     channel.prepare(silent ? std::nullopt : std::optional(time), silent);
   }
-  is_apart_ = (prepared_.empty() ? may_encode_apart_ : is_apart_) && !channel.prepared().is_shown &&
+  is_apart_ = (prepared_.empty() ? may_encode_apart_ : is_apart_) && !channel.prepared.is_shown &&
               (channel.sensor.sample().status & status::truth_extrapolated) == 0;
   if (!is_apart_) finish_encoding();
   prepared_.push_back(&channel);
@@ -246,7 +246,7 @@ void Engine::advance(TruthTime until) noexcept {
 [[gnu::noinline]] void Engine::transmit(const Step& step) noexcept {
   const bool is_skipped = (step.event.flags & RecordEvent::skipped) != 0;
   if (is_apart_) return encoding_->put(prepared_);
-  for (Channel* channel : prepared_) channel->encode(channel->prepared(), is_skipped);
+  for (Channel* channel : prepared_) channel->encode(channel->prepared, is_skipped);
   record(step);
 }
 

@@ -1,7 +1,6 @@
 // Engine: the truth on one side, all channels on the other. It executes the steps that a driver proposes.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -24,7 +23,7 @@ namespace imud {
 
 // Owns the objects of a run. apply() alone changes the timeline, the imus, the devices and the faults. The same steps
 // give the same bytes, whoever proposes them. The constructor allocates all memory. One thread, except for
-// request_power_cycle() and the counters, which any thread may use.
+// `power_cycle` and the counters, which any thread may use.
 class Engine {
  public:
   // Opens every port. `sink` takes the steps of the run. `control` brings commands and takes watched samples;
@@ -73,12 +72,8 @@ class Engine {
   // Ends the faults that act. Called after the last step.
   void finish_faults() noexcept;
 
-  // Requests that the supply of all devices is switched off and on. Any thread.
-  void request_power_cycle() noexcept { power_cycle_.store(true, std::memory_order_relaxed); }
-  // Returns true once after a request. A driver then proposes it between two samples.
-  bool takes_power_cycle() noexcept {
-    return power_cycle_.load(std::memory_order_relaxed) && power_cycle_.exchange(false, std::memory_order_relaxed);
-  }
+  // A request that the supply of all devices is switched off and on. A driver then proposes it between two samples.
+  Request power_cycle;
 
  private:
   std::unique_ptr<ChannelFaults> faults_of(const ImuConfig& imu, std::uint64_t seed);
@@ -117,7 +112,6 @@ class Engine {
   EncodingThread* encoding_ = nullptr;
   bool may_encode_apart_ = false;  // the imus and the sink allow it
   bool is_apart_ = false;          // encodes_apart()
-  std::atomic<bool> power_cycle_ = false;
   bool in_run_ = false;
   bool stopped_ = false;     // motion is held because truth has stopped
   bool unreviewed_ = false;  // truth has come since the samples that wait for theirs were reviewed

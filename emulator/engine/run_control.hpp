@@ -1,6 +1,7 @@
 // RunControl: the queues between the main thread and the sampling thread of a run that is controlled or watched.
 #pragma once
 
+#include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -12,6 +13,19 @@
 namespace imud {
 
 struct Reload;
+
+// A request to the sampling thread. Any thread makes it.
+class Request {
+ public:
+  void make() noexcept { is_made_.store(true, std::memory_order_relaxed); }
+  // Returns true once after a request. Sampling thread.
+  bool take() noexcept {
+    return is_made_.load(std::memory_order_relaxed) && is_made_.exchange(false, std::memory_order_relaxed);
+  }
+
+ private:
+  std::atomic<bool> is_made_ = false;
+};
 
 // Something that happened in the sampling thread by itself. The results of commands go another way (Applied).
 struct RunEvent {

@@ -63,7 +63,7 @@ void Channel::set_faults(std::span<const ActiveFault> wire, std::span<const Acti
 void Channel::prepare(std::optional<TruthTime> truth, bool silent) noexcept {
   const SampleFeed* const feed = awaited.feed();
   Sample& sample = sensor.sample();
-  prepared_ = {&sample, truth, silent, feed != nullptr && feed->wants(number, sample.counter)};
+  prepared = {&sample, truth, silent, feed != nullptr && feed->wants(number, sample.counter)};
   if (faults && (!sensor.is_resting() || faults->acts_at_rest()))
     set_faults(faults->active(FaultSeam::wire), faults->active(FaultSeam::power));
 }

@@ -83,9 +83,9 @@ class Channel {
     bool is_silent = false;          // its frames are discarded
     bool is_shown = false;           // the feed gets it
   };
+  alignas(64) Outgoing prepared;  // by prepare()
   // Prepares the sample that Sensor::sense() has taken, and sets its faults.
   void prepare(std::optional<TruthTime> truth, bool silent) noexcept;
-  const Outgoing& prepared() const noexcept { return prepared_; }
   // Polls the device's deadlines up to the sample, and sends their frames. Then makes the frames of the sample. If it
   // is `skipped`, which it then counts as, all of these are discarded, and transmit() must not follow. transmit() and
   // count_sample() are about the same sample.
@@ -125,7 +125,6 @@ class Channel {
   void apply_filters() noexcept { sensor.set_filters(unit.device().filters()); }
   FeedSample feed_sample() const noexcept;
 
-  Outgoing prepared_;
   // The rest is on another cache line, because an EncodingThread may use it.
   alignas(64) Outgoing outgoing_;
   bool paused_ = false;        // by a command: all frames are discarded, and counted

@@ -175,7 +175,8 @@ int run(const Config& config, const RunOptions& options) {
   if (recorder) recorder->start(!is_capture(config.truth.port), config.resolved);
   log_details(config);
   if (const unsigned threads = assembly.threads(); threads > 1)
-    spdlog::info("the model{} and the frames are computed by {} threads", threads > 2 ? ", the capture" : "", threads);
+    spdlog::info("the model{} and the frames are computed by {} threads", threads > 2 ? ", the capture" : "",
+                 threads);
   const std::string instance = config.control.name.empty() ? fmt::to_string(::getpid()) : config.control.name;
   std::optional<ControlServer> server(std::in_place, io, config.control, instance);
   std::optional<WebServer> web;
@@ -209,7 +210,7 @@ int run(const Config& config, const RunOptions& options) {
     others.async_wait([&](const boost::system::error_code& error, int signal) {
       if (error) return;
       if (signal == SIGUSR1) {
-        engine.request_power_cycle();
+        engine.power_cycle.make();
         spdlog::info("SIGUSR1: power off and on for every imu");
       } else if (signal == SIGHUP) {
         monitor.reopen();

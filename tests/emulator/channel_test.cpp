@@ -93,7 +93,7 @@ class ChannelTest : public RunTest {
     for (int i = 0; i < 100; ++i, ++handed_) {
       channel_->sensor.sense_at_rest(Nanoseconds{}, handed_);
       channel_->prepare(std::nullopt, false);
-      channel_->encode(channel_->prepared());
+      channel_->encode(channel_->prepared);
       channel_->transmit();
     }
     ASSERT_LT(port_->counters().sent, handed_) << "the pipe holds everything: the test proves nothing";
@@ -178,7 +178,7 @@ TEST_F(ChannelTest, AStopEndsTheWaitingForAFrameThatIsNotDue) {
   port_->is_paced = true;
   channel_->sensor.sense_at_rest(Nanoseconds{}, 0);
   channel_->prepare(std::nullopt, false);
-  channel_->encode(channel_->prepared());
+  channel_->encode(channel_->prepared);
   channel_->transmit();
   std::atomic<bool> stop = false;
   port_->on_flush = [&, n = 0]() mutable { stop = ++n == 5; };

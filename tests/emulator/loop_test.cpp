@@ -226,7 +226,7 @@ TEST_F(LoopTest, PowerGoesOffAndOnBetweenTwoSamplesOnly) {
     auto port = std::make_unique<DiaryPort>(host, sent, std::deque<HostTime>{});
     // While the port is written to, the next samples of the same instant are prepared.
     port->on_send = [&, n = 0]() mutable {
-      if (++n % 100 == 0) run.engine().request_power_cycle();
+      if (++n % 100 == 0) run.engine().power_cycle.make();
     };
     return port;
   };
@@ -250,7 +250,7 @@ TEST_F(LoopTest, PowerStaysOnFromThePreparationOfASampleToItsTransmission) {
   };
   Diary::on_sample = [&, n = std::size_t{0}]() mutable {
     EXPECT_EQ(samples_sent(), n) << "the sample before is transmitted";
-    if (++n % 10 == 0) run.engine().request_power_cycle();
+    if (++n % 10 == 0) run.engine().power_cycle.make();
   };
   Diary::on_power_on = [&] { transmitted.push_back(samples_sent()); };
   for (int k = 0; k <= 300; ++k) run.truth(0.1 + 0.01 * k, Swing::truth(TruthTime{10'000'000 * std::int64_t{k}}));

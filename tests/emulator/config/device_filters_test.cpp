@@ -82,7 +82,7 @@ class TurningUnit {
       timeline.push(truth);
       channel_->sensor.sense(timeline, truth.time, k_++);
       channel_->prepare(std::nullopt, false);
-      channel_->encode(channel_->prepared());
+      channel_->encode(channel_->prepared);
       channel_->transmit();
     }
     Recording recording;

@@ -89,7 +89,7 @@ TEST_F(RealtimeTest, NoProductSendsWhatItsModeForbids) {
     run.host().on_wait = [&, random = std::mt19937_64(9)]() mutable {
       if (run.host().now() < power_at) return;
       power_at = run.host().now() + Nanoseconds(random() % 10'000'000'000);
-      run.engine().request_power_cycle();
+      run.engine().power_cycle.make();
       client->on_power(run.host().now());
     };
     run.run(600);

@@ -59,7 +59,7 @@ class PoweredUnit {
     channel->sensor.sense_at_rest(channel->sensor.grid().nominal_offset(next), next);
     if (!windows.empty()) channel->set_faults({}, active_at(windows, next));
     channel->prepare(std::nullopt, false);
-    channel->encode(channel->prepared());
+    channel->encode(channel->prepared);
     channel->transmit();
     ++next;
     return joined(std::exchange(inner->kept, {}));

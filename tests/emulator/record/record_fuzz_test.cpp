@@ -35,7 +35,7 @@ port = "file:b"
     run.host().on_wait = [&] {
       if (run.host().now() < power_at) return;
       power_at = SimulatedHost::never;
-      run.engine().request_power_cycle();
+      run.engine().power_cycle.make();
     };
     run.run(1);
     recorder.finish();

@@ -86,7 +86,7 @@ extrapolate_ms = 30
   run.host().on_wait = [&] {
     if (run.host().now() < power_at) return;
     power_at = run.host().now() + 5s;
-    run.engine().request_power_cycle();
+    run.engine().power_cycle.make();
   };
   run.run(34);
   recorder.finish();
@@ -140,7 +140,7 @@ TEST_F(RecordTest, RepeatsWhatAHostHasCaused) {
     run.host().on_wait = [&] {
       if (run.host().now() < power_at) return;
       power_at = run.host().now() + 7s;
-      run.engine().request_power_cycle();
+      run.engine().power_cycle.make();
       client->on_power(run.host().now());
     };
     run.run(25);
