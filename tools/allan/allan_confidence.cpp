@@ -6,6 +6,7 @@
 #include <boost/math/special_functions/binomial.hpp>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 namespace imud {
@@ -14,10 +15,6 @@ namespace {
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double longest_sum = 100;     // terms of the basic sum, beyond which a limit replaces it
 constexpr double largest_filter = 1e6;  // averages of more points differ by less than the rounding errors
-
-bool is_hadamard(AllanKind kind) noexcept {
-  return kind == AllanKind::hadamard || kind == AllanKind::overlapping_hadamard;
-}
 
 // The numbers of equations in this file are Greenhall and Riley's.
 
@@ -167,9 +164,7 @@ double least_squares_slope(const std::vector<double>& y, double mean) noexcept {
 }
 
 double mean_of(const std::vector<double>& y) noexcept {
-  double sum = 0;
-  for (const double value : y) sum += value;
-  return sum / static_cast<double>(y.size());
+  return std::accumulate(y.begin(), y.end(), 0.0) / static_cast<double>(y.size());
 }
 
 }  // namespace
@@ -219,7 +214,7 @@ double degrees_of_freedom(AllanKind kind, int alpha, std::size_t points, std::si
     const double inner = degrees_of_freedom(AllanKind::overlapping, alpha, points, factor);
     return std::max(1.0, 1 / (1 / inner + 8.0 / 9 * std::pow(m / (N - 1), 2)));
   }
-  const int order = is_hadamard(kind) ? 3 : 2;
+  const auto order = static_cast<int>(order_of(kind));
   const bool is_modified = kind == AllanKind::modified;
   const double S = kind == AllanKind::allan || kind == AllanKind::hadamard ? 1 : m;
   const double length = (is_modified ? m : 1) + m * order;

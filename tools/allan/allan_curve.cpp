@@ -5,18 +5,7 @@
 namespace imud {
 
 std::size_t largest_curve_factor(AllanKind kind, std::size_t samples) noexcept {
-  switch (kind) {
-    case AllanKind::allan:
-    case AllanKind::overlapping:
-    case AllanKind::modified:
-      return samples / 3;
-    case AllanKind::hadamard:
-    case AllanKind::overlapping_hadamard:
-      return samples / 4;
-    case AllanKind::total:
-      break;
-  }
-  return samples / 2;
+  return samples / (kind == AllanKind::total ? 2 : order_of(kind) + 1);
 }
 
 AllanCurve allan_curve(AllanKind kind, std::span<const double> rates, double rate_hz, unsigned per_decade,

@@ -68,21 +68,9 @@ std::size_t stride_of(AllanKind kind, std::size_t factor) noexcept {
 }  // namespace
 
 std::string_view name_of(AllanKind kind) noexcept {
-  switch (kind) {
-    case AllanKind::allan:
-      return "allan";
-    case AllanKind::overlapping:
-      return "overlapping";
-    case AllanKind::modified:
-      return "modified";
-    case AllanKind::hadamard:
-      return "hadamard";
-    case AllanKind::overlapping_hadamard:
-      return "overlapping-hadamard";
-    case AllanKind::total:
-      break;
-  }
-  return "total";
+  constexpr std::string_view names[] = {"allan",    "overlapping",          "modified",
+                                        "hadamard", "overlapping-hadamard", "total"};
+  return names[static_cast<std::size_t>(kind)];
 }
 
 std::vector<double> phase_of(std::span<const double> rates) {
@@ -103,36 +91,14 @@ std::vector<double> phase_of(std::span<const double> rates) {
 
 std::size_t largest_factor(AllanKind kind, std::size_t points) noexcept {
   if (points < 3) return 0;
-  switch (kind) {
-    case AllanKind::allan:
-    case AllanKind::overlapping:
-      return (points - 1) / 2;
-    case AllanKind::modified:
-      return points / 3;
-    case AllanKind::hadamard:
-    case AllanKind::overlapping_hadamard:
-      return (points - 1) / 3;
-    case AllanKind::total:
-      break;
-  }
-  return points - 1;
+  if (kind == AllanKind::modified) return points / 3;
+  return kind == AllanKind::total ? points - 1 : (points - 1) / order_of(kind);
 }
 
 std::size_t difference_count(AllanKind kind, std::size_t points, std::size_t factor) noexcept {
   if (factor < 1 || factor > largest_factor(kind, points)) return 0;
-  switch (kind) {
-    case AllanKind::allan:
-    case AllanKind::overlapping:
-      return (points - 1 - 2 * factor) / stride_of(kind, factor) + 1;
-    case AllanKind::modified:
-      return points - 3 * factor + 1;
-    case AllanKind::hadamard:
-    case AllanKind::overlapping_hadamard:
-      return (points - 1 - 3 * factor) / stride_of(kind, factor) + 1;
-    case AllanKind::total:
-      break;
-  }
-  return points - 2;
+  if (kind == AllanKind::modified) return points - 3 * factor + 1;
+  return kind == AllanKind::total ? points - 2 : (points - 1 - order_of(kind) * factor) / stride_of(kind, factor) + 1;
 }
 
 double allan_deviation(AllanKind kind, std::span<const double> phase, std::size_t factor) noexcept {
@@ -141,27 +107,18 @@ double allan_deviation(AllanKind kind, std::span<const double> phase, std::size_
   const std::size_t count = difference_count(kind, phase.size(), m);
   if (count == 0) return 0;
   double sum = 0;
-  double divisor = 2;
-  switch (kind) {
-    case AllanKind::allan:
-    case AllanKind::overlapping:
-      sum = sum_of_squares(0, phase.size() - 2 * m, stride_of(kind, m),
-                           [=](std::size_t i) { return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]); });
-      break;
-    case AllanKind::modified:
-      sum = modified_sum(x, m, count);
-      break;
-    case AllanKind::hadamard:
-    case AllanKind::overlapping_hadamard:
-      divisor = 6;
-      sum = sum_of_squares(0, phase.size() - 3 * m, stride_of(kind, m), [=](std::size_t i) {
-        return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
-      });
-      break;
-    case AllanKind::total:
-      sum = total_sum(phase, m);
-      break;
-  }
+  if (kind == AllanKind::modified)
+    sum = modified_sum(x, m, count);
+  else if (kind == AllanKind::total)
+    sum = total_sum(phase, m);
+  else if (is_hadamard(kind))
+    sum = sum_of_squares(0, phase.size() - 3 * m, stride_of(kind, m), [=](std::size_t i) {
+      return (x[i + 3 * m] - x[i + 2 * m]) - 2 * (x[i + 2 * m] - x[i + m]) + (x[i + m] - x[i]);
+    });
+  else
+    sum = sum_of_squares(0, phase.size() - 2 * m, stride_of(kind, m),
+                         [=](std::size_t i) { return (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i]); });
+  const double divisor = is_hadamard(kind) ? 6 : 2;
   return std::sqrt(sum / (divisor * static_cast<double>(count))) / static_cast<double>(m);
 }
 

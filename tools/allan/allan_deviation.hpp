@@ -25,6 +25,12 @@ enum class AllanKind : std::uint8_t {
 inline constexpr AllanKind allan_kinds[] = {AllanKind::allan,    AllanKind::overlapping,          AllanKind::modified,
                                             AllanKind::hadamard, AllanKind::overlapping_hadamard, AllanKind::total};
 
+constexpr bool is_hadamard(AllanKind kind) noexcept {
+  return kind == AllanKind::hadamard || kind == AllanKind::overlapping_hadamard;
+}
+// Returns the order of the differences of the phase.
+constexpr std::size_t order_of(AllanKind kind) noexcept { return is_hadamard(kind) ? 3 : 2; }
+
 // Returns the name on command lines and in files: "allan", "overlapping", "modified", "hadamard",
 // "overlapping-hadamard", "total".
 std::string_view name_of(AllanKind kind) noexcept;

@@ -71,15 +71,8 @@ class Fit {
 double response(AllanKind kind, double f, double period, double m) noexcept {
   const double s = std::sin(std::numbers::pi * f * period * m);
   const double average = std::pow(s / (m * std::sin(std::numbers::pi * f * period)), 2);
-  switch (kind) {
-    case AllanKind::modified:
-      return 2 * s * s * average * average;
-    case AllanKind::hadamard:
-    case AllanKind::overlapping_hadamard:
-      return 8.0 / 3 * std::pow(s, 4) * average;
-    default:
-      return 2 * s * s * average;
-  }
+  if (kind == AllanKind::modified) return 2 * s * s * average * average;
+  return is_hadamard(kind) ? 8.0 / 3 * std::pow(s, 4) * average : 2 * s * s * average;
 }
 
 Fit::Fit(const AllanCurve& curve, double from_s, double to_s)

@@ -82,8 +82,7 @@ const std::array<TermUnit, allan_term_count>& term_units(bool is_rate) noexcept 
 const TermUnit& deviation_unit(bool is_rate) noexcept { return is_rate ? rate_deviation : force_deviation; }
 
 const AllanCurve::Point& AllanReport::Axis::lowest() const noexcept {
-  return *std::min_element(curve.points.begin(), curve.points.end(),
-                           [](const auto& a, const auto& b) { return a.deviation < b.deviation; });
+  return *std::ranges::min_element(curve.points, {}, &AllanCurve::Point::deviation);
 }
 
 std::optional<double> AllanReport::seen(const Requirement& requirement) const {

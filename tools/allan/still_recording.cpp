@@ -1,18 +1,13 @@
 #include "tools/allan/still_recording.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <stdexcept>
 
 namespace imud {
 namespace {
-
-std::string all_channel_names() {
-  std::string text;
-  for (const std::string_view name : channel_names) text += fmt::format("{}{}", text.empty() ? "" : ",", name);
-  return text;
-}
 
 void require_length(const StillRecording& recording) {
   if (recording.samples() >= shortest_recording) return;
@@ -140,8 +135,9 @@ StillRecording recording_of(const NpyArray& array, const std::vector<std::option
 
 std::vector<std::optional<std::size_t>> parse_columns(std::string_view text, std::size_t columns) {
   const auto refuse = [&](std::string_view fault) {
-    throw std::invalid_argument(fmt::format(
-        "--columns: {}; right would be names of {}, or - for a column to leave out", fault, all_channel_names()));
+    throw std::invalid_argument(
+        fmt::format("--columns: {}; right would be names of {}, or - for a column to leave out", fault,
+                    fmt::join(channel_names, ",")));
   };
   std::vector<std::optional<std::size_t>> result;
   if (text.empty()) {
