@@ -1,4 +1,4 @@
-// append_little: appends a number's bytes to a text, the least significant first.
+// append_little: appends the bytes of numbers to a text, the least significant first.
 #pragma once
 
 #include <algorithm>
@@ -17,11 +17,14 @@ inline void append_little(std::string& out, const char* bytes, std::size_t size)
     std::reverse(out.end() - static_cast<std::ptrdiff_t>(size), out.end());
 }
 
-template <typename T>
-void append_little(std::string& out, T value) {
-  static_assert(std::is_arithmetic_v<T>);
-  const auto bytes = std::bit_cast<std::array<char, sizeof(T)>>(value);
-  append_little(out, bytes.data(), bytes.size());
+template <typename... Numbers>
+void append_little(std::string& out, Numbers... numbers) {
+  static_assert((std::is_arithmetic_v<Numbers> && ...));
+  const auto append = [&out](auto number) {
+    const auto bytes = std::bit_cast<std::array<char, sizeof number>>(number);
+    append_little(out, bytes.data(), bytes.size());
+  };
+  (append(numbers), ...);
 }
 
 }  // namespace imud

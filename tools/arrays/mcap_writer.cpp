@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 #include "tools/arrays/little_endian.hpp"
 #include "tools/arrays/row_clock.hpp"
@@ -43,24 +44,22 @@ constexpr std::string_view mcap_magic("\x89MCAP0\r\n", 8);
 constexpr std::uint16_t only_id = 1;  // of the schema and of the channel
 constexpr std::size_t chunk_size = 1024 * 1024;
 
-// The content of a record, field by field.
-class Content {
- public:
-  template <typename T>
-  Content& number(T value) {
-    append_little(bytes_, value);
-    return *this;
-  }
-  Content& text(std::string_view text) {
-    number(static_cast<std::uint32_t>(text.size()));
-    bytes_ += text;
-    return *this;
-  }
-  const std::string& bytes() const noexcept { return bytes_; }
-
- private:
-  std::string bytes_;
-};
+// Returns the content of a record: numbers, and texts after their sizes.
+template <typename... Fields>
+std::string content_of(const Fields&... fields) {
+  std::string content;
+  const auto append = [&content](const auto& field) {
+    if constexpr (std::is_arithmetic_v<std::decay_t<decltype(field)>>) {
+      append_little(content, field);
+    } else {
+      const std::string_view text = field;
+      append_little(content, static_cast<std::uint32_t>(text.size()));
+      content += text;
+    }
+  };
+  (append(fields), ...);
+  return content;
+}
 
 void append_record(std::string& out, McapRecord opcode, std::string_view content) {
   out += opcode;
@@ -68,9 +67,10 @@ void append_record(std::string& out, McapRecord opcode, std::string_view content
   out += content;
 }
 
-std::string make_record(McapRecord opcode, const Content& content) {
+template <typename... Fields>
+std::string make_record(McapRecord opcode, const Fields&... fields) {
   std::string record;
-  append_record(record, opcode, content.bytes());
+  append_record(record, opcode, content_of(fields...));
   return record;
 }
 
@@ -142,15 +142,11 @@ class McapWriter final : public RowOutput {
         file_(path_),
         clock_(attributes_.rate_hz) {
     write_bytes(mcap_magic);
-    write_bytes(make_record(header_record, Content().text("").text("imud " IMUD_VERSION)));
+    write_bytes(make_record(header_record, "", "imud " IMUD_VERSION));
     write_metadata();
-    schema_ = make_record(schema_record, Content()
-                                             .number(only_id)
-                                             .text("imud.Measurement")
-                                             .text("jsonschema")
-                                             .text(json_schema(measurement_columns(with_truth_))));
-    channel_ = make_record(
-        channel_record, Content().number(only_id).number(only_id).text("/" + attributes_.imu).text("json").text(""));
+    schema_ = make_record(schema_record, only_id, "imud.Measurement", "jsonschema",
+                          json_schema(measurement_columns(with_truth_)));
+    channel_ = make_record(channel_record, only_id, only_id, "/" + attributes_.imu, "json", "");
     write_bytes(schema_);
     write_bytes(channel_);
   }
@@ -163,16 +159,14 @@ class McapWriter final : public RowOutput {
     };
     include(file_time_, messages_ == 0);
     include(chunk_time_, chunk_messages_ == 0);
-    append_little(index_entries_, *time);
-    append_little(index_entries_, std::uint64_t{chunk_.size()});
+    append_little(index_entries_, *time, std::uint64_t{chunk_.size()});
     ++messages_;
     ++chunk_messages_;
 
     message_.clear();
-    append_little(message_, only_id);
-    append_little(message_, row.counter == MeasurementRow::no_counter ? 0 : static_cast<std::uint32_t>(row.counter));
-    append_little(message_, *time);
-    append_little(message_, *time);
+    const std::uint32_t sequence =
+        row.counter == MeasurementRow::no_counter ? 0 : static_cast<std::uint32_t>(row.counter);
+    append_little(message_, only_id, sequence, *time, *time);
     append_json(message_, row, with_truth_);
     append_record(chunk_, message_record, message_);
     if (chunk_.size() >= chunk_size) end_chunk();
@@ -183,7 +177,7 @@ class McapWriter final : public RowOutput {
   }
   void finish() override {
     end_chunk();
-    write_bytes(make_record(data_end_record, Content().number(std::uint32_t{crc_})));
+    write_bytes(make_record(data_end_record, crc_));
     write_summary();
     file_.flush();
     if (!file_.is_open()) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(file_.error())));
@@ -202,12 +196,11 @@ class McapWriter final : public RowOutput {
     file_.write(bytes);
   }
   void write_metadata() {
-    Content entries;
-    for (const auto& [key, text] : attributes_.texts) entries.text(key).text(text);
-    if (attributes_.seed) entries.text("seed").text(std::to_string(*attributes_.seed));
-    const std::string record = make_record(metadata_record, Content().text("imud").text(entries.bytes()));
-    metadata_index_ = make_record(metadata_index_record,
-                                  Content().number(position_).number(std::uint64_t{record.size()}).text("imud"));
+    std::string entries;
+    for (const auto& [key, text] : attributes_.texts) entries += content_of(key, text);
+    if (attributes_.seed) entries += content_of("seed", std::to_string(*attributes_.seed));
+    const std::string record = make_record(metadata_record, "imud", entries);
+    metadata_index_ = make_record(metadata_index_record, position_, std::uint64_t{record.size()}, "imud");
     write_bytes(record);
   }
   void end_chunk() {
@@ -220,26 +213,18 @@ class McapWriter final : public RowOutput {
     const std::string_view compression = is_compressed ? "zstd" : "";
 
     const std::uint64_t begin = position_;
-    Content chunk;
-    chunk.number(chunk_time_.begin).number(chunk_time_.end).number(std::uint64_t{chunk_.size()});
-    chunk.number(add_to_crc(0, chunk_)).text(compression).number(std::uint64_t{stored.size()});
+    const std::string head = content_of(chunk_time_.begin, chunk_time_.end, std::uint64_t{chunk_.size()},
+                                        add_to_crc(0, chunk_), compression, std::uint64_t{stored.size()});
     std::string record(1, chunk_record);
-    append_little(record, std::uint64_t{chunk.bytes().size() + stored.size()});
-    write_bytes(record + chunk.bytes());
+    append_little(record, std::uint64_t{head.size() + stored.size()});
+    write_bytes(record + head);
     write_bytes(stored);
 
     const std::uint64_t index_begin = position_;
-    write_bytes(make_record(message_index_record, Content().number(only_id).text(index_entries_)));
-    chunk_indexes_ += make_record(chunk_index_record, Content()
-                                                          .number(chunk_time_.begin)
-                                                          .number(chunk_time_.end)
-                                                          .number(begin)
-                                                          .number(index_begin - begin)
-                                                          .text(Content().number(only_id).number(index_begin).bytes())
-                                                          .number(position_ - index_begin)
-                                                          .text(compression)
-                                                          .number(std::uint64_t{stored.size()})
-                                                          .number(std::uint64_t{chunk_.size()}));
+    write_bytes(make_record(message_index_record, only_id, index_entries_));
+    chunk_indexes_ += make_record(chunk_index_record, chunk_time_.begin, chunk_time_.end, begin, index_begin - begin,
+                                  content_of(only_id, index_begin), position_ - index_begin, compression,
+                                  std::uint64_t{stored.size()}, std::uint64_t{chunk_.size()});
     ++chunks_;
     chunk_.clear();
     index_entries_.clear();
@@ -248,35 +233,24 @@ class McapWriter final : public RowOutput {
   void write_summary() {
     constexpr std::uint32_t none = 0, one = 1;
     const std::string statistics =
-        make_record(statistics_record, Content()
-                                           .number(messages_)
-                                           .number(std::uint16_t{1})
-                                           .number(one)
-                                           .number(none)
-                                           .number(one)
-                                           .number(chunks_)
-                                           .number(file_time_.begin)
-                                           .number(file_time_.end)
-                                           .text(Content().number(only_id).number(messages_).bytes()));
+        make_record(statistics_record, messages_, std::uint16_t{1}, one, none, one, chunks_, file_time_.begin,
+                    file_time_.end, content_of(only_id, messages_));
     const std::uint64_t begin = position_;
     crc_ = 0;
     std::string offsets;
     for (const std::string* group : std::initializer_list<const std::string*>{&schema_, &channel_, &statistics,
                                                                               &chunk_indexes_, &metadata_index_}) {
       if (group->empty()) continue;
-      offsets += make_record(summary_offset_record,
-                             Content().number(group->front()).number(position_).number(std::uint64_t{group->size()}));
+      offsets += make_record(summary_offset_record, group->front(), position_, std::uint64_t{group->size()});
       write_bytes(*group);
     }
     const std::uint64_t offsets_begin = position_;
     write_bytes(offsets);
     // The CRC covers the footer up to the CRC itself.
     std::string footer(1, footer_record);
-    append_little(footer, std::uint64_t{2 * sizeof(std::uint64_t) + sizeof(std::uint32_t)});
-    append_little(footer, begin);
-    append_little(footer, offsets_begin);
+    footer += content_of(std::uint64_t{2 * sizeof begin + sizeof crc_}, begin, offsets_begin);
     write_bytes(footer);
-    write_bytes(Content().number(std::uint32_t{crc_}).bytes());
+    write_bytes(content_of(crc_));
     write_bytes(mcap_magic);
   }
 

@@ -2,7 +2,6 @@
 // 1).
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
@@ -20,7 +19,7 @@ namespace imud {
 namespace {
 
 // Numbers of the messages (msg_id), each of which has one instance.
-constexpr char measurement_id = 0, gyro_id = 1, accel_id = 2;
+constexpr std::uint16_t measurement_id = 0, gyro_id = 1, accel_id = 2;
 constexpr std::string_view message_names[] = {"imud_measurement", "sensor_gyro", "sensor_accel"};
 
 constexpr std::string_view sensor_fields =
@@ -37,11 +36,6 @@ std::string measurement_fields(bool with_truth) {
     text += column.values > 1 ? fmt::format("{}[{}] {};", ulog_type(column.type), column.values, column.name)
                               : fmt::format("{} {};", ulog_type(column.type), column.name);
   return text;
-}
-
-void append_id(std::string& out, char number) {
-  out += number;
-  out += '\0';
 }
 
 // Messages of each measurement, with `timestamp` in us:
@@ -66,8 +60,7 @@ class UlogWriter final : public RowOutput {
     if ((row.fields & Measurement::rate) != 0) write_sensor(gyro_id, time_us, row.gyro, row.temperature);
     if ((row.fields & Measurement::specific_force) != 0) write_sensor(accel_id, time_us, row.accel, row.temperature);
     content_.clear();
-    append_id(content_, measurement_id);
-    append_little(content_, time_us);
+    append_little(content_, measurement_id, time_us);
     const char* from = reinterpret_cast<const char*>(&row);
     for (const MeasurementColumn& column : measurement_columns(with_truth_))
       for (std::size_t i = 0; i < column.values; ++i) {
@@ -124,19 +117,16 @@ class UlogWriter final : public RowOutput {
                            name == message_names[0] ? measurement_fields(with_truth_) : std::string(sensor_fields)));
     for (std::size_t i = 0; i < std::size(message_names); ++i) {
       std::string content(1, '\0');  // the only instance
-      append_id(content, static_cast<char>(i));
+      append_little(content, static_cast<std::uint16_t>(i));
       write_message('A', content.append(message_names[i]));
     }
   }
-  void write_sensor(char number, std::uint64_t time_us, const std::array<double, 3>& values, double temperature) {
+  void write_sensor(std::uint16_t number, std::uint64_t time_us, const std::array<double, 3>& values,
+                    double temperature) {
     content_.clear();
-    append_id(content_, number);
-    append_little(content_, time_us);
-    append_little(content_, time_us);
-    append_little(content_, std::uint32_t{0});
+    append_little(content_, number, time_us, time_us, std::uint32_t{0});
     for (const double value : values) append_little(content_, static_cast<float>(value));
-    append_little(content_, static_cast<float>(temperature));
-    append_little(content_, std::uint32_t{0});
+    append_little(content_, static_cast<float>(temperature), std::uint32_t{0});
     content_.append(3, '\0');
     content_ += '\1';
     write_message('D', content_);
