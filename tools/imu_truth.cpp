@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstring>
-#include <exception>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -242,7 +241,7 @@ int send(const Options& options, bool& running) {
         fmt::format("--to {}: right would be {}", options.to, fmt::join(port_examples(takes_truth), " or ")));
   const auto port = open_port(options.to, Role::device);
   std::unique_ptr<Port> capture;
-  std::unique_ptr<TruthSource> source;
+  TruthSource source;
   if (options.motion.motion == nullptr) {
     if (find_truth_log(options.format) != nullptr)
       throw std::invalid_argument(options.capture +
@@ -267,7 +266,7 @@ int send(const Options& options, bool& running) {
   const HostTime start = host_now();
   std::uint64_t datagrams = 0;
   while (!stop_requested() && failure.empty()) {
-    const auto datagram = source->next();
+    const auto datagram = source();
     if (!datagram) break;
     ++datagrams;
     const auto due = options.fast ? std::nullopt : std::optional(start + datagram->offset);
@@ -285,7 +284,7 @@ int send(const Options& options, bool& running) {
   sender.finish();
 
   print_report(sender, answers, options.lockstep, seconds(host_now() - start));
-  if (!source->warning().empty()) fmt::print(stderr, "{:<12} {}\n", "capture", source->warning());
+  if (capture != nullptr && !capture->end_warning().empty()) print_line("capture", capture->end_warning());
   if (!failure.empty()) throw std::runtime_error(failure);
   if (datagrams == 0 && !stop_requested())
     throw std::runtime_error(fmt::format("{}: no datagram in it{}", options.capture,

@@ -2,10 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
+#include <functional>
 #include <optional>
 #include <span>
-#include <string>
 
 #include "core/time.hpp"
 #include "protocols/native_truth.hpp"
@@ -21,14 +20,8 @@ struct TimedDatagram {
   std::uint32_t sequence = 0;
 };
 
-class TruthSource {
- public:
-  virtual ~TruthSource() = default;
-  // Returns nullopt after the last datagram. Throws std::runtime_error, which names the fault.
-  virtual std::optional<TimedDatagram> next() = 0;
-  // Describes the end of a damaged capture; empty if there is nothing to report.
-  virtual std::string warning() const { return {}; }
-};
+// Returns the next datagram; nullopt after the last one. Throws std::runtime_error, which names the fault.
+using TruthSource = std::function<std::optional<TimedDatagram>()>;
 
 // Makes the truths of a motion on the grid start + k/rate.
 class MotionTruths {
@@ -55,10 +48,10 @@ class MotionTruths {
   std::uint64_t next_ = 0;
 };
 
-std::unique_ptr<TruthSource> native_source(const MotionTruths::Options& options);
+TruthSource native_source(const MotionTruths::Options& options);
 // Makes a source of rows of text, one in a datagram, with the header row first.
-std::unique_ptr<TruthSource> csv_source(const MotionTruths::Options& options);
+TruthSource csv_source(const MotionTruths::Options& options);
 // Makes a source of a capture's datagrams, byte for byte, at their recorded pace. `port` must outlive the source.
-std::unique_ptr<TruthSource> capture_source(Port& port, std::optional<double> for_s);
+TruthSource capture_source(Port& port, std::optional<double> for_s);
 
 }  // namespace imud
