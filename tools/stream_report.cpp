@@ -120,45 +120,41 @@ std::string StreamReport::text() const {
 }
 
 std::string StreamReport::json() const {
-  nlohmann::ordered_json report;
-  report["protocol"] = protocol.name;
-  report["port"] = port;
-  report["ended_by"] = ended_by;
-  report["samples"] = statistics.samples();
-  report["duration_s"] = number_or_null(duration_s(statistics));
-  report["rate_hz"]["device"] = number_or_null(statistics.device().hz());
-  report["rate_hz"]["arrival"] = number_or_null(statistics.arrival().hz());
+  using Json = nlohmann::ordered_json;
   const DurationHistogram& jitter = statistics.jitter();
-  if (jitter.count() > 0) {
-    report["jitter_us"] = {{"p50", jitter.percentile(50) * 1e6},
-                           {"p99", jitter.percentile(99) * 1e6},
-                           {"p999", jitter.percentile(99.9) * 1e6},
-                           {"max", jitter.max() * 1e6}};
-  } else {
-    report["jitter_us"] = nullptr;
-  }
-  if (statistics.can_detect_gaps()) {
-    report["gaps"] = statistics.gaps();
-    report["missing"] = statistics.missing();
-  } else {
-    report["gaps"] = nullptr;
-    report["missing"] = nullptr;
-  }
-  report["time_jumps"] = statistics.time_jumps();
-  report["repeated"] = statistics.repeated();
-  report["back"] = statistics.back();
-  report["errors"] = {{"checksum", errors.checksum},
-                      {"malformed", errors.malformed},
-                      {"incomplete", errors.incomplete},
-                      {"skipped_bytes", errors.skipped_bytes}};
-  report["device_lost"] = counters.lost_count;
-  report["truncated_records"] = counters.truncated;
-  report["warning"] = warning;
-  report["required"] = nlohmann::ordered_json::array();
+  Json jitter_us, limits = Json::array();
+  if (jitter.count() > 0)
+    jitter_us = {{"p50", jitter.percentile(50) * 1e6},
+                 {"p99", jitter.percentile(99) * 1e6},
+                 {"p999", jitter.percentile(99.9) * 1e6},
+                 {"max", jitter.max() * 1e6}};
   for (const Requirement& limit : required)
-    report["required"].push_back(
-        {{"limit", limit.text}, {"seen", number_or_null(seen(limit))}, {"holds", holds(limit)}});
-  return report.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+    limits.push_back({{"limit", limit.text}, {"seen", number_or_null(seen(limit))}, {"holds", holds(limit)}});
+  const auto of_gaps = [&](std::uint64_t n) { return statistics.can_detect_gaps() ? Json(n) : Json(); };
+  const Json report = {{"protocol", protocol.name},
+                       {"port", port},
+                       {"ended_by", ended_by},
+                       {"samples", statistics.samples()},
+                       {"duration_s", number_or_null(duration_s(statistics))},
+                       {"rate_hz",
+                        {{"device", number_or_null(statistics.device().hz())},
+                         {"arrival", number_or_null(statistics.arrival().hz())}}},
+                       {"jitter_us", jitter_us},
+                       {"gaps", of_gaps(statistics.gaps())},
+                       {"missing", of_gaps(statistics.missing())},
+                       {"time_jumps", statistics.time_jumps()},
+                       {"repeated", statistics.repeated()},
+                       {"back", statistics.back()},
+                       {"errors",
+                        {{"checksum", errors.checksum},
+                         {"malformed", errors.malformed},
+                         {"incomplete", errors.incomplete},
+                         {"skipped_bytes", errors.skipped_bytes}}},
+                       {"device_lost", counters.lost_count},
+                       {"truncated_records", counters.truncated},
+                       {"warning", warning},
+                       {"required", limits}};
+  return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace imud

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 namespace imud {
 namespace {
@@ -16,6 +17,14 @@ constexpr std::uint64_t wide_counter = 0xFFFF;
 // The largest relative difference of two clocks' rates at which missing samples are still counted correctly, and not
 // taken for a jump.
 constexpr double clock_tolerance = 1e-3;
+
+// Returns the upper median of at least one number.
+template <class Number>
+double median(std::vector<Number> numbers) {
+  const auto middle = numbers.begin() + static_cast<std::ptrdiff_t>(numbers.size() / 2);
+  std::nth_element(numbers.begin(), middle, numbers.end());
+  return static_cast<double>(*middle);
+}
 
 std::uint64_t low_bits(unsigned bits) { return bits >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1; }
 
@@ -105,10 +114,8 @@ double StreamStatistics::median_step() const {
     if (carried(Measurement::time, window_[i], window_[i - 1]) && window_[i].time_ns != window_[i - 1].time_ns)
       steps.push_back(window_[i].time_ns - window_[i - 1].time_ns);
   if (steps.empty()) return 0;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  const auto median = static_cast<double>(*middle);
-  return median > 2 * time_resolution_ns_ ? median : 0;
+  const double step = median(std::move(steps));
+  return step > 2 * time_resolution_ns_ ? step : 0;
 }
 
 double StreamStatistics::median_counter_step() const {
@@ -116,10 +123,7 @@ double StreamStatistics::median_counter_step() const {
   for (std::size_t i = 1; i < window_.size(); ++i)
     if (carried(Measurement::counter, window_[i], window_[i - 1]))
       steps.push_back((window_[i].counter - window_[i - 1].counter) & counter_mask_);
-  if (steps.empty()) return 1;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return std::max(1.0, static_cast<double>(*middle));
+  return steps.empty() ? 1 : std::max(1.0, median(std::move(steps)));
 }
 
 void StreamStatistics::evaluate(Entry& entry, const Entry& before, double period_ns) {

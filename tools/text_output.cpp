@@ -49,8 +49,7 @@ void TextOutput::flush() {
     if (size >= 0) {
       rest.remove_prefix(static_cast<std::size_t>(size));
     } else if (errno == EAGAIN) {
-      pollfd out{file_.get(), POLLOUT, 0};
-      ::poll(&out, 1, 1000);
+      static_cast<void>(is_writable());  // waits
     } else if (errno != EINTR) {
       error_ = errno;
     }
