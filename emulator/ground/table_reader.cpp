@@ -7,6 +7,7 @@
 #include <charconv>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "core/numbers/nearest.hpp"
@@ -58,6 +59,23 @@ std::optional<double> number(const toml::node& node) {
   if (!value || !node.is_number() || !std::isfinite(*value)) return std::nullopt;
   return value;
 }
+
+// Returns a list of three numbers from `min` to `max`, or, if `or_one`, a number that counts for all of them.
+std::optional<Vector3> three(const toml::node& node, bool or_one = false,
+                             double min = std::numeric_limits<double>::lowest(),
+                             double max = std::numeric_limits<double>::max()) {
+  const toml::array* array = node.as_array();
+  if (array == nullptr ? !or_one : array->size() != 3) return std::nullopt;
+  Vector3 all;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto value = number(array == nullptr ? node : (*array)[i]);
+    if (!value || *value < min || *value > max) return std::nullopt;
+    all[static_cast<Eigen::Index>(i)] = *value;
+  }
+  return all;
+}
+
+toml::array array_of(const Vector3& v) { return toml::array{v[0], v[1], v[2]}; }
 
 }  // namespace
 
@@ -156,46 +174,18 @@ std::size_t TableReader::choice(std::string_view key, std::span<const std::strin
 
 Vector3 TableReader::vector3(std::string_view key, const Vector3& fallback) {
   const toml::node* found = node(key);
-  resolve(key, toml::array{fallback[0], fallback[1], fallback[2]});
-  if (found == nullptr) return fallback;
-  const toml::array* array = found->as_array();
-  if (array != nullptr && array->size() == 3) {
-    Vector3 v;
-    bool good = true;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto value = number((*array)[i]);
-      good = good && value.has_value();
-      v[static_cast<Eigen::Index>(i)] = value.value_or(0.0);
-    }
-    if (good) {
-      resolve(key, toml::array{v[0], v[1], v[2]});
-      return v;
-    }
-  }
-  fault(key, "give three finite numbers, [x, y, z]");
-  return fallback;
+  const auto value = found == nullptr ? fallback : three(*found);
+  if (!value) fault(key, "give three finite numbers, [x, y, z]");
+  resolve(key, array_of(value.value_or(fallback)));
+  return value.value_or(fallback);
 }
 
 Vector3 TableReader::per_axis(std::string_view key, const Vector3& fallback, double min, double max) {
   const toml::node* found = node(key);
-  resolve(key, toml::array{fallback[0], fallback[1], fallback[2]});
-  if (found == nullptr) return fallback;
-  const toml::array* array = found->as_array();
-  if (array == nullptr || array->size() == 3) {
-    Vector3 v;
-    bool good = true;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto value = number(array == nullptr ? *found : (*array)[i]);
-      good = good && value && *value >= min && *value <= max;
-      v[static_cast<Eigen::Index>(i)] = value.value_or(0.0);
-    }
-    if (good) {
-      resolve(key, toml::array{v[0], v[1], v[2]});
-      return v;
-    }
-  }
-  fault(key, fmt::format("give three numbers, [x, y, z], from {} to {}, or one for all axes", min, max));
-  return fallback;
+  const auto value = found == nullptr ? fallback : three(*found, true, min, max);
+  if (!value) fault(key, fmt::format("give three numbers, [x, y, z], from {} to {}, or one for all axes", min, max));
+  resolve(key, array_of(value.value_or(fallback)));
+  return value.value_or(fallback);
 }
 
 std::vector<double> TableReader::numbers(std::string_view key, double min, double max) {
@@ -220,12 +210,8 @@ std::vector<Vector3> rows(TableReader& table, std::string_view key) {
   if (found == nullptr) return {};
   std::vector<Vector3> all;
   if (const toml::array* array = found->as_array())
-    for (const toml::node& element : *array) {
-      const toml::array* row = element.as_array();
-      if (row == nullptr || row->size() != 3) continue;
-      const auto x = number((*row)[0]), y = number((*row)[1]), z = number((*row)[2]);
-      if (x && y && z) all.emplace_back(*x, *y, *z);
-    }
+    for (const toml::node& element : *array)
+      if (const auto row = three(element)) all.push_back(*row);
   if (!found->is_array() || all.size() != found->as_array()->size()) {
     table.fault(key, "give a list of rows of three finite numbers: [[x, y, z], ..]");
     return {};
@@ -237,7 +223,7 @@ std::vector<Vector3> rows(TableReader& table, std::string_view key) {
 Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool diagonal) {
   const auto result = [&](const Matrix3& m) {
     toml::array all;
-    for (Eigen::Index i = 0; i < 3; ++i) all.push_back(toml::array{m(i, 0), m(i, 1), m(i, 2)});
+    for (Eigen::Index i = 0; i < 3; ++i) all.push_back(array_of(m.row(i)));
     resolve(key, std::move(all));
     return m;
   };
@@ -252,12 +238,8 @@ Matrix3 TableReader::matrix3(std::string_view key, const Matrix3& fallback, bool
     bool good = true;
     for (std::size_t i = 0; i < 3; ++i) {
       const auto row = static_cast<Eigen::Index>(i);
-      if (const toml::array* numbers = (*rows)[i].as_array(); numbers != nullptr && numbers->size() == 3) {
-        for (std::size_t j = 0; j < 3; ++j) {
-          const auto value = number((*numbers)[j]);
-          good = good && value.has_value();
-          m(row, static_cast<Eigen::Index>(j)) = value.value_or(0.0);
-        }
+      if (const auto numbers = three((*rows)[i])) {
+        m.row(row) = *numbers;
       } else if (const auto value = number((*rows)[i]); value && diagonal) {
         m(row, row) = *value;
       } else {
