@@ -11,7 +11,6 @@
 
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/line_load.hpp"
-#include "emulator/config/load_config.hpp"
 #include "emulator/config/presets.hpp"
 #include "emulator/control/running_keys.hpp"
 #include "emulator/drive/assembly.hpp"
@@ -38,10 +37,6 @@ std::string model_note(const ImuConfig& imu) {
                        preset->keys().size());
   if (imu.protocol->product == nullptr) return {};
   return imu.errors_model == "white" ? ": white noise alone" : ": none";
-}
-
-bool has_live_truth(const Config& config) {
-  return config.clock == ClockMode::realtime && !is_capture(config.truth.port);
 }
 
 // Describes the delay of live truth, and the latency that it adds.

@@ -36,10 +36,7 @@ void check_files(Config& config, const std::string& path, const toml::array& tab
   config.files.add(file_of(config.truth.port), "the file of the truth");
   const FilesInUse inputs = config.files;
   for (std::size_t i = 0; i < config.imus.size(); ++i) {
-    std::vector<std::pair<std::string_view, std::string>> ports = {{"port", config.imus[i].port},
-                                                                   {"second_port", config.imus[i].second_port}};
-    for (const std::string& copy : config.imus[i].also) ports.emplace_back("also", copy);
-    for (const auto& [port_key, port] : ports) {
+    for (const auto& [port_key, port] : ports_of(config.imus[i])) {
       const std::string key = fmt::format("imu.{}.{}", i, port_key);
       const std::string file = file_of(port);
       if (file.empty()) continue;

@@ -54,9 +54,7 @@ class Together {
       clash("name", same->second, "the same random numbers");
     listen("sync.trigger_port", imu.sync.trigger_port);
     listen("sync.pps_port", imu.sync.pps_port);
-    send("port", imu.port);
-    send("second_port", imu.second_port);
-    for (const std::string& copy : imu.also) send("also", copy);
+    for (const auto& [key, port] : ports_of(imu)) send(key, port);
     send("sync.tov_port", imu.sync.tov_port);
     if (imu.protocol != nullptr && imu.protocol->link == Link::can) add_identifiers(imu);
   }
@@ -169,9 +167,7 @@ void check_new_ports(const Config& now, const Config& next) {
     if (!port.empty()) open.emplace(exclusive_address(port), fmt::format("imu.{}.{}", imu, key));
   };
   for (const ImuConfig& imu : now.imus) {
-    add(imu.name, "port", imu.port);
-    add(imu.name, "second_port", imu.second_port);
-    for (const std::string& copy : imu.also) add(imu.name, "also", copy);
+    for (const auto& [key, port] : ports_of(imu)) add(imu.name, key, port);
     add(imu.name, "sync.tov_port", imu.sync.tov_port);
   }
   std::vector<std::string> faults;

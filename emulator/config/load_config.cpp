@@ -1,5 +1,6 @@
 #include "emulator/config/load_config.hpp"
 
+#include <algorithm>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -291,24 +292,22 @@ Config read_config(ConfigText text, const std::string& path, const std::string& 
       const toml::table& imu = *(*array)[i].as_table();
       toml::table& resolved_imu = resolved_imus.emplace_back<toml::table>();
       TableReader reader(&imu, fmt::format("imu.{}.", i), imu.source().begin.line, faults, resolved_imu);
-      config.imus.push_back(read_imu(reader, i));
-      config.imus.back().model.earth = config.truth.earth;
-      if (config.truth.earth.frame == EarthModel::Frame::automatic && !carries_place(config.imus.back()))
-        config.imus.back().model.earth.frame = EarthModel::Frame::none;  // nobody sees it, and it takes time
-      config.imus.back().model.r_SB_B -= config.truth.r_RB_B;            // core's B has its origin at R
-      for (PortSettings* port : {&config.imus.back().port_settings, &config.imus.back().second_port_settings}) {
-        if (config.clock != ClockMode::realtime) port->delivery = Delivery::complete;
-        port->replaces_file = !capture.empty();
-      }
-      for (PortSettings& port : config.imus.back().also_settings) {
+      ImuConfig& read = config.imus.emplace_back(read_imu(reader, i));
+      read.model.earth = config.truth.earth;
+      if (config.truth.earth.frame == EarthModel::Frame::automatic && !carries_place(read))
+        read.model.earth.frame = EarthModel::Frame::none;  // nobody sees it, and it takes time
+      read.model.r_SB_B -= config.truth.r_RB_B;            // core's B has its origin at R
+      const auto set_delivery = [&](PortSettings& port) {
         if (config.clock != ClockMode::realtime) port.delivery = Delivery::complete;
         port.replaces_file = !capture.empty();
-      }
-      if (config.clock != ClockMode::realtime || is_capture(config.truth.port)) {
-        config.imus.back().before_first = BeforeFirst::silence;  // sample 0 is at the first truth
+      };
+      set_delivery(read.port_settings);
+      set_delivery(read.second_port_settings);
+      std::ranges::for_each(read.also_settings, set_delivery);
+      if (!has_live_truth(config)) {
+        read.before_first = BeforeFirst::silence;  // sample 0 is at the first truth
         reader.resolve("before_first", "silence");
       }
-      const ImuConfig& read = config.imus.back();
       if (read.port_settings.paced && config.clock != ClockMode::realtime)
         faults.add(imu.source().begin.line, fmt::format("imu.{}.pace", i),
                    "\"line\" needs clock = \"realtime\": in the other clocks, and with --fast, no time passes; give "

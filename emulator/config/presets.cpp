@@ -4,7 +4,6 @@
 #include <fstream>
 #include <iterator>
 #include <map>
-#include <string>
 #include <utility>
 
 #include "emulator/config/config_parts.hpp"
@@ -70,8 +69,7 @@ std::string_view Preset::source() const noexcept { return comment_line(text, 1);
 const Preset* find_preset(std::string_view name) {
   if (name.ends_with(".toml")) return preset_in_file(std::string(name));
   const auto all = presets();
-  const auto found =
-      std::find_if(all.begin(), all.end(), [name](const Preset& preset) { return preset.name == name; });
+  const auto found = std::ranges::find(all, name, &Preset::name);
   return found == all.end() ? nullptr : &*found;
 }
 

@@ -70,11 +70,9 @@ FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::spa
     wrong.emplace_back(error.description());
     return {};
   }
-  std::vector<std::string> names;
-  for (const ImuConfig& imu : imus) names.push_back(imu.name);
   Faults faults("");
   TableReader reader(&table, "", 0, faults, resolved);
-  FaultConfig fault = read_fault(reader, number, names);
+  FaultConfig fault = read_fault(reader, number, names_of(imus));
   wrong = faults.all();
   if (!wrong.empty()) return fault;
   if (fault.kind->has_settings)
@@ -89,8 +87,7 @@ FaultConfig read_begun_fault(std::string_view text, std::size_t number, std::spa
 
 void read_scenarios(TableReader& table, std::span<const std::string> scenarios, Faults& faults, Config& config,
                     std::vector<std::string>& wrong) {
-  std::vector<std::string> imus;
-  for (const ImuConfig& imu : config.imus) imus.push_back(imu.name);
+  const std::vector<std::string> imus = names_of(config.imus);
   toml::array resolved_faults, resolved_expectations;
   const auto read = [&](TableReader& from, Faults& of_file) {
     read_each(from, "fault", of_file, resolved_faults, [&](TableReader& reader) {

@@ -120,7 +120,7 @@ double RpcParams::number(std::string_view name, std::string_view meaning, double
 
 std::string RpcParams::choice(std::string_view name, std::span<const std::string_view> words) {
   const std::string word = text(name, fmt::format("one of {}", fmt::join(words, ", ")));
-  if (std::find(words.begin(), words.end(), word) == words.end())
+  if (std::ranges::count(words, word) == 0)
     throw wrong_params(fmt::format("{}: give one of {}", name, fmt::join(words, ", ")));
   return word;
 }
@@ -129,13 +129,9 @@ std::uint16_t RpcParams::imu(const Config& config) {
   if (!has("imu")) return Command::all_imus;
   const std::string name = text("imu", "the name of an imu, or \"*\" for all");
   if (name == "*") return Command::all_imus;
-  const auto found =
-      std::find_if(config.imus.begin(), config.imus.end(), [&](const ImuConfig& imu) { return imu.name == name; });
-  if (found == config.imus.end()) {
-    std::vector<std::string> names;
-    for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
-    throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names, ", ")));
-  }
+  const auto found = std::ranges::find(config.imus, name, &ImuConfig::name);
+  if (found == config.imus.end())
+    throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names_of(config.imus), ", ")));
   return static_cast<std::uint16_t>(found - config.imus.begin());
 }
 

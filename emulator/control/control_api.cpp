@@ -265,8 +265,7 @@ void ControlApi::report(const RunEvent& event) {
 }
 
 void ControlApi::report_faults() {
-  std::vector<std::string> imus;
-  for (const ImuConfig& imu : run_.config.imus) imus.push_back(imu.name);
+  const std::vector<std::string> imus = names_of(run_.config.imus);
   for (; faults_reported_ < run_.faults.log().size(); ++faults_reported_) {
     const Json json = fault_event_json(run_.faults, run_.faults.log()[faults_reported_], imus);
     subscriptions_.send_event(json);
@@ -332,16 +331,15 @@ Json ControlApi::status() const {
 }
 
 Json ControlApi::list() const {
-  Json methods = Json::array(), imus = Json::array();
+  Json methods = Json::array();
   for (const Method& method : ControlApi::methods()) {
     Json one = {{"name", method.name}, {"summary", method.summary}, {"is_change", method.change != nullptr}};
     if (!method.example.empty()) one["example"] = Json::parse(method.example);
     methods.push_back(std::move(one));
   }
-  for (const ImuConfig& imu : run_.config.imus) imus.push_back(imu.name);
   return {{"api", version},
           {"methods", std::move(methods)},
-          {"imus", std::move(imus)},
+          {"imus", names_of(run_.config.imus)},
           {"keys", running_keys_json()},
           {"faults", run_.faults.can_grow() ? fault_kinds_json() : Json::array()}};
 }

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "emulator/config/scenario.hpp"
@@ -18,13 +17,7 @@ namespace {
 
 constexpr std::string_view seam_words[] = {"truth", "sensor", "message", "wire", "power"};
 
-std::vector<std::string> imu_names(const Config& config) {
-  std::vector<std::string> names;
-  for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
-  return names;
-}
-
-[[noreturn]] void refuse(const std::string& what) { throw wrong_params(fmt::format("{}", what)); }
+[[noreturn]] void refuse(const std::string& what) { throw wrong_params(what); }
 
 // Returns the JSON value of a key as TOML.
 std::string toml_of(const std::string& key, const Json& value) {
@@ -156,7 +149,7 @@ Json fault_kinds_json() {
 
 Json active_faults_json(const FaultBook& faults, const Config& config) {
   Json all = Json::array();
-  const std::vector<std::string> imus = imu_names(config);
+  const std::vector<std::string> imus = names_of(config.imus);
   for (const FaultLabel& label : fault_labels(faults.all(), imus, faults.log()))
     if (!label.has_ended) all.push_back(fault_event_json(faults, label.first, imus));
   return all;

@@ -21,14 +21,12 @@ constexpr std::array<std::string_view, 3> levels = {"quiet", "normal", "verbose"
 constexpr std::array<std::string_view, 5> types = {"number", "integer", "vector", "word", "list"};
 
 const char* needs_live_truth(const Config& config, double) {
-  return config.clock == ClockMode::realtime && !is_capture(config.truth.port)
-             ? nullptr
-             : "needs clock = \"realtime\" and live truth";
+  return has_live_truth(config) ? nullptr : "needs clock = \"realtime\" and live truth";
 }
 
 const char* needs_mark(const Config& config, double reaction) {
-  const bool can = std::all_of(config.imus.begin(), config.imus.end(),
-                               [](const ImuConfig& imu) { return carries_status(imu, status::not_valid); });
+  const bool can =
+      std::ranges::all_of(config.imus, [](const ImuConfig& imu) { return carries_status(imu, status::not_valid); });
   return static_cast<WhenStopped>(reaction) != WhenStopped::flag || can
              ? nullptr
              : "a protocol of this run cannot mark a sample as not valid";
@@ -136,9 +134,7 @@ std::uint16_t imu_of(std::string_view& rest, const Config& config) {
         rest.remove_prefix(name.size() + 1);
         return static_cast<std::uint16_t>(i);
       }
-  std::vector<std::string> names;
-  for (const ImuConfig& imu : config.imus) names.push_back(imu.name);
-  throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names, ", ")));
+  throw wrong_params(fmt::format("there is no such imu; there are {}", fmt::join(names_of(config.imus), ", ")));
 }
 
 void add_paths(const toml::table& table, const std::string& before, std::vector<std::string>& paths) {
@@ -163,7 +159,7 @@ std::vector<std::string> keys_of(bool of_imu, const Config& config) {
 
 bool is_configured(bool of_imu, std::string_view key, const Config& config) {
   const std::vector<std::string> all = keys_of(of_imu, config);
-  return std::find(all.begin(), all.end(), key) != all.end();
+  return std::ranges::find(all, key) != all.end();
 }
 
 }  // namespace
@@ -178,9 +174,8 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
     rest.remove_prefix(std::string_view("imu.").size());
     command.imu = imu_of(rest, config);
   }
-  const auto entry = std::find_if(entries.begin(), entries.end(), [&](const RunningKey& k) {
-    return k.of_imu == of_imu && is_same_key(k.key, rest);
-  });
+  const auto entry = std::ranges::find_if(
+      entries, [&](const RunningKey& k) { return k.of_imu == of_imu && is_same_key(k.key, rest); });
   if (entry == entries.end()) {
     const std::string before = key.substr(0, key.size() - rest.size());
     if (!is_configured(of_imu, rest, config)) {
@@ -199,9 +194,8 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
       command.number = value.get<std::uint64_t>();
       break;
     case Type::word: {
-      const auto word = value.is_string()
-                            ? std::find(entry->words.begin(), entry->words.end(), value.get<std::string>())
-                            : entry->words.end();
+      const auto word =
+          value.is_string() ? std::ranges::find(entry->words, value.get<std::string>()) : entry->words.end();
       if (word == entry->words.end()) refuse(key, fmt::format("give one of {}", fmt::join(entry->words, ", ")));
       command.number = static_cast<std::uint64_t>(word - entry->words.begin());
       break;
@@ -226,7 +220,7 @@ void add_commands(std::vector<Command>& commands, const std::string& key, const 
     case Type::list:
       check(*entry, key, config, 0);
       if (!value.is_array() || value.empty() || value.size() > entry->most ||
-          !std::all_of(value.begin(), value.end(), [&](const Json& one) {
+          !std::ranges::all_of(value, [&](const Json& one) {
             return one.is_number_integer() && one.get<double>() >= entry->min && one.get<double>() <= entry->max;
           }))
         refuse(key, fmt::format("give a list of 1 to {} whole numbers from {} to {}", entry->most, entry->min,

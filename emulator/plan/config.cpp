@@ -13,6 +13,23 @@ bool is_capture(const std::string& truth_port) noexcept {
   return transport != nullptr && transport->ends;
 }
 
+bool has_live_truth(const Config& config) noexcept {
+  return config.clock == ClockMode::realtime && !is_capture(config.truth.port);
+}
+
+std::vector<std::pair<std::string_view, std::string>> ports_of(const ImuConfig& imu) {
+  std::vector<std::pair<std::string_view, std::string>> ports = {{"port", imu.port},
+                                                                 {"second_port", imu.second_port}};
+  for (const std::string& copy : imu.also) ports.emplace_back("also", copy);
+  return ports;
+}
+
+std::vector<std::string> names_of(std::span<const ImuConfig> imus) {
+  std::vector<std::string> names;
+  for (const ImuConfig& imu : imus) names.push_back(imu.name);
+  return names;
+}
+
 TriadErrors ideal(const TriadErrors& errors) noexcept {
   TriadErrors none;
   none.max = errors.max;

@@ -5,9 +5,11 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "core/imu.hpp"
@@ -98,6 +100,11 @@ struct ImuConfig {
   bool device_filters = false;  // the product's settings choose the filters of `model`
 };
 
+// Returns the ports of the imu's lines and copies with their keys; an absent one is empty.
+std::vector<std::pair<std::string_view, std::string>> ports_of(const ImuConfig& imu);
+// Returns the imus' names, in their order.
+std::vector<std::string> names_of(std::span<const ImuConfig> imus);
+
 // The name of the model without errors, and the sensors and the imu that have it: they sample the same truth at the
 // same instants, place and axes, and keep their ranges and their protocol.
 inline constexpr std::string_view model_without_errors = "ideal";
@@ -146,5 +153,7 @@ struct ConfigError : std::runtime_error {
 
 // Returns true if the truth port is a capture, whose truth can be read ahead of the clock.
 bool is_capture(const std::string& truth_port) noexcept;
+// Returns true if the host's clock paces the run, and the truth port is none of these.
+bool has_live_truth(const Config& config) noexcept;
 
 }  // namespace imud

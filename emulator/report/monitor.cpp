@@ -35,13 +35,13 @@ Monitor::Monitor(RunCounters counters, const Config& config, const Options& opti
       config_(config),
       options_(options),
       quality_(options.quality_file),
+      imu_names_(names_of(config.imus)),
       remarks_(counters_.truth->remarks.all().size()),
       refusals_(counters_.truth->refused.counters.size()),
       edges_refused_(config.imus.size()),
       device_reported_(config.imus.size()),
       ports_(config.imus.size()),
       second_ports_(config.imus.size()) {
-  for (const ImuConfig& imu : config.imus) imu_names_.push_back(imu.name);
   update_loads();
   last_quality_ = last_log_ = now();
 }

@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <fstream>
@@ -74,18 +72,13 @@ void PtyReaders::watch(const Config& config) {
   const std::vector<Pty> before = std::exchange(ptys_, {});
   const auto add = [&](const std::string& imu, const std::string& port) {
     const Transport* transport = transport_of(port);
-    if (transport != nullptr && transport->makes_link)
-      ptys_.push_back({imu, port, PortSpec::parse(port).address});
-    else
-      return;
+    if (transport == nullptr || !transport->makes_link) return;
+    ptys_.push_back({imu, port, PortSpec::parse(port).address});
     for (const Pty& pty : before)
       if (pty.imu == imu && pty.port == port) ptys_.back().is_reported = pty.is_reported;
   };
-  for (const ImuConfig& imu : config.imus) {
-    add(imu.name, imu.port);
-    add(imu.name, imu.second_port);
-    for (const std::string& copy : imu.also) add(imu.name, copy);
-  }
+  for (const ImuConfig& imu : config.imus)
+    for (const auto& [key, port] : ports_of(imu)) add(imu.name, port);
 }
 
 void PtyReaders::update(HostTime now) {

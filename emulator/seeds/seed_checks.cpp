@@ -5,8 +5,6 @@
 #include <sha256.h>
 
 #include <array>
-#include <utility>
-#include <vector>
 
 #include "emulator/config/config_parts.hpp"
 #include "emulator/config/config_text.hpp"
@@ -33,9 +31,7 @@ void check_seed_ports(const Config& config, bool repeats, bool many, bool has_ar
       throw PortError(
           fmt::format("imu.{}.sync: the pins of runs beside one another cannot be connected; omit it", i));
     if (has_arrays) continue;
-    std::vector<std::pair<const char*, std::string>> ports = {{"port", imu.port}, {"second_port", imu.second_port}};
-    for (const std::string& copy : imu.also) ports.emplace_back("also", copy);
-    for (const auto& [key, port] : ports) {
+    for (const auto& [key, port] : ports_of(imu)) {
       if (port.empty()) continue;
       const Transport* transport = transport_of(port);
       if (transport == nullptr || !transport->has_path || transport->makes_link || transport->uart != Uart::none ||
