@@ -1,103 +1,54 @@
 #include "emulator/imu/reload.hpp"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <sstream>
-#include <string_view>
 
 #include "emulator/faults/other_units.hpp"
+#include "emulator/ground/table_comparison.hpp"
 #include "emulator/imu/channel.hpp"
 
 namespace imud {
 
 namespace {
 
-constexpr std::array<std::string_view, 4> truth_keys = {"truth.auto_delay_percent", "truth.delay_ms",
-                                                        "truth.extrapolate_ms", "truth.when_stopped"};
+constexpr std::string_view truth_keys[] = {"truth.auto_delay_percent", "truth.delay_ms", "truth.extrapolate_ms",
+                                           "truth.when_stopped"};
 // Keys of an imu, and tables, which end in a dot.
-constexpr std::array<std::string_view, 18> imu_keys = {"port",
-                                                       "second_port",
-                                                       "pace",
-                                                       "model",
-                                                       "device.",
-                                                       "rate_hz",
-                                                       "clock_error_ppm",
-                                                       "internal_rate_hz",
-                                                       "sampling_jitter_us",
-                                                       "temperature_c",
-                                                       "mounting.",
-                                                       "gyro.",
-                                                       "accelerometer.",
-                                                       "magnetometer.",
-                                                       "barometer.",
-                                                       "navigation.",
-                                                       "temperature.",
-                                                       "vibration."};
+constexpr std::string_view imu_keys[] = {"port",
+                                         "second_port",
+                                         "pace",
+                                         "model",
+                                         "device.",
+                                         "rate_hz",
+                                         "clock_error_ppm",
+                                         "internal_rate_hz",
+                                         "sampling_jitter_us",
+                                         "temperature_c",
+                                         "mounting.",
+                                         "gyro.",
+                                         "accelerometer.",
+                                         "magnetometer.",
+                                         "barometer.",
+                                         "navigation.",
+                                         "temperature.",
+                                         "vibration."};
 
-constexpr std::array<std::string_view, 3> port_keys = {"port", "second_port", "pace"};
+constexpr std::string_view port_keys[] = {"port", "second_port", "pace"};
 
 bool is_in(std::span<const std::string_view> keys, std::string_view key) noexcept {
-  return std::any_of(keys.begin(), keys.end(),
-                     [&](std::string_view one) { return one.ends_with('.') ? key.starts_with(one) : key == one; });
+  return std::ranges::any_of(
+      keys, [&](std::string_view one) { return one.ends_with('.') ? key.starts_with(one) : key == one; });
 }
 
-std::string value_of(const toml::node* node) {
-  if (node == nullptr) return "no value";
-  std::ostringstream text;
-  node->visit([&](const auto& value) { text << value; });
-  std::string line = text.str();
-  std::replace(line.begin(), line.end(), '\n', ' ');
-  return line;
-}
-
-// Calls `differs(key, before, after)` for each key of both tables whose value differs. The node of an absent key is
-// nullptr.
-template <class Differs>
-void compare(const toml::table* before, const toml::table* after, const std::string& prefix, const Differs& differs) {
-  std::vector<std::string> keys;
-  for (const toml::table* table : {before, after})
-    if (table != nullptr)
-      for (auto&& [key, value] : *table)
-        if (const std::string name(key.str()); std::find(keys.begin(), keys.end(), name) == keys.end())
-          keys.push_back(name);
-  const auto of = [](const toml::table* table, const std::string& key) {
-    return table == nullptr ? nullptr : table->get(key);
-  };
-  for (const std::string& key : keys) {
-    const toml::node *one = of(before, key), *other = of(after, key);
-    const bool has_tables = (one == nullptr || one->is_table()) && (other == nullptr || other->is_table());
-    if (has_tables)
-      compare(one == nullptr ? nullptr : one->as_table(), other == nullptr ? nullptr : other->as_table(),
-              prefix + key + ".", differs);
-    else if (value_of(one) != value_of(other))
-      differs(prefix + key, one, other);
-  }
-}
-
-const toml::table* imu_of(const toml::table& root, const std::string& name) {
-  if (const toml::array* imus = root["imu"].as_array())
-    for (const toml::node& imu : *imus)
-      if (const toml::table* table = imu.as_table(); table && (*table)["name"].value_or(std::string()) == name)
-        return table;
-  return nullptr;
-}
-
-std::string names_of(const Config& config) {
-  std::string names;
-  for (const ImuConfig& imu : config.imus) names += (names.empty() ? "" : ", ") + imu.name;
-  return names;
-}
-
-bool has_live_delay(const Config& config) {
-  return config.clock == ClockMode::realtime && !is_capture(config.truth.port);
+std::string in_one_line(std::string value) {
+  std::ranges::replace(value, '\n', ' ');
+  return value;
 }
 
 const ImuConfig* find_imu(const Config& config, const std::string& name) {
-  const auto found =
-      std::find_if(config.imus.begin(), config.imus.end(), [&](const ImuConfig& imu) { return imu.name == name; });
+  const auto found = std::ranges::find(config.imus, name, &ImuConfig::name);
   return found == config.imus.end() ? nullptr : &*found;
 }
 
@@ -116,9 +67,8 @@ const char* refusal_of_settings(const Config& config, const ImuConfig& before, c
   if (before.protocol != after.protocol) return "cannot change while the run goes on";
   if (before.protocol->link == Link::can && identifiers_of(before) != identifiers_of(after))
     return "the identifiers on a CAN bus cannot change while the run goes on";
-  const bool has_others = std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
-    return fault.settings_of(before.name) != nullptr;
-  });
+  const bool has_others = std::ranges::any_of(
+      config.faults, [&](const FaultConfig& fault) { return fault.settings_of(before.name) != nullptr; });
   return has_others ? "cannot change in a run in which a fault gives this imu other settings" : nullptr;
 }
 
@@ -166,24 +116,25 @@ std::vector<KeyChange> key_changes(const Config& before, const Config& after) {
   constexpr const char* fixed = "cannot change while the run goes on";
   const toml::table ours = toml::parse(before.resolved), theirs = toml::parse(after.resolved);
   std::vector<KeyChange> all;
-  compare(&ours, &theirs, "", [&](const std::string& key, const toml::node* one, const toml::node* other) {
+  compare(&ours, &theirs, "", true, [&](const std::string& key, const std::string& one, const std::string& other) {
     if (key == "imu") return;
     const bool is_delay = key == "truth.delay_ms" || key == "truth.auto_delay_percent";
     const char* refusal = !is_in(truth_keys, key)               ? fixed
-                          : is_delay && !has_live_delay(before) ? "needs clock = \"realtime\" and live truth"
+                          : is_delay && !has_live_truth(before) ? "needs clock = \"realtime\" and live truth"
                                                                 : nullptr;
-    all.push_back({key, value_of(one), value_of(other), refusal});
+    all.push_back({key, in_one_line(one), in_one_line(other), refusal});
   });
-  if (names_of(before) != names_of(after))
-    all.push_back(
-        {"imu", names_of(before), names_of(after), "the imus and their order cannot change while the run goes on"});
+  const std::string names = fmt::format("{}", fmt::join(names_of(before.imus), ", "));
+  if (const std::string others = fmt::format("{}", fmt::join(names_of(after.imus), ", ")); names != others)
+    all.push_back({"imu", names, others, "the imus and their order cannot change while the run goes on"});
   for (const ImuConfig& imu : before.imus) {
-    const toml::table *one = imu_of(ours, imu.name), *other = imu_of(theirs, imu.name);
+    const toml::table *one = imu_table(ours, imu.name), *other = imu_table(theirs, imu.name);
     if (one == nullptr || other == nullptr) continue;
     const std::string prefix = "imu." + imu.name + ".";
-    compare(one, other, prefix, [&](const std::string& key, const toml::node* was, const toml::node* is) {
+    compare(one, other, prefix, true, [&](const std::string& key, const std::string& was, const std::string& is) {
       const std::string_view own = std::string_view(key).substr(prefix.size());
-      all.push_back({key, value_of(was), value_of(is), refusal_of(own, before, imu, *find_imu(after, imu.name))});
+      all.push_back(
+          {key, in_one_line(was), in_one_line(is), refusal_of(own, before, imu, *find_imu(after, imu.name))});
     });
   }
   return all;
@@ -192,12 +143,10 @@ std::vector<KeyChange> key_changes(const Config& before, const Config& after) {
 Reload::Reload(const Config& before, const Config& after, std::span<const ImuConfig> imus, std::uint64_t seed)
     : text(after.resolved) {
   const std::vector<KeyChange> changes = key_changes(before, after);
-  const auto has = [&](std::string_view key) {
-    return std::any_of(changes.begin(), changes.end(), [&](const KeyChange& c) { return c.key == key; });
-  };
+  const auto has = [&](std::string_view key) { return std::ranges::count(changes, key, &KeyChange::key) > 0; };
   const auto changes_sensor = [&](const std::string& imu) {
     const std::string prefix = "imu." + imu + ".";
-    return std::any_of(changes.begin(), changes.end(), [&](const KeyChange& c) {
+    return std::ranges::any_of(changes, [&](const KeyChange& c) {
       return c.refusal == nullptr && c.key.starts_with(prefix) &&
              !is_in(port_keys, std::string_view(c.key).substr(prefix.size()));
     });
@@ -218,8 +167,8 @@ Reload::Reload(const Config& before, const Config& after, std::span<const ImuCon
     const ImuConfig* imu = find_imu(after, imus[i].name);
     if (imu == nullptr) continue;
     const auto changes_key = [&](std::string_view key) {
-      return std::any_of(changes.begin(), changes.end(),
-                         [&](const KeyChange& c) { return c.refusal == nullptr && is_of(c, imu->name, key); });
+      return std::ranges::any_of(
+          changes, [&](const KeyChange& c) { return c.refusal == nullptr && is_of(c, imu->name, key); });
     };
     const ImuConfig* old = find_imu(before, imu->name);
     for (const bool second : {false, true}) {
