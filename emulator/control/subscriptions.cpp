@@ -6,10 +6,13 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <numeric>
 #include <tuple>
+#include <type_traits>
+#include <utility>
 
 #include "emulator/control/change.hpp"
 #include "transports/host_clock.hpp"
@@ -24,30 +27,20 @@ using Buffer = fmt::memory_buffer;
 void append(Buffer& out, std::string_view text) { out.append(text.data(), text.data() + text.size()); }
 
 // JSON has no numbers that are not finite.
-template <class Number>
-void append_number(Buffer& out, Number value) {
-  if (std::isfinite(value))
-    fmt::format_to(std::back_inserter(out), "{}", value);
-  else
+template <class Value>
+void append_value(Buffer& out, const Value& value) {
+  if constexpr (requires { value.begin(); }) {
+    char before = '[';
+    for (const auto& part : value) {
+      out.push_back(std::exchange(before, ','));
+      append_value(out, part);
+    }
+    out.push_back(']');
+  } else if (std::is_floating_point_v<Value> && !std::isfinite(static_cast<double>(value))) {
     append(out, "null");
-}
-
-void append_vector(Buffer& out, const Vector3& v) {
-  for (int i = 0; i < 3; ++i) {
-    out.push_back(i == 0 ? '[' : ',');
-    append_number(out, v[i]);
+  } else {
+    fmt::format_to(std::back_inserter(out), "{}", value);
   }
-  out.push_back(']');
-}
-
-template <class Numbers>
-void append_array(Buffer& out, const Numbers& numbers) {
-  out.push_back('[');
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    if (i > 0) out.push_back(',');
-    append_number(out, numbers[i]);
-  }
-  out.push_back(']');
 }
 
 bool has_truth_time(const FeedSample& s) { return s.truth_time.has_value(); }
@@ -55,47 +48,44 @@ bool has_field(const FeedSample& s) { return s.magnetic_field != decltype(s.magn
 bool has_pressure(const FeedSample& s) { return s.pressure > 0; }
 bool has_place(const FeedSample& s) { return s.has_place; }
 
-// Appends ,"name":[...] with an element for each sample.
-template <class Append>
-void append_list(Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples, Append element) {
+// Appends ,"name":[...] with the value of each sample, or null for a sample that lacks it (`has`); nothing if all
+// lack it.
+template <class ValueOf>
+void append_list(
+    Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples, ValueOf value_of,
+    bool (*has)(const FeedSample&) = [](const FeedSample&) { return true; }) {
+  if (std::ranges::none_of(samples, [&](const FeedSample* s) { return has(*s); })) return;
   fmt::format_to(std::back_inserter(out), ",\"{}\":", name);
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    out.push_back(i == 0 ? '[' : ',');
-    element(*samples[i]);
+  char before = '[';
+  for (const FeedSample* s : samples) {
+    out.push_back(std::exchange(before, ','));
+    if (has(*s))
+      append_value(out, std::invoke(value_of, *s));
+    else
+      append(out, "null");
   }
   out.push_back(']');
 }
 
-// The same with null for each sample without the value; nothing if no sample `has` it.
-template <class Append>
-void append_where(Buffer& out, std::string_view name, const std::vector<const FeedSample*>& samples,
-                  bool (*has)(const FeedSample&), Append element) {
-  if (std::none_of(samples.begin(), samples.end(), [&](const FeedSample* s) { return has(*s); })) return;
-  append_list(out, name, samples, [&](const FeedSample& s) { has(s) ? element(s) : append(out, "null"); });
-}
-
 // Appends the values beyond rate and specific force, and the counts of samples without their truth.
 void append_rest(Buffer& out, const std::vector<const FeedSample*>& samples) {
-  const auto count = [&](std::uint64_t value) { fmt::format_to(std::back_inserter(out), "{}", value); };
-  append_where(out, "truth_time_s", samples, has_truth_time,
-               [&](const FeedSample& s) { append_number(out, static_cast<double>(s.truth_time->ns) / 1e9); });
-  append_list(out, "attitude", samples, [&](const FeedSample& s) { append_array(out, s.attitude); });
-  append_where(out, "magnetic_field", samples, has_field,
-               [&](const FeedSample& s) { append_array(out, s.magnetic_field); });
-  append_where(out, "pressure", samples, has_pressure, [&](const FeedSample& s) { append_number(out, s.pressure); });
-  append_where(out, "position", samples, has_place, [&](const FeedSample& s) {
-    append_array(out, std::array{s.latitude, s.longitude, s.height});
-  });
-  append_list(out, "sent", samples, [&](const FeedSample& s) { append(out, s.is_sent ? "true" : "false"); });
-  append_list(out, "extrapolated", samples, [&](const FeedSample& s) { count(s.extrapolated); });
-  append_list(out, "held", samples, [&](const FeedSample& s) { count(s.held); });
-  append_list(out, "silent", samples, [&](const FeedSample& s) { count(s.silent); });
+  const auto truth_time_s = [](const FeedSample& s) { return static_cast<double>(s.truth_time->ns) / 1e9; };
+  const auto position = [](const FeedSample& s) { return std::array{s.latitude, s.longitude, s.height}; };
+  append_list(out, "truth_time_s", samples, truth_time_s, has_truth_time);
+  append_list(out, "attitude", samples, &FeedSample::attitude);
+  append_list(out, "magnetic_field", samples, &FeedSample::magnetic_field, has_field);
+  append_list(out, "pressure", samples, &FeedSample::pressure, has_pressure);
+  append_list(out, "position", samples, position, has_place);
+  append_list(out, "sent", samples, &FeedSample::is_sent);
+  append_list(out, "extrapolated", samples, &FeedSample::extrapolated);
+  append_list(out, "held", samples, &FeedSample::held);
+  append_list(out, "silent", samples, &FeedSample::silent);
 }
 
 }  // namespace
 
 Subscriptions::What Subscriptions::what_of(const std::string& word) {
-  return static_cast<What>(std::find(kinds.begin(), kinds.end(), word) - kinds.begin());
+  return static_cast<What>(std::ranges::find(kinds, word) - kinds.begin());
 }
 
 Json Subscriptions::subscribe(const Json& request_params, const std::shared_ptr<Subscriber>& client) {
@@ -181,7 +171,7 @@ void Subscriptions::send_event(const Json& event) {
 
 bool Subscriptions::is_watched() {
   if (std::erase_if(all_, [](const Subscription& s) { return s.client.expired(); }) > 0) watch();
-  return std::any_of(all_.begin(), all_.end(), [](const Subscription& s) { return s.what != What::events; });
+  return std::ranges::any_of(all_, [](const Subscription& s) { return s.what != What::events; });
 }
 
 std::string Subscriptions::text_of(What what, std::uint16_t imu, std::uint32_t every,
@@ -193,22 +183,19 @@ std::string Subscriptions::text_of(What what, std::uint16_t imu, std::uint32_t e
   Buffer out;
   append(out, "{\"imu\":");
   append(out, json_line(config_.imus[imu].name));
-  append_list(out, "k", chosen, [&](const FeedSample& s) { fmt::format_to(std::back_inserter(out), "{}", s.k); });
-  append_list(out, "time_s", chosen,
-              [&](const FeedSample& s) { append_number(out, static_cast<double>(s.time_ns) / 1e9); });
+  append_list(out, "k", chosen, &FeedSample::k);
+  append_list(out, "time_s", chosen, [](const FeedSample& s) { return static_cast<double>(s.time_ns) / 1e9; });
   if (what == What::samples) {
-    append_list(out, "rate", chosen, [&](const FeedSample& s) { append_vector(out, s.rate); });
-    append_list(out, "specific_force", chosen, [&](const FeedSample& s) { append_vector(out, s.specific_force); });
+    append_list(out, "rate", chosen, &FeedSample::rate);
+    append_list(out, "specific_force", chosen, &FeedSample::specific_force);
   }
-  append_list(out, "true_rate", chosen, [&](const FeedSample& s) { append_vector(out, s.true_rate); });
-  append_list(out, "true_specific_force", chosen,
-              [&](const FeedSample& s) { append_vector(out, s.true_specific_force); });
+  append_list(out, "true_rate", chosen, &FeedSample::true_rate);
+  append_list(out, "true_specific_force", chosen, &FeedSample::true_specific_force);
   if (what == What::samples) {
-    append_list(out, "temperature_c", chosen, [&](const FeedSample& s) { append_number(out, s.temperature_c); });
+    append_list(out, "temperature_c", chosen, &FeedSample::temperature_c);
     append_rest(out, chosen);
   }
-  append_list(out, "status", chosen,
-              [&](const FeedSample& s) { fmt::format_to(std::back_inserter(out), "{}", s.status); });
+  append_list(out, "status", chosen, &FeedSample::status);
   out.push_back('}');
   return rpc_notification(kinds[static_cast<std::size_t>(what)], {out.data(), out.size()});
 }
@@ -218,8 +205,7 @@ void Subscriptions::distribute(HostTime now) {
   for (auto& samples : samples_) samples.clear();
   for (FeedSample sample; control_.feed.pop(sample);) samples_[sample.imu].push_back(sample);
   std::shared_ptr<const std::string> counters;
-  const bool is_counted =
-      std::any_of(all_.begin(), all_.end(), [](const auto& s) { return s.what == What::counters; });
+  const bool is_counted = std::ranges::any_of(all_, [](const auto& s) { return s.what == What::counters; });
   if (is_counted && now - counted_ >= std::chrono::seconds(1)) {
     Summary figures = monitor_.now();
     counters = std::make_shared<const std::string>(
