@@ -43,41 +43,33 @@ void SensorFaults::apply(std::span<const ActiveFault> faults, std::uint64_t k, d
     Output& held = held_[fault.number];
     if (fault.since == 0) held = last_;
     if (sensor_fault_of(*fault.kind) >= SensorFault::no_fix) {
-      apply_to_gnss(fault, step_s, sample);
+      apply_to_gnss(fault, sample);
       continue;
     }
-    Triad gyro{&sample.rate, &sample.delta_angle, model_.gyro, white(model_.gyro), status::gyro_saturated_x};
-    Triad accelerometer{&sample.specific_force, &sample.delta_velocity, model_.accelerometer,
-                        white(model_.accelerometer), status::accelerometer_saturated_x};
-    Triad magnetometer{&sample.magnetic_field, nullptr, model_.magnetometer, white(model_.magnetometer), 0};
-    switch (fault.target) {
-      case 0:
-        apply_to_triad(fault, k, step_s, held.rate, gyro, sample);
-        break;
-      case 1:
-        apply_to_triad(fault, k, step_s, held.specific_force, accelerometer, sample);
-        break;
-      case 2:
-        if (sample.navigation.is_known || !sample.magnetic_field.isZero(0.0))
-          apply_to_triad(fault, k, step_s, held.magnetic_field, magnetometer, sample);
-        break;
-      case 3:
-        apply_to_number(fault, k, step_s, held.pressure, sample.pressure);
-        sample.pressure = std::max(0.0, sample.pressure);
-        break;
-      default: {
-        const double before = sample.temperature_c;
-        apply_to_number(fault, k, step_s, held.temperature_c, sample.temperature_c);
-        for (Triad* triad : {&gyro, &accelerometer}) {
-          const double a = before - triad->errors.reference_temperature_c;
-          const double b = sample.temperature_c - triad->errors.reference_temperature_c;
-          const Vector3 added_value = change(triad->errors.temperature_bias, a, b) +
-                                      change(triad->errors.temperature_scale, a, b).cwiseProduct(*triad->value);
-          if (added_value.isZero(0.0)) continue;
-          *triad->increment += step_s * added_value;
-          *triad->value += added_value;
-          limit(*triad, 7, sample, step_s);
-        }
+    Triad triads[] = {{&sample.rate, &sample.delta_angle, model_.gyro, white(model_.gyro), status::gyro_saturated_x},
+                      {&sample.specific_force, &sample.delta_velocity, model_.accelerometer,
+                       white(model_.accelerometer), status::accelerometer_saturated_x},
+                      {&sample.magnetic_field, nullptr, model_.magnetometer, white(model_.magnetometer), 0}};
+    const Vector3* const lasts[] = {&held.rate, &held.specific_force, &held.magnetic_field};
+    constexpr std::size_t magnetometer = 2, barometer = 3;  // targets
+    if (fault.target < barometer) {
+      if (fault.target != magnetometer || sample.navigation.is_known || !sample.magnetic_field.isZero(0.0))
+        apply_to_triad(fault, k, step_s, *lasts[fault.target], triads[fault.target], sample);
+    } else if (fault.target == barometer) {
+      apply_to_number(fault, k, held.pressure, sample.pressure);
+      sample.pressure = std::max(0.0, sample.pressure);
+    } else {
+      const double before = sample.temperature_c;
+      apply_to_number(fault, k, held.temperature_c, sample.temperature_c);
+      for (Triad& triad : std::span(triads).first(magnetometer)) {
+        const double a = before - triad.errors.reference_temperature_c;
+        const double b = sample.temperature_c - triad.errors.reference_temperature_c;
+        const Vector3 added_value = change(triad.errors.temperature_bias, a, b) +
+                                    change(triad.errors.temperature_scale, a, b).cwiseProduct(*triad.value);
+        if (added_value.isZero(0.0)) continue;
+        *triad.increment += step_s * added_value;
+        *triad.value += added_value;
+        limit(triad, 7, sample, step_s);
       }
     }
   }
@@ -211,8 +203,7 @@ void SensorFaults::limit(Triad& triad, unsigned axes, Sample& sample, double ste
   }
 }
 
-void SensorFaults::apply_to_number(const ActiveFault& fault, std::uint64_t k, double, double last,
-                                   double& value) noexcept {
+void SensorFaults::apply_to_number(const ActiveFault& fault, std::uint64_t k, double last, double& value) noexcept {
   const double p = fault.parameters[0], w = fault.weight;
   const Normals& normals = normals_[fault.number];
   switch (sensor_fault_of(*fault.kind)) {
@@ -251,7 +242,7 @@ void SensorFaults::apply_to_number(const ActiveFault& fault, std::uint64_t k, do
   }
 }
 
-void SensorFaults::apply_to_gnss(const ActiveFault& fault, double, Sample& sample) noexcept {
+void SensorFaults::apply_to_gnss(const ActiveFault& fault, Sample& sample) noexcept {
   if (!sample.navigation.is_known) return;
   const Vector3 p(fault.parameters[0], fault.parameters[1], fault.parameters[2]);
   switch (sensor_fault_of(*fault.kind)) {

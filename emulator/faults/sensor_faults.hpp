@@ -44,8 +44,8 @@ class SensorFaults {
   };
   void apply_to_triad(const ActiveFault& fault, std::uint64_t k, double step_s, const Vector3& last, Triad& triad,
                       Sample& sample) noexcept;
-  void apply_to_number(const ActiveFault& fault, std::uint64_t k, double step_s, double last, double& value) noexcept;
-  void apply_to_gnss(const ActiveFault& fault, double step_s, Sample& sample) noexcept;
+  void apply_to_number(const ActiveFault& fault, std::uint64_t k, double last, double& value) noexcept;
+  void apply_to_gnss(const ActiveFault& fault, Sample& sample) noexcept;
   static void limit(Triad& triad, unsigned axes, Sample& sample, double step_s) noexcept;
 
   ImuModel model_;

@@ -43,14 +43,13 @@ void WirePort::set_active(std::span<const ActiveFault> faults) noexcept {
     };
   };
   for (WireChange& change : before)
-    if (std::none_of(faults.begin(), faults.end(), [&](const ActiveFault& fault) { return same(fault)(change); }))
-      end(change);
+    if (std::ranges::none_of(faults, [&](const ActiveFault& fault) { return same(fault)(change); })) end(change);
 
   passage_ = Passage::open;
   is_deaf_ = is_off_ = has_bus_load_ = false;
   for (const ActiveFault& fault : faults) {
     WireChange& change = active_[active_count_++];
-    const auto old = std::find_if(before.begin(), before.end(), same(fault));
+    const auto old = std::ranges::find_if(before, same(fault));
     if (old != before.end()) {
       change = *old;
       change.update(fault);
@@ -67,7 +66,7 @@ void WirePort::set_active(std::span<const ActiveFault> faults) noexcept {
 
 std::uint64_t WirePort::exchange(std::unique_ptr<Port>& port) noexcept {
   const auto has = [this](WireFault kind) {
-    return std::any_of(active().begin(), active().end(), [&](WireChange& change) { return change.kind() == kind; });
+    return std::ranges::any_of(active(), [&](WireChange& change) { return change.kind() == kind; });
   };
   if (has(WireFault::line_break)) {
     port_->set_break(false);
@@ -82,38 +81,21 @@ std::uint64_t WirePort::exchange(std::unique_ptr<Port>& port) noexcept {
 }
 
 void WirePort::begin(WireChange& change) noexcept {
-  switch (change.kind()) {
-    case WireFault::line_break:
-      if (port_->set_break(true)) break;
-      change.owed = 1;  // the byte that a receiver gets
-      break;
-    case WireFault::disconnect:
-      port_->set_connected(false);
-      if (port_->state() != PortState::lost) ++losses_;
-      break;
-    case WireFault::bus_off:
-      ++losses_;
-      ++bus_offs_;
-      break;
-    default:
-      break;
+  if (change.kind() == WireFault::line_break && !port_->set_break(true)) {
+    change.owed = 1;  // the byte that a receiver gets
+  } else if (change.kind() == WireFault::disconnect) {
+    port_->set_connected(false);
+    if (port_->state() != PortState::lost) ++losses_;
+  } else if (change.kind() == WireFault::bus_off) {
+    ++losses_;
+    ++bus_offs_;
   }
 }
 
 void WirePort::end(WireChange& change) noexcept {
-  switch (change.kind()) {
-    case WireFault::line_break:
-      port_->set_break(false);
-      break;
-    case WireFault::disconnect:
-      port_->set_connected(true);
-      break;
-    case WireFault::bus_off:
-      ++bus_restarts_;
-      break;
-    default:
-      break;
-  }
+  if (change.kind() == WireFault::line_break) port_->set_break(false);
+  if (change.kind() == WireFault::disconnect) port_->set_connected(true);
+  if (change.kind() == WireFault::bus_off) ++bus_restarts_;
 }
 
 // Determines the passage of the sample's frames.
