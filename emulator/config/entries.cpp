@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <boost/algorithm/string/replace.hpp>
 #include <cstdio>
 #include <type_traits>
 #include <variant>
@@ -44,9 +45,7 @@ std::string valid_values(const Setting& setting) {
 }
 
 std::string valid_values(const PortOption& option) {
-  std::string words(option.choices);
-  for (std::size_t blank = 0; (blank = words.find(' ', blank)) != words.npos; blank += 2)
-    words.replace(blank, 1, ", ");
+  const std::string words = boost::replace_all_copy(std::string(option.choices), " ", ", ");
   if (!option.has_range()) return words.empty() ? "text" : "one of " + words;
   return fmt::format("{} to {}{}{}", option.min, option.max, words.empty() ? "" : ", or ", words);
 }

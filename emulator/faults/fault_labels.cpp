@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace imud {
@@ -19,15 +18,8 @@ std::string quoted(const std::string& text) {
 }
 
 std::string_view word(FaultLabel::State state) {
-  switch (state) {
-    case FaultLabel::State::acted:
-      return "acted";
-    case FaultLabel::State::passed_over:
-      return "passed_over";
-    case FaultLabel::State::never:
-    default:
-      return "never";
-  }
+  constexpr std::string_view words[] = {"acted", "passed_over", "never"};
+  return words[static_cast<std::size_t>(state)];
 }
 
 }  // namespace

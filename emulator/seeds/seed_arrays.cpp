@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/algorithm/string/replace.hpp>
 #include <filesystem>
 #include <span>
 #include <stdexcept>
@@ -19,12 +20,6 @@ namespace imud {
 namespace {
 
 constexpr std::size_t hold_at_most = 512;  // rows
-
-std::string replaced(std::string text, std::string_view placeholder, std::string_view value) {
-  for (std::size_t at = 0; (at = text.find(placeholder, at)) != std::string::npos; at += value.size())
-    text.replace(at, placeholder.size(), value);
-  return text;
-}
 
 // Returns true if the fault can add measurements to an imu's own.
 bool adds_rows(const FaultConfig& fault) {
@@ -47,7 +42,7 @@ SeedArrays::SeedArrays(const Config& config, const std::string& path) {
   const bool is_faulty_truth = std::any_of(config.faults.begin(), config.faults.end(),
                                            [](const FaultConfig& f) { return f.acts_on(fault_of_truth); });
   for (const ImuConfig& imu : config.imus) {
-    const std::filesystem::path file = replaced(path, "{imu}", imu.name);
+    const std::filesystem::path file = boost::replace_all_copy(path, "{imu}", imu.name);
     std::filesystem::path truth = file;
     truth.replace_filename(fmt::format("{}_truth{}", file.stem().string(), file.extension().string()));
     for (const std::filesystem::path& output : {file, truth})

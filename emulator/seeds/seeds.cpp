@@ -5,6 +5,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/replace.hpp>
 #include <charconv>
 #include <csignal>
 #include <filesystem>
@@ -35,12 +36,6 @@ namespace imud {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string with_seed(std::string port, std::string_view seed) {
-  for (std::size_t at = 0; (at = port.find(seed_placeholder, at)) != std::string::npos; at += seed.size())
-    port.replace(at, seed_placeholder.size(), seed);
-  return port;
-}
 
 // Returns how many records of the capture are kept at most: all, if it can be read only once.
 std::size_t most_records(const std::string& port) {
@@ -78,8 +73,7 @@ class Runs {
     const std::uint64_t most_together = std::max<std::size_t>(1, most_imus / config_.imus.size());
     together_ = std::clamp<std::uint64_t>(seeds_.size() / (per_job * jobs), 1, most_together);
     // The seed of a run draws the faults of its truth.
-    if (std::any_of(config_.faults.begin(), config_.faults.end(),
-                    [](const FaultConfig& f) { return f.acts_on(fault_of_truth); }))
+    if (std::ranges::any_of(config_.faults, [](const FaultConfig& f) { return f.acts_on(fault_of_truth); }))
       together_ = 1;
     if (done_ > 0) together_ = 1;
     for (std::uint64_t i = 0; done_ > 0 && i < seeds_.size(); ++i)
@@ -212,9 +206,9 @@ std::string Runs::work(std::size_t item) const {
       imu.also.clear();
     } else {
       const std::string seed = fmt::format("{:0{}}", *imu.seed, width_);
-      imu.port = with_seed(imu.port, seed);
-      imu.second_port = with_seed(imu.second_port, seed);
-      for (std::string& copy : imu.also) copy = with_seed(copy, seed);
+      boost::replace_all(imu.port, seed_placeholder, seed);
+      boost::replace_all(imu.second_port, seed_placeholder, seed);
+      for (std::string& copy : imu.also) boost::replace_all(copy, seed_placeholder, seed);
     }
   }
   const auto ports = [&](const PortUse& use) -> std::unique_ptr<Port> {
@@ -275,8 +269,7 @@ std::string Runs::end(Batch& batch, std::size_t run, Engine& engine, const std::
   add_never_begun(engine.faults().configured(), all);
   std::erase_if(all, [&](const FaultLabel& label) {
     const auto has_label = [&](const ImuConfig& imu) { return imu.name == label.imu; };
-    return label.imu == fault_of_truth ? part > 0
-                                       : std::none_of(batch.config.imus.begin(), batch.config.imus.end(), has_label);
+    return label.imu == fault_of_truth ? part > 0 : std::ranges::none_of(batch.config.imus, has_label);
   });
   const auto to_text = options_.labels_file.ends_with(".json") ? labels_json : labels_csv;
   with_labels["labels"] = {{"part", part}, {"text", to_text(all, batch.config.seed)}};
