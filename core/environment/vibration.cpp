@@ -52,8 +52,7 @@ Vibration::Vibration(const VibrationModel& model, const Normals& normals) {
 // Returns the line of that frequency, which is new if there is none.
 Vibration::Line& Vibration::line(double frequency_hz) {
   const auto turns_per_ns = static_cast<std::uint64_t>(frequency_hz * (0x1p64 * 1e-9) + 0.5);
-  const auto found = std::find_if(lines_.begin(), lines_.end(),
-                                  [turns_per_ns](const Line& known) { return known.turns_per_ns == turns_per_ns; });
+  const auto found = std::ranges::find(lines_, turns_per_ns, &Line::turns_per_ns);
   if (found != lines_.end()) return *found;
   const double omega = 2.0 * units::pi * 1e9 * 0x1p-64 * static_cast<double>(turns_per_ns);
   const Vector3 zero = Vector3::Zero();

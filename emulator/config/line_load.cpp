@@ -13,9 +13,8 @@ namespace imud {
 namespace {
 
 void add(std::vector<SentFrames>& all, const Frame& frame, double per_s) {
-  const auto same = std::find_if(all.begin(), all.end(), [&](const SentFrames& sent) {
-    return sent.can == frame.can && sent.bytes == frame.bytes.size();
-  });
+  const auto same = std::ranges::find_if(
+      all, [&](const SentFrames& sent) { return sent.can == frame.can && sent.bytes == frame.bytes.size(); });
   if (same != all.end())
     same->per_s += per_s;
   else
@@ -68,7 +67,7 @@ std::vector<Typical> typical_frames(const Transport& transport, const PortSpec& 
   std::vector<Typical> all;
   const Nanoseconds end = std::chrono::seconds(1) + nanoseconds(std::max(0.1, std::min(1.0, 100 / imu.rate_hz)));
   make_typical(imu, 0, end, [&](const Frame& frame) {
-    auto same = std::find_if(all.begin(), all.end(), [&](const Typical& t) { return t.can == frame.can; });
+    auto same = std::ranges::find_if(all, [&](const Typical& t) { return t.can == frame.can; });
     if (same == all.end()) same = all.insert(all.end(), Typical{.can = frame.can});
     const WireTime time = transport.wire_time(spec, imu.port_settings, frame);
     same->frames += 1;
@@ -189,7 +188,7 @@ std::vector<BusLoad> bus_loads(std::span<const ImuConfig> imus) {
   std::vector<PortSpec> specs;  // of each bus, with its bit rate
   const auto load_of = [](const PortSpec& spec, const ImuConfig& imu) { return load_on(spec, imu, 0); };
   const auto bus_of = [&](const std::string& address) {
-    return std::find_if(buses.begin(), buses.end(), [&](const BusLoad& bus) { return bus.address == address; });
+    return std::ranges::find_if(buses, [&](const BusLoad& bus) { return bus.address == address; });
   };
   for (std::size_t i = 0; i < imus.size(); ++i) {
     const Transport* transport = transport_of(imus[i].port);

@@ -25,12 +25,11 @@ void LeavingPorts::add(Reload& reload, std::span<const std::unique_ptr<Channel>>
 
 void LeavingPorts::update() {
   const HostTime now = host_now();
-  const auto end = std::remove_if(all_.begin(), all_.end(), [&](Leaving& leaving) {
+  std::erase_if(all_, [&](Leaving& leaving) {
     if (!has_left(leaving) && now < leaving.last) return false;
     close(leaving);
     return true;
   });
-  all_.erase(end, all_.end());
 }
 
 void LeavingPorts::finish() {

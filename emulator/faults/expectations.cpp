@@ -89,8 +89,7 @@ std::string junit_xml(std::span<const Expected> results, const std::string& name
   pt::ptree suite;
   suite.put("<xmlattr>.name", name);
   suite.put("<xmlattr>.tests", results.size());
-  suite.put("<xmlattr>.failures",
-            std::count_if(results.begin(), results.end(), [](const Expected& one) { return !one.holds; }));
+  suite.put("<xmlattr>.failures", std::ranges::count_if(results, [](const Expected& one) { return !one.holds; }));
   for (const Expected& one : results) {
     pt::ptree test;
     test.put("<xmlattr>.name", one.name);

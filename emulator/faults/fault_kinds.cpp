@@ -22,8 +22,7 @@ std::span<const FaultKind* const> fault_kinds() noexcept {
 
 const FaultKind* find_fault_kind(std::string_view name, std::string_view target) noexcept {
   for (const FaultKind* kind : fault_kinds())
-    if (kind->name == name && std::find(kind->targets.begin(), kind->targets.end(), target) != kind->targets.end())
-      return kind;
+    if (kind->name == name && std::ranges::find(kind->targets, target) != kind->targets.end()) return kind;
   return nullptr;
 }
 

@@ -1,6 +1,5 @@
 #include "emulator/faults/fault_schedule.hpp"
 
-#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -33,8 +32,7 @@ FaultSchedule::State FaultSchedule::state_of(const FaultConfig& fault, std::uint
 // Keeps the order.
 void FaultSchedule::insert(const State& state) noexcept {
   const auto seam = [](const State& s) { return s.fault->kind->seam; };
-  states_.insert(std::find_if(states_.begin(), states_.end(), [&](const State& s) { return seam(s) > seam(state); }),
-                 state);
+  states_.insert(std::ranges::find_if(states_, [&](const State& s) { return seam(s) > seam(state); }), state);
 }
 
 // The times of a fault before the first truth go on in the run, whose first sample is a period later.

@@ -1,7 +1,6 @@
 #include "emulator/ground/counters.hpp"
 
 #include <algorithm>
-#include <array>
 #include <numeric>
 #include <optional>
 
@@ -80,8 +79,7 @@ std::string_view cause(Refusal refusal) noexcept {
 std::string_view remedy(Refusal refusal) noexcept { return row(refusal).remedy; }
 
 Refusal refusal(TruthResult result) noexcept {
-  const auto found =
-      std::find_if(refusals.begin(), refusals.end(), [&](const RefusalRow& r) { return r.result == result; });
+  const auto found = std::ranges::find(refusals, result, &RefusalRow::result);
   return found == refusals.end() ? Refusal::not_this_kind : found->refusal;
 }
 

@@ -37,12 +37,10 @@ double FaultNumber::draw(double uniform) const noexcept {
   }
 }
 
-bool FaultConfig::acts_on(std::string_view imu) const noexcept {
-  return std::find(imus.begin(), imus.end(), imu) != imus.end();
-}
+bool FaultConfig::acts_on(std::string_view imu) const noexcept { return std::ranges::find(imus, imu) != imus.end(); }
 
 const Settings* FaultConfig::settings_of(std::string_view imu) const noexcept {
-  const auto found = std::find_if(settings.begin(), settings.end(), [&](const auto& of) { return of.first == imu; });
+  const auto found = std::ranges::find_if(settings, [&](const auto& of) { return of.first == imu; });
   return found == settings.end() ? nullptr : &found->second;
 }
 

@@ -81,8 +81,7 @@ void HttpConnection::read() {
 
 bool HttpConnection::close_idle(WebContent& content) {
   std::vector<HttpConnection*>& all = content.readers;
-  auto chosen =
-      std::find_if(all.begin(), all.end(), [](const HttpConnection* one) { return !one->parser_->got_some(); });
+  auto chosen = std::ranges::find_if(all, [](const HttpConnection* one) { return !one->parser_->got_some(); });
   if (chosen == all.end()) chosen = all.begin();
   if (chosen == all.end()) return false;
   HttpConnection* const closed = *chosen;
@@ -136,7 +135,7 @@ Response HttpConnection::get(const Request& request) const {
     found.set(http::field::vary, "Accept");
   } else {
     const auto files = page_files();
-    const auto file = std::find_if(files.begin(), files.end(), [&](const PageFile& f) { return f.path == path; });
+    const auto file = std::ranges::find_if(files, [&](const PageFile& f) { return f.path == path; });
     if (file == files.end()) return fault(request, http::status::not_found, "there is /, /metrics and /api");
     found = response(request, http::status::ok, file->type, std::string(file->content));
   }

@@ -39,9 +39,8 @@ TruthBeside::TruthBeside(const Options& options, const Protocol& protocol) : opt
   Replay replay(options.config, {}, options.capture);
   const Config& config = replay.config();
   for (const std::string& warning : config.warnings) fmt::print(stderr, "imu-decode: {}\n", warning);
-  const bool varies = std::any_of(config.faults.begin(), config.faults.end(), [&](const FaultConfig& fault) {
-    return fault.acts_on(name) && changes_rows(fault);
-  });
+  const bool varies = std::ranges::any_of(
+      config.faults, [&](const FaultConfig& fault) { return fault.acts_on(name) && changes_rows(fault); });
   RunTruth truth = truth_of_run(config, replay.with_twins(), [&](std::size_t i) { return varies && i == imu; });
   RunTruth::OfImu& of_imu = truth.imus[imu];
   if (of_imu.rows.empty())
