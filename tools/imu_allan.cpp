@@ -4,7 +4,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstring>
-#include <exception>
 #include <fstream>
 #include <limits>
 #include <string>

@@ -1,6 +1,5 @@
 #include "tools/stop_signal.hpp"
 
-#include <atomic>
 #include <csignal>
 
 namespace imud {

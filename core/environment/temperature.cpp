@@ -1,7 +1,6 @@
 #include "core/environment/temperature.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 
 #include "core/numbers/elementary.hpp"

@@ -5,10 +5,8 @@
 #include <immintrin.h>
 #endif
 
-#include <array>
 #include <bit>
 #include <cmath>
-#include <cstddef>
 
 #include "core/numbers/elementary.hpp"
 

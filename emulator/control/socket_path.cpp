@@ -15,7 +15,6 @@
 #include <optional>
 #include <set>
 #include <string_view>
-#include <utility>
 
 #include "emulator/ground/text_file.hpp"
 

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "emulator/faults/fault_kinds.hpp"
-#include "emulator/faults/fault_schedule.hpp"
 
 namespace imud {
 namespace {

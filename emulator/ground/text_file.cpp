@@ -8,8 +8,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <stdexcept>
-#include <utility>
 
 #include "transports/file/output_path.hpp"
 

@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 
 #include "core/time.hpp"
 #include "emulator/ground/step_sink.hpp"

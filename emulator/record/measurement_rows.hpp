@@ -1,7 +1,6 @@
 // Measurements as rows of arrays of NumPy: the decoded messages of a product, and the truth beside them.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>

@@ -1,6 +1,5 @@
 #include "emulator/record/recorder.hpp"
 
-#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <utility>

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <utility>
 
 #include "emulator/faults/fault_labels.hpp"
 #include "transports/host_clock.hpp"

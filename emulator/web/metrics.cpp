@@ -6,7 +6,6 @@
 #include <iterator>
 #include <limits>
 #include <set>
-#include <string_view>
 
 namespace imud {
 namespace {

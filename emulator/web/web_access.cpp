@@ -4,7 +4,6 @@
 #include <boost/archive/iterators/transform_width.hpp>
 #include <boost/asio/ip/address.hpp>
 #include <boost/beast/core/string.hpp>
-#include <string>
 #include <utility>  // Boost 1.74's Asio needs it first
 
 namespace imud {

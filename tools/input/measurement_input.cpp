@@ -14,7 +14,6 @@
 #include "tools/program.hpp"
 #include "tools/stop_signal.hpp"
 #include "transports/host_clock.hpp"
-#include "transports/port.hpp"
 #include "transports/port_spec.hpp"
 
 namespace imud {
