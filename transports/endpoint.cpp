@@ -5,7 +5,6 @@
 #include <netinet/in.h>
 
 #include <charconv>
-#include <cstring>
 #include <string>
 
 #include "transports/port_spec.hpp"

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <filesystem>
-#include <string>
 #include <system_error>
 
 #include "transports/file/compressed_file.hpp"

@@ -8,7 +8,6 @@
 // The tables below are the layouts. By Xsens's default, attitude, free acceleration and velocity are relative to
 // east-north-up. Messages whose names end in _ned are relative to north-east-down. Attitude, position and velocity
 // are the truth's. A magnetometer's arbitrary unit is taken as 50 uT.
-#include <algorithm>
 #include <cmath>
 
 #include "core/attitude.hpp"

@@ -1,7 +1,6 @@
 // The state of the node that the services report and change (services.cpp), shared with the device (device.cpp).
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <string>
 

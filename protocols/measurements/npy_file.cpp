@@ -7,7 +7,6 @@
 #include <charconv>
 #include <limits>
 #include <stdexcept>
-#include <string>
 #include <string_view>
 
 namespace imud {

@@ -1,6 +1,5 @@
 #include "protocols/mip/pins.hpp"
 
-#include <algorithm>
 #include <chrono>
 
 namespace imud::mip {
