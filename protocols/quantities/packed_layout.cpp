@@ -30,7 +30,8 @@ PackedLayout::PackedLayout(std::span<const std::string> fields, boost::endian::o
 
 PackedLayout::PackedLayout(std::span<const std::string_view> fields, boost::endian::order order, std::size_t begin)
     : is_big_(order == boost::endian::order::big), size_(begin) {
-  for (const std::string_view field : fields) add(field);
+  for (const std::string_view field : fields)
+    for (const std::string& one : names_in(field)) add(one);
 }
 
 void PackedLayout::add(std::string_view text) {

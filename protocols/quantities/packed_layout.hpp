@@ -26,8 +26,8 @@ class PackedLayout {
  public:
   static constexpr std::size_t largest_size = 65535;  // bytes
 
-  // The first field begins at byte `begin` of a record. Throws std::invalid_argument, whose message names the field,
-  // its fault and the remedy.
+  // The first field begins at byte `begin` of a record. A field of a source file may stand for several, as names_in()
+  // reads it. Throws std::invalid_argument, whose message names the field, its fault and the remedy.
   PackedLayout(std::span<const std::string> fields, boost::endian::order order, std::size_t begin = 0);
   PackedLayout(std::span<const std::string_view> fields, boost::endian::order order, std::size_t begin = 0);
 

@@ -15,30 +15,7 @@ using Group = TruthGroup;
 
 constexpr double half_pi = 0x1.921fb54442d18p0;
 constexpr double sqrt_half = 0x1.6a09e667f3bcdp-1;
-constexpr double largest_angle = 1e5;   // rad; the limit of elementary::sincos
-constexpr double largest_number = 1e9;  // of quaternions, days, vehicles, ...
 constexpr std::int64_t day_ns = 86'400'000'000'000;
-
-double largest(QuantityKind kind) noexcept {
-  switch (kind) {
-    case QuantityKind::angle:
-      return largest_angle;
-    case QuantityKind::length:
-      return truth_limit::position;
-    case QuantityKind::speed:
-      return truth_limit::velocity;
-    case QuantityKind::rate:
-      return truth_limit::rate;
-    case QuantityKind::angular_acceleration:
-      return truth_limit::angular_acceleration;
-    case QuantityKind::acceleration:
-      return truth_limit::specific_force;
-    case QuantityKind::temperature:
-      return truth_limit::temperature;
-    default:
-      return largest_number;
-  }
-}
 
 Quaternion about(const Vector3& axis, double angle) noexcept {
   const auto [sin, cos] = elementary::sincos(0.5 * angle);
@@ -51,14 +28,14 @@ const Vector3 earth_rate = {0, 0, units::earth_rate};  // in E, and in an inerti
 }  // namespace
 
 double largest_of(const TruthField& field) noexcept {
-  if (field.kind != QuantityKind::time) return largest(field.kind) / field.factor;
+  if (field.kind != QuantityKind::time) return largest_number_of(field.kind) / field.factor;
   return truth_limit::time_ns / std::pow(10.0, field.exponent);
 }
 
 void TruthAssembly::set_limits() noexcept {
   for (const QuantityGroup& group : quantity_groups())
     for (std::size_t i = group.first; i < group.first + group.names.size(); ++i)
-      if (given_[i]) limits_.push_back({static_cast<std::uint32_t>(i), largest(group.kind)});
+      if (given_[i]) limits_.push_back({static_cast<std::uint32_t>(i), largest_number_of(group.kind)});
 }
 
 Vector3 TruthAssembly::vector(const TruthReading& in, TruthGroup group) const noexcept {
@@ -279,18 +256,13 @@ TruthResult TruthAssembly::convert(const TruthReading& in, Truth& truth) noexcep
       refused_ = quantity;
       return std::isfinite(in[quantity]) ? TruthResult::out_of_range : TruthResult::not_finite;
     }
-  if (!convert_time(in, truth)) {
-    refused_ = quantity_group(*time_).first;
+  const auto refuse = [this](Group group) {
+    refused_ = quantity_group(group).first;
     return TruthResult::out_of_range;
-  }
-  if (attitude_ && !is_rotation(in, *attitude_)) {
-    refused_ = quantity_group(*attitude_).first;
-    return TruthResult::out_of_range;
-  }
-  if (!convert_place(in, truth)) {
-    refused_ = quantity_group(*position_).first;
-    return TruthResult::out_of_range;
-  }
+  };
+  if (!convert_time(in, truth)) return refuse(*time_);
+  if (attitude_ && !is_rotation(in, *attitude_)) return refuse(*attitude_);
+  if (!convert_place(in, truth)) return refuse(*position_);
   if (attitude_) convert_attitude(in, truth);
   convert_rate(in, truth);
   if (!attitude_) integrate_attitude(truth);
@@ -343,10 +315,10 @@ void TruthAssembly::describe(const TruthReading& in, RemarkWriter& out) const no
   out << quantity_name(refused_) << " is ";
   if (group->kind == QuantityKind::time || group->kind == QuantityKind::text)
     out << in.time_ns() << " ns, and its limit is " << truth_limit::time_ns << " ns";
-  else if (std::abs(in[refused_]) <= largest(group->kind))
+  else if (std::abs(in[refused_]) <= largest_number_of(group->kind))
     out << in[refused_] << ", and with those that belong to it no rotation, or no place";
   else
-    out << in[refused_] << " in SI, and its limit is " << largest(group->kind);
+    out << in[refused_] << " in SI, and its limit is " << largest_number_of(group->kind);
 }
 
 }  // namespace imud

@@ -117,33 +117,26 @@ static_assert(groups.back().first + groups.back().names.size() <= quantity_count
 
 constexpr KeyUnit no_unit[] = {{""}};
 
+// The units of each kind, and the largest magnitude of its numbers; in the order of QuantityKind.
+constexpr struct {
+  std::span<const KeyUnit> units = no_unit;
+  double largest = 1e9;  // of quaternions, days, vehicles, ...
+} kinds[] = {
+    {},
+    {key_units::time},
+    {},
+    {key_units::angle, 1e5},  // the limit of elementary::sincos
+    {key_units::length, truth_limit::position},
+    {key_units::speed, truth_limit::velocity},
+    {key_units::rate, truth_limit::rate},
+    {key_units::angular_acceleration, truth_limit::angular_acceleration},
+    {key_units::acceleration, truth_limit::specific_force},
+    {key_units::temperature, truth_limit::temperature},
+    {key_units::magnetic_field},
+    {key_units::pressure},
+};
 constexpr std::span<const KeyUnit> units_of(Kind kind) noexcept {
-  switch (kind) {
-    case Kind::number:
-    case Kind::text:
-      break;
-    case Kind::time:
-      return key_units::time;
-    case Kind::angle:
-      return key_units::angle;
-    case Kind::length:
-      return key_units::length;
-    case Kind::speed:
-      return key_units::speed;
-    case Kind::rate:
-      return key_units::rate;
-    case Kind::angular_acceleration:
-      return key_units::angular_acceleration;
-    case Kind::acceleration:
-      return key_units::acceleration;
-    case Kind::temperature:
-      return key_units::temperature;
-    case Kind::magnetic_field:
-      return key_units::magnetic_field;
-    case Kind::pressure:
-      return key_units::pressure;
-  }
-  return no_unit;
+  return kinds[static_cast<std::size_t>(kind)].units;
 }
 
 constexpr std::int64_t powers_of_ten[] = {1,       10,        100,        1'000,       10'000,
@@ -223,6 +216,8 @@ std::optional<std::int64_t> date_ns(std::string_view text) noexcept {
 
 std::span<const QuantityGroup, truth_group_count> quantity_groups() noexcept { return groups; }
 
+double largest_number_of(QuantityKind kind) noexcept { return kinds[static_cast<std::size_t>(kind)].largest; }
+
 std::string_view quantity_name(std::size_t quantity) noexcept {
   for (const QuantityGroup& group : groups)
     if (quantity < group.first + group.names.size()) return group.names[quantity - group.first];
@@ -230,10 +225,10 @@ std::string_view quantity_name(std::size_t quantity) noexcept {
 }
 
 std::span<const std::string_view> unit_suffixes(QuantityKind kind) noexcept {
-  static constexpr std::size_t most = 8, kinds = static_cast<std::size_t>(QuantityKind::pressure) + 1;
+  static constexpr std::size_t most = 8;
   static const auto all = [] {
-    std::array<std::array<std::string_view, most>, kinds> suffixes;
-    for (std::size_t i = 0; i < kinds; ++i)
+    std::array<std::array<std::string_view, most>, std::size(kinds)> suffixes;
+    for (std::size_t i = 0; i < std::size(kinds); ++i)
       std::ranges::transform(units_of(static_cast<Kind>(i)), suffixes[i].begin(), &KeyUnit::suffix);
     return suffixes;
   }();
@@ -249,6 +244,15 @@ std::optional<TruthField> find_truth_field(std::string_view name) noexcept {
         return TruthField{group.first + i, group.kind, unit->factor, unit->offset, unit->exponent};
     }
   return std::nullopt;
+}
+
+std::vector<std::string> names_in(std::string_view name) {
+  const std::size_t open = name.find('{'), close = name.find('}');
+  if (open == name.npos) return {std::string(name)};
+  std::vector<std::string> names;
+  for (std::string_view words = name.substr(open + 1, close - open - 1); words.data() != nullptr;)
+    names.push_back(std::string(name.substr(0, open)).append(take_field(words)).append(name.substr(close + 1)));
+  return names;
 }
 
 std::string unknown_quantity(std::string_view name) {

@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "protocols/truth_format.hpp"
 
@@ -80,6 +81,8 @@ using QuantitySet = std::bitset<quantity_count>;
 
 // Returns the name of a quantity, without its unit.
 std::string_view quantity_name(std::size_t quantity) noexcept;
+// Returns the largest magnitude of the numbers of a kind, SI. A time has truth_limit::time_ns instead.
+double largest_number_of(QuantityKind kind) noexcept;
 // Returns the suffixes of the units of a kind, the SI unit first: "_rad_per_s", "_deg_per_s", ... Empty: it has none.
 std::span<const std::string_view> unit_suffixes(QuantityKind kind) noexcept;
 
@@ -93,6 +96,9 @@ struct TruthField {
 
 // Returns the field of a name such as "p_deg_per_s"; nullopt if there is none.
 std::optional<TruthField> find_truth_field(std::string_view name) noexcept;
+// Returns the names for which one in a source file stands, which may have words in braces: two for
+// "v_{north,east}_m_per_s".
+std::vector<std::string> names_in(std::string_view name);
 // Returns why `name` is no field, and which are near: "unknown quantity \"p_degs\"; ...".
 std::string unknown_quantity(std::string_view name);
 

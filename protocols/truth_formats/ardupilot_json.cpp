@@ -22,39 +22,31 @@ constexpr std::uint16_t magic_of_16 = 18458, magic_of_32 = 29569;
 constexpr std::uint16_t idle_us = 1000;
 constexpr Nanoseconds resend_after{1'000'000'000};  // as ArduPilot does
 
+// The path of several quantities is an array.
 constexpr std::pair<std::string_view, std::string_view> paths[] = {
     {"time_s", "timestamp"},
-    {"p_rad_per_s", "imu.gyro.0"},
-    {"q_rad_per_s", "imu.gyro.1"},
-    {"r_rad_per_s", "imu.gyro.2"},
-    {"specific_force_x_m_per_s2", "imu.accel_body.0"},
-    {"specific_force_y_m_per_s2", "imu.accel_body.1"},
-    {"specific_force_z_m_per_s2", "imu.accel_body.2"},
-    {"roll_rad", "attitude.0"},
-    {"pitch_rad", "attitude.1"},
-    {"yaw_rad", "attitude.2"},
-    {"q_LB_w", "quaternion.0"},
-    {"q_LB_x", "quaternion.1"},
-    {"q_LB_y", "quaternion.2"},
-    {"q_LB_z", "quaternion.3"},
-    {"north_m", "position.0"},
-    {"east_m", "position.1"},
-    {"down_m", "position.2"},
-    {"v_north_m_per_s", "velocity.0"},
-    {"v_east_m_per_s", "velocity.1"},
-    {"v_down_m_per_s", "velocity.2"},
+    {"{p,q,r}_rad_per_s", "imu.gyro"},
+    {"specific_force_{x,y,z}_m_per_s2", "imu.accel_body"},
+    {"{roll,pitch,yaw}_rad", "attitude"},
+    {"q_LB_{w,x,y,z}", "quaternion"},
+    {"{north,east,down}_m", "position"},
+    {"v_{north,east,down}_m_per_s", "velocity"},
 };
-constexpr std::size_t required_paths = 7;
+constexpr std::size_t required_quantities = 7;  // time, rate, specific force
 
 TruthMap map_of_paths() {
   std::vector<std::string> texts;
-  for (const auto& [ours, theirs] : paths) texts.push_back(std::string(ours) + "=" + std::string(theirs));
+  for (const auto& [ours, theirs] : paths) {
+    const std::vector<std::string> names = names_in(ours);
+    for (std::size_t i = 0; i < names.size(); ++i)
+      texts.push_back(names[i] + "=" + std::string(theirs) + (names.size() > 1 ? "." + std::to_string(i) : ""));
+  }
   return parse_truth_map(texts);
 }
 
 QuantitySet required() {
   TruthMap map = map_of_paths();
-  map.resize(required_paths);
+  map.resize(required_quantities);
   return quantities_of(map);
 }
 

@@ -29,30 +29,16 @@ namespace {
 
 constexpr std::string_view fields[] = {
     "time_ns:u64",
-    "r_BN_N_x_m:f64",
-    "r_BN_N_y_m:f64",
-    "r_BN_N_z_m:f64",
-    "v_BN_N_x_m_per_s:f64",
-    "v_BN_N_y_m_per_s:f64",
-    "v_BN_N_z_m_per_s:f64",
+    "r_BN_N_{x,y,z}_m:f64",
+    "v_BN_N_{x,y,z}_m_per_s:f64",
     "_:48",
-    "sigma_BN_1:f64",
-    "sigma_BN_2:f64",
-    "sigma_BN_3:f64",
-    "p_rad_per_s:f64",
-    "q_rad_per_s:f64",
-    "r_rad_per_s:f64",
-    "p_dot_rad_per_s2:f64",
-    "q_dot_rad_per_s2:f64",
-    "r_dot_rad_per_s2:f64",
+    "sigma_BN_{1,2,3}:f64",
+    "{p,q,r}_rad_per_s:f64",
+    "{p,q,r}_dot_rad_per_s2:f64",
     "_:24",
-    "accumulated_dv_x_m_per_s:f64",
-    "accumulated_dv_y_m_per_s:f64",
-    "accumulated_dv_z_m_per_s:f64",
+    "accumulated_dv_{x,y,z}_m_per_s:f64",
     "_:24",
-    "specific_force_x_m_per_s2:f64",
-    "specific_force_y_m_per_s2:f64",
-    "specific_force_z_m_per_s2:f64",
+    "specific_force_{x,y,z}_m_per_s2:f64",
     "_:8",
 };
 constexpr Setting settings[] = {accumulated_dv_setting};
@@ -60,8 +46,7 @@ constexpr Setting settings[] = {accumulated_dv_setting};
 class BasiliskTruthDecoder final : public PackedDatagramDecoder {
  public:
   explicit BasiliskTruthDecoder(const TruthAssembly::Axes& axes)
-      : PackedDatagramDecoder(
-            {PackedLayout(std::span<const std::string_view>(fields), boost::endian::order::little), axes}) {}
+      : PackedDatagramDecoder({PackedLayout(fields, boost::endian::order::little), axes}) {}
 };
 
 }  // namespace

@@ -31,43 +31,18 @@ constexpr Setting settings[] = {
 };
 
 constexpr std::string_view local_fields[] = {
-    "time_s:f64",
-    "p_rad_per_s:f64",
-    "q_rad_per_s:f64",
-    "r_rad_per_s:f64",
-    "specific_force_x_m_per_s2:f64",
-    "specific_force_y_m_per_s2:f64",
-    "specific_force_z_m_per_s2:f64",
-    "q_LB_w:f64",
-    "q_LB_x:f64",
-    "q_LB_y:f64",
-    "q_LB_z:f64",
-    "v_north_m_per_s:f64",
-    "v_east_m_per_s:f64",
-    "v_down_m_per_s:f64",
-    "north_m:f64",
-    "east_m:f64",
-    "down_m:f64",
+    "time_s:f64",         "{p,q,r}_rad_per_s:f64",           "specific_force_{x,y,z}_m_per_s2:f64",
+    "q_LB_{w,x,y,z}:f64", "v_{north,east,down}_m_per_s:f64", "{north,east,down}_m:f64",
     "pressure_pa:f64",
 };
 // The rate is relative to the Earth, as the simulators' Earth does not turn.
 constexpr std::string_view geodetic_fields[] = {
     "time_s:f64",
-    "p_BE_rad_per_s:f64",
-    "q_BE_rad_per_s:f64",
-    "r_BE_rad_per_s:f64",
-    "specific_force_x_m_per_s2:f64",
-    "specific_force_y_m_per_s2:f64",
-    "specific_force_z_m_per_s2:f64",
-    "q_LB_w:f64",
-    "q_LB_x:f64",
-    "q_LB_y:f64",
-    "q_LB_z:f64",
-    "v_east_m_per_s:f64",
-    "v_north_m_per_s:f64",
-    "v_up_m_per_s:f64",
-    "longitude_deg:f64",
-    "latitude_deg:f64",
+    "{p,q,r}_BE_rad_per_s:f64",
+    "specific_force_{x,y,z}_m_per_s2:f64",
+    "q_LB_{w,x,y,z}:f64",
+    "v_{east,north,up}_m_per_s:f64",
+    "{longitude,latitude}_deg:f64",
     "height_m:f64",
     "pressure_pa:f64",
 };
@@ -108,8 +83,9 @@ extern constexpr TruthFormat betaflight_truth_format = {
     .document = "Betaflight at 301d01a (2026), SITL/target.h, fdm_packet",
     .settings = settings,
     .make = [](const Settings& chosen) -> std::unique_ptr<TruthDecoder> {
+      using Fields = std::span<const std::string_view>;
       return std::make_unique<BetaflightTruthDecoder>(
-          chosen.text("position") == position_choices[1] ? std::span(geodetic_fields) : std::span(local_fields));
+          chosen.text("position") == position_choices[1] ? Fields(geodetic_fields) : Fields(local_fields));
     },
     .force_from = "imu_linear_acceleration_xyz, which is in every datagram",
 };

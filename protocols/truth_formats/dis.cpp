@@ -22,22 +22,12 @@
 // Sources: IEEE Std 1278.1-2012, as open-dis-cpp at b66306e (src/dis7/EntityStatePdu.cpp) and open-dis-python at
 // b9c4cd0 encode it; the axes of velocity and rate by dead reckoning algorithm: opendis/DeadReckoning.py of the
 // latter.
-#include <algorithm>
 #include <boost/endian/conversion.hpp>
 
 #include "protocols/quantities/packed_truth.hpp"
 
 namespace imud {
 namespace {
-
-// From byte 36 on.
-constexpr std::string_view velocity_in_E[] = {"v_BE_E_x_m_per_s:f32", "v_BE_E_y_m_per_s:f32", "v_BE_E_z_m_per_s:f32"};
-constexpr std::string_view velocity_in_body[] = {"v_BE_B_x_m_per_s:f32", "v_BE_B_y_m_per_s:f32",
-                                                 "v_BE_B_z_m_per_s:f32"};
-constexpr std::string_view pose[] = {"r_BE_E_x_m:f64", "r_BE_E_y_m:f64",   "r_BE_E_z_m:f64",
-                                     "yaw_BE_rad:f32", "pitch_BE_rad:f32", "roll_BE_rad:f32"};
-constexpr std::string_view to_the_rate = "_:32";
-constexpr std::string_view rate[] = {"p_BE_rad_per_s:f32", "q_BE_rad_per_s:f32", "r_BE_rad_per_s:f32"};
 
 constexpr std::size_t state_offset = 36, least_size = 144, parameter_size = 16;
 constexpr std::size_t type_offset = 2, time_offset = 4, length_offset = 8, entity_offset = 16, count_offset = 19,
@@ -46,14 +36,15 @@ constexpr unsigned entity_state = 1;
 constexpr std::int64_t hour_ns = 3'600'000'000'000;
 
 PackedTruth make_truth(bool is_in_body, bool has_rate) {
-  std::vector<std::string_view> fields;
-  for (const std::string_view field : is_in_body ? velocity_in_body : velocity_in_E) fields.push_back(field);
-  for (const std::string_view field : pose) fields.push_back(field);
-  fields.push_back(to_the_rate);
-  if (has_rate)
-    for (const std::string_view field : rate) fields.push_back(field);
-  return {
-      PackedLayout(std::span<const std::string_view>(fields), boost::endian::order::big, state_offset), {}, false};
+  // From byte 36 on.
+  std::vector<std::string_view> fields = {
+      is_in_body ? "v_BE_B_{x,y,z}_m_per_s:f32" : "v_BE_E_{x,y,z}_m_per_s:f32",
+      "r_BE_E_{x,y,z}_m:f64",
+      "{yaw,pitch,roll}_BE_rad:f32",
+      "_:32",
+  };
+  if (has_rate) fields.push_back("{p,q,r}_BE_rad_per_s:f32");
+  return {PackedLayout(fields, boost::endian::order::big, state_offset), {}, false};
 }
 
 class DisTruthDecoder final : public DatagramTruthDecoder {

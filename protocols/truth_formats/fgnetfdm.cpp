@@ -21,25 +21,16 @@ constexpr std::uint32_t version = 24;
 constexpr std::size_t size = 408, time_offset = 356;
 constexpr std::string_view fields[] = {
     "_:8",  // version, padding
-    "longitude_rad:f64",
-    "latitude_rad:f64",
+    "{longitude,latitude}_rad:f64",
     "height_m:f64",
     "_:4",  // height above the ground
-    "roll_rad:f32",
-    "pitch_rad:f32",
-    "yaw_rad:f32",
+    "{roll,pitch,yaw}_rad:f32",
     "_:8",  // angle of attack, sideslip
-    "roll_rate_rad_per_s:f32",
-    "pitch_rate_rad_per_s:f32",
-    "yaw_rate_rad_per_s:f32",
+    "{roll,pitch,yaw}_rate_rad_per_s:f32",
     "_:8",  // airspeed, climb rate
-    "v_north_ft_per_s:f32",
-    "v_east_ft_per_s:f32",
-    "v_down_ft_per_s:f32",
+    "v_{north,east,down}_ft_per_s:f32",
     "_:12",  // velocity in body axes
-    "specific_force_x_ft_per_s2:f32",
-    "specific_force_y_ft_per_s2:f32",
-    "specific_force_z_ft_per_s2:f32",
+    "specific_force_{x,y,z}_ft_per_s2:f32",
     "_:244",  // stall warning, slip, engines, fuel, landing gear
     "time_us:u32",
     "_:48",  // warp, visibility, control surfaces
@@ -54,7 +45,7 @@ std::uint32_t word_at(std::span<const std::byte> record, std::size_t offset) noe
 PackedTruth make_truth(bool has_time) {
   std::vector<std::string_view> all(std::begin(fields), std::end(fields));
   if (!has_time) all[time_field] = "_:4";
-  return {PackedLayout(std::span<const std::string_view>(all), boost::endian::order::big), {}, has_time};
+  return {PackedLayout(all, boost::endian::order::big), {}, has_time};
 }
 
 class FgnetfdmTruthDecoder final : public PackedDatagramDecoder {

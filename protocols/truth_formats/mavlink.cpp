@@ -20,6 +20,7 @@
 // one.
 //
 // Sources: mavlink.io, "Packet Serialization"; message_definitions/v1.0/common.xml.
+#include <algorithm>
 #include <array>
 #include <boost/crc.hpp>
 #include <cstring>
@@ -43,65 +44,36 @@ constexpr Setting settings[] = {
 // Payloads in the order of the wire; the time is read apart.
 constexpr std::string_view hil_state_quaternion[] = {
     "_:8",
-    "q_LB_w:f32",
-    "q_LB_x:f32",
-    "q_LB_y:f32",
-    "q_LB_z:f32",
-    "p_BE_rad_per_s:f32",
-    "q_BE_rad_per_s:f32",
-    "r_BE_rad_per_s:f32",
-    "latitude_deg_e7:i32",
-    "longitude_deg_e7:i32",
+    "q_LB_{w,x,y,z}:f32",
+    "{p,q,r}_BE_rad_per_s:f32",
+    "{latitude,longitude}_deg_e7:i32",
     "height_mm:i32",
-    "v_north_cm_per_s:i16",
-    "v_east_cm_per_s:i16",
-    "v_down_cm_per_s:i16",
+    "v_{north,east,down}_cm_per_s:i16",
     "_:4",  // airspeeds
-    "specific_force_x_mg:i16",
-    "specific_force_y_mg:i16",
-    "specific_force_z_mg:i16",
+    "specific_force_{x,y,z}_mg:i16",
 };
 constexpr std::string_view hil_state[] = {
     "_:8",
-    "roll_rad:f32",
-    "pitch_rad:f32",
-    "yaw_rad:f32",
-    "p_BE_rad_per_s:f32",
-    "q_BE_rad_per_s:f32",
-    "r_BE_rad_per_s:f32",
-    "latitude_deg_e7:i32",
-    "longitude_deg_e7:i32",
+    "{roll,pitch,yaw}_rad:f32",
+    "{p,q,r}_BE_rad_per_s:f32",
+    "{latitude,longitude}_deg_e7:i32",
     "height_mm:i32",
-    "v_north_cm_per_s:i16",
-    "v_east_cm_per_s:i16",
-    "v_down_cm_per_s:i16",
-    "specific_force_x_mg:i16",
-    "specific_force_y_mg:i16",
-    "specific_force_z_mg:i16",
+    "v_{north,east,down}_cm_per_s:i16",
+    "specific_force_{x,y,z}_mg:i16",
 };
 // lat and lon, float32 degrees, are not used where the extension lat_int and lon_int is given.
+constexpr std::string_view sim_state_place = "{latitude,longitude}_deg:f32";
 constexpr std::string_view sim_state[] = {
-    "q_LB_w:f32",
-    "q_LB_x:f32",
-    "q_LB_y:f32",
-    "q_LB_z:f32",
+    "q_LB_{w,x,y,z}:f32",
     "_:12",  // Euler angles
-    "specific_force_x_m_per_s2:f32",
-    "specific_force_y_m_per_s2:f32",
-    "specific_force_z_m_per_s2:f32",
-    "p_BE_rad_per_s:f32",
-    "q_BE_rad_per_s:f32",
-    "r_BE_rad_per_s:f32",
-    "latitude_deg:f32",
-    "longitude_deg:f32",
+    "specific_force_{x,y,z}_m_per_s2:f32",
+    "{p,q,r}_BE_rad_per_s:f32",
+    sim_state_place,
     "height_m:f32",
     "_:8",  // standard deviations
-    "v_north_m_per_s:f32",
-    "v_east_m_per_s:f32",
-    "v_down_m_per_s:f32",
+    "v_{north,east,down}_m_per_s:f32",
 };
-constexpr std::size_t sim_state_place = 11;
-constexpr std::string_view sim_state_extension[] = {"latitude_deg_e7:i32", "longitude_deg_e7:i32"};
+constexpr std::string_view sim_state_extension = "{latitude,longitude}_deg_e7:i32";
 
 enum Id : std::uint32_t { system_time_id = 2, hil_state_id = 90, sim_state_id = 108, hil_state_quaternion_id = 115 };
 struct Message {
@@ -128,16 +100,11 @@ std::uint16_t crc_of(std::span<const std::byte> bytes, std::uint8_t extra) {
 
 PackedTruth make_truth(std::vector<std::string_view> fields, const std::string& acceleration) {
   constexpr std::string_view force = "specific_force";
-  std::vector<std::string> chosen;
-  for (const std::string_view field : fields) {
-    if (!field.starts_with(force) || acceleration == acceleration_choices[0])
-      chosen.emplace_back(field);
-    else if (acceleration == acceleration_choices[1])
-      chosen.push_back("acceleration" + std::string(field.substr(force.size())));
-    else
-      chosen.emplace_back(field.ends_with("i16") ? "_:2" : "_:4");
-  }
-  return {PackedLayout(std::span<const std::string>(chosen), boost::endian::order::little), {}, false};
+  const auto found = std::ranges::find_if(fields, [](std::string_view field) { return field.starts_with(force); });
+  const std::string relative_to_earth = "acceleration" + std::string(found->substr(force.size()));
+  if (acceleration == acceleration_choices[1]) *found = relative_to_earth;
+  if (acceleration == acceleration_choices[2]) *found = found->ends_with("i16") ? "_:6" : "_:12";
+  return {PackedLayout(fields, boost::endian::order::little), {}, false};
 }
 
 class MavlinkTruthDecoder final : public TruthDecoder {
@@ -187,9 +154,8 @@ class MavlinkTruthDecoder final : public TruthDecoder {
  private:
   static std::vector<std::string_view> extended() {
     std::vector<std::string_view> fields(std::begin(sim_state), std::end(sim_state));
-    fields[sim_state_place] = "_:4";
-    fields[sim_state_place + 1] = "_:4";
-    fields.insert(fields.end(), std::begin(sim_state_extension), std::end(sim_state_extension));
+    *std::ranges::find(fields, sim_state_place) = "_:8";
+    fields.push_back(sim_state_extension);
     return fields;
   }
   static std::size_t header_of(std::span<const std::byte> frame) noexcept {

@@ -56,20 +56,8 @@ constexpr Setting settings[] = {
 };
 
 constexpr std::size_t size_of(Checksum checksum) noexcept {
-  switch (checksum) {
-    case Checksum::none:
-      return 0;
-    case Checksum::sum8:
-    case Checksum::xor8:
-      return 1;
-    case Checksum::crc16_ccitt:
-    case Checksum::crc16_modbus:
-      return 2;
-    case Checksum::crc32:
-    case Checksum::crc32c:
-      return 4;
-  }
-  return 0;
+  constexpr std::size_t sizes[] = {0, 1, 1, 2, 2, 4, 4};
+  return sizes[static_cast<std::size_t>(checksum)];
 }
 
 std::uint32_t value_of(Checksum checksum, std::span<const std::byte> bytes) noexcept {

@@ -65,34 +65,26 @@ constexpr std::string_view row_fields[] = {
     // 4: Mach, climb, normal, axial and side g-load
     "_:16",
     "specific_force_z_g:f32*-1",
-    "specific_force_x_g:f32",
-    "specific_force_y_g:f32",
+    "specific_force_{x,y}_g:f32",
     "_:4",
     // 16: P, Q, R
-    "p_BE_deg_per_s:f32",
-    "q_BE_deg_per_s:f32",
-    "r_BE_deg_per_s:f32",
+    "{p,q,r}_BE_deg_per_s:f32",
     "_:20",
     // 17: pitch, roll, true heading
-    "pitch_deg:f32",
-    "roll_deg:f32",
-    "yaw_deg:f32",
+    "{pitch,roll,yaw}_deg:f32",
     "_:20",
     // 20: latitude, longitude, altitude above sea level
-    "latitude_deg:f32",
-    "longitude_deg:f32",
+    "{latitude,longitude}_deg:f32",
     "height_ft:f32",
     "_:20",
     // 21: position and velocity in local axes
     "_:12",
-    "v_east_m_per_s:f32",
-    "v_up_m_per_s:f32",
+    "v_{east,up}_m_per_s:f32",
     "v_north_m_per_s:f32*-1",
     "_:8",
 };
 constexpr std::string_view time_word = "time_s:f32";
-constexpr std::string_view first_rate_of_12 = "p_BE_deg_per_s:f32";
-constexpr std::string_view rates_before_12[] = {"q_BE_rad_per_s:f32", "p_BE_rad_per_s:f32", "r_BE_rad_per_s:f32"};
+constexpr std::string_view rates = "{p,q,r}_BE_deg_per_s:f32", rates_before_12 = "{q,p,r}_BE_rad_per_s:f32";
 constexpr std::int64_t version_12 = 12;
 
 constexpr std::string_view source_choices[] = {"rref", "data"};
@@ -116,10 +108,9 @@ PackedTruth make_truth(bool is_rref, std::int64_t version, bool has_time) {
     for (const Dataref& dataref : datarefs) fields.push_back(dataref.field);
   else
     fields.assign(std::begin(row_fields), std::end(row_fields));
-  if (!is_rref && version < version_12)
-    std::ranges::copy(rates_before_12, std::ranges::find(fields, first_rate_of_12));
+  if (!is_rref && version < version_12) *std::ranges::find(fields, rates) = rates_before_12;
   if (!has_time) *std::ranges::find(fields, time_word) = "_:4";
-  return {PackedLayout(std::span<const std::string_view>(fields), boost::endian::order::little), {}, has_time};
+  return {PackedLayout(fields, boost::endian::order::little), {}, has_time};
 }
 
 class XplaneTruthDecoder final : public DatagramTruthDecoder {
