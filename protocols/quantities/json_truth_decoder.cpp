@@ -1,6 +1,5 @@
 #include "protocols/quantities/json_truth_decoder.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "protocols/quantities/columns.hpp"
@@ -18,35 +17,14 @@ JsonTruthDecoder::JsonTruthDecoder(TruthMap map, const QuantitySet& required, co
                                    TruthFrame frame)
     : fields_(std::move(map)), axes_(axes), wanted_(required), frame_(frame) {}
 
-void JsonTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput input, HostTime) noexcept {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+void JsonTruthDecoder::feed(std::span<const std::byte> bytes, TruthInput input, HostTime arrival) noexcept {
   has_datagram_ = input == TruthInput::datagram;
-  datagram_ = has_datagram_ ? text : "";
-  lines_.feed(has_datagram_ ? "" : text);
+  datagram_ = {reinterpret_cast<const char*>(bytes.data()), has_datagram_ ? bytes.size() : 0};
+  LineTruthDecoder::feed(bytes.first(has_datagram_ ? 0 : bytes.size()), TruthInput::stream, arrival);
 }
 
 std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
-  while (const auto line = lines_.next()) {
-    if (line->is_too_long()) {
-      ++losses_.too_long;
-      continue;
-    }
-    std::size_t end = 0;
-    return decode(line->text, truth, end);
-  }
-  if (std::exchange(is_last_, false)) {
-    const auto line = lines_.finish_line();
-    std::size_t end = 0;
-    const TruthResult result = decode(line.text, truth, end);
-    if (result == TruthResult::ok) {
-      ++losses_.last_lines;
-      return result;
-    }
-    if (is_blank_) return std::nullopt;
-    ++losses_.cut_short;
-    losses_.cut_short_by = line.size;
-    return std::nullopt;
-  }
+  if (const auto result = LineTruthDecoder::next(truth)) return result;
   if (!std::exchange(has_datagram_, false)) return std::nullopt;
   datagram_ = trim(datagram_);
   std::size_t end = 0;
@@ -54,6 +32,11 @@ std::optional<TruthResult> JsonTruthDecoder::next(Truth& truth) noexcept {
   datagram_.remove_prefix(end);
   has_datagram_ = !datagram_.empty();
   return result;
+}
+
+TruthResult JsonTruthDecoder::decode(std::string_view line, Truth& truth) noexcept {
+  std::size_t end = 0;
+  return decode(line, truth, end);
 }
 
 // Decodes the record at the begin of `text`, and sets its size. What is no object, and an object that is followed by
@@ -128,15 +111,9 @@ void JsonTruthDecoder::describe_missing(RemarkWriter& out) const noexcept {
     }
 }
 
-void JsonTruthDecoder::end_of_file() noexcept { is_last_ = lines_.size() > 0 && lines_.size() <= max_line; }
-
 void JsonTruthDecoder::finish() noexcept {
-  is_last_ = false;
+  LineTruthDecoder::finish();
   assembly_.begin();
-  const std::size_t size = lines_.drop_line();
-  if (size == 0) return;
-  ++losses_.cut_short;
-  losses_.cut_short_by = size;
 }
 
 }  // namespace imud

@@ -5,17 +5,14 @@
 #include <string_view>
 
 #include "protocols/quantities/json_fields.hpp"
-#include "protocols/truth_format.hpp"
-#include "protocols/wire/line_assembler.hpp"
+#include "protocols/quantities/line_truth_decoder.hpp"
 
 namespace imud {
 
 // In a stream an object is a line, and a blank line is a record without state. In a datagram an object may have
 // several lines, and further objects may follow, each on a line of its own; blank lines around them are not records.
-class JsonTruthDecoder : public TruthDecoder {
+class JsonTruthDecoder : public LineTruthDecoder {
  public:
-  static constexpr std::size_t max_line = 65536;  // of a stream, in characters; no datagram is as long
-
   // An object must have the `required` quantities. An empty map: the names at the top level are quantities. `frame`:
   // see frame(). Throws std::invalid_argument, "columns: ...".
   JsonTruthDecoder(TruthMap map, const QuantitySet& required, const TruthAssembly::Axes& axes, TruthFrame frame = {});
@@ -24,13 +21,14 @@ class JsonTruthDecoder : public TruthDecoder {
   std::optional<TruthResult> next(Truth& truth) noexcept override;
   TruthFrame frame() const noexcept override { return frame_; }
   std::size_t describe(TruthResult result, std::span<char> room) const noexcept override;
-  void end_of_file() noexcept override;
   void finish() noexcept override;
 
  private:
   // Returns the quantities of an object that make its truth. Default: all that it has.
   virtual QuantitySet chosen(const QuantitySet& given) const noexcept { return given; }
 
+  TruthResult decode(std::string_view line, Truth& truth) noexcept final;
+  bool is_cut_short(TruthResult) const noexcept final { return !is_blank_; }
   TruthResult decode(std::string_view text, Truth& truth, std::size_t& size) noexcept;
   void describe_missing(RemarkWriter& out) const noexcept;
 
@@ -40,10 +38,8 @@ class JsonTruthDecoder : public TruthDecoder {
   const TruthFrame frame_;
   TruthReading reading_;
   TruthAssembly assembly_;
-  LineAssembler<max_line> lines_;
   std::string_view datagram_;  // the rest of it
   bool has_datagram_ = false;
-  bool is_last_ = false;  // the line that is held is the last of a file
 
   // Members of the last record.
   std::string_view record_;

@@ -29,7 +29,7 @@ std::optional<TruthResult> LineTruthDecoder::decode_last(Truth& truth) noexcept 
     ++losses_.last_lines;
     return result;
   }
-  if (result == TruthResult::no_state) return std::nullopt;
+  if (!is_cut_short(result)) return std::nullopt;
   ++losses_.cut_short;
   losses_.cut_short_by = line.size;
   return std::nullopt;

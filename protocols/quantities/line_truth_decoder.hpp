@@ -27,6 +27,9 @@ class LineTruthDecoder : public TruthDecoder {
   std::optional<TruthResult> decode_last(Truth& truth) noexcept;
   // Decodes one line, given without its line feed; returns as next() does.
   virtual TruthResult decode(std::string_view line, Truth& truth) noexcept = 0;
+  // Returns true if the last line of a file, with this result of decode(), is an incomplete record. Default: unless
+  // it carries no state.
+  virtual bool is_cut_short(TruthResult result) const noexcept { return result != TruthResult::no_state; }
 
   LineAssembler<max_line> lines_;
   bool is_last_ = false;    // the line that is held is the last of a file
